@@ -13,6 +13,7 @@ import numpy as np
 
 from stoop.base.arrays import FloatArray, IntArray
 from stoop.base.rotations import quaternions_of
+from stoop.base.variables import WRAPPED
 from stoop.errors import IdentificationError
 from stoop.kernels import filtering
 from stoop.problem import Misfit, Piece
@@ -132,6 +133,32 @@ def as_recorded(piece: Piece, readings: FloatArray) -> FloatArray:
     """Return simulated readings (n, n_y) of a piece as late as they were recorded."""
     late = zip(readings.T, piece.moved, strict=True)
     return np.column_stack([delayed(column, samples) for column, samples in late])
+
+
+def undelayed(problem: Misfit) -> Misfit:
+    """Shift the readings of late sensors to when they were true: a filter corrects the state of its own time.
+
+    Raises
+    ------
+    IdentificationError
+        The delay of a sensor is free.
+    """
+    vehicle, pieces = problem.layout.vehicle, []
+    late = [(column, vehicle.parameters[row].name, row) for column, row in output_delays(vehicle)]
+    free = {p.name for p in problem.layout.parameters}
+    for name in (name for _, name, _ in late if name in free):
+        raise IdentificationError(
+            f"{vehicle.where}: {name}: this method shifts readings by a delay that is known; use --fix {name}"
+        )
+    for piece in problem.pieces:
+        measured, rows = piece.measured.copy(), parameter_rows(vehicle, piece.changes)
+        for column, _, row in late:
+            values = measured[:, column]
+            if np.isfinite(values).any() and rows[row, 0] != 0.0:
+                whole = unwrapped(values) if vehicle.outputs[column] in WRAPPED else values
+                measured[:, column] = delayed(whole, -float(rows[row, 0]) / piece.dt)
+        pieces.append(replace(piece, measured=measured))
+    return replace(problem, pieces=tuple(pieces))
 
 
 def unwrapped(column: FloatArray) -> FloatArray:

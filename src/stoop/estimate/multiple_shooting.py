@@ -173,7 +173,9 @@ def refined(
             end, status = at, "converged" if ending == "converged" else "generations"
             weights = problem.problem.weights
             shifted = aligned(problem.problem, at.z)
-            settled = all(a.moved == b.moved for a, b in zip(shifted.pieces, problem.problem.pieces, strict=True))
+            settled = all(
+                a.moved == b.moved for a, b in zip(shifted.pieces, problem.problem.pieces, strict=True)
+            )
             given = options.covariance is not None
             noise_converged = settled and (given or ALTERNATION.converged(before, weights))
             if noise_converged:
