@@ -16,10 +16,10 @@ from stoop.optimize.state import Optimizer
 from stoop_studies.optimizers.compositions import ps_gde
 from stoop_studies.optimizers.evolution import chaos, uniform
 from stoop_studies.optimizers.local_search import LevenbergMarquardt, PreySchedule, SteepestDescent
-from stoop_studies.optimizers.mutation import Ordered, Unordered
+from stoop_studies.optimizers.mutation import ordered, unordered
 
 PIECES: Final[Mapping[str, Mapping[str, Any]]] = {
-    "mutation": {"ordered": Ordered(), "unordered": Unordered()},
+    "mutation": {"ordered": ordered, "unordered": unordered},
     "initialization": {"chaos": chaos, "uniform": uniform, "latin-hypercube": latin_hypercube},
     "search": {"steepest": SteepestDescent(), "levenberg": LevenbergMarquardt(), "none": None},
 }  #: what a table may name

@@ -9,7 +9,7 @@ from stoop.optimize import create
 from stoop_studies.optimizers.compositions import ps_gde
 from stoop_studies.optimizers.evolution import uniform
 from stoop_studies.optimizers.local_search import LevenbergMarquardt, PreySchedule, SteepestDescent
-from stoop_studies.optimizers.mutation import Unordered
+from stoop_studies.optimizers.mutation import unordered
 from stoop_studies.variants import build
 
 
@@ -20,7 +20,7 @@ def test_a_name_is_the_optimizer_itself() -> None:
 
 def test_a_table_exchanges_pieces() -> None:
     wild = build({"name": "ps-gde", "mutation": "unordered", "initialization": "uniform", "search": "none"})
-    assert wild == ps_gde(Unordered(), uniform, None)
+    assert wild == ps_gde(unordered, uniform, None)
     assert build({"name": "ps-gde", "scale": 0.5, "rate": 0.8, "members": 30}) == ps_gde(
         scale=0.5, rate=0.8, members=30
     )

@@ -1,8 +1,8 @@
 """Assessments of a finished fit: further estimates of its uncertainty, by refits of the same problem from its optimum.
 
-An assessment is called with an `AssessedFit` and returns a `Finding`. The fit may be of any method whose residuals are those
-of a simulation: of output error, of a filter (its innovations), or of windows. `pack` writes its problem as one text, which
-is what a worker needs to refit it, wherever it runs.
+An assessment is called with an `AssessedFit` and returns a `Finding`. Residuals are those of a simulation: of output error, of
+a filter (its innovations), or of windows; the bootstrap refits the equations of a regression, too. `pack` writes the problem
+as one text, which is what a worker needs to refit it, wherever it runs.
 
 All refits share model, weights and start, so the derivatives at the optimum serve them all: a step costs one trajectory per
 refit, evaluated in lanes. Then each refit takes derivatives of its own for the last few Gauss-Newton steps; the length of the
@@ -15,7 +15,7 @@ import base64
 import io
 import json
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -31,6 +31,7 @@ from stoop.estimate import methods
 from stoop.estimate.filter_likelihood import FrozenFilter
 from stoop.estimate.fit import Derived, Fit
 from stoop.estimate.multiple_shooting import FollowingWindows
+from stoop.estimate.regression.linear_problem import LinearProblem
 from stoop.optimize import Problem, refine
 from stoop.parallel import Json, Plan, Pool, Tally, execute
 from stoop.problem import Layout, Misfit, Nuisance, Piece, Weights
@@ -41,13 +42,17 @@ from stoop.vehicle import Parameter, Vehicle
 from stoop.vehicle.schema import VehicleFile
 
 Watch = Callable[[str], None]  #: receives the progress of an assessment
-Refittable = Misfit | FrozenFilter | FollowingWindows
+Refittable = Misfit | FrozenFilter | FollowingWindows | LinearProblem
 Ending = Literal["arrived", "dived", "lost"]
 PIECE_ARRAYS: Final = ("time", "inputs", "measured")
 SHARED_STEPS: Final = 6  #: at most, with the derivatives at the optimum
 SHARED_TOLERANCE: Final = 0.5  #: standard errors left to go when the shared derivatives have done their work
 OWN_STEPS: Final = 8  #: at most, with the refit's own derivatives
 STEP_TOLERANCE: Final = 0.05  #: standard errors of the last step; what is left after it is smaller still
+NONLINEAR: Final = (
+    "posterior",
+    "profile",
+)  #: assessments of the shape of a likelihood that need not be quadratic
 MIN_REDUCTION: Final = 0.2  #: of a step by the next; a longer one asks for a curvature of its own
 
 
@@ -84,12 +89,12 @@ class AssessedFit:
         return pack(self.problem, {"z": self.fit.z, "free": self.free, **more})
 
 
-def check_method(method: str) -> None:
-    """Raise an IdentificationError for a method whose fits cannot be assessed, a regression."""
-    if not methods.find(method).simulates:
+def check_method(method: str, assessments: Collection[str]) -> None:
+    """Raise an IdentificationError where assessments, by name, would add nothing to a method's error bars."""
+    if not methods.find(method).simulates and (idle := [n for n in NONLINEAR if n in assessments]):
         raise IdentificationError(
-            f"bootstrap, posterior and profile refit a simulation, and --method {method} is a regression without one; "
-            f"leave them out, or name --method {methods.DEFAULT}"
+            f"{' and '.join(idle)}: --method {method} is a linear regression, whose likelihood has no other shape than the "
+            f"corrected error bars show; leave it out, use --bootstrap, or name --method {methods.DEFAULT}"
         )
 
 
@@ -117,9 +122,9 @@ def assess(
 ) -> tuple[Result, dict[str, bytes]]:
     """Return the result with what the assessments found and which methods agree, and the files that they give.
 
-    An IdentificationError says that the fit is of a method that cannot be assessed, or that an extra is not installed.
+    An IdentificationError says that the fit is of a method that cannot be assessed so, or that an extra is not installed.
     """
-    check_method(result.method)
+    check_method(result.method, [assessment.name for assessment in assessments])
     assessed = AssessedFit(fit, result.seed)
     uncertainty, files = dict(result.uncertainty), dict[str, bytes]()
     for assessment in assessments:
@@ -188,9 +193,9 @@ def unpack(text: str) -> tuple[Refittable, dict[str, Any]]:
         pieces.append(Piece(**{**p, **series, "moved": tuple(p["moved"])}))
     weights = Weights(arrays["covariance"], arrays["root"])
     misfit = Misfit(layout, tuple(pieces), weights, tuple(tuple(rung) for rung in head["ladder"]))
-    if head["kind"] == "filter":
-        return FrozenFilter.restored(misfit, arrays), arrays
-    return (FollowingWindows.restored(misfit, arrays) if head["kind"] == "windows" else misfit), arrays
+    kinds: tuple[Any, ...] = (FrozenFilter, FollowingWindows, LinearProblem)
+    restored = (kind.restored(misfit, arrays) for kind in kinds if kind.kind == head["kind"])
+    return next(restored, misfit), arrays
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,6 +207,10 @@ class Optimum:
     free: IntArray  #: (f,) int; entries that no bound holds; the others stay where they are
     residual: FloatArray  #: (n_r,); weighted residuals there, those of the priors last
     jacobian: FloatArray  #: (n_r, f)
+    box: tuple[float, float] = (
+        0.0,
+        1.0,
+    )  #: in which the parameters stay; infinite for a regression without bounds
 
     @property
     def rung(self) -> int:
@@ -229,7 +238,7 @@ class Optimum:
         Z = np.repeat(self.z[None, :], len(steps), axis=0)
         Z[:, self.free] += steps
         d = self.problem.dimension
-        Z[:, :d] = np.clip(Z[:, :d], 0.0, 1.0)
+        Z[:, :d] = np.clip(Z[:, :d], *self.box)
         return Z
 
 
@@ -244,7 +253,10 @@ def linearize(problem: Problem, z: FloatArray, free: IntArray) -> Optimum:
 def unpacked_optimum(text: str) -> tuple[Refittable, Optimum, dict[str, Any]]:
     """Return a packed problem, its optimum, and all arrays."""
     problem, arrays = unpack(text)
-    return problem, linearize(problem, arrays["z"], arrays["free"].astype(np.intp)), arrays
+    optimum = linearize(problem, arrays["z"], arrays["free"].astype(np.intp))
+    if isinstance(problem, LinearProblem) and not problem.bounded:
+        optimum = replace(optimum, box=(-np.inf, np.inf))
+    return problem, optimum, arrays
 
 
 @dataclass(frozen=True, eq=False)
@@ -310,6 +322,7 @@ def _gauss_newton(optimum: Optimum, z: FloatArray, shift: FloatArray) -> FloatAr
     """Take Gauss-Newton steps with the refit's own derivatives; None where they do not arrive."""
     problem, rung, free = optimum.problem, optimum.rung, optimum.free
     boxed, information, before = free < problem.dimension, optimum.information, 0.0
+    low, high = optimum.box
     for _ in range(OWN_STEPS):
         r = problem.residuals(z[None, :], rung)[0]
         if not np.isfinite(r).all():
@@ -317,7 +330,7 @@ def _gauss_newton(optimum: Optimum, z: FloatArray, shift: FloatArray) -> FloatAr
         jacobian = np.ascontiguousarray(problem.jacobian(z, rung, r)[0][:, free])
         gradient, at = (r + shift) @ jacobian, z[free]
         # bounds that the step would cross hold
-        held = boxed & (((at <= 0.0) & (gradient > 0.0)) | ((at >= 1.0) & (gradient < 0.0)))
+        held = boxed & (((at <= low) & (gradient > 0.0)) | ((at >= high) & (gradient < 0.0)))
         unheld = np.flatnonzero(~held)
         step, length = _step(gradient, information, unheld)
         if length > MIN_REDUCTION * before:

@@ -82,10 +82,8 @@ def baseline_matches(
     fitted = [m for m in maneuvers if m.role == "fit"]
     alike = [m for m in fitted if abs(m.rate - fitted[0].rate) < 1e-6 * m.rate]  # two clocks read from a file
     for channel in channels:
-        joint = (
-            None  # the lag given all commands, fitted to all fit maneuvers, if something is to be predicted
-        )
-        if len(fitted) < len(maneuvers):
+        joint = None
+        if len(fitted) < len(maneuvers):  # the lag that predicts is given all commands of all fit maneuvers
             learned = [r for number, m in enumerate(alike) for r in m.records(channel, number)]
             joint = fit_lag(learned, alike[0].rate) if learned else None
         for maneuver, matches in zip(maneuvers, found, strict=True):
@@ -122,9 +120,8 @@ class Lag:
 
     def respond(self, commands: FloatArray, bias: float, initial: float) -> FloatArray:
         """Return the answer (n,) to `commands` (n, m), starting at `initial`."""
-        forced = _forced(commands, self.time_constant, round(self.dead_time * self.rate), self.rate)
-        step, decay = _free(len(commands), self.time_constant, self.rate)
-        return np.asarray(forced @ self.gains + bias * step + initial * decay)
+        forced, decay = _answers(commands, self.time_constant, round(self.dead_time * self.rate), self.rate)
+        return np.asarray(forced @ self.gains + bias * (1.0 - decay) + initial * decay)
 
     def matched(self, records: Sequence[LagRecord]) -> tuple[FloatArray, ...]:
         """Return the fitted curves (n_i,) of the very records that the lag was fitted to."""
@@ -141,10 +138,9 @@ class Lag:
             early = measured[:first][seen[:first]] if seen[:first].any() else measured[seen][:1]
             starts.append(float(np.mean(early)) if early.size else 0.0)
         pairs = list(zip(records, starts, strict=True))
-        missed = np.concatenate([r.measured for r in records]) - np.concatenate(
-            [self.respond(r.commands, 0.0, start) for r, start in pairs]
-        )
-        step = np.concatenate([_free(len(r.measured), self.time_constant, self.rate)[0] for r in records])
+        missed = np.concatenate([r.measured - self.respond(r.commands, 0.0, start) for r, start in pairs])
+        memory = self.rate * self.time_constant  # samples
+        step = np.concatenate([1.0 - np.exp(-np.arange(len(r.measured)) / memory) for r in records])
         there = np.isfinite(missed)
         power = float(np.sum(step[there] ** 2))
         bias = float(np.sum(step[there] * missed[there])) / power if power > 0.0 else 0.0
@@ -155,17 +151,13 @@ class Lag:
 
         Those by tau and the delay are differences.
         """
-        delay, tau, search = (
-            round(self.dead_time * self.rate),
-            self.time_constant,
-            _Search(records, self.rate),
-        )
+        delay, tau, rate = round(self.dead_time * self.rate), self.time_constant, self.rate
         solution = np.array([*self.gains, *self.biases.values(), *self.initial])
-        later, sooner = search.design(tau, delay + 1), search.design(tau, max(delay - 1, 0))
+        later, sooner = (_design(records, rate, tau, d) for d in (delay + 1, max(delay - 1, 0)))
         by_delay = (later - sooner) @ solution / (delay + 1 - max(delay - 1, 0))
-        slower, faster = search.design(tau * 1.001, delay), search.design(tau / 1.001, delay)
+        slower, faster = (_design(records, rate, t, delay) for t in (tau * 1.001, tau / 1.001))
         by_tau = (slower - faster) @ solution / np.log(1.001**2)
-        return np.column_stack([search.design(tau, delay)[:, : -len(records)], by_tau, by_delay])
+        return np.column_stack([_design(records, rate, tau, delay)[:, : -len(records)], by_tau, by_delay])
 
     def left_out(self, records: Sequence[LagRecord]) -> tuple[FloatArray, ...]:
         """Return the residuals (n_i,) of the very records that the lag was fitted to, each second left out in turn."""
@@ -186,86 +178,65 @@ def fit_lag(records: Sequence[LagRecord], rate: float) -> Lag | None:
 
     They have the same commands in the same order. None when there are fewer measured samples than unknowns.
     """
-    search = _Search(records, rate)
-    commands, maneuvers = records[0].commands.shape[1], search.maneuvers
+    count, maneuvers = records[0].commands.shape[1], sorted({record.maneuver for record in records})
     measured = sum(int(np.isfinite(record.measured).sum()) for record in records)
-    if measured <= commands + len(maneuvers) + len(records) + 2:
+    if measured <= count + len(maneuvers) + len(records) + 2:
         return None
     delays = sorted({round(delay * rate) for delay in DEAD_TIMES})
-    delay = min(delays, key=lambda d: search.best_time_constant(d)[0])
-    near = range(max(0, delay - delays[1] + 1), delay + delays[1])
-    _, tau, delay = min((*search.refine(d), d) for d in near)
-    gains, biases, initial = np.split(search.solve(tau, delay)[1], [commands, commands + len(maneuvers)])
-    shared = dict(zip(maneuvers, biases.tolist(), strict=True))
-    return Lag(tau, delay / rate, gains, shared, tuple(initial.tolist()), rate)
-
-
-@dataclass(frozen=True, eq=False)
-class _Search:
-    """The least-squares problem that is left when tau and the delay are given."""
-
-    records: Sequence[LagRecord]
-    rate: float
-
-    @property
-    def maneuvers(self) -> list[int]:
-        return sorted({record.maneuver for record in self.records})
-
-    def design(self, tau: float, delay: int) -> FloatArray:
-        """Return (N, m + maneuvers + records): gains, biases, initial values."""
-        maneuvers, blocks = self.maneuvers, []
-        for number, record in enumerate(self.records):
-            forced = _forced(record.commands, tau, delay, self.rate)
-            biases, initial = (
-                np.zeros((len(forced), len(maneuvers))),
-                np.zeros((len(forced), len(self.records))),
-            )
-            biases[:, maneuvers.index(record.maneuver)], initial[:, number] = _free(
-                len(forced), tau, self.rate
-            )
-            blocks.append(np.column_stack([forced, biases, initial]))
-        return np.concatenate(blocks)
-
-    def solve(self, tau: float, delay: int) -> tuple[float, FloatArray]:
-        """Return the sum of squares and the linear unknowns."""
-        measured = np.concatenate([record.measured for record in self.records])
-        there = np.isfinite(measured)
-        design, measured = self.design(tau, delay)[there], measured[there]
-        solution = np.linalg.lstsq(design.T @ design, design.T @ measured, rcond=1e-13)[0]
-        return float(np.sum((measured - design @ solution) ** 2)), solution
-
-    def best_time_constant(self, delay: int) -> tuple[float, int]:
-        """Return the least sum of squares over the coarse grid, and where it lies."""
-        return min((self.solve(float(tau), delay)[0], i) for i, tau in enumerate(TIME_CONSTANTS))
-
-    def refine(self, delay: int) -> tuple[float, float]:
-        """Return the least sum of squares for one delay, and its tau."""
-        place = self.best_time_constant(delay)[1]
+    costs: dict[int, list[float]] = {}  # over the coarse grid of time constants
+    for d in delays:
+        costs[d] = [_solve(records, rate, tau, d)[0] for tau in TIME_CONSTANTS.tolist()]
+    best = min(delays, key=lambda d: min(costs[d]))
+    found = []
+    for d in range(max(0, best - delays[1] + 1), best + delays[1]):
+        if d not in costs:
+            costs[d] = [_solve(records, rate, tau, d)[0] for tau in TIME_CONSTANTS.tolist()]
+        place = int(np.argmin(costs[d]))
         bracket = np.log(TIME_CONSTANTS[[max(place - 1, 0), min(place + 1, len(TIME_CONSTANTS) - 1)]])
-        found = minimize_scalar(
-            lambda log_tau: self.solve(float(np.exp(log_tau)), delay)[0],
+        end = minimize_scalar(
+            lambda log_tau, d=d: _solve(records, rate, float(np.exp(log_tau)), d)[0],
             bounds=(float(bracket[0]), float(bracket[1])),
             method="bounded",
             options={"xatol": 1e-3},
         )
-        return float(found.fun), float(np.exp(found.x))
+        found.append((float(end.fun), float(np.exp(end.x)), d))
+    _, tau, delay = min(found)
+    gains, biases, initial = np.split(_solve(records, rate, tau, delay)[1], [count, count + len(maneuvers)])
+    shared = dict(zip(maneuvers, biases.tolist(), strict=True))
+    return Lag(tau, delay / rate, gains, shared, tuple(initial.tolist()), rate)
 
 
-def _free(size: int, tau: float, rate: float) -> tuple[FloatArray, FloatArray]:
-    """Return the answers (size,) to a unit bias from zero, and to a unit initial value."""
-    decay = np.exp(-np.arange(size) / (rate * tau))
-    return 1.0 - decay, decay
+def _solve(records: Sequence[LagRecord], rate: float, tau: float, delay: int) -> tuple[float, FloatArray]:
+    """Return the sum of squares and the linear unknowns for one tau and delay."""
+    measured = np.concatenate([record.measured for record in records])
+    there = np.isfinite(measured)
+    design, measured = _design(records, rate, tau, delay)[there], measured[there]
+    solution = np.linalg.lstsq(design.T @ design, design.T @ measured, rcond=1e-13)[0]
+    return float(np.sum((measured - design @ solution) ** 2)), solution
 
 
-def _forced(commands: FloatArray, tau: float, delay: int, rate: float) -> FloatArray:
-    """Return the answer (n, m) of a unit lag to each command (n, m), linear between samples, alone, from zero.
+def _design(records: Sequence[LagRecord], rate: float, tau: float, delay: int) -> FloatArray:
+    """Return the linear unknowns' effect (N, m + maneuvers + records): gains, biases, initial values."""
+    maneuvers, blocks = sorted({record.maneuver for record in records}), []
+    for number, record in enumerate(records):
+        forced, decay = _answers(record.commands, tau, delay, rate)
+        rest = np.zeros((len(forced), len(maneuvers) + len(records)))
+        rest[:, maneuvers.index(record.maneuver)] = 1.0 - decay
+        rest[:, len(maneuvers) + number] = decay
+        blocks.append(np.hstack([forced, rest]))
+    return np.concatenate(blocks)
 
-    Before the first sample, where the delayed command would come from, it is taken to have stood still.
+
+def _answers(commands: FloatArray, tau: float, delay: int, rate: float) -> tuple[FloatArray, FloatArray]:
+    """Return the answers of a unit lag from zero (n, m) to each command, linear between samples, and its decay (n,).
+
+    Before the first sample, where the delayed command would come from, it is taken to have stood still. The decay is the
+    answer to a unit initial value; one minus it that to a unit bias.
     """
     change = commands - commands[0]
-    ratio = np.exp(-1.0 / (rate * tau))
+    ratio, decay = np.exp(-1.0 / (rate * tau)), np.exp(-np.arange(len(commands)) / (rate * tau))
     late = 1.0 - rate * tau * (1.0 - ratio)
     response = lfilter([late, 1.0 - ratio - late], [1.0, -ratio], change, axis=0)
-    answer = _free(len(commands), tau, rate)[0][:, None] * commands[0]
+    answer = (1.0 - decay)[:, None] * commands[0]
     answer[delay:] += response[: max(0, len(response) - delay)]
-    return np.asarray(answer, dtype=np.float64)
+    return np.asarray(answer, dtype=np.float64), decay

@@ -51,6 +51,7 @@ from stoop.base.arrays import BoolArray, FloatArray
 from stoop.base.notices import Notice, notice
 from stoop.estimate.multiple_shooting import FollowingWindows
 from stoop.estimate.noise import lagged_products
+from stoop.estimate.regression.linear_problem import LinearProblem
 from stoop.parallel import Json, LocalProcesses, Plan, Pool, Run
 from stoop.results.uncertainty import Interval, MethodIntervals
 
@@ -271,6 +272,8 @@ class Bootstrap:
 def bootstrap_plan(fit: AssessedFit, count: int) -> Plan:
     """Return the campaign: `count` replicates, rounded up to whole chunks."""
     noise = fit.bars.uncertainty.noise
+    if fit.fit.evidence.white:  # residuals that no autoregression colors, of one variance
+        noise = ColoredNoise(np.zeros((len(noise.innovation), 0)), np.eye(len(noise.innovation)))
     whole = sum(len(p.edges) - 1 for p in fit.fit.evidence.pieces if p.edges) >= MIN_WINDOWS
     problem = fit.packed(
         {"color": noise.coefficients, "innovation": noise.innovation, "whole_windows": np.array(whole)}
@@ -306,8 +309,9 @@ def _unpacked(text: str) -> tuple[Refittable, Optimum, NoiseSource]:
         return problem, optimum, WholeWindows.of(problem, optimum)
     base = simulated(problem)
     residuals, first = [], 0
-    for piece in base.pieces:
-        mask = np.isfinite(piece.measured)
+    equations = problem.stretches if isinstance(problem, LinearProblem) else ()
+    for rows in [s.residual for s in equations] or [p.measured for p in base.pieces]:
+        mask = np.isfinite(rows)
         block = -optimum.residual[first : first + mask.size].reshape(mask.shape)
         residuals.append(np.where(mask, block, np.nan))
         first += mask.size

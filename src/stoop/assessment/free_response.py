@@ -25,6 +25,7 @@ from scipy.optimize import least_squares
 
 from stoop.assessment.covariance import NORMAL_95
 from stoop.base.arrays import FloatArray
+from stoop.base.notices import notice
 from stoop.estimate.noise import correlation_times
 from stoop.results.modes import Estimate, MeasuredMode
 
@@ -52,16 +53,6 @@ class FreeResponse:
     time: FloatArray
     channels: Mapping[str, FloatArray]
 
-    @property
-    def duration(self) -> float:
-        """Length, s."""
-        return float(self.time[-1] - self.time[0]) if len(self.time) else 0.0
-
-    def first(self, seconds: float) -> FreeResponse:
-        """Return its beginning."""
-        inside = self.time - self.time[0] <= seconds
-        return FreeResponse(self.time[inside], {name: y[inside] for name, y in self.channels.items()})
-
 
 def free_response(time: FloatArray, controls: FloatArray, channels: Mapping[str, FloatArray]) -> FreeResponse:
     """Return what follows the last motion of the controls (n, m), recorded commands or surfaces of like units."""
@@ -80,36 +71,33 @@ def measured_mode(
     `airspeed`, m/s, is that of the flight condition, see :func:`elsewhere`; NaN where it does not matter.
     """
     if not len(free.time):
-        return MeasuredMode(maneuver, remark="not identified: the controls never rest")
+        return MeasuredMode(maneuver, remark=notice("response-no-rest", name))
     if name not in CHANNELS:
-        return MeasuredMode(maneuver, remark="not identified: does not oscillate")
-    whole, period = free.duration, 2.0 * math.pi / max(expected, 1e-6)
-    free = free.first(MAX_PERIODS * period)
+        return MeasuredMode(maneuver, remark=notice("response-no-oscillation", name))
+    whole, period = float(free.time[-1] - free.time[0]), 2.0 * math.pi / max(expected, 1e-6)
+    used = free.time - free.time[0] <= MAX_PERIODS * period
+    free = FreeResponse(free.time[used], {channel: y[used] for channel, y in free.channels.items()})
     columns = {c: free.channels[c] for c in CHANNELS[name] if c in free.channels}
     place = MeasuredMode(maneuver, float(free.time[0]), float(free.time[-1]), tuple(columns))
     if whole < MIN_PERIODS * period:
-        periods = f"{whole:.1f} s without input are {whole / period:.1f} of its periods"
-        return replace(place, remark=f"not identified: {periods}")
+        short = notice("response-too-short", name, duration=whole, periods=whole / period)
+        return replace(place, remark=short)
     columns = {c: values for c, values in columns.items() if np.isfinite(values).sum() >= MIN_SAMPLES}
     if not columns:
-        return replace(place, remark="not identified: its channels were not recorded")
+        return replace(place, remark=notice("response-not-recorded", name))
     place, t = replace(place, channels=tuple(columns)), free.time - free.time[0]
     y = np.column_stack(list(columns.values()))
     slower = np.column_stack([np.ones_like(t), *([] if name == "phugoid" else [t])])
     spread = np.array([float(np.std(e[np.isfinite(e)])) or 1.0 for e in _rest(slower, y).T])
     search = _Oscillation(t, y / spread, slower)
-    x = search.best()
+    x = search.solved()
     frequency, damping = math.exp(x[0]), float(x[1])
     away = elsewhere(free, airspeed) * np.array([1.0, abs(damping)])
     error = np.hypot(np.hypot(search.errors(x), search.drift(x)), away)
     if 1.0 - float(np.mean(search.residuals(x) ** 2)) < MIN_EXPLAINED:
-        return replace(
-            place, remark="not identified: no one oscillation explains the response after the input"
-        )
+        return replace(place, remark=notice("response-not-explained", name))
     if not (np.all(error < MAX_ERRORS) and damping < MAX_DAMPING - 1e-6):
-        return replace(
-            place, remark="not identified: the response after the input tells frequency or damping too badly"
-        )
+        return replace(place, remark=notice("response-inaccurate", name))
     pairs = ((frequency, frequency * float(error[0])), (damping, float(error[1])))
     found = [Estimate(v, s, v - NORMAL_95 * s, v + NORMAL_95 * s) for v, s in pairs]
     return replace(place, frequency=found[0], damping=found[1])
@@ -145,30 +133,24 @@ class _Oscillation:
     y: FloatArray
     slower: FloatArray
 
-    def rest(self, x: FloatArray) -> FloatArray:
-        """Return what the best oscillation and slower motion of each channel leave, (n, m)."""
+    def residuals(self, x: FloatArray) -> FloatArray:
+        """Return what the best oscillation and slower motion of each channel leave, flat, where something was measured."""
         w, zeta = math.exp(x[0]), x[1]
         decay, angle = np.exp(-zeta * w * self.t), w * math.sqrt(1.0 - zeta**2) * self.t
-        return _rest(np.column_stack([decay * np.cos(angle), decay * np.sin(angle), self.slower]), self.y)
+        basis = np.column_stack([decay * np.cos(angle), decay * np.sin(angle), self.slower])
+        return _rest(basis, self.y)[np.isfinite(self.y)]
 
-    def residuals(self, x: FloatArray) -> FloatArray:
-        """Return all that is left, flat, where something was measured."""
-        return self.rest(x)[np.isfinite(self.y)]
-
-    def best(self) -> FloatArray:
-        """Return the optimum from the best points of a grid."""
-        grid = [np.array([math.log(w), z]) for w in np.geomspace(*self._range, 24) for z in DAMPINGS]
-        starts = sorted(grid, key=lambda x: float(np.sum(self.residuals(x) ** 2)))[:3]
-        ends = [self._solved(x) for x in starts]
-        return min(ends, key=lambda end: end[1])[0]
-
-    def near(self, x: FloatArray) -> FloatArray:
-        """Return the optimum near `x`, which may lie beyond what this record can tell."""
-        return self._solved(np.clip(x, *self._box))[0]
-
-    def _solved(self, x: FloatArray) -> tuple[FloatArray, float]:
-        end = least_squares(self.residuals, x, bounds=self._box, x_scale=(0.1, 0.1))
-        return np.asarray(end.x, dtype=np.float64), float(end.cost)
+    def solved(self, start: FloatArray | None = None) -> FloatArray:
+        """Return the optimum from `start`, which may lie beyond what this record can tell, or from a grid."""
+        slowest, fastest = math.pi / self.t[-1], 0.5 * math.pi * (len(self.t) - 1) / self.t[-1]  # rad/s
+        box = [math.log(0.5 * slowest), -0.5], [math.log(fastest), MAX_DAMPING]
+        grid = [np.array([math.log(w), z]) for w in np.geomspace(slowest, fastest, 24) for z in DAMPINGS]
+        starts = [] if start is None else [start]
+        starts = starts or sorted(grid, key=lambda x: float(np.sum(self.residuals(x) ** 2)))[:3]
+        ends = [
+            least_squares(self.residuals, np.clip(x, *box), bounds=box, x_scale=(0.1, 0.1)) for x in starts
+        ]
+        return np.asarray(min(ends, key=lambda end: end.cost).x, dtype=np.float64)
 
     def drift(self, x: FloatArray) -> FloatArray:
         """Return by how much (2,) parts of the response give other log w and zeta than the whole.
@@ -177,31 +159,19 @@ class _Oscillation:
         """
         whole, beyond = self.errors(x) ** 2, []
         for first, last in PARTS:
-            part = self.part(first, last)
-            here = part.near(x)
+            inside = (self.t >= first * self.t[-1]) & (self.t <= last * self.t[-1])
+            t, y, slower = self.t[inside], self.y[inside], self.slower[inside]
+            part = _Oscillation(t - t[0], y, slower)
+            here = part.solved(x)
             beyond.append((here - x) ** 2 - np.maximum(part.errors(here) ** 2 - whole, 0.0))
         return np.asarray(np.sqrt(np.maximum(np.mean(beyond, axis=0), 0.0)), dtype=np.float64)
-
-    def part(self, first: float, last: float) -> _Oscillation:
-        """Return the problem of a part of the response, by shares of its length."""
-        inside = (self.t >= first * self.t[-1]) & (self.t <= last * self.t[-1])
-        return _Oscillation(self.t[inside] - self.t[inside][0], self.y[inside], self.slower[inside])
-
-    @property
-    def _box(self) -> tuple[list[float], list[float]]:
-        slowest, fastest = self._range
-        return [math.log(0.5 * slowest), -0.5], [math.log(fastest), MAX_DAMPING]
-
-    @property
-    def _range(self) -> tuple[float, float]:
-        """Return the lowest and the highest frequency, rad/s, that the record can tell."""
-        return math.pi / self.t[-1], 0.5 * math.pi * (len(self.t) - 1) / self.t[-1]
 
     def errors(self, x: FloatArray) -> FloatArray:
         """Return the standard errors of log w and zeta, for residuals as correlated as these are."""
         step = 1e-5 * np.eye(2)
         J = np.column_stack([(self.residuals(x + d) - self.residuals(x - d)) / 2e-5 for d in step])
-        left = self.rest(x)
+        left = np.full_like(self.y, np.nan)
+        left[np.isfinite(self.y)] = self.residuals(x)
         longer = correlation_times([left], float(self.t[1] - self.t[0]))
         taken = 2.0 / left.shape[1] + 2.0 + self.slower.shape[1]
         free = np.maximum(np.isfinite(left).sum(axis=0) - taken, 1.0)

@@ -44,8 +44,10 @@ from scipy.stats import chi2
 
 from stoop.assessment.covariance import data_information
 from stoop.base.arrays import FloatArray, runs
+from stoop.base.notices import Notice, notice
 from stoop.estimate.fit import Fit
 from stoop.estimate.noise import lagged_products
+from stoop.estimate.regression.linear_problem import LinearProblem
 from stoop.results.result import BaselineFit, GoodnessOfFit, TheilShares, Whiteness
 
 WHITENESS_LAGS: Final = 20  #: that are summed: 0.2 s at 100 Hz, the fastest motion that a model explains
@@ -217,7 +219,8 @@ def left_out_residuals(fit: Fit) -> list[FloatArray] | None:
     They are the residuals that the method minimizes: of the simulation, of windows, or of a filter's predictions; NaN where
     nothing was measured. None for a regression, or where the fit cannot be differentiated.
     """
-    if fit.local_problem is None and fit.own_evidence is not None:
+    problem = None if fit.local_problem is None else fit.local_problem()
+    if isinstance(problem, LinearProblem):
         return None
     evidence, d = fit.evidence, fit.problem.dimension
     if not all(np.isfinite(values).all() for p in evidence.pieces for values in p.filled()):
@@ -232,8 +235,29 @@ def left_out_residuals(fit: Fit) -> list[FloatArray] | None:
     ]
     present = [np.isfinite(w) for w in missed]
     white = [np.where(seen, w, 0.0) for w, seen in zip(missed, present, strict=True)]
-    if fit.local_problem is not None:
-        units = fit.local_problem().in_units(white)
+    if problem is not None:
+        units = problem.in_units(white)
     else:
         units = [fit.problem.weights.colored(w, seen) for w, seen in zip(white, present, strict=True)]
     return [np.where(seen, u, np.nan) for seen, u in zip(present, units, strict=True)]
+
+
+def press_notices(fit: Fit) -> list[Notice]:
+    """Return the errors of each equation of a regression, each second left out of the fit in turn; none of other methods.
+
+    Of Fourier coefficients each is left out. A mean that gave a constant predicts nothing.
+    """
+    problem = fit.local_problem() if fit.local_problem is not None else None
+    if not isinstance(problem, LinearProblem):
+        return []
+    free, block = fit.evidence.free, max(1, round(BLOCK / problem.dt))
+    own = [stretch.of(free) for stretch in problem.stretches]
+    information = data_information(own) + fit.evidence.prior[np.ix_(free, free)]
+    own = [stretch for stretch in own if len(stretch.residual) > 1]
+    errors = [left_out(stretch.residual, stretch.jacobian, information, block) for stretch in own]
+    rms, press = (
+        np.sqrt(np.mean(np.concatenate(problem.in_units(e)) ** 2, axis=0)).tolist()
+        for e in ([stretch.residual for stretch in own], errors)
+    )
+    code = "regression-press" if np.isfinite(problem.dt) else "regression-press-band"
+    return [notice(code, "", equations=tuple(problem.deviations), rms=tuple(rms), press=tuple(press))]

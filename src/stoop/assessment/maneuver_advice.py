@@ -20,8 +20,7 @@ from typing import Final
 import numpy as np
 
 from stoop.base.arrays import FloatArray
-from stoop.base.notices import notice
-from stoop.base.units import DEGREE
+from stoop.base.notices import Notice, notice
 from stoop.estimate.fit import Fit
 from stoop.problem import Piece
 from stoop.problem.observation import observation_model
@@ -85,43 +84,39 @@ class FlownModel:
         return {self.pitch, self.roll, self.yaw, self.power} - {""}
 
 
-def advice(name: str, stand_ins: Sequence[str], flown: FlownModel) -> str:
+def advice(name: str, stand_ins: Sequence[str], flown: FlownModel) -> tuple[Notice, ...]:
     """Return what to fly, or to measure, for one parameter.
 
     `stand_ins` are strongly correlated with it, or change with it along a direction that the data do not see.
     """
     term = flown.terms.get(name)
     if term is None:
-        return _of_vehicle(name, flown)
+        return (_of_vehicle(name, flown),)
     shared = [p for p in stand_ins if p not in flown.terms and not p.startswith("sensors.")]
     inertia = tuple(n for n in shared if ".inertia." in n)
-    spread, out = float(np.std(term.flown)), []
+    mates = [t for t in flown.terms.values() if t.coefficient == term.coefficient]
+    whole = sum((t.value * (t.flown - t.flown.mean()) for t in mates), np.zeros(len(term.flown)))
+    largest = max([float(np.std(t.value * t.flown)) for t in mates] + [float(np.std(whole))])
+    own, spread, out = float(np.std(term.value * term.flown)), float(np.std(term.flown)), []
     if not term.variables:
         out.append(notice("advice-constant"))
-    elif _still(term, flown):
-        angle = len(term.variables) == 1 and not term.nonlinear and not term.variables & {"p", "q", "r", "V"}
-        amount = f"{spread / DEGREE:.2g} deg" if angle else f"{spread:.2g}"
-        amount = f"{100.0 * spread:.2g} %" if term.variables == {"V"} else amount
-        what = f"{str(term)[0].upper()}{str(term)[1:]}"
-        out.append(notice("advice-still", what, amount=amount, maneuver=_excitation(term, flown)))
+    elif own < MIN_VARIATION * largest or spread == 0.0:  # it varies too little beside the others
+        variables, code = term.variables, "advice-still"
+        if variables == {"V"}:
+            code = "advice-still-airspeed"
+        elif len(variables) == 1 and not term.nonlinear and not variables & {"p", "q", "r"}:
+            code = "advice-still-angle"
+        maneuver = _excitation(variables, term.nonlinear, flown)
+        out.append(notice(code, f"{str(term)[0].upper()}{str(term)[1:]}", amount=spread, maneuver=maneuver))
     elif tied := _tied(term, flown):
         maneuver = _separation(term, tied, flown)
         out.append(notice("advice-tied", str(term), other=str(tied), maneuver=maneuver))
     elif not shared:  # else numbers stand in for it that are measured on the ground
-        out.append(notice("advice-several", maneuver=_excitation(term, flown)))
+        out.append(notice("advice-several", maneuver=_excitation(term.variables, term.nonlinear, flown)))
     if shared:
         code = "advice-ratio-to-inertia" if inertia else "advice-shared"
         out.append(notice(code, " and ".join(inertia or shared)))
-    return " ".join(map(str, out))
-
-
-def _still(term: Term, flown: FlownModel) -> bool:
-    """Whether a term varies too little beside the other terms of its coefficient."""
-    mates = [t for t in flown.terms.values() if t.coefficient == term.coefficient]
-    whole = sum((t.value * (t.flown - t.flown.mean()) for t in mates), np.zeros(len(term.flown)))
-    largest = max([float(np.std(t.value * t.flown)) for t in mates] + [float(np.std(whole))])
-    own = float(np.std(term.value * term.flown))
-    return own < MIN_VARIATION * largest or float(np.std(term.flown)) == 0.0
+    return tuple(out)
 
 
 def _tied(term: Term, flown: FlownModel) -> Term | None:
@@ -142,61 +137,47 @@ def _tied(term: Term, flown: FlownModel) -> Term | None:
     return moving[int(np.argmax(alone if max(alone) >= TIED else np.abs(shares)))]
 
 
-def _separation(term: Term, tied: Term, flown: FlownModel) -> str:
+def _separation(term: Term, tied: Term, flown: FlownModel) -> Notice:
     """Return what makes two terms vary in different ways."""
     own, both, controls = term.variables, term.variables | tied.variables, flown.controls
     several = sorted(both & controls) if len(both & controls) > 1 else []
     if several or {"p", "r"} <= both or both <= {"p", "r", "beta", flown.roll, flown.yaw}:
-        apart = several or [c for c in (flown.roll, flown.yaw) if c]
-        return f"move {' and '.join(apart) or 'the controls'} at separate times, a doublet or 3-2-1-1 each"
+        apart = several or [c for c in (flown.roll, flown.yaw) if c] or ["the controls"]
+        return notice("fly-separate-inputs", controls=tuple(apart))
     if "V" in both:
-        return _speed(flown)
+        return _excitation(frozenset("V"), False, flown)
     if both & controls and not own <= controls:
-        return _quick(flown, term)
+        return _excitation(own - controls, False, flown)
     if own & controls:
-        names = " and ".join(sorted(own & controls))
-        return f"switch feedback off, or add inputs of its own on {names} to what the controller commands"
-    return _excitation(term, flown)
+        return notice("fly-own-inputs", controls=tuple(sorted(own & controls)))
+    return _excitation(own, term.nonlinear, flown)
 
 
-def _excitation(term: Term, flown: FlownModel) -> str:
+def _excitation(variables: frozenset[str], nonlinear: bool, flown: FlownModel) -> Notice:
     """Return what excites the variables of a term."""
-    variables, own = term.variables, sorted(term.variables & flown.controls)
-    if term.nonlinear:
-        wide = " and ".join(sorted(variables & {"alpha", "beta"})) or " and ".join(sorted(variables))
-        range_maneuver = "pull-ups and push-overs, or the same maneuver at several airspeeds"
+    if nonlinear:
+        wide = sorted(variables & {"alpha", "beta"}) or sorted(variables)
+        code = "fly-range"
         if "beta" in variables:
-            range_maneuver = "steady sideslips to both sides"
-            if "alpha" in variables:
-                range_maneuver = "lateral maneuvers at several angles of attack"
-        return f"cover a wider range of {wide} ({range_maneuver})"
+            code = "fly-lateral-range" if "alpha" in variables else "fly-sideslips"
+        return notice(code, variables=tuple(wide))
     if "V" in variables:
-        return _speed(flown)
-    return f"larger or more inputs of {' and '.join(own)}" if own else _quick(flown, term)
-
-
-def _quick(flown: FlownModel, term: Term) -> str:
-    """Return the input that excites rates and flow angles about one axis, with its step where the mode is known."""
-    if not term.variables & {"beta", "p", "r"} or term.variables & {"alpha", "q"}:
-        mode, maneuver = "short period", f"a 3-2-1-1 with {flown.pitch or 'pitch control'}"
-    elif "p" in term.variables:
-        mode, maneuver = "roll", f"a bank-to-bank or doublets with {flown.roll or 'roll control'}"
+        return notice("fly-power-steps", flown.power) if flown.power else notice("fly-speed-changes")
+    if own := tuple(sorted(variables & flown.controls)):
+        return notice("fly-larger-inputs", controls=own)
+    # rates and flow angles about one axis, with the step of the input where the mode is known
+    if not variables & {"beta", "p", "r"} or variables & {"alpha", "q"}:
+        mode, code, control = "short period", "fly-short-period", flown.pitch or "pitch control"
+    elif "p" in variables:
+        mode, code, control = "roll", "fly-roll", flown.roll or "roll control"
     else:
-        mode, maneuver = "Dutch roll", f"a 3-2-1-1 or doublet with {flown.yaw or 'yaw control'}"
+        mode, code, control = "Dutch roll", "fly-dutch-roll", flown.yaw or "yaw control"
     frequency = flown.frequencies.get(mode, np.nan)
-    step = f", unit step about {STEP_ANGLE / frequency:.2g} s" if frequency > 0.0 else ""
-    why = ", whose quick reversals part rate, angle and deflection" if mode == "short period" else ""
-    return f"fly {maneuver}{step}{why}"
+    step = notice("fly-unit-step", seconds=STEP_ANGLE / frequency) if frequency > 0.0 else ""
+    return notice(code, control, step=step)
 
 
-def _speed(flown: FlownModel) -> str:
-    power = f"{flown.power} steps" if flown.power else "speed changes"
-    return (
-        f"let the airspeed change: {power}, the same maneuver at two airspeeds, or half a minute of phugoid"
-    )
-
-
-def _of_vehicle(name: str, flown: FlownModel) -> str:
+def _of_vehicle(name: str, flown: FlownModel) -> Notice:
     """Return what to do about a number that is no aerodynamic term."""
     parts, code = name.split("."), "advice-ground"
     if parts[0] in ("rotors", "rotor", "body_drag"):
@@ -206,7 +187,7 @@ def _of_vehicle(name: str, flown: FlownModel) -> str:
         code = "advice-inertia"
     elif parts[0] in ("propulsion", "controls", "sensors"):
         code = f"advice-{parts[0]}"
-    return str(notice(code, parts[1] if len(parts) > 1 else name, power=flown.power or "power"))
+    return notice(code, parts[1] if len(parts) > 1 else name, power=flown.power or "power")
 
 
 def flown_model(result: Result, fit: Fit) -> FlownModel:

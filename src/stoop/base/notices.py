@@ -13,14 +13,14 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from importlib.resources import files
 from types import MappingProxyType
-from typing import Any, Literal
+from typing import Any, Literal, TypeAlias
 
 from stoop.base.text import enumerated
 from stoop.base.units import DEGREE
 from stoop.errors import one_line
 
 Severity = Literal["info", "warning"]
-Value = str | float | int | bool | tuple[str, ...] | tuple[float, ...]
+Value: TypeAlias = "str | float | int | bool | tuple[str, ...] | tuple[float, ...] | Notice"
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class Notice:
     subject : str
         What it is about: a channel, a parameter, a window, a line of a file.
     values : mapping
-        Numbers (SI, radians) and names that the sentence needs.
+        Numbers (SI, radians), names and notices that the sentence needs.
     """
 
     code: str
@@ -63,7 +63,10 @@ class Notice:
             "code": self.code,
             "severity": self.severity,
             "subject": self.subject,
-            "values": {name: list(v) if isinstance(v, tuple) else v for name, v in self.values.items()},
+            "values": {
+                name: v.to_dict() if isinstance(v, Notice) else list(v) if isinstance(v, tuple) else v
+                for name, v in self.values.items()
+            },
             "message": message(self),
         }
 
@@ -77,8 +80,11 @@ class Kind:
     text: str
 
 
-#: Metadata of a dataclass field of notices that a JSON document holds as sentences.
-AS_SENTENCES: Mapping[str, Any] = MappingProxyType({"sentences": True})
+#: Metadata of a dataclass field of notices that a JSON document holds as a list of sentences, or as one text: a notice or
+#: none, or several and what stands between their sentences.
+AS_SENTENCES: Mapping[str, Any] = MappingProxyType({"sentences": None})
+AS_TEXT: Mapping[str, Any] = MappingProxyType({"sentences": "; "})
+AS_PARAGRAPH: Mapping[str, Any] = MappingProxyType({"sentences": " "})
 
 
 @functools.cache
@@ -105,7 +111,10 @@ def from_dict(content: Mapping[str, Any]) -> Notice:
     """Return the notice that `Notice.to_dict` gave; of a code that this version does not know its sentence is kept."""
     if content["code"] not in table():
         return as_notice(str(content["message"]), content["severity"])
-    values = {name: tuple(v) if isinstance(v, list) else v for name, v in content["values"].items()}
+    values = {
+        name: from_dict(v) if isinstance(v, dict) else tuple(v) if isinstance(v, list) else v
+        for name, v in content["values"].items()
+    }
     return Notice(content["code"], content["severity"], content["subject"], MappingProxyType(values))
 
 

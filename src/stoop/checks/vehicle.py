@@ -157,18 +157,18 @@ def require_channels(vehicle: Vehicle, flight: Flight, named_by: str = "--vehicl
         there = [str(name) for name in flight.data.data_vars if str(name).startswith(DRIVES)]
         on_rotors, other = carried_by_rotors(flight), ""
         if vehicle.rotors and not on_rotors:
-            other = (
-                f"{vehicle.where} flies on rotors, but no rotors are in this log: is it of another vehicle? "
-            )
+            other = f"{vehicle.where} flies on rotors, but this log has no rotors: does it belong to another vehicle? "
         elif on_rotors and not vehicle.rotors:
-            other = f"rotors carry the vehicle of this log, but {vehicle.where} has none: is it of another vehicle? "
+            other = (
+                f"the vehicle of this log is carried by rotors, but {vehicle.where} has none: is it another? "
+            )
         elif vehicle.rotors:
             rotors = _tables(vehicle, missing)
             tables = f", or channel in {rotors}" if rotors else ""
-            other = f"{vehicle.where} has {len(vehicle.rotors)} rotors: is this the log of another vehicle{tables}? "
+            other = f"{vehicle.where} has {len(vehicle.rotors)} rotors: does the log belong to another vehicle{tables}? "
         raise FlightError(
-            f"{flight.name}: input {', '.join(repr(name) for name in missing)} is not in this flight, which is driven by "
-            f"{', '.join(there) or 'nothing that was recorded'}; {other}check {named_by}, "
+            f"{flight.name}: input {', '.join(repr(name) for name in missing)} is not in this flight, whose inputs are "
+            f"{', '.join(there) or 'not recorded'}; {other}check {named_by}, "
             "the channels in it, or the mapping"
         )
     empty = [name for name in vehicle.recorded if not np.isfinite(flight.column(name)).any()]

@@ -21,7 +21,7 @@ def vehicle_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `stoop vehicle`."""
     name = "name of a built-in vehicle; without it all are listed"
     parser.add_argument("name", metavar="TEMPLATE", nargs="?", help=name)
-    options.add_output(parser, "where to write it", metavar="FILE.toml", required=False)
+    options.add_output(parser, "file to write", metavar="FILE.toml", required=False)
 
 
 def vehicle(arguments: argparse.Namespace) -> int:
@@ -48,7 +48,7 @@ def vehicle(arguments: argparse.Namespace) -> int:
 def map_log_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `stoop map`."""
     options.add_flight(parser, "flight log", several=False, mapping=False)
-    options.add_output(parser, "where to write it", metavar="M.toml", required=False)
+    options.add_output(parser, "file to write", metavar="M.toml", required=False)
 
 
 def map_log(arguments: argparse.Namespace) -> int:
@@ -76,7 +76,7 @@ def export_arguments(parser: argparse.ArgumentParser) -> None:
         f"folder (or result.json) of stoop identify, or a vehicle file (TOML), or {options.BUILT_IN_HELP}"
     )
     parser.add_argument("subject", metavar="MODEL", help=subject)
-    parser.add_argument("--to", dest="target", choices=TARGETS, required=True, help="which tool")
+    parser.add_argument("--to", dest="target", choices=TARGETS, required=True, help="tool to export to")
     options.add_output(parser, "the files", "files in DIR")
     options.add_condition(parser, f"of the steady flight, m/s (default: {options.HOVERING})", high=None)
     options.add_climb_angle(parser)
@@ -103,10 +103,22 @@ def simulate_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `stoop simulate`."""
     add = parser.add_argument
     add("vehicle", metavar="VEHICLE", help=options.VEHICLE_HELP)
-    add("--maneuver", metavar="M.toml", type=Path, required=True, help="what the pilot does (TOML)")
+    add(
+        "--maneuver",
+        metavar="M.toml",
+        type=Path,
+        required=True,
+        help="maneuver file (TOML): initial condition and inputs",
+    )
     options.add_output(parser, "the flight file to write: .nc, or a log", metavar="FLIGHT")
     add("--no-noise", action="store_true", help="perfect sensors")
-    add("--seed", metavar="N", type=options.count, default=0, help="of sensor noise and gusts (default: 0)")
+    add(
+        "--seed",
+        metavar="N",
+        type=options.count,
+        default=0,
+        help="seed of sensor noise and gusts (default: 0)",
+    )
 
 
 def simulate(arguments: argparse.Namespace) -> int:

@@ -24,9 +24,9 @@ MAX_VOLTAGE_DIFFERENCE = 0.05  #: relative; beyond it a flight is named
 def compatibility_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `stoop compatibility`."""
     options.add_flight(parser, "flight log", several=False)
-    options.add_window(parser, "what is compared (default: the airborne part)")
+    options.add_window(parser, "windows to compare (default: the airborne part)")
     files = "compatibility.html, compatibility.json and the corrected flight.nc"
-    options.add_output(parser, files, "them if they exist", required=False)
+    options.add_output(parser, files, "these files if they exist", required=False)
 
 
 def compatibility(arguments: argparse.Namespace) -> int:
@@ -69,21 +69,21 @@ def polar_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `stoop polar`."""
     add = parser.add_argument
     options.add_flight(parser, "flight log", several=False)
-    add("--mass", metavar="KG", type=options.positive, required=True, help="of the aircraft as flown")
+    add("--mass", metavar="KG", type=options.positive, required=True, help="mass of the aircraft as flown")
     add(
         "--area",
         metavar="M2",
         type=options.positive,
         required=True,
-        help="of the wing, the reference of CL and CD",
+        help="wing area, the reference of CL and CD",
     )
-    efficiency = "of motor, controller and blades, and its standard error (default: 0.7 0.1)"
+    efficiency = "efficiency of motor, controller and blades, and its standard error (default: 0.7 0.1)"
     pair: Any = {"metavar": ("ETA", "STD"), "nargs": 2, "type": options.positive, "default": (0.7, 0.1)}
     add("--efficiency", **pair, help=efficiency)
-    disc = "diameter of the propeller's disc (default: unknown, about 0.35 of the root of the area)"
+    disc = "diameter of the propeller's disc (default: unknown, about 0.35 times the square root of the area)"
     add("--disc", metavar="M", type=options.positive, help=disc)
-    options.add_window(parser, "what is used (default: the airborne part)")
-    options.add_output(parser, "polar.html and polar.json", "them if they exist", required=False)
+    options.add_window(parser, "windows to use (default: the airborne part)")
+    options.add_output(parser, "polar.html and polar.json", "these files if they exist", required=False)
 
 
 def polar(arguments: argparse.Namespace) -> int:
@@ -123,15 +123,13 @@ def polar(arguments: argparse.Namespace) -> int:
 def rotors_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `stoop rotors`."""
     add, logs = parser.add_argument, {"metavar": "FLIGHT", "type": Path, "nargs": "+"}
-    healthy = (
-        "logs of flights near hover of the same vehicle while all was well; three or more are better than one"
-    )
-    add("flight", help="logs of flights near hover that are in question", **logs)  # type: ignore[arg-type]
+    healthy = "logs of flights near hover of the same vehicle in healthy condition, preferably three or more"
+    add("flight", help="logs of the flights near hover to examine", **logs)  # type: ignore[arg-type]
     add("--healthy", required=True, help=healthy, **logs)  # type: ignore[arg-type]
     add("--vehicle", metavar="V", required=True, help="vehicle file with rotors, or a built-in name")
-    one = "the flights in question are of one and the same configuration"
+    one = "the flights to examine are all of the same configuration"
     add("--together", action="store_true", help=one)
-    chance = "how often a healthy flight may be accused (default: 0.05)"
+    chance = "probability of a false alarm on a healthy flight (default: 0.05)"
     add("--chance", metavar="P", type=options.positive, default=CHANCE, help=chance)
     options.add_mapping(parser)
 

@@ -28,9 +28,9 @@ STORES: Final = ("bootstrap.sqlite", "profile.sqlite")  #: in the output folder 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of this verb."""
-    add, many = parser.add_argument, "give up after so many (default: {})"
-    fit = "windows to fit, seconds of the log's clock, or the windows.toml of stoop maneuvers"
-    predict = "windows to predict; nothing is fitted there (default: those of windows.toml)"
+    add, many = parser.add_argument, "largest number of {} (default: {})"
+    fit = "windows to fit, in seconds of the log's clock, or the windows.toml of stoop maneuvers"
+    predict = "windows to predict, not used in the fit (default: those of windows.toml)"
     noise = "noise covariance (variances in a row, or a square matrix) instead of estimating it"
     methods = (
         "output-error, multiple-shooting or another of docs/method.md "
@@ -47,18 +47,34 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--noise", metavar="Q.csv", type=Path, help=noise)
     add("--method", metavar="NAME", default="", help=methods)
     add("--optimizer", metavar="NAME", default="ps-gde-lm", help=names)
-    add("--seed", metavar="N", type=options.count, default=0, help="of the search (default: 0)")
-    add("--generations", metavar="N", type=options.at_least_one, default=2000, help=many.format(2000))
+    add("--seed", metavar="N", type=options.count, default=0, help="seed of the search (default: 0)")
     add(
-        "--budget", metavar="TRAJECTORIES", type=options.positive, default=100_000.0, help=many.format(100000)
+        "--generations",
+        metavar="N",
+        type=options.at_least_one,
+        default=2000,
+        help=many.format("generations", 2000),
     )
-    add("--target-cost", metavar="J", type=options.finite, default=-math.inf, help="stop at this cost")
+    add(
+        "--budget",
+        metavar="TRAJECTORIES",
+        type=options.positive,
+        default=100_000.0,
+        help=many.format("trajectories", 100000),
+    )
+    add(
+        "--target-cost",
+        metavar="J",
+        type=options.finite,
+        default=-math.inf,
+        help="stop the search at this cost",
+    )
     add("--bootstrap", metavar="N", nargs="?", const=1000, type=options.at_least_one, help=refits)
     add("--posterior", action="store_true", help="sample the posterior; writes posterior.nc")
     add("--profile", metavar="NAME", nargs="*", help=lines)
     options.add_output(parser, "result, vehicle, flight and report", "a result in DIR")
-    add("--repeatability", action="store_true", help="fit each maneuver alone too, and compare")
-    add("--resume", action="store_true", help="go on from an unfinished search in DIR")
+    add("--repeatability", action="store_true", help="also fit each maneuver alone, and compare")
+    add("--resume", action="store_true", help="continue the unfinished search in DIR")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -128,8 +144,9 @@ def _read(arguments: argparse.Namespace) -> tuple[Vehicle, list[Flight], Options
         arguments.method,
     )  # fmt: skip
     flights = [load(path, arguments.mapping) for path in arguments.flight]
-    if arguments.bootstrap or arguments.posterior or arguments.profile is not None:
-        check_method(choose_method(arguments.method, vehicle, flights).name)
+    if arguments.posterior or arguments.profile is not None:
+        asked = {"posterior": arguments.posterior, "profile": arguments.profile is not None}
+        check_method(choose_method(arguments.method, vehicle, flights).name, [n for n in asked if asked[n]])
         if arguments.posterior:
             libraries()
         check_names([p.name for p in vehicle.parameters if p.free], arguments.profile or ())
@@ -145,7 +162,7 @@ def _identify(
     watch: Watch,
 ) -> tuple[Job, bool]:
     """Return the job, its results written, and whether Ctrl-C came."""
-    from stoop.assessment.uncertainty import fit_each, with_repeatability
+    from stoop.assessment.uncertainty import repeatability
     from stoop.workflow.checkpoint import deferred_interrupt
     from stoop.workflow.identification import finish, search
     from stoop.workflow.outputs import place_outputs
@@ -160,15 +177,15 @@ def _identify(
     others = options.given_paths(arguments.mapping, arguments.noise)
     windows = arguments.maneuver, arguments.validate
     done = search(vehicle, flights, *windows, settings, see, state, options.command_line(), others)
-    singles = []
+    repeated = None
     if arguments.repeatability:
         checkpoint.keep_last(done.fit.outcome)  # the search that was done is safe meanwhile
-        singles = fit_each(done.fit, done.flights, done.options, watch.turn_to)
+        repeated = repeatability(done.fit, done.flights, done.options, watch.turn_to)
     with deferred_interrupt() as ctrl_c:
         checkpoint.keep_last(done.fit.outcome)
         watch.turn_to("error bars, predictions and report")
         job = finish(done)
-        job = job.with_result(with_repeatability(job.result, singles)) if singles else job
+        job = job.with_result(replace(job.result, repeatability=repeated)) if repeated else job
         place_outputs(job, arguments.output, arguments.overwrite or arguments.resume)
     return job, ctrl_c.came or done.fit.outcome.status == "interrupted"
 

@@ -21,31 +21,46 @@ from stoop.base.text import printable
 from stoop.errors import StoopError
 
 VERBS: Final[dict[str, tuple[str, str]]] = {
-    "demo": ("stoop.cli.models:demo", "simulate a flight, identify it, truth beside estimate; needs no file"),
-    "info": ("stoop.cli.info", "show what a flight log holds: channels, gaps, faults, maneuvers"),
-    "map": ("stoop.cli.files:map_log", "draft which column of a log is which variable, in which unit"),
+    "demo": (
+        "stoop.cli.models:demo",
+        "simulate a flight, identify it, compare with the truth; needs no file",
+    ),
+    "info": ("stoop.cli.info", "show what a flight log contains: channels, gaps, faults, maneuvers"),
+    "map": ("stoop.cli.files:map_log", "draft a mapping from the columns of a log to variables and units"),
     "maneuvers": (
         "stoop.cli.planning:maneuvers",
-        "which windows of a flight to fit and to predict, by information",
+        "select windows of a flight to fit and to predict, by information",
     ),
     "compatibility": (
         "stoop.cli.flights:compatibility",
-        "biases, scales and delays of all sensors: do they agree?",
+        "check data compatibility: biases, scales and delays of all sensors",
     ),
     "identify": ("stoop.cli.identify", "estimate a vehicle's coefficients from flight logs, with error bars"),
-    "validate": ("stoop.cli.models:validate", "predict flights that were not fitted, with a fitted model"),
-    "polar": ("stoop.cli.flights:polar", "drag polar of a flight without surface channels, with intervals"),
+    "validate": (
+        "stoop.cli.models:validate",
+        "predict flights that were not fitted with an identified model",
+    ),
+    "polar": (
+        "stoop.cli.flights:polar",
+        "drag polar of a flight without surface channels, with intervals",
+    ),
     "rotors": (
         "stoop.cli.flights:rotors",
-        "which rotor is weak: hover flights against those of the healthy vehicle",
+        "find a weak rotor: hover flights against those of the healthy vehicle",
     ),
-    "structure": ("stoop.cli.models:structure", "choose which terms a vehicle needs, from flights"),
-    "vehicle": ("stoop.cli.files:vehicle", "list the built-in vehicles, or copy the file of one to edit"),
-    "simulate": ("stoop.cli.files:simulate", "fly a maneuver and write a flight file"),
+    "structure": (
+        "stoop.cli.models:structure",
+        "determine the model structure (terms of coefficients) from flights",
+    ),
+    "vehicle": ("stoop.cli.files:vehicle", "list the built-in vehicles, or copy the file of one for editing"),
+    "simulate": ("stoop.cli.files:simulate", "simulate a maneuver and write a flight file"),
     "trim": ("stoop.cli.steady:trim", "find the controls of a steady straight flight"),
-    "linearize": ("stoop.cli.steady:linearize", "linear model and modes about a steady flight"),
-    "export": ("stoop.cli.files:export", "a vehicle for JSBSim, MATLAB, Simulink, or as A, B, C, D"),
-    "design": ("stoop.cli.planning:design", "what to fly next, so that the error bars become small"),
+    "linearize": (
+        "stoop.cli.steady:linearize",
+        "compute the linear model and its modes about a steady flight",
+    ),
+    "export": ("stoop.cli.files:export", "export a vehicle to JSBSim, MATLAB or Simulink, or as A, B, C, D"),
+    "design": ("stoop.cli.planning:design", "design the next maneuver, for small standard errors"),
 }  #: verb -> its module (and function, beside FUNCTION_arguments, where it holds several), one line of help
 GROUP: Final = "stoop.verbs"  #: entry points of other packages, each a mapping as `VERBS`
 
@@ -58,7 +73,7 @@ examples:
   stoop info LOG.ulg
   stoop identify LOG.ulg --vehicle V.toml --maneuver 140:145 -o result
 
-Every verb explains itself: stoop VERB --help"""
+Help on a verb: stoop VERB --help"""
 
 
 class Parser(argparse.ArgumentParser):
@@ -143,7 +158,7 @@ def parser_for(given: Sequence[str]) -> Parser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
     )
-    parser.add_argument("--version", action=_Version, nargs=0, help="print the version and leave")
+    parser.add_argument("--version", action=_Version, nargs=0, help="print the version and exit")
     parser.add_argument("--debug", action="store_true", help=DEBUG_HELP)
     listed = "\n".join(f"{name:<13} {purpose}" for name, (_, purpose) in known.items())
     # The list in the description is better laid out than argparse's own.

@@ -27,10 +27,10 @@ candidates, one line per coefficient, in a file or on the command line:
 def demo_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `stoop demo`."""
     add = parser.add_argument
-    folder, seed = "folder for the results", "of sensor noise, wrong start values and search"
+    folder, seed = "folder for the results", "seed of sensor noise, start values and search"
     add("-o", "--output", metavar="DIR", type=Path, default=HERE, help=f"{folder} (default: {HERE})")
     add("--seed", metavar="N", type=options.count, default=0, help=f"{seed} (default: 0)")
-    add("--overwrite", action="store_true", help="replace files in DIR that are of no earlier demo")
+    add("--overwrite", action="store_true", help="replace files in DIR, even those not from an earlier demo")
 
 
 def demo(arguments: argparse.Namespace) -> int:
@@ -64,7 +64,7 @@ def structure_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `stoop structure`."""
     parser.formatter_class, parser.epilog = argparse.RawDescriptionHelpFormatter, EPILOG
     add = parser.add_argument
-    window = "windows to use, seconds of the log's clock"
+    window = "windows to use, in seconds of the log's clock"
     terms = (
         "file of candidates, or lines such as 'Cm: alpha, q, alpha^2' (default: those of docs/structure.md)"
     )
@@ -72,8 +72,13 @@ def structure_arguments(parser: argparse.ArgumentParser) -> None:
     options.add_flight(parser)
     add("--maneuver", metavar=options.WINDOW, nargs="+", action="extend", required=True, help=window)
     add("--candidates", metavar="FILE|LINE", nargs="+", default=[], help=terms)
-    add("--criterion", choices=("f", "press", "pse"), default="f", help="how terms are chosen (default: f)")
-    add("--band", metavar="LOW:HIGH", default=BAND, help=f"frequencies to use, Hz (default: {BAND})")
+    add(
+        "--criterion",
+        choices=("f", "press", "pse"),
+        default="f",
+        help="criterion for the selection of terms (default: f)",
+    )
+    add("--band", metavar="LOW:HIGH", default=BAND, help=f"frequency band, Hz (default: {BAND})")
     options.add_output(parser, "vehicle, table and page", "an earlier structure in DIR")
 
 

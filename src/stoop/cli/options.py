@@ -76,14 +76,16 @@ def add_mapping(parser: argparse.ArgumentParser) -> None:
 
 def add_window(parser: argparse.ArgumentParser, what: str) -> None:
     """Add --window START:STOP, which may be given several times or several at a time."""
-    parser.add_argument("--window", metavar="START:STOP", **SEVERAL, help=f"{what}; s of the log's clock")
+    parser.add_argument(
+        "--window", metavar="START:STOP", **SEVERAL, help=f"{what}; in seconds of the log's clock"
+    )
 
 
 def add_free_fix(parser: argparse.ArgumentParser) -> None:
     """Add which numbers are estimated."""
     add, each = parser.add_argument, {"metavar": "NAME", "action": "append", "default": list[str]()}
     add("--free", **each, help="estimate this number of the vehicle file")  # type: ignore[arg-type]
-    add("--fix", **each, help="hold this number")  # type: ignore[arg-type]
+    add("--fix", **each, help="do not estimate this number")  # type: ignore[arg-type]
 
 
 def add_output(

@@ -24,7 +24,7 @@ IN_DEGREES: Final = ("alpha", "beta", *EULER, *RATES)  #: channels that are give
 
 def maneuvers_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `stoop maneuvers`."""
-    without = "without it windows are chosen that move each axis by itself"
+    without = "without it, windows that excite each axis separately are selected"
     options.add_flight(parser, "flight log(s) of one vehicle")
     parser.add_argument("--vehicle", metavar="V.toml", default="", help=f"{options.VEHICLE_HELP}; {without}")
     options.add_free_fix(parser)
@@ -97,9 +97,9 @@ def maneuvers(arguments: argparse.Namespace) -> int:
 def design_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `stoop design`."""
     add = parser.add_argument
-    vehicle = "vehicle file, built-in vehicle, or the folder that stoop identify wrote"
-    limits = "limits of a channel: angles in degrees, rates in degrees per second, all else SI (default: about the trim)"
-    evaluations = "maneuvers tried for each family (default: 2000)"
+    vehicle = "vehicle file, built-in vehicle, or folder of stoop identify"
+    limits = "limits of a channel: deg, deg/s, otherwise SI units (default: about the trim)"
+    evaluations = "maneuvers evaluated for each family (default: 2000)"
     add("vehicle", metavar="VEHICLE", help=vehicle)
     options.add_output(parser, "maneuver, page and numbers", "an earlier design in the folder")
     options.add_condition(parser, "m/s (default: the vehicle's reference)")
@@ -113,10 +113,10 @@ def design_arguments(parser: argparse.ArgumentParser) -> None:
     add("--band", metavar="HZ", type=options.positive, default=2.0, help=band)
     add("--shape", choices=FAMILIES, nargs="+", default=list(FAMILIES), help="families to try (default: all)")
     add("--free", metavar="NAME", **options.SEVERAL, help="numbers to estimate besides those of the file")
-    add("--fix", metavar="NAME", **options.SEVERAL, help="numbers to leave as they are")
+    add("--fix", metavar="NAME", **options.SEVERAL, help="numbers not to estimate")
     add("--optimizer", metavar="NAME", default="ps-gde", help="see stoop compare --help (default: ps-gde)")
     add("--evaluations", metavar="N", type=options.at_least_one, default=2000, help=evaluations)
-    add("--seed", metavar="N", type=options.count, default=0, help="of the search (default: 0)")
+    add("--seed", metavar="N", type=options.count, default=0, help="seed of the search (default: 0)")
 
 
 def design(arguments: argparse.Namespace) -> int:

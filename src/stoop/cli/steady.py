@@ -32,10 +32,10 @@ def _point_arguments(parser: argparse.ArgumentParser, reductions: list[str], red
     add("vehicle", metavar="VEHICLE", help=options.VEHICLE_HELP)
     options.add_condition(parser, f"m/s (default: {options.HOVERING})")
     options.add_climb_angle(parser)
-    add("--velocity", **three, help="on rotors: m/s over ground, north, east, down (default: 0 0 0)")
-    add("--wind", **three, help="on rotors: m/s, blowing north, east, down")
+    add("--velocity", **three, help="on rotors: velocity over ground, m/s (default: 0 0 0)")
+    add("--wind", **three, help="on rotors: wind, m/s, towards north, east, down")
     add("--heading", metavar="DEG", type=heading, default=0.0, help="on rotors: degrees (default: 0)")
-    density = "kg/m3, instead of what the vehicle file says"
+    density = "kg/m3, instead of the density of the vehicle file"
     add("--density", metavar="RHO", type=options.within(1e-6, 10_000.0, "kg/m3"), help=density)
     add("--reduce", choices=reductions, help=reduced)
 

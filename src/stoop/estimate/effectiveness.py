@@ -48,10 +48,9 @@ class HoverLimits:
     block: float = 1.0  #: s; commands correlate for a few tenths of a second
     max_speed: float = 3.0  #: m/s; above, drag and inflow are not small
     prior_flights: float = 6.0  #: number of flights that they count as
-    slope_std: float = (
-        0.3  #: prior of the voltage slope; without a correction thrust goes with voltage squared
-    )
-    lift_std: float = 0.01  #: relative scatter of the lift between flights, counted as `LIFT_FLIGHTS` flights
+    #: prior of the voltage slope; without a correction thrust goes with voltage squared
+    slope_std: float = 0.3
+    lift_std: float = 0.01  #: relative scatter of the lift between flights, counted as `lift_flights` flights
     lift_flights: float = 3.0
     #: difference of squares that separates two explanations (1 % of chi-square, one degree)
     distinct: float = 6.63
@@ -91,25 +90,17 @@ class Balance:
         return "rotors.nominal_voltage" in self.vehicle.rows
 
     @cached_property
-    def directions(self) -> FloatArray:
-        """Shape (3, n): unit vector of each rotor's thrust, body axes."""
-        axes = [self._point(f"rotor.{name}.axis", (0.0, 0.0, -1.0)) for name in self.vehicle.rotors]
-        return np.array([a / np.linalg.norm(a) for a in axes]).T
-
-    @cached_property
     def of_thrust(self) -> FloatArray:
         """Shape (4, n): lift and moments (roll, pitch, yaw; m) of a thrust of 1 N of each rotor."""
         center = self._point("mass.center_of_gravity")
         arms = np.array([self._point(f"rotor.{name}.position") - center for name in self.vehicle.rotors])
-        return np.vstack([-self.directions[2], np.cross(arms, self.directions.T).T])
+        return np.vstack([-self._axes.T[2], np.cross(arms, self._axes).T])
 
     @cached_property
     def of_torque(self) -> FloatArray:
         """Shape (4, n): what a torque of 1 N m of each rotor does."""
-        turns = np.array(
-            [1.0 if self.vehicle.file.rotor[n].spin == "ccw" else -1.0 for n in self.vehicle.rotors]
-        )
-        return np.vstack([np.zeros(len(self.vehicle.rotors)), -turns * self.directions])
+        turns = [1.0 if self.vehicle.file.rotor[n].spin == "ccw" else -1.0 for n in self.vehicle.rotors]
+        return np.vstack([np.zeros(len(turns)), -np.array(turns) * self._axes.T])
 
     @cached_property
     def arm(self) -> float:
@@ -121,26 +112,29 @@ class Balance:
 
         Commands are those recorded, channel -> (k,), with ``voltage``, V, where the vehicle needs it.
         """
+        number = self._number
         recorded = np.array([commands[rotor.channel] for rotor in self.vehicle.file.rotor.values()])
-        x = self._number("rotors.gain", 1.0) * np.maximum(recorded - self._number("rotors.idle"), 0.0)
+        x = number("rotors.gain", 1.0) * np.maximum(recorded - number("rotors.idle"), 0.0)
         if self.needs_voltage:
-            x = x * commands["voltage"] / self._number("rotors.nominal_voltage")
+            x = x * commands["voltage"] / number("rotors.nominal_voltage")
         factor, torque_factor = (
-            np.array([self._number(f"rotor.{name}.{last}", 1.0) for name in self.vehicle.rotors])[:, None]
+            np.array([number(f"rotor.{name}.{last}", 1.0) for name in self.vehicle.rotors])[:, None]
             for last in ("factor", "torque_factor")
         )
-        thrust = self._polynomial("T", x)
-        by_ratio = "rotors.torque_ratio" in self.vehicle.rows
-        torque = self._number("rotors.torque_ratio") * thrust if by_ratio else self._polynomial("Q", x)
+        thrust, torque = (np.polyval([number(f"rotors.{c}{i}") for i in (2, 1, 0)], x) for c in "TQ")
+        if "rotors.torque_ratio" in self.vehicle.rows:
+            torque = number("rotors.torque_ratio") * thrust
         return factor * thrust, factor * torque_factor * torque
 
     def loads(self, thrust: FloatArray, torque: FloatArray) -> FloatArray:
         """Return (4, n) what thrust (n,) and torque (n,) of each rotor do: lift, N, and moments, N m."""
         return np.asarray(self.of_thrust * thrust + self.of_torque * torque)
 
-    def _polynomial(self, letter: str, x: FloatArray) -> FloatArray:
-        zeroth, first, second = (self._number(f"rotors.{letter}{i}") for i in range(3))
-        return np.asarray(zeroth + x * (first + x * second))
+    @property
+    def _axes(self) -> FloatArray:
+        """Shape (n, 3): unit vector of each rotor's thrust, body axes."""
+        axes = [self._point(f"rotor.{name}.axis", (0.0, 0.0, -1.0)) for name in self.vehicle.rotors]
+        return np.array([a / np.linalg.norm(a) for a in axes])
 
     def _number(self, name: str, default: float = 0.0) -> float:
         return self.vehicle.value(name) if name in self.vehicle.rows else default
@@ -169,8 +163,8 @@ def hover(flight: Flight, balance: Balance) -> Hover:
     whatever the motion in between. A FlightError says that a command is missing, the flight too short or too fast.
     """
     recorded = {str(name) for name in flight.data.data_vars}
-    channels = [rotor.channel for rotor in balance.vehicle.file.rotor.values()]
-    needed = [*channels, *(["voltage"] if balance.needs_voltage else [])]
+    needed = [rotor.channel for rotor in balance.vehicle.file.rotor.values()]
+    needed += ["voltage"] if balance.needs_voltage else []
     if missing := [name for name in needed if name not in recorded]:
         raise FlightError(
             f"{flight.name}: {', '.join(missing)} not recorded; log the commands of all rotors, or name them in a mapping"
@@ -182,13 +176,13 @@ def hover(flight: Flight, balance: Balance) -> Hover:
         )
     thrust, torque = balance.drive(commands)
     total = thrust.sum(axis=0)
-    turning = total[np.isfinite(total) & (total > 0.0)]
-    if not turning.size:
+    turning = np.isfinite(total) & (total > 0.0)
+    if not turning.any():
         raise FlightError(
             f"{flight.name}: the motors are off throughout; choose a log of a flight, and check the commands' unit"
         )
     cut, inside = round(LIMITS.settle * flight.rate), np.zeros(total.size, dtype=bool)
-    for stretch in run_slices(np.isfinite(total) & (total > LIMITS.airborne * np.median(turning))):
+    for stretch in run_slices(turning & (total > LIMITS.airborne * np.median(total[turning]))):
         inside[stretch.start + cut : max(stretch.stop - cut, 0)] = True
     seconds = float(inside.sum()) / flight.rate
     if seconds < LIMITS.min_duration:
@@ -211,7 +205,7 @@ def hover(flight: Flight, balance: Balance) -> Hover:
     blocks = sums[:, : count * size].reshape(4, count, size).mean(axis=2)
     voltage = float(np.mean(commands["voltage"][inside])) if "voltage" in commands else np.nan
     means, covariance = (thrust.mean(axis=1), torque.mean(axis=1)), np.asarray(np.cov(blocks) / count)
-    return Hover(flight.name, *means, covariance, voltage, sums.shape[1] / flight.rate)
+    return Hover(flight.name, *means, covariance, voltage, seconds)
 
 
 def pooled(flights: Sequence[Hover]) -> Hover:
@@ -240,16 +234,13 @@ def battery(lifts: Sequence[FloatArray], voltages: Sequence[FloatArray]) -> Batt
 
     Lifts (k,) of each group are in any unit, voltages (k,) in V; a group with an unknown one is ignored.
     """
-    known = [i for i, v in enumerate(voltages) if v.size > 1 and np.isfinite(v).all()]
+    known = [(y, x) for y, x in zip(lifts, voltages, strict=True) if x.size > 1 and np.isfinite(x).all()]
     if not known:
         return Battery()
-    y = np.concatenate([lifts[i] / lifts[i].mean() - 1.0 for i in known])
-    x = np.concatenate([voltages[i] / voltages[i].mean() - 1.0 for i in known])
+    y, x = (np.concatenate([v / v.mean() - 1.0 for v in column]) for column in zip(*known, strict=True))
     plain = float(x @ y) / max(float(x @ x), 1e-12)
-    freedom = max(y.size - len(known) - 1, 0)
-    noise = (LIMITS.lift_flights * LIMITS.lift_std**2 + float(np.sum((y - plain * x) ** 2))) / (
-        LIMITS.lift_flights + freedom
-    )
+    flights = LIMITS.lift_flights + max(y.size - len(known) - 1, 0)
+    noise = (LIMITS.lift_flights * LIMITS.lift_std**2 + float(np.sum((y - plain * x) ** 2))) / flights
     information = float(x @ x) / noise + LIMITS.slope_std**-2
     return Battery(float(x @ y) / noise / information, information**-0.5)
 
@@ -280,7 +271,7 @@ class Reference:
     @cached_property
     def units(self) -> FloatArray:
         """Weight, N, weight times arm (twice), N m, and torque of all rotors, N m, as commanded in the healthy flights."""
-        weight = float(np.mean([self.balance.of_thrust[0] @ h.thrust for h in self.flights]))
+        weight = float(np.mean([self._lift(h) for h in self.flights]))
         torque = float(np.mean([np.abs(self.balance.of_torque[3]) @ h.torque for h in self.flights]))
         return np.array([weight, weight * self.balance.arm, weight * self.balance.arm, torque])
 
@@ -288,7 +279,7 @@ class Reference:
     def battery(self) -> Battery:
         """Effect of the voltage on the commanded lift."""
         groups = (self.flights, *self.others, *self.repeats)
-        lifts = [np.array([self.balance.of_thrust[0] @ h.thrust for h in group]) for group in groups]
+        lifts = [np.array([self._lift(h) for h in group]) for group in groups]
         return battery(lifts, [np.array([h.voltage for h in group]) for group in groups])
 
     @cached_property
@@ -338,6 +329,10 @@ class Reference:
         scatter = hover.covariance + sum(h.covariance for h in self.flights) / len(self.flights) ** 2
         return np.asarray(scatter / np.outer(self.units, self.units))
 
+    def _lift(self, hover: Hover) -> float:
+        """Return the commanded lift, N."""
+        return float(self.balance.of_thrust[0] @ hover.thrust)
+
     def _voltage_change(self, hover: Hover) -> float:
         """Return the relative difference of its voltage from the healthy flights'; zero where it is unknown."""
         change = hover.voltage / self.voltage - 1.0
@@ -386,36 +381,32 @@ class Assessment:
 
 
 def assess(hover: Hover, reference: Reference) -> Assessment:
-    """Compare a flight with the healthy ones."""
+    """Compare a flight with the healthy ones: the least-squares size of each rotor's loss, and of a mass near it."""
     units, rotors = reference.units, reference.balance.vehicle.rotors
     whiten = np.linalg.inv(np.linalg.cholesky(reference.covariance(hover)))
     d = whiten @ (reference.sums(hover) - reference.level)
-    load = reference.balance.of_thrust * np.array([1.0, 1.0, 1.0, 0.0])[:, None]
-    losses, masses = (
-        tuple(_explain(name, whiten @ c, d) for name, c in zip(rotors, columns.T, strict=True))
-        for columns in (reference.columns(hover), load * units[0] / units[:, None])
-    )
-    distance = float(np.sum(d**2))
-    return Assessment(hover.name, losses, masses, distance, reference.degrees, hover.voltage)
+
+    def explained(columns: FloatArray) -> tuple[Explanation, ...]:
+        out = []
+        for rotor, column in zip(rotors, [whiten @ c for c in columns.T], strict=True):
+            squares = float(column @ column)
+            if squares > 0.0:
+                size = float(column @ d) / squares
+                out.append(Explanation(rotor, size, squares**-0.5, float(np.sum((d - size * column) ** 2))))
+            else:  # a rotor that was never commanded cannot lose thrust
+                out.append(Explanation(rotor, 0.0, float("inf"), float(d @ d)))
+        return tuple(out)
+
+    masses = reference.balance.of_thrust * np.array([[1.0], [1.0], [1.0], [0.0]]) * units[0] / units[:, None]
+    weak, mass = explained(reference.columns(hover)), explained(masses)
+    return Assessment(hover.name, weak, mass, float(np.sum(d**2)), reference.degrees, hover.voltage)
 
 
 def leave_one_out(reference: Reference) -> tuple[Assessment, ...]:
     """Compare each healthy flight with the others; nothing where it is the only one."""
-    flights = reference.flights
-    if len(flights) < 2:
-        return ()
-    return tuple(
-        assess(h, replace(reference, flights=tuple(o for o in flights if o is not h))) for h in flights
-    )
-
-
-def _explain(rotor: str, column: FloatArray, d: FloatArray) -> Explanation:
-    """Return the least-squares size of one column in d, both whitened."""
-    squares = float(column @ column)
-    if squares <= 0.0:  # a rotor that was never commanded cannot lose thrust
-        return Explanation(rotor, 0.0, float("inf"), float(d @ d))
-    size = float(column @ d) / squares
-    return Explanation(rotor, size, squares**-0.5, float(np.sum((d - size * column) ** 2)))
+    flights = reference.flights if len(reference.flights) > 1 else ()
+    others = (replace(reference, flights=tuple(o for o in flights if o is not h)) for h in flights)
+    return tuple(map(assess, flights, others))
 
 
 @dataclass(frozen=True)
@@ -451,11 +442,8 @@ def indistinct(assessment: Assessment) -> tuple[str, ...]:
     best = assessment.suspected
     if not best.size > 0.0:
         return ()
-    rivals = [
-        s
-        for s in assessment.weak
-        if s is not best and s.size > 0.0 and s.unexplained - best.unexplained < LIMITS.distinct
-    ]
+    limit = best.unexplained + LIMITS.distinct
+    rivals = [s for s in assessment.weak if s is not best and s.size > 0.0 and s.unexplained < limit]
     return best.rotor, *(s.rotor for s in sorted(rivals, key=lambda s: s.unexplained))
 
 
@@ -483,11 +471,10 @@ def advice(
         """Return the loss of the best-observed rotor that is detected, with so many more healthy flights."""
         columns = reference.columns(hover)
         squares = np.einsum("ik,ij,jk->k", columns, np.linalg.inv(covariance), columns)
-        smallest = float(squares.max() ** -0.5)
-        return _detectable_sigmas(reference.degrees + more, columns.shape[1], chance) * smallest
+        sigmas = _detectable_sigmas(reference.degrees + more, columns.shape[1], chance)
+        return sigmas * float(squares.max() ** -0.5)
 
-    every = ((detectable(h, reference.covariance(h)), h) for h in flights)
-    now, worst = max(every, key=lambda pair: pair[0])
+    now, worst = max(((detectable(h, reference.covariance(h)), h) for h in flights), key=lambda pair: pair[0])
     count, out = len(reference.flights), []
     then = detectable(worst, reference.between(worst, count))
     if then < LIMITS.helps * now:
@@ -495,11 +482,8 @@ def advice(
     if count < LIMITS.many:
         covariance = reference.between(worst, LIMITS.many) + reference.within(worst)
         then = detectable(worst, covariance, LIMITS.many - count)
-        if count == 1:
-            out.append(notice("rotors-second-healthy", now=now, then=then, count=LIMITS.many))
-        elif then < LIMITS.helps * now:
-            out.append(notice("rotors-more-healthy", now=now, then=then, count=LIMITS.many))
+        if count == 1 or then < LIMITS.helps * now:
+            code = "rotors-second-healthy" if count == 1 else "rotors-more-healthy"
+            out.append(notice(code, now=now, then=then, count=LIMITS.many))
     named = tuple(dict.fromkeys(name for v in verdicts if v.kind != "mass" for name in v.rotors))
-    if named:
-        out.append(notice("rotors-swap-propellers", rotors=named, count=len(named)))
-    return tuple(out)
+    return (*out, *([notice("rotors-swap-propellers", rotors=named, count=len(named))] if named else []))

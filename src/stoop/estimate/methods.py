@@ -46,7 +46,7 @@ class Method:
     fit: str  #: ``"module:function"``, see the head of this module
     purpose: str  #: what it is for, in a few words
     simulates: bool = (
-        True  #: whether residuals are those of a simulation, which bootstrap, posterior and profile refit
+        True  #: whether residuals are those of a simulation, whose likelihood posterior and profile show
     )
 
     def fitter(self) -> Callable[..., Any]:

@@ -13,13 +13,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from stoop.kernels.lanes import header, input_tuples, next_inputs, stepping
+from stoop.kernels.lanes import input_tuples, model_source, next_inputs
 
 if TYPE_CHECKING:
     from stoop.kernels.emit import Emitted
 
 WIDTH = 8
-_LANES = f"LANES = {WIDTH}\n"
 
 SIGNATURES = {
     "run_filter": (
@@ -40,15 +39,15 @@ RICCATI_SIGNATURES = {
 
 
 def filter_source(emitted: Emitted) -> str:
-    """Write the module of the time loop: header, the model's functions, the loop."""
+    """Write the module of the time loop: the model's functions, the loop."""
     e = replace(emitted, groups=1)
-    return "\n\n".join([header(e), e.source, e.correction, f"{_LANES}{stepping(e)}{_helpers(e)}{_loop(e)}"])
+    return model_source(e) + _helpers(e) + _loop(e)
 
 
 def step_source(emitted: Emitted) -> str:
     """Write the module of single steps and moves of a state, for which no lanes are needed."""
     e = replace(emitted, groups=1)
-    return "\n\n".join([header(e), e.source, e.correction, f"{_LANES}{stepping(e)}{_steps(e)}"])
+    return model_source(e) + _steps(e)
 
 
 def riccati_source() -> str:

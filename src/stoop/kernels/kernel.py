@@ -22,6 +22,7 @@ from stoop.base.arrays import FloatArray
 from stoop.errors import KernelError
 from stoop.kernels import cache
 from stoop.kernels.fingerprint import environment
+from stoop.kernels.lanes import LOOPS
 from stoop.kernels.symbolic import SymbolicModel
 
 
@@ -217,30 +218,44 @@ def fits(name: str, array: NDArray[Any], shape: tuple[int, ...]) -> None:
 
 
 class _SourceLoader(SourceFileLoader):
-    """Reads the source and leaves no byte code beside it: the sealed folder must not change."""
+    """Runs a source and leaves no byte code beside its file: the sealed folder must not change."""
+
+    def __init__(self, name: str, path: str, source: str) -> None:
+        super().__init__(name, path)
+        self.source = source
 
     def get_code(self, fullname: str) -> CodeType:
-        path = self.get_filename(fullname)
-        code: CodeType = self.source_to_code(self.get_data(path), path)
+        code: CodeType = self.source_to_code(self.source.encode(), self.get_filename(fullname))
         return code
+
+
+_models: dict[str, dict[str, Any]] = {}  #: by their source, the functions of models that this process has run
 
 
 def import_generated(folder: Path, key: str, name: str) -> ModuleType:
     """Return the module ``name.py`` of a folder, imported under a name of its own, with Numba's files beside it.
 
     They lie beside the source even where the user sends them to another folder: no checksum would guard them there, and
-    a damaged one ends the process.
+    a damaged one ends the process. Modules of one model share its functions, so that Numba compiles these once.
     """
     from numba import config
 
     unique = f"_stoop_kernel_{key}_{name}"  # Numba's files hold this name: it may not depend on the folder
-    loader = _SourceLoader(unique, str(folder / f"{name}.py"))
+    path = folder / f"{name}.py"
     module = ModuleType(unique)
-    module.__file__ = loader.path
+    module.__file__ = str(path)
     sys.modules[unique] = module
+    source = path.read_text(encoding="utf-8")
+    model, mark, loops = source.partition(LOOPS)
     wanted, config.CACHE_DIR = config.CACHE_DIR, ""
     try:
-        loader.exec_module(module)
+        if mark:
+            if model not in _models:
+                _SourceLoader(unique, str(path), model).exec_module(module)
+                _models[model] = {n: f for n, f in vars(module).items() if not n.startswith("__")}
+            vars(module).update(_models[model])
+            source = "\n" * (model + mark).count("\n") + loops  # Numba's files are named by lines
+        _SourceLoader(unique, str(path), source).exec_module(module)
     finally:
         config.CACHE_DIR = wanted
     return module
@@ -267,13 +282,12 @@ def _open(folder: Path, key: str, name: str) -> ModuleType:
 def _write_sources(folder: Path, model: SymbolicModel) -> None:
     from stoop.kernels.emit import emit
     from stoop.kernels.filter import filter_source, step_source
-    from stoop.kernels.lanes import header, lanes, loop_source
+    from stoop.kernels.lanes import lanes, loop_source
     from stoop.kernels.windows import windows_source
 
     emitted = emit(model)
     for name in ("shared", "per_lane"):
-        body = loop_source(emitted, name == "per_lane")
-        (folder / f"{name}.py").write_text(header(emitted) + "\n\n" + emitted.source + "\n\n" + body)
+        (folder / f"{name}.py").write_text(loop_source(emitted, name == "per_lane"))
     for name, source in (("filtering", filter_source), ("steps", step_source)):
         (folder / f"{name}.py").write_text(source(emitted) if emitted.moves else "# no filter\n")
     (folder / "windows.py").write_text(windows_source(emitted))

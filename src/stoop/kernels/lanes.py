@@ -25,6 +25,7 @@ if TYPE_CHECKING:  # a warm start needs the signatures below, but no SymPy
 
 WIDTH = 8  #: of a group: one AVX-512 register of doubles
 _REORDER = ', "reassoc"'  #: among the flags in the runtime header
+LOOPS = "# Loops over time.\n"  #: between the functions that the modules of a model share and those of each module
 
 
 def lanes(e: Emitted) -> int:
@@ -255,9 +256,13 @@ SIGNATURES = {
 }
 
 
-def stepping(e: Emitted) -> str:
-    """Write a step in time, loads and stores of one group."""
-    return _stages(e) + _helpers(e)
+def model_source(e: Emitted) -> str:
+    """Write what all modules of a model begin with: header, its functions, a step in time, loads and stores of a group.
+
+    A process compiles these functions once, whichever of the modules it compiles (:data:`LOOPS`).
+    """
+    parts = [header(e), e.source, e.correction, f"LANES = {lanes(e)}\n{_stages(e)}{_helpers(e)}"]
+    return "\n\n".join(parts) + f"\n\n{LOOPS}"
 
 
 def input_tuples(e: Emitted) -> str:
@@ -266,11 +271,12 @@ def input_tuples(e: Emitted) -> str:
 
 
 def loop_source(e: Emitted, per_lane: bool) -> str:
-    """Write all that follows the model's functions in the generated module."""
-    parts = [stepping(e), _input_loads(e) if per_lane else "", _loops(e, per_lane)]
-    return f"LANES = {lanes(e)}\n" + "".join(parts)
+    """Write the module of costs and trajectories."""
+    return model_source(e) + (_input_loads(e) if per_lane else "") + _loops(e, per_lane)
 
 
 def signatures(per_lane: bool) -> dict[str, str]:
-    """Return the Numba signature of each entry point."""
-    return {name: s.format(U="f8[::1]" if per_lane else "f8[:,::1]") for name, s in SIGNATURES.items()}
+    """Return the Numba signature of each entry point; single points are evaluated by the module of shared inputs."""
+    inputs = "f8[::1]" if per_lane else "f8[:,::1]"
+    entries = ("run_cost", "run_outputs") if per_lane else tuple(SIGNATURES)
+    return {name: SIGNATURES[name].format(U=inputs) for name in entries}

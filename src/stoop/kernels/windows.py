@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stoop.base.arrays import FloatArray
-from stoop.kernels.lanes import header, indent, next_inputs, stepping
+from stoop.kernels.lanes import indent, model_source, next_inputs
 
 if TYPE_CHECKING:
     from stoop.kernels.emit import Emitted
@@ -83,9 +83,9 @@ def _whole(name: str, values: IntArray, count: int) -> IntArray:
 
 
 def windows_source(emitted: Emitted) -> str:
-    """Write a whole module: header, the model's functions, the loop."""
+    """Write a whole module: the model's functions, the loop."""
     e = replace(emitted, groups=1)
-    return "\n\n".join([header(e), e.source, f"LANES = {WIDTH}\n{stepping(e)}{_loop(e)}"])
+    return model_source(e) + _loop(e)
 
 
 def _loads(e: Emitted, first: int) -> str:

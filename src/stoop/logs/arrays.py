@@ -36,18 +36,11 @@ MIN_RISING: Final = 0.9  #: share of the steps of a clock that go forward
 
 @dataclass(frozen=True)
 class Array:
-    """One array of a file.
+    """One array of a file."""
 
-    Attributes
-    ----------
-    place : names of the structures that hold it, and its own
-    values : (n,) or (n, k), or (k, n), numbers
-    unit : as the file states it
-    """
-
-    place: tuple[str, ...]
-    values: npt.NDArray[Any]
-    unit: str = ""
+    place: tuple[str, ...]  #: names of the structures that hold it, and its own
+    values: npt.NDArray[Any]  #: (n,) or (n, k), or (k, n), numbers
+    unit: str = ""  #: as the file states it
 
 
 @dataclass(frozen=True)

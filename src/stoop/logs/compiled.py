@@ -34,8 +34,7 @@ _DATAFLASH: Final = {
 }
 _CALLED: Final = {
     "ulog": (
-        "is_name", "is_time", "data_level", "sync_level", "key_level", "text_level", "short_level", "level", "is_chain",
-        "seek", "classify", "count",
+        "is_name", "is_time", "data_level", "sync_level", "key_level", "level", "is_chain", "seek", "classify", "count",
     ),
     "dataflash": ("is_mark", "find", "define", "add_gap"),
 }  #: functions that the entries call  # fmt: skip

@@ -17,6 +17,7 @@ import mmap
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Final
 
@@ -26,7 +27,7 @@ import numpy.typing as npt
 from stoop.base.arrays import FloatArray
 from stoop.errors import LogError, listed, one_line
 from stoop.logs.dataflash_walk import gather, ignore, survey
-from stoop.logs.recording import Defect, Recording, Stream, clean_stream, unreadable
+from stoop.logs.recording import Defect, Numbers, Recording, Stream, clean_stream, unreadable
 
 TYPES: Final = {
     "a": "(32,)<i2", "b": "<i1", "B": "<u1", "h": "<i2", "H": "<u2", "i": "<i4", "I": "<u4",
@@ -43,28 +44,19 @@ SPELLINGS: Final = {
     "m/s/s": "m/s2", "deg/s/s": "deg/s2", "rad/s/s": "rad/s2", "N.m": "N m", "Watt": "W",
     "degheading": "deg", "deglatitude": "deg", "deglongitude": "deg", "UNKNOWN": "", "instance": "",
 }  #: unit as ArduPilot writes it -> as stoop does; the rest is the same  # fmt: skip
-DESCRIPTIVE: Final = frozenset(
-    {"FMT", "FMTU", "UNIT", "MULT", "PARM", "MSG", "VER"}
-)  #: kinds without channels
+#: kinds without channels
+DESCRIPTIVE: Final = frozenset({"FMT", "FMTU", "UNIT", "MULT", "PARM", "MSG", "VER"})
 FIRMWARE: Final = re.compile(r"\b(Ardu\w+|APM:?\w+|Blimp|AntennaTracker)\b.*\d+\.\d+")
 
 
 @dataclass(frozen=True)
 class Limits:
-    """What is kept of a log.
+    """What is kept of a log."""
 
-    Attributes
-    ----------
-    instances : of one kind of messages; ArduPilot numbers 32 actuators at most
-    parameters : a vehicle has some 1500
-    texts : messages of the autopilot
-    places : damaged places that are listed one by one
-    """
-
-    instances: int = 64
-    parameters: int = 20_000
-    texts: int = 500
-    places: int = 10
+    instances: int = 64  #: of one kind of messages; ArduPilot numbers 32 actuators at most
+    parameters: int = 20_000  #: a vehicle has some 1500
+    texts: int = 500  #: messages of the autopilot
+    places: int = 10  #: damaged places that are listed one by one
 
 
 LIMITS: Final = Limits()
@@ -72,22 +64,13 @@ LIMITS: Final = Limits()
 
 @dataclass(frozen=True)
 class Layout:
-    """The layout of one kind of messages.
+    """The layout of one kind of messages."""
 
-    Attributes
-    ----------
-    kind : id, the third byte of each message
-    name : such as "IMU"
-    letters : one for each column
-    columns : names, without repetition
-    scaled : columns whose letter has a divisor
-    """
-
-    kind: int
-    name: str
-    letters: str
-    columns: tuple[str, ...]
-    scaled: frozenset[str]
+    kind: int  #: id, the third byte of each message
+    name: str  #: such as "IMU"
+    letters: str  #: one for each column
+    columns: tuple[str, ...]  #: names, without repetition
+    scaled: frozenset[str]  #: columns whose letter has a divisor
 
     @property
     def row(self) -> np.dtype[Any]:
@@ -136,43 +119,21 @@ class Messages:
             return []
         return [decoded(value) for value in self.rows[str(self.layout.columns.index(column))]]
 
+    @cached_property
+    def columns(self) -> Numbers:
+        """Columns of numbers, those of a letter "a" as "name[0]", "name[1]"."""
+        raw: dict[str, npt.NDArray[Any]] = {}
+        for i, (name, letter) in enumerate(zip(self.layout.columns, self.layout.letters, strict=True)):
+            if letter == "a":
+                raw |= {f"{name}[{k}]": self.rows[str(i)][:, k] for k in range(32)}
+            elif letter not in TEXTS:
+                raw[name] = self.rows[str(i)]
+        letters = zip(self.layout.columns, self.layout.letters, strict=True)
+        return Numbers(raw, divisors={n: DIVISORS[x] for n, x in letters if x in DIVISORS})
+
     def numbers(self, column: str) -> FloatArray:
         """Return a column of numbers; empty if it holds none."""
-        columns = Columns(self.layout, self.rows)
-        return columns[column] if column in columns else np.empty(0)
-
-
-class Columns(Mapping[str, FloatArray]):
-    """Numeric columns of the messages of one kind, converted to float64 on access.
-
-    Parameters
-    ----------
-    layout : of the messages
-    rows : (n,) their bodies
-    without : a column that is not among them, such as the clock
-    """
-
-    def __init__(self, layout: Layout, rows: npt.NDArray[Any], without: str = "") -> None:
-        self._rows = rows
-        self._places: dict[str, tuple[str, int | None, float]] = {}  # field, element, divisor
-        for i, (name, letter) in enumerate(zip(layout.columns, layout.letters, strict=True)):
-            if letter == "a" and name != without:
-                self._places |= {f"{name}[{k}]": (str(i), k, 1.0) for k in range(32)}
-            elif letter not in TEXTS and name != without:
-                self._places[name] = str(i), None, DIVISORS.get(letter, 1.0)
-
-    def __getitem__(self, name: str) -> FloatArray:
-        field, element, divisor = self._places[name]
-        values = self._rows[field] if element is None else self._rows[field][:, element]
-        with np.errstate(invalid="ignore"):  # a signaling NaN is a NaN
-            numbers = np.asarray(values, dtype=np.float64)
-        return numbers / divisor if divisor != 1.0 else numbers
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._places)
-
-    def __len__(self) -> int:
-        return len(self._places)
+        return self.columns[column] if column in self.columns else np.empty(0)
 
 
 def read_dataflash(path: Path, topics: frozenset[str] | None = None) -> Recording:
@@ -327,9 +288,12 @@ def _streams(kind: Messages, numbered: str | None, defects: list[Defect]) -> Ite
             defects.append(Defect("skipped", layout.name, message))
     for number, part in instances.items():
         place = f"{layout.name}/{number}" if number else layout.name
-        columns = Columns(layout, part, clock)
+        known = Messages(layout, part).columns
+        columns = Numbers(
+            {name: x for name, x in known.raw.items() if name != clock}, divisors=known.divisors
+        )
         if columns:
-            stream, dropped = clean_stream(place, Columns(layout, part)[clock] * period, columns)
+            stream, dropped = clean_stream(place, known[clock] * period, columns)
             defects.extend(dropped)
             if stream.time.size:
                 yield place, stream

@@ -110,27 +110,17 @@ def walk(
 
 @dataclass(frozen=True)
 class Survey:
-    """Result of one walk.
+    """Result of one walk."""
 
-    Attributes
-    ----------
-    definitions : (layouts, 86) bodies of the FMT messages in their order; the first is that of FMT itself
-    length : (layouts,) bytes of a message with its head of 3
-    count : (layouts,) messages
-    unknown : (256,) messages of each id that was not defined before them
-    gaps : (gaps, 2) first byte of a damaged place and first after it; the first 64 of them
-    damaged, lost : number of damaged places, and bytes in all of them
-    cut : place of a last message that is cut; -1 if there is none
-    """
-
+    #: (layouts, 86) bodies of the FMT messages in their order; the first is that of FMT itself
     definitions: Bytes
-    length: Integers
-    count: Integers
-    unknown: Integers
-    gaps: Integers
-    damaged: int
+    length: Integers  #: (layouts,) bytes of a message with its head of 3
+    count: Integers  #: (layouts,) messages
+    unknown: Integers  #: (256,) messages of each id that was not defined before them
+    gaps: Integers  #: (gaps, 2) first byte of a damaged place and first after it; the first 64 of them
+    damaged: int  #: number of damaged places, and bytes in all of them
     lost: int
-    cut: int
+    cut: int  #: place of a last message that is cut; -1 if there is none
 
 
 def ignore(at: int) -> None:

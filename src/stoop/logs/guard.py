@@ -40,18 +40,11 @@ TASK, RESULT = "task.json", "result.json"
 
 @dataclass(frozen=True)
 class Limits:
-    """Limits of a child process.
+    """Limits of a child process."""
 
-    Attributes
-    ----------
-    memory : bytes of address space (where the system can limit it)
-    seconds : of processor time
-    wall : seconds of elapsed time
-    """
-
-    memory: int = 4 * 2**30
-    seconds: int = 30
-    wall: int = 120
+    memory: int = 4 * 2**30  #: bytes of address space (where the system can limit it)
+    seconds: int = 30  #: of processor time
+    wall: int = 120  #: seconds of elapsed time
 
     @classmethod
     def of(cls, path: Path) -> Limits:

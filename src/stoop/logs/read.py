@@ -17,25 +17,16 @@ PULSE: Final = b"\xa3\x95"  #: begins each message of a DataFlash log
 
 @dataclass(frozen=True)
 class Format:
-    """How the files of one format are recognized and read.
+    """How the files of one format are recognized and read."""
 
-    Attributes
-    ----------
-    reader : "module:function" below `stoop.logs`; imported only when it is needed
-    magic : first bytes
-    endings : of the name, where the content does not tell
-    name : in messages, of a format that a library reads in a child process (`stoop.logs.guard`); else empty
-    package, extra : of a library that is not among stoop's dependencies
-    hdf5_only : whether only files of HDF5 need the package
-    """
-
-    reader: str
-    magic: tuple[bytes, ...] = ()
-    endings: tuple[str, ...] = ()
+    reader: str  #: "module:function" below `stoop.logs`; imported only when it is needed
+    magic: tuple[bytes, ...] = ()  #: first bytes
+    endings: tuple[str, ...] = ()  #: of the name, where the content does not tell
+    #: in messages, of a format that a library reads in a child process (`stoop.logs.guard`); else empty
     name: str = ""
-    package: str = ""
+    package: str = ""  #: of a library that is not among stoop's dependencies
     extra: str = ""
-    hdf5_only: bool = False
+    hdf5_only: bool = False  #: whether only files of HDF5 need the package
 
 
 FORMATS: Final = {

@@ -20,16 +20,10 @@ MAX_SORTED: Final = 2_000_000  #: samples, an hour at 400 Hz and more; sorting t
 
 @dataclass(frozen=True)
 class Stream:
-    """Channels that were recorded together.
+    """Channels that were recorded together."""
 
-    Attributes
-    ----------
-    time : (n,) s, on the log's own clock, finite and strictly increasing
-    columns : name -> (n,) values as recorded, in the log's own units
-    """
-
-    time: FloatArray
-    columns: Mapping[str, FloatArray]
+    time: FloatArray  #: (n,) s, on the log's own clock, finite and strictly increasing
+    columns: Mapping[str, FloatArray]  #: name -> (n,) values as recorded, in the log's own units
 
     @property
     def period(self) -> float:
@@ -39,18 +33,11 @@ class Stream:
 
 @dataclass(frozen=True)
 class Defect:
-    """A fault in a log in spite of which the rest was read.
+    """A fault in a log in spite of which the rest was read."""
 
-    Attributes
-    ----------
-    kind : "time order", "truncated", "corrupt", "dropout", "text", "skipped" or "no clock"
-    place : file, topic or column
-    message : one plain sentence
-    """
-
-    kind: str
-    place: str
-    message: str
+    kind: str  #: "time order", "truncated", "corrupt", "dropout", "text", "skipped" or "no clock"
+    place: str  #: file, topic or column
+    message: str  #: one plain sentence
 
     def __str__(self) -> str:
         """Return the defect on one line."""
@@ -59,61 +46,49 @@ class Defect:
 
 @dataclass(frozen=True)
 class Recording:
-    """A log as it was written.
+    """A log as it was written."""
 
-    Attributes
-    ----------
-    path : the file or folder
-    format : "ulog", "px4-csv", "dataflash", "crazyflie", "mat", "parquet", "netcdf", "rosbag", "table" or
-        "stoop-netcdf"
-    streams : topic or file -> Stream; further instances of a topic are called "topic/1", "topic/2"
-    defects : faults in the log
-    attributes : texts and numbers beside the channels (only in netCDF files of stoop)
-    parameters : of the autopilot, at the start of the log
-    info : texts of the log, such as firmware and hardware
-    units : stream -> column -> unit as the file states it; empty where it states none
-    unread : stream -> columns that are in the log but were not asked for; no columns: the whole stream
-    """
-
-    path: Path
+    path: Path  #: the file or folder
+    #: "ulog", "px4-csv", "dataflash", "crazyflie", "mat", "parquet", "netcdf", "rosbag", "table" or "stoop-netcdf"
     format: str
+    #: topic or file -> Stream; further instances of a topic are called "topic/1", "topic/2"
     streams: Mapping[str, Stream]
-    defects: tuple[Defect, ...] = ()
+    defects: tuple[Defect, ...] = ()  #: faults in the log
+    #: texts and numbers beside the channels (only in netCDF files of stoop)
     attributes: Mapping[str, str | float] = field(default_factory=dict)
+    #: of the autopilot, at the start of the log
     parameters: Mapping[str, float] = field(default_factory=dict)
-    info: Mapping[str, str] = field(default_factory=dict)
+    info: Mapping[str, str] = field(default_factory=dict)  #: texts of the log, such as firmware and hardware
+    #: stream -> column -> unit as the file states it; empty where it states none
     units: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    #: stream -> columns that are in the log but were not asked for; no columns: the whole stream
     unread: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
 
+@dataclass(frozen=True, eq=False)
 class Numbers(Mapping[str, FloatArray]):
-    """Columns of any number type, converted to float64 on access: a large log stays small.
+    """Columns of any number type, converted to float64 on access: a large log stays small."""
 
-    Parameters
-    ----------
-    raw : name -> (n,) numbers
-    keep : indices of the valid samples; None means all
-    """
-
-    def __init__(self, raw: Mapping[str, npt.NDArray[Any]], keep: IntArray | None = None) -> None:
-        self._raw = raw
-        self._keep = keep
+    raw: Mapping[str, npt.NDArray[Any]]  #: name -> (n,) numbers
+    keep: IntArray | None = None  #: indices of the valid samples; None means all
+    divisors: Mapping[str, float] = field(default_factory=dict)  #: name -> what its numbers are divided by
 
     def __getitem__(self, name: str) -> FloatArray:
-        values = self._raw[name]
+        values = self.raw[name]
         with np.errstate(invalid="ignore"):  # a signaling NaN in a damaged log is a NaN
-            return np.asarray(values if self._keep is None else values[self._keep], dtype=np.float64)
+            numbers = np.asarray(values if self.keep is None else values[self.keep], dtype=np.float64)
+        return numbers / self.divisors[name] if name in self.divisors else numbers
 
     def __iter__(self) -> Iterator[str]:
-        return iter(self._raw)
+        return iter(self.raw)
 
     def __len__(self) -> int:
-        return len(self._raw)
+        return len(self.raw)
 
     @property
     def nbytes(self) -> int:
         """Bytes of the columns as they are stored."""
-        return sum(values.nbytes for values in self._raw.values())
+        return sum(values.nbytes for values in self.raw.values())
 
 
 def log_size(path: Path) -> int:

@@ -12,7 +12,7 @@ from __future__ import annotations
 import struct
 from collections import Counter
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, BinaryIO, Final, TypeAlias
@@ -36,32 +36,18 @@ Bytes: TypeAlias = npt.NDArray[np.uint8]
 
 @dataclass(frozen=True)
 class Limits:
-    """What is read of a log, and how; a real log stays far below the limits.
+    """What is read of a log, and how; a real log stays far below the limits."""
 
-    Attributes
-    ----------
-    size : bytes of a file
-    columns : of all topics together; a real log has some thousands
-    streams : topics with instances
-    memory : bytes of all rows that are kept
-    events : messages of one kind other than rows; a log of hours has some thousands
-    damages : damaged places after which reading ends
-    listed : defects of a kind that are listed one by one
-    piece : bytes read at a time, beside what the last message needs
-    small : bytes up to which plain Python is done before compiled code is loaded
-    rows : rows listed before they are copied
-    """
-
-    size: int = 2**36
-    columns: int = 200_000
-    streams: int = 20_000
-    memory: int = 2**33
-    events: int = 200_000
-    damages: int = 20_000
-    listed: int = 20
-    piece: int = 2**22
-    small: int = 2**21
-    rows: int = 2**17
+    size: int = 2**36  #: bytes of a file
+    columns: int = 200_000  #: of all topics together; a real log has some thousands
+    streams: int = 20_000  #: topics with instances
+    memory: int = 2**33  #: bytes of all rows that are kept
+    events: int = 200_000  #: messages of one kind other than rows; a log of hours has some thousands
+    damages: int = 20_000  #: damaged places after which reading ends
+    listed: int = 20  #: defects of a kind that are listed one by one
+    piece: int = 2**22  #: bytes read at a time, beside what the last message needs
+    small: int = 2**21  #: bytes up to which plain Python is done before compiled code is loaded
+    rows: int = 2**17  #: rows listed before they are copied
 
 
 LIMITS: Final = Limits()
@@ -87,24 +73,20 @@ def read_ulog(path: Path, topics: frozenset[str] | None = None) -> Recording:
     """
     try:
         with path.open("rb") as file:
-            head, size = file.read(len(MAGIC)), path.stat().st_size
-    except OSError as error:
-        raise unreadable(path, error) from None
-    if not size:
-        raise LogError(f"{path}: the log is empty; copy it again from the autopilot")
-    if head != MAGIC:
-        raise LogError(
-            f"{path}: not a ULog file, its first bytes are wrong; copy it again from the autopilot"
-        )
-    if size > LIMITS.size:
-        raise LogError(f"{path}: larger than {LIMITS.size >> 30} GiB; cut the log to the flight of interest")
-    try:
-        with path.open("rb") as file:
+            size = file.seek(0, 2)
+            file.seek(0)
+            if not size:
+                raise LogError(f"{path}: the log is empty; copy it again from the autopilot")
+            if file.read(len(MAGIC)) != MAGIC:
+                raise LogError(
+                    f"{path}: not a ULog file, its first bytes are wrong; copy it again from the autopilot"
+                )
+            if size > LIMITS.size:
+                most = LIMITS.size >> 30
+                raise LogError(f"{path}: larger than {most} GiB; cut the log to the flight of interest")
             found = scan(file, size, topics)
     except OSError as error:
-        raise LogError(
-            f"{path}: cannot be read ({error.strerror}); copy it again from the autopilot"
-        ) from None
+        raise unreadable(path, error) from None
     except BodyError as error:
         raise LogError(
             f"{path}: cannot be read, {error}; update stoop or convert the log with ulog2csv"
@@ -141,7 +123,7 @@ def _streams(path: Path, found: Scanner) -> tuple[dict[str, Stream], list[Defect
             defects.append(Defect("skipped", path.name, message))
             break
         try:
-            table = rows.table(found.formats.row(rows.topic))
+            table = rows.content[: rows.count * rows.width].view(found.formats.row(rows.topic))
             names = [key for key in table.dtype.names or () if not key.rpartition(".")[2].startswith(PADDING)]
             if "timestamp" not in names:
                 raise BodyError("no field 'timestamp'")
@@ -161,68 +143,54 @@ def _streams(path: Path, found: Scanner) -> tuple[dict[str, Stream], list[Defect
 
 def _file_defects(path: Path, found: Scanner) -> Iterator[Defect]:
     """List what is wrong with the file, each with its place."""
-
-    def at(place: int) -> str:
-        return f"{path.name}, byte {place}"
-
+    at, counts = f"{path.name}, byte", found.counts.tolist()
     for begin, end in found.damages:
-        yield Defect("corrupt", at(begin), f"{end - begin} damaged bytes were skipped")
+        yield Defect("corrupt", f"{at} {begin}", f"{end - begin} damaged bytes were skipped")
     more = found.damaged - len(found.damages)
     if more:
         yield Defect("corrupt", path.name, f"damaged bytes were skipped in {more} more places")
     if found.ended >= 0:
-        yield Defect("corrupt", at(found.ended), "too much damage; the rest was not read")
+        yield Defect("corrupt", f"{at} {found.ended}", "too much damage; the rest was not read")
     if found.cut >= 0:
-        yield Defect("truncated", at(found.cut), "the last message is cut; the rest was read")
+        yield Defect("truncated", f"{at} {found.cut}", "the last message is cut; the rest was read")
     for place, why in found.unusable:
-        yield Defect("skipped", at(place), f"a message was skipped: {why}")
-    counts = found.counts.tolist()
-    dropouts, topics, kinds = (
-        (counts[k], at(counts[k + 1]))
-        for k in (ulog_walk.DROPOUTS, ulog_walk.UNKNOWN_TOPICS, ulog_walk.UNKNOWN_KINDS)
-    )
-    if topics[0]:
-        message = f"{topics[0]} rows skipped of topics that the log does not define"
-        yield Defect("corrupt", topics[1], message)
-    if kinds[0]:
-        yield Defect("skipped", kinds[1], f"{kinds[0]} messages of unknown kinds")
+        yield Defect("skipped", f"{at} {place}", f"a message was skipped: {why}")
+    if count := counts[ulog_walk.UNKNOWN_TOPICS]:
+        message = f"{count} rows skipped of topics that the log does not define"
+        yield Defect("corrupt", f"{at} {counts[ulog_walk.UNKNOWN_TOPICS + 1]}", message)
+    if count := counts[ulog_walk.UNKNOWN_KINDS]:
+        place = counts[ulog_walk.UNKNOWN_KINDS + 1]
+        yield Defect("skipped", f"{at} {place}", f"{count} messages of unknown kinds")
     if found.silenced:
         message = f"too many messages of kind {found.silenced}; not all were read"
         yield Defect("skipped", path.name, message)
-    if dropouts[0]:
+    if count := counts[ulog_walk.DROPOUTS]:
         lost = 1e-3 * counts[ulog_walk.LOST_MS]
-        message = f"the logger reports {dropouts[0]} dropouts, {lost:.2f} s in all"
+        message = f"the logger reports {count} dropouts, {lost:.2f} s in all"
         yield Defect("dropout", path.name, message)
 
 
+@dataclass(eq=False)
 class Rows:
-    """The rows of a stream, in one piece of memory, whose last part takes none until it is filled.
+    """The rows of a stream, in one piece of memory, whose last part takes none until it is filled."""
 
-    Attributes
-    ----------
-    topic, instance : of the stream
-    width : bytes of a row
-    count : rows
-    """
-
-    def __init__(self, topic: str, instance: int, width: int) -> None:
-        self.topic, self.instance, self.width, self.count = topic, instance, width, 0
-        self._bytes = np.empty(0, dtype=np.uint8)
+    topic: str
+    instance: int
+    width: int  #: bytes of a row
+    count: int = 0  #: rows
+    #: of the rows, and room behind
+    content: Bytes = field(default_factory=lambda: np.empty(0, dtype=np.uint8))
 
     def append(self, rows: Bytes, share: float) -> None:
         """Add whole rows, after such a share of the file."""
         end = self.count * self.width
-        if end + rows.size > self._bytes.size:
+        if end + rows.size > self.content.size:
             growth = min(max(1.05 / share, 1.5), 16.0)  # enough for the whole file at this density of rows
             grown = np.empty(int(growth * (end + rows.size)), dtype=np.uint8)
-            grown[:end] = self._bytes[:end]
-            self._bytes = grown
-        self._bytes[end : end + rows.size] = rows
+            grown[:end] = self.content[:end]
+            self.content = grown
+        self.content[end : end + rows.size] = rows
         self.count += rows.size // self.width
-
-    def table(self, row: np.dtype[Any]) -> npt.NDArray[np.void]:
-        """Return the rows."""
-        return self._bytes[: self.count * self.width].view(row)
 
 
 def scan(file: BinaryIO, size: int, topics: frozenset[str] | None) -> Scanner:
@@ -260,33 +228,31 @@ def scan(file: BinaryIO, size: int, topics: frozenset[str] | None) -> Scanner:
     return scanner
 
 
+@dataclass(eq=False)
 class Scanner:
-    """Reads a file piece by piece.
+    """Reads a file piece by piece."""
 
-    Attributes
-    ----------
-    formats, metadata : definitions and texts of the log
-    topics : names of all topics, wanted or not
-    streams : rows of those wanted, by topic and instance
-    unread : topics, with instance, whose rows are not kept
-    damages : begin and end of bytes that belong to no message; the first of the `damaged` ones
-    unusable : place of a message that could not be used, and why; the first ones
-    silenced : kinds of messages of which there are too many
-    cut : where the last message begins, if it is cut, else -1
-    ended : where reading ended for too much damage, else -1
-    counts : (COUNTS,) see `stoop.logs.ulog_walk`
-    """
+    file: BinaryIO
+    size: int  #: bytes of the file
+    wanted: frozenset[str] | None  #: topics whose rows are kept; None means all
+    formats: Formats = field(default_factory=Formats)
+    metadata: Metadata = field(default_factory=Metadata)
+    topics: set[str] = field(default_factory=set)  #: names of all topics, wanted or not
+    streams: list[Rows] = field(default_factory=list)  #: rows of those wanted, by topic and instance
+    unread: set[str] = field(default_factory=set)  #: topics, with instance, whose rows are not kept
+    #: begin and end of bytes that belong to no message; the first of the `damaged` ones
+    damages: list[tuple[int, int]] = field(default_factory=list)
+    damaged: int = 0
+    #: place of a message that could not be used, and why; the first ones
+    unusable: list[tuple[int, str]] = field(default_factory=list)
+    silenced: str = ""  #: kinds of messages of which there are too many
+    cut: int = -1  #: where the last message begins, if it is cut
+    ended: int = -1  #: where reading ended for too much damage
 
-    def __init__(self, file: BinaryIO, size: int, topics: frozenset[str] | None) -> None:
-        self.formats, self.metadata = Formats(), Metadata()
-        self.topics: set[str] = set()
-        self.streams: list[Rows] = []
-        self.unread: set[str] = set()
-        self.damages: list[tuple[int, int]] = []
-        self.unusable: list[tuple[int, str]] = []
-        self.damaged, self.silenced, self.cut, self.ended = 0, "", -1, -1
-        self.counts = np.zeros(ulog_walk.COUNTS, dtype=np.int64)
-        self._file, self._size, self._wanted = file, size, topics
+    def __post_init__(self) -> None:
+        """Make the buffers, and choose the code that walks over them."""
+        size = self.size
+        self.counts = np.zeros(ulog_walk.COUNTS, dtype=np.int64)  # see `stoop.logs.ulog_walk`
         self._started, self._time, self._kept = False, 0.0, 0
         self._events: Counter[int] = Counter()
         self._numbers: dict[tuple[str, int], int] = {}
@@ -311,7 +277,7 @@ class Scanner:
 
     def read_section(self, begin: int, end: int) -> None:
         """Read from one place of the file to another, where the next section begins or the file ends."""
-        self._file.seek(begin)
+        self.file.seek(begin)
         self._offset, self._at, self._have, self._lost = begin, 0, 0, -1
         self.cut = -1
         final = False
@@ -321,7 +287,7 @@ class Scanner:
             self._buffer[:rest] = self._buffer[self._at : self._have].copy()
             self._offset, self._at = self._offset + self._at, 0
             asked = min(self._buffer.size - rest, end - self._offset - rest)
-            got = self._file.readinto(memoryview(self._buffer)[rest : rest + asked])  # type: ignore[attr-defined, arg-type]
+            got = self.file.readinto(memoryview(self._buffer)[rest : rest + asked])  # type: ignore[attr-defined, arg-type]
             self._have = rest + got
             final = bool(got < asked or self._offset + self._have >= end)
             self._read_piece(final)
@@ -374,7 +340,7 @@ class Scanner:
         self._kept += int(ends[-1])
         if self._kept > LIMITS.memory:
             raise MemoryError
-        share = (self._offset + self._have) / self._size
+        share = (self._offset + self._have) / self.size
         cursors = self._view(ends - sizes)
         self._code.gather(
             self._bytes, self._places, self._owner_view, listed, self._view(widths), cursors, self._out
@@ -425,7 +391,7 @@ class Scanner:
         self._low[number], self._high[number] = kept, whole
         self.topics.add(name)
         self._slots[number] = -1
-        if self._wanted is not None and name not in self._wanted:
+        if self.wanted is not None and name not in self.wanted:
             if len(self.unread) < LIMITS.streams:
                 self.unread.add(f"{name}/{instance}" if instance else name)
             return

@@ -5,7 +5,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Final, TypeAlias
+from typing import Any, ClassVar, Final, TypeAlias
 
 import numpy as np
 
@@ -39,15 +39,15 @@ def decoded(body: bytes, breaks: str = "") -> str:
     return text if text.isprintable() else "".join(c if c.isprintable() or c in breaks else " " for c in text)
 
 
+@dataclass
 class Formats:
     """The formats of a log: how the rows of its topics are laid out, nested and in arrays, up to the size of a message."""
 
-    max_visited = 5_000_000  #: fields visited for the sizes of formats; a real log has some thousands
-
-    def __init__(self) -> None:
-        self._fields: dict[str, tuple[Field, ...]] = {}
-        self._whole: dict[str, int] = {}
-        self._visited = 0
+    #: fields visited for the sizes of formats; a real log has some thousands
+    max_visited: ClassVar = 5_000_000
+    _fields: dict[str, tuple[Field, ...]] = field(default_factory=dict)
+    _whole: dict[str, int] = field(default_factory=dict)
+    _visited: int = 0
 
     def add(self, body: bytes) -> None:
         """Add a format, NAME:TYPE NAME;TYPE[N] NAME;...
@@ -142,24 +142,16 @@ class Formats:
 
 @dataclass
 class Metadata:
-    """Everything in a log beside the rows.
+    """Everything in a log beside the rows."""
 
-    Attributes
-    ----------
-    information : name -> value
-    parts : name -> texts, each of parts that belong together
-    initial : parameters at the start
-    defaults : system and airframe -> parameters
-    changes : lines with time [s], parameter and new value
-    messages : lines for the pilot, with time [s] and level
-    """
-
-    information: dict[str, Value] = field(default_factory=dict)
+    information: dict[str, Value] = field(default_factory=dict)  #: name -> value
+    #: name -> texts, each of parts that belong together
     parts: dict[str, list[list[Value]]] = field(default_factory=dict)
-    initial: dict[str, float] = field(default_factory=dict)
+    initial: dict[str, float] = field(default_factory=dict)  #: parameters at the start
+    #: system and airframe -> parameters
     defaults: tuple[dict[str, float], dict[str, float]] = field(default_factory=lambda: ({}, {}))
-    changes: list[str] = field(default_factory=list)
-    messages: list[str] = field(default_factory=list)
+    changes: list[str] = field(default_factory=list)  #: lines with time [s], parameter and new value
+    messages: list[str] = field(default_factory=list)  #: lines for the pilot, with time [s] and level
 
     def add(self, kind: str, body: bytes, time: float, started: bool) -> None:
         """Add the body of a message of kind I, M, P, Q, L or C, which stands at a time [s], before or after the start.
@@ -214,10 +206,6 @@ class Metadata:
 
 
 _BREAKS: Final = "\n\t"  #: allowed in texts
-_CODES: Final = {
-    "int8_t": "b", "uint8_t": "B", "int16_t": "h", "uint16_t": "H", "int32_t": "i", "uint32_t": "I",
-    "int64_t": "q", "uint64_t": "Q", "float": "f", "double": "d", "bool": "?",
-}  # fmt: skip
 
 
 def _key_and_value(body: bytes) -> tuple[str, Value]:
@@ -226,9 +214,9 @@ def _key_and_value(body: bytes) -> tuple[str, Value]:
     kind, _, key = decoded(body[1:end]).partition(" ")
     if not key or end > len(body):
         raise BodyError("a value without a name")
-    if kind in _CODES:
+    if kind in BASIC and kind != "char":
         if len(body) - end != SIZES[kind]:
             raise BodyError(f"{key[:40]} is not as long as its type")
-        value: Value = struct.unpack("<" + _CODES[kind], body[end:])[0]
+        value: Value = np.frombuffer(body[end:], "?" if kind == "bool" else BASIC[kind])[0].item()
         return key, value
     return key, decoded(body[end:], _BREAKS) if kind.startswith("char") else body[end:]

@@ -80,14 +80,6 @@ def key_level(buffer: Any, at: int, size: int, end: int, before: int) -> int:
     return 1 if 5 <= length < size - before and is_name(buffer, at + 4 + before, 3, end) else 0
 
 
-def text_level(buffer: Any, at: int, size: int, end: int, least: int) -> int:
-    """Classify a message for the pilot: its first byte is its level, a digit, and a time stands before the text."""
-    if not least <= size <= TEXT:
-        return 0
-    levelled = at + 4 > end or 48 <= int(buffer[at + 3]) <= 55
-    return 1 if levelled and is_time(buffer, at + HEADER + least - 8, end) else 0
-
-
 def level(buffer: Any, at: int, end: int, low: Any, high: Any) -> int:
     """Classify the header at a place: 0 cannot be one, 1 may be one, 2 is one.
 
@@ -107,13 +99,13 @@ def level(buffer: Any, at: int, end: int, low: Any, high: Any) -> int:
         return key_level(buffer, at, size, end, 0)
     if kind == 77 or kind == 81:  # M, information in parts; Q, default of a parameter
         return key_level(buffer, at, size, end, 1)
-    if kind == 76 or kind == 67:  # L, text; C, text with a tag
-        return text_level(buffer, at, size, end, 9 if kind == 76 else 11)
-    return short_level(buffer, at, size, kind, end)
-
-
-def short_level(buffer: Any, at: int, size: int, kind: int, end: int) -> int:
-    """Classify the header of the other kinds."""
+    if (
+        kind == 76 or kind == 67
+    ):  # L, text; C, text with a tag: the level, a digit, then a time before the text
+        least = 9 if kind == 76 else 11
+        levelled = at + 4 > end or 48 <= int(buffer[at + 3]) <= 55
+        sound = least <= size <= TEXT and levelled
+        return 1 if sound and is_time(buffer, at + HEADER + least - 8, end) else 0
     if kind == 79 or kind == 82:  # O, dropout; R, remove a topic
         return 1 if size == 2 else 0
     if kind == 65:  # A, add a topic

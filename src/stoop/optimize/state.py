@@ -121,6 +121,7 @@ FORMER_CLASSES: Final = {
     "Ends": "Optima",
     "Herd": "Population",
     "Memory": "ParameterMemory",
+    "HerdState": "OrderedShadeState",
 }  #: names up to release 0.1: files that have them still load
 FORMER_FIELDS: Final = {
     "books": "evaluations",

@@ -22,24 +22,14 @@ MAX_LOSSES: Final = 5  #: of the worker of one task while no other task ends
 
 @dataclass(frozen=True)
 class Tally:
-    """Progress of a campaign.
+    """Progress of a campaign."""
 
-    Attributes
-    ----------
-    done : runs in the store, of this plan
-    total : runs of the plan
-    restored : runs that were there before
-    seconds : s, since the start
-    seconds_left : s, from the speed so far; None before the first task has ended
-    note : why nothing advances; empty if all is well
-    """
-
-    done: int
-    total: int
-    restored: int
-    seconds: float
-    seconds_left: float | None
-    note: str = ""
+    done: int  #: runs in the store, of this plan
+    total: int  #: runs of the plan
+    restored: int  #: runs that were there before
+    seconds: float  #: s, since the start
+    seconds_left: float | None  #: s, from the speed so far; None before the first task has ended
+    note: str = ""  #: why nothing advances; empty if all is well
 
 
 def execute(
@@ -112,7 +102,10 @@ class _Driver:
                     self._commit(future, workers)
                 report(workers.status())
         except BaseException:
-            for future in [f for f in self._under_way if f.done()]:
+            done = [future for future in self._under_way if future.done()]
+            for future in self._under_way:
+                future.cancel()
+            for future in done:
                 with suppress(StoopError):
                     self._commit(future, workers)
             raise

@@ -63,25 +63,15 @@ def _check(value: Any, where: str) -> None:
 
 @dataclass(frozen=True)
 class Run:
-    """One run of a campaign.
+    """One run of a campaign."""
 
-    Attributes
-    ----------
-    key : str
-        Its name, unique in the plan; the table is sorted by it.
-    work : str
-        The function that computes it, ``"package.module:function"``. It is called as ``function(arguments, stops)`` and
-        returns a list with one JSON result per stop, in that order. It must be pure: the same arguments, the same bytes.
-    arguments : mapping of str to Json
-        Arguments of the function; seeds included.
-    stop : int, optional
-        Where on its way the run ends (generations, say). Runs that differ in nothing but this share their prefix: they
-        are computed together, once.
-    """
-
-    key: str
+    key: str  #: its name, unique in the plan; the table is sorted by it
+    #: the function that computes it, ``"package.module:function"``. It is called as ``function(arguments, stops)`` and
+    #: returns a list with one JSON result per stop, in that order. It must be pure: the same arguments, the same bytes.
     work: str
-    arguments: Mapping[str, Json]
+    arguments: Mapping[str, Json]  #: of the function; seeds included
+    #: where on its way the run ends (generations, say). Runs that differ in nothing but this share their prefix: they are
+    #: computed together, once.
     stop: int | None = None
 
     @functools.cached_property
@@ -99,13 +89,6 @@ class Run:
 class Plan:
     """Runs that make one table.
 
-    Attributes
-    ----------
-    name : str
-    settings : mapping of str to Json
-        Common to all runs. A store takes more runs of the same name and settings, and no others.
-    runs : tuple of Run
-
     Raises
     ------
     CampaignError
@@ -113,6 +96,7 @@ class Plan:
     """
 
     name: str
+    #: common to all runs; a store takes more runs of the same name and settings, and no others
     settings: Mapping[str, Json]
     runs: tuple[Run, ...]
 

@@ -48,7 +48,7 @@ class Pool(Protocol):
     """A place to compute tasks."""
 
     def open(self) -> AbstractContextManager[Workers]:
-        """Return the workers for the length of a campaign; tasks under way at its end are dropped."""
+        """Return the workers for the length of a campaign; tasks that have not begun at its end are canceled by then."""
 
 
 def processors() -> int:
@@ -59,49 +59,30 @@ def processors() -> int:
 
 @final
 @dataclass(frozen=True)
-class Given:
-    """An executor of the caller (threads, processes, MPI), who also shuts it down.
-
-    Attributes
-    ----------
-    executor : concurrent.futures.Executor
-    ahead : int, optional
-        How many tasks are submitted at once; twice the processors when absent.
-    """
+class Given(Workers):
+    """An executor of the caller (threads, processes, MPI), who also shuts it down."""
 
     executor: Executor
-    ahead: int | None = None
+    ahead: int | None = None  #: tasks submitted at once; None is twice the processors
 
     @contextmanager
     def open(self) -> Iterator[Workers]:
-        """Return the workers."""
-        workers = _ExecutorWorkers(self.executor, self.ahead or 2 * processors())
-        try:
-            yield workers
-        finally:
-            for future in list(workers.begun):
-                future.cancel()
-
-
-@final
-class _ExecutorWorkers(Workers):
-    def __init__(self, executor: Executor, ahead: int) -> None:
-        self._executor, self._ahead = executor, ahead
-        self.begun: set[Future[Report]] = set()
+        """Return the workers: the pool itself, as the executor is open already."""
+        yield self
 
     def capacity(self) -> int:
-        return self._ahead
+        """Return how many tasks are submitted at once."""
+        return self.ahead or 2 * processors()
 
     def submit(self, task: Task) -> Future[Report]:
+        """Begin a task."""
         try:
-            future = self._executor.submit(perform, task.work, task.text, task.stops)
+            return self.executor.submit(perform, task.work, task.text, task.stops)
         except RuntimeError as error:  # broken, or shut down
             raise self.failure(error) from None
-        self.begun.add(future)
-        future.add_done_callback(self.begun.discard)
-        return future
 
     def failure(self, error: BaseException) -> StoopError:
+        """Return what became of the executor."""
         reason, remedy = f"failed ({type(error).__name__}: {error})", "start again with another"
         if isinstance(error, BrokenExecutor):
             reason, remedy = "broke: one of its workers died", "make a new one and start again"
@@ -128,15 +109,9 @@ class WorkerLostError(Exception):
 @final
 @dataclass(frozen=True)
 class LocalProcesses:
-    """Processes on this machine, with one thread each for kernels and for linear algebra.
+    """Processes on this machine, with one thread each for kernels and for linear algebra."""
 
-    Attributes
-    ----------
-    workers : int
-        As many as there are processors by default; one is a process, too.
-    """
-
-    workers: int = field(default_factory=processors)
+    workers: int = field(default_factory=processors)  #: one is a process, too
 
     @contextmanager
     def open(self) -> Iterator[Workers]:
@@ -200,6 +175,8 @@ class _WorkerThread(threading.Thread):
             signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
         while (call := self._calls.get()) is not None:
             future, task = call
+            if not future.set_running_or_notify_cancel():
+                continue
             try:
                 self._begin()
                 if not self._ready:
@@ -300,21 +277,14 @@ _ATTEMPT: Final = 0.2  #: s between attempts to reach the scheduler
 class Dask:
     """The workers of a Dask scheduler.
 
-    Attributes
-    ----------
-    address : str
-        "tcp://host:port"
-    timeout : float, s
-        How long to wait for the scheduler.
-
     Raises
     ------
     CampaignError
         It is no such address.
     """
 
-    address: str
-    timeout: float = 10.0
+    address: str  #: "tcp://host:port"
+    timeout: float = 10.0  #: s to wait for the scheduler
 
     def __post_init__(self) -> None:
         self._parts()
@@ -407,6 +377,7 @@ class _DaskWorkers(Workers):
 
     def submit(self, task: Task) -> Future[Report]:
         future: Future[Report] = Future()
+        future.set_running_or_notify_cancel()
 
         def settle(theirs: Any) -> None:  # as Dask's one was settled, whatever fetching its result raises
             try:

@@ -269,7 +269,7 @@ def _identifiability(identification: Identification) -> list[Part]:
     rows = tuple(
         (
             label(identification, name), str(one.doubt), number(one.multiple_correlation, 5), ", ".join(one.partners),
-            str(one.advice),
+            " ".join(map(str, one.advice)),
         )
         for name, one in found.parameters.items()
         if one.doubt
@@ -309,7 +309,7 @@ def modes_section(identification: Identification) -> Section | None:
         for mode in condition.modes:
             oscillates = mode.imag.estimate > 0.0
             remarks = [_measured(identification, mode, one) for one in mode.measured if oscillates]
-            remarks += [str(mode.remark), "intervals sampled" if mode.method == "sampled" else ""]
+            remarks += [*map(str, mode.remark), "intervals sampled" if mode.method == "sampled" else ""]
             oscillation = (*_pair(mode.frequency), *_pair(mode.damping)) if oscillates else (NOTHING, "") * 2
             rows.append(
                 (mode.name, *oscillation, *_pair(mode.time_constant), "; ".join(filter(None, remarks)))

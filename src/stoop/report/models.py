@@ -73,8 +73,8 @@ def structure_sheet(
         summary = f"{len(chosen.terms)} of {len(chosen.candidates)} candidates; they explain {share:.1f} % of the variation."
         steps = tuple(
             (
-                str(i), s.action, chosen.candidates[s.column], f"{s.f:.1f}", f"{s.threshold:.3g}", str(s.terms),
-                f"{s.r2:.4f}", f"{s.press:.3e}", f"{s.pse:.3e}",
+                str(i), s.action, chosen.candidates[s.column], f"{s.f:.1f}", f"{s.threshold:.3g}", str(len(s.model.columns)),
+                f"{s.model.r2:.4f}", f"{s.model.press:.3e}", f"{s.model.pse:.3e}",
             )
             for i, s in enumerate(chosen.selection.steps, 1)
         )  # fmt: skip

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
+
+from stoop.base.notices import AS_TEXT, Notice
 
 NAN: Final = math.nan
 
@@ -33,7 +35,7 @@ class MeasuredMode:
     channels: tuple[str, ...] = ()
     frequency: Estimate = Estimate()
     damping: Estimate = Estimate()
-    remark: str = ""
+    remark: Notice | None = field(default=None, metadata=AS_TEXT)
 
 
 @dataclass(frozen=True)
@@ -51,7 +53,7 @@ class ModeEstimate:
     method: str = "delta"
     #: share of samples of the parameters in which a pair has become two real modes, or the other way around
     other_character: float = 0.0
-    remark: str = ""  #: what to know about it, in words
+    remark: tuple[Notice, ...] = field(default=(), metadata=AS_TEXT)  #: what to know about it
     measured: tuple[MeasuredMode, ...] = ()  #: the same mode in the records, where it is identifiable
 
 
@@ -69,4 +71,4 @@ class ConditionModes:
     altitude: float
     alpha: float
     modes: tuple[ModeEstimate, ...]
-    remark: str = ""
+    remark: Notice | None = field(default=None, metadata=AS_TEXT)

@@ -368,8 +368,11 @@ def plain(value: Any) -> Any:
         return plain(value.to_dict())
     if is_dataclass(value) and not isinstance(value, type):
         found = {item.name: plain(getattr(value, item.name)) for item in fields(value)}
-        spoken = [item.name for item in fields(value) if item.metadata == AS_SENTENCES]
-        return found | {name: [str(one) for one in getattr(value, name)] for name in spoken}
+        for item in (i for i in fields(value) if "sentences" in i.metadata):
+            notices, between = getattr(value, item.name) or (), item.metadata["sentences"]
+            texts = [str(one) for one in ((notices,) if isinstance(notices, Notice) else notices)]
+            found[item.name] = texts if between is None else between.join(texts)
+        return found
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, np.ndarray | np.generic):
@@ -392,12 +395,16 @@ def _decode(kind: Any, value: Any, default: Any = NAN) -> Any:
         optional = {
             f.name for f in fields(kind) if f.default is not MISSING or f.default_factory is not MISSING
         }
-        there = [f for f in fields(kind) if f.name in value or f.name not in optional]
-        for spoken in [f.name for f in there if f.metadata == AS_SENTENCES]:
-            value = {**value, spoken: [as_notice(text, "info").to_dict() for text in value[spoken]]}
-        return cast("type[Any]", kind)(
-            **{f.name: _decode(hints[f.name], value[f.name], f.default) for f in there}
-        )
+        found: dict[str, Any] = {}
+        for f in (f for f in fields(kind) if f.name in value or f.name not in optional):
+            given = value[f.name]
+            if "sentences" in f.metadata:
+                texts = [given] * bool(given) if isinstance(given, str) else given
+                notices = tuple(as_notice(text, "info") for text in texts)
+                found[f.name] = notices if f.default is not None else next(iter(notices), None)
+            else:
+                found[f.name] = _decode(hints[f.name], given, f.default)
+        return cast("type[Any]", kind)(**found)
     origin, arguments = get_origin(kind), get_args(kind)
     if origin is Mapping:
         return {str(key): _decode(arguments[1], entry) for key, entry in value.items()}

@@ -10,9 +10,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
-from stoop.base.notices import AS_SENTENCES, Notice
+from stoop.base.notices import AS_PARAGRAPH, AS_SENTENCES, AS_TEXT, Notice, notice
 
 NAN: Final = math.nan
+SCATTER_LEVEL: Final = 0.05  #: chance of calling a scatter too large that is not
+MANY: Final = 20  #: parameters compared, from which some scatter by chance
 
 
 @dataclass(frozen=True)
@@ -46,9 +48,9 @@ class ParameterIdentifiability:
     multiple_correlation: float  #: with all other unknowns; 1 where they replace the parameter exactly
     #: parameters that it is most correlated with, then those of the near-null directions that contain it
     partners: tuple[str, ...] = ()
-    doubt: str = ""  #: why the estimate is doubtful; empty otherwise
+    doubt: Notice | None = field(default=None, metadata=AS_TEXT)  #: why the estimate is doubtful
     #: the maneuver that would make the parameter identifiable; empty where there is no doubt
-    advice: str = ""
+    advice: tuple[Notice, ...] = field(default=(), metadata=AS_PARAGRAPH)
 
 
 @dataclass(frozen=True)
@@ -68,7 +70,7 @@ class NearNullDirection:
     singular_value: float
     #: change of each parameter, in its unit, for which the cost rises by 1, or one of them has doubled; small ones left out
     changes: Mapping[str, float]
-    words: str  #: the direction in one sentence
+    words: Notice | None = field(default=None, metadata=AS_TEXT)  #: the direction in one sentence
 
 
 @dataclass(frozen=True)
@@ -112,18 +114,18 @@ class Repeatability:
 
     maneuvers: tuple[int, ...] = ()
     parameters: Mapping[str, ParameterRepeatability] = field(default_factory=dict)
-    remarks: tuple[str, ...] = ()
+    remarks: tuple[Notice, ...] = field(default=(), metadata=AS_SENTENCES)
 
-    def summary(self) -> str:
+    def summary(self) -> Notice:
         """Return how many parameters can be compared, and how far they scatter."""
         compared = [one for one in self.parameters.values() if one.verdict]
         if not compared:
-            return "No parameter is identifiable from two maneuvers fitted alone, so nothing can be compared."
-        wild = sum(one.verdict == "scatter" for one in compared)
+            return notice("repeatability-nothing-compared")
         square, degrees = sum(one.chi_square for one in compared), sum(one.degrees for one in compared)
-        chance = f"about {0.05 * len(compared):.0f} would" if len(compared) >= 20 else "one in 20"
-        return (
-            f"{len(compared)} parameters are identifiable from two maneuvers or more; {wild} of them scatter more than their "
-            f"error bars explain (by chance {chance}). Over all of them the scatter is {math.sqrt(square / degrees):.2f} "
-            "times what the error bars say."
+        return notice(
+            "repeatability" if len(compared) < MANY else "repeatability-of-many",
+            compared=len(compared),
+            scatter=sum(one.verdict == "scatter" for one in compared),
+            by_chance=SCATTER_LEVEL * len(compared),
+            ratio=math.sqrt(square / degrees),
         )

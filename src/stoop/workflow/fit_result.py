@@ -9,12 +9,12 @@ from typing import Final
 
 import numpy as np
 
-from stoop.assessment.covariance import intervals_95
+from stoop.assessment.covariance import NORMAL_95
 from stoop.assessment.error_bars import ErrorBars, error_bars
-from stoop.assessment.goodness_of_fit import left_out_residuals
+from stoop.assessment.goodness_of_fit import left_out_residuals, press_notices
 from stoop.assessment.modes import modes
 from stoop.assessment.uncertainty import with_uncertainty
-from stoop.base.notices import as_notice, of_severity
+from stoop.base.notices import as_notice, notice, of_severity
 from stoop.base.variables import VARIABLES
 from stoop.estimate.excitation import ratios, too_few
 from stoop.estimate.fit import Fit, Options
@@ -39,7 +39,6 @@ from stoop.workflow.curves import Simulated, channel_units, maneuver_curves
 from stoop.workflow.outputs import versions
 from stoop.workflow.summary import basis_notices, data_notices, fit_warnings, slowest_rate
 
-TOO_FEW: Final = "there are too few samples for any error bar to hold"
 START_UNITS: Final = {"V": "m/s", "p": "rad/s", "q": "rad/s", "r": "rad/s"}  #: of initial states; others rad
 
 
@@ -60,7 +59,7 @@ def identification(
     problem, vehicle = fit.problem, fit.problem.layout.vehicle
     color, bars = fit.inflation, error_bars(fit)
     if too_few(problem, slowest_rate(fit, flights)):
-        bars = bars.rejected(TOO_FEW)
+        bars = bars.rejected(notice("error-bars-of-few-samples"))
     fitted = fit.simulated or [problem.outputs(fit.z, i) for i in range(len(problem.pieces))]
     groups = [Simulated("fit", fit.prepared, fitted, left_out_residuals(fit))]
     if predicted:
@@ -106,6 +105,7 @@ def identification(
         *result.notices,
         *dict.fromkeys(of_severity(prepared, "warning")),
         *of_severity(fit.notices, "info"),
+        *press_notices(fit),
         *([as_notice(per_mass, "info")] if per_mass else []),
         *basis_notices(vehicle, flights, color),
         *data_notices([*of_flights, *of_severity(prepared, "info")]),
@@ -131,13 +131,12 @@ def _parameters(fit: Fit, bars: ErrorBars) -> dict[str, ParameterEstimate]:
     out = {}
     for i, p in enumerate(fit.problem.layout.parameters):
         estimate, sigma, at_bound = fit.estimates[p.name], float(bars.std[i]), bool(bars.at_bound[i])
-        low, high = intervals_95(np.array([estimate]), np.array([sigma]))[0]
         identifiable = not at_bound and bars.identifiability[p.name].identifiable
         out[p.name] = ParameterEstimate(
             estimate=estimate,
             std_error=np.nan if at_bound else sigma,
-            ci95_lower=float(low) if identifiable else np.nan,
-            ci95_upper=float(high) if identifiable else np.nan,
+            ci95_lower=estimate - NORMAL_95 * sigma if identifiable else np.nan,
+            ci95_upper=estimate + NORMAL_95 * sigma if identifiable else np.nan,
             bound_lower=p.lower,
             bound_upper=p.upper,
             at_bound=at_bound,

@@ -147,10 +147,13 @@ def write_structure(found: Determined, folder: Path, command: str) -> None:
 
     make_folder(folder)
     rows = [
-        (c, i, s.action, chosen.candidates[s.column], s.f, s.threshold, s.terms, s.r2, s.press, s.pse)
+        (
+            c, i, s.action, chosen.candidates[s.column], s.f, s.threshold, len(s.model.columns), s.model.r2,
+            s.model.press, s.model.pse,
+        )
         for c, chosen in found.structure.chosen.items()
         for i, s in enumerate(chosen.selection.steps, 1)
-    ]
+    ]  # fmt: skip
     write_text_atomic(folder / "vehicle.toml", found.vehicle.text)
     write_text_atomic(folder / "structure.csv", csv_text(HEAD, rows))
     page = structure_sheet(found.structure, found.vehicle, found.names, found.estimates, command)

@@ -169,7 +169,8 @@ def advice_by_doubt(found: Mapping[str, ParameterIdentifiability]) -> dict[str, 
     shared: dict[str, dict[str, list[str]]] = {}
     for name, one in found.items():
         if one.advice:
-            shared.setdefault(str(one.doubt), {}).setdefault(str(one.advice), []).append(name)
+            advice = " ".join(map(str, one.advice))
+            shared.setdefault(str(one.doubt), {}).setdefault(advice, []).append(name)
     return {
         doubt: [f"{', '.join(names)}: {advice}" for advice, names in by_advice.items()]
         for doubt, by_advice in shared.items()
@@ -192,7 +193,7 @@ def repeatability_lines(found: Repeatability) -> list[str]:
     """Return whether maneuvers fitted alone agree: how many parameters were compared, and which; none if not asked for."""
     if not found.maneuvers:
         return []
-    lines = [found.summary()]
+    lines = [str(found.summary())]
     for verdict in ("scatter", "agree"):
         named = [
             f"{name} ({1 + one.degrees} maneuvers, p = {one.p_value:.2g})"

@@ -1,7 +1,17 @@
 """The differential evolutions: the paper's PS-GDE, its ancestors and the methods that it names as related work.
 
 All are `DifferentialEvolution` with pieces put in; what a docstring does not name is the loop's default. "From
-memory" means that the publication was not at hand when the method was written.
+memory" means that the publication was not at hand when the method was written. References to the pieces stand with them,
+in `mutation` and `evolution`.
+
+References
+----------
+Storn and Price (1997), Differential evolution, a simple and efficient heuristic for global optimization over
+continuous spaces, J. Global Optim. 11, 341-359.
+Storn (1996), On the usage of differential evolution for function optimization, NAFIPS, 519-523.
+Zaharie (2004), A multipopulation differential evolution algorithm for multimodal optimization, Mendel, 17-22.
+Wu, Wang, Yuan and Zhou (2006), Differential evolution algorithm with adaptive second mutation, Control and Decision 21,
+898-902 (in Chinese).
 """
 
 from __future__ import annotations
@@ -21,26 +31,24 @@ from stoop_studies.optimizers.evolution import (
 )
 from stoop_studies.optimizers.local_search import PreySchedule, SteepestDescent
 from stoop_studies.optimizers.mutation import (
-    Best2,
     ByCost,
     Fixed,
-    Localized,
     Mutation,
-    Ordered,
-    Rand1,
     ScaledByCost,
     Signed,
     Trigonometric,
-    WeightedCentroid,
+    best_2,
+    localized,
+    ordered,
+    rand_1,
 )
+from stoop_studies.optimizers.mutation import weighted_centroid as to_weighted_centroid
 
-ORDERED: Final = Ordered()
 PREY: Final = PreySchedule(SteepestDescent())
-ISLANDS: Final = Islands(2)
 
 
 def ps_gde(
-    mutation: Mutation = ORDERED,
+    mutation: Mutation = ordered,
     initialization: Initialization = chaos,
     prey: PreySchedule | None = PREY,
     scale: float = 0.6,
@@ -55,7 +63,7 @@ def ps_gde(
 
     Parameters
     ----------
-    mutation : `Unordered` takes the sorting away
+    mutation : `unordered` takes the sorting away
     initialization : first population; `uniform` takes the chaos away
     prey : None takes the local search away; ``PreySchedule(SteepestDescent(), swapped=True)`` is it as printed
     scale, rate : F and CR
@@ -68,24 +76,13 @@ def ps_gde(
 
 
 def de_rand_1_bin() -> DifferentialEvolution:
-    """Return DE/rand/1/bin with F = 0.5 and CR = 0.9, the original; the paper's eq. (6), first line.
-
-    References
-    ----------
-    Storn and Price (1997), Differential evolution, a simple and efficient heuristic for global optimization over
-    continuous spaces, J. Global Optim. 11, 341-359.
-    """
-    return DifferentialEvolution("de-rand-1-bin", Rand1(), Fixed(0.5, 0.9))
+    """Return DE/rand/1/bin with F = 0.5 and CR = 0.9, the original (Storn and Price); the paper's eq. (6), first line."""
+    return DifferentialEvolution("de-rand-1-bin", rand_1, Fixed(0.5, 0.9))
 
 
 def de_best_2_bin() -> DifferentialEvolution:
-    """Return DE/best/2/bin with F = 0.5 and CR = 0.9: the paper's eq. (6), second line.
-
-    References
-    ----------
-    Storn (1996), On the usage of differential evolution for function optimization, NAFIPS, 519-523.
-    """
-    return DifferentialEvolution("de-best-2-bin", Best2(), Fixed(0.5, 0.9))
+    """Return DE/best/2/bin with F = 0.5 and CR = 0.9 (Storn): the paper's eq. (6), second line."""
+    return DifferentialEvolution("de-best-2-bin", best_2, Fixed(0.5, 0.9))
 
 
 def weighted_centroid() -> DifferentialEvolution:
@@ -97,11 +94,11 @@ def weighted_centroid() -> DifferentialEvolution:
     minus the population's mean width in the unit box; F = 0.7 and CR = 0.9. Bases that are centroids contract a
     population: with F = 0.6, 3 searches of 20 in the paper's narrow box stagnated, with 0.7 none.
     """
-    return DifferentialEvolution("weighted-centroid", WeightedCentroid(), Fixed(0.7, 0.9))
+    return DifferentialEvolution("weighted-centroid", to_weighted_centroid, Fixed(0.7, 0.9))
 
 
-def multi_population(islands: Islands = ISLANDS, probability: float = 0.2) -> DifferentialEvolution:
-    """Return differential evolution on islands, with a migration of given probability: the paper's related work [2].
+def multi_population() -> DifferentialEvolution:
+    """Return differential evolution on two islands, with migration: the paper's related work [2].
 
     Several populations search side by side, so that a problem with many optima does not draw all members to one
     (Zaharie 2004). Of the many schemes of exchange the ring of Tasoulis et al. (2004) is taken: with a fixed
@@ -109,15 +106,14 @@ def multi_population(islands: Islands = ISLANDS, probability: float = 0.2) -> Di
     numbers: the 50 members that every method here has, on two islands, DE/rand/1/bin with F = 0.6 and CR = 0.9 on
     each. Smaller islands, or F = 0.5, stagnate before they converge. Both publications are cited for the idea, from
     memory.
-
-    References
-    ----------
-    Zaharie (2004), A multipopulation differential evolution algorithm for multimodal optimization, Mendel, 17-22.
-    Tasoulis, Pavlidis, Plagianakos and Vrahatis (2004), Parallel differential evolution, IEEE CEC, 2023-2029.
     """
-    migration = RingMigration(islands, probability)
+    islands = Islands(2)
     return DifferentialEvolution(
-        "multi-population", Rand1(), Fixed(0.6, 0.9), structure=islands, after_selection=(migration,)
+        "multi-population",
+        rand_1,
+        Fixed(0.6, 0.9),
+        structure=islands,
+        after_selection=(RingMigration(islands),),
     )
 
 
@@ -130,14 +126,9 @@ def hybrid() -> DifferentialEvolution:
     the first step is as long as the population's mean distance from its best, and two values are the same within a
     width of the box, not of the best's value. The gradient is a forward difference; its evaluations count.
     DE/rand/1/bin with F = 0.5 and CR = 0.9 does the rest.
-
-    References
-    ----------
-    Chiou and Wang (1999), Hybrid method of evolutionary algorithms for static and dynamic optimization problems with
-    application to a fed-batch fermentation process, Comput. Chem. Eng. 23, 1277-1291.
     """
     operators = (Acceleration(), Migration())
-    return DifferentialEvolution("hybrid", Rand1(), Fixed(0.5, 0.9), after_selection=operators)
+    return DifferentialEvolution("hybrid", rand_1, Fixed(0.5, 0.9), after_selection=operators)
 
 
 def trigonometric() -> DifferentialEvolution:
@@ -146,11 +137,6 @@ def trigonometric() -> DifferentialEvolution:
     The mutation, its probability of 0.05, F = 0.99 and CR = 0.85 are those of Fan and Lampinen (2003); the
     publication was not at hand, but other implementations agree on all four. Trigonometric mutants contract a
     population, so F = 0.5, enough for DE/rand/1/bin, is too little here.
-
-    References
-    ----------
-    Fan and Lampinen (2003), A trigonometric mutation operation to differential evolution, J. Global Optim. 27,
-    105-129.
     """
     return DifferentialEvolution("trigonometric", Trigonometric(), Fixed(0.99, 0.85))
 
@@ -162,17 +148,12 @@ def sacpmde() -> DifferentialEvolution:
     cost between them; a parent that is better than the mean is crossed over at a low rate, a worse one at a rate
     that grows with its cost. So much is in the abstract of Wu, Wang and Zhou (2007). The formulas, and the ranges F
     from 0.1 to 0.9 and CR from 0.1 to 0.6, are from memory.
-
-    References
-    ----------
-    Wu, Wang and Zhou (2007), Self-adapting control parameters modified differential evolution for trajectory
-    planning of manipulators, J. Control Theory Appl. 5, 365-373.
     """
     return DifferentialEvolution("sacpmde", ScaledByCost(), ByCost())
 
 
 def asmde() -> DifferentialEvolution:
-    """Return ASMDE, with an adaptive second mutation: the paper's related work [6].
+    """Return ASMDE, with an adaptive second mutation (Wu et al. 2006): the paper's related work [6].
 
     What is known is the title, and what the paper says: a second mutation that follows the variance of the
     population's fitness. The publication was not at hand, so the form and all numbers are a reconstruction: where
@@ -180,25 +161,15 @@ def asmde() -> DifferentialEvolution:
     looks like, members are moved by Gaussian steps, the more of them the smaller the variance. DE/rand/1/bin with
     F = 0.5 and CR = 0.9 does the rest. Near an optimum of zero cost the relative variance does not fall, and there
     is no second mutation.
-
-    References
-    ----------
-    Wu, Wang, Yuan and Zhou (2006), Differential evolution algorithm with adaptive second mutation, Control and
-    Decision 21, 898-902 (in Chinese).
     """
-    return DifferentialEvolution("asmde", Rand1(), Fixed(0.5, 0.9), after_selection=(SecondMutation(),))
+    return DifferentialEvolution("asmde", rand_1, Fixed(0.5, 0.9), after_selection=(SecondMutation(),))
 
 
 def derl() -> DifferentialEvolution:
     """Return DERL, with random localization: the paper's related work [7].
 
     The base is the best of three random members and the other two make the difference, with a new F for every
-    mutant, uniform in [-1, -0.4] or [0.4, 1]; CR = 0.5. From memory. Mutants outside the box are clipped as
-    everywhere here.
-
-    References
-    ----------
-    Kaelo and Ali (2006), A numerical study of some modified differential evolution algorithms, Eur. J. Oper. Res.
-    169, 1176-1184.
+    mutant, uniform in [-1, -0.4] or [0.4, 1]; CR = 0.5. From memory of Kaelo and Ali (2006). Mutants outside the box
+    are clipped as everywhere here.
     """
-    return DifferentialEvolution("derl", Localized(), Signed(0.4, 1.0, rate=0.5))
+    return DifferentialEvolution("derl", localized, Signed(0.4, 1.0, rate=0.5))

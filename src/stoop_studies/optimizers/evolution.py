@@ -2,6 +2,12 @@
 
 A generation is: scale and rate (control), mutants (mutation, within a structure), bounds (mend), trials (crossover),
 survivors (selection), operators after selection; or, where a schedule says so, local search from the best instead.
+
+References
+----------
+Tasoulis, Pavlidis, Plagianakos and Vrahatis (2004), Parallel differential evolution, IEEE CEC, 2023-2029 (islands).
+Chiou and Wang (1999), Hybrid method of evolutionary algorithms for static and dynamic optimization problems with
+application to a fed-batch fermentation process, Comput. Chem. Eng. 23, 1277-1291 (acceleration, migration).
 """
 
 from __future__ import annotations
@@ -24,12 +30,12 @@ from stoop_studies.optimizers.mutation import Control, Fixed, Mutation
 
 SMALLEST: Final = 6  #: members of an island; every mutation finds its partners there
 Initialization = Callable[[int, int, Generator], FloatArray]  #: (number, dimension, generator) -> points
-Crossover = Callable[
-    [FloatArray, FloatArray, Factor, Generator], FloatArray
-]  #: parents, mutants, rate -> trials
+#: parents, mutants, rate -> trials
+Crossover = Callable[[FloatArray, FloatArray, Factor, Generator], FloatArray]
+Survivors = tuple[FloatArray, FloatArray, BoolArray]  #: their costs, and where a trial replaced its parent
 Selection = Callable[
-    [FloatArray, FloatArray, FloatArray, FloatArray], tuple[FloatArray, FloatArray, BoolArray]
-]  #: parents, trials, each with costs -> survivors, their costs, where a trial replaced its parent
+    [FloatArray, FloatArray, FloatArray, FloatArray], Survivors
+]  #: of parents and trials with costs
 S = TypeVar("S", bound=State)
 
 
@@ -99,10 +105,6 @@ class Islands:
     """A number of populations side by side, neighbors in the order of members, that breed on their own island only.
 
     There are fewer where they would be smaller than `SMALLEST`.
-
-    References
-    ----------
-    Tasoulis, Pavlidis, Plagianakos and Vrahatis (2004), Parallel differential evolution, IEEE CEC, 2023-2029.
     """
 
     number: int = 5
@@ -172,11 +174,6 @@ class Acceleration:
 
     The publication steps by the gradient times a factor that begins at 1. A gradient has the unit of the cost, so
     here the first step is as long as the population's mean distance from its best. After so many halvings the best stays.
-
-    References
-    ----------
-    Chiou and Wang (1999), Hybrid method of evolutionary algorithms for static and dynamic optimization problems
-    with application to a fed-batch fermentation process, Comput. Chem. Eng. 23, 1277-1291.
     """
 
     halvings: int = 4
@@ -206,11 +203,8 @@ class Migration:
 
     A variable of a member counts as diverse if it lies further than `width` from the best's. Where the share of
     diverse variables falls below `tolerance`, every other member is drawn anew: each variable between the best's
-    and one end of the box, the end with a probability that is the best's distance from it.
-
-    References
-    ----------
-    Chiou and Wang (1999), Comput. Chem. Eng. 23, 1277-1291; there the width is relative to the best's value.
+    and one end of the box, the end with a probability that is the best's distance from it. In the publication the
+    width is relative to the best's value.
     """
 
     tolerance: float = 0.1  #: share of diverse variables below which there is a migration
@@ -303,8 +297,7 @@ class DifferentialEvolution:
     def init(self, problem: Problem, seed: int, starts: FloatArray) -> PopulationState:
         """Evaluate the first population; the user's own values take the first places."""
         ledger, generator, X, F = first_population(problem, seed, starts, self.members, self.initialization)
-        memory = self.control.begin(len(X))
-        return begun(PopulationState, self.name, ledger, generator, X=X, F=F, memory=memory)
+        return begun(PopulationState, self.name, ledger, generator, X=X, F=F, memory=self.control.begin())
 
     def step(self, state: PopulationState, problem: Problem) -> tuple[PopulationState, Event]:
         """Do one generation."""

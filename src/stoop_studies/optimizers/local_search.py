@@ -16,10 +16,9 @@ import numpy as np
 from stoop.base.arrays import FloatArray
 from stoop.optimize.ledger import Ledger
 from stoop.optimize.libraries import one_blas_thread
-from stoop.optimize.local_refinement import FULL, Settings, refine
+from stoop.optimize.local_refinement import refine
 
 BETA: Final = (sqrt(5.0) - 1.0) / 2.0  #: of the golden section
-
 
 #: From a member, (D,), and its cost to the end of a local search and the cost there, never worse than the start.
 LocalSearch = Callable[[Ledger, FloatArray, float], tuple[FloatArray, float]]
@@ -117,14 +116,14 @@ class LevenbergMarquardt:
     Nuisances are free on the way down; a member is compared, and kept, with them at zero.
     """
 
-    settings: Settings = FULL
-
-    def __call__(self, ledger: Ledger, x: FloatArray, cost: float) -> tuple[FloatArray, float]:
-        """Return the end of the descent from x, (D,), and the cost there."""
-        end = refine(ledger, np.concatenate([x, np.zeros(ledger.extra)]), ledger.full, self.settings)
-        y, lower = end.z[: len(x)], end.cost
-        if ledger.extra and lower < cost:
-            lower = float(ledger.costs(y[None, :], ledger.full)[0])
+    def __call__(
+        self, ledger: Ledger, x: FloatArray, cost: float, incumbent: float = np.inf
+    ) -> tuple[FloatArray, float]:
+        """Return the end of the descent from x, (D,), and the cost there; one far above the incumbent is given up."""
+        z = np.concatenate([x, np.zeros(ledger.extra)])
+        end = refine(ledger, z, ledger.full, incumbent=incumbent)
+        y = end.z[: len(x)]
+        lower = float(ledger.costs(y[None, :], ledger.full)[0]) if ledger.extra else end.cost
         return (y, lower) if lower < cost else (x, cost)
 
 
@@ -157,62 +156,46 @@ class QuasiNewton:
         self, ledger: Ledger, x: FloatArray, cost: float, incumbent: float = np.inf
     ) -> tuple[FloatArray, float]:
         """Return the best point of a descent from x, (D,), and its cost; never worse than the start."""
-        descent = _Descent(self, ledger, x, cost, incumbent)
-        with one_blas_thread(), suppress(_Abandoned):
-            descent.run(descent.forward)
-            if descent.cost < incumbent:
-                descent.run(descent.central)
-        return descent.x, descent.cost
-
-
-class _Descent:
-    """A quasi-Newton descent under way, and its best point."""
-
-    def __init__(
-        self, settings: QuasiNewton, ledger: Ledger, x: FloatArray, cost: float, incumbent: float
-    ) -> None:
-        self.settings, self.ledger, self.incumbent = settings, ledger, incumbent
-        self.x, self.cost = x, cost
-        self.costs = [cost]
-
-    def run(self, gradient: Callable[[FloatArray], tuple[float, FloatArray]]) -> None:
-        """Run L-BFGS-B from the best point so far to its end."""
         from scipy.optimize import minimize
 
+        D, costs = len(x), [cost]  # of the best point, by iteration
+
+        def evaluated(X: FloatArray) -> FloatArray:
+            """Return the costs of a point and of those about it; the best of the points is remembered."""
+            nonlocal x, cost
+            F = ledger.costs(X, ledger.full)
+            if not np.isfinite(F).all():
+                raise _Abandoned
+            if F[0] < cost:
+                x, cost = X[0].copy(), float(F[0])
+            return F
+
+        def forward(y: FloatArray) -> tuple[float, FloatArray]:
+            """Return cost and gradient, (D,), by forward differences, backward at an upper bound."""
+            h = np.where(y + self.step <= 1.0, self.step, -self.step)
+            F = evaluated(np.concatenate([y[None, :], y + np.diag(h)]))
+            # the step that was taken, not the one that was wished: y + h is rounded
+            return float(F[0]), (F[1:] - F[0]) / ((y + h) - y)
+
+        def central(y: FloatArray) -> tuple[float, FloatArray]:
+            """Return cost and gradient, (D,), by central differences, cut short at a bound."""
+            high, low = np.minimum(y + self.wide, 1.0), np.maximum(y - self.wide, 0.0)
+            F = evaluated(np.concatenate([y[None, :], y + np.diag(high - y), y + np.diag(low - y)]))
+            return float(F[0]), (F[1 : D + 1] - F[D + 1 :]) / (high - low)
+
+        def check(_: FloatArray) -> None:
+            """Give up where the incumbent is out of reach."""
+            costs.append(cost)
+            if len(costs) <= self.patience or cost <= incumbent:
+                return
+            if costs[-1 - self.patience] - cost < self.fall * (cost - incumbent):
+                raise _Abandoned
+
         search: Any = minimize  # the stubs know no callback that takes the place alone
-        box = [(0.0, 1.0)] * len(self.x)
-        options = {"maxiter": self.settings.iterations, "maxcor": len(self.x), "ftol": 1e-15, "gtol": 1e-14}
-        search(
-            gradient, self.x, jac=True, method="L-BFGS-B", bounds=box, callback=self.check, options=options
-        )
-
-    def forward(self, x: FloatArray) -> tuple[float, FloatArray]:
-        """Return cost and gradient, (D,), by forward differences, backward at an upper bound."""
-        h = np.where(x + self.settings.step <= 1.0, self.settings.step, -self.settings.step)
-        F = self._evaluate(np.concatenate([x[None, :], x + np.diag(h)]))
-        # the step that was taken, not the one that was wished: x + h is rounded
-        return float(F[0]), (F[1:] - F[0]) / ((x + h) - x)
-
-    def central(self, x: FloatArray) -> tuple[float, FloatArray]:
-        """Return cost and gradient, (D,), by central differences, cut short at a bound."""
-        high, low = np.minimum(x + self.settings.wide, 1.0), np.maximum(x - self.settings.wide, 0.0)
-        F = self._evaluate(np.concatenate([x[None, :], x + np.diag(high - x), x + np.diag(low - x)]))
-        return float(F[0]), (F[1 : len(x) + 1] - F[len(x) + 1 :]) / (high - low)
-
-    def _evaluate(self, X: FloatArray) -> FloatArray:
-        """Return the costs of x and of the points about it; remember x if it is the best."""
-        F = self.ledger.costs(X, self.ledger.full)
-        if not np.isfinite(F).all():
-            raise _Abandoned
-        if F[0] < self.cost:
-            self.x, self.cost = X[0].copy(), float(F[0])
-        return F
-
-    def check(self, x: FloatArray) -> None:
-        """Give up where the incumbent is out of reach."""
-        self.costs.append(self.cost)
-        back = len(self.costs) - 1 - self.settings.patience
-        if back < 0 or self.cost <= self.incumbent:
-            return
-        if self.costs[back] - self.cost < self.settings.fall * (self.cost - self.incumbent):
-            raise _Abandoned
+        options = {"maxiter": self.iterations, "maxcor": D, "ftol": 1e-15, "gtol": 1e-14}
+        settings = {"method": "L-BFGS-B", "bounds": [(0.0, 1.0)] * D, "callback": check, "options": options}
+        with one_blas_thread(), suppress(_Abandoned):
+            search(forward, x, jac=True, **settings)
+            if cost < incumbent:
+                search(central, x, jac=True, **settings)
+        return x, cost

@@ -3,11 +3,18 @@
 A mutation is any callable of (X, F, scale, generator) that returns mutants of the shape of X. The caller brings
 mutants back into the box, and a control decides on the scale. A new operator takes a few lines::
 
-    @dataclass(frozen=True)
-    class Rand1:
-        def __call__(self, X, F, scale, generator):
-            a, b, c = X[distinct(len(X), 3, generator)]
-            return c + scale * (a - b)
+    def rand_1(X, F, scale, generator):
+        a, b, c = X[distinct(len(X), 3, generator)]
+        return c + scale * (a - b)
+
+References
+----------
+Fan and Lampinen (2003), A trigonometric mutation operation to differential evolution, J. Global Optim. 27, 105-129.
+Kaelo and Ali (2006), A numerical study of some modified differential evolution algorithms, Eur. J. Oper. Res. 169,
+1176-1184 (DERL).
+Wu, Wang and Zhou (2007), Self-adapting control parameters modified differential evolution for trajectory planning of
+manipulators, J. Control Theory Appl. 5, 365-373.
+Tanabe and Fukunaga (2013), IEEE CEC, 71-78 (SHADE).
 """
 
 from __future__ import annotations
@@ -26,65 +33,59 @@ from stoop.optimize.population import ParameterMemory
 Mutation = Callable[[FloatArray, FloatArray, Factor, Generator], FloatArray]
 
 
-@dataclass(frozen=True)
-class Rand1:
-    """DE/rand/1: c + scale (a - b), the paper's eq. (6), first line."""
-
-    def __call__(self, X: FloatArray, F: FloatArray, scale: Factor, generator: Generator) -> FloatArray:
-        """Return mutants, (n, D)."""
-        a, b, c = drawn(X, 3, generator)
-        return c + scale * (a - b)
+def rand_1(X: FloatArray, F: FloatArray, scale: Factor, generator: Generator) -> FloatArray:
+    """Return mutants of DE/rand/1: c + scale (a - b), the paper's eq. (6), first line."""
+    a, b, c = X[distinct(len(X), 3, generator)]
+    mutants: FloatArray = c + scale * (a - b)
+    return mutants
 
 
-@dataclass(frozen=True)
-class Best2:
-    """DE/best/2: best + scale (a - b + c - d), the paper's eq. (6), second line."""
-
-    def __call__(self, X: FloatArray, F: FloatArray, scale: Factor, generator: Generator) -> FloatArray:
-        """Return mutants, (n, D)."""
-        a, b, c, d = drawn(X, 4, generator)
-        mutants: FloatArray = X[F.argmin()] + scale * (a - b + c - d)
-        return mutants
+def best_2(X: FloatArray, F: FloatArray, scale: Factor, generator: Generator) -> FloatArray:
+    """Return mutants of DE/best/2: best + scale (a - b + c - d), the paper's eq. (6), second line."""
+    a, b, c, d = X[distinct(len(X), 4, generator)]
+    mutants: FloatArray = X[F.argmin()] + scale * (a - b + c - d)
+    return mutants
 
 
-@dataclass(frozen=True)
-class Ordered:
-    """The paper's eq. (12): x + scale (a - x + b - c), with a, b, c the best, middle and worst of three."""
-
-    def __call__(self, X: FloatArray, F: FloatArray, scale: Factor, generator: Generator) -> FloatArray:
-        """Return mutants, (n, D)."""
-        a, b, c = list(X[ranked(distinct(len(X), 3, generator), F)])
-        mutants: FloatArray = X + scale * (a - X + b - c)
-        return mutants
+def ordered(X: FloatArray, F: FloatArray, scale: Factor, generator: Generator) -> FloatArray:
+    """Return mutants by the paper's eq. (12): x + scale (a - x + b - c), with a, b, c the best, middle, worst of three picks."""
+    a, b, c = X[ranked(distinct(len(X), 3, generator), F)]
+    mutants: FloatArray = X + scale * (a - X + b - c)
+    return mutants
 
 
-@dataclass(frozen=True)
-class Unordered:
-    """Eq. (12) with its three picks as drawn: what the sorting is worth."""
-
-    def __call__(self, X: FloatArray, F: FloatArray, scale: Factor, generator: Generator) -> FloatArray:
-        """Return mutants, (n, D)."""
-        a, b, c = drawn(X, 3, generator)
-        return X + scale * (a - X + b - c)
+def unordered(X: FloatArray, F: FloatArray, scale: Factor, generator: Generator) -> FloatArray:
+    """Return mutants by eq. (12) with its three picks as drawn: what the sorting is worth."""
+    a, b, c = X[distinct(len(X), 3, generator)]
+    mutants: FloatArray = X + scale * (a - X + b - c)
+    return mutants
 
 
-@dataclass(frozen=True)
-class Localized:
-    """Random localization: best + scale (a - b), the best of three random members its base, a and b the rest.
+def localized(X: FloatArray, F: FloatArray, scale: Factor, generator: Generator) -> FloatArray:
+    """Return mutants of random localization: base + scale (a - b), the best of three picks the base (Kaelo and Ali)."""
+    picks = distinct(len(X), 3, generator)
+    members, best = np.arange(len(X)), F[picks].argmin(axis=0)
+    base, a, b = (picks[(best + k) % 3, members] for k in range(3))
+    mutants: FloatArray = X[base] + scale * (X[a] - X[b])
+    return mutants
 
-    References
-    ----------
-    Kaelo and Ali (2006), A numerical study of some modified differential evolution algorithms, Eur. J. Oper.
-    Res. 169, 1176-1184 (DERL).
+
+def weighted_centroid(X: FloatArray, F: FloatArray, scale: Factor, generator: Generator) -> FloatArray:
+    """Return mutants from bases between a random member and the weighted centroid of three.
+
+    v = c + k (m - c) + scale (d - e), with m the centroid of a, b, c, each weighted by how far it lies below the
+    population's worst finite cost. The convergence factor k is one minus the mean width of the population in the
+    unit box: at first a base is a random member, in the end a centroid.
     """
-
-    def __call__(self, X: FloatArray, F: FloatArray, scale: Factor, generator: Generator) -> FloatArray:
-        """Return mutants, (n, D)."""
-        picks = distinct(len(X), 3, generator)
-        members, best = np.arange(len(X)), F[picks].argmin(axis=0)
-        base, a, b = (picks[(best + k) % 3, members] for k in range(3))
-        mutants: FloatArray = X[base] + scale * (X[a] - X[b])
-        return mutants
+    picks = distinct(len(X), 5, generator)
+    finite = np.isfinite(F)
+    below = np.where(finite, F[finite].max(initial=-np.inf) - np.where(finite, F, 0.0), 0.0)
+    p = _shares(below[picks[:3]])[:, :, None]
+    a, b, c, d, e = X[picks]
+    centroid = p[0] * a + p[1] * b + p[2] * c
+    factor = 1.0 - float((X.max(axis=0) - X.min(axis=0)).mean())
+    mutants: FloatArray = c + factor * (centroid - c) + scale * (d - e)
+    return mutants
 
 
 @dataclass(frozen=True)
@@ -92,12 +93,7 @@ class Trigonometric:
     """DE/rand/1, now and then replaced by a step from the center of three picks towards the cheaper of them.
 
     With p the share of each pick in the sum of the three absolute costs, the trigonometric mutant is
-    (a + b + c) / 3 + (p_b - p_a) (a - b) + (p_c - p_b) (b - c) + (p_a - p_c) (c - a).
-
-    References
-    ----------
-    Fan and Lampinen (2003), A trigonometric mutation operation to differential evolution, J. Global Optim. 27,
-    105-129.
+    (a + b + c) / 3 + (p_b - p_a) (a - b) + (p_c - p_b) (b - c) + (p_a - p_c) (c - a) (Fan and Lampinen).
     """
 
     probability: float = 0.05  #: of the trigonometric mutant
@@ -106,8 +102,8 @@ class Trigonometric:
         """Return mutants, (n, D)."""
         replaced = np.flatnonzero(generator.random(len(X)) < self.probability)
         picks = distinct(len(X), 3, generator)
-        a, b, c = picks
-        mutants: FloatArray = X[c] + scale * (X[a] - X[b])
+        a, b, c = X[picks]
+        mutants: FloatArray = c + scale * (a - b)
         if replaced.size:
             a, b, c = X[picks[:, replaced]]
             p = _shares(np.abs(F[picks[:, replaced]]))[:, :, None]
@@ -121,12 +117,7 @@ class Trigonometric:
 class ScaledByCost:
     """Best + F (middle - worst) of three picks; F grows from `lowest` to the scale with the middle one's cost.
 
-    F = lowest + (scale - lowest) (f_middle - f_best) / (f_worst - f_best); the scale where that is not defined.
-
-    References
-    ----------
-    Wu, Wang and Zhou (2007), Self-adapting control parameters modified differential evolution for trajectory
-    planning of manipulators, J. Control Theory Appl. 5, 365-373.
+    F = lowest + (scale - lowest) (f_middle - f_best) / (f_worst - f_best); the scale where that is not defined (Wu et al.).
     """
 
     lowest: float = 0.1  #: scale where the middle costs as little as the best
@@ -140,28 +131,6 @@ class ScaledByCost:
         place = np.where(np.isnan(place), 1.0, place)
         own = self.lowest + (scale - self.lowest) * place[:, None]
         mutants: FloatArray = X[best] + own * (X[middle] - X[worst])
-        return mutants
-
-
-@dataclass(frozen=True)
-class WeightedCentroid:
-    """A base between a random member and the weighted centroid of three, plus scale times a difference.
-
-    v = c + k (m - c) + scale (d - e), with m the centroid of a, b, c, each weighted by how far it lies below the
-    population's worst finite cost. The convergence factor k is one minus the mean width of the population in the
-    unit box: at first a base is a random member, in the end a centroid.
-    """
-
-    def __call__(self, X: FloatArray, F: FloatArray, scale: Factor, generator: Generator) -> FloatArray:
-        """Return mutants, (n, D)."""
-        picks = distinct(len(X), 5, generator)
-        finite = np.isfinite(F)
-        below = np.where(finite, F[finite].max(initial=-np.inf) - np.where(finite, F, 0.0), 0.0)
-        p = _shares(below[picks[:3]])[:, :, None]
-        a, b, c, d, e = list(X[picks])
-        centroid = p[0] * a + p[1] * b + p[2] * c
-        factor = 1.0 - float((X.max(axis=0) - X.min(axis=0)).mean())
-        mutants: FloatArray = c + factor * (centroid - c) + scale * (d - e)
         return mutants
 
 
@@ -185,15 +154,9 @@ def distinct(number: int, picks: int, generator: Generator) -> IntArray:
     return draws
 
 
-def drawn(X: FloatArray, picks: int, generator: Generator) -> list[FloatArray]:
-    """Return `picks` other members for each parent, (n, D) each."""
-    return list(X[distinct(len(X), picks, generator)])
-
-
 def ranked(indices: IntArray, F: FloatArray) -> IntArray:
     """Order each parent's indices, (picks, n), by cost, best first; ties stay as drawn."""
-    order = np.argsort(F[indices], axis=0, kind="stable")
-    return indices[order, np.arange(indices.shape[1])]
+    return np.take_along_axis(indices, np.argsort(F[indices], axis=0, kind="stable"), axis=0)
 
 
 def _shares(values: FloatArray) -> FloatArray:
@@ -210,9 +173,8 @@ class Control(Protocol):
     `stoop.optimize.state` names.
     """
 
-    def begin(self, members: int) -> Any:
+    def begin(self) -> Any:
         """Return the memory of a population before its first generation."""
-        ...
 
     def sample(self, memory: Any, F: FloatArray, generator: Generator) -> tuple[Factor, Factor]:
         """Return scale and rate for parents of costs F, (n,): a number each, or (n, 1)."""
@@ -220,13 +182,12 @@ class Control(Protocol):
 
     def learn(self, memory: Any, scale: Factor, rate: Factor, before: FloatArray, costs: FloatArray) -> Any:
         """Return the memory after trials of the given costs, (n,), met parents of costs `before`, (n,)."""
-        ...
 
 
 class Memoryless:
     """A control that learns nothing."""
 
-    def begin(self, members: int) -> None:
+    def begin(self) -> None:
         """Return None."""
 
     def learn(self, memory: None, scale: Factor, rate: Factor, before: FloatArray, costs: FloatArray) -> None:
@@ -247,12 +208,7 @@ class Fixed(Memoryless):
 
 @dataclass(frozen=True)
 class Signed(Memoryless):
-    """A new scale for every mutant, uniform in [low, high] and of either sign; a fixed rate.
-
-    References
-    ----------
-    Kaelo and Ali (2006), Eur. J. Oper. Res. 169, 1176-1184: F in [-1, -0.4] or [0.4, 1] for each mutated point.
-    """
+    """A new scale for every mutant, uniform in [low, high] and of either sign, and a fixed rate (Kaelo and Ali)."""
 
     low: float = 0.4
     high: float = 1.0
@@ -267,14 +223,9 @@ class Signed(Memoryless):
 
 @dataclass(frozen=True)
 class ByCost(Memoryless):
-    """A rate that grows with a parent's cost: good parents change little. Those better than the mean take `low`.
+    """A rate that grows with a parent's cost: good parents change little, those better than the mean take `low` (Wu et al.).
 
-    The scale is fixed; a mutation may take it for the largest that it uses (`mutation.ScaledByCost`).
-
-    References
-    ----------
-    Wu, Wang and Zhou (2007), Self-adapting control parameters modified differential evolution for trajectory
-    planning of manipulators, J. Control Theory Appl. 5, 365-373.
+    The scale is fixed; a mutation may take it for the largest that it uses (`ScaledByCost`).
     """
 
     scale: float = 0.9
@@ -294,16 +245,11 @@ class ByCost(Memoryless):
 
 @dataclass(frozen=True)
 class SuccessHistory:
-    """Scales and rates near those of recent successful trials, one of each for every parent.
-
-    References
-    ----------
-    Tanabe and Fukunaga (2013), IEEE CEC, 71-78 (SHADE).
-    """
+    """Scales and rates near those of recent successful trials, one of each for every parent (SHADE)."""
 
     entries: int = 6
 
-    def begin(self, members: int) -> ParameterMemory:
+    def begin(self) -> ParameterMemory:
         """Return a memory without any success."""
         return ParameterMemory.fresh(self.entries)
 

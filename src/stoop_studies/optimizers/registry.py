@@ -18,7 +18,7 @@ ENTRIES: Final[dict[str, Entry]] = {
     },
     "ga": Entry(f"{PLACE}.ga:GeneticAlgorithm", state=POPULATION),
     "pso": Entry(f"{PLACE}.pso:ParticleSwarm", state=f"{PLACE}.pso:SwarmState"),
-    "ordered-shade": Entry(f"{PLACE}.shade:OrderedShade", state=f"{PLACE}.shade:HerdState"),
+    "ordered-shade": Entry(f"{PLACE}.shade:OrderedShade", state=f"{PLACE}.shade:OrderedShadeState"),
     "l-shade": Entry(f"{PLACE}.shade:LShade", plans=True, state=f"{PLACE}.shade:ShadeState"),
     "jso": Entry(f"{PLACE}.shade:JSO", plans=True, state=f"{PLACE}.shade:ShadeState"),
     "pymoo-ga": Entry(f"{PLACE}.libraries:pymoo_ga"),

@@ -11,12 +11,11 @@ Brest, Maucec and Boskovic (2017), Single objective real-parameter optimization:
 Brest, Maucec and Boskovic (2016), iL-SHADE: improved L-SHADE algorithm for single objective real-parameter
 optimization, IEEE CEC, 1188-1195 (the entry fixed at 0.9, and an elite other than the parent at first).
 Auger and Hansen (2005), IEEE CEC, 1769-1776, for restarts with a growing population; the PS-GDE paper's eq. (12) for the
-order in the difference, its section IV.C for prey.
+order in the difference, its section IV.C for local search from the best.
 """
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from math import log, sqrt
@@ -27,7 +26,6 @@ from numpy.random import Generator
 
 from stoop.base.arrays import BoolArray, Factor, FloatArray, IntArray
 from stoop.optimize.ledger import Ledger
-from stoop.optimize.local_refinement import refine
 from stoop.optimize.population import (
     MEMBERS,
     ParameterMemory,
@@ -44,7 +42,7 @@ from stoop.optimize.population import (
 from stoop.optimize.problem import Problem
 from stoop.optimize.state import Event, State
 from stoop_studies.optimizers.evolution import advanced, begun, first_population
-from stoop_studies.optimizers.local_search import QuasiNewton
+from stoop_studies.optimizers.local_search import LevenbergMarquardt, QuasiNewton
 
 FEWEST: Final = 4  #: members at the end; the mutation needs as many
 TERMINAL: Final = -1.0  #: a rate of the memory below zero: only crossover rate 0 works, and stays
@@ -96,28 +94,24 @@ class ShadeState(State):
 
 
 @dataclass(frozen=True)
-class LinearShade(ABC):
-    """Success-history adaptation, current-to-pbest with archive, and linear population size reduction.
+class LShade:
+    """L-SHADE: success-history adaptation, current-to-pbest with archive, and linear population size reduction.
 
     It plans over its budget, in trajectories (None: 10,000 per variable, as in the competitions): where the run is given
     another one, it is not at its best. After the planned budget its last four members go on. It never claims convergence.
     """
 
     budget: float | None = None
-    name: ClassVar[str]  #: registered name
-    archived: ClassVar[float]  #: size of the archive, in members
+    name: ClassVar[str] = "l-shade"  #: registered name
+    archived: ClassVar[float] = 2.6  #: size of the archive, in members
 
-    @abstractmethod
     def members(self, dimension: int) -> int:
-        """Return the size of the first population."""
+        """Return the size of the first population: 18 for each variable."""
+        return 18 * dimension
 
-    @abstractmethod
     def memory(self) -> ParameterMemory:
-        """Return the memory at the start."""
-
-    @abstractmethod
-    def learnt(self, memory: ParameterMemory, scale: float, rate: float, ended: bool) -> ParameterMemory:
-        """Return the memory with the means of what won; `ended` where no rate that won is above zero."""
+        """Return the memory at the start: six entries of 0.5."""
+        return ParameterMemory.fresh(6, scale=0.5, rate=0.5)
 
     def learn(
         self,
@@ -130,10 +124,15 @@ class LinearShade(ABC):
         """Return the memory after a generation; scales, rates, gains and `won` are (n,)."""
         if not won.any():
             return memory
-        return self.learnt(memory, *success_means(scales, rates, gains, won), bool(rates[won].max() <= 0.0))
+        scale, rate = success_means(scales, rates, gains, won)
+        return self.renewed(memory, scale, TERMINAL if rates[won].max() <= 0.0 else rate)
+
+    def renewed(self, memory: ParameterMemory, scale: float, rate: float) -> ParameterMemory:
+        """Return the memory with the means of what won; a rate that has come down to zero stays there."""
+        return memory.renewed(scale, TERMINAL if memory.rates[memory.slot] < 0.0 else rate)
 
     def limit(self, scales: FloatArray, rates: FloatArray, progress: float) -> tuple[FloatArray, FloatArray]:
-        """Return scales and rates, (n,) each, bounded at a progress in [0, 1]."""
+        """Return scales and rates, (n,) each, bounded at a progress in [0, 1]: as they are."""
         return scales, rates
 
     def mutation(self, archive: FloatArray, progress: float) -> CurrentToPBest:
@@ -181,25 +180,7 @@ def keep_best(X: FloatArray, F: FloatArray, number: int) -> tuple[FloatArray, Fl
     return X[kept], F[kept]
 
 
-class LShade(LinearShade):
-    """L-SHADE (Tanabe and Fukunaga 2014)."""
-
-    name, archived = "l-shade", 2.6
-
-    def members(self, dimension: int) -> int:
-        """Return 18 for each variable."""
-        return 18 * dimension
-
-    def memory(self) -> ParameterMemory:
-        """Return six entries of 0.5."""
-        return ParameterMemory.fresh(6, scale=0.5, rate=0.5)
-
-    def learnt(self, memory: ParameterMemory, scale: float, rate: float, ended: bool) -> ParameterMemory:
-        """Return the memory with the means; a rate that has come down to zero stays there."""
-        return memory.renewed(scale, TERMINAL if ended or memory.rates[memory.slot] < 0.0 else rate)
-
-
-class JSO(LinearShade):
+class JSO(LShade):
     """jSO (Brest, Maucec and Boskovic 2017).
 
     Beside its numbers three rules differ from L-SHADE: a weighted step towards the elite, bounds on early scales and rates,
@@ -216,14 +197,13 @@ class JSO(LinearShade):
         """Return four entries of scale 0.3 and rate 0.8, and the fixed one."""
         return ParameterMemory(np.array([0.3] * 4 + [FIXED]), np.array([0.8] * 4 + [FIXED]), 0)
 
-    def learnt(self, memory: ParameterMemory, scale: float, rate: float, ended: bool) -> ParameterMemory:
+    def renewed(self, memory: ParameterMemory, scale: float, rate: float) -> ParameterMemory:
         """Return the memory halfway from the old entry to the means; the turn of the last entry comes, but it stays at 0.9."""
-        slot, rate = memory.slot, TERMINAL if ended else rate
+        slot = memory.slot
         if slot == len(memory.scales) - 1:
             return memory.renewed(FIXED, FIXED)
-        return memory.renewed(
-            0.5 * (scale + float(memory.scales[slot])), 0.5 * (rate + float(memory.rates[slot]))
-        )
+        old_scale, old_rate = float(memory.scales[slot]), float(memory.rates[slot])
+        return memory.renewed(0.5 * (scale + old_scale), 0.5 * (rate + old_rate))
 
     def limit(self, scales: FloatArray, rates: FloatArray, progress: float) -> tuple[FloatArray, FloatArray]:
         """Return scales and rates, (n,) each, that are kept from extremes early in the search."""
@@ -240,7 +220,7 @@ class JSO(LinearShade):
 
 
 @dataclass(frozen=True, kw_only=True)
-class HerdState(State):
+class OrderedShadeState(State):
     """State of ordered SHADE: its population, the ends of the local searches, (m, D), and the size of the next population."""
 
     population: Population
@@ -250,11 +230,11 @@ class HerdState(State):
 
 @dataclass(frozen=True)
 class OrderedShade:
-    """Ordered SHADE: the population of the default on its own, without scouts and shortened records, with prey and restarts.
+    """Ordered SHADE: the population of the default on its own, without scouts and shortened records.
 
-    A step is a generation, a local search, or a new population in place of one that has collapsed or stagnates. Local
-    searches start from its prey: Levenberg-Marquardt where the problem has residuals, else L-BFGS-B on differences of the
-    cost. It plans over no budget and never claims convergence.
+    A step is a generation, a local search from the best member not searched from, or a new population in place of one that
+    has collapsed or stagnates. A local search is Levenberg-Marquardt where the problem has residuals, else L-BFGS-B on
+    differences of the cost. It restarts, plans over no budget and never claims convergence.
     """
 
     name: str = "ordered-shade"  #: registered name
@@ -263,15 +243,15 @@ class OrderedShade:
     #: local search where only the cost is known
     quasi_newton: QuasiNewton = field(default_factory=QuasiNewton)
 
-    def init(self, problem: Problem, seed: int, starts: FloatArray) -> HerdState:
+    def init(self, problem: Problem, seed: int, starts: FloatArray) -> OrderedShadeState:
         """Evaluate the first population; the user's own values take the first places."""
         ledger, generator, X, F = first_population(problem, seed, starts, self.members, latin_hypercube)
         fields = {"population": Population.first(X, F), "population_size": self.strategy.grown(self.members)}
         optima = np.empty((0, problem.dimension))
-        return begun(HerdState, self.name, ledger, generator, optima=optima, **fields)
+        return begun(OrderedShadeState, self.name, ledger, generator, optima=optima, **fields)
 
-    def step(self, state: HerdState, problem: Problem) -> tuple[HerdState, Event]:
-        """Do what is next: a new population, a generation or a local search."""
+    def step(self, state: OrderedShadeState, problem: Problem) -> tuple[OrderedShadeState, Event]:
+        """Do what is next: a new population, a local search or a generation."""
         ledger, population = Ledger.at(problem, state.evaluations), state.population
         generator, text = state.stream.generator(), ""
         if population.exhausted:
@@ -285,29 +265,15 @@ class OrderedShade:
             if population.age >= population.due:
                 member, population = population.next_start(state.optima, self.strategy.separation)
                 if member is not None:
-                    return self._refine(state, population, member, ledger)
+                    search = LevenbergMarquardt() if ledger.has_residuals else self.quasi_newton
+                    start, best = float(population.F[member]), float(population.F.min())
+                    incumbent = best if start > best else np.inf
+                    x, cost = search(ledger, population.X[member].copy(), start, incumbent)
+                    population = population.with_refined(member, x, cost, cost < best * (1.0 - 1e-12))
+                    optima = np.concatenate([state.optima, x[None, :]])
+                    after = advanced(state, ledger, population=population, optima=optima)
+                    return after, Event("refinement", cost, ledger.full)
             trials = population.ask(generator, self.strategy.elite)
             population = population.tell(trials, ledger.costs(trials.X, ledger.full), generator)
         event = Event("evolution", float(population.F.min()), ledger.full, text)
         return advanced(state, ledger, generator, population=population), event
-
-    def _refine(
-        self, state: HerdState, population: Population, member: int, ledger: Ledger
-    ) -> tuple[HerdState, Event]:
-        """Search locally from a member, as suits the problem; the end takes its place."""
-        best = float(population.F.min())
-        x, cost = population.X[member].copy(), float(population.F[member])
-        incumbent = best if cost > best else np.inf
-        if not ledger.has_residuals:
-            x, cost = self.quasi_newton(ledger, x, cost, incumbent)
-        else:
-            z = np.concatenate([x, np.zeros(ledger.extra)])
-            end = refine(ledger, z, ledger.full, incumbent=incumbent)
-            y = end.z[: len(x)]
-            # members of the population have their nuisances at zero: only there may they be compared
-            lower = float(ledger.costs(y[None, :], ledger.full)[0]) if ledger.extra else end.cost
-            x, cost = (y, lower) if lower < cost else (x, cost)
-        population = population.with_refined(member, x, cost, cost < best * (1.0 - 1e-12))
-        optima = np.concatenate([state.optima, x[None, :]])
-        after = advanced(state, ledger, population=population, optima=optima)
-        return after, Event("refinement", cost, ledger.full)

@@ -13,10 +13,10 @@ from stoop.optimize import Ledger, ScalarProblem
 from stoop.optimize.ledger import Evaluations
 from stoop.report.plots import Mark, Series, contour_plot, plot
 from stoop.report.sheet import Code, Figure, Prose, Section, Table
-from stoop_studies.findings import Claim, Findings, Results, Setting, holds, number
+from stoop_studies.findings import Claim, Findings, Results, Setting, holds, number, tabulated
 from stoop_studies.optimizers.local_search import BETA, SteepestDescent, golden_section, steepest_line
 from stoop_studies.problems.paper import Paper, paper
-from stoop_studies.reproduce.suite import PaperExperiment, tabulated
+from stoop_studies.reproduce.suite import PaperExperiment
 
 PAIR: Final = ("CLalpha", "Cmalpha")
 LOW: Final = np.array((3.2, -3.2))
@@ -69,32 +69,25 @@ class Recorder(ScalarProblem):
 
 @dataclass(frozen=True)
 class LineSearch:
-    """A search along a line: distance and cost at its end, and what it evaluated, (k,), in order."""
+    """A search along a line: costs at its beginning and end, distance of its end, and what it evaluated, (k,), in order."""
 
-    end: float
+    start: float
     cost: float
+    end: float
     points: FloatArray
 
-
-@dataclass(frozen=True)
-class Pair:
-    """One line, searched both ways; `cost` is that at its beginning."""
-
-    cost: float
-    repaired: LineSearch
-    printed: LineSearch
-
-    def gain(self, line: LineSearch) -> float:
-        """Return the share of the cost that a search takes away; none where its end is refused as worse."""
-        return max(0.0, 1.0 - line.cost / self.cost)
+    @property
+    def gain(self) -> float:
+        """Share of the cost that it takes away; none where its end is refused as worse."""
+        return max(0.0, 1.0 - self.cost / self.start)
 
 
-def both(recorder: Recorder, x: FloatArray) -> Pair | None:
-    """Search the line down the gradient from x, as repaired and as printed; None without a gradient."""
+def both(recorder: Recorder, x: FloatArray) -> dict[str, LineSearch]:
+    """Search the line down the gradient from x, as repaired and as printed; empty without a gradient."""
     along = recorder.along(x)
     if along is None:
-        return None
-    return Pair(along(0.0), searched(along, golden_section), searched(along, printed_section))
+        return {}
+    return {name: searched(along, section) for name, section in SECTIONS.items()}
 
 
 def searched(function: Function, section: Callable[[Function, float, float, float], float]) -> LineSearch:
@@ -105,8 +98,8 @@ def searched(function: Function, section: Callable[[Function, float, float, floa
         points.append(t)
         return function(t)
 
-    end = section(recorded, 0.0, REACH, TOLERANCE * REACH)
-    return LineSearch(end, function(end), np.array(points))
+    start, end = function(0.0), section(recorded, 0.0, REACH, TOLERANCE * REACH)
+    return LineSearch(start, function(end), end, np.array(points))
 
 
 def printed_section(function: Function, low: float, high: float, tolerance: float) -> float:
@@ -122,6 +115,10 @@ def printed_section(function: Function, low: float, high: float, tolerance: floa
             right = low + BETA * (high - low)
             f_right = function(right)
     return 0.5 * (left + right)
+
+
+SECTIONS: Final = {"repaired": golden_section, "as printed": printed_section}
+Found = Mapping[str, Mapping[str, list[LineSearch]]]  #: section -> where from -> lines
 
 
 class Figure2(PaperExperiment):
@@ -140,16 +137,17 @@ class Figure2(PaperExperiment):
             x, cost = SteepestDescent(REACH, TOLERANCE)(ledger, x, cost)
             ends.append((*_physical(x).tolist(), cost, len(recorder.points)))
         picture = _picture(recorder, ends)
-        found: dict[str, list[Pair]] = {}
         middle = (recorder.case.truth - LOW) / (HIGH - LOW)
+        found: dict[str, dict[str, list[LineSearch]]] = {name: {} for name in SECTIONS}
         for where, reach in PLACES.items():
             steps = [reach * np.random.default_rng(seed).uniform(-1.0, 1.0, 2) for seed in setting.seeds]
             pairs = [both(recorder, np.clip(middle + step, 0.0, 1.0)) for step in steps]
-            found[where] = [pair for pair in pairs if pair is not None]
+            for name, lines in found.items():
+                lines[where] = [pair[name] for pair in pairs if pair]
         ends_table = tabulated(
-            "Where dives end",
+            "Where local searches end",
             {
-                "dive": lambda i: str(i),
+                "search": lambda i: str(i),
                 PAIR[0]: lambda i: number(ends[i][0], 5),
                 PAIR[1]: lambda i: number(ends[i][1], 5),
                 "J": lambda i: number(ends[i][2], 4),
@@ -166,34 +164,34 @@ class Figure2(PaperExperiment):
                 Section("On a picture of the cost", (picture, ends_table)),
                 Section("The pseudo-code as printed", code),
             ),
-            ("dive", *PAIR, "J", "evaluations_so_far"),
+            ("search", *PAIR, "J", "evaluations_so_far"),
             tuple((i, *end) for i, end in enumerate(ends)),
         )
 
 
-def _claims(
-    found: Mapping[str, list[Pair]], ends: list[tuple[float, float, float, int]]
-) -> tuple[Claim, ...]:
-    close, (*_, first, _), (*_, last, evaluations) = found["near the optimum"], ends[0], ends[-1]
+def _claims(found: Found, ends: list[tuple[float, float, float, int]]) -> tuple[Claim, ...]:
+    (*_, first, _), (*_, last, evaluations) = ends[0], ends[-1]
+    repaired, printed = found.values()
     early = {
-        where: sum(len(p.printed.points) < len(p.repaired.points) for p in pairs)
-        for where, pairs in found.items()
+        where: sum(
+            len(p.points) < len(r.points) for p, r in zip(printed[where], repaired[where], strict=True)
+        )
+        for where in PLACES
     }
-    repaired = float(np.median([p.gain(p.repaired) for p in close]))
-    printed = float(np.median([p.gain(p.printed) for p in close]))
+    gains = [float(np.median([line.gain for line in lines["near the optimum"]])) for lines in found.values()]
     return (
         holds(
             "The pseudo-code as printed ends its search before the interval is small",
             min(early.values()) > 0,
-            ", ".join(f"{n} of {len(found[where])} lines {where}" for where, n in early.items()),
+            ", ".join(f"{n} of {len(printed[where])} lines {where}" for where, n in early.items()),
         ),
         holds(
             "Near the optimum, where the best members are, the repaired search brings more",
-            repaired > printed,
-            f"median gain {100 * repaired:.1f} % of the cost against {100 * printed:.1f} %",
+            gains[0] > gains[1],
+            f"median gain {100 * gains[0]:.1f} % of the cost against {100 * gains[1]:.1f} %",
         ),
         holds(
-            f"{CHAIN} dives in a row reach the optimum (1e-6 of the cost that they start from)",
+            f"{CHAIN} local searches in a row reach the optimum (1e-6 of the cost that they start from)",
             any(cost < 1e-6 * first for _, _, cost, _ in ends),
             f"{number(first)} falls to {number(last)} in {evaluations} evaluations",
         ),
@@ -211,46 +209,35 @@ def _picture(recorder: Recorder, ends: list[tuple[float, float, float, int]]) ->
     trail = np.array([end[:2] for end in ends[: DRAWN + 1]])
     points = _physical(np.array(recorder.points)[: ends[DRAWN][3]])
     x, y = _physical(np.column_stack([axis, axis])).T
-    marks = [
-        *(Mark("evaluated", *map(float, p)) for p in points),
-        Mark("start", *map(float, trail[0])),
-        Mark("truth", *map(float, recorder.case.truth)),
-    ]
-    caption = "Lines of equal cost over two coefficients with a chain of dives"
+    named = [("evaluated", p) for p in points] + [("start", trail[0]), ("truth", recorder.case.truth)]
+    marks = [Mark(name, float(a), float(b)) for name, (a, b) in named]
+    caption = "Lines of equal cost over two coefficients with a chain of local searches"
     drawing = contour_plot(x, y, np.log10(np.maximum(values, 1e-12)), trail, marks, *PAIR, caption)
-    words = f"log J over {PAIR[0]} and {PAIR[1]}, and the first {DRAWN} of {CHAIN} dives in a row"
+    words = f"log J over {PAIR[0]} and {PAIR[1]}, and the first {DRAWN} of {CHAIN} local searches in a row"
     return Figure(words, drawing)
 
 
 def _profile(recorder: Recorder) -> Figure:
     x = np.array((0.45, 0.55))
     along, pair = recorder.along(x), both(recorder, x)
-    assert along is not None and pair is not None  # noqa: S101, PT018 - this place is not an optimum
-    t = np.linspace(0.0, REACH, 41)
+    assert along is not None  # noqa: S101 - this place is not an optimum
+    t, points = np.linspace(0.0, REACH, 41), pair["repaired"].points
     curves = [
         Series("cost along the line", t, np.array([along(v) for v in t])),
-        Series(
-            "evaluated, repaired",
-            pair.repaired.points,
-            np.array([along(v) for v in pair.repaired.points]),
-            "points",
+        Series("evaluated, repaired", points, np.array([along(v) for v in points]), "points"),
+        *(
+            Series(f"end, {name}", np.array([line.end]), np.array([line.cost]), "points")
+            for name, line in pair.items()
         ),
     ]
-    for name, line in (("repaired", pair.repaired), ("as printed", pair.printed)):
-        curves.append(Series(f"end, {name}", np.array([line.end]), np.array([line.cost]), "points"))
     drawing = plot(curves, "distance in the unit box", "J", "Cost along one line near the optimum")
     return Figure("A line from a place near the optimum", drawing)
 
 
-def _table(found: Mapping[str, list[Pair]]) -> Table:
-    searches: dict[str, list[tuple[float, int]]] = {}
-    for where, pairs in found.items():
-        for name, lines in (
-            ("repaired", [(p, p.repaired) for p in pairs]),
-            ("as printed", [(p, p.printed) for p in pairs]),
-        ):
-            searches[f"{name}, {where}"] = [(p.gain(line), len(line.points) + 1) for p, line in lines]
-    gains = {name: np.array([gain for gain, _ in lines]) for name, lines in searches.items()}
+def _table(found: Found) -> Table:
+    searches = {f"{name}, {where}": found[name][where] for where in PLACES for name in found}
+    gains = {name: np.array([line.gain for line in lines]) for name, lines in searches.items()}
+    counts = {name: [len(line.points) + 1 for line in lines] for name, lines in searches.items()}
     return tabulated(
         "Lines from random places; a worse end is refused, and gains nothing",
         {
@@ -258,7 +245,7 @@ def _table(found: Mapping[str, list[Pair]]) -> Table:
             "median gain": lambda name: f"{100 * np.median(gains[name]):.1f} %",
             "mean gain": lambda name: f"{100 * gains[name].mean():.1f} %",
             "lines with a gain": lambda name: f"{100 * np.mean(gains[name] > 0):.0f} %",
-            "evaluations on the line": lambda name: f"{np.mean([many for _, many in searches[name]]):.1f}",
+            "evaluations on the line": lambda name: f"{np.mean(counts[name]):.1f}",
         },
         searches,
     )

@@ -6,21 +6,20 @@ For the claim, sensors of a symmetric aircraft are biased, and three models are 
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
 
 from stoop.base.arrays import FloatArray
 from stoop.base.csv_text import Cell
-from stoop.parallel import Run
 from stoop.problem.layout import Nuisance
 from stoop.report.sheet import Prose, Section, Table
-from stoop_studies.findings import Claim, Findings, Results, Setting, holds, number, reproduces
+from stoop_studies.findings import Claim, Findings, Results, Setting, by_columns, holds, number, reproduces
 from stoop_studies.problems.paper import LATERAL, Paper, aircraft, box, lateral_flight, of_known_truth
-from stoop_studies.reproduce.noise import RECOVERY_HEAD, Recovery
-from stoop_studies.reproduce.suite import PaperExperiment, bound_deviations, fitted, minus, rms, tabulated
+from stoop_studies.reproduce.recovery import Fits, ModelFits, ModelStudy, Recovery, fitted
+from stoop_studies.reproduce.suite import bound_deviations, minus, rms
 
 WORK: Final = "stoop_studies.reproduce.lateral:work"
 TERMS: Final = ("CQ0", "Cl0", "Cn0")
@@ -29,9 +28,6 @@ OTHERS: Final = tuple(n for n in LATERAL if n not in TERMS)
 BIASES: Final = {"beta": 0.01, "p": 0.01, "r": 0.01, "phi": 0.01, "ay": 0.1}
 CASES: Final = (*BIASES, "all")
 ZERO, FREE, BIASED = MODELS = ("terms zero", "terms free", "biases free")
-FITS_HEAD: Final = (
-    "biased", "model", "noise", "seed", "cost", "error_rms", "error_worst", *LATERAL, *(f"{c}_bias" for c in BIASES),
-)  # fmt: skip
 LEAD: Final = """\
 The paper's model has 18 lateral and directional terms that its experiment leaves out. Here they are found from a \
 maneuver with rudder and aileron, on all six degrees of freedom and from all twelve channels, with truths of our own. \
@@ -105,72 +101,43 @@ def deviations(terms: bool) -> FloatArray:
     return np.array([found[n] for n in (TERMS if terms else OTHERS)])
 
 
-def _key(case: str, model: str, noise: bool, seed: int) -> str:
-    return f"asymmetry/{case}/{model}/{'noise' if noise else 'clean'}/{seed:06d}"
+def scores(fit: Fits, model: str) -> FloatArray:
+    """Return the errors (15,) of the other coefficients in standard deviations of the noise."""
+    errors = [fit.values[model][n] - truth().vehicle.value(n) for n in OTHERS]
+    return np.array(errors) / deviations(terms=False)
 
 
-@dataclass(frozen=True, eq=False)
-class Fits:
-    """Fits of all models to one flight."""
-
-    costs: Mapping[str, float]  #: model -> J
-    #: model -> (15,) errors of the other coefficients in standard deviations of the noise
-    errors: Mapping[str, FloatArray]
-    values: Mapping[str, Mapping[str, float]]  #: model -> estimates
-
-    @classmethod
-    def of(cls, case: str, noise: bool, seed: int, results: Results) -> Fits:
-        """Return the fits of a case."""
-        found = {m: results[_key(case, m, noise, seed)] for m in MODELS}
-        true, sigma = np.array([truth().vehicle.value(n) for n in OTHERS]), deviations(terms=False)
-        errors = {m: (np.array([t["values"][n] for n in OTHERS]) - true) / sigma for m, t in found.items()}
-        return cls(
-            {m: t["cost"] for m, t in found.items()}, errors, {m: t["values"] for m, t in found.items()}
-        )
-
-    @property
-    def absorbed(self) -> float:
-        """Share of the misfit that the terms take up."""
-        return 1.0 - self.costs[FREE] / self.costs[ZERO]
-
-    @property
-    def visible(self) -> bool:
-        """Whether a term is off zero by more than three standard deviations of the noise."""
-        terms = np.abs([self.values[FREE][n] for n in TERMS])
-        return bool((terms > 3.0 * deviations(terms=True)).any())
-
-    def worst(self, model: str) -> float:
-        """Return the largest error, in standard deviations."""
-        return float(np.abs(self.errors[model]).max())
-
-    def rms(self, model: str) -> float:
-        """Return the root-mean-square error, in standard deviations."""
-        return float(rms(self.errors[model]))
+def absorbed(fit: Fits) -> float:
+    """Return the share of the misfit that the terms take up."""
+    return 1.0 - fit.costs[FREE] / fit.costs[ZERO]
 
 
-class Lateral(PaperExperiment):
+def visible(fit: Fits) -> bool:
+    """Return whether a term is off zero by more than three standard deviations of the noise."""
+    terms = np.abs([fit.values[FREE][n] for n in TERMS])
+    return bool((terms > 3.0 * deviations(terms=True)).any())
+
+
+class Lateral(ModelStudy):
     """The lateral and directional terms of eq. (1)."""
 
     name, runs, parts = "lateral", 20, ("biases",)
 
-    def searches(self, setting: Setting) -> list[Run]:
-        """Return all runs of the recovery; one fit without noise of each case and model, and noisy ones with all biases."""
-        clean = [(case, model, False, setting.seed) for case in CASES for model in MODELS]
-        noisy = [("all", model, True, seed) for model in MODELS for seed in setting.seeds]
-        return Recovery.searches(self.name, setting) + [
-            Run(_key(c, m, noise, seed), WORK, {"case": c, "model": m, "noise": noise, "seed": seed})
-            for c, m, noise, seed in clean + noisy
-        ]
+    def fits(self, setting: Setting) -> dict[tuple[str, bool], ModelFits]:
+        """Return the fits of each case without noise, and with noise those of all biases."""
+        clean = {(case, False): range(setting.seed, setting.seed + 1) for case in CASES}
+        return {
+            (case, noise): ModelFits(WORK, f"asymmetry/{case}", MODELS, noise, seeds, {"case": case})
+            for (case, noise), seeds in {**clean, ("all", True): setting.seeds}.items()
+        }
 
     def findings(self, setting: Setting, results: Results) -> Findings:
         """Return what they show."""
-        found = Recovery.of(self.name, setting, results)
-        fits = {case: Fits.of(case, False, setting.seed, results) for case in CASES}
-        noisy = [Fits.of("all", True, seed, results) for seed in setting.seeds]
-        pooled = {m: float(np.sqrt(np.mean([f.rms(m) ** 2 for f in noisy]))) for m in MODELS}
-        every = [(case, False, setting.seed, fit) for case, fit in fits.items()]
-        every += [("all", True, seed, fit) for seed, fit in zip(setting.seeds, noisy, strict=True)]
-        return Findings(
+        found, searches = Recovery.of(self.name, setting, results), self.fits(setting)
+        every = {key: own.fits(results) for key, own in searches.items()}
+        fits, noisy = {case: every[case, False][0] for case in CASES}, every["all", True]
+        pooled = {m: float(np.sqrt(np.mean([rms(scores(f, m)) ** 2 for f in noisy]))) for m in MODELS}
+        return Findings.tabulated(
             f"Eq. (1): the 18 lateral and directional terms, box {setting.box}",
             LEAD,
             (*found.claims, *_claims(fits, pooled)),
@@ -178,31 +145,37 @@ class Lateral(PaperExperiment):
                 Section("Eighteen values from one maneuver", (found.table,)),
                 Section("Asymmetry terms and biased sensors", (Prose(WORDS), *_tables(fits, noisy, pooled))),
             ),
-            RECOVERY_HEAD,
-            found.rows(setting.seeds),
-            {"biases": (FITS_HEAD, tuple(row for case in every for row in _rows(*case)))},
+            found.records(setting.seeds),
+            {
+                "biases": [
+                    _record(case, m, noise, seed, fit)
+                    for (case, noise), own in searches.items()
+                    for seed, fit in zip(own.seeds, every[case, noise], strict=True)
+                    for m in MODELS
+                ]
+            },
         )
 
 
 def _claims(fits: Mapping[str, Fits], pooled: Mapping[str, float]) -> list[Claim]:
     every = fits["all"]
+    free, zero = (float(rms(scores(every, m))) for m in (FREE, ZERO))
     return [
         reproduces(
             "The asymmetry terms absorb most of what biased sensors cause (half of the misfit, or more)",
-            every.absorbed >= 0.5,
+            absorbed(every) >= 0.5,
             "share of the misfit that they take up: "
-            + ", ".join(f"{case} {100 * fit.absorbed:.0f} %" for case, fit in fits.items()),
+            + ", ".join(f"{case} {100 * absorbed(fit):.0f} %" for case, fit in fits.items()),
         ),
         reproduces(
             "With the asymmetry terms free the other coefficients are no worse than noise makes them",
-            every.rms(FREE) <= 1.0,
-            f"with all biases their errors are {every.rms(FREE):.1f} standard deviations, "
-            f"{every.rms(ZERO):.1f} with the terms at zero",
+            free <= 1.0,
+            f"with all biases their errors are {free:.1f} standard deviations, {zero:.1f} with the terms at zero",
         ),
         reproduces(
             "They show the bias: CQ0, Cl0 or Cn0 leaves zero where a sensor is biased",
-            all(fits[case].visible for case in BIASES),
-            f"by more than 3 standard deviations for {', '.join(c for c in BIASES if fits[c].visible) or 'none'}",
+            all(visible(fits[case]) for case in BIASES),
+            f"by more than 3 standard deviations for {', '.join(c for c in BIASES if visible(fits[c])) or 'none'}",
         ),
         holds(
             "Freeing the biases themselves instead removes the error",
@@ -219,50 +192,57 @@ def _tables(
     """Return misfit, terms, errors without noise, errors with it, and each coefficient's error."""
     units = {"ay": "m/s2", "p": "rad/s", "r": "rad/s"}
     size = {c: f"{b:g} {units.get(c, 'rad')}" for c, b in BIASES.items()} | {"all": "as each"}
-    costs = [
-        (case, size[case], *(number(f.costs[m], 4) for m in MODELS), f"{100 * f.absorbed:.1f} %")
-        for case, f in fits.items()
+    cases = {"biased": list(fits)}
+    costs = {f"J, {m}": [number(f.costs[m], 4) for f in fits.values()] for m in MODELS}
+    shares = [f"{100.0 * absorbed(f):.1f} %" for f in fits.values()]
+    terms = {n: [minus(f"{f.values[FREE][n]:.5f}") for f in fits.values()] for n in TERMS}
+    errors = {m: [scores(f, m) for f in fits.values()] for m in MODELS}
+    worst = {m: max(float(np.abs(scores(f, m)).max()) for f in noisy) for m in MODELS}
+    columns = [text for m in MODELS for text in (f"{m}: rms", "worst")]
+    rows = [
+        [text for e in own for text in (f"{rms(e):.2f}", f"{np.abs(e).max():.1f}")]
+        for own in zip(*errors.values(), strict=True)
     ]
-    terms = [(case, *(minus(f"{f.values[FREE][n]:.5f}") for n in TERMS)) for case, f in fits.items()]
-    terms.append(("noise alone, ±", *(f"{s:.5f}" for s in deviations(terms=True))))
-    errors = [
-        (case, *(text for m in MODELS for text in (f"{f.rms(m):.2f}", f"{f.worst(m):.1f}")))
-        for case, f in fits.items()
-    ]
-    each = [(n, *(minus(f"{fits['all'].errors[m][i]:+.1f}") for m in MODELS)) for i, n in enumerate(OTHERS)]
+    each = {m: [minus(f"{e:+.1f}") for e in scores(fits["all"], m)] for m in MODELS}
+    alone = ("noise alone, ±", *(f"{s:.5f}" for s in deviations(terms=True)))
+    means = [number(float(np.mean([f.costs[m] for f in noisy])), 5) for m in MODELS]
+    pooled_texts = {
+        "errors, rms": [f"{e:.2f}" for e in pooled.values()],
+        "worst": [f"{e:.1f}" for e in worst.values()],
+    }
     return (
-        Table(
+        by_columns(
             "Misfit without noise; 18,000 readings",
-            ("biased", "by", *(f"J, {m}" for m in MODELS), "taken up by the terms"),
-            tuple(costs),
+            cases | {"by": [size[case] for case in fits]} | costs | {"taken up by the terms": shares},
         ),
-        Table("What the terms take up", ("biased", *TERMS), tuple(terms)),
+        by_columns("What the terms take up", cases | terms, alone),
         Table(
             "Errors of the other 15 coefficients without noise, in standard deviations",
-            ("biased", *(text for m in MODELS for text in (f"{m}: rms", "worst"))),
-            tuple(errors),
+            ("biased", *columns),
+            tuple((case, *row) for case, row in zip(fits, rows, strict=True)),
         ),
-        tabulated(
+        by_columns(
             f"All five biased and noisy, {len(noisy)} seeds",
-            {
-                "model": lambda m: m,
-                "mean J": lambda m: number(float(np.mean([f.costs[m] for f in noisy])), 5),
-                "errors, rms": lambda m: f"{pooled[m]:.2f}",
-                "worst": lambda m: f"{max(f.worst(m) for f in noisy):.1f}",
-            },
-            MODELS,
+            {"model": MODELS, "mean J": means} | pooled_texts,
         ),
-        Table(
+        by_columns(
             "All five biased, no noise: each coefficient's error in standard deviations",
-            ("parameter", *MODELS),
-            tuple(each),
+            {"parameter": OTHERS, **each},
         ),
     )
 
 
-def _rows(case: str, noise: bool, seed: int, fit: Fits) -> Iterator[tuple[Cell, ...]]:
-    """Give one row per model; errors are those of the other 15 in standard deviations, nothing stands for not free."""
-    columns = (*LATERAL, *(f"sensors.{c}.bias" for c in BIASES))
-    for m in MODELS:
-        estimates = (fit.values[m].get(n) for n in columns)
-        yield (case, m, noise, seed, fit.costs[m], fit.rms(m), fit.worst(m), *estimates)
+def _record(case: str, model: str, noise: bool, seed: int, fit: Fits) -> dict[str, Cell]:
+    """Return a row; errors are those of the other 15 in standard deviations, nothing stands for what is not free."""
+    errors, values = scores(fit, model), fit.values[model]
+    row: dict[str, Cell] = {"biased": case, "model": model, "noise": noise, "seed": seed}
+    row |= {
+        "cost": fit.costs[model],
+        "error_rms": float(rms(errors)),
+        "error_worst": float(np.abs(errors).max()),
+    }
+    return (
+        row
+        | {n: values.get(n) for n in LATERAL}
+        | {f"{c}_bias": values.get(f"sensors.{c}.bias") for c in BIASES}
+    )

@@ -6,25 +6,24 @@ For the claim, an aircraft whose thrust falls with airspeed is flown, and models
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
 
 from stoop.base.arrays import FloatArray
 from stoop.base.csv_text import Cell
-from stoop.parallel import Run
 from stoop.report.sheet import Prose, Section, Table
 from stoop.simulation.fly import fly
 from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.vehicle.schema import ConstantThrust, Propeller
 from stoop.workflow.demo import MANEUVER, TABLE_1
-from stoop_studies.findings import Claim, Findings, Results, Setting, number, reproduces
+from stoop_studies.findings import Claim, Findings, Results, Setting, by_columns, number, reproduces
 from stoop_studies.problems.paper import SAMPLES, Paper, box, paper
-from stoop_studies.reproduce.noise import RECOVERY_HEAD, Recovery
-from stoop_studies.reproduce.suite import PaperExperiment, by_columns, fitted, minus, rms, tabulated
+from stoop_studies.reproduce.recovery import Fits, ModelFits, ModelStudy, Recovery, fitted
+from stoop_studies.reproduce.suite import minus, rms
 
 WORK: Final = "stoop_studies.reproduce.longitudinal:work"
 TERMS: Final = ("CLV", "CDV", "CmV")
@@ -35,7 +34,6 @@ MODELS: Final = {ZERO: (False, False), FREE: (True, False), KNOWN: (False, True)
 PROPELLER: Final = {
     "kind": "propeller", "channel": "throttle", "speed_gain": 100.0, "diameter": 0.66, "CT0": 0.1937, "CT1": -0.1827,
 }  # fmt: skip
-FITS_HEAD: Final = ("model", "noise", "seed", "cost", "largest_error", *TABLE_1, *TERMS)
 LEAD: Final = """\
 The paper's model has 14 longitudinal terms, its experiment identifies ten. Here all 14 are found from the same \
 maneuver, the four others at values of our own that are not zero. Then the paper's reason for the V terms is tried: \
@@ -119,80 +117,74 @@ def bounds(names: Sequence[str], seed: int) -> tuple[FloatArray, FloatArray]:
     return np.append(low, (middles - 0.5)[:extra]), np.append(high, (middles + 0.5)[:extra])
 
 
-def _key(name: str, noise: bool, seed: int) -> str:
-    return f"propulsion/{name}/{'noise' if noise else 'clean'}/{seed:06d}"
+def relative_errors(values: Mapping[str, float]) -> FloatArray:
+    """Return the relative errors (10,) of the coefficients of Table 1."""
+    return np.array([values[n] for n in TABLE_1]) / paper().truth - 1.0
 
 
-@dataclass(frozen=True, eq=False)
-class Fits:
-    """Fits of one model."""
-
-    clean: Mapping[str, float]  #: estimates without noise
-    cost: float  #: J without noise: what the model cannot explain
-    noisy: Mapping[str, FloatArray]  #: name -> (n,) estimates with noise
-    costs: FloatArray  #: (n,): J with noise
-
-    @classmethod
-    def of(cls, name: str, setting: Setting, results: Results) -> Fits:
-        """Return the fits of a model."""
-        clean = results[_key(name, False, setting.seed)]
-        seeds = [results[_key(name, True, s)] for s in setting.seeds]
-        noisy = {n: np.array([r["values"][n] for r in seeds]) for n in clean["values"]}
-        return cls(clean["values"], clean["cost"], noisy, np.array([r["cost"] for r in seeds]))
-
-    @property
-    def errors(self) -> FloatArray:
-        """Relative errors (10,) without noise."""
-        return np.array([self.clean[n] for n in TABLE_1]) / paper().truth - 1.0
-
-
-class LongitudinalFull(PaperExperiment):
+class LongitudinalFull(ModelStudy):
     """The longitudinal terms of eq. (1)."""
 
     name, runs, parts = "longitudinal-full", 20, ("propulsion",)
 
-    def searches(self, setting: Setting) -> list[Run]:
-        """Return all runs of the recovery; of each model one fit without noise, and one per seed with it."""
-        clean = [(name, False, setting.seed) for name in MODELS]
-        noisy = [(name, True, seed) for name in MODELS for seed in setting.seeds]
-        return Recovery.searches(self.name, setting) + [
-            Run(_key(m, noise, seed), WORK, {"model": m, "noise": noise, "seed": seed})
-            for m, noise, seed in clean + noisy
-        ]
+    def fits(self, setting: Setting) -> dict[tuple[str, bool], ModelFits]:
+        """Return of each model one fit without noise, and one per seed with it."""
+        return {
+            ("propulsion", noise): ModelFits(WORK, "propulsion", tuple(MODELS), noise, seeds)
+            for noise, seeds in ((False, range(setting.seed, setting.seed + 1)), (True, setting.seeds))
+        }
 
     def findings(self, setting: Setting, results: Results) -> Findings:
         """Return what they show."""
         found = Recovery.of(self.name, setting, results)
-        fits = {name: Fits.of(name, setting, results) for name in MODELS}
-        return Findings(
+        (clean,), noisy = (searches.fits(results) for searches in self.fits(setting).values())
+        names = ("model", "noise", "seed", "cost", "largest_error", *TABLE_1, *TERMS)
+        records: list[dict[str, Cell]] = [dict.fromkeys(names) | {"model": "first order"} | expected()]
+        for m in MODELS:
+            records.append(_record(m, False, setting.seed, clean))
+            records += [_record(m, True, s, fit) for s, fit in zip(setting.seeds, noisy, strict=True)]
+        return Findings.tabulated(
             f"Eq. (1): all 14 longitudinal terms, box {setting.box}",
             LEAD,
-            (*found.claims, *_claims(fits)),
+            (*found.claims, *_claims(clean)),
             (
                 Section("Fourteen values from one maneuver", (found.table,)),
-                Section("V terms and the propulsion", (Prose(WORDS), *_tables(fits))),
+                Section("V terms and the propulsion", (Prose(WORDS), *_tables(clean, noisy))),
             ),
-            RECOVERY_HEAD,
-            found.rows(setting.seeds),
-            {"propulsion": (FITS_HEAD, tuple(_rows(fits, setting)))},
+            found.records(setting.seeds),
+            {"propulsion": records},
         )
 
 
-def _claims(fits: Mapping[str, Fits]) -> list[Claim]:
-    zero, free, wanted = fits[ZERO], fits[FREE], expected()
-    share = 1.0 - free.cost / zero.cost
-    before, after = float(np.abs(zero.errors).max()), float(np.abs(free.errors).max())
+def _record(model: str, noise: bool, seed: int, fit: Fits) -> dict[str, Cell]:
+    """Return the row of one fit; nothing stands for what is not free."""
+    values, cost = fit.values[model], fit.costs[model]
+    largest = float(np.abs(relative_errors(values)).max())
+    row: dict[str, Cell] = {
+        "model": model,
+        "noise": noise,
+        "seed": seed,
+        "cost": cost,
+        "largest_error": largest,
+    }
+    return row | {n: values.get(n) for n in (*TABLE_1, *TERMS)}
+
+
+def _claims(clean: Fits) -> list[Claim]:
+    free, wanted = clean.values[FREE], expected()
+    share = 1.0 - clean.costs[FREE] / clean.costs[ZERO]
+    before, after = (float(np.abs(relative_errors(clean.values[m])).max()) for m in (ZERO, FREE))
     return [
         reproduces(
             "The V terms catch the propulsion's dependence on airspeed",
             share > 0.9,
-            f"they take up {100 * share:.1f} % of the misfit, J falls from {number(zero.cost, 4)} to {number(free.cost)}",
+            f"they take up {100 * share:.1f} % of the misfit, J falls from {number(clean.costs[ZERO], 4)} to "
+            f"{number(clean.costs[FREE])}",
         ),
         reproduces(
             "What they catch is the thrust slope, within 10 % of its first-order value",
-            abs(free.clean["CDV"] / wanted["CDV"] - 1.0) < 0.1,
-            f"CDV {free.clean['CDV']:.4f}, expected {wanted['CDV']:.4f}; "
-            f"CLV {free.clean['CLV']:.4f}, expected {wanted['CLV']:.4f}",
+            abs(free["CDV"] / wanted["CDV"] - 1.0) < 0.1,
+            f"CDV {free['CDV']:.4f}, expected {wanted['CDV']:.4f}; CLV {free['CLV']:.4f}, expected {wanted['CLV']:.4f}",
         ),
         reproduces(
             "They keep the propulsion out of the other coefficients",
@@ -202,55 +194,39 @@ def _claims(fits: Mapping[str, Fits]) -> list[Claim]:
     ]
 
 
-def _tables(fits: Mapping[str, Fits]) -> tuple[Table, ...]:
+def _tables(clean: Fits, noisy: Sequence[Fits]) -> tuple[Table, ...]:
     """Return misfit, V terms, and errors of the ten coefficients."""
-    count = 6 * SAMPLES
-    free, wanted = fits[FREE], expected()
-    noisy = {n: (v.mean(), v.std(ddof=min(1, len(v) - 1))) for n, v in free.noisy.items()}
+    count, wanted = 6 * SAMPLES, expected()
+    means = {m: float(np.mean([f.costs[m] for f in noisy])) for m in MODELS}
+    terms = np.array([[f.values[FREE][n] for n in TERMS] for f in noisy])
+    spread = terms.std(axis=0, ddof=min(1, len(terms) - 1))
     columns: dict[str, Sequence[str]] = {"parameter": TABLE_1}
-    true = np.array([fits[KNOWN].clean[n] for n in TABLE_1])
-    for name, fit in fits.items():
-        scatter = rms((np.array([fit.noisy[n] for n in TABLE_1]) / true[:, None] - 1.0).T)
-        columns[name] = [minus(f"{100.0 * v:+.2f} %") for v in fit.errors]
-        columns[f"{name}, with noise"] = [f"{100.0 * v:.2f} %" for v in scatter]
+    true = np.array([clean.values[KNOWN][n] for n in TABLE_1])
+    for m in MODELS:
+        scatter = rms(np.array([[f.values[m][n] for n in TABLE_1] for f in noisy]) / true - 1.0)
+        columns[m] = [minus(f"{100.0 * v:+.2f} %") for v in relative_errors(clean.values[m])]
+        columns[f"{m}, with noise"] = [f"{100.0 * v:.2f} %" for v in scatter]
+    slope = f"{thrust(35.5) - thrust(34.5):.2f}"
     return (
-        tabulated(
+        by_columns(
             f"What the models leave unexplained; {count} readings, so that noise alone costs about as much",
             {
-                "model": lambda m: m,
-                "J without noise": lambda m: number(fits[m].cost),
-                "mean J with noise": lambda m: number(float(fits[m].costs.mean()), 5),
-                "per reading": lambda m: f"{fits[m].costs.mean() / count:.3f}",
+                "model": tuple(MODELS),
+                "J without noise": [number(clean.costs[m]) for m in MODELS],
+                "mean J with noise": [number(means[m], 5) for m in MODELS],
+                "per reading": [f"{means[m] / count:.3f}" for m in MODELS],
             },
-            fits,
         ),
-        tabulated(
-            minus(
-                f"What the V terms take up of a thrust slope of {thrust(35.5) - thrust(34.5):.2f} N per m/s"
-            ),
+        by_columns(
+            minus(f"What the V terms take up of a thrust slope of {slope} N per m/s"),
             {
-                "term": lambda n: n,
-                "expected": lambda n: minus(f"{wanted[n]:.4f}"),
-                "without noise": lambda n: minus(f"{free.clean[n]:.4f}"),
-                "with noise, mean and scatter": lambda n: minus(f"{noisy[n][0]:.4f} ± {noisy[n][1]:.4f}"),
+                "term": TERMS,
+                "expected": [minus(f"{wanted[n]:.4f}") for n in TERMS],
+                "without noise": [minus(f"{clean.values[FREE][n]:.4f}") for n in TERMS],
+                "with noise, mean and scatter": [
+                    minus(f"{m:.4f} ± {s:.4f}") for m, s in zip(terms.mean(axis=0), spread, strict=True)
+                ],
             },
-            TERMS,
         ),
         by_columns("Errors of the ten coefficients; with noise the root mean square over seeds", columns),
     )
-
-
-def _rows(fits: Mapping[str, Fits], setting: Setting) -> Iterator[tuple[Cell, ...]]:
-    """Give what is expected to first order, then one row per fit; nothing stands for what is not free."""
-
-    def cells(values: Mapping[str, float]) -> tuple[Cell, ...]:
-        """Return the largest relative error of the ten, and all estimates."""
-        off = np.array([values[n] for n in TABLE_1]) / paper().truth - 1.0
-        estimates = (float(values[n]) if n in values else None for n in (*TABLE_1, *TERMS))
-        return (float(np.abs(off).max()), *estimates)
-
-    yield ("first order", *[None] * (4 + len(TABLE_1)), *(expected()[n] for n in TERMS))
-    for name, fit in fits.items():
-        yield (name, False, setting.seed, fit.cost, *cells(fit.clean))
-        for i, (seed, cost) in enumerate(zip(setting.seeds, fit.costs, strict=True)):
-            yield (name, True, seed, float(cost), *cells({n: v[i] for n, v in fit.noisy.items()}))

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
-from typing import Any, Final
+from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
@@ -16,26 +16,41 @@ from stoop.estimate.fit import Options
 from stoop.estimate.multiple_shooting import MultipleShooting
 from stoop.parallel import Run
 from stoop.problem.windows import Window
-from stoop.report.plots import HUES, Series, plot
-from stoop.report.sheet import Code, Figure, Prose, Section, Table
+from stoop.report.plots import HUES
+from stoop.report.sheet import Code, Prose, Section, Table
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import parse_maneuver
-from stoop_studies.findings import Claim, Findings, Results, Setting, counted, holds, number
+from stoop_studies.findings import (
+    Claim,
+    Findings,
+    Results,
+    Setting,
+    by_columns,
+    counted,
+    holds,
+    number,
+    tabulated,
+)
 from stoop_studies.problems import pose
 from stoop_studies.problems.multirotor import LENGTH, MANEUVER, NOISE, quad
 from stoop_studies.reproduce.suite import (
     EXACT,
+    METHODS,
     SUCCESS,
     Group,
     PaperExperiment,
+    Searches,
     bound_deviations,
-    by_columns,
     percent,
     rms,
-    search_run,
-    tabulated,
 )
-from stoop_studies.reproduce.table1 import ITERATIONS, METHODS, SUMMARY, order_of_errors, summary_columns
+from stoop_studies.reproduce.table1 import (
+    ITERATIONS,
+    SUMMARY,
+    by_iterations,
+    order_of_errors,
+    summary_columns,
+)
 
 PROBLEM: Final = "multirotor"
 STOPS: Final = {"clean": ITERATIONS, "noise": ITERATIONS[-1:], "real": (100, 200)}  #: iterations of each case
@@ -57,19 +72,19 @@ drag of the body along x. The mass is known; without it only ratios would show. 
 taken as measured exactly. Box N is as wide as each value, the truth lies somewhere in it, drawn with the seed."""
 NOISE_WORDS: Final = """\
 Windows begin in noisy readings, so that even the truth costs more than noise alone, and errors are larger than the \
-bound, which is that of known beginnings. All four minimize the same J: how near they come to its optimum (1e-6, where a \
-dive from the truth ends) is the optimizer's part, the rest is the cost's. The last column is of the same flights, noise and \
-bounds: multiple shooting, the method of stoop identify for vehicles on rotors, estimates the states in which windows \
-begin, and the speeds of the motors, too; it starts from the center of the box. Box S begins at \
-zero and ends at 2 to 8 times the truth; the sign alone is known."""
+bound, which is that of known beginnings. All four minimize the same J: how near they come to its optimum (1e-6, where \
+a local refinement from the truth ends) is the optimizer's part, the rest is the cost's. The last column is of the \
+same flights, noise and bounds: multiple shooting, the method of stoop identify for vehicles on rotors, estimates the \
+states in which windows begin, and the speeds of the motors, too; it starts from the center of the box. Box S begins \
+at zero and ends at 2 to 8 times the truth; the sign alone is known."""
 REAL_WORDS: Final = """\
-140 to 214 s of PX4's log 18: hover, two climbs of 6 m/s and slow descents. Q is what the residuals of a dive from the \
-file's own values say, colored as they are, and is then held; that dive is also what counts as reached (its J and 0.1 %). \
-No optimizer is given its end. The real flight is run with half the seeds. Motors begin \
-where their commands and a lag of 0.05 s put them. Errors behind ± are standard errors at the least J known (Cramer-Rao \
-with this Q), and the scatter over seeds of each method. Inertias are what answers the commands within a quarter of a \
-second, with arms and torque per thrust as assumed; hub moments and gusts are not in the model and make xx and yy too \
-large. The page on the hexacopter (docs/hexacopter.md) holds its forces against the authors' figures."""
+140 to 214 s of PX4's log 18: hover, two climbs of 6 m/s and slow descents. Q is what the residuals of a local \
+refinement from the file's own values say, colored as they are, and is then held; that refinement is also what counts \
+as reached (its J and 0.1 %). No optimizer is given its end. The real flight is run with half the seeds. Motors begin \
+where their commands and a lag of 0.05 s put them. Errors behind ± are standard errors at the least J known \
+(Cramer-Rao with this Q), and the scatter over seeds of each method. Inertias are what answers the commands within a \
+quarter of a second, with arms and torque per thrust as assumed; hub moments and gusts are not in the model and make \
+xx and yy too large. The page on the hexacopter (docs/hexacopter.md) holds its forces against the authors' figures."""
 NO_DATA: Final = """\
 The real flight was left out: no folder was named. Give --data DIR with the log of \
 https://github.com/altlnt/id_mod_helice, logs/copter/vol2/log_18_2019-7-26-10-48-46."""
@@ -87,9 +102,6 @@ CSV: Final[dict[str, Callable[[Case, Group], Cell]]] = {
     "median_evaluations_to_target": lambda case, g: finite_or_none(g.median_hit),
     "mean_evaluations": lambda case, g: float(g.evaluations.mean()),
 }
-PARAMETERS_HEAD: Final = (
-    "case", "method", "iterations", "parameter", "truth_or_best", "deviation", "mean", "spread", "rms_relative_error",
-)  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,16 +137,7 @@ class Multirotor(PaperExperiment):
 
     def searches(self, setting: Setting) -> list[Run]:
         """Return every case, method, seed and number of iterations."""
-        runs = []
-        for case in cases(setting):
-            problem, more = _problem(case, setting)
-            runs += [
-                search_run(_key(case, method, seed, stop), METHODS[method], problem, seed, stop, **more)
-                for method in METHODS
-                for seed in seeds(case, setting)
-                for stop in STOPS[case]
-            ]
-        return runs
+        return [run for case in cases(setting) for run in _searches(case, setting).runs()]
 
     def findings(self, setting: Setting, results: Results) -> Findings:
         """Return what they show."""
@@ -142,14 +145,13 @@ class Multirotor(PaperExperiment):
         noisy, real = by_case["noise"], by_case.get("real")
         shot = shots(setting.seeds, NOISY_BOX, noisy.parameters) / noisy.values - 1.0
         clean, errors = by_case["clean"], rms(np.abs(shot))
-        return Findings(
+        return Findings.tabulated(
             f"Multirotors: a simulated quadrotor, box {setting.box}, and a real hexacopter",
             LEAD,
-            tuple(_claims(clean, noisy, real, errors)),
+            _claims(clean, noisy, real, errors),
             (_clean_section(clean), _noisy_section(noisy, errors), _real_section(real)),
-            tuple(CSV),
-            tuple(tuple(cell(c, g) for cell in CSV.values()) for c in by_case.values() for g in c.every),
-            {"parameters": (PARAMETERS_HEAD, tuple(_parameter_rows(by_case, errors)))},
+            [{name: cell(c, g) for name, cell in CSV.items()} for c in by_case.values() for g in c.every],
+            {"parameters": list(_parameters(by_case, errors))},
         )
 
 
@@ -163,33 +165,27 @@ def seeds(case: str, setting: Setting) -> range:
     return setting.seeds if case != "real" else setting.seeds[: (setting.runs + 1) // 2]
 
 
-def _problem(case: str, setting: Setting) -> tuple[str, dict[str, Any]]:
-    """Return the name of the problem and its arguments."""
-    if case == "real":
-        return "hexacopter", {"data": str(setting.data)}
-    return (PROBLEM, {"box": setting.box}) if case == "clean" else (f"{PROBLEM}+noise", {"box": NOISY_BOX})
+def _searches(case: str, setting: Setting) -> Searches:
+    """Return the searches of a case."""
+    problem, arguments = {
+        "clean": (PROBLEM, {"box": setting.box}),
+        "noise": (f"{PROBLEM}+noise", {"box": NOISY_BOX}),
+        "real": ("hexacopter", {"data": str(setting.data)}),
+    }[case]
+    stops = dict.fromkeys(METHODS, STOPS[case])
+    return Searches(case + "/{who}/{seed:06d}/{stop:05d}", problem, seeds(case, setting), stops, arguments)
 
 
-def _key(case: str, method: str, seed: int, stop: int) -> str:
-    return f"{case}/{METHODS[method]}/{seed:06d}/{stop:05d}"
-
-
-def _case(case: str, setting: Setting, results: Results) -> Case:
-    name, more = _problem(case, setting)
-    posed = pose(name, setting.seed, **more)
+def _case(name: str, setting: Setting, results: Results) -> Case:
+    searches = _searches(name, setting)
+    posed = pose(searches.problem, setting.seed, **searches.arguments)
     truth = np.full(len(posed.parameters), np.nan) if posed.truth is None else posed.truth
-    groups = {
-        m: [
-            Group.of(m, stop, truth, [results[_key(case, m, s, stop)] for s in seeds(case, setting)])
-            for stop in STOPS[case]
-        ]
-        for m in METHODS
-    }
+    groups = searches.groups(results, truth)
     if posed.truth is None:
         best = min((g for own in groups.values() for g in own), key=lambda g: float(g.costs.min()))
         truth = best.values[int(np.argmin(best.costs))]
-        groups = {m: [replace(g, truth=truth) for g in own] for m, own in groups.items()}
-    return Case(case, posed.parameters, truth, bound_deviations(posed, truth), groups)
+        groups = searches.groups(results, truth)
+    return Case(name, posed.parameters, truth, bound_deviations(posed, truth), groups)
 
 
 @functools.cache
@@ -263,13 +259,8 @@ def _claims(clean: Case, noisy: Case, real: Case | None, shot: FloatArray) -> It
 
 
 def _clean_section(case: Case) -> Section:
-    x = np.array(STOPS["clean"], dtype=float)
-    curves = [Series(m, x, np.array([g.median_cost for g in own])) for m, own in case.groups.items()]
-    looks = {
-        m: i + HUES * (m == "default") for i, m in enumerate(METHODS)
-    }  # the default in dashes: others lie below it
-    words = "Median fitness by method"
-    drawn = plot(curves, "iterations", "median fitness J", words, log_y=True, looks=looks)
+    # the default in dashes: others lie below it
+    looks = {m: i + HUES * (m == "default") for i, m in enumerate(METHODS)}
     fitness: dict[str, Callable[[Group], str]] = {"median fitness": lambda g: number(g.median_cost)}
     return Section(
         "A simulated quadrotor, without noise",
@@ -277,7 +268,13 @@ def _clean_section(case: Case) -> Section:
             Prose(OPEN_LOOP.format(length="0.5 s of the quadrotor and 0.25 s of the hexacopter")),
             Prose(QUAD),
             tabulated(SUMMARY, summary_columns(fitness), case.every),
-            Figure("Median fitness of all runs", drawn),
+            by_iterations(
+                case.groups,
+                "median fitness J",
+                lambda g: g.median_cost,
+                "Median fitness of all runs",
+                looks=looks,
+            ),
             Prose("Its maneuver, on top of what the autopilot does (`stoop simulate quad-x --maneuver`):"),
             Code(MANEUVER.strip()),
         ),
@@ -330,14 +327,24 @@ def _endings(case: Case, where: str) -> Table:
     )
 
 
-def _parameter_rows(found: Mapping[str, Case], shot: FloatArray) -> Iterator[tuple[Cell, ...]]:
+def _parameters(found: Mapping[str, Case], shot: FloatArray) -> Iterator[dict[str, Cell]]:
+    """Give a row for each method with the most iterations, and for multiple shooting; deviations are those of the bound."""
+    head = (
+        "case", "method", "iterations", "parameter", "truth_or_best", "deviation", "mean", "spread", "rms_relative_error",
+    )  # fmt: skip
+
+    def record(*cells: Cell) -> dict[str, Cell]:
+        return dict(zip(head, cells, strict=True))
+
     for case in found.values():
         for m, g in ((m, case.last(m)) for m in METHODS):
             columns = (case.values, case.sigma, g.values.mean(axis=0), g.spread)
             for i, name in enumerate(case.parameters):
                 error = float(rms(g.errors)[i]) if case.known else None
-                yield (case.name, METHODS[m], g.iterations, name, *(float(c[i]) for c in columns), error)
+                yield record(
+                    case.name, METHODS[m], g.iterations, name, *(float(c[i]) for c in columns), error
+                )
     noisy = found["noise"]
-    for name, *known in zip(noisy.parameters, noisy.values.tolist(), noisy.sigma.tolist(), strict=True):
-        error = float(shot[noisy.parameters.index(name)])
-        yield (noisy.name, "multiple-shooting", None, name, *known, None, None, error)
+    for name, value, sigma, error in zip(noisy.parameters, noisy.values, noisy.sigma, shot, strict=True):
+        known = (float(value), float(sigma), None, None, float(error))
+        yield record(noisy.name, "multiple-shooting", None, name, *known)

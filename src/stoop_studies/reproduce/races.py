@@ -2,29 +2,40 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
 
 from stoop.base.arrays import FloatArray
+from stoop.base.csv_text import Cell
 from stoop.base.numbers import finite_or_none
 from stoop.parallel import Run
 from stoop.report.plots import Series, plot
-from stoop.report.sheet import Figure, Prose, Section
-from stoop_studies.findings import Claim, Findings, Results, Setting, counted, holds, number, reproduces
-from stoop_studies.reproduce.suite import PaperExperiment, hits_of, search_run, tabulated
+from stoop.report.sheet import Figure, Prose, Section, Table
+from stoop_studies.findings import (
+    Claim,
+    Findings,
+    Results,
+    Setting,
+    by_columns,
+    counted,
+    holds,
+    number,
+    reproduces,
+)
+from stoop_studies.reproduce.suite import PaperExperiment, hits_of, search_run
 
-BUDGET: Final = 60_000.0  #: evaluations after which a run counts as lost
+BUDGET: Final = 60_000.0  #: evaluations after which a run counts as failed
 PAPER: Final[dict[str, Any]] = {"name": "ps-gde"}
 WHOLE: Final = "PS-GDE"
-LEVENBERG: Final = "Levenberg-Marquardt dive"
+LEVENBERG: Final = "Levenberg-Marquardt search"
 VARIANTS: Final[dict[str, Any]] = {
     WHOLE: PAPER,
     "without sorting": PAPER | {"mutation": "unordered"},
     "without chaos": PAPER | {"initialization": "uniform"},
-    "without dive": PAPER | {"search": "none"},
+    "without local search": PAPER | {"search": "none"},
     "schedule as printed": PAPER | {"swapped": True},
     LEVENBERG: PAPER | {"search": "levenberg"},
     "all off": PAPER | {"mutation": "unordered", "initialization": "uniform", "search": "none"},
@@ -33,7 +44,7 @@ VARIANTS: Final[dict[str, Any]] = {
 HELPS: Final = {
     "without sorting": "Sorting the three picks helps",
     "without chaos": "The chaotic start helps",
-    "without dive": "The dive along the gradient helps",
+    "without local search": "The local search along the gradient helps",
 }
 
 
@@ -54,23 +65,22 @@ KNOBS: Final = (
     Knob("CR", "rate", 0.9, (0.3, 0.5, 0.7, 0.8, 0.9, 0.95, 1.0)),
 )
 ABLATION_LEAD: Final = """\
-PS-GDE joins three ideas: a mutation whose three picks are sorted by cost, a chaotic first population, and a dive \
-along the gradient every twentieth generation. Here each is taken away in turn, the dive is replaced by \
-Levenberg-Marquardt, and the schedule is used as printed (dives in 19 of 20 generations). Runs end at 1e-6 of the \
+PS-GDE joins three ideas: a mutation whose three picks are sorted by cost, a chaotic first population, and a local \
+search along the gradient every twentieth generation. Here each is taken away in turn, the local search is replaced \
+by Levenberg-Marquardt, and the schedule is used as printed (local search in 19 of 20 generations). Runs end at 1e-6 of the \
 trivial model's cost J0, or at 60,000 evaluations."""
 ABLATION_WORDS: Final = """\
 The p-value is of a two-sided Mann-Whitney test of the evaluations to the target against PS-GDE whole, runs that did \
 not get there last; Holm's correction makes the column hold as a whole. Expected running time is all evaluations, \
-those of lost runs included, over the number of runs that got there. "Without sorting" keeps the three picks of \
+those of failed runs included, over the number of runs that got there. "Without sorting" keeps the three picks of \
 eq. (12) as drawn."""
 SWEEP_LEAD: Final = """\
 The paper closes its description by saying that NC and pr influence the result, without showing it, and prints \
 neither F nor CR. Here each of the four is varied while the others stay at NC = 20, pr = 0.05, F = 0.6, CR = 0.9. \
 Runs end at 1e-6 of the trivial model's cost J0, or at 60,000 evaluations."""
 SWEEP_WORDS: Final = """\
-Expected running time is all evaluations, those of lost runs included, over the number of runs that got there: it \
+Expected running time is all evaluations, those of failed runs included, over the number of runs that got there: it \
 weighs speed against reliability. Where a curve breaks off, no run got there."""
-COUNTS: Final = ("runs", "reached", "median_evaluations", "expected_running_time")
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,36 +96,34 @@ class Race:
         return int(np.isfinite(self.hits).sum())
 
     @property
-    def reached(self) -> str:
-        """How many of how many."""
-        return counted(self.solved, len(self.hits))
-
-    @property
     def median(self) -> float:
         """Median evaluations of all runs; inf where fewer than half got there."""
         # the mean of the middle two is nan where both are inf
         return float(np.sort(self.hits)[(len(self.hits) - 1) // 2]) if len(self.hits) else np.inf
 
     @property
-    def median_text(self) -> str:
-        """The median, or that it is beyond the budget."""
-        return f"{self.median:.0f}" if np.isfinite(self.median) else f"> {BUDGET:.0f}"
-
-    @property
     def expected(self) -> float:
         """Expected running time: evaluations of all runs over how many got there; inf where none did."""
-        spent = np.where(np.isfinite(self.hits), self.hits, BUDGET).sum()
-        return float(spent / self.solved) if self.solved else np.inf
+        return float(np.minimum(self.hits, BUDGET).sum() / self.solved) if self.solved else np.inf
 
     @property
-    def expected_text(self) -> str:
-        """The expected running time; a dash without success."""
-        return f"{self.expected:.0f}" if self.solved else "–"
+    def texts(self) -> dict[str, str]:
+        """Columns of a page: how many of how many, median (or that it is beyond the budget), expected running time."""
+        return {
+            "reached": counted(self.solved, len(self.hits)),
+            "median evaluations": f"{self.median:.0f}" if np.isfinite(self.median) else f"> {BUDGET:.0f}",
+            "expected running time": f"{self.expected:.0f}" if self.solved else "–",
+        }
 
     @property
-    def cells(self) -> tuple[int, int, float | None, float | None]:
-        """What `COUNTS` name."""
-        return len(self.hits), self.solved, finite_or_none(self.median), finite_or_none(self.expected)
+    def record(self) -> dict[str, Cell]:
+        """Columns of a table of numbers."""
+        return {
+            "runs": len(self.hits),
+            "reached": self.solved,
+            "median_evaluations": finite_or_none(self.median),
+            "expected_running_time": finite_or_none(self.expected),
+        }
 
 
 class Raced(PaperExperiment):
@@ -135,17 +143,23 @@ class Raced(PaperExperiment):
     def races(self, setting: Setting, results: Results) -> dict[str, Race]:
         """Return the runs by variant."""
         found = {name: [results[_key(v, s)] for s in setting.seeds] for name, v in self.variants.items()}
-        return {
-            name: Race(hits_of(r), np.array([t["cost"] for t in r], dtype=float)) for name, r in found.items()
-        }
+        return {name: Race(hits_of(r), np.array([t["cost"] for t in r])) for name, r in found.items()}
 
 
 def _key(variant: Mapping[str, Any], seed: int) -> str:
     return f"{' '.join(f'{k}={variant[k]}' for k in sorted(variant))}/{seed:06d}"
 
 
+def by_texts(
+    caption: str, first: Mapping[str, Sequence[str]], races: Iterable[Race], **more: Sequence[str]
+) -> Table:
+    """Return a table of races between a first and further columns."""
+    rows = [race.texts for race in races]
+    return by_columns(caption, {**first, **{name: [row[name] for row in rows] for name in rows[0]}, **more})
+
+
 def mann_whitney(one: Race, other: Race) -> float:
-    """Return the two-sided p-value that evaluations to the target differ; lost runs come last, and tie.
+    """Return the two-sided p-value that evaluations to the target differ; failed runs come last, and tie.
 
     References
     ----------
@@ -182,16 +196,9 @@ class Ablation(Raced):
         found = self.races(setting, results)
         raw = {name: mann_whitney(race, found[WHOLE]) for name, race in found.items() if name != WHOLE}
         sure = holm(raw)
-        table = tabulated(
-            f"{BUDGET:.0f} evaluations at most",
-            {
-                "variant": lambda name: name,
-                "reached": lambda name: found[name].reached,
-                "median evaluations": lambda name: found[name].median_text,
-                "expected running time": lambda name: found[name].expected_text,
-                "p": lambda name: _p(sure[name]) if name in sure else "–",
-            },
-            found,
+        shown = [_p(sure[name]) if name in sure else "–" for name in found]
+        table = by_texts(
+            f"{BUDGET:.0f} evaluations at most", {"variant": list(found)}, found.values(), p=shown
         )
         curves = []
         for name, race in found.items():
@@ -200,49 +207,45 @@ class Ablation(Raced):
                 x = np.concatenate([reached[:1], reached, [BUDGET]])
                 steps = np.concatenate([[0.0], np.arange(1.0, reached.size + 1.0), [reached.size]])
                 curves.append(Series(name, x, steps / len(race.hits), "steps"))
-        drawing = plot(
-            curves, "evaluations", "share of runs", "Share of runs that reached the target by evaluations",
-            log_x=True, y_range=(0.0, 1.02),
-        )  # fmt: skip
+        axes = "evaluations", "share of runs", "Share of runs that reached the target by evaluations"
+        drawing = plot(curves, *axes, log_x=True, y_range=(0.0, 1.02))
         figure = Figure("Share of runs that reached the target", drawing)
-        return Findings(
+        return Findings.tabulated(
             f"Ablation: which idea of PS-GDE helps, box {setting.box}",
             ABLATION_LEAD,
             _claims(found, sure),
             (Section("Races to the target", (table, Prose(ABLATION_WORDS), figure)),),
-            ("variant", *COUNTS, "median_cost", "p_value", "p_holm"),
-            tuple(
-                (name, *race.cells, float(np.median(race.costs)), raw.get(name), sure.get(name))
+            [
+                {"variant": name, **race.record, "median_cost": float(np.median(race.costs))}
+                | {"p_value": raw.get(name), "p_holm": sure.get(name)}
                 for name, race in found.items()
-            ),
+            ],
         )
 
 
-def _claims(found: Mapping[str, Race], sure: Mapping[str, float]) -> tuple[Claim, ...]:
+def _claims(found: Mapping[str, Race], sure: Mapping[str, float]) -> Iterator[Claim]:
     whole, printed = found[WHOLE], found["schedule as printed"]
+    medians = {name: race.texts["median evaluations"] for name, race in found.items()}
 
     def slower(one: Race, other: Race, name: str) -> bool:
-        """Whether one surely needs more than the other: in the median, or where both are lost in the mean."""
+        """Whether one surely needs more than the other: in the median, or where both fail in the mean."""
         return sure[name] < 0.05 and (one.median, one.expected) > (other.median, other.expected)
 
     def against(name: str) -> str:
-        return (
-            f"median {found[name].median_text} evaluations {name}, {whole.median_text} for {WHOLE}; "
-            f"p {'' if sure[name] < 1e-4 else '= '}{_p(sure[name])}"
-        )
+        p = f"p {'' if sure[name] < 1e-4 else '= '}{_p(sure[name])}"
+        return f"median {medians[name]} evaluations {name}, {medians[WHOLE]} for {WHOLE}; {p}"
 
-    return (
-        *(reproduces(words, slower(found[n], whole, n), against(n)) for n, words in HELPS.items()),
-        holds(
-            "Steps 4 and 5 are swapped in print: as printed the search does not converge",
-            printed.solved == 0,
-            f"{printed.reached} reach the target, median cost {number(float(np.median(printed.costs)))}",
-        ),
-        holds(
-            "A Levenberg-Marquardt dive on the same schedule is better than steepest descent",
-            slower(whole, found[LEVENBERG], LEVENBERG),
-            against(LEVENBERG),
-        ),
+    for name, words in HELPS.items():
+        yield reproduces(words, slower(found[name], whole, name), against(name))
+    yield holds(
+        "Steps 4 and 5 are swapped in print: as printed the search does not converge",
+        printed.solved == 0,
+        f"{printed.texts['reached']} reach the target, median cost {number(float(np.median(printed.costs)))}",
+    )
+    yield holds(
+        "A Levenberg-Marquardt search on the same schedule is better than steepest descent",
+        slower(whole, found[LEVENBERG], LEVENBERG),
+        against(LEVENBERG),
     )
 
 
@@ -271,45 +274,43 @@ class Sweep(Raced):
         stagnates = holds(
             "With F = 0.5 some runs stagnate, with 0.6 none",
             half.solved < len(half.hits) and chosen.solved == len(chosen.hits),
-            f"{half.reached} reach the target with 0.5, {chosen.reached} with 0.6",
+            f"{half.texts['reached']} reach the target with 0.5, {chosen.texts['reached']} with 0.6",
         )
-        return Findings(
+        return Findings.tabulated(
             f"Sweep: NC, pr, F and CR of PS-GDE, box {setting.box}",
             SWEEP_LEAD,
             (*(_influence(k, own) for k, own in by_knob.items()), stagnates),
             tuple(_section(k, own) for k, own in by_knob.items()),
-            ("parameter", "value", *COUNTS),
-            tuple((k.name, float(v), *r.cells) for k, own in by_knob.items() for v, r in own.items()),
+            [
+                {"parameter": k.name, "value": float(v), **race.record}
+                for k, own in by_knob.items()
+                for v, race in own.items()
+            ],
         )
 
 
 def _influence(knob: Knob, races: Mapping[float, Race]) -> Claim:
     times = {v: race.expected for v, race in races.items()}
     best, worst = min(times, key=lambda v: times[v]), max(times.values())
-    shown = {v: f"{t:.0f}" if np.isfinite(t) else "infinite" for v, t in times.items()}
-    slowest = f"{worst:.0f}" if np.isfinite(worst) else "infinite"
+
+    def shown(time: float) -> str:
+        return f"{time:.0f}" if np.isfinite(time) else "infinite"
+
     return (reproduces if knob.name in ("NC", "pr") else holds)(
         f"{knob.name} matters: from {knob.values[0]:g} to {knob.values[-1]:g} the running time changes 1.5-fold",
         worst > 1.5 * times[best],
-        f"expected running time {shown[best]} at {best:g}, {shown[knob.chosen]} at {knob.chosen:g}, up to {slowest}",
+        f"expected running time {shown(times[best])} at {best:g}, {shown(times[knob.chosen])} at {knob.chosen:g}, "
+        f"up to {shown(worst)}",
     )
 
 
 def _section(knob: Knob, races: Mapping[float, Race]) -> Section:
-    table = tabulated(
-        f"{knob.name}, the others as the paper has them",
-        {
-            knob.name: lambda v: f"{v:g}{' (chosen)' if v == knob.chosen else ''}",
-            "reached": lambda v: races[v].reached,
-            "median evaluations": lambda v: races[v].median_text,
-            "expected running time": lambda v: races[v].expected_text,
-        },
-        knob.values,
-    )
-    x = np.array(knob.values, dtype=float)
+    first = {knob.name: [f"{v:g}{' (chosen)' if v == knob.chosen else ''}" for v in races]}
+    table = by_texts(f"{knob.name}, the others as the paper has them", first, races.values())
     y = np.array([(r.expected, r.median) for r in races.values()])
     y[~np.isfinite(y)] = np.nan
     caption = f"Evaluations to the target by {knob.name}"
+    x = np.array(knob.values, dtype=float)
     curves = [Series("expected running time", x, y[:, 0]), Series("median", x, y[:, 1])]
     log_x = knob.name in ("NC", "pr")
     drawing = plot(curves, knob.name, "evaluations to 1e-6 J0", caption, log_x=log_x, log_y=True)

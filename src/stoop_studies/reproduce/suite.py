@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import shlex
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, Final, Self, TypeVar
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Final
 
 import numpy as np
 
@@ -14,17 +14,17 @@ from stoop import optimize
 from stoop.assessment.covariance import standard_errors
 from stoop.base.arrays import FloatArray
 from stoop.parallel import Plan, Run
-from stoop.problem import Misfit
 from stoop.problem.evidence import invert
-from stoop.report.sheet import Prose, Section, Table
+from stoop.report.sheet import Prose, Section
 from stoop_studies.findings import Findings, Results, Setting, number
 from stoop_studies.outputs import Suite
 from stoop_studies.problems import Posed
 
 SEARCH: Final = "stoop_studies.search:search"
+#: methods as shown -> registered
+METHODS: Final = {"GA": "ga", "PSO": "pso", "PS-GDE": "ps-gde", "default": "ps-gde-lm"}
 SUCCESS: Final = 1e-2  #: largest relative error of a successful identification
 EXACT: Final = 1e-6  #: the same of an exact one
-Row = TypeVar("Row")
 
 RECONSTRUCTIONS: Final = """\
 The paper's title names a multirotor, but its model, trim and experiment are those of a fixed-wing aircraft with \
@@ -51,12 +51,12 @@ zero; the truth lies at a random place of each box, another for each seed.
 
 PS-GDE, whose F and CR are not printed either:
 
-- F = 0.6, CR = 0.9, 50 members, NC = 20, pr = 5 %, so that three members are dived from
+- F = 0.6, CR = 0.9, 50 members, NC = 20, pr = 5 %, so that local searches start from three members
 - steps 4 and 5 change places: local search when NC divides the generation, in place of evolution; step 6 stops \
 when the condition is met
 - the first branch of the golden section (its Fig. 2) evaluates the point that it moves; the search ends at 0.1 of \
 the interval, which is 0.1 of the unit box along the negative gradient
-- the gradient is a forward difference whose evaluations count; the end of a dive replaces its start only if better
+- the gradient is a forward difference whose evaluations count; the end of a local search replaces its start only if better
 - the three picks of (12) differ from each other and from their parent; one variable always comes from the mutant; \
 what leaves the box is set on its bound, and the box does not shrink
 - the chaotic start avoids 0, 0.25, 0.5, 0.75 and 1
@@ -93,18 +93,6 @@ def search_run(key: str, optimizer: Any, problem: str, seed: int, stop: int | No
     """Return one search; ``more`` are arguments of `stoop_studies.search.search`."""
     arguments = {"optimizer": optimizer, "problem": problem, "seed": seed, "history": 0, **more}
     return Run(key, SEARCH, arguments, stop)
-
-
-def tabulated(caption: str, columns: Mapping[str, Callable[[Row], str]], rows: Iterable[Row]) -> Table:
-    """Return a table with one column for each name and function of a row."""
-    return Table(
-        caption, tuple(columns), tuple(tuple(text(row) for text in columns.values()) for row in rows)
-    )
-
-
-def by_columns(caption: str, columns: Mapping[str, Sequence[str]], *last: tuple[str, ...]) -> Table:
-    """Return a table of columns, with further rows below."""
-    return Table(caption, tuple(columns), (*zip(*columns.values(), strict=True), *last))
 
 
 def minus(text: str) -> str:
@@ -149,27 +137,6 @@ class Group:
     hits: FloatArray
     evaluations: FloatArray
 
-    @classmethod
-    def of(
-        cls,
-        method: str,
-        iterations: int | None,
-        truth: FloatArray,
-        results: Sequence[Mapping[str, Any]],
-        order: Sequence[int] | None = None,
-    ) -> Self:
-        """Return results of `stoop_studies.search.search`; ``order`` picks among the values."""
-        values = np.array([r["values"] for r in results], dtype=float)
-        return cls(
-            method,
-            iterations,
-            truth,
-            values if order is None else values[:, list(order)],
-            np.array([r["cost"] for r in results], dtype=float),
-            hits_of(results),
-            np.array([r["evaluations"] for r in results], dtype=float),
-        )
-
     @property
     def errors(self) -> FloatArray:
         """Relative errors (n, D)."""
@@ -213,13 +180,49 @@ class Group:
     @property
     def median_hit(self) -> float:
         """Median evaluations of the runs that reached the target; NaN where there is none."""
-        reached = self.hits[np.isfinite(self.hits)]
-        return float(np.median(reached)) if reached.size else np.nan
+        return float(np.median(self.hits[np.isfinite(self.hits)])) if self.reached else np.nan
 
     @property
     def hits_text(self) -> str:
         """The median and how many runs reached the target; a dash where none did."""
-        return "–" if not self.reached else f"{self.median_hit:.0f} ({self.reached})"
+        return f"{self.median_hit:.0f} ({self.reached})" if self.reached else "–"
+
+
+@dataclass(frozen=True)
+class Searches:
+    """Searches of several methods on a problem with the same seeds, up to each of their numbers of iterations."""
+
+    key: str  #: name of a run, a format of ``who``, ``seed`` and ``stop``
+    problem: str
+    seeds: range
+    stops: Mapping[str, Sequence[int | None]]  #: method as shown -> iterations, None to its own end
+    arguments: Mapping[str, Any] = field(default_factory=dict)  #: of the problem
+
+    def runs(self) -> list[Run]:
+        """Return one run per method, seed and number of iterations."""
+        return [
+            search_run(self._key(m, s, n), METHODS[m], self.problem, s, n, **self.arguments)
+            for m, stops in self.stops.items()
+            for s in self.seeds
+            for n in stops
+        ]
+
+    def groups(
+        self, results: Results, truth: FloatArray, order: Sequence[int] | None = None
+    ) -> dict[str, list[Group]]:
+        """Return by method its runs up to each number of iterations; ``order`` picks among the values."""
+
+        def group(method: str, stop: int | None) -> Group:
+            own = [results[self._key(method, s, stop)] for s in self.seeds]
+            values = np.array([r["values"] for r in own], dtype=float)
+            costs, spent = (np.array([r[n] for r in own], dtype=float) for n in ("cost", "evaluations"))
+            picked = values if order is None else values[:, list(order)]
+            return Group(method, stop, truth, picked, costs, hits_of(own), spent)
+
+        return {m: [group(m, n) for n in stops] for m, stops in self.stops.items()}
+
+    def _key(self, method: str, seed: int, stop: int | None) -> str:
+        return self.key.format(who=METHODS[method], seed=seed, stop=stop)
 
 
 def hits_of(results: Sequence[Mapping[str, Any]]) -> FloatArray:
@@ -251,13 +254,3 @@ def unit_deviations(problem: optimize.Problem, x: FloatArray) -> FloatArray:
     z, full = np.concatenate([x, np.zeros(problem.extra)]), len(problem.prices) - 1
     J, _ = problem.jacobian(z, full, problem.residuals(z[None], full)[0])
     return standard_errors(invert(J.T @ J).matrix)[: problem.dimension]
-
-
-def fitted(problem: Misfit, seed: int) -> dict[str, Any]:
-    """Return estimates by name, cost and status of the default optimizer, run to its end."""
-    outcome = optimize.minimize(optimize.create(), problem, seed=seed)
-    layout, D = problem.layout, problem.dimension
-    values = layout.physical(outcome.z[None, :D])[0].tolist()
-    estimates = dict(zip((p.name for p in layout.parameters), values, strict=True))
-    estimates |= {n.name: n.scale * float(z) for n, z in zip(layout.nuisances, outcome.z[D:], strict=True)}
-    return {"values": estimates, "cost": outcome.cost, "status": outcome.status}

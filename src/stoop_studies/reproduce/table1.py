@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -14,20 +14,21 @@ from stoop.parallel import Run
 from stoop.report.plots import Series, plot
 from stoop.report.sheet import Figure, Prose, Section, Table
 from stoop.workflow.demo import TABLE_1
-from stoop_studies.findings import Claim, Findings, Results, Setting, counted, holds, number, reproduces
-from stoop_studies.problems.paper import paper
-from stoop_studies.reproduce.suite import (
-    EXACT,
-    SUCCESS,
-    Group,
-    PaperExperiment,
-    percent,
-    search_run,
+from stoop_studies.findings import (
+    Claim,
+    Findings,
+    Results,
+    Setting,
+    by_columns,
+    counted,
+    holds,
+    number,
+    reproduces,
     tabulated,
 )
+from stoop_studies.problems.paper import paper
+from stoop_studies.reproduce.suite import EXACT, METHODS, SUCCESS, Group, PaperExperiment, Searches, percent
 
-#: as shown -> registered
-METHODS: Final = {"GA": "ga", "PSO": "pso", "PS-GDE": "ps-gde", "default": "ps-gde-lm"}
 ITERATIONS: Final = (500, 1000, 1500, 2000)
 PRINTED: Final = {
     "GA": (
@@ -75,7 +76,6 @@ CSV: Final[dict[str, Callable[[Group], Cell]]] = {
     "median_evaluations_to_target": lambda g: finite_or_none(g.median_hit),
     "mean_evaluations": lambda g: float(g.evaluations.mean()),
 }
-HEAD: Final = (*CSV, *(f"mean_{n}" for n in TABLE_1), *(f"mean_successful_{n}" for n in TABLE_1))
 Printed = Mapping[str, FloatArray]  #: column -> cost of each channel
 
 
@@ -84,62 +84,57 @@ class Table1(PaperExperiment):
 
     name, runs = "table1", 50
 
-    def searches(self, setting: Setting) -> list[Run]:
+    def _searches(self, setting: Setting) -> Searches:
         """Return every method, seed and number of iterations."""
-        return [
-            search_run(key(method, seed, stop), METHODS[method], f"paper-{setting.box}", seed, stop)
-            for method in METHODS
-            for seed in setting.seeds
-            for stop in ITERATIONS
-        ]
+        stops = dict.fromkeys(METHODS, ITERATIONS)
+        return Searches("{who}/{seed:06d}/{stop:05d}", f"paper-{setting.box}", setting.seeds, stops)
+
+    def searches(self, setting: Setting) -> list[Run]:
+        """Return all runs."""
+        return self._searches(setting).runs()
 
     def findings(self, setting: Setting, results: Results) -> Findings:
         """Return what they show."""
-        truth, order = paper().truth, columns()
-        groups = {
-            method: [
-                Group.of(
-                    method, stop, truth, [results[key(method, seed, stop)] for seed in setting.seeds], order
-                )
-                for stop in ITERATIONS
-            ]
-            for method in METHODS
-        }
+        groups = self._searches(setting).groups(results, paper().truth, columns())
         every = [g for own in groups.values() for g in own]
         printed = printed_costs()
-        x = np.array(ITERATIONS, dtype=float)
-        errors = [Series(m, x, np.array([g.mean_error for g in own])) for m, own in groups.items()]
-        costs = [Series(m, x, np.array([g.median_cost for g in own])) for m, own in groups.items()]
-        error_words, cost_words = (
-            "Mean relative error of the ten values by method",
-            "Median fitness by method",
+        figures = (
+            by_iterations(groups, "mean relative error", lambda g: g.mean_error, "Mean error of all runs"),
+            by_iterations(groups, "median fitness J", lambda g: g.median_cost, "Median fitness of all runs"),
         )
-        drawn = (
-            plot(errors, "iterations", "mean relative error", error_words, log_y=True),
-            plot(costs, "iterations", "median fitness J", cost_words, log_y=True),
-        )
-        figures = Figure("Mean error of all runs", drawn[0]), Figure("Median fitness of all runs", drawn[1])
         more: dict[str, Callable[[Group], str]] = {
             "error of mean": lambda g: percent(g.error_of_means),
             "mean fitness": lambda g: number(float(g.costs.mean())),
         }
-        return Findings(
+        return Findings.tabulated(
             f"Table 1: identification of ten coefficients, box {setting.box}",
             LEAD,
-            tuple(_claims(groups, printed)),
+            _claims(groups, printed),
             (
                 Section("All runs", (tabulated(SUMMARY, summary_columns(more), every), *figures)),
                 *(_values({m: own[i] for m, own in groups.items()}, n) for i, n in enumerate(ITERATIONS)),
                 Section("What the paper prints", (_printed(printed), Prose(PRINTED_WORDS))),
             ),
-            HEAD,
-            tuple(_row(g) for g in every),
+            [_record(g) for g in every],
         )
 
 
-def key(method: str, seed: int, stop: int) -> str:
-    """Return the name of one run."""
-    return f"{METHODS[method]}/{seed:06d}/{stop:05d}"
+def by_iterations(
+    groups: Mapping[str, Sequence[Group]],
+    axis: str,
+    value: Callable[[Group], float],
+    caption: str,
+    **more: Any,
+) -> Figure:
+    """Return a value of each method over the number of iterations, on a logarithmic axis; `more` goes to `plot`."""
+    curves = [
+        Series(m, np.array([g.iterations for g in own], dtype=float), np.array([value(g) for g in own]))
+        for m, own in groups.items()
+    ]
+    words = (
+        "Median fitness by method" if "fitness" in axis else "Mean relative error of the ten values by method"
+    )
+    return Figure(caption, plot(curves, "iterations", axis, words, log_y=True, **more))
 
 
 def columns() -> list[int]:
@@ -260,34 +255,30 @@ def _values(chosen: Mapping[str, Group], iterations: int) -> Section:
     values = {"truth": paper().truth}
     for m, g in chosen.items():
         values |= {m: g.values.mean(axis=0), f"{m}, successful": g.mean_of_successful}
-    rows = [
-        (name, *(number(float(column[i]), 6) for column in values.values())) for i, name in enumerate(TABLE_1)
-    ]
+    shown = {name: [number(v, 6) for v in column.tolist()] for name, column in values.items()}
     costs = [text for g in chosen.values() for text in (number(float(g.costs.mean())), "")]
     words = "Mean identified values: all runs, and successful ones"
-    table = Table(words, ("parameter", *values), (*rows, ("fitness J", "", *costs)))
+    table = by_columns(words, {"parameter": TABLE_1, **shown}, ("fitness J", "", *costs))
     notes = (Prose(NOTES),) if iterations == ITERATIONS[0] else ()
     return Section(f"{iterations} iterations", (table, *notes))
 
 
 def _printed(printed: Printed) -> Table:
-    rows = [
-        (name, *(number(v, 7) for v in (paper().truth[i], *(column[i] for column in PRINTED.values()))))
-        for i, name in enumerate(TABLE_1)
-    ]
+    columns = {"truth": paper().truth.tolist(), **PRINTED}
     errors = [percent(float(np.abs(np.array(c) / paper().truth - 1.0).mean())) for c in PRINTED.values()]
-    last = [
+    return by_columns(
+        "The paper's Table 1, and what its columns cost here",
+        {"parameter": TABLE_1, **{name: [number(v, 7) for v in column] for name, column in columns.items()}},
         ("fitness, printed", "", *(number(f, 5) for f in PRINTED_FITNESS.values())),
         ("J of these values", "0", *(number(float(printed[name].sum())) for name in PRINTED)),
         ("mean error", "", *errors),
-    ]
-    return Table(
-        "The paper's Table 1, and what its columns cost here",
-        ("parameter", "truth", *PRINTED),
-        (*rows, *last),
     )
 
 
-def _row(g: Group) -> tuple[Cell, ...]:
-    means = (*g.values.mean(axis=0).tolist(), *(finite_or_none(v) for v in g.mean_of_successful))
-    return (*(cell(g) for cell in CSV.values()), *means)
+def _record(g: Group) -> dict[str, Cell]:
+    means, successful = g.values.mean(axis=0).tolist(), map(finite_or_none, g.mean_of_successful)
+    return {
+        **{name: cell(g) for name, cell in CSV.items()},
+        **{f"mean_{n}": v for n, v in zip(TABLE_1, means, strict=True)},
+        **{f"mean_successful_{n}": v for n, v in zip(TABLE_1, successful, strict=True)},
+    }

@@ -167,7 +167,10 @@ def single(name: str, content: bytes, form: str, mapping: bytes = b"") -> Sample
 
 @dataclass(frozen=True)
 class Damager:
-    """Ways to damage a log of a form, perhaps with pieces of another log; the same seed gives the same damage."""
+    """Ways to damage a log of a form, perhaps with pieces of another log; the same seed gives the same damage.
+
+    What each of them does stands in `DAMAGES`.
+    """
 
     rng: Random
     other: bytes
@@ -182,30 +185,26 @@ class Damager:
         found = self.form.spans(data)
         return self.rng.choice(found) if found else (0, len(data))
 
-    def cut(self, data: bytes) -> bytes:
-        """Cut the end off, or the beginning."""
+    def _cut(self, data: bytes) -> bytes:
         if self.rng.random() < 0.1:
             return data[self.place(data) :]
         anywhere = self.rng.random() < 0.5
         end = self.place(data) if anywhere else self.span(data)[1] + self.rng.randint(-2, 2)
         return data[: max(end, 0)]
 
-    def flip(self, data: bytes) -> bytes:
-        """Turn single bits."""
+    def _flip(self, data: bytes) -> bytes:
         out = bytearray(data)
         for _ in range(self.rng.choice((1, 1, 2, 8, 40)) if out else 0):
             out[self.rng.randrange(len(out))] ^= 1 << self.rng.randrange(8)
         return bytes(out)
 
-    def overwrite(self, data: bytes) -> bytes:
-        """Fill a stretch."""
+    def _overwrite(self, data: bytes) -> bytes:
         begin = self.place(data)
         size = min(self.rng.choice((1, 2, 8, 64, 512)), len(data) - begin)
         fill = self.rng.choice((self.rng.randbytes(size), bytes(size), b"\xff" * size))
         return data[:begin] + fill + data[begin + size :]
 
-    def blow_up(self, data: bytes) -> bytes:
-        """Put extreme numbers where sizes and counts may stand."""
+    def _blow_up(self, data: bytes) -> bytes:
         out, rng = bytearray(data), self.rng
         for _ in range(rng.choice((1, 1, 2, 5))):
             width, order = rng.choice((1, 2, 4, 8)), rng.choice(("little", "big"))
@@ -214,42 +213,36 @@ class Damager:
             out[begin : begin + width] = value.to_bytes(width, order)  # type: ignore[arg-type]
         return bytes(out)
 
-    def resize(self, data: bytes) -> bytes:
-        """Change one of the first bytes of a piece a little."""
+    def _resize(self, data: bytes) -> bytes:
         begin, end = self.span(data)
         at = begin + min(self.rng.randrange(8), max(end - begin - 1, 0))
         if at >= len(data):
             return data
         return data[:at] + bytes([(data[at] + self.rng.choice((-3, -1, 1, 2, 16))) % 256]) + data[at + 1 :]
 
-    def erase(self, data: bytes) -> bytes:
-        """Take a stretch out, or whole pieces."""
+    def _erase(self, data: bytes) -> bytes:
         if self.rng.random() < 0.5:
             begin = self.place(data)
             return data[:begin] + data[begin + self.rng.choice((1, 3, 16, 100, 1000)) :]
         begin, end = self.span(data)
         return data[:begin] + data[end:]
 
-    def repeat(self, data: bytes) -> bytes:
-        """Write a piece again, here or elsewhere."""
+    def _repeat(self, data: bytes) -> bytes:
         begin, end = self.span(data)
         piece = data[begin:end] * self.rng.choice((1, 1, 2, 50, 1000))
         at = end if self.rng.random() < 0.5 else self.span(data)[0]
         return (data[:at] + piece + data[at:])[: max(MAX_BYTES, len(data))]
 
-    def swap(self, data: bytes) -> bytes:
-        """Exchange two pieces."""
+    def _swap(self, data: bytes) -> bytes:
         (a, b), (c, d) = sorted((self.span(data), self.span(data)))
         return data[:a] + data[c:d] + data[b:c] + data[a:b] + data[d:] if b <= c else data
 
-    def splice(self, data: bytes) -> bytes:
-        """Begin with one log and go on with another."""
+    def _splice(self, data: bytes) -> bytes:
         here = self.rng.choice((self.place(data), self.span(data)[0]))
         there = self.rng.choice((self.place(self.other), self.span(self.other)[0]))
         return data[:here] + self.other[there:]
 
-    def shuffle(self, data: bytes) -> bytes:
-        """Put some pieces into another order."""
+    def _shuffle(self, data: bytes) -> bytes:
         spans = self.form.spans(data)
         begin = self.rng.randrange(len(spans)) if spans else 0
         some = spans[begin : begin + self.rng.randint(2, 12)]
@@ -258,20 +251,17 @@ class Damager:
         mixed = self.rng.sample(some, len(some))
         return data[: some[0][0]] + b"".join(data[a:b] for a, b in mixed) + data[some[-1][1] :]
 
-    def head(self, data: bytes) -> bytes:
-        """Damage the first bytes."""
+    def _head(self, data: bytes) -> bytes:
         out, rng = bytearray(data), self.rng
         for _ in range(rng.choice((1, 1, 3)) if out else 0):
             value = rng.choice((rng.randrange(256), 0, 255))
             out[rng.randrange(min(len(out), 2 * self.form.head + 16))] = value
         return bytes(out)
 
-    def garbage(self, data: bytes) -> bytes:
-        """Write random bytes behind what the file is known by."""
+    def _garbage(self, data: bytes) -> bytes:
         return data[: self.form.head] + self.rng.randbytes(self.rng.choice((0, 1, 16, 256, 4096)))
 
-    def words(self, data: bytes) -> bytes:
-        """Replace numbers, or names."""
+    def _words(self, data: bytes) -> bytes:
         found = list(NUMBER.finditer(data)) or list(re.finditer(rb"\w+", data))
         some = self.rng.sample(found, min(len(found), self.rng.choice((1, 1, 3))))
         for match in sorted(some, key=lambda m: -m.start()):
@@ -280,22 +270,22 @@ class Damager:
 
 
 DAMAGES: Final[Mapping[str, tuple[Callable[[Damager, bytes], bytes], str]]] = {
-    "cut": (Damager.cut, "the end is cut off, anywhere or where a message ends; sometimes the beginning"),
-    "flip": (Damager.flip, "1 to 40 bits are turned"),
-    "overwrite": (Damager.overwrite, "random bytes, zeros or ones over a stretch"),
-    "blow up": (Damager.blow_up, "extreme numbers of 1 to 8 bytes, also where sizes and counts stand"),
+    "cut": (Damager._cut, "the end is cut off, anywhere or where a message ends; sometimes the beginning"),
+    "flip": (Damager._flip, "1 to 40 bits are turned"),
+    "overwrite": (Damager._overwrite, "random bytes, zeros or ones over a stretch"),
+    "blow up": (Damager._blow_up, "extreme numbers of 1 to 8 bytes, also where sizes and counts stand"),
     "resize": (
-        Damager.resize,
+        Damager._resize,
         "the first bytes of a message, record or line change a little: its size, kind or name",
     ),
-    "erase": (Damager.erase, "a stretch is taken out, or whole messages"),
-    "repeat": (Damager.repeat, "messages are written again, up to a thousand times"),
-    "swap": (Damager.swap, "two messages change places"),
-    "splice": (Damager.splice, "one log begins, and another goes on"),
-    "shuffle": (Damager.shuffle, "messages follow each other in another order"),
-    "head": (Damager.head, "the first bytes are damaged"),
-    "garbage": (Damager.garbage, "random bytes follow what the file is known by"),
-    "words": (Damager.words, "odd numbers and words where a text has numbers or names"),
+    "erase": (Damager._erase, "a stretch is taken out, or whole messages"),
+    "repeat": (Damager._repeat, "messages are written again, up to a thousand times"),
+    "swap": (Damager._swap, "two messages change places"),
+    "splice": (Damager._splice, "one log begins, and another goes on"),
+    "shuffle": (Damager._shuffle, "messages follow each other in another order"),
+    "head": (Damager._head, "the first bytes are damaged"),
+    "garbage": (Damager._garbage, "random bytes follow what the file is known by"),
+    "words": (Damager._words, "odd numbers and words where a text has numbers or names"),
 }  #: name -> method, and what the page says of it
 
 

@@ -10,8 +10,7 @@ from __future__ import annotations
 import csv
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import cached_property
+from dataclasses import dataclass
 from importlib.resources import as_file, files
 from pathlib import Path
 from typing import Any, Final
@@ -20,28 +19,19 @@ import numpy as np
 
 from stoop.assessment.error_bars import error_bars
 from stoop.base.arrays import FloatArray
+from stoop.base.atmosphere import SEA_LEVEL_DENSITY
 from stoop.base.rotations import quaternions_of, to_body
 from stoop.base.units import FACTORS
 from stoop.base.variables import EULER, SPECIFIC_FORCE, VELOCITY
 from stoop.errors import StoopError
-from stoop.estimate import methods
-from stoop.estimate.fit import Fit, Options
-from stoop.estimate.predict import (
-    CUTOFF,
-    ForceCurves,
-    ForceResiduals,
-    ReferenceModels,
-    force_curves,
-    identified_vehicle,
-    low_passed,
-    mean_biases,
-)
+from stoop.estimate import predict
+from stoop.estimate.fit import Options
 from stoop.flight import Flight, load
 from stoop.problem.windows import Window
 from stoop.report.plots import Series, plot
 from stoop.report.sheet import Figure, Prose, Section
 from stoop.vehicle import Vehicle, parse_vehicle
-from stoop.vehicle.atmosphere import SEA_LEVEL_DENSITY
+from stoop.workflow.identification import Search, search
 from stoop_studies.findings import Claim, Findings, Setting, holds
 from stoop_studies.verify.study import (
     Columns,
@@ -87,8 +77,8 @@ COEFFICIENTS: Final[Columns] = {
 }
 LEAD: Final = f"""\
 A hexacopter of 1.9 kg hovers, climbs twice at 6 m/s and descends slowly for 74 s; then it sprints forth and back at 10 m/s \
-for 46 s. The model is fitted to the first part and predicts the second. Compared is the specific force below {CUTOFF:g} Hz, \
-measured motion in: above, the rotors shake the accelerometers by more than all maneuvers do."""
+for 46 s. The model is fitted to the first part and predicts the second. Compared is the specific force below \
+{predict.CUTOFF:g} Hz, measured motion in: above, the rotors shake the accelerometers by more than all maneuvers do."""
 WORDS: Final = """\
 Residuals are rms, m/s2. A constant is the mean of the fitted part; static thrust is a constant and a factor of the sum of \
 the squared commands, with the battery's voltage and the motors' lag as in the model. The authors' model is evaluated here on \
@@ -195,82 +185,54 @@ def read_log(folder: Path | None, mapped: bool = True) -> Log:
         ) from None
 
 
-@dataclass(frozen=True, eq=False)
-class Fitted:
-    """A fit of the hexacopter by equation error to one window of its log (start and stop, s)."""
+def identified(flight: Flight, span: Span, file: Vehicle, predicted: Sequence[Span] = ()) -> Search:
+    """Identify the hexacopter by equation error from one window of its log, and keep others for prediction."""
+    return search(file, flight, [span], predicted, Options(method=METHOD))
 
-    log: Log
-    span: Span
-    file: Vehicle = field(default_factory=vehicle)
 
-    @cached_property
-    def fit(self) -> Fit:
-        """The fit."""
-        flight, options = self.log.flight, Options(method=METHOD)
-        windows = (self._window(self.span),)
-        fit: Fit = methods.find(METHOD).fitter()(
-            self.file, {flight.name: flight}, windows, options, None, None
+def forces(done: Search) -> tuple[predict.ForceFigures, ...]:
+    """Return the residuals of the fitted window, and of the predicted one."""
+    return predict.force_figures(done.fit, done.flights, done.predicted)
+
+
+def curves(done: Search, window: Window) -> predict.ForceCurves:
+    """Return measured and modelled specific force below 5 Hz."""
+    biases = predict.mean_biases(done.fit, window.flight)
+    return predict.force_curves(predict.identified_vehicle(done.fit), done.flights, window, biases)
+
+
+def authors_residuals(log: Log, fitted: predict.ForceCurves, shown: predict.ForceCurves) -> dict[str, float]:
+    """Return those of the authors' model; a constant per axis is learned from what was fitted, as ours is."""
+    force, dt = log.blades.specific_force(log.flight), 1.0 / log.flight.rate
+    errors = []
+    for own in (fitted, shown):
+        rows = np.nan_to_num(force[np.round((own.time - log.flight.time[0]) / dt).astype(int)])
+        cuts = np.flatnonzero(np.diff(own.time) > 1.5 * dt) + 1
+        errors.append(
+            own.measured - np.concatenate([predict.low_passed(part, dt) for part in np.split(rows, cuts)])
         )
-        return fit
-
-    @cached_property
-    def std(self) -> FloatArray:
-        """Standard errors of parameters and nuisances."""
-        return error_bars(self.fit).std
-
-    @cached_property
-    def vehicle(self) -> Vehicle:
-        """With its estimates."""
-        return identified_vehicle(self.fit)
-
-    def _window(self, span: Span) -> Window:
-        return Window(self.log.flight.name, *span)
-
-    def error(self, name: str) -> float:
-        """Return the standard error of an estimate; zero of what was fixed."""
-        names = [p.name for p in self.fit.problem.layout.parameters]
-        return float(self.std[names.index(name)]) if name in names else 0.0
-
-    def curves(self, span: Span) -> ForceCurves:
-        """Return measured and modelled specific force below 5 Hz."""
-        flight = self.log.flight
-        biases = mean_biases(self.fit, flight.name)
-        return force_curves(self.vehicle, {flight.name: flight}, self._window(span), biases)
-
-    def residuals(self, span: Span) -> Mapping[str, ForceResiduals]:
-        """Return the residuals in a window by axis: model, constant, static thrust."""
-        return ReferenceModels.of([self.curves(self.span)]).residuals(self.curves(span))
-
-    def authors_residuals(self, span: Span) -> dict[str, float]:
-        """Return those of the authors' model; a constant per axis is learned from what was fitted, as ours is."""
-        flight = self.log.flight
-        force, dt = self.log.blades.specific_force(flight), 1.0 / flight.rate
-        errors = []
-        for curves in (self.curves(self.span), self.curves(span)):
-            rows = np.nan_to_num(force[np.round((curves.time - flight.time[0]) / dt).astype(int)])
-            cuts = np.flatnonzero(np.diff(curves.time) > 1.5 * dt) + 1
-            theirs = np.concatenate([low_passed(part, dt) for part in np.split(rows, cuts)])
-            errors.append(curves.measured - theirs)
-        learned, off = errors
-        rms = np.sqrt(np.mean((off - learned.mean(axis=0)) ** 2, axis=0))
-        return dict(zip(SPECIFIC_FORCE, rms.tolist(), strict=True))
+    rms = np.sqrt(np.mean((errors[1] - errors[0].mean(axis=0)) ** 2, axis=0))
+    return dict(zip(AXES, rms.tolist(), strict=True))
 
 
 def show(setting: Setting, samples: Samples) -> Findings:
     """Return residuals, coefficients, and what each part of the model is worth."""
     log = read_log(setting.data)
-    ahead, whole = Fitted(log, LEARNED), Fitted(log, WHOLE)
+    ahead = identified(log.flight, LEARNED, vehicle(), [SPRINTS])
+    whole = identified(log.flight, WHOLE, vehicle())
     records = []
-    for fit, span in ((ahead, LEARNED), (ahead, SPRINTS), (whole, WHOLE)):
-        theirs = fit.authors_residuals(span)
-        for axis, found in fit.residuals(span).items():
-            numbers = (found.model, found.constant, found.static, theirs[axis], log.published[axis])
-            spans = (f"{start:g}:{stop:g}" for start, stop in (fit.span, span))
-            records.append(dict(zip(RESIDUALS, (*spans, axis, *numbers), strict=True)))
+    for done in (ahead, whole):
+        fitted, *_ = done.fit.prepared.windows
+        for found in forces(done):
+            theirs = authors_residuals(log, curves(done, fitted), curves(done, found.window))
+            for axis, own in found.axes.items():
+                spans = (f"{window.start:g}:{window.stop:g}" for window in (fitted, found.window))
+                numbers = (own.model, own.constant, own.static, theirs[axis], log.published[axis])
+                records.append(dict(zip(RESIDUALS, (*spans, axis, *numbers), strict=True)))
     coefficients = coefficient_records(ahead, whole, log.blades)
     lacking = [
-        {"left_out": name, **{a: found[a].model for a in AXES}}
-        for name, found in {"nothing": ahead.residuals(SPRINTS), **without(setting, log)}.items()
+        {"left_out": name, **{a: own.model for a, own in forces(done)[1].axes.items()}}
+        for name, done in {"nothing": ahead, **without(setting, log)}.items()
     ]
     caption = "Residuals of the specific force below 5 Hz, rms, m/s2"
     residuals = page_table(caption, {n: (n.replace("_", " "), _cell) for n in RESIDUALS}, records)
@@ -283,7 +245,7 @@ def show(setting: Setting, samples: Samples) -> Findings:
         LEAD,
         _claims([r for r in records if r["window"] != "140:214"]),
         (
-            Section("Residuals", (residuals, *_figures(ahead), Prose(WORDS))),
+            Section("Residuals", (residuals, *_figures(curves(ahead, ahead.predicted[0])), Prose(WORDS))),
             Section("Coefficients", (beside, Prose(COEFFICIENT_WORDS))),
             Section("What each part is worth", (worth,)),
         ),
@@ -300,23 +262,21 @@ def _rounded(record: Mapping[str, Any]) -> dict[str, Any]:
     return {k: round(v, 5) if isinstance(v, float) else v for k, v in record.items()}
 
 
-def without(setting: Setting, log: Log) -> dict[str, Mapping[str, ForceResiduals]]:
-    """Return the residuals of the prediction without one part of the model each."""
-    whole = vehicle()
+def without(setting: Setting, log: Log) -> dict[str, Search]:
+    """Identify without one part of the model each, and predict the sprints."""
     wind = {f"sensors.{c}.bias": {"free": True, "prior": 3.0} for c in ("vn", "ve")}
     still = {f"sensors.accelerometer_position.{c}": {"value": 0.0, "free": False} for c in "xyz"}
     cases = {
-        "the attitude brought to the clock of the gyros": (read_log(setting.data, mapped=False), whole),
-        "induced velocity (climb alone)": (log, whole.with_numbers({"rotors.radius": {"value": 100.0}})),
-        "average of the voltage": (log, vehicle(("voltage_average = 30.0", "voltage_average = 0.1"))),
-        "calm air (the wind is estimated)": (log, whole.with_numbers(wind)),
-        "lever of the accelerometers": (log, whole.with_numbers(still)),
-        "drag with the flow through the disc": (
-            log,
-            whole.with_numbers({"rotors.drag_inflow": {"value": 0.0}}),
-        ),
+        "the attitude brought to the clock of the gyros": vehicle(),
+        "induced velocity (climb alone)": vehicle().with_numbers({"rotors.radius": {"value": 100.0}}),
+        "average of the voltage": vehicle(("voltage_average = 30.0", "voltage_average = 0.1")),
+        "calm air (the wind is estimated)": vehicle().with_numbers(wind),
+        "lever of the accelerometers": vehicle().with_numbers(still),
+        "drag with the flow through the disc": vehicle().with_numbers({"rotors.drag_inflow": {"value": 0.0}}),
     }
-    return {name: Fitted(own, LEARNED, file).residuals(SPRINTS) for name, (own, file) in cases.items()}
+    flights = dict.fromkeys(cases, log.flight)
+    flights[next(iter(cases))] = read_log(setting.data, mapped=False).flight
+    return {name: identified(flights[name], LEARNED, file, [SPRINTS]) for name, file in cases.items()}
 
 
 def _claims(records: Sequence[Mapping[str, Any]]) -> Iterator[Claim]:
@@ -353,57 +313,52 @@ def _pairs(ours: Mapping[str, float], theirs: Mapping[str, float]) -> str:
     return ", ".join(f"{a} {ours[a]:.3f} against {theirs[a]:.3f}" for a in AXES)
 
 
-def coefficient_records(ahead: Fitted, whole: Fitted, theirs: Blades) -> list[dict[str, Any]]:
+def coefficient_records(ahead: Search, whole: Search, theirs: Blades) -> list[dict[str, Any]]:
     """Return coefficients, and what they come to at hover, beside the authors'."""
     size = SEA_LEVEL_DENSITY * AREA
     scales = {"ct1": ("T2", size * TIP**2), "ct2": ("inflow", size * TIP), "ch1": ("drag", size * TIP)}
-    blades = [
-        Blades(
-            **{n: fit.vehicle.value(f"rotors.{own}") / scale for n, (own, scale) in scales.items()},
-            ch2=-fit.vehicle.value("rotors.drag_inflow") / size,
-        )
-        for fit in (ahead, whole)
-    ]
-    rows: list[tuple[Any, ...]] = []
-    for name in BLADE_NAMES:
-        own, scale = scales.get(name, ("", 1.0))
-        first, later, known = (getattr(b, name) for b in (*blades, theirs))
-        rows.append((name, "1", first, ahead.error(f"rotors.{own}") / scale, later, known))
-    at_hover = [hovering(b) for b in (*blades, theirs)]
-    for name, unit in at_hover[0]:
-        first, later, known = (values[name, unit] for values in at_hover)
-        rows.append((name, unit, first, 0.0, later, known))
-    lags = [fit.vehicle.value("rotors.lag") for fit in (ahead, whole)]
-    rows.append(("lag of the motors", "s", lags[0], ahead.error("rotors.lag"), lags[1], 0.0))
+    std = dict(
+        zip((p.name for p in ahead.fit.problem.layout.parameters), error_bars(ahead.fit).std, strict=False)
+    )
+    errors = {n: std[f"rotors.{name}"] / scale for n, (name, scale) in scales.items()}
+    errors["lag of the motors"] = std["rotors.lag"]
+    columns = []
+    for own in (predict.identified_vehicle(done.fit) for done in (ahead, whole)):
+        blades = {n: own.value(f"rotors.{name}") / scale for n, (name, scale) in scales.items()}
+        blades["ch2"] = -own.value("rotors.drag_inflow") / size
+        columns.append(quantities(Blades(**blades), own.value("rotors.lag")))
+    rows = (
+        (name, unit, first, errors.get(name, 0.0), columns[1][name, unit], known)
+        for ((name, unit), first), known in zip(columns[0].items(), quantities(theirs).values(), strict=True)
+    )
     return [
         dict(zip(COEFFICIENTS, (name, unit, *(float(f"{n:.4g}") for n in numbers)), strict=True))
         for name, unit, *numbers in rows
     ]
 
 
-def hovering(own: Blades) -> dict[tuple[str, str], float]:
-    """Return what coefficients come to: tip speed and drag per mass at hover, what a climb of 4 m/s costs per mass."""
+def quantities(own: Blades, lag: float = 0.0) -> dict[tuple[str, str], float]:
+    """Return coefficients by name and unit, and what they come to: at hover, and in a climb of 4 m/s per mass."""
     U, still, climbing = np.array([own.hover_speed()]), np.zeros(1), np.array([CLIMB])
     lost = float(ROTORS * (own.thrust(U, still) - own.thrust(U, climbing))[0])
     return {
+        **{(name, "1"): float(getattr(own, name)) for name in BLADE_NAMES},
         ("tip speed at hover", "m/s"): float(U[0]),
         ("drag at hover", "1/s"): float(ROTORS * own.drag(U, still)[0] / MASS),
         ("lift lost in a climb", "m/s2"): (lost + DENSITY * AREA * own.dk * CLIMB**2) / MASS,
+        ("lag of the motors", "s"): lag,
     }
 
 
-def _figures(fit: Fitted) -> list[Figure]:
-    curves = fit.curves(SPRINTS)
-    time = curves.time[::DRAWN_EVERY]
+def _figures(found: predict.ForceCurves) -> list[Figure]:
+    time = found.time[::DRAWN_EVERY]
     holes = np.flatnonzero(np.diff(time) > 1.0) + 1
     t, out = np.insert(time, holes, np.nan), []
     for i, axis in enumerate(AXES):
-        pairs = (("measured", curves.measured), ("predicted", curves.model))
-        series = [
-            Series(name, t, np.insert(columns[::DRAWN_EVERY, i], holes, np.nan)) for name, columns in pairs
-        ]
+        pairs = (("measured", found.measured), ("predicted", found.model))
+        series = [Series(name, t, np.insert(y[::DRAWN_EVERY, i], holes, np.nan)) for name, y in pairs]
         drawn = plot(series, "time on the log's clock, s", f"{axis}, m/s2", f"{axis} measured and predicted")
-        out.append(Figure(f"Specific force {axis} in the sprints, below {CUTOFF:g} Hz", drawn))
+        out.append(Figure(f"Specific force {axis} in the sprints, below {predict.CUTOFF:g} Hz", drawn))
     return out
 
 

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import operator
 import re
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import groupby
 from pathlib import Path
 from typing import Any, Final
@@ -13,20 +14,7 @@ from typing import Any, Final
 import numpy as np
 
 from stoop.errors import StoopError
-from stoop.estimate.effectiveness import (
-    CHANCE,
-    Assessment,
-    Balance,
-    Explanation,
-    Hover,
-    Reference,
-    Verdict,
-    assess,
-    hover,
-    judge,
-    leave_one_out,
-    pooled,
-)
+from stoop.estimate import effectiveness
 from stoop.flight import load
 from stoop.report.plots import Series, plot
 from stoop.report.sheet import Figure, Prose, Section
@@ -45,6 +33,7 @@ FOLDER: Final = "crazypad-propeller-damage"
 WHOLE: Final = 47  #: mm, length of an uncut propeller
 MIN_NORMAL_FLIGHTS: Final = 2
 CHANGED: Final = "M3"  #: the rotor that was cut or loaded
+NORMAL: Final = "normal"  #: what was done to a flight: nothing
 DIGITS: Final = 6  #: decimals of the tables, so many that rounding them again gives what the page shows
 NAME: Final = (
     r"(?:normal_flight|cut_propeller_M3_\dmm_\dmm_(?P<cut>\d\d)mm|add_weight_(?P<weight>W\d)_near_M3)"
@@ -92,27 +81,19 @@ class CrazyFlight:
     length: int
     weight: str
     log: str
-    hover: Hover
-
-    @property
-    def healthy(self) -> bool:
-        """Whether nothing was done to it."""
-        return self.length == WHOLE and not self.weight
+    hover: effectiveness.Hover
 
     @property
     def condition(self) -> str:
-        """What was done to it."""
-        return f"weight {self.weight}" if self.weight else "normal" if self.healthy else f"{self.length} mm"
-
-    @property
-    def shortened(self) -> int:
-        """By how much M3 was cut, mm."""
-        return WHOLE - self.length
+        """What was done to it: "normal" if nothing."""
+        if self.weight:
+            return f"weight {self.weight}"
+        return NORMAL if self.length == WHOLE else f"{self.length} mm"
 
 
-def balance() -> Balance:
+def balance() -> effectiveness.Balance:
     """Return the rotors of the Crazyflie."""
-    return Balance(parse_vehicle(vehicle_text("crazyflie"), "crazyflie.toml"))
+    return effectiveness.Balance(parse_vehicle(vehicle_text("crazyflie"), "crazyflie.toml"))
 
 
 def read_flights(folder: Path | None) -> tuple[CrazyFlight, ...]:
@@ -126,9 +107,12 @@ def read_flights(folder: Path | None) -> tuple[CrazyFlight, ...]:
         p = re.fullmatch(NAME, path.name)
         assert p is not None  # noqa: S101 - the pattern of the search
         length, weight = int(p["cut"] or WHOLE), p["weight"] or ""
-        flights.append(CrazyFlight(p["airframe"], length, weight, p["log"], hover(load(path), rotors)))
+        flights.append(
+            CrazyFlight(p["airframe"], length, weight, p["log"], effectiveness.hover(load(path), rotors))
+        )
+    normal = Counter(f.airframe for f in flights if f.condition == NORMAL)
     for airframe in sorted({f.airframe for f in flights}):
-        if sum(f.airframe == airframe and f.healthy for f in flights) < MIN_NORMAL_FLIGHTS:
+        if normal[airframe] < MIN_NORMAL_FLIGHTS:
             raise StoopError(
                 f"propellers: {folder}: {airframe} has fewer than {MIN_NORMAL_FLIGHTS} normal flights to compare with; "
                 "fetch all"
@@ -138,15 +122,19 @@ def read_flights(folder: Path | None) -> tuple[CrazyFlight, ...]:
 
 @dataclass(frozen=True)
 class Assessed:
-    """A flight, or the mean of all flights after one treatment: what it shows, and what is said of it."""
+    """A flight, or the mean of all flights after one treatment (``members``), and what it shows."""
 
     flight: CrazyFlight
-    found: Assessment
-    verdict: Verdict
+    found: effectiveness.Assessment
     members: tuple[Assessed, ...] = ()
 
+    @cached_property
+    def verdict(self) -> effectiveness.Verdict:
+        """What is said of it."""
+        return effectiveness.judge(self.found)
+
     @property
-    def m3(self) -> Explanation:
+    def m3(self) -> effectiveness.Explanation:
         """M3 as the weak rotor."""
         return next(s for s in self.found.weak if s.rotor == CHANGED)
 
@@ -171,35 +159,33 @@ def assess_all(flights: Sequence[CrazyFlight]) -> tuple[list[Assessed], list[Ass
 
     The scatter is that of the normal flights of both airframes; all flights of one treatment give the effect of the voltage.
     """
-    groups: dict[tuple[str, str], tuple[Hover, ...]] = {}
+    groups: dict[tuple[str, str], list[CrazyFlight]] = {}
     for f in flights:
-        key = f.airframe, f.condition
-        groups[key] = (*groups.get(key, ()), f.hover)
-    healthy = {airframe: group for (airframe, what), group in groups.items() if what == "normal"}
-    repeats, rotors = tuple(group for (_, what), group in groups.items() if what != "normal"), balance()
+        groups.setdefault((f.airframe, f.condition), []).append(f)
+    hovers = {key: tuple(f.hover for f in own) for key, own in groups.items()}
+    healthy = {airframe: own for (airframe, what), own in hovers.items() if what == NORMAL}
+    repeats, rotors = tuple(own for (_, what), own in hovers.items() if what != NORMAL), balance()
     known = {
-        airframe: Reference(rotors, group, tuple(g for a, g in healthy.items() if a != airframe), repeats)
-        for airframe, group in healthy.items()
+        airframe: effectiveness.Reference(
+            rotors, own, tuple(h for a, h in healthy.items() if a != airframe), repeats
+        )
+        for airframe, own in healthy.items()
     }
     normal = [
-        Assessed(f, found, judge(found))
+        Assessed(f, found)
         for airframe, reference in known.items()
-        for f, found in zip(
-            [f for f in flights if f.airframe == airframe and f.healthy],
-            leave_one_out(reference),
-            strict=True,
-        )
+        for f, found in zip(groups[airframe, NORMAL], effectiveness.leave_one_out(reference), strict=True)
     ]
-    order = operator.attrgetter("airframe", "weight", "shortened", "log")
-    changed = []
-    for f in sorted((f for f in flights if not f.healthy), key=order):
-        found = assess(f.hover, known[f.airframe])
-        changed.append(Assessed(f, found, judge(found)))
+    treated = (f for f in flights if f.condition != NORMAL)
+    changed = [
+        Assessed(f, effectiveness.assess(f.hover, known[f.airframe]))
+        for f in sorted(treated, key=lambda f: (f.airframe, f.weight, -f.length, f.log))
+    ]
     treatments = []
-    for _, group in groupby(changed, key=lambda a: order(a.flight)[:3]):
+    for (airframe, _), group in groupby(changed, key=lambda a: (a.flight.airframe, a.flight.condition)):
         members = tuple(group)
-        found = assess(pooled([a.flight.hover for a in members]), known[members[0].flight.airframe])
-        treatments.append(Assessed(members[0].flight, found, judge(found), members))
+        found = effectiveness.assess(effectiveness.pooled([a.flight.hover for a in members]), known[airframe])
+        treatments.append(Assessed(members[0].flight, found, members))
     return normal, changed, treatments
 
 
@@ -209,18 +195,20 @@ def _record(a: Assessed) -> dict[str, Any]:
     suspicion = {
         "suspected": a.found.suspected.rotor, "chance": a.found.chance, "factor_m3": a.factor, "std_error": a.m3.std,
     }  # fmt: skip
-    row: dict[str, Any] = {"airframe": flight.airframe, "condition": flight.condition}
-    if factors:
-        row |= {
-            "length": flight.length, "flights": len(factors), **suspicion, "lowest": min(factors), "highest": max(factors),
-            "suspected_m3": sum(m.suspects_m3 for m in a.members), "accused_m3": sum(m.accuses_m3 for m in a.members),
-        }  # fmt: skip
-    else:
-        row |= {
-            "log": flight.log, "voltage": a.found.voltage, **suspicion, "left_if_weak": a.m3.unexplained,
-            "mass_share": mass.size, "mass_std_error": mass.std, "left_if_mass": mass.unexplained,
-        }  # fmt: skip
-    return {**row, "verdict": str(a.verdict.notice)}
+    own: dict[str, Any] = {
+        "length": flight.length, "flights": len(factors), **suspicion, "lowest": min(factors), "highest": max(factors),
+        "suspected_m3": sum(m.suspects_m3 for m in a.members), "accused_m3": sum(m.accuses_m3 for m in a.members),
+    } if factors else {
+        "log": flight.log, "voltage": a.found.voltage, **suspicion, "left_if_weak": a.m3.unexplained,
+        "mass_share": mass.size, "mass_std_error": mass.std, "left_if_mass": mass.unexplained,
+    }  # fmt: skip
+    row = {
+        "airframe": flight.airframe,
+        "condition": flight.condition,
+        **own,
+        "verdict": str(a.verdict.notice),
+    }
+    return {k: round(v, DIGITS) if isinstance(v, float) else v for k, v in row.items()}
 
 
 def _shown(record: Mapping[str, Any]) -> dict[str, Any]:
@@ -236,18 +224,11 @@ def show(setting: Setting, samples: Samples) -> Findings:
     """Return the verdict on every flight, beside the truth."""
     flights = read_flights(setting.data)
     normal, changed, treatments = assess_all(flights)
-    single, grouped = (
-        [_record(a) for a in (*normal, *changed)],
-        [_record(a) for a in treatments],
-    )
+    single, grouped = ([_record(a) for a in own] for own in ((*normal, *changed), treatments))
     caption = "The flights after one treatment, taken together as one flight"
     first = page_table(caption, TREATMENTS, map(_shown, grouped))
     caption = "Each flight; normal ones are compared with the other normal ones"
     second = page_table(caption, FLIGHTS, map(_shown, single))
-    rounded, conditions = (
-        [{k: round(v, DIGITS) if isinstance(v, float) else v for k, v in r.items()} for r in records]
-        for records in (single, grouped)
-    )
     return Findings.tabulated(
         f"Which propeller is cut: {len(flights)} flights of two Crazyflies",
         LEAD,
@@ -256,8 +237,8 @@ def show(setting: Setting, samples: Samples) -> Findings:
             Section("Treatments", (first, _figure(treatments))),
             Section("Flights", (second, Prose(WORDS))),
         ),
-        rounded,
-        {"conditions": conditions},
+        single,
+        {"conditions": grouped},
     )
 
 
@@ -275,7 +256,8 @@ def _claims(normal: Sequence[Assessed], treatments: Sequence[Assessed]) -> Itera
     accused, figures = shares(cut, "cuts", lambda a: a.accuses_m3)
     missed = ", ".join(f"{a.flight.airframe} {a.flight.condition}" for a in cut if not a.accuses_m3)
     yield holds(
-        f"It is accused after every cut, where a healthy flight is accused at most {100.0 * CHANCE:.0f} times in 100",
+        "It is accused after every cut, where a healthy flight is accused at most "
+        f"{100.0 * effectiveness.CHANCE:.0f} times in 100",
         accused,
         figures + (f"; not {missed}" if missed else ""),
     )
@@ -314,14 +296,12 @@ def _figure(treatments: Sequence[Assessed]) -> Figure:
     series: list[Series] = []
     looks: dict[str, int] = {}
     cut = [a for a in treatments if not a.flight.weight]
-    for look, airframe in enumerate(sorted({a.flight.airframe for a in treatments})):
-        own = [a for a in cut if a.flight.airframe == airframe]
-        single = [m for a in own for m in a.members]
+    for look, (airframe, group) in enumerate(groupby(cut, key=lambda a: a.flight.airframe)):
+        own = [(float(a.flight.length), a.factor, a.members) for a in group]
         alone = f"{airframe}, single flights"
-        lengths = np.array([WHOLE, *(a.flight.length for a in own)], dtype=np.float64)
-        series.append(Series(airframe, lengths, np.array([1.0, *(a.factor for a in own)])))
-        lengths = np.array([m.flight.length for m in single], dtype=np.float64)
-        series.append(Series(alone, lengths, np.array([m.factor for m in single]), "points"))
+        mean = np.array([(WHOLE, 1.0), *((length, factor) for length, factor, _ in own)]).T
+        single = np.array([(length, m.factor) for length, _, members in own for m in members]).T
+        series += [Series(airframe, mean[0], mean[1]), Series(alone, single[0], single[1], "points")]
         looks |= {airframe: look, alone: look}
     drawn = plot(
         series,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import gzip
 import io
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import cache
 from importlib.resources import files
 from itertools import islice
@@ -45,6 +45,9 @@ MESSAGES: Final = 12  #: of a topic
 START: Final = 1_700_000_000 * 10**9  #: ns, of a bag
 FLAT_MAPPING: Final = b'[variables]\nq = { column = "q[0]", unit = "rad/s" }\n'
 NETCDF_MAPPING: Final = b'[variables]\nq = { column = "q", unit = "rad/s" }\n'
+MOCAP_MAPPING: Final = (
+    b"[time]\ncolumn = 'Systime'\nunit = 's'\n[variables]\np = { column = 'p', unit = 'deg/s' }\n"
+)
 TIME: Final = 5.0 + 0.02 * np.arange(N)  #: s, of an array
 GYRO: Final = np.random.default_rng(1).normal(size=(N, 3))
 
@@ -204,17 +207,21 @@ def _own_netcdfs() -> list[Sample]:
 
 def real_sample(reader: str, data: Path) -> list[Sample]:
     """Return a published log of a reader, cut small; none for kinds of which there is no published one."""
+
+    def begin(place: str, size: int) -> bytes:
+        with (data / place).open("rb") as file:
+            return file.read(size)
+
     try:
         if reader == "ulog":  # without parameters and hardware, which are half of the beginning
-            whole = _begin(data / "px4-ulog-reader-samples" / "sample_log_small.ulg", 70_000)
+            whole = begin("px4-ulog-reader-samples/sample_log_small.ulg", 70_000)
             kept = (whole[a:b] for a, b in ulog_messages(whole) if whole[a + 2 : a + 3] not in (b"P", b"M"))
             return [single("a.ulg", whole[:ULOG_HEAD] + b"".join(kept), "ulog")]
         if reader == "dataflash":
-            path = data / "ardupilot-dataflash-sample" / "test.BIN"
-            return [single("a.bin", _begin(path, 20_000), "dataflash")]
+            return [single("a.bin", begin("ardupilot-dataflash-sample/test.BIN", 20_000), "dataflash")]
         if reader == "crazyflie":
-            path = data / "crazypad-propeller-damage" / "normal_flight__E8_log00.usd"
-            return [single("a.usd", _begin(path, 8_000), "crazyflie")]
+            place = "crazypad-propeller-damage/normal_flight__E8_log00.usd"
+            return [single("a.usd", begin(place, 8_000), "crazyflie")]
         if reader == "px4-csv":
             tables = {}
             for path in sorted((data / "mit-solar-surfer-px4csv").glob("*.csv.gz"))[:5]:
@@ -222,12 +229,9 @@ def real_sample(reader: str, data: Path) -> list[Sample]:
                     tables[path.name.removesuffix(".gz")] = b"".join(islice(file, REAL_LINES))
             return [Sample(tables, "lines", targets=tuple(sorted(tables)))]
         if reader == "csv":
-            path = data / "a430-micro-fixedwing-mocap" / "short_straight_4_20230215_133852.csv"
-            content = b"".join(path.read_bytes().splitlines(keepends=True)[:REAL_LINES])
-            mapping = (
-                b"[time]\ncolumn = 'Systime'\nunit = 's'\n[variables]\np = { column = 'p', unit = 'deg/s' }\n"
-            )
-            return [single("a.csv", content, "lines", mapping)]
+            whole = begin("a430-micro-fixedwing-mocap/short_straight_4_20230215_133852.csv", 20_000)
+            content = b"".join(whole.splitlines(keepends=True)[:REAL_LINES])
+            return [single("a.csv", content, "lines", MOCAP_MAPPING)]
     except OSError as error:
         raise StoopError(
             f"verify readers: {data}: {error.strerror}: {error.filename}; name the folder of the published data"
@@ -235,13 +239,8 @@ def real_sample(reader: str, data: Path) -> list[Sample]:
     return []
 
 
-def _begin(path: Path, size: int) -> bytes:
-    with path.open("rb") as file:
-        return file.read(size)
-
-
-def old_matlab() -> list[Sample]:
-    """Return files of version 5, packed and not, and of version 4."""
+def _old_matlab() -> Iterator[Sample]:
+    # files of version 5, packed and not, and of version 4
     from scipy.io import savemat
 
     ins = {
@@ -251,7 +250,6 @@ def old_matlab() -> list[Sample]:
     air = {"time_ms": np.arange(0.0, 100.0, 5.0)[:, None], "p": np.arange(20, dtype=np.int16)}
     deep = {"ins": ins, "air": air, "mass": 2.5, "turned": GYRO.T}
     flat = {"t": TIME[:, None], "q": GYRO}
-    found = []
     for content, mapping, form, how in (
         (deep, ARRAY_MAPPING, "words", {"do_compression": False}),
         ({"ins": ins}, ARRAY_MAPPING, "matlab", {"do_compression": True}),
@@ -262,12 +260,10 @@ def old_matlab() -> list[Sample]:
         savemat(file, content, **options)
         raw = file.getvalue()
         undated = raw if "format" in how else b"MATLAB 5.0 MAT-file".ljust(116) + raw[116:]
-        found.append(single("a.mat", undated, form, mapping))
-    return found
+        yield single("a.mat", undated, form, mapping)
 
 
-def hdf5_matlab() -> list[Sample]:
-    """Return a file of version 7.3."""
+def _hdf5_matlab() -> list[Sample]:
     arrays = {
         "ins/t": TIME[None], "ins/gyro/x": GYRO[None, :, 0], "ins/gyro/all": GYRO.T, "air/p": np.arange(20.0)[None],
         "mass": np.array([[2.5]]),
@@ -276,8 +272,7 @@ def hdf5_matlab() -> list[Sample]:
     return [single("a.mat", b"MATLAB 7.3 MAT-file".ljust(124) + b"\0\2IM" + raw[128:], "hdf5", ARRAY_MAPPING)]
 
 
-def hdf5_netcdf() -> list[Sample]:
-    """Return files of version 4: plain, and in packed pieces with a checksum."""
+def _hdf5_netcdf() -> list[Sample]:
     arrays = {"time": TIME, "q": GYRO[:, 1], "h": np.arange(N, dtype="i2")}
     attributes = {"units": "s", "scale_factor": 1.0}
     chunked = {"chunks": (20,), "compression": "gzip", "fletcher32": True}
@@ -297,13 +292,11 @@ def _hdf5(
     return file.getvalue()
 
 
-def netcdf3() -> list[Sample]:
-    """Return a classic file with a fill value and a scale, and one with records."""
+def _netcdf3() -> Iterator[Sample]:
     from scipy.io import netcdf_file
 
-    found = []
     columns = (("time", TIME, b"seconds since 2026-01-01"), ("q", GYRO[:, 1], b"rad/s"))
-    for length in (N, None):
+    for length in (N, None):  # with a fill value and a scale, and with records
         raw = io.BytesIO()
         file = netcdf_file(raw, "w")
         file.createDimension("time", length)
@@ -313,12 +306,10 @@ def netcdf3() -> list[Sample]:
         packed: Any = file.createVariable("h", "h", ("time",))
         packed[:], packed.scale_factor, packed._FillValue = np.arange(N), 0.5, 3
         file.flush()
-        found.append(single("a.nc", raw.getvalue(), "words", NETCDF_MAPPING))
-    return found
+        yield single("a.nc", raw.getvalue(), "words", NETCDF_MAPPING)
 
 
-def parquet() -> list[Sample]:
-    """Return tables plain and packed, with nested columns, gaps and a dictionary."""
+def _parquet() -> Iterator[Sample]:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -328,7 +319,6 @@ def parquet() -> list[Sample]:
     gaps = pa.array([None, *range(N - 1)], pa.int32())
     rich = pa.table({"time": stamp, "all": gyro, "gyro": nested, "n": gaps, "name": ["a"] * N})
     flat = pa.table({"time": TIME, "gyro.x": GYRO[:, 0], "k": np.arange(N) % 3})
-    found = []
     for table, how in (
         (rich, {"compression": "none"}),
         (flat, {"compression": "snappy", "row_group_size": 16}),
@@ -337,18 +327,15 @@ def parquet() -> list[Sample]:
     ):
         sink = io.BytesIO()
         pq.write_table(table, sink, **how)
-        found.append(single("a.parquet", sink.getvalue(), "parquet", ARRAY_MAPPING))
-    return found
+        yield single("a.parquet", sink.getvalue(), "parquet", ARRAY_MAPPING)
 
 
-def bags() -> list[Sample]:
-    """Return bags of ROS 1, plain and packed, and of ROS 2 in both kinds of storage."""
+def _bags() -> Iterator[Sample]:
     from rosbags import rosbag1, rosbag2
     from rosbags.typesys import Stores, get_typestore
 
     first, second = get_typestore(Stores.ROS1_NOETIC), get_typestore(Stores.ROS2_HUMBLE)
     plugins = rosbag2.StoragePlugin
-    found = []
     with TemporaryDirectory(prefix="stoop-") as name:
         folder = Path(name)
         for how in (None, rosbag1.Writer.CompressionFormat.BZ2, rosbag1.Writer.CompressionFormat.LZ4):
@@ -357,7 +344,7 @@ def bags() -> list[Sample]:
             if how is not None:
                 writer.set_compression(how)
             _fill(writer, first, first.serialize_ros1)
-            found.append(single("a.bag", path.read_bytes(), "words", BAG_MAPPING))
+            yield single("a.bag", path.read_bytes(), "words", BAG_MAPPING)
         for packed, plugin in ((False, plugins.SQLITE3), (False, plugins.MCAP), (True, plugins.MCAP)):
             place = folder / f"{plugin.name}{packed}"
             writer = rosbag2.Writer(place, version=9, storage_plugin=plugin)
@@ -366,10 +353,9 @@ def bags() -> list[Sample]:
             _fill(writer, second, second.serialize_cdr)
             files = {file.name: file.read_bytes() for file in sorted(place.iterdir())}
             (bag,) = (file for file in files if not file.endswith(".yaml"))
-            found.append(single(bag, files[bag], "pages" if bag.endswith(".db3") else "words", BAG_MAPPING))
+            yield single(bag, files[bag], "pages" if bag.endswith(".db3") else "words", BAG_MAPPING)
             whole = {**files, "mapping.toml": BAG_MAPPING}
-            found.append(Sample(whole, "words", targets=tuple(files), mapping="mapping.toml"))
-    return found
+            yield Sample(whole, "words", targets=tuple(files), mapping="mapping.toml")
 
 
 def _fill(writer: Any, store: Any, serialize: Any) -> None:
@@ -400,7 +386,7 @@ def _messages(types: Any) -> Iterator[tuple[str, str, int, Any]]:
         yield "/said", text, stamp, types[text](data="hello")
 
 
-SAMPLES: Final[Mapping[str, Callable[[], list[Sample]]]] = {
+SAMPLES: Final[Mapping[str, Callable[[], Iterable[Sample]]]] = {
     "ulog": _ulogs,
     "px4-csv": _px4_folders,
     "dataflash": _dataflashes,
@@ -409,12 +395,12 @@ SAMPLES: Final[Mapping[str, Callable[[], list[Sample]]]] = {
     "csv": _csvs,
     "mapping": _mappings,
     "stoop-netcdf": _own_netcdfs,
-    "matlab": old_matlab,
-    "matlab-7.3": hdf5_matlab,
-    "netcdf-3": netcdf3,
-    "netcdf-4": hdf5_netcdf,
-    "parquet": parquet,
-    "rosbag": bags,
+    "matlab": _old_matlab,
+    "matlab-7.3": _hdf5_matlab,
+    "netcdf-3": _netcdf3,
+    "netcdf-4": _hdf5_netcdf,
+    "parquet": _parquet,
+    "rosbag": _bags,
 }  #: reader -> its sound logs
 
 

@@ -10,15 +10,22 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
+import numpy as np
+
+from stoop.assessment.covariance import NORMAL_95
 from stoop.base.arrays import FloatArray
+from stoop.base.numbers import finite_or_none
 from stoop.base.variables import VARIABLES
 from stoop.errors import StoopError
 from stoop.parallel import Json, Plan, Run
 from stoop.report.sheet import Table
 from stoop_studies.findings import Experiment, Findings, Results, Setting
 from stoop_studies.outputs import Suite
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 EXPERIMENTS: Final[Mapping[str, tuple[str, str]]] = {
     name: (f"stoop_studies.verify.{name}", line)
@@ -139,6 +146,14 @@ def page_table(
     return Table(caption, tuple(heading for heading, _ in columns.values()), rows)
 
 
+def records_of(table: pd.DataFrame) -> list[dict[str, Any]]:
+    """Return the rows of a table as records; what is not finite is None."""
+    columns = [
+        [finite_or_none(v) if isinstance(v, float) else v for v in table[name].tolist()] for name in table
+    ]
+    return [dict(zip(map(str, table), row, strict=True)) for row in zip(*columns, strict=True)]
+
+
 def percent(value: float) -> str:
     """Return a share in percent, to a tenth."""
     return f"{100 * value:.1f}"
@@ -152,7 +167,25 @@ def noise_table(noise: Mapping[str, float]) -> Table:
 
 def or_none(values: FloatArray) -> list[float | None]:
     """Return numbers for JSON: nothing for what is not finite."""
-    return [float(v) if v - v == 0.0 else None for v in values]
+    return [finite_or_none(v) for v in values]
+
+
+def error_statistics(
+    results: Sequence[Mapping[str, Any]], sigma: str = "sigma"
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return the root-mean-square error (k,) of each parameter, the mean standard error, coverage, and bias.
+
+    Coverage is the share of 95 % intervals that hold the truth; one that is not given (None) does not. Bias is the mean
+    error in standard errors of a mean.
+    """
+    errors, std = (np.array([r[key] for r in results], dtype=np.float64) for key in ("errors", sigma))
+    given = np.isfinite(std)
+    counts, total = given.sum(axis=0), np.where(given, std, 0.0).sum(axis=0)
+    mean = np.where(counts > 0, total / np.maximum(counts, 1), np.nan)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        coverage = (np.abs(errors) <= NORMAL_95 * std).mean(axis=0)
+        bias = errors.mean(axis=0) / (errors.std(axis=0) / np.sqrt(len(errors)))
+    return np.sqrt(np.mean(errors**2, axis=0)), mean, coverage, bias
 
 
 def data_text(name: str) -> str:

@@ -44,5 +44,5 @@ def test_rates_by_cost_of_costs_that_say_nothing(F: np.ndarray) -> None:
 
 @pytest.mark.parametrize("control", [Fixed(), Signed(), ByCost()])
 def test_these_controls_remember_nothing(control: Fixed | Signed | ByCost) -> None:
-    assert control.begin(7) is None
+    assert control.begin() is None
     assert control.learn(None, 0.5, 0.9, np.ones(7), np.zeros(7)) is None

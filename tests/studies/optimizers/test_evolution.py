@@ -15,12 +15,12 @@ from stoop.optimize.population import binomial
 from stoop_studies.optimizers.compositions import de_best_2_bin, de_rand_1_bin, ps_gde
 from stoop_studies.optimizers.evolution import Islands, chaos, clip
 from stoop_studies.optimizers.mutation import (
-    Ordered,
-    Rand1,
     ScaledByCost,
     SuccessHistory,
-    WeightedCentroid,
     distinct,
+    ordered,
+    rand_1,
+    weighted_centroid,
 )
 
 MAKERS = [ps_gde, de_rand_1_bin, de_best_2_bin]
@@ -95,7 +95,7 @@ def test_evolution_never_claims_convergence(make: Callable[[], Any], oscillation
     assert "before an optimum was confirmed" in outcome.advice
 
 
-@pytest.mark.parametrize("mutation", [Ordered(), Rand1(), WeightedCentroid(), ScaledByCost()])
+@pytest.mark.parametrize("mutation", [ordered, rand_1, weighted_centroid, ScaledByCost()])
 @pytest.mark.parametrize("structure", [Islands(1), Islands(3)])
 def test_what_a_control_has_learnt_is_kept_with_any_mutation_and_structure(
     mutation: Any, structure: Any, oscillation: Callable[..., Any], tmp_path: Path

@@ -13,22 +13,22 @@ from hypothesis import strategies as st
 from stoop.optimize.population import binomial, midpoint
 from stoop_studies.optimizers.evolution import Islands, clip
 from stoop_studies.optimizers.mutation import (
-    Best2,
-    Localized,
-    Ordered,
-    Rand1,
     ScaledByCost,
     Trigonometric,
-    Unordered,
-    WeightedCentroid,
+    best_2,
     distinct,
+    localized,
+    ordered,
+    rand_1,
     ranked,
+    unordered,
+    weighted_centroid,
 )
 
 SEEDS = st.integers(0, 2**32 - 1)
 OPERATORS = [
-    Rand1(), Best2(), Ordered(), Unordered(), Localized(), Trigonometric(), Trigonometric(1.0), ScaledByCost(),
-    WeightedCentroid(),
+    rand_1, best_2, ordered, unordered, localized, Trigonometric(), Trigonometric(1.0), ScaledByCost(),
+    weighted_centroid,
 ]  # fmt: skip
 Twin = Callable[[np.ndarray, np.ndarray, np.ndarray, int], np.ndarray]
 
@@ -76,7 +76,7 @@ def _ordered(X: np.ndarray, F: np.ndarray, picks: np.ndarray, i: int, j: int) ->
 
 
 @pytest.mark.parametrize(
-    ("operator", "twin", "k"), [(Rand1(), _rand1, 3), (Best2(), _best2, 4), (Ordered(), _ordered, 3)]
+    ("operator", "twin", "k"), [(rand_1, _rand1, 3), (best_2, _best2, 4), (ordered, _ordered, 3)]
 )
 def test_paper_mutations_equal_their_naive_twins(operator: object, twin: object, k: int) -> None:
     X, F = _population(5, d=5)
@@ -119,10 +119,10 @@ def _weighted_centroid(X: np.ndarray, F: np.ndarray, picks: np.ndarray, i: int) 
 @pytest.mark.parametrize(
     ("operator", "twin", "k"),
     [
-        (Unordered(), _unordered, 3),
-        (Localized(), _localized, 3),
+        (unordered, _unordered, 3),
+        (localized, _localized, 3),
         (ScaledByCost(0.1), _graded, 3),
-        (WeightedCentroid(), _weighted_centroid, 5),
+        (weighted_centroid, _weighted_centroid, 5),
     ],
 )
 def test_mutation_equals_its_naive_twin(operator: Twin, twin: Twin, k: int) -> None:

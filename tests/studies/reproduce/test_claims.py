@@ -13,8 +13,8 @@ from stoop_studies.problems import pose
 from stoop_studies.problems.paper import paper
 from stoop_studies.reproduce.noise import Noise, scatter
 from stoop_studies.reproduce.races import KNOBS, Race, Sweep, holm, mann_whitney
-from stoop_studies.reproduce.suite import RECONSTRUCTIONS, bound_deviations
-from stoop_studies.reproduce.table1 import ITERATIONS, METHODS, Table1, columns, key, printed_costs
+from stoop_studies.reproduce.suite import METHODS, RECONSTRUCTIONS, bound_deviations
+from stoop_studies.reproduce.table1 import ITERATIONS, Table1, columns, printed_costs
 
 SETTING = Setting(runs=3)
 
@@ -23,11 +23,16 @@ def made_up(errors: dict[str, float], costs: dict[str, float]) -> dict[str, Any]
     """Return results in which every value of a method is off by the same share."""
     truth = paper().truth[np.argsort(columns())]
     return {
-        key(m, s, n): {"values": (truth * (1.0 + errors[m])).tolist(), "cost": costs[m], "hit": 100.0, "evaluations": 1e5}
+        f"{METHODS[m]}/{s:06d}/{n:05d}": {
+            "values": (truth * (1.0 + errors[m])).tolist(),
+            "cost": costs[m],
+            "hit": 100.0,
+            "evaluations": 1e5,
+        }
         for m in METHODS
         for s in SETTING.seeds
         for n in ITERATIONS
-    }  # fmt: skip
+    }
 
 
 def by_words(results: dict[str, Any]) -> dict[str, str]:

@@ -9,7 +9,7 @@ import numpy as np
 from stoop_studies.findings import Setting
 from stoop_studies.problems import pose
 from stoop_studies.reproduce.multirotor import PROBLEM, STOPS, Multirotor, cases, seeds
-from stoop_studies.reproduce.table1 import METHODS
+from stoop_studies.reproduce.suite import METHODS
 
 SETTING = Setting(runs=2)
 

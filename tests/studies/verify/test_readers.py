@@ -29,7 +29,7 @@ from stoop_studies.verify.readers import (
     READ,
     Case,
     Series,
-    Verdict,
+    Tried,
     count_outcomes,
     make_case,
     show,
@@ -96,12 +96,12 @@ def test_a_number_makes_a_case_and_another_another() -> None:
     assert {c.way for c in cases} == {READ, FLIGHT}
 
 
-def _outcomes(monkeypatch: pytest.MonkeyPatch, bad: Any, reader: str = "csv") -> list[readers.Tried]:
+def _outcomes(monkeypatch: pytest.MonkeyPatch, bad: Any, reader: str = "csv") -> list[Tried]:
     """Try four cases, of which one, the second, ends badly."""
     real = readers.try_case
     worst = make_case(Series(reader, 5), 1).broken
 
-    def one(case: Case, folder: Path) -> Verdict:
+    def one(case: Case, folder: Path) -> Tried:
         if case.broken == worst and case.way != GUARD:
             bad()
         return real(case, folder)

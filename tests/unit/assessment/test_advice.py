@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from stoop.assessment.maneuver_advice import FlownModel, Term, advice
+from stoop.base.notices import Notice
 
 T = np.linspace(0.0, 10.0, 1000)
 ELEVATOR = np.sign(np.sin(2.0 * T)) * 0.05
@@ -22,21 +24,33 @@ def flown(*terms: Term) -> FlownModel:
     )
 
 
+def codes(found: tuple[Notice, ...]) -> tuple[str, ...]:
+    """Return the code of the only notice, then that of the maneuver which it names."""
+    (one,) = found
+    maneuver = one.values.get("maneuver")
+    return (one.code, *([maneuver.code] if isinstance(maneuver, Notice) else []))
+
+
 def test_a_rate_that_follows_the_elevator_asks_for_quick_reversals_at_the_short_period() -> None:
     said = advice(
         "Cmq",
         (),
         flown(term("Cmq", {"q"}, -10.0, -0.3 * ELEVATOR), term("Cmelevator", {"elevator"}, -1.0, ELEVATOR)),
     )
-    assert "q moves with elevator" in said
-    assert "3-2-1-1 with elevator, unit step about 0.4 s" in said
+    (found,) = said
+    assert (found.code, found.subject, found.values["other"]) == ("advice-tied", "q", "elevator")
+    assert "q moves with elevator: fly a 3-2-1-1 with elevator, unit step about 0.4 s, whose" in str(found)
+    maneuver = found.values["maneuver"]
+    assert isinstance(maneuver, Notice)
+    assert (maneuver.code, maneuver.subject) == ("fly-short-period", "elevator")
 
 
 def test_roll_and_yaw_that_move_together_ask_for_controls_at_separate_times() -> None:
     p = 0.1 * np.sin(T)
     said = advice("Clp", (), flown(term("Clp", {"p"}, -0.5, p), term("Clr", {"r"}, 0.1, 0.3 * p)))
-    assert "p moves with r" in said
-    assert "aileron and rudder at separate times" in said
+    assert codes(said) == ("advice-tied", "fly-separate-inputs")
+    assert said[0].values["other"] == "r"
+    assert "move aileron and rudder at separate times" in str(said[0])
 
 
 def test_an_airspeed_that_does_not_change_asks_for_speed() -> None:
@@ -45,9 +59,9 @@ def test_an_airspeed_that_does_not_change_asks_for_speed() -> None:
         (),
         flown(term("CLV", {"V"}, 0.1, 1e-3 * np.sin(T)), term("CLalpha", {"alpha"}, 5.0, 0.05 * np.sin(T))),
     )
-    assert "varies by 0.067 % only" in said
-    assert "throttle steps" in said
-    assert "phugoid" in said
+    assert codes(said) == ("advice-still-airspeed", "fly-power-steps")
+    assert said[0].values["amount"] == pytest.approx(0.00067, rel=0.02)
+    assert "varies by 0.067 % only (rms): let the airspeed change: throttle steps" in str(said[0])
 
 
 def test_a_product_or_power_asks_for_range() -> None:
@@ -57,8 +71,8 @@ def test_a_product_or_power_asks_for_range() -> None:
         (),
         flown(term("CDalpha2", {"alpha"}, 1.0, alpha**2), term("CDalpha", {"alpha"}, 0.3, alpha)),
     )
-    assert "wider range of alpha" in said
-    assert "pull-ups and push-overs" in said
+    assert codes(said) == ("advice-still", "fly-range")
+    assert "wider range of alpha" in str(said[0])
 
 
 def test_a_control_that_a_controller_moves_asks_for_an_input_of_its_own() -> None:
@@ -68,18 +82,21 @@ def test_a_control_that_a_controller_moves_asks_for_an_input_of_its_own() -> Non
         (),
         flown(term("Cnrudder", {"rudder"}, -0.1, 0.5 * beta + 0.2), term("Cnalpha", {"alpha"}, 0.1, beta)),
     )
-    assert "add inputs of its own on rudder" in said
+    assert codes(said) == ("advice-tied", "fly-own-inputs")
+    assert "add inputs of its own on rudder" in str(said[0])
 
 
 def test_an_inertia_that_trades_off_is_measured_on_the_ground() -> None:
     one = flown(term("Cmq", {"q"}, -10.0, RATE))
-    assert "swing test" in advice("Cmq", ("mass.inertia.yy",), one)
-    assert "swing the aircraft" in advice("mass.inertia.yy", (), one)
-    assert "throttle" in advice("propulsion.CT0", (), one)
-    assert "doublets" in advice("controls.elevator.lag", (), one)
+    assert codes(advice("Cmq", ("mass.inertia.yy",), one)) == ("advice-ratio-to-inertia",)
+    names = ("mass.inertia.yy", "propulsion.CT0", "controls.elevator.lag")
+    found = {n: advice(n, (), one)[0] for n in names}
+    assert [found[n].code for n in names] == ["advice-inertia", "advice-propulsion", "advice-controls"]
+    assert found["propulsion.CT0"].values["power"] == "throttle"
 
 
 def test_a_term_that_never_moved_and_a_constant_break_nothing() -> None:
     still = flown(term("CQp", {"p"}, 0.1, np.zeros(1000)), term("CQ0", set(), 0.01, np.ones(1000)))
-    assert "p varies by 0" in advice("CQp", (), still).lower()
-    assert "steady flight" in advice("CQ0", (), still)
+    assert codes(advice("CQp", (), still)) == ("advice-still", "fly-roll")
+    assert advice("CQp", (), still)[0].values["amount"] == 0.0
+    assert codes(advice("CQ0", (), still)) == ("advice-constant",)

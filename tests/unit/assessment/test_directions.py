@@ -22,12 +22,16 @@ def test_the_sum_of_two_is_seen_and_their_difference_is_not() -> None:
     assert dark.singular_value < 1e-3
     step = np.array([dark.changes["a"], dark.changes["b"], 0.0])
     assert float(np.sum((J @ step) ** 2)) == pytest.approx(1.0, rel=0.05)  # the cost rises by 1
-    assert "a by +" in dark.words or "b by +" in dark.words
+    assert dark.words is not None
+    assert dark.words.code == "direction-together"
+    assert "a by +" in str(dark.words) or "b by +" in str(dark.words)
 
 
 def test_what_the_data_do_not_see_at_all_comes_first() -> None:
     (dark,) = near_null_directions(("a", "b"), np.diag([2.0, 0.0]), np.ones(2))
     assert dark.changes == {"b": 1.0}
+    assert dark.words is not None
+    assert (dark.words.code, dark.words.subject) == ("direction-not-seen", "b")
     assert dark.singular_value == 0.0
 
 

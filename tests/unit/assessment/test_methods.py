@@ -1,4 +1,4 @@
-"""Bootstrap, profile and PRESS of methods that simulate: filter error and multiple shooting; a regression is refused."""
+"""Bootstrap, profile and PRESS of filter error and multiple shooting; the posterior of a regression is refused."""
 
 from __future__ import annotations
 
@@ -95,7 +95,11 @@ def test_what_the_data_determine_is_analyzed(job: Job) -> None:
 
 
 @pytest.mark.parametrize("method", ["equation-error", "frequency-domain"])
-def test_a_regression_has_nothing_to_refit(method: str) -> None:
-    with pytest.raises(IdentificationError, match="regression without one") as error:
-        check_method(method)
-    assert "\n" not in str(error.value)
+def test_the_likelihood_of_a_regression_has_no_shape_of_its_own(method: str) -> None:
+    check_method(method, ["bootstrap"])
+    for name in ("posterior", "profile"):
+        with pytest.raises(
+            IdentificationError, match=f"{name}: --method {method} is a linear regression"
+        ) as error:
+            check_method(method, ["bootstrap", name])
+        assert "\n" not in str(error.value)

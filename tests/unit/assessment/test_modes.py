@@ -70,7 +70,8 @@ def test_a_pair_that_may_part_is_sampled() -> None:
     )
     assert mode.method == "sampled"
     assert mode.other_character == pytest.approx(0.274, abs=0.04)  # P(zeta > 1) = P(z > 0.6)
-    assert "two real modes" in mode.remark
+    assert [one.code for one in mode.remark] == ["mode-becomes-real"]
+    assert mode.remark[0].values == {"share": mode.other_character}
     assert (mode.damping.ci95_lower, mode.damping.ci95_upper) == pytest.approx((0.872, 1.068), abs=0.015)
     assert (mode.frequency.ci95_lower, mode.frequency.ci95_upper) == pytest.approx((3.902, 4.098), abs=0.03)
 
@@ -81,7 +82,7 @@ def test_a_spiral_that_may_go_either_way_has_no_time_constant() -> None:
     spiral = mode_estimates(Linearized(("p", "phi"), A, slope), ("x",), np.array([[0.02**2]]))[-1]
     assert spiral.name == "spiral"
     assert math.isnan(spiral.time_constant.ci95_lower)
-    assert "stable or unstable" in spiral.remark
+    assert "mode-stability-unknown" in [one.code for one in spiral.remark]
     assert spiral.real.ci95_upper == pytest.approx(-0.01 + NORMAL_95 * 0.02)
 
 
@@ -90,9 +91,10 @@ def test_what_the_data_cannot_tell_makes_the_mode_unknown() -> None:
     modes = mode_estimates(linearized(4.0, 0.3), ("w", "zeta"), covariance)
     short = next(m for m in modes if m.name == "short period")
     assert math.isnan(short.frequency.ci95_lower)
-    assert "zeta, which the data cannot tell" in short.remark
+    (remark,) = short.remark
+    assert (remark.code, remark.values["parameters"]) == ("mode-depends-on-unknown", ("zeta",))
     phugoid = next(m for m in modes if m.name == "phugoid")
-    assert phugoid.remark == ""
+    assert phugoid.remark == ()
 
 
 @pytest.fixture(scope="module")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import re
 import runpy
 from pathlib import Path
 
@@ -15,7 +17,7 @@ ROOT = Path(__file__).parents[3]
 def test_a_notice_survives_json() -> None:
     one = notice("lag-not-beaten", "f 1:2", role="fit", channels=("p", "q"))
     assert from_dict(one.to_dict()) == one
-    assert str(one) == "f 1:2 (fit): no better than a first-order lag in p and q."
+    assert str(one) == "f 1:2 (fit): no better than a first-order lag in p and q"
     assert (one.topic, one.severity) == ("fit", "warning")
 
 
@@ -49,3 +51,18 @@ def test_the_page_lists_the_table() -> None:
     assert (ROOT / "docs" / "notices.md").read_text("utf-8") == runpy.run_path(
         str(ROOT / "scripts" / "notices.py")
     )["page"]()
+
+
+def test_one_sentence_has_no_full_stop_and_several_have() -> None:
+    for code, kind in table().items():
+        several = len(re.findall(r"[.?!)] (?=[A-Z-])", kind.text)) > 0
+        assert kind.text.endswith(".") == several or kind.text.endswith(("?", "}")), code
+
+
+def test_a_notice_may_name_another() -> None:
+    step = notice("fly-unit-step", seconds=0.4)
+    found = notice("fly-roll", "aileron", step=step)
+    assert str(found) == "fly a bank-to-bank or doublets with aileron, unit step about 0.4 s"
+    document = json.loads(json.dumps(found.to_dict()))
+    assert document["values"]["step"]["code"] == "fly-unit-step"
+    assert from_dict(document) == found

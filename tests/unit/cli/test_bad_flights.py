@@ -181,19 +181,19 @@ FITS = [
         f'write unit = "g" for {WHOLE[FORCE]} in x.csv.toml',
     ),
     ("quad", clipped, "quad-x", "motor_1 never goes above 0.63"),
-    ("quad", still, "quad-x", "There is no roll to speak of"),
+    ("quad", still, "quad-x", "There is hardly any roll motion"),
     ("quad", scaled(MOTORS, 0.0), "quad-x", "the motors are off in 100%"),
     ("quad", silent, "quad-x", "none of the rates p, q, r was recorded"),
     ("twin", silent, "twin-boom", "rates, attitude and accelerations measured together"),
-    ("quad", hexa, "quad-x", "motor_5 and motor_6 move too, but no rotor of quad-x has them"),
+    ("quad", hexa, "quad-x", "motor_5 and motor_6 move too, but belong to no rotor of quad-x"),
     (
         "quad",
         same,
         "hexa-x",
-        "hexa-x has 6 rotors: is this the log of another vehicle, or channel in [rotor.m5], [rotor.m6]?",
+        "hexa-x has 6 rotors: does the log belong to another vehicle, or channel in [rotor.m5], [rotor.m6]?",
     ),
-    ("quad", hexa, "twin-boom", "rotors carry the vehicle of this log, but twin-boom has none"),
-    ("twin", same, "quad-x", "quad-x flies on rotors, but no rotors are in this log"),
+    ("quad", hexa, "twin-boom", "the vehicle of this log is carried by rotors, but twin-boom has none"),
+    ("twin", same, "quad-x", "quad-x flies on rotors, but this log has no rotors"),
 ]  #: flight, what happened to it, vehicle file, what is said
 
 
@@ -233,12 +233,12 @@ def test_two_logs_of_unlike_vehicles(
     windows = [f"{name}@0.5:7.5" for name in FLOWN]
     told = said(capsys, "identify", *logs, "--vehicle", vehicle, "--maneuver", *windows, "-o", "out")
     assert words in told
-    assert "is it of another vehicle? check --vehicle" in told
+    assert "another? check --vehicle" in told or "another vehicle? check --vehicle" in told
 
 
 @pytest.mark.parametrize(
     ("change", "words"),
-    [(scaled(MOTORS, 0.0), "the motors never ran"), (silent, "p, q and r not recorded: without body rates")],
+    [(scaled(MOTORS, 0.0), "the motors never ran"), (silent, "p, q and r not recorded: moments")],
 )
 def test_stoop_info_tells_a_log_that_shows_nothing(
     here: Path, capsys: pytest.CaptureFixture[str], change: Callable[[Columns], Columns], words: str

@@ -84,7 +84,10 @@ def test_what_would_be_sharper_and_who_is_suspected(
 ) -> None:
     assert main(["rotors", logs["weak"], "--healthy", logs["a"], "--vehicle", VEHICLE]) == 0
     out = " ".join(capsys.readouterr().out.split())
-    assert "What would make it sharper - more healthy flights, on several days: with 8 the least loss" in out
+    assert (
+        "What would make it sharper - more healthy flights, on several days: with 8 the smallest detectable loss"
+        in out
+    )
     assert "swap the propeller of M3 with that of a rotor that turns the same way" in out
 
 

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from stoop.base.files import write_bytes_atomic, write_text_atomic
-from stoop.base.notices import as_notice
+from stoop.base.notices import as_notice, notice
 from stoop.errors import OutputError, StoopError
 from stoop.results.modes import ConditionModes, Estimate, MeasuredMode, ModeEstimate
 from stoop.results.result import (
@@ -165,15 +165,26 @@ def test_a_file_of_an_older_version_is_read() -> None:
 
 def test_modes_and_repeatability_survive() -> None:
     some = Estimate(2.0, 0.1, 1.8, 2.2)
-    mode = ModeEstimate("Dutch roll", some, some, some, some, Estimate(), "sampled", 0.2, "may part")
-    seen = MeasuredMode(0, 1.0, 3.0, ("r", "beta"), some, some, "as it should")
+    remarks = (notice("mode-becomes-real", share=0.2), notice("mode-stability-unknown"))
+    mode = ModeEstimate("Dutch roll", some, some, some, some, Estimate(), "sampled", 0.2, remarks)
+    seen = MeasuredMode(0, 1.0, 3.0, ("r", "beta"), some, some, notice("response-no-rest"))
     modes = (ConditionModes((0, 2), "trim", 20.0, 100.0, 0.05, (replace(mode, measured=(seen,)),)),)
     single = SingleEstimate(1.0, 0.1, True)
     repeated = Repeatability(
         (0, 1), {"Clp": ParameterRepeatability((single, single), 1.0, 0.07, 0.0, 1, 1.0, "agree")}
     )
-    again = from_json(to_json(minimal(modes=modes, repeatability=repeated)))
-    assert repr(again.modes) == repr(modes)
+    text = to_json(minimal(modes=modes, repeatability=repeated))
+    again = from_json(text)
+    (condition,) = json.loads(text)["modes"]  # texts, as readers of older versions expect
+    assert condition["remark"] == ""
+    said = "two real modes in 20 % of the draws; stability not determined by the data"
+    assert condition["modes"][0]["remark"] == said
+    assert condition["modes"][0]["measured"][0]["remark"] == "not identified: the controls never rest"
+    assert again.modes[0].remark is None
+    assert [str(one) for one in again.modes[0].modes[0].remark] == [said]
+    assert str(again.modes[0].modes[0].measured[0].remark) == "not identified: the controls never rest"
+    assert to_json(again) == to_json(minimal(modes=modes, repeatability=repeated))
+    assert repr(again.modes[0].modes[0].frequency) == repr(some)
     assert again.repeatability == repeated
 
 

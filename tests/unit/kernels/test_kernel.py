@@ -45,6 +45,11 @@ def test_trajectories_equal_plain_python(either: Kernel) -> None:
     np.testing.assert_allclose(y, expected, rtol=1e-12, atol=1e-13)
 
 
+def test_modules_of_a_model_share_what_is_compiled(alone: Kernel) -> None:
+    assert alone.per_lane().derive is alone.module("windows").derive is alone.shared.derive
+    assert alone.shared.derive.signatures
+
+
 def test_evaluate_equals_plain_python(pendulum: Kernel) -> None:
     p, x = candidates(5)
     u = np.linspace(-1, 1, 5)[None, :]

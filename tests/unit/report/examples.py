@@ -205,12 +205,18 @@ def example(names: tuple[str, ...] = NAMES, hostile: str = "") -> Identification
                     0.5,
                     0.9998,
                     names[1:3],
-                    "known only in combination" + hostile,
-                    "Fly more." + hostile,
+                    as_notice("known only in combination" + hostile),
+                    (as_notice("Fly more." + hostile, "info"),),
                 )
             },
             (CorrelatedPair(names[0], names[-1], -0.998),),
-            (NearNullDirection(0.002, {names[0]: 0.5, names[-1]: -0.2}, "They move together." + hostile),),
+            (
+                NearNullDirection(
+                    0.002,
+                    {names[0]: 0.5, names[-1]: -0.2},
+                    as_notice("They move together." + hostile, "info"),
+                ),
+            ),
         ),
         inputs={"flight2/log_5_actuator_controls_0_0.csv.gz" + hostile: "9f" * 32, "vehicle.toml": "3b" * 32},
     )

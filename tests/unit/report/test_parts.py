@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from stoop.assessment.goodness_of_fit import join
-from stoop.base.notices import as_notice
+from stoop.base.notices import as_notice, notice
 from stoop.base.numbers import (
     clock,
     compact,
@@ -250,9 +250,7 @@ def test_a_channel_in_which_only_noise_is_left_is_not_lost(
 
 
 def test_how_many_parameters_are_known_only_together(examples: ModuleType) -> None:
-    sights = {
-        "CL0": ParameterIdentifiability(0.1, 3.5, 0.9996, ("CLalpha",), "known only together", "fly it")
-    }
+    sights = {"CL0": ParameterIdentifiability(0.1, 3.5, 0.9996, ("CLalpha",), notice("known-in-combination"))}
     together = dataclasses.replace(good(examples), identifiability=IdentifiabilityAnalysis(parameters=sights))
     said = verdict(together).sentences[1]
     assert said == (

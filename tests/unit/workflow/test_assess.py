@@ -84,7 +84,7 @@ def test_a_name_that_is_not_free_is_refused(job: Job) -> None:
 def test_a_fit_of_another_method_is_refused(job: Job) -> None:
     told = replace(job.identification, result=replace(job.identification.result, method="equation-error"))
     with pytest.raises(IdentificationError, match="output-error"):
-        replace(job, identification=told).assess(Bootstrap(40, pool=here()))
+        replace(job, identification=told).assess(Bootstrap(40, pool=here()), Profile(("Cmq",), here()))
 
 
 def test_the_result_says_all_of_it_in_json(bootstrapped: Job) -> None:

@@ -146,7 +146,7 @@ def test_gusts_that_were_estimated_stay_behind_with_what_is_known_of_them(gusty:
     assert subject.known.names == ("Cmq",)
     assert subject.known.covariance.shape == (1, 1)
     made = export(subject, target)
-    assert any("is left out: gusts are" in note for note in made.notes)
+    assert any("is not exported: the simulator" in note for note in made.notes)
     assert [m.loaded for m in subject.maneuvers] == [False, True]
     assert subject.maneuvers[1].record.vehicle.value("mass.mass") == 190.0
 

@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import pytest
 
-from stoop.assessment.uncertainty import fit_each, scatter, with_repeatability
+from stoop.assessment.uncertainty import repeatability, scatter
+from stoop.base.notices import notice
 from stoop.estimate.fit import Options
 from stoop.flight import Flight
 from stoop.report.identification import render
@@ -46,9 +47,8 @@ def repeated(flights: list[Flight]) -> Job:
     windows = [f"{flight.name}@0:8" for flight in flights]
     done = search(aircraft(), flights, windows, options=Options())
     job = finish(done)
-    return job.with_result(
-        with_repeatability(job.result, fit_each(done.fit, done.flights, done.options, lambda _: None))
-    )
+    found = repeatability(done.fit, done.flights, done.options, lambda _: None)
+    return job.with_result(replace(job.result, repeatability=found))
 
 
 @pytest.fixture(scope="module")
@@ -73,16 +73,17 @@ def test_maneuvers_of_one_aircraft_agree_with_each_other_and_the_joint_fit(alike
 def test_one_maneuver_of_another_aircraft_stands_out() -> None:
     other = aircraft().with_numbers({"Cmq": {"value": 1.6 * aircraft().value("Cmq")}})
     found = repeated([flown(aircraft(), 0), flown(aircraft(), 1), flown(other, 2)])
-    repeatability = found.identification.result.repeatability
-    assert repeatability.parameters["Cmq"].verdict == "scatter"
-    scattering = next(line for line in repeatability_lines(repeatability) if line.startswith("scatter: "))
+    scattered = found.identification.result.repeatability
+    assert scattered.parameters["Cmq"].verdict == "scatter"
+    scattering = next(line for line in repeatability_lines(scattered) if line.startswith("scatter: "))
     assert "Cmq (3 maneuvers, p = " in scattering
 
 
 def test_the_terminal_says_how_many_agree(alike: Job) -> None:
     found = alike.identification.result.repeatability
     first, *others = repeatability_lines(found)
-    assert first.startswith("4 parameters are identifiable from two maneuvers or more")
+    summary = found.summary()
+    assert (summary.code, summary.values["compared"], first) == ("repeatability", 4, str(summary))
     named = [name for line in others for name in FREE if f"{name} (4 maneuvers" in line]
     assert sorted(named) == sorted(FREE)
     assert repeatability_lines(Repeatability()) == []
@@ -90,9 +91,10 @@ def test_the_terminal_says_how_many_agree(alike: Job) -> None:
 
 def test_what_only_one_maneuver_tells_is_not_compared() -> None:
     one, none = SingleEstimate(1.0, 0.1, True), SingleEstimate(1.0, 0.1, False)
-    found = Repeatability((0, 1), {"CLalpha": scatter([one, none])}, ("the second diverged",))
-    few = "No parameter is identifiable from two maneuvers fitted alone, so nothing can be compared."
-    assert repeatability_lines(found) == [few, "the second diverged"]
+    remark = notice("maneuver-stopped", "f 1:2")
+    found = Repeatability((0, 1), {"CLalpha": scatter([one, none])}, (remark,))
+    assert found.summary().code == "repeatability-nothing-compared"
+    assert repeatability_lines(found) == [str(found.summary()), "f 1:2: left out, stopped by the user"]
 
 
 def test_the_report_draws_them(alike: Job) -> None:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from stoop.base.notices import as_notice
 from stoop.results.uncertainty import ParameterIdentifiability
 from stoop.workflow.summary import advice_by_doubt
 
 
 def sight(doubt: str, advice: str) -> ParameterIdentifiability:
-    return ParameterIdentifiability(1.0, 1.0, 0.5, (), doubt, advice)
+    why, what = (as_notice(text, "info") if text else None for text in (doubt, advice))
+    return ParameterIdentifiability(1.0, 1.0, 0.5, (), why, () if what is None else (what,))
 
 
 def test_doubts_stand_under_one_phrase_and_those_of_one_advice_in_one_line() -> None:

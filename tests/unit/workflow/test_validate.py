@@ -105,7 +105,7 @@ def test_a_state_that_was_not_recorded_begins_as_in_steady_flight_and_is_named(
     found = validate(folder, [blind], ["0:8"])
     (said,) = [w for w in found.record.warnings if "alpha not recorded at the start" in w]
     assert said.startswith("blind@0:8: ")
-    assert ("as in steady flight" if steady else "from a default") in said
+    assert ("in steady flight at that airspeed" if steady else "from a default") in said
     assert not any("a default is used" in note for note in found.record.notes)
     found.save(tmp_path)
     assert "alpha not recorded at the start" in (tmp_path / "validation.html").read_text(encoding="utf-8")
@@ -130,7 +130,7 @@ def test_what_is_missing_is_one_line(job: Job, folder: Path, tmp_path: Path) -> 
     assert f"check which result {folder} is, the channels in it, or the mapping" in str(caught.value)
     motors = {f"motor_{n}": ("time", 0.5 + 0.1 * flight.time % 0.1) for n in range(1, 5)}
     with pytest.raises(
-        FlightError, match=r"rotors carry the vehicle of this log, but .* has none: is it of another vehicle"
+        FlightError, match=r"the vehicle of this log is carried by rotors, but .* has none: is it another"
     ):
         validate(folder, [replace(lame, data=lame.data.assign(motors))])
     with pytest.raises(FlightError, match="two flights are called"):

@@ -63,11 +63,11 @@ class TimeDomain:
             return np.empty((0, signals.shape[1]))
         window = hann(size + 2)[1:-1]
         smooth = oaconvolve(signals, (window / window.sum())[:, None], mode="valid", axes=0)
-        return np.asarray(smooth[:: self._stride(dt)])
+        return np.asarray(smooth[:: round(self.period(dt) / dt)])
 
-    def _stride(self, dt: float) -> int:
-        """Return the samples from one row to the next."""
-        return max(1, round(self.span / dt / ROWS_PER_WINDOW))
+    def period(self, dt: float) -> float:
+        """Return the time from one row to the next, s."""
+        return dt * max(1, round(self.span / dt / ROWS_PER_WINDOW))
 
     def scatter(self, X: FloatArray, v: FloatArray, dt: float) -> FloatArray:
         """Return the covariance (k, k) of X' v, rows X (m, k) of one stretch, for noise with the color of v (m,).
@@ -75,7 +75,7 @@ class TimeDomain:
         The autocovariance is estimated up to a lag of 2 s and tapered to zero there, which keeps the result positive
         semidefinite (Newey and West).
         """
-        lags = min(round(MAX_LAG / (dt * self._stride(dt))), len(v) // 5)
+        lags = min(round(MAX_LAG / self.period(dt)), len(v) // 5)
         size = 2 * len(v)
         sampled = np.fft.irfft(np.abs(np.fft.rfft(v, size)) ** 2)[: lags + 1] / len(v)
         tapered = sampled * (1.0 - np.arange(lags + 1) / (lags + 1.0))
@@ -111,6 +111,10 @@ class FrequencyDomain:
         first = max(self.low, step)
         last = min(self.high, 0.5 / dt - step)  # below the Nyquist frequency
         return np.asarray(first + step * np.arange(max(0, int((last - first) / step + 1e-9) + 1)))
+
+    def period(self, dt: float) -> float:
+        """Return infinity: rows are no samples of time."""
+        return float(np.inf)
 
     def rows(self, signals: FloatArray, dt: float) -> FloatArray:
         """Return real and imaginary parts (m, k), scaled such that white noise keeps its variance."""
@@ -295,7 +299,8 @@ def _gauss_newton(equations: Equations, domain: Domain, bounds: Bounds) -> Estim
         if equations.linear or np.max(np.abs(values - before) / equations.scales) < STEP_TOLERANCE:
             break
     found = replace(found, r2=equations.r2(found, domain))
-    return found if domain.keeps_constants else _with_constants(found, samples, equations, bounds)
+    lost = not domain.keeps_constants and equations.constants
+    return _with_constants(found, samples, equations, bounds) if lost else found
 
 
 def _with_constants(

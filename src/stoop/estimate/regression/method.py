@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, Final
 
 import numpy as np
@@ -24,6 +25,7 @@ from stoop.estimate.regression.least_squares import (
     estimate,
     unbounded,
 )
+from stoop.estimate.regression.linear_problem import LinearProblem
 from stoop.estimate.shooting_windows import outputs_by_window
 from stoop.flight import Flight
 from stoop.optimize.ledger import Evaluations, Halt
@@ -92,6 +94,7 @@ def _fitted(
     outcome = optimize.Outcome(
         flown.z, flown.cost, flown.spent, 0, "converged", "", np.empty((0, 2)), None, options.method
     )
+    evidence = _evidence(problem, equations, found, flown.z, domain)
     return Fit(
         flown.problem,
         prepared,
@@ -101,7 +104,16 @@ def _fitted(
         flown.spent,
         tuple(notices),
         noise=flown.noise,
-        own_evidence=_evidence(problem, equations, found, flown.z, domain),
+        own_evidence=evidence,
+        local_problem=partial(
+            LinearProblem.of,
+            problem,
+            flown.z,
+            evidence,
+            found.sigma,
+            domain.period(problem.pieces[0].dt),
+            not kind.linear,
+        ),
         simulated=flown.readings,
     )
 

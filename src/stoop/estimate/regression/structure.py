@@ -16,7 +16,7 @@ from __future__ import annotations
 import ast
 import re
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -140,8 +140,8 @@ class Model:
 
     def tolerance(self, column: int) -> float:
         """Return the share of a column that the model's columns do not span; one over its variance inflation."""
-        x = self.regression.X[:, column]
-        size, part = float(x @ x), self.orthogonal_part(column)
+        x, part = self.regression.X[:, column], self.orthogonal_part(column)
+        size = float(x @ x)
         return float(part @ part) / size if size > 0.0 else 0.0
 
     def admits(self, column: int) -> bool:
@@ -179,23 +179,15 @@ class Model:
         return max(gains, key=gains.__getitem__) if gains else None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Step:
-    """One step: the term that came or went with its partial F-ratio, and the model after it."""
+    """One step: the term that came or went with its partial F-ratio, the criterion's threshold, and the model after it."""
 
     action: str  #: "add" or "remove"
     column: int
     f: float
-    threshold: float  #: of the criterion
-    terms: int  #: in the model
-    r2: float
-    press: float
-    pse: float
-
-    @classmethod
-    def to(cls, model: Model, action: str, column: int, f: float, threshold: float) -> Step:
-        """Return the step that ended in a model."""
-        return cls(action, column, f, threshold, len(model.columns), model.r2, model.press, model.pse)
+    threshold: float
+    model: Model
 
 
 @dataclass(frozen=True, eq=False)
@@ -216,8 +208,7 @@ class PartialF:
         """Return the quantile of F(1, degrees of freedom)."""
         from scipy.stats import f
 
-        tried = max(model.regression.X.shape[1], 1)
-        return float(f.isf(self.significance / tried, 1, max(model.freedom, 1)))
+        return float(f.isf(self.significance / max(model.regression.X.shape[1], 1), 1, max(model.freedom, 1)))
 
     def needs(self, model: Model, column: int) -> bool:
         """Whether F is above the threshold."""
@@ -246,34 +237,30 @@ def stepwise(regression: Regression, criterion: Criterion = PartialF()) -> Selec
     From no term, and from all candidates: forward selection misses terms that cancel each other (static stability, damping and
     elevator in a slow pitching moment), backward elimination does not. The end with the lower PRESS is kept.
     """
-    everything = Model(regression, ())
-    ends = [_stepped(everything, criterion)]
-    for column in sorted(range(regression.X.shape[1]), key=lambda c: len(regression.parents_of(c)) > 0):
-        if everything.admits(column):
-            everything = everything.with_column(column)
-    if regression.count > ROWS_PER_TERM * len(everything.columns):
-        ends.append(_stepped(everything, criterion))
+    empty = everything = Model(regression, ())
+    for place in sorted(range(regression.X.shape[1]), key=lambda c: len(regression.parents_of(c)) > 0):
+        if everything.admits(place):
+            everything = everything.with_column(place)
+    enough = regression.count > ROWS_PER_TERM * len(everything.columns)
+    ends = []
+    for model in (empty, everything) if enough else (empty,):
+        model, steps = _eliminated(model, criterion)
+        seen = {frozenset(model.columns)}
+        while len(steps) < MAX_STEPS and (column := model.best_candidate()) is not None:
+            larger = model.with_column(column)
+            if not criterion.needs(larger, column):
+                break
+            added = Step("add", column, larger.partial_f(column), criterion.threshold(larger), larger)
+            model, removed = _eliminated(larger, criterion)
+            steps += [added, *removed]
+            if frozenset(model.columns) in seen:  # a cycle
+                break
+            seen.add(frozenset(model.columns))
+        ends.append(Selection(model, tuple(steps)))
     return min(ends, key=lambda end: end.model.press)
 
 
-def _stepped(model: Model, criterion: Criterion) -> Selection:
-    """Step from a model until no term comes or goes."""
-    model, steps = _pruned(model, criterion)
-    seen = {frozenset(model.columns)}
-    while len(steps) < MAX_STEPS and (column := model.best_candidate()) is not None:
-        larger = model.with_column(column)
-        if not criterion.needs(larger, column):
-            break
-        added = Step.to(larger, "add", column, larger.partial_f(column), criterion.threshold(larger))
-        model, removed = _pruned(larger, criterion)
-        steps += [added, *removed]
-        if frozenset(model.columns) in seen:  # a cycle
-            break
-        seen.add(frozenset(model.columns))
-    return Selection(model, tuple(steps))
-
-
-def _pruned(model: Model, criterion: Criterion) -> tuple[Model, list[Step]]:
+def _eliminated(model: Model, criterion: Criterion) -> tuple[Model, list[Step]]:
     """Remove needless terms, the weakest first."""
     steps = list[Step]()
     while model.columns:
@@ -281,23 +268,21 @@ def _pruned(model: Model, criterion: Criterion) -> tuple[Model, list[Step]]:
         weakest = min((c for c in model.columns if c not in needed), key=model.partial_f)
         if criterion.needs(model, weakest):
             break
-        smaller, f = model.without(weakest), model.partial_f(weakest)
-        steps.append(Step.to(smaller, "remove", weakest, f, criterion.threshold(model)))
-        model = smaller
+        f, threshold, model = model.partial_f(weakest), criterion.threshold(model), model.without(weakest)
+        steps.append(Step("remove", weakest, f, threshold, model))
     return model, steps
 
 
 def orthogonal(regression: Regression) -> Selection:
     """Order candidates by what each explains beyond those before it; cut where the predicted squared error is least."""
     model, steps = Model(regression, ()), list[Step]()
-    best, kept = model.pse, 0
+    kept = model
     while (column := model.best_candidate()) is not None and len(steps) < MAX_STEPS:
         before, model = model, model.with_column(column)
         variance = max(model.rss / max(model.freedom, 1), np.finfo(float).tiny)
-        steps.append(Step.to(model, "add", column, float(before.rss - model.rss) / variance, best))
-        best, kept = (model.pse, len(steps)) if model.pse < best else (best, kept)
-    columns = tuple(step.column for step in steps[:kept])
-    return Selection(Model(regression, columns), tuple(steps))
+        steps.append(Step("add", column, float(before.rss - model.rss) / variance, kept.pse, model))
+        kept = model if model.pse < kept.pse else kept
+    return Selection(kept, tuple(steps))
 
 
 Choose = Callable[[Regression], Selection]
@@ -437,29 +422,27 @@ def _chosen(
     vehicle: Vehicle, coefficient: str, candidates: tuple[str, ...], found: Sequence[History],
     choose: Choose, domain: Domain,
 ) -> ChosenTerms:  # fmt: skip
-    names = {*terms.STATE_VARIABLES, *vehicle.file.controls}
+    names, where = {*terms.STATE_VARIABLES, *vehicle.file.controls}, f"{vehicle.where}: {coefficient}:"
     trees = [terms.parse(text, names, coefficient) for text in candidates]
     for text, tree in zip(candidates, trees, strict=True):
         unknown = terms.variables(tree) - set(found[0].variables)
         if unknown:  # a control that the equations lack: its deflection is not known
             raise IdentificationError(
-                f"{vehicle.where}: {coefficient}: candidate {text}: no term of the file has {min(unknown)}, so its channel "
+                f"{where} candidate {text}: no term of the file has {min(unknown)}, so its channel "
                 "is not read; add one with value 0"
             )
     signals = [np.column_stack([h.coefficients[coefficient], *map(h.regressor, candidates)]) for h in found]
     whole = Regression.of(signals, domain, found[0].dt)
     if whole.count < MIN_ROWS:
-        raise IdentificationError(
-            f"{vehicle.where}: {coefficient}: the windows are too short: {NOT_MEASURED}"
-        )
+        raise IdentificationError(f"{where} the windows are too short: {NOT_MEASURED}")
     constant = np.linalg.norm(whole.X, axis=0) <= 1e-9 * np.sqrt(whole.count)
-    moving = tuple(np.flatnonzero(~constant).tolist())
+    moving = np.flatnonzero(~constant)
     kept = tuple(candidates[i] for i in moving)
     regression = replace(whole, X=whole.X[:, moving], parents=parents([trees[i] for i in moving]))
     selection = choose(regression)
     notices = []
     if constant.any():
-        still = tuple(c for c, s in zip(candidates, constant, strict=True) if s)
+        still = tuple(candidates[i] for i in np.flatnonzero(constant))
         notices.append(notice("candidate-constant", coefficient, terms=still))
     notices += _indistinct(coefficient, kept, regression)
     if selection.model.r2 < FAIR_R2:
@@ -467,23 +450,21 @@ def _chosen(
     return ChosenTerms(kept, selection, tuple(notices))
 
 
-def _indistinct(coefficient: str, names: Sequence[str], regression: Regression) -> list[Notice]:
-    """Return which candidates are so nearly collinear that the choice among them is arbitrary."""
-    correlation = np.abs(np.corrcoef(regression.X, rowvar=False).reshape(len(names), len(names)))
+def _indistinct(coefficient: str, names: Sequence[str], regression: Regression) -> Iterator[Notice]:
+    """Yield which candidates are so nearly collinear that the choice among them is arbitrary."""
+    count = len(names)
+    correlation = np.abs(np.corrcoef(regression.X, rowvar=False).reshape(count, count))
     groups, member = connected_components(correlation > CORRELATION_LIMIT, directed=False)
-    out = []
     for places in (np.flatnonzero(member == g) for g in range(groups)):
         if len(places) > 1:
             least = float(np.min(correlation[np.ix_(places, places)]))
             alike = tuple(names[int(i)] for i in places)
-            out.append(notice("candidates-correlated", coefficient, terms=alike, correlation=least))
-    every = set(range(len(names)))
+            yield notice("candidates-correlated", coefficient, terms=alike, correlation=least)
+    if count > regression.count:
+        return
+    others = (Model(regression, tuple(j for j in range(count) if j != i)) for i in range(count))
     spanned = tuple(
-        name
-        for i, name in enumerate(names)
-        if len(names) - 1 < regression.count
-        and Model(regression, tuple(sorted(every - {i}))).tolerance(i) < MIN_TOLERANCE
+        n for i, (n, m) in enumerate(zip(names, others, strict=True)) if m.tolerance(i) < MIN_TOLERANCE
     )
     if spanned:
-        out.append(notice("candidates-collinear", coefficient, terms=spanned, share=1.0 - MIN_TOLERANCE))
-    return out
+        yield notice("candidates-collinear", coefficient, terms=spanned, share=1.0 - MIN_TOLERANCE)

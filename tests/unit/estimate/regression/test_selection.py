@@ -108,9 +108,9 @@ def test_orthogonal_functions_end_where_the_predicted_error_is_least() -> None:
     noise, X = drawn(7)
     y = X[:, 0] * 3.0 + noise
     found = orthogonal(rows(y, X))
-    errors = [step.pse for step in found.steps]
+    errors = [step.model.pse for step in found.steps]
     assert len(found.model.columns) == int(np.argmin(errors)) + 1
-    assert [s.terms for s in found.steps] == list(range(1, len(errors) + 1))
+    assert [len(s.model.columns) for s in found.steps] == list(range(1, len(errors) + 1))
     order = [step.column for step in found.steps]
     left = [Model(rows(y, X), tuple(order[:i])).rss for i in range(len(order) + 1)]
     assert (np.diff(left) <= 1e-9).all()
