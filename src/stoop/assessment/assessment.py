@@ -164,7 +164,8 @@ def pack(problem: Refittable, more: Mapping[str, Any]) -> str:
         "parameters": [asdict(p) for p in layout.parameters],
         "nuisances": [asdict(n) for n in layout.nuisances],
         "pieces": [
-            {"maneuver": p.maneuver, "start": dict(p.start), "changes": dict(p.changes)} for p in base.pieces
+            {"maneuver": p.maneuver, "start": dict(p.start), "changes": dict(p.changes), "moved": p.moved}
+            for p in base.pieces
         ],
         "ladder": base.ladder,
         "kind": kind,
@@ -189,7 +190,7 @@ def unpack(text: str) -> tuple[Refittable, dict[str, Any]]:
     pieces = []
     for i, p in enumerate(head["pieces"]):
         series = {name: arrays[f"{name}.{i}"] for name in PIECE_ARRAYS}
-        pieces.append(Piece(p["maneuver"], **series, start=p["start"], changes=p["changes"]))
+        pieces.append(Piece(**{**p, **series, "moved": tuple(p["moved"])}))
     weights = Weights(arrays["covariance"], arrays["root"])
     misfit = Misfit(layout, tuple(pieces), weights, tuple(tuple(rung) for rung in head["ladder"]))
     kinds: tuple[Any, ...] = (FrozenFilter, FollowingWindows, LinearProblem)
