@@ -47,11 +47,6 @@ class TimeDomain:
     keeps_constants: ClassVar[bool] = True  #: whether a constant survives the transform
     colored: ClassVar[bool] = True  #: whether error bars are corrected for the color of the residuals
 
-    @property
-    def settings(self) -> dict[str, float]:
-        """Length of the window, s."""
-        return {"span": self.span}
-
     def rows(self, signals: FloatArray, dt: float) -> FloatArray:
         """Return smoothed samples (m, k) of signals (n, k) every `dt` s; none where the record is too short."""
         from scipy.signal import oaconvolve
@@ -98,11 +93,6 @@ class FrequencyDomain:
     name: ClassVar[str] = "frequency"
     keeps_constants: ClassVar[bool] = False
     colored: ClassVar[bool] = False
-
-    @property
-    def settings(self) -> dict[str, float]:
-        """Ends of the band, Hz."""
-        return {"low": self.low, "high": self.high}
 
     def frequencies(self, count: int, dt: float) -> FloatArray:
         """Return the frequencies, Hz, of a record of `count` samples."""
@@ -253,13 +243,9 @@ class Equations(ABC):
         """Return the free numbers that no equation has."""
         return ()
 
-    def r2(self, estimates: Estimates, _: Domain) -> dict[str, float]:
-        """Return the coefficient of determination of each equation, of the free terms only."""
-        return estimates.r2
-
-    def reduced(self, _: Estimates) -> Self:
-        """Return the equations that determine the estimates, without those that the data do not explain."""
-        return self
+    def reviewed(self, found: Estimates, _: Domain) -> tuple[Estimates, Self]:
+        """Return the estimates with R2 of each equation, and the equations without those that the data do not explain."""
+        return found, self
 
     @staticmethod
     def notices(_: Estimates) -> list[Notice]:
@@ -272,11 +258,12 @@ def estimate(equations: Equations, domain: Domain, bounded: bool = False) -> Est
 
     A constant that the domain does not keep is found afterwards, from the means.
     """
-    found = _gauss_newton(equations, domain, bounded)
-    if found is None:
+    first = _gauss_newton(equations, domain, bounded)
+    if first is None:
         return None
-    kept = equations.reduced(found)
-    return found if kept is equations else _gauss_newton(kept, domain, bounded) or found
+    found, kept = equations.reviewed(first, domain)
+    again = None if kept is equations else _gauss_newton(kept, domain, bounded)
+    return found if again is None else kept.reviewed(again, domain)[0]
 
 
 def _gauss_newton(equations: Equations, domain: Domain, bounded: bool) -> Estimates | None:
@@ -293,7 +280,6 @@ def _gauss_newton(equations: Equations, domain: Domain, bounded: bool) -> Estima
             return None
         if equations.linear or np.max(np.abs(values - before) / equations.scales) < STEP_TOLERANCE:
             break
-    found = replace(found, r2=equations.r2(found, domain))
     lost = not domain.keeps_constants and equations.constants
     return _with_constants(found, samples, equations, priors) if lost else found
 

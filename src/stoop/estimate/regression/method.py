@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import asdict, replace
 from functools import partial
 from typing import Any, Final
 
@@ -38,28 +38,18 @@ from stoop.vehicle import Vehicle
 FAIR_R2: Final = 0.5  #: below, the estimates of an equation are doubtful
 
 
-def equation_error(
-    vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence[Window], options: Options, *_: Any
-) -> Fit:
-    """Fit the free numbers to measured accelerations on smoothed samples; a method of `stoop.estimate.methods`."""
-    return _fitted(vehicle, flights, windows, options, TimeDomain())
-
-
-def frequency_domain(
-    vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence[Window], options: Options, *_: Any
-) -> Fit:
-    """Fit the free terms of an aircraft to Fourier coefficients of a band; a method of `stoop.estimate.methods`."""
-    return _fitted(vehicle, flights, windows, options, FrequencyDomain())
-
-
-def _fitted(
+def regression(
     vehicle: Vehicle,
     flights: Mapping[str, Flight],
     windows: Sequence[Window],
     options: Options,
+    *_: Any,
     domain: Domain,
 ) -> Fit:
-    """Fit; an IdentificationError says where the motion was nowhere measured completely, or what is for aircraft only."""
+    """Fit the free numbers to measured accelerations; a method of `stoop.estimate.methods` for each domain.
+
+    An IdentificationError says where the motion was nowhere measured completely, or what is for aircraft only.
+    """
     kind = kind_of(vehicle)
     if domain.name not in kind.explanations:
         raise IdentificationError(
@@ -78,7 +68,7 @@ def _fitted(
     flown = _from_start if observation_model(vehicle).open_loop else _by_window
     fit = flown(Fit(problem, prepared, z, outcome, 0.0, 0.0))
     notices = [
-        notice(kind.explanations[domain.name], "", **domain.settings),
+        notice(kind.explanations[domain.name], "", **asdict(domain)),
         notice("r-squared", "", equations=tuple(found.r2), r2=tuple(found.r2.values())),
         *([notice("not-in-regression", ", ".join(fixed))] if fixed else []),
         *(notice("low-r-squared", name, r2=max(r2, 0.0)) for name, r2 in found.r2.items() if r2 < FAIR_R2),
@@ -159,3 +149,9 @@ def _by_window(fit: Fit) -> Fit:
     measured = np.any([np.isfinite(r).any(axis=0) for r in residuals], axis=0)
     noise = np.diag(np.where(measured, noise_variance(problem, residuals), np.nan))
     return replace(fit, noise=noise, simulated=readings)
+
+
+equation_error: Final = partial(regression, domain=TimeDomain())  #: on smoothed samples
+frequency_domain: Final = partial(
+    regression, domain=FrequencyDomain()
+)  #: on Fourier coefficients of a band, of aircraft

@@ -26,8 +26,8 @@ from stoop.estimate.regression.aircraft import (
     COEFFICIENTS,
     NOT_NEEDED,
     AircraftEquations,
+    History,
     Motion,
-    balance,
     coefficients,
     states_of,
 )
@@ -165,9 +165,9 @@ class RealTime:
         felt = {c: v for c, v in readings.items() if c in SPECIFIC_FORCE}
         first: IntArray = np.zeros(1, dtype=np.intp)
         motion = Motion(first, states, felt, inputs[:, None], deflections, parameters)
-        found = coefficients(vehicle, *balance(vehicle, motion), angular, felt)
-        rows = self._equations.regressors(found, motion.variables(vehicle))
-        parts = [np.concatenate([y, X[0]]) for y, X in rows]
+        found = coefficients(vehicle, motion, angular)
+        history = History(0, np.zeros(1), self._dt, found, motion.variables(vehicle))
+        parts = [np.concatenate([row.y, row.X[0]]) for row in self._equations.regressors(history)]
         return np.concatenate([*parts, [1.0, self._transform.count * self._dt]])
 
     def _lagged(self, control: str, command: float) -> float:
