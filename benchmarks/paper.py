@@ -99,7 +99,7 @@ def _search(case: Paper, kind: str, *, to_target: bool, noise: bool = False) -> 
 
 
 def _population(case: Paper, name: str, kind: str) -> Row:
-    """Run an optimizer without dives on a box to J <= 1e-6 J0."""
+    """Run an optimizer without local search on a box to J <= 1e-6 J0."""
     spent = []
     for seed in range(SEEDS_OF_POPULATIONS):
         problem = case.problem(kind, seed, noise=False)

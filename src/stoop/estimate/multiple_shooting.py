@@ -55,7 +55,7 @@ SECOND_BUDGET: Final = (
 POOR: Final = 0.7  #: of the cost of constant readings: a start that is no better is none
 ADVICE: Final[dict[Status, str]] = {
     "converged": "",
-    "generations": "the windows do not meet at an optimum; begin nearer, or fix what the data cannot tell",
+    "generations": "the windows do not meet at an optimum; begin nearer, or fix parameters",
     "interrupted": "stopped by the user; resume to go on from the last step",
 }
 

@@ -140,9 +140,8 @@ class Compatibility:
     findings: Mapping[str, Finding]  #: by instrument error
     channels: Mapping[str, Consistency]
     traces: tuple[Trace, ...]
-    notices: tuple[
-        Notice, ...
-    ]  #: warnings: what contradicts, the worst first, and faults of the flight; then all else
+    #: warnings: what contradicts, the worst first, and faults of the flight; then all else
+    notices: tuple[Notice, ...]
 
     def document(self, versions: Mapping[str, str], inputs: Mapping[str, str]) -> str:
         """Return the JSON of the result; what is not a finite number is null."""

@@ -1,10 +1,10 @@
 """Any recorded flight as a problem of comparison: ``flight``, with the arguments flight, vehicle and maneuvers.
 
 The windows are prepared as `stoop identify` does: cut at dropouts, each piece with its own initial state and
-sensor biases, the weights settled once by dives from the vehicle file's own values and then held.
+sensor biases, the weights estimated once by refinements from the vehicle file's own values and then held.
 
 There is one difference. `stoop identify` keeps initial states and biases apart from the parameters, and only
-its dives refine them. Here they are joined to the unit box, 5 prior standard deviations to either side of
+local refinement moves them. Here they are joined to the unit box, 5 prior standard deviations to either side of
 where the measurements put them, so that every optimizer searches the same numbers.
 
 What counts as solved is the least cost that a long search from the file's own values finds, and a thousandth

@@ -44,7 +44,7 @@ of box N can lie within two standard deviations of the truth (CLq), and would cu
 WORDS: Final = """\
 Scatter over bound is the standard deviation of the estimates about the truth over that of the bound; it is known no \
 better than {spread:.3f} per coefficient from so many seeds. Bias is the mean error in its own standard errors: \
-beyond 3 would be one in 370. A run ends elsewhere if it costs more than 1.001 times what a dive from the truth ends \
+beyond 3 would be one in 370. A run ends elsewhere if it costs more than 1.001 times what a local refinement from the truth ends \
 at: in another optimum, or not at its end after {stop} iterations. Runs are not told the truth."""
 
 

@@ -52,12 +52,12 @@ zero; the truth lies at a random place of each box, another for each seed.
 
 PS-GDE, whose F and CR are not printed either:
 
-- F = 0.6, CR = 0.9, 50 members, NC = 20, pr = 5 %, so that three members are dived from
+- F = 0.6, CR = 0.9, 50 members, NC = 20, pr = 5 %, so that local searches start from three members
 - steps 4 and 5 change places: local search when NC divides the generation, in place of evolution; step 6 stops \
 when the condition is met
 - the first branch of the golden section (its Fig. 2) evaluates the point that it moves; the search ends at 0.1 of \
 the interval, which is 0.1 of the unit box along the negative gradient
-- the gradient is a forward difference whose evaluations count; the end of a dive replaces its start only if better
+- the gradient is a forward difference whose evaluations count; the end of a local search replaces its start only if better
 - the three picks of (12) differ from each other and from their parent; one variable always comes from the mutant; \
 what leaves the box is set on its bound, and the box does not shrink
 - the chaotic start avoids 0, 0.25, 0.5, 0.75 and 1

@@ -9,20 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from stoop.exporters import jsbsim_aircraft
-from stoop.exporters.jsbsim_flight import (
-    AMPLITUDE,
-    FRAME_RATE,
-    PLANET,
-    RATE,
-    every_control,
-    file_name,
-    frames_per_sample,
-    jsbsim_readings,
-    maneuver_record,
-    own_readings,
-    relative_differences,
-)
+from stoop.exporters import jsbsim_aircraft, jsbsim_flight
 from stoop.report.sheet import Prose, Section
 from stoop.simulation import Trim, trim
 from stoop.simulation.maneuver import Maneuver
@@ -73,13 +60,15 @@ def load(name: str) -> Vehicle:
 
 def _maneuver(point: Trim, inputs: list[dict[str, Any]]) -> Maneuver:
     start = {"airspeed": point.start["V"], "altitude": point.start["h"]}
-    return Maneuver.model_validate({"duration": DURATION, "rate": RATE, **start, "input": inputs})
+    return Maneuver.model_validate(
+        {"duration": DURATION, "rate": jsbsim_flight.RATE, **start, "input": inputs}
+    )
 
 
 def multisines(vehicle: Vehicle, point: Trim) -> Maneuver:
     """Return harmonics from 0.1 to 2 Hz on all controls at once, each control its own."""
     common = {
-        "shape": "multisine", "start": 1.0, "duration": 20.0, "amplitude": AMPLITUDE, "band": 2.0,
+        "shape": "multisine", "start": 1.0, "duration": 20.0, "amplitude": jsbsim_flight.AMPLITUDE, "band": 2.0,
         "stride": len(vehicle.controls),
     }  # fmt: skip
     return _maneuver(
@@ -89,13 +78,13 @@ def multisines(vehicle: Vehicle, point: Trim) -> Maneuver:
 
 def pulses(vehicle: Vehicle, point: Trim) -> Maneuver:
     """Return a second and a half on each control, after which the aircraft is left to itself."""
-    common = {"shape": "pulse", "duration": 1.5, "amplitude": AMPLITUDE}
+    common = {"shape": "pulse", "duration": 1.5, "amplitude": jsbsim_flight.AMPLITUDE}
     inputs = [{**common, "control": c, "start": 1.0 + 3.0 * i} for i, c in enumerate(vehicle.controls)]
     return _maneuver(point, inputs)
 
 
 INPUTS: Final[dict[str, Callable[[Vehicle, Trim], Maneuver]]] = {
-    "3-2-1-1, doublets": every_control,
+    "3-2-1-1, doublets": jsbsim_flight.every_control,
     "multisines": multisines,
     "pulses": pulses,
 }
@@ -105,20 +94,24 @@ def compare(vehicle_name: str, inputs: str) -> list[dict[str, Any]]:
     """Export a vehicle, fly it by both simulators, and return the records of its channels."""
     vehicle = load(vehicle_name)
     point = trim(vehicle, None, ALTITUDE)
-    record = maneuver_record(vehicle, point, INPUTS[inputs](vehicle, point))
-    own, fine = own_readings(record), own_readings(record, frames_per_sample(record.dt))
+    record = jsbsim_flight.maneuver_record(vehicle, point, INPUTS[inputs](vehicle, point))
+    own, fine = (
+        jsbsim_flight.own_readings(record),
+        jsbsim_flight.own_readings(record, jsbsim_flight.frames_per_sample(record.dt)),
+    )
     with tempfile.TemporaryDirectory(prefix="stoop-export-") as folder:
         root = Path(folder)
         for place, text in jsbsim_aircraft.folder(record.vehicle, None).items():
             (root / place).parent.mkdir(parents=True, exist_ok=True)
             (root / place).write_text(text, encoding="utf-8")
-        planet, name = root / PLANET, file_name(vehicle.name)
-        flat = jsbsim_readings(root, name, record, planet)
-        faster = jsbsim_readings(root, name, record, planet, FASTER * FRAME_RATE)
-        earth = jsbsim_readings(root, name, record, None)
+        planet, name = root / jsbsim_flight.PLANET, jsbsim_flight.file_name(vehicle.name)
+        flat = jsbsim_flight.jsbsim_readings(root, name, record, planet)
+        faster = jsbsim_flight.jsbsim_readings(root, name, record, planet, FASTER * jsbsim_flight.FRAME_RATE)
+        earth = jsbsim_flight.jsbsim_readings(root, name, record, None)
     pairs = ((own, flat), (own, faster), (fine, flat), (own, earth))
     differences = {
-        n: relative_differences(record.vehicle, *pair) for n, pair in zip(DIFFERENCES, pairs, strict=True)
+        n: jsbsim_flight.relative_differences(record.vehicle, *pair)
+        for n, pair in zip(DIFFERENCES, pairs, strict=True)
     }
     largest = dict(zip(differences[FLAT], np.abs(own).max(axis=0).tolist(), strict=True))
     return [
