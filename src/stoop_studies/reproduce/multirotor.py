@@ -20,7 +20,17 @@ from stoop.report.plots import HUES
 from stoop.report.sheet import Code, Prose, Section, Table
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import parse_maneuver
-from stoop_studies.findings import Claim, Findings, Results, Setting, counted, holds, number
+from stoop_studies.findings import (
+    Claim,
+    Findings,
+    Results,
+    Setting,
+    by_columns,
+    counted,
+    holds,
+    number,
+    tabulated,
+)
 from stoop_studies.problems import pose
 from stoop_studies.problems.multirotor import LENGTH, MANEUVER, NOISE, quad
 from stoop_studies.reproduce.suite import (
@@ -31,10 +41,8 @@ from stoop_studies.reproduce.suite import (
     PaperExperiment,
     Searches,
     bound_deviations,
-    by_columns,
     percent,
     rms,
-    tabulated,
 )
 from stoop_studies.reproduce.table1 import (
     ITERATIONS,

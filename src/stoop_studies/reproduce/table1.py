@@ -14,19 +14,20 @@ from stoop.parallel import Run
 from stoop.report.plots import Series, plot
 from stoop.report.sheet import Figure, Prose, Section, Table
 from stoop.workflow.demo import TABLE_1
-from stoop_studies.findings import Claim, Findings, Results, Setting, counted, holds, number, reproduces
-from stoop_studies.problems.paper import paper
-from stoop_studies.reproduce.suite import (
-    EXACT,
-    METHODS,
-    SUCCESS,
-    Group,
-    PaperExperiment,
-    Searches,
+from stoop_studies.findings import (
+    Claim,
+    Findings,
+    Results,
+    Setting,
     by_columns,
-    percent,
+    counted,
+    holds,
+    number,
+    reproduces,
     tabulated,
 )
+from stoop_studies.problems.paper import paper
+from stoop_studies.reproduce.suite import EXACT, METHODS, SUCCESS, Group, PaperExperiment, Searches, percent
 
 ITERATIONS: Final = (500, 1000, 1500, 2000)
 PRINTED: Final = {
