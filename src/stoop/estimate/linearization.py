@@ -146,7 +146,7 @@ def undelayed(problem: Misfit) -> Misfit:
     vehicle, pieces = problem.layout.vehicle, []
     late = [(column, vehicle.parameters[row].name, row) for column, row in output_delays(vehicle)]
     free = {p.name for p in problem.layout.parameters}
-    for name in (name for _, name, _ in late if name in free):
+    if name := next((name for _, name, _ in late if name in free), ""):
         raise IdentificationError(
             f"{vehicle.where}: {name}: this method shifts readings by a delay that is known; use --fix {name}"
         )
