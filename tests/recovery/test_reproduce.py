@@ -92,8 +92,10 @@ def test_ablation_and_sweep(tmp_path: Path) -> None:
     rows = {r["variant"]: r for r in reproduce(tmp_path, "ablation", 3)}
     assert rows["schedule as printed"]["reached"] == "0"
     times = {name: float(r["expected_running_time"] or "inf") for name, r in rows.items()}
-    assert times["Levenberg-Marquardt dive"] < 0.5 * times["PS-GDE"]
-    assert times["sorting alone"] < 1.2 * times["PS-GDE"], "chaos and dive contribute nothing measurable"
+    assert times["Levenberg-Marquardt search"] < 0.5 * times["PS-GDE"]
+    assert times["sorting alone"] < 1.2 * times["PS-GDE"], (
+        "chaos and local search contribute nothing measurable"
+    )
     sweep = {(r["parameter"], float(r["value"])): r for r in reproduce(tmp_path, "sweep", 1)}
     assert sweep["F", 0.3]["reached"] == "0"
     assert sweep["F", 0.6]["reached"] == sweep["NC", 20.0]["reached"] == "1"

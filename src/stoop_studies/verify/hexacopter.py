@@ -19,6 +19,7 @@ import numpy as np
 
 from stoop.assessment.error_bars import error_bars
 from stoop.base.arrays import FloatArray
+from stoop.base.atmosphere import SEA_LEVEL_DENSITY
 from stoop.base.rotations import quaternions_of, to_body
 from stoop.base.units import FACTORS
 from stoop.base.variables import EULER, SPECIFIC_FORCE, VELOCITY
@@ -30,7 +31,6 @@ from stoop.problem.windows import Window
 from stoop.report.plots import Series, plot
 from stoop.report.sheet import Figure, Prose, Section
 from stoop.vehicle import Vehicle, parse_vehicle
-from stoop.vehicle.atmosphere import SEA_LEVEL_DENSITY
 from stoop.workflow.identification import Search, search
 from stoop_studies.findings import Claim, Findings, Setting, holds
 from stoop_studies.verify.study import (

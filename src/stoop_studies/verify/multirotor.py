@@ -26,12 +26,12 @@ from scipy.optimize import minimize_scalar
 from scipy.signal import lfilter
 
 from stoop.base.arrays import FloatArray
+from stoop.base.atmosphere import SEA_LEVEL_DENSITY
 from stoop.base.units import FACTORS, FOOT, POUND_FORCE, SLUG
 from stoop.base.variables import EULER, RATES, VELOCITY
 from stoop.errors import StoopError
 from stoop.exporters.jsbsim_flight import simulator
 from stoop.vehicle import Vehicle
-from stoop.vehicle.atmosphere import SEA_LEVEL_DENSITY
 from stoop.vehicle.load import parse_vehicle
 from stoop_studies.findings import Findings, Setting
 from stoop_studies.verify.jsbsim import Case, findings
