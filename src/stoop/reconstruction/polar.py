@@ -33,7 +33,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from stoop.assessment.covariance import NORMAL_95, prior_information
+from stoop.assessment.covariance import NORMAL_95
 from stoop.assessment.error_bars import estimate_uncertainty
 from stoop.base.arrays import FloatArray, run_slices
 from stoop.base.atmosphere import standard_density
@@ -353,6 +353,6 @@ def fit_polar(
         for part in parts
         if part.size > 1
     ]
-    covariance = estimate_uncertainty(segments, prior_information(std)).corrected
+    covariance = estimate_uncertainty(segments, np.diag(np.where(known, std, np.inf) ** -2.0)).corrected
     CL, CD, _ = balance.coefficients(values)
     return Polar(cut, area, mass, names, values, covariance, std, CL, CD, weights)

@@ -13,10 +13,10 @@ from stoop.optimize import Ledger, ScalarProblem
 from stoop.optimize.ledger import Evaluations
 from stoop.report.plots import Mark, Series, contour_plot, plot
 from stoop.report.sheet import Code, Figure, Prose, Section, Table
-from stoop_studies.findings import Claim, Findings, Results, Setting, holds, number
+from stoop_studies.findings import Claim, Findings, Results, Setting, holds, number, tabulated
 from stoop_studies.optimizers.local_search import BETA, SteepestDescent, golden_section, steepest_line
 from stoop_studies.problems.paper import Paper, paper
-from stoop_studies.reproduce.suite import PaperExperiment, tabulated
+from stoop_studies.reproduce.suite import PaperExperiment
 
 PAIR: Final = ("CLalpha", "Cmalpha")
 LOW: Final = np.array((3.2, -3.2))

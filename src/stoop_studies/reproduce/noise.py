@@ -14,7 +14,17 @@ from stoop.base.numbers import finite_or_none
 from stoop.parallel import Run
 from stoop.report.plots import Series, plot
 from stoop.report.sheet import Figure, Prose, Section
-from stoop_studies.findings import Claim, Findings, Results, Setting, counted, holds, number
+from stoop_studies.findings import (
+    Claim,
+    Findings,
+    Results,
+    Setting,
+    by_columns,
+    counted,
+    holds,
+    number,
+    tabulated,
+)
 from stoop_studies.problems import pose
 from stoop_studies.problems.paper import NEAR
 from stoop_studies.reproduce.recovery import parameter_columns
@@ -24,10 +34,8 @@ from stoop_studies.reproduce.suite import (
     PaperExperiment,
     Searches,
     bound_deviations,
-    by_columns,
     minus,
     rms,
-    tabulated,
 )
 
 STOPS: Final = {

@@ -14,8 +14,18 @@ from stoop.base.numbers import finite_or_none
 from stoop.parallel import Run
 from stoop.report.plots import Series, plot
 from stoop.report.sheet import Figure, Prose, Section, Table
-from stoop_studies.findings import Claim, Findings, Results, Setting, counted, holds, number, reproduces
-from stoop_studies.reproduce.suite import PaperExperiment, by_columns, hits_of, search_run
+from stoop_studies.findings import (
+    Claim,
+    Findings,
+    Results,
+    Setting,
+    by_columns,
+    counted,
+    holds,
+    number,
+    reproduces,
+)
+from stoop_studies.reproduce.suite import PaperExperiment, hits_of, search_run
 
 BUDGET: Final = 60_000.0  #: evaluations after which a run counts as failed
 PAPER: Final[dict[str, Any]] = {"name": "ps-gde"}

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import shlex
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Final, TypeVar
+from typing import Any, Final
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from stoop.assessment.covariance import standard_errors
 from stoop.base.arrays import FloatArray
 from stoop.parallel import Plan, Run
 from stoop.problem.evidence import invert
-from stoop.report.sheet import Prose, Section, Table
+from stoop.report.sheet import Prose, Section
 from stoop_studies.findings import Findings, Results, Setting, number
 from stoop_studies.outputs import Suite
 from stoop_studies.problems import Posed
@@ -25,7 +25,6 @@ SEARCH: Final = "stoop_studies.search:search"
 METHODS: Final = {"GA": "ga", "PSO": "pso", "PS-GDE": "ps-gde", "default": "ps-gde-lm"}
 SUCCESS: Final = 1e-2  #: largest relative error of a successful identification
 EXACT: Final = 1e-6  #: the same of an exact one
-Row = TypeVar("Row")
 
 RECONSTRUCTIONS: Final = """\
 The paper's title names a multirotor, but its model, trim and experiment are those of a fixed-wing aircraft with \
@@ -94,18 +93,6 @@ def search_run(key: str, optimizer: Any, problem: str, seed: int, stop: int | No
     """Return one search; ``more`` are arguments of `stoop_studies.search.search`."""
     arguments = {"optimizer": optimizer, "problem": problem, "seed": seed, "history": 0, **more}
     return Run(key, SEARCH, arguments, stop)
-
-
-def tabulated(caption: str, columns: Mapping[str, Callable[[Row], str]], rows: Iterable[Row]) -> Table:
-    """Return a table with one column for each name and function of a row."""
-    return Table(
-        caption, tuple(columns), tuple(tuple(text(row) for text in columns.values()) for row in rows)
-    )
-
-
-def by_columns(caption: str, columns: Mapping[str, Sequence[str]], *last: tuple[str, ...]) -> Table:
-    """Return a table of columns, with further rows below."""
-    return Table(caption, tuple(columns), (*zip(*columns.values(), strict=True), *last))
 
 
 def minus(text: str) -> str:
