@@ -27,7 +27,7 @@ MEMBERS = 48
 ROUNDS = 60
 ASKED = 20.0  #: %, of those that the project stands for
 NAMES = ("ps-gde", "de-rand-1-bin", "pso", "ga")
-HERD = "ps-gde-lm, its herd"
+POPULATION = "ps-gde-lm, its population"
 
 
 def run() -> list[Row]:
@@ -35,7 +35,7 @@ def run() -> list[Row]:
     with patch.dict(os.environ, {"STOOP_THREADS": "1"}):
         problem = paper().problem("N", 0, noise=False)
         calls = {name: _generations(name, problem) for name in NAMES}
-        calls[HERD] = _herd(problem)
+        calls[POPULATION] = _population(problem)
         times = interleave({"simulation": _simulation(problem), **calls}, ROUNDS)
     simulation = times.pop("simulation")
     return [_row(name, float(np.median(1.0 - simulation / taken)), taken) for name, taken in times.items()]
@@ -43,7 +43,7 @@ def run() -> list[Row]:
 
 def _row(name: str, share: float, taken: Any) -> Row:
     note = f"of a generation of {MEMBERS}, which takes {1e3 * float(np.median(taken)):.2f} ms"
-    asked = ASKED if name in ("ps-gde", HERD) else None
+    asked = ASKED if name in ("ps-gde", POPULATION) else None
     return Row(PART, f"{name}: all but simulation", 100.0 * share, "%", at_most=asked, note=note)
 
 
@@ -59,7 +59,7 @@ def _simulation(problem: Misfit) -> Callable[[], object]:
 
 
 def _generations(name: str, problem: Misfit) -> Callable[[], object]:
-    """Return a call that does the next generation; dives are left out, they are other work."""
+    """Return a call that does the next generation; local searches are left out, they are other work."""
     whole: Any = optimize.create(name)
     optimizer = replace(whole, members=MEMBERS, **({"prey": None} if name == "ps-gde" else {}))
     ledger = optimize.Ledger(problem, Evaluations.none(problem))
@@ -72,16 +72,16 @@ def _generations(name: str, problem: Misfit) -> Callable[[], object]:
     return step
 
 
-def _herd(problem: Misfit) -> Callable[[], object]:
-    """Return a call that moves the default's herd by one generation."""
+def _population(problem: Misfit) -> Callable[[], object]:
+    """Return a call that moves the default's population by one generation."""
     ledger = optimize.Ledger(problem, Evaluations.none(problem))
     generator = np.random.Generator(np.random.PCG64(0))
     X = latin_hypercube(MEMBERS, problem.dimension, generator)
-    herd = Population.first(X, ledger.costs(X, ledger.full))
+    population = Population.first(X, ledger.costs(X, ledger.full))
 
     def step() -> None:
-        nonlocal herd
-        trials = herd.ask(generator)
-        herd = herd.tell(trials, ledger.costs(trials.X, ledger.full), generator)
+        nonlocal population
+        trials = population.ask(generator)
+        population = population.tell(trials, ledger.costs(trials.X, ledger.full), generator)
 
     return step

@@ -16,7 +16,7 @@ import numpy as np
 from benchmarks.table import Row
 from stoop import optimize
 from stoop.base.arrays import FloatArray
-from stoop_studies.problems.paper import NEAR, Paper, box, paper
+from stoop_studies.problems.paper import NEAR, Paper, box, optimum, paper
 
 __all__ = ["Paper", "box", "run"]
 
@@ -88,9 +88,9 @@ def _search(case: Paper, kind: str, *, to_target: bool, noise: bool = False) -> 
     spent, missed = [], 0
     for seed in range(SEEDS):
         problem = case.problem(kind, seed, noise)
-        optimum = case.optimum(problem) if noise else 0.0
-        slack = NEAR * (optimum if noise else problem.reference(len(problem.prices) - 1))
-        near = optimum + slack if to_target or not noise else optimum * (1.0 + WRONG)
+        least = optimum(problem, case.vehicle) if noise else 0.0
+        slack = NEAR * (least if noise else problem.reference(len(problem.prices) - 1))
+        near = least + slack if to_target or not noise else least * (1.0 + WRONG)
         stop = optimize.Stop(budget=BUDGET, target_cost=near if to_target else -np.inf)
         outcome = optimize.minimize(optimize.create(), problem, seed=seed, stop=stop)
         spent.append(outcome.trajectories)
@@ -99,7 +99,7 @@ def _search(case: Paper, kind: str, *, to_target: bool, noise: bool = False) -> 
 
 
 def _population(case: Paper, name: str, kind: str) -> Row:
-    """Run an optimizer without dives on a box to J <= 1e-6 J0."""
+    """Run an optimizer without local search on a box to J <= 1e-6 J0."""
     spent = []
     for seed in range(SEEDS_OF_POPULATIONS):
         problem = case.problem(kind, seed, noise=False)

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final, Protocol
+from typing import Any, Final, Protocol, TypeVar
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from stoop.parallel import Plan
 from stoop.report.sheet import Code, Section, Sheet, Table
 
 CLAIMS_HEAD: Final = ("verdict", "statement: what was measured")
+Row = TypeVar("Row")
 Results = Mapping[str, Any]
 Record = Mapping[str, Cell]  #: name of a column -> its cell
 Numbers = tuple[tuple[str, ...], tuple[tuple[Cell, ...], ...]]  #: names of the columns, rows under them
@@ -152,3 +153,15 @@ def number(value: float | None, digits: int = 3) -> str:
 def counted(many: int, whole: int) -> str:
     """Return ``many of whole``."""
     return f"{many} of {whole}"
+
+
+def tabulated(caption: str, columns: Mapping[str, Callable[[Row], str]], rows: Iterable[Row]) -> Table:
+    """Return a table with one column for each name and function of a row."""
+    return Table(
+        caption, tuple(columns), tuple(tuple(text(row) for text in columns.values()) for row in rows)
+    )
+
+
+def by_columns(caption: str, columns: Mapping[str, Sequence[str]], *last: tuple[str, ...]) -> Table:
+    """Return a table of columns, with further rows below."""
+    return Table(caption, tuple(columns), (*zip(*columns.values(), strict=True), *last))

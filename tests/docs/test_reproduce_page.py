@@ -64,10 +64,10 @@ def test_ablation_is_the_one_that_was_written() -> None:
     medians = {name: float(r["median_evaluations"] or "inf") for name, r in by_name.items()}
     whole = medians["PS-GDE"]
     assert medians["without chaos"] < whole
-    assert medians["without dive"] < whole
+    assert medians["without local search"] < whole
     assert whole < medians["without sorting"]
-    assert medians["Levenberg-Marquardt dive"] < 0.2 * whole
-    plain = {n: m for n, m in medians.items() if n != "Levenberg-Marquardt dive"}
+    assert medians["Levenberg-Marquardt search"] < 0.2 * whole
+    plain = {n: m for n, m in medians.items() if n != "Levenberg-Marquardt search"}
     assert min(plain, key=lambda n: plain[n]) == "sorting alone"
     assert all(float(r["p_holm"]) < 0.05 for r in written if r["p_holm"])
 
@@ -79,7 +79,7 @@ def test_sweep_says_what_was_written() -> None:
     assert float(rows["CR", "0.95"]["median_evaluations"]) < float(rows["CR", "0.9"]["median_evaluations"])
     assert rows["CR", "1"]["reached"] == "14"
     nc = [float(rows["NC", n]["expected_running_time"]) for n in ("2", "5", "10", "20", "40", "80")]
-    assert nc == sorted(nc, reverse=True), "the less is dived, the better"
+    assert nc == sorted(nc, reverse=True), "the rarer the local search, the better"
 
 
 def test_noise_is_the_one_that_was_written() -> None:

@@ -20,10 +20,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from stoop.base.atmosphere import standard_density
 from stoop.base.units import DEGREE, FOOT, POUND_FORCE, SLUG
 from stoop.simulation import initial_states, parameter_rows
 from stoop.vehicle import Vehicle, parse_vehicle
-from stoop.vehicle.atmosphere import standard_density
 
 EARTH_RATE = 7.292115e-5  #: rad/s, WGS 84
 EQUATOR = 6378137.0  #: m, WGS 84

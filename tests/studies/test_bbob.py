@@ -18,7 +18,7 @@ from stoop_studies import problems
 from stoop_studies.problems import bbob
 
 ROOT = Path(__file__).parents[2]
-functions = pytest.mark.parametrize("name", bbob.names())
+functions = pytest.mark.parametrize("name", bbob.NAMES)
 
 
 @functions

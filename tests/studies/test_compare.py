@@ -197,7 +197,7 @@ def test_a_problem_is_posed_once_a_run(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_names_are_checked_before_anything_runs() -> None:
-    with pytest.raises(IdentificationError, match="nearest are ps-gde"):
+    with pytest.raises(IdentificationError, match="did you mean ps-gde"):
         check_optimizers(("ps-gd",))
     with pytest.raises(IdentificationError, match="paper-N"):
         check_problems(("paper-n",), flown=False)

@@ -62,17 +62,17 @@ def joined(posed: Posed) -> Joined:
 def test_everything_is_searched_in_one_box(posed: Posed) -> None:
     problem = joined(posed)
     assert problem.extra == 0
-    assert problem.dimension == len(posed.parameters) == problem.apart.dimension + problem.apart.extra
-    assert problem.apart.extra >= 8  # four states in either window
+    assert problem.dimension == len(posed.parameters) == problem.problem.dimension + problem.problem.extra
+    assert problem.problem.extra >= 8  # four states in either window
 
 
 def test_cost_is_that_of_the_problem_apart(posed: Posed) -> None:
     problem = joined(posed)
     X = np.random.default_rng(0).uniform(0.3, 0.7, (5, problem.dimension))
-    X[0, problem.apart.dimension :] = 0.5  # where the measurements put initial states
+    X[0, problem.problem.dimension :] = 0.5  # where the measurements put initial states
     full = len(problem.prices) - 1
     costs = problem.costs(X, full)
-    apart = problem.apart
+    apart = problem.problem
     assert costs[0] == pytest.approx(apart.costs(X[:1, : apart.dimension], full)[0])
     assert costs == pytest.approx(np.sum(apart.residuals(problem.split(X), full) ** 2, axis=1))
 
@@ -80,8 +80,8 @@ def test_cost_is_that_of_the_problem_apart(posed: Posed) -> None:
 def test_the_box_reaches_five_prior_deviations_to_either_side(posed: Posed) -> None:
     problem = joined(posed)
     ends = problem.split(np.array([np.zeros(problem.dimension), np.ones(problem.dimension)]))
-    assert ends[:, problem.apart.dimension :] == pytest.approx(
-        np.outer([-REACH, REACH], np.ones(problem.apart.extra))
+    assert ends[:, problem.problem.dimension :] == pytest.approx(
+        np.outer([-REACH, REACH], np.ones(problem.problem.extra))
     )
     z = np.random.default_rng(1).uniform(0.0, 1.0, problem.dimension)
     assert problem.join(problem.split(z[None])[0]) == pytest.approx(z)
@@ -101,10 +101,10 @@ def test_jacobian_is_the_difference_quotient(posed: Posed) -> None:
 def test_values_are_physical(posed: Posed) -> None:
     problem = joined(posed)
     center = posed.values(np.full(problem.dimension, 0.5))
-    lower, width = problem.apart.layout.lower, problem.apart.layout.width
-    assert center[: problem.apart.dimension] == pytest.approx(lower + 0.5 * width)
-    assert center[problem.apart.dimension :] == pytest.approx(
-        [n.center for n in problem.apart.layout.nuisances]
+    lower, width = problem.problem.layout.lower, problem.problem.layout.width
+    assert center[: problem.problem.dimension] == pytest.approx(lower + 0.5 * width)
+    assert center[problem.problem.dimension :] == pytest.approx(
+        [n.center for n in problem.problem.layout.nuisances]
     )
     assert "V of maneuver 2" in posed.parameters
 

@@ -37,7 +37,6 @@ from functools import cached_property
 from typing import Final
 
 import numpy as np
-from numpy.typing import ArrayLike
 from scipy.fft import next_fast_len, rfft
 from scipy.linalg import toeplitz
 
@@ -70,13 +69,6 @@ def data_information(pieces: Sequence[PieceEvidence]) -> FloatArray:
     return total
 
 
-def prior_information(std: ArrayLike) -> FloatArray:
-    """Return the information (k, k) of independent priors; an infinite or NaN `std` (k,) is no prior."""
-    spread = np.asarray(std, dtype=np.float64)
-    known = np.isfinite(spread) & (spread > 0.0)
-    return np.diag(np.where(known, np.where(known, spread, 1.0) ** -2.0, 0.0))
-
-
 def marked(covariance: FloatArray, determined: BoolArray) -> FloatArray:
     """Return `covariance` (k, k) with infinite variance, and NaN covariances, for what is not determined."""
     result = np.array(covariance)
@@ -100,11 +92,6 @@ def correlation(covariance: FloatArray) -> FloatArray:
     return matrix
 
 
-def intervals_95(estimate: FloatArray, sigma: FloatArray) -> FloatArray:
-    """Return the lower and upper ends (k, 2) of the 95 % intervals of a normal distribution."""
-    return np.column_stack([estimate - NORMAL_95 * sigma, estimate + NORMAL_95 * sigma])
-
-
 @dataclass(frozen=True, eq=False)
 class ColoredNoise:
     """An autoregression per channel: v[n] = sum_i coefficients[:, i] v[n - 1 - i] + w[n], cov(w) = innovation."""
@@ -112,16 +99,11 @@ class ColoredNoise:
     coefficients: FloatArray  #: (ny, order)
     innovation: FloatArray  #: (ny, ny)
 
-    def spectrum(self, size: int) -> ComplexArray:
-        """Return the power spectrum (size // 2 + 1, ny, ny) of an FFT of `size`, transform of E[v(i + l) v(i)']."""
-        gain = self._gain(size)
-        return np.asarray(gain[:, :, None] * self.innovation * gain.conj()[:, None, :])
+    def gain(self, size: int) -> ComplexArray:
+        """Return the frequency response (size // 2 + 1, ny) from innovation to noise, for an FFT of `size`.
 
-    def power(self, size: int) -> FloatArray:
-        """Return the diagonal (size // 2 + 1, ny) of the spectrum."""
-        return np.asarray(np.abs(self._gain(size)) ** 2 * np.diag(self.innovation))
-
-    def _gain(self, size: int) -> ComplexArray:
+        The power spectrum, transform of E[v(i + l) v(i)'], is G cov(w) G^H with G the diagonal matrix of the response.
+        """
         ones = np.ones((len(self.coefficients), 1))
         return np.asarray(1.0 / rfft(np.concatenate([ones, -self.coefficients], axis=1), size, axis=1).T)
 
@@ -198,7 +180,7 @@ class Coloring:
         share, pairs = counts / np.maximum(counts[:, :1], 1.0), np.maximum(counts, 1.0)
         noise = fit_noise(sums / pairs, residuals)
         for _ in range(ROUNDS):
-            spread = self._spread([block.middle_alone(noise) for block in self._blocks])
+            spread = self._spread([block.middle(noise, joint=False) for block in self._blocks])
             absorbed = np.zeros_like(share)
             for block in self._blocks:
                 crossed, squared = block.lagged(noise, spread, order)
@@ -243,30 +225,27 @@ class _Block:
             size, basis, np.stack([spectrum.real, spectrum.imag]) * np.sqrt(twice / size)[:, None, None]
         )
 
-    def middle(self, noise: ColoredNoise) -> FloatArray:
-        """Return the double sum (a, a) over this segment: S' V S."""
-        colored = noise.spectrum(self.size) @ (self.parts[0] + 1j * self.parts[1])
-        return _symmetric_product(self.parts, np.stack([colored.real, colored.imag]))
-
-    def middle_alone(self, noise: ColoredNoise) -> FloatArray:
-        """Return the double sum (a, a) without the correlation between channels."""
-        half = self.parts * np.sqrt(noise.power(self.size))[:, :, None]
-        return _symmetric_product(half, half)
+    def middle(self, noise: ColoredNoise, joint: bool = True) -> FloatArray:
+        """Return the double sum (a, a) over this segment: S' V S; on demand without correlation between channels."""
+        gain, innovation = noise.gain(self.size), noise.innovation
+        if joint:
+            spectrum = gain[:, :, None] * innovation * gain.conj()[:, None, :]
+            colored = spectrum @ (self.parts[0] + 1j * self.parts[1])
+            left, right = self.parts, np.stack([colored.real, colored.imag])
+        else:
+            left = right = self.parts * np.sqrt(np.abs(gain) ** 2 * np.diag(innovation))[:, :, None]
+        product: FloatArray = left.reshape(-1, left.shape[-1]).T @ right.reshape(-1, right.shape[-1])
+        return 0.5 * (product + product.T)
 
     def lagged(self, noise: ColoredNoise, spread: FloatArray, order: int) -> tuple[FloatArray, FloatArray]:
         """Return the lagged products (ny, order + 1) of S d with v, both ways, and of S d with itself."""
-        crossed = np.einsum("cfya,cfya->fy", self.parts, self.parts) * noise.power(self.size)
+        noise_power = np.abs(noise.gain(self.size)) ** 2 * np.diag(noise.innovation)
+        crossed = np.einsum("cfya,cfya->fy", self.parts, self.parts) * noise_power
         rows = self.parts.reshape(-1, self.parts.shape[-1])  # one large product, not one per frequency
         power = np.einsum("na,na->n", rows @ (self.basis @ spread @ self.basis.T), rows)
         squared = power.reshape(self.parts.shape[:3]).sum(axis=0)
         wave = np.cos(2.0 * np.pi / self.size * np.outer(np.arange(len(crossed)), np.arange(order + 1)))
         return 2.0 * crossed.T @ wave, squared.T @ wave
-
-
-def _symmetric_product(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Return a' b over all but the last axis, symmetric."""
-    product: FloatArray = a.reshape(-1, a.shape[-1]).T @ b.reshape(-1, b.shape[-1])
-    return 0.5 * (product + product.T)
 
 
 def windowed_covariance(
@@ -295,7 +274,13 @@ def windowed_covariance(
         S = np.concatenate([S, np.pad(gap_jacobian, [(0, 1), (0, 0), (0, 0)])], axis=1)
         alone = np.stack([leave_window_out(*one, inverse.factor) for one in zip(r, S, strict=True)])
         met = gap_jacobian.reshape(-1, gap_jacobian.shape[2])
-        middle += _score_covariance(alone, S) - met.T @ met
+        total, recent = np.zeros_like(prior), deque[FloatArray](maxlen=1 + max(0, min(NEIGHBORS, len(r) - 2)))
+        for S_w in S:  # the covariance of the scores' sum, and of neighbors
+            recent.appendleft(alone @ S_w)  # window of the residual, unknown
+            for lag, before in enumerate(recent):
+                pair = before[: len(r) - lag].T @ recent[0][lag:]
+                total += pair if lag == 0 else (1.0 - lag / (NEIGHBORS + 1.0)) * (pair + pair.T)
+        middle += total / len(r) - met.T @ met  # of all lags alike: no variance is negative then
     return marked(inverse.matrix @ middle @ inverse.matrix, inverse.determined)
 
 
@@ -305,19 +290,6 @@ def leave_window_out(r: FloatArray, S: FloatArray, factor: FloatArray) -> FloatA
     share, along = np.linalg.eigh(own.T @ own)
     others = np.where(share < MAX_SHARE, 1.0 / (1.0 - np.minimum(share, MAX_SHARE)), 0.0)
     return np.asarray(r + own @ (along @ (others * (along.T @ (own.T @ r)))))
-
-
-def _score_covariance(r: FloatArray, S: FloatArray) -> FloatArray:
-    """Return the covariance (k, k) of the sum of the scores of one piece, of residuals (w, m) and derivatives (w, m, k)."""
-    total: FloatArray = np.zeros((S.shape[2], S.shape[2]))
-    recent: deque[FloatArray] = deque(maxlen=1 + max(0, min(NEIGHBORS, len(r) - 2)))
-    for own in S:
-        crossed = r @ own  # window of the residual, unknown
-        recent.appendleft(crossed)
-        for lag, before in enumerate(recent):
-            pair = before[: len(r) - lag].T @ crossed[lag:]
-            total += pair if lag == 0 else (1.0 - lag / (NEIGHBORS + 1.0)) * (pair + pair.T)
-    return np.asarray(total / len(r))  # of all lags alike: no variance is negative then
 
 
 def widened(covariance: FloatArray, other: FloatArray) -> FloatArray:

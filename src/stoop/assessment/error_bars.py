@@ -27,7 +27,7 @@ from stoop.assessment.covariance import (
 from stoop.base.arrays import BoolArray, FloatArray, IntArray
 from stoop.base.notices import Notice, notice
 from stoop.estimate.fit import Fit
-from stoop.problem.evidence import Evidence, PieceEvidence, invert
+from stoop.problem.evidence import PieceEvidence, Unknown, invert
 from stoop.results.uncertainty import CorrelatedPair, NearNullDirection
 
 CORRELATION_LAGS: Final = 200  #: samples over which the residual autocorrelation is shown
@@ -96,6 +96,7 @@ class ErrorBars:
     """Uncertainty of the parameters and nuisances of a fit, in SI; k = parameters, then nuisances."""
 
     covariance: FloatArray  #: (k, k), corrected for color; zero for what is at a bound or not estimated
+    std: FloatArray  #: (k,), standard errors of that covariance
     #: (k,), as if residuals were white; NaN where a method does not use their color
     cramer_rao_std: FloatArray
     at_bound: BoolArray  #: (k,) bool; whether the estimate lies at a bound
@@ -103,11 +104,6 @@ class ErrorBars:
     conditional: tuple[str, ...]  #: more than twice as uncertain if the parameters at a bound were free
     uncertainty: Uncertainty  #: of the `free` unknowns
     free: IntArray  #: (f,); the unknowns that are estimated and not at a bound; noise intensities come last
-
-    @property
-    def std(self) -> FloatArray:
-        """Standard errors (k,)."""
-        return standard_errors(self.covariance)
 
     def rejected(self, reason: Notice) -> ErrorBars:
         """Return error bars of which none is a confident statement, for one reason; earlier doubts stay."""
@@ -124,49 +120,48 @@ def error_bars(fit: Fit) -> ErrorBars:
     Noise intensities take part and are not returned.
     """
     with threadpool_limits(limits=1, user_api="blas"):
-        return _error_bars(fit.evidence)
-
-
-def _error_bars(evidence: Evidence) -> ErrorBars:
-    unknowns, free = evidence.unknowns, evidence.free
-    pieces, prior = [piece.of(free) for piece in evidence.pieces], evidence.prior[np.ix_(free, free)]
-    found = estimate_uncertainty(pieces, prior, evidence.white)
-    corrected, cramer_rao = found.corrected, found.cramer_rao
-    gaps = [(p.gaps, p.gap_jacobian) for p in pieces if p.gaps is not None and p.gap_jacobian is not None]
-    if gaps:
-        windowed = windowed_covariance(pieces, [p.edges for p in pieces], gaps, prior)
-        corrected = corrected if windowed is None else widened(windowed, corrected)
-    if evidence.inflation != 1.0:
-        plain = invert((found.information - prior) * evidence.inflation + prior)
-        cramer_rao = marked(plain.matrix, plain.determined)
-    at_bound, conditional = np.array([u.fixed == "bound" for u in unknowns]), tuple[str, ...]()
-    if at_bound.any():  # what is known only as long as the parameters at a bound are right there
-        every = np.flatnonzero([u.fixed != "method" for u in unknowns])
-        whole = invert(
-            data_information([p.of(every) for p in evidence.pieces]) + evidence.prior[np.ix_(every, every)]
+        evidence = fit.evidence
+        unknowns, free = evidence.unknowns, evidence.free
+        pieces, prior = [piece.of(free) for piece in evidence.pieces], evidence.prior[np.ix_(free, free)]
+        found = estimate_uncertainty(pieces, prior, evidence.white)
+        corrected, cramer_rao = found.corrected, found.cramer_rao
+        gaps = [(p.gaps, p.gap_jacobian) for p in pieces if p.gaps is not None and p.gap_jacobian is not None]
+        if gaps:
+            windowed = windowed_covariance(pieces, [p.edges for p in pieces], gaps, prior)
+            corrected = corrected if windowed is None else widened(windowed, corrected)
+        if evidence.inflation != 1.0:
+            plain = invert((found.information - prior) * evidence.inflation + prior)
+            cramer_rao = marked(plain.matrix, plain.determined)
+        at_bound, conditional = np.array([u.fixed == "bound" for u in unknowns]), tuple[str, ...]()
+        if at_bound.any():  # what is known only as long as the parameters at a bound are right there
+            every = np.flatnonzero([u.fixed != "method" for u in unknowns])
+            whole = invert(
+                data_information([p.of(every) for p in evidence.pieces])
+                + evidence.prior[np.ix_(every, every)]
+            )
+            wide = standard_errors(marked(whole.matrix, whole.determined))[np.isin(every, free)]
+            leaning = free[wide > LIMITS.conditional_ratio * standard_errors(found.cramer_rao)]
+            conditional = tuple(unknowns[i].name for i in leaning if unknowns[i].kind == "parameter")
+        known, k = [unknowns[i] for i in free], sum(u.kind != "noise" for u in unknowns)
+        told = identifiability(known, found.information, corrected)
+        own = {u.name: j for u, j in zip(known, told, strict=True) if u.kind == "parameter"}
+        idle_reason = notice("not-estimated")
+        idle = [u.name for u in unknowns if u.kind == "parameter" and u.fixed == "method"]
+        covariance = np.zeros((len(unknowns),) * 2)
+        covariance[np.ix_(free, free)] = corrected
+        white = np.full(len(unknowns), np.nan if evidence.white else 0.0)  # what is assumed is no finding
+        white[free] = np.nan if evidence.white else standard_errors(cramer_rao)
+        return ErrorBars(
+            covariance=covariance[:k, :k],
+            std=standard_errors(covariance)[:k],
+            cramer_rao_std=white[:k],
+            at_bound=at_bound[:k],
+            identifiability=own
+            | {n: Identifiability(n, False, idle_reason, np.inf, np.inf, 0.0) for n in idle},
+            conditional=conditional,
+            uncertainty=found,
+            free=free,
         )
-        wide = standard_errors(marked(whole.matrix, whole.determined))[np.isin(every, free)]
-        leaning = free[wide > LIMITS.conditional_ratio * standard_errors(found.cramer_rao)]
-        conditional = tuple(unknowns[i].name for i in leaning if unknowns[i].kind == "parameter")
-    known, k = [unknowns[i] for i in free], sum(u.kind != "noise" for u in unknowns)
-    scale = ComparisonScale(*(np.array([getattr(u, n) for u in known]) for n in ("prior", "width", "size")))
-    told = identifiability([u.name for u in known], found.information, corrected, scale)
-    own = {u.name: j for u, j in zip(known, told, strict=True) if u.kind == "parameter"}
-    idle_reason = notice("not-estimated")
-    idle = [u.name for u in unknowns if u.kind == "parameter" and u.fixed == "method"]
-    covariance = np.zeros((len(unknowns),) * 2)
-    covariance[np.ix_(free, free)] = corrected
-    white = np.full(len(unknowns), np.nan if evidence.white else 0.0)  # what is assumed is no finding
-    white[free] = np.nan if evidence.white else standard_errors(cramer_rao)
-    return ErrorBars(
-        covariance=covariance[:k, :k],
-        cramer_rao_std=white[:k],
-        at_bound=at_bound[:k],
-        identifiability=own | {n: Identifiability(n, False, idle_reason, np.inf, np.inf, 0.0) for n in idle},
-        conditional=conditional,
-        uncertainty=found,
-        free=free,
-    )
 
 
 @dataclass(frozen=True)
@@ -181,19 +176,13 @@ class Identifiability:
     multiple_correlation: float  #: with all other unknowns together; 1 means that they can take its place
 
 
-@dataclass(frozen=True, eq=False)
-class ComparisonScale:
-    """Scales (k,) with which standard errors are compared; infinite where there is none."""
-
-    prior_std: FloatArray  #: (k,); standard deviation of the prior
-    box: FloatArray  #: (k,); width between the bounds
-    size: FloatArray  #: (k,); magnitude of the parameter: the greater of estimate and starting value
-
-
 def identifiability(
-    names: Sequence[str], information: FloatArray, covariance: FloatArray, scale: ComparisonScale
+    unknowns: Sequence[Unknown], information: FloatArray, covariance: FloatArray
 ) -> tuple[Identifiability, ...]:
-    """Return the identifiability of k unknowns from their information, priors included, and published covariance."""
+    """Return the identifiability of k unknowns from their information, priors included, and published covariance.
+
+    Standard errors are compared with the unknowns' priors, widths and sizes.
+    """
     inverse = invert(information)
     sigma = standard_errors(covariance)
     alone = 1.0 / np.sqrt(np.maximum(np.diag(information), np.finfo(float).tiny))
@@ -201,21 +190,21 @@ def identifiability(
     # 1 - R^2 = (conditional / marginal)^2
     multiple = np.sqrt(np.clip(1.0 - (alone / np.maximum(marginal, alone)) ** 2, 0.0, 1.0))
     out = []
-    for i, name in enumerate(names):
-        std, prior, box, size = (float(v[i]) for v in (sigma, scale.prior_std, scale.box, scale.size))
+    for i, one in enumerate(unknowns):
+        std = float(sigma[i])
         reason = None
         if not inverse.determined[i]:
             reason, std = notice("not-seen"), np.inf
-        elif std > LIMITS.prior_share * prior:
+        elif std > LIMITS.prior_share * one.prior:
             reason = notice("prior-only")
-        elif std > LIMITS.box_share * box:
+        elif std > LIMITS.box_share * one.width:
             reason = notice("error-as-box")
-        elif not np.isfinite(min(prior, box)) and std > LIMITS.size_share * size:
+        elif not np.isfinite(min(one.prior, one.width)) and std > LIMITS.size_share * one.size:
             reason = notice("error-beyond-size", times=LIMITS.size_share)
         identifiable = reason is None
         if identifiable and multiple[i] > np.sqrt(1.0 - LIMITS.collinear**-2):
             reason = notice("known-in-combination")
-        out.append(Identifiability(name, identifiable, reason, float(alone[i]), std, float(multiple[i])))
+        out.append(Identifiability(one.name, identifiable, reason, float(alone[i]), std, float(multiple[i])))
     return tuple(out)
 
 

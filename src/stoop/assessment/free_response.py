@@ -90,9 +90,7 @@ def measured_mode(
     slower = np.column_stack([np.ones_like(t), *([] if name == "phugoid" else [t])])
     spread = np.array([float(np.std(e[np.isfinite(e)])) or 1.0 for e in _rest(slower, y).T])
     search = _Oscillation(t, y / spread, slower)
-    # from the best points of a grid
-    grid = [np.array([math.log(w), z]) for w in np.geomspace(*search.frequencies, 24) for z in DAMPINGS]
-    x = search.solved(*sorted(grid, key=lambda x: float(np.sum(search.residuals(x) ** 2)))[:3])
+    x = search.solved()
     frequency, damping = math.exp(x[0]), float(x[1])
     away = elsewhere(free, airspeed) * np.array([1.0, abs(damping)])
     error = np.hypot(np.hypot(search.errors(x), search.drift(x)), away)
@@ -142,23 +140,15 @@ class _Oscillation:
         basis = np.column_stack([decay * np.cos(angle), decay * np.sin(angle), self.slower])
         return _rest(basis, self.y)[np.isfinite(self.y)]
 
-    @property
-    def frequencies(self) -> tuple[float, float]:
-        """The lowest and the highest frequency, rad/s, that the record can tell."""
-        return math.pi / self.t[-1], 0.5 * math.pi * (len(self.t) - 1) / self.t[-1]
-
-    @property
-    def box(self) -> tuple[list[float], list[float]]:
-        """Bounds of log w and zeta."""
-        slowest, fastest = self.frequencies
-        return [math.log(0.5 * slowest), -0.5], [math.log(fastest), MAX_DAMPING]
-
-    def solved(self, *starts: FloatArray) -> FloatArray:
-        """Return the best optimum from `starts`, which may lie beyond what this record can tell."""
-        bounds = self.box
+    def solved(self, start: FloatArray | None = None) -> FloatArray:
+        """Return the optimum from `start`, which may lie beyond what this record can tell, or from a grid."""
+        slowest, fastest = math.pi / self.t[-1], 0.5 * math.pi * (len(self.t) - 1) / self.t[-1]  # rad/s
+        box = [math.log(0.5 * slowest), -0.5], [math.log(fastest), MAX_DAMPING]
+        grid = [np.array([math.log(w), z]) for w in np.geomspace(slowest, fastest, 24) for z in DAMPINGS]
+        starts = [] if start is None else [start]
+        starts = starts or sorted(grid, key=lambda x: float(np.sum(self.residuals(x) ** 2)))[:3]
         ends = [
-            least_squares(self.residuals, np.clip(x, *bounds), bounds=bounds, x_scale=(0.1, 0.1))
-            for x in starts
+            least_squares(self.residuals, np.clip(x, *box), bounds=box, x_scale=(0.1, 0.1)) for x in starts
         ]
         return np.asarray(min(ends, key=lambda end: end.cost).x, dtype=np.float64)
 

@@ -22,7 +22,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
@@ -63,36 +62,11 @@ class Linearized:
     derivative: FloatArray  #: (k, n, n), per SI unit of each parameter
     room: FloatArray | float = 1.0  #: (k,), or a number; how far each parameter may sensibly move
 
-    @cached_property
-    def modes(self) -> tuple[Mode, ...]:
-        """The modes of A, each pair once."""
-        return modes_of(self.A, self.names)
-
-    @cached_property
-    def _eigenvectors(self) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
-        """Eigenvalues (n,), right eigenvectors in columns, left ones in rows, scaled so that y^H x = 1."""
-        values, right = np.linalg.eig(self.A)
-        return np.asarray(values, dtype=complex), np.asarray(right, dtype=complex), np.linalg.inv(right)
-
     def gradient(self, eigenvalue: complex) -> ComplexArray:
         """Return the derivative (k,) of one eigenvalue by every parameter."""
-        values, right, left = self._eigenvectors
-        i = int(np.argmin(np.abs(values - eigenvalue)))
-        return np.asarray(np.einsum("i,kij,j->k", left[i], self.derivative, right[:, i]))
-
-    def places(self, eigenvalue: complex) -> list[int]:
-        """Return where an eigenvalue stands, and its conjugate if it has one."""
-        pair = [eigenvalue] if abs(eigenvalue.imag) <= REAL else [eigenvalue, eigenvalue.conjugate()]
-        return [int(np.argmin(np.abs(self._eigenvectors[0] - one))) for one in pair]
-
-    def drawn(self, covariance: FloatArray, draws: int, seed: int) -> ComplexArray:
-        """Return the eigenvalues (draws, n) of draws of the parameters, each in the place of its nearest of A."""
-        power, basis = np.linalg.eigh(0.5 * (covariance + covariance.T))
-        spread = basis * np.sqrt(np.maximum(power, 0.0))
-        steps = np.random.default_rng(seed).standard_normal((draws, len(power))) @ spread.T
-        values = np.linalg.eigvals(self.A + np.tensordot(steps, self.derivative, 1)).astype(complex)
-        base = self._eigenvectors[0]
-        return np.array([row[linear_sum_assignment(np.abs(base[:, None] - row))[1]] for row in values])
+        values, right = np.linalg.eig(self.A)
+        i, left = int(np.argmin(np.abs(values - eigenvalue))), np.linalg.inv(right)  # rows, y^H x = 1
+        return np.asarray(np.einsum("i,kij,j->k", left[i], self.derivative, right[:, i]), dtype=complex)
 
 
 def differentiated(
@@ -126,21 +100,27 @@ def mode_estimates(
     """
     lost = ~np.isfinite(np.diag(covariance))
     known = np.where(lost[:, None] | lost[None, :], 0.0, covariance)
-    drawn, out = linearized.drawn(known, DRAWS, seed), []
-    for mode in linearized.modes:
-        if mode.name.endswith(".lag"):
-            continue
+    # eigenvalues (draws, n) of draws of the parameters, each in the place of its nearest of A
+    power, basis = np.linalg.eigh(0.5 * (known + known.T))
+    spread = basis * np.sqrt(np.maximum(power, 0.0))
+    steps = np.random.default_rng(seed).standard_normal((DRAWS, len(power))) @ spread.T
+    values = np.linalg.eigvals(linearized.A + np.tensordot(steps, linearized.derivative, 1)).astype(complex)
+    base, out = np.linalg.eigvals(linearized.A).astype(complex), []
+    drawn = np.array([row[linear_sum_assignment(np.abs(base[:, None] - row))[1]] for row in values])
+    for mode in (m for m in modes_of(linearized.A, linearized.names) if not m.name.endswith(".lag")):
         gradient = linearized.gradient(mode.eigenvalue)
         matters = np.abs(gradient) * linearized.room > MIN_EFFECT * abs(mode.eigenvalue)
         unknown = [n for n, both in zip(parameters, matters & lost, strict=True) if both]
         if unknown:
-            found: dict[str, Any] = {
-                name: Estimate(value) for name, value in _quantities(mode.eigenvalue).items()
-            }
+            numbers = _quantities(mode.eigenvalue)
+            found: dict[str, Any] = {name: Estimate(value) for name, value in numbers.items()}
             remark = notice("mode-depends-on-unknown", mode.name, parameters=tuple(unknown))
             out.append(ModeEstimate(mode.name, **found, remark=(remark,)))
         else:
-            out.append(_estimated(mode, gradient, known, drawn[:, linearized.places(mode.eigenvalue)]))
+            s = mode.eigenvalue
+            pair = [s] if abs(s.imag) <= REAL else [s, s.conjugate()]
+            places = [int(np.argmin(np.abs(base - one))) for one in pair]
+            out.append(_estimated(mode, gradient, known, drawn[:, places]))
     return tuple(out)
 
 
@@ -212,16 +192,12 @@ class Condition:
     inputs: FloatArray  #: (n_u,); mean of the recorded channels
     samples: int
 
-    def density(self, vehicle: Vehicle) -> float | None:
-        """Return the recorded density, kg/m3, where the vehicle takes it from the log."""
-        return float(self.inputs[vehicle.inputs.index("density")]) if "density" in vehicle.inputs else None
-
     def is_like(self, other: Condition, vehicle: Vehicle) -> bool:
         """Tell whether both were flown at one airspeed and density, in one loading."""
         pairs = [(self.start["V"], other.start["V"])]
-        density = self.density(vehicle), other.density(vehicle)
-        if density[0] is not None and density[1] is not None:
-            pairs.append((density[0], density[1]))
+        if "density" in vehicle.inputs:
+            i = vehicle.inputs.index("density")
+            pairs.append((float(self.inputs[i]), float(other.inputs[i])))
         near = all(abs(one - another) <= SAME_CONDITION * abs(one) for one, another in pairs)
         return near and dict(self.loading) == dict(other.loading)
 
@@ -234,36 +210,36 @@ class Condition:
 
 
 def conditions(fit: Fit) -> list[Condition]:
-    """Return the flight conditions of the fitted maneuvers, those alike taken together."""
-    vehicle, out = fit.problem.layout.vehicle, list[Condition]()
+    """Return the flight conditions of the fitted maneuvers, those alike taken together.
+
+    They are means of what the model flew, biases taken off; a state that it does not read stays as it began.
+    """
+    layout, out = fit.problem.layout, list[Condition]()
+    vehicle = layout.vehicle
     for maneuver in range(len(fit.prepared.windows)):
-        found = _condition(fit, maneuver)
+        indices = fit.prepared.of_maneuver(maneuver)
+        pieces = [fit.prepared.pieces[i] for i in indices]
+        flown = np.concatenate([fit.problem.outputs(fit.z, i) for i in indices])
+        entries = zip(layout.nuisances, fit.z[layout.dimension :].tolist(), strict=True)
+        own = pieces[0].maneuver
+        biases = {n.name: n.center + n.scale * e for n, e in entries if n.is_bias and n.maneuver == own}
+        start = {}
+        for name in ("V", "alpha", "beta", "p", "q", "r", *EULER, "h"):
+            if name not in vehicle.outputs:
+                start[name] = float(np.mean([piece.start.get(name, 0.0) for piece in pieces]))
+                continue
+            column = flown[:, vehicle.outputs.index(name)]
+            mean = np.angle(np.mean(np.exp(1j * column))) if name in EULER else np.mean(column)
+            start[name] = float(mean) - biases.get(f"sensors.{name}.bias", 0.0)
+        inputs = np.concatenate([piece.inputs for piece in pieces]).mean(axis=0)
+        count = sum(len(p.time) for p in pieces)
+        found = Condition((maneuver,), pieces[0].changes, start, inputs, count)
         same = next((i for i, c in enumerate(out) if c.is_like(found, vehicle)), None)
         if same is None:
             out.append(found)
         else:
             out[same] = out[same].joined(found)
     return out
-
-
-def _condition(fit: Fit, maneuver: int) -> Condition:
-    """Return the mean of what the model flew, biases taken off; a state that it does not read stays as it began."""
-    layout, indices = fit.problem.layout, fit.prepared.of_maneuver(maneuver)
-    pieces = [fit.prepared.pieces[i] for i in indices]
-    flown = np.concatenate([fit.problem.outputs(fit.z, i) for i in indices])
-    entries = zip(layout.nuisances, fit.z[layout.dimension :].tolist(), strict=True)
-    own = pieces[0].maneuver
-    biases = {n.name: n.center + n.scale * e for n, e in entries if n.is_bias and n.maneuver == own}
-    start = {}
-    for name in ("V", "alpha", "beta", "p", "q", "r", *EULER, "h"):
-        if name not in layout.vehicle.outputs:
-            start[name] = float(np.mean([piece.start.get(name, 0.0) for piece in pieces]))
-            continue
-        column = flown[:, layout.vehicle.outputs.index(name)]
-        mean = np.angle(np.mean(np.exp(1j * column))) if name in EULER else np.mean(column)
-        start[name] = float(mean) - biases.get(f"sensors.{name}.bias", 0.0)
-    inputs = np.concatenate([piece.inputs for piece in pieces]).mean(axis=0)
-    return Condition((maneuver,), pieces[0].changes, start, inputs, sum(len(p.time) for p in pieces))
 
 
 def modes(fit: Fit, parameters: tuple[str, ...], covariance: FloatArray) -> tuple[ConditionModes, ...]:
@@ -286,7 +262,9 @@ def _at(
     nothing = ConditionModes(condition.maneuvers, "", *place, (), notice("linear-model-not-finite"))
     if not np.isfinite([*start.values(), *condition.inputs]).all():
         return nothing
-    density = condition.density(vehicle)
+    density = None  # kg/m3, recorded where the vehicle takes it from the log
+    if "density" in vehicle.inputs:
+        density = float(condition.inputs[vehicle.inputs.index("density")])
     try:
         point, about, remark = trim(vehicle, start["V"], start["h"], density=density), "trim", None
     except SimulationError:
@@ -297,13 +275,19 @@ def _at(
     try:
         follow = neighbors(point) if about == "trim" else None
 
-        def matrix(numbers: Mapping[str, float]) -> tuple[tuple[str, ...], FloatArray]:
-            """Return A for changed numbers; the trim follows them, a mean state stays."""
-            if not numbers:
-                return state_matrix(vehicle, point)
-            return state_matrix(vehicle, follow(numbers) if follow else replace(point, changes=dict(numbers)))
-
-        linearized = differentiated(matrix, values, widths)
+        # the trim follows changed numbers, a mean state stays
+        linearized = differentiated(
+            lambda numbers: state_matrix(
+                vehicle,
+                point
+                if not numbers
+                else follow(numbers)
+                if follow
+                else replace(point, changes=dict(numbers)),
+            ),
+            values,
+            widths,
+        )
         if not (np.isfinite(linearized.A).all() and np.isfinite(linearized.derivative).all()):
             return nothing
         found = mode_estimates(linearized, parameters, covariance)

@@ -32,7 +32,6 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
 from threadpoolctl import threadpool_limits
 
 from stoop.assessment.assessment import AssessedFit, Finding, Optimum, Watch, linearize, stationary
@@ -95,40 +94,24 @@ class Target:
         return out
 
     def _densities(self, steps: FloatArray) -> FloatArray:
+        k, information = self.size, self.optimum.information
         with np.errstate(invalid="ignore", over="ignore"):
             residuals = self.optimum.problem.residuals(self._followed(steps), self.optimum.rung)
-            gain: FloatArray | float = 0.0  # by how much the nuisances lower the cost from where they stand
-            if self._any:
-                gradient = residuals @ self._nuisances
-                gain = np.sum(gradient * cho_solve(self._factor, gradient.T, check_finite=False).T, axis=1)
+            gradient = residuals @ self.optimum.jacobian[:, k:]
+            # by how much the nuisances lower the cost from where they stand; their priors make the matrix definite
+            gain = np.sum(gradient * np.linalg.solve(information[k:, k:], gradient.T).T, axis=1)
             density = -0.5 * (np.sum(residuals**2, axis=1) - gain)
         return np.where(np.isfinite(density), density, -np.inf)
 
     def _followed(self, steps: FloatArray) -> FloatArray:
         """Return vectors (W, D + E) with the nuisances where the linear model puts them."""
-        Z = np.repeat(self.optimum.z[None, :], len(steps), axis=0)
-        Z[:, : self.size] += steps
-        Z[:, self.size :] += steps @ self._follow.T
-        return Z
-
-    @property
-    def _any(self) -> bool:
-        return self.size < len(self.optimum.z)
-
-    @cached_property
-    def _nuisances(self) -> FloatArray:
-        return np.ascontiguousarray(self.optimum.jacobian[:, self.size :])
-
-    @cached_property
-    def _factor(self) -> tuple[FloatArray, bool]:
-        return cho_factor(self.optimum.information[self.size :, self.size :])  # their priors make it definite
+        return self.optimum.z + np.hstack([steps, steps @ self._follow.T])
 
     @cached_property
     def _follow(self) -> FloatArray:
         """How the nuisances follow the parameters, (E, k)."""
-        if not self._any:
-            return np.empty((0, self.size))
-        return np.asarray(-cho_solve(self._factor, self.optimum.information[self.size :, : self.size]))
+        k, information = self.size, self.optimum.information
+        return np.asarray(-np.linalg.solve(information[k:, k:], information[k:, :k]))
 
     @cached_property
     def information(self) -> FloatArray:
@@ -142,7 +125,7 @@ class Target:
         steps = (X - self.center) @ self.stretch.T
         found = []
         for z in self._followed(steps):
-            for _ in range(4 if self._any else 0):
+            for _ in range(4 if k < len(z) else 0):
                 r = problem.residuals(z[None, :], rung)[0]
                 jacobian = problem.jacobian(z, rung, r)[0][:, k:]
                 z[k:] -= np.linalg.lstsq(jacobian, r, rcond=None)[0]
@@ -195,18 +178,16 @@ class Reference:
 
     def fitted(self, draws: FloatArray) -> Reference:
         """Return the reference with center and spread of draws (m, k), kept definite by a little of this one."""
-        spread = (1.0 - SAMPLER.blend) * np.cov(draws.T).reshape(
-            draws.shape[1], -1
-        ) + SAMPLER.blend * self.factor @ self.factor.T
+        own = np.cov(draws.T).reshape(draws.shape[1], -1)
+        spread = (1.0 - SAMPLER.blend) * own + SAMPLER.blend * self.factor @ self.factor.T
         return Reference(np.asarray(draws.mean(axis=0)), np.asarray(np.linalg.cholesky(spread)))
 
 
 def reference(target: Target) -> Reference:
     """Return the normal distribution beside a target; what the data do not see is as wide as the box."""
     information = target.stretch.T @ target.information @ target.stretch
-    values, vectors = np.linalg.eigh(
-        0.5 * (information + information.T) + np.eye(target.size) / SAMPLER.box_std**2
-    )
+    information = 0.5 * (information + information.T) + np.eye(target.size) / SAMPLER.box_std**2
+    values, vectors = np.linalg.eigh(information)
     return Reference(target.center, vectors / np.sqrt(values))
 
 
@@ -256,21 +237,16 @@ def sample(
         chosen = found[random.randint(len(found), size=int(lost.sum()))]
         points[lost] = chosen + 1e-3 * (reference.center - chosen)
 
-    def sampler() -> Any:
-        """Return emcee's: most proposals from the reference, the others from the differences of walkers."""
-        moves = [
-            (emcee.moves.MHMove(reference.propose), 0.6),
-            (emcee.moves.DEMove(), 0.3),
-            (emcee.moves.DESnookerMove(), 0.1),
-        ]
-        return emcee.EnsembleSampler(walkers, len(reference.center), target, vectorize=True, moves=moves)
-
+    # most proposals from the reference, the others from the differences of walkers
+    shares, size = (0.6, 0.3, 0.1), len(reference.center)
+    differences = (emcee.moves.DEMove(), emcee.moves.DESnookerMove())
     state = emcee.State(points, random_state=random.get_state())
-    for steps in WARM_UP:
-        walk = sampler()
-        state = walk.run_mcmc(state, steps, skip_initial_state_check=True)
-        reference = reference.fitted(walk.get_chain(discard=steps // 2, flat=True))
-    walk = sampler()
+    for steps in (*WARM_UP, 0):
+        moves = list(zip((emcee.moves.MHMove(reference.propose), *differences), shares, strict=True))
+        walk = emcee.EnsembleSampler(walkers, size, target, vectorize=True, moves=moves)
+        if steps:
+            state = walk.run_mcmc(state, steps, skip_initial_state_check=True)
+            reference = reference.fitted(walk.get_chain(discard=steps // 2, flat=True))
     while walk.iteration < SAMPLER.max_steps:
         state = walk.run_mcmc(state, SAMPLER.steps_per_round, skip_initial_state_check=True)
         draws = np.swapaxes(walk.get_chain(), 0, 1)

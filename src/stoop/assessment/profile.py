@@ -84,30 +84,22 @@ class Pinned(Derived):
         return np.delete(jacobian, self.entry, axis=1), spent
 
 
-@dataclass(frozen=True, eq=False)
 class ProfileLikelihood:
-    """The profile of one parameter, in the unit box."""
-
-    lower: float  #: end of the 95 % interval; NaN where the data leave it open up to the bound
-    upper: float
-    points: FloatArray  #: (m, 2): values tried, ascending, and signed root of the likelihood-ratio statistic
-    better: float  #: by how much a refit fell below the optimum, statistic; 0 for an optimum that was one
-
-
-def profile_likelihood(optimum: Optimum, entry: int, factor: float = 1.0) -> ProfileLikelihood:
-    """Return the profile of the parameter at an entry of the problem's vector.
+    """The profile of the parameter at an entry of the problem's vector, in the unit box, by refits on both sides.
 
     `factor` is that by which its error bar is corrected for the color of the residuals, as the weights have it.
+
+    Attributes
+    ----------
+    lower, upper : float
+        Ends of the 95 % interval; NaN where the data leave it open up to the bound.
+    points : list of tuple
+        Values tried and signed root of the likelihood-ratio statistic, ascending.
+    better : float
+        By how much a refit fell below the optimum, statistic; 0 for an optimum that was one.
     """
-    profile = _Profile(optimum, entry, factor)
-    lower, upper = (profile.end(direction) for direction in (-1.0, 1.0))
-    return ProfileLikelihood(lower, upper, np.array(sorted(profile.points)), profile.better)
 
-
-class _Profile:
-    """The refits on both sides of the optimum."""
-
-    def __init__(self, optimum: Optimum, entry: int, factor: float) -> None:
+    def __init__(self, optimum: Optimum, entry: int, factor: float = 1.0) -> None:
         self.optimum, self.entry, self.factor = optimum, entry, factor
         self.center = float(optimum.z[entry])
         self.points = [(self.center, 0.0)]
@@ -118,13 +110,14 @@ class _Profile:
             column = optimum.inverse.factor @ optimum.inverse.factor[where[0]]
             self.follow, self.variance = column / column[where[0]], float(column[where[0]])
         least = float(optimum.residual @ optimum.residual)
-        again = refine(
-            Pinned(optimum.problem, entry, self.center), np.delete(optimum.z, entry), optimum.rung, SETTINGS
-        )
+        pinned, rest = Pinned(optimum.problem, entry, self.center), np.delete(optimum.z, entry)
+        again = refine(pinned, rest, optimum.rung, SETTINGS)
         self.better = max(0.0, least - again.cost) / factor**2
         self.least = min(least, again.cost)
+        self.lower, self.upper = self._end(-1.0), self._end(1.0)
+        self.points.sort()
 
-    def end(self, direction: float) -> float:
+    def _end(self, direction: float) -> float:
         """Return where the statistic's root passes 1.96 to one side; NaN where it does not before the bound."""
         bound = 1.0 if direction > 0.0 else 0.0
         reach = abs(bound - self.center)
@@ -200,7 +193,25 @@ class Profile:
         """Return likelihood-ratio intervals; NaN for an end that the data leave open."""
         plan = profile_plan(fit, selected(fit, self.parameters))
         found = refits(plan, self.store, self.pool, "profile: {} of {} parameters", 1, watch)
-        return Finding(_intervals(fit, found))
+        parameters, notices, layout, count = {}, list[Notice](), fit.fit.problem.layout, 0
+        if len(found) < len(fit.names):
+            notices.append(notice("profile-of-some-parameters"))
+        for name, one in found.items():
+            result: Any = one
+            entry = fit.names.index(name)
+            p = layout.parameters[entry]
+            low, high = (
+                float(layout.lower[entry] + layout.width[entry] * float(end)) for end in result["ends"]
+            )
+            parameters[name] = Interval((high - low) / (2.0 * NORMAL_95), low, high)
+            sides = [side for side, end in (("-below", low), ("-above", high)) if not np.isfinite(end)]
+            if sides:
+                code = "profile-open" + (sides[0] if len(sides) == 1 else "")
+                notices.append(notice(code, name, lower=p.lower, upper=p.upper))
+            if result["better"] > BETTER:
+                notices.append(notice("profile-better-optimum", name))
+            count += len(result["points"]) - 1
+        return Finding(MethodIntervals(parameters, {"refits": float(count)}, tuple(notices)))
 
 
 def selected(fit: AssessedFit, wanted: Sequence[str]) -> tuple[str, ...]:
@@ -242,10 +253,10 @@ def profile_one(arguments: Mapping[str, Json], stops: Sequence[int | None]) -> l
     given: Any = arguments
     with threadpool_limits(limits=1, user_api="blas"):  # more threads would round differently
         optimum = _unpacked(str(given["problem"]))
-        found = profile_likelihood(optimum, int(given["entry"]), float(given["factor"]))
+        found = ProfileLikelihood(optimum, int(given["entry"]), float(given["factor"]))
     done: dict[str, Json] = {
         "ends": [found.lower, found.upper],
-        "points": found.points.tolist(),
+        "points": [list(point) for point in found.points],
         "better": found.better,
     }
     return [done for _ in stops]
@@ -255,22 +266,3 @@ def profile_one(arguments: Mapping[str, Json], stops: Sequence[int | None]) -> l
 def _unpacked(text: str) -> Optimum:
     problem, optimum, _ = unpacked_optimum(text)
     return optimum if isinstance(problem, Misfit) else stationary(optimum)
-
-
-def _intervals(fit: AssessedFit, results: Mapping[str, Any]) -> MethodIntervals:
-    layout, parameters, notices = fit.fit.problem.layout, {}, list[Notice]()
-    if len(results) < len(fit.names):
-        notices.append(notice("profile-of-some-parameters"))
-    for name, found in results.items():
-        entry = fit.names.index(name)
-        p = layout.parameters[entry]
-        low, high = (layout.lower[entry] + layout.width[entry] * float(end) for end in found["ends"])
-        parameters[name] = Interval(float(high - low) / (2.0 * NORMAL_95), float(low), float(high))
-        sides = [side for side, end in (("-below", low), ("-above", high)) if not np.isfinite(end)]
-        if sides:
-            code = "profile-open" + (sides[0] if len(sides) == 1 else "")
-            notices.append(notice(code, name, lower=p.lower, upper=p.upper))
-        if found["better"] > BETTER:
-            notices.append(notice("profile-better-optimum", name))
-    refits = sum(len(found["points"]) - 1 for found in results.values())
-    return MethodIntervals(parameters, {"refits": float(refits)}, tuple(notices))

@@ -20,13 +20,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 from scipy.stats import chi2
 
-from stoop.assessment.covariance import correlation, intervals_95
+from stoop.assessment.covariance import NORMAL_95, correlation
 from stoop.assessment.error_bars import (
     ErrorBars,
     error_bars,
@@ -37,14 +37,12 @@ from stoop.assessment.error_bars import (
     worst_pairs,
 )
 from stoop.assessment.maneuver_advice import advice, flown_model
-from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice, notice
 from stoop.base.text import enumerated
 from stoop.errors import StoopError
 from stoop.estimate import methods
 from stoop.estimate.fit import Fit, Options
 from stoop.flight import Flight
-from stoop.problem.windows import Window
 from stoop.results.result import ParameterEstimate, Result
 from stoop.results.uncertainty import (
     SCATTER_LEVEL,
@@ -68,9 +66,19 @@ MAX_PRIOR_SHARE: Final = 0.5
 
 def with_uncertainty(result: Result, fit: Fit, bars: ErrorBars) -> Result:
     """Return the result with its two error bars side by side, which to trust, and what the data can tell."""
-    methods = {"corrected": MethodIntervals(_intervals(result, bars, bars.std))}
+    errors = {"corrected": bars.std}
     if not np.isnan(bars.cramer_rao_std).all():  # a method that takes residuals as white has none to compare
-        methods["cramer_rao"] = MethodIntervals(_intervals(result, bars, bars.cramer_rao_std))
+        errors["cramer_rao"] = bars.cramer_rao_std
+    methods = {}
+    for key, std in errors.items():
+        intervals = {}
+        for (name, p), at_bound, error in zip(
+            result.parameters.items(), bars.at_bound, std.tolist(), strict=False
+        ):
+            reach = NORMAL_95 * error if p.identifiable and not p.at_bound else np.nan
+            shown = np.nan if at_bound else error
+            intervals[name] = Interval(shown, p.estimate - reach, p.estimate + reach)
+        methods[key] = MethodIntervals(intervals)
     names = [p.name for p in fit.problem.layout.parameters]
     related = correlation(bars.covariance[: len(names), : len(names)])
     model = flown_model(result, fit)
@@ -93,16 +101,6 @@ def with_uncertainty(result: Result, fit: Fit, bars: ErrorBars) -> Result:
         trust=tuple(method_agreement(result.parameters, methods)),
         identifiability=IdentifiabilityAnalysis(singular, analyses, worst_pairs(names, related), directions),
     )
-
-
-def _intervals(result: Result, bars: ErrorBars, std: FloatArray) -> dict[str, Interval]:
-    out = {}
-    for i, (name, p) in enumerate(result.parameters.items()):
-        low, high = intervals_95(np.array([p.estimate]), std[i : i + 1])[0]
-        sure = p.identifiable and not p.at_bound
-        ends = (float(low), float(high)) if sure else (np.nan, np.nan)
-        out[name] = Interval(np.nan if bars.at_bound[i] else float(std[i]), *ends)
-    return out
 
 
 def _directions(
@@ -221,40 +219,33 @@ def scatter(singles: Sequence[SingleEstimate]) -> ParameterRepeatability:
     return ParameterRepeatability(tuple(singles), mean, error, square, degrees, p_value, verdict)
 
 
-@dataclass(frozen=True, eq=False)
-class SingleFit:
-    """Estimates of one maneuver fitted alone; none where it could not be fitted, and why."""
-
-    window: Window
-    estimates: dict[str, SingleEstimate]
-    remark: Notice | None = None
-
-
-def fit_each(
+def repeatability(
     fit: Fit, flights: Mapping[str, Flight], options: Options, watch: Callable[[str], None]
-) -> list[SingleFit]:
-    """Fit every maneuver of a finished fit by itself, from the same start, within the same bounds and priors.
+) -> Repeatability:
+    """Fit every maneuver of a finished fit by itself, from the same start, within the same bounds and priors; compare them.
 
     What a maneuver does not determine is not counted. Ctrl-C ends the fit at hand, which `watch` receives, and the rest.
     """
-    vehicle, fitter = fit.problem.layout.vehicle, methods.find(options.method).fitter()
-    out, stopped = list[SingleFit](), False
-    for window in fit.prepared.windows:
+    layout, windows = fit.problem.layout, fit.prepared.windows
+    fitter, stopped, remarks = methods.find(options.method).fitter(), False, list[Notice]()
+    nothing = SingleEstimate(math.nan, math.nan, counted=False)
+    singles = {p.name: [nothing] * len(windows) for p in layout.parameters}
+    for i, window in enumerate(windows):
         watch(f"repeatability: {window}")
-        estimates = dict[str, SingleEstimate]()
-        remark: Notice | None = notice("maneuver-stopped", str(window))
         try:
-            own = None if stopped else fitter(vehicle, flights, [window], options, None, None)
+            own = None if stopped else fitter(layout.vehicle, flights, [window], options, None, None)
             stopped = own is None or own.outcome.status == "interrupted"
-            if own is not None and not stopped:
-                estimates = _estimates(own, error_bars(own))
-                confirmed = own.outcome.status in ("converged", "target")
-                unconfirmed = notice("maneuver-no-optimum", str(window), advice=own.outcome.advice)
-                remark = None if confirmed else unconfirmed
+            if own is None or stopped:
+                remarks.append(notice("maneuver-stopped", str(window)))
+                continue
+            for name, one in _estimates(own, error_bars(own)).items():
+                singles[name][i] = one
+            if own.outcome.status not in ("converged", "target"):
+                remarks.append(notice("maneuver-no-optimum", str(window), advice=own.outcome.advice))
         except (StoopError, np.linalg.LinAlgError) as error:
-            remark = notice("maneuver-not-fitted", str(window), reason=str(error))
-        out.append(SingleFit(window, estimates, remark))
-    return out
+            remarks.append(notice("maneuver-not-fitted", str(window), reason=str(error)))
+    compared = {name: scatter(several) for name, several in singles.items()}
+    return Repeatability(tuple(range(len(windows))), compared, tuple(remarks))
 
 
 def _estimates(fit: Fit, bars: ErrorBars) -> dict[str, SingleEstimate]:
@@ -270,11 +261,3 @@ def _estimates(fit: Fit, bars: ErrorBars) -> dict[str, SingleEstimate]:
         counted = one.counted and not bars.at_bound[i] and bars.identifiability[p.name].identifiable
         out[p.name] = replace(one, counted=bool(counted))
     return out
-
-
-def with_repeatability(result: Result, singles: Sequence[SingleFit]) -> Result:
-    """Return the result with the agreement of its maneuvers."""
-    nothing = SingleEstimate(math.nan, math.nan, counted=False)
-    parameters = {n: scatter([one.estimates.get(n, nothing) for one in singles]) for n in result.parameters}
-    remarks = tuple(one.remark for one in singles if one.remark)
-    return replace(result, repeatability=Repeatability(tuple(range(len(singles))), parameters, remarks))

@@ -162,7 +162,7 @@ def _identify(
     watch: Watch,
 ) -> tuple[Job, bool]:
     """Return the job, its results written, and whether Ctrl-C came."""
-    from stoop.assessment.uncertainty import fit_each, with_repeatability
+    from stoop.assessment.uncertainty import repeatability
     from stoop.workflow.checkpoint import deferred_interrupt
     from stoop.workflow.identification import finish, search
     from stoop.workflow.outputs import place_outputs
@@ -177,15 +177,15 @@ def _identify(
     others = options.given_paths(arguments.mapping, arguments.noise)
     windows = arguments.maneuver, arguments.validate
     done = search(vehicle, flights, *windows, settings, see, state, options.command_line(), others)
-    singles = []
+    repeated = None
     if arguments.repeatability:
         checkpoint.keep_last(done.fit.outcome)  # the search that was done is safe meanwhile
-        singles = fit_each(done.fit, done.flights, done.options, watch.turn_to)
+        repeated = repeatability(done.fit, done.flights, done.options, watch.turn_to)
     with deferred_interrupt() as ctrl_c:
         checkpoint.keep_last(done.fit.outcome)
         watch.turn_to("error bars, predictions and report")
         job = finish(done)
-        job = job.with_result(with_repeatability(job.result, singles)) if singles else job
+        job = job.with_result(replace(job.result, repeatability=repeated)) if repeated else job
         place_outputs(job, arguments.output, arguments.overwrite or arguments.resume)
     return job, ctrl_c.came or done.fit.outcome.status == "interrupted"
 

@@ -47,7 +47,7 @@ GUST_SHARES: Final = {
 }  #: of the intensity in each gust state
 ADVICE: Final[dict[Status, str]] = {
     "converged": "",
-    "generations": f"no maximum of the likelihood after {MAX_ITERATIONS} steps; begin nearer, fix what the data cannot tell",
+    "generations": f"no maximum of the likelihood after {MAX_ITERATIONS} steps; begin nearer, or fix parameters",
     "interrupted": "stopped by the user; resume to go on from the last step",
 }
 

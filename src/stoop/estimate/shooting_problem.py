@@ -24,9 +24,8 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from stoop.base.arrays import FloatArray
-from stoop.estimate.shooting_windows import AIRCRAFT, Shot, Shots, residual, window_model
-from stoop.optimize.normal_equations import gram, project
-from stoop.problem import Misfit, Weights
+from stoop.estimate.shooting_windows import AIRCRAFT, Products, Shot, Shots, residual, window_model
+from stoop.problem import Misfit
 from stoop.problem.evidence import Evidence, PieceEvidence, unknowns_of
 from stoop.simulation import parameter_rows
 from stoop.simulation.initial import commanded
@@ -44,9 +43,7 @@ ROUNDING: Final = 1e-12  #: of the greatest eigenvalue
 class Weighted:
     """A window, whitened: residual and gap are in standard deviations."""
 
-    residual: FloatArray  #: (n n_y,)
-    by_unknown: FloatArray  #: (j, n n_y)
-    by_state: FloatArray  #: (e, n n_y)
+    products: Products  #: of its readings
     gap: FloatArray  #: (e,), empty for the last window
     gap_by_unknown: FloatArray  #: (e, j)
     gap_by_state: FloatArray  #: (e, e)
@@ -93,17 +90,18 @@ class Reduced:
 
 def reduced(windows: Sequence[Weighted], damping: float) -> Reduced:
     """Eliminate the states of all windows but the first, whose state is the search vector's."""
-    j, e = len(windows[0].by_unknown), len(windows[0].by_state)
+    e, j = windows[0].products.across.shape
     normal, gradient = np.zeros((j, j)), np.zeros(j)
     blocks = []  # of each state: by state (e, e), by unknown (e, j), gradient (e,), by the state before (e, e)
     for w, window in enumerate(windows):
-        normal += gram(window.by_unknown) + window.gap_by_unknown.T @ window.gap_by_unknown
-        gradient += project(window.by_unknown, window.residual) + window.gap_by_unknown.T @ window.gap
+        readings = window.products
+        normal += readings.by_unknown + window.gap_by_unknown.T @ window.gap_by_unknown
+        gradient += readings.unknown_slope + window.gap_by_unknown.T @ window.gap
         if w > 0:
             last = windows[w - 1]
-            A = gram(window.by_state) + window.gap_by_state.T @ window.gap_by_state
-            B = window.by_state @ window.by_unknown.T + window.gap_by_state.T @ window.gap_by_unknown
-            c = project(window.by_state, window.residual) + window.gap_by_state.T @ window.gap
+            A = readings.by_state + window.gap_by_state.T @ window.gap_by_state
+            B = readings.across + window.gap_by_state.T @ window.gap_by_unknown
+            c = readings.state_slope + window.gap_by_state.T @ window.gap
             A += np.diag(last.closing**2)
             B -= last.closing[:, None] * last.gap_by_unknown
             c -= last.closing * last.gap
@@ -163,9 +161,8 @@ class ShootingProblem:
         shots = tuple(Shots.of(problem, i, length) for i in range(len(problem.pieces)))
         return cls(problem, shots, np.array(scales), AIRCRAFT.strictness[-1])
 
-    def weighted(self, weights: Weights) -> ShootingProblem:
-        """Return the same windows with another Q."""
-        problem = self.problem.weighted(weights)
+    def of_problem(self, problem: Misfit) -> ShootingProblem:
+        """Return the same windows with another Q, or with readings moved by other delays."""
         return replace(self, problem=problem, shots=tuple(replace(s, problem=problem) for s in self.shots))
 
     @cached_property
@@ -241,13 +238,9 @@ class ShootingProblem:
         out = []
         for shot in windows:
             weights = self.gap_weights if len(shot.gap) else np.empty(0)
-            by_unknown, by_state = (
-                np.ascontiguousarray(slopes.reshape(-1, slopes.shape[2]).T)
-                for slopes in (shot.by_unknown, shot.by_state)
-            )
             gap, column = weights * shot.gap, weights[:, None]
             slopes = column * shot.gap_by_unknown, column * shot.gap_by_state
-            out.append(Weighted(shot.residual.ravel(), by_unknown, by_state, gap, *slopes, weights))
+            out.append(Weighted(shot.products, gap, *slopes, weights))
         return out
 
     def reduce(

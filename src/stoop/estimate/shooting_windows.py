@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -17,6 +18,7 @@ from stoop.estimate.linearization import interpolated, perturbation_steps, pertu
 from stoop.estimate.regression.rotors import lagged_command
 from stoop.kernels import filtering
 from stoop.kernels.windows import windows
+from stoop.optimize.normal_equations import gram, project
 from stoop.problem import Misfit, Piece, on_circle
 from stoop.problem.observation import (
     AIR_FRAME,
@@ -27,7 +29,7 @@ from stoop.problem.observation import (
     true_value,
 )
 from stoop.simulation import initial_states, parameter_rows
-from stoop.simulation.delays import input_delays, late_inputs
+from stoop.simulation.delays import input_delays, late_inputs, late_outputs, output_delays
 from stoop.simulation.initial import commanded
 from stoop.vehicle import Vehicle
 from stoop.vehicle.schema import WIND
@@ -114,6 +116,17 @@ def window_model(vehicle: Vehicle) -> WindowModel:
 
 
 @dataclass(frozen=True, eq=False)
+class Products:
+    """What of the readings of a window enters normal equations, however its gap is weighted."""
+
+    by_unknown: FloatArray  #: (j, j), of the derivatives by the search vector with themselves
+    by_state: FloatArray  #: (e, e), of those by the state that the window begins with
+    across: FloatArray  #: (e, j), of the latter with the former
+    unknown_slope: FloatArray  #: (j,), of the derivatives with the residual
+    state_slope: FloatArray  #: (e,)
+
+
+@dataclass(frozen=True, eq=False)
 class Shot:
     """One window, simulated and linearized."""
 
@@ -123,6 +136,17 @@ class Shot:
     gap: FloatArray  #: (e,), end of this window less start of the next; empty for the last
     gap_by_unknown: FloatArray  #: (e, j)
     gap_by_state: FloatArray  #: (e, e)
+
+    @cached_property
+    def products(self) -> Products:
+        """Products of residual and derivatives, once they are whitened."""
+        unknowns, states = (
+            np.ascontiguousarray(slopes.reshape(-1, slopes.shape[2]).T)
+            for slopes in (self.by_unknown, self.by_state)
+        )
+        left = self.residual.ravel()
+        across = states @ unknowns.T
+        return Products(gram(unknowns), gram(states), across, project(unknowns, left), project(states, left))
 
 
 @dataclass(frozen=True, eq=False)
@@ -305,7 +329,12 @@ class Shots:
         n, edges = len(self.piece.time), np.array(self.edges)
         steps = np.minimum(edges[which + 1], n - 1) - edges[which]
         first, behind = copy * n + edges[which], (copy + 1) * n
-        return windows(vehicle.kernel(), rows, begin, record, first, behind, steps, dt)
+        out, last = windows(vehicle.kernel(), rows, begin, record, first, behind, steps, dt)
+        for length in np.unique(steps) if output_delays(vehicle) else ():
+            lanes = steps == length  # each in its own length, whatever stands beside it
+            part = np.ascontiguousarray(out[lanes, : length + 1])
+            out[lanes, : length + 1] = late_outputs(vehicle, part, rows[:, lanes], dt, self.piece.moved)
+        return out, last
 
 
 def residual(problem: Misfit, readings: FloatArray, measured: FloatArray) -> FloatArray:

@@ -17,6 +17,7 @@ References
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final
@@ -24,6 +25,7 @@ from typing import Any, Final
 import numpy as np
 
 from stoop.base.arrays import FloatArray
+from stoop.base.atmosphere import SEA_LEVEL_DENSITY
 from stoop.base.notices import Notice, notice
 from stoop.base.rotations import matrices_of, normalized, quaternions_of
 from stoop.base.units import DEGREE
@@ -134,19 +136,8 @@ def _measured_speed(flight: Flight) -> FloatArray | None:
     return flight.column("V")
 
 
-@dataclass(frozen=True)
-class _Columns:
-    """Columns (n,) of a flight on its grid; those that are missing read NaN."""
-
-    time: FloatArray
-    values: Mapping[str, FloatArray]
-
-    def __getitem__(self, name: str) -> FloatArray:
-        found = self.values.get(name)
-        return np.full(self.time.size, np.nan) if found is None else np.asarray(found, dtype=np.float64)
-
-    def stack(self, names: Sequence[str]) -> FloatArray:
-        return np.column_stack([self[name] for name in names])
+def _stack(columns: Mapping[str, FloatArray], names: Sequence[str]) -> FloatArray:
+    return np.column_stack([columns[name] for name in names])
 
 
 def reconstruct(
@@ -171,10 +162,11 @@ def reconstruct(
         none when nothing could be reconstructed
     air : what was found
     """
-    read = _Columns(time, columns)
-    velocity = read.stack(VELOCITY)
+    missing = np.full(time.size, np.nan)
+    read = defaultdict(lambda: missing, {n: np.asarray(x, dtype=np.float64) for n, x in columns.items()})
+    velocity = _stack(read, VELOCITY)
     whole = set(QUATERNION) <= columns.keys()
-    attitude = normalized(read.stack(QUATERNION)) if whole else quaternions_of(read.stack(EULER))
+    attitude = normalized(_stack(read, QUATERNION)) if whole else quaternions_of(_stack(read, EULER))
     for code, lacking in (
         ("no-air-data-short-record", time.size < 10),
         ("no-air-data-without-velocity", not complete(velocity).any()),
@@ -183,7 +175,7 @@ def reconstruct(
         if lacking:
             return {}, AirData("none", notices=(notice(code),))
     rotation, step = matrices_of(attitude), float(np.median(np.diff(time)))
-    motion = smooth_velocity(time, rotation, read.stack(SPECIFIC_FORCE), velocity, velocity_rate)
+    motion = smooth_velocity(time, rotation, _stack(read, SPECIFIC_FORCE), velocity, velocity_rate)
     if motion is None:  # without accelerometers the velocity is taken as logged
         none = np.full(3, np.nan)
         motion = Smoothed(velocity, np.full(time.size, np.nan), none, none, *[NAN] * 6)
@@ -213,7 +205,7 @@ def reconstruct(
     )
     if samples.time.size * samples.step < LIMITS.time:
         return {}, AirData("none", notices=(notice("no-air-data-short-flight", duration=LIMITS.time),))
-    air = _air_data(read, step, samples, motion)
+    air = _air_data(time, read, step, samples, motion)
     through = motion.velocity - np.array([air.wind_n, air.wind_e, 0.0])
     speed, alpha, beta = flow(np.einsum("nij,ni->jn", rotation, through).T, LIMITS.speed)
     fast = (flying == 1.0) & (speed > LIMITS.speed)
@@ -231,16 +223,22 @@ def flow(velocity: FloatArray, least: float = 0.0) -> tuple[FloatArray, FloatArr
     return speed, np.arctan2(w, u), np.arcsin(np.clip(v / np.maximum(speed, least), -1.0, 1.0))
 
 
-def _air_data(read: _Columns, step: float, samples: airspeed.Airborne, motion: Smoothed) -> AirData:
+def _air_data(
+    time: FloatArray,
+    read: Mapping[str, FloatArray],
+    step: float,
+    samples: airspeed.Airborne,
+    motion: Smoothed,
+) -> AirData:
     """Fit the wind and describe it; the residuals of the fit are taken as gusts, alike in all directions."""
     # the median reading of the pitot while the vehicle stands still
     pitot, rest = read["airspeed_pitot"], NAN
     still = np.linalg.norm(motion.velocity, axis=1) < LIMITS.rest_speed
-    still &= ~(np.abs(read.stack(RATES)) > LIMITS.rest_rate).any(axis=1) & np.isfinite(pitot)
+    still &= ~(np.abs(_stack(read, RATES)) > LIMITS.rest_rate).any(axis=1) & np.isfinite(pitot)
     if np.count_nonzero(still) * step > 1.0:
         rest = float(np.median(pitot[still]))
-    wind = read.stack(("wind_n", "wind_e"))
-    wind = wind[(read.time >= samples.time[0]) & (read.time <= samples.time[-1])]
+    wind = _stack(read, ("wind_n", "wind_e"))
+    wind = wind[(time >= samples.time[0]) & (time <= samples.time[-1])]
     wind = wind[complete(wind)]
     logged = (wind.mean(axis=0), wind.std(axis=0)) if wind.size and np.any(wind.mean(axis=0)) else None
     names = ("wind.n", "wind.e", "airspeed_pitot.scale", "airspeed_pitot.bias", "beta.bias")
@@ -253,7 +251,7 @@ def _air_data(read: _Columns, step: float, samples: airspeed.Airborne, motion: S
     speed = float(np.median(speeds))
     smoothing = float(np.nanmedian(motion.std)) if np.isfinite(motion.std).any() else 0.0
     rms = found.rms[0] if found.rms else NAN
-    at = np.searchsorted(read.time, samples.time)
+    at = np.searchsorted(time, samples.time)
     traces = {
         "time": samples.time,
         "speed_inertial": speeds,
@@ -288,7 +286,7 @@ def _air_data(read: _Columns, step: float, samples: airspeed.Airborne, motion: S
         traces=traces,
     )
     density = read["density"]
-    rho = float(np.nanmedian(density)) if np.isfinite(density).any() else airspeed.STANDARD.density
+    rho = float(np.nanmedian(density)) if np.isfinite(density).any() else SEA_LEVEL_DENSITY
     return replace(air, notices=_notices(air, speed, rho, logged))
 
 

@@ -22,7 +22,6 @@ References
 .. [1] Geyer, "Practical Markov chain Monte Carlo", Statistical Science 7 (1992) 473 (integrated
    autocorrelation time).
 .. [2] Huber, "Robust estimation of a location parameter", Ann. Math. Statist. 35 (1964) 73.
-.. [3] ISO 2533, Standard atmosphere; here below 11 km. `stoop.vehicle.atmosphere` is its twin; a test holds the two equal.
 """
 
 from __future__ import annotations
@@ -34,9 +33,9 @@ from typing import Final
 import numpy as np
 
 from stoop.base.arrays import BoolArray, FloatArray
+from stoop.base.atmosphere import SEA_LEVEL_DENSITY, density_at_pressure, density_of_gas, standard_density
 from stoop.base.notices import Notice, notice
 from stoop.base.robust import huber_weights, robust_std
-from stoop.base.units import STANDARD_GRAVITY
 from stoop.base.variables import VARIABLES
 
 EQUIVALENT: Final = "airspeed_equivalent"
@@ -48,26 +47,6 @@ PLAUSIBLE: Final = {
     "altitude": (-500.0, 11e3),
 }  #: SI; what is beyond is a sensor's mistake
 WIND_N, WIND_E, SLOPE, OFFSET, TRIM, KAPPA = range(6)
-
-
-@dataclass(frozen=True)
-class StandardAtmosphere:
-    """Constants of ISO 2533."""
-
-    gas: float = 287.05287  #: J/(kg K), of dry air
-    lapse: float = 0.0065  #: K/m of geopotential altitude
-    pressure: float = 101325.0  #: Pa, at sea level
-    temperature: float = 288.15  #: K, at sea level
-    density: float = 1.225  #: kg/m3, at sea level
-    radius: float = 6356766.0  #: m, nominal, of the Earth
-
-    @property
-    def exponent(self) -> float:
-        """Exponent of the pressure's ratio over the temperature's."""
-        return STANDARD_GRAVITY / (self.gas * self.lapse)
-
-
-STANDARD: Final = StandardAtmosphere()
 
 
 @dataclass(frozen=True)
@@ -85,28 +64,11 @@ class FitLimits:
 FIT: Final = FitLimits()
 
 
-def density_at_altitude(altitude: FloatArray) -> FloatArray:
-    """Return the standard density, kg/m3, at heights above the sea, m."""
-    geopotential = STANDARD.radius * altitude / (STANDARD.radius + altitude)
-    ratio = 1.0 - STANDARD.lapse * geopotential / STANDARD.temperature
-    return np.asarray(STANDARD.density * ratio ** (STANDARD.exponent - 1.0))
-
-
-def density_at_pressure(pressure: FloatArray) -> FloatArray:
-    """Return the standard density, kg/m3, where the static pressure is this one, Pa."""
-    return np.asarray(STANDARD.density * (pressure / STANDARD.pressure) ** (1.0 - 1.0 / STANDARD.exponent))
-
-
-def density_of_gas(pressure: FloatArray, temperature: FloatArray) -> FloatArray:
-    """Return the density, kg/m3, of dry air of this pressure, Pa, and temperature, K."""
-    return pressure / (STANDARD.gas * temperature)
-
-
 _METHODS: Final[tuple[tuple[tuple[str, ...], Callable[..., FloatArray], str], ...]] = (
     (("density",), np.asarray, "as logged"),
     (("pressure", "temperature"), density_of_gas, "by pressure and temperature"),
     (("pressure",), density_at_pressure, "by the pressure, in the standard atmosphere"),
-    (("altitude",), density_at_altitude, "by the altitude, in the standard atmosphere"),
+    (("altitude",), standard_density, "by the altitude, in the standard atmosphere"),
 )  #: in order of trust
 
 
@@ -118,7 +80,7 @@ def with_true_airspeed(
     The density has lines across holes; it is that at sea level where nothing tells.
     """
     count = len(data[EQUIVALENT])
-    density, code, values = np.full(count, STANDARD.density), "true-airspeed-of-unknown-density", {}
+    density, code, values = np.full(count, SEA_LEVEL_DENSITY), "true-airspeed-of-unknown-density", {}
     for names, formula, method in _METHODS:
         if not set(names) <= data.keys():
             continue
@@ -133,9 +95,9 @@ def with_true_airspeed(
             density, code = np.interp(np.arange(count), known, found[known]), "true-airspeed"
             values = {"method": method}
             break
-    columns = {**data, TRUE: data[EQUIVALENT] * np.sqrt(STANDARD.density / density)}
+    columns = {**data, TRUE: data[EQUIVALENT] * np.sqrt(SEA_LEVEL_DENSITY / density)}
     median = float(np.median(density))
-    factor = float(np.sqrt(STANDARD.density / median))
+    factor = float(np.sqrt(SEA_LEVEL_DENSITY / median))
     notices = [notice(code, TRUE, **values, source=source, density=median, factor=factor)]
     return {name: columns[name] for name in VARIABLES if name in columns}, notices
 

@@ -223,7 +223,6 @@ def quantities(channels: Sequence[Channels]) -> dict[str, Signal]:
         for group in channels
         for name, x in group.values.items()
     }
-
     found = _attitude_rates(signals)
     if "psi" in signals and "psi_dot" not in found:
         t, x = finite(*signals["psi"])
@@ -370,14 +369,9 @@ def with_drift(lag: Lag, moving: Mapping[str, Signal], fixed: Mapping[str, Signa
         scatter = max(float(rest @ rest) / max(t.size - 2, 1), 1.0)
         errors = np.sqrt(scatter * np.diag(np.linalg.inv(design.T @ design)))
         so_far = float(lag.moved(np.array([origin]))[0]) - origin
-        lag = replace(
-            lag,
-            shift=so_far + float(shift),
-            drift=lag.drift + float(slope) * (1.0 + lag.drift),
-            origin=origin,
-            sigma=float(errors[0]),
-            drift_sigma=float(errors[1]),
-        )
+        drift, (sigma, drift_sigma) = lag.drift + float(slope) * (1.0 + lag.drift), errors.tolist()
+        moved = {"shift": so_far + float(shift), "sigma": sigma, "origin": origin}
+        lag = replace(lag, **moved, drift=drift, drift_sigma=drift_sigma)
     return lag
 
 

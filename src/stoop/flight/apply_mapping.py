@@ -36,9 +36,8 @@ class Mapped:
     notices: list[Notice]  #: what was found
     #: stream -> columns that the mapping does not name; none where nothing of the stream was read
     unmapped: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    places: Mapping[str, str] = field(
-        default_factory=dict
-    )  #: variable -> file and key of the mapping, for advice
+    #: variable -> file and key of the mapping, for advice
+    places: Mapping[str, str] = field(default_factory=dict)
 
 
 def read_mapped(path: Path, given: Path | None = None) -> tuple[Recording, Mapped | None]:
@@ -116,10 +115,7 @@ def _with_files(recording: Recording, mapping: FlightMapping) -> Recording:
 
 def apply_mapping(mapping: FlightMapping, recording: Recording) -> Mapped:
     """Pick the variables of the registry out of a recording; LogError when a column that the mapping names is not there."""
-    timed = recording
-    notices: list[Notice] = []
-    if mapping.clock or mapping.clocks:
-        timed, notices = _with_clocks(mapping, timed)
+    timed, notices = _with_clocks(mapping, recording)
     aligned: list[Notice] = []
     contradicted: list[Notice] = []
     beyond: list[Notice] = []
@@ -139,12 +135,10 @@ def apply_mapping(mapping: FlightMapping, recording: Recording) -> Mapped:
             stated = timed.units.get(source.stream, {})
             for unit, weights in zip(source.units, source.columns, strict=True):
                 for column in weights if unit and stated else ():
-                    own = stated.get(column, "")
+                    own, where = stated.get(column, ""), f"{source.stream}.{column}"
                     if KINDS.get(own) == KINDS[unit] and FACTORS[own] != FACTORS[unit]:
                         values = {"place": source.place, "unit": unit, "stated": own}
-                        contradicted.append(
-                            notice("unit-contradicted", f"{source.stream}.{column}", **values)
-                        )
+                        contradicted.append(notice("unit-contradicted", where, **values))
             first, *others = _instances(timed, source) or [""]
             span = {"first": source.variables[0], "last": source.variables[-1]}
             notices += [notice("instance-left-out", other, taken=first, **span) for other in others]
@@ -174,8 +168,8 @@ def _best(supplied: Sequence[Channels], fastest: bool, named: bool) -> Channels 
     """
     known = [(c, np.array([np.isfinite(x) for x in c.values.values()])) for c in supplied]
     usable = [c for c, good in known if good.all(axis=0).any()] or [c for c, good in known if good.any()]
-    usable = usable or [c for c, _ in known if named]
-    best = next(iter(usable), None)
+    usable = usable or (list(supplied) if named else [])
+    best = usable[0] if usable else None
     for later in usable[1:] if fastest else ():
         if best is not None and later.rate > 2.0 * best.rate:
             best = later
@@ -249,7 +243,14 @@ def _supply(recording: Recording, source: Source, name: str) -> Channels | None:
             raise LogError(f"{source.place}.stream = '{source.stream}' is not in the log; {holds}")
         raise LogError(f"{column} is in no stream of the log; {holds}")
     values = _values(stream, source, only_used=source.partial or source.unused is not None)
-    time = sample_time(stream, source.stamp, source.stamp_factor) if source.stamp else stream.time
+    time = stream.time
+    if (
+        source.stamp and source.stamp in stream.columns
+    ):  # when the samples were taken, where that can be believed
+        taken = stream.columns[source.stamp] * source.stamp_factor
+        late = time - taken
+        if np.all((late >= 0.0) & (late < MAX_TRANSPORT)) and np.all(np.diff(taken) > 0.0):
+            time = taken
     values = rotate_axes(values, source.frame) if source.frame else values
     return Channels(name, time, values) if values else None
 
@@ -298,14 +299,3 @@ def _instances(recording: Recording, source: Source) -> list[str]:
         if name.split("/")[0] == source.stream and (used := _values(stream, source, only_used=True)):
             movement[name] = sum(float(np.std(x[np.abs(x) < MAX_VALUE])) for x in used.values())
     return sorted(movement, key=lambda name: (-movement[name], name))
-
-
-def sample_time(stream: Stream, column: str, factor: float) -> FloatArray:
-    """Return when the samples were taken [s], where the stream says so and it can be believed."""
-    stamp = stream.columns.get(column)
-    if stamp is None:
-        return stream.time
-    taken = stamp * factor
-    late = stream.time - taken
-    believable = np.all((late >= 0.0) & (late < MAX_TRANSPORT)) and np.all(np.diff(taken) > 0.0)
-    return taken if believable else stream.time

@@ -106,13 +106,9 @@ def _names() -> _Names:
         what = f"(?:{row['words']})"
         patterns = [[f"{start}{what}$"]]
         if len(row["variables"]) > 1:
-            patterns = [
-                [
-                    rf"(?:^| )(?:{what}(?: xyz)? ?(?:{x}|{turn}|at {i}))$",
-                    rf"(?:^| )(?:(?:{x}|{turn}) {what})$",
-                ]
-                for x, i, turn in _AXES
-            ]
+            after = [rf"(?:^| )(?:{what}(?: xyz)? ?(?:{x}|{turn}|at {i}))$" for x, i, turn in _AXES]
+            before = [rf"(?:^| )(?:(?:{x}|{turn}) {what})$" for x, _, turn in _AXES]
+            patterns = [[*both] for both in zip(after, before, strict=True)]
         for variable, texts in zip(row["variables"], patterns, strict=True):
             rules += [_Rule(variable, re.compile(text), scale, doubts) for text in texts]
     suffix = re.compile(rf"[_ .]({'|'.join(longest)})(\[\d+\])?$", re.IGNORECASE)
@@ -155,10 +151,8 @@ def _by_words(name: str) -> tuple[str, float, tuple[str, ...]] | None:
         if "{n}" not in rule.variable:
             return rule.variable, rule.scale, rule.doubts
         number = next((int(n) for n in found.groups() if n is not None and n.isdecimal()), None)
-        first = (
-            1 if " at " in text or number == 0 else 0
-        )  # elements of arrays count from zero, names from one
-        variable = rule.variable.format(n=(number or 0) + first)
+        # elements of arrays count from zero, names from one
+        variable = rule.variable.format(n=(number or 0) + (" at " in text or number == 0))
         known = number is not None and variable in VARIABLES
         return (variable, rule.scale, rule.doubts) if known else None
     return None
@@ -200,9 +194,8 @@ def with_units(lines: Sequence[DraftLine], columns: Mapping[str, Signal]) -> lis
             if edit.kind == "sign" or not any(known[name].stated for name in edit.lines)
         ]
         found, _ = search(as_mapped, lambda _, edits=edits: edits, model, UNITS)  # type: ignore[misc]
-        violated = [
-            key[1:] for key, one in model({}, None).items() if isinstance(one, Range) and one.violated
-        ]
+        evidence = model({}, None).items()
+        violated = [key[1:] for key, one in evidence if isinstance(one, Range) and one.violated]
         contradicted = frozenset(name for names in violated for name in names)
         for one in found:
             known = {**known, **{line.variable: line for line in _applied(known, one, contradicted)}}
@@ -212,8 +205,8 @@ def with_units(lines: Sequence[DraftLine], columns: Mapping[str, Signal]) -> lis
         if name in known and not known[name].is_sure:
             size = largest_size(columns[name][1])
             known[name] = known[name].doubted(f"{known[name].unit} by its size only: up to {size:.3g}")
-    for key, evidence in model({}, None).items():
-        if isinstance(evidence, Range) and evidence.violated and key[0] in ("size", "median", "growth"):
+    for key, doubt in model({}, None).items():
+        if isinstance(doubt, Range) and doubt.violated and key[0] in ("size", "median", "growth"):
             name = key[1]
             size = median_size(columns[name][1]) if key[0] == "median" else largest_size(columns[name][1])
             known[name] = known[name].doubted(f"{size:.3g} is no {name} in {known[name].unit}")

@@ -48,9 +48,8 @@ class AirData:
     #: (north, east, standard errors of both) m/s, from sideslip and lateral force alone
     sideslip_wind: tuple[float, float, float, float] = (NAN, NAN, NAN, NAN)
     gust: float = NAN  #: m/s, estimate of what a steady wind leaves out, per axis
-    incidence_std: float = (
-        NAN  #: rad, standard error of alpha and beta from gusts and the error of the wind together
-    )
+    #: rad, standard error of alpha and beta from gusts and the error of the wind together
+    incidence_std: float = NAN
     velocity_delay: float = NAN  #: s, by which the logged velocity is late (corrected when evident)
     velocity_delay_std: float = NAN
     heading_error: float = NAN  #: rad, true minus logged heading, mean of the flight (not corrected)

@@ -32,9 +32,8 @@ from stoop.errors import FlightError
 MAX_GAP: Final = 0.05  #: s; a longer hole in an input ends a segment
 MAX_VALUE: Final = 1e9  #: SI; no quantity of the registry is that large
 TIME_TOLERANCE: Final = 1e-6  #: s; a grid point this close to the end of a stretch still belongs to it
-CUTOFF: Final = (
-    0.3  #: of the grid rate: 30 Hz at 100 Hz; -35 dB at 50 Hz, -76 dB at 90 Hz, 0.02 % lost at 10 Hz
-)
+#: of the grid rate: 30 Hz at 100 Hz; -35 dB at 50 Hz, -76 dB at 90 Hz, 0.02 % lost at 10 Hz
+CUTOFF: Final = 0.3
 ORDER: Final = 4  #: of the Butterworth filter, which runs forward and backward
 
 
@@ -47,9 +46,8 @@ class GridLimits:
     stray_periods: float = 100.0  #: median periods; the same for channels logged slowly
     strays: int = 3  #: samples, at most
     sample_rate: float = 1e5  #: Hz; a clock that seems to run faster is not one of a sensor
-    clumping: float = (
-        20.0  #: uniform samples for each recorded one, above which the median period is not the clock's
-    )
+    #: uniform samples for each recorded one, above which the median period is not the clock's
+    clumping: float = 20.0
     cells: int = 100_000_000  #: numbers in a gridded flight (0.8 GB)
     emptiness: float = 1000.0  #: points of the grid for each recorded sample
     counted: int = 200  #: samples; a grid of `counted * emptiness` points is never refused for its emptiness

@@ -143,12 +143,10 @@ class Source:
     factors: tuple[float, ...]  #: SI value of one and of zero, one per variable
     offsets: tuple[float, ...]
     units: tuple[str, ...]  #: as written, one per variable; empty where it was not
-    valid: tuple[
-        str, ...
-    ] = ()  #: flags that must be positive for a sample to count, one per variable; empty is none
-    stamp: str = (
-        ""  #: column that holds the time of the measurement [stamp_factor s], empty for that of the stream
-    )
+    #: flags that must be positive for a sample to count, one per variable; empty is none
+    valid: tuple[str, ...] = ()
+    #: column that holds the time of the measurement [stamp_factor s], empty for that of the stream
+    stamp: str = ""
     stamp_factor: float = 1e-6
     frame: Frame = ()  #: axes that the columns are in, where they are not ours
     instance: Literal["first", "most moved"] = "first"  #: which of several instances of the stream is taken
@@ -179,9 +177,8 @@ class FlightMapping:
     surfaces: Surfaces = field(default_factory=Surfaces)  #: calibrations and mixers
     #: stream -> how its clock is brought to that of another
     alignments: Mapping[str, Alignment] = field(default_factory=dict)
-    files: Mapping[str, str] = field(
-        default_factory=dict
-    )  #: name -> file beside the log, that is read as well
+    #: name -> file beside the log, that is read as well
+    files: Mapping[str, str] = field(default_factory=dict)
 
     @functools.cached_property
     def sources(self) -> tuple[Source, ...]:

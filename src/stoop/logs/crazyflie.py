@@ -15,11 +15,11 @@ from __future__ import annotations
 import zlib
 from array import array
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 
 from stoop.base.units import FACTORS
 from stoop.errors import LogError
@@ -37,9 +37,8 @@ TYPES: Final[Mapping[str, str]] = {
 }  # fmt: skip
 STAMPS: Final[Mapping[int, tuple[str, float]]] = {1: ("<u4", FACTORS["ms"]), 2: ("<u8", FACTORS["us"])}
 
-Layouts: TypeAlias = dict[
-    int, tuple[str, np.dtype[Any]]
-]  #: identifier -> name of the event, type of its record
+#: identifier -> name of the event, type of its record
+Layouts: TypeAlias = dict[int, tuple[str, np.dtype[Any]]]
 
 
 def record_type(version: int, variables: list[tuple[str, str]]) -> np.dtype[Any]:
@@ -81,7 +80,8 @@ def parse_crazyflie(data: bytes, path: Path, topics: frozenset[str] | None = Non
     streams: dict[str, Stream] = {}
     for key, (name, layout) in layouts.items():
         if (topics is None or name in topics) and len(offsets[key]):
-            records = _records(data, offsets[key], layout)
+            rows = np.lib.stride_tricks.sliding_window_view(np.frombuffer(data, np.uint8), layout.itemsize)
+            records = np.ascontiguousarray(rows[np.asarray(offsets[key])]).view(layout)[:, 0]
             _, stamp, *columns = layout.names or ()
             time = records[stamp].astype(np.float64) * STAMPS[version][1]
             stream, dropped = clean_stream(name, time, {column: records[column] for column in columns})
@@ -94,11 +94,13 @@ def parse_crazyflie(data: bytes, path: Path, topics: frozenset[str] | None = Non
     return Recording(path, "crazyflie", streams, tuple(defects), info=info)
 
 
+@dataclass
 class _Cursor:
     """Reads the numbers and zero-ended texts of a header one after the other."""
 
-    def __init__(self, data: bytes, path: Path, at: int) -> None:
-        self._data, self._path, self.at = data, path, at
+    _data: bytes
+    _path: Path
+    at: int
 
     def number(self) -> int:
         """Return the next uint16."""
@@ -221,9 +223,3 @@ def _is_chain(data: bytes, version: int, sizes: Mapping[int, int], at: int, end:
             return False
         before, at = stamp, at + size
     return True
-
-
-def _records(data: bytes, offsets: array[int], layout: np.dtype[Any]) -> npt.NDArray[Any]:
-    """Copy the records at the given offsets into one structured array."""
-    rows = np.lib.stride_tricks.sliding_window_view(np.frombuffer(data, np.uint8), layout.itemsize)
-    return np.ascontiguousarray(rows[np.asarray(offsets)]).view(layout)[:, 0]

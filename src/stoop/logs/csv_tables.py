@@ -49,9 +49,8 @@ _TOPICS: Final = (
     "vehicle_thrust_setpoint vehicle_torque_setpoint vtol_vehicle_status wind wind_estimate "
     "yaw_estimator_status "
 )
-KNOWN_TOPICS: Final = frozenset(
-    _TOPICS.split()
-)  #: of PX4; by them the common prefix of the files of a log is found
+#: of PX4; by them the common prefix of the files of a log is found
+KNOWN_TOPICS: Final = frozenset(_TOPICS.split())
 
 
 def mapping_beside(path: Path) -> Path:

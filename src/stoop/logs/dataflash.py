@@ -44,9 +44,8 @@ SPELLINGS: Final = {
     "m/s/s": "m/s2", "deg/s/s": "deg/s2", "rad/s/s": "rad/s2", "N.m": "N m", "Watt": "W",
     "degheading": "deg", "deglatitude": "deg", "deglongitude": "deg", "UNKNOWN": "", "instance": "",
 }  #: unit as ArduPilot writes it -> as stoop does; the rest is the same  # fmt: skip
-DESCRIPTIVE: Final = frozenset(
-    {"FMT", "FMTU", "UNIT", "MULT", "PARM", "MSG", "VER"}
-)  #: kinds without channels
+#: kinds without channels
+DESCRIPTIVE: Final = frozenset({"FMT", "FMTU", "UNIT", "MULT", "PARM", "MSG", "VER"})
 FIRMWARE: Final = re.compile(r"\b(Ardu\w+|APM:?\w+|Blimp|AntennaTracker)\b.*\d+\.\d+")
 
 

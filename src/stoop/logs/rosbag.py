@@ -109,18 +109,12 @@ def _unfold(
 _NOTHING: Final = Part("", "")  #: an element without content
 
 
+@dataclass(frozen=True)
 class Decoder:
-    """Decodes messages of one type.
+    """Decodes messages of one type."""
 
-    Parameters
-    ----------
-    parts : of a message
-    aligned : whether numbers are aligned to their size (ROS 2)
-    """
-
-    def __init__(self, parts: tuple[Part, ...], aligned: bool) -> None:
-        self._parts = parts
-        self._aligned = aligned
+    parts: tuple[Part, ...]  #: of a message
+    aligned: bool  #: whether numbers are aligned to their size (ROS 2)
 
     def numbers(self, raw: bytes) -> dict[str, float]:
         """Return the numbers of a message by their names.
@@ -132,12 +126,12 @@ class Decoder:
         """
         found: dict[str, float] = {}
         order, body = "<", raw
-        if self._aligned:
+        if self.aligned:
             if len(raw) < 4 or raw[1] > 1:
                 raise UnreadableError("its encoding is unknown")
             order, body = ("<" if raw[1] else ">"), raw[4:]
         try:
-            self._walk(self._parts, body, 0, order, found)
+            self._walk(self.parts, body, 0, order, found)
         except struct.error:
             raise UnreadableError("it is shorter than its definition says") from None
         return found
@@ -172,7 +166,7 @@ class Decoder:
         return at + int(count) * SIZES[part.code]
 
     def _align(self, at: int, size: int) -> int:
-        return -(-at // size) * size if self._aligned else at
+        return -(-at // size) * size if self.aligned else at
 
 
 @dataclass
@@ -231,12 +225,9 @@ def parse_rosbag(path: Path, topics: frozenset[str] | None = None) -> Recording:
     """
     with _open(path) as (reader, second):
         # a caller that strips instances from names may have left nothing of "/imu"
-        wanted = [
-            c
-            for c in reader.connections
-            if topics is None or c.topic in topics or c.topic.partition("/")[0] in topics
-        ]
-        unwanted = sorted({c.topic for c in reader.connections if c not in wanted})
+        every = reader.connections
+        wanted = [c for c in every if topics is None or {c.topic, c.topic.partition("/")[0]} & topics]
+        unwanted = sorted({c.topic for c in every if c not in wanted})
         definitions, source = _definitions(wanted)
         known, defects = _topics(wanted, definitions, second)
         start = int(reader.start_time)

@@ -178,9 +178,8 @@ class Rows:
     instance: int
     width: int  #: bytes of a row
     count: int = 0  #: rows
-    content: Bytes = field(
-        default_factory=lambda: np.empty(0, dtype=np.uint8)
-    )  #: of the rows, and room behind
+    #: of the rows, and room behind
+    content: Bytes = field(default_factory=lambda: np.empty(0, dtype=np.uint8))
 
     def append(self, rows: Bytes, share: float) -> None:
         """Add whole rows, after such a share of the file."""

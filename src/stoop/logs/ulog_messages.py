@@ -43,9 +43,8 @@ def decoded(body: bytes, breaks: str = "") -> str:
 class Formats:
     """The formats of a log: how the rows of its topics are laid out, nested and in arrays, up to the size of a message."""
 
-    max_visited: ClassVar = (
-        5_000_000  #: fields visited for the sizes of formats; a real log has some thousands
-    )
+    #: fields visited for the sizes of formats; a real log has some thousands
+    max_visited: ClassVar = 5_000_000
     _fields: dict[str, tuple[Field, ...]] = field(default_factory=dict)
     _whole: dict[str, int] = field(default_factory=dict)
     _visited: int = 0

@@ -17,7 +17,6 @@ from threadpoolctl import threadpool_limits
 from stoop import optimize
 from stoop.assessment.covariance import standard_errors
 from stoop.assessment.error_bars import (
-    ComparisonScale,
     Identifiability,
     Uncertainty,
     estimate_uncertainty,
@@ -34,7 +33,7 @@ from stoop.flight import VARIABLES, Flight, without_faults
 from stoop.flight.air_data import RECONSTRUCTED, flow, with_air
 from stoop.flight.flight import dataset, on_circle, with_attitude
 from stoop.flight.instrument_errors import RATES_DELAY, instrument_errors
-from stoop.problem.evidence import PieceEvidence
+from stoop.problem.evidence import PieceEvidence, Unknown
 from stoop.reconstruction.kinematics import INPUTS, OUTPUTS
 from stoop.reconstruction.problem import LATE, PIECES, Pieces, Problem, cut_pieces
 from stoop.simulation.delays import delayed
@@ -140,9 +139,8 @@ class Compatibility:
     findings: Mapping[str, Finding]  #: by instrument error
     channels: Mapping[str, Consistency]
     traces: tuple[Trace, ...]
-    notices: tuple[
-        Notice, ...
-    ]  #: warnings: what contradicts, the worst first, and faults of the flight; then all else
+    #: warnings: what contradicts, the worst first, and faults of the flight; then all else
+    notices: tuple[Notice, ...]
 
     def document(self, versions: Mapping[str, str], inputs: Mapping[str, str]) -> str:
         """Return the JSON of the result; what is not a finite number is null."""
@@ -256,10 +254,8 @@ def _estimate(pieces: Pieces) -> Estimate:
     found = estimate_uncertainty(_sensitivities(problem, z), np.eye(problem.extra))
     names = [u.name for u in problem.unknowns]
     names += [f"start {i}" for i in range(problem.extra - problem.shared)]
-    ones = np.ones(problem.extra)
-    scale = ComparisonScale(ones, np.full(problem.extra, np.inf), ones)
-    known = []
-    judged = identifiability(names, found.information, found.corrected, scale)[: problem.shared]
+    unknowns, known = [Unknown(name, "parameter", 0.0, 1.0, prior=1.0) for name in names], []
+    judged = identifiability(unknowns, found.information, found.corrected)[: problem.shared]
     for one, value in zip(judged, problem.values(z[None, :])[0], strict=True):
         reason = notice("delay-beyond-margin", one.name, margin=PIECES.margin)
         far = one.name.endswith(".delay") and abs(float(value)) > PIECES.margin

@@ -21,11 +21,13 @@ Jategaonkar, "Flight Vehicle System Identification", 2nd ed., chapter 10 (flight
 
 from __future__ import annotations
 
+import functools
 import hashlib
 from pathlib import Path
 from typing import Any, Final
 
 from stoop.base.units import STANDARD_GRAVITY
+from stoop.base.variables import WRAPPED
 from stoop.kernels import Kernel, SymbolicModel, load_kernel
 
 STATES: Final = ("u", "v", "w", "e0", "e1", "e2", "e3", "pn", "pe", "pd")
@@ -43,7 +45,6 @@ PARAMETERS: Final = (
     *WIND,
     *(f"{point}.{axis}" for point in POINTS for axis in "xyz"),
 )
-_WRAPPED: Final = ("phi", "psi")
 
 
 def model() -> SymbolicModel:
@@ -51,7 +52,7 @@ def model() -> SymbolicModel:
     import sympy as sp
 
     from stoop.vehicle.symbolic import frames
-    from stoop.vehicle.symbolic.frames import Vector, add, cross, subtract
+    from stoop.vehicle.symbolic.frames import Vector, add, cross, over_ground, subtract, to_body
 
     x = {name: sp.Symbol(f"state {name}", real=True) for name in STATES}
     z = {name: sp.Symbol(f"input {name}", real=True) for name in INPUTS}
@@ -65,8 +66,8 @@ def model() -> SymbolicModel:
     arm: dict[str, Vector] = {point: (n[f"{point}.x"], n[f"{point}.y"], n[f"{point}.z"]) for point in POINTS}
     wind: Vector = (n["wind.n"], n["wind.e"], n["wind.d"])
     moved = add(velocity, cross(omega, subtract(arm["vane"], arm["accelerometer"])))
-    vane = frames.air(subtract(moved, _turn(_conjugate(e), wind)))
-    ground = _turn(e, subtract(velocity, cross(omega, arm["accelerometer"])))
+    vane = frames.air(subtract(moved, to_body(e, wind)))
+    ground = over_ground(e, subtract(velocity, cross(omega, arm["accelerometer"])))
     truth = {
         "V": vane.V, "airspeed_pitot": vane.V, "alpha": vane.alpha, "beta": vane.beta,
         "phi": turned.phi, "theta": turned.theta, "psi": turned.psi,
@@ -83,36 +84,17 @@ def model() -> SymbolicModel:
         inputs=tuple(z.values()),
         parameters=tuple(n.values()),
         derivatives=rates,
-        outputs=tuple(_reading(name, truth[name], n) for name in OUTPUTS),
+        # scale (upwash, for a vane) and bias, where a channel has them
+        outputs=tuple(n.get(f"{k}.scale", 1) * truth[k] + n.get(f"{k}.bias", 0) for k in OUTPUTS),
         output_names=OUTPUTS,
-        wrapped=tuple(name in _WRAPPED for name in OUTPUTS),
+        wrapped=tuple(name in WRAPPED for name in OUTPUTS),
     )
 
 
-def _reading(name: str, truth: Any, n: dict[str, Any]) -> Any:
-    """Apply scale (upwash, for a vane) and bias, where a channel has them."""
-    return n.get(f"{name}.scale", 1) * truth + n.get(f"{name}.bias", 0)
-
-
-def _conjugate(e: tuple[Any, Any, Any, Any]) -> tuple[Any, Any, Any, Any]:
-    return e[0], -e[1], -e[2], -e[3]
-
-
-def _turn(e: tuple[Any, Any, Any, Any], a: tuple[Any, Any, Any]) -> tuple[Any, Any, Any]:
-    """Turn a vector from body to Earth axes: a + 2 e0 (e x a) + 2 e x (e x a), for a unit quaternion."""
-    from stoop.vehicle.symbolic.frames import add, cross, scale
-
-    axis = e[1:]
-    once = cross(axis, a)
-    return add(a, add(scale(2 * e[0], once), scale(2, cross(axis, once))))
-
-
+@functools.cache
 def kernel() -> Kernel:
     """Return the compiled equations."""
-    return load_kernel(f"kinematics {_version()}", model)
-
-
-def _version() -> str:
-    """Return what decides the equations: this file and the symbols that it is made of."""
+    # what decides the equations: this file and the symbols that it is made of
     sources = [Path(__file__), Path(__file__).parents[1] / "vehicle" / "symbolic" / "frames.py"]
-    return hashlib.sha256(b"".join(path.read_bytes() for path in sources)).hexdigest()
+    version = hashlib.sha256(b"".join(path.read_bytes() for path in sources)).hexdigest()
+    return load_kernel(f"kinematics {version}", model)

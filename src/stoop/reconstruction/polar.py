@@ -33,16 +33,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from stoop.assessment.covariance import NORMAL_95, prior_information
+from stoop.assessment.covariance import NORMAL_95
 from stoop.assessment.error_bars import estimate_uncertainty
 from stoop.base.arrays import FloatArray, run_slices
+from stoop.base.atmosphere import standard_density
 from stoop.base.robust import huber_weights, robust_std
 from stoop.base.units import STANDARD_GRAVITY
 from stoop.errors import FlightError
 from stoop.flight import Flight
 from stoop.flight.airborne import airborne
 from stoop.problem.evidence import PieceEvidence
-from stoop.vehicle.atmosphere import standard_density
 
 MIN_BLOCKS: Final = 12  #: below which no parabola is fitted
 SWITCHED_OFF: Final = 0.02  #: of full throttle
@@ -145,13 +145,11 @@ def blocks(
 class Propulsion:
     """What is assumed of the propulsion."""
 
-    efficiency: float = (
-        0.70  #: electric power to power in the disc: motor, controller, blades, no induced loss
-    )
+    #: electric power to power in the disc: motor, controller, blades, no induced loss
+    efficiency: float = 0.70
     efficiency_std: float = 0.10
-    diameter: float | None = (
-        None  #: m, of the disc; of several that of one with their whole area; None when unknown
-    )
+    #: m, of the disc; of several that of one with their whole area; None when unknown
+    diameter: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -355,6 +353,6 @@ def fit_polar(
         for part in parts
         if part.size > 1
     ]
-    covariance = estimate_uncertainty(segments, prior_information(std)).corrected
+    covariance = estimate_uncertainty(segments, np.diag(np.where(known, std, np.inf) ** -2.0)).corrected
     CL, CD, _ = balance.coefficients(values)
     return Polar(cut, area, mass, names, values, covariance, std, CL, CD, weights)

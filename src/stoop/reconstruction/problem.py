@@ -24,7 +24,6 @@ from stoop.flight import Flight, segments
 from stoop.flight.air_data import RECONSTRUCTED
 from stoop.flight.airborne import flying
 from stoop.flight.instrument_errors import AIR, DELAYED, GROUND, RATES_DELAY, InstrumentError
-from stoop.kernels import Kernel
 from stoop.optimize import forward_jacobian
 from stoop.problem import on_circle
 from stoop.reconstruction.kinematics import INPUTS, OUTPUTS, PARAMETERS, SCALED, kernel
@@ -40,9 +39,8 @@ class PieceLimits:
     shortest: float = 3.0  #: s; less tells nothing beside its own initial state
     pieces: int = 12  #: more hardly narrow what is alike in all of them
     rate: float = 50.0  #: Hz at which channels are compared; integration runs at the rate of the grid
-    margin: float = (
-        0.3  #: s at both ends of a piece that are not compared, so that a delay finds what it needs
-    )
+    #: s at both ends of a piece that are not compared, so that a delay finds what it needs
+    margin: float = 0.3
 
 
 PIECES: Final = PieceLimits()
@@ -279,7 +277,7 @@ class Problem:
             if delay != 0.0:  # the gyros are read as much earlier as they are late
                 gyro, inputs = INPUTS.index("p"), inputs.copy()
                 inputs[:, gyro:] = delayed(piece.inputs[:, gyro:], -float(delay) / piece.dt)
-            out[lanes] = self._kernel.trajectories(rows[:, lanes], start[:, lanes], inputs, piece.dt)
+            out[lanes] = kernel().trajectories(rows[:, lanes], start[:, lanes], inputs, piece.dt)
         for column, channel in enumerate(OUTPUTS):  # as late as each sensor delivers them
             delays = values.get(LATE[channel], np.zeros(len(out)))
             for delay in np.unique(delays[delays != 0.0]):
@@ -300,10 +298,6 @@ class Problem:
     def _own(self, index: int) -> range:
         first = self.shared + len(START) * index
         return range(first, first + len(START))
-
-    @cached_property
-    def _kernel(self) -> Kernel:
-        return kernel()
 
 
 @dataclass(frozen=True, eq=False)

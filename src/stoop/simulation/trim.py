@@ -12,12 +12,12 @@ from typing import ClassVar, Final
 import numpy as np
 
 from stoop.base.arrays import FloatArray
+from stoop.base.atmosphere import SEA_LEVEL_DENSITY
 from stoop.base.rotations import matrices_of_angles
 from stoop.errors import SimulationError
 from stoop.simulation.initial import initial_states, mixed_inputs, parameter_rows
 from stoop.simulation.rotors import EXCITATIONS, SETPOINTS, accelerations, allocation, channel_range, effects
 from stoop.vehicle import Vehicle
-from stoop.vehicle.atmosphere import SEA_LEVEL_DENSITY
 from stoop.vehicle.defaults import WIND_NUMBERS
 
 TOLERANCE: Final = 1e-7  #: of the accelerations that remain, m/s2 and rad/s2

@@ -1,27 +1,15 @@
-"""The standard atmosphere below 11 km, ISO 2533 and U.S. Standard Atmosphere 1976 (the same there)."""
+"""Density of the standard atmosphere as a polynomial of the altitude, for symbols."""
 
 from __future__ import annotations
 
 import functools
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
-SEA_LEVEL_DENSITY: Final = 1.225  #: kg/m3
-EARTH_RADIUS: Final = 6356766.0  #: m, nominal value of the standard
+from stoop.base.atmosphere import standard_density
+
 FLOOR, CEILING = -1000.0, 11000.0  #: m, where the polynomial holds
-
-
-def standard_density(altitude: Any) -> Any:
-    """Return density, kg/m3, at a height above sea level in m (numbers or arrays).
-
-    rho = rho0 (1 - L H / T0)^(g/(R L) - 1) with the geopotential altitude H = r h / (r + h).
-    """
-    lapse, temperature = 0.0065, 288.15  # K per m of geopotential altitude, K at sea level
-    exponent = 9.80665 / (287.05287 * 0.0065) - 1.0
-    h = np.asarray(altitude, dtype=float)
-    geopotential = EARTH_RADIUS * h / (EARTH_RADIUS + h)
-    return SEA_LEVEL_DENSITY * (1.0 - lapse * geopotential / temperature) ** exponent
 
 
 @functools.cache

@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from stoop.assessment.covariance import intervals_95
+from stoop.assessment.covariance import NORMAL_95
 from stoop.assessment.error_bars import ErrorBars, error_bars
 from stoop.assessment.goodness_of_fit import left_out_residuals, press_notices
 from stoop.assessment.modes import modes
@@ -131,13 +131,12 @@ def _parameters(fit: Fit, bars: ErrorBars) -> dict[str, ParameterEstimate]:
     out = {}
     for i, p in enumerate(fit.problem.layout.parameters):
         estimate, sigma, at_bound = fit.estimates[p.name], float(bars.std[i]), bool(bars.at_bound[i])
-        low, high = intervals_95(np.array([estimate]), np.array([sigma]))[0]
         identifiable = not at_bound and bars.identifiability[p.name].identifiable
         out[p.name] = ParameterEstimate(
             estimate=estimate,
             std_error=np.nan if at_bound else sigma,
-            ci95_lower=float(low) if identifiable else np.nan,
-            ci95_upper=float(high) if identifiable else np.nan,
+            ci95_lower=estimate - NORMAL_95 * sigma if identifiable else np.nan,
+            ci95_upper=estimate + NORMAL_95 * sigma if identifiable else np.nan,
             bound_lower=p.lower,
             bound_upper=p.upper,
             at_bound=at_bound,

@@ -20,7 +20,7 @@ READERS = ("multirotor",)  #: of published data
 WHAT = """\
   table1             GA, PSO, PS-GDE and the default at 500 to 2000 iterations (50 runs each)
   figure1            the logistic map, and what it is worth as a first population
-  figure2            the dive along the gradient, and the pseudo-code as printed
+  figure2            the local search along the gradient, and the pseudo-code as printed
   figure3            the response to the elevator, trim and modes
   lateral            18 lateral and directional terms; do asymmetry terms absorb sensor biases?
   longitudinal-full  14 longitudinal terms; do V terms catch the propulsion?

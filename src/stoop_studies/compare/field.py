@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Final
 
 from stoop import optimize
+from stoop.base.text import nearest
 from stoop.errors import IdentificationError
 from stoop.optimize.problem import ScalarProblem
 from stoop.parallel import Json, Plan, Run
@@ -132,9 +132,5 @@ def check_problems(names: Sequence[str], flown: bool, first_seed: int = 1) -> No
 
 
 def _check(name: str, kind: str, known: Sequence[str]) -> None:
-    if name in known:
-        return
-    by_letters = {one.lower(): one for one in known}
-    matches = difflib.get_close_matches(name.lower(), by_letters, n=3, cutoff=0.4)
-    near = [by_letters[match] for match in matches] or sorted(known)[:8]
-    raise IdentificationError(f"{kind} {name}: there is none of that name; the nearest are {', '.join(near)}")
+    if name not in known:
+        raise IdentificationError(f"{kind} {name}: there is none of that name; {nearest(name, known, 0.4)}")

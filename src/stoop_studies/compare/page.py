@@ -31,6 +31,7 @@ from stoop.report.sheet import Code, Figure, Prose, Section, Sheet, Table, write
 from stoop_studies.compare.field import FLIGHT, Field
 from stoop_studies.compare.measures import Score, duel, score
 from stoop_studies.compare.race import Race
+from stoop_studies.findings import tabulated
 
 STORE: Final = "compare.sqlite"
 SCORES: Final = "compare.csv"
@@ -45,26 +46,6 @@ RUN_COLUMNS: Final = (
 )  # fmt: skip
 BEGIN: Final = 1.0  #: evaluation at which the axis begins
 POINTS: Final = 160  #: of a drawn distribution: finer than a line's width
-HEAD: Final = (
-    "optimizer",
-    "successes",
-    "ERT",
-    "95 %",
-    "ratio",
-    "95 %",
-    "median of successes",
-    "wrong optima",
-)
-SOLVED: Final = (
-    "optimizer",
-    "solved",
-    "both",
-    "it alone",
-    "baseline alone",
-    "neither",
-    "p",
-    "evaluations, both",
-)
 HOW: Final = """Everything is counted in evaluations: one flight of the whole record by one candidate. A third of the \
 record counts a third; every column of a finite-difference Jacobian counts what is flown for it. All optimizers reach \
 the problem through the same ledger, which does the counting.
@@ -247,18 +228,24 @@ def _overview(field: Field, scores: Mapping[str, Sequence[Score]]) -> Section:
 
 
 def _problem(problem: str, scores: Sequence[Score], field: Field, races: Races) -> Section:
-    rows = tuple(
-        (
-            s.optimizer, s.rate_text, s.ert_text, s.ert.interval, s.ratio_text, s.ratio.interval, number(s.median, 3),
-            str(s.wrong),
-        )
-        for s in scores
-    )  # fmt: skip
-    caption = f"Sorted by expected running time; ratio to {scores[0].baseline}"
+    table = tabulated(
+        f"Sorted by expected running time; ratio to {scores[0].baseline}",
+        {
+            "optimizer": lambda s: s.optimizer,
+            "successes": lambda s: s.rate_text,
+            "ERT": lambda s: s.ert_text,
+            "95 %": lambda s: s.ert.interval,
+            "ratio": lambda s: s.ratio_text,
+            "95 % of the ratio": lambda s: s.ratio.interval,
+            "median of successes": lambda s: number(s.median, 3),
+            "wrong optima": lambda s: str(s.wrong),
+        },
+        scores,
+    )
     groups = {o: races[problem, o] for p, o in field.pairs if p == problem}
     drawn = distributions(groups, problem, field.optimizers)
     figure = Figure("Share of targets reached against evaluations", drawn)
-    return Section(problem, (Prose(beaten_text(scores)), Table(caption, HEAD, rows), figure))
+    return Section(problem, (Prose(beaten_text(scores)), table, figure))
 
 
 def _together(field: Field, races: Races) -> Section:
@@ -267,19 +254,26 @@ def _together(field: Field, races: Races) -> Section:
     groups = {o: found for o, found in everything.items() if found}
     baseline = field.baseline(field.problems[0])
     duels = [duel(found, groups[baseline]) for o, found in groups.items() if o != baseline]
-    rows = tuple(
-        (
-            d.optimizer, str(d.both + d.only_own), str(d.both), str(d.only_own), str(d.only_other), str(d.neither),
-            number(d.probability, 2), "–" if math.isnan(d.ratio) else f"{number(d.ratio, 3)}×",
-        )
-        for d in duels
-    )  # fmt: skip
     caption = (
         f"Instances (problem and seed) solved, beside {baseline}; p: that chance parts those solved by one alone so "
         "unevenly (two-sided sign test); evaluations over the baseline's, geometric mean over instances both solved"
     )
+    table = tabulated(
+        caption,
+        {
+            "optimizer": lambda d: d.optimizer,
+            "solved": lambda d: str(d.both + d.only_own),
+            "both": lambda d: str(d.both),
+            "it alone": lambda d: str(d.only_own),
+            "baseline alone": lambda d: str(d.only_other),
+            "neither": lambda d: str(d.neither),
+            "p": lambda d: number(d.probability, 2),
+            "evaluations, both": lambda d: "–" if math.isnan(d.ratio) else f"{number(d.ratio, 3)}×",
+        },
+        duels,
+    )
     drawn = distributions(groups, "all problems", field.optimizers)
-    parts = (Table(caption, SOLVED, rows), Figure("Over all problems that an optimizer ran on", drawn))
+    parts = (table, Figure("Over all problems that an optimizer ran on", drawn))
     return Section("All problems together", parts)
 
 

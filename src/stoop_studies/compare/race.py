@@ -75,15 +75,5 @@ def levels(reference: float, target: float) -> FloatArray:
 
 def read_race(problem: str, optimizer: str, seed: int, result: Mapping[str, Any]) -> Race:
     """Return what a stored result says."""
-    return Race(
-        problem,
-        optimizer,
-        seed,
-        result["hit"],
-        tuple(result["hits"]),
-        float(result["evaluations"]),
-        float("inf") if result["cost"] is None else float(result["cost"]),
-        str(result["status"]),
-        float(result["target"]),
-        float("inf") if result["reference"] is None else float(result["reference"]),
-    )
+    finite = {n: np.inf if result[n] is None else float(result[n]) for n in ("cost", "reference")}
+    return Race(problem, optimizer, seed, **{**result, **finite, "hits": tuple(result["hits"])})

@@ -42,7 +42,7 @@ class Posed:
 
 def names() -> tuple[str, ...]:
     """Return the names of all problems."""
-    return tuple(name for module in dict.fromkeys(_FAMILIES.values()) for name in _module(module).names())
+    return tuple(name for module in dict.fromkeys(_FAMILIES.values()) for name in _module(module).NAMES)
 
 
 def pose(name: str, seed: int, **arguments: Any) -> Posed:
@@ -54,7 +54,7 @@ def pose(name: str, seed: int, **arguments: Any) -> Posed:
         There is none of that name, or it lacks an argument.
     """
     module = _FAMILIES.get(re.split("[-+]", name)[0])
-    if module is None or name not in _module(module).names():
+    if module is None or name not in _module(module).NAMES:
         listed = ", ".join([*(n for n in names() if not n.startswith("bbob-")), "bbob-01 to bbob-24"])
         raise IdentificationError(f"problem {name}: there is none of that name; use one of {listed}")
     posed: Posed = _module(module).pose(name, seed, **arguments)

@@ -23,6 +23,7 @@ from stoop.optimize.problem import ScalarProblem
 from stoop_studies.problems import Posed, take_none
 
 FUNCTIONS: Final = 24
+NAMES: Final = tuple(f"bbob-{k:02d}" for k in range(1, FUNCTIONS + 1))
 DIMENSION: Final = 10
 
 
@@ -59,11 +60,6 @@ class Bbob(ScalarProblem):
 def physical(x: FloatArray) -> FloatArray:
     """Return what points of the unit box, (..., D), mean in [-5, 5]."""
     return -5.0 + x * 10.0
-
-
-def names() -> tuple[str, ...]:
-    """Return the names of these problems."""
-    return tuple(f"bbob-{k:02d}" for k in range(1, FUNCTIONS + 1))
 
 
 def pose(name: str, seed: int, **arguments: object) -> Posed:

@@ -1,10 +1,10 @@
 """Any recorded flight as a problem of comparison: ``flight``, with the arguments flight, vehicle and maneuvers.
 
 The windows are prepared as `stoop identify` does: cut at dropouts, each piece with its own initial state and
-sensor biases, the weights settled once by dives from the vehicle file's own values and then held.
+sensor biases, the weights estimated once by refinements from the vehicle file's own values and then held.
 
 There is one difference. `stoop identify` keeps initial states and biases apart from the parameters, and only
-its dives refine them. Here they are joined to the unit box, 5 prior standard deviations to either side of
+local refinement moves them. Here they are joined to the unit box, 5 prior standard deviations to either side of
 where the measurements put them, so that every optimizer searches the same numbers.
 
 What counts as solved is the least cost that a long search from the file's own values finds, and a thousandth
@@ -14,7 +14,6 @@ more. Nobody is given those values: every optimizer begins blind.
 from __future__ import annotations
 
 import functools
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
@@ -23,14 +22,13 @@ import numpy as np
 from stoop import optimize
 from stoop.base.arrays import FloatArray
 from stoop.errors import FlightError, IdentificationError
-from stoop.estimate.fit import Options, estimation_problem, settle, starts
+from stoop.estimate.fit import Derived, Options, estimation_problem, settle, starts
 from stoop.flight import load
-from stoop.problem import Misfit
 from stoop.problem.windows import parse_window
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop_studies.problems import Posed
 
-NAME: Final = "flight"
+NAMES: Final = ("flight",)
 REACH: Final = 5.0  #: prior standard deviations of a nuisance that the box reaches to either side
 NEAR: Final = 1e-3  #: of the reference's cost; the agreement that confirms an optimum
 REFERENCE_BUDGET: Final = 50_000.0  #: trajectories of the search that finds what counts as solved
@@ -38,23 +36,15 @@ REFERENCE_SEEDS: Final = (0, 1, 2)
 LEGS: Final = 2.0 * REACH  #: prior standard deviations from one end of the box to the other
 
 
-@dataclass(frozen=True, eq=False)
-class Joined:
-    """A misfit, `apart`, whose D parameters and E nuisances are searched alike, in the unit box."""
-
-    apart: Misfit
+class Joined(Derived):
+    """A problem whose D parameters and E nuisances are searched alike, in the unit box."""
 
     extra = 0
 
     @property
     def dimension(self) -> int:
         """Number D + E of variables."""
-        return self.apart.dimension + self.apart.extra
-
-    @property
-    def prices(self) -> tuple[float, ...]:
-        """Price of a trajectory on each rung."""
-        return self.apart.prices
+        return self.problem.dimension + self.problem.extra
 
     def costs(self, X: FloatArray, rung: int) -> FloatArray:
         """Return the costs (B,) of X (B, D + E) in the unit box, priors of the nuisances included."""
@@ -64,34 +54,25 @@ class Joined:
 
     def residuals(self, Z: FloatArray, rung: int) -> FloatArray:
         """Return weighted residuals (B, n_r) of Z (B, D + E) in the unit box."""
-        return self.apart.residuals(self.split(Z), rung)
+        return self.problem.residuals(self.split(Z), rung)
 
     def jacobian(self, z: FloatArray, rung: int, r: FloatArray) -> tuple[FloatArray, float]:
         """Return d r / d z (n_r, D + E) and its price: initial states on their own piece, biases for nothing."""
-        J, spent = self.apart.jacobian(self.split(z[None, :])[0], rung, r)
-        J[:, self.apart.dimension :] *= LEGS
+        J, spent = self.problem.jacobian(self.split(z[None, :])[0], rung, r)
+        J[:, self.problem.dimension :] *= LEGS
         return J, spent
-
-    def reference(self, rung: int) -> float:
-        """Return the trivial model's cost."""
-        return self.apart.reference(rung)
 
     def split(self, Z: FloatArray) -> FloatArray:
         """Return vectors (B, D + E) with the nuisances in prior standard deviations."""
         out = Z.copy()
-        out[:, self.apart.dimension :] = LEGS * (Z[:, self.apart.dimension :] - 0.5)
+        out[:, self.problem.dimension :] = LEGS * (Z[:, self.problem.dimension :] - 0.5)
         return out
 
     def join(self, z: FloatArray) -> FloatArray:
         """Return the point of the unit box (D + E,) of a vector with nuisances in prior standard deviations."""
         out = z.copy()
-        out[self.apart.dimension :] = 0.5 + z[self.apart.dimension :] / LEGS
+        out[self.problem.dimension :] = 0.5 + z[self.problem.dimension :] / LEGS
         return np.clip(out, 0.0, 1.0)
-
-
-def names() -> tuple[str, ...]:
-    """Return the name of this problem."""
-    return (NAME,)
 
 
 def pose(name: str, seed: int, **arguments: object) -> Posed:
@@ -143,8 +124,8 @@ def posed(flights: tuple[str, ...], vehicle: str, maneuvers: tuple[str, ...]) ->
     ]
     if not any(end.status == "converged" for end in ends):
         raise IdentificationError(
-            f"problem {NAME}: no optimum was confirmed, so nothing says what counts as solved; "
-            f"choose other maneuvers, or free fewer numbers"
+            "problem flight: no optimum was confirmed, so nothing says what counts as solved; "
+            "choose other maneuvers, or free fewer numbers"
         )
     problem, layout, full = Joined(apart), apart.layout, len(apart.prices) - 1
     least = float(problem.costs(np.array([problem.join(end.z) for end in ends]), full).min())

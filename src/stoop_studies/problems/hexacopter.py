@@ -31,7 +31,7 @@ from stoop.vehicle import Vehicle, parse_vehicle
 from stoop_studies.problems import Posed, data_text
 from stoop_studies.problems.multirotor import motors_behind, windowed, windows
 
-NAME: Final = "hexacopter"
+NAMES: Final = ("hexacopter",)
 FOLDER: Final = "altlnt-hexacopter-px4"
 SOURCE: Final = "https://github.com/altlnt/id_mod_helice (logs/copter/vol2/log_18_2019-7-26-10-48-46)"
 WINDOW: Final = "140:214"
@@ -49,11 +49,6 @@ _H: Final = float(np.sqrt(0.75))
 MIXER: Final = np.array(
     [[-1, 0, -1], [1, 0, 1], [0.5, _H, -1], [-0.5, -_H, 1], [-0.5, _H, 1], [0.5, -_H, -1]]
 )  #: PX4's Hexarotor x: roll, pitch, yaw of each output
-
-
-def names() -> tuple[str, ...]:
-    """Return the name of this problem."""
-    return (NAME,)
 
 
 def pose(name: str, seed: int, **arguments: object) -> Posed:

@@ -136,11 +136,6 @@ def quad() -> Quad:
     return Quad(vehicle, flown, readings_along(vehicle, rows, states, flown.inputs), {"h": x["h"], **off})
 
 
-def names() -> tuple[str, ...]:
-    """Return the names of these problems."""
-    return NAMES
-
-
 def pose(name: str, seed: int, box: str = "N", **arguments: object) -> Posed:
     """Return one of these problems; the seed draws noise and box, of kind N, S or W."""
     take_none(name, arguments)

@@ -53,6 +53,10 @@ LATERAL: Final = (
 """The lateral and directional terms of eq. (1); their truths, ours, stand in the vehicle file."""
 
 BOXES: Final = ("N", "S", "W")
+NAMES: Final = (
+    *(f"paper-{kind}{more}" for kind in BOXES for more in ("", "+noise", "+few", "+few+noise")),
+    *(f"{name}{more}" for name in ("longitudinal-full", "lateral") for more in ("", "+noise")),
+)
 FEW: Final = ("V", "q", "theta")
 NEAR: Final = 1e-6  #: of J0 without noise; of the maximum-likelihood cost with it
 
@@ -113,11 +117,6 @@ class Paper:
             readings[:, ~np.isin(self.vehicle.outputs, list(channels))] = np.nan
         return readings
 
-    def optimum(self, problem: Misfit) -> float:
-        """Return the least cost about the truth, where a refinement from it ends."""
-        names = [p.name for p in problem.layout.parameters]
-        return optimum(problem, np.array([self.vehicle.value(n) for n in names]))
-
 
 def freed(vehicle: Vehicle, names: Sequence[str], low: FloatArray, high: FloatArray) -> Vehicle:
     """Return the vehicle with these numbers free in bounds, (D,) each, SI, at their center; all others are known."""
@@ -135,7 +134,7 @@ def of_known_truth(vehicle: Vehicle, problem: Misfit, noise: bool) -> Posed:
     truth = np.array([vehicle.value(n) for n in names])
     return Posed(
         problem=problem,
-        target=optimum(problem, truth) * (1.0 + NEAR) if noise else NEAR * reference,
+        target=optimum(problem, vehicle) * (1.0 + NEAR) if noise else NEAR * reference,
         reference=reference,
         truth=truth,
         parameters=names,
@@ -143,8 +142,9 @@ def of_known_truth(vehicle: Vehicle, problem: Misfit, noise: bool) -> Posed:
     )
 
 
-def optimum(problem: Misfit, truth: FloatArray) -> float:
-    """Return the cost where a refinement from the truth (D,), SI, in the problem's own order, ends."""
+def optimum(problem: Misfit, vehicle: Vehicle) -> float:
+    """Return the cost where a refinement from the truth, the vehicle's values, ends."""
+    truth = np.array([vehicle.value(p.name) for p in problem.layout.parameters])
     z = np.concatenate([problem.layout.unit(truth), np.zeros(problem.extra)])
     # stops at rounding only
     patient = optimize.Settings(iterations=200, gain=1e-14, predicted=1e-14, stall=0, stall_damping=np.inf)
@@ -200,12 +200,6 @@ def lateral() -> Paper:
     """Return the 18 lateral and directional terms and their flight; made once in a process."""
     vehicle = aircraft()
     return Paper(vehicle, lateral_flight(vehicle), LATERAL)
-
-
-def names() -> tuple[str, ...]:
-    """Return the names of these problems."""
-    ten = tuple(f"paper-{kind}{more}" for kind in BOXES for more in ("", "+noise", "+few", "+few+noise"))
-    return (*ten, "longitudinal-full", "longitudinal-full+noise", "lateral", "lateral+noise")
 
 
 def pose(name: str, seed: int, **arguments: object) -> Posed:

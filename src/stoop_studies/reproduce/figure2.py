@@ -13,10 +13,10 @@ from stoop.optimize import Ledger, ScalarProblem
 from stoop.optimize.ledger import Evaluations
 from stoop.report.plots import Mark, Series, contour_plot, plot
 from stoop.report.sheet import Code, Figure, Prose, Section, Table
-from stoop_studies.findings import Claim, Findings, Results, Setting, holds, number
+from stoop_studies.findings import Claim, Findings, Results, Setting, holds, number, tabulated
 from stoop_studies.optimizers.local_search import BETA, SteepestDescent, golden_section, steepest_line
 from stoop_studies.problems.paper import Paper, paper
-from stoop_studies.reproduce.suite import PaperExperiment, tabulated
+from stoop_studies.reproduce.suite import PaperExperiment
 
 PAIR: Final = ("CLalpha", "Cmalpha")
 LOW: Final = np.array((3.2, -3.2))
@@ -145,9 +145,9 @@ class Figure2(PaperExperiment):
             for name, lines in found.items():
                 lines[where] = [pair[name] for pair in pairs if pair]
         ends_table = tabulated(
-            "Where dives end",
+            "Where local searches end",
             {
-                "dive": lambda i: str(i),
+                "search": lambda i: str(i),
                 PAIR[0]: lambda i: number(ends[i][0], 5),
                 PAIR[1]: lambda i: number(ends[i][1], 5),
                 "J": lambda i: number(ends[i][2], 4),
@@ -164,7 +164,7 @@ class Figure2(PaperExperiment):
                 Section("On a picture of the cost", (picture, ends_table)),
                 Section("The pseudo-code as printed", code),
             ),
-            ("dive", *PAIR, "J", "evaluations_so_far"),
+            ("search", *PAIR, "J", "evaluations_so_far"),
             tuple((i, *end) for i, end in enumerate(ends)),
         )
 
@@ -191,7 +191,7 @@ def _claims(found: Found, ends: list[tuple[float, float, float, int]]) -> tuple[
             f"median gain {100 * gains[0]:.1f} % of the cost against {100 * gains[1]:.1f} %",
         ),
         holds(
-            f"{CHAIN} dives in a row reach the optimum (1e-6 of the cost that they start from)",
+            f"{CHAIN} local searches in a row reach the optimum (1e-6 of the cost that they start from)",
             any(cost < 1e-6 * first for _, _, cost, _ in ends),
             f"{number(first)} falls to {number(last)} in {evaluations} evaluations",
         ),
@@ -211,9 +211,9 @@ def _picture(recorder: Recorder, ends: list[tuple[float, float, float, int]]) ->
     x, y = _physical(np.column_stack([axis, axis])).T
     named = [("evaluated", p) for p in points] + [("start", trail[0]), ("truth", recorder.case.truth)]
     marks = [Mark(name, float(a), float(b)) for name, (a, b) in named]
-    caption = "Lines of equal cost over two coefficients with a chain of dives"
+    caption = "Lines of equal cost over two coefficients with a chain of local searches"
     drawing = contour_plot(x, y, np.log10(np.maximum(values, 1e-12)), trail, marks, *PAIR, caption)
-    words = f"log J over {PAIR[0]} and {PAIR[1]}, and the first {DRAWN} of {CHAIN} dives in a row"
+    words = f"log J over {PAIR[0]} and {PAIR[1]}, and the first {DRAWN} of {CHAIN} local searches in a row"
     return Figure(words, drawing)
 
 

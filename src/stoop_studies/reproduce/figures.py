@@ -13,10 +13,10 @@ from stoop.report.plots import Series, Strip, plot, stacked_plots
 from stoop.report.sheet import Figure, Prose, Section, Table
 from stoop.simulation import Mode, linearize
 from stoop.simulation.trajectories import Flown
-from stoop_studies.findings import Claim, Findings, Results, Setting, holds, number, reproduces
+from stoop_studies.findings import Claim, Findings, Results, Setting, holds, number, reproduces, tabulated
 from stoop_studies.optimizers.evolution import Initialization, chaos, uniform
 from stoop_studies.problems.paper import SAMPLES, paper
-from stoop_studies.reproduce.suite import PaperExperiment, minus, tabulated
+from stoop_studies.reproduce.suite import PaperExperiment, minus
 
 DIMENSION: Final = 10
 POINTS: Final = 2000  #: of the long orbit

@@ -16,10 +16,10 @@ from stoop.base.arrays import FloatArray
 from stoop.base.csv_text import Cell
 from stoop.problem.layout import Nuisance
 from stoop.report.sheet import Prose, Section, Table
-from stoop_studies.findings import Claim, Findings, Results, Setting, holds, number, reproduces
+from stoop_studies.findings import Claim, Findings, Results, Setting, by_columns, holds, number, reproduces
 from stoop_studies.problems.paper import LATERAL, Paper, aircraft, box, lateral_flight, of_known_truth
 from stoop_studies.reproduce.recovery import Fits, ModelFits, ModelStudy, Recovery, fitted
-from stoop_studies.reproduce.suite import bound_deviations, by_columns, minus, rms
+from stoop_studies.reproduce.suite import bound_deviations, minus, rms
 
 WORK: Final = "stoop_studies.reproduce.lateral:work"
 TERMS: Final = ("CQ0", "Cl0", "Cn0")

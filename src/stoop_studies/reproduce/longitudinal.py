@@ -20,10 +20,10 @@ from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.vehicle.schema import ConstantThrust, Propeller
 from stoop.workflow.demo import MANEUVER, TABLE_1
-from stoop_studies.findings import Claim, Findings, Results, Setting, number, reproduces
+from stoop_studies.findings import Claim, Findings, Results, Setting, by_columns, number, reproduces
 from stoop_studies.problems.paper import SAMPLES, Paper, box, paper
 from stoop_studies.reproduce.recovery import Fits, ModelFits, ModelStudy, Recovery, fitted
-from stoop_studies.reproduce.suite import by_columns, minus, rms
+from stoop_studies.reproduce.suite import minus, rms
 
 WORK: Final = "stoop_studies.reproduce.longitudinal:work"
 TERMS: Final = ("CLV", "CDV", "CmV")

@@ -17,10 +17,20 @@ from stoop.estimate.multiple_shooting import MultipleShooting
 from stoop.parallel import Run
 from stoop.problem.windows import Window
 from stoop.report.plots import HUES
-from stoop.report.sheet import Code, Prose, Section, Table
+from stoop.report.sheet import Code, Figure, Prose, Section, Table
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import parse_maneuver
-from stoop_studies.findings import Claim, Findings, Results, Setting, counted, holds, number
+from stoop_studies.findings import (
+    Claim,
+    Findings,
+    Results,
+    Setting,
+    by_columns,
+    counted,
+    holds,
+    number,
+    tabulated,
+)
 from stoop_studies.problems import pose
 from stoop_studies.problems.multirotor import LENGTH, MANEUVER, NOISE, quad
 from stoop_studies.reproduce.suite import (
@@ -31,10 +41,8 @@ from stoop_studies.reproduce.suite import (
     PaperExperiment,
     Searches,
     bound_deviations,
-    by_columns,
     percent,
     rms,
-    tabulated,
 )
 from stoop_studies.reproduce.table1 import (
     ITERATIONS,
@@ -64,19 +72,19 @@ drag of the body along x. The mass is known; without it only ratios would show. 
 taken as measured exactly. Box N is as wide as each value, the truth lies somewhere in it, drawn with the seed."""
 NOISE_WORDS: Final = """\
 Windows begin in noisy readings, so that even the truth costs more than noise alone, and errors are larger than the \
-bound, which is that of known beginnings. All four minimize the same J: how near they come to its optimum (1e-6, where a \
-dive from the truth ends) is the optimizer's part, the rest is the cost's. The last column is of the same flights, noise and \
-bounds: multiple shooting, the method of stoop identify for vehicles on rotors, estimates the states in which windows \
-begin, and the speeds of the motors, too; it starts from the center of the box. Box S begins at \
-zero and ends at 2 to 8 times the truth; the sign alone is known."""
+bound, which is that of known beginnings. All four minimize the same J: how near they come to its optimum (1e-6, where \
+a local refinement from the truth ends) is the optimizer's part, the rest is the cost's. The last column is of the \
+same flights, noise and bounds: multiple shooting, the method of stoop identify for vehicles on rotors, estimates the \
+states in which windows begin, and the speeds of the motors, too; it starts from the center of the box. Box S begins \
+at zero and ends at 2 to 8 times the truth; the sign alone is known."""
 REAL_WORDS: Final = """\
-140 to 214 s of PX4's log 18: hover, two climbs of 6 m/s and slow descents. Q is what the residuals of a dive from the \
-file's own values say, colored as they are, and is then held; that dive is also what counts as reached (its J and 0.1 %). \
-No optimizer is given its end. The real flight is run with half the seeds. Motors begin \
-where their commands and a lag of 0.05 s put them. Errors behind ± are standard errors at the least J known (Cramer-Rao \
-with this Q), and the scatter over seeds of each method. Inertias are what answers the commands within a quarter of a \
-second, with arms and torque per thrust as assumed; hub moments and gusts are not in the model and make xx and yy too \
-large. The page on the hexacopter (docs/hexacopter.md) holds its forces against the authors' figures."""
+140 to 214 s of PX4's log 18: hover, two climbs of 6 m/s and slow descents. Q is what the residuals of a local \
+refinement from the file's own values say, colored as they are, and is then held; that refinement is also what counts \
+as reached (its J and 0.1 %). No optimizer is given its end. The real flight is run with half the seeds. Motors begin \
+where their commands and a lag of 0.05 s put them. Errors behind ± are standard errors at the least J known \
+(Cramer-Rao with this Q), and the scatter over seeds of each method. Inertias are what answers the commands within a \
+quarter of a second, with arms and torque per thrust as assumed; hub moments and gusts are not in the model and make \
+xx and yy too large. The page on the hexacopter (docs/hexacopter.md) holds its forces against the authors' figures."""
 NO_DATA: Final = """\
 The real flight was left out: no folder was named. Give --data DIR with the log of \
 https://github.com/altlnt/id_mod_helice, logs/copter/vol2/log_18_2019-7-26-10-48-46."""
@@ -253,6 +261,8 @@ def _claims(clean: Case, noisy: Case, real: Case | None, shot: FloatArray) -> It
 def _clean_section(case: Case) -> Section:
     # the default in dashes: others lie below it
     looks = {m: i + HUES * (m == "default") for i, m in enumerate(METHODS)}
+    words = "Median fitness by method"
+    drawn = by_iterations(case.groups, "median fitness J", words, lambda g: g.median_cost, looks=looks)
     fitness: dict[str, Callable[[Group], str]] = {"median fitness": lambda g: number(g.median_cost)}
     return Section(
         "A simulated quadrotor, without noise",
@@ -260,13 +270,7 @@ def _clean_section(case: Case) -> Section:
             Prose(OPEN_LOOP.format(length="0.5 s of the quadrotor and 0.25 s of the hexacopter")),
             Prose(QUAD),
             tabulated(SUMMARY, summary_columns(fitness), case.every),
-            by_iterations(
-                case.groups,
-                "median fitness J",
-                lambda g: g.median_cost,
-                "Median fitness of all runs",
-                looks=looks,
-            ),
+            Figure("Median fitness of all runs", drawn),
             Prose("Its maneuver, on top of what the autopilot does (`stoop simulate quad-x --maneuver`):"),
             Code(MANEUVER.strip()),
         ),

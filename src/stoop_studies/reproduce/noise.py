@@ -14,7 +14,17 @@ from stoop.base.numbers import finite_or_none
 from stoop.parallel import Run
 from stoop.report.plots import Series, plot
 from stoop.report.sheet import Figure, Prose, Section
-from stoop_studies.findings import Claim, Findings, Results, Setting, counted, holds, number
+from stoop_studies.findings import (
+    Claim,
+    Findings,
+    Results,
+    Setting,
+    by_columns,
+    counted,
+    holds,
+    number,
+    tabulated,
+)
 from stoop_studies.problems import pose
 from stoop_studies.problems.paper import NEAR
 from stoop_studies.reproduce.recovery import parameter_columns
@@ -24,10 +34,8 @@ from stoop_studies.reproduce.suite import (
     PaperExperiment,
     Searches,
     bound_deviations,
-    by_columns,
     minus,
     rms,
-    tabulated,
 )
 
 STOPS: Final = {
@@ -44,7 +52,7 @@ of box N can lie within two standard deviations of the truth (CLq), and would cu
 WORDS: Final = """\
 Scatter over bound is the standard deviation of the estimates about the truth over that of the bound; it is known no \
 better than {spread:.3f} per coefficient from so many seeds. Bias is the mean error in its own standard errors: \
-beyond 3 would be one in 370. A run ends elsewhere if it costs more than 1.001 times what a dive from the truth ends \
+beyond 3 would be one in 370. A run ends elsewhere if it costs more than 1.001 times what a local refinement from the truth ends \
 at: in another optimum, or not at its end after {stop} iterations. Runs are not told the truth."""
 
 

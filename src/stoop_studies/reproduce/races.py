@@ -14,18 +14,28 @@ from stoop.base.numbers import finite_or_none
 from stoop.parallel import Run
 from stoop.report.plots import Series, plot
 from stoop.report.sheet import Figure, Prose, Section, Table
-from stoop_studies.findings import Claim, Findings, Results, Setting, counted, holds, number, reproduces
-from stoop_studies.reproduce.suite import PaperExperiment, by_columns, hits_of, search_run
+from stoop_studies.findings import (
+    Claim,
+    Findings,
+    Results,
+    Setting,
+    by_columns,
+    counted,
+    holds,
+    number,
+    reproduces,
+)
+from stoop_studies.reproduce.suite import PaperExperiment, hits_of, search_run
 
-BUDGET: Final = 60_000.0  #: evaluations after which a run counts as lost
+BUDGET: Final = 60_000.0  #: evaluations after which a run counts as failed
 PAPER: Final[dict[str, Any]] = {"name": "ps-gde"}
 WHOLE: Final = "PS-GDE"
-LEVENBERG: Final = "Levenberg-Marquardt dive"
+LEVENBERG: Final = "Levenberg-Marquardt search"
 VARIANTS: Final[dict[str, Any]] = {
     WHOLE: PAPER,
     "without sorting": PAPER | {"mutation": "unordered"},
     "without chaos": PAPER | {"initialization": "uniform"},
-    "without dive": PAPER | {"search": "none"},
+    "without local search": PAPER | {"search": "none"},
     "schedule as printed": PAPER | {"swapped": True},
     LEVENBERG: PAPER | {"search": "levenberg"},
     "all off": PAPER | {"mutation": "unordered", "initialization": "uniform", "search": "none"},
@@ -34,7 +44,7 @@ VARIANTS: Final[dict[str, Any]] = {
 HELPS: Final = {
     "without sorting": "Sorting the three picks helps",
     "without chaos": "The chaotic start helps",
-    "without dive": "The dive along the gradient helps",
+    "without local search": "The local search along the gradient helps",
 }
 
 
@@ -55,21 +65,21 @@ KNOBS: Final = (
     Knob("CR", "rate", 0.9, (0.3, 0.5, 0.7, 0.8, 0.9, 0.95, 1.0)),
 )
 ABLATION_LEAD: Final = """\
-PS-GDE joins three ideas: a mutation whose three picks are sorted by cost, a chaotic first population, and a dive \
-along the gradient every twentieth generation. Here each is taken away in turn, the dive is replaced by \
-Levenberg-Marquardt, and the schedule is used as printed (dives in 19 of 20 generations). Runs end at 1e-6 of the \
+PS-GDE joins three ideas: a mutation whose three picks are sorted by cost, a chaotic first population, and a local \
+search along the gradient every twentieth generation. Here each is taken away in turn, the local search is replaced \
+by Levenberg-Marquardt, and the schedule is used as printed (local search in 19 of 20 generations). Runs end at 1e-6 of the \
 trivial model's cost J0, or at 60,000 evaluations."""
 ABLATION_WORDS: Final = """\
 The p-value is of a two-sided Mann-Whitney test of the evaluations to the target against PS-GDE whole, runs that did \
 not get there last; Holm's correction makes the column hold as a whole. Expected running time is all evaluations, \
-those of lost runs included, over the number of runs that got there. "Without sorting" keeps the three picks of \
+those of failed runs included, over the number of runs that got there. "Without sorting" keeps the three picks of \
 eq. (12) as drawn."""
 SWEEP_LEAD: Final = """\
 The paper closes its description by saying that NC and pr influence the result, without showing it, and prints \
 neither F nor CR. Here each of the four is varied while the others stay at NC = 20, pr = 0.05, F = 0.6, CR = 0.9. \
 Runs end at 1e-6 of the trivial model's cost J0, or at 60,000 evaluations."""
 SWEEP_WORDS: Final = """\
-Expected running time is all evaluations, those of lost runs included, over the number of runs that got there: it \
+Expected running time is all evaluations, those of failed runs included, over the number of runs that got there: it \
 weighs speed against reliability. Where a curve breaks off, no run got there."""
 
 
@@ -149,7 +159,7 @@ def by_texts(
 
 
 def mann_whitney(one: Race, other: Race) -> float:
-    """Return the two-sided p-value that evaluations to the target differ; lost runs come last, and tie.
+    """Return the two-sided p-value that evaluations to the target differ; failed runs come last, and tie.
 
     References
     ----------
@@ -233,7 +243,7 @@ def _claims(found: Mapping[str, Race], sure: Mapping[str, float]) -> Iterator[Cl
         f"{printed.texts['reached']} reach the target, median cost {number(float(np.median(printed.costs)))}",
     )
     yield holds(
-        "A Levenberg-Marquardt dive on the same schedule is better than steepest descent",
+        "A Levenberg-Marquardt search on the same schedule is better than steepest descent",
         slower(whole, found[LEVENBERG], LEVENBERG),
         against(LEVENBERG),
     )

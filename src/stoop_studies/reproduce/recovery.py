@@ -15,7 +15,7 @@ from stoop.base.csv_text import Cell
 from stoop.parallel import Run
 from stoop.problem import Misfit
 from stoop.report.sheet import Table
-from stoop_studies.findings import Claim, Results, Setting, counted, holds, number
+from stoop_studies.findings import Claim, Results, Setting, by_columns, counted, holds, number
 from stoop_studies.problems import pose
 from stoop_studies.reproduce.suite import (
     METHODS,
@@ -23,7 +23,6 @@ from stoop_studies.reproduce.suite import (
     PaperExperiment,
     Searches,
     bound_deviations,
-    by_columns,
     minus,
     rms,
 )

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import shlex
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Final, TypeVar
+from typing import Any, Final
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from stoop.assessment.covariance import standard_errors
 from stoop.base.arrays import FloatArray
 from stoop.parallel import Plan, Run
 from stoop.problem.evidence import invert
-from stoop.report.sheet import Prose, Section, Table
+from stoop.report.sheet import Prose, Section
 from stoop_studies.findings import Findings, Results, Setting, number
 from stoop_studies.outputs import Suite
 from stoop_studies.problems import Posed
@@ -25,7 +25,6 @@ SEARCH: Final = "stoop_studies.search:search"
 METHODS: Final = {"GA": "ga", "PSO": "pso", "PS-GDE": "ps-gde", "default": "ps-gde-lm"}
 SUCCESS: Final = 1e-2  #: largest relative error of a successful identification
 EXACT: Final = 1e-6  #: the same of an exact one
-Row = TypeVar("Row")
 
 RECONSTRUCTIONS: Final = """\
 The paper's title names a multirotor, but its model, trim and experiment are those of a fixed-wing aircraft with \
@@ -52,12 +51,12 @@ zero; the truth lies at a random place of each box, another for each seed.
 
 PS-GDE, whose F and CR are not printed either:
 
-- F = 0.6, CR = 0.9, 50 members, NC = 20, pr = 5 %, so that three members are dived from
+- F = 0.6, CR = 0.9, 50 members, NC = 20, pr = 5 %, so that local searches start from three members
 - steps 4 and 5 change places: local search when NC divides the generation, in place of evolution; step 6 stops \
 when the condition is met
 - the first branch of the golden section (its Fig. 2) evaluates the point that it moves; the search ends at 0.1 of \
 the interval, which is 0.1 of the unit box along the negative gradient
-- the gradient is a forward difference whose evaluations count; the end of a dive replaces its start only if better
+- the gradient is a forward difference whose evaluations count; the end of a local search replaces its start only if better
 - the three picks of (12) differ from each other and from their parent; one variable always comes from the mutant; \
 what leaves the box is set on its bound, and the box does not shrink
 - the chaotic start avoids 0, 0.25, 0.5, 0.75 and 1
@@ -94,18 +93,6 @@ def search_run(key: str, optimizer: Any, problem: str, seed: int, stop: int | No
     """Return one search; ``more`` are arguments of `stoop_studies.search.search`."""
     arguments = {"optimizer": optimizer, "problem": problem, "seed": seed, "history": 0, **more}
     return Run(key, SEARCH, arguments, stop)
-
-
-def tabulated(caption: str, columns: Mapping[str, Callable[[Row], str]], rows: Iterable[Row]) -> Table:
-    """Return a table with one column for each name and function of a row."""
-    return Table(
-        caption, tuple(columns), tuple(tuple(text(row) for text in columns.values()) for row in rows)
-    )
-
-
-def by_columns(caption: str, columns: Mapping[str, Sequence[str]], *last: tuple[str, ...]) -> Table:
-    """Return a table of columns, with further rows below."""
-    return Table(caption, tuple(columns), (*zip(*columns.values(), strict=True), *last))
 
 
 def minus(text: str) -> str:

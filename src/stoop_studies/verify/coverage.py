@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
+import pandas as pd
 
-from stoop.assessment.covariance import NORMAL_95
 from stoop.assessment.error_bars import error_bars
 from stoop.base.arrays import FloatArray
 from stoop.base.numbers import finite_or_none
@@ -17,8 +17,7 @@ from stoop.estimate.fit import Options
 from stoop.report.sheet import Prose, Section, Table
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop_studies.findings import Claim, Findings, Setting, holds
-from stoop_studies.verify import scenes
-from stoop_studies.verify.study import Columns, Samples, Verification, or_none, page_table, percent, work
+from stoop_studies.verify import scenes, study
 
 LEAD: Final = f"""\
 The twin-boom aircraft flies {len(scenes.STEPS)} maneuvers of {scenes.DURATION:.0f} s at {scenes.RATE:.0f} Hz on all six degrees \
@@ -33,23 +32,23 @@ enough to hold everything is worth little. Plain Cramer-Rao, beside, takes resid
 SHARES: Final = ("coverage", "sharpness", "coverage_cramer_rao", "sharpness_cramer_rao")
 SIZES: Final = ("scatter", "mean_sigma", "bias_in_standard_errors")
 POOLED: Final = "pooled"
-BESIDE: Final[Columns] = {
+BESIDE: Final[study.Columns] = {
     "sharpness": ("sharpness", ".2f"),
-    "coverage_cramer_rao": ("plain Cramer-Rao, %", percent),
+    "coverage_cramer_rao": ("plain Cramer-Rao, %", study.percent),
     "sharpness_cramer_rao": ("its sharpness", ".2f"),
 }
-SUMMARY: Final[Columns] = {
+SUMMARY: Final[study.Columns] = {
     "case": ("case", str),
     "flights": ("flights", "d"),
-    "coverage": ("pooled, %", percent),
-    "least": ("least, %", percent),
-    "most": ("most, %", percent),
+    "coverage": ("pooled, %", study.percent),
+    "least": ("least, %", study.percent),
+    "most": ("most, %", study.percent),
     **BESIDE,
     "unfinished": ("unfinished", "d"),
 }
-PARAMETERS: Final[Columns] = {
+PARAMETERS: Final[study.Columns] = {
     "parameter": ("parameter", str),
-    "coverage": ("coverage, %", percent),
+    "coverage": ("coverage, %", study.percent),
     **BESIDE,
     "bias_in_standard_errors": ("bias, standard errors", "+.1f"),
 }
@@ -85,7 +84,7 @@ CASES: Final[Mapping[str, Case]] = {
 }
 
 
-@work
+@study.work
 def cover(case: str, seed: int) -> dict[str, Any]:
     """Fly a case and identify it as users do; a standard error is None where a bound holds the parameter."""
     method = CASES[case].method
@@ -96,30 +95,21 @@ def cover(case: str, seed: int) -> dict[str, Any]:
     return {
         "names": list(scene.truth),
         "errors": [fit.estimates[name] - value for name, value in scene.truth.items()],
-        "sigma": or_none(np.where(at_bound, np.nan, bars.std[:count])),
-        "cramer_rao": or_none(np.where(at_bound, np.nan, bars.cramer_rao_std[:count])),
+        "sigma": study.or_none(np.where(at_bound, np.nan, bars.std[:count])),
+        "cramer_rao": study.or_none(np.where(at_bound, np.nan, bars.cramer_rao_std[:count])),
         "status": fit.outcome.status,
     }
 
 
 def statistics(results: Sequence[Mapping[str, Any]]) -> dict[str, FloatArray]:
     """Return `SHARES` and `SIZES` (k,) by parameter; an interval that is not given does not hold the truth."""
-    errors, *sigmas = (
-        np.array([r[key] for r in results], dtype=np.float64) for key in ("errors", "sigma", "cramer_rao")
-    )
-    scatter = np.sqrt(np.mean(errors**2, axis=0))
-    shares, means = [], []
-    for sigma in sigmas:
-        given = np.isfinite(sigma)
-        counts, total = given.sum(axis=0), np.where(given, sigma, 0.0).sum(axis=0)
-        means.append(np.where(counts > 0, total / np.maximum(counts, 1), np.nan))
-        with np.errstate(invalid="ignore"):
-            shares += [(np.abs(errors) <= NORMAL_95 * sigma).mean(axis=0), means[-1] / scatter]
-    bias = errors.mean(axis=0) / (errors.std(axis=0) / np.sqrt(len(errors)))
-    return dict(zip((*SHARES, *SIZES), (*shares, scatter, means[0], bias), strict=True))
+    scatter, mean, coverage, bias = study.error_statistics(results)
+    _, plain_mean, plain_coverage, _ = study.error_statistics(results, "cramer_rao")
+    found = (coverage, mean / scatter, plain_coverage, plain_mean / scatter, scatter, mean, bias)
+    return dict(zip((*SHARES, *SIZES), found, strict=True))
 
 
-def show(setting: Setting, samples: Samples) -> Findings:
+def show(setting: Setting, samples: study.Samples) -> Findings:
     """Return the coverage of each case."""
     claims: list[Claim] = []
     records: dict[str, list[dict[str, Any]]] = {}
@@ -130,24 +120,23 @@ def show(setting: Setting, samples: Samples) -> Findings:
         claims += _claims(case, len(results), names, found)
         common = {"case": key, "flights": len(results)}
         pooled = {name: finite_or_none(found[name].mean()) for name in SHARES}
-        records[key] = [
-            {"case": key, "parameter": name, **common, **{n: finite_or_none(v[i]) for n, v in found.items()}}
-            for i, name in enumerate(names)
-        ]
-        records[key].append(
-            {"case": key, "parameter": POOLED, **common, **pooled, **dict.fromkeys(SIZES, None)}
-        )
+        records[key] = study.records_of(pd.DataFrame({"case": key, "parameter": names, **common, **found}))
+        records[key].append({**dict.fromkeys(records[key][0]), **common, "parameter": POOLED, **pooled})
         unfinished = sum(r["status"] not in ("converged", "target") for r in results)
         extremes = {"least": found["coverage"].min(), "most": found["coverage"].max()}
         summary.append({**common, **pooled, **extremes, "case": case.words, "unfinished": unfinished})
-    each = tuple(page_table(f"With {CASES[k].words}", PARAMETERS, own[:-1]) for k, own in records.items())
+    each = tuple(
+        study.page_table(f"With {CASES[k].words}", PARAMETERS, own[:-1]) for k, own in records.items()
+    )
     caption = "Share of intervals that hold the truth"
     return Findings.tabulated(
         "Coverage of nominal 95 % intervals",
         LEAD,
         claims,
         (
-            Section("Pooled over the parameters", (page_table(caption, SUMMARY, summary), Prose(WORDS))),
+            Section(
+                "Pooled over the parameters", (study.page_table(caption, SUMMARY, summary), Prose(WORDS))
+            ),
             Section("Each parameter", each),
             Section("What was flown", (scenes.inputs_table(scenes.STEPS), _noise())),
         ),
@@ -177,12 +166,12 @@ def _claims(
 
 def _noise() -> Table:
     vehicle = resolve_vehicle(scenes.AIRCRAFT)
-    sigma = dict(zip(vehicle.outputs, scenes.sensor_noise(vehicle), strict=True))
-    rows = tuple(
-        (c, f"{s:g}", f"{scenes.BIASES[c]:g}" if c in scenes.BIASES else "–") for c, s in sigma.items()
+    noise = zip(vehicle.outputs, scenes.sensor_noise(vehicle), strict=True)
+    records = [{"channel": c, "noise": s, "bias": scenes.BIASES.get(c)} for c, s in noise]
+    columns: study.Columns = {"channel": ("channel", str), "noise": ("noise", "g"), "bias": ("bias", "g")}
+    return study.page_table(
+        "Standard deviations, SI: of the noise, and of the biases of each maneuver", columns, records
     )
-    caption = "Standard deviations, SI: of the noise, and of the biases of each maneuver"
-    return Table(caption, ("channel", "noise", "bias"), rows)
 
 
-EXPERIMENT: Final = Verification("coverage", show, runs=400, work="cover", cases=tuple(CASES))
+EXPERIMENT: Final = study.Verification("coverage", show, runs=400, work="cover", cases=tuple(CASES))

@@ -7,13 +7,13 @@ estimator's kind is in the data, and a delay of 0.35 sample is exactly seven ste
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any, Final
 
 import numpy as np
+import pandas as pd
 import tomlkit
 
-from stoop.assessment.covariance import NORMAL_95
 from stoop.assessment.error_bars import error_bars
 from stoop.base.arrays import FloatArray
 from stoop.base.rotations import matrices_of, quaternions_of
@@ -29,8 +29,7 @@ from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.vehicle.load import parse_vehicle
 from stoop_studies.findings import Claim, Findings, Setting, holds
-from stoop_studies.verify import scenes
-from stoop_studies.verify.study import Columns, Samples, Verification, or_none, page_table, work
+from stoop_studies.verify import scenes, study
 
 RATE: Final = 100.0  #: Hz, as recorded
 SUBSTEPS: Final = 20  #: of the simulation between two samples
@@ -73,7 +72,7 @@ WORDS: Final = """\
 An error is estimate less truth, in samples. Coverage is the share of flights in which estimate ± 1.96 standard errors \
 holds the truth. Surfaces move at 1 rad/s: a command that jumps between two samples does not say when, and a zero-order \
 hold adds half of its period to the delay that is found."""
-SHOWN: Final[Columns] = {
+SHOWN: Final[study.Columns] = {
     "delay": ("delay", str),
     "rms_error": ("rms error", ".3f"),
     "largest_error": ("largest", ".3f"),
@@ -158,7 +157,7 @@ def recorded(
     return from_columns(name, time[::SUBSTEPS], noisy)
 
 
-@work
+@study.work
 def recover(case: str, seed: int) -> dict[str, Any]:
     """Estimate the delays of a flight in an identification, or in a compatibility check; all in samples."""
     if case == "identify":
@@ -177,72 +176,58 @@ def recover(case: str, seed: int) -> dict[str, Any]:
         "names": list(truth),
         "truth": [RATE * value for value in truth.values()],
         "errors": [RATE * (found[name][0] - value) for name, value in truth.items()],
-        "sigma": or_none(np.array([RATE * found[name][1] for name in truth])),
+        "sigma": study.or_none(np.array([RATE * found[name][1] for name in truth])),
         "status": status,
     }
 
 
-def show(setting: Setting, samples: Samples) -> Findings:
-    """Return how far the delays are off."""
+def show(setting: Setting, samples: study.Samples) -> Findings:
+    """Return how far the delays are off: the model recovers all of them, a compatibility check as well as it says."""
     claims: list[Claim] = []
     records: dict[str, list[dict[str, Any]]] = {}
-    for case in CASES:
-        results = samples[case]
-        errors = np.array([r["errors"] for r in results])
-        sigma = np.array([r["sigma"] for r in results], dtype=np.float64)
-        found = {
-            "rms_error": np.sqrt(np.mean(errors**2, axis=0)),
-            "largest_error": np.max(np.abs(errors), axis=0),
-            "mean_sigma": np.mean(sigma, axis=0),
-            "coverage": np.mean(np.abs(errors) < NORMAL_95 * sigma, axis=0),
-        }
-        names, unfinished = results[0]["names"], sum(r["status"] != "converged" for r in results)
-        claims += _claims(
-            case, names, errors, found, f"over {len(errors)} flights, {unfinished} not finished"
+    for case, words in CASES.items():
+        results, names = samples[case], samples[case][0]["names"]
+        errors = np.abs([r["errors"] for r in results])
+        rms, sigma, coverage, _ = study.error_statistics(results)
+        unfinished = sum(r["status"] != "converged" for r in results)
+        flights, pooled = f"over {len(errors)} flights, {unfinished} not finished", float(coverage.mean())
+        if case == "identify":
+            worst, inside = int(np.argmax(rms)), float(np.mean(errors < TOLERANCE))
+            claim = holds(
+                f"Delays are recovered within {TOLERANCE:g} sample (root mean square of each), {words}",
+                bool(rms[worst] < TOLERANCE),
+                f"{100 * inside:.1f} % of {errors.size} errors are within; the largest root mean square is "
+                f"{rms[worst]:.3f} ({names[worst]}), {flights}",
+            )
+            claims.append(claim)
+        claim = holds(
+            f"95 % intervals of delays hold the truth in {100 * COVERED[0]:.0f} to {100 * COVERED[1]:.0f} %, {words}",
+            COVERED[0] <= pooled <= COVERED[1],
+            f"{100 * pooled:.1f} % of all; mean standard errors from {sigma.min():.3f} to {sigma.max():.3f} sample, {flights}",
         )
-        records[case] = [
-            {
-                "case": case,
-                "delay": name,
-                "flights": len(errors),
-                **{n: float(v[i]) for n, v in found.items()},
-            }
-            for i, name in enumerate(names)
-        ]
+        claims.append(claim)
+        found = {
+            "rms_error": rms,
+            "largest_error": errors.max(axis=0),
+            "mean_sigma": sigma,
+            "coverage": coverage,
+        }
+        records[case] = study.records_of(
+            pd.DataFrame({"case": case, "delay": names, "flights": len(errors), **found})
+        )
     noise = tuple((channel, f"{sigma:g}") for channel, sigma in NOISE.items())
-    flown = (
-        scenes.inputs_table(STEPS),
-        Table("Standard deviation of the noise, SI", ("channel", "noise"), noise),
-    )
-    tables = (page_table(CASES[case], SHOWN, own) for case, own in records.items())
+    noise_table = Table("Standard deviation of the noise, SI", ("channel", "noise"), noise)
+    tables = (study.page_table(CASES[case], SHOWN, own) for case, own in records.items())
     return Findings.tabulated(
         "Delays of inputs and outputs, fractions of a sample included",
         LEAD,
         claims,
-        (Section("Errors in samples", (*tables, Prose(WORDS))), Section("What was flown", flown)),
+        (
+            Section("Errors in samples", (*tables, Prose(WORDS))),
+            Section("What was flown", (scenes.inputs_table(STEPS), noise_table)),
+        ),
         [record for own in records.values() for record in own],
     )
 
 
-def _claims(
-    case: str, names: Sequence[str], errors: FloatArray, found: Mapping[str, FloatArray], flights: str
-) -> Iterator[Claim]:
-    """Give what is claimed: the model recovers all delays, a compatibility check as well as it says."""
-    if case == "identify":
-        rms = found["rms_error"]
-        worst, inside = int(np.argmax(rms)), float(np.mean(np.abs(errors) < TOLERANCE))
-        yield holds(
-            f"Delays are recovered within {TOLERANCE:g} sample (root mean square of each), {CASES[case]}",
-            bool(rms[worst] < TOLERANCE),
-            f"{100 * inside:.1f} % of {errors.size} errors are within; the largest root mean square is "
-            f"{rms[worst]:.3f} ({names[worst]}), {flights}",
-        )
-    pooled, sigma = float(found["coverage"].mean()), found["mean_sigma"]
-    yield holds(
-        f"95 % intervals of delays hold the truth in {100 * COVERED[0]:.0f} to {100 * COVERED[1]:.0f} %, {CASES[case]}",
-        COVERED[0] <= pooled <= COVERED[1],
-        f"{100 * pooled:.1f} % of all; mean standard errors from {sigma.min():.3f} to {sigma.max():.3f} sample, {flights}",
-    )
-
-
-EXPERIMENT: Final = Verification("delays", show, runs=40, work="recover", cases=tuple(CASES))
+EXPERIMENT: Final = study.Verification("delays", show, runs=40, work="recover", cases=tuple(CASES))

@@ -17,20 +17,21 @@ from typing import Any, Final
 
 import numpy as np
 
+from stoop.assessment.error_bars import error_bars
 from stoop.base.arrays import FloatArray
+from stoop.base.atmosphere import SEA_LEVEL_DENSITY
 from stoop.base.rotations import quaternions_of, to_body
 from stoop.base.units import FACTORS
 from stoop.base.variables import EULER, SPECIFIC_FORCE, VELOCITY
 from stoop.errors import StoopError
+from stoop.estimate import predict
 from stoop.estimate.fit import Options
-from stoop.estimate.predict import CUTOFF, ForceCurves, force_curves, low_passed, mean_biases
 from stoop.flight import Flight, load
 from stoop.problem.windows import Window
 from stoop.report.plots import Series, plot
 from stoop.report.sheet import Figure, Prose, Section
 from stoop.vehicle import Vehicle, parse_vehicle
-from stoop.vehicle.atmosphere import SEA_LEVEL_DENSITY
-from stoop.workflow import Job, identify
+from stoop.workflow.identification import Search, search
 from stoop_studies.findings import Claim, Findings, Setting, holds
 from stoop_studies.verify.study import (
     Columns,
@@ -76,8 +77,8 @@ COEFFICIENTS: Final[Columns] = {
 }
 LEAD: Final = f"""\
 A hexacopter of 1.9 kg hovers, climbs twice at 6 m/s and descends slowly for 74 s; then it sprints forth and back at 10 m/s \
-for 46 s. The model is fitted to the first part and predicts the second. Compared is the specific force below {CUTOFF:g} Hz, \
-measured motion in: above, the rotors shake the accelerometers by more than all maneuvers do."""
+for 46 s. The model is fitted to the first part and predicts the second. Compared is the specific force below \
+{predict.CUTOFF:g} Hz, measured motion in: above, the rotors shake the accelerometers by more than all maneuvers do."""
 WORDS: Final = """\
 Residuals are rms, m/s2. A constant is the mean of the fitted part; static thrust is a constant and a factor of the sum of \
 the squared commands, with the battery's voltage and the motors' lag as in the model. The authors' model is evaluated here on \
@@ -184,26 +185,32 @@ def read_log(folder: Path | None, mapped: bool = True) -> Log:
         ) from None
 
 
-def identified(flight: Flight, span: Span, file: Vehicle, predicted: Sequence[Span] = ()) -> Job:
-    """Identify the hexacopter by equation error from one window of its log, and predict others."""
-    return identify(file, flight, [span], predicted, Options(method=METHOD))
+def identified(flight: Flight, span: Span, file: Vehicle, predicted: Sequence[Span] = ()) -> Search:
+    """Identify the hexacopter by equation error from one window of its log, and keep others for prediction."""
+    return search(file, flight, [span], predicted, Options(method=METHOD))
 
 
-def curves(job: Job, span: Span) -> ForceCurves:
+def forces(done: Search) -> tuple[predict.ForceFigures, ...]:
+    """Return the residuals of the fitted window, and of the predicted one."""
+    return predict.force_figures(done.fit, done.flights, done.predicted)
+
+
+def curves(done: Search, window: Window) -> predict.ForceCurves:
     """Return measured and modelled specific force below 5 Hz."""
-    (flight,) = job.flights
-    biases = mean_biases(job.fit, flight.name)
-    return force_curves(job.vehicle, {flight.name: flight}, Window(flight.name, *span), biases)
+    biases = predict.mean_biases(done.fit, window.flight)
+    return predict.force_curves(predict.identified_vehicle(done.fit), done.flights, window, biases)
 
 
-def authors_residuals(log: Log, fitted: ForceCurves, shown: ForceCurves) -> dict[str, float]:
+def authors_residuals(log: Log, fitted: predict.ForceCurves, shown: predict.ForceCurves) -> dict[str, float]:
     """Return those of the authors' model; a constant per axis is learned from what was fitted, as ours is."""
     force, dt = log.blades.specific_force(log.flight), 1.0 / log.flight.rate
     errors = []
     for own in (fitted, shown):
         rows = np.nan_to_num(force[np.round((own.time - log.flight.time[0]) / dt).astype(int)])
         cuts = np.flatnonzero(np.diff(own.time) > 1.5 * dt) + 1
-        errors.append(own.measured - np.concatenate([low_passed(part, dt) for part in np.split(rows, cuts)]))
+        errors.append(
+            own.measured - np.concatenate([predict.low_passed(part, dt) for part in np.split(rows, cuts)])
+        )
     rms = np.sqrt(np.mean((errors[1] - errors[0].mean(axis=0)) ** 2, axis=0))
     return dict(zip(AXES, rms.tolist(), strict=True))
 
@@ -214,18 +221,18 @@ def show(setting: Setting, samples: Samples) -> Findings:
     ahead = identified(log.flight, LEARNED, vehicle(), [SPRINTS])
     whole = identified(log.flight, WHOLE, vehicle())
     records = []
-    for job, fitted in ((ahead, LEARNED), (whole, WHOLE)):
-        for found in job.forces:
-            span = (found.window.start, found.window.stop)
-            theirs = authors_residuals(log, curves(job, fitted), curves(job, span))
+    for done in (ahead, whole):
+        fitted, *_ = done.fit.prepared.windows
+        for found in forces(done):
+            theirs = authors_residuals(log, curves(done, fitted), curves(done, found.window))
             for axis, own in found.axes.items():
-                spans = (f"{start:g}:{stop:g}" for start, stop in (fitted, span))
+                spans = (f"{window.start:g}:{window.stop:g}" for window in (fitted, found.window))
                 numbers = (own.model, own.constant, own.static, theirs[axis], log.published[axis])
                 records.append(dict(zip(RESIDUALS, (*spans, axis, *numbers), strict=True)))
     coefficients = coefficient_records(ahead, whole, log.blades)
     lacking = [
-        {"left_out": name, **{a: own.model for a, own in job.forces[1].axes.items()}}
-        for name, job in {"nothing": ahead, **without(setting, log)}.items()
+        {"left_out": name, **{a: own.model for a, own in forces(done)[1].axes.items()}}
+        for name, done in {"nothing": ahead, **without(setting, log)}.items()
     ]
     caption = "Residuals of the specific force below 5 Hz, rms, m/s2"
     residuals = page_table(caption, {n: (n.replace("_", " "), _cell) for n in RESIDUALS}, records)
@@ -238,7 +245,7 @@ def show(setting: Setting, samples: Samples) -> Findings:
         LEAD,
         _claims([r for r in records if r["window"] != "140:214"]),
         (
-            Section("Residuals", (residuals, *_figures(curves(ahead, SPRINTS)), Prose(WORDS))),
+            Section("Residuals", (residuals, *_figures(curves(ahead, ahead.predicted[0])), Prose(WORDS))),
             Section("Coefficients", (beside, Prose(COEFFICIENT_WORDS))),
             Section("What each part is worth", (worth,)),
         ),
@@ -255,7 +262,7 @@ def _rounded(record: Mapping[str, Any]) -> dict[str, Any]:
     return {k: round(v, 5) if isinstance(v, float) else v for k, v in record.items()}
 
 
-def without(setting: Setting, log: Log) -> dict[str, Job]:
+def without(setting: Setting, log: Log) -> dict[str, Search]:
     """Identify without one part of the model each, and predict the sprints."""
     wind = {f"sensors.{c}.bias": {"free": True, "prior": 3.0} for c in ("vn", "ve")}
     still = {f"sensors.accelerometer_position.{c}": {"value": 0.0, "free": False} for c in "xyz"}
@@ -306,17 +313,20 @@ def _pairs(ours: Mapping[str, float], theirs: Mapping[str, float]) -> str:
     return ", ".join(f"{a} {ours[a]:.3f} against {theirs[a]:.3f}" for a in AXES)
 
 
-def coefficient_records(ahead: Job, whole: Job, theirs: Blades) -> list[dict[str, Any]]:
+def coefficient_records(ahead: Search, whole: Search, theirs: Blades) -> list[dict[str, Any]]:
     """Return coefficients, and what they come to at hover, beside the authors'."""
     size = SEA_LEVEL_DENSITY * AREA
     scales = {"ct1": ("T2", size * TIP**2), "ct2": ("inflow", size * TIP), "ch1": ("drag", size * TIP)}
-    errors = {n: ahead.parameters[f"rotors.{own}"].std_error / scale for n, (own, scale) in scales.items()}
-    errors["lag of the motors"] = ahead.parameters["rotors.lag"].std_error
+    std = dict(
+        zip((p.name for p in ahead.fit.problem.layout.parameters), error_bars(ahead.fit).std, strict=False)
+    )
+    errors = {n: std[f"rotors.{name}"] / scale for n, (name, scale) in scales.items()}
+    errors["lag of the motors"] = std["rotors.lag"]
     columns = []
-    for job in (ahead, whole):
-        blades = {n: job.vehicle.value(f"rotors.{own}") / scale for n, (own, scale) in scales.items()}
-        blades["ch2"] = -job.vehicle.value("rotors.drag_inflow") / size
-        columns.append(quantities(Blades(**blades), job.vehicle.value("rotors.lag")))
+    for own in (predict.identified_vehicle(done.fit) for done in (ahead, whole)):
+        blades = {n: own.value(f"rotors.{name}") / scale for n, (name, scale) in scales.items()}
+        blades["ch2"] = -own.value("rotors.drag_inflow") / size
+        columns.append(quantities(Blades(**blades), own.value("rotors.lag")))
     rows = (
         (name, unit, first, errors.get(name, 0.0), columns[1][name, unit], known)
         for ((name, unit), first), known in zip(columns[0].items(), quantities(theirs).values(), strict=True)
@@ -340,7 +350,7 @@ def quantities(own: Blades, lag: float = 0.0) -> dict[tuple[str, str], float]:
     }
 
 
-def _figures(found: ForceCurves) -> list[Figure]:
+def _figures(found: predict.ForceCurves) -> list[Figure]:
     time = found.time[::DRAWN_EVERY]
     holes = np.flatnonzero(np.diff(time) > 1.0) + 1
     t, out = np.insert(time, holes, np.nan), []
@@ -348,7 +358,7 @@ def _figures(found: ForceCurves) -> list[Figure]:
         pairs = (("measured", found.measured), ("predicted", found.model))
         series = [Series(name, t, np.insert(y[::DRAWN_EVERY, i], holes, np.nan)) for name, y in pairs]
         drawn = plot(series, "time on the log's clock, s", f"{axis}, m/s2", f"{axis} measured and predicted")
-        out.append(Figure(f"Specific force {axis} in the sprints, below {CUTOFF:g} Hz", drawn))
+        out.append(Figure(f"Specific force {axis} in the sprints, below {predict.CUTOFF:g} Hz", drawn))
     return out
 
 

@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
+import pandas as pd
 from scipy.stats import norm
 
 from stoop.base.arrays import FloatArray
@@ -27,36 +28,18 @@ from stoop.vehicle import Vehicle, terms
 from stoop.vehicle.load import parse_vehicle
 from stoop.workflow import identify
 from stoop_studies.findings import Claim, Findings, Setting, counted, holds, number
-from stoop_studies.verify.jsbsim_flight import (
-    DURATION,
-    FLEET,
-    RATE,
-    Aircraft,
-    Recording,
-    Subject,
-    Trim,
-    fly,
-    trimmed,
-)
-from stoop_studies.verify.study import (
-    Columns,
-    Samples,
-    Verification,
-    data_text,
-    noise_table,
-    page_table,
-    work,
-)
+from stoop_studies.verify import jsbsim_flight, study
 
 SIGMAS: Final = 3.0  #: an estimate agrees within so many standard errors,
 SHARE: Final = 0.02  #: or within this of the true value, whichever is larger
 AGREEING_SHARE: Final = 0.99  #: of single estimates; of normal ones 0.9973 lie within three standard errors
 MEAN_SQUARES: Final = (0.75, 1.5)  #: of the differences in standard errors; 1 without any error of the model
+ZERO: Final = 1e-9  #: what is below is rounding in JSBSim
 LEAD: Final = f"""\
-Aircraft of JSBSim's own package fly {DURATION:.0f} s of multisines on elevator, aileron and rudder together. Their \
-instruments are read at {RATE} Hz, noise is added, and stoop identifies all derivatives from the readings, with known mass \
-properties and from starting values of zero. The estimates are compared with JSBSim's own aerodynamic tables at that flight \
-condition, by finite differences through JSBSim."""
+Aircraft of JSBSim's own package fly {jsbsim_flight.DURATION:.0f} s of multisines on elevator, aileron and rudder together. \
+Their instruments are read at {jsbsim_flight.RATE} Hz, noise is added, and stoop identifies all derivatives from the readings, \
+with known mass properties and from starting values of zero. The estimates are compared with JSBSim's own aerodynamic tables \
+at that flight condition, by finite differences through JSBSim."""
 WORDS: Final = f"""\
 Estimate, standard error and difference are those of the first flight. An estimate agrees within {SIGMAS:.0f} of its \
 standard errors or {100 * SHARE:.0f} % of the true value, whichever is larger; among many, a few in a thousand do not by \
@@ -72,13 +55,13 @@ CORNERS: Final = (-1.0, 1.0)  #: likewise, of both factors of a product
 CENTER, REFERENCE = "inertia/cg-{}-in", "metrics/aero-rp-{}-in"
 
 
-def vehicle_of(aircraft: Aircraft, trim: Trim) -> Vehicle:
+def vehicle_of(aircraft: jsbsim_flight.Aircraft, trim: jsbsim_flight.Trim) -> Vehicle:
     """Return the vehicle with every aerodynamic parameter at zero.
 
     Deflections count from trim, so that the constant terms are the coefficients there.
     """
     stock = aircraft.stock
-    text = data_text("jsbsim.toml.in").format(
+    text = study.data_text("jsbsim.toml.in").format(
         title=stock.title, mass=aircraft["inertia/mass-slugs"] * SLUG, center=list(aircraft.point(CENTER)),
         **inertia(aircraft), area=aircraft["metrics/Sw-sqft"] * FOOT**2, chord=aircraft["metrics/cbarw-ft"] * FOOT,
         span=aircraft["metrics/bw-ft"] * FOOT, airspeed=stock.airspeed, alpha=stock.alpha,
@@ -103,7 +86,7 @@ def vehicle_of(aircraft: Aircraft, trim: Trim) -> Vehicle:
     return parse_vehicle("\n".join(parts), f"jsbsim {stock.model}")
 
 
-def inertia(aircraft: Aircraft) -> dict[str, float]:
+def inertia(aircraft: jsbsim_flight.Aircraft) -> dict[str, float]:
     """Return moments and products of inertia, kg m2.
 
     The property of xz is the element of the inertia matrix, which is minus the product; those of xy and yz
@@ -114,7 +97,12 @@ def inertia(aircraft: Aircraft) -> dict[str, float]:
     return {**raw, "xz": -raw["xz"]}
 
 
-def derivatives(aircraft: Aircraft, trim: Trim, vehicle: Vehicle, flown: Recording) -> dict[str, float]:
+def derivatives(
+    aircraft: jsbsim_flight.Aircraft,
+    trim: jsbsim_flight.Trim,
+    vehicle: Vehicle,
+    flown: jsbsim_flight.Recording,
+) -> dict[str, float]:
     """Return the true value of every aerodynamic term of a vehicle, at the mean altitude of a flight."""
     altitude = float(flown.columns["altitude"].mean())
     middle = replace(trim, state=replace(trim.state, altitude=altitude, phi=0.0))
@@ -130,13 +118,15 @@ def derivatives(aircraft: Aircraft, trim: Trim, vehicle: Vehicle, flown: Recordi
     return out
 
 
-def _lengths(aircraft: Aircraft) -> dict[str, float]:
+def _lengths(aircraft: jsbsim_flight.Aircraft) -> dict[str, float]:
     """Return the length that makes each rate dimensionless, m."""
     names = {"p": "metrics/bw-ft", "q": "metrics/cbarw-ft", "r": "metrics/bw-ft"}
     return {a: aircraft[name] * FOOT for a, name in names.items()}
 
 
-def _offsets(aircraft: Aircraft, vehicle: Vehicle, flown: Recording) -> Iterator[dict[str, float]]:
+def _offsets(
+    aircraft: jsbsim_flight.Aircraft, vehicle: Vehicle, flown: jsbsim_flight.Recording
+) -> Iterator[dict[str, float]]:
     """Give changes of term variables from the trim: none, each one to either side, and corners of products.
 
     Steps are standard deviations of the flight.
@@ -157,7 +147,7 @@ def _offsets(aircraft: Aircraft, vehicle: Vehicle, flown: Recording) -> Iterator
 
 
 def _place(
-    aircraft: Aircraft, trim: Trim, offset: Mapping[str, float]
+    aircraft: jsbsim_flight.Aircraft, trim: jsbsim_flight.Trim, offset: Mapping[str, float]
 ) -> tuple[dict[str, float], dict[str, float]]:
     """Put JSBSim off the trim; return its term variables, and its coefficients: force in wind axes, moment in body axes."""
     state, stock, lengths = trim.state, aircraft.stock, _lengths(aircraft)
@@ -183,7 +173,7 @@ def _place(
     )
 
 
-def moment_at_reference(aircraft: Aircraft) -> FloatArray:
+def moment_at_reference(aircraft: jsbsim_flight.Aircraft) -> FloatArray:
     """Return the aerodynamic moment (3,) about the aerodynamic reference point, lbf ft."""
     arm = np.subtract(aircraft.point(REFERENCE), aircraft.point(CENTER)) / FOOT
     force = aircraft.read([f"forces/fb{a}-aero-lbs" for a in "xyz"])
@@ -201,7 +191,7 @@ class Case:
 
     name: str
     vehicle: Vehicle
-    flown: Recording
+    flown: jsbsim_flight.Recording
     truth: Mapping[str, float]
     noise: Mapping[str, float]
     channels: tuple[str, ...]
@@ -231,26 +221,26 @@ class Case:
 @functools.cache
 def flown_case(model: str) -> Case:
     """Fly an aircraft of the fleet, and read its derivatives off."""
-    stream, stock = next((i, s) for i, s in enumerate(FLEET) if s.model == model)
-    aircraft = Aircraft(stock)
-    trim = trimmed(aircraft)
+    stream, stock = next((i, s) for i, s in enumerate(jsbsim_flight.FLEET) if s.model == model)
+    aircraft = jsbsim_flight.Aircraft(stock)
+    trim = jsbsim_flight.trimmed(aircraft)
     aircraft.put(trim.state, trim.deflections)
     vehicle = vehicle_of(aircraft, trim)
-    flown = fly(aircraft, trim)
+    flown = jsbsim_flight.fly(aircraft, trim)
     truth = derivatives(aircraft, trim, vehicle, flown)
     return Case(model, vehicle, flown, truth, NOISE, tuple(flown.columns), stream)
 
 
-@work
+@study.work
 def identify_once(case: str, seed: int) -> dict[str, Any]:
     """Identify one aircraft from one noisy flight."""
     known = flown_case(case)
     return known.estimates(known.flight(seed))
 
 
-def _rounded(value: float) -> float:
-    """Return six digits; what is zero but for rounding in JSBSim is zero."""
-    return 0.0 if abs(value) < 1e-9 else float(f"{value:.6g}")
+def _digits(values: FloatArray, digits: int = 6) -> list[float]:
+    """Return so many digits; what is zero but for rounding in JSBSim is zero."""
+    return [0.0 if abs(v) < ZERO else float(f"{v:.{digits}g}") for v in values.tolist()]
 
 
 def _signed(value: float) -> str:
@@ -258,47 +248,32 @@ def _signed(value: float) -> str:
 
 
 def comparison(
-    subject: Subject, results: Sequence[Mapping[str, Any]], kind: str, what: str
+    subject: jsbsim_flight.Subject, results: Sequence[Mapping[str, Any]], kind: str, what: str
 ) -> tuple[Table, list[dict[str, Any]], list[Claim]]:
     """Compare the estimates of one subject over its flights with the truth.
 
     Results are those of `Case.estimates`, one per flight; ``kind`` is the column that names the subject, ``what`` what a
     parameter is called. Returns the table of the page, the records and the claims.
     """
-    names = tuple(results[0]["truth"])
+    names = list(results[0]["truth"])
     truth = np.array([results[0]["truth"][n] for n in names])
     estimates, sigmas = (
-        np.array([[r[key][n] for n in names] for r in results], dtype=float) for key in ("estimate", "sigma")
+        np.array([[r[key][n] for n in names] for r in results]) for key in ("estimate", "sigma")
     )
-    errors = estimates - truth
+    errors, mean_errors = estimates - truth, (estimates - truth).mean(axis=0)
     scores = errors / sigmas  # in standard errors
     reach = np.maximum(SIGMAS * sigmas, SHARE * np.abs(truth))
-    agree = np.abs(errors) <= reach
-    mean_errors = errors.mean(axis=0)
-    mean_scores = mean_errors / sigmas.mean(axis=0)
-    rms = np.sqrt(np.mean(scores**2, axis=0))
-    records: list[dict[str, Any]] = []
-    for i, name in enumerate(names):
-        true, estimate = float(truth[i]), float(estimates[0, i])
-        records.append(
-            {
-                kind: subject.model,
-                "parameter": name,
-                "flights": len(estimates),
-                "jsbsim": _rounded(true),
-                "estimate": _rounded(estimate),
-                "sigma": _rounded(float(sigmas[0, i])),
-                "difference_in_sigma": round(float(scores[0, i]), 2),
-                "difference_percent": None
-                if _rounded(true) == 0.0
-                else float(f"{100.0 * (estimate / true - 1.0):.3g}"),
-                "agrees": bool(agree[0, i]),
-                "flights_that_agree": int(agree[:, i].sum()),
-                "mean_estimate": _rounded(float(estimates[:, i].mean())),
-                "mean_difference_in_sigma": round(float(mean_scores[i]), 2),
-                "rms_difference_in_sigma": round(float(rms[i]), 2),
-            }
-        )
+    agree, mean_scores = np.abs(errors) <= reach, mean_errors / sigmas.mean(axis=0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        percent = 100.0 * (estimates[0] / np.where(np.abs(truth) < ZERO, np.nan, truth) - 1.0)
+    table = pd.DataFrame({
+        kind: subject.model, "parameter": names, "flights": len(results),
+        "jsbsim": _digits(truth), "estimate": _digits(estimates[0]), "sigma": _digits(sigmas[0]),
+        "difference_in_sigma": scores[0].round(2), "difference_percent": _digits(percent, 3), "agrees": agree[0],
+        "flights_that_agree": agree.sum(axis=0), "mean_estimate": _digits(estimates.mean(axis=0)),
+        "mean_difference_in_sigma": mean_scores.round(2), "rms_difference_in_sigma": np.sqrt((scores**2).mean(axis=0)).round(2),
+    })  # fmt: skip
+    records = study.records_of(table)
     above = np.where(np.abs(mean_errors) > SHARE * np.abs(truth), np.abs(mean_scores), 0.0)
     worst, square = int(np.argmax(above)), float(np.mean(scores**2))
     claims = [
@@ -324,7 +299,7 @@ def comparison(
 
 def parameter_table(title: str, what: str, records: Sequence[Mapping[str, Any]]) -> Table:
     """Return the table of a page for records of a subject."""
-    columns: Columns = {
+    columns: study.Columns = {
         "parameter": (what, str),
         "jsbsim": ("JSBSim", lambda v: number(v, 4)),
         "estimate": ("estimate", lambda v: number(v, 4)),
@@ -336,11 +311,11 @@ def parameter_table(title: str, what: str, records: Sequence[Mapping[str, Any]])
         "mean_difference_in_sigma": ("mean, in standard errors", _signed),
     }
     shown = [{**r, "agreeing": counted(r["flights_that_agree"], r["flights"])} for r in records]
-    return page_table(title, columns, shown)
+    return study.page_table(title, columns, shown)
 
 
 def findings(
-    title: str, lead: str, words: str, kind: str, what: str, subjects: Sequence[Subject], samples: Samples,
+    title: str, lead: str, words: str, kind: str, what: str, subjects: Sequence[jsbsim_flight.Subject], samples: study.Samples,
     noise: Mapping[str, float],
 ) -> Findings:  # fmt: skip
     """Return how far the estimates of some subjects are off; ``kind`` and ``what`` as in `comparison`."""
@@ -352,16 +327,16 @@ def findings(
         parts += [table, Prose(subject.words)]
         records += own
         claims += found
-    sections = (Section(f"{what.capitalize()}s", tuple(parts)), Section("Noise", (noise_table(noise),)))
+    sections = (Section(f"{what.capitalize()}s", tuple(parts)), Section("Noise", (study.noise_table(noise),)))
     return Findings.tabulated(title, lead, claims, sections, records)
 
 
-def show(setting: Setting, samples: Samples) -> Findings:
+def show(setting: Setting, samples: study.Samples) -> Findings:
     """Return how far the derivatives are off."""
     title = "Stock aircraft of JSBSim, identified from their outputs"
-    return findings(title, LEAD, WORDS, "aircraft", "derivative", FLEET, samples, NOISE)
+    return findings(title, LEAD, WORDS, "aircraft", "derivative", jsbsim_flight.FLEET, samples, NOISE)
 
 
-EXPERIMENT: Final = Verification(
-    "jsbsim", show, runs=10, work="identify_once", cases=tuple(stock.model for stock in FLEET)
+EXPERIMENT: Final = study.Verification(
+    "jsbsim", show, runs=10, work="identify_once", cases=tuple(stock.model for stock in jsbsim_flight.FLEET)
 )

@@ -8,7 +8,7 @@ is in it.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
@@ -20,7 +20,7 @@ from stoop.base.arrays import FloatArray
 from stoop.base.units import FOOT, INCH, POUND_FORCE
 from stoop.errors import StoopError
 from stoop.exporters.jsbsim_flight import simulator
-from stoop.simulation.maneuver import Maneuver
+from stoop_studies.verify.scenes import multisine_maneuver
 
 STEP: Final = 2e-4  #: s, of JSBSim: its surfaces and its rate of the angle of attack act one step late
 ADAMS_BASHFORTH_2: Final = 3  #: of `simulation/integrator/rate/rotational`; its default is of first order
@@ -200,10 +200,30 @@ class Executive:
         """Return properties."""
         return np.array([self.fdm[name] for name in names])
 
+    def sample(self, channels: Mapping[str, tuple[str, float]]) -> FloatArray:
+        """Return channels, each a property times its unit."""
+        return np.array([self.fdm[name] * unit for name, unit in channels.values()])
+
     def point(self, name: str) -> tuple[float, float, float]:
         """Return a point of the structural frame (inches aft, right, up) in ours (m forward, right, down)."""
         x, y, z = (self[name.format(axis)] * INCH for axis in "xyz")
         return -x, y, -z
+
+    def begin(self, conditions: Mapping[str, float]) -> None:
+        """Take initial conditions, over a point of the equator."""
+        self.set({"ic/lat-gc-deg": 0.0, "ic/long-gc-deg": 0.0, **conditions})
+        if not self.fdm.run_ic():
+            raise StoopError("jsbsim: the aircraft cannot be put into this state")
+        self.set({"simulation/integrator/rate/rotational": ADAMS_BASHFORTH_2})
+
+    def pass_sample(
+        self, before: FloatArray, after: FloatArray, command: Callable[[FloatArray], None]
+    ) -> None:
+        """Let a sample pass, while commands run on a straight line between two samples."""
+        frames = round(1.0 / (RATE * self.fdm.get_delta_t()))
+        for k in range(1, frames + 1):
+            command(before + (after - before) * (k / frames))
+            self.fdm.run()
 
 
 class Aircraft(Executive):
@@ -220,15 +240,11 @@ class Aircraft(Executive):
         plane = state.V * np.cos(state.beta)
         u, v, w = plane * np.cos(state.alpha), state.V * np.sin(state.beta), plane * np.sin(state.alpha)
         commands = {**self.fixed, **self.surfaces(deflections)}
-        self.set({"ic/lat-gc-deg": 0.0, "ic/long-gc-deg": 0.0, "ic/h-sl-ft": state.altitude / FOOT})
-        self.set({"ic/phi-rad": state.phi, "ic/theta-rad": state.theta, "ic/psi-true-rad": 0.0})
-        self.set({"ic/u-fps": u / FOOT, "ic/v-fps": v / FOOT, "ic/w-fps": w / FOOT})
-        self.set({"ic/p-rad_sec": state.p, "ic/q-rad_sec": state.q, "ic/r-rad_sec": state.r})
-        self.set(commands)
-        if not self.fdm.run_ic():
-            raise StoopError("jsbsim: the aircraft cannot be put into this state")
-        self.set({"propulsion/fuel_freeze": 1.0, "simulation/integrator/rate/rotational": ADAMS_BASHFORTH_2})
-        self.set(commands)
+        angles = {"ic/phi-rad": state.phi, "ic/theta-rad": state.theta, "ic/psi-true-rad": 0.0}
+        speeds = {"ic/u-fps": u / FOOT, "ic/v-fps": v / FOOT, "ic/w-fps": w / FOOT}  # in axes of these angles
+        rates = {f"ic/{a}-rad_sec": getattr(state, a) for a in "pqr"}
+        self.begin({"ic/h-sl-ft": state.altitude / FOOT, **angles, **speeds, **rates, **commands})
+        self.set({"propulsion/fuel_freeze": 1.0, **commands})
         if self.stock.throttle is not None:
             self.fdm.get_propulsion().init_running(-1)
         self.fdm.suspend_integration()
@@ -277,30 +293,19 @@ def fly(aircraft: Aircraft, trim: Trim) -> Recording:
 
     Between the samples the deflections change linearly, as an identification takes them to do.
     """
-    common = {
-        "shape": "multisine",
-        "start": 1.0,
-        "duration": DURATION - 2.0,
-        "band": aircraft.stock.band,
-        "stride": 3,
-    }
-    inputs = [
-        {**common, "control": c, "amplitude": a, "first": i + 5}
-        for i, (c, a) in enumerate(aircraft.stock.amplitude.items())
-    ]
-    planned = Maneuver.model_validate({"duration": DURATION, "rate": float(RATE), "input": inputs})
+    amplitudes = {c: (a, i + 5) for i, (c, a) in enumerate(aircraft.stock.amplitude.items())}
+    span = (1.0, DURATION - 2.0)
+    planned = multisine_maneuver(amplitudes, DURATION, float(RATE), aircraft.stock.band, span)
     time, changes = planned.time, planned.deflections()
     deflections = np.column_stack([trim.deflections[c] + changes.get(c, 0.0 * time) for c in SURFACES])
-    names = [*(p for p, _ in READ.values()), *(aircraft.stock.surfaces[c] for c in SURFACES)]
+    channels = {**READ, **{c: (aircraft.stock.surfaces[c], 1.0) for c in SURFACES}}
+
+    def command(values: FloatArray) -> None:
+        aircraft.set(aircraft.surfaces(dict(zip(SURFACES, values.tolist(), strict=True))))
+
     aircraft.put(trim.state, dict(zip(SURFACES, deflections[0], strict=True)))
-    fine = round(1.0 / (RATE * STEP))
-    rows = [aircraft.read(names)]
+    rows = [aircraft.sample(channels)]
     for before, after in itertools.pairwise(deflections):
-        for k in range(1, fine + 1):
-            now = before + (after - before) * (k / fine)
-            aircraft.set(aircraft.surfaces(dict(zip(SURFACES, now.tolist(), strict=True))))
-            aircraft.fdm.run()
-        rows.append(aircraft.read(names))
-    units = np.array([*(unit for _, unit in READ.values()), *(1.0 for _ in SURFACES)])
-    table = np.array(rows) * units
-    return Recording(time, dict(zip((*READ, *SURFACES), table.T, strict=True)))
+        aircraft.pass_sample(before, after, command)
+        rows.append(aircraft.sample(channels))
+    return Recording(time, dict(zip(channels, np.array(rows).T, strict=True)))

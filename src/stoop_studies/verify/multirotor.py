@@ -15,7 +15,6 @@ measured on a stand: the body clamped in a steady wind.
 from __future__ import annotations
 
 import functools
-import importlib
 import shutil
 import tempfile
 from collections.abc import Mapping, Sequence
@@ -27,19 +26,19 @@ from scipy.optimize import minimize_scalar
 from scipy.signal import lfilter
 
 from stoop.base.arrays import FloatArray
+from stoop.base.atmosphere import SEA_LEVEL_DENSITY
 from stoop.base.units import FACTORS, FOOT, POUND_FORCE, SLUG
 from stoop.base.variables import EULER, RATES, VELOCITY
 from stoop.errors import StoopError
+from stoop.exporters.jsbsim_flight import simulator
 from stoop.vehicle import Vehicle
-from stoop.vehicle.atmosphere import SEA_LEVEL_DENSITY
 from stoop.vehicle.load import parse_vehicle
 from stoop_studies.findings import Findings, Setting
 from stoop_studies.verify.jsbsim import Case, findings
-from stoop_studies.verify.jsbsim_flight import ADAMS_BASHFORTH_2, EARTH_RATE, Executive, Recording, Subject
+from stoop_studies.verify.jsbsim_flight import EARTH_RATE, RATE, Executive, Recording, Subject
 from stoop_studies.verify.study import Samples, Verification, data_text, work
 
 STEP: Final = 5e-4  #: s, of JSBSim: its motors are integrated by Euler's rule
-RATE: Final = 100  #: Hz, of the record and of the autopilot
 ALTITUDE: Final = 500.0  #: m, where flights begin
 HEADING: Final = 0.5  #: rad
 CLIMB_OUT: Final = 6.0  #: s, in which it takes off and climbs; not recorded
@@ -122,32 +121,24 @@ class Quadrotor(Executive):
     """JSBSim with the F450 in it, clamped at `ALTITUDE` with its motors at rest."""
 
     def __init__(self) -> None:
+        stock = Path(simulator(None).get_root_dir())
         with tempfile.TemporaryDirectory() as folder:
             root = Path(folder)
             try:
-                stock = Path(importlib.import_module("jsbsim").get_default_root_dir())
                 for part in PARTS:
                     (root / part).parent.mkdir(parents=True, exist_ok=True)
                     shutil.copy(stock / part, root / part)
-            except ModuleNotFoundError:
-                raise StoopError(
-                    "JSBSim: the package is not installed; pip install 'stoop[jsbsim]'"
-                ) from None
             except OSError as error:
                 raise StoopError(
                     f"jsbsim: its package has no whole F450 ({error}); install jsbsim 1.2 or later"
                 ) from error
             (root / "aircraft/F450/F450.xml").write_text(data_text("f450.xml"), encoding="utf-8")
             super().__init__(root, "F450", STEP)
-        place = {"ic/lat-gc-deg": 0.0, "ic/long-gc-deg": 0.0, "ic/h-sl-ft": ALTITUDE / FOOT}
-        self.set({**place, "ic/psi-true-rad": HEADING})
-        if not self.fdm.run_ic():
-            raise StoopError("jsbsim: its F450 cannot be put into the air")
-        self.set({"simulation/integrator/rate/rotational": ADAMS_BASHFORTH_2})
+        self.begin({"ic/h-sl-ft": ALTITUDE / FOOT, "ic/psi-true-rad": HEADING})
         self.fdm.get_propulsion().init_running(-1)
         self.set({"forces/hold-down": 1.0})
 
-    def command(self, commands: Sequence[float]) -> None:
+    def command(self, commands: Sequence[float] | FloatArray) -> None:
         """Set the four motors, 0 to 1."""
         self.set({f"fcs/throttle-pos-norm[{i}]": value for i, value in enumerate(commands)})
 
@@ -156,7 +147,7 @@ class Quadrotor(Executive):
         for _ in range(round(seconds / STEP)):
             self.fdm.run()
 
-    def settle(self, commands: Sequence[float]) -> None:
+    def settle(self, commands: Sequence[float] | FloatArray) -> None:
         """Command the motors and wait until they have their speed."""
         self.command(commands)
         self.run(0.8)
@@ -210,19 +201,15 @@ def fly(quadrotor: Quadrotor) -> Recording:
     Commands run on straight lines between the samples, as the record is taken to say.
     """
     time = np.arange(round((CLIMB_OUT + DURATION) * RATE) + 1) / RATE - CLIMB_OUT
-    autopilot, fine = Pilot(time), round(1.0 / (RATE * STEP))
-    units = np.array([unit for _, unit in READ.values()])
-    commands = np.full((len(time), 4), HOVER)
+    autopilot, commands = Pilot(time), np.full((len(time), 4), HOVER)
     quadrotor.settle(commands[0])
     gravity = quadrotor["accelerations/gravity-ft_sec2"] * FOOT
     quadrotor.set({"forces/hold-down": 0.0})
-    rows = [quadrotor.read(name for name, _ in READ.values()) * units]
+    rows = [quadrotor.sample(READ)]
     for k in range(1, len(time)):
         commands[k] = autopilot(k, dict(zip(READ, rows[-1].tolist(), strict=True)))
-        for j in range(1, fine + 1):
-            quadrotor.command(commands[k - 1] + (commands[k] - commands[k - 1]) * (j / fine))
-            quadrotor.fdm.run()
-        rows.append(quadrotor.read(name for name, _ in READ.values()) * units)
+        quadrotor.pass_sample(commands[k - 1], commands[k], quadrotor.command)
+        rows.append(quadrotor.sample(READ))
     recorded = time >= 0.0
     table = np.column_stack([np.array(rows), commands])[recorded].T.copy()
     return Recording(time[recorded], dict(zip((*READ, *MOTORS), table, strict=True)), gravity)

@@ -14,20 +14,7 @@ from typing import Any, Final
 import numpy as np
 
 from stoop.errors import StoopError
-from stoop.estimate.effectiveness import (
-    CHANCE,
-    Assessment,
-    Balance,
-    Explanation,
-    Hover,
-    Reference,
-    Verdict,
-    assess,
-    hover,
-    judge,
-    leave_one_out,
-    pooled,
-)
+from stoop.estimate import effectiveness
 from stoop.flight import load
 from stoop.report.plots import Series, plot
 from stoop.report.sheet import Figure, Prose, Section
@@ -94,7 +81,7 @@ class CrazyFlight:
     length: int
     weight: str
     log: str
-    hover: Hover
+    hover: effectiveness.Hover
 
     @property
     def condition(self) -> str:
@@ -104,9 +91,9 @@ class CrazyFlight:
         return NORMAL if self.length == WHOLE else f"{self.length} mm"
 
 
-def balance() -> Balance:
+def balance() -> effectiveness.Balance:
     """Return the rotors of the Crazyflie."""
-    return Balance(parse_vehicle(vehicle_text("crazyflie"), "crazyflie.toml"))
+    return effectiveness.Balance(parse_vehicle(vehicle_text("crazyflie"), "crazyflie.toml"))
 
 
 def read_flights(folder: Path | None) -> tuple[CrazyFlight, ...]:
@@ -120,7 +107,9 @@ def read_flights(folder: Path | None) -> tuple[CrazyFlight, ...]:
         p = re.fullmatch(NAME, path.name)
         assert p is not None  # noqa: S101 - the pattern of the search
         length, weight = int(p["cut"] or WHOLE), p["weight"] or ""
-        flights.append(CrazyFlight(p["airframe"], length, weight, p["log"], hover(load(path), rotors)))
+        flights.append(
+            CrazyFlight(p["airframe"], length, weight, p["log"], effectiveness.hover(load(path), rotors))
+        )
     normal = Counter(f.airframe for f in flights if f.condition == NORMAL)
     for airframe in sorted({f.airframe for f in flights}):
         if normal[airframe] < MIN_NORMAL_FLIGHTS:
@@ -136,16 +125,16 @@ class Assessed:
     """A flight, or the mean of all flights after one treatment (``members``), and what it shows."""
 
     flight: CrazyFlight
-    found: Assessment
+    found: effectiveness.Assessment
     members: tuple[Assessed, ...] = ()
 
     @cached_property
-    def verdict(self) -> Verdict:
+    def verdict(self) -> effectiveness.Verdict:
         """What is said of it."""
-        return judge(self.found)
+        return effectiveness.judge(self.found)
 
     @property
-    def m3(self) -> Explanation:
+    def m3(self) -> effectiveness.Explanation:
         """M3 as the weak rotor."""
         return next(s for s in self.found.weak if s.rotor == CHANGED)
 
@@ -177,23 +166,25 @@ def assess_all(flights: Sequence[CrazyFlight]) -> tuple[list[Assessed], list[Ass
     healthy = {airframe: own for (airframe, what), own in hovers.items() if what == NORMAL}
     repeats, rotors = tuple(own for (_, what), own in hovers.items() if what != NORMAL), balance()
     known = {
-        airframe: Reference(rotors, own, tuple(h for a, h in healthy.items() if a != airframe), repeats)
+        airframe: effectiveness.Reference(
+            rotors, own, tuple(h for a, h in healthy.items() if a != airframe), repeats
+        )
         for airframe, own in healthy.items()
     }
     normal = [
         Assessed(f, found)
         for airframe, reference in known.items()
-        for f, found in zip(groups[airframe, NORMAL], leave_one_out(reference), strict=True)
+        for f, found in zip(groups[airframe, NORMAL], effectiveness.leave_one_out(reference), strict=True)
     ]
     treated = (f for f in flights if f.condition != NORMAL)
     changed = [
-        Assessed(f, assess(f.hover, known[f.airframe]))
+        Assessed(f, effectiveness.assess(f.hover, known[f.airframe]))
         for f in sorted(treated, key=lambda f: (f.airframe, f.weight, -f.length, f.log))
     ]
     treatments = []
     for (airframe, _), group in groupby(changed, key=lambda a: (a.flight.airframe, a.flight.condition)):
         members = tuple(group)
-        found = assess(pooled([a.flight.hover for a in members]), known[airframe])
+        found = effectiveness.assess(effectiveness.pooled([a.flight.hover for a in members]), known[airframe])
         treatments.append(Assessed(members[0].flight, found, members))
     return normal, changed, treatments
 
@@ -265,7 +256,8 @@ def _claims(normal: Sequence[Assessed], treatments: Sequence[Assessed]) -> Itera
     accused, figures = shares(cut, "cuts", lambda a: a.accuses_m3)
     missed = ", ".join(f"{a.flight.airframe} {a.flight.condition}" for a in cut if not a.accuses_m3)
     yield holds(
-        f"It is accused after every cut, where a healthy flight is accused at most {100.0 * CHANCE:.0f} times in 100",
+        "It is accused after every cut, where a healthy flight is accused at most "
+        f"{100.0 * effectiveness.CHANCE:.0f} times in 100",
         accused,
         figures + (f"; not {missed}" if missed else ""),
     )

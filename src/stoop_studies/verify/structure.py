@@ -8,16 +8,8 @@ from typing import Any, Final
 
 import numpy as np
 
+from stoop.estimate.regression import structure
 from stoop.estimate.regression.least_squares import FrequencyDomain
-from stoop.estimate.regression.structure import (
-    Choose,
-    Press,
-    determine,
-    orthogonal,
-    parameter_name,
-    standard_candidates,
-    stepwise,
-)
 from stoop.problem.windows import Window
 from stoop.report.sheet import Prose, Section, Table
 from stoop.simulation import trim
@@ -54,10 +46,10 @@ OCCASIONAL: Final[Mapping[str, Mapping[str, float]]] = {
     "Cm": {"alpha^2": -3.0, "alpha*elevator": 1.5},
     "Cn": {"beta^3": 0.5, "alpha*p": -1.0, "alpha*beta": 0.3},
 }  #: of a size that shows in the motion
-CRITERIA: Final[Mapping[str, tuple[str, Choose]]] = {
-    "f": ("stepwise, partial F", stepwise),
-    "press": ("stepwise, PRESS", lambda rows: stepwise(rows, Press())),
-    "pse": ("orthogonal functions, PSE", orthogonal),
+CRITERIA: Final[Mapping[str, tuple[str, structure.Choose]]] = {
+    "f": ("stepwise, partial F", structure.stepwise),
+    "press": ("stepwise, PRESS", lambda rows: structure.stepwise(rows, structure.Press())),
+    "pse": ("orthogonal functions, PSE", structure.orthogonal),
 }  #: as stoop structure calls them, and as the page does
 DEFAULT: Final = "f"
 REQUIRED_SHARE: Final = 0.9
@@ -82,10 +74,13 @@ def full_aircraft() -> Vehicle:
     level = trim(base, None, ALTITUDE).start["alpha"]
     head = base.text.split("[aerodynamics.", 1)[0].replace("alpha = 0.0", f"alpha = {level:.4f}")
     lines = [head, "[aerodynamics]", "default = false"]
-    for coefficient, candidates in standard_candidates(base).items():
+    for coefficient, candidates in structure.standard_candidates(base).items():
         constant = f'{coefficient}0 = {{ term = "1", value = {CONSTANTS[coefficient]} }}'
         lines += [f"[aerodynamics.{coefficient}]", constant]
-        lines += [f'{parameter_name(coefficient, t)} = {{ term = "{t}", value = 0.0 }}' for t in candidates]
+        lines += [
+            f'{structure.parameter_name(coefficient, t)} = {{ term = "{t}", value = 0.0 }}'
+            for t in candidates
+        ]
     return parse_vehicle("\n".join(lines) + "\n", "twin-boom with all candidates")
 
 
@@ -96,7 +91,7 @@ def draw(seed: int) -> tuple[Vehicle, dict[str, list[str]]]:
     for coefficient, more in OCCASIONAL.items():
         terms[coefficient] |= {t: v for t, v in more.items() if rng.random() < CHANCE}
     values = {
-        parameter_name(c, t): {"value": v * rng.uniform(1.0 - SPREAD, 1.0 + SPREAD)}
+        structure.parameter_name(c, t): {"value": v * rng.uniform(1.0 - SPREAD, 1.0 + SPREAD)}
         for c, own in terms.items()
         for t, v in own.items()
     }
@@ -123,9 +118,9 @@ def determine_terms(case: str, seed: int) -> dict[str, Any]:
         for k in range(FLIGHTS)
     }
     windows = [Window(name, 0.0, DURATION) for name in flights]
-    candidates = standard_candidates(full_aircraft())
+    candidates = structure.standard_candidates(full_aircraft())
     found = {
-        name: determine(vehicle, flights, windows, candidates, choose, BAND).chosen
+        name: structure.determine(vehicle, flights, windows, candidates, choose, BAND).chosen
         for name, (_, choose) in CRITERIA.items()
     }
     chosen = {name: {c: list(own.terms) for c, own in by.items()} for name, by in found.items()}

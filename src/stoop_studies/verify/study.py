@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import functools
 import importlib
-import math
 import re
 import shlex
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -13,7 +12,11 @@ from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+import numpy as np
+
+from stoop.assessment.covariance import NORMAL_95
 from stoop.base.arrays import FloatArray
+from stoop.base.numbers import finite_or_none
 from stoop.base.variables import VARIABLES
 from stoop.errors import StoopError
 from stoop.parallel import Json, Plan, Run
@@ -146,8 +149,7 @@ def page_table(
 def records_of(table: pd.DataFrame) -> list[dict[str, Any]]:
     """Return the rows of a table as records; what is not finite is None."""
     columns = [
-        [None if isinstance(v, float) and not math.isfinite(v) else v for v in table[name].tolist()]
-        for name in table
+        [finite_or_none(v) if isinstance(v, float) else v for v in table[name].tolist()] for name in table
     ]
     return [dict(zip(map(str, table), row, strict=True)) for row in zip(*columns, strict=True)]
 
@@ -165,7 +167,25 @@ def noise_table(noise: Mapping[str, float]) -> Table:
 
 def or_none(values: FloatArray) -> list[float | None]:
     """Return numbers for JSON: nothing for what is not finite."""
-    return [float(v) if v - v == 0.0 else None for v in values]
+    return [finite_or_none(v) for v in values]
+
+
+def error_statistics(
+    results: Sequence[Mapping[str, Any]], sigma: str = "sigma"
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return the root-mean-square error (k,) of each parameter, the mean standard error, coverage, and bias.
+
+    Coverage is the share of 95 % intervals that hold the truth; one that is not given (None) does not. Bias is the mean
+    error in standard errors of a mean.
+    """
+    errors, std = (np.array([r[key] for r in results], dtype=np.float64) for key in ("errors", sigma))
+    given = np.isfinite(std)
+    counts, total = given.sum(axis=0), np.where(given, std, 0.0).sum(axis=0)
+    mean = np.where(counts > 0, total / np.maximum(counts, 1), np.nan)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        coverage = (np.abs(errors) <= NORMAL_95 * std).mean(axis=0)
+        bias = errors.mean(axis=0) / (errors.std(axis=0) / np.sqrt(len(errors)))
+    return np.sqrt(np.mean(errors**2, axis=0)), mean, coverage, bias
 
 
 def data_text(name: str) -> str:

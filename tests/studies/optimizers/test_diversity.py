@@ -142,7 +142,7 @@ def test_relative_variance_has_no_unit() -> None:
 
 
 # ------------------------------------------------------------------------------------------ local search
-def test_a_schedule_as_printed_dives_where_the_repaired_one_evolves() -> None:
+def test_a_schedule_as_printed_searches_locally_where_the_repaired_one_evolves() -> None:
     repaired, printed = (PreySchedule(LevenbergMarquardt(), period=4, swapped=s) for s in (False, True))
     assert [g for g in range(1, 13) if repaired.due(g)] == [4, 8, 12]
     assert [printed.due(g) for g in range(1, 13)] == [not repaired.due(g) for g in range(1, 13)]
@@ -154,7 +154,7 @@ def test_half_a_prey_counts_as_one(share: float, members: int, number: int) -> N
 
 
 @pytest.mark.parametrize("extra", [0, 1])
-def test_a_levenberg_dive_ends_at_the_optimum_and_is_counted(
+def test_a_levenberg_marquardt_search_ends_at_the_optimum_and_is_counted(
     oscillation: Callable[..., Any], near: Callable[[float], np.ndarray], extra: int
 ) -> None:
     problem = oscillation(extra=extra, bias=0.0)

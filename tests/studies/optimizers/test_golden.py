@@ -59,7 +59,7 @@ def test_gradient_is_counted_and_right() -> None:
     assert ledger.spent == 3.0
 
 
-def test_a_dive_goes_down_the_gradient_and_never_up() -> None:
+def test_a_search_goes_down_the_gradient_and_never_up() -> None:
     ledger = Ledger(Bowl(), Evaluations.none(Bowl()))
     x = np.array([0.2, 0.3, 0.9])
     cost = float(Bowl().costs(x[None, :], 1)[0])
@@ -73,7 +73,7 @@ def test_a_dive_goes_down_the_gradient_and_never_up() -> None:
     assert SteepestDescent()(ledger, best, 0.0)[0] is best
 
 
-def test_a_dive_from_the_edge_of_divergence_stays() -> None:
+def test_a_search_from_the_edge_of_divergence_stays() -> None:
     class Cliff(Bowl):
         def costs(self, X: np.ndarray, rung: int) -> np.ndarray:
             return np.where(X[:, 0] > 0.2, np.inf, super().costs(X, rung))

@@ -183,7 +183,7 @@ def test_first_populations_are_the_published_sizes() -> None:
         assert JSO().members(dimension) == jso_members
 
 
-def test_ordered_shade_dives_at_once_where_that_is_enough() -> None:
+def test_ordered_shade_refines_at_once_where_that_is_enough() -> None:
     stop = optimize.Stop(generations=10**6, budget=5000, target_cost=1e-12)
     for cost, most in ((sphere, 150), (ellipsoid, 400), (rosenbrock, 2000)):
         for seed in range(3):
@@ -225,8 +225,8 @@ def test_a_new_population_is_larger_and_knows_no_optima() -> None:
     assert all(len(s.optima) == 0 for s in changed)
 
 
-# ----------------------------------------------------------------------------------------- the dive itself
-def test_every_difference_of_the_dive_is_booked() -> None:
+# ----------------------------------------------------------------------------------------- the quasi-Newton search itself
+def test_every_difference_of_the_search_is_counted() -> None:
     problem = Only(rosenbrock, 4)
     ledger = optimize.Ledger(problem, optimize.Evaluations.none(problem))
     x = np.full(4, 0.3)
@@ -238,7 +238,7 @@ def test_every_difference_of_the_dive_is_booked() -> None:
     assert problem.outside <= 0.0
 
 
-def test_a_dive_against_a_bound_ends_on_it() -> None:
+def test_a_search_against_a_bound_ends_on_it() -> None:
     problem = Only(lambda X: ((X - 1.4) ** 2).sum(axis=1), 3)
     ledger = optimize.Ledger(problem, optimize.Evaluations.none(problem))
     y, _ = QuasiNewton()(ledger, np.full(3, 0.5), np.inf)
@@ -246,7 +246,7 @@ def test_a_dive_against_a_bound_ends_on_it() -> None:
     assert problem.outside <= 0.0
 
 
-def test_a_dive_beside_infinity_comes_back() -> None:
+def test_a_search_beside_infinity_comes_back() -> None:
     def half(X: np.ndarray) -> np.ndarray:
         return np.where(X[:, 0] > 0.4, np.inf, sphere(X + 0.3))
 
@@ -258,7 +258,7 @@ def test_a_dive_beside_infinity_comes_back() -> None:
     assert end == half(y[None, :])[0]
 
 
-def test_a_dive_that_cannot_reach_the_incumbent_is_let_go() -> None:
+def test_a_search_that_cannot_reach_the_incumbent_is_let_go() -> None:
     problem = Only(lambda X: 1.0 + 1e-3 * rosenbrock(X), 4)
     patient, hasty = (
         optimize.Ledger(problem, optimize.Evaluations.none(problem)),

@@ -14,7 +14,7 @@ from stoop.errors import FlightError, IdentificationError
 from stoop.simulation.fly import fly
 from stoop.simulation.maneuver import parse_maneuver
 from stoop_studies.problems import Posed, hexacopter, pose
-from stoop_studies.problems.multirotor import MANEUVER, NOISE, SOUGHT, names, quad
+from stoop_studies.problems.multirotor import MANEUVER, NAMES, NOISE, SOUGHT, quad
 from stoop_studies.problems.paper import NEAR
 
 DATA = Path(__file__).parents[3] / "src" / "stoop" / "data"
@@ -113,7 +113,7 @@ def test_the_flight_is_one_that_a_quadrotor_can_fly() -> None:
 
 
 def test_what_is_refused() -> None:
-    assert names() == ("multirotor", "multirotor+noise")
+    assert NAMES == ("multirotor", "multirotor+noise")
     with pytest.raises(IdentificationError, match="knows no window"):
         pose("multirotor", 1, window=3)
     with pytest.raises(IdentificationError, match="box Q"):

@@ -8,7 +8,7 @@ import pytest
 from stoop.errors import IdentificationError
 from stoop.workflow.demo import TABLE_1
 from stoop_studies.problems import pose
-from stoop_studies.problems.paper import NEAR, SIGMA, names, paper
+from stoop_studies.problems.paper import NAMES, NEAR, SIGMA, paper
 
 EXPERIMENT = dict(
     zip(TABLE_1, (0.06, 0.43, 0.385, 4.78, 10.47, 0.201, 0.194, -2.12, -47.6, -0.8), strict=True)
@@ -46,8 +46,8 @@ def test_few_sensors_leave_the_others_out() -> None:
 
 
 def test_every_name_can_be_posed() -> None:
-    assert len(names()) == 16
-    for name in names():
+    assert len(NAMES) == 16
+    for name in NAMES:
         posed = pose(name, 0)
         assert 0.0 < posed.target < posed.reference
     assert SIGMA.tolist() == [0.3, 0.005, 0.005, 0.005, 0.05, 0.10]

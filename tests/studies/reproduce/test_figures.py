@@ -66,7 +66,7 @@ def test_as_printed_the_first_branch_ends_the_search() -> None:
     assert upper.end == searched(rising, golden_section).end, "the second branch is printed right"
 
 
-def test_every_evaluation_of_a_dive_is_recorded() -> None:
+def test_every_evaluation_of_a_local_search_is_recorded() -> None:
     recorder = Recorder(replace(paper(), names=PAIR))
     pair = both(recorder, np.array([0.2, 0.8]))
     own = 1 + 2  # the start, and a difference in each of two variables
@@ -77,9 +77,9 @@ def test_every_evaluation_of_a_dive_is_recorded() -> None:
 def test_figure_2_holds_the_printed_code_against_the_repaired_one() -> None:
     found = Figure2().findings(Setting(runs=20), {})
     assert verdicts(found) == ["holds", "holds", "does not hold"]
-    assert found.csv.startswith("dive,CLalpha,Cmalpha,J,evaluations_so_far\r\n0,3.84,-1.6,")
+    assert found.csv.startswith("search,CLalpha,Cmalpha,J,evaluations_so_far\r\n0,3.84,-1.6,")
     costs = [float(row.split(",")[3]) for row in found.csv.splitlines()[1:]]
-    assert costs == sorted(costs, reverse=True), "a dive never ends above its start"
+    assert costs == sorted(costs, reverse=True), "a local search never ends above its start"
 
 
 def test_figure_3_flies_the_printed_trim_and_excites_both_modes() -> None:

@@ -12,7 +12,6 @@ from stoop.assessment.covariance import (
     ColoredNoise,
     Coloring,
     data_information,
-    prior_information,
     standard_errors,
 )
 from stoop.assessment.error_bars import Uncertainty, estimate_uncertainty
@@ -48,7 +47,7 @@ def noise(size: int, rho: float, random: np.random.Generator) -> np.ndarray:
 def test_the_double_sum_done_naively() -> None:
     first, second = sensitivities(60), sensitivities(40, seed=1)
     segments = (PieceEvidence(np.zeros((60, 2)), first), PieceEvidence(np.zeros((40, 2)), second))
-    prior = prior_information([0.3] + [np.inf] * 7)
+    prior = np.diag([0.3**-2.0] + [0.0] * 7)
     inverse = invert(data_information(segments) + prior)
     color = ColoredNoise(np.array([[0.6], [-0.4]]), np.array([[1.0, 0.5], [0.5, 2.0]]))
     stationary = color.innovation / (1 - np.outer([0.6, -0.4], [0.6, -0.4]))
@@ -135,7 +134,7 @@ def test_the_factor_grows_with_the_color() -> None:
 def test_a_strong_prior_is_neither_widened_nor_narrowed() -> None:
     jacobian = sensitivities(500)
     residual = fit(jacobian, noise(500, 0.95, np.random.default_rng(4)))[1]
-    prior = prior_information([1e-6] + [np.inf] * 7)
+    prior = np.diag([1e12] + [0.0] * 7)
     found = estimate_uncertainty([PieceEvidence(residual, jacobian)], prior)
     assert standard_errors(found.corrected)[0] == pytest.approx(1e-6, rel=1e-3)
 

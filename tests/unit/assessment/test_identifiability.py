@@ -6,24 +6,25 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from stoop.assessment.covariance import marked, prior_information
+from stoop.assessment.covariance import marked
 from stoop.assessment.error_bars import (
-    ComparisonScale,
     Identifiability,
     identifiability,
     scaled_singular_values,
 )
-from stoop.problem.evidence import invert
+from stoop.problem.evidence import Unknown, invert
 
 
 def judge(
     rows: np.ndarray, prior: list[float], box: list[float], size: list[float]
 ) -> tuple[Identifiability, ...]:
-    information = rows.T @ rows + prior_information(prior)
+    information = rows.T @ rows + np.diag(np.array(prior) ** -2.0)
     inverse = invert(information)
-    names = [f"C{i}" for i in range(rows.shape[1])]
-    yardstick = ComparisonScale(np.array(prior), np.array(box), np.array(size))
-    return identifiability(names, information, marked(inverse.matrix, inverse.determined), yardstick)
+    unknowns = [
+        Unknown(f"C{i}", "parameter", 0.0, *scales)
+        for i, scales in enumerate(zip(size, box, prior, strict=True))
+    ]
+    return identifiability(unknowns, information, marked(inverse.matrix, inverse.determined))
 
 
 def code(one: Identifiability) -> str:

@@ -9,7 +9,7 @@ from scipy.optimize import brentq, minimize_scalar
 
 from stoop.assessment.assessment import linearize
 from stoop.assessment.covariance import NORMAL_95
-from stoop.assessment.profile import profile_likelihood
+from stoop.assessment.profile import ProfileLikelihood
 
 T = np.linspace(0.0, 1.0, 25)
 
@@ -22,7 +22,7 @@ def test_a_linear_model_has_the_interval_of_the_normal_distribution() -> None:
     sigma = 0.05 * np.sqrt(np.diag(np.linalg.inv(X.T @ X)))
     optimum = linearize(line(X, y, 0.05), best, np.arange(3))
     for entry, factor in ((0, 1.0), (1, 2.5), (2, 0.7)):
-        found = profile_likelihood(optimum, entry, factor)
+        found = ProfileLikelihood(optimum, entry, factor)
         half = NORMAL_95 * factor * sigma[entry]
         assert found.lower == pytest.approx(best[entry] - half, abs=0.011 * half)
         assert found.upper == pytest.approx(best[entry] + half, abs=0.011 * half)
@@ -64,7 +64,7 @@ def test_a_curved_problem_has_the_interval_found_by_brute_force(
     best = float(np.sum(problem.residuals(z[None], 0) ** 2))
     lower = brentq(lambda b: brute(y, best, b) - NORMAL_95**2, 0.01, z[1])
     upper = brentq(lambda b: brute(y, best, b) - NORMAL_95**2, z[1], 1.0)
-    found = profile_likelihood(linearize(problem, z, np.arange(2)), 1)
+    found = ProfileLikelihood(linearize(problem, z, np.arange(2)), 1)
     assert found.lower == pytest.approx(lower, abs=0.02 * (z[1] - lower))
     assert found.upper == pytest.approx(upper, abs=0.02 * (upper - z[1]))
     assert (found.upper - z[1]) / (z[1] - found.lower) > 1.3  # the normal interval would be symmetric
@@ -77,7 +77,7 @@ def test_an_end_that_the_data_leave_open_is_none(bent: tuple[Fitted, np.ndarray,
     sparse = np.array([0.3, 0.6, 1.0])
     y = 2.0 * 0.3 * sparse / (0.6 + sparse)
     problem = Fitted(lambda Z: (2.0 * Z[:, :1] * sparse / (Z[:, 1:2] + sparse) - y) / 0.05, 2)
-    found = profile_likelihood(linearize(problem, np.array([0.3, 0.6]), np.arange(2)), 1)
+    found = ProfileLikelihood(linearize(problem, np.array([0.3, 0.6]), np.arange(2)), 1)
     assert np.isnan(found.upper)
     rise = minimize_scalar(
         lambda a: float(np.sum(problem.residuals(np.array([[a, 1.0]]), 0) ** 2)),
@@ -91,7 +91,7 @@ def test_an_end_that_the_data_leave_open_is_none(bent: tuple[Fitted, np.ndarray,
 def test_an_unseen_parameter_is_open_to_both_sides() -> None:
     y = np.full(10, 0.5)
     problem = Fitted(lambda Z: (Z[:, :1] - y) / 0.1, 2)
-    found = profile_likelihood(linearize(problem, np.array([0.5, 0.5]), np.arange(2)), 1)
+    found = ProfileLikelihood(linearize(problem, np.array([0.5, 0.5]), np.arange(2)), 1)
     assert np.isnan(found.lower)
     assert np.isnan(found.upper)
 
@@ -99,7 +99,7 @@ def test_an_unseen_parameter_is_open_to_both_sides() -> None:
 def test_at_a_bound_the_other_side_still_has_a_limit() -> None:
     y = np.full(25, -0.01)
     problem = Fitted(lambda Z: (Z[:, :1] - y) / 0.1, 1)
-    found = profile_likelihood(linearize(problem, np.array([0.0]), np.empty(0, dtype=np.intp)), 0)
+    found = ProfileLikelihood(linearize(problem, np.array([0.0]), np.empty(0, dtype=np.intp)), 0)
     assert np.isnan(found.lower)
     # J rises by 25 ((x + 0.01)^2 - 0.01^2) / 0.1^2
     assert found.upper == pytest.approx(np.sqrt(NORMAL_95**2 * 0.01 / 25 + 1e-4) - 0.01, rel=0.02)
@@ -107,7 +107,7 @@ def test_at_a_bound_the_other_side_still_has_a_limit() -> None:
 
 def test_a_better_optimum_is_reported() -> None:
     problem = Fitted(lambda Z: np.column_stack([10.0 * (Z[:, 0] - 0.6), 10.0 * (Z[:, 1] - 0.5)]), 2)
-    found = profile_likelihood(linearize(problem, np.array([0.6, 0.45]), np.arange(2)), 0)
+    found = ProfileLikelihood(linearize(problem, np.array([0.6, 0.45]), np.arange(2)), 0)
     assert found.better > 0.1
 
 
@@ -117,5 +117,5 @@ def test_a_nuisance_is_fitted_anew_at_every_point() -> None:
     problem = line(X, X @ np.array([0.5, 0.0]), 0.1, extra=1)
     information = X.T @ X / 0.01 + np.diag([0.0, 1.0])
     sigma = np.sqrt(np.linalg.inv(information)[0, 0])
-    found = profile_likelihood(linearize(problem, np.array([0.5, 0.0]), np.arange(2)), 0)
+    found = ProfileLikelihood(linearize(problem, np.array([0.5, 0.0]), np.arange(2)), 0)
     assert found.upper - found.lower == pytest.approx(2 * NORMAL_95 * sigma, rel=0.01)

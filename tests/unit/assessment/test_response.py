@@ -132,5 +132,5 @@ def test_a_part_too_short_for_the_mode_of_the_whole_is_no_error() -> None:
 
     t = np.arange(0.0, 4.0, 0.01)
     part = _Oscillation(t[:200], np.cos(t)[:200, None], np.ones((200, 1)))
-    too_slow = np.array([part.box[0][0] - 0.3, 0.1])
+    too_slow = np.array([np.log(0.5 * np.pi / t[199]) - 0.3, 0.1])
     assert part.solved(too_slow) == pytest.approx([0.0, 0.0], abs=1e-6)

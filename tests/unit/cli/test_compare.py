@@ -65,7 +65,7 @@ def test_a_flight_is_part_of_the_command() -> None:
     ("words", "told"),
     [
         (["--optimizers", "ps-gde,cmaes"], "optimizer cmaes"),
-        (["--problems", "paper-M"], "nearest are paper-W"),
+        (["--problems", "paper-M"], "did you mean paper-W"),
         (["--problems", "bbob-99"], "bbob-"),
         (["--problems", "bbob-01", "--first-seed", "0"], "instance 0"),
         (["--problems", "bbob-01", "--optimizers", "ps-gde-lm"], "none of these optimizers"),

@@ -177,7 +177,7 @@ def test_modes_and_repeatability_survive() -> None:
     again = from_json(text)
     (condition,) = json.loads(text)["modes"]  # texts, as readers of older versions expect
     assert condition["remark"] == ""
-    said = "two real modes in 20 % of the draws; stable or unstable: the data cannot tell"
+    said = "two real modes in 20 % of the draws; stability not determined by the data"
     assert condition["modes"][0]["remark"] == said
     assert condition["modes"][0]["measured"][0]["remark"] == "not identified: the controls never rest"
     assert again.modes[0].remark is None

@@ -23,8 +23,12 @@ def notices(recording: Recording) -> list[Notice]:
     return apply_mapping.apply_mapping(ready("px4"), recording).notices
 
 
-def sample_time(published: Stream) -> FloatArray:
-    return apply_mapping.sample_time(published, "timestamp_sample", 1e-6)
+def sample_time(published: FloatArray, stamps: FloatArray) -> FloatArray:
+    """Return the clock of gyros that were published with stamps [us] of their samples."""
+    columns = {**dict.fromkeys(GYRO, 0.0 * published), "timestamp_sample": stamps}
+    log = Recording(Path("log"), "px4-csv", {"vehicle_angular_velocity": Stream(published, columns)})
+    (group,) = apply_mapping.apply_mapping(ready("px4"), log).channels
+    return group.time
 
 
 def named(**streams: Stream) -> dict[str, tuple[str, FloatArray]]:
@@ -157,7 +161,6 @@ def test_temperature_is_in_kelvin() -> None:
 
 def test_the_stamp_of_the_sample_counts_where_it_can_be_believed() -> None:
     published = np.arange(1.0, 2.0, 0.01)
-    late = Stream(published, {"timestamp_sample": (published - 0.02) * 1e6})
-    np.testing.assert_allclose(sample_time(late), published - 0.02)
+    np.testing.assert_allclose(sample_time(published, (published - 0.02) * 1e6), published - 0.02)
     for nonsense in (np.zeros(100), np.full(100, 1e6), (published + 0.1) * 1e6, (published - 3.0) * 1e6):
-        assert sample_time(Stream(published, {"timestamp_sample": nonsense})) is published
+        assert sample_time(published, nonsense) is published

@@ -22,63 +22,63 @@ def young(n: int = 20, d: int = 3, seed: int = 0) -> Population:
 @settings(deadline=None)
 @given(st.integers(0, 2**32 - 1))
 def test_trials_lie_in_the_box_and_the_herd_never_worsens(seed: int) -> None:
-    generator, herd = np.random.default_rng(seed), young(seed=seed)
+    generator, population = np.random.default_rng(seed), young(seed=seed)
     for _ in range(12):
-        trials = herd.ask(generator)
+        trials = population.ask(generator)
         assert ((trials.X >= 0.0) & (trials.X <= 1.0)).all()
-        after = herd.tell(trials, sphere(trials.X), generator)
-        assert (after.F <= herd.F).all()
+        after = population.tell(trials, sphere(trials.X), generator)
+        assert (after.F <= population.F).all()
         assert (sphere(after.X) == after.F).all()
         assert len(after.archive) <= len(after.X)
-        herd = after
-    assert herd.age == 12
+        population = after
+    assert population.age == 12
 
 
-def parents(herd: Population, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    mutation = OrderedToPBest(herd.archive, DEFAULT.elite)
-    return mutation.parents(herd.X, herd.F, np.random.default_rng(seed))
+def parents(population: Population, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    mutation = OrderedToPBest(population.archive, DEFAULT.elite)
+    return mutation.parents(population.X, population.F, np.random.default_rng(seed))
 
 
 def test_differences_point_from_worse_to_better() -> None:
     """With scale 1, rate 1 and the first term taken away, better minus worse is left: it must descend."""
-    herd = young(n=40, d=2)
+    population = young(n=40, d=2)
     for seed in range(20):
-        towards, better, worse = parents(herd, seed)
+        towards, better, worse = parents(population, seed)
         assert (sphere(better) <= sphere(worse)).all()
-        elite = np.sort(herd.F)[round(DEFAULT.elite * 40) - 1]
+        elite = np.sort(population.F)[round(DEFAULT.elite * 40) - 1]
         assert (sphere(towards) <= elite).all()
 
 
 def test_members_of_the_archive_count_as_worse() -> None:
-    herd = replace(young(), archive=np.full((20, 3), 0.3))  # the very optimum, but a loser
+    population = replace(young(), archive=np.full((20, 3), 0.3))  # the very optimum, but a loser
     for seed in range(20):
-        _, better, _ = parents(herd, seed)
+        _, better, _ = parents(population, seed)
         assert not (better == 0.3).all(axis=1).any()
 
 
 def test_winners_fill_the_archive_with_their_parents_and_can_be_prey_again() -> None:
-    herd = replace(young(), refined=np.ones(20, dtype=bool))
-    X = herd.X.copy()
+    population = replace(young(), refined=np.ones(20, dtype=bool))
+    X = population.X.copy()
     X[4] = 0.3
     trials = Trials(X, np.full(20, 0.5), np.full(20, 0.9))
     costs = np.full(20, np.inf)
     costs[4] = 0.0
-    after = herd.tell(trials, costs, np.random.default_rng(0))
-    assert after.archive.tolist() == [herd.X[4].tolist()]
+    after = population.tell(trials, costs, np.random.default_rng(0))
+    assert after.archive.tolist() == [population.X[4].tolist()]
     assert np.flatnonzero(~after.refined).tolist() == [4]
 
 
 def test_prey_is_the_best_not_refined_at_and_not_beside_an_earlier_end() -> None:
-    herd = young()
-    order = np.argsort(herd.F)
-    first, herd = herd.next_start(np.empty((0, 3)))
+    population = young()
+    order = np.argsort(population.F)
+    first, population = population.next_start(np.empty((0, 3)))
     assert first == order[0]
-    second, herd = herd.next_start(np.empty((0, 3)))
+    second, population = population.next_start(np.empty((0, 3)))
     assert second == order[1]
-    third, herd = herd.next_start(herd.X[order[2]][None, :] + 0.01)
+    third, population = population.next_start(population.X[order[2]][None, :] + 0.01)
     assert third is None
-    assert herd.refined[order[:3]].all()
-    assert herd.due == herd.age + herd.period
+    assert population.refined[order[:3]].all()
+    assert population.due == population.age + population.period
 
 
 def test_a_herd_without_finite_cost_has_no_prey() -> None:
@@ -87,12 +87,12 @@ def test_a_herd_without_finite_cost_has_no_prey() -> None:
 
 
 def test_diving_pays_or_is_put_off() -> None:
-    herd = young()
-    better = herd.with_refined(7, np.full(3, 0.31), 1e-4, improved=True)
+    population = young()
+    better = population.with_refined(7, np.full(3, 0.31), 1e-4, improved=True)
     assert better.X[7].tolist() == [0.31] * 3
     assert better.due == PERIOD // 2
-    worse = herd.with_refined(7, np.full(3, 0.9), 9.0, improved=False)
-    assert (worse.X == herd.X).all()
+    worse = population.with_refined(7, np.full(3, 0.9), 9.0, improved=False)
+    assert (worse.X == population.X).all()
     assert worse.period == 2 * PERIOD
     for _ in range(10):
         worse = worse.with_refined(7, np.full(3, 0.9), 9.0, improved=False)
@@ -120,9 +120,9 @@ def test_it_solves_a_valley_by_evolution_alone() -> None:
 
     generator = np.random.default_rng(0)
     X = generator.random((40, 4))
-    herd = Population.first(X, rosenbrock(X))
+    population = Population.first(X, rosenbrock(X))
     for _ in range(400):
-        trials = herd.ask(generator)
-        herd = herd.tell(trials, rosenbrock(trials.X), generator)
-    assert herd.F.min() < 1e-10
-    assert herd.X[herd.F.argmin()] == pytest.approx(0.75, abs=1e-4)
+        trials = population.ask(generator)
+        population = population.tell(trials, rosenbrock(trials.X), generator)
+    assert population.F.min() < 1e-10
+    assert population.X[population.F.argmin()] == pytest.approx(0.75, abs=1e-4)

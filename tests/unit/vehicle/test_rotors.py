@@ -11,9 +11,9 @@ import pytest
 from naive.interpreted import Evaluate, interpreted
 from scipy.optimize import brentq
 
+from stoop.base.atmosphere import standard_density
 from stoop.simulation import initial_states, parameter_rows
 from stoop.vehicle import Vehicle, parse_vehicle
-from stoop.vehicle.atmosphere import standard_density
 from stoop.vehicle.builtin import BUILT_IN, builtin_vehicle
 from stoop.vehicle.defaults import WIND_NUMBERS
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from stoop.assessment.uncertainty import fit_each, scatter, with_repeatability
+from stoop.assessment.uncertainty import repeatability, scatter
 from stoop.base.notices import notice
 from stoop.estimate.fit import Options
 from stoop.flight import Flight
@@ -47,9 +47,8 @@ def repeated(flights: list[Flight]) -> Job:
     windows = [f"{flight.name}@0:8" for flight in flights]
     done = search(aircraft(), flights, windows, options=Options())
     job = finish(done)
-    return job.with_result(
-        with_repeatability(job.result, fit_each(done.fit, done.flights, done.options, lambda _: None))
-    )
+    found = repeatability(done.fit, done.flights, done.options, lambda _: None)
+    return job.with_result(replace(job.result, repeatability=found))
 
 
 @pytest.fixture(scope="module")
@@ -74,9 +73,9 @@ def test_maneuvers_of_one_aircraft_agree_with_each_other_and_the_joint_fit(alike
 def test_one_maneuver_of_another_aircraft_stands_out() -> None:
     other = aircraft().with_numbers({"Cmq": {"value": 1.6 * aircraft().value("Cmq")}})
     found = repeated([flown(aircraft(), 0), flown(aircraft(), 1), flown(other, 2)])
-    repeatability = found.identification.result.repeatability
-    assert repeatability.parameters["Cmq"].verdict == "scatter"
-    scattering = next(line for line in repeatability_lines(repeatability) if line.startswith("scatter: "))
+    scattered = found.identification.result.repeatability
+    assert scattered.parameters["Cmq"].verdict == "scatter"
+    scattering = next(line for line in repeatability_lines(scattered) if line.startswith("scatter: "))
     assert "Cmq (3 maneuvers, p = " in scattering
 
 

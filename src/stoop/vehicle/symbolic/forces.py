@@ -40,8 +40,8 @@ from typing import Any, Final
 
 import sympy as sp
 
+from stoop.base.atmosphere import SEA_LEVEL_DENSITY
 from stoop.vehicle import terms
-from stoop.vehicle.atmosphere import SEA_LEVEL_DENSITY
 from stoop.vehicle.defaults import COEFFICIENTS
 from stoop.vehicle.schema import Propeller
 from stoop.vehicle.symbolic.frames import ZERO, Air, Numbers, Vector, add, cross, dot, scale, subtract

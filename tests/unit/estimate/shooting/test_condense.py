@@ -5,45 +5,46 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stoop.estimate.shooting_problem import Weighted, reduced
+from stoop.estimate.shooting_windows import Shot
+
+Windows = list[tuple[Shot, np.ndarray]]  # and the weights of its gap
 
 
-def windows(seed: int, count: int, unknowns: int = 4, states: int = 3) -> list[Weighted]:
+def windows(seed: int, count: int, unknowns: int = 4, states: int = 3) -> Windows:
     rng = np.random.default_rng(seed)
     out = []
     for w in range(count):
         gaps = states if w + 1 < count else 0
-        out.append(
-            Weighted(
-                rng.normal(size=20),
-                rng.normal(size=(unknowns, 20)),
-                rng.normal(size=(states, 20)),
-                rng.normal(size=gaps),
-                rng.normal(size=(gaps, unknowns)),
-                rng.normal(size=(gaps, states)),
-                rng.uniform(0.5, 3.0, gaps),
-            )
+        shot = Shot(
+            rng.normal(size=(20, 1)),
+            rng.normal(size=(20, 1, unknowns)),
+            rng.normal(size=(20, 1, states)),
+            rng.normal(size=gaps),
+            rng.normal(size=(gaps, unknowns)),
+            rng.normal(size=(gaps, states)),
         )
+        out.append((shot, rng.uniform(0.5, 3.0, gaps)))
     return out
 
 
-def whole(found: list[Weighted]) -> tuple[np.ndarray, np.ndarray]:
+def whole(found: Windows) -> tuple[np.ndarray, np.ndarray]:
     """Rows and right side of everything: unknowns, then the states of all windows but the first."""
-    u, e = found[0].by_unknown.shape[0], found[0].by_state.shape[0]
+    u, e = found[0][0].by_unknown.shape[2], found[0][0].by_state.shape[2]
     size = u + e * (len(found) - 1)
     rows, right = [], []
-    for w, one in enumerate(found):
+    for w, (one, closing) in enumerate(found):
         own, after = u + e * (w - 1), u + e * w
         block = np.zeros((20, size))
-        block[:, :u] = one.by_unknown.T
+        block[:, :u] = one.by_unknown[:, 0]
         meet = np.zeros((len(one.gap), size))
         meet[:, :u] = one.gap_by_unknown
         if w > 0:
-            block[:, own : own + e] = one.by_state.T
+            block[:, own : own + e] = one.by_state[:, 0]
             meet[:, own : own + e] = one.gap_by_state
         if len(one.gap):
-            meet[:, after : after + e] = -np.diag(one.closing)
+            meet[:, after : after + e] = -np.diag(closing)
         rows += [block, meet]
-        right += [one.residual, one.gap]
+        right += [one.residual[:, 0], one.gap]
     return np.concatenate(rows), np.concatenate(right)
 
 
@@ -53,7 +54,11 @@ def test_the_step_is_that_of_the_whole_system(seed: int, count: int) -> None:
     found = windows(seed, count)
     rows, right = whole(found)
     solution = -np.linalg.lstsq(rows, right, rcond=None)[0]
-    left = reduced(found, damping=0.0)
+    weighted = [
+        Weighted(one.products, one.gap, one.gap_by_unknown, one.gap_by_state, closing)
+        for one, closing in found
+    ]
+    left = reduced(weighted, damping=0.0)
     step = -np.linalg.solve(left.normal, left.gradient)
     assert np.allclose(step, solution[:4], rtol=1e-8, atol=1e-10)
     assert np.allclose(left.moves(step)[1:].ravel(), solution[4:], rtol=1e-8, atol=1e-10)
