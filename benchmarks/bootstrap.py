@@ -35,5 +35,5 @@ def run() -> list[Row]:
     size = f"{layout.dimension} parameters, {layout.extra} initial states and biases, {WORKERS} processes"
     return [
         Row(PART, f"{REPLICATES} replicates, 4 maneuvers", wall, "s", ASKED, note=size),
-        Row(PART, "of them by a full search", float(np.sum(np.array(endings) == "dived"))),
+        Row(PART, "of them by a full search", float(np.sum(np.array(endings) == "refined"))),
     ]

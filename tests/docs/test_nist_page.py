@@ -9,8 +9,8 @@ from stoop_studies.verify.nist import MODELS
 
 PAGE = DOCS / "nist.md"
 COLUMNS = (
-    "problem", "level", "start", "iterations", "digits_parameters", "digits_deviations", "digits_rss", "dive_ending",
-    "dive_digits_parameters",
+    "problem", "level", "start", "iterations", "digits_parameters", "digits_deviations", "digits_rss", "local_search_ending",
+    "local_search_digits_parameters",
 )  # fmt: skip
 
 
@@ -25,7 +25,8 @@ def test_the_table_is_the_one_that_was_written() -> None:
     assert len(shown) == len(written) == 2 * len(MODELS)
     for cells, row in zip(shown, written, strict=True):
         told = [
-            f"{float(row[c]):.1f}" if c.startswith(("digits", "dive_digits")) else row[c] for c in COLUMNS
+            f"{float(row[c]):.1f}" if c.startswith(("digits", "local_search_digits")) else row[c]
+            for c in COLUMNS
         ]
         assert list(cells) == told
 
@@ -40,5 +41,5 @@ def test_what_is_said_of_it() -> None:
     assert f"in all {len(rows)} fits" in text
     assert f"{parameters[0]:.1f} digits of a\nparameter ({parameters[1]})" in text
     assert f"{deviations[0]:.1f} of a standard deviation ({deviations[1]}" in text
-    arrived = sum(r["dive_ending"] == "converged" for r in rows)
+    arrived = sum(r["local_search_ending"] == "converged" for r in rows)
     assert f"It arrives in {arrived} of {len(rows)}" in text

@@ -43,7 +43,7 @@ from stoop.vehicle.schema import VehicleFile
 
 Watch = Callable[[str], None]  #: receives the progress of an assessment
 Refittable = Misfit | FrozenFilter | FollowingWindows | LinearProblem
-Ending = Literal["arrived", "dived", "lost"]
+Ending = Literal["converged", "refined", "failed"]
 PIECE_ARRAYS: Final = ("time", "inputs", "measured")
 SHARED_STEPS: Final = 6  #: at most, with the derivatives at the optimum
 SHARED_TOLERANCE: Final = 0.5  #: standard errors left to go when the shared derivatives have done their work
@@ -164,7 +164,8 @@ def pack(problem: Refittable, more: Mapping[str, Any]) -> str:
         "parameters": [asdict(p) for p in layout.parameters],
         "nuisances": [asdict(n) for n in layout.nuisances],
         "pieces": [
-            {"maneuver": p.maneuver, "start": dict(p.start), "changes": dict(p.changes)} for p in base.pieces
+            {"maneuver": p.maneuver, "start": dict(p.start), "changes": dict(p.changes), "moved": p.moved}
+            for p in base.pieces
         ],
         "ladder": base.ladder,
         "kind": kind,
@@ -189,7 +190,7 @@ def unpack(text: str) -> tuple[Refittable, dict[str, Any]]:
     pieces = []
     for i, p in enumerate(head["pieces"]):
         series = {name: arrays[f"{name}.{i}"] for name in PIECE_ARRAYS}
-        pieces.append(Piece(p["maneuver"], **series, start=p["start"], changes=p["changes"]))
+        pieces.append(Piece(**{**p, **series, "moved": tuple(p["moved"])}))
     weights = Weights(arrays["covariance"], arrays["root"])
     misfit = Misfit(layout, tuple(pieces), weights, tuple(tuple(rung) for rung in head["ladder"]))
     kinds: tuple[Any, ...] = (FrozenFilter, FollowingWindows, LinearProblem)
@@ -286,7 +287,7 @@ def stationary(optimum: Optimum) -> Optimum:
 
 @dataclass(frozen=True, eq=False)
 class Refits:
-    """Where refits ended, (B, D + E), NaN for those that were lost, and how each ended."""
+    """Where refits ended, (B, D + E), NaN for those that failed, and how each ended."""
 
     z: FloatArray
     endings: tuple[Ending, ...]
@@ -309,10 +310,12 @@ def refit(optimum: Optimum, shifts: FloatArray) -> Refits:
     endings = list[Ending]()
     for i, (start, shift) in enumerate(zip(Z, shifts, strict=True)):
         found = _gauss_newton(optimum, start, shift)
-        endings.append("arrived")
+        endings.append("converged")
         if found is None:
             end = refine(Shifted(optimum.problem, shift), optimum.z, optimum.rung)
-            found, endings[i] = (end.z, "dived") if end.converged else (np.full(len(start), np.nan), "lost")
+            found, endings[i] = (
+                (end.z, "refined") if end.converged else (np.full(len(start), np.nan), "failed")
+            )
         Z[i] = found
     return Refits(Z, tuple(endings))
 

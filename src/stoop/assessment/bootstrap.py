@@ -60,7 +60,7 @@ MIN_INNOVATIONS: Final = 20  #: of its own that a segment must have; else it tak
 MIN_REPLICATES: Final = 40  #: with fewer there is no 2.5 % to either side
 CHUNK: Final = 25  #: replicates of one run: what a kill may cost
 WORK: Final = "stoop.assessment.bootstrap:refit_chunk"
-MAX_LOST: Final = 0.02  #: share of replicates without an optimum from which it is reported
+MAX_FAILED: Final = 0.02  #: share of replicates without an optimum from which it is reported
 
 
 def block_length(series: FloatArray) -> float:
@@ -259,13 +259,13 @@ class Bootstrap:
         for i, name in enumerate(fit.names):
             sure = not fit.bars.at_bound[i] and fit.bars.identifiability[name].identifiable
             parameters[name] = Interval(*(float(one[i]) for one in spread)) if sure else Interval()
-        total, count, lost = endings.total(), int(converged.sum()), endings["lost"]
+        total, count, failed = endings.total(), int(converged.sum()), endings["failed"]
         notices: list[Notice] = []
         if count < MIN_REPLICATES:
             notices.append(notice("bootstrap-too-few-replicates", count=count, needed=MIN_REPLICATES))
-        if lost > MAX_LOST * total:
-            notices.append(notice("bootstrap-replicates-lost", lost=lost, replicates=total))
-        figures = {"replicates": float(total), "dived": float(endings["dived"]), "lost": float(lost)}
+        if failed > MAX_FAILED * total:
+            notices.append(notice("bootstrap-replicates-failed", failed=failed, replicates=total))
+        figures = {"replicates": float(total), "refined": float(endings["refined"]), "failed": float(failed)}
         return Finding(MethodIntervals(parameters, figures, tuple(notices)))
 
 
@@ -296,7 +296,7 @@ def refit_chunk(arguments: Mapping[str, Json], stops: Sequence[int | None]) -> l
     with threadpool_limits(limits=1, user_api="blas"):  # more threads would round differently
         problem, optimum, noise = _unpacked(str(given["problem"]))
         found = refit(optimum, shifts(optimum, noise, range(first, first + count), seed))
-    values = simulated(problem).layout.physical(found.z)  # NaN for those that were lost
+    values = simulated(problem).layout.physical(found.z)  # NaN for those that failed
     done: dict[str, Json] = {"values": values.tolist(), "endings": list(found.endings)}
     return [done for _ in stops]
 

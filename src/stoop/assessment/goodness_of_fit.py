@@ -229,12 +229,12 @@ def left_out_residuals(fit: Fit) -> list[FloatArray] | None:
     lasting = np.array([*range(d), *biases], dtype=np.intp)
     own = [piece.of(lasting) for piece in evidence.pieces]
     information = data_information(own) + evidence.prior[np.ix_(lasting, lasting)]
-    present = [np.isfinite(p.measured) for p in fit.problem.pieces]
     missed = [
         left_out(e.residual, e.jacobian, information, round(BLOCK / piece.dt))
         for e, piece in zip(own, fit.problem.pieces, strict=True)
     ]
-    white = [np.where(np.isfinite(w), w, 0.0) for w in missed]
+    present = [np.isfinite(w) for w in missed]
+    white = [np.where(seen, w, 0.0) for w, seen in zip(missed, present, strict=True)]
     if problem is not None:
         units = problem.in_units(white)
     else:

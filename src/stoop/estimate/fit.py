@@ -231,9 +231,7 @@ def estimation_problem(
 
 def starts(problem: Misfit) -> FloatArray:
     """Return starting points (k, D): the file's own values and the equation-error estimate."""
-    layout = problem.layout
-    own = layout.unit(np.array([p.value for p in layout.parameters]))
-    guess = start_value(layout, problem.pieces)
+    own, guess = problem.layout.start, start_value(problem.layout, problem.pieces)
     return np.array([own] if guess is None else [own, guess])
 
 

@@ -96,6 +96,45 @@ def perturbations_of(vehicle: Vehicle, states: FloatArray) -> FloatArray:
     return out.reshape(len(steps), nx, *shape)
 
 
+def aligned(problem: Misfit, z: FloatArray) -> Misfit:
+    """Move the readings of late sensors ahead by whole samples, to when they were true with the search vector z (D + E,).
+
+    What is left of a delay, within a sample, is for the model: interpolated readings would have noise that is not white.
+    Readings that some delay within the bounds moves out of the record are left out, so that the same ones count with all.
+
+    Raises
+    ------
+    IdentificationError
+        The bounds of a delay leave less than half of a piece.
+    """
+    vehicle, pieces = problem.layout.vehicle, []
+    bounds = {p.name: (p.lower, p.upper) for p in problem.layout.parameters}
+    for i, piece in enumerate(problem.pieces):
+        measured, (n, ny) = piece.measured.copy(), piece.measured.shape
+        moved, rows = [*(piece.moved or [0] * ny)], problem.candidates(z[None, :], i)[0][:, 0] / piece.dt
+        for column, row in output_delays(vehicle):
+            name, late = vehicle.parameters[row].name, float(rows[row])
+            if not piece.moved:
+                ends = (late, late) if name not in bounds else np.divide(bounds[name], piece.dt)
+                first, behind = max(0, round(ends[1])), n + min(0, round(ends[0]))
+                if behind - first < n // 2:
+                    raise IdentificationError(
+                        f"{vehicle.where}: {name}: its bounds leave less than half of a maneuver; narrow them"
+                    )
+                measured[:first, column] = measured[behind:, column] = np.nan
+            if not piece.moved or abs(late - moved[column]) > 1.0:
+                measured[:, column] = np.roll(measured[:, column], moved[column] - round(late))
+                moved[column] = round(late)
+        pieces.append(replace(piece, measured=measured, moved=tuple(moved)))
+    return replace(problem, pieces=tuple(pieces))
+
+
+def as_recorded(piece: Piece, readings: FloatArray) -> FloatArray:
+    """Return simulated readings (n, n_y) of a piece as late as they were recorded."""
+    late = zip(readings.T, piece.moved, strict=True)
+    return np.column_stack([delayed(column, samples) for column, samples in late])
+
+
 def undelayed(problem: Misfit) -> Misfit:
     """Shift the readings of late sensors to when they were true: a filter corrects the state of its own time.
 
@@ -107,7 +146,7 @@ def undelayed(problem: Misfit) -> Misfit:
     vehicle, pieces = problem.layout.vehicle, []
     late = [(column, vehicle.parameters[row].name, row) for column, row in output_delays(vehicle)]
     free = {p.name for p in problem.layout.parameters}
-    for name in (name for _, name, _ in late if name in free):
+    if name := next((name for _, name, _ in late if name in free), ""):
         raise IdentificationError(
             f"{vehicle.where}: {name}: this method shifts readings by a delay that is known; use --fix {name}"
         )

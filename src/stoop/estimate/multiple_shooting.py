@@ -33,7 +33,7 @@ from stoop.base.arrays import FloatArray
 from stoop.base.notices import notice
 from stoop.errors import IdentificationError
 from stoop.estimate.fit import ALTERNATION, DEFAULTS, Fit, LocalProblem, Options, estimation_problem, starts
-from stoop.estimate.linearization import undelayed
+from stoop.estimate.linearization import aligned, as_recorded
 from stoop.estimate.noise import effective_variance, first_variance, noise_variance
 from stoop.estimate.shooting_problem import Iterate, Reduced, ShootingProblem, Weighted, reduced
 from stoop.estimate.shooting_windows import WINDOW_LENGTH, Shots, window_model
@@ -172,11 +172,18 @@ def refined(
                 at, iterations = model.at, iterations + steps + (ending == "stalled")
             end, status = at, "converged" if ending == "converged" else "generations"
             weights = problem.problem.weights
-            noise_converged = options.covariance is not None or ALTERNATION.converged(before, weights)
+            shifted = aligned(problem.problem, at.z)
+            settled = all(
+                a.moved == b.moved for a, b in zip(shifted.pieces, problem.problem.pieces, strict=True)
+            )
+            given = options.covariance is not None
+            noise_converged = settled and (given or ALTERNATION.converged(before, weights))
             if noise_converged:
                 break
-            variance = effective_variance(problem.problem, problem.residuals(at))
-            before, problem = weights.logdet, problem.weighted(Weights.of(variance))
+            if not given:
+                variance = effective_variance(problem.problem, problem.residuals(at))
+                shifted = shifted.weighted(Weights.of(variance))
+            before, problem = weights.logdet, problem.of_problem(shifted)
             problem = problem.with_likeliest_wind_steps(at)
             end = at = problem.iterate(at.z, at.nodes)
     except KeyboardInterrupt:
@@ -217,7 +224,7 @@ class MultipleShooting:
     ) -> Fit:
         """Fit windows, see :mod:`stoop.estimate.methods`."""
         problem, prepared = estimation_problem(vehicle, flights, windows, options)
-        shifted, model = undelayed(problem), window_model(vehicle)
+        shifted, model = aligned(problem, problem.layout.start), window_model(vehicle)
         with threadpool_limits(limits=1, user_api="blas"):  # more threads would round differently
             if options.covariance is None:
                 shifted = shifted.weighted(Weights.of(first_variance(shifted)))
@@ -288,7 +295,7 @@ class MultipleShooting:
             noise=np.diag(np.where(measured, noise_variance(windowed.problem, residuals), np.nan)),
             own_evidence=windowed.evidence(at),
             local_problem=partial(FollowingWindows.of, windowed, at),
-            simulated=windowed.simulated(at),
+            simulated=tuple(map(as_recorded, windowed.problem.pieces, windowed.simulated(at))),
         )
 
 
@@ -302,7 +309,7 @@ class FollowingWindows(LocalProblem):
     """
 
     kind: ClassVar = "windows"
-    problem: Misfit  #: layout, weights, priors and pieces, late readings shifted
+    problem: Misfit  #: layout, weights, priors and pieces, late readings moved ahead
     edges: tuple[tuple[int, ...], ...]  #: first sample of each window, then the number of samples
     gap_weights: FloatArray  #: (e,), what a gap is multiplied with
     center: FloatArray  #: (D + E,), the estimate

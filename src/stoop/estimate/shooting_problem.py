@@ -25,7 +25,7 @@ from scipy.optimize import minimize_scalar
 
 from stoop.base.arrays import FloatArray
 from stoop.estimate.shooting_windows import AIRCRAFT, Products, Shot, Shots, residual, window_model
-from stoop.problem import Misfit, Weights
+from stoop.problem import Misfit
 from stoop.problem.evidence import Evidence, PieceEvidence, unknowns_of
 from stoop.simulation import parameter_rows
 from stoop.simulation.initial import commanded
@@ -161,9 +161,8 @@ class ShootingProblem:
         shots = tuple(Shots.of(problem, i, length) for i in range(len(problem.pieces)))
         return cls(problem, shots, np.array(scales), AIRCRAFT.strictness[-1])
 
-    def weighted(self, weights: Weights) -> ShootingProblem:
-        """Return the same windows with another Q."""
-        problem = self.problem.weighted(weights)
+    def of_problem(self, problem: Misfit) -> ShootingProblem:
+        """Return the same windows with another Q, or with readings moved by other delays."""
         return replace(self, problem=problem, shots=tuple(replace(s, problem=problem) for s in self.shots))
 
     @cached_property

@@ -29,7 +29,7 @@ from stoop.problem.observation import (
     true_value,
 )
 from stoop.simulation import initial_states, parameter_rows
-from stoop.simulation.delays import input_delays, late_inputs
+from stoop.simulation.delays import input_delays, late_inputs, late_outputs, output_delays
 from stoop.simulation.initial import commanded
 from stoop.vehicle import Vehicle
 from stoop.vehicle.schema import WIND
@@ -329,7 +329,12 @@ class Shots:
         n, edges = len(self.piece.time), np.array(self.edges)
         steps = np.minimum(edges[which + 1], n - 1) - edges[which]
         first, behind = copy * n + edges[which], (copy + 1) * n
-        return windows(vehicle.kernel(), rows, begin, record, first, behind, steps, dt)
+        out, last = windows(vehicle.kernel(), rows, begin, record, first, behind, steps, dt)
+        for length in np.unique(steps) if output_delays(vehicle) else ():
+            lanes = steps == length  # each in its own length, whatever stands beside it
+            part = np.ascontiguousarray(out[lanes, : length + 1])
+            out[lanes, : length + 1] = late_outputs(vehicle, part, rows[:, lanes], dt, self.piece.moved)
+        return out, last
 
 
 def residual(problem: Misfit, readings: FloatArray, measured: FloatArray) -> FloatArray:

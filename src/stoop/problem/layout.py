@@ -74,6 +74,11 @@ class Layout:
             priors=priors,
         )
 
+    @property
+    def start(self) -> FloatArray:
+        """The vehicle's own values (D,) in the unit box."""
+        return self.unit(np.array([p.value for p in self.parameters]))
+
     def physical(self, Z: FloatArray) -> FloatArray:
         """Return free parameters (B, D) in SI for vectors (B, D + E) or their first D entries."""
         return np.asarray(self.lower + Z[:, : self.dimension] * self.width)

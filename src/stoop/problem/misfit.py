@@ -91,6 +91,7 @@ class Piece:
     changes: Mapping[str, float] = field(
         default_factory=dict
     )  #: numbers that differ in this maneuver (its loading)
+    moved: tuple[int, ...] = ()  #: samples by which each channel's readings were moved ahead; empty for none
 
     @property
     def dt(self) -> float:
@@ -289,7 +290,7 @@ class Misfit:
         out = self.layout.vehicle.kernel().trajectories(
             rows, start, self._inputs(piece, rows), piece.dt, count
         )
-        return late_outputs(vehicle, out, rows, piece.dt)
+        return late_outputs(vehicle, out, rows, piece.dt, piece.moved)
 
 
 def on_circle(errors: FloatArray, outputs: Sequence[str]) -> FloatArray:

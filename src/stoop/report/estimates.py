@@ -58,8 +58,10 @@ TITLES: Final = {
 }
 FIGURES: Final = {
     "replicates": "replicates",
-    "dived": "of them by a full search",
-    "lost": "of them without an optimum",
+    "refined": "of them by a full search",
+    "failed": "of them without an optimum",
+    "dived": "of them by a full search",  # of results up to 0.1
+    "lost": "of them without an optimum",  # likewise
     "rhat": "greatest R-hat",
     "ess_bulk": "least effective sample size, bulk",
     "ess_tail": "least effective sample size, tails",

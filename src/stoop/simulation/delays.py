@@ -6,6 +6,8 @@ vectorization, and linear interpolation would put kinks into the gradient.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from stoop.base.arrays import FloatArray
@@ -135,25 +137,27 @@ def at_samples(vehicle: Vehicle, inputs: FloatArray) -> FloatArray:
     return out
 
 
-def late_outputs(vehicle: Vehicle, outputs: FloatArray, rows: FloatArray, dt: float) -> FloatArray:
+def late_outputs(
+    vehicle: Vehicle, outputs: FloatArray, rows: FloatArray, dt: float, moved: Sequence[int] = ()
+) -> FloatArray:
     """Return readings (B, n, n_y) as late as the instruments deliver them; the array is changed in place.
 
-    A reading is continued as a straight line before and after the record. One that diverged is left as it is.
+    A reading is continued as a straight line before and after the record. One that diverged is left as it is. `moved` are
+    samples of each channel by which the recorded readings were moved ahead: these are no longer late by as much.
     """
     for channel, row in output_delays(vehicle):
-        finite = np.isfinite(outputs[:, :, channel]).all(axis=1) & np.isfinite(rows[row])
-        for delay in np.unique(rows[row][finite & (rows[row] != 0.0)]):
-            lanes = finite & (rows[row] == delay)
-            readings, samples = outputs[lanes, :, channel].T, float(delay) / dt
-            with np.errstate(
-                over="ignore", invalid="ignore"
-            ):  # about to diverge: the largest numbers overflow
+        late = rows[row] / dt - (moved[channel] if moved else 0)
+        finite = np.isfinite(outputs[:, :, channel]).all(axis=1) & np.isfinite(late)
+        for samples in np.unique(late[finite & (late != 0.0)]).tolist():
+            lanes = finite & (late == samples)
+            readings = outputs[lanes, :, channel].T
+            with np.errstate(over="ignore", invalid="ignore"):  # about to diverge: large numbers overflow
                 # An angle that jumps from pi to -pi has no value between them.
                 whole = np.unwrap(readings, axis=0) if vehicle.outputs[channel] in WRAPPED else readings
                 pad = int(np.ceil(abs(samples))) + 2
                 steps = np.arange(1.0, pad + 1.0)[:, None]
                 before = whole[0] + steps[::-1] * (whole[0] - whole[1])
                 after = whole[-1] + steps * (whole[-1] - whole[-2])
-                late = delayed(np.concatenate([before, whole, after]), samples)
-            outputs[lanes, :, channel] = late[pad:-pad].T
+                shifted = delayed(np.concatenate([before, whole, after]), samples)
+            outputs[lanes, :, channel] = shifted[pad:-pad].T
     return outputs

@@ -38,7 +38,7 @@ are exact (SymPy). `descend` is Levenberg-Marquardt with a Jacobian in each iter
 undamped steps at the end. Standard deviations are the square roots of the diagonal of s2 (J'J)^-1, by the code that \
 makes the error bars of a flight.
 
-`dive` is the local search of the default optimizer, which keeps a Jacobian as long as Broyden's update carries it; \
+The local search of the default optimizer keeps a Jacobian as long as Broyden's update carries it; \
 here it is left to itself, without the population that would start it elsewhere."""
 SHOWN: Final[Columns] = {
     "problem": ("problem", str),
@@ -48,8 +48,8 @@ SHOWN: Final[Columns] = {
     "digits_parameters": ("parameters", ".1f"),
     "digits_deviations": ("deviations", ".1f"),
     "digits_rss": ("RSS", ".1f"),
-    "dive_digits_parameters": ("dive alone", ".1f"),
-    "dive_iterations": ("its iterations", "d"),
+    "local_search_digits_parameters": ("local search alone", ".1f"),
+    "local_search_iterations": ("its iterations", "d"),
 }
 
 b1, b2, b3, b4, b5, b6, b7, b8, b9 = B = sp.symbols("b1:10", real=True)
@@ -225,9 +225,9 @@ def fit_certified(certified: Certified, start: int) -> dict[str, Any]:
         "digits_parameters": digits(found.z * problem.scale, certified.values),
         "digits_deviations": digits(deviations, certified.deviations),
         "digits_rss": digits(found.cost, certified.least),
-        "dive_ending": alone.ending,
-        "dive_iterations": alone.iterations,
-        "dive_digits_parameters": digits(alone.z * problem.scale, certified.values),
+        "local_search_ending": alone.ending,
+        "local_search_iterations": alone.iterations,
+        "local_search_digits_parameters": digits(alone.z * problem.scale, certified.values),
     }
 
 

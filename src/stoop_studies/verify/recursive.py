@@ -9,7 +9,7 @@ import numpy as np
 
 from stoop.estimate.fit import Options, estimation_problem
 from stoop.estimate.regression.aircraft import AircraftEquations
-from stoop.estimate.regression.least_squares import FrequencyDomain, estimate, unbounded
+from stoop.estimate.regression.least_squares import FrequencyDomain, estimate
 from stoop.estimate.regression.recursive import RealTime
 from stoop.flight import Flight
 from stoop.problem.windows import Window
@@ -83,7 +83,7 @@ def compare(case: str, seed: int) -> dict[str, Any]:
         vehicle, {flight.name: flight}, [Window(flight.name, 0.0, DURATION)], Options()
     )
     equations = AircraftEquations.of(problem.layout, problem.pieces)
-    batch = estimate(equations, BAND, unbounded(equations))
+    batch = estimate(equations, BAND)
     assert batch is not None  # noqa: S101 - everything was measured
     *_, (_, online) = replay(vehicle, flight)
     found = online.estimate()

@@ -69,7 +69,7 @@ def test_refits_of_a_linear_problem_are_least_squares_to_the_last_digit() -> Non
     found = refit(optimum, -optimum.residual - noise)
     naive = [np.linalg.lstsq(X, X @ optimum.z + 0.05 * e, rcond=None)[0] for e in noise]
     assert_allclose(found.z, naive, atol=1e-7)
-    assert set(found.endings) == {"arrived"}
+    assert set(found.endings) == {"converged"}
 
 
 def test_refits_of_a_curved_problem_are_those_of_scipy() -> None:
@@ -113,7 +113,7 @@ def test_a_direction_without_information_does_not_move() -> None:
     found = refit(optimum, np.random.default_rng(0).normal(size=(3, SAMPLES)))
     assert_allclose(found.z[:, 3], 0.7)
     assert not optimum.inverse.determined[3]
-    assert set(found.endings) == {"arrived"}
+    assert set(found.endings) == {"converged"}
 
 
 def test_a_diverging_replicate_is_lost_and_no_other() -> None:
@@ -122,7 +122,7 @@ def test_a_diverging_replicate_is_lost_and_no_other() -> None:
     optimum = linearize(problem, np.array([0.5]), np.arange(1))
     shift = np.array([[-0.6], [np.nan]]) * np.ones((2, 40))
     found = refit(optimum, shift)
-    assert found.endings == ("arrived", "lost")
+    assert found.endings == ("converged", "failed")
     assert found.z[0, 0] == pytest.approx(0.6)
     assert np.isnan(found.z[1, 0])
 

@@ -75,7 +75,7 @@ def test_bootstrap_and_profile_agree_with_the_corrected_errors(job: Job) -> None
     corrected, found = (result.uncertainty[m].parameters for m in ("corrected", "bootstrap"))
     ratios = [found[n].std_error / corrected[n].std_error for n in FREE]
     assert float(np.median(ratios)) == pytest.approx(1.0, abs=0.25)
-    assert result.uncertainty["bootstrap"].figures["lost"] == 0.0
+    assert result.uncertainty["bootstrap"].figures["failed"] == 0.0
     profile = result.uncertainty["profile"].parameters["Cmq"]
     assert profile.std_error == pytest.approx(corrected["Cmq"].std_error, rel=0.2)
     assert profile.ci95_lower < result.parameters["Cmq"].estimate < profile.ci95_upper

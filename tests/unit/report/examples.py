@@ -132,7 +132,7 @@ def methods(parameters: dict[str, ParameterEstimate], hostile: str) -> dict[str,
     return {
         "corrected": MethodIntervals(of(1.96, 1.96)),
         "cramer_rao": MethodIntervals(of(0.4, 0.4)),
-        "bootstrap": MethodIntervals(of(1.8, 2.1), {"replicates": 1000.0, "dived": 3.0, "lost": 0.0}),
+        "bootstrap": MethodIntervals(of(1.8, 2.1), {"replicates": 1000.0, "refined": 3.0, "failed": 0.0}),
         "posterior": MethodIntervals(of(1.5, 3.0), {"rhat": 1.004}, ("It is lopsided." + hostile,)),
         "profile" + hostile: MethodIntervals(of(1.7, float("nan"), few=True)),
     }

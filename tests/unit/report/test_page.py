@@ -211,7 +211,7 @@ def test_uncertainty_stands_side_by_side(examples: ModuleType) -> None:
 
 
 def test_counts_are_whole_numbers() -> None:
-    one = MethodIntervals({}, {"replicates": 26.0, "lost": 0.0, "rhat": 1.0042})
+    one = MethodIntervals({}, {"replicates": 26.0, "failed": 0.0, "rhat": 1.0042})
     assert method_figures(one) == "replicates 26; of them without an optimum 0; greatest R-hat 1.00"
 
 

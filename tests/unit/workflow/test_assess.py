@@ -49,7 +49,7 @@ def test_the_bootstrap_agrees_with_corrected_errors_on_white_noise(bootstrapped:
         for n, s in methods["bootstrap"].parameters.items()
     ]
     assert 0.85 < float(np.median(ratios)) < 1.15
-    assert methods["bootstrap"].figures == {"replicates": 100.0, "dived": 0.0, "lost": 0.0}
+    assert methods["bootstrap"].figures == {"replicates": 100.0, "refined": 0.0, "failed": 0.0}
     assert any("Bootstrap" in str(s) for s in bootstrapped.identification.result.trust)
 
 

@@ -62,7 +62,7 @@ def test_the_bootstrap_agrees_with_the_corrected_errors(fit: Fit) -> None:
     std = dict(zip(fit.estimates, AssessedFit(fit, 0).bars.std, strict=False))
     ratios = [found.parameters[name].std_error / std[name] for name in NAMES]
     assert np.median(ratios) == pytest.approx(1.0, abs=0.15)
-    assert found.figures == {"replicates": 300.0, "dived": 0.0, "lost": 0.0}
+    assert found.figures == {"replicates": 300.0, "refined": 0.0, "failed": 0.0}
 
 
 def test_what_is_in_the_store_is_not_done_again(fit: Fit, tmp_path: Path) -> None:
