@@ -46,30 +46,25 @@ def excitation_notices(problem: Misfit, z: FloatArray, recorded_rate: float = np
     The motion of the estimate z (D + E,) stands for the measured one: it has no noise and no holes. `recorded_rate` is that
     of the slowest of the compared channels in the log, Hz.
     """
-    vehicle = problem.layout.vehicle
-    measured, unknowns = _counts(problem, recorded_rate)
-    few = [notice("too-few-samples", measurements=measured, unknowns=unknowns)]
-    out = few if too_few(problem, recorded_rate) else []
+    vehicle, out = problem.layout.vehicle, too_few(problem, recorded_rate)
     if vehicle.rotors:
         return [*out, *rotor_notices(problem), *_low_airspeed(problem, z)]
     if not vehicle.controls:
         return []
-    controls: dict[str, list[FloatArray]] = {name: [] for name in vehicle.controls}
-    motions: dict[str, list[FloatArray]] = {name: [] for name in vehicle.outputs}
+    parts = []  # controls and outputs of each piece, without their means
     for i, piece in enumerate(problem.pieces):
         rows = np.repeat(parameter_rows(vehicle, piece.changes), len(piece.time), axis=1)
-        for name, parts in controls.items():
-            x = commanded(vehicle, name, rows, piece.inputs.T)
-            parts.append(np.asarray(x - np.mean(x)))
-        for name, column in zip(vehicle.outputs, problem.outputs(z, i).T, strict=True):
-            motions[name].append(np.asarray(column - np.mean(column)))
-    deflections = {name: np.concatenate(parts) for name, parts in controls.items()}
+        signals = [commanded(vehicle, name, rows, piece.inputs.T) for name in vehicle.controls]
+        parts.append([x - np.mean(x) for x in (*signals, *problem.outputs(z, i).T)])
+    whole = [np.concatenate(part) for part in zip(*parts, strict=True)]
+    deflections = dict(zip(vehicle.controls, whole, strict=False))
+    motions = dict(zip(vehicle.outputs, whole[len(deflections) :], strict=True))
     for name, x in list(deflections.items()):
         rms = float(np.sqrt(np.mean(x**2)))
         if rms < MIN_DEFLECTION:
             out.append(notice("control-still", name, rms=rms))
             del deflections[name]
-    return [*out, *collinear(deflections, {name: np.concatenate(parts) for name, parts in motions.items()})]
+    return [*out, *collinear(deflections, motions)]
 
 
 def _low_airspeed(problem: Misfit, z: FloatArray) -> Iterator[Notice]:
@@ -89,18 +84,12 @@ def _low_airspeed(problem: Misfit, z: FloatArray) -> Iterator[Notice]:
         yield notice("low-airspeed", airspeed=fastest, share=share, reference=reference, free=free)
 
 
-def too_few(problem: Misfit, recorded_rate: float) -> bool:
-    """Whether there is hardly more to fit to than there is to fit: no error bar holds then."""
-    measured, unknowns = _counts(problem, recorded_rate)
-    return measured < MIN_RATIO * unknowns
-
-
-def _counts(problem: Misfit, recorded_rate: float) -> tuple[float, int]:
-    """Return how many measurements and unknowns there are; what was interpolated does not count."""
-    measured = 0.0
-    for piece in problem.pieces:
-        measured += min(1.0, recorded_rate * piece.dt) * float(np.isfinite(piece.measured).sum())
-    return measured, problem.dimension + problem.extra
+def too_few(problem: Misfit, recorded_rate: float) -> list[Notice]:
+    """Return that too few samples were measured for any error bar to hold; what was interpolated does not count."""
+    counts = ((min(1.0, recorded_rate * p.dt), float(np.isfinite(p.measured).sum())) for p in problem.pieces)
+    measured, unknowns = sum(share * count for share, count in counts), problem.dimension + problem.extra
+    few = notice("too-few-samples", measurements=measured, unknowns=unknowns)
+    return [few] if measured < MIN_RATIO * unknowns else []
 
 
 def collinear(controls: Mapping[str, FloatArray], motions: Mapping[str, FloatArray]) -> Iterator[Notice]:
@@ -139,11 +128,8 @@ def in_ratio(vehicle: Vehicle) -> tuple[Parameter, ...]:
     if not vehicle.rotors or vehicle.file.propulsion is not None or any(vehicle.terms.values()):
         return ()
     forces = ROTOR_AERODYNAMICS - {"rotors.torque_ratio"} | {"rotors.inertia"}
-    group = [
-        p
-        for p in vehicle.parameters
-        if p.name in forces or p.name.startswith(("body_drag.", "mass.inertia."))
-    ]
+    prefixes = ("body_drag.", "mass.inertia.")
+    group = [p for p in vehicle.parameters if p.name in forces or p.name.startswith(prefixes)]
     known = any(p.value != 0.0 and (not p.free or p.prior is not None) for p in group)
     mass = vehicle.parameters[vehicle.rows[MASS]]
     if known or (mass.free and mass.prior is not None):

@@ -112,14 +112,8 @@ def choose_method(name: str, vehicle: Vehicle, flights: Iterable[Flight]) -> Met
 
 
 def find(name: str) -> Method:
-    """Return a method by its name; output error where none is named.
-
-    Raises
-    ------
-    IdentificationError
-        There is no such method.
-    """
-    name = name or DEFAULT
-    if name not in _METHODS:
+    """Return a method by its name, output error where none is named; an IdentificationError says that there is none."""
+    found = _METHODS.get(name or DEFAULT)
+    if found is None:
         raise IdentificationError(f"method '{name}': not known; {nearest(name, _METHODS)}")
-    return _METHODS[name]
+    return found

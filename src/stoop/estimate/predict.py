@@ -148,26 +148,32 @@ class ForceCurves:
     model: FloatArray
     squares: FloatArray
 
+    def residuals(self, fitted: Sequence[ForceCurves]) -> dict[str, ForceResiduals]:
+        """Return residuals by axis; two models without aerodynamics are estimated from the fitted windows."""
+        measured = np.concatenate([c.measured for c in fitted])
+        squares = np.concatenate([c.squares for c in fitted])
+        constant = np.tile(measured.mean(axis=0), (len(self.time), 1))
+        regressors, static = np.column_stack([np.ones(len(squares)), squares]), constant.copy()
+        static[:, 2] = np.linalg.lstsq(regressors, measured[:, 2], rcond=None)[0] @ [
+            np.ones(len(self.time)),
+            self.squares,
+        ]
+        found = [np.sqrt(np.mean((self.measured - y) ** 2, axis=0)) for y in (self.model, constant, static)]
+        return {c: ForceResiduals(*(float(f[i]) for f in found)) for i, c in enumerate(SPECIFIC_FORCE)}
+
 
 def force_figures(
     fit: Fit, flights: Mapping[str, Flight], predicted: Sequence[Window]
 ) -> tuple[ForceFigures, ...]:
     """Return the residuals of fitted and predicted windows; none of a vehicle without rotors."""
-    vehicle = identified_vehicle(fit)
-    if not vehicle.rotors:
-        return ()
-    windows = [*fit.prepared.windows, *predicted]
+    vehicle, dt, count = identified_vehicle(fit), fit.problem.pieces[0].dt, len(fit.prepared.windows)
+    windows = [*fit.prepared.windows, *predicted] if vehicle.rotors else []
     curves = [force_curves(vehicle, flights, w, mean_biases(fit, w.flight)) for w in windows]
-    fitted = [c for c in curves[: len(fit.prepared.windows)] if c.time.size]
-    if not fitted:
-        return ()
-    reference = ReferenceModels.of(fitted)
-    dt = fit.problem.pieces[0].dt
-    roles = ["fit"] * len(fit.prepared.windows) + ["validation"] * len(predicted)
+    fitted = [c for c in curves[:count] if c.time.size]
     return tuple(
-        ForceFigures(w, role, reference.residuals(c), len(c.time) * dt)
-        for w, role, c in zip(windows, roles, curves, strict=True)
-        if c.time.size
+        ForceFigures(w, "fit" if i < count else "validation", c.residuals(fitted), len(c.time) * dt)
+        for i, (w, c) in enumerate(zip(windows, curves, strict=True))
+        if c.time.size and fitted
     )
 
 
@@ -197,29 +203,3 @@ def low_passed(columns: FloatArray, dt: float) -> FloatArray:
     sos = butter(2, min(CUTOFF, 0.45 / dt), fs=1.0 / dt, output="sos")
     pad = min(len(columns) - 1, round(3.0 / (CUTOFF * dt)))
     return np.asarray(sosfiltfilt(sos, columns, axis=0, padlen=pad))
-
-
-@dataclass(frozen=True, eq=False)
-class ReferenceModels:
-    """The two models that need no aerodynamics, estimated from the fitted windows."""
-
-    mean: FloatArray  #: (3,)
-    static: FloatArray  #: (2, 3), a constant and the factor of the sum of squared commands (of az only)
-
-    @classmethod
-    def of(cls, fitted: Sequence[ForceCurves]) -> ReferenceModels:
-        """Return the models of fitted windows."""
-        measured = np.concatenate([c.measured for c in fitted])
-        squares = np.concatenate([c.squares for c in fitted])
-        mean, static = measured.mean(axis=0), np.zeros((2, 3))
-        regressors = np.column_stack([np.ones(len(squares)), squares])
-        static[0, :2] = mean[:2]
-        static[:, 2] = np.linalg.lstsq(regressors, measured[:, 2], rcond=None)[0]
-        return cls(mean, static)
-
-    def residuals(self, curves: ForceCurves) -> dict[str, ForceResiduals]:
-        """Return residuals by axis."""
-        static = np.column_stack([np.ones(len(curves.squares)), curves.squares]) @ self.static
-        residuals = [curves.measured - y for y in (curves.model, self.mean, static)]
-        found = [np.sqrt(np.mean(r**2, axis=0)) for r in residuals]
-        return {c: ForceResiduals(*(float(f[i]) for f in found)) for i, c in enumerate(SPECIFIC_FORCE)}

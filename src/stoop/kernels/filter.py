@@ -71,10 +71,7 @@ def _helpers(e: Emitted) -> str:
         f"m[{i}] * {f'wrap({a})' if w else f'({a})'}"
         for i, (a, w) in enumerate(zip(ahead, e.wrapped, strict=True))
     ]
-    moves = [
-        " + ".join(f"S[{(gains + m * e.outputs + i) * WIDTH} + j] * v[{i}]" for i in range(e.outputs))
-        for m in range(e.moves)
-    ]
+    moves = [" + ".join(f"g[{m * e.outputs + i}] * v[{i}]" for i in range(e.outputs)) for m in range(e.moves)]
     return f"""
 @inline
 def innovate(y, z, m):
@@ -83,6 +80,7 @@ def innovate(y, z, m):
 
 @inline
 def gained(S, j, v):
+    g = load_rows(S, {gains * WIDTH}, {WIDTH}, {e.moves * e.outputs}, j)
     return ({"".join(f"{m}, " for m in moves)})
 """
 

@@ -43,7 +43,7 @@ def innovations(
         Whether the states before each measurement, (B, n, n_x), are returned too; else they are empty.
     """
     nx, nu, _, ny = kernel.sizes
-    p, x, u, rows, _ = kernel.arguments(parameters, initial, inputs)
+    p, x, u, rows = kernel.arguments(parameters, initial, inputs)
     count, n = p.shape[1], len(measured)
     fits("gains", gains, (len(gains), kernel.moves * ny, count))
     fits("measured", measured, (n, ny))

@@ -68,8 +68,7 @@ class Kernel:
     lanes: int
     sizes: tuple[int, int, int, int]  #: states, inputs, parameters, outputs
     shared: ModuleType
-    per_lane: Callable[[], ModuleType]
-    modules: Mapping[str, Callable[[], ModuleType]]  #: filtering, steps and windows, compiled when needed
+    modules: Mapping[str, Callable[[], ModuleType]]  #: all others, compiled when needed
     moves: int = 0  #: components of the error state; zero where no filter takes the model
     latex: tuple[str, ...] = ()  #: the equations, one a line
 
@@ -104,7 +103,7 @@ class Kernel:
         (B,) array
             Infinite where the trajectory diverged.
         """
-        p, x, u, rows, module = self.arguments(parameters, initial, inputs)
+        p, x, u, rows = self.arguments(parameters, initial, inputs)
         n = min(len(measured) if samples is None else samples, len(measured))
         fits("measured", measured, (len(measured), self.sizes[3]))
         fits("weights", weights, measured.shape)
@@ -114,6 +113,7 @@ class Kernel:
             measured, weights = np.where(seen, measured, 0.0), np.where(seen, weights, 0.0)
         z, w = matrix(measured), matrix(weights)
         out = np.empty(p.shape[1])
+        module = self.module("costs" if inputs.ndim == 2 else "costs_per_lane")
         self.share(
             lambda a, b: module.run_cost(p, x, u, rows, z, w, float(dt), n, out, a, b), p.shape[1], threads
         )
@@ -132,9 +132,10 @@ class Kernel:
 
         Parameters as in :meth:`cost`.
         """
-        p, x, u, rows, module = self.arguments(parameters, initial, inputs)
+        p, x, u, rows = self.arguments(parameters, initial, inputs)
         n = rows if samples is None else min(samples, rows)
         out = np.empty((p.shape[1], n, self.sizes[3]))
+        module = self.shared if inputs.ndim == 2 else self.module("per_lane")
         self.share(
             lambda a, b: module.run_outputs(p, x, u, rows, float(dt), n, out, a, b), p.shape[1], threads
         )
@@ -157,8 +158,8 @@ class Kernel:
         return out[:nx], out[nx:]
 
     def module(self, name: str) -> ModuleType:
-        """Return a further compiled module: ``filtering`` and ``steps`` of a filter, or ``windows``."""
-        if name != "windows" and not self.moves:
+        """Return a further compiled module: one of `modules`."""
+        if name in ("filtering", "steps") and not self.moves:
             raise ValueError("this model has no error state, so no filter takes it")
         return self.modules[name]()
 
@@ -170,18 +171,20 @@ class Kernel:
         """
         import numba
 
-        from stoop.kernels.lanes import signatures
+        from stoop.kernels.lanes import SIGNATURES
 
-        module = self.per_lane() if per_lane else self.shared
+        end = "per_lane" if per_lane else "shared"
+        name = {"run_outputs": end, "run_cost": "costs_per_lane" if per_lane else "costs"}[entry]
+        module = self.shared if name == "shared" else self.module(name)
         options = {"fastmath": module.FASTMATH, "error_model": "numpy", "nogil": True}
         again: Any = numba.njit(**options)(getattr(module, entry).py_func)
-        again.compile(signatures(per_lane)[entry])
+        again.compile(SIGNATURES[name][entry])
         return "\n".join(again.inspect_asm().values())
 
     def arguments(
         self, parameters: FloatArray, initial: FloatArray, inputs: FloatArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray, int, ModuleType]:
-        """Return checked parameters, states and inputs as compiled code takes them, rows of inputs, module."""
+    ) -> tuple[FloatArray, FloatArray, FloatArray, int]:
+        """Return checked parameters, states and inputs as compiled code takes them, and rows of inputs."""
         nx, nu, np_, _ = self.sizes
         count = parameters.shape[-1]
         fits("parameters", parameters, (np_, count))
@@ -189,13 +192,13 @@ class Kernel:
         fits("inputs", inputs, (max(len(inputs), 1), nu, count)[: max(inputs.ndim, 2)])
         p, x = matrix(parameters), matrix(initial)
         if inputs.ndim == 2:
-            return p, x, matrix(inputs), len(inputs), self.shared
+            return p, x, matrix(inputs), len(inputs)
         # One flat array [block, sample, input, lane]; the last block is padded.
         n, lanes = len(inputs), self.lanes
         blocks = -(-count // lanes)
         padding = np.repeat(inputs[..., -1:], blocks * lanes - count, axis=2)
         padded = np.concatenate([inputs, padding], axis=2).reshape(n, nu, blocks, lanes)
-        return p, x, np.ascontiguousarray(padded.transpose(2, 0, 1, 3)).ravel(), n, self.per_lane()
+        return p, x, np.ascontiguousarray(padded.transpose(2, 0, 1, 3)).ravel(), n
 
     def share(
         self, run: Callable[[int, int], None], count: int, threads: int | None, lanes: int | None = None
@@ -265,14 +268,14 @@ def _open(folder: Path, key: str, name: str) -> ModuleType:
     """Import a generated module and compile its entry points, or take them from Numba's files beside it."""
     from stoop.kernels import filter as filters
     from stoop.kernels import windows
-    from stoop.kernels.lanes import signatures
+    from stoop.kernels.lanes import SIGNATURES
 
-    others = {
-        "filtering": filters.SIGNATURES, "steps": filters.STEP_SIGNATURES,
+    entries = {
+        **SIGNATURES, "filtering": filters.SIGNATURES, "steps": filters.STEP_SIGNATURES,
         "riccati": filters.RICCATI_SIGNATURES, "windows": windows.SIGNATURES,
     }  # fmt: skip
     module = import_generated(folder, key, name)
-    for entry, signature in (others[name] if name in others else signatures(name == "per_lane")).items():
+    for entry, signature in entries[name].items():
         dispatcher = getattr(module, entry)
         dispatcher.compile(signature)
         dispatcher.disable_compile()
@@ -282,12 +285,12 @@ def _open(folder: Path, key: str, name: str) -> ModuleType:
 def _write_sources(folder: Path, model: SymbolicModel) -> None:
     from stoop.kernels.emit import emit
     from stoop.kernels.filter import filter_source, step_source
-    from stoop.kernels.lanes import lanes, loop_source
+    from stoop.kernels.lanes import SIGNATURES, lanes, loop_source
     from stoop.kernels.windows import windows_source
 
     emitted = emit(model)
-    for name in ("shared", "per_lane"):
-        (folder / f"{name}.py").write_text(loop_source(emitted, name == "per_lane"))
+    for name in SIGNATURES:
+        (folder / f"{name}.py").write_text(loop_source(emitted, name))
     for name, source in (("filtering", filter_source), ("steps", step_source)):
         (folder / f"{name}.py").write_text(source(emitted) if emitted.moves else "# no filter\n")
     (folder / "windows.py").write_text(windows_source(emitted))
@@ -400,10 +403,12 @@ def _load(key: str, model: Callable[[], SymbolicModel]) -> Kernel:
     root = cache.cache_folder()
     folder = _build(root / key, key, "shared", lambda f: _write_sources(f, model()))
     nx, nu, np_, ny, lanes, moves = (int(v) for v in (folder / "sizes.txt").read_text().split())
-    suffixes = {"per_lane": "lanes", "filtering": "filter", "steps": "steps", "windows": "windows"}
+    suffixes = {
+        "per_lane": "lanes", "costs": "costs", "costs_per_lane": "lane-costs", "filtering": "filter", "steps": "steps",
+        "windows": "windows",
+    }  # fmt: skip
     later = {name: _later(folder, root / f"{key}-{end}", key, name) for name, end in suffixes.items()}
     shared = _open(folder, key, "shared")
     latex = tuple((folder / "equations.tex").read_text().splitlines())
-    per_lane, sizes = later.pop("per_lane"), (nx, nu, np_, ny)
-    _loaded[key] = Kernel(folder, lanes, sizes, shared, per_lane, later, moves, latex)
+    _loaded[key] = Kernel(folder, lanes, (nx, nu, np_, ny), shared, later, moves, latex)
     return _loaded[key]

@@ -191,25 +191,24 @@ def indent(lines: list[str], depth: int) -> str:
     return "".join(" " * depth + line + "\n" for line in lines)
 
 
-def _loops(e: Emitted, per_lane: bool) -> str:
-    (results, _, size), apart = _scratch(e), lanes(e)
+def _step(e: Emitted, per_lane: bool) -> tuple[str, str]:
+    """Write what a sample begins with, before the lane loop, and a step of all groups in it."""
     before, inside = _inputs(e, per_lane)
-    total = f"S[{results * apart} + j]"
-    step = inside + indent(
-        [
-            f"x = {_groups(e, 'load_state(S, {j})')}",
-            f"c = {_groups(e, 'load_constants(S, {j})')}",
-            f"y = {tuple_of('observe(x[{i}], ua[{i}], c[{i}])', e.groups)}",
-            "after = advance(x, y, c, um, ub, hh, dt, h6)",
-            *(f"store_state(S, j + {WIDTH * g}, after[{g}])" for g in range(e.groups)),
-        ],
-        16,
-    )
-    add = [f"S[{results * apart + WIDTH * g} + j] += penalty(y[{g}], z, w)" for g in range(e.groups)]
-    keep = [
-        f"store_rows(S, {results * apart + WIDTH * g}, {apart}, y[{g}][{e.states}:], j)"
-        for g in range(e.groups)
+    lines = [
+        f"x = {_groups(e, 'load_state(S, {j})')}",
+        f"c = {_groups(e, 'load_constants(S, {j})')}",
+        f"y = {tuple_of('observe(x[{i}], ua[{i}], c[{i}])', e.groups)}",
+        "after = advance(x, y, c, um, ub, hh, dt, h6)",
+        *(f"store_state(S, j + {WIDTH * g}, after[{g}])" for g in range(e.groups)),
     ]
+    return before, inside + indent(lines, 16)
+
+
+def _costs(e: Emitted, per_lane: bool) -> str:
+    (results, _, size), apart = _scratch(e), lanes(e)
+    before, step = _step(e, per_lane)
+    total = f"S[{results * apart} + j]"
+    add = [f"S[{results * apart + WIDTH * g} + j] += penalty(y[{g}], z, w)" for g in range(e.groups)]
     return f"""
 @compiled
 def run_cost(P, X0, U, rows, Z, W, dt, samples, J, first, last):
@@ -226,8 +225,17 @@ def run_cost(P, X0, U, rows, Z, W, dt, samples, J, first, last):
             for j in range({WIDTH}):
 {step}{indent(add, 16)}        for j in range(min(LANES, last - b0)):
             J[b0 + j] = {total}
+"""
 
 
+def _outputs(e: Emitted, per_lane: bool) -> str:
+    (results, _, size), apart = _scratch(e), lanes(e)
+    before, step = _step(e, per_lane)
+    keep = [
+        f"store_rows(S, {results * apart + WIDTH * g}, {apart}, y[{g}][{e.states}:], j)"
+        for g in range(e.groups)
+    ]
+    return f"""
 @compiled
 def run_outputs(P, X0, U, rows, dt, samples, Y, first, last):
     S = nb.carray(scratch({size * apart}), {size * apart})
@@ -240,7 +248,11 @@ def run_outputs(P, X0, U, rows, dt, samples, Y, first, last):
 {step}{indent(keep, 16)}            for j in range(min(LANES, last - b0)):
                 for i in range({e.outputs}):
                     Y[b0 + j, k, i] = S[({results} + i) * LANES + j]
+"""
 
+
+def _evaluate(e: Emitted) -> str:
+    return f"""
 @compiled
 def run_evaluate(P, X, U, D):
     for b in range(P.shape[1]):
@@ -249,11 +261,18 @@ def run_evaluate(P, X, U, D):
 """
 
 
+_COST = "void(f8[:,::1], f8[:,::1], {U}, i8, f8[:,::1], f8[:,::1], f8, i8, f8[::1], i8, i8)"
+_OUTPUTS = "void(f8[:,::1], f8[:,::1], {U}, i8, f8, i8, f8[:,:,::1], i8, i8)"
+_SHARED, _PER_LANE = "f8[:,::1]", "f8[::1]"  #: inputs
 SIGNATURES = {
-    "run_cost": "void(f8[:,::1], f8[:,::1], {U}, i8, f8[:,::1], f8[:,::1], f8, i8, f8[::1], i8, i8)",
-    "run_outputs": "void(f8[:,::1], f8[:,::1], {U}, i8, f8, i8, f8[:,:,::1], i8, i8)",
-    "run_evaluate": "void(f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1])",
-}
+    "shared": {
+        "run_outputs": _OUTPUTS.format(U=_SHARED),
+        "run_evaluate": "void(f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1])",
+    },
+    "per_lane": {"run_outputs": _OUTPUTS.format(U=_PER_LANE)},
+    "costs": {"run_cost": _COST.format(U=_SHARED)},
+    "costs_per_lane": {"run_cost": _COST.format(U=_PER_LANE)},
+}  #: module -> entry points
 
 
 def model_source(e: Emitted) -> str:
@@ -270,13 +289,13 @@ def input_tuples(e: Emitted) -> str:
     return _inputs(e, per_lane=False)[0]
 
 
-def loop_source(e: Emitted, per_lane: bool) -> str:
-    """Write the module of costs and trajectories."""
-    return model_source(e) + (_input_loads(e) if per_lane else "") + _loops(e, per_lane)
-
-
-def signatures(per_lane: bool) -> dict[str, str]:
-    """Return the Numba signature of each entry point; single points are evaluated by the module of shared inputs."""
-    inputs = "f8[::1]" if per_lane else "f8[:,::1]"
-    entries = ("run_cost", "run_outputs") if per_lane else tuple(SIGNATURES)
-    return {name: SIGNATURES[name].format(U=inputs) for name in entries}
+def loop_source(e: Emitted, name: str) -> str:
+    """Write a module of costs or trajectories, one of `SIGNATURES`."""
+    per_lane = name.endswith("per_lane")
+    loops = _costs(e, per_lane) if "run_cost" in SIGNATURES[name] else _outputs(e, per_lane)
+    return (
+        model_source(e)
+        + (_input_loads(e) if per_lane else "")
+        + loops
+        + (_evaluate(e) if name == "shared" else "")
+    )

@@ -15,7 +15,7 @@ from stoop.base.csv_text import csv_text
 from stoop.base.files import make_folder, write_text_atomic
 from stoop.errors import IdentificationError
 from stoop.estimate.regression.aircraft import AircraftEquations
-from stoop.estimate.regression.least_squares import Domain, estimate, unbounded
+from stoop.estimate.regression.least_squares import Domain, estimate
 from stoop.estimate.regression.structure import Choose, Structure, determine, parameter_name
 from stoop.flight import Flight
 from stoop.problem import Layout
@@ -80,7 +80,7 @@ def structure(
     wanted |= {n for c in names for n, t in shaped.terms[c].items() if t.strip() == "1"}
     freed = shaped.with_numbers({p.name: {"free": p.name in wanted} for p in shaped.parameters})
     equations = AircraftEquations(Layout.of(freed, ()), found.histories)
-    fitted = estimate(equations, domain, unbounded(equations))
+    fitted = estimate(equations, domain)
     estimates: dict[str, tuple[float, float]] = {}
     if fitted is not None:
         std = np.sqrt(np.maximum(np.diag(fitted.covariance), 0.0))

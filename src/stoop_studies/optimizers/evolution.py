@@ -32,10 +32,10 @@ SMALLEST: Final = 6  #: members of an island; every mutation finds its partners 
 Initialization = Callable[[int, int, Generator], FloatArray]  #: (number, dimension, generator) -> points
 #: parents, mutants, rate -> trials
 Crossover = Callable[[FloatArray, FloatArray, Factor, Generator], FloatArray]
-Survivors = tuple[FloatArray, FloatArray, BoolArray]  #: their costs, and where a trial replaced its parent
-Selection = Callable[
-    [FloatArray, FloatArray, FloatArray, FloatArray], Survivors
-]  #: of parents and trials with costs
+#: members and their costs after selection, and where a trial replaced its parent
+Survivors = tuple[FloatArray, FloatArray, BoolArray]
+#: parents and trials, each with costs -> survivors
+Selection = Callable[[FloatArray, FloatArray, FloatArray, FloatArray], Survivors]
 S = TypeVar("S", bound=State)
 
 

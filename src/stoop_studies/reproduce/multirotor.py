@@ -17,7 +17,7 @@ from stoop.estimate.multiple_shooting import MultipleShooting
 from stoop.parallel import Run
 from stoop.problem.windows import Window
 from stoop.report.plots import HUES
-from stoop.report.sheet import Code, Prose, Section, Table
+from stoop.report.sheet import Code, Figure, Prose, Section, Table
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import parse_maneuver
 from stoop_studies.findings import (
@@ -261,6 +261,8 @@ def _claims(clean: Case, noisy: Case, real: Case | None, shot: FloatArray) -> It
 def _clean_section(case: Case) -> Section:
     # the default in dashes: others lie below it
     looks = {m: i + HUES * (m == "default") for i, m in enumerate(METHODS)}
+    words = "Median fitness by method"
+    drawn = by_iterations(case.groups, "median fitness J", words, lambda g: g.median_cost, looks=looks)
     fitness: dict[str, Callable[[Group], str]] = {"median fitness": lambda g: number(g.median_cost)}
     return Section(
         "A simulated quadrotor, without noise",
@@ -268,13 +270,7 @@ def _clean_section(case: Case) -> Section:
             Prose(OPEN_LOOP.format(length="0.5 s of the quadrotor and 0.25 s of the hexacopter")),
             Prose(QUAD),
             tabulated(SUMMARY, summary_columns(fitness), case.every),
-            by_iterations(
-                case.groups,
-                "median fitness J",
-                lambda g: g.median_cost,
-                "Median fitness of all runs",
-                looks=looks,
-            ),
+            Figure("Median fitness of all runs", drawn),
             Prose("Its maneuver, on top of what the autopilot does (`stoop simulate quad-x --maneuver`):"),
             Code(MANEUVER.strip()),
         ),

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
+from markupsafe import Markup
 
 from stoop.base.arrays import FloatArray
 from stoop.base.csv_text import Cell
@@ -98,10 +99,10 @@ class Table1(PaperExperiment):
         groups = self._searches(setting).groups(results, paper().truth, columns())
         every = [g for own in groups.values() for g in own]
         printed = printed_costs()
-        figures = (
-            by_iterations(groups, "mean relative error", lambda g: g.mean_error, "Mean error of all runs"),
-            by_iterations(groups, "median fitness J", lambda g: g.median_cost, "Median fitness of all runs"),
-        )
+        words = "Mean relative error of the ten values by method", "Median fitness by method"
+        errors = by_iterations(groups, "mean relative error", words[0], lambda g: g.mean_error)
+        costs = by_iterations(groups, "median fitness J", words[1], lambda g: g.median_cost)
+        figures = Figure("Mean error of all runs", errors), Figure("Median fitness of all runs", costs)
         more: dict[str, Callable[[Group], str]] = {
             "error of mean": lambda g: percent(g.error_of_means),
             "mean fitness": lambda g: number(float(g.costs.mean())),
@@ -120,21 +121,14 @@ class Table1(PaperExperiment):
 
 
 def by_iterations(
-    groups: Mapping[str, Sequence[Group]],
-    axis: str,
-    value: Callable[[Group], float],
-    caption: str,
-    **more: Any,
-) -> Figure:
-    """Return a value of each method over the number of iterations, on a logarithmic axis; `more` goes to `plot`."""
+    groups: Mapping[str, Sequence[Group]], axis: str, words: str, value: Callable[[Group], float], **more: Any
+) -> Markup:
+    """Return the drawing of a value of each method over iterations, described by `words`; `more` goes to `plot`."""
     curves = [
         Series(m, np.array([g.iterations for g in own], dtype=float), np.array([value(g) for g in own]))
         for m, own in groups.items()
     ]
-    words = (
-        "Median fitness by method" if "fitness" in axis else "Mean relative error of the ten values by method"
-    )
-    return Figure(caption, plot(curves, "iterations", axis, words, log_y=True, **more))
+    return plot(curves, "iterations", axis, words, log_y=True, **more)
 
 
 def columns() -> list[int]:

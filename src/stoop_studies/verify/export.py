@@ -5,9 +5,10 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
+import pandas as pd
 
 from stoop.exporters import jsbsim_aircraft, jsbsim_flight
 from stoop.report.sheet import Prose, Section
@@ -16,8 +17,8 @@ from stoop.simulation.maneuver import Maneuver
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import builtin_vehicle
 from stoop_studies.findings import Findings, Setting, holds, number
-from stoop_studies.verify.scenes import ALTITUDE
-from stoop_studies.verify.study import Columns, Samples, Verification, page_table, vehicle_text
+from stoop_studies.verify.scenes import ALTITUDE, multisine_maneuver
+from stoop_studies.verify.study import Columns, Samples, Verification, page_table, records_of, vehicle_text
 
 DURATION: Final = 30.0  #: s
 VEHICLES: Final = ("twin-boom", "v-tail", "flying-wing", "crooked")
@@ -58,29 +59,17 @@ def load(name: str) -> Vehicle:
     return parse_vehicle(vehicle_text(name.replace("-", "_")), name)
 
 
-def _maneuver(point: Trim, inputs: list[dict[str, Any]]) -> Maneuver:
-    start = {"airspeed": point.start["V"], "altitude": point.start["h"]}
-    return Maneuver.model_validate(
-        {"duration": DURATION, "rate": jsbsim_flight.RATE, **start, "input": inputs}
-    )
-
-
 def multisines(vehicle: Vehicle, point: Trim) -> Maneuver:
     """Return harmonics from 0.1 to 2 Hz on all controls at once, each control its own."""
-    common = {
-        "shape": "multisine", "start": 1.0, "duration": 20.0, "amplitude": jsbsim_flight.AMPLITUDE, "band": 2.0,
-        "stride": len(vehicle.controls),
-    }  # fmt: skip
-    return _maneuver(
-        point, [{**common, "control": c, "first": 2 + i} for i, c in enumerate(vehicle.controls)]
-    )
+    amplitudes = {c: (jsbsim_flight.AMPLITUDE, 2 + i) for i, c in enumerate(vehicle.controls)}
+    return multisine_maneuver(amplitudes, DURATION, jsbsim_flight.RATE, 2.0, (1.0, 20.0))
 
 
 def pulses(vehicle: Vehicle, point: Trim) -> Maneuver:
     """Return a second and a half on each control, after which the aircraft is left to itself."""
     common = {"shape": "pulse", "duration": 1.5, "amplitude": jsbsim_flight.AMPLITUDE}
     inputs = [{**common, "control": c, "start": 1.0 + 3.0 * i} for i, c in enumerate(vehicle.controls)]
-    return _maneuver(point, inputs)
+    return Maneuver.model_validate({"duration": DURATION, "rate": jsbsim_flight.RATE, "input": inputs})
 
 
 INPUTS: Final[dict[str, Callable[[Vehicle, Trim], Maneuver]]] = {
@@ -90,8 +79,8 @@ INPUTS: Final[dict[str, Callable[[Vehicle, Trim], Maneuver]]] = {
 }
 
 
-def compare(vehicle_name: str, inputs: str) -> list[dict[str, Any]]:
-    """Export a vehicle, fly it by both simulators, and return the records of its channels."""
+def compare(vehicle_name: str, inputs: str) -> pd.DataFrame:
+    """Export a vehicle, fly it by both simulators, and return a row for each of its channels."""
     vehicle = load(vehicle_name)
     point = trim(vehicle, None, ALTITUDE)
     record = jsbsim_flight.maneuver_record(vehicle, point, INPUTS[inputs](vehicle, point))
@@ -113,31 +102,21 @@ def compare(vehicle_name: str, inputs: str) -> list[dict[str, Any]]:
         n: jsbsim_flight.relative_differences(record.vehicle, *pair)
         for n, pair in zip(DIFFERENCES, pairs, strict=True)
     }
-    largest = dict(zip(differences[FLAT], np.abs(own).max(axis=0).tolist(), strict=True))
-    return [
-        {
-            "vehicle": vehicle_name,
-            "inputs": inputs,
-            "channel": channel,
-            "largest": most,
-            **{n: d[channel] for n, d in differences.items()},
-        }
-        for channel, most in largest.items()
-    ]
+    table = pd.DataFrame(differences).rename_axis("channel").reset_index()
+    table.insert(1, "largest", np.abs(own).max(axis=0))
+    table.insert(0, "inputs", inputs)
+    table.insert(0, "vehicle", vehicle_name)
+    return table
 
 
 def show(setting: Setting, samples: Samples) -> Findings:
     """Fly every vehicle through every set of inputs; nothing is drawn by chance."""
-    flights = [compare(vehicle, inputs) for vehicle in VEHICLES for inputs in INPUTS]
-    worst = [
-        {
-            **max(flight, key=lambda record: float(record[FRAMES])),
-            **{n: max(record[n] for record in flight) for n in DIFFERENCES},
-        }
-        for flight in flights
-    ]
-    whole = [w for w in worst if w["vehicle"] != "crooked"]
-    flat, frames = max(w[FLAT] for w in whole), max(w[FRAMES] for w in worst)
+    table = pd.concat([compare(vehicle, i) for vehicle in VEHICLES for i in INPUTS], ignore_index=True)
+    flights, columns = table.groupby(["vehicle", "inputs"], sort=False), list(DIFFERENCES)
+    worst = table.loc[flights[FRAMES].idxmax()].reset_index(drop=True)
+    worst[columns] = flights[columns].max().to_numpy()
+    whole = worst[worst["vehicle"] != "crooked"]
+    flat, frames = float(whole[FLAT].max()), float(worst[FRAMES].max())
     claims = (
         holds(
             "JSBSim within 1e-3 of every channel's maximum over 30 s, where delays are whole samples",
@@ -147,21 +126,18 @@ def show(setting: Setting, samples: Samples) -> Findings:
         holds(
             "Within 1e-3 on the same points, whatever the delays",
             frames <= DIFFERENCE_LIMIT,
-            f"{number(frames, 2)} at most, over {len(flights)} flights",
+            f"{number(frames, 2)} at most, over {len(worst)} flights",
         ),
     )
+    for name, digits in (("largest", 6), *dict.fromkeys(columns, 2).items()):
+        table[name] = [float(f"{value:.{digits}g}") for value in table[name]]
     caption = "Largest difference of any channel, as a fraction of the channel's maximum"
-    rounded = [
-        {**r, "largest": float(f"{r['largest']:.6g}"), **{n: float(f"{r[n]:.2g}") for n in DIFFERENCES}}
-        for flight in flights
-        for r in flight
-    ]
     return Findings.tabulated(
         "Exported aircraft flown by JSBSim",
         LEAD,
         claims,
-        (Section("Vehicles and inputs", (page_table(caption, SHOWN, worst), Prose(WORDS))),),
-        rounded,
+        (Section("Vehicles and inputs", (page_table(caption, SHOWN, records_of(worst)), Prose(WORDS))),),
+        records_of(table),
     )
 
 

@@ -20,7 +20,7 @@ from stoop.base.arrays import FloatArray
 from stoop.base.units import FOOT, INCH, POUND_FORCE
 from stoop.errors import StoopError
 from stoop.exporters.jsbsim_flight import simulator
-from stoop.simulation.maneuver import Maneuver
+from stoop_studies.verify.scenes import multisine_maneuver
 
 STEP: Final = 2e-4  #: s, of JSBSim: its surfaces and its rate of the angle of attack act one step late
 ADAMS_BASHFORTH_2: Final = 3  #: of `simulation/integrator/rate/rotational`; its default is of first order
@@ -293,14 +293,9 @@ def fly(aircraft: Aircraft, trim: Trim) -> Recording:
 
     Between the samples the deflections change linearly, as an identification takes them to do.
     """
-    common = {
-        "shape": "multisine", "start": 1.0, "duration": DURATION - 2.0, "band": aircraft.stock.band, "stride": 3,
-    }  # fmt: skip
-    inputs = [
-        {**common, "control": c, "amplitude": a, "first": i + 5}
-        for i, (c, a) in enumerate(aircraft.stock.amplitude.items())
-    ]
-    planned = Maneuver.model_validate({"duration": DURATION, "rate": float(RATE), "input": inputs})
+    amplitudes = {c: (a, i + 5) for i, (c, a) in enumerate(aircraft.stock.amplitude.items())}
+    span = (1.0, DURATION - 2.0)
+    planned = multisine_maneuver(amplitudes, DURATION, float(RATE), aircraft.stock.band, span)
     time, changes = planned.time, planned.deflections()
     deflections = np.column_stack([trim.deflections[c] + changes.get(c, 0.0 * time) for c in SURFACES])
     channels = {**READ, **{c: (aircraft.stock.surfaces[c], 1.0) for c in SURFACES}}

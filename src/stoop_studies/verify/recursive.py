@@ -6,10 +6,11 @@ from collections.abc import Iterator
 from typing import Any, Final
 
 import numpy as np
+import pandas as pd
 
 from stoop.estimate.fit import Options, estimation_problem
 from stoop.estimate.regression.aircraft import AircraftEquations
-from stoop.estimate.regression.least_squares import FrequencyDomain, estimate, unbounded
+from stoop.estimate.regression.least_squares import FrequencyDomain, estimate
 from stoop.estimate.regression.recursive import RealTime
 from stoop.flight import Flight
 from stoop.problem.windows import Window
@@ -20,7 +21,7 @@ from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop_studies.findings import Findings, Setting, holds, number
 from stoop_studies.verify.scenes import AIRCRAFT, multisine_maneuver, with_trim_thrust
-from stoop_studies.verify.study import Columns, Samples, Verification, page_table, work
+from stoop_studies.verify.study import Columns, Samples, Verification, page_table, records_of, work
 
 DURATION: Final = 60.0  #: s
 RATE: Final = 50.0  #: Hz
@@ -83,7 +84,7 @@ def compare(case: str, seed: int) -> dict[str, Any]:
         vehicle, {flight.name: flight}, [Window(flight.name, 0.0, DURATION)], Options()
     )
     equations = AircraftEquations.of(problem.layout, problem.pieces)
-    batch = estimate(equations, BAND, unbounded(equations))
+    batch = estimate(equations, BAND)
     assert batch is not None  # noqa: S101 - everything was measured
     *_, (_, online) = replay(vehicle, flight)
     found = online.estimate()
@@ -103,19 +104,15 @@ def show(setting: Setting, samples: Samples) -> Findings:
     results, vehicle = samples[CASE], resolve_vehicle(AIRCRAFT)
     batch, std, recursive = (np.array([t[k] for t in results]) for k in ("batch", "std", "recursive"))
     difference, well = np.abs(recursive / batch - 1.0), std < WELL_IDENTIFIED * np.abs(batch)
-    records = [
-        {
-            "parameter": name,
-            "truth": vehicle.value(name),
-            "flights": len(results),
-            "well_identified": int(own.sum()),
-            "batch_std_error": float(np.median(std[:, i] / np.abs(batch[:, i]))),
-            "median_difference": float(np.median(difference[:, i])),
-            "largest_difference": float(difference[:, i].max()),
-            "largest_difference_well_identified": float(difference[own, i].max()) if own.any() else None,
-        }
-        for i, (name, own) in enumerate(zip(results[0]["names"], well.T, strict=True))
-    ]
+    largest = pd.DataFrame(difference).where(well).max()  # nothing for what no flight identifies well
+    names = results[0]["names"]
+    table = pd.DataFrame({
+        "parameter": names, "truth": [vehicle.value(name) for name in names], "flights": len(results),
+        "well_identified": well.sum(axis=0), "batch_std_error": np.median(std / np.abs(batch), axis=0),
+        "median_difference": np.median(difference, axis=0), "largest_difference": difference.max(axis=0),
+        "largest_difference_well_identified": largest,
+    })  # fmt: skip
+    records = records_of(table)
     worst = float(difference[well].max()) if well.any() else np.nan
     claim = holds(
         "at the end of the record every well identified parameter is within 2 % of the batch",
@@ -124,13 +121,13 @@ def show(setting: Setting, samples: Samples) -> Findings:
         f"{int(well.any(axis=0).sum())} parameters in {len(results)} flights",
     )
     shown = [{**r, "share": f"{r['well_identified']} of {r['flights']}"} for r in records]
-    table = page_table("Recursive estimates at the end of the record", SHOWN, shown)
+    at_end = page_table("Recursive estimates at the end of the record", SHOWN, shown)
     return Findings.tabulated(
         "Recursive estimates against the batch",
         LEAD.format(duration=DURATION, rate=RATE, low=BAND.low, high=BAND.high),
         (claim,),
         (
-            Section("At the end", (table, Prose(WORDS.format(well=WELL_IDENTIFIED)))),
+            Section("At the end", (at_end, Prose(WORDS.format(well=WELL_IDENTIFIED)))),
             Section("On the way", (_history(setting.seed),)),
         ),
         records,

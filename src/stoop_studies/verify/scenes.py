@@ -82,15 +82,22 @@ def inputs_table(steps: Mapping[str, tuple[Step, ...]]) -> Table:
 
 
 def multisine_maneuver(
-    amplitudes: Mapping[str, tuple[float, int]], duration: float, rate: float, band: float
-) -> Maneuver:
+    amplitudes: Mapping[str, tuple[float, int]], duration: float, rate: float, band: float,
+    span: tuple[float, float] | None = None,
+) -> Maneuver:  # fmt: skip
     """Return multisines on all controls at once that share no frequency; duration in s, rate and band in Hz.
 
-    ``amplitudes`` maps a control to its amplitude (rad) and the number of its first harmonic.
+    ``amplitudes`` maps a control to its amplitude (rad) and the number of its first harmonic; ``span`` is when the sines
+    begin and how long they last, s (all of the maneuver).
     """
+    start, length = span or (0.0, duration)
     common = {
-        "shape": "multisine", "start": 0.0, "duration": duration, "band": band, "stride": len(amplitudes),
-    }  # fmt: skip
+        "shape": "multisine",
+        "start": start,
+        "duration": length,
+        "band": band,
+        "stride": len(amplitudes),
+    }
     inputs = [{**common, "control": c, "amplitude": a, "first": k} for c, (a, k) in amplitudes.items()]
     return Maneuver.model_validate(
         {"duration": duration, "rate": rate, "altitude": ALTITUDE, "input": inputs}

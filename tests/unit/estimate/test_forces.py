@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stoop.estimate.predict import CUTOFF, ForceCurves, ReferenceModels, force_curves, low_passed
+from stoop.estimate.predict import CUTOFF, ForceCurves, force_curves, low_passed
 from stoop.flight import Flight
 from stoop.flight.flight import from_columns
 from stoop.problem.prepare import with_average_voltage
@@ -57,9 +57,8 @@ def test_a_constant_and_static_thrust_are_learned_from_what_was_fitted() -> None
     squares = np.linspace(1.0, 2.0, 50)
     force = np.column_stack([np.full(50, 0.3), np.full(50, -0.1), -4.0 - 3.0 * squares])
     learned = ForceCurves(DT * np.arange(50), force, force, squares)
-    simple = ReferenceModels.of([learned])
     later = ForceCurves(learned.time, force + np.array([1.0, 0.0, 0.0]), force, squares)
-    found = simple.residuals(later)
+    found = later.residuals([learned])
     assert found["ax"].constant == found["ax"].static == pytest.approx(1.0)
     assert found["az"].static == pytest.approx(0.0, abs=1e-9)
     assert found["az"].constant == pytest.approx(float(np.std(force[:, 2])))

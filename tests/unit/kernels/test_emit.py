@@ -43,7 +43,7 @@ def test_user_names_do_not_reach_the_source() -> None:
 def test_equal_models_give_equal_source() -> None:
     first, second = emit(oscillator.equations()), emit(oscillator.equations())
     assert first == second
-    assert loop_source(first, per_lane=False) == loop_source(second, per_lane=False)
+    assert loop_source(first, "shared") == loop_source(second, "shared")
 
 
 @pytest.mark.parametrize("rate", [x ** sp.Rational(1, 3), x**y, sp.exp(x), sp.zoo * x])

@@ -46,7 +46,7 @@ def test_trajectories_equal_plain_python(either: Kernel) -> None:
 
 
 def test_modules_of_a_model_share_what_is_compiled(alone: Kernel) -> None:
-    assert alone.per_lane().derive is alone.module("windows").derive is alone.shared.derive
+    assert alone.module("costs").derive is alone.module("windows").derive is alone.shared.derive
     assert alone.shared.derive.signatures
 
 

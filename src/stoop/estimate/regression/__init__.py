@@ -36,11 +36,5 @@ def start_value(layout: Layout, pieces: Sequence[Piece]) -> FloatArray | None:
     equations = kind_of(layout.vehicle).of(layout, pieces)
     if equations.linear and not all(complete(layout.vehicle, p).mean() > MIN_COMPLETE for p in pieces):
         return None
-    found = estimate(equations, TimeDomain(), equations.bounds)
-    if found is None:
-        return None
-    values = np.array([p.value for p in layout.parameters])
-    for i, value in zip(equations.places, found.values, strict=True):
-        if i < layout.dimension:
-            values[i] = value
-    return layout.unit(values) if np.isfinite(values).all() else None
+    found = estimate(equations, TimeDomain(), bounded=True)
+    return None if found is None else np.clip(equations.vector(found.values)[: layout.dimension], 0.0, 1.0)

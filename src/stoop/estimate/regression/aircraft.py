@@ -122,11 +122,8 @@ class History:
 
     def regressor(self, term: str) -> FloatArray:
         """Return the values (n,) of a term."""
-        return _term_values(term, self.variables, len(self.time))
-
-
-def _term_values(term: str, variables: Mapping[str, FloatArray], count: int) -> FloatArray:
-    return np.full(count, terms.convert(_parsed(term, frozenset(variables)), variables), dtype=float)
+        parsed = _parsed(term, frozenset(self.variables))
+        return np.full(len(self.time), terms.convert(parsed, self.variables), dtype=float)
 
 
 @lru_cache(maxsize=1000)
@@ -140,34 +137,29 @@ def histories(vehicle: Vehicle, piece: Piece) -> tuple[History, ...]:
     if not present.any():
         return ()
     motion = Motion.of(vehicle, piece)
-    base, gains = balance(vehicle, motion)
-    variables = motion.variables(vehicle)
-    shortest = max(MIN_SAMPLES, round(0.5 * MIN_SEGMENT / piece.dt))
-    position = np.cumsum(present) - 1
-    out = []
-    for start, stop in runs(present):
-        if stop - start < shortest:
-            continue
-        s = slice(position[start], position[stop - 1] + 1)
-        time = piece.time[motion.samples[s]]
-        rates = [motion.states[c][s] for c in RATES if c in vehicle.outputs]
-        angular = np.array([CubicSpline(time, rate)(time, 1) for rate in rates])
-        felt = {c: v[s] for c, v in motion.readings.items()}
-        found = coefficients(vehicle, base[:, s], gains[:, :, s], angular, felt)
-        out.append(History(piece.maneuver, time, piece.dt, found, {n: v[s] for n, v in variables.items()}))
-    return tuple(out)
+    shortest, edges = max(MIN_SAMPLES, round(0.5 * MIN_SEGMENT / piece.dt)), np.cumsum([0, *present])
+    stretches = [slice(edges[a], edges[b]) for a, b in runs(present) if b - a >= shortest]
+    rates, time = [motion.states[c] for c in RATES if c in vehicle.outputs], piece.time[motion.samples]
+    angular = np.full((len(rates), len(time)), np.nan)
+    for s in stretches:
+        angular[:, s] = [CubicSpline(time[s], rate[s])(time[s], 1) for rate in rates]
+    found, variables = coefficients(vehicle, motion, angular), motion.variables(vehicle)
+    each = [[{n: v[s] for n, v in columns.items()} for columns in (found, variables)] for s in stretches]
+    return tuple(
+        History(piece.maneuver, time[s], piece.dt, *own) for s, own in zip(stretches, each, strict=True)
+    )
 
 
-def coefficients(
-    vehicle: Vehicle, base: FloatArray, gains: FloatArray, angular: FloatArray, felt: Mapping[str, FloatArray]
-) -> dict[str, FloatArray]:
-    """Return the coefficients that explain measured accelerations.
+def coefficients(vehicle: Vehicle, motion: Motion, angular: FloatArray) -> dict[str, FloatArray]:
+    """Return the coefficients (n,) that explain measured accelerations.
 
-    `base` (a, n) and `gains` (a, c, n) are those of :func:`balance`, `angular` (r, n), rad/s2, the angular accelerations about
-    the axes that the vehicle observes, `felt` the readings ``ax``, ``ay``, ``az`` -> (n,), m/s2.
+    `angular` (r, n), rad/s2, are the angular accelerations about the axes that the vehicle observes.
     """
-    wanted = np.concatenate([angular, [felt[c] for c in SPECIFIC_FORCE if c in vehicle.outputs]]) - base
-    solved = np.linalg.solve(gains.transpose(2, 0, 1), wanted.T[:, :, None])[:, :, 0]
+    base, gains = balance(vehicle, motion)
+    felt = [motion.readings[c] for c in SPECIFIC_FORCE if c in vehicle.outputs]
+    wanted = (np.concatenate([angular, felt]) - base).T
+    solved, known = np.full_like(wanted, np.nan), np.isfinite(wanted).all(axis=1)
+    solved[known] = np.linalg.solve(gains.transpose(2, 0, 1)[known], wanted[known, :, None])[:, :, 0]
     return dict(zip(COEFFICIENTS[vehicle.reduce], solved.T, strict=True))
 
 
@@ -252,30 +244,23 @@ class AircraftEquations(Equations):
 
     def rows(self, values: FloatArray) -> list[Rows]:
         """Return the rows of every coefficient and stretch, at all samples; `values` do not matter."""
-        names = COEFFICIENTS[self.layout.vehicle.reduce]
-        return [
-            Rows(name, y, X, h.dt)
-            for h in self.histories
-            for name, (y, X) in zip(names, self.regressors(h.coefficients, h.variables), strict=True)
-        ]
+        return [row for history in self.histories for row in self.regressors(history)]
 
-    def regressors(
-        self, found: Mapping[str, FloatArray], variables: Mapping[str, FloatArray]
-    ) -> list[tuple[FloatArray, FloatArray]]:
-        """Return response (n,) and regressors (n, k) of each coefficient; terms that are not free are subtracted."""
+    def regressors(self, history: History) -> list[Rows]:
+        """Return response and regressors of each coefficient of a stretch; terms that are not free are subtracted."""
         vehicle = self.layout.vehicle
         column = {vehicle.rows[name]: k for k, name in enumerate(self.names)}
         out = []
         for coefficient in COEFFICIENTS[vehicle.reduce]:
-            y = found[coefficient].copy()
+            y = history.coefficients[coefficient].copy()
             X = np.zeros((len(y), len(self.places)))
             for name, text in vehicle.terms[coefficient].items():
-                row, values = vehicle.rows[name], _term_values(text, variables, len(y))
+                row, values = vehicle.rows[name], history.regressor(text)
                 if row in column:
                     X[:, column[row]] += values
                 else:
                     y -= vehicle.values[row] * values
-            out.append((y, X))
+            out.append(Rows(coefficient, y, X, history.dt))
         return out
 
     @property

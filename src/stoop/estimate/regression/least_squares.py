@@ -24,11 +24,10 @@ import numpy as np
 
 from stoop.base.arrays import BoolArray, ComplexArray, FloatArray
 from stoop.base.notices import Notice
-from stoop.problem import Layout, Nuisance
+from stoop.problem import Layout
 from stoop.problem.evidence import NULL_EIGENVALUE, PieceEvidence, invert
-from stoop.vehicle import Parameter, Vehicle
+from stoop.vehicle import Vehicle
 
-Bounds = tuple[FloatArray, FloatArray]  #: lower and upper, (k,), SI
 MAX_LAG: Final = 2.0  #: s; residuals further apart count as independent
 ROWS_PER_WINDOW: Final = 4
 TAPER: Final = 0.1  #: share of the record that is tapered at either end
@@ -47,11 +46,6 @@ class TimeDomain:
     name: ClassVar[str] = "time"
     keeps_constants: ClassVar[bool] = True  #: whether a constant survives the transform
     colored: ClassVar[bool] = True  #: whether error bars are corrected for the color of the residuals
-
-    @property
-    def settings(self) -> dict[str, float]:
-        """Length of the window, s."""
-        return {"span": self.span}
 
     def rows(self, signals: FloatArray, dt: float) -> FloatArray:
         """Return smoothed samples (m, k) of signals (n, k) every `dt` s; none where the record is too short."""
@@ -99,11 +93,6 @@ class FrequencyDomain:
     name: ClassVar[str] = "frequency"
     keeps_constants: ClassVar[bool] = False
     colored: ClassVar[bool] = False
-
-    @property
-    def settings(self) -> dict[str, float]:
-        """Ends of the band, Hz."""
-        return {"low": self.low, "high": self.high}
 
     def frequencies(self, count: int, dt: float) -> FloatArray:
         """Return the frequencies, Hz, of a record of `count` samples."""
@@ -174,10 +163,12 @@ class Rows:
 
 @dataclass(frozen=True, eq=False)
 class Priors:
-    """Prior mean and standard deviation of each parameter (k,), SI; infinite where there is none."""
+    """Prior mean, standard deviation and bounds of each parameter (k,), SI; infinite where there is none."""
 
     mean: FloatArray
     sigma: FloatArray
+    lower: FloatArray | float = -np.inf
+    upper: FloatArray | float = np.inf
 
 
 @dataclass(frozen=True, eq=False)
@@ -226,40 +217,35 @@ class Equations(ABC):
         return {}
 
     @property
-    def _unknowns(self) -> list[Parameter | Nuisance]:
-        every: list[Parameter | Nuisance] = [*self.layout.parameters, *self.layout.nuisances]
-        return [every[i] for i in self.places]
-
-    @property
     def priors(self) -> Priors:
-        """Prior means and standard deviations (k,), SI; the iteration starts from the means."""
-        own = [(u.center, u.scale) if isinstance(u, Nuisance) else (u.value, u.prior) for u in self._unknowns]
-        return Priors(np.array([m for m, _ in own]), np.array([np.inf if s is None else s for _, s in own]))
-
-    @property
-    def bounds(self) -> Bounds:
-        """Lower and upper bounds of the vehicle file (k,), SI; none of the biases."""
-        own = [(-np.inf, np.inf) if isinstance(u, Nuisance) else (u.lower, u.upper) for u in self._unknowns]
-        lower, upper = np.array(own).reshape(-1, 2).T
-        return lower, upper
+        """Those of the vehicle file, its bounds included (no bounds of the biases); the iteration starts from the means."""
+        layout = self.layout
+        known = [(p.value, p.prior or np.inf, p.lower, p.upper) for p in layout.parameters]
+        known += [(n.center, n.scale, -np.inf, np.inf) for n in layout.nuisances]
+        return Priors(*np.array([known[i] for i in self.places]).reshape(-1, 4).T)
 
     @property
     def scales(self) -> FloatArray:
         """Widths of the bounds, and scales of the biases (k,), SI."""
-        return np.array([u.scale if isinstance(u, Nuisance) else u.upper - u.lower for u in self._unknowns])
+        return self.layout.scales[list(self.places)]
+
+    def vector(self, values: FloatArray) -> FloatArray:
+        """Return the search vector (D + E,) of values (k,), SI; file values and guesses for what is not estimated."""
+        layout, places = self.layout, list(self.places)
+        zero = np.array([*layout.lower, *(n.center for n in layout.nuisances)])
+        z = np.zeros(len(zero))
+        z[: layout.dimension] = (np.array([p.value for p in layout.parameters]) - layout.lower) / layout.width
+        z[places] = (values - zero[places]) / layout.scales[places]
+        return z
 
     @classmethod
     def not_estimable(cls, _: Vehicle) -> tuple[str, ...]:
         """Return the free numbers that no equation has."""
         return ()
 
-    def r2(self, estimates: Estimates, _: Domain) -> dict[str, float]:
-        """Return the coefficient of determination of each equation, of the free terms only."""
-        return estimates.r2
-
-    def reduced(self, _: Estimates) -> Self:
-        """Return the equations that determine the estimates, without those that the data do not explain."""
-        return self
+    def reviewed(self, found: Estimates, _: Domain) -> tuple[Estimates, Self]:
+        """Return the estimates with R2 of each equation, and the equations without those that the data do not explain."""
+        return found, self
 
     @staticmethod
     def notices(_: Estimates) -> list[Notice]:
@@ -267,65 +253,60 @@ class Equations(ABC):
         return []
 
 
-def unbounded(equations: Equations) -> Bounds:
-    """Return no bounds."""
-    wide = np.full(len(equations.places), np.inf)
-    return -wide, wide
-
-
-def estimate(equations: Equations, domain: Domain, bounds: Bounds) -> Estimates | None:
-    """Estimate the unknowns within bounds; None where the motion was nowhere measured completely.
+def estimate(equations: Equations, domain: Domain, bounded: bool = False) -> Estimates | None:
+    """Estimate the unknowns, within bounds or not; None where the motion was nowhere measured completely.
 
     A constant that the domain does not keep is found afterwards, from the means.
     """
-    found = _gauss_newton(equations, domain, bounds)
-    if found is None:
+    first = _gauss_newton(equations, domain, bounded)
+    if first is None:
         return None
-    kept = equations.reduced(found)
-    return found if kept is equations else _gauss_newton(kept, domain, bounds) or found
+    found, kept = equations.reviewed(first, domain)
+    again = None if kept is equations else _gauss_newton(kept, domain, bounded)
+    return found if again is None else kept.reviewed(again, domain)[0]
 
 
-def _gauss_newton(equations: Equations, domain: Domain, bounds: Bounds) -> Estimates | None:
-    values = equations.priors.mean
+def _gauss_newton(equations: Equations, domain: Domain, bounded: bool) -> Estimates | None:
+    priors = equations.priors if bounded else replace(equations.priors, lower=-np.inf, upper=np.inf)
+    values = priors.mean
     for _ in range(MAX_ITERATIONS):
         samples = equations.rows(values)
         rows = [t for r in samples if (t := r.transformed(domain)).y.size]
         if not rows:
             return None
-        found = solve(rows, bounds, equations.priors)
+        found = solve(rows, priors)
         before, values = values, found.values
         if not np.isfinite(values).all():
             return None
         if equations.linear or np.max(np.abs(values - before) / equations.scales) < STEP_TOLERANCE:
             break
-    found = replace(found, r2=equations.r2(found, domain))
     lost = not domain.keeps_constants and equations.constants
-    return _with_constants(found, samples, equations, bounds) if lost else found
+    return _with_constants(found, samples, equations, priors) if lost else found
 
 
 def _with_constants(
-    found: Estimates, samples: Sequence[Rows], equations: Equations, bounds: Bounds
+    found: Estimates, samples: Sequence[Rows], equations: Equations, priors: Priors
 ) -> Estimates:
     """Find constants from the means that the other terms leave; each mean is one more row of its equation."""
-    values, means, priors = found.values.copy(), [], equations.priors.sigma.copy()
+    values, means, spread = found.values.copy(), [], priors.sigma.copy()
     for equation, sigma in found.sigma.items():
         place, own = equations.constants.get(equation), [r for r in samples if r.equation == equation]
         y, X = np.concatenate([r.y for r in own]), np.concatenate([r.X for r in own])
-        if place is None:  # no constant that a mean could tell
-            means.append(Rows(equation, np.zeros(1), np.zeros((1, len(values))), own[0].dt))
-            continue
-        others, priors[place] = X.copy(), np.inf
-        others[:, place] = 0.0
-        left = y - others @ values
-        values[place] = np.clip(np.mean(left), bounds[0][place], bounds[1][place])
-        # noise of the mean itself is white noise's: the slow part of it is in the residual of the band
-        weight = sigma / float(np.std(left) / np.sqrt(len(y)))
+        weight = 0.0  # without a constant that a mean could tell
+        if place is not None:
+            others, spread[place] = X.copy(), np.inf
+            others[:, place] = 0.0
+            left = y - others @ values
+            values[place] = np.mean(left)
+            values = np.clip(values, priors.lower, priors.upper)
+            # noise of the mean itself is white noise's: the slow part of it is in the residual of the band
+            weight = sigma / float(np.std(left) / np.sqrt(len(y)))
         means.append(Rows(equation, weight * np.mean(y)[None], weight * X.mean(axis=0)[None], own[0].dt))
     rows = (*found.rows, *means)
-    return replace(found, values=values, rows=rows, covariance=_covariance(rows, priors, found.sigma))
+    return replace(found, values=values, rows=rows, covariance=_covariance(rows, spread, found.sigma))
 
 
-def solve(rows: Sequence[Rows], bounds: Bounds, priors: Priors) -> Estimates:
+def solve(rows: Sequence[Rows], priors: Priors) -> Estimates:
     """Estimate parameters from rows in one domain; the equations are weighted by the variances of their residuals."""
     reduced = []
     for r in rows:  # few rows with the same normal equations: the triangle of a QR decomposition
@@ -340,7 +321,7 @@ def solve(rows: Sequence[Rows], bounds: Bounds, priors: Priors) -> Estimates:
     used = {c: int(np.any([r.used for r in own], axis=0).sum()) for c, own in of.items()}
     values = priors.mean
     for _ in range(WEIGHT_ROUNDS):
-        values = _weighted(reduced, bounds, priors, {c: max(s, floor[c]) for c, s in sigma.items()})
+        values = _weighted(reduced, priors, {c: max(s, floor[c]) for c, s in sigma.items()})
         left = {c: np.concatenate([r.y - r.X @ values for r in own]) for c, own in of.items()}
         sigma = {c: float(np.sqrt(np.sum(v**2) / max(len(v) - used[c], 1))) for c, v in left.items()}
     sigma = {c: max(s, floor[c]) for c, s in sigma.items()}
@@ -354,7 +335,7 @@ def r_squared(y: FloatArray, residual: FloatArray) -> float:
     return 1.0 - float(np.sum(residual**2)) / total if total > 0.0 else np.nan
 
 
-def _weighted(rows: Sequence[Rows], bounds: Bounds, priors: Priors, sigma: dict[str, float]) -> FloatArray:
+def _weighted(rows: Sequence[Rows], priors: Priors, sigma: dict[str, float]) -> FloatArray:
     """Return the bounded weighted estimates; in the null space parameters keep their prior mean."""
     from scipy.optimize import lsq_linear
 
@@ -364,7 +345,7 @@ def _weighted(rows: Sequence[Rows], bounds: Bounds, priors: Priors, sigma: dict[
     size = np.linalg.norm(A, axis=0)
     free = size > ZERO_COLUMN * size.max(initial=0.0)
     scale = size[free]
-    lower, upper = (side[free] * scale for side in bounds)
+    lower, upper = (np.full_like(size, side)[free] * scale for side in (priors.lower, priors.upper))
     scaled = A[:, free] / scale
     null = np.empty((0, len(scale)))
     if scaled.size:

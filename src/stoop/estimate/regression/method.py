@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from contextlib import suppress
+from dataclasses import asdict, replace
 from functools import partial
 from typing import Any, Final
 
@@ -23,7 +24,6 @@ from stoop.estimate.regression.least_squares import (
     FrequencyDomain,
     TimeDomain,
     estimate,
-    unbounded,
 )
 from stoop.estimate.regression.linear_problem import LinearProblem
 from stoop.estimate.shooting_windows import outputs_by_window
@@ -38,28 +38,18 @@ from stoop.vehicle import Vehicle
 FAIR_R2: Final = 0.5  #: below, the estimates of an equation are doubtful
 
 
-def equation_error(
-    vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence[Window], options: Options, *_: Any
-) -> Fit:
-    """Fit the free numbers to measured accelerations on smoothed samples; a method of `stoop.estimate.methods`."""
-    return _fitted(vehicle, flights, windows, options, TimeDomain())
-
-
-def frequency_domain(
-    vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence[Window], options: Options, *_: Any
-) -> Fit:
-    """Fit the free terms of an aircraft to Fourier coefficients of a band; a method of `stoop.estimate.methods`."""
-    return _fitted(vehicle, flights, windows, options, FrequencyDomain())
-
-
-def _fitted(
+def regression(
     vehicle: Vehicle,
     flights: Mapping[str, Flight],
     windows: Sequence[Window],
     options: Options,
+    *_: Any,
     domain: Domain,
 ) -> Fit:
-    """Fit; an IdentificationError says where the motion was nowhere measured completely, or what is for aircraft only."""
+    """Fit the free numbers to measured accelerations; a method of `stoop.estimate.methods` for each domain.
+
+    An IdentificationError says where the motion was nowhere measured completely, or what is for aircraft only.
+    """
     kind = kind_of(vehicle)
     if domain.name not in kind.explanations:
         raise IdentificationError(
@@ -70,51 +60,33 @@ def _fitted(
         vehicle.with_numbers({n: {"free": False} for n in fixed}), flights, windows, options
     )
     equations = kind.of(problem.layout, problem.pieces)
-    found = estimate(equations, domain, unbounded(equations) if kind.linear else equations.bounds)
+    found = estimate(equations, domain, bounded=not kind.linear)
     if found is None:
         raise IdentificationError(f"{vehicle.where}: no regression is possible: {kind.needed}")
-    layout, d = problem.layout, problem.dimension
-    z = np.zeros(d + problem.extra)  # file values and guesses where nothing is estimated
-    z[:d] = (np.array([p.value for p in layout.parameters]) - layout.lower) / layout.width
-    for i, value in zip(equations.places, found.values, strict=True):
-        if i < d:
-            z[i] = (value - layout.lower[i]) / layout.width[i]
-        else:
-            z[i] = (value - layout.nuisances[i - d].center) / layout.nuisances[i - d].scale
-    open_loop = observation_model(vehicle).open_loop
-    flown = (_from_start if open_loop else _by_window)(problem, z)
+    z, nothing = equations.vector(found.values), np.empty((0, 2))
+    outcome = optimize.Outcome(z, 0.0, 0.0, 0, "converged", "", nothing, None, options.method)
+    flown = _from_start if observation_model(vehicle).open_loop else _by_window
+    fit = flown(Fit(problem, prepared, z, outcome, 0.0, 0.0))
     notices = [
-        notice(kind.explanations[domain.name], "", **domain.settings),
+        notice(kind.explanations[domain.name], "", **asdict(domain)),
         notice("r-squared", "", equations=tuple(found.r2), r2=tuple(found.r2.values())),
         *([notice("not-in-regression", ", ".join(fixed))] if fixed else []),
         *(notice("low-r-squared", name, r2=max(r2, 0.0)) for name, r2 in found.r2.items() if r2 < FAIR_R2),
         *kind.notices(found),
-        *([] if np.isfinite(flown.cost) else [notice("estimates-diverge", vehicle.where)]),
+        *([] if np.isfinite(fit.cost) else [notice("estimates-diverge", vehicle.where)]),
     ]
-    outcome = optimize.Outcome(
-        flown.z, flown.cost, flown.spent, 0, "converged", "", np.empty((0, 2)), None, options.method
+    evidence, period = (
+        _evidence(problem, equations, found, fit.z, domain),
+        domain.period(problem.pieces[0].dt),
     )
-    evidence = _evidence(problem, equations, found, flown.z, domain)
-    return Fit(
-        flown.problem,
-        prepared,
-        flown.z,
-        outcome,
-        flown.cost,
-        flown.spent,
-        tuple(notices),
-        noise=flown.noise,
+    return replace(
+        fit,
+        outcome=replace(outcome, z=fit.z, cost=fit.cost, trajectories=fit.trajectories),
+        notices=tuple(notices),
         own_evidence=evidence,
         local_problem=partial(
-            LinearProblem.of,
-            problem,
-            flown.z,
-            evidence,
-            found.sigma,
-            domain.period(problem.pieces[0].dt),
-            not kind.linear,
+            LinearProblem.of, problem, fit.z, evidence, found.sigma, period, not kind.linear
         ),
-        simulated=flown.readings,
     )
 
 
@@ -134,37 +106,6 @@ def _evidence(
     return Evidence(unknowns, tuple(pieces), prior, white=not domain.colored)
 
 
-@dataclass(frozen=True, eq=False)
-class _Simulated:
-    """The model of the estimates, simulated for figures and curves."""
-
-    problem: Misfit
-    z: FloatArray
-    cost: float
-    spent: float
-    noise: FloatArray | None = None
-    readings: tuple[FloatArray, ...] | None = None
-
-
-def _from_start(problem: Misfit, z: FloatArray) -> _Simulated:
-    """Simulate each piece from its first sample, initial states and biases estimated with the parameters fixed."""
-    d, spent, rung = problem.dimension, 0.0, len(problem.prices) - 1
-    states = replace(problem, layout=replace(_fixed_layout(problem, z), nuisances=problem.layout.nuisances))
-    if states.extra:
-        ledger = optimize.Ledger(states, Evaluations.none(states), np.inf)
-        try:
-            end = optimize.refine(ledger, z[d:], len(states.prices) - 1, SHORT)
-            z = np.concatenate([z[:d], end.z if np.isfinite(end.cost) else z[d:]])
-        except (KeyboardInterrupt, Halt):
-            pass
-        spent = ledger.spent
-    cost = float(np.sum(problem.residuals(z[None, :], rung) ** 2))
-    if np.isfinite(cost):
-        problem = problem.weighted(Weights.of(noise_variance(problem, channel_residuals(problem, z))))
-        cost = float(np.sum(problem.residuals(z[None, :], rung) ** 2))
-    return _Simulated(problem, z, cost, spent)
-
-
 def _fixed_layout(problem: Misfit, z: FloatArray) -> Layout:
     """Return a layout without unknowns, of the vehicle with its estimates."""
     layout = problem.layout
@@ -173,18 +114,44 @@ def _fixed_layout(problem: Misfit, z: FloatArray) -> Layout:
     return replace(layout, vehicle=layout.vehicle.with_numbers(numbers), parameters=(), nuisances=())
 
 
-def _by_window(problem: Misfit, z: FloatArray) -> _Simulated:
+def _from_start(fit: Fit) -> Fit:
+    """Simulate each piece from its first sample, initial states and biases estimated with the parameters fixed."""
+    problem, z, spent = fit.problem, fit.z, 0.0
+    d, rung = problem.dimension, len(problem.prices) - 1
+    states = replace(problem, layout=replace(_fixed_layout(problem, z), nuisances=problem.layout.nuisances))
+    if states.extra:
+        ledger = optimize.Ledger(states, Evaluations.none(states), np.inf)
+        with suppress(KeyboardInterrupt, Halt):
+            end = optimize.refine(ledger, z[d:], len(states.prices) - 1, SHORT)
+            z = np.concatenate([z[:d], end.z]) if np.isfinite(end.cost) else z
+        spent = ledger.spent
+    cost = float(np.sum(problem.residuals(z[None, :], rung) ** 2))
+    if np.isfinite(cost):
+        problem = problem.weighted(Weights.of(noise_variance(problem, channel_residuals(problem, z))))
+        cost = float(np.sum(problem.residuals(z[None, :], rung) ** 2))
+    return replace(fit, problem=problem, z=z, cost=cost, trajectories=spent)
+
+
+def _by_window(fit: Fit) -> Fit:
     """Simulate windows of a second that each start as measured."""
-    layout, d, outputs = problem.layout, problem.dimension, problem.layout.vehicle.outputs
-    values = [n.center + n.scale * float(x) for n, x in zip(layout.nuisances, z[d:], strict=True)]
+    problem, layout, outputs = fit.problem, fit.problem.layout, fit.problem.layout.vehicle.outputs
+    found = [
+        (n, n.center + n.scale * float(x))
+        for n, x in zip(layout.nuisances, fit.z[layout.dimension :], strict=True)
+    ]
     pieces = []
     for piece in problem.pieces:
-        own = zip(layout.nuisances, values, strict=True)
-        biases = {n.name: v for n, v in own if n.is_bias and n.maneuver == piece.maneuver}
+        biases = {n.name: v for n, v in found if n.is_bias and n.maneuver == piece.maneuver}
         pieces.append(replace(piece, changes={**piece.changes, **biases}))
-    fixed = replace(problem, layout=_fixed_layout(problem, z), pieces=tuple(pieces))
+    fixed = replace(problem, layout=_fixed_layout(problem, fit.z), pieces=tuple(pieces))
     readings = tuple(outputs_by_window(fixed, i) for i in range(len(pieces)))
     residuals = [on_circle(p.measured - y, outputs) for p, y in zip(problem.pieces, readings, strict=True)]
-    seen = np.any([np.isfinite(r).any(axis=0) for r in residuals], axis=0)
-    noise = np.diag(np.where(seen, noise_variance(problem, residuals), np.nan))
-    return _Simulated(problem, z, 0.0, 0.0, noise, readings)
+    measured = np.any([np.isfinite(r).any(axis=0) for r in residuals], axis=0)
+    noise = np.diag(np.where(measured, noise_variance(problem, residuals), np.nan))
+    return replace(fit, noise=noise, simulated=readings)
+
+
+equation_error: Final = partial(regression, domain=TimeDomain())  #: on smoothed samples
+frequency_domain: Final = partial(
+    regression, domain=FrequencyDomain()
+)  #: on Fourier coefficients of a band, of aircraft

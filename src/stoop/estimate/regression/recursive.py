@@ -26,12 +26,12 @@ from stoop.estimate.regression.aircraft import (
     COEFFICIENTS,
     NOT_NEEDED,
     AircraftEquations,
+    History,
     Motion,
-    balance,
     coefficients,
     states_of,
 )
-from stoop.estimate.regression.least_squares import Rows, solve, unbounded
+from stoop.estimate.regression.least_squares import Priors, Rows, solve
 from stoop.problem import Layout
 from stoop.problem.observation import AIR_FRAME
 from stoop.simulation import parameter_rows
@@ -109,24 +109,19 @@ class RealTime:
     def estimate(self) -> dict[str, Estimate]:
         """Return the estimates by parameter, constants excepted; empty while there are too few independent rows."""
         rows, count, repetition = self._rows(), 2 * len(self._frequencies), 1.0
-        if (
-            len(self._frequencies) > 1
-        ):  # frequencies closer than one over the record's length repeat each other
-            spacing = float(self._frequencies[1] - self._frequencies[0])
+        priors = self._equations.priors
+        if len(self._frequencies) > 1:  # those closer than one over the record's length repeat each other
             length = min(max(self._transform.count, 1) * self._dt, self._memory)
-            repetition = max(1.0, 1.0 / (length * spacing))
+            repetition = max(1.0, 1.0 / (length * float(self._frequencies[1] - self._frequencies[0])))
         most = max(int(np.count_nonzero(r.used)) for r in rows)
         freedom = count / repetition - most - NUISANCES  # of independent rows
         if freedom < 1.0:
             return {}
-        found = solve(rows, unbounded(self._equations), self._equations.priors)
+        found = solve(rows, Priors(priors.mean, priors.sigma))
         variance = np.nan_to_num(np.diag(found.covariance), nan=np.inf)
         std = np.sqrt(np.maximum(variance, 0.0) * (count - most) / freedom)
-        return {
-            name: Estimate(float(found.values[k]), float(std[k]))
-            for k, name in enumerate(self._names)
-            if k not in self._constants
-        }
+        pairs = zip(self._names, map(Estimate, found.values.tolist(), std.tolist()), strict=True)
+        return {name: one for k, (name, one) in enumerate(pairs) if k not in self._constants}
 
     def _rows(self) -> list[Rows]:
         """Return the rows of each coefficient, bias and drift removed."""
@@ -170,9 +165,9 @@ class RealTime:
         felt = {c: v for c, v in readings.items() if c in SPECIFIC_FORCE}
         first: IntArray = np.zeros(1, dtype=np.intp)
         motion = Motion(first, states, felt, inputs[:, None], deflections, parameters)
-        found = coefficients(vehicle, *balance(vehicle, motion), angular, felt)
-        rows = self._equations.regressors(found, motion.variables(vehicle))
-        parts = [np.concatenate([y, X[0]]) for y, X in rows]
+        found = coefficients(vehicle, motion, angular)
+        history = History(0, np.zeros(1), self._dt, found, motion.variables(vehicle))
+        parts = [np.concatenate([row.y, row.X[0]]) for row in self._equations.regressors(history)]
         return np.concatenate([*parts, [1.0, self._transform.count * self._dt]])
 
     def _lagged(self, control: str, command: float) -> float:

@@ -181,26 +181,23 @@ class RotorEquations(Equations):
             ]
         return out
 
-    def r2(self, estimates: Estimates, domain: Domain) -> dict[str, float]:
-        """Return the coefficient of determination of each acceleration.
+    def reviewed(self, found: Estimates, domain: Domain) -> tuple[Estimates, RotorEquations]:
+        """Return the estimates with R2 of each acceleration, and the equations without moments that commands do not explain.
 
-        The linearized rows cannot give it: their response contains the model where it was linearized.
+        The linearized rows cannot give R2: their response contains the model where it was linearized.
         """
         measured, errors = [], []
         for s in self.stretches:
-            modeled = s.modeled(self.layout.vehicle, self.kernel_parameters(s.piece, estimates.values))
+            modeled = s.modeled(self.layout.vehicle, self.kernel_parameters(s.piece, found.values))
             measured.append(domain.rows(s.measured, s.piece.dt))
             errors.append(domain.rows(s.measured - modeled, s.piece.dt))
         y, v = np.concatenate(measured), np.concatenate(errors)
-        return {n: r_squared(y[:, i], v[:, i]) for i, n in enumerate(ACCELERATIONS) if n in self.equations}
+        r2 = {n: r_squared(y[:, i], v[:, i]) for i, n in enumerate(ACCELERATIONS) if n in self.equations}
+        kept = tuple(n for n in ACCELERATIONS if n not in MOMENTS or r2.get(n, 1.0) > MIN_R2)
+        return replace(found, r2=r2), self if kept == self.equations else replace(self, equations=kept)
 
     @staticmethod
     def notices(estimates: Estimates) -> list[Notice]:
         """Return which moments were left out."""
         dropped = tuple(n for n in MOMENTS if n not in estimates.r2)
         return [notice("moment-not-explained", "", moments=dropped, limit=MIN_R2)] if dropped else []
-
-    def reduced(self, estimates: Estimates) -> RotorEquations:
-        """Return the equations without moments that the recorded commands do not explain."""
-        kept = tuple(n for n in ACCELERATIONS if n not in MOMENTS or estimates.r2.get(n, 1.0) > MIN_R2)
-        return self if kept == self.equations else replace(self, equations=kept)

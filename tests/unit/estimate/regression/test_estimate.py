@@ -24,7 +24,6 @@ from stoop.estimate.regression.least_squares import (
     TimeDomain,
     estimate,
     solve,
-    unbounded,
 )
 from stoop.estimate.regression.linear_problem import LinearProblem
 from stoop.estimate.regression.method import equation_error, frequency_domain
@@ -41,19 +40,12 @@ DOMAINS = [TimeDomain(), FrequencyDomain(0.04, 1.5)]
 FREE = Priors(np.zeros(3), np.full(3, np.inf))
 
 
-def unbounded_of(count: int) -> tuple[np.ndarray, np.ndarray]:
-    return np.full(count, -np.inf), np.full(count, np.inf)
-
-
-OPEN = unbounded_of(3)
-
-
 def regressed(vehicle: Vehicle, flight: Flight, domain: Domain) -> tuple[AircraftEquations, Estimates]:
     problem, _ = estimation_problem(
         vehicle, {flight.name: flight}, [Window(flight.name, 0.0, 25.0)], Options()
     )
     equations = AircraftEquations.of(problem.layout, problem.pieces)
-    found = estimate(equations, domain, unbounded(equations))
+    found = estimate(equations, domain)
     assert found is not None
     return equations, found
 
@@ -87,7 +79,7 @@ def test_a_tie_joins_two_coefficients(full: Vehicle) -> None:
     truth = np.array([2.0, -1.0, 0.5])
     noise = rng.standard_normal((2, 200)) * [[0.01], [1.0]]
     blocks = [Rows(c, X[i] @ truth + noise[i], X[i], 0.02) for i, c in enumerate("ab")]
-    solved = solve(blocks, OPEN, FREE)
+    solved = solve(blocks, FREE)
     assert (np.abs(solved.values - truth) < 5.0 * np.sqrt(np.diag(solved.covariance))).all()
     assert np.sqrt(solved.covariance[0, 0]) < 0.001  # the quiet equation rules
     whole = np.concatenate([X[i] / solved.sigma[c] for i, c in enumerate("ab")])
@@ -101,11 +93,10 @@ def test_priors_pull_and_bounds_hold() -> None:
     y = X @ [1.0, 2.0, 3.0] + 0.5 * rng.standard_normal(100)
     tight = solve(
         [Rows("a", y, X, 0.02)],
-        OPEN,
         Priors(np.array([5.0, 0.0, 0.0]), np.array([1e-6, np.inf, np.inf])),
     )
     assert tight.values[0] == pytest.approx(5.0, abs=1e-4)
-    boxed = solve([Rows("a", y, X, 0.02)], (np.zeros(3), np.array([9.0, 9.0, 2.0])), FREE)
+    boxed = solve([Rows("a", y, X, 0.02)], replace(FREE, lower=np.zeros(3), upper=np.array([9.0, 9.0, 2.0])))
     assert boxed.values[2] == pytest.approx(2.0)
 
 
@@ -116,7 +107,7 @@ def test_what_no_row_tells_apart_has_no_error_bar(apart: float) -> None:
     x, other, off = rng.standard_normal((3, 400))
     X = np.column_stack([x, 2.0 * x + apart * off, other])
     y = X @ [1.0, 0.5, 1.0] + 0.1 * rng.standard_normal(400)
-    solved = solve([Rows("Cm", y, X, 0.02)], OPEN, FREE)
+    solved = solve([Rows("Cm", y, X, 0.02)], FREE)
     assert np.isnan(np.diag(solved.covariance)).tolist() == [True, True, False]
     assert solved.values[0] + 2.0 * solved.values[1] == pytest.approx(2.0, abs=0.05)
     assert np.abs(solved.values).max() < 2.0
@@ -171,7 +162,7 @@ def test_error_bars_are_the_scatter(domain: Domain, memory: float) -> None:
         v = lfilter([np.sqrt(1.0 - rho**2)], [1.0, -rho], rng.standard_normal(6000))[4000:]
         v += 0.3 * rng.standard_normal(2000)
         both = domain.rows(np.column_stack([X @ truth + v, X]), dt)
-        solved = solve([Rows("a", both[:, 0], both[:, 1:], dt)], unbounded_of(k), free)
+        solved = solve([Rows("a", both[:, 0], both[:, 1:], dt)], free)
         found = estimate_uncertainty(solved.evidence, np.zeros((k, k)), white=not domain.colored)
         errors.append(solved.values - truth)
         claimed.append(standard_errors(found.corrected))

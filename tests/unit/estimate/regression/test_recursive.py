@@ -15,7 +15,6 @@ from stoop.estimate.regression.least_squares import (
     FrequencyDomain,
     estimate,
     fourier_transform,
-    unbounded,
 )
 from stoop.estimate.regression.recursive import Estimate, RealTime, RecursiveTransform
 from stoop.flight import Flight
@@ -39,7 +38,7 @@ def flown(
 def batch_of(vehicle: Vehicle, flight: Flight) -> tuple[AircraftEquations, Estimates]:
     problem, _ = estimation_problem(vehicle, {"noisy": flight}, [Window("noisy", 0.0, 25.0)], Options())
     equations = AircraftEquations.of(problem.layout, problem.pieces)
-    found = estimate(equations, BAND, unbounded(equations))
+    found = estimate(equations, BAND)
     assert found is not None
     return equations, found
 

@@ -63,7 +63,7 @@ def solved_for(vehicle: Vehicle, flight: Flight, free: tuple[str, ...]) -> tuple
     own = vehicle.with_numbers({name: {"free": False} for name in held})
     problem, _ = estimation_problem(own, {"quad": flight}, [Window("quad", 0.0, 3.99)], Options())
     equations = RotorEquations.of(problem.layout, problem.pieces)
-    solved = estimate(equations, TimeDomain(), equations.bounds)
+    solved = estimate(equations, TimeDomain(), bounded=True)
     assert solved is not None
     names = [p.name for p in problem.layout.parameters]
     return dict(zip(names, solved.values, strict=False)), solved
