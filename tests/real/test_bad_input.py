@@ -165,8 +165,8 @@ def test_a_clipped_rate_counts_as_not_measured_and_is_said(shared_data: Path, tm
     flight = a430(shared_data, "short_loop_6_20230227_120302", tmp_path)
     job = identify(parse_vehicle(A430, "a430"), flight, ["3:6"], options=BUDGET)
     words = " ".join(job.identification.result.warnings)
-    assert "counted as not measured" in words
-    assert "the attitude turns 1.20 times as fast as p says" in words
+    assert "treated as not measured" in words
+    assert "the attitude turns 1.20 times as fast as p indicates" in words
     assert "implausibly large" in words
     used = job.flights[0].column("q")
     assert np.nanmax(used) < 1.995

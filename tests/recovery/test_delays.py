@@ -1,4 +1,4 @@
-"""Free delays of sensors come back with each method that simulates, beside coefficients.
+"""Free delays of sensors come back beside coefficients; a filter, which needs known ones, keeps their noise white.
 
 Flights are simulated twenty times as fast as they are recorded, and delays are whole steps of that: none of the
 interpolations of the estimators is in the data.
@@ -99,6 +99,22 @@ def test_delays_come_back_in_calm_air(method: str) -> None:
     assert found.outcome.status == "converged"
     assert np.abs(z).max() < 3.5
     assert all(found.estimates[f"sensors.{c}.delay"] == pytest.approx(d, abs=0.01) for c, d in DELAYS.items())
+
+
+def test_a_known_delay_leaves_the_noise_as_it_is_in_gusts() -> None:
+    prompt = delayed_vehicle(GUSTS)
+    flight = late_flight(prompt, 1)
+    known = {f"sensors.{c}.delay": {"value": late, "free": False} for c, late in DELAYS.items()}
+    options, window = Options(method="filter-error"), [Window("sim", 0.0, 15.0)]
+    found = methods.find("filter-error").fitter()(
+        started(prompt, 1).with_numbers(known), {"sim": flight}, window, options, None, None
+    )
+    assert found.outcome.status == "converged"
+    std = dict(zip((p.name for p in found.problem.layout.parameters), error_bars(found).std, strict=False))
+    assert max(abs(found.estimates[n] - prompt.value(n)) / std[n] for n in FREE) < 3.5
+    noise = dict(zip(prompt.outputs, np.sqrt(np.diag(found.noise)), strict=True))
+    for channel in DELAYS:
+        assert noise[channel] == pytest.approx(getattr(prompt.file.sensors, channel).sigma, rel=0.15)
 
 
 @pytest.mark.slow

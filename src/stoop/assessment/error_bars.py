@@ -41,12 +41,8 @@ class IdentifiabilityLimits:
     #: of the prior's standard deviation left by the fit: the data added next to nothing
     prior_share: float = 0.95
     box_share: float = 0.25  #: of the box's width; a value thrown into the box blindly would have 0.29
-    size_share: float = (
-        3.0  #: of the size of the parameter, where there is neither prior nor box to compare with
-    )
-    collinear: float = (
-        30.0  #: marginal over conditional standard error; correlated above 0.999 with the others
-    )
+    size_share: float = 3.0  #: of the size of the parameter, where there is neither prior nor box
+    collinear: float = 30.0  #: marginal over conditional standard error; multiple correlation above 0.999
     strong_correlation: float = 0.9  #: from which a pair is named
     partner_correlation: float = 0.7  #: from which another parameter counts as able to stand in
     max_directions: int = 6

@@ -50,6 +50,7 @@ INTEGRATORS: Final = ("psi", "h")  #: states that nothing depends on, or next to
 #: of an eigenvalue: an unknown parameter that may change it by less (by rounding, by a trim with sideslip) does not matter
 MIN_EFFECT: Final = 1e-3
 REAL: Final = 1e-9  #: 1/s; a smaller imaginary part is rounding
+QUANTITIES: Final = ("real", "imag", "frequency", "damping", "time_constant")  #: that describe a mode
 SAME_CONDITION: Final = 0.05  #: of airspeed and density, between maneuvers flown at one condition
 
 
@@ -112,9 +113,10 @@ def mode_estimates(
         matters = np.abs(gradient) * linearized.room > MIN_EFFECT * abs(mode.eigenvalue)
         unknown = [n for n, both in zip(parameters, matters & lost, strict=True) if both]
         if unknown:
-            numbers = _quantities(mode.eigenvalue)
-            found: dict[str, Any] = {name: Estimate(value) for name, value in numbers.items()}
+            s = mode.eigenvalue
+            numbers = (s.real, s.imag, mode.frequency, mode.damping, mode.time_constant)
             remark = notice("mode-depends-on-unknown", mode.name, parameters=tuple(unknown))
+            found: dict[str, Any] = dict(zip(QUANTITIES, map(Estimate, numbers), strict=True))
             out.append(ModeEstimate(mode.name, **found, remark=(remark,)))
         else:
             s = mode.eigenvalue
@@ -148,7 +150,9 @@ def _estimated(
     pair, spread = abs(s.imag) > REAL, float(np.std(middle))
     other = float(np.mean((np.abs(drawn[:, 0].imag) > REAL) != pair))
     unlike = errors["real"] > 0.0 and not 1.0 / SPREAD_RATIO < spread / errors["real"] < SPREAD_RATIO
-    sampled, values, spans = other > OTHER_CHARACTER or unlike, _quantities(s), {}
+    sampled, spans = other > OTHER_CHARACTER or unlike, {}
+    numbers = (s.real, s.imag, mode.frequency, mode.damping, mode.time_constant)
+    values = dict(zip(QUANTITIES, numbers, strict=True))
     for name, draws in samples.items():
         spans[name] = (values[name] - NORMAL_95 * errors[name], values[name] + NORMAL_95 * errors[name])
         if sampled:
@@ -168,18 +172,6 @@ def _estimated(
     found: dict[str, Any] = {n: Estimate(values[n], errors[n], *spans[n]) for n in values}
     method = "sampled" if sampled else "delta"
     return ModeEstimate(mode.name, **found, method=method, other_character=other, remark=tuple(remarks))
-
-
-def _quantities(s: complex) -> dict[str, float]:
-    """Return the numbers of an eigenvalue that a mode is described by."""
-    size = abs(s)
-    return {
-        "real": s.real,
-        "imag": s.imag,
-        "frequency": size,
-        "damping": -s.real / size if size else math.nan,
-        "time_constant": -1.0 / s.real if s.real else math.inf,
-    }
 
 
 @dataclass(frozen=True, eq=False)
@@ -273,20 +265,12 @@ def _at(
     free = fit.problem.layout.parameters
     values, widths = {p.name: fit.estimates[p.name] for p in free}, {p.name: p.upper - p.lower for p in free}
     try:
-        follow = neighbors(point) if about == "trim" else None
-
         # the trim follows changed numbers, a mean state stays
+        follow = (
+            neighbors(point) if about == "trim" else lambda numbers: replace(point, changes=dict(numbers))
+        )
         linearized = differentiated(
-            lambda numbers: state_matrix(
-                vehicle,
-                point
-                if not numbers
-                else follow(numbers)
-                if follow
-                else replace(point, changes=dict(numbers)),
-            ),
-            values,
-            widths,
+            lambda numbers: state_matrix(vehicle, follow(numbers) if numbers else point), values, widths
         )
         if not (np.isfinite(linearized.A).all() and np.isfinite(linearized.derivative).all()):
             return nothing

@@ -72,11 +72,9 @@ def with_uncertainty(result: Result, fit: Fit, bars: ErrorBars) -> Result:
     methods = {}
     for key, std in errors.items():
         intervals = {}
-        for (name, p), at_bound, error in zip(
-            result.parameters.items(), bars.at_bound, std.tolist(), strict=False
-        ):
+        for (name, p), error in zip(result.parameters.items(), std.tolist(), strict=False):
             reach = NORMAL_95 * error if p.identifiable and not p.at_bound else np.nan
-            shown = np.nan if at_bound else error
+            shown = np.nan if p.at_bound else error
             intervals[name] = Interval(shown, p.estimate - reach, p.estimate + reach)
         methods[key] = MethodIntervals(intervals)
     names = [p.name for p in fit.problem.layout.parameters]
@@ -87,10 +85,9 @@ def with_uncertainty(result: Result, fit: Fit, bars: ErrorBars) -> Result:
     for i, name in enumerate(names):
         hidden = [n for d in directions if name in d.changes for n in d.changes if n != name][:5]
         stand_ins = tuple(dict.fromkeys([*partners(names, related, i), *hidden]))
-        doubt: Notice | None
-        if bars.at_bound[i]:
-            numbers, doubt = (np.nan,) * 3, notice("at-its-bound")
-        else:
+        doubt: Notice | None = notice("at-its-bound")
+        numbers = (np.nan,) * 3
+        if not bars.at_bound[i]:
             one = bars.identifiability[name]
             numbers, doubt = (one.conditional_std, one.marginal_std, one.multiple_correlation), one.reason
         advised = advice(name, stand_ins, model) if doubt else ()
@@ -125,16 +122,13 @@ def method_agreement(
     if "corrected" not in methods:
         return ()
     sure = {name: p for name, p in parameters.items() if p.identifiable and not p.at_bound}
-    color, bootstrap, posterior = (
-        _ratios(sure, methods, *pair)
-        for pair in (("corrected", "cramer_rao"), ("bootstrap", "corrected"), ("posterior", "corrected"))
-    )
+    pairs = (("corrected", "cramer_rao"), ("bootstrap", "corrected"), ("posterior", "corrected"))
+    color, bootstrap, posterior = (_ratios(sure, methods, *pair) for pair in pairs)
     out = []
     if color:
         typical = float(np.median(list(color.values())))
-        out.append(
-            notice("agreement-white" if typical < COLORED_RATIO else "agreement-colored", ratio=typical)
-        )
+        code = "agreement-white" if typical < COLORED_RATIO else "agreement-colored"
+        out.append(notice(code, ratio=typical))
     if "bootstrap" in methods and not bootstrap:
         out.append(notice("agreement-no-bootstrap"))
     elif bootstrap:

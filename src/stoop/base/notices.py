@@ -84,7 +84,7 @@ class Kind:
 #: none, or several and what stands between their sentences.
 AS_SENTENCES: Mapping[str, Any] = MappingProxyType({"sentences": None})
 AS_TEXT: Mapping[str, Any] = MappingProxyType({"sentences": "; "})
-AS_PARAGRAPH: Mapping[str, Any] = MappingProxyType({"sentences": " "})
+AS_PARAGRAPH: Mapping[str, Any] = MappingProxyType({"sentences": ". "})
 
 
 @functools.cache

@@ -8,6 +8,7 @@ Axes: b = candidate, r = point, e = number of a perturbation (:attr:`stoop.kerne
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 
@@ -21,6 +22,8 @@ from stoop.simulation import initial_states, parameter_rows
 from stoop.simulation.delays import delayed, output_delays
 from stoop.vehicle import Vehicle
 from stoop.vehicle.vehicle import noise_input
+
+GUARD: Final = 3  #: samples; further from an end its interpolation is as good as the noise
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,6 +141,9 @@ def as_recorded(piece: Piece, readings: FloatArray) -> FloatArray:
 def undelayed(problem: Misfit) -> Misfit:
     """Shift the readings of late sensors to when they were true: a filter corrects the state of its own time.
 
+    By Fourier series, which leaves white noise as white and as large as it is, as no other interpolation does. Left out is
+    what is moved to within `GUARD` samples of a gap or of an end of the record.
+
     Raises
     ------
     IdentificationError
@@ -146,19 +152,34 @@ def undelayed(problem: Misfit) -> Misfit:
     vehicle, pieces = problem.layout.vehicle, []
     late = [(column, vehicle.parameters[row].name, row) for column, row in output_delays(vehicle)]
     free = {p.name for p in problem.layout.parameters}
-    if name := next((name for _, name, _ in late if name in free), ""):
+    for name in (name for _, name, _ in late if name in free):
         raise IdentificationError(
-            f"{vehicle.where}: {name}: this method shifts readings by a delay that is known; use --fix {name}"
+            f"{vehicle.where}: {name}: a filter needs a delay that is known; use --fix {name}, or estimate it with "
+            "--method output-error or multiple-shooting"
         )
     for piece in problem.pieces:
         measured, rows = piece.measured.copy(), parameter_rows(vehicle, piece.changes)
         for column, _, row in late:
-            values = measured[:, column]
-            if np.isfinite(values).any() and rows[row, 0] != 0.0:
-                whole = unwrapped(values) if vehicle.outputs[column] in WRAPPED else values
-                measured[:, column] = delayed(whole, -float(rows[row, 0]) / piece.dt)
+            values, samples = piece.measured[:, column], float(rows[row, 0]) / piece.dt
+            if np.isfinite(values).any() and samples != 0.0:
+                whole = interpolated(unwrapped(values) if vehicle.outputs[column] in WRAPPED else values)
+                at = np.round(np.arange(len(values)) + samples).astype(np.int64)
+                near = at[:, None] + np.arange(-GUARD, GUARD + 1)
+                inside = (near >= 0) & (near < len(values))
+                clear = (inside & np.isfinite(values[np.clip(near, 0, len(values) - 1)])).all(axis=1)
+                measured[:, column] = np.where(clear, advanced(whole, samples), np.nan)
         pieces.append(replace(piece, measured=measured))
     return replace(problem, pieces=tuple(pieces))
+
+
+def advanced(column: FloatArray, samples: float) -> FloatArray:
+    """Return a signal (n,) as it is so many samples later, by the Fourier series of it and its reflections."""
+    n = len(column)
+    whole = np.pad(column, n - 1, mode="reflect", reflect_type="odd")
+    line = np.linspace(whole[0], whole[-1], len(whole))
+    turn = np.exp(2j * np.pi * np.fft.rfftfreq(len(whole)) * samples)
+    out = np.fft.irfft(np.fft.rfft(whole - line) * turn, len(whole)) + line + samples * (line[1] - line[0])
+    return np.asarray(out[n - 1 : 2 * n - 1])
 
 
 def unwrapped(column: FloatArray) -> FloatArray:

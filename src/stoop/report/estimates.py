@@ -271,7 +271,7 @@ def _identifiability(identification: Identification) -> list[Part]:
     rows = tuple(
         (
             label(identification, name), str(one.doubt), number(one.multiple_correlation, 5), ", ".join(one.partners),
-            " ".join(map(str, one.advice)),
+            ". ".join(map(str, one.advice)),
         )
         for name, one in found.parameters.items()
         if one.doubt
@@ -360,7 +360,7 @@ def repeatability_section(identification: Identification) -> Section | None:
         return None
     titles = tuple(_window(identification, i) for i in found.maneuvers)
     listed = [f"{i}: {title}" for i, title in enumerate(titles, 1)] + list(map(str, found.remarks))
-    lead = Prose(f"{found.summary()} {REPEATABILITY_LEAD}", muted=True)
+    lead = Prose(f"{found.summary()}\n\n{REPEATABILITY_LEAD}", muted=True)
     parts: list[Part] = [lead, Bullets(listed)]
     panels, rows = [], []
     for name, one in found.parameters.items():

@@ -36,9 +36,8 @@ from stoop.report.maneuvers import (
 from stoop.results.result import Identification, Result, Role
 
 MAX_NOT_IDENTIFIABLE: Final = 0.5  #: share of the parameters; above it the estimates are no model
-MAX_LOST_TO_LAG: Final = (
-    0.6  #: share of the fitted channels that a lag matches as well; above it the model is none
-)
+#: share of the fitted channels that a lag matches as well; above it the model is none
+MAX_LOST_TO_LAG: Final = 0.6
 ENDINGS: Final = {
     "converged": "The search converged",
     "target": "The search reached the target cost",
@@ -209,9 +208,8 @@ def _match(result: Result, role: Role) -> str:
     compared, lost = _compared(result, role), _lost(result, role)
     if compared:
         better = sum(compared)
-        text = (
-            f"the model beats a trivial first-order lag in {better} of {count(len(compared), 'comparison')}"
-        )
+        comparisons = count(len(compared), "comparison")
+        text = f"the model beats a trivial first-order lag in {better} of {comparisons}"
         drawn = len(compared) - better - len(lost)
         text += f" and leaves only noise in {drawn} more" if drawn else ""
         parts.append(f"{text}, not in {listed(lost)}" if lost else text)

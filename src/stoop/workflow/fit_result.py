@@ -172,16 +172,12 @@ def _nuisances(fit: Fit, bars: ErrorBars) -> tuple[tuple[InitialState, ...], tup
 
 def _wind(flights: Mapping[str, Flight]) -> tuple[WindEstimate, ...]:
     out = []
-    for flight in flights.values():
-        air = flight.air
-        if air is None or air.method == "none":
-            continue
-        values = {
-            "wind_n": Quantity(air.wind_n, air.wind_n_std, "m/s"),
-            "wind_e": Quantity(air.wind_e, air.wind_e_std, "m/s"),
-        }
+    for name, air in (
+        (f.name, f.air) for f in flights.values() if f.air is not None and f.air.method != "none"
+    ):
+        units = {"wind_n": "m/s", "wind_e": "m/s"}
         if np.isfinite(air.pitot_scale):
-            values["pitot_scale"] = Quantity(air.pitot_scale, air.pitot_scale_std, "1")
-            values["pitot_offset"] = Quantity(air.pitot_offset, air.pitot_offset_std, "m/s")
-        out.append(WindEstimate(flight.name, values, air.residual_rms, tuple(air.notices)))
+            units |= {"pitot_scale": "1", "pitot_offset": "m/s"}
+        values = {n: Quantity(getattr(air, n), getattr(air, f"{n}_std"), unit) for n, unit in units.items()}
+        out.append(WindEstimate(name, values, air.residual_rms, tuple(air.notices)))
     return tuple(out)

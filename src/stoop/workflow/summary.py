@@ -169,7 +169,7 @@ def advice_by_doubt(found: Mapping[str, ParameterIdentifiability]) -> dict[str, 
     shared: dict[str, dict[str, list[str]]] = {}
     for name, one in found.items():
         if one.advice:
-            advice = " ".join(map(str, one.advice))
+            advice = ". ".join(map(str, one.advice))
             shared.setdefault(str(one.doubt), {}).setdefault(advice, []).append(name)
     return {
         doubt: [f"{', '.join(names)}: {advice}" for advice, names in by_advice.items()]

@@ -73,7 +73,7 @@ def test_a_profile_of_what_the_data_tell_is_the_corrected_interval(job: Job) -> 
     profile, corrected = (found.uncertainty[m].parameters["Cmq"] for m in ("profile", "corrected"))
     assert profile.std_error == pytest.approx(corrected.std_error, rel=0.03)
     assert set(found.uncertainty["profile"].parameters) == {"Cmq"}
-    assert str(found.uncertainty["profile"].notes[0]).startswith("only the doubtful")
+    assert found.uncertainty["profile"].notes[0].code == "profile-of-some-parameters"
 
 
 def test_a_name_that_is_not_free_is_refused(job: Job) -> None:
