@@ -78,7 +78,7 @@ def test_resuming_from_any_generation_changes_nothing(name: str, tmp_path: Path)
 
 
 class Rugged:
-    """Thousands of local optima: nothing is confirmed early, so that scouts, local refinements and the population all take part."""
+    """Thousands of local optima: nothing is confirmed early, so that scouts, refinements and the population all take part."""
 
     dimension, extra, prices = 4, 1, (0.1, 0.3, 1.0)
 
