@@ -1,4 +1,4 @@
-"""The dive against NIST's certified nonlinear regressions, and against SciPy on the same problems."""
+"""The local refinement against NIST's certified nonlinear regressions, and against SciPy on the same problems."""
 
 from __future__ import annotations
 

@@ -152,7 +152,7 @@ def test_a_dive_never_rises_and_survives_any_garbage(seed: int) -> None:
 
 
 class Valley:
-    """Rosenbrock's curved valley, on the box of -2 to 2, above a floor: dives crawl along it."""
+    """Rosenbrock's curved valley, on the box of -2 to 2, above a floor: local refinements are slow along it."""
 
     dimension, extra, prices = 2, 0, (1.0,)
 

@@ -78,7 +78,7 @@ def test_resuming_from_any_generation_changes_nothing(name: str, tmp_path: Path)
 
 
 class Rugged:
-    """Thousands of local optima: nothing is confirmed early, so that scouts, dives and herd all come by."""
+    """Thousands of local optima: nothing is confirmed early, so that scouts, refinements and the population all take part."""
 
     dimension, extra, prices = 4, 1, (0.1, 0.3, 1.0)
 
@@ -293,7 +293,7 @@ def test_the_best_of_several_starts_is_dived_from_first(
 def test_a_start_brings_its_nuisances(
     oscillation: Callable[..., Any], near: Callable[[float], np.ndarray]
 ) -> None:
-    """From the very optimum the first dive has nothing to do; without its nuisances it has."""
+    """From the very optimum the first refinement has nothing to do; without its nuisances it has."""
     problem = oscillation(seed=1)
     found = optimize.minimize(
         optimize.create(), problem, seed=1, starts=near(0.98)[:4], stop=Stop(budget=5000)
