@@ -244,7 +244,7 @@ def test_a_pulse_in_a_long_window_is_excitation(start):
 
 def test_the_log_of_another_vehicle_is_recognized(start, flight):
     hexa = resolve_vehicle("hexa-x")
-    with pytest.raises(FlightError, match=r"no motor_5, motor_6 in this log.*\[rotor\.m5\]"):
+    with pytest.raises(FlightError, match=r"input .motor_5., .motor_6. is not in this flight.*\[rotor\.m5\]"):
         estimation_problem(hexa, {"sim": flight}, WINDOW, Options())
     constant = {n: np.full(len(flight.time), 0.0) for n in ("motor_5", "motor_6")}
     with pytest.raises(
