@@ -39,11 +39,9 @@ def test_estimates_are_those_of_the_fit_to_the_last_digit(job: Job, subject: Sub
 def test_maneuvers_start_where_the_fit_found_them(job: Job, subject: Subject) -> None:
     assert [m.title.partition(" (")[2] for m in subject.maneuvers] == ["fitted)", "predicted)"]
     found = job.identification.result.initial_states[0].values
-    assert {n: subject.maneuvers[0].record.start[n] for n in found} == {
-        n: q.estimate for n, q in found.items()
-    }
+    assert {n: subject.maneuvers[0].start[n] for n in found} == {n: q.estimate for n, q in found.items()}
     bias = job.identification.result.biases[0].values["q"].estimate
-    assert subject.maneuvers[0].record.vehicle.value("sensors.q.bias") == bias
+    assert subject.maneuvers[0].vehicle.value("sensors.q.bias") == bias
 
 
 def test_our_simulation_of_a_maneuver_is_the_one_of_the_report(job: Job, subject: Subject) -> None:
@@ -51,8 +49,8 @@ def test_our_simulation_of_a_maneuver_is_the_one_of_the_report(job: Job, subject
     from stoop.exporters.jsbsim_flight import differences, own_readings
 
     fitted = subject.maneuvers[0]
-    vehicle = fitted.record.vehicle
-    apart = differences(vehicle, own_readings(fitted.record), fitted.measured)
+    vehicle = fitted.vehicle
+    apart = differences(vehicle, own_readings(fitted), fitted.measured)
     figures = job.identification.result.maneuvers[0].channels
     rms = dict(zip(vehicle.outputs, np.sqrt(np.nanmean(apart**2, axis=0)), strict=True))
     assert rms == pytest.approx({c: f.rmse for c, f in figures.items()}, rel=1e-9)
@@ -145,7 +143,7 @@ def test_gusts_that_were_estimated_stay_behind_with_what_is_known_of_them(gusty:
     made = export(subject, target)
     assert any("is not exported: the simulator" in note for note in made.notes)
     assert [m.loaded for m in subject.maneuvers] == [False, True]
-    assert subject.maneuvers[1].record.vehicle.value("mass.mass") == 190.0
+    assert subject.maneuvers[1].vehicle.value("mass.mass") == 190.0
 
 
 def test_what_is_to_be_set_is_there_to_be_set() -> None:
