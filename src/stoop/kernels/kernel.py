@@ -232,7 +232,16 @@ class _SourceLoader(SourceFileLoader):
         return code
 
 
-_models: dict[str, dict[str, Any]] = {}  #: by their source, the functions of models that this process has run
+def _model_functions(source: str, path: Path) -> dict[str, Any]:
+    """Return the functions of a model, run once a process as a module of their own.
+
+    Numba's files name the module in which an inlined function was defined, so it depends on the source alone.
+    """
+    name = f"_stoop_model_{hashlib.sha256(source.encode()).hexdigest()[:32]}"
+    if name not in sys.modules:
+        module = sys.modules[name] = ModuleType(name)
+        _SourceLoader(name, str(path), source).exec_module(module)
+    return {n: f for n, f in vars(sys.modules[name]).items() if not n.startswith("__")}
 
 
 def import_generated(folder: Path, key: str, name: str) -> ModuleType:
@@ -253,10 +262,7 @@ def import_generated(folder: Path, key: str, name: str) -> ModuleType:
     wanted, config.CACHE_DIR = config.CACHE_DIR, ""
     try:
         if mark:
-            if model not in _models:
-                _SourceLoader(unique, str(path), model).exec_module(module)
-                _models[model] = {n: f for n, f in vars(module).items() if not n.startswith("__")}
-            vars(module).update(_models[model])
+            vars(module).update(_model_functions(model, path))
             source = "\n" * (model + mark).count("\n") + loops  # Numba's files are named by lines
         _SourceLoader(unique, str(path), source).exec_module(module)
     finally:

@@ -61,7 +61,7 @@ def test_an_airspeed_that_does_not_change_asks_for_speed() -> None:
     )
     assert codes(said) == ("advice-still-airspeed", "fly-power-steps")
     assert said[0].values["amount"] == pytest.approx(0.00067, rel=0.02)
-    assert "varies by 0.067 % only (rms): let the airspeed change: throttle steps" in str(said[0])
+    assert "varies by only 0.067 % (rms): let the airspeed change: throttle steps" in str(said[0])
 
 
 def test_a_product_or_power_asks_for_range() -> None:
