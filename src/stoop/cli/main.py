@@ -38,7 +38,7 @@ VERBS: Final[dict[str, tuple[str, str]]] = {
     "identify": ("stoop.cli.identify", "estimate a vehicle's coefficients from flight logs, with error bars"),
     "validate": (
         "stoop.cli.models:validate",
-        "predict flights that were not fitted with an identified model",
+        "predict flights with an identified model that was not fitted to them",
     ),
     "polar": (
         "stoop.cli.flights:polar",
