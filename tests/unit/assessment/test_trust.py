@@ -80,7 +80,7 @@ def repeated(scale: float, seed: int, count: int = 40) -> Repeatability:
 
 def test_no_error_bars_are_trusted_beside_maneuvers_that_scatter_beyond_them() -> None:
     methods = {"corrected": method(0.1), "cramer_rao": method(0.025)}
-    codes = {n.code: n for n in method_agreement(ONE, methods, repeated(2.4, 1))}
+    codes = {n.code: n for n in method_agreement(ONE, methods, repeated(2.4, 1, 400))}
     assert "agreement-colored" not in codes
     told = codes["agreement-scatter-colored"]
     assert told.severity == "warning"
