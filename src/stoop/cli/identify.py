@@ -28,7 +28,7 @@ STORES: Final = ("bootstrap.sqlite", "profile.sqlite")  #: in the output folder 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of this verb."""
-    add, many = parser.add_argument, "largest number of {} (default: {})"
+    add = parser.add_argument
     fit = "windows to fit, in seconds of the log's clock, or the windows.toml of stoop maneuvers"
     predict = "windows to predict, not used in the fit (default: those of windows.toml)"
     noise = "noise covariance (variances in a row, or a square matrix) instead of estimating it"
@@ -53,14 +53,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         type=options.at_least_one,
         default=2000,
-        help=many.format("generations", 2000),
+        help="largest number of generations (default: %(default)s)",
     )
     add(
         "--budget",
         metavar="TRAJECTORIES",
         type=options.positive,
         default=100_000.0,
-        help=many.format("trajectories", 100000),
+        help="largest number of trajectories (default: %(default).0f)",
     )
     add(
         "--target-cost",

@@ -16,7 +16,7 @@ from stoop.base.arrays import BoolArray, FloatArray
 from stoop.base.variables import WRAPPED
 from stoop.problem.layout import Layout, Nuisance
 from stoop.simulation import parameter_rows
-from stoop.simulation.delays import input_delays, late_inputs, late_outputs, output_delays
+from stoop.simulation.delays import actuator_rows, late_inputs, late_outputs, output_delays
 from stoop.simulation.initial import initial_states, rigid_states
 
 STEP = 1e-7  #: of a forward difference
@@ -286,7 +286,7 @@ class Misfit:
 
     @cached_property
     def _late(self) -> bool:
-        return bool(input_delays(self.layout.vehicle) or self.layout.vehicle.sloped)
+        return bool(actuator_rows(self.layout.vehicle) or self.layout.vehicle.sloped)
 
     def _inputs(self, piece: Piece, rows: FloatArray) -> FloatArray:
         """Return the inputs of a piece as the surfaces receive them."""

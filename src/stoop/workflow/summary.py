@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from stoop.assessment.error_bars import ErrorBars
-from stoop.base.notices import Notice, as_notice, notice, of_severity
+from stoop.base.notices import Notice, as_notice, notice, of_severity, paragraph
 from stoop.base.variables import EULER, RATES, SPECIFIC_FORCE, VELOCITY
 from stoop.checks.vehicle import check_lift, check_rotors, inertia_notices
 from stoop.estimate.excitation import excitation_notices
@@ -169,7 +169,7 @@ def advice_by_doubt(found: Mapping[str, ParameterIdentifiability]) -> dict[str, 
     shared: dict[str, dict[str, list[str]]] = {}
     for name, one in found.items():
         if one.advice:
-            advice = ". ".join(map(str, one.advice))
+            advice = paragraph(one.advice)
             shared.setdefault(str(one.doubt), {}).setdefault(advice, []).append(name)
     return {
         doubt: [f"{', '.join(names)}: {advice}" for advice, names in by_advice.items()]
