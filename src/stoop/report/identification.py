@@ -23,6 +23,7 @@ from stoop.report.estimates import (
     repeatability_section,
     uncertainty_section,
 )
+from stoop.report.extensions import extensions_section
 from stoop.report.maneuvers import (
     air_section,
     comparison_table,
@@ -128,6 +129,7 @@ def identification_sheet(identification: Identification) -> sheet.Sheet:
         sheet.Section("What was fitted", parts),
         estimates_section(identification),
         uncertainty_section(identification),
+        extensions_section(identification),
         role_section(identification, "fit"),
         role_section(identification, "validation"),
         residuals_section(identification),

@@ -20,6 +20,7 @@ from stoop.base.arrays import FloatArray
 from stoop.base.files import write_text_atomic
 from stoop.base.notices import AS_SENTENCES, Notice, as_notice, from_dict, of_severity
 from stoop.errors import StoopError
+from stoop.results.extensions import ExtensionTests
 from stoop.results.modes import ConditionModes
 from stoop.results.uncertainty import IdentifiabilityAnalysis, MethodIntervals, Repeatability
 
@@ -214,6 +215,9 @@ class Result:
     #: which of them to trust and why; sentences in the JSON
     trust: tuple[Notice, ...] = field(default=(), metadata=AS_SENTENCES)
     identifiability: IdentifiabilityAnalysis = field(default_factory=IdentifiabilityAnalysis)
+    extensions: ExtensionTests = field(
+        default_factory=ExtensionTests
+    )  #: what the data ask for beside the model
 
     @property
     def warnings(self) -> tuple[str, ...]:

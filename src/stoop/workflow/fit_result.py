@@ -11,6 +11,7 @@ import numpy as np
 
 from stoop.assessment.covariance import NORMAL_95
 from stoop.assessment.error_bars import ErrorBars, error_bars
+from stoop.assessment.extensions import extension_notices, extension_tests
 from stoop.assessment.goodness_of_fit import left_out_residuals, press_notices
 from stoop.assessment.modes import modes
 from stoop.assessment.uncertainty import with_uncertainty
@@ -96,12 +97,13 @@ def identification(
         method=options.method,
     )
     result = replace(result, modes=modes(fit, result.covariance.names, result.covariance.matrix))
-    result = with_uncertainty(result, fit, bars)
+    result = replace(with_uncertainty(result, fit, bars), extensions=extension_tests(fit, bars))
 
     prepared = [one for group in groups for one in group.prepared.notices]
     of_flights = [one for flight in flights.values() for one in flight.notices]
     per_mass = ratios(vehicle, {name: (p.estimate, p.std_error) for name, p in result.parameters.items()})
     notices = [
+        *extension_notices(result.extensions),
         *result.notices,
         *dict.fromkeys(of_severity(prepared, "warning")),
         *of_severity(fit.notices, "info"),

@@ -17,13 +17,14 @@ from stoop.errors import IdentificationError
 from stoop.estimate.regression import kind_of
 from stoop.estimate.regression.aircraft import AircraftEquations
 from stoop.estimate.regression.least_squares import Domain, estimate
-from stoop.estimate.regression.structure import Choose, Structure, determine, parameter_name
+from stoop.estimate.regression.structure import Choose, Structure, determine
 from stoop.flight import Flight
 from stoop.problem import Layout
 from stoop.problem.windows import parse_window
 from stoop.vehicle import Vehicle
 from stoop.vehicle.defaults import EQUATION_1
 from stoop.vehicle.load import parse_vehicle
+from stoop.vehicle.terms import parameter_name
 
 FILES: Final = ("vehicle.toml", "structure.csv", "structure.html")
 HEAD: Final = ("coefficient", "step", "action", "term", "F", "threshold", "terms", "R2", "PRESS", "PSE")

@@ -13,7 +13,6 @@ from stoop.errors import IdentificationError, TermError
 from stoop.estimate.regression.least_squares import FrequencyDomain
 from stoop.estimate.regression.structure import (
     determine,
-    parameter_name,
     parse_candidates,
     standard_candidates,
     stepwise,
@@ -26,6 +25,7 @@ from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.vehicle.load import load_vehicle, parse_vehicle
+from stoop.vehicle.terms import parameter_name
 from stoop.workflow.structure import FILES, structure
 
 BAND = FrequencyDomain(0.04, 1.5)

@@ -14,7 +14,6 @@ Aircraft* 32(2), 1995, pp. 270-277.
 from __future__ import annotations
 
 import ast
-import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -324,15 +323,6 @@ def parse_candidates(lines: Iterable[str], vehicle: Vehicle, where: str) -> dict
     if not any(out.values()):
         raise IdentificationError(f"{where}: names no candidate; write e.g. Cm: alpha, q, elevator, alpha^2")
     return out
-
-
-def parameter_name(coefficient: str, term: str, taken: Iterable[str] = ()) -> str:
-    """Return the name of a term's parameter: ``CLalpha2`` for ``alpha^2``, ``Cmalphaelevator`` for a product."""
-    base = (coefficient + re.sub(r"[^A-Za-z0-9]+", "", term.replace("^", "")))[:36]
-    used, name, number = set(taken), base, 2
-    while name in used:
-        name, number = f"{base}_{number}", number + 1
-    return name
 
 
 def parents(trees: Sequence[ast.expr]) -> tuple[tuple[int, ...], ...]:
