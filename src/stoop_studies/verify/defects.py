@@ -61,6 +61,9 @@ class Defect:
     record: Recorder | None = None  #: how the instruments record a flight, where they deceive
 
 
+RIGHT: Final = ("none", "quad-none")  #: names of what is no defect
+
+
 def edited(text: str, *changes: Entries) -> str:
     """Return the text of a vehicle file with further entries."""
     document: Any = tomlkit.parse(text)
@@ -100,7 +103,9 @@ def fixed_wing() -> str:
 def wing_maneuvers(rng: np.random.Generator) -> Mapping[str, Maneuver]:
     """Draw maneuvers that move all controls, one after the other and together."""
 
-    def steps(control: str, shape: str, start: float, step: tuple[float, float], size: tuple[float, float]) -> Any:
+    def steps(
+        control: str, shape: str, start: float, step: tuple[float, float], size: tuple[float, float]
+    ) -> Any:
         return {
             "control": control, "shape": shape, "start": start + rng.uniform(0.0, 0.5), "step": rng.uniform(*step),
             "amplitude": rng.uniform(*size) * rng.choice((-1.0, 1.0)),
@@ -108,15 +113,21 @@ def wing_maneuvers(rng: np.random.Generator) -> Mapping[str, Maneuver]:
 
     def one() -> Maneuver:
         inputs = [
-            steps("elevator", "3-2-1-1", 0.5, (0.2, 0.35), (0.06, 0.10)),
+            steps("elevator", "3-2-1-1", 0.5, (0.25, 0.35), (0.10, 0.16)),
             steps("aileron", "2-1-1", 1.5, (0.3, 0.6), (0.10, 0.20)),
             steps("rudder", "doublet", 3.0, (0.4, 0.8), (0.10, 0.18)),
-            steps("elevator", "doublet", 4.5, (0.4, 1.0), (0.04, 0.08)),
+            steps("elevator", "doublet", 4.5, (0.5, 1.0), (0.08, 0.14)),
             steps("aileron", "doublet", 5.5, (0.4, 0.7), (0.10, 0.20)),
             steps("rudder", "2-1-1", 6.5, (0.3, 0.5), (0.06, 0.12)),
         ]
         power = rng.uniform(0.1, 0.25) * rng.choice((-1.0, 1.0))
-        throttle = {"control": "throttle", "shape": "pulse", "start": 2.0, "duration": 4.0, "amplitude": power}
+        throttle = {
+            "control": "throttle",
+            "shape": "pulse",
+            "start": 2.0,
+            "duration": 4.0,
+            "amplitude": power,
+        }
         return Maneuver.model_validate(
             {"duration": DURATION, "rate": RATE, "altitude": scenes.ALTITUDE, "input": [*inputs, throttle]}
         )
@@ -271,7 +282,14 @@ def _all() -> Iterator[Defect]:
         "controls.elevator.mix.servo_2 Cmelevator", alike="CLelevator",
         both={**held, "controls.elevator.mix": {"servo_2": 1.0}}, truth={"controls.elevator.mix": {"servo_2": 1.15}},
     )  # fmt: skip
-    yield _wing("thrust", "more thrust", "20 %", "propulsion.scale", user={"propulsion.scale": 372.3})
+    yield _wing(
+        "thrust",
+        "more thrust",
+        "20 %",
+        "propulsion.scale",
+        alike="mass.mass",
+        user={"propulsion.scale": 372.3},
+    )
     yield _wing(
         "thrust-line", "a thrust line above the center of gravity", "0.1 m", "propulsion.position.z",
         truth={"propulsion.position": [0.0, 0.0, -0.1]},
@@ -308,12 +326,11 @@ def _all() -> Iterator[Defect]:
         "attitude-delay", "a late attitude", "60 ms", "sensors.attitude.delay",
         record=late(("phi", "theta", "psi"), 0.06),
     )  # fmt: skip
-    gusts = scenes.turbulent_aircraft().file.turbulence
-    assert gusts is not None
-    calm = {a: getattr(gusts, a) for a in "uvw"}
+    gusty = scenes.turbulent_aircraft()
+    gusts = {a: {n: gusty.value(f"turbulence.{a}.{n}") for n in ("intensity", "length")} for a in "uvw"}
     yield _wing(
         "gusts", "moderate turbulence", "MIL-F-8785C", "turbulence",
-        truth={"turbulence": {a: {"intensity": g.intensity.value, "length": g.length.value} for a, g in calm.items()}},
+        truth={"turbulence": gusts},
     )  # fmt: skip
     yield _term("CL", "CLalpha2", "alpha^2", -8.0, "curved lift")
     yield _wing(
@@ -321,7 +338,7 @@ def _all() -> Iterator[Defect]:
         user={"aerodynamics.CD.CDalpha2": False},
     )  # fmt: skip
     yield _term("Cm", "Cmalpha2", "alpha^2", -5.0, "a pitching moment that is not linear in alpha")
-    yield _term("Cm", "Cmbeta", "beta", 0.05, "a pitching moment by sideslip")
+    yield _term("Cm", "Cmbeta", "beta", 0.05, "a pitching moment by sideslip", "mass.inertia.yz")
     yield _term("Cm", "Cmp", "p", 0.3, "a pitching moment by roll rate")
     yield _term("Cm", "Cmbeta2", "beta^2", -1.0, "a pitching moment by the square of sideslip")
     yield _term("CD", "CDbeta2", "beta^2", 1.5, "drag by sideslip")
@@ -333,16 +350,40 @@ def _all() -> Iterator[Defect]:
         truth={"aerodynamics.Cm.CmV": 0.15}, user={"aerodynamics.Cm.CmV": False},
     )  # fmt: skip
     yield _quad("quad-none", "the right model", "", "")
-    yield _quad("motor-lag", "a lag of the motors", "50 ms", "rotors.lag rotors.delay", user={"rotors.lag": None})
     yield _quad(
-        "motor-delay", "a delay of the motors", "20 ms", "rotors.delay rotors.lag", truth={"rotors.delay": 0.02}
+        "motor-lag", "a lag of the motors", "50 ms", "rotors.lag rotors.delay", user={"rotors.lag": None}
+    )
+    yield _quad(
+        "motor-delay",
+        "a delay of the motors",
+        "20 ms",
+        "rotors.delay rotors.lag",
+        truth={"rotors.delay": 0.02},
     )
     yield _quad("mass", "a wrong mass", "20 %", "mass.mass", user={"mass.mass": 1.2})
     yield _quad(
-        "roll-inertia", "a wrong moment of inertia", "30 %", "mass.inertia.xx", user={"mass.inertia.xx": 0.0378}
+        "roll-inertia",
+        "a wrong moment of inertia",
+        "30 %",
+        "mass.inertia.xx",
+        user={"mass.inertia.xx": 0.0378},
     )
-    yield _quad("rotor-drag", "drag of the rotors", "0.08", "rotors.drag", user={"rotors.drag": None}, alike="body_drag.linear.x body_drag.linear.y")
-    yield _quad("inflow", "inflow of the rotors", "0.25", "rotors.inflow", user={"rotors.inflow": None}, alike="body_drag.linear.z")
+    yield _quad(
+        "rotor-drag",
+        "drag of the rotors",
+        "0.08",
+        "rotors.drag",
+        user={"rotors.drag": None},
+        alike="body_drag.linear.x body_drag.linear.y",
+    )
+    yield _quad(
+        "inflow",
+        "inflow of the rotors",
+        "0.25",
+        "rotors.inflow",
+        user={"rotors.inflow": None},
+        alike="body_drag.linear.z",
+    )
     yield _quad(
         "torque", "a wrong torque of the rotors, held", "30 %", "rotors.torque_ratio", alike="mass.inertia.zz",
         user={"rotors.torque_ratio": {"value": 0.0208, "free": False}},
@@ -355,7 +396,14 @@ def _all() -> Iterator[Defect]:
         "translational", "lift in translation", "0.03 N s2/m2", "rotors.translational",
         truth={"rotors.translational": 0.03},
     )  # fmt: skip
-    yield _quad("weak-rotor", "a weak rotor", "10 %", "rotor.m1.factor", truth={"rotor.m1.factor": 0.9}, both={"rotor.m1.factor": 1.0})
+    yield _quad(
+        "weak-rotor",
+        "a weak rotor",
+        "10 %",
+        "rotor.m1.factor",
+        truth={"rotor.m1.factor": 0.9},
+        both={"rotor.m1.factor": 1.0},
+    )
     yield _quad(
         "quad-accelerometer", "an accelerometer off the center of gravity", "0.1 m",
         "sensors.accelerometer_position.x", truth={"sensors.accelerometer_position": [0.1, 0.0, 0.0]},
@@ -402,7 +450,9 @@ def fly(name: str, seed: int) -> Scene:
     return posed(name, rng, flights, kind.windows(maneuvers))
 
 
-def posed(name: str, rng: np.random.Generator, flights: Mapping[str, Flight], windows: tuple[Window, ...]) -> Scene:
+def posed(
+    name: str, rng: np.random.Generator, flights: Mapping[str, Flight], windows: tuple[Window, ...]
+) -> Scene:
     """Return what is identified: the user's file with wrong starting values, and the truth of what it estimates."""
     user, right = user_file(name), truth(name)
     known = scenes.coefficients(user)
