@@ -47,8 +47,9 @@ ENDINGS: Final = {
 }
 LEVELS: Final[dict[Grade, sheet.Level]] = {"trusted": "good", "usable": "caution", "do not use": "bad"}
 VALIDATION_LEAD: Final = (
-    "Nothing was fitted here: the initial state comes from the first 0.2 s of measurements (with rotors, anew each second "
-    "from what is measured there), the sensor biases from the fitted maneuvers, the wind from outside the windows. Theil’s "
+    "No parameter was fitted here: the initial state is estimated with the model from the second before each window (with "
+    "rotors, anew each second), the sensor biases are those of the fitted maneuvers, the wind is from outside the windows. The "
+    "band holds 95 % of readings: uncertain initial state and parameters, and noise. Theil’s "
     "inequality coefficient, 0 for a perfect match and 1 at worst, below 10 Hz; beneath it that of a first-order lag, which "
     "learned from the fitted maneuvers, is given all commands, and is granted a bias of its own. A model that a lag can match "
     "has shown little."
@@ -186,14 +187,16 @@ def _match(result: Result, role: Role) -> str:
     maneuvers = [m for m in result.maneuvers if m.role == role]
     if not maneuvers:
         return "" if role == "fit" else "No window was held back, so the prediction error is not known."
-    found = sorted(
-        (one.theil, name) for m in maneuvers for name, one in m.channels.items() if math.isfinite(one.theil)
-    )
-    parts = []
+    known = [(one, name) for m in maneuvers for name, one in m.channels.items() if math.isfinite(one.theil)]
+    found = sorted((one.theil, name) for one, name in known if not one.below_noise)
+    calm, parts = len(known) - len(found), []
     if found:
         (least, best), (most, worst) = found[0], found[-1]
         span = f"from {least:.3f} ({best}) to {most:.3f} ({worst})"
         parts.append(f"Theil’s coefficient runs {span}, 0 being perfect and 1 worst")
+    if calm:
+        moves = count(calm, "channel moves", "channels move")
+        parts.append(f"{moves} less than the noise and cannot judge the model")
     compared, lost = _compared(result, role), _lost(result, role)
     if compared:
         better = sum(compared)
@@ -209,7 +212,7 @@ def _match(result: Result, role: Role) -> str:
 def _compared(result: Result, role: Role) -> list[bool]:
     """Return for each channel that has a baseline whether the model beats it."""
     channels = [one for m in result.maneuvers if m.role == role for one in m.channels.values()]
-    return [one.theil < one.baseline_theil for one in channels if math.isfinite(one.baseline_theil)]
+    return [one.better for one in channels if one.compared]
 
 
 def _lost(result: Result, role: Role) -> list[str]:

@@ -103,7 +103,7 @@ def test_what_a_reader_looks_for_is_there(page: Page, examples: ModuleType) -> N
         "Usable for what was fitted, with reservations",
         "Residuals are colored",
         "flight2, 140–145 s",
-        "Prediction: nothing was fitted here",
+        "Prediction: no parameter was fitted here",
         "not identifiable",
         "at its bound",
         "V and alpha are reconstructed from inertial velocity",
