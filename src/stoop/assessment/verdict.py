@@ -219,8 +219,9 @@ def _lost(maneuvers: Sequence[ManeuverResult], channels: Iterable[str]) -> tuple
 
 
 def _beaten(one: GoodnessOfFit) -> bool:
-    """Whether a trivial model matches as well; not where residuals are white: only noise is left, and chance decides."""
-    return one.lost or (one.r2 < LIMITS.r2 and one.whiteness.verdict != "white")
+    """Whether a trivial model matches as well; not where only noise is left, or nothing but noise was flown."""
+    worse_than_mean = one.r2 < LIMITS.r2 and one.whiteness.verdict != "white" and not one.below_noise
+    return one.lost or worse_than_mean
 
 
 def _channels(result: Result) -> tuple[str, ...]:
