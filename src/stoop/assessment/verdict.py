@@ -38,6 +38,9 @@ class Limits:
     error: float = 0.2  #: relative standard error of a needed parameter that a use allows
     unknown: float = 0.5  #: share of parameters at a bound or not identifiable that a result may have
     not_predicted: float = 0.5  #: share of curves matched no better than trivially that a result may have
+    inside: float = (
+        0.5  #: share of readings within the 95 % band of a prediction that a trusted model has at least
+    )
     r2: float = 0.0  #: coefficient of determination below which a curve is worse than its mean
     size: float = 1e3  #: rms error over the noise of the fit, beyond which a simulation has diverged
     chance: float = 0.01  #: probability of as much scatter below which maneuvers disagree
@@ -263,6 +266,11 @@ def _doubts(result: Result) -> list[Notice]:
     found += [_notice_of_unknown(result, unknown)] if unknown else []
     if not any(m.role == "validation" for m in result.maneuvers):
         found.append(notice("verdict-no-held-back"))
+    for m in result.maneuvers:
+        outside = tuple(c for c, one in m.channels.items() if one.inside < LIMITS.inside)
+        if outside:
+            least = min(m.channels[c].inside for c in outside)
+            found.append(notice("verdict-outside", m.window, channels=outside, least=least))
     if not result.extensions.tested:
         found.append(notice("verdict-not-tested", result.method))
     if sum(m.role == "fit" for m in result.maneuvers) < 2:

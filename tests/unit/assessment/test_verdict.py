@@ -39,6 +39,8 @@ USES = (
 )
 MATCHED, LOST = GoodnessOfFit(0.1, 0.1, 0.9, 0.2), GoodnessOfFit(0.5, 0.5, 0.1, 0.2)
 
+OUTSIDE = dataclasses.replace(MATCHED, inside=0.4)
+
 
 def maneuver(start: float, role: Any, **channels: GoodnessOfFit) -> ManeuverResult:
     return ManeuverResult("f", start, start + 5.0, role, (), {"p": MATCHED, "V": MATCHED} | channels)
@@ -116,6 +118,10 @@ def test_refused(changes: dict[str, Any], code: str) -> None:
         ({"extensions": ExtensionTests()}, "verdict-not-tested"),
         ({"maneuvers": result().maneuvers[:2]}, "verdict-no-held-back"),
         ({"maneuvers": result().maneuvers[1:]}, "verdict-one-maneuver"),
+        (
+            {"maneuvers": (*result().maneuvers[:2], maneuver(10.0, "validation", V=OUTSIDE))},
+            "verdict-outside",
+        ),
         ({"notices": (as_notice("the pitot reads zero"),)}, "verdict-warnings"),
     ],
 )
