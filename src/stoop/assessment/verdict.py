@@ -139,6 +139,8 @@ def verdict(result: Result, needed: Sequence[Use]) -> Verdict:
         grade, judged = "do not use", tuple(replace(use, justified=False) for use in judged)
     elif not doubts and not _lost(_judging(result), _channels(result)):
         grade = "trusted"
+    if any(found.code == "verdict-form" for found in refusals):  # the same extension, with what it moves
+        doubts = [found for found in doubts if found.code != "verdict-lacks"]
     against = [*refusals, *(found for use in judged for found in use.against), *doubts]
     named = dict.fromkeys(name for found in against for name in _parameters(found))
     known = result.identifiability.parameters
