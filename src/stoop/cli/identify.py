@@ -246,3 +246,5 @@ def show(job: Job, folder: Path) -> None:
     ended = f"{result.status}: {result.advice}" if result.advice else result.status
     out.line(f"{ended} ({result.trajectories:.0f} trajectories, {result.seconds:.1f} s)")
     out.line(f"report: {folder / 'report.html'}")
+    out.heading(f"verdict: {result.verdict.headline}")
+    out.bullets([*result.verdict.reasons, *result.verdict.advice])

@@ -15,6 +15,7 @@ from stoop.assessment.extensions import extension_notices, extension_tests
 from stoop.assessment.goodness_of_fit import left_out_residuals, press_notices
 from stoop.assessment.modes import modes
 from stoop.assessment.uncertainty import with_uncertainty
+from stoop.assessment.verdict import uses, verdict
 from stoop.base.notices import as_notice, notice, of_severity
 from stoop.base.variables import VARIABLES
 from stoop.estimate.excitation import ratios, too_few
@@ -118,8 +119,9 @@ def identification(
         *basis_notices(vehicle, flights, color),
         *data_notices([*of_flights, *of_severity(prepared, "info")]),
     ]
+    result = replace(result, notices=tuple(notices), seconds=time.perf_counter() - began)
     return Identification(
-        result=replace(result, notices=tuple(notices), seconds=time.perf_counter() - began),
+        result=replace(result, verdict=verdict(result, uses(vehicle))),
         traces=traces,
         vehicle=vehicle.name,
         equations=vehicle.kernel().latex,
