@@ -87,6 +87,11 @@ AS_TEXT: Mapping[str, Any] = MappingProxyType({"sentences": "; "})
 AS_PARAGRAPH: Mapping[str, Any] = MappingProxyType({"sentences": ". "})
 
 
+def paragraph(notices: Iterable[Notice]) -> str:
+    """Return the sentences of several notices as one text, which ends without a stop, as a notice does."""
+    return str(AS_PARAGRAPH["sentences"]).join(map(str, notices))
+
+
 @functools.cache
 def table() -> Mapping[str, Kind]:
     """Return code -> row of ``data/notices.toml``."""

@@ -10,6 +10,7 @@ import numpy as np
 from markupsafe import Markup, escape
 
 from stoop.assessment.covariance import NORMAL_95, correlation
+from stoop.base.notices import paragraph
 from stoop.base.numbers import NOTHING, clock, compact, number, readable_unit, rounded_to_error, window
 from stoop.report.charts import correlation_map, forest_row, method_intervals, repeatability_panel
 from stoop.report.sheet import (
@@ -271,7 +272,7 @@ def _identifiability(identification: Identification) -> list[Part]:
     rows = tuple(
         (
             label(identification, name), str(one.doubt), number(one.multiple_correlation, 5), ", ".join(one.partners),
-            ". ".join(map(str, one.advice)),
+            paragraph(one.advice),
         )
         for name, one in found.parameters.items()
         if one.doubt

@@ -77,7 +77,7 @@ def settled(data: str) -> Posed:
     def refined(problem: Misfit, z: FloatArray) -> FloatArray:
         return optimize.refine(optimize.Ledger(problem, Evaluations.none(problem)), z, 0, FULL).z
 
-    z = problem.layout.unit(np.array([p.value for p in problem.layout.parameters]))
+    z = problem.layout.start
     for _ in range(5):
         z = refined(problem, z)
         problem = problem.weighted(Weights.of(effective_variance(problem, channel_residuals(problem, z))))

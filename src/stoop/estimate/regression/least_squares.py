@@ -234,7 +234,7 @@ class Equations(ABC):
         layout, places = self.layout, list(self.places)
         zero = np.array([*layout.lower, *(n.center for n in layout.nuisances)])
         z = np.zeros(len(zero))
-        z[: layout.dimension] = (np.array([p.value for p in layout.parameters]) - layout.lower) / layout.width
+        z[: layout.dimension] = layout.start
         z[places] = (values - zero[places]) / layout.scales[places]
         return z
 
