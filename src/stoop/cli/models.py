@@ -140,9 +140,8 @@ def structure(arguments: argparse.Namespace) -> int:
     out.bullets([*of_terms, *found.structure.notices], "notes")
     out.line()
     out.line(f"page: {arguments.output / 'structure.html'}")
-    command = ["stoop", "identify", *map(str, arguments.flight)]
-    command += ["--vehicle", str(arguments.output / "vehicle.toml"), "--maneuver", *arguments.maneuver]
-    out.command("next: ", [*command, "-o", f"{arguments.output}-result"])
+    made = arguments.output / "vehicle.toml"
+    out.command("next: ", options.identify_command(arguments, f"{arguments.output}-result", vehicle=made))
     return 0
 
 
