@@ -17,17 +17,19 @@ from typing import Final
 
 import numpy as np
 
-from stoop.assessment.error_bars import error_bars
+from stoop.assessment.error_bars import ErrorBars, error_bars
 from stoop.assessment.extensions import extension_tests
 from stoop.base.notices import Notice, notice
 from stoop.estimate import methods
 from stoop.estimate.fit import Fit, Options
+from stoop.estimate.initial_state import FittedModel
 from stoop.estimate.noise import channel_residuals, noise_variance
-from stoop.estimate.predict import predict
+from stoop.estimate.predict import identified_vehicle, mean_biases, predict
 from stoop.flight import Flight
 from stoop.problem import on_circle
 from stoop.problem.windows import Window
 from stoop.results.extensions import ExtensionTest
+from stoop.results.result import Covariance, NoiseCovariance
 from stoop.vehicle import Vehicle
 from stoop.vehicle.document import with_entries
 from stoop.vehicle.extensions import extended
@@ -50,9 +52,8 @@ class Candidate:
 
     vehicle: Vehicle
     fit: Fit
-    prediction: (
-        float  #: mean squared prediction error in the held-back windows, in noise variances; NaN without one
-    )
+    bars: ErrorBars
+    prediction: float  #: log-likelihood of the held-back windows under their prediction
 
 
 def extend(
@@ -79,7 +80,7 @@ def extend(
         held_back = [last]
     best, notices = _fit(vehicle, flights, fitted, held_back, options), list[Notice]()
     for _ in range(MAX_ROUNDS):
-        found = extension_tests(best.fit, error_bars(best.fit)).found
+        found = extension_tests(best.fit, best.bars).found
         if not found:
             break
         known = {one.name: one for one in extended(best.vehicle)[1]}
@@ -91,16 +92,12 @@ def extend(
             candidate = _fit(longer, flights, fitted, held_back, options)
             tried.append((tests[name], candidate, _gain(best.fit, candidate.fit)))
         test, better, gain = max(tried, key=lambda one: one[2])
-        predicted = better.prediction < best.prediction or not held_back
-        kept = gain > 0.0 and predicted
+        ahead = better.prediction - best.prediction
+        kept = gain > 0.0 and (ahead > 0.0 or not held_back)
         code = (
             "extension-refused" if not kept else "extension-kept" if held_back else "extension-kept-unchecked"
         )
-        notices.append(
-            notice(
-                code, test.name, line=test.line, gain=gain, before=best.prediction, after=better.prediction
-            )
-        )
+        notices.append(notice(code, test.name, line=test.line, gain=gain, ahead=ahead))
         if not kept:
             break
         best = better
@@ -115,18 +112,30 @@ def _fit(
     options: Options,
 ) -> Candidate:
     found = methods.find(options.method).fitter()(vehicle, flights, fitted, options, None, None)
-    return Candidate(vehicle, found, _prediction_error(found, flights, held_back))
+    bars = error_bars(found)
+    return Candidate(vehicle, found, bars, _predictive_score(found, bars, flights, held_back))
 
 
-def _prediction_error(fit: Fit, flights: Mapping[str, Flight], windows: Sequence[Window]) -> float:
-    """Return the mean squared error of the prediction of windows, in the variances that the fit left."""
-    if not windows:
-        return math.nan
-    prepared, readings = predict(fit, flights, windows)
-    variance = noise_variance(fit.problem, channel_residuals(fit.problem, fit.z))
-    outputs = fit.problem.layout.vehicle.outputs
-    errors = [on_circle(p.measured - y, outputs) for p, y in zip(prepared.pieces, readings, strict=True)]
-    return float(np.nanmean(np.concatenate(errors) ** 2 / variance))
+def _predictive_score(
+    fit: Fit, bars: ErrorBars, flights: Mapping[str, Flight], windows: Sequence[Window]
+) -> float:
+    """Return the log-likelihood of the record of windows under their prediction; correlated errors count less."""
+    problem, names = fit.problem, tuple(p.name for p in fit.problem.layout.parameters)
+    outputs = problem.layout.vehicle.outputs
+    variance = noise_variance(problem, channel_residuals(problem, fit.z))
+    model = FittedModel(
+        identified_vehicle(fit),
+        Covariance(names, bars.covariance[: len(names), : len(names)]),
+        NoiseCovariance(outputs, np.diag(variance), fit.inflation),
+    )
+    ahead = predict(model, flights, windows, [mean_biases(fit, window.flight) for window in windows])
+    score = 0.0
+    for piece, readings, deviation in zip(
+        ahead.prepared.pieces, ahead.readings, ahead.deviations, strict=True
+    ):
+        standard = on_circle(piece.measured - readings, outputs) / deviation
+        score -= float(np.nansum(standard**2 + 2.0 * np.log(deviation) + 0.0 * standard))
+    return 0.5 * score / fit.inflation
 
 
 def _gain(before: Fit, after: Fit) -> float:
