@@ -9,13 +9,15 @@ import pytest
 from stoop import optimize
 from stoop.errors import FlightError, IdentificationError, VehicleError
 from stoop.estimate.fit import Options, estimation_problem, fit, refine, settle, starts
+from stoop.estimate.initial_state import FittedModel
 from stoop.estimate.noise import channel_residuals, noise_variance
-from stoop.estimate.predict import mean_biases, predict
+from stoop.estimate.predict import identified_vehicle, mean_biases, predict
 from stoop.estimate.regression import start_value
 from stoop.flight import Flight
 from stoop.problem import Misfit
 from stoop.problem.observation import first_complete, guess_start
 from stoop.problem.windows import Window
+from stoop.results.result import Covariance, NoiseCovariance
 from stoop.simulation import START_NAMES
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import parse_maneuver
@@ -182,8 +184,10 @@ def test_biases_for_a_prediction_come_from_the_same_flight(aircraft: Vehicle, wr
     found = fit(wrong, flights, [Window("a", 0.0, 20.0), Window("b", 0.0, 20.0)], Options())
     assert mean_biases(found, "a")["sensors.q.bias"] == pytest.approx(0.03, abs=0.003)
     assert mean_biases(found, "b")["sensors.q.bias"] == pytest.approx(-0.03, abs=0.003)
-    prepared, simulated = predict(found, flights, [Window("b", 20.0, 28.0)])
-    error = prepared.pieces[0].measured[:, 2] - simulated[0][:, 2]
+    noise = NoiseCovariance(wrong.outputs, found.problem.weights.covariance)
+    model = FittedModel(identified_vehicle(found), Covariance((), np.empty((0, 0))), noise)
+    ahead = predict(model, flights, [Window("b", 20.0, 28.0)], [mean_biases(found, "b")])
+    error = ahead.prepared.pieces[0].measured[:, 2] - ahead.readings[0][:, 2]
     assert np.sqrt(np.mean(error**2)) < 0.02
 
 
