@@ -270,27 +270,42 @@ def windowed_covariance(
     """
     if sum(len(e) - 1 for e in edges) < MIN_WINDOWS:
         return None
-    filled = [segment.filled() for segment in segments]
-    rows = [j.reshape(-1, j.shape[2]) for _, j in filled]
-    inverse = invert(prior + sum(j.T @ j for j in rows))
+    inverse = invert(data_information(segments) + prior)
     middle = prior.copy()
-    for (residual, jacobian), own, (gap, gap_jacobian) in zip(filled, edges, gaps, strict=True):
-        # each window's residuals (w, m) with the gap behind it, and their derivatives (w, m, k)
-        length, starts = int(np.min(np.diff(own))), own[:-1]
-        r = np.stack([residual[a : a + length].ravel() for a in starts])
-        S = np.stack([jacobian[a : a + length].reshape(r.shape[1], -1) for a in starts])
-        r = np.concatenate([r, np.pad(gap, [(0, 1), (0, 0)])], axis=1)
-        S = np.concatenate([S, np.pad(gap_jacobian, [(0, 1), (0, 0), (0, 0)])], axis=1)
-        alone = np.stack([leave_window_out(*one, inverse.factor) for one in zip(r, S, strict=True)])
+    for segment, own, (gap, gap_jacobian) in zip(segments, edges, gaps, strict=True):
+        r, S = by_window(segment, own, gap, gap_jacobian)
         met = gap_jacobian.reshape(-1, gap_jacobian.shape[2])
-        total, recent = np.zeros_like(prior), deque[FloatArray](maxlen=1 + max(0, min(NEIGHBORS, len(r) - 2)))
-        for S_w in S:  # the covariance of the scores' sum, and of neighbors
-            recent.appendleft(alone @ S_w)  # window of the residual, unknown
-            for lag, before in enumerate(recent):
-                pair = before[: len(r) - lag].T @ recent[0][lag:]
-                total += pair if lag == 0 else (1.0 - lag / (NEIGHBORS + 1.0)) * (pair + pair.T)
-        middle += total / len(r) - met.T @ met  # of all lags alike: no variance is negative then
+        middle += window_scatter(leave_windows_out(r, S, inverse.factor), S) - met.T @ met
     return marked(inverse.matrix @ middle @ inverse.matrix, inverse.determined)
+
+
+def by_window(
+    segment: PieceEvidence, edges: Sequence[int], gap: FloatArray, gap_jacobian: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return each window's residuals (w, m) with the gap behind it, and their derivatives (w, m, k)."""
+    residual, jacobian = segment.filled()
+    length, starts = int(np.min(np.diff(edges))), edges[:-1]
+    r = np.stack([residual[a : a + length].ravel() for a in starts])
+    S = np.stack([jacobian[a : a + length].reshape(r.shape[1], -1) for a in starts])
+    r = np.concatenate([r, np.pad(gap, [(0, 1), (0, 0)])], axis=1)
+    return r, np.concatenate([S, np.pad(gap_jacobian, [(0, 1), (0, 0), (0, 0)])], axis=1)
+
+
+def window_scatter(residuals: FloatArray, S: FloatArray) -> FloatArray:
+    """Return the covariance (k, k) of the sum of scores: residuals (w, m) of any window with derivatives (w, m, k) of any."""
+    count, k = len(residuals), S.shape[2]
+    total, recent = np.zeros((k, k)), deque[FloatArray](maxlen=1 + max(0, min(NEIGHBORS, count - 2)))
+    for S_w in S:  # the covariance of the scores' sum, and of neighbors
+        recent.appendleft(residuals @ S_w)  # window of the residual, unknown
+        for lag, before in enumerate(recent):
+            pair = before[: count - lag].T @ recent[0][lag:]
+            total += pair if lag == 0 else (1.0 - lag / (NEIGHBORS + 1.0)) * (pair + pair.T)
+    return total / count  # of all lags alike: no variance is negative then
+
+
+def leave_windows_out(r: FloatArray, S: FloatArray, factor: FloatArray) -> FloatArray:
+    """Return :func:`leave_window_out` of every window, (w, m)."""
+    return np.stack([leave_window_out(*one, factor) for one in zip(r, S, strict=True)])
 
 
 def leave_window_out(r: FloatArray, S: FloatArray, factor: FloatArray) -> FloatArray:

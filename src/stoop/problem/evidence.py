@@ -64,6 +64,13 @@ class PieceEvidence:
         """Where there is a measurement, (n, n_y)."""
         return np.isfinite(self.residual)
 
+    @property
+    def met(self) -> tuple[FloatArray, FloatArray]:
+        """Gaps (w - 1, e) and their derivatives (w - 1, e, k), both empty where no windows begin anew."""
+        if self.gaps is None or self.gap_jacobian is None:
+            return np.zeros((0, 0)), np.zeros((0, 0, self.jacobian.shape[2]))
+        return self.gaps, self.gap_jacobian
+
     def filled(self) -> tuple[FloatArray, FloatArray]:
         """Return residual and jacobian with zeros for what is missing."""
         there = self.present
