@@ -28,6 +28,7 @@ from stoop.vehicle.vehicle import slope_input
 if TYPE_CHECKING:
     from stoop.vehicle.symbolic.arrays import Equations
 
+PLAYED: Final = ("rate_limit", "dead_zone")  #: what acts on the recorded channels, not in the equations
 STEP: Final = 1e-6  #: of a state's size, for the Jacobians
 
 
@@ -171,9 +172,9 @@ class ExtendedModel:
         held = tuple(self.base.inputs.index(slope_input(c)) for c in self.base.sloped)
         return fly(self.equations, rows, start, inputs, held, dt)
 
-    def responses(self, at: Trajectory) -> tuple[FloatArray, FloatArray]:
+    def responses(self, at: Trajectory, piece: Piece) -> tuple[FloatArray, FloatArray]:
         """Return dx (n, n_x, m) and dy (n, n_y, m) of all extensions, per SI unit."""
-        changes = [self._change(one, at) for one in self.extensions]
+        changes = [self._change(one, at, piece) for one in self.extensions]
         found = at.responses(*(np.stack(parts, axis=2) for parts in zip(*changes, strict=True)))
         steps = np.array([one.step for one in self.extensions])
         return found[0] / steps, found[1] / steps
@@ -186,17 +187,21 @@ class ExtendedModel:
             dy[own] = late_outputs(self.base, part, rows, at.dt, moved).transpose(1, 2, 0)
         return dy
 
-    def _change(self, one: Extension, at: Trajectory) -> tuple[FloatArray, FloatArray]:
+    def _change(self, one: Extension, at: Trajectory, piece: Piece) -> tuple[FloatArray, FloatArray]:
         """Return df (n, n_x) and dh (n, n_y) of a step of an extension."""
-        rows, inputs, base = at.rows.copy(), at.inputs.copy(), self.base
+        rows, inputs, vehicle = at.rows.copy(), at.inputs, self.vehicle
         for name in one.numbers:
-            rows[self.vehicle.rows[name]] += one.step
-        for name in (name for c in one.inputs for name in (c, slope_input(c)) if name in base.inputs):
-            column = base.inputs.index(name)
-            inputs[column] = delayed(at.record[column], one.step / at.dt)[at.samples]
+            rows[vehicle.rows[name]] += one.value(one.step) - one.null
+        if one.kind in PLAYED:
+            inputs = late_inputs(vehicle, piece.inputs, rows[:, None], at.dt).T[:, at.samples]
+        elif one.inputs:
+            inputs = inputs.copy()
+            for name in (name for c in one.inputs for name in (c, slope_input(c)) if name in vehicle.inputs):
+                column = vehicle.inputs.index(name)
+                inputs[column] = delayed(at.record[column], one.step / at.dt)[at.samples]
         df, dh = at.change(rows, inputs)
-        for column in (base.outputs.index(c) for c in one.readings):
-            wrapped = base.outputs[column] in WRAPPED
+        for column in (vehicle.outputs.index(c) for c in one.readings):
+            wrapped = vehicle.outputs[column] in WRAPPED
             for own in at.stretches:
                 reading = at.reference[1][column, own]
                 whole = np.unwrap(reading) if wrapped else reading
@@ -212,7 +217,7 @@ def simulation_responses(problem: Misfit, z: FloatArray) -> Responses:
         rows, record = model.rows(known[:, 0]), model.received(piece, known)
         states = model.fly(rows, start[:, 0], record, piece.dt)
         at = Trajectory(model.equations, rows, states, record, np.arange(len(piece.time)), piece.dt)
-        dy = model.late(at, model.responses(at)[1], known, piece.moved)
+        dy = model.late(at, model.responses(at, piece)[1], known, piece.moved)
         out.append(whitened(problem, dy, np.isfinite(piece.measured)))
     return Responses(model.extensions, tuple(out))
 

@@ -81,7 +81,7 @@ def difference(
     """Return the response (N,) of the readings of one piece, and the difference of all residuals."""
     j = [one.name for one in found.extensions].index(name)
     one = found.extensions[j]
-    vehicle = with_entries(local.problem.layout.vehicle, one.entries(one.null + one.step))
+    vehicle = with_entries(local.problem.layout.vehicle, one.entries(one.value(one.step)))
     other = replace(local, problem=of_vehicle(local.problem, vehicle))
     wanted = (other.residuals(z[None], 0) - local.residuals(z[None], 0))[0] / one.step
     return found.pieces[0][:, :, j].ravel(), wanted
