@@ -23,6 +23,7 @@ from stoop.errors import StoopError
 from stoop.results.extensions import ExtensionTests
 from stoop.results.modes import ConditionModes
 from stoop.results.uncertainty import IdentifiabilityAnalysis, MethodIntervals, Repeatability
+from stoop.results.verdict import Verdict
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -246,6 +247,7 @@ class Result:
     extensions: ExtensionTests = field(
         default_factory=ExtensionTests
     )  #: what the data ask for beside the model
+    verdict: Verdict = field(default_factory=Verdict)  #: whether to use the model, for what, and why
 
     @property
     def warnings(self) -> tuple[str, ...]:

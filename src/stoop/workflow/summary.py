@@ -10,6 +10,7 @@ from typing import Final
 import numpy as np
 
 from stoop.assessment.error_bars import ErrorBars
+from stoop.assessment.verdict import CONFIRMED
 from stoop.base.notices import Notice, as_notice, notice, of_severity, paragraph
 from stoop.base.variables import EULER, RATES, SPECIFIC_FORCE, VELOCITY
 from stoop.checks.vehicle import check_lift, check_rotors, inertia_notices
@@ -29,7 +30,6 @@ SENSOR_FAULTS: Final = {
     "stuck": "sensor-fault-left-out",
 }  #: kinds of faults that affect a fit -> code
 MIN_CORRELATION_TIME: Final = 2.0  #: samples; from here on residuals count as colored
-CONFIRMED: Final = frozenset({"converged", "target"})  #: a search that ended so has found its optimum
 BASIC_METHODS: Final = ("corrected", "cramer_rao")  #: of uncertainty, that every result has
 SHOWN: Final = (
     *VELOCITY,
