@@ -342,8 +342,8 @@ def _all() -> Iterator[Defect]:
     )  # fmt: skip
     yield _term("CL", "CLalpha2", "alpha^2", -8.0, "curved lift")
     yield _wing(
-        "CDalpha2", "drag that grows with the square of alpha", "1.2", "CDalpha2",
-        user={"aerodynamics.CD.CDalpha2": False},
+        "CDalpha2", "drag that grows with the square of alpha", "3", "CDalpha2",
+        truth={"aerodynamics.CD.CDalpha2": 3.0}, user={"aerodynamics.CD.CDalpha2": False},
     )  # fmt: skip
     yield _term("Cm", "Cmalpha2", "alpha^2", -5.0, "a pitching moment that is not linear in alpha")
     yield _term("Cm", "Cmbeta", "beta", 0.05, "a pitching moment by sideslip", "mass.inertia.yz")
