@@ -21,7 +21,7 @@ that it is the same for all of them. A parameter's own ratio is then moderated b
 
 on d + nu_j degrees of freedom (Smyth). The half width of the 95 % interval is averaged over what the ratios leave open of s and
 d. A variance is never reduced: a ratio below 1 is chance. A parameter that one maneuver alone determines is widened by what
-the others have in common.
+the others have in common. The part of a variance that is the priors' is not widened.
 
 References
 ----------
@@ -53,11 +53,14 @@ class ClusterLimits:
     #: of a parameter's variance that the moves of the clusters are expected to show; below it one cluster alone
     #: determines the parameter
     min_share: float = 0.1
+    max_prior: float = (
+        0.5  #: of a parameter's variance, of the priors: the maneuvers cannot disagree about those
+    )
     #: grid of the degrees of freedom d of the population; infinite: the same excess for all parameters
     degrees: tuple[float, ...] = (1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0, 24.0, 32.0, 64.0, np.inf)
     excess: tuple[float, float, int] = (-2.3, 4.6, 70)  #: grid of log s^2
     #: standard deviation of log s^2 before any maneuver was seen: what a fit of few parameters leans on
-    prior: float = 1.0
+    prior: float = 2.0
 
 
 LIMITS: Final = ClusterLimits()
@@ -69,6 +72,7 @@ class Moves:
 
     ratio: FloatArray  #: (k,), t^2
     degrees: FloatArray  #: (k,), nu; zero where one cluster alone determines the parameter
+    prior: FloatArray  #: (k,), share of the priors in the variance
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,6 +114,7 @@ def cluster_moves(coloring: Coloring, noise: ColoredNoise, cluster_of: Sequence[
     score = np.zeros((clusters, len(row)))
     seen = np.zeros((clusters, *row.shape))  # information of a cluster times the rows
     noisy = np.zeros((clusters, *direction.shape))  # covariance of its score times the rows
+    priors = coloring.prior
     parts = zip(coloring.segments, coloring.blocks, total, cluster_of, strict=True)
     for segment, block, middle, g in parts:
         for residual, jacobian in _rows(segment):
@@ -119,9 +124,10 @@ def cluster_moves(coloring: Coloring, noise: ColoredNoise, cluster_of: Sequence[
         if segment.gaps is not None and segment.gap_jacobian is not None:
             gaps = segment.gap_jacobian.reshape(-1, len(row))
             noisy[g] += inverse.factor.T @ (gaps.T @ (gaps @ row))
+            priors = priors - gaps.T @ gaps
     for g, own in enumerate(_own_unknowns(coloring, cluster_of, clusters)):
         score[g, own] = 0.0
-        prior = coloring.prior[np.ix_(own, own)] @ row[own]
+        prior = priors[np.ix_(own, own)] @ row[own]
         seen[g, own] += prior
         noisy[g] += inverse.factor[own].T @ prior
     answer = np.einsum("kr,gkj->jgr", inverse.factor, seen)  # of a cluster's score to the scores of all
@@ -133,10 +139,13 @@ def cluster_moves(coloring: Coloring, noise: ColoredNoise, cluster_of: Sequence[
     expected = np.einsum("jgg->j", covariance)
     squares = np.sum(covariance**2, axis=(1, 2))
     variance = np.einsum("rj,rs,sj->j", direction, coloring.spread(total), direction)
-    told = inverse.determined[:count] & (expected > LIMITS.min_share * variance)
+    known = np.einsum("kj,kl,lj->j", row, priors, row) / variance
+    told = inverse.determined[:count] & (known < LIMITS.max_prior) & (expected > LIMITS.min_share * variance)
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio, degrees = np.sum((score @ row) ** 2, axis=0) / expected, expected**2 / squares
-    return Moves(np.where(told, ratio, 1.0), np.where(told, degrees, 0.0))
+    return Moves(
+        np.where(told, ratio, 1.0), np.where(told, degrees, 0.0), np.clip(np.nan_to_num(known), 0.0, 1.0)
+    )
 
 
 def _rows(segment: PieceEvidence) -> Iterator[tuple[FloatArray, FloatArray]]:
@@ -168,7 +177,8 @@ def moderated_scatter(moves: Moves, clusters: int) -> Scatter:
         widths += row @ np.sqrt(np.maximum(variances, 1.0)) * quantile
     shares = np.cumsum(weights.sum(axis=0))
     median = float(np.exp(0.5 * logs[np.searchsorted(shares, 0.5)]))
-    return Scatter(clusters, int(told.sum()), median, widths)
+    stretch = np.sqrt(moves.prior + (1.0 - moves.prior) * widths**2)
+    return Scatter(clusters, int(told.sum()), median, stretch)
 
 
 def _weights(ratio: FloatArray, own: FloatArray, degrees: FloatArray, logs: FloatArray) -> FloatArray:

@@ -114,6 +114,11 @@ class ColoredNoise:
     edges: FloatArray | None = None  #: (b + 1,) of the bands, cycles per sample, 0 to 0.5
     coherency: ComplexArray | None = None  #: (b, ny, ny), Hermitian with unit diagonals
 
+    @classmethod
+    def white(cls, channels: int) -> ColoredNoise:
+        """Return noise of unit variance without memory."""
+        return cls(np.zeros((channels, 0)), np.eye(channels))
+
     def gain(self, size: int) -> ComplexArray:
         """Return the frequency response (size // 2 + 1, ny) from innovation to noise, for an FFT of `size`.
 
@@ -267,6 +272,7 @@ class Coloring:
 
     @cached_property
     def blocks(self) -> tuple[_Block, ...]:
+        """Spectra of the sensitivities, segment by segment."""
         return tuple(_Block.of(segment, self.inverse.factor) for segment in self.segments)
 
 

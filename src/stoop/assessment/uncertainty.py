@@ -67,6 +67,8 @@ MAX_PRIOR_SHARE: Final = 0.5
 def with_uncertainty(result: Result, fit: Fit, bars: ErrorBars) -> Result:
     """Return the result with its two error bars side by side, which to trust, and what the data can tell."""
     errors = {"corrected": bars.std}
+    if bars.scatter is not None:
+        errors["conditional"] = bars.conditional_std
     if not np.isnan(bars.cramer_rao_std).all():  # a method that takes residuals as white has none to compare
         errors["cramer_rao"] = bars.cramer_rao_std
     methods = {}
@@ -122,9 +124,15 @@ def method_agreement(
     if "corrected" not in methods:
         return ()
     sure = {name: p for name, p in parameters.items() if p.identifiable and not p.at_bound}
-    pairs = (("corrected", "cramer_rao"), ("bootstrap", "corrected"), ("posterior", "corrected"))
+    given = "conditional" if "conditional" in methods else "corrected"  # like the bootstrap: given the model
+    pairs = ((given, "cramer_rao"), ("bootstrap", given), ("posterior", "corrected"))
     color, bootstrap, posterior = (_ratios(sure, methods, *pair) for pair in pairs)
-    out = []
+    apart = _ratios(sure, methods, "corrected", "conditional")
+    out = [
+        notice("agreement-maneuvers", ratio=float(np.median(list(apart.values()))))
+        if apart
+        else notice("agreement-one-maneuver")
+    ]
     if color:
         typical = float(np.median(list(color.values())))
         code = "agreement-white" if typical < COLORED_RATIO else "agreement-colored"

@@ -31,6 +31,10 @@ EXPERIMENTS: Final[Mapping[str, tuple[str, str]]] = {
     name: (f"stoop_studies.verify.{name}", line)
     for name, line in (
         ("coverage", "how often 95 % intervals hold the truth (400 flights each)"),
+        (
+            "misspecified",
+            "intervals of models that lack terms, gusts or sensor defects of the truth (100 flights each)",
+        ),
         ("delays", "delays of inputs and outputs, fractions of a sample (40 flights, twice)"),
         ("nist", "certified regressions of NIST, from both starts; reads --data DIR"),
         ("export", "exported aircraft flown by JSBSim beside our own simulation"),
