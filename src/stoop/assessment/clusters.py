@@ -20,8 +20,9 @@ that it is the same for all of them. A parameter's own ratio is then moderated b
 .. math:: (d s^2 + \nu_j t_j^2) / (d + \nu_j),
 
 on d + nu_j degrees of freedom (Smyth). The half width of the 95 % interval is averaged over what the ratios leave open of s and
-d. A variance is never reduced: a ratio below 1 is chance. A parameter that one maneuver alone determines is widened by what
-the others have in common. The part of a variance that is the priors' is not widened.
+d, and over whether the model is right, of which there is an even chance beforehand. A variance is never reduced: a ratio below
+1 is chance. A parameter that one maneuver alone determines is widened by what the others have in common. The part of a variance
+that is the priors' is not widened.
 
 References
 ----------
@@ -61,6 +62,8 @@ class ClusterLimits:
     excess: tuple[float, float, int] = (-2.3, 4.6, 70)  #: grid of log s^2
     #: standard deviation of log s^2 before any maneuver was seen: what a fit of few parameters leans on
     prior: float = 2.0
+    #: probability, before any maneuver was seen, that the model is right: no excess in any parameter
+    right: float = 0.5
 
 
 LIMITS: Final = ClusterLimits()
@@ -81,7 +84,7 @@ class Scatter:
 
     clusters: int
     compared: int  #: parameters that two clusters or more determine
-    excess: float  #: s, the factor on standard errors that parameters have in common; its median
+    excess: float  #: s, the factor on standard errors that parameters have in common; its geometric mean
     stretch: (
         FloatArray  #: (k,), factor on each standard error, at least 1: half width of the interval over 1.96
     )
@@ -168,29 +171,35 @@ def moderated_scatter(moves: Moves, clusters: int) -> Scatter:
     """Return the scatter of clusters, each parameter's own ratio moderated by that of all."""
     told = moves.degrees > 0.0
     degrees, logs = np.array(LIMITS.degrees), np.linspace(*LIMITS.excess)
-    weights = _weights(moves.ratio[told], moves.degrees[told], degrees, logs)
-    widths = np.zeros(len(told))
+    weights, right = _weights(moves.ratio[told], moves.degrees[told], degrees, logs)
+    widths = np.full(len(told), right)
     for d, row in zip(degrees, weights, strict=True):
         share = 0.0 if np.isinf(d) else moves.degrees / (d + moves.degrees)  # of a parameter's own ratio
         quantile = stats.t.ppf(0.975, d + moves.degrees) / NORMAL_95
         variances = (1.0 - share) * np.exp(logs)[:, None] + share * moves.ratio
         widths += row @ np.sqrt(np.maximum(variances, 1.0)) * quantile
-    shares = np.cumsum(weights.sum(axis=0))
-    median = float(np.exp(0.5 * logs[np.searchsorted(shares, 0.5)]))
+    excess = float(np.exp(0.5 * (weights.sum(axis=0) @ logs)))  # a right model has a logarithm of zero
     stretch = np.sqrt(moves.prior + (1.0 - moves.prior) * widths**2)
-    return Scatter(clusters, int(told.sum()), median, stretch)
+    return Scatter(clusters, int(told.sum()), excess, stretch)
 
 
-def _weights(ratio: FloatArray, own: FloatArray, degrees: FloatArray, logs: FloatArray) -> FloatArray:
-    """Return how probable each excess (s,) and degrees of freedom (d,) are given t^2 and nu (j,): (d, s), of sum 1."""
-    scaled = np.maximum(ratio, np.finfo(np.float64).tiny) / np.exp(logs)[:, None]
-    likelihood = np.empty((len(degrees), len(logs)))
-    for i, d in enumerate(degrees):
-        density = (
-            stats.chi2.logpdf(own * scaled, own) + np.log(own)
-            if np.isinf(d)
-            else stats.f.logpdf(scaled, own, d)
-        )
-        likelihood[i] = np.sum(density - logs[:, None], axis=1) - 0.5 * (logs / LIMITS.prior) ** 2
-    weights = np.exp(likelihood - likelihood.max())
-    return np.asarray(weights / weights.sum())
+def _weights(
+    ratio: FloatArray, own: FloatArray, degrees: FloatArray, logs: FloatArray
+) -> tuple[FloatArray, float]:
+    """Return how probable each excess (s,) and degrees of freedom (d,) are given t^2 and nu (j,): (d, s), and a right model."""
+    ratio = np.maximum(ratio, np.finfo(np.float64).tiny)
+    scaled = ratio / np.exp(logs)[:, None]
+
+    def chances(values: FloatArray, d: float) -> FloatArray:
+        if np.isinf(d):
+            return np.asarray(np.sum(stats.chi2.logpdf(own * values, own) + np.log(own), axis=-1))
+        return np.asarray(np.sum(stats.f.logpdf(values, own, d), axis=-1))
+
+    likelihood = np.array([chances(scaled, d) - len(ratio) * logs for d in degrees])
+    right = float(chances(ratio, np.inf))
+    top = max(float(likelihood.max()), right)
+    prior = np.exp(-0.5 * (logs / LIMITS.prior) ** 2)
+    weights = (1.0 - LIMITS.right) * prior / prior.sum() / len(degrees) * np.exp(likelihood - top)
+    chance = LIMITS.right * float(np.exp(right - top))
+    total = float(weights.sum()) + chance
+    return weights / total, chance / total

@@ -182,6 +182,8 @@ def error_bars(fit: Fit) -> ErrorBars:
 def _scatter(fit: Fit, found: Uncertainty, count: int) -> Scatter | None:
     """Return the scatter of the first `count` unknowns between maneuvers, or flights where these disagree more."""
     maneuvers = [segment.maneuver for segment in found.coloring.segments]
+    if len(set(maneuvers)) < 2:
+        return None
     flights = [fit.prepared.windows[m].flight if m >= 0 else "" for m in maneuvers]
     levels: list[list[Hashable]] = [[*maneuvers], [*flights]]
     levels = levels[: 1 if len(set(flights)) == len(set(maneuvers)) else 2]
