@@ -135,6 +135,14 @@ class ColoredNoise:
             power = (np.outer(std, std) * self.coherency)[band_numbers(self.edges, size)]
         return np.asarray(gain[:, :, None] * power * gain.conj()[:, None, :])
 
+    def variance(self, columns: FloatArray) -> FloatArray:
+        """Return the variances (m,) of the sums of noise times columns (n, n_y, m)."""
+        size = next_fast_len(2 * len(columns), real=True)
+        scale = _scale(size)[:, None, None]
+        transformed = rfft(columns, size, axis=0)
+        mixed = self.spectrum(size) @ transformed
+        return np.asarray(np.einsum("fim,fim->m", scale**2 * transformed.conj(), mixed).real)
+
 
 def band_edges(samples: int, channels: int) -> FloatArray:
     """Return edges (b + 1,) of bands, cycles per sample, in which so many samples determine a matrix of the channels."""

@@ -204,6 +204,14 @@ class Misfit:
         """Return the simulated readings (n, n_y) of one piece for a vector (D + E,)."""
         return np.asarray(self._trajectories(z[None, :], index, len(self.pieces[index].time))[0])
 
+    def slopes(self, z: FloatArray, index: int) -> tuple[FloatArray, FloatArray]:
+        """Return the simulated readings (n, n_y) of one piece and their derivatives (n, n_y, D + E) by differences."""
+        Z = z + np.concatenate([np.zeros((1, len(z))), STEP * np.eye(len(z))])
+        lanes = self._trajectories(Z, index, len(self.pieces[index].time))
+        with np.errstate(invalid="ignore", over="ignore"):
+            changes = on_circle(lanes[1:] - lanes[0], self.layout.vehicle.outputs)
+        return np.asarray(lanes[0]), np.moveaxis(changes, 0, 2) / STEP
+
     @cached_property
     def _quality(self) -> list[FloatArray]:
         """Weight (n, n_y) of every sample of each piece, for a diagonal Q."""

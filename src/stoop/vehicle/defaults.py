@@ -185,6 +185,11 @@ def _rotor_sizes(numbers: Mapping[str, Quantity]) -> dict[str, float]:
     }  # fmt: skip
 
 
+def rotor_size(kind: str, numbers: Mapping[str, Quantity]) -> float:
+    """Return the size of a load of rotors or body if it alone gave the thrust, the torque or the drag."""
+    return 0.05 if kind == "torque_ratio" else _rotor_sizes(numbers)[kind]
+
+
 def full_command(channel: str) -> float | None:
     """Return the value of a rotor's channel at full command; None where its name does not imply one."""
     full = {"motor_": 1.0, "servo_": 1.0, "control_": 1.0, "pwm_": 2000.0}

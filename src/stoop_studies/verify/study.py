@@ -35,6 +35,8 @@ EXPERIMENTS: Final[Mapping[str, tuple[str, str]]] = {
             "misspecified",
             "intervals of models that lack terms, gusts or sensor defects of the truth (100 flights each)",
         ),
+        ("extensions", "what a model lacks is named: size and power of the tests (20 flights a defect)"),
+        ("verdict", "how often the verdict refuses good models and trusts bad ones (416 cases)"),
         ("delays", "delays of inputs and outputs, fractions of a sample (40 flights, twice)"),
         ("nist", "certified regressions of NIST, from both starts; reads --data DIR"),
         ("export", "exported aircraft flown by JSBSim beside our own simulation"),
