@@ -20,7 +20,7 @@ that it is the same for all of them. A parameter's own ratio is then moderated b
 .. math:: (d s^2 + \nu_j t_j^2) / (d + \nu_j),
 
 on d + nu_j degrees of freedom (Smyth). The half width of the 95 % interval is averaged over what the ratios leave open of s and
-d, and over whether the model is right, of which there is an even chance beforehand. A variance is never reduced: a ratio below
+d, and over whether the model is right (a chance of 0.3 beforehand). A variance is never reduced: a ratio below
 1 is chance. A parameter that one maneuver alone determines is widened by what the others have in common. The part of a variance
 that is the priors' is not widened.
 
@@ -63,7 +63,7 @@ class ClusterLimits:
     #: standard deviation of log s^2 before any maneuver was seen: what a fit of few parameters leans on
     prior: float = 2.0
     #: probability, before any maneuver was seen, that the model is right: no excess in any parameter
-    right: float = 0.5
+    right: float = 0.3
 
 
 LIMITS: Final = ClusterLimits()
