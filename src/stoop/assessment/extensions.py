@@ -117,30 +117,40 @@ def extension_tests(fit: Fit, bars: ErrorBars) -> ExtensionTests:
         segments, prior = [piece.of(free) for piece in evidence.pieces], evidence.prior[np.ix_(free, free)]
         found = simulation_responses(fit.problem, fit.z)
         first = scores(segments, prior, found.pieces)
-        values = first.change + [one.null for one in found.extensions]
+        each = list(zip(found.extensions, first.change.tolist(), strict=True))
         count = max(int(first.tested.sum()), 1)
         p_values = np.minimum(1.0, 2.0 * count * norm.sf(np.abs(first.statistic)))
-        believed = [
-            e.believed[0] < value < e.believed[1] for e, value in zip(found.extensions, values, strict=True)
-        ]
+        believed = [one.believes(change) for one, change in each]
         order = [
             j for j in np.argsort(-first.gain, kind="stable") if believed[j] and p_values[j] < LIMITS.level
         ]
-        beside = np.full(len(values), np.nan)
+        beside = np.full(len(each), np.nan)
         if order:
             joined = [_joined(s, v, first, order[0]) for s, v in zip(segments, first.own, strict=True)]
             again = scores(joined, np.pad(prior, (0, 1)), found.pieces)
             beside[order[1:]] = again.statistic[order[1:]]
-        kept = order[: LIMITS.shown]
-        tests = tuple(
-            ExtensionTest(
-                one.name, one.kind, float(values[j]), float(first.std[j]), one.unit, float(first.statistic[j]),
-                float(p_values[j]), float(first.gain[j]), one.line(float(values[j])), float(beside[j]),
-                _rivals(first, found, j, order), _moves(first, j, bars, evidence.unknowns, free),
+        tests = []
+        for j in order[: LIMITS.shown]:
+            (one, change), std = each[j], float(first.std[j])
+            error = std / change**2 if one.reciprocal else std
+            tests.append(
+                ExtensionTest(
+                    name=one.name,
+                    kind=one.kind,
+                    value=one.value(change),
+                    std_error=error,
+                    unit=one.unit,
+                    statistic=float(first.statistic[j]),
+                    p_value=float(p_values[j]),
+                    gain=float(first.gain[j]),
+                    line=one.line(change),
+                    change=change,
+                    beside=float(beside[j]),
+                    rivals=_rivals(first, found, j, order),
+                    moves=_moves(first, j, bars, evidence.unknowns, free),
+                )
             )
-            for j, one in ((j, found.extensions[j]) for j in kept)
-        )  # fmt: skip
-    return ExtensionTests(int(first.tested.sum()), LIMITS.level, tests)
+    return ExtensionTests(int(first.tested.sum()), LIMITS.level, tuple(tests))
 
 
 def _joined(segment: PieceEvidence, own: FloatArray, found: Scores, index: int) -> PieceEvidence:

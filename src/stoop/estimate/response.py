@@ -16,7 +16,7 @@ from scipy.linalg import expm
 
 from stoop.base.arrays import FloatArray
 from stoop.base.variables import WRAPPED
-from stoop.problem.misfit import Misfit
+from stoop.problem.misfit import Misfit, Piece
 from stoop.simulation.delays import delayed, late_inputs, late_outputs
 from stoop.vehicle import Vehicle
 from stoop.vehicle.extensions import Extension, extended
@@ -25,6 +25,7 @@ from stoop.vehicle.vehicle import slope_input
 if TYPE_CHECKING:
     from stoop.vehicle.symbolic.arrays import Equations
 
+PLAYED: Final = ("rate_limit", "dead_zone")  #: what acts on the recorded channels, not in the equations
 STEP: Final = 1e-6  #: of a state's size, for the Jacobians
 
 
@@ -129,7 +130,7 @@ def simulation_responses(problem: Misfit, z: FloatArray) -> Responses:
         received = late_inputs(base, piece.inputs, known, piece.dt).T.astype(float)
         states = fly(equations, rows, start[:, 0], received, held, piece.dt)
         trajectory = Trajectory(equations, rows, states, received, piece.dt)
-        changes = [_change(one, base, vehicle, trajectory) for one in catalogue]
+        changes = [_change(one, vehicle, piece, trajectory) for one in catalogue]
         dy = trajectory.responses(*(np.stack(parts, axis=2) for parts in zip(*changes, strict=True)))
         late = late_outputs(
             base,
@@ -144,18 +145,21 @@ def simulation_responses(problem: Misfit, z: FloatArray) -> Responses:
     return Responses(catalogue, tuple(out))
 
 
-def _change(one: Extension, base: Vehicle, vehicle: Vehicle, at: Trajectory) -> tuple[FloatArray, FloatArray]:
-    """Return df (n, n_x) and dh (n, n_y) of a step of an extension of the base vehicle."""
-    rows, inputs = at.rows.copy(), at.inputs.copy()
+def _change(one: Extension, vehicle: Vehicle, piece: Piece, at: Trajectory) -> tuple[FloatArray, FloatArray]:
+    """Return df (n, n_x) and dh (n, n_y) of a step of an extension of the extended vehicle."""
+    rows, inputs = at.rows.copy(), at.inputs
     for name in one.numbers:
-        rows[vehicle.rows[name]] += one.step
-    for name in (name for c in one.inputs for name in (c, slope_input(c)) if name in base.inputs):
-        column = base.inputs.index(name)
-        inputs[column] = delayed(at.inputs[column], one.step / at.dt)
+        rows[vehicle.rows[name]] += one.value(one.step) - one.null
+    if one.kind in PLAYED:
+        inputs = late_inputs(vehicle, piece.inputs, rows[:, None], piece.dt).T
+    elif one.inputs:
+        inputs = inputs.copy()
+        for name in (name for c in one.inputs for name in (c, slope_input(c)) if name in vehicle.inputs):
+            column = vehicle.inputs.index(name)
+            inputs[column] = delayed(at.inputs[column], one.step / at.dt)
     df, dh = at.change(rows, inputs)
-    for column in (base.outputs.index(c) for c in one.readings):
-        reading = (
-            np.unwrap(at.reference[1][column]) if base.outputs[column] in WRAPPED else at.reference[1][column]
-        )
+    for column in (vehicle.outputs.index(c) for c in one.readings):
+        reading = at.reference[1][column]
+        reading = np.unwrap(reading) if vehicle.outputs[column] in WRAPPED else reading
         dh[column] += delayed(reading, one.step / at.dt) - reading
     return df.T, dh.T
