@@ -116,7 +116,7 @@ def run(arguments: argparse.Namespace) -> int:
         for doubt in check_vehicle(vehicle, known, fitted):
             watch.warn(str(doubt))
         files = file_hashes([*flight_files(flights), *options.given_paths(arguments.mapping)])
-        chosen = replace(settings, method=choose_method(settings.method, vehicle, flights).name)
+        chosen = replace(settings, method=choose_method(settings.method, vehicle, flights, fitted).name)
         problem = identity(vehicle, files, arguments.maneuver, arguments.validate, chosen)
         checkpoint = Checkpoint(arguments.output, problem, watch.warn)
         job, stopped = _identify(arguments, vehicle, flights, settings, checkpoint, watch)

@@ -50,10 +50,13 @@ class Innovations:
     def of(cls, v: FloatArray, gains: Gains, entries: IntArray, taken: FloatArray) -> Innovations:
         """Whiten innovations (1 + j, n, n_y) by the covariance of the first, and take differences by steps (j,)."""
         ny, S, which = v.shape[2], gains.covariance, gains.which
-        if not (np.isfinite(S[0]).all() and np.isfinite(v[0]).all()):
+        try:
+            lower = np.linalg.cholesky(S[0])  # NaN where the covariance is not finite
+        except np.linalg.LinAlgError:
+            lower = np.full(S[0].shape, np.nan)
+        if not (np.isfinite(lower).all() and np.isfinite(v[0]).all()):
             empty = np.zeros((*v.shape[1:], 0)), np.zeros((0, ny, ny, 0))
             return cls(v[0] * np.nan, np.inf, entries, *empty, which)
-        lower = np.linalg.cholesky(S[0])
         root = np.linalg.inv(lower)
         logs = 2.0 * np.sum(np.log(np.diagonal(lower, axis1=1, axis2=2)), axis=1)
         white = whitened_by(root, v, which)

@@ -63,13 +63,16 @@ def linearized(
     u[noise, np.arange(1 + 2 * ne, many)] = 1.0
     u = u.reshape(len(inputs), -1)
     p = np.broadcast_to(rows[:, None, None, :], (len(rows), *shape)).reshape(len(rows), -1)
-    after, readings = filtering.step(kernel, p, filtering.move(kernel, x, d), u, u, dt)
-    after, readings = after.reshape(nx, *shape), readings.reshape(-1, *shape)
-    inverse = perturbations_of(vehicle, after[:, 0])
-    up, down = (slice(None), slice(1, 1 + ne)), (slice(None), slice(1 + ne, 1 + 2 * ne))
-    state_slopes = (after[up] - after[down]) / (2.0 * steps[:, None, None])
-    reading_slopes = (readings[up] - readings[down]) / (2.0 * steps[:, None, None])
-    driven = after[:, 1 + 2 * ne :] - after[:, :1]
+    with np.errstate(
+        over="ignore", invalid="ignore", divide="ignore"
+    ):  # a candidate that diverges is a value
+        after, readings = filtering.step(kernel, p, filtering.move(kernel, x, d), u, u, dt)
+        after, readings = after.reshape(nx, *shape), readings.reshape(-1, *shape)
+        inverse = perturbations_of(vehicle, after[:, 0])
+        up, down = (slice(None), slice(1, 1 + ne)), (slice(None), slice(1 + ne, 1 + 2 * ne))
+        state_slopes = (after[up] - after[down]) / (2.0 * steps[:, None, None])
+        reading_slopes = (readings[up] - readings[down]) / (2.0 * steps[:, None, None])
+        driven = after[:, 1 + 2 * ne :] - after[:, :1]
     return LinearModels(
         np.einsum("exrb,xfrb->bref", inverse, state_slopes),
         np.ascontiguousarray(np.transpose(reading_slopes, (3, 2, 0, 1))),

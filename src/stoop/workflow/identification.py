@@ -247,8 +247,6 @@ def search(
     if len(rates) > 1:
         text = " and ".join(rates)
         raise FlightError(f"identify: the flights are sampled at {text} Hz; bring them to one rate first")
-    method = methods.choose_method(options.method, vehicle, known.values())
-    options = replace(options, method=method.name)
     if not maneuvers:
         raise FlightError(
             "identify: no maneuver is given; name at least one window START:STOP, see stoop info"
@@ -268,14 +266,16 @@ def search(
         spans = [(w.start, w.stop) for w in predicted if w.flight == name]
         known[name] = without_faults(without(flight, spans))
     prepare(vehicle, known, predicted)  # so that its errors come before the search
-    notices = list(method.notices)
+    choice = methods.choose_method(options.method, vehicle, known.values(), fitted)
+    notices: tuple[Notice, ...] = ()
     if extend:
         from stoop.workflow.extension import extend as extended
 
-        longer = extended(vehicle, known, fitted, predicted, options, watch)
-        vehicle, notices = longer.vehicle, [*notices, *longer.notices]
-    found = methods.find(method.name).fitter()(vehicle, known, fitted, options, callback, state)
-    found = replace(found, notices=(*notices, *found.notices))
+        named = replace(options, method=choice.name)
+        longer = extended(vehicle, known, fitted, predicted, named, watch)
+        vehicle, notices = longer.vehicle, longer.notices
+    method, found = choice.fit(vehicle, known, fitted, options, callback, state)
+    options, found = replace(options, method=method), replace(found, notices=(*notices, *found.notices))
     read = (Path(vehicle.where), *flight_files(known.values()), *files)
     return Search(found, known, predicted, options, inputs, read, began, command)
 
