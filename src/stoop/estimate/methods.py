@@ -24,10 +24,11 @@ from typing import Any, Final
 
 from stoop.base.notices import Notice, notice
 from stoop.base.text import nearest
-from stoop.base.variables import VARIABLES
+from stoop.base.variables import EULER, RATES, SPECIFIC_FORCE, VARIABLES
 from stoop.errors import IdentificationError
 from stoop.flight import Flight
 from stoop.vehicle import Vehicle
+from stoop.vehicle.schema import WIND
 from stoop.vehicle.vehicle import AIR_FRAME, GROUND_FRAME
 
 DEFAULT: Final = "output-error"
@@ -38,6 +39,9 @@ MIN_MOTOR_RATE: Final = 100.0
 """Hz. What moves the motors faster than half the rate of their log looks slow in it, and the vehicle seems to answer less. Of a
 simulated flight with shaken motors (tests/recovery/test_slow_motors.py) multiple shooting makes the inertia 0.39 too large at 50
 Hz, 0.13 at 100 Hz and 0.05 at 125 Hz; equation error 0.24, 0.06 and 0.03. Above, only multiple shooting knows its error bars."""
+#: with rotors where neither velocity nor attitude was recorded: rates are then all that regressors hold of the motion, their
+#: noise hardly biases, and a simulation would have to estimate the states of every window from nothing
+STATELESS: Final = "equation-error"
 GRID_SHARE: Final = 0.98  #: of the grid's rate: what was logged faster than that is used as it was logged
 
 
@@ -99,13 +103,18 @@ def choose_method(name: str, vehicle: Vehicle, flights: Iterable[Flight]) -> Met
     """Return the named method, or the one that suits vehicle and flights where none is named."""
     if name:
         return MethodChoice(name)
+    logs = tuple(flights)
     rates, channels = [MIN_MOTOR_RATE], {rotor.channel for rotor in vehicle.file.rotor.values()}
-    for flight in flights:
+    for flight in logs:
         for channel in channels & flight.sources.keys():  # measured speeds are smooth, commands are not
             rate = flight.sources[channel].rate
             if VARIABLES[channel].kind != "measurement" and 0.0 < rate < GRID_SHARE * flight.rate:
                 rates.append(rate)
     usual = USUAL[vehicle.frame]
+    recorded = [set(map(str, flight.data.data_vars)) for flight in logs]
+    sensed = all({*RATES, *SPECIFIC_FORCE} <= own and not own & {*WIND, *EULER} for own in recorded)
+    if logs and sensed and vehicle.frame == GROUND_FRAME:
+        return MethodChoice(STATELESS, (notice("no-states-recorded", method=STATELESS, other=usual),))
     if min(rates) >= MIN_MOTOR_RATE:
         return MethodChoice(usual)
     why = notice(
