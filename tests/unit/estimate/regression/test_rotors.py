@@ -23,6 +23,7 @@ from stoop.problem.windows import Window
 from stoop.simulation import initial_states, parameter_rows
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import builtin_vehicle
+from stoop.workflow.summary import prior_conflicts
 
 DT = 0.01
 TRUTH = {"rotors.T2": 7.0, "rotors.inflow": 0.3, "rotors.drag": 0.1}
@@ -164,3 +165,21 @@ def test_bootstrap_and_press_of_rotors() -> None:
     one = assessment(AssessedFit(fit, 0), lambda _: None).intervals.parameters["rotors.drag"]
     assert low == pytest.approx(one.ci95_lower, abs=1e-9)
     assert one.ci95_upper < low + 5e-3
+
+
+@pytest.mark.parametrize(("weighed", "contradicted"), [(1.0, ()), (1.2, ("sensors.az.bias",))])
+def test_a_bias_that_takes_up_a_wrong_mass_contradicts_its_prior(
+    weighed: float, contradicted: tuple[str, ...]
+) -> None:
+    """Thrust is held, mass 20 % wrong: the vertical accelerometer seems 2 m/s2 off, where 0.2 was expected."""
+    vehicle = builtin_vehicle("quad-x")
+    mass, free = vehicle.value("mass.mass"), ("rotors.drag", "sensors.az.bias")
+    held = {p.name: {"free": False} for p in vehicle.parameters if p.free and p.name not in free}
+    told = {"mass.mass": {"value": weighed * mass}, "sensors.az.bias": {"free": True, "prior": 0.2}}
+    own = vehicle.with_numbers({**held, **told})
+    noise = {c: 0.1 * np.random.default_rng(i).standard_normal(400) for i, c in enumerate(("ax", "ay", "az"))}
+    flight = flown(vehicle, False, {}, noise)
+    fit = equation_error(own, {"quad": flight}, [Window("quad", 0.0, 3.99)], Options())
+    found = prior_conflicts(fit)
+    assert tuple(n.subject for n in found) == contradicted
+    assert [n.values["prior"] for n in found] == [0.2] * len(contradicted)
