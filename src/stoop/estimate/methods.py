@@ -18,9 +18,9 @@ To add a method, write its function and add one line to `_METHODS`.
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
-from typing import Any, Final
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Final
 
 from stoop.base.notices import Notice, notice
 from stoop.base.text import nearest
@@ -30,7 +30,14 @@ from stoop.flight import Flight
 from stoop.vehicle import Vehicle
 from stoop.vehicle.vehicle import AIR_FRAME, GROUND_FRAME
 
+if TYPE_CHECKING:
+    from stoop.estimate.fit import Fit, Options
+    from stoop.problem.windows import Window
+
 DEFAULT: Final = "output-error"
+IN_GUSTS: Final = "filter-error"  #: where air data and inertial sensors show gusts
+SCORING: Final = "scoring"  #: the search of filter error, in its states
+CALM: Final = frozenset({DEFAULT, "multiple-shooting"})  #: take the effect of gusts for that of the aircraft
 #: by kind of vehicle: open loop one on rotors falls before a record ends
 USUAL: Final = {AIR_FRAME: DEFAULT, GROUND_FRAME: "multiple-shooting"}
 SLOW_MOTORS: Final = "equation-error"  #: with rotors whose motors were logged at less than `MIN_MOTOR_RATE`
@@ -93,10 +100,47 @@ class MethodChoice:
 
     name: str
     notices: tuple[Notice, ...] = ()
+    instead: str = ""  #: the method where this one, which the data called for, does not explain them
+
+    def fit(
+        self,
+        vehicle: Vehicle,
+        flights: Mapping[str, Flight],
+        windows: Sequence[Window],
+        options: Options,
+        callback: Callable[..., None] | None = None,
+        state: Any = None,
+    ) -> tuple[str, Fit]:
+        """Return the method that was used, and its fit."""
+        problem = (flights, windows, replace(options, method=self.name), callback)
+        fitter = find(self.name).fitter()
+        if not self.instead:
+            found = fitter(vehicle, *problem, state)
+            return self.name, replace(found, notices=(*self.notices, *found.notices))
+        from stoop.estimate.gusts import unexplained, with_turbulence
+
+        try:
+            found = fitter(with_turbulence(vehicle), *problem, state)
+            doubts = unexplained(found, self.name, self.instead)
+        except IdentificationError as error:  # a filter that diverges from every start
+            doubts = (notice("filter-diverges", text=str(error), method=self.instead),)
+        if not doubts:
+            return self.name, replace(found, notices=(*self.notices, *found.notices))
+        begun = None if state is None or state.optimizer == SCORING else state
+        name, found = MethodChoice(self.instead, doubts).fit(
+            vehicle, flights, windows, options, callback, begun
+        )
+        return name, found
 
 
-def choose_method(name: str, vehicle: Vehicle, flights: Iterable[Flight]) -> MethodChoice:
-    """Return the named method, or the one that suits vehicle and flights where none is named."""
+def choose_method(
+    name: str, vehicle: Vehicle, flights: Iterable[Flight], windows: Sequence[Window] = ()
+) -> MethodChoice:
+    """Return the named method, or the one that suits vehicle, flights and windows where none is named."""
+    flights = list(flights)
+    usual = USUAL[vehicle.frame]
+    if vehicle.frame == AIR_FRAME and (name or usual) in CALM and windows:
+        return _by_gusts(name or usual, not name, vehicle, {f.name: f for f in flights}, windows)
     if name:
         return MethodChoice(name)
     rates, channels = [MIN_MOTOR_RATE], {rotor.channel for rotor in vehicle.file.rotor.values()}
@@ -105,13 +149,31 @@ def choose_method(name: str, vehicle: Vehicle, flights: Iterable[Flight]) -> Met
             rate = flight.sources[channel].rate
             if VARIABLES[channel].kind != "measurement" and 0.0 < rate < GRID_SHARE * flight.rate:
                 rates.append(rate)
-    usual = USUAL[vehicle.frame]
     if min(rates) >= MIN_MOTOR_RATE:
         return MethodChoice(usual)
     why = notice(
         "motors-logged-slowly", rate=min(rates), limit=MIN_MOTOR_RATE, method=SLOW_MOTORS, other=usual
     )
     return MethodChoice(SLOW_MOTORS, (why,))
+
+
+def _by_gusts(
+    usual: str, free: bool, vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence[Window]
+) -> MethodChoice:
+    """Return the usual method in calm air; in gusts, filter error where the method is `free`, else what to expect."""
+    from stoop.estimate.gusts import exceed_sensors, gust_levels
+    from stoop.simulation.delays import output_delays
+
+    levels = gust_levels(vehicle, flights, windows)
+    if not exceed_sensors(vehicle, levels):
+        return MethodChoice(usual)
+    gusts = dict(zip("uvw", levels.tolist(), strict=True))
+    late = any(vehicle.parameters[row].free for _, row in output_delays(vehicle))  # a filter needs known ones
+    if late or not free:
+        return MethodChoice(usual, (notice("gusts-ignored", **gusts, method=usual, other=IN_GUSTS),))
+    return MethodChoice(
+        IN_GUSTS, (notice("gusts-filtered", **gusts, method=IN_GUSTS, other=usual),), instead=usual
+    )
 
 
 def find(name: str) -> Method:

@@ -16,6 +16,7 @@ from stoop.base.arrays import FloatArray, IntArray
 from stoop.base.variables import EULER
 from stoop.estimate.linearization import interpolated, perturbation_steps, perturbations_of, unwrapped
 from stoop.estimate.regression.rotors import lagged_command
+from stoop.estimate.response import ExtendedModel, Trajectory
 from stoop.kernels import filtering
 from stoop.kernels.windows import windows
 from stoop.optimize.normal_equations import gram, project
@@ -309,6 +310,27 @@ class Shots:
             gap_by_state = np.pad(shot.gap_by_state, [(0, m), (0, m)])
             gap_by_state[e:, e:] = np.eye(m)
         return Shot(left, shot.by_unknown, by_state, gap, by_unknown, gap_by_state)
+
+    def responses(
+        self, model: ExtendedModel, z: FloatArray, nodes: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return how readings (n, n_y, m) and gaps (w - 1, e, m) respond to extensions, each window from its beginning."""
+        rows, start = self.problem.candidates(z[None, :], self.index)
+        begins, edges, n = nodes[: len(start)].copy(), np.array(self.edges), len(self.piece.time)
+        begins[:, :1] = start
+        lasts = np.minimum(edges[1:], n - 1)
+        whole = edges[:-1] + np.arange(np.max(lasts - edges[:-1]) + 1)[:, None]
+        inside, record = whole <= lasts, model.received(self.piece, rows)
+        known, dt = model.rows(rows[:, 0]), self.piece.dt
+        states = model.fly(known, begins, record[:, np.minimum(whole, n - 1)], dt)
+        states = np.ascontiguousarray(np.swapaxes(states, 1, 2)[:, inside.T])
+        at = Trajectory(model.equations, known, states, record, whole.T[inside.T], dt)
+        dx, dy = model.responses(at, self.piece)
+        ends = [own.stop - 1 for own in at.stretches[:-1]]
+        inverse = perturbations_of(self.vehicle, np.ascontiguousarray(begins[:, 1:]))
+        gaps = np.einsum("exw,wxm->wem", inverse, dx[ends])
+        readings = np.delete(model.late(at, dy, rows, self.piece.moved), ends, axis=0)
+        return readings, np.pad(gaps, [(0, 0), (0, len(self.wind_columns)), (0, 0)])
 
     def integrate(
         self, rows: FloatArray, begin: FloatArray, which: IntArray

@@ -17,7 +17,7 @@ def write_entry(document: Any, keys: Sequence[str], value: Any) -> None:
     table = document
     for key in keys[:-1]:
         if key not in table:
-            table.add(key, tomlkit.table())
+            table.add(key, tomlkit.inline_table() if isinstance(table, InlineTable) else tomlkit.table())
         table = table[key]
     last: Any = keys[-1]
     if isinstance(table, list):

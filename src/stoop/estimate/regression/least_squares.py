@@ -146,6 +146,7 @@ class Rows:
     y: FloatArray  #: response (m,)
     X: FloatArray  #: regressors of all k parameters (m, k); zero columns for those that the equation lacks
     dt: float  #: s, sample period of the record
+    maneuver: int = 0  #: of which the stretch is; -1 for a row of all of them
 
     @property
     def used(self) -> BoolArray:
@@ -158,7 +159,7 @@ class Rows:
         X = both[:, 1:]
         if not domain.keeps_constants:
             X[:, np.linalg.norm(X, axis=0) <= ZERO_COLUMN * np.linalg.norm(self.X, axis=0)] = 0.0
-        return Rows(self.equation, both[:, 0], X, self.dt)
+        return replace(self, y=both[:, 0], X=X)
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,7 +190,8 @@ class Estimates:
             stretch = self.rows[first : first + count]
             residual = [(r.y - r.X @ self.values) / self.sigma[r.equation] for r in stretch]
             jacobian = [r.X / self.sigma[r.equation] for r in stretch]
-            out.append(PieceEvidence(np.stack(residual, axis=1), np.stack(jacobian, axis=1)))
+            piece = PieceEvidence(np.stack(residual, axis=1), np.stack(jacobian, axis=1))
+            out.append(replace(piece, maneuver=stretch[0].maneuver))
         return tuple(out)
 
 
@@ -301,7 +303,10 @@ def _with_constants(
             values = np.clip(values, priors.lower, priors.upper)
             # noise of the mean itself is white noise's: the slow part of it is in the residual of the band
             weight = sigma / float(np.std(left) / np.sqrt(len(y)))
-        means.append(Rows(equation, weight * np.mean(y)[None], weight * X.mean(axis=0)[None], own[0].dt))
+        mean = weight * np.mean(y)[None], weight * X.mean(axis=0)[None]
+        means.append(
+            Rows(equation, *mean, own[0].dt, own[0].maneuver if len({r.maneuver for r in own}) == 1 else -1)
+        )
     rows = (*found.rows, *means)
     return replace(found, values=values, rows=rows, covariance=_covariance(rows, spread, found.sigma))
 
@@ -314,7 +319,7 @@ def solve(rows: Sequence[Rows], priors: Priors) -> Estimates:
         triangle = np.asarray(np.linalg.qr(np.column_stack([r.X[:, own], r.y]), mode="r"))
         X = np.zeros((len(triangle), r.X.shape[1]))
         X[:, own] = triangle[:, :-1]
-        reduced.append(Rows(r.equation, triangle[:, -1], X, r.dt))
+        reduced.append(replace(r, y=triangle[:, -1], X=X))
     of = {name: [r for r in rows if r.equation == name] for name in dict.fromkeys(r.equation for r in rows)}
     floor = {c: max(1e-9 * max(float(np.max(np.abs(r.y))) for r in own), 1e-12) for c, own in of.items()}
     sigma = {c: float(np.std(np.concatenate([r.y for r in own]))) for c, own in of.items()}

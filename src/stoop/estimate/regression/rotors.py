@@ -175,7 +175,7 @@ class RotorEquations(Equations):
                 slopes[:, :, j] = (stretch.modeled(vehicle, rows, cache) - modeled) / step
             y = stretch.measured - modeled + slopes @ values
             out += [
-                Rows(name, y[:, i], slopes[:, i], stretch.piece.dt)
+                Rows(name, y[:, i], slopes[:, i], stretch.piece.dt, stretch.piece.maneuver)
                 for i, name in enumerate(ACCELERATIONS)
                 if name in self.equations
             ]
