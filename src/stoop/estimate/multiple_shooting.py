@@ -150,8 +150,9 @@ def refined(
     It begins at the best of some vectors (D + E,), and ends there after an interrupted search.
     """
     vehicle = problem.problem.layout.vehicle
-    nodes, schedule = [shots.measured_nodes() for shots in problem.shots], window_model(vehicle).strictness
-    at = min((problem.iterate(z, nodes) for z in begins), key=lambda p: p.cost)
+    schedule = window_model(vehicle).strictness
+    own = [[shots.measured_nodes(z) for shots in problem.shots] for z in begins]
+    at = min((problem.iterate(z, nodes) for z, nodes in zip(begins, own, strict=True)), key=lambda p: p.cost)
     if not np.isfinite(at.cost):
         length = problem.shots[0].edges[1] * problem.problem.pieces[0].dt
         raise IdentificationError(

@@ -35,6 +35,10 @@ MIN_FREQUENCIES: Final = 4  #: in the band of a record that is used
 WEIGHT_ROUNDS: Final = 3  #: alternations of estimates and residual variances
 MAX_ITERATIONS: Final = 8  #: of Gauss-Newton
 STEP_TOLERANCE: Final = 1e-3  #: in `Equations.scales`
+AR_ORDER: Final = 4  #: of the errors of an equation under feedback: those of one span of smoothing
+DETERMINED: Final = (
+    0.05  #: of the width of the bounds, within which forces tell a number that moments then take over
+)
 ZERO_COLUMN: Final = 1e-9  #: norm, of the largest column's, below which a column counts as zero
 
 
@@ -161,6 +165,24 @@ class Rows:
             X[:, np.linalg.norm(X, axis=0) <= ZERO_COLUMN * np.linalg.norm(self.X, axis=0)] = 0.0
         return replace(self, y=both[:, 0], X=X)
 
+    def filtered(self, coefficients: FloatArray) -> Rows:
+        """Return the rows less what the rows before predict with the coefficients (order,) of an autoregression.
+
+        The first rows, which have too few before them, are left out.
+        """
+        from scipy.signal import lfilter
+
+        order, taps = len(coefficients), np.concatenate([[1.0], -coefficients])
+        both = lfilter(taps, [1.0], np.column_stack([self.y, self.X]), axis=0)[order:]
+        return Rows(self.equation, both[:, 0], both[:, 1:], self.dt)
+
+
+def autoregression(errors: Sequence[FloatArray], order: int = AR_ORDER) -> FloatArray:
+    """Return the coefficients (order,) that predict errors (m,) of each stretch from those before, by least squares."""
+    past = [np.column_stack([v[order - j : len(v) - j] for j in range(1, order + 1)]) for v in errors]
+    now = np.concatenate([v[order:] for v in errors])
+    return np.asarray(np.linalg.lstsq(np.concatenate(past), now, rcond=None)[0])
+
 
 @dataclass(frozen=True, eq=False)
 class Priors:
@@ -212,6 +234,10 @@ class Equations(ABC):
     @abstractmethod
     def rows(self, values: FloatArray) -> list[Rows]:
         """Return the rows of all samples, linearized about values (k,), SI."""
+
+    def solved(self, rows: Sequence[Rows], priors: Priors, _: FloatArray) -> Estimates:
+        """Return the estimates from rows in their domain, linearized about values (k,)."""
+        return solve(rows, priors)
 
     @property
     def constants(self) -> dict[str, int]:
@@ -276,7 +302,7 @@ def _gauss_newton(equations: Equations, domain: Domain, bounded: bool) -> Estima
         rows = [t for r in samples if (t := r.transformed(domain)).y.size]
         if not rows:
             return None
-        found = solve(rows, priors)
+        found = equations.solved(rows, priors, values)
         before, values = values, found.values
         if not np.isfinite(values).all():
             return None
