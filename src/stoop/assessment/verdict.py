@@ -196,7 +196,8 @@ def _share(result: Result, name: str, shift: float) -> float:
 def _judged(result: Result, use: Use) -> Use:
     """Return a use with what speaks against it."""
     against = [n for n in result.notices if AGAINST.get(n.code) == use.name]
-    needs = [(need, [n for n in need.parameters if n in result.parameters]) for need in use.needs]
+    estimated = [(need, [n for n in need.parameters if n in result.parameters]) for need in use.needs]
+    needs = [(need, names) for need, names in estimated if names]
     for need, names in needs:
         known = [n for n in names if n not in _unknown(result)]
         largest = max(known, key=lambda n: abs(result.parameters[n].estimate), default="")

@@ -266,7 +266,7 @@ def _evidence(likelihood: Likelihood, z: FloatArray, at: Score) -> Evidence:
         jacobian = np.zeros((*found.white.shape, likelihood.size))
         jacobian[:, :, found.entries] = -found.slopes
         residual = np.where(np.isfinite(piece.measured), found.white, np.nan)
-        pieces.append(PieceEvidence(residual, jacobian / scales))
+        pieces.append(PieceEvidence(residual, jacobian / scales, piece.maneuver))
         prior[np.ix_(found.entries, found.entries)] += found.spread_information
     intensities = [Unknown(f"noise {i}", "noise", float(x), 1.0) for i, x in enumerate(z[known:])]
     unknowns = (*unknowns_of(layout, z[:known]), *intensities)

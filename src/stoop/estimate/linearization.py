@@ -86,20 +86,25 @@ def perturbation_steps(vehicle: Vehicle) -> FloatArray:
     return np.where(speeds, 1e-2, 1e-4)
 
 
-def perturbations_of(vehicle: Vehicle, states: FloatArray) -> FloatArray:
-    """Return what makes perturbations (n_e, n_x, ...) of small differences of states (n_x, ...).
-
-    The columns by which single perturbations change a state are orthogonal.
-    """
+def perturbation_columns(vehicle: Vehicle, states: FloatArray) -> FloatArray:
+    """Return the derivatives (n_e, n_x, ...) of states (n_x, ...) by single perturbations."""
     kernel, steps, (nx, *shape) = vehicle.kernel(), perturbation_steps(vehicle), states.shape
     flat = states.reshape(nx, -1)
     out = np.empty((len(steps), *flat.shape))
     for e, step in enumerate(steps):
         change = np.zeros((len(steps), flat.shape[1]))
         change[e] = step
-        column = (filtering.move(kernel, flat, change) - filtering.move(kernel, flat, -change)) / (2.0 * step)
-        out[e] = column / np.sum(column**2, axis=0)
+        out[e] = (filtering.move(kernel, flat, change) - filtering.move(kernel, flat, -change)) / (2.0 * step)
     return out.reshape(len(steps), nx, *shape)
+
+
+def perturbations_of(vehicle: Vehicle, states: FloatArray) -> FloatArray:
+    """Return what makes perturbations (n_e, n_x, ...) of small differences of states (n_x, ...).
+
+    The columns by which single perturbations change a state are orthogonal.
+    """
+    columns = perturbation_columns(vehicle, states)
+    return np.asarray(columns / np.sum(columns**2, axis=1, keepdims=True))
 
 
 def aligned(problem: Misfit, z: FloatArray) -> Misfit:

@@ -24,10 +24,11 @@ from typing import TYPE_CHECKING, Any, Final
 
 from stoop.base.notices import Notice, notice
 from stoop.base.text import nearest
-from stoop.base.variables import VARIABLES
+from stoop.base.variables import EULER, RATES, SPECIFIC_FORCE, VARIABLES
 from stoop.errors import IdentificationError
 from stoop.flight import Flight
 from stoop.vehicle import Vehicle
+from stoop.vehicle.schema import WIND
 from stoop.vehicle.vehicle import AIR_FRAME, GROUND_FRAME
 
 if TYPE_CHECKING:
@@ -45,6 +46,9 @@ MIN_MOTOR_RATE: Final = 100.0
 """Hz. What moves the motors faster than half the rate of their log looks slow in it, and the vehicle seems to answer less. Of a
 simulated flight with shaken motors (tests/recovery/test_slow_motors.py) multiple shooting makes the inertia 0.39 too large at 50
 Hz, 0.13 at 100 Hz and 0.05 at 125 Hz; equation error 0.24, 0.06 and 0.03. Above, only multiple shooting knows its error bars."""
+#: with rotors where neither velocity nor attitude was recorded: rates are then all that regressors hold of the motion, their
+#: noise hardly biases, and a simulation would have to estimate the states of every window from nothing
+STATELESS: Final = "equation-error"
 GRID_SHARE: Final = 0.98  #: of the grid's rate: what was logged faster than that is used as it was logged
 
 
@@ -149,6 +153,10 @@ def choose_method(
             rate = flight.sources[channel].rate
             if VARIABLES[channel].kind != "measurement" and 0.0 < rate < GRID_SHARE * flight.rate:
                 rates.append(rate)
+    recorded = [set(map(str, flight.data.data_vars)) for flight in flights]
+    sensed = all({*RATES, *SPECIFIC_FORCE} <= own and not own & {*WIND, *EULER} for own in recorded)
+    if flights and sensed and vehicle.frame == GROUND_FRAME:
+        return MethodChoice(STATELESS, (notice("no-states-recorded", method=STATELESS, other=usual),))
     if min(rates) >= MIN_MOTOR_RATE:
         return MethodChoice(usual)
     why = notice(

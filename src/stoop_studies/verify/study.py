@@ -32,6 +32,10 @@ EXPERIMENTS: Final[Mapping[str, tuple[str, str]]] = {
     for name, line in (
         ("coverage", "how often 95 % intervals hold the truth (400 flights each)"),
         (
+            "misspecified",
+            "intervals of models that lack terms, gusts or sensor defects of the truth (100 flights each)",
+        ),
+        (
             "feedback",
             "bias and coverage under an autopilot in gusts, by the default method (24 flights each)",
         ),
