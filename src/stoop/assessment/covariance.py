@@ -230,15 +230,16 @@ class Coloring:
     inverse: Inverse  #: of the information that the fit used, priors included
     prior: FloatArray  #: (k, k); information of the priors
 
-    def noise(self) -> ColoredNoise:
+    def noise(self, others: Sequence[FloatArray] | None = None) -> ColoredNoise:
         """Return the noise behind the residuals: their color, with what the fit absorbed added back.
 
         With residuals v - S d and d = D^-1 S' v, the lagged products of v exceed those of the residuals by the mean of
-        S d v' + v d' S' - S d d' S'; channels are taken one by one.
+        S d v' + v d' S' - S d d' S'; channels are taken one by one. `others` (n, n_y) of each segment, zero where nothing
+        was measured, take the place of the residuals.
         """
         lengths = [len(segment.residual) for segment in self.segments]
         order = max(1, min(MAX_ORDER, sum(lengths) // SAMPLES_PER_LAG, min(lengths) - 1))
-        residuals = [segment.filled()[0] for segment in self.segments]
+        residuals = list(others) if others is not None else [s.filled()[0] for s in self.segments]
         present = [segment.present.astype(np.float64) for segment in self.segments]
         sums, counts = lagged_products(residuals, present, order)
         share, pairs = counts / np.maximum(counts[:, :1], 1.0), np.maximum(counts, 1.0)
@@ -250,13 +251,13 @@ class Coloring:
                 crossed, squared = block.lagged(noise, spread, order)
                 absorbed += crossed * share - squared
             noise = fit_noise((sums + absorbed) / pairs, residuals)
-        return self._coherent(noise)
+        return self._coherent(noise, residuals)
 
-    def _coherent(self, noise: ColoredNoise) -> ColoredNoise:
+    def _coherent(self, noise: ColoredNoise, residuals: Sequence[FloatArray]) -> ColoredNoise:
         """Return the noise with the coherency of its innovations between channels, what the fit absorbed added back."""
         edges = band_edges(sum(len(s.residual) for s in self.segments), len(noise.coefficients))
-        pairs = list(zip(self.blocks, self.segments, strict=True))
-        powers = sum(block.cross_powers(noise, segment.filled()[0], edges) for block, segment in pairs)
+        pairs = zip(self.blocks, residuals, strict=True)
+        powers = sum(block.cross_powers(noise, residual, edges) for block, residual in pairs)
         found = replace(noise, edges=edges, coherency=normalized_coherency(np.asarray(powers)))
         for _ in range(ROUNDS):
             spread = self.spread(self.middles(found))

@@ -10,8 +10,9 @@ the score test (Rao; Lagrange multiplier) of the extension is
 with the autocovariance :math:`R_{vv}` of the residuals, so that colored residuals do not pass for an effect; v reaches over
 the priors, and gaps between windows are residuals like others. The gain of
 log-likelihood is t^2/2, the value that the extension would take is its null value plus :math:`\hat\delta`, and
-:math:`\Delta\hat\theta` is how far the parameters would move. The level is divided by the number of tests. What is
-significant is tested once more with the strongest extension among the unknowns.
+:math:`\Delta\hat\theta` is how far the parameters would move. The level is divided by the number of tests. The
+strongest are tested again with the color of the residuals that they would leave, so that they can be told from each other,
+and what is significant once more with the strongest extension among the unknowns.
 
 References
 ----------
@@ -22,7 +23,7 @@ R. F. Engle, "Wald, likelihood ratio, and Lagrange multiplier tests in econometr
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -32,6 +33,7 @@ from threadpoolctl import threadpool_limits
 
 from stoop.assessment.covariance import (
     MIN_WINDOWS,
+    ColoredNoise,
     Coloring,
     by_window,
     data_information,
@@ -60,6 +62,7 @@ class Limits:
         2.3  #: difference of log-likelihood below which no extension is preferred: odds of ten to one
     )
     shown: int = 12  #: extensions that are listed
+    leaders: int = 4  #: extensions whose statistics are weighed against each other once more
     moves: int = 5  #: parameters that are listed for each
     least_move: float = 0.5  #: of its standard error, by which a parameter must move to be listed
 
@@ -94,11 +97,18 @@ class Scores:
 
 
 def scores(
-    segments: Sequence[PieceEvidence], prior: FloatArray, responses: Sequence[PieceEvidence]
+    segments: Sequence[PieceEvidence],
+    prior: FloatArray,
+    responses: Sequence[PieceEvidence],
+    leaders: Callable[[Scores], Sequence[int]] = lambda scores: (),
+    noise: ColoredNoise | None = None,
 ) -> Scores:
     """Return the score tests beside k unknowns and the information (k, k) of their priors.
 
-    The responses are the segments with the m extensions in place of the unknowns.
+    The responses are the segments with the m extensions in place of the unknowns; `noise` is that of the residuals, where
+    it is known. The residuals contain the effect of what is missing, and their color its own: `leaders`, of the first tests,
+    are tested again with the color of the residuals that they would leave, or the one that is missing would be judged by
+    the noisiest residuals of all.
     """
     S, s = [_rows(one) for one in segments], [_rows(one) for one in responses]
     information = prior + sum(a.T @ a for a in S)
@@ -108,16 +118,26 @@ def scores(
     score = sum(b.T @ _residuals(one) for b, one in zip(s, segments, strict=True))
     total = sum(np.einsum("nm,nm->m", b, b) for b in s)
     alone = sum(np.einsum("nm,nm->m", v, b) for v, b in zip(own, s, strict=True))
-    variance = np.einsum("km,kl,lm->m", shifts, prior, shifts)
-    variance = variance + _noise_variance(
-        segments, [_split(one, v) for one, v in zip(segments, own, strict=True)], inverse, information
-    )
+    coloring = Coloring(tuple(segments), inverse, information - data_information(segments))
+    parts = [_split(one, v) for one, v in zip(segments, own, strict=True)]
+    of_prior = np.einsum("km,kl,lm->m", shifts, prior, shifts)
+    variance = of_prior + _noise_variance(segments, parts, inverse, noise or coloring.noise())
     tested = (alone > LIMITS.distinct * total) & (variance > 0.0)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        t = np.where(tested, score / np.sqrt(variance), 0.0)
-        change = np.where(tested, score / alone, 0.0)
-        std = np.where(tested, np.sqrt(variance) / alone, np.inf)
-    return Scores(t, change, std, tested, shifts, tuple(own))
+
+    def found() -> Scores:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            t = np.where(tested, score / np.sqrt(variance), 0.0)
+            change = np.where(tested, score / alone, 0.0)
+            std = np.where(tested, np.sqrt(variance) / alone, np.inf)
+        return Scores(t, change, std, tested, shifts, tuple(own))
+
+    first = found()
+    for j in leaders(first):
+        left = [_left(one, v[:, j], first.change[j]) for one, v in zip(segments, own, strict=True)]
+        column = [_split(one, v[:, [j]]) for one, v in zip(segments, own, strict=True)]
+        again = _noise_variance(left, column, inverse, coloring.noise([one.filled()[0] for one in left]))
+        variance[j] = of_prior[j] + again[0]
+    return found()
 
 
 def _rows(piece: PieceEvidence) -> FloatArray:
@@ -141,13 +161,12 @@ def _split(piece: PieceEvidence, rows: FloatArray) -> PieceEvidence:
 
 
 def _noise_variance(
-    segments: Sequence[PieceEvidence], own: Sequence[PieceEvidence], inverse: Inverse, information: FloatArray
+    segments: Sequence[PieceEvidence], own: Sequence[PieceEvidence], inverse: Inverse, noise: ColoredNoise
 ) -> FloatArray:
-    """Return the variance (m,) of the residuals' noise times the extensions' own responses.
+    """Return the variance (m,) of noise times the extensions' own responses.
 
     As for error bars, that of windows that begin anew is at least that of stationary noise.
     """
-    noise = Coloring(tuple(segments), inverse, information - data_information(segments)).noise()
     variance = np.asarray(sum(noise.variance(one.jacobian) for one in own), dtype=np.float64)
     if sum(len(one.edges) - 1 for one in segments if one.edges) < MIN_WINDOWS:
         return variance
@@ -175,14 +194,22 @@ def extension_tests(fit: Fit, bars: ErrorBars) -> ExtensionTests:
             replace(segment, jacobian=readings, gap_jacobian=gap)
             for segment, readings, gap in zip(segments, found.pieces, gaps, strict=True)
         ]
-        first = scores(segments, prior, responses)
-        each = list(zip(found.extensions, first.change.tolist(), strict=True))
-        count = max(int(first.tested.sum()), 1)
-        p_values = np.minimum(1.0, 2.0 * count * norm.sf(np.abs(first.statistic)))
-        believed = [one.believes(change) for one, change in each]
-        order = [
-            j for j in np.argsort(-first.gain, kind="stable") if believed[j] and p_values[j] < LIMITS.level
-        ]
+
+        def significant(of: Scores) -> list[int]:
+            """Return the extensions that are significant and make sense, the strongest first."""
+            makes_sense = [
+                one.believes(change) for one, change in zip(found.extensions, of.change.tolist(), strict=True)
+            ]
+            chance = 2.0 * of.tested.sum() * norm.sf(np.abs(of.statistic))
+            return [
+                j for j in np.argsort(-of.gain, kind="stable") if makes_sense[j] and chance[j] < LIMITS.level
+            ]
+
+        first = scores(
+            segments, prior, responses, lambda of: significant(of)[: LIMITS.leaders], bars.uncertainty.noise
+        )
+        each, order = list(zip(found.extensions, first.change.tolist(), strict=True)), significant(first)
+        p_values = np.minimum(1.0, 2.0 * first.tested.sum() * norm.sf(np.abs(first.statistic)))
         beside = np.full(len(each), np.nan)
         if order:
             parts = zip(segments, responses, first.own, strict=True)
@@ -213,17 +240,19 @@ def extension_tests(fit: Fit, bars: ErrorBars) -> ExtensionTests:
     return ExtensionTests(int(first.tested.sum()), LIMITS.level, tuple(tests))
 
 
+def _left(segment: PieceEvidence, own: FloatArray, change: float) -> PieceEvidence:
+    """Return a piece with the residuals that an extension leaves."""
+    left, size = _residuals(segment) - change * own, segment.residual.size
+    residual = np.where(segment.present, left[:size].reshape(segment.residual.shape), np.nan)
+    return replace(segment, residual=residual, gaps=left[size:].reshape(segment.met[0].shape))
+
+
 def _joined(
     segment: PieceEvidence, response: PieceEvidence, own: FloatArray, found: Scores, index: int
 ) -> PieceEvidence:
-    """Return the evidence of a piece once an extension has taken its value."""
-    left = _residuals(segment) - float(found.change[index]) * own[:, index]
-    residual = np.where(
-        segment.present, left[: segment.residual.size].reshape(segment.residual.shape), np.nan
-    )
-    gaps = left[segment.residual.size :].reshape(segment.met[0].shape)
+    """Return the evidence of a piece once an extension is among the unknowns and has taken its value."""
     rows = np.column_stack([_rows(segment), _rows(response)[:, index]])
-    return replace(_split(segment, rows), residual=residual, gaps=gaps)
+    return _split(_left(segment, own[:, index], float(found.change[index])), rows)
 
 
 def _rivals(found: Scores, responses: Responses, index: int, significant: Sequence[int]) -> tuple[str, ...]:

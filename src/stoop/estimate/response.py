@@ -10,6 +10,7 @@ move of the error state: dy is then what the innovations lose. Windows begin ane
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Final
@@ -172,6 +173,19 @@ class ExtendedModel:
         held = tuple(self.base.inputs.index(slope_input(c)) for c in self.base.sloped)
         return fly(self.equations, rows, start, inputs, held, dt)
 
+    def fly_together(
+        self,
+        rows: Sequence[FloatArray],
+        starts: Sequence[FloatArray],
+        inputs: Sequence[FloatArray],
+        dt: float,
+    ) -> list[FloatArray]:
+        """Return the states (n_x, n) of several records side by side, each (n_p,), (n_x,), (n_u, n)."""
+        longest = max(record.shape[1] for record in inputs)
+        padded = [np.pad(x, [(0, 0), (0, longest - x.shape[1])], mode="edge") for x in inputs]
+        states = self.fly(np.stack(rows, axis=-1), np.stack(starts, axis=-1), np.stack(padded, axis=-1), dt)
+        return [states[:, : record.shape[1], i].copy() for i, record in enumerate(inputs)]
+
     def responses(self, at: Trajectory, piece: Piece) -> tuple[FloatArray, FloatArray]:
         """Return dx (n, n_x, m) and dy (n, n_y, m) of all extensions, per SI unit."""
         changes = [self._change(one, at, piece) for one in self.extensions]
@@ -212,12 +226,15 @@ class ExtendedModel:
 def simulation_responses(problem: Misfit, z: FloatArray) -> Responses:
     """Return how the simulation at a search vector (D + E,) responds to every extension of its vehicle."""
     model, out = ExtendedModel.of(problem.layout.vehicle), []
-    for i, piece in enumerate(problem.pieces):
-        known, start = problem.candidates(z[None, :], i)
-        rows, record = model.rows(known[:, 0]), model.received(piece, known)
-        states = model.fly(rows, start[:, 0], record, piece.dt)
+    known, starts = zip(*(problem.candidates(z[None, :], i) for i in range(len(problem.pieces))), strict=True)
+    records = [model.received(*both) for both in zip(problem.pieces, known, strict=True)]
+    parameters = [model.rows(rows[:, 0]) for rows in known]
+    flown = model.fly_together(parameters, [start[:, 0] for start in starts], records, problem.pieces[0].dt)
+    for piece, own, rows, states, record in zip(
+        problem.pieces, known, parameters, flown, records, strict=True
+    ):
         at = Trajectory(model.equations, rows, states, record, np.arange(len(piece.time)), piece.dt)
-        dy = model.late(at, model.responses(at, piece)[1], known, piece.moved)
+        dy = model.late(at, model.responses(at, piece)[1], own, piece.moved)
         out.append(whitened(problem, dy, np.isfinite(piece.measured)))
     return Responses(model.extensions, tuple(out))
 

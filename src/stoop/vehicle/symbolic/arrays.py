@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import sympy as sp
@@ -15,11 +15,26 @@ from stoop.vehicle.vehicle import Vehicle
 Equations = Callable[[FloatArray, FloatArray, FloatArray], tuple[FloatArray, FloatArray]]
 
 
+_BUILT: dict[
+    str, Equations
+] = {}  #: by structure, the last `KEPT`: a fit and its extensions ask for the same ones
+KEPT: Final = 4
+
+
 def array_equations(vehicle: Vehicle) -> Equations:
     """Return what takes parameters, states and inputs to derivatives and readings.
 
     Shapes are (n_p,) or (n_p, n), (n_x, n), (n_u, n), (n_x, n), (n_y, n), as of :meth:`stoop.kernels.Kernel.evaluate`.
     """
+    if vehicle.structure not in _BUILT:
+        while len(_BUILT) >= KEPT:
+            del _BUILT[next(iter(_BUILT))]
+        _BUILT[vehicle.structure] = _translated(vehicle)
+    return _BUILT[vehicle.structure]
+
+
+def _translated(vehicle: Vehicle) -> Equations:
+    """Return the equations in NumPy's words."""
     model = build_model(vehicle)
     symbols = [*model.states, *model.inputs, *model.parameters]
     expressions = [*model.derivatives, *model.outputs]
