@@ -58,6 +58,7 @@ WORDS = (
     "center of gravity",
     "no lag",
     "no delay",
+    "no limit",
     "up",
 )
 IN_WORDS = {"by channel", "the channel `NAME` itself, gain 1"}  #: defaults that other tests hold to the code

@@ -5,10 +5,12 @@ JSBSim 1.3.3 has its own equations of motion, atmosphere and integrators (github
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+import tomlkit
 
 from stoop.exporters import jsbsim_aircraft
 from stoop.exporters.jsbsim_flight import (
@@ -23,7 +25,7 @@ from stoop.exporters.jsbsim_flight import (
     steady_record,
 )
 from stoop.simulation import initial_states, parameter_rows, trim
-from stoop.vehicle import Vehicle
+from stoop.vehicle import Vehicle, parse_vehicle
 from stoop_studies.verify.export import INPUTS, load
 
 SLOW = pytest.mark.slow
@@ -105,6 +107,23 @@ def test_delays_of_any_length(delays: tuple[float, float], tmp_path: Path) -> No
     point = trim(vehicle, None, 200.0)
     record = maneuver_record(vehicle, point, every_control(vehicle, point, 10.0))
     assert apart(tmp_path, record, 10) < 1e-4
+
+
+@SLOW
+def test_servos_with_play_and_a_rate_limit(tmp_path: Path) -> None:
+    plain = load("crooked")
+    servos = {"elevator": {"rate_limit": 0.15, "dead_zone": 0.01}, "aileron": {"dead_zone": 0.02}}
+    document = tomlkit.parse(plain.text)
+    for control, numbers in servos.items():
+        document["controls"][control] |= numbers
+    vehicle = parse_vehicle(tomlkit.dumps(document), "servos")
+    point = trim(vehicle, None, 200.0)
+    record = maneuver_record(vehicle, point, every_control(vehicle, point, 10.0))
+    free = replace(record, vehicle=plain.with_numbers({n: {"value": v} for n, v in point.changes.items()}))
+    assert max(relative_differences(plain, own_readings(free), own_readings(record)).values()) > 0.05, (
+        "it shows"
+    )
+    assert apart(tmp_path, record, 10) < 2e-4
 
 
 @SLOW

@@ -131,7 +131,7 @@ def assess(
         found = assessment(assessed, watch)
         uncertainty[assessment.name] = found.intervals
         files |= found.files
-    agreement = tuple(method_agreement(result.parameters, uncertainty))
+    agreement = tuple(method_agreement(result.parameters, uncertainty, result.repeatability))
     return replace(result, uncertainty=uncertainty, trust=agreement), files
 
 

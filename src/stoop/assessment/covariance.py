@@ -107,6 +107,15 @@ class ColoredNoise:
         ones = np.ones((len(self.coefficients), 1))
         return np.asarray(1.0 / rfft(np.concatenate([ones, -self.coefficients], axis=1), size, axis=1).T)
 
+    def variance(self, columns: FloatArray) -> FloatArray:
+        """Return the variances (m,) of the sums of noise times columns (n, n_y, m)."""
+        size = next_fast_len(2 * len(columns), real=True)
+        twice = np.full(size // 2 + 1, 2.0)
+        twice[[0, -1] if size % 2 == 0 else 0] = 1.0
+        spectrum = rfft(columns, size, axis=0) * self.gain(size).conj()[:, :, None]
+        mixed = self.innovation @ spectrum
+        return np.asarray(np.einsum("f,fim,fim->m", twice / size, spectrum.conj(), mixed).real)
+
 
 def autocorrelation(residuals: Sequence[FloatArray], lags: int) -> FloatArray:
     """Return the residual autocorrelation (ny, lags + 1) over segments (n_i, ny) with NaN where missing.

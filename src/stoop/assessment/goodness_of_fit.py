@@ -32,8 +32,9 @@ V. Klein and E. A. Morelli, *Aircraft System Identification: Theory and Practice
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
@@ -42,7 +43,7 @@ from scipy.linalg import lstsq
 from scipy.signal import butter, sosfiltfilt
 from scipy.stats import chi2
 
-from stoop.assessment.covariance import data_information
+from stoop.assessment.covariance import NORMAL_95, data_information
 from stoop.base.arrays import FloatArray, runs
 from stoop.base.notices import Notice, notice
 from stoop.estimate.fit import Fit
@@ -118,14 +119,41 @@ class Match:
     left_out: FloatArray | None = None  #: (n,), residuals by :func:`left_out`; None where nothing was fitted
 
 
+def noise_floor(measured: FloatArray, rate: float, sigma: float) -> tuple[float, float]:
+    """Return the noise of a channel (n,) below 10 Hz, in its unit, and the rms of its motion over that noise.
+
+    The noise is no more than `sigma`, what the fit leaves, or else a model that explains nothing would call the motion
+    noise; and no more than the record's own white noise, by its third differences: those of smooth motion vanish, those of
+    white noise have a variance of 1 + 9 + 9 + 1 = 20 of its own. The motion is about its mean, with the noise taken off.
+    """
+    differences = np.diff(measured, 3)
+    differences = differences[np.isfinite(differences)]
+    own = _rms(differences) / math.sqrt(20.0) if differences.size else math.nan
+    noise = float(np.fmin(sigma, own)) * math.sqrt(min(1.0, 2.0 * CUTOFF / rate))
+    slow = low_pass(measured, rate)
+    motion = math.sqrt(max(float(np.nanvar(slow)) - noise**2, 0.0))
+    return noise, motion / noise if noise > 0.0 else math.inf if motion > 0.0 else math.nan
+
+
+def fit_percent(r2: float) -> float:
+    """Return 100 (1 - rms error / rms of the measured curve about its mean) for a coefficient of determination."""
+    return 100.0 * (1.0 - math.sqrt(1.0 - r2))
+
+
 def channel_figures(
-    measured: FloatArray, model: Match, rate: float, baseline: Match | None = None
+    measured: FloatArray,
+    model: Match,
+    rate: float,
+    baseline: Match | None = None,
+    sigma: float = math.nan,
+    deviation: FloatArray | None = None,
 ) -> GoodnessOfFit:
     """Return the figures of one channel of one maneuver, beside those of the trivial model where there is one.
 
     `measured` (n,), the channel's unit, are samples at `rate`, Hz, NaN where there is none and between segments; an angle
     that wraps is unwrapped as in the simulated curve. Theil's coefficients are of the curves low-passed at 10 Hz with zero
-    phase, stretch by stretch; all else of the curves as they are.
+    phase, stretch by stretch; all else of the curves as they are. `sigma` is the standard deviation of the noise that the fit
+    leaves, `deviation` (n,) that of a prediction, noise included.
     """
     shared: list[dict[str, Any]] = []  # the figures that a model and the baseline have alike
     for match in (model,) if baseline is None else (model, baseline):
@@ -139,13 +167,26 @@ def channel_figures(
                 "whiteness": whiteness(measured - match.simulated),
             }
         )
-    coefficient = theil(measured, model.simulated, rate)
-    if baseline is None:
-        return GoodnessOfFit(theil=coefficient, **shared[0])
-    lag = theil(measured, baseline.simulated, rate)
-    return GoodnessOfFit(
-        theil=coefficient, **shared[0], baseline_theil=lag, baseline=BaselineFit(**shared[1])
+    noise, ratio = noise_floor(measured, rate, sigma)
+    found = GoodnessOfFit(
+        theil=theil(measured, model.simulated, rate),
+        **shared[0],
+        fit_percent=fit_percent(shared[0]["r2"]),
+        noise=noise,
+        signal_to_noise=ratio,
+        inside=math.nan if deviation is None else inside_band(measured - model.simulated, deviation),
     )
+    if baseline is None:
+        return found
+    lag = theil(measured, baseline.simulated, rate)
+    return replace(found, baseline_theil=lag, baseline=BaselineFit(**shared[1]))
+
+
+def inside_band(residual: FloatArray, deviation: FloatArray) -> float:
+    """Return the share of residuals (n,) within their 95 % band; NaN without any."""
+    there = np.isfinite(residual) & np.isfinite(deviation)
+    within = np.abs(residual[there]) <= NORMAL_95 * deviation[there]
+    return float(np.mean(within)) if there.any() else math.nan
 
 
 def whiteness(residual: FloatArray) -> Whiteness:

@@ -57,6 +57,7 @@ from stoop.results.uncertainty import (
 )
 
 COLORED_RATIO: Final = 1.25  #: typical factor of the correction from which residuals count as colored
+NO_REPEATABILITY: Final = Repeatability()
 DISAGREEMENT: Final = 1.4  #: ratio of standard errors from which two methods disagree
 SKEWNESS: Final = 1.5  #: ratio of the arms of an interval from which it is no longer normal
 MAX_RHAT: Final = 1.01  #: of every parameter; above it a posterior says nothing yet (Vehtari et al. 2021)
@@ -115,18 +116,35 @@ def _directions(
     return singular, near_null_directions([names[i] for i in own], data, sizes)
 
 
+def with_repeatability(result: Result, found: Repeatability) -> Result:
+    """Return the result with what its maneuvers say alone, and which error bars to trust after that."""
+    agreement = method_agreement(result.parameters, result.uncertainty, found)
+    return replace(result, repeatability=found, trust=agreement)
+
+
 def method_agreement(
-    parameters: Mapping[str, ParameterEstimate], methods: Mapping[str, MethodIntervals]
+    parameters: Mapping[str, ParameterEstimate],
+    methods: Mapping[str, MethodIntervals],
+    repeated: Repeatability = NO_REPEATABILITY,
 ) -> tuple[Notice, ...]:
-    """Return which method to trust for which parameters, and where they disagree; nothing without ``corrected``."""
+    """Return which method to trust for which parameters, and where they disagree; nothing without ``corrected``.
+
+    Error bars by any method are those of one maneuver's noise: none is trusted where maneuvers fitted alone scatter
+    beyond them, over all parameters, by more than chance.
+    """
     if "corrected" not in methods:
         return ()
     sure = {name: p for name, p in parameters.items() if p.identifiable and not p.at_bound}
     pairs = (("corrected", "cramer_rao"), ("bootstrap", "corrected"), ("posterior", "corrected"))
     color, bootstrap, posterior = (_ratios(sure, methods, *pair) for pair in pairs)
     out = []
-    if color:
-        typical = float(np.median(list(color.values())))
+    typical = float(np.median(list(color.values()))) if color else 1.0
+    scattered = repeated.scatter_ratio
+    degrees = sum(one.degrees for one in repeated.parameters.values() if one.verdict)
+    if degrees and chi2.sf(scattered**2 * degrees, degrees) < SCATTER_LEVEL:
+        code = "agreement-scatter" if typical < COLORED_RATIO else "agreement-scatter-colored"
+        out.append(notice(code, ratio=scattered, plain=typical * scattered))
+    elif color:
         code = "agreement-white" if typical < COLORED_RATIO else "agreement-colored"
         out.append(notice(code, ratio=typical))
     if "bootstrap" in methods and not bootstrap:

@@ -164,14 +164,13 @@ def simulate(arguments: argparse.Namespace) -> int:
         out.command("next: ", ["stoop", "info", str(target)])
         return 0
     free = _freed(vehicle, flown)
-    validate = ["--validate", *windows.validate] if windows.validate else []
-    command = ["stoop", "identify", str(target), "--vehicle", arguments.vehicle, "--maneuver", *windows.fit]
-    out.command("next: ", [*command, *validate, *free, "-o", f"{target.stem}-result"])
+    chosen = {"flight": target, "maneuver": windows.fit, "validate": windows.validate, "free": free}
+    out.command("next: ", options.identify_command(arguments, f"{target.stem}-result", **chosen))
     return 0
 
 
 def _freed(vehicle: Vehicle, flown: dict[str, float]) -> list[str]:
-    """Return options that free the numbers that trim has set, with the file's own the fit would find another drag.
+    """Return numbers to free, those that trim has set: with the file's own the fit would find another drag.
 
     Those that have no bounds around that value must be written into the file first; this is printed.
     """
@@ -181,7 +180,7 @@ def _freed(vehicle: Vehicle, flown: dict[str, float]) -> list[str]:
         if own.free:
             continue
         if own.lower < own.upper and own.lower <= value <= own.upper:
-            found += ["--free", name]
+            found.append(name)
         else:
             page().line(
                 f"first: write {name.rpartition('.')[2]} = {value:.7g} into [{name.partition('.')[0]}] of the vehicle "

@@ -162,7 +162,7 @@ def _identify(
     watch: Watch,
 ) -> tuple[Job, bool]:
     """Return the job, its results written, and whether Ctrl-C came."""
-    from stoop.assessment.uncertainty import repeatability
+    from stoop.assessment.uncertainty import repeatability, with_repeatability
     from stoop.workflow.checkpoint import deferred_interrupt
     from stoop.workflow.identification import finish, search
     from stoop.workflow.outputs import place_outputs
@@ -185,7 +185,7 @@ def _identify(
         checkpoint.keep_last(done.fit.outcome)
         watch.turn_to("error bars, predictions and report")
         job = finish(done)
-        job = job.with_result(replace(job.result, repeatability=repeated)) if repeated else job
+        job = job.with_result(with_repeatability(job.result, repeated)) if repeated else job
         place_outputs(job, arguments.output, arguments.overwrite or arguments.resume)
     return job, ctrl_c.came or done.fit.outcome.status == "interrupted"
 
@@ -246,3 +246,5 @@ def show(job: Job, folder: Path) -> None:
     ended = f"{result.status}: {result.advice}" if result.advice else result.status
     out.line(f"{ended} ({result.trajectories:.0f} trajectories, {result.seconds:.1f} s)")
     out.line(f"report: {folder / 'report.html'}")
+    out.heading(f"verdict: {result.verdict.headline}")
+    out.bullets([*result.verdict.reasons, *result.verdict.advice])

@@ -8,7 +8,7 @@ from dataclasses import asdict, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
-from stoop.cli.options import add_flight, source_arguments
+from stoop.cli import options
 from stoop.cli.page import alike, busy, fixed, numbers, page, points, shown_unit, to_json, words
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ MAX_STREAMS, MAX_NAMES = 12, 24  #: lines and names shown of what is not mapped;
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of this verb."""
-    add_flight(parser, "flight log", several=False)
+    options.add_flight(parser, "flight log", several=False)
     parser.add_argument("--json", action="store_true", help="print JSON (SI units, rad) instead of tables")
 
 
@@ -32,10 +32,9 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.json:
         print(to_json(info_document(summary)))
         return 0
-    source = source_arguments([arguments.flight], arguments.mapping)
     flight, out = summary.flight, page()
     start, stop = float(flight.time[0]), float(flight.time[-1])
-    out.line(source[0])
+    out.line(str(arguments.flight))
     span = f"{start:.2f} to {stop:.2f} s on the log's own clock ({stop - start:.2f} s)"
     out.line(f"{span}, {flight.rate:g} Hz grid")
     full = [row for row in summary.rows if row.missing < 1.0]
@@ -80,7 +79,8 @@ def run(arguments: argparse.Namespace) -> int:
             words("recorded", [_percent(m.whole) for m in found]),
         )
         out.line()
-        out.command("next: ", next_command(source, found))
+        out.command("next: ", options.identify_command(arguments, "result", **windows_apart(found)))
+        source = options.source_arguments([arguments.flight], arguments.mapping)
         informed = ["stoop", "maneuvers", *source, "--vehicle", "V.toml", "-o", "windows"]
         out.command("or, chosen by their information: ", informed)
     else:
@@ -131,8 +131,8 @@ def _percent(share: float) -> str:
     return f"{100.0 * share:5.1f} %" if share > 0.0 else ""
 
 
-def next_command(source: Sequence[str], found: Sequence[Maneuver]) -> list[str]:
-    """Fit the most completely recorded maneuver of each axis; the others are there to be predicted.
+def windows_apart(found: Sequence[Maneuver]) -> dict[str, list[str]]:
+    """Return windows to fit, the most completely recorded maneuver of each axis, and the others to validate.
 
     Windows that overlap (one's calm end is the next one's beginning) are cut in the middle.
     """
@@ -144,8 +144,7 @@ def next_command(source: Sequence[str], found: Sequence[Maneuver]) -> list[str]:
     best = {m.axis: m for m in sorted(apart, key=lambda m: m.whole)}
     fitted = [_window(m) for m in apart if m is best[m.axis]]
     predicted = [_window(m) for m in apart if m is not best[m.axis]]
-    windows = ["--maneuver", *fitted, *(["--validate", *predicted] if predicted else [])]
-    return ["stoop", "identify", *source, "--vehicle", "V.toml", *windows, "-o", "result"]
+    return {"maneuver": fitted, "validate": predicted}
 
 
 def _window(maneuver: Maneuver) -> str:

@@ -78,6 +78,8 @@ def structure_arguments(parser: argparse.ArgumentParser) -> None:
         default="f",
         help="criterion for the selection of terms (default: f)",
     )
+    keep = "parameter whose term stays, whatever the criterion says, such as CLq"
+    add("--keep", metavar="NAME", **options.SEVERAL, help=keep)
     add("--band", metavar="LOW:HIGH", default=BAND, help=f"frequency band, Hz (default: {BAND})")
     options.add_output(parser, "vehicle, table and page", "an earlier structure in DIR")
 
@@ -124,7 +126,7 @@ def structure(arguments: argparse.Namespace) -> int:
     choose = criteria[arguments.criterion]
     domain = FrequencyDomain(low, high)
     with busy(options.COMPILING):
-        found = determined(vehicle, flights, arguments.maneuver, candidates, choose, domain)
+        found = determined(vehicle, flights, arguments.maneuver, candidates, choose, domain, arguments.keep)
     write_structure(found, arguments.output, options.command_line())
 
     out, nothing = page(), (float("nan"),) * 2
@@ -140,9 +142,8 @@ def structure(arguments: argparse.Namespace) -> int:
     out.bullets([*of_terms, *found.structure.notices], "notes")
     out.line()
     out.line(f"page: {arguments.output / 'structure.html'}")
-    command = ["stoop", "identify", *map(str, arguments.flight)]
-    command += ["--vehicle", str(arguments.output / "vehicle.toml"), "--maneuver", *arguments.maneuver]
-    out.command("next: ", [*command, "-o", f"{arguments.output}-result"])
+    made = arguments.output / "vehicle.toml"
+    out.command("next: ", options.identify_command(arguments, f"{arguments.output}-result", vehicle=made))
     return 0
 
 

@@ -152,6 +152,23 @@ def source_arguments(flights: Sequence[Path], mapping: Path | None) -> list[str]
     return [*map(str, flights), *([] if mapping is None else ["--mapping", str(mapping)])]
 
 
+def identify_command(arguments: argparse.Namespace, output: str | Path, **changed: Any) -> list[str]:
+    """Return the `stoop identify` that follows another verb: its flights, and each option that both have, as it was given.
+
+    `changed` replaces what was given: `flight`, `mapping`, `vehicle`, `maneuver`, `validate`, `free`, `fix`.
+    """
+    given = {"mapping": None, "vehicle": "V.toml", **vars(arguments), **changed}
+    flights: Sequence[Path] = [given["flight"]] if isinstance(given["flight"], Path) else given["flight"]
+    command = ["stoop", "identify", *source_arguments(flights, given["mapping"])]
+    command += ["--vehicle", str(given["vehicle"] or "V.toml")]
+    for option in ("maneuver", "validate"):
+        windows = list(map(str, given.get(option) or ()))
+        command += [f"--{option}", *windows] if windows else []
+    for option in ("free", "fix"):
+        command += [word for name in given.get(option) or () for word in (f"--{option}", name)]
+    return [*command, "-o", str(output)]
+
+
 def with_free(vehicle: Vehicle, free: Sequence[str], fix: Sequence[str]) -> Vehicle:
     """Return the vehicle with numbers freed and fixed by ``--free`` and ``--fix``.
 

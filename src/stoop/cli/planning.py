@@ -56,11 +56,7 @@ def maneuvers(arguments: argparse.Namespace) -> int:
             watch.warn(str(doubt))
         found = find_windows(flights, vehicle, watch.turn_to)
     folder = arguments.output
-    source = options.source_arguments(arguments.flight, arguments.mapping)
-    following = ["stoop", "identify", *source, "--vehicle", given or "V.toml"]
-    for option, names in (("--free", free), ("--fix", fix)):
-        following += [word for name in names for word in (option, name)]
-    following += ["--maneuver", str(folder / NAME), "-o", "result"]
+    following = options.identify_command(arguments, "result", maneuver=[folder / NAME])
     every = replace(found, notices=(*map(as_notice, warned), *found.notices))
     name = "" if vehicle is None else vehicle.name
     write_windows(every, flights, name, folder, options.command_line(), following)

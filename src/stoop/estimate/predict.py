@@ -9,20 +9,31 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
 
 from stoop.base.arrays import FloatArray
-from stoop.base.notices import notice
-from stoop.base.variables import SPECIFIC_FORCE
+from stoop.base.notices import Notice, notice
+from stoop.base.numbers import factor_and_unit
+from stoop.base.variables import SPECIFIC_FORCE, VARIABLES
 from stoop.errors import SimulationError
 from stoop.estimate.fit import Fit
+from stoop.estimate.initial_state import (
+    MIN_STRETCH,
+    STRETCH,
+    FittedModel,
+    Predicted,
+    Stretch,
+    predict_stretch,
+    stretch_before,
+)
 from stoop.estimate.regression.rotors import lagged_command, stretches
-from stoop.estimate.shooting_windows import WINDOW_LENGTH, outputs_by_window
+from stoop.estimate.shooting_windows import WINDOW_LENGTH
+from stoop.estimate.shooting_windows import edges as window_edges
 from stoop.flight import Flight
-from stoop.problem import Layout, Misfit, Piece, Weights
-from stoop.problem.misfit import horizon_ladder
+from stoop.problem import Piece
 from stoop.problem.observation import START_TIME
 from stoop.problem.prepare import Prepared, prepare
 from stoop.problem.windows import Window
@@ -50,60 +61,95 @@ def mean_biases(fit: Fit, flight: str) -> dict[str, float]:
     return {name: float(np.mean(values)) for name, values in found.items()}
 
 
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """Predicted windows: readings (n, n_y) of each piece, and their standard deviations, measurement noise included."""
+
+    prepared: Prepared
+    readings: tuple[FloatArray, ...]
+    deviations: tuple[FloatArray, ...]
+
+
 def predict(
-    fit: Fit, flights: Mapping[str, Flight], windows: Sequence[Window]
-) -> tuple[Prepared, list[FloatArray]]:
-    """Simulate windows with the fitted model; return pieces and the readings (n, n_y) of each.
-
-    The initial state is the line through the first 0.2 s of measurements, less the biases; the biases are
-    those of the fitted maneuvers.
-    """
-    biases = [mean_biases(fit, window.flight) for window in windows]
-    return predicted(identified_vehicle(fit), flights, windows, biases)
-
-
-def predicted(
-    vehicle: Vehicle,
+    model: FittedModel,
     flights: Mapping[str, Flight],
     windows: Sequence[Window],
     biases: Sequence[Mapping[str, float]],
-) -> tuple[Prepared, list[FloatArray]]:
-    """Simulate windows with a vehicle as it is, see :func:`predict`.
+) -> Prediction:
+    """Simulate windows with a fitted model; no parameter is fitted there.
 
-    `biases` are those of the sensors in each window, by the names of the vehicle's numbers, SI.
+    `biases` are those of the sensors in each window, by the names of the vehicle's numbers, SI. The initial state is
+    estimated from the record before each window, see :mod:`stoop.estimate.initial_state`.
     """
-    parts = [_of_window(vehicle, flights, w, b) for w, b in zip(windows, biases, strict=True)]
-    pieces = tuple(replace(p, maneuver=i) for i, part in enumerate(parts) for p in part.pieces)
-    notices = [found for part in parts for found in part.notices]
-    weights = Weights.of(np.ones(len(vehicle.outputs)))  # a simulation weighs nothing
-    problem = Misfit(replace(Layout.of(vehicle, ()), parameters=()), pieces, weights, horizon_ladder(pieces))
-    model = _PREDICTIONS[vehicle.frame]
-    notices += [notice(code, str(w), length=WINDOW_LENGTH) for code in model.codes for w in windows]
-    readings = [model.readings(problem, i) for i in range(len(pieces))]
-    return Prepared(tuple(windows), pieces, tuple(notices)), readings
+    parts = [_of_window(model, flights, w, b) for w, b in zip(windows, biases, strict=True)]
+    pieces = [replace(p, maneuver=i) for i, (part, _) in enumerate(parts) for p in part.pieces]
+    notices = tuple(found for part, _ in parts for found in part.notices)
+    found = [one for _, some in parts for one in some]
+    noise = np.nan_to_num(model.variance)
+    deviations = tuple(np.sqrt(one.deviation**2 + noise) for one in found)
+    return Prediction(
+        Prepared(tuple(windows), tuple(pieces), notices), tuple(one.readings for one in found), deviations
+    )
 
 
 def _of_window(
-    vehicle: Vehicle, flights: Mapping[str, Flight], window: Window, biases: Mapping[str, float]
-) -> Prepared:
-    """Prepare one window with the biases of its flight, with which its start is read.
-
-    Where nothing was measured at the start, it is that of the steady flight at that airspeed; nothing is fitted here.
-    """
-    biased = vehicle.with_numbers({name: {"value": value} for name, value in biases.items()})
-    prepared = prepare(biased, flights, [window])
-    pieces, notices = [], [n for n in prepared.notices if n.code != "start-defaulted"]
+    model: FittedModel, flights: Mapping[str, Flight], window: Window, biases: Mapping[str, float]
+) -> tuple[Prepared, list[Predicted]]:
+    """Prepare and predict one window with the biases of its flight."""
+    biased = model.vehicle.with_numbers({name: {"value": value} for name, value in biases.items()})
+    prepared, kind = prepare(biased, flights, [window]), _PREDICTIONS[biased.frame]
+    found, late = [], []
+    notices = [n for n in prepared.notices if n.code != "start-defaulted"]
+    notices += [notice(code, str(window), length=WINDOW_LENGTH, stretch=STRETCH) for code in kind.codes]
     for piece in prepared.pieces:
-        early = np.isfinite(piece.measured[piece.time <= piece.time[0] + START_TIME]).any(axis=0)
-        recorded = dict(zip(vehicle.outputs, early, strict=True))
-        missing = tuple(c for c in vehicle.outputs if c in START_NAMES and not recorded[c])
-        start = piece.start
-        for steady_start in _PREDICTIONS[vehicle.frame].starts if missing else ():
-            steady, code = steady_start(biased, piece)
-            start = {**start, **{c: steady[c] for c in missing if c in steady}}
-            notices.append(notice(code, str(window), channels=missing))
-        pieces.append(replace(piece, start=start, changes={**piece.changes, **biases}))
-    return replace(prepared, pieces=tuple(pieces), notices=tuple(notices))
+        stretch = stretch_before(biased, flights, window, piece)
+        stretch, missing, code = _about_steady_flight(biased, stretch)
+        stretch = replace(stretch, piece=replace(stretch.piece, changes={**piece.changes, **biases}))
+        n = len(piece.time)
+        edges = window_edges(n, round(kind.length / piece.dt)) if np.isfinite(kind.length) else (0, n)
+        parts = [
+            predict_stretch(model, stretch.part(biased, a, b) if len(edges) > 2 else stretch)
+            for a, b in pairwise(edges)
+        ]
+        whole = Predicted(
+            *(np.concatenate(c) for c in zip(*((p.readings, p.deviation) for p in parts), strict=True))
+        )
+        found.append(whole)
+        if missing:
+            notices.append(_unrecorded_start(code, window, biased, missing, whole))
+        late += [] if stretch.before else [float(piece.time[0])]
+    if late:
+        notices.append(
+            notice(
+                "start-from-prediction", str(window), times=tuple(late), stretch=STRETCH, least=MIN_STRETCH
+            )
+        )
+    changed = tuple(replace(p, changes={**p.changes, **biases}) for p in prepared.pieces)
+    return replace(prepared, pieces=changed, notices=tuple(notices)), found
+
+
+def _about_steady_flight(vehicle: Vehicle, stretch: Stretch) -> tuple[Stretch, tuple[str, ...], str]:
+    """Begin the search for a state that was not recorded at steady flight; return which these are, and the notice's code."""
+    piece = stretch.piece
+    early = np.isfinite(piece.measured[piece.time <= piece.time[0] + START_TIME]).any(axis=0)
+    recorded = dict(zip(vehicle.outputs, early, strict=True))
+    missing = tuple(c for c in vehicle.outputs if c in START_NAMES and not recorded[c])
+    start, code = piece.start, ""
+    for steady_start in _PREDICTIONS[vehicle.frame].starts if missing else ():
+        steady, code = steady_start(vehicle, piece)
+        start = {**start, **{c: steady[c] for c in missing if c in steady}}
+    return replace(stretch, piece=replace(piece, start=start)), missing if code else (), code
+
+
+def _unrecorded_start(
+    code: str, window: Window, vehicle: Vehicle, missing: Sequence[str], found: Predicted
+) -> Notice:
+    """Return the notice of states that were not recorded: how well the model's response before the window gives them."""
+    errors = []
+    for c in missing:
+        factor, unit = factor_and_unit(VARIABLES[c].unit)
+        errors.append(f"{factor * found.deviation[0, vehicle.outputs.index(c)]:.2g} {unit}")
+    return notice(code, str(window), channels=tuple(missing), errors=tuple(errors))
 
 
 def _trimmed_start(vehicle: Vehicle, piece: Piece) -> tuple[Mapping[str, float], str]:
@@ -212,7 +258,7 @@ def low_passed(columns: FloatArray, dt: float) -> FloatArray:
 class PredictionModel:
     """How a kind of vehicle is predicted."""
 
-    readings: Callable[[Misfit, int], FloatArray]  #: (n, n_y) of a piece of a problem without unknowns
+    length: float = np.inf  #: s after which a prediction begins anew
     codes: tuple[str, ...] = ()  #: of notices about that
     starts: tuple[
         Callable[[Vehicle, Piece], tuple[Mapping[str, float], str]], ...
@@ -221,6 +267,6 @@ class PredictionModel:
 
 
 _PREDICTIONS: Final = {
-    AIR_FRAME: PredictionModel(lambda problem, i: problem.outputs(np.empty(0), i), starts=(_trimmed_start,)),
-    GROUND_FRAME: PredictionModel(outputs_by_window, codes=("predicted-in-windows",), curves=(force_curves,)),
+    AIR_FRAME: PredictionModel(starts=(_trimmed_start,)),
+    GROUND_FRAME: PredictionModel(WINDOW_LENGTH, codes=("predicted-in-windows",), curves=(force_curves,)),
 }

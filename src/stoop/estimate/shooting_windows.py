@@ -29,7 +29,7 @@ from stoop.problem.observation import (
     true_value,
 )
 from stoop.simulation import initial_states, parameter_rows
-from stoop.simulation.delays import input_delays, late_inputs, late_outputs, output_delays
+from stoop.simulation.delays import actuator_rows, late_inputs, late_outputs, output_delays
 from stoop.simulation.initial import commanded
 from stoop.vehicle import Vehicle
 from stoop.vehicle.schema import WIND
@@ -315,11 +315,11 @@ class Shots:
     ) -> tuple[FloatArray, FloatArray]:
         """Simulate windows `which` (B,) side by side, from states (n_x, B) with kernel parameters (n_p, B).
 
-        Inputs of different delays stand in records one below the other. Return readings (B, n, n_y), those of a short window
+        Inputs of different actuators stand in records one below the other. Return readings (B, n, n_y), those of a short window
         going on into the next, and states (n_x, B) at the first sample of the next window (of the last one, at its last).
         """
         vehicle, inputs, dt = self.vehicle, self.piece.inputs, self.piece.dt
-        late, copy = rows[[row for _, row in input_delays(vehicle)]], np.zeros(rows.shape[1], dtype=np.int64)
+        late, copy = rows[actuator_rows(vehicle)], np.zeros(rows.shape[1], dtype=np.int64)
         if len(late) and np.ptp(late, axis=1).any():
             _, at, copy = np.unique(late, axis=1, return_index=True, return_inverse=True)
             lanes = late_inputs(vehicle, inputs, np.ascontiguousarray(rows[:, at]), dt)

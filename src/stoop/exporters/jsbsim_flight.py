@@ -23,7 +23,7 @@ from stoop.base.rotations import quaternions_of
 from stoop.base.units import FOOT, POUND_FORCE, SLUG
 from stoop.base.variables import EULER, WRAPPED
 from stoop.errors import SimulationError, StoopError
-from stoop.exporters.jsbsim_model import channel, channel_start, constant_thrust, delays, lag_start, lagged
+from stoop.exporters.jsbsim_model import actuators, channel, channel_start, constant_thrust, lag_start, lagged
 from stoop.simulation import Trim, initial_states, parameter_rows
 from stoop.simulation.delays import late_inputs, late_outputs
 from stoop.simulation.initial import commanded, rigid_states
@@ -210,7 +210,7 @@ def settings(record: Record, rate: float = FRAME_RATE) -> Settings:
     rigid = {k: float(v[0]) for k, v in rigid_states(record.start).items() if k in (*"uvwpqr", "h")}
     start = rigid | {a: float(record.start.get(a, 0.0)) for a in EULER}
     columns = {n: record.inputs[:, i] for i, n in enumerate(vehicle.inputs) if n != "none"}
-    constants = {channel_start(n): float(columns[n][0]) for n in delays(vehicle)}
+    constants = {channel_start(n): float(columns[n][0]) for n in actuators(vehicle)}
     for control in lagged(vehicle):
         # The lag filter y1 = ca (x1 + x0) + cb y0 runs once before the flight, with zeros behind it; so the surface
         # begins at S + ca (x0 - S) for a start value S and a command x0.

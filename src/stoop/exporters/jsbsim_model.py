@@ -4,13 +4,14 @@ Inside the functions all is SI, as in the vehicle file; JSBSim's own units appea
 (``velocities/vt-fps``) and what an axis or a force returns (pounds, foot-pounds).
 
 JSBSim's ``delay`` of N frames passes a signal N - 1 frames late (1.3.3), and none at all for N = 0. Fractions of a frame
-are interpolated here. Its delays and lags begin with zeros, so what goes through them is the deviation from a start
-value, which is a property.
+are interpolated here. Its delays, rate limits, hysteresis and lags begin with zeros, so what goes through them is the
+deviation from a start value, which is a property.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+import math
+from collections.abc import Callable, Collection, Iterator, Mapping
 from typing import Any, Final
 from xml.etree.ElementTree import Element, SubElement
 
@@ -18,7 +19,7 @@ import sympy as sp
 
 from stoop.base.units import FOOT, POUND_FORCE, SLUG
 from stoop.simulation import parameter_rows
-from stoop.simulation.delays import input_delays
+from stoop.simulation.delays import input_actuators, input_delays
 from stoop.simulation.initial import commanded
 from stoop.simulation.trim import neutral_inputs
 from stoop.vehicle import Vehicle, terms
@@ -192,16 +193,23 @@ def delays(vehicle: Vehicle) -> dict[str, float]:
     return {vehicle.inputs[i]: float(vehicle.values[row]) for i, row in input_delays(vehicle)}
 
 
+def actuators(vehicle: Vehicle) -> dict[str, tuple[float, float, float]]:
+    """Return dead zone, rate limit (per s) and delay (s) of each channel that has one, in the channel's unit."""
+    rows = parameter_rows(vehicle)
+    found = {vehicle.inputs[a.column]: a.numbers(rows, 1.0)[:, 0].tolist() for a in input_actuators(vehicle)}
+    return {name: (zone, limit, delay) for name, (zone, limit, delay) in found.items()}
+
+
 def lagged(vehicle: Vehicle) -> tuple[str, ...]:
     """Return the controls whose surface follows with a lag."""
     return tuple(s.removesuffix(".lag") for s in vehicle.states if s.endswith(".lag"))
 
 
 def flight_control(vehicle: Vehicle) -> Element:
-    """Return the flight control section: properties of channels and start values, then delays, mixers and lags."""
+    """Return the flight control section: properties of channels and start values, then actuators, mixers and lags."""
     out = Element("flight_control", {"name": "controls"})
     neutral = neutral_inputs(vehicle, 0.0)
-    late, rows = delays(vehicle), parameter_rows(vehicle)
+    late, rows = actuators(vehicle), parameter_rows(vehicle)
     declared: list[tuple[str, float]] = []
     for name, x in zip(vehicle.inputs, neutral.tolist(), strict=True):
         declared += [(channel(name), x)] if name != "none" else []
@@ -210,10 +218,10 @@ def flight_control(vehicle: Vehicle) -> Element:
         declared.append((lag_start(control), float(commanded(vehicle, control, rows, neutral)[0])))
     for name, x in [*declared, *constant_thrust(vehicle).items()]:
         SubElement(out, "property", {"value": number(x)}).text = name
-    for name, seconds in late.items():
-        SubElement(out, "channel", {"name": name}).extend(_delay(name, seconds))
+    for name, numbers in late.items():
+        SubElement(out, "channel", {"name": name}).extend(_actuator(name, *numbers))
     for control in vehicle.controls:
-        SubElement(out, "channel", {"name": control}).extend(_surface(vehicle, control, late))
+        SubElement(out, "channel", {"name": control}).extend(_surface(vehicle, control, set(late)))
     return out
 
 
@@ -223,13 +231,13 @@ def _component(name: str, body: Element) -> Element:
     return out
 
 
-def _delay(name: str, seconds: float) -> Iterator[Element]:
-    """Yield what delays a channel by a time that need not be whole frames."""
+def _actuator(name: str, dead_zone: float, limit: float, seconds: float) -> Iterator[Element]:
+    """Yield the dead zone and the rate limit of a channel, and its delay by a time that need not be whole frames."""
 
-    def actuator(name: str, source: str, kind: str, amount: str) -> Element:
+    def actuator(name: str, source: str, tag: str, amount: str, **more: str) -> Element:
         out = Element("actuator", {"name": name})  # the only component of 1.3.3 that respects its delay
         out.append(leaf("input", source))
-        SubElement(out, "delay", {"type": kind}).text = amount
+        SubElement(out, tag, more).text = amount
         return out
 
     def blend(a: str, b: str) -> Element:
@@ -239,15 +247,23 @@ def _delay(name: str, seconds: float) -> Iterator[Element]:
 
     deviation, earlier, middle, later = (f"stoop/late/{name}-{i}" for i in range(4))
     yield _component(deviation, node("difference", prop(channel(name)), prop(channel_start(name))))
-    yield actuator(earlier, deviation, "time", number(seconds))
-    yield actuator(middle, earlier, "frames", "2")
-    yield actuator(later, middle, "frames", "2")
-    short = node("lt", value(seconds), prop(_FRAME))
-    interpolated = node("ifthen", short, blend(earlier, middle), blend(middle, later))
-    yield _component(_delayed(name), node("sum", prop(channel_start(name)), interpolated))
+    if dead_zone > 0.0:
+        deviation, source = f"stoop/play/{name}", deviation
+        yield actuator(deviation, source, "hysteresis_width", number(dead_zone))
+    if limit < math.inf:
+        deviation, source = f"stoop/limited/{name}", deviation
+        yield actuator(deviation, source, "rate_limit", number(limit))
+    moved = prop(deviation)
+    if seconds > 0.0:
+        yield actuator(earlier, deviation, "delay", number(seconds), type="time")
+        yield actuator(middle, earlier, "delay", "2", type="frames")
+        yield actuator(later, middle, "delay", "2", type="frames")
+        short = node("lt", value(seconds), prop(_FRAME))
+        moved = node("ifthen", short, blend(earlier, middle), blend(middle, later))
+    yield _component(_delayed(name), node("sum", prop(channel_start(name)), moved))
 
 
-def _surface(vehicle: Vehicle, control: str, late: dict[str, float]) -> Iterator[Element]:
+def _surface(vehicle: Vehicle, control: str, late: Collection[str]) -> Iterator[Element]:
     """Yield mixer, offset + sum of gain (channel - center), and lag of one control."""
     base, spec = f"controls.{control}", vehicle.file.controls[control]
     parts = []

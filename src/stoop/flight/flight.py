@@ -24,6 +24,9 @@ if TYPE_CHECKING:
 ENDINGS: Final = (
     ".gz", ".csv", ".ulg", ".ulog", ".nc", ".cdf", ".bin", ".log", ".usd", ".mat", ".parquet", ".pq", ".bag", ".mcap", ".db3",
 )  #: of logs; what stands before them is the name of the flight  # fmt: skip
+MAX_TRIM: Final = (
+    0.05  #: of a window, that may lie beyond the record: rounded times; more is another clock or a wrong log
+)
 MIN_SEGMENT: Final = 0.5  #: s; shorter pieces say nothing about the aircraft and are dropped
 NAN: Final = float("nan")
 
@@ -208,6 +211,27 @@ class Segment:
     extras: Mapping[str, FloatArray]  #: name -> (n,), NaN where missing
 
 
+def _check_span(where: str, t: FloatArray, start: float, stop: float) -> list[Notice]:
+    """Return the notice of a window that is trimmed to a record (n,); raises `FlightError` where too much of it lies beyond."""
+    first, last, period = float(t[0]), float(t[-1]), float(t[1] - t[0]) if len(t) > 1 else 0.0
+    if not start < stop:
+        raise FlightError(f"{where}: the window ends before it begins; write START:STOP in seconds")
+    if stop <= first or start >= last:
+        raise FlightError(
+            f"{where}: outside the record, which runs from {first:.2f} to {last:.2f} s "
+            "on the log's own clock; choose a window inside"
+        )
+    notices, beyond = [], max(first - start, 0.0) + max(stop - last, 0.0)
+    if beyond > max(period, MAX_TRIM * (stop - start)):
+        raise FlightError(
+            f"{where}: {beyond:.2f} s of it lie beyond the record, which runs from {first:.2f} to {last:.2f} s on the log's "
+            f"own clock; write {max(start, first):.10g}:{min(stop, last):.10g} for what there is, or choose a window inside"
+        )
+    if start < first - period or stop > last + period:
+        notices.append(notice("window-trimmed", where, start=max(start, first), stop=min(stop, last)))
+    return notices
+
+
 def segments(
     flight: Flight,
     start: float,
@@ -234,7 +258,8 @@ def segments(
     Raises
     ------
     FlightError
-        When an input is not in the flight, the window lies outside the record, or nothing is left of it.
+        When an input is not in the flight, the window lies outside the record or more than `MAX_TRIM` of it beyond its
+        ends, or nothing is left of it.
     """
     for name in inputs:
         if name not in flight.data:
@@ -242,17 +267,7 @@ def segments(
             there = ", ".join(str(known) for known in flight.data.data_vars)
             raise FlightError(f"{flight.name}: input '{name}' is not in this flight; it has {there}")
     where, t = f"{flight.name} {start:g}:{stop:g}", flight.time
-    first, last, period = float(t[0]), float(t[-1]), 1.0 / flight.rate
-    if not start < stop:
-        raise FlightError(f"{where}: the window ends before it begins; write START:STOP in seconds")
-    if stop <= first or start >= last:
-        raise FlightError(
-            f"{where}: outside the record, which runs from {first:.2f} to {last:.2f} s "
-            "on the log's own clock; choose a window inside"
-        )
-    notices = []
-    if start < first - period or stop > last + period:
-        notices.append(notice("window-trimmed", where, start=max(start, first), stop=min(stop, last)))
+    notices = _check_span(where, t, start, stop)
     low, high = np.searchsorted(t, [start - TIME_TOLERANCE, stop + TIME_TOLERANCE])
     t = t[low:high]
     inside = {}

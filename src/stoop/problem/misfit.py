@@ -16,7 +16,7 @@ from stoop.base.arrays import BoolArray, FloatArray
 from stoop.base.variables import WRAPPED
 from stoop.problem.layout import Layout, Nuisance
 from stoop.simulation import parameter_rows
-from stoop.simulation.delays import input_delays, late_inputs, late_outputs, output_delays
+from stoop.simulation.delays import actuator_rows, late_inputs, late_outputs, output_delays
 from stoop.simulation.initial import initial_states, rigid_states
 
 STEP = 1e-7  #: of a forward difference
@@ -204,6 +204,14 @@ class Misfit:
         """Return the simulated readings (n, n_y) of one piece for a vector (D + E,)."""
         return np.asarray(self._trajectories(z[None, :], index, len(self.pieces[index].time))[0])
 
+    def slopes(self, z: FloatArray, index: int) -> tuple[FloatArray, FloatArray]:
+        """Return the simulated readings (n, n_y) of one piece and their derivatives (n, n_y, D + E) by differences."""
+        Z = z + np.concatenate([np.zeros((1, len(z))), STEP * np.eye(len(z))])
+        lanes = self._trajectories(Z, index, len(self.pieces[index].time))
+        with np.errstate(invalid="ignore", over="ignore"):
+            changes = on_circle(lanes[1:] - lanes[0], self.layout.vehicle.outputs)
+        return np.asarray(lanes[0]), np.moveaxis(changes, 0, 2) / STEP
+
     @cached_property
     def _quality(self) -> list[FloatArray]:
         """Weight (n, n_y) of every sample of each piece, for a diagonal Q."""
@@ -278,7 +286,7 @@ class Misfit:
 
     @cached_property
     def _late(self) -> bool:
-        return bool(input_delays(self.layout.vehicle) or self.layout.vehicle.sloped)
+        return bool(actuator_rows(self.layout.vehicle) or self.layout.vehicle.sloped)
 
     def _inputs(self, piece: Piece, rows: FloatArray) -> FloatArray:
         """Return the inputs of a piece as the surfaces receive them."""

@@ -1,7 +1,7 @@
 """Windows of flights: how a user names one, and windows.toml, which holds those that `stoop maneuvers` proposes.
 
-A window is ``[FLIGHT@]START:STOP[#LOADING]``, seconds of the log's own clock. The user edits windows.toml, and `stoop
-identify` takes it.
+A window is ``[FLIGHT@]START:STOP[#LOADING]``, seconds of the log's own clock, or the words ``start`` and ``end``. The user
+edits windows.toml, and `stoop identify` takes it.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ def within(flight: Flight, windows: Sequence[Window]) -> BoolArray:
 
 
 def parse_window(text: str, flights: Mapping[str, Flight]) -> Window:
-    """Read a window; the flight's name may be left out when there is one flight.
+    """Read a window; the flight's name may be left out when there is one flight; ``start`` and ``end`` are the record's.
 
     Raises
     ------
@@ -104,8 +104,11 @@ def parse_window(text: str, flights: Mapping[str, Flight]) -> Window:
         raise FlightError(
             f"maneuver '{text}': no flight is called '{name}'; flights are {', '.join(flights)}"
         )
+    ends = {"start": 0, "end": -1}
     try:
-        start, stop = (float(part) for part in times.split(":"))
+        start, stop = (
+            float(flights[name].time[ends[part]] if part in ends else part) for part in times.split(":")
+        )
     except ValueError:
         raise FlightError(f"maneuver '{text}': write START:STOP in seconds, for example 140:145") from None
     if not (math.isfinite(start) and math.isfinite(stop) and start < stop):

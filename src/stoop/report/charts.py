@@ -32,10 +32,11 @@ class Curves:
     measured: FloatArray
     simulated: FloatArray
     baseline: FloatArray | None = None
+    deviation: FloatArray | None = None  #: of a prediction, standard deviation with noise
 
 
 def channel_panel(curves: Curves, role: str, description: str) -> Markup:
-    """Return measured against simulated, and their difference below."""
+    """Return measured against simulated, over the 95 % band of a prediction, and their difference below."""
     span, residual = _time_span(curves.time), curves.measured - curves.simulated
     reach = max(map(abs, spanning([residual])))
     # A diverged simulation may not flatten the measurements to a line.
@@ -49,6 +50,10 @@ def channel_panel(curves: Curves, role: str, description: str) -> Markup:
     lower = Axes.around(Box(LEFT, 142.0, WIDTH - LEFT - RIGHT, 44.0), span, (-reach, reach))
     parts = [axes.hole(*gap) for gap in holes(curves.time) for axes in (upper, lower)]
     parts += upper.frame(bottom_labels=False, rows=5) + lower.frame(rows=4)
+    if curves.deviation is not None:
+        half = NORMAL_95 * curves.deviation
+        parts.append(upper.area(curves.time, curves.simulated - half, curves.simulated + half, "band"))
+        parts.append(lower.area(curves.time, -half, half, "band"))
     parts.append(upper.curve(curves.time, curves.measured, "curve measured"))
     if curves.baseline is not None:
         parts.append(upper.curve(curves.time, curves.baseline, "curve baseline"))

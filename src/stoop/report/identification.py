@@ -11,6 +11,7 @@ from typing import Final
 import numpy as np
 from markupsafe import Markup
 
+from stoop.assessment.verdict import verdict as judge
 from stoop.base.numbers import NOTHING, count, listed, number, window
 from stoop.errors import StoopError
 from stoop.report import sheet
@@ -23,6 +24,7 @@ from stoop.report.estimates import (
     repeatability_section,
     uncertainty_section,
 )
+from stoop.report.extensions import extensions_section
 from stoop.report.maneuvers import (
     air_section,
     comparison_table,
@@ -34,10 +36,8 @@ from stoop.report.maneuvers import (
     segments_text,
 )
 from stoop.results.result import Identification, Result, Role
+from stoop.results.verdict import Grade
 
-MAX_NOT_IDENTIFIABLE: Final = 0.5  #: share of the parameters; above it the estimates are no model
-#: share of the fitted channels that a lag matches as well; above it the model is none
-MAX_LOST_TO_LAG: Final = 0.6
 ENDINGS: Final = {
     "converged": "The search converged",
     "target": "The search reached the target cost",
@@ -45,14 +45,11 @@ ENDINGS: Final = {
     "generations": "The search ran out of generations before it converged",
     "interrupted": "The search was interrupted; this is the best it had found",
 }
-HEADLINES: Final[dict[sheet.Level, str]] = {
-    "good": "The model matches the flight, and its parameters are identifiable.",
-    "caution": "Usable, with reservations: read the points below first.",
-    "bad": "Do not rely on these numbers yet.",
-}
+LEVELS: Final[dict[Grade, sheet.Level]] = {"trusted": "good", "usable": "caution", "do not use": "bad"}
 VALIDATION_LEAD: Final = (
-    "Nothing was fitted here: the initial state comes from the first 0.2 s of measurements (with rotors, anew each second "
-    "from what is measured there), the sensor biases from the fitted maneuvers, the wind from outside the windows. Theil’s "
+    "No parameter was fitted here: the initial state is estimated with the model from the second before each window (with "
+    "rotors, anew each second), the sensor biases are those of the fitted maneuvers, the wind is from outside the windows. The "
+    "band holds 95 % of readings: uncertain initial state and parameters, and noise. Theil’s "
     "inequality coefficient, 0 for a perfect match and 1 at worst, below 10 Hz; beneath it that of a first-order lag, which "
     "learned from the fitted maneuvers, is given all commands, and is granted a bias of its own. A model that a lag can match "
     "has shown little."
@@ -128,6 +125,7 @@ def identification_sheet(identification: Identification) -> sheet.Sheet:
         sheet.Section("What was fitted", parts),
         estimates_section(identification),
         uncertainty_section(identification),
+        extensions_section(identification),
         role_section(identification, "fit"),
         role_section(identification, "validation"),
         residuals_section(identification),
@@ -159,21 +157,11 @@ def _provenance_section(identification: Identification, *, validation: bool) -> 
 
 
 def verdict(result: Result) -> sheet.Verdict:
-    """Return the verdict on a result, from notices, goodness of fit and identifiability."""
+    """Return the verdict of a result with its reasons, how the search ended, and how well the maneuvers are matched."""
+    found = result.verdict if result.verdict.grade else judge(result, result.verdict.uses)
     parameters = result.parameters
     unknown = [name for name, one in parameters.items() if not one.identifiable]
     bounded = [name for name, one in parameters.items() if one.at_bound]
-    lost, fitted = _lost(result, "fit"), _compared(result, "fit")
-    level: sheet.Level = "good"
-    if bool(unknown or bounded or result.warnings or lost or _lost(result, "validation")) or not any(
-        m.role == "validation" for m in result.maneuvers
-    ):
-        level = "caution"
-    too_many = bool(parameters) and len(unknown) > MAX_NOT_IDENTIFIABLE * len(parameters)
-    beaten = bool(fitted) and len(lost) / len(fitted) > MAX_LOST_TO_LAG
-    if result.status not in ("converged", "target") or not math.isfinite(result.cost) or too_many or beaten:
-        level = "bad"
-
     how = ENDINGS.get(result.status, f"The search ended with status “{result.status}”")
     spent = f"{number(result.trajectories, 3)} simulated trajectories in {number(result.seconds, 2)} s"
     text = f"{count(len(parameters), 'parameter')} estimated"
@@ -188,8 +176,10 @@ def verdict(result: Result) -> sheet.Verdict:
     together = sum(bool(one.doubt) and name not in unknown for name, one in doubts)
     text += f"; {together} of them known only in combination with others." if together else "."
     sentences = (f"{how}, after {spent}. {result.advice}".rstrip(), text, _match(result, "fit"))
-    every = (*sentences, _match(result, "validation"))
-    return sheet.Verdict(level, HEADLINES[level], tuple(sentence for sentence in every if sentence))
+    reasons = [f"{one}." for one in (*found.reasons, *found.advice)]
+    every = (*reasons, *sentences, _match(result, "validation"))
+    headline = f"{found.headline}."
+    return sheet.Verdict(LEVELS[found.grade], headline, tuple(sentence for sentence in every if sentence))
 
 
 def _match(result: Result, role: Role) -> str:
@@ -197,14 +187,16 @@ def _match(result: Result, role: Role) -> str:
     maneuvers = [m for m in result.maneuvers if m.role == role]
     if not maneuvers:
         return "" if role == "fit" else "No window was held back, so the prediction error is not known."
-    found = sorted(
-        (one.theil, name) for m in maneuvers for name, one in m.channels.items() if math.isfinite(one.theil)
-    )
-    parts = []
+    known = [(one, name) for m in maneuvers for name, one in m.channels.items() if math.isfinite(one.theil)]
+    found = sorted((one.theil, name) for one, name in known if not one.below_noise)
+    calm, parts = len(known) - len(found), []
     if found:
         (least, best), (most, worst) = found[0], found[-1]
         span = f"from {least:.3f} ({best}) to {most:.3f} ({worst})"
         parts.append(f"Theil’s coefficient runs {span}, 0 being perfect and 1 worst")
+    if calm:
+        moves = count(calm, "channel moves", "channels move")
+        parts.append(f"{moves} less than the noise and cannot judge the model")
     compared, lost = _compared(result, role), _lost(result, role)
     if compared:
         better = sum(compared)
@@ -220,7 +212,7 @@ def _match(result: Result, role: Role) -> str:
 def _compared(result: Result, role: Role) -> list[bool]:
     """Return for each channel that has a baseline whether the model beats it."""
     channels = [one for m in result.maneuvers if m.role == role for one in m.channels.values()]
-    return [one.theil < one.baseline_theil for one in channels if math.isfinite(one.baseline_theil)]
+    return [one.better for one in channels if one.compared]
 
 
 def _lost(result: Result, role: Role) -> list[str]:

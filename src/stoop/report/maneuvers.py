@@ -30,6 +30,7 @@ MAX_VALUE: Final = 1e15  #: a simulation that has left for infinity is not drawn
 COLORED: Final = 4.0  #: standard errors of an autocorrelation that are no matter of chance in any channel
 MAX_LAGS: Final = 100  #: samples over which autocorrelations are drawn
 PREDICTS, PREDICTS_SOME = 0.75, 0.4  #: share of the comparisons with the lag that a predicting model wins
+MAX_RATIO: Final = 100.0  #: of motion to noise; what is greater is not told apart
 AIR_HEIGHT: Final = 150.0  #: px
 MIN_PAUSE: Final = 0.3  #: s without a sample break a curve
 AIR_COLORS: Final = 4  #: classes air0, air1, ... of the style sheet
@@ -38,17 +39,25 @@ LEADS: Final = {
         "The model was fitted to these maneuvers. Theil’s inequality coefficient U is 0 for a perfect match and 1 at worst; "
         "it is computed below 10 Hz. The lag is a trivial model, one time constant and one dead time from the command of the "
         "channel’s own axis, fitted to this very maneuver: a model that does not beat it proves nothing. Offset, amplitude "
-        "and rest share out the squared error."
+        "and rest share out the squared error. S/N is the motion over the noise, both below 10 Hz: a grey channel moves less "
+        "than its noise, and no figure of it judges the model."
     ),
     "validation": (
-        "The initial state comes from the first 0.2 s of measurements (with rotors, anew each second from what is measured "
-        "there), biases and wind from outside the window. The lag is given all commands; it was fitted to the maneuvers "
-        "above and, unlike the model, is granted a bias of its own here."
+        "The initial state is estimated with the model from the second before the window (with rotors, anew each second), "
+        "biases and wind are from outside the window. The band holds 95 % of readings: uncertain initial state and "
+        "parameters, and noise. The lag is given all commands; it was fitted to the maneuvers above and, unlike the model, is "
+        "granted a bias of its own here."
     ),
 }
+AGAINST_LAG: Final = {
+    "better": "✓ better",
+    "worse": "▲ not better",
+    "noise": "only noise",
+    "": NOTHING,
+}  #: how the model compares
 TITLES: Final = {
     "fit": ("Fit: measured against simulated", "Fit"),
-    "validation": ("Prediction: nothing was fitted here", "Prediction"),
+    "validation": ("Prediction: no parameter was fitted here", "Prediction"),
 }
 MORE_LEAD: Final = (
     "Left out: the RMS error had each second of the record been left out of the fit in turn (PRESS); far above the plain "
@@ -105,6 +114,7 @@ def maneuver_parts(
     keys = (
         ("key measured", "measured"),
         (f"key {maneuver.role}", "simulated"),
+        *((("key bandkey", "95 % band"),) if maneuver.role == "validation" else ()),
         ("key baseline", "first-order lag"),
         ("key residual", "measured − simulated (lower strip)"),
         ("", "time in s of the log’s own clock; shaded: no data"),
@@ -133,7 +143,7 @@ def _goodness(identification: Identification, maneuver: ManeuverResult, names: S
         """Return the length of a bar in percent."""
         return round(100.0 * min(max(theil / reach, 0.0), 1.0), 1) if math.isfinite(theil) else 0.0
 
-    rows = []
+    rows, predicted = [], maneuver.role == "validation"
     for name in names:
         one = maneuver.channels[name]
         factor, unit = _shown_unit(identification, name)
@@ -147,17 +157,22 @@ def _goodness(identification: Identification, maneuver: ManeuverResult, names: S
             _decimals(one.theil),
             _decimals(one.baseline_theil),
             Markup('<span class="bars" aria-hidden="true">{}</span>').format(bars),
-            {"better": "✓ better", "worse": "▲ not better"}.get(against, NOTHING),
+            AGAINST_LAG[against],
             _decimals(one.r2),
+            number(one.fit_percent, 3),
+            number(factor * one.noise, 2),
+            number(one.signal_to_noise, 2) if not one.signal_to_noise >= MAX_RATIO else f"> {MAX_RATIO:g}",
+            *([share(one.inside)] if predicted else []),
             *_shares(one.theil_shares),
         )
         rows.append(row)
     head = (
-        "Channel", "RMS error", "Unit", "Theil U", "of the lag", f"0 … {number(reach, 1)}", "Against the lag", "R²",
-        "Offset", "Amplitude", "Rest",
+        "Channel", "RMS error", "Unit", "Theil U", "of the lag", f"0 … {number(reach, 1)}", "Against the lag", "R²", "Fit %",
+        "Noise", "S/N", *(["In 95 % band"] if predicted else []), "Offset", "Amplitude", "Rest",
     )  # fmt: skip
-    kinds = ("", "n", "", "n", "n", "", "", "n", "n", "n", "n")
-    return sheet.Table("", head, tuple(rows), kinds, label=f"Goodness of fit, {maneuver_title(maneuver)}")
+    kinds = ("", "n", "", "n", "n", "", "", *["n"] * (len(head) - 7))
+    calm = tuple("unsure" if maneuver.channels[name].below_noise else "" for name in names)
+    return sheet.Table("", head, tuple(rows), kinds, calm, f"Goodness of fit, {maneuver_title(maneuver)}")
 
 
 def _more_goodness(identification: Identification, maneuver: ManeuverResult) -> sheet.Details:
@@ -197,6 +212,7 @@ def _channel(
         finite_part(factor * channel.measured),
         finite_part(factor * channel.simulated),
         None if baseline is None else finite_part(factor * baseline),
+        None if channel.deviation is None else finite_part(factor * channel.deviation),
     )
     description, note = f"{name}, {_meaning(name)}: measured, simulated and their difference", ""
     description += f", {maneuver_title(maneuver)}"
@@ -204,7 +220,8 @@ def _channel(
         description += f"; Theil's coefficient {_decimals(one.theil)}"
         mark = {"better": " ✓", "worse": " ▲"}.get(_against_lag(one), "")
         lag = f" · lag {_decimals(one.baseline_theil)}{mark}" if mark else ""
-        note = f"U {_decimals(one.theil)}{lag} · R² {_decimals(one.r2)}"
+        note = f"U {_decimals(one.theil)}{lag} · R² {_decimals(one.r2)} · fit {number(one.fit_percent, 3)} %"
+        note += " · below its noise" if one.below_noise else ""
     drawn = channel_panel(curves, maneuver.role, f"{description}.")
     return sheet.Panel(label(identification, name), drawn, unit, _meaning(name), note)
 
@@ -262,8 +279,8 @@ def comparison_table(maneuvers: Sequence[ManeuverResult]) -> sheet.Table:
 
 def prediction_verdict(maneuvers: Sequence[ManeuverResult], sentences: tuple[str, ...]) -> sheet.Verdict:
     """Return how well a model predicts, by the share of channels in which it beats the lag."""
-    compared = [found for m in maneuvers for one in m.channels.values() if (found := _against_lag(one))]
-    better = compared.count("better") / len(compared) if compared else 0.0
+    compared = [one.better for m in maneuvers for one in m.channels.values() if one.compared]
+    better = sum(compared) / len(compared) if compared else 0.0
     level: sheet.Level
     if not compared:
         level, headline = "caution", "There is no trivial model to compare with."
@@ -321,9 +338,10 @@ def finite_part(values: FloatArray) -> FloatArray:
 
 
 def _against_lag(one: GoodnessOfFit) -> str:
-    """Return "better" or "worse" than the lag; empty without one."""
-    compared = math.isfinite(one.baseline_theil) and math.isfinite(one.theil)
-    return ("better" if one.theil < one.baseline_theil else "worse") if compared else ""
+    """Return "better" or "worse" than the lag, "noise" where only that is left to compare; empty without a lag."""
+    if one.below_noise or (one.compared and not one.better and not one.lost):
+        return "noise"
+    return ("better" if one.better else "worse") if one.compared else ""
 
 
 def _shares(shares: TheilShares) -> list[str]:

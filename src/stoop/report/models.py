@@ -14,7 +14,7 @@ from stoop.estimate.regression.least_squares import TimeDomain
 from stoop.estimate.regression.structure import Structure
 from stoop.exporters.jsbsim_aircraft import relative_errors
 from stoop.exporters.jsbsim_flight import FRAME_RATE, PLANET, Comparison, differences, relative_differences
-from stoop.exporters.jsbsim_model import delays
+from stoop.exporters.jsbsim_model import actuators
 from stoop.report.plots import Series, Strip, plot, stacked_plots
 from stoop.report.sheet import Bullets, Code, Figure, Prose, Section, Sheet, Table, render_sheet
 from stoop.vehicle import Vehicle
@@ -122,7 +122,7 @@ def export_page(
 def _differences(flown: Comparison) -> Table:
     vehicle, measured = flown.record.vehicle, flown.record.measured
     columns = {"JSBSim, flat planet": flown.relative}
-    if delays(vehicle):
+    if actuators(vehicle):
         columns["on JSBSim's frames"] = relative_differences(vehicle, flown.fine, flown.flat)
     columns["JSBSim, Earth"] = relative_differences(vehicle, flown.own, flown.earth)
     head = ["channel", "largest magnitude", *columns]

@@ -93,6 +93,16 @@ class Axes:
         """Return a curve clipped to the box; `kind` is its class."""
         return self.inside([path(self.x(x), self.y(y), kind)])
 
+    def area(self, x: FloatArray, low: FloatArray, high: FloatArray, kind: str) -> Markup:
+        """Return the area between two curves, clipped to the box; `kind` is its class."""
+        shapes = []
+        for first, last in runs(np.isfinite(x) & np.isfinite(low) & np.isfinite(high)).tolist():
+            at = np.unique(np.linspace(first, last - 1, min(last - first, COLUMNS)).round().astype(int))
+            edge = np.concatenate([self.y(low[at]), self.y(high[at])[::-1]])
+            across = np.concatenate([self.x(x[at]), self.x(x[at])[::-1]])
+            shapes.append(path(across, np.clip(edge, -self.box.height, 2.0 * self.box.height), kind))
+        return self.inside(shapes)
+
     def inside(self, parts: Sequence[Markup]) -> Markup:
         """Return parts moved into the box, and cut at its edges."""
         box, content = self.box, Markup("").join(parts) or " "

@@ -20,8 +20,10 @@ from stoop.base.arrays import FloatArray
 from stoop.base.files import write_text_atomic
 from stoop.base.notices import AS_SENTENCES, Notice, as_notice, from_dict, of_severity
 from stoop.errors import StoopError
+from stoop.results.extensions import ExtensionTests
 from stoop.results.modes import ConditionModes
 from stoop.results.uncertainty import IdentifiabilityAnalysis, MethodIntervals, Repeatability
+from stoop.results.verdict import Verdict
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -30,6 +32,7 @@ Role: TypeAlias = Literal["fit", "validation"]
 
 SCHEMA: Final = "stoop-result/1"
 NAN: Final = math.nan
+MIN_SIGNAL_TO_NOISE: Final = 1.0  #: of a channel's motion; below it chance decides between models
 
 
 @dataclass(frozen=True)
@@ -64,6 +67,9 @@ class NoiseCovariance:
 
     channels: tuple[str, ...]
     matrix: FloatArray
+    inflation: float = (
+        1.0  #: factor on the covariance in the weights, because neighboring residuals are correlated
+    )
 
 
 @dataclass(frozen=True)
@@ -156,12 +162,36 @@ class GoodnessOfFit:
     theil_shares: TheilShares = TheilShares()
     whiteness: Whiteness = Whiteness()  #: of the residuals
     baseline: BaselineFit = BaselineFit()  #: the same figures of the first-order lag
+    #: 100 (1 - rms error / rms of the measured curve about its mean); negative when the mean does better
+    fit_percent: float = NAN
+    #: the channel's unit; standard deviation of the measurement noise below 10 Hz, no more than the fit's and the record's own
+    noise: float = NAN
+    signal_to_noise: float = (
+        NAN  #: rms of the measured motion about its mean, below 10 Hz and without noise, over `noise`
+    )
+    inside: float = (
+        NAN  #: share of the measured samples within the 95 % band of a prediction; NaN for a fitted maneuver
+    )
+
+    @property
+    def below_noise(self) -> bool:
+        """Whether the motion is smaller than the noise: then no figure of the channel judges a model."""
+        return self.signal_to_noise < MIN_SIGNAL_TO_NOISE
+
+    @property
+    def compared(self) -> bool:
+        """Whether a first-order lag is compared with the model: not where the motion is below the noise."""
+        return math.isfinite(self.baseline_theil) and not self.below_noise
+
+    @property
+    def better(self) -> bool:
+        """Whether the model beats a first-order lag."""
+        return self.compared and self.theil < self.baseline_theil
 
     @property
     def lost(self) -> bool:
         """Whether a first-order lag does as well; not where residuals are white: only noise is left, and chance decides."""
-        compared = math.isfinite(self.baseline_theil)
-        return compared and not self.theil < self.baseline_theil and self.whiteness.verdict != "white"
+        return self.compared and not self.better and self.whiteness.verdict != "white"
 
 
 @dataclass(frozen=True)
@@ -214,6 +244,10 @@ class Result:
     #: which of them to trust and why; sentences in the JSON
     trust: tuple[Notice, ...] = field(default=(), metadata=AS_SENTENCES)
     identifiability: IdentifiabilityAnalysis = field(default_factory=IdentifiabilityAnalysis)
+    extensions: ExtensionTests = field(
+        default_factory=ExtensionTests
+    )  #: what the data ask for beside the model
+    verdict: Verdict = field(default_factory=Verdict)  #: whether to use the model, for what, and why
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -268,6 +302,9 @@ class ChannelTrace:
 
     measured: FloatArray
     simulated: FloatArray
+    deviation: FloatArray | None = (
+        None  #: of a prediction, (n,), standard deviation, measurement noise included
+    )
 
 
 @dataclass(frozen=True, eq=False)

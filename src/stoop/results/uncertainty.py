@@ -121,11 +121,17 @@ class Repeatability:
         compared = [one for one in self.parameters.values() if one.verdict]
         if not compared:
             return notice("repeatability-nothing-compared")
-        square, degrees = sum(one.chi_square for one in compared), sum(one.degrees for one in compared)
         return notice(
             "repeatability" if len(compared) < MANY else "repeatability-of-many",
             compared=len(compared),
             scatter=sum(one.verdict == "scatter" for one in compared),
             by_chance=SCATTER_LEVEL * len(compared),
-            ratio=math.sqrt(square / degrees),
+            ratio=self.scatter_ratio,
         )
+
+    @property
+    def scatter_ratio(self) -> float:
+        """Scatter of the maneuvers over their error bars, over all parameters; NaN where nothing is compared."""
+        compared = [one for one in self.parameters.values() if one.verdict]
+        degrees = sum(one.degrees for one in compared)
+        return math.sqrt(sum(one.chi_square for one in compared) / degrees) if degrees else NAN

@@ -1,12 +1,14 @@
-"""Delays of controls and sensors: signals read a fraction of a sample late.
+"""Actuators and delays: dead zone, rate limit and delay of recorded channels, delays of sensors.
 
-Signals are shifted outside the kernel by four-point Lagrange interpolation: a gather inside it would break its
-vectorization, and linear interpolation would put kinks into the gradient.
+A command passes the dead zone of its servo, then the rate limit, then the delay; lags are states of the kernel. All of it
+is applied outside the kernel: memory of earlier samples inside it would break its vectorization. Signals are shifted by
+four-point Lagrange interpolation: linear interpolation would put kinks into the gradient.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -47,14 +49,32 @@ def delayed(signal: FloatArray, samples: float) -> FloatArray:
     return out
 
 
-def delayed_lanes(signal: FloatArray, samples: FloatArray) -> FloatArray:
-    """Return one delayed copy per lane: (n, B) for a signal (n,), delays (B,).
+def play(command: FloatArray, width: float, start: float | None = None) -> FloatArray:
+    """Return positions (n,) of what stays while its command (n,) is within half a width of it, and else follows.
 
-    Each distinct delay is computed once; in a Jacobian few lanes differ from the first.
+    It begins at `start`, at the first command when absent.
     """
-    distinct, lane = np.unique(samples, return_inverse=True)
-    copies = np.stack([delayed(signal, float(d)) for d in distinct], axis=-1)
-    return np.ascontiguousarray(copies[:, lane])
+    if width == 0.0:
+        return command
+    half, position, out = 0.5 * width, float(command[0]) if start is None else start, []
+    for c in command.tolist():
+        position = min(max(position, c - half), c + half)
+        out.append(position)
+    return np.array(out)
+
+
+def rate_limited(command: FloatArray, step: float, start: float | None = None) -> FloatArray:
+    """Return positions (n,) of what follows its command (n,) by at most `step` from sample to sample.
+
+    It begins at `start`, at the first command when absent.
+    """
+    if start is None and not np.abs(np.diff(command)).max(initial=0.0) > step:
+        return command
+    position, out = float(command[0]) if start is None else start, []
+    for c in command.tolist():
+        position = min(max(c, position - step), position + step)
+        out.append(position)
+    return np.array(out)
 
 
 def first_order_lag(command: FloatArray, lag: float, dt: float) -> FloatArray:
@@ -80,6 +100,71 @@ def input_delays(vehicle: Vehicle) -> list[tuple[int, int]]:
     return list(found.items())
 
 
+@dataclass(frozen=True)
+class Actuator:
+    """Kernel rows of what a recorded channel passes before surfaces and rotors receive it."""
+
+    column: int  #: of the input
+    delay: int | None
+    #: row of the number of each control that the channel moves, rad or rad/s, and of its gain; None for a gain of one
+    dead_zones: tuple[tuple[int, int | None], ...] = ()
+    rate_limits: tuple[tuple[int, int | None], ...] = ()
+
+    @property
+    def rows(self) -> tuple[int, ...]:
+        """Every row that it depends on."""
+        of_surfaces = [row for pair in (*self.dead_zones, *self.rate_limits) for row in pair]
+        return tuple(row for row in (self.delay, *of_surfaces) if row is not None)
+
+    def numbers(self, rows: FloatArray, dt: float) -> FloatArray:
+        """Return dead zone and largest step from sample to sample, the channel's unit, and delay in samples (3, B).
+
+        Of several controls the widest dead zone and the lowest rate limit hold: a servo has one of each. `rows` are
+        kernel parameters (n_p, B).
+        """
+        out = np.repeat([[0.0], [np.inf], [0.0]], rows.shape[1], axis=1)
+
+        def of_channel(row: int, gain: int | None) -> FloatArray:
+            size = 1.0 if gain is None else np.maximum(np.abs(rows[gain]), 1e-300)
+            return np.asarray(rows[row] / size)
+
+        for pair in self.dead_zones:
+            out[0] = np.maximum(out[0], of_channel(*pair))
+        for pair in self.rate_limits:
+            out[1] = np.minimum(out[1], of_channel(*pair) * dt)
+        if self.delay is not None:
+            out[2] = rows[self.delay] / dt
+        return out
+
+
+def positions(command: FloatArray, dead_zone: float, step: float, delay: float) -> FloatArray:
+    """Return what an actuator of the given :meth:`Actuator.numbers` makes of a command (n,)."""
+    return delayed(rate_limited(play(command, dead_zone), step), delay)
+
+
+def input_actuators(vehicle: Vehicle) -> tuple[Actuator, ...]:
+    """Return the actuators of all channels that are not received as they are recorded."""
+    pairs: dict[str, dict[int, list[tuple[int, int | None]]]] = {"dead_zone": {}, "rate_limit": {}}
+    for control in vehicle.controls:
+        base = f"controls.{control}"
+        for channel in vehicle.channels_of(control):
+            gain = vehicle.rows.get(f"{base}.mix.{channel}")
+            for kind, found in pairs.items():
+                if f"{base}.{kind}" in vehicle.rows:
+                    own = found.setdefault(vehicle.inputs.index(channel), [])
+                    own.append((vehicle.rows[f"{base}.{kind}"], gain))
+    late, (zones, limits) = dict(input_delays(vehicle)), pairs.values()
+    return tuple(
+        Actuator(column, late.get(column), tuple(zones.get(column, ())), tuple(limits.get(column, ())))
+        for column in sorted({*late, *zones, *limits})
+    )
+
+
+def actuator_rows(vehicle: Vehicle) -> list[int]:
+    """Return the kernel rows that decide how channels are received; empty where they are received as recorded."""
+    return sorted({row for actuator in input_actuators(vehicle) for row in actuator.rows})
+
+
 def output_delays(vehicle: Vehicle) -> list[tuple[int, int]]:
     """Return output column and kernel row of each sensor delay."""
     names = [(i, f"sensors.{c}.delay") for i, c in enumerate(vehicle.outputs)]
@@ -99,19 +184,23 @@ def late_inputs(vehicle: Vehicle, inputs: FloatArray, rows: FloatArray, dt: floa
 
     Returns
     -------
-    (n, n_u) array, or (n, n_u, B) where candidates differ in a delay
+    (n, n_u) array, or (n, n_u, B) where candidates differ in an actuator
     """
-    late = input_delays(vehicle)
-    if not late and not vehicle.sloped:
+    actuators = input_actuators(vehicle)
+    if not actuators and not vehicle.sloped:
         return inputs
-    if all(np.ptp(rows[row]) == 0.0 for _, row in late):
+    numbers = [actuator.numbers(rows, dt) for actuator in actuators]
+    if all(np.array_equal(own, np.broadcast_to(own[:, :1], own.shape)) for own in numbers):
         out = inputs.astype(float)
-        for channel, row in late:
-            out[:, channel] = delayed(inputs[:, channel], float(rows[row, 0]) / dt)
+        for actuator, own in zip(actuators, numbers, strict=True):
+            out[:, actuator.column] = positions(inputs[:, actuator.column], *own[:, 0].tolist())
     else:
         out = np.repeat(inputs[:, :, None], rows.shape[1], axis=2)
-        for channel, row in late:
-            out[:, channel] = delayed_lanes(inputs[:, channel], rows[row] / dt)
+        for actuator, own in zip(actuators, numbers, strict=True):
+            # Each distinct actuator is computed once; in a Jacobian few lanes differ from the first.
+            distinct, lane = np.unique(own, axis=1, return_inverse=True)
+            copies = [positions(inputs[:, actuator.column], *one) for one in distinct.T.tolist()]
+            out[:, actuator.column] = np.stack(copies, axis=-1)[:, lane.ravel()]
     return with_slopes(vehicle, out, dt)
 
 

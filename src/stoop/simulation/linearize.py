@@ -71,9 +71,13 @@ def state_matrix(vehicle: Vehicle, point: Trim) -> tuple[tuple[str, ...], FloatA
 
 def left_out(vehicle: Vehicle) -> tuple[str, ...]:
     """Return a sentence for each effect of a vehicle that x' = A x + B u cannot express."""
+    names = [f"controls.{c}.{kind}" for c in vehicle.controls for kind in ("rate_limit", "dead_zone")]
+    found = [name for name in names if name in vehicle.rows]
+    servos = (f"A, B, C and D omit {', '.join(found)}: a linear model has none.",) if found else ()
     if not vehicle.sloped:
-        return ()
+        return servos
     return (
+        *servos,
         f"A, B, C and D omit the reaction of the body to the spin-up of its rotors (slopes of {', '.join(vehicle.sloped)}); "
         "rotors.lag in the vehicle file includes it.",
     )

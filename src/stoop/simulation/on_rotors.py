@@ -15,7 +15,15 @@ import numpy as np
 from stoop.base.arrays import FloatArray, IntArray
 from stoop.base.rotations import to_ground
 from stoop.simulation import autopilot, trajectories
-from stoop.simulation.delays import OFFSETS, input_delays, lagrange, late_outputs, with_slopes
+from stoop.simulation.delays import (
+    OFFSETS,
+    input_actuators,
+    input_delays,
+    lagrange,
+    late_inputs,
+    late_outputs,
+    with_slopes,
+)
 from stoop.simulation.initial import initial_states, parameter_rows
 from stoop.simulation.maneuver import Battery, Maneuver
 from stoop.simulation.rotors import AXES, EXCITATIONS, SETPOINTS, channel_range
@@ -55,6 +63,9 @@ def fly_on_rotors(vehicle: Vehicle, maneuver: Maneuver, point: Trim, rng: np.ran
     column = None if table is None else vehicle.inputs.index(table.channel)
     terrain = inputs[:, column or 0] - state[h]
 
+    # Surfaces are moved by the maneuver alone, so what their servos make of it is known before the flight.
+    servos = [a.column for a in input_actuators(vehicle) if a.dead_zones or a.rate_limits]
+    surfaces = late_inputs(vehicle, inputs, rows, dt)[:, servos]
     states, received = np.full((count, len(state)), np.nan), np.full(inputs.shape, np.nan)
     states[0], received[0] = state, delay.received(inputs, 0)
     position, velocity = np.zeros(3), loop.velocity(state)
@@ -67,6 +78,7 @@ def fly_on_rotors(vehicle: Vehicle, maneuver: Maneuver, point: Trim, rng: np.ran
         if column is not None:  # inputs of a step are known before it
             inputs[k + 1, column] = states[k, h] - dt * velocity[2] + terrain[k + 1]
         received[k + 1] = delay.received(inputs, k + 1)
+        received[k + 1, servos] = surfaces[k + 1]
         with_slopes(vehicle, received[k : k + 2], dt)
         driving = noise[FINER * k : FINER * (k + 1) + 1]
         states[k + 1] = trajectories.next_state(vehicle, rows, states[k], received[k : k + 2], driving, dt)

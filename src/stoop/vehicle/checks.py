@@ -24,8 +24,8 @@ _POSITIVE = (
 def check(vehicle: Vehicle) -> None:
     """Raise :class:`VehicleError` for the first impossible number, also of a loading."""
     _check_numbers(vehicle, f"{vehicle.where}: ")
-    offsets = tuple(f"controls.{c}.offset" for c in vehicle.file.controls)
-    for name in ("reference.alpha", "propulsion.pitch", *offsets):
+    angles = tuple(f"controls.{c}.{n}" for c in vehicle.file.controls for n in ("offset", "dead_zone"))
+    for name in ("reference.alpha", "propulsion.pitch", *angles):
         value = vehicle.value(name, 0.0)
         if abs(value) > math.pi / 2.0:
             advice = f"looks like degrees; write radians ({math.radians(value):.4g})"
@@ -63,9 +63,12 @@ def check(vehicle: Vehicle) -> None:
 
 def _check_numbers(vehicle: Vehicle, where: str) -> None:
     """Check what a loading can change."""
-    for name in (*_POSITIVE, *(f"controls.{c}.lag" for c in vehicle.file.controls)):
+    servos = (f"controls.{c}.{n}" for c in vehicle.file.controls for n in ("lag", "rate_limit"))
+    for name in (*_POSITIVE, *servos):
         if not vehicle.value(name, 1.0) > 0.0:
-            advice = "remove it for no lag" if name.endswith(".lag") else "write its true value in SI units"
+            kind = name.rpartition(".")[2].replace("_", " ")
+            removable = kind in ("lag", "rate limit")
+            advice = f"remove it for no {kind}" if removable else "write its true value in SI units"
             raise VehicleError(f"{where}{name}: {vehicle.value(name):g} is not positive; {advice}")
     # The principal moments of every body satisfy the triangle inequality.
     axes = ("xx", "yy", "zz", "xz", "xy", "yz")
@@ -85,11 +88,10 @@ def _check_numbers(vehicle: Vehicle, where: str) -> None:
     _check_tables(vehicle, where)
     signed = ("rotors.delay",) if vehicle.drive == "speed" else ()  # a measured speed may be recorded late
     for name in vehicle.rows:
-        sized = name.endswith(("factor", "torque_ratio", "rotors.delay")) and name not in signed
+        sized = name.endswith(("factor", "torque_ratio", "rotors.delay", "dead_zone")) and name not in signed
         if sized and vehicle.value(name) < 0.0:
-            raise VehicleError(
-                f"{where}{name}: {vehicle.value(name):g} is negative; write its size, spin gives the sign"
-            )
+            why = "a width has no sign" if name.endswith("dead_zone") else "spin gives the sign"
+            raise VehicleError(f"{where}{name}: {vehicle.value(name):g} is negative; write its size, {why}")
     if vehicle.rotors:
         _check_rotors(vehicle, where)
 

@@ -51,6 +51,7 @@ _UNITS: Final = {
     **dict.fromkeys(("center_of_gravity", "moment_point", "position", "accelerometer_position", "vane_position"), "m"),
     "airspeed": "m/s", "intensity": "m/s", "alpha": "rad", "offset": "rad", "pitch": "rad", "gravity": "m/s2",
     "density": "kg/m3", "thrust": "N", "lag": "s", "delay": "s", "speed_gain": "rev/s per unit",
+    "rate_limit": "rad/s", "dead_zone": "rad",
     "nominal_voltage": "V", "linear": "N s/m", "quadratic": "N s2/m2", "rotation": "N m s",
     "T0": "N", "Q0": "N m", "translational": "N s2/m2", "drag_inflow": "N s2/m2",
 }  # fmt: skip
@@ -118,10 +119,19 @@ def _default_bounds(name: str, q: Quantity, sizes: Mapping[str, float]) -> tuple
         return box
     if q.prior is not None:
         return value - 5.0 * q.prior, value + 5.0 * q.prior
+    if name.startswith("controls.") and (box := _servo_bounds(name, value)):
+        return box
     if name in _GROUND_EFFECTS:
         return min(-1.0, 2.0 * value), max(4.0, 2.0 * value)
     low, high = sorted((0.5 * value, 1.5 * value))
     return low, high
+
+
+def _servo_bounds(name: str, value: float) -> tuple[float, float] | None:
+    """Return the bounds of the nonlinear numbers of a servo; None for its other numbers."""
+    return {"rate_limit": (0.2 * value, 5.0 * value), "dead_zone": (0.0, max(0.1, 3.0 * value))}.get(
+        _last(name)
+    )
 
 
 _POSITIVE: Final = ("T2", "Q2", "torque_ratio", "lag", "gain", "inertia", "radius", "factor", "torque_factor")
@@ -173,6 +183,11 @@ def _rotor_sizes(numbers: Mapping[str, Quantity]) -> dict[str, float]:
         "linear": weight / 10.0, "quadratic": weight / 50.0,
         **{f"rotation.{a}": 20.0 * moment for a, moment in moments.items()},
     }  # fmt: skip
+
+
+def rotor_size(kind: str, numbers: Mapping[str, Quantity]) -> float:
+    """Return the size of a load of rotors or body if it alone gave the thrust, the torque or the drag."""
+    return 0.05 if kind == "torque_ratio" else _rotor_sizes(numbers)[kind]
 
 
 def full_command(channel: str) -> float | None:

@@ -179,10 +179,11 @@ Propulsion = Annotated[ConstantThrust | ThrustChannel | Propeller, Field(discrim
 
 
 class Control(Table):
-    """A control surface: deflection = offset + sum of gain * (channel - center), then delay and lag.
+    """A control surface: deflection = offset + sum of gain * (channel - center), then lag.
 
     ``mix`` takes recorded channels (PWM or normalized commands) to the deflection in rad, so V-tail, elevon and
-    flaperon mixers are sums of several channels. Without ``mix`` the channel is the deflection itself.
+    flaperon mixers are sums of several channels. Without ``mix`` the channel is the deflection itself. Each channel
+    passes the dead zone, the rate limit and the delay of its servo first.
     """
 
     mix: dict[Name, Quantity] | None = None  #: rad per unit of the channel
@@ -190,6 +191,8 @@ class Control(Table):
     offset: Quantity | None = None  #: rad
     lag: Quantity | None = None  #: s, first order
     delay: Quantity | None = None  #: s
+    rate_limit: Quantity | None = None  #: of the servo, rad/s of the deflection
+    dead_zone: Quantity | None = None  #: of the servo, rad: change of the command that its reversal takes
 
     @model_validator(mode="after")
     def _centers(self) -> Control:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import ast
 import math
 import operator
+import re
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
@@ -154,6 +155,15 @@ def values(
         "r": (span / speed) * r,
         "V": V / reference - 1,
     }
+
+
+def parameter_name(coefficient: str, term: str, taken: Iterable[str] = ()) -> str:
+    """Return the name of a term's parameter: ``CLalpha2`` for ``alpha^2``, ``Cmalphaelevator`` for a product."""
+    base = (coefficient + re.sub(r"[^A-Za-z0-9]+", "", term.replace("^", "")))[:36]
+    used, name, number = set(taken), base, 2
+    while name in used:
+        name, number = f"{base}_{number}", number + 1
+    return name
 
 
 def unit(text: str, controls: Iterable[str]) -> str:

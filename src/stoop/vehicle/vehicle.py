@@ -30,7 +30,9 @@ GUST_STATES = {
     "w": ("gust.w.fast", "gust.w.slow"),
 }  #: of the Dryden filters, m/s
 #: absent from the structure where the file lacks them, as in kernels made before they were keys
-_LATER = ("turbulence", "vn", "ve", "vd", "airspeed", "rotors", "rotor", "body_drag", "ground_effect")
+_LATER = (
+    "turbulence", "vn", "ve", "vd", "airspeed", "rotors", "rotor", "body_drag", "ground_effect", "rate_limit", "dead_zone",
+)  # fmt: skip
 _NO_ROWS = ("name", "notes", "loadings", "sigma", "estimate_biases", "voltage_average")  #: of the kernel
 _EQUATION_SOURCES = (  #: beside all of symbolic/
     "vehicle.py", "terms.py", "atmosphere.py", "schema.py", "defaults.py", "notation.py",

@@ -15,11 +15,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from stoop.assessment.verdict import CONFIRMED
 from stoop.errors import OutputError, StoopError
 from stoop.estimate.fit import Options
 from stoop.optimize import Outcome, State, load_tagged, save_state
 from stoop.vehicle import Vehicle
-from stoop.workflow.summary import CONFIRMED
 
 MESSAGE = "\nstoop: the search is done; writing its result (Ctrl-C again throws it away)\n"
 INTERVAL = 2.0  #: s between saved states

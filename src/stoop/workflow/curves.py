@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -13,7 +14,7 @@ from stoop.base.arrays import FloatArray
 from stoop.base.variables import VARIABLES, WRAPPED
 from stoop.problem import Piece
 from stoop.problem.prepare import Prepared
-from stoop.results.result import ChannelTrace, ManeuverResult, ManeuverTrace, Role
+from stoop.results.result import ChannelTrace, ManeuverResult, ManeuverTrace, NoiseCovariance, Role
 from stoop.vehicle import Vehicle
 
 
@@ -21,21 +22,27 @@ from stoop.vehicle import Vehicle
 class Simulated:
     """Maneuvers of one role with what was simulated for each piece.
 
-    `left_out` are the residuals (n, n_y) of each piece with each second left out of the fit, where that is known.
+    `left_out` are the residuals (n, n_y) of each piece with each second left out of the fit, where that is known;
+    `deviations` (n, n_y) the standard deviations of what was predicted, measurement noise included.
     """
 
     role: Role
     prepared: Prepared
     simulated: Sequence[FloatArray]
     left_out: Sequence[FloatArray] | None = None
+    deviations: Sequence[FloatArray] | None = None
 
 
 def maneuver_curves(
-    vehicle: Vehicle, groups: Sequence[Simulated], fitted: Sequence[BaselineManeuver] = ()
+    vehicle: Vehicle,
+    groups: Sequence[Simulated],
+    fitted: Sequence[BaselineManeuver] = (),
+    *,
+    noise: NoiseCovariance,
 ) -> tuple[tuple[ManeuverResult, ...], tuple[ManeuverTrace, ...]]:
     """Return figures and curves of all maneuvers, each beside the trivial lag.
 
-    The lag also learns from `fitted` maneuvers that are not among the groups.
+    The lag also learns from `fitted` maneuvers that are not among the groups. `noise` is that of the fit's measurements.
     """
     flown = [(g, i, g.prepared.of_maneuver(i)) for g in groups for i in range(len(g.prepared.windows))]
     rate = 1.0 / flown[0][0].prepared.pieces[0].dt
@@ -50,11 +57,14 @@ def maneuver_curves(
                 unwrapped(piece.measured[:, i], group.simulated[k][:, i], name in WRAPPED)
                 for piece, k in zip(pieces, own, strict=True)
             ]
-            curve = channels[name] = ChannelTrace(join([z for z, _ in pairs]), join([y for _, y in pairs]))
+            band = None if group.deviations is None else join([group.deviations[k][:, i] for k in own])
+            curve = ChannelTrace(join([z for z, _ in pairs]), join([y for _, y in pairs]), band)
+            channels[name] = curve
             left_out = None if group.left_out is None else join([group.left_out[k][:, i] for k in own])
             if np.isfinite(curve.measured).any():
                 model = Match(curve.simulated, left_out)
-                figures[name] = channel_figures(curve.measured, model, rate, lag.get(name))
+                sigma = math.sqrt(noise.matrix[i, i])
+                figures[name] = channel_figures(curve.measured, model, rate, lag.get(name), sigma, band)
         inputs = {name: join([p.inputs[:, i] for p in pieces]) for i, name in enumerate(vehicle.recorded)}
         baseline = {name: match.simulated for name, match in lag.items()}
         traces.append(ManeuverTrace(join([p.time for p in pieces]), channels, inputs, baseline))

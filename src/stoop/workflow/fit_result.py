@@ -11,15 +11,18 @@ import numpy as np
 
 from stoop.assessment.covariance import NORMAL_95
 from stoop.assessment.error_bars import ErrorBars, error_bars
+from stoop.assessment.extensions import extension_notices, extension_tests
 from stoop.assessment.goodness_of_fit import left_out_residuals, press_notices
 from stoop.assessment.modes import modes
 from stoop.assessment.uncertainty import with_uncertainty
+from stoop.assessment.verdict import uses, verdict
 from stoop.base.notices import as_notice, notice, of_severity
 from stoop.base.variables import VARIABLES
 from stoop.estimate.excitation import ratios, too_few
 from stoop.estimate.fit import Fit, Options
+from stoop.estimate.initial_state import FittedModel
 from stoop.estimate.noise import channel_residuals, noise_variance
-from stoop.estimate.predict import predict
+from stoop.estimate.predict import identified_vehicle, mean_biases, predict
 from stoop.flight import Flight
 from stoop.problem.windows import Window
 from stoop.results.result import (
@@ -61,11 +64,6 @@ def identification(
     if too_few(problem, slowest_rate(fit, flights)):
         bars = bars.rejected(notice("error-bars-of-few-samples"))
     fitted = fit.simulated or [problem.outputs(fit.z, i) for i in range(len(problem.pieces))]
-    groups = [Simulated("fit", fit.prepared, fitted, left_out_residuals(fit))]
-    if predicted:
-        groups.append(Simulated("validation", *predict(fit, flights, predicted)))
-    maneuvers, traces = maneuver_curves(vehicle, groups)
-
     parameters, noise = _parameters(fit, bars), fit.noise
     names = tuple(parameters)
     if noise is None and options.covariance is not None:
@@ -74,11 +72,21 @@ def identification(
         measured = np.any([np.isfinite(p.measured).any(axis=0) for p in problem.pieces], axis=0)
         variance = noise_variance(problem, channel_residuals(problem, fit.z))
         noise = np.diag(np.where(measured, variance, np.nan))
+    covariance = Covariance(names, bars.covariance[: len(names), : len(names)])
+    measurement_noise = NoiseCovariance(vehicle.outputs, noise, color)
+    groups = [Simulated("fit", fit.prepared, fitted, left_out_residuals(fit))]
+    if predicted:
+        model = FittedModel(identified_vehicle(fit), covariance, measurement_noise)
+        own_biases = [mean_biases(fit, window.flight) for window in predicted]
+        ahead = predict(model, flights, predicted, own_biases)
+        groups.append(Simulated("validation", ahead.prepared, ahead.readings, deviations=ahead.deviations))
+    maneuvers, traces = maneuver_curves(vehicle, groups, noise=measurement_noise)
+
     states, biases = _nuisances(fit, bars)
     result = Result(
         parameters=parameters,
-        covariance=Covariance(names, bars.covariance[: len(names), : len(names)]),
-        noise_covariance=NoiseCovariance(vehicle.outputs, noise),
+        covariance=covariance,
+        noise_covariance=measurement_noise,
         initial_states=states,
         biases=biases,
         wind=_wind(flights),
@@ -96,12 +104,13 @@ def identification(
         method=options.method,
     )
     result = replace(result, modes=modes(fit, result.covariance.names, result.covariance.matrix))
-    result = with_uncertainty(result, fit, bars)
+    result = replace(with_uncertainty(result, fit, bars), extensions=extension_tests(fit, bars))
 
     prepared = [one for group in groups for one in group.prepared.notices]
     of_flights = [one for flight in flights.values() for one in flight.notices]
     per_mass = ratios(vehicle, {name: (p.estimate, p.std_error) for name, p in result.parameters.items()})
     notices = [
+        *extension_notices(result.extensions),
         *result.notices,
         *dict.fromkeys(of_severity(prepared, "warning")),
         *of_severity(fit.notices, "info"),
@@ -110,8 +119,9 @@ def identification(
         *basis_notices(vehicle, flights, color),
         *data_notices([*of_flights, *of_severity(prepared, "info")]),
     ]
+    result = replace(result, notices=tuple(notices), seconds=time.perf_counter() - began)
     return Identification(
-        result=replace(result, notices=tuple(notices), seconds=time.perf_counter() - began),
+        result=replace(result, verdict=verdict(result, uses(vehicle))),
         traces=traces,
         vehicle=vehicle.name,
         equations=vehicle.kernel().latex,

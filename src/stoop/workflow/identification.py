@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from stoop import optimize
 from stoop.assessment.assessment import Assessment
+from stoop.assessment.verdict import verdict
 from stoop.base.notices import Notice
 from stoop.checks.vehicle import require_channels
 from stoop.errors import FlightError
@@ -21,6 +22,7 @@ from stoop.flight.flight import from_columns
 from stoop.problem.prepare import prepare
 from stoop.problem.windows import Window, Windows, as_windows
 from stoop.results.result import Identification, ParameterEstimate, Result
+from stoop.results.verdict import Verdict
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.workflow.fit_result import identification
@@ -78,7 +80,8 @@ class Job:
         return replace(self.with_result(result), attachments={**self.attachments, **files})
 
     def with_result(self, result: Result) -> Job:
-        """Return this job with another result."""
+        """Return this job with another result, its verdict made anew."""
+        result = replace(result, verdict=verdict(result, result.verdict.uses))
         return replace(self, identification=replace(self.identification, result=result))
 
     def save(self, folder: str | Path, overwrite: bool = False) -> Path:
@@ -91,6 +94,11 @@ class Job:
     def result(self) -> Result:
         """The numbers, as ``result.json`` holds them."""
         return self.identification.result
+
+    @property
+    def verdict(self) -> Verdict:
+        """Whether to use the model, for what, and why."""
+        return self.result.verdict
 
     @property
     def parameters(self) -> Mapping[str, ParameterEstimate]:

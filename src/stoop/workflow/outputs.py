@@ -10,11 +10,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib import metadata
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 import tomlkit
-from tomlkit.items import InlineTable, Table
 
 from stoop.assessment.baseline import BaselineManeuver
 from stoop.base.files import check_targets
@@ -27,6 +26,7 @@ from stoop.problem.windows import Window
 from stoop.results.result import Result, read_result
 from stoop.vehicle import Vehicle, load_vehicle, parse_vehicle
 from stoop.vehicle.defaults import COEFFICIENTS
+from stoop.vehicle.document import write_entry
 from stoop.workflow.curves import baseline_maneuver
 
 if TYPE_CHECKING:
@@ -121,26 +121,10 @@ def with_values(vehicle: Vehicle, values: dict[str, float]) -> str:
     for name, value in values.items():
         owner = next((c for c in COEFFICIENTS if name in getattr(aerodynamics, c)), None)
         keys = name.split(".") if owner is None else ["aerodynamics", owner, name]
-        _set(document, keys, float(f"{value:.10g}"))
+        write_entry(document, keys, float(f"{value:.10g}"))
     if parse_vehicle(vehicle.text, vehicle.where).reduce != vehicle.reduce:
-        _set(document, ["model", "reduce"], vehicle.reduce)
+        write_entry(document, ["model", "reduce"], vehicle.reduce)
     return tomlkit.dumps(document)
-
-
-def _set(document: Any, keys: list[str], value: float | str) -> None:
-    table = document
-    for key in keys[:-1]:
-        if key not in table:
-            table.add(key, tomlkit.table())
-        table = table[key]
-    last: Any = keys[-1]
-    if isinstance(table, list):
-        last = "xyz".index(keys[-1])
-    current = table[last] if isinstance(table, list) or last in table else None
-    if isinstance(current, InlineTable | Table):
-        current["value"] = value
-    else:
-        table[last] = value
 
 
 def by_name(flights: Sequence[Flight], verb: str) -> dict[str, Flight]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,13 +16,14 @@ from stoop.errors import IdentificationError
 from stoop.estimate.regression import kind_of
 from stoop.estimate.regression.aircraft import AircraftEquations
 from stoop.estimate.regression.least_squares import Domain, estimate
-from stoop.estimate.regression.structure import Choose, Structure, determine, parameter_name
+from stoop.estimate.regression.structure import Choose, Structure, determine, same_term
 from stoop.flight import Flight
 from stoop.problem import Layout
 from stoop.problem.windows import parse_window
 from stoop.vehicle import Vehicle
 from stoop.vehicle.defaults import EQUATION_1
 from stoop.vehicle.load import parse_vehicle
+from stoop.vehicle.terms import parameter_name
 
 FILES: Final = ("vehicle.toml", "structure.csv", "structure.html")
 HEAD: Final = ("coefficient", "step", "action", "term", "F", "threshold", "terms", "R2", "PRESS", "PSE")
@@ -47,8 +47,9 @@ def structure(
     candidates: Mapping[str, Sequence[str]],
     choose: Choose,
     domain: Domain,
+    keep: Sequence[str] = (),
 ) -> Determined:
-    """Choose the terms of a vehicle from maneuvers of flights, and estimate them.
+    """Choose the terms of a vehicle from maneuvers of flights, and estimate them; parameters of `keep` stay.
 
     Raises
     ------
@@ -61,7 +62,7 @@ def structure(
             "and --fix what it finds at a bound or not identifiable"
         )
     windows = [parse_window(text, flights) for text in maneuvers]
-    found = determine(vehicle, flights, windows, candidates, choose, domain)
+    found = determine(vehicle, flights, windows, candidates, choose, domain, keep)
     names: dict[str, dict[str, str]] = {}
     taken = {p.name for p in vehicle.parameters}
     for (
@@ -72,7 +73,7 @@ def structure(
         known = own | {n: t for n, (t, _, _) in EQUATION_1[coefficient].items()}
         group = names[coefficient] = {}
         for term in chosen.terms:
-            written = next((n for n, t in known.items() if _same(t, term)), None)
+            written = next((n for n, t in known.items() if same_term(t, term)), None)
             group[term] = written or parameter_name(coefficient, term, {*taken, *group.values()})
     shaped = parse_vehicle(_text(vehicle, names, {}), vehicle.where)
     shaped = shaped if shaped.reduce == vehicle.reduce else shaped.reduced(vehicle.reduce)
@@ -90,12 +91,6 @@ def structure(
     values = {n: v for n, (v, _) in estimates.items()}
     final = parse_vehicle(_text(vehicle, names, values), vehicle.where)
     return Determined(found, final, names, estimates, domain)
-
-
-def _same(a: str, b: str) -> bool:
-    """Whether two terms are written alike, blanks and the sign for powers apart."""
-    first, second = (ast.dump(ast.parse(t.strip().replace("^", "**"), mode="eval")) for t in (a, b))
-    return first == second
 
 
 def _text(vehicle: Vehicle, names: Mapping[str, Mapping[str, str]], values: Mapping[str, float]) -> str:
@@ -135,7 +130,7 @@ def _put(table: Any, name: str, term: str, value: float | None) -> None:
         if value is not None and "bounds" in entry and not entry["bounds"][0] <= number <= entry["bounds"][1]:
             low, high = (float(b) for b in entry["bounds"])
             entry["bounds"] = [min(low, number - abs(number)), max(high, number + abs(number))]
-    elif any(name == n and _same(t, term) for c in EQUATION_1.values() for n, (t, _, _) in c.items()):
+    elif any(name == n and same_term(t, term) for c in EQUATION_1.values() for n, (t, _, _) in c.items()):
         table[name] = number
     else:  # a term has passed the white list: it holds no quote
         table[name] = tomlkit.parse(f'fresh = {{ term = "{term}", value = {number!r} }}')["fresh"]

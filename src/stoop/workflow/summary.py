@@ -10,6 +10,7 @@ from typing import Final
 import numpy as np
 
 from stoop.assessment.error_bars import ErrorBars
+from stoop.assessment.verdict import CONFIRMED
 from stoop.base.notices import Notice, as_notice, notice, of_severity, paragraph
 from stoop.base.variables import EULER, RATES, SPECIFIC_FORCE, VELOCITY
 from stoop.checks.vehicle import check_lift, check_rotors, inertia_notices
@@ -29,7 +30,6 @@ SENSOR_FAULTS: Final = {
     "stuck": "sensor-fault-left-out",
 }  #: kinds of faults that affect a fit -> code
 MIN_CORRELATION_TIME: Final = 2.0  #: samples; from here on residuals count as colored
-CONFIRMED: Final = frozenset({"converged", "target"})  #: a search that ended so has found its optimum
 BASIC_METHODS: Final = ("corrected", "cramer_rao")  #: of uncertainty, that every result has
 SHOWN: Final = (
     *VELOCITY,
@@ -205,15 +205,29 @@ def repeatability_lines(found: Repeatability) -> list[str]:
 
 
 def figures_table(maneuvers: Sequence[ManeuverResult]) -> str:
-    """Return Theil's coefficient of every channel and maneuver, the trivial lag's beneath."""
+    """Return the figures of every channel and maneuver, one below the other; in brackets where the motion is below the noise."""
     lines = [
-        "Theil's inequality coefficient (0 perfect, 1 worst; low-passed at 10 Hz), first-order lag beneath"
+        "U: Theil's inequality coefficient (0 perfect, 1 worst; low-passed at 10 Hz); lag: that of a first-order lag;",
+        "fit: 100 (1 - rms error / rms motion); S/N: motion over noise; (U): motion below the noise, judges nothing",
     ]
     for m in maneuvers:
-        channels = [c for c in SHOWN if c in m.channels]
-        lags = [m.channels[c].baseline_theil for c in channels]
+        channels = [m.channels[c] for c in SHOWN if c in m.channels]
+        rows = {
+            "U": [f"({one.theil:.2f})" if one.below_noise else f"{one.theil:.3f}" for one in channels],
+            "lag": [_decimals(one.baseline_theil, 3) for one in channels],
+            "R2": [_decimals(one.r2, 2) for one in channels],
+            "fit %": [_decimals(one.fit_percent, 0) for one in channels],
+            "S/N": [
+                f"{one.signal_to_noise:.2g}" if one.signal_to_noise < 100.0 else ">100" for one in channels
+            ],
+        }
         lines.append(f"{m.window} ({m.role})")
-        lines.append("  " + "".join(f"{c:>7}" for c in channels))
-        lines.append("  " + "".join(f"{m.channels[c].theil:7.3f}" for c in channels) + "  model")
-        lines.append("  " + "".join(f"{v:7.3f}" if math.isfinite(v) else "      -" for v in lags) + "  lag")
+        lines.append("  " + "".join(f"{c:>7}" for c in SHOWN if c in m.channels))
+        lines += [
+            "  " + "".join(f"{cell:>7}" for cell in cells) + f"  {name}" for name, cells in rows.items()
+        ]
     return "\n".join(lines)
+
+
+def _decimals(value: float, digits: int) -> str:
+    return f"{value:.{digits}f}" if math.isfinite(value) and abs(value) < 1e4 else "-"

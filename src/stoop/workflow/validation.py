@@ -12,9 +12,11 @@ from stoop.base.files import write_text_atomic
 from stoop.base.notices import Notice, as_notice, notice, of_severity
 from stoop.checks.vehicle import require_channels
 from stoop.errors import FlightError, StoopError
-from stoop.estimate.predict import predicted
+from stoop.estimate.initial_state import FittedModel
+from stoop.estimate.predict import predict
 from stoop.flight import Flight, without, without_faults
 from stoop.flight.maneuvers import find_maneuvers
+from stoop.problem.prepare import prepare
 from stoop.problem.windows import Window, parse_window
 from stoop.results.result import Identification, ManeuverResult, ManeuverTrace, plain
 from stoop.vehicle.notation import symbols
@@ -84,6 +86,7 @@ def validate(
     known = outputs.by_name(flights, "validate")
     identified = outputs.read_identified(source)
     vehicle = identified.vehicle
+    model = FittedModel(vehicle, identified.result.covariance, identified.result.noise_covariance)
     for flight in flights:
         require_channels(vehicle, flight, f"which result {source} is")
     fitted_as = {name: identified.name_of(one) for name, one in known.items()}
@@ -106,13 +109,14 @@ def validate(
             continue
         flight = without_faults(without(flight, [(w.start, w.stop) for w in own]))
         biases = identified.biases(fitted_as[name])
-        prepared, simulated = predicted(vehicle, {name: flight}, own, [biases] * len(own))
-        found, drawn = maneuver_curves(vehicle, [Simulated("validation", prepared, simulated)], fitted)
+        ahead = predict(model, {name: flight}, own, [biases] * len(own))
+        group = Simulated("validation", ahead.prepared, ahead.readings, deviations=ahead.deviations)
+        found, drawn = maneuver_curves(vehicle, [group], fitted, noise=model.noise)
         used.append(flight)
         results += found
         traces += drawn
-        of_data += [*flight.notices, *of_severity(prepared.notices, "info")]
-        doubts += of_severity(prepared.notices, "warning")
+        of_data += [*flight.notices, *of_severity(ahead.prepared.notices, "info")]
+        doubts += of_severity(ahead.prepared.notices, "warning")
 
     lost = [(m, tuple(c for c, f in m.channels.items() if not math.isfinite(f.rmse))) for m in results]
     warnings = [
@@ -121,8 +125,7 @@ def validate(
         *map(as_notice, doubts),
     ]
     notes = data_notices(of_data)
-    pairs = [(f.theil, f.baseline_theil) for m in results for f in m.channels.values()]
-    better = [model < lag for model, lag in pairs if math.isfinite(lag)]
+    better = [one.better for m in results for one in m.channels.values() if one.compared]
     (digest,) = file_hashes([identified.folder / RESULT]).values()
     record = Validation(
         vehicle=vehicle.name,
@@ -176,7 +179,7 @@ def _windows(
         if overlapping(window) is not None:
             return "the model was fitted there"
         try:
-            predicted(identified.vehicle, known, [window], [{}])
+            prepare(identified.vehicle, known, [window])
         except FlightError as error:
             return str(error).removeprefix(f"{window}: ")
         return ""

@@ -18,6 +18,7 @@ from stoop.simulation.maneuver import Maneuver
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.vehicle.load import parse_vehicle
+from stoop.vehicle.terms import parameter_name
 from stoop_studies.findings import Findings, Setting, counted, holds
 from stoop_studies.verify.scenes import AIRCRAFT, ALTITUDE, multisine_maneuver, with_trim_thrust
 from stoop_studies.verify.study import Samples, Verification, work
@@ -77,10 +78,7 @@ def full_aircraft() -> Vehicle:
     for coefficient, candidates in structure.standard_candidates(base).items():
         constant = f'{coefficient}0 = {{ term = "1", value = {CONSTANTS[coefficient]} }}'
         lines += [f"[aerodynamics.{coefficient}]", constant]
-        lines += [
-            f'{structure.parameter_name(coefficient, t)} = {{ term = "{t}", value = 0.0 }}'
-            for t in candidates
-        ]
+        lines += [f'{parameter_name(coefficient, t)} = {{ term = "{t}", value = 0.0 }}' for t in candidates]
     return parse_vehicle("\n".join(lines) + "\n", "twin-boom with all candidates")
 
 
@@ -91,7 +89,7 @@ def draw(seed: int) -> tuple[Vehicle, dict[str, list[str]]]:
     for coefficient, more in OCCASIONAL.items():
         terms[coefficient] |= {t: v for t, v in more.items() if rng.random() < CHANCE}
     values = {
-        structure.parameter_name(c, t): {"value": v * rng.uniform(1.0 - SPREAD, 1.0 + SPREAD)}
+        parameter_name(c, t): {"value": v * rng.uniform(1.0 - SPREAD, 1.0 + SPREAD)}
         for c, own in terms.items()
         for t, v in own.items()
     }

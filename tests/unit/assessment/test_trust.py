@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+import numpy as np
 import pytest
 
-from stoop.assessment.uncertainty import method_agreement
+from stoop.assessment.uncertainty import method_agreement, scatter
 from stoop.base.notices import Notice
 from stoop.results.result import ParameterEstimate
-from stoop.results.uncertainty import Interval, MethodIntervals
+from stoop.results.uncertainty import Interval, MethodIntervals, Repeatability, SingleEstimate
 
 ONE = {"a": ParameterEstimate(1.0, 0.1), "b": ParameterEstimate(2.0, 0.1)}
 
@@ -65,3 +66,33 @@ def test_what_the_data_cannot_tell_is_not_trusted() -> None:
 
 def test_without_methods_nothing_is_found() -> None:
     assert method_agreement(ONE, {}) == ()
+
+
+def repeated(scale: float, seed: int, count: int = 40) -> Repeatability:
+    """Return parameters whose three maneuvers scatter by so many error bars."""
+    rng = np.random.default_rng(seed)
+    drawn = scale * 0.1 * rng.standard_normal((count, 3))
+    return Repeatability(
+        (0, 1, 2),
+        {f"p{i}": scatter([SingleEstimate(1.0 + d, 0.1, True) for d in row]) for i, row in enumerate(drawn)},
+    )
+
+
+def test_no_error_bars_are_trusted_beside_maneuvers_that_scatter_beyond_them() -> None:
+    methods = {"corrected": method(0.1), "cramer_rao": method(0.025)}
+    codes = {n.code: n for n in method_agreement(ONE, methods, repeated(2.4, 1, 400))}
+    assert "agreement-colored" not in codes
+    told = codes["agreement-scatter-colored"]
+    assert told.severity == "warning"
+    assert told.values["ratio"] == pytest.approx(2.4, rel=0.15)
+    assert told.values["plain"] == pytest.approx(4.0 * 2.4, rel=0.15)
+    assert "corrected ones until the cause is found" in str(told)
+    white = {"corrected": method(0.1), "cramer_rao": method(0.1)}
+    assert "agreement-scatter" in {n.code for n in method_agreement(ONE, white, repeated(2.4, 1))}
+
+
+def test_maneuvers_that_agree_change_nothing_but_for_one_in_twenty() -> None:
+    methods = {"corrected": method(0.1), "cramer_rao": method(0.025)}
+    codes = [[n.code for n in method_agreement(ONE, methods, repeated(1.0, seed))] for seed in range(100)]
+    assert sum("agreement-scatter-colored" in one for one in codes) <= 12
+    assert sum("agreement-colored" in one for one in codes) >= 88

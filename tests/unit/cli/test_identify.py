@@ -61,13 +61,26 @@ def test_identifies_and_tells(place: Path, capsys: pytest.CaptureFixture[str]) -
     assert not (place / "whole" / "search.npz").exists()
 
 
-def test_a_window_beyond_the_record_is_trimmed_and_told(
+def test_a_window_slightly_beyond_the_record_is_trimmed_and_told(
     place: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(identify(place, "--maneuver", "-5:20", "--generations", "1", out="beyond")) == 0
-    told = "sim -5:20: trimmed to the record, 0.00 to 20.00 s"
+    assert main(identify(place, "--maneuver", "-0.5:20", "--generations", "1", out="beyond")) == 0
+    told = "sim -0.5:20: trimmed to the record, 0.00 to 20.00 s"
     assert told in " ".join(capsys.readouterr().out.split())
     assert told in json.loads((place / "beyond" / "result.json").read_text())["warnings"]
+
+
+def test_a_window_far_beyond_the_record_is_an_error_with_the_line_to_write(
+    place: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for window, written in (("-5:20", "0:20"), ("20:60", "20:30"), ("-9:90", "0:30")):
+        assert main(identify(place, "--maneuver", window, out="far")) == 2
+        error = capsys.readouterr().err
+        assert (
+            f"beyond the record, which runs from 0.00 to 30.00 s on the log's own clock; write {written} for"
+            in error
+        )
+    assert not (place / "far" / "result.json").exists()
 
 
 def test_free_and_fix(place: Path) -> None:

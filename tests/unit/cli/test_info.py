@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stoop.cli.info import next_command
+from stoop.cli.info import windows_apart
 from stoop.cli.main import main, parser_for
 from stoop.flight import VARIABLES, Maneuver, from_columns, save
 
@@ -36,7 +36,7 @@ def test_describes_a_simulated_flight(flight_file: Path, capsys: pytest.CaptureF
     assert not any(line.endswith(" ") for line in out.splitlines())
 
 
-def testnext_command_is_one_that_identify_takes(
+def test_the_next_command_is_one_that_identify_takes(
     flight_file: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["info", str(flight_file)]) == 0
@@ -108,8 +108,5 @@ def test_suggested_windows_do_not_overlap() -> None:
         Maneuver("pitch", "elevator", 19.5, 25.0, 0.3, 4, 20.0, 0.8),
         Maneuver("yaw", "rudder", 25.0, 30.0, 0.3, 4, 20.0, 0.9),
     ]
-    words = next_command(["log.ulg"], found)
     fitted, predicted = ["10.0:14.7", "14.7:19.8", "25.0:30.0"], ["19.8:25.0"]
-    assert words[words.index("--maneuver") : words.index("-o")] == [
-        "--maneuver", *fitted, "--validate", *predicted,
-    ]  # fmt: skip
+    assert windows_apart(found) == {"maneuver": fitted, "validate": predicted}

@@ -35,3 +35,11 @@ def test_bad_windows_say_what_to_write(text: str, advice: str, flight: Flight) -
 def test_two_flights_need_a_name(flight: Flight) -> None:
     with pytest.raises(FlightError, match="FLIGHT@START:STOP"):
         parse_window("1:2", {"a": flight, "b": flight})
+
+
+def test_words_name_the_ends_of_the_record(flight: Flight) -> None:
+    known, last = {"sim": flight}, float(flight.time[-1])
+    assert parse_window("20:end", known) == Window("sim", 20.0, last)
+    assert parse_window("sim@start:end#light", known) == Window("sim", 0.0, last, "light")
+    with pytest.raises(FlightError, match="write START:STOP"):
+        parse_window("20:ende", known)

@@ -86,8 +86,8 @@ def test_no_inputs_at_all() -> None:
 
 
 def test_a_window_over_the_edge_is_trimmed_and_told() -> None:
-    (segment,), notices = segments(flight(), 5.0, 11.0, INPUTS, OUTPUTS)
-    assert segment.t[[0, -1]].tolist() == [10.0, 11.0]
+    (segment,), notices = segments(flight(), 9.8, 15.0, INPUTS, OUTPUTS)
+    assert segment.t[[0, -1]].tolist() == [10.0, 15.0]
     (found,) = notices
     assert (found.code, found.values["start"]) == ("window-trimmed", 10.0)
 
@@ -97,6 +97,8 @@ def test_a_window_over_the_edge_is_trimmed_and_told() -> None:
     [
         (1.0, 5.0, r"f 1:5: outside the record, which runs from 10.00 to 15.99 s"),
         (16.0, 18.0, "outside the record"),
+        (5.0, 11.0, r"5.00 s of it lie beyond the record, .* write 10:11 for what there is"),
+        (12.0, 17.0, r"1.01 s of it lie beyond the record, .* write 12:15.99 for"),
         (12.0, 11.0, "ends before it begins"),
         (float("nan"), 11.0, "ends before it begins"),
         (12.0, 12.3, "without a hole"),

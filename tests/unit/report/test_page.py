@@ -100,10 +100,10 @@ def test_what_a_reader_looks_for_is_there(page: Page, examples: ModuleType) -> N
     for name in examples.NAMES:
         assert name in page.text or any(value == name for _, key, value in page.attributes if key == "title")
     for phrase in (
-        "Usable, with reservations",
+        "Usable for what was fitted, with reservations",
         "Residuals are colored",
         "flight2, 140–145 s",
-        "Prediction: nothing was fitted here",
+        "Prediction: no parameter was fitted here",
         "not identifiable",
         "at its bound",
         "V and alpha are reconstructed from inertial velocity",

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from stoop.simulation import parameter_rows
-from stoop.simulation.delays import delayed, delayed_lanes, late_inputs, late_outputs
+from stoop.simulation.delays import delayed, late_inputs, late_outputs
 from stoop.vehicle import Vehicle, parse_vehicle
 
 LATE = """
@@ -65,14 +65,6 @@ def test_a_smooth_signal() -> None:
 def test_delays_are_continuous(samples: float) -> None:
     y = np.random.default_rng(1).standard_normal(40)
     assert np.abs(delayed(y, samples + 1e-9) - delayed(y, samples)).max() < 1e-7
-
-
-def test_lanes_are_what_single_delays_are() -> None:
-    y = np.random.default_rng(2).standard_normal(40)
-    samples = np.array([0.0, 1.3, 1.3, 7.0, 0.0])
-    out = delayed_lanes(y, samples)
-    assert out.shape == (40, 5)
-    assert all(np.array_equal(out[:, b], delayed(y, s)) for b, s in enumerate(samples))
 
 
 def test_inputs_are_late_by_their_controls_delays(late: Vehicle) -> None:

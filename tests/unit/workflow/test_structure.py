@@ -13,7 +13,6 @@ from stoop.errors import IdentificationError, TermError
 from stoop.estimate.regression.least_squares import FrequencyDomain
 from stoop.estimate.regression.structure import (
     determine,
-    parameter_name,
     parse_candidates,
     standard_candidates,
     stepwise,
@@ -26,6 +25,7 @@ from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.vehicle.load import load_vehicle, parse_vehicle
+from stoop.vehicle.terms import parameter_name
 from stoop.workflow.structure import FILES, structure
 
 BAND = FrequencyDomain(0.04, 1.5)
@@ -181,3 +181,32 @@ def test_a_bad_band_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str
     words = ["structure", "twin-boom", "x.nc", "--maneuver", "0:1", "-o", str(tmp_path / "o"), "--band", band]
     assert main(words) == 2
     assert "LOW:HIGH" in capsys.readouterr().err
+
+
+def weak_lift(aircraft: Vehicle) -> tuple[Vehicle, Flight]:
+    """Return an aircraft whose CLq is too weak for the criterion, in the noise of a short flight."""
+    vehicle = aircraft.with_numbers({"CLq": {"value": 5.0}})
+    noise = "[noise]\nV = 0.2\nalpha = 0.004\nq = 0.01\ntheta = 0.01\nax = 0.3\naz = 0.3\n"
+    flight = simulate_flight(vehicle, parse_maneuver(MANEUVER + noise, "test"), seed=4, name="sim")
+    return vehicle, flight
+
+
+def test_what_is_left_out_and_biases_its_neighbors_is_said_and_can_be_kept(aircraft: Vehicle) -> None:
+    vehicle, flight = weak_lift(aircraft)
+    candidates = {"CL": ("alpha", "q", "elevator")}
+    plain = structure(vehicle, {"sim": flight}, ["0:60"], candidates, stepwise, BAND)
+    (told,) = [n for n in plain.structure.chosen["CL"].notices if n.code == "term-left-out"]
+    assert (told.subject, told.values["term"]) == ("CLq", "q")
+    assert "--keep CLq" in str(told)
+    kept = structure(vehicle, {"sim": flight}, ["0:60"], candidates, stepwise, BAND, ["CLq"])
+    assert "q" in kept.structure.chosen["CL"].terms
+    assert not [n for n in kept.structure.chosen["CL"].notices if n.subject == "CLq"]
+    own = plain.names["CL"]
+    for term, move in zip(told.values["moved"], told.values["moves"], strict=True):
+        (value, error), (with_it, _) = (f.estimates[own[term]] for f in (plain, kept))
+        assert (with_it - value) / error == pytest.approx(move, rel=0.25, abs=0.4)
+
+
+def test_only_terms_of_the_vehicle_can_be_kept(aircraft: Vehicle, flight: Flight) -> None:
+    with pytest.raises(IdentificationError, match=r"--keep CLqq: .*CLq"):
+        structure(aircraft, {"sim": flight}, ["0:60"], {"CL": ("alpha",)}, stepwise, BAND, ["CLqq"])

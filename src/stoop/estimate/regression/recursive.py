@@ -35,7 +35,7 @@ from stoop.estimate.regression.least_squares import Priors, Rows, solve
 from stoop.problem import Layout
 from stoop.problem.observation import AIR_FRAME
 from stoop.simulation import parameter_rows
-from stoop.simulation.delays import delayed, input_delays
+from stoop.simulation.delays import delayed, input_actuators, play, rate_limited
 from stoop.simulation.initial import commanded
 from stoop.vehicle import Vehicle
 
@@ -76,8 +76,8 @@ class RealTime:
     """The free aerodynamic terms of a vehicle, estimated while it flies from transforms at frequencies (f,), Hz.
 
     All else of the vehicle is known. It is sampled every `dt` s; `memory`, s, is the time constant of exponential forgetting.
-    Kept are as many samples as the difference formula and the control delays need, the states of the control lags, and one
-    complex number per frequency and signal.
+    Kept are as many samples as the difference formula and the control delays need, the states of servos and control lags, and
+    one complex number per frequency and signal.
     """
 
     def __init__(self, vehicle: Vehicle, dt: float, frequencies: FloatArray, memory: float = np.inf) -> None:
@@ -88,9 +88,14 @@ class RealTime:
             raise IdentificationError(f"{vehicle.where}: no aerodynamic term is free; set free = true")
         self._constants = sorted(set(self._equations.constants.values()))
         self._parameters = parameter_rows(vehicle)
-        slowest = max((self._parameters[row, 0] for _, row in input_delays(vehicle)), default=0.0)
-        self._recent: deque[dict[str, float]] = deque(maxlen=len(STENCIL) + int(np.ceil(slowest / dt)) + 2)
+        self._servos = {
+            vehicle.inputs[a.column]: a.numbers(self._parameters, dt)[:, 0].tolist()
+            for a in input_actuators(vehicle)
+        }
+        slowest = max((delay for _, _, delay in self._servos.values()), default=0.0)
+        self._recent: deque[dict[str, float]] = deque(maxlen=len(STENCIL) + int(np.ceil(slowest)) + 2)
         self._lags: dict[str, tuple[float, float]] = {}
+        self._positions: dict[str, tuple[float, float]] = {}
         signals = len(COEFFICIENTS[vehicle.reduce]) * (1 + len(self._names)) + 2
         self._transform = RecursiveTransform(self._frequencies, signals, dt, memory)
         self._memory = memory
@@ -100,7 +105,10 @@ class RealTime:
 
         An incomplete sample adds nothing but its time.
         """
-        self._recent.append({name: float(value) for name, value in sample.items()})
+        taken = {name: float(value) for name, value in sample.items()}
+        self._recent.append(
+            taken | {name: self._moved(name, taken[name]) for name in self._servos if name in taken}
+        )
         if len(self._recent) < len(STENCIL):
             return
         row = self._signals()
@@ -142,11 +150,10 @@ class RealTime:
         vehicle, recent, parameters = self._vehicle, list(self._recent), self._parameters
         now, last = recent[-1 - DELAY], recent[-len(STENCIL) :]
         # inputs (n_u,) as the surfaces receive them at the center of the stencil
-        inputs, delays = np.zeros(len(vehicle.inputs)), dict(input_delays(vehicle))
+        inputs = np.zeros(len(vehicle.inputs))
         for i, name in enumerate(vehicle.inputs):
             signal = np.array([s.get(name, np.nan if name != "none" else 0.0) for s in recent])
-            delay = float(parameters[delays[i], 0]) / self._dt if i in delays else 0.0
-            inputs[i] = delayed(signal, delay)[-1 - DELAY]
+            inputs[i] = delayed(signal, self._servos.get(name, [0.0])[-1])[-1 - DELAY]
         deflections = {}
         for control in vehicle.controls:
             angle = float(commanded(vehicle, control, parameters, inputs)[0])
@@ -169,6 +176,17 @@ class RealTime:
         history = History(0, np.zeros(1), self._dt, found, motion.variables(vehicle))
         parts = [np.concatenate([row.y, row.X[0]]) for row in self._equations.regressors(history)]
         return np.concatenate([*parts, [1.0, self._transform.count * self._dt]])
+
+    def _moved(self, channel: str, command: float) -> float:
+        """Return a channel after the dead zone and the rate limit of its servo, whose state advances."""
+        width, step, _ = self._servos[channel]
+        held, position = self._positions.get(channel, (command, command))
+        if np.isfinite(command):
+            held = float(play(np.array([command]), width, held)[0])
+            position = float(rate_limited(np.array([held]), step, position)[0])
+            self._positions[channel] = (held, position)
+            return position
+        return command
 
     def _lagged(self, control: str, command: float) -> float:
         """Return the deflection of a lagged control whose command is linear from sample to sample; its state advances."""

@@ -14,7 +14,6 @@ Aircraft* 32(2), 1995, pp. 270-277.
 from __future__ import annotations
 
 import ast
-import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -27,6 +26,7 @@ from scipy.sparse.csgraph import connected_components
 
 from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice, notice
+from stoop.base.text import nearest
 from stoop.errors import IdentificationError
 from stoop.estimate.regression.aircraft import COEFFICIENTS, History, histories
 from stoop.estimate.regression.least_squares import Domain
@@ -42,6 +42,9 @@ MAX_CANDIDATES: Final = 200  #: of one coefficient
 CORRELATION_LIMIT: Final = 0.95  #: above, the data hardly distinguish two candidates
 FAIR_R2: Final = 0.5  #: below, what was chosen is no structure
 MIN_ROWS: Final = 3
+MIN_MOVE: Final = (
+    1.0  #: standard errors by which a neighbor moves with a term that was left out: more is a bias to report
+)
 NOT_MEASURED: Final = (
     "airspeed, flow angles, rates, attitude and accelerations must be measured together, for "
     "longer than a few periods of the lowest frequency; choose other windows"
@@ -60,6 +63,7 @@ class Regression:
     spent: int = 0  #: degrees of freedom that the constant took
     #: for each column those of the variables that it is a product or power of; empty without marginality
     parents: tuple[tuple[int, ...], ...] = ()
+    kept: tuple[int, ...] = ()  #: columns that are in every model
 
     @classmethod
     def of(cls, signals: Sequence[FloatArray], domain: Domain, dt: float) -> Regression:
@@ -169,6 +173,19 @@ class Model:
         inflated = variance * r.count / max(self.freedom, 1)
         return effect**2 / inflated if inflated > 0.0 else (np.inf if effect else 0.0)
 
+    def moves(self, column: int) -> dict[int, float]:
+        """Return by how many of its standard errors each column's coefficient moves if another column joins the model."""
+        larger, out = self.with_column(column), {}
+        values, beside = (
+            np.linalg.lstsq(m.regression.X[:, m.columns], m.regression.y)[0] for m in (self, larger)
+        )
+        for place, value, other in zip(
+            self.columns, values, beside, strict=False
+        ):  # the joining one is the last
+            error = abs(value) / np.sqrt(self.partial_f(place))
+            out[place] = float((other - value) / error) if error > 0.0 else np.nan
+        return out
+
     def best_candidate(self) -> int | None:
         """Return the column outside the model that lowers the sum of squares most; None where none is admitted."""
         gains = {}
@@ -237,9 +254,9 @@ def stepwise(regression: Regression, criterion: Criterion = PartialF()) -> Selec
     From no term, and from all candidates: forward selection misses terms that cancel each other (static stability, damping and
     elevator in a slow pitching moment), backward elimination does not. The end with the lower PRESS is kept.
     """
-    empty = everything = Model(regression, ())
+    empty = everything = Model(regression, regression.kept)
     for place in sorted(range(regression.X.shape[1]), key=lambda c: len(regression.parents_of(c)) > 0):
-        if everything.admits(place):
+        if place not in regression.kept and everything.admits(place):
             everything = everything.with_column(place)
     enough = regression.count > ROWS_PER_TERM * len(everything.columns)
     ends = []
@@ -263,8 +280,11 @@ def stepwise(regression: Regression, criterion: Criterion = PartialF()) -> Selec
 def _eliminated(model: Model, criterion: Criterion) -> tuple[Model, list[Step]]:
     """Remove needless terms, the weakest first."""
     steps = list[Step]()
-    while model.columns:
+    while len(model.columns) > len(model.regression.kept):
         needed = {parent for column in model.columns for parent in model.regression.parents_of(column)}
+        needed |= set(model.regression.kept)
+        if needed >= set(model.columns):
+            break
         weakest = min((c for c in model.columns if c not in needed), key=model.partial_f)
         if criterion.needs(model, weakest):
             break
@@ -275,7 +295,7 @@ def _eliminated(model: Model, criterion: Criterion) -> tuple[Model, list[Step]]:
 
 def orthogonal(regression: Regression) -> Selection:
     """Order candidates by what each explains beyond those before it; cut where the predicted squared error is least."""
-    model, steps = Model(regression, ()), list[Step]()
+    model, steps = Model(regression, regression.kept), list[Step]()
     kept = model
     while (column := model.best_candidate()) is not None and len(steps) < MAX_STEPS:
         before, model = model, model.with_column(column)
@@ -324,15 +344,6 @@ def parse_candidates(lines: Iterable[str], vehicle: Vehicle, where: str) -> dict
     if not any(out.values()):
         raise IdentificationError(f"{where}: names no candidate; write e.g. Cm: alpha, q, elevator, alpha^2")
     return out
-
-
-def parameter_name(coefficient: str, term: str, taken: Iterable[str] = ()) -> str:
-    """Return the name of a term's parameter: ``CLalpha2`` for ``alpha^2``, ``Cmalphaelevator`` for a product."""
-    base = (coefficient + re.sub(r"[^A-Za-z0-9]+", "", term.replace("^", "")))[:36]
-    used, name, number = set(taken), base, 2
-    while name in used:
-        name, number = f"{base}_{number}", number + 1
-    return name
 
 
 def parents(trees: Sequence[ast.expr]) -> tuple[tuple[int, ...], ...]:
@@ -397,9 +408,11 @@ def determine(
     candidates: Mapping[str, Sequence[str]],
     choose: Choose,
     domain: Domain,
+    keep: Sequence[str] = (),
 ) -> Structure:
     """Choose terms among candidates (coefficient -> terms) with `choose`, such as `stepwise`; a constant is always there.
 
+    `keep` names parameters of the vehicle whose terms stay, whatever the criterion says.
     Of the vehicle, mass, geometry, thrust, controls and instruments count, and the terms of coefficients that a reduced model
     takes as they are. Candidates of coefficients that are not estimated are ignored. An IdentificationError says that the
     motion was not measured, or for too short a time.
@@ -414,13 +427,22 @@ def determine(
             f"{vehicle.where}: no coefficient of the {vehicle.reduce} model has a candidate; "
             f"name some of {', '.join(COEFFICIENTS[vehicle.reduce])}"
         )
-    chosen = {c: _chosen(vehicle, c, tuple(candidates[c]), found, choose, domain) for c in estimated}
+    known = {name for c in estimated for name, term in vehicle.terms[c].items() if term.strip() != "1"}
+    for name in keep:
+        if name not in known:
+            raise IdentificationError(f"--keep {name}: {nearest(name, known)}")
+    chosen = {}
+    for c in estimated:
+        own = {name: term for name, term in vehicle.terms[c].items() if term.strip() != "1"}
+        kept = [term for name, term in own.items() if name in keep]
+        new = (t for t in kept if not any(same_term(t, other) for other in candidates[c]))
+        chosen[c] = _chosen(vehicle, c, (*candidates[c], *new), found, choose, domain, own, kept)
     return Structure(chosen, found, prepared.notices)
 
 
 def _chosen(
     vehicle: Vehicle, coefficient: str, candidates: tuple[str, ...], found: Sequence[History],
-    choose: Choose, domain: Domain,
+    choose: Choose, domain: Domain, own: Mapping[str, str], keep: Sequence[str],
 ) -> ChosenTerms:  # fmt: skip
     names, where = {*terms.STATE_VARIABLES, *vehicle.file.controls}, f"{vehicle.where}: {coefficient}:"
     trees = [terms.parse(text, names, coefficient) for text in candidates]
@@ -438,7 +460,8 @@ def _chosen(
     constant = np.linalg.norm(whole.X, axis=0) <= 1e-9 * np.sqrt(whole.count)
     moving = np.flatnonzero(~constant)
     kept = tuple(candidates[i] for i in moving)
-    regression = replace(whole, X=whole.X[:, moving], parents=parents([trees[i] for i in moving]))
+    stay = tuple(i for i, text in enumerate(kept) if any(same_term(text, term) for term in keep))
+    regression = replace(whole, X=whole.X[:, moving], parents=parents([trees[i] for i in moving]), kept=stay)
     selection = choose(regression)
     notices = []
     if constant.any():
@@ -447,7 +470,30 @@ def _chosen(
     notices += _indistinct(coefficient, kept, regression)
     if selection.model.r2 < FAIR_R2:
         notices.append(notice("structure-low-r-squared", coefficient, r2=max(selection.model.r2, 0.0)))
-    return ChosenTerms(kept, selection, tuple(notices))
+    return ChosenTerms(kept, selection, (*notices, *_left_out(coefficient, kept, selection.model, own)))
+
+
+def same_term(a: str, b: str) -> bool:
+    """Whether two terms are written alike, blanks and the sign for powers apart."""
+    first, second = (ast.dump(ast.parse(t.strip().replace("^", "**"), mode="eval")) for t in (a, b))
+    return first == second
+
+
+def _left_out(
+    coefficient: str, candidates: Sequence[str], model: Model, own: Mapping[str, str]
+) -> Iterator[Notice]:
+    """Yield which terms of the vehicle were left out although their neighbors move by more than a standard error with them."""
+    for name, term in own.items():
+        place = next((i for i, text in enumerate(candidates) if same_term(text, term)), None)
+        if place is None or place in model.columns or not model.columns or not model.admits(place):
+            continue
+        moves = {i: move for i, move in model.moves(place).items() if abs(move) > MIN_MOVE}
+        if moves:
+            f = model.with_column(place).partial_f(place)
+            moved, by = tuple(candidates[i] for i in moves), tuple(moves.values())
+            yield notice(
+                "term-left-out", name, coefficient=coefficient, term=term, f=f, moved=moved, moves=by
+            )
 
 
 def _indistinct(coefficient: str, names: Sequence[str], regression: Regression) -> Iterator[Notice]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -19,6 +20,7 @@ from stoop.estimate.regression.least_squares import (
 from stoop.estimate.regression.recursive import Estimate, RealTime, RecursiveTransform
 from stoop.flight import Flight
 from stoop.problem.windows import Window
+from stoop.simulation.delays import play, rate_limited
 from stoop.vehicle import Vehicle
 from stoop.vehicle.load import parse_vehicle
 
@@ -105,18 +107,32 @@ def test_a_sample_without_a_reading_says_nothing_but_time_passes(full: Vehicle, 
     assert estimator._transform.count == 97
 
 
+def with_servo(full: Vehicle, servo: str) -> Vehicle:
+    text = f"{full.text}\n[controls.elevator]\n{servo}\n[controls.aileron]\n[controls.rudder]\n"
+    thrust = full.value("propulsion.thrust")
+    return parse_vehicle(text, "late").with_numbers({"propulsion.thrust": {"value": thrust}})
+
+
 @pytest.mark.slow  # its equations are compiled
 def test_lags_and_delays_of_controls_are_those_of_the_batch(full: Vehicle, noisy: Flight) -> None:
-    text = (
-        full.text + "\n[controls.elevator]\nlag = 0.06\ndelay = 0.05\n[controls.aileron]\n[controls.rudder]\n"
-    )
-    late = parse_vehicle(text, "late").with_numbers(
-        {"propulsion.thrust": {"value": full.value("propulsion.thrust")}}
-    )
+    late = with_servo(full, "lag = 0.06\ndelay = 0.05\n")
     equations, batch = batch_of(late, noisy)
     found = flown(late, noisy, online(late, noisy))
     for name in ("Cmelevator", "Cmalpha"):
         assert found[name].value == pytest.approx(batch.values[equations.names.index(name)], rel=0.02)
+
+
+@pytest.mark.slow  # its equations are compiled
+def test_a_servo_is_followed_sample_by_sample(full: Vehicle, noisy: Flight) -> None:
+    slow = with_servo(full, "rate_limit = 0.1\ndead_zone = 0.02\ndelay = 0.02\n")
+    found = flown(slow, noisy, online(slow, noisy))
+    moved = rate_limited(play(noisy.column("elevator"), 0.02), 0.1 / noisy.rate)
+    assert np.abs(moved - noisy.column("elevator")).max() > 0.02, "it shows"
+    followed = replace(noisy, data=noisy.data.assign(elevator=("time", moved)))
+    late = with_servo(full, "delay = 0.02\n")
+    expected = flown(late, followed, online(late, followed))
+    assert found.keys() == expected.keys()
+    assert all(found[n].value == pytest.approx(one.value, rel=1e-6, abs=1e-9) for n, one in expected.items())
 
 
 def test_nothing_free_is_refused(full: Vehicle) -> None:

@@ -1,0 +1,314 @@
+"""The verdict on a result: trusted, usable for some uses, or not to be used; see ``docs/validation.md``.
+
+A fit is refused where it did not end, where it diverges, where its sensors contradict each other, where it predicts no better
+than trivial models, where most of its numbers are not known, or where a score test contradicts the form of the model. Each
+use then needs its own parameters with a small enough error, and its own channels predicted. Only a model that predicts a
+window held back within its uncertainty, that lacks nothing significant, and whose maneuvers agree, is trusted.
+
+References
+----------
+V. Klein and E. A. Morelli, *Aircraft System Identification: Theory and Practice*, 2nd ed., 2016, chapter 11 (model validation).
+R. V. Jategaonkar, *Flight Vehicle System Identification*, 2nd ed., AIAA, 2015, chapter 11.
+"""
+
+from __future__ import annotations
+
+import ast
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+from scipy.stats import binom
+
+from stoop.base.notices import Notice, distinct, notice, of_severity
+from stoop.base.variables import RATES, SPECIFIC_FORCE, VELOCITY
+from stoop.results.result import GoodnessOfFit, ManeuverResult, Result
+from stoop.results.uncertainty import SCATTER_LEVEL
+from stoop.results.verdict import Grade, Need, Use, Verdict
+from stoop.vehicle import Vehicle, terms
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Limits of the verdict; `docs/validation.md` shows them."""
+
+    moved_errors: float = 3.0  #: standard errors by which an extension moves a needed parameter, and ...
+    moved_share: float = 0.05  #: ... share of its value, from which the form of the model is contradicted
+    error: float = 0.2  #: relative standard error of a needed parameter that a use allows
+    unknown: float = 0.5  #: share of parameters at a bound or not identifiable that a result may have
+    not_predicted: float = 0.5  #: share of curves matched no better than trivially that a result may have
+    inside: float = (
+        0.5  #: share of readings within the 95 % band of a prediction that a trusted model has at least
+    )
+    r2: float = 0.0  #: coefficient of determination below which a curve is worse than its mean
+    size: float = 1e3  #: rms error over the noise of the fit, beyond which a simulation has diverged
+    chance: float = 0.01  #: probability of as much scatter below which maneuvers disagree
+
+
+LIMITS: Final = Limits()
+#: notices that refuse a result: the search, the sensors, the samples
+REFUSING: Final = frozenset({"no-confirmed-optimum", "sensor-fault", "too-few-samples", "estimates-diverge"})
+#: notices that speak against one use: what it needs was not excited, or not measured
+AGAINST: Final = {
+    "control-still": "control design",
+    "axis-not-excited": "control design",
+    "rates-not-recorded": "control design",
+    "lift-not-excited": "performance",
+    "airspeed-not-measured": "performance",
+    "low-airspeed": "performance",
+}
+#: notices of what the verdict judges itself
+JUDGED: Final = REFUSING | {
+    "lag-not-beaten",
+    "model-lacks",
+    "model-lacks-one-of",
+    "at-bound",
+    "not-identifiable",
+}
+CONFIRMED: Final = frozenset({"converged", "target"})  #: a search that ended so has found its optimum
+#: coefficient -> axis, its rate, the flow angle that makes it stable
+MOMENTS: Final = {"Cl": ("roll", "p", "beta"), "Cm": ("pitch", "q", "alpha"), "Cn": ("yaw", "r", "beta")}
+INERTIA: Final = {"roll": "mass.inertia.xx", "pitch": "mass.inertia.yy", "yaw": "mass.inertia.zz"}
+
+
+def uses(vehicle: Vehicle) -> tuple[Use, ...]:
+    """Return what each use needs of a vehicle: free parameters by their part in the equations, and channels."""
+    free = [p.name for p in vehicle.parameters if p.free]
+    known = set(terms.STATE_VARIABLES) | set(vehicle.file.controls)
+    parts = {
+        name: (coefficient, _linear_in(terms.parse(text, known, vehicle.where)))
+        for coefficient, group in vehicle.terms.items()
+        for name, text in group.items()
+        if name in free
+    }
+
+    def coefficients(coefficient: str, variable: str = "") -> list[str]:
+        return [name for name, part in parts.items() if part == (coefficient, variable)]
+
+    def begins(*prefixes: str) -> list[str]:
+        return [name for name in free if name.startswith(prefixes)]
+
+    dynamics: list[tuple[str, Sequence[str]]] = []
+    for coefficient, (axis, rate, angle) in MOMENTS.items():
+        controls = [n for c in vehicle.file.controls for n in coefficients(coefficient, c)]
+        dynamics += [
+            (f"damping in {axis}", coefficients(coefficient, rate)),
+            (f"static stability in {axis}", coefficients(coefficient, angle)),
+            (f"control effectiveness in {axis}", controls),
+            (f"inertia in {axis}", begins(INERTIA[axis])),
+        ]
+    thrust = begins("propulsion.", "rotors.T")
+    dynamics += [
+        ("thrust of the rotors", begins("rotors.T")),
+        ("torque of the rotors", begins("rotors.torque", "rotors.Q")),
+    ]
+    dynamics += [("lag of the rotors", begins("rotors.lag"))]
+    power: list[tuple[str, Sequence[str]]] = [
+        ("lift at the reference condition", coefficients("CL")), ("lift slope", coefficients("CL", "alpha")),
+        ("drag at the reference condition", coefficients("CD")), ("thrust", thrust),
+        ("drag of body and rotors", begins("body_drag.", "rotors.drag", "rotors.inflow")),
+    ]  # fmt: skip
+
+    def use(name: str, channels: Iterable[str], needs: Iterable[tuple[str, Sequence[str]]] = ()) -> Use:
+        observed = tuple(c for c in channels if c in vehicle.outputs)
+        return Use(name, observed, tuple(Need(what, tuple(names)) for what, names in needs if names))
+
+    return (
+        use("control design", RATES, dynamics),
+        use("simulation", vehicle.outputs),
+        use("performance", ("V", "alpha", *VELOCITY, *SPECIFIC_FORCE), power),
+    )
+
+
+def _linear_in(tree: ast.expr) -> str | None:
+    """Return the variable that a term is linear in, empty for a constant; None for all other terms."""
+    if isinstance(tree, ast.Name):
+        return tree.id
+    return None if terms.variables(tree) else ""
+
+
+def verdict(result: Result, needed: Sequence[Use]) -> Verdict:
+    """Return the verdict on a result; `needed` are the uses of its vehicle, see :func:`uses`."""
+    matter = {name for use in needed for need in use.needs for name in need.parameters}
+    refusals = [*_refusals(result), *_contradictions(result, matter)]
+    judged = tuple(_judged(result, use) for use in needed)
+    doubts = _doubts(result)
+    grade: Grade = "usable"
+    if refusals or (needed and not any(use.justified for use in judged)):
+        grade, judged = "do not use", tuple(replace(use, justified=False) for use in judged)
+    elif not doubts and not _lost(_judging(result), _channels(result)):
+        grade = "trusted"
+    if any(found.code == "verdict-form" for found in refusals):  # the same extension, with what it moves
+        doubts = [found for found in doubts if found.code != "verdict-lacks"]
+    against = [*refusals, *(found for use in judged for found in use.against), *doubts]
+    named = dict.fromkeys(name for found in against for name in _parameters(found))
+    known = result.identifiability.parameters
+    advice = [one for name in named if name in known for one in known[name].advice]
+    return Verdict(grade, judged, distinct([*against, *_merits(result)]), distinct(advice))
+
+
+def _refusals(result: Result) -> Iterator[Notice]:
+    """Yield what makes a result useless for everything."""
+    yield from (found for found in result.notices if found.code in REFUSING)
+    if result.status not in CONFIRMED and not any(n.code == "no-confirmed-optimum" for n in result.notices):
+        yield notice("no-confirmed-optimum", advice=result.advice or result.status)
+    if not math.isfinite(result.cost):
+        yield notice("verdict-no-cost")
+    for m in result.maneuvers:
+        gone = tuple(c for c, one in m.channels.items() if _diverged(result, c, one))
+        if gone:
+            yield notice("simulation-diverges", m.window, channels=gone)
+    unknown = _unknown(result)
+    if len(unknown) > LIMITS.unknown * len(result.parameters):
+        yield _notice_of_unknown(result, unknown)
+    figures = [(c, one) for m in _judging(result) for c, one in m.channels.items()]
+    beaten = [c for c, one in figures if _beaten(one)]
+    if len(beaten) > LIMITS.not_predicted * len(figures):
+        names = tuple(dict.fromkeys(beaten))
+        yield notice("verdict-trivial", lost=len(beaten), compared=len(figures), channels=names)
+
+
+def _contradictions(result: Result, matter: set[str]) -> Iterator[Notice]:
+    """Yield the strongest extension where it would move parameters that matter."""
+    for test in result.extensions.found[:1]:
+        moved = {
+            n: shift for n, shift in test.moves.items() if n in matter and _contradicts(result, n, shift)
+        }
+        if moved:
+            name = max(moved, key=lambda n: abs(moved[n]))
+            yield notice(
+                "verdict-form", test.name, statistic=test.statistic, parameter=name, shift=moved[name],
+                share=_share(result, name, moved[name]), line=test.line, rivals=test.rivals or ("nothing else",),
+            )  # fmt: skip
+
+
+def _contradicts(result: Result, name: str, shift: float) -> bool:
+    return abs(shift) > LIMITS.moved_errors and _share(result, name, shift) > LIMITS.moved_share
+
+
+def _share(result: Result, name: str, shift: float) -> float:
+    """Return so many standard errors of a parameter over its size."""
+    one = result.parameters.get(name)
+    return math.nan if one is None or one.estimate == 0.0 else abs(shift * one.std_error / one.estimate)
+
+
+def _judged(result: Result, use: Use) -> Use:
+    """Return a use with what speaks against it."""
+    against = [n for n in result.notices if AGAINST.get(n.code) == use.name]
+    needs = [(need, [n for n in need.parameters if n in result.parameters]) for need in use.needs]
+    for need, names in needs:
+        known = [n for n in names if n not in _unknown(result)]
+        largest = max(known, key=lambda n: abs(result.parameters[n].estimate), default="")
+        error = _share(result, largest, 1.0) if largest else math.inf
+        if not largest:
+            against.append(
+                notice("verdict-need-unknown", need.subject, use=use.name, parameters=tuple(names))
+            )
+        elif not error <= LIMITS.error:
+            against.append(
+                notice("verdict-need-inaccurate", need.subject, use=use.name, parameter=largest, error=error)
+            )
+    if not needs and use.name != "simulation":
+        against.append(notice("verdict-not-estimated", use.name))
+    lost = _lost(_judging(result), use.channels)
+    if lost:
+        against.append(notice("verdict-channels", use.name, channels=lost))
+    return replace(use, justified=not against, against=tuple(against))
+
+
+def _lost(maneuvers: Sequence[ManeuverResult], channels: Iterable[str]) -> tuple[str, ...]:
+    """Return the channels that most of the maneuvers match no better than a lag or their mean does."""
+    found = {c: [_beaten(m.channels[c]) for m in maneuvers if c in m.channels] for c in channels}
+    return tuple(c for c, beaten in found.items() if sum(beaten) > LIMITS.not_predicted * len(beaten))
+
+
+def _beaten(one: GoodnessOfFit) -> bool:
+    """Whether a trivial model matches as well; not where only noise is left, or nothing but noise was flown."""
+    worse_than_mean = one.r2 < LIMITS.r2 and one.whiteness.verdict != "white" and not one.below_noise
+    return one.lost or worse_than_mean
+
+
+def _channels(result: Result) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(c for m in _judging(result) for c in m.channels))
+
+
+def _judging(result: Result) -> tuple[ManeuverResult, ...]:
+    """Return the maneuvers that judge: those held back, else those fitted."""
+    held_back = tuple(m for m in result.maneuvers if m.role == "validation")
+    return held_back or result.maneuvers
+
+
+def _diverged(result: Result, channel: str, one: GoodnessOfFit) -> bool:
+    """Whether a simulation left for infinity, beyond anything that noise and initial state explain."""
+    names, matrix = result.noise_covariance.channels, result.noise_covariance.matrix
+    sigma = (
+        math.sqrt(matrix[i, i])
+        if channel in names and matrix[i := names.index(channel), i] > 0.0
+        else math.nan
+    )
+    return not math.isfinite(one.rmse) or one.rmse > LIMITS.size * sigma
+
+
+def _unknown(result: Result) -> tuple[str, ...]:
+    return tuple(n for n, one in result.parameters.items() if one.at_bound or not one.identifiable)
+
+
+def _notice_of_unknown(result: Result, unknown: tuple[str, ...]) -> Notice:
+    return notice("verdict-unknown", parameters=unknown, count=len(unknown), total=len(result.parameters))
+
+
+def _doubts(result: Result) -> list[Notice]:
+    """Return what keeps a usable result from being trusted."""
+    found = [
+        notice("verdict-lacks", t.name, statistic=t.statistic, line=t.line)
+        for t in result.extensions.found[:1]
+    ]
+    unknown = _unknown(result)
+    found += [_notice_of_unknown(result, unknown)] if unknown else []
+    if not any(m.role == "validation" for m in result.maneuvers):
+        found.append(notice("verdict-no-held-back"))
+    for m in result.maneuvers:
+        outside = tuple(c for c, one in m.channels.items() if one.inside < LIMITS.inside)
+        if outside:
+            least = min(m.channels[c].inside for c in outside)
+            found.append(notice("verdict-outside", m.window, channels=outside, least=least))
+    if not result.extensions.tested:
+        found.append(notice("verdict-not-tested", result.method))
+    if sum(m.role == "fit" for m in result.maneuvers) < 2:
+        found.append(notice("verdict-one-maneuver"))
+    others = [n.code for n in of_severity(result.notices, "warning") if n.code not in JUDGED]
+    if others:
+        found.append(notice("verdict-warnings", codes=tuple(dict.fromkeys(others))))
+    compared, scatter = _compared(result)
+    if binom.sf(scatter - 1, compared, SCATTER_LEVEL) < LIMITS.chance:
+        values = result.repeatability.summary().values
+        shown = {name: values[name] for name in ("compared", "scatter", "by_chance", "ratio")}
+        found.append(Notice("verdict-scatter", "warning", values=shown))
+    return found
+
+
+def _compared(result: Result) -> tuple[int, int]:
+    """Return how many parameters maneuvers fitted alone compare, and how many of them scatter."""
+    found = [one.verdict for one in result.repeatability.parameters.values() if one.verdict]
+    return len(found), found.count("scatter")
+
+
+def _merits(result: Result) -> Iterator[Notice]:
+    """Yield what speaks for a result."""
+    if result.extensions.tested and not result.extensions.found:
+        yield notice("verdict-form-holds", tested=result.extensions.tested)
+    for m in result.maneuvers:
+        if m.role == "validation" and not _lost([m], m.channels):
+            yield notice("verdict-predicted", m.window, count=len(m.channels))
+    (compared, scatter), fitted = _compared(result), sum(m.role == "fit" for m in result.maneuvers)
+    if compared:
+        yield notice("verdict-agree-alone", compared=compared, scatter=scatter)
+    elif fitted > 1:
+        yield notice("verdict-agree", maneuvers=fitted)
+
+
+def _parameters(found: Notice) -> tuple[str, ...]:
+    """Return the parameters that a reason names."""
+    several, one = found.values.get("parameters", ()), found.values.get("parameter", "")
+    return (*(several if isinstance(several, tuple) else ()), *([one] if one else []))

@@ -1,0 +1,160 @@
+"""The initial state of a prediction, estimated with the fitted model from a short stretch of the record before it.
+
+A state read off one noisy sample, or one that was not recorded, would dominate the comparison. The model itself tells which
+initial state explains the readings of the stretch: least squares over the initial state of the stretch, with the numbers of
+the model fixed, the noise covariance of the fit, and the wide priors that a fit gives initial states,
+
+    x0 = argmin |W (z - y(x0, theta))|^2 + |(x0 - m) / s|^2,   P = (J_x' J_x + S^-2)^-1,
+
+where J_x and J_theta are whitened sensitivities over the stretch. One simulation then runs from the stretch through the
+prediction. As x0 depends on theta, dx0/dtheta = -P J_x' J_theta, its readings y have the covariance
+
+    y_x P y_x' + T C T',   T = y_theta + y_x dx0/dtheta,
+
+to which the measurement noise R adds where they are compared with the record. References: Klein and Morelli, *Aircraft System
+Identification*, 2nd ed., 2016, section 6.1 (maximum likelihood with initial states); G. A. F. Seber and C. J. Wild, *Nonlinear
+Regression*, 1989, section 5.1 (prediction bands by the linearized model).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from stoop import optimize
+from stoop.base.arrays import FloatArray
+from stoop.errors import FlightError
+from stoop.flight import Flight
+from stoop.problem import Layout, Misfit, Piece, Weights
+from stoop.problem.observation import guess_start, state_channels
+from stoop.problem.prepare import Prepared, nuisances, prepare
+from stoop.problem.windows import Window
+from stoop.results.result import Covariance, NoiseCovariance
+from stoop.vehicle import Parameter, Vehicle
+
+STRETCH: Final = 1.0  #: s before a prediction, from which its initial state is estimated
+MIN_STRETCH: Final = 0.2  #: s of it that there must be; else the beginning of the prediction is used
+PARAMETER_WIDTH: Final = 100.0  #: standard errors on either side, of which a difference takes 1e-7
+
+
+@dataclass(frozen=True, eq=False)
+class FittedModel:
+    """A vehicle with its free numbers at their estimates, their covariance, and the noise of the fit."""
+
+    vehicle: Vehicle
+    covariance: Covariance
+    noise: NoiseCovariance
+
+    @property
+    def weights(self) -> Weights:
+        """Weights of readings, less where neighboring residuals are correlated; 1 for what was never measured."""
+        R = self.noise.matrix * self.noise.inflation
+        unknown = ~np.isfinite(np.diag(R))
+        R = np.where(unknown[:, None] | unknown, 0.0, R)
+        return Weights.of(R + np.diag(unknown.astype(np.float64)))
+
+    @property
+    def variance(self) -> FloatArray:
+        """Variance (n_y,) of the measurement noise; NaN for what was never measured."""
+        return np.asarray(np.diag(self.noise.matrix))
+
+    def uncertain(self) -> tuple[tuple[Parameter, ...], FloatArray]:
+        """Return the d parameters that have an error, within `PARAMETER_WIDTH` of their estimate; covariance (d, d)."""
+        known = {p.name: p for p in self.vehicle.parameters}
+        errors = np.sqrt(np.diag(self.covariance.matrix))
+        kept = [i for i, n in enumerate(self.covariance.names) if errors[i] > 0.0 and n in known]
+        found = []
+        for i in kept:
+            p, reach = known[self.covariance.names[i]], PARAMETER_WIDTH * errors[i]
+            found.append(replace(p, lower=p.value - reach, upper=p.value + reach, prior=None))
+        return tuple(found), self.covariance.matrix[np.ix_(kept, kept)]
+
+
+@dataclass(frozen=True, eq=False)
+class Stretch:
+    """A piece that is predicted from sample `first` on, and whose initial state comes from its first `samples`."""
+
+    piece: Piece
+    first: int
+    samples: int
+
+    @property
+    def before(self) -> bool:
+        """Whether the initial state is estimated from before the prediction."""
+        return self.first > 0
+
+    def part(self, vehicle: Vehicle, start: int, stop: int) -> Stretch:
+        """Return the prediction of some of the samples of the prediction, with as long a stretch before them."""
+        n = round(STRETCH / self.piece.dt)
+        first = max(0, self.first + start - n)
+        behind = self.first + stop
+        rows = {c: self.piece.measured[first:behind, i] for i, c in enumerate(vehicle.outputs)}
+        readings = {c: rows[c] for c in state_channels(vehicle) if c in rows}
+        guessed = {**self.piece.start}
+        if first and len(readings) == len(state_channels(vehicle)):
+            guessed |= guess_start(vehicle, self.piece.time[first:behind], readings, "")[0]
+        piece, before = self.piece.part(first, behind, guessed), self.first + start - first
+        return Stretch(piece, before, min(before or n, len(piece.time)))
+
+
+def stretch_before(vehicle: Vehicle, flights: Mapping[str, Flight], window: Window, piece: Piece) -> Stretch:
+    """Lengthen a piece of a window into the record before it, as far as that goes without a hole."""
+    n = len(piece.time)
+    begin = max(float(piece.time[0]) - STRETCH, float(flights[window.flight].time[0]))
+    if piece.time[0] - begin >= MIN_STRETCH:
+        try:
+            longer = prepare(vehicle, flights, [replace(window, start=begin, stop=float(piece.time[-1]))])
+        except FlightError:
+            longer = Prepared((), ())
+        for one in longer.pieces:
+            first = int(np.searchsorted(one.time, piece.time[0] - 0.5 * piece.dt))
+            if first * piece.dt >= MIN_STRETCH and len(one.time) - first == n:
+                return Stretch(replace(one, maneuver=piece.maneuver), first, first)
+    return Stretch(piece, 0, min(round(STRETCH / piece.dt), n))
+
+
+@dataclass(frozen=True, eq=False)
+class Predicted:
+    """Readings (n, n_y) of a prediction, and their standard deviations without the measurement noise."""
+
+    readings: FloatArray
+    deviation: FloatArray
+
+
+def predict_stretch(model: FittedModel, stretch: Stretch) -> Predicted:
+    """Estimate the initial state of a stretch, and simulate on through the prediction.
+
+    Readings that the simulation does not reach, because it diverges, are not finite.
+    """
+    piece = replace(stretch.piece, maneuver=0)
+    window = Window("", float(piece.time[0]), float(piece.time[-1]))
+    starts = [n for n in nuisances(model.vehicle, Prepared((window,), (piece,))) if not n.is_bias]
+    ladder = ((stretch.samples,), (len(piece.time),))
+    problem = Misfit(Layout(model.vehicle, (), tuple(starts)), (piece,), model.weights, ladder)
+    z = optimize.refine(problem, np.zeros(problem.extra), 0).z
+    parameters, covariance = model.uncertain()
+    full = replace(problem, layout=Layout(model.vehicle, parameters, tuple(starts)))
+    return _with_deviation(
+        full, np.concatenate([np.full(len(parameters), 0.5), z]), covariance, stretch.first
+    )
+
+
+def _with_deviation(problem: Misfit, z: FloatArray, covariance: FloatArray, first: int) -> Predicted:
+    """Return the readings from sample `first` on, with their standard deviations by linear propagation."""
+    d = problem.dimension
+    with np.errstate(invalid="ignore", over="ignore"):
+        residuals = problem.residuals(z[None, :], 0)[0]
+        J, _ = problem.jacobian(z, 0, residuals)
+        readings, slopes = problem.slopes(z, 0)
+        if not np.isfinite(J).all():
+            return Predicted(readings[first:], np.full_like(readings[first:], np.nan))
+        P = np.linalg.inv(J[:, d:].T @ J[:, d:])
+        by_start = slopes[first:, :, d:]
+        by_parameter = slopes[first:, :, :d] - by_start @ (P @ (J[:, d:].T @ J[:, :d]))
+        unit = problem.layout.scales[:d]
+        variance = np.einsum("kie,ef,kif->ki", by_start, P, by_start)
+        variance += np.einsum("kid,de,kie->ki", by_parameter / unit, covariance, by_parameter / unit)
+        return Predicted(readings[first:], np.sqrt(np.maximum(variance, 0.0)))

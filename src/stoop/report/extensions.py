@@ -1,0 +1,50 @@
+"""What the model lacks, as a section of the report."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+from stoop.base.numbers import NOTHING, number, readable_unit, rounded_to_error
+from stoop.report.sheet import Code, Part, Prose, Section, Table
+from stoop.results.extensions import ExtensionTest
+from stoop.results.result import Identification
+
+LEAD: Final = (
+    "Score tests of {tested} extensions of the model, each beside all unknowns of the fit, residuals taken as colored; of a "
+    "right model at most one fit in {chance:.0f} names any. What stands below the first may be its consequence: the last "
+    "statistic is what is left of it once the first has been added."
+)
+HEAD: Final = (
+    "Extension", "Value", "± Std. error", "Unit", "Statistic t", "Log-likelihood", "Beside the first", "Hardly told from",
+    "Parameters that would move, standard errors",
+)  # fmt: skip
+
+
+def extensions_section(identification: Identification) -> Section | None:
+    """Return the significant extensions; None where nothing was tested."""
+    found = identification.result.extensions
+    if not found.tested:
+        return None
+    lead = LEAD.format(tested=found.tested, chance=1.0 / found.level)
+    parts: list[Part] = [Prose(lead, muted=True)]
+    if not found.found:
+        parts.append(Prose("None is significant: these data ask for nothing that the model lacks."))
+        return Section("What the model lacks", parts, "Extensions")
+    kinds = ("", "n", "n", "", "n", "n", "n", "wrap", "wrap")
+    parts += [
+        Table("", HEAD, tuple(map(_row, found.found)), kinds, label="Extensions"),
+        Prose("To add the first, write into the vehicle file, or identify again with --extend:"),
+        Code(found.found[0].line),
+    ]
+    return Section("What the model lacks", parts, "Extensions")
+
+
+def _row(one: ExtensionTest) -> tuple[str, ...]:
+    value, error = rounded_to_error(one.value, one.std_error)
+    beside = number(one.beside, 3) if math.isfinite(one.beside) else NOTHING
+    moves = ", ".join(f"{name} {shift:+.1f}" for name, shift in one.moves.items())
+    return (
+        one.name, value, error, readable_unit(one.unit), number(one.statistic, 3), f"+{one.gain:.0f}", beside,
+        ", ".join(one.rivals) or NOTHING, moves or NOTHING,
+    )  # fmt: skip

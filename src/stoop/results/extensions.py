@@ -1,0 +1,36 @@
+"""What a model lacks: score tests of extensions, see ``docs/extensions.md``; `stoop.assessment` computes them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+
+@dataclass(frozen=True)
+class ExtensionTest:
+    """One extension that the data ask for."""
+
+    name: str  #: of the number in the vehicle file
+    kind: str  #: "term", "number", "lag", "delay", "scale", ...
+    value: float  #: that it would take, to first order
+    std_error: float  #: of the value, with all other unknowns free
+    unit: str
+    statistic: float  #: t of the score test, residuals taken as colored
+    p_value: float  #: of the largest of all tests of this fit (Bonferroni)
+    gain: float  #: of log-likelihood
+    line: str  #: what to write into the vehicle file
+    #: statistic once the strongest extension is there; NaN for the strongest itself
+    beside: float = math.nan
+    rivals: tuple[str, ...] = ()  #: extensions that the data hardly tell from it
+    #: parameters that would move most, in their standard errors
+    moves: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class ExtensionTests:
+    """Score tests of the catalogue; `found` are the significant ones, the strongest first."""
+
+    tested: int = 0  #: extensions that the data can tell from the model; 0 where nothing was tested
+    level: float = math.nan  #: of all tests together
+    found: tuple[ExtensionTest, ...] = ()

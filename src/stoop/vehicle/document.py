@@ -1,0 +1,65 @@
+"""Vehicle files as documents: entries are written into the text, comments and order stay."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import tomlkit
+from tomlkit.items import InlineTable, Table
+
+from stoop.vehicle.load import parse_vehicle
+from stoop.vehicle.vehicle import Vehicle, leaves
+
+
+def write_entry(document: Any, keys: Sequence[str], value: Any) -> None:
+    """Write a number, a tie or a table of fields into a document; a number keeps the other fields that stand there."""
+    table = document
+    for key in keys[:-1]:
+        if key not in table:
+            table.add(key, tomlkit.table())
+        table = table[key]
+    last: Any = keys[-1]
+    if isinstance(table, list):
+        last = "xyz".index(keys[-1])
+    current = table[last] if isinstance(table, list) or last in table else None
+    if isinstance(value, Mapping):
+        value = inline(value)
+    if isinstance(current, InlineTable | Table) and isinstance(value, float):
+        current["value"] = value
+    else:
+        table[last] = value
+
+
+def inline(fields: Mapping[str, Any]) -> InlineTable:
+    """Return fields as a table in one line."""
+    table = tomlkit.inline_table()
+    table.update(fields)
+    return table
+
+
+def with_entries(vehicle: Vehicle, entries: Mapping[tuple[str, ...], Any]) -> Vehicle:
+    """Return a vehicle whose file has further entries; numbers that were changed since it was read keep their change.
+
+    Raises
+    ------
+    VehicleError
+        The entries do not go with the rest of the file.
+    """
+    document = tomlkit.parse(vehicle.text)
+    if vehicle.file.controls and "controls" not in document:  # the standard ones, which a file need not name
+        for name in vehicle.file.controls:
+            write_entry(document, ("controls", name), tomlkit.table())
+    for keys, value in entries.items():
+        write_entry(document, keys, value)
+    extended = parse_vehicle(tomlkit.dumps(document), vehicle.where)
+    if extended.reduce != vehicle.reduce:
+        extended = extended.reduced(vehicle.reduce)
+    written = {".".join(keys) for keys in entries} | {keys[-1] for keys in entries}
+    known = dict(leaves(extended.file))
+    kept = {
+        name: {"value": q.value, "bounds": q.bounds, "free": q.free, "prior": q.prior}
+        for name, q in leaves(vehicle.file)
+        if q.tie is None and name in known and known[name].tie is None and name not in written
+    }
+    return extended.with_numbers(kept)

@@ -1,0 +1,266 @@
+"""What the equations of a vehicle may lack: a catalogue of extensions, each with the lines that write it into the file.
+
+An extension changes nothing at its null value. Those that are numbers of the file stand, all at their null values, in one
+extended vehicle; delays, and lags, which are delays to first order, shift the signals that go into the equations or come
+out of them.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import tomlkit
+
+from stoop.base.variables import EULER, VARIABLES
+from stoop.vehicle import terms
+from stoop.vehicle.defaults import COEFFICIENTS, EQUATION_1, rotor_size, unit
+from stoop.vehicle.document import inline, with_entries
+from stoop.vehicle.schema import WIND, Quantity, Term
+from stoop.vehicle.vehicle import Vehicle, leaves
+
+Entries = Mapping[tuple[str, ...], Any]  #: keys of the file -> what stands there
+UNTESTED: Final = ("reference.", "environment.", "turbulence.", "ground_effect.", "mass.center_of_gravity.")
+INERTIAL: Final = ("p", "q", "r", "ax", "ay", "az")
+MEASURED: Final = ("V", "alpha", "beta", *INERTIAL)  #: whose scale is tested; an attitude has none
+TOGETHER: Final = {
+    "V": ("V",), "alpha": ("alpha",), "beta": ("beta",), "inertial": INERTIAL, "attitude": EULER, "velocity": WIND,
+}  #: channels that come late together  # fmt: skip
+LONGITUDINAL: Final = ("1", "alpha", "q", "V", "alpha^2", "alpha*q", "beta^2", "alpha*V", "beta", "p", "r")
+LATERAL: Final = ("1", "beta", "p", "r", "V", "alpha*beta", "alpha*p", "alpha*r", "beta^3", "alpha", "q")
+LOADS: Final = ("T0", "T1", "T2", "inflow", "translational", "drag", "drag_inflow")  #: of rotors
+TORQUES: Final = ("torque_ratio", "Q0", "Q1", "Q2")  #: any of which gives a rotor its torque
+
+
+@dataclass(frozen=True)
+class Probe:
+    """Change from the null value with which the equations are probed, and how far from it a value is believed."""
+
+    step: float
+    reach: float
+
+    def times(self, size: float) -> Probe:
+        """Return the probe of a number of another size."""
+        return Probe(self.step * size, self.reach * size)
+
+
+DELAY: Final = Probe(0.02, 0.5)  #: s
+SHARE: Final = Probe(0.01, 1.0)  #: of the size of a number
+SCALE: Final = Probe(0.01, 0.5)
+POSITION: Final = Probe(0.01, 2.0)  #: m
+ANGLE: Final = Probe(0.01, 0.35)  #: rad
+BIAS: Final = Probe(0.1, 1e3)  #: of a sensor's noise
+TERM: Final = Probe(1e-3, 1e3)
+
+
+@dataclass(frozen=True)
+class Extension:
+    """One thing that a model may lack."""
+
+    name: str  #: of the number in the file, such as "controls.aileron.lag"
+    kind: str  #: "term", "number", "delay", "lag", "scale", ...
+    unit: str
+    null: float  #: value that changes nothing
+    probe: Probe
+    entries: Callable[[Any], Entries]  #: number or table of fields -> what to write
+    numbers: tuple[str, ...] = ()  #: of the extended vehicle that take the value
+    inputs: tuple[str, ...] = ()  #: recorded channels that come late
+    readings: tuple[str, ...] = ()  #: observed channels that come late
+
+    @property
+    def step(self) -> float:
+        """Change with which the equations are probed."""
+        return self.probe.step
+
+    @property
+    def believed(self) -> tuple[float, float]:
+        """Range of the values that are believed; nothing comes early."""
+        low = 0.0 if self.inputs or self.readings else self.null - self.probe.reach
+        return low, self.null + self.probe.reach
+
+    def free_entries(self, value: float) -> Entries:
+        """Return what to write for a value that is to be estimated."""
+        reach, (low, high) = 5.0 * max(abs(value - self.null), self.step), self.believed
+        bounds = [float(f"{x:.3g}") for x in (max(low, value - reach), min(high, value + reach))]
+        return self.entries({"value": float(f"{value:.3g}"), "free": True, "bounds": bounds})
+
+    def line(self, value: float) -> str:
+        """Return what to write for a value, in one line."""
+        parts = []
+        for keys, entry in self.entries(float(f"{value:.3g}")).items():
+            item = inline(entry) if isinstance(entry, Mapping) else tomlkit.item(entry)
+            parts.append(f"[{'.'.join(keys[:-1])}] {keys[-1]} = {item.as_string()}")
+        return "; ".join(parts)
+
+
+def extended(vehicle: Vehicle) -> tuple[Vehicle, tuple[Extension, ...]]:
+    """Return a vehicle with every extension at its null value, and the extensions."""
+    parts = (_controls, _masses, _thrust, _sensors, _terms, _rotors, _fixed)
+    catalogue = tuple(one for part in parts for one in part(vehicle))
+    known, entries = dict(leaves(vehicle.file)), dict[tuple[str, ...], Any]()
+    for one in catalogue:
+        if any(name not in known for name in one.numbers):
+            entries |= one.entries(one.null)
+    return with_entries(vehicle, entries), catalogue
+
+
+def _plain(*keys: str) -> Callable[[Any], Entries]:
+    return lambda entry: {keys: entry}
+
+
+def _tied(*places: tuple[str, ...]) -> Callable[[Any], Entries]:
+    """Return entries of which all but the first are tied to it."""
+    first = "=" + ".".join(places[0])
+    return lambda entry: {places[0]: entry, **dict.fromkeys(places[1:], first)}
+
+
+def _points(
+    keys: tuple[str, ...], kind: str, symbol: str, origin: Sequence[float], probe: Probe
+) -> Iterator[Extension]:
+    """Yield the coordinates of a point that the file lacks."""
+
+    def written(axis: int) -> Callable[[Any], Entries]:
+        def entries(entry: Any) -> Entries:
+            shown = inline(entry) if isinstance(entry, Mapping) else entry
+            return {keys: [shown if i == axis else x for i, x in enumerate(origin)]}
+
+        return entries
+
+    for axis, x in enumerate(origin):
+        name = ".".join((*keys, "xyz"[axis]))
+        yield Extension(name, kind, symbol, x, probe, written(axis), (name,))
+
+
+def _controls(vehicle: Vehicle) -> Iterator[Extension]:
+    """Yield lag and delay of each control, and of all alike."""
+    present = {name for name, _ in leaves(vehicle.file)}
+    groups = [*((c,) for c in vehicle.controls), *([vehicle.controls] if len(vehicle.controls) > 1 else [])]
+    for group in groups:
+        channels = tuple(dict.fromkeys(channel for c in group for channel in vehicle.channels_of(c)))
+        sharing = {c for c in vehicle.controls if set(vehicle.channels_of(c)) & set(channels)}
+        for kind in ("lag", "delay"):
+            names = [f"controls.{c}.{kind}" for c in group]
+            if not present & set(names) and (kind == "lag" or sharing == set(group)):
+                places = [("controls", c, kind) for c in group]
+                name = names[0] if len(group) == 1 else f"controls.{kind}"
+                yield Extension(name, kind, "s", 0.0, DELAY, _tied(*places), inputs=channels)
+
+
+def _masses(vehicle: Vehicle) -> Iterator[Extension]:
+    """Yield the products of inertia that the file lacks."""
+    size = min(vehicle.value(f"mass.inertia.{axes}") for axes in ("xx", "yy", "zz"))
+    for axes in ("xz", "xy", "yz"):
+        if (name := f"mass.inertia.{axes}") not in vehicle.rows:
+            entries = _plain("mass", "inertia", axes)
+            yield Extension(name, "inertia", "kg m2", 0.0, SHARE.times(0.5 * size), entries, (name,))
+
+
+def _thrust(vehicle: Vehicle) -> Iterator[Extension]:
+    """Yield inclination and offset of the line of thrust."""
+    propulsion = vehicle.file.propulsion
+    if propulsion is None:
+        return
+    if propulsion.pitch is None:
+        name = "propulsion.pitch"
+        yield Extension(name, "thrust", "rad", 0.0, ANGLE, _plain("propulsion", "pitch"), (name,))
+    if propulsion.position is None:
+        _, *across = _points(("propulsion", "position"), "thrust", "m", _center(vehicle), POSITION)
+        yield from across
+
+
+def _center(vehicle: Vehicle) -> tuple[float, ...]:
+    return tuple(vehicle.value(f"mass.center_of_gravity.{axis}", 0.0) for axis in "xyz")
+
+
+def _sensors(vehicle: Vehicle) -> Iterator[Extension]:
+    """Yield scales, biases, delays and positions of the instruments."""
+    outputs, free = vehicle.outputs, {p.name for p in vehicle.parameters if p.free}
+    sensors = {c: getattr(vehicle.file.sensors, c) for c in outputs}
+    for c, own in sensors.items():
+        if own.scale is None and c in MEASURED:
+            name = f"sensors.{c}.scale"
+            yield Extension(name, "scale", "1", 1.0, SCALE, _plain("sensors", c, "scale"), (name,))
+        name = f"sensors.{c}.bias"
+        if c not in WIND and name not in free:
+            probe, entries = BIAS.times(own.sigma), _plain("sensors", c, "bias")
+            yield Extension(name, "bias", VARIABLES[c].unit, vehicle.value(name), probe, entries, (name,))
+    for label, group in TOGETHER.items():
+        late = [c for c in group if c in outputs]
+        if late and all(sensors[c].delay is None for c in late):
+            name = f"sensors.{late[0] if len(late) == 1 else label}.delay"
+            places = [("sensors", c, "delay") for c in late]
+            yield Extension(name, "delay", "s", 0.0, DELAY, _tied(*places), readings=tuple(late))
+    if vehicle.file.sensors.accelerometer_position is None:
+        yield from _points(("sensors", "accelerometer_position"), "position", "m", _center(vehicle), POSITION)
+    if vehicle.file.sensors.vane_position is None and "alpha" in outputs:
+        yield from _points(("sensors", "vane_position"), "position", "m", _center(vehicle), POSITION)
+
+
+def _terms(vehicle: Vehicle) -> Iterator[Extension]:
+    """Yield the terms of a standard list, and those of every control, that a coefficient lacks."""
+    if vehicle.file.reference is None:
+        return
+    controls, taken = vehicle.controls, {name for name, _ in leaves(vehicle.file)}
+    for coefficient, own in vehicle.terms.items():
+        longitudinal, present = coefficient in ("CL", "CD", "Cm"), {_tree(text) for text in own.values()}
+        texts = [*(LONGITUDINAL if longitudinal else LATERAL), *controls, *(f"alpha*{c}" for c in controls)]
+        texts += [f"{c}^2" for c in controls] if longitudinal else []
+        for text in (text for text in texts if _tree(text) not in present):
+            known = {
+                term: name for name, (term, _, _) in EQUATION_1[coefficient].items() if name not in taken
+            }
+            name = known.get(text) or terms.parameter_name(coefficient, text, taken)
+            taken.add(name)
+            entries = _term(coefficient, name, text)
+            yield Extension(name, "term", terms.unit(text, controls), 0.0, TERM, entries, (name,))
+
+
+def _term(coefficient: str, name: str, text: str) -> Callable[[Any], Entries]:
+    keys = ("aerodynamics", coefficient, name)
+    return lambda entry: {keys: {"term": text, **(entry if isinstance(entry, Mapping) else {"value": entry})}}
+
+
+def _tree(text: str) -> str:
+    """Return what two terms that are written alike, but for blanks and the sign for powers, have in common."""
+    return ast.dump(ast.parse(text.strip().replace("^", "**"), mode="eval"))
+
+
+def _rotors(vehicle: Vehicle) -> Iterator[Extension]:
+    """Yield lag and delay of the motors, and loads of rotors and body that the file lacks."""
+    rotors, body = vehicle.file.rotors, vehicle.file.body_drag
+    if rotors is None:
+        return
+    channels = tuple(dict.fromkeys(r.channel for r in vehicle.file.rotor.values()))
+    for kind in ("lag", "delay"):
+        if getattr(rotors, kind) is None:
+            yield Extension(f"rotors.{kind}", kind, "s", 0.0, DELAY, _plain("rotors", kind), inputs=channels)
+    numbers, absent = dict(leaves(vehicle.file)), [kind for kind in LOADS if getattr(rotors, kind) is None]
+    absent += [] if any(getattr(rotors, kind) is not None for kind in TORQUES) else [TORQUES[0]]
+    for kind in absent:
+        name, probe = f"rotors.{kind}", SHARE.times(rotor_size(kind, numbers))
+        symbol = unit(name, Quantity(), (), vehicle.drive)
+        yield Extension(name, "rotor", symbol, 0.0, probe, _plain("rotors", kind), (name,))
+    for kind in ("linear", "quadratic"):
+        if body is None or getattr(body, kind) is None:
+            probe, symbol = (
+                SHARE.times(rotor_size(kind, numbers)),
+                unit(f"body_drag.{kind}", Quantity(), (), ""),
+            )
+            yield from _points(("body_drag", kind), "drag", symbol, (0.0, 0.0, 0.0), probe)
+
+
+def _fixed(vehicle: Vehicle) -> Iterator[Extension]:
+    """Yield the numbers of the file that are not estimated."""
+    numbers = dict(leaves(vehicle.file))
+    for p in vehicle.parameters:
+        skipped = p.free or p.name.startswith(UNTESTED) or p.name.endswith(".bias")
+        if not skipped and (p.value != 0.0 or isinstance(numbers[p.name], Term)):
+            probe, entries = SHARE.times(abs(p.value) or 1.0), _plain(*_keys(vehicle, p.name))
+            yield Extension(p.name, "number", p.unit, p.value, probe, entries, (p.name,))
+
+
+def _keys(vehicle: Vehicle, name: str) -> tuple[str, ...]:
+    owner = next((c for c in COEFFICIENTS if name in getattr(vehicle.file.aerodynamics, c)), None)
+    return tuple(name.split(".")) if owner is None else ("aerodynamics", owner, name)

@@ -1,0 +1,74 @@
+"""Defects: files differ from the truth in what is said, flights by their seed, and harm is done and undone."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from stoop.assessment.error_bars import error_bars
+from stoop.estimate import methods
+from stoop.estimate.fit import Options
+from stoop.vehicle.vehicle import leaves
+from stoop_studies.verify.defects import KINDS, RIGHT, defects, edited, fly, late, truth, turned, user_file
+from stoop_studies.verify.scenes import Scene
+
+
+def worst(scene: Scene, method: str) -> float:
+    """Return the largest error of an estimate, in its standard errors."""
+    fit = methods.find(method).fitter()(
+        scene.start, scene.flights, scene.windows, Options(method=method), None, None
+    )
+    std = dict(zip(fit.estimates, error_bars(fit).std, strict=False))
+    return float(max(abs(fit.estimates[n] - v) / std[n] for n, v in scene.truth.items()))
+
+
+def test_there_are_enough_kinds_over_both_vehicles() -> None:
+    wrong = [d for name, d in defects().items() if name not in RIGHT]
+    assert len(wrong) >= 40
+    assert {d.kind for d in wrong} == set(KINDS)
+    assert all(d.names and not d.names & d.alike and d.words and d.size for d in wrong)
+
+
+@pytest.mark.parametrize("name", list(defects()))
+def test_a_file_is_wrong_in_one_thing(name: str) -> None:
+    defect, right, user = defects()[name], truth(name), user_file(name)
+    a, b = ({n: q.value for n, q in leaves(v.file)} for v in (right, user))
+    differing = {n for n in a.keys() | b.keys() if a.get(n) != b.get(n)}
+    if name in RIGHT or defect.record is not None:
+        assert not differing
+    else:
+        tables = {n.rpartition(".")[0] for n in differing}
+        assert differing
+        assert len(tables) == 1 or name in ("lag-all", "gusts"), "one number, one point, or all servos"
+
+
+def test_flights_are_those_of_their_seed() -> None:
+    once, again, other = fly("none", 1), fly("none", 1), fly("none", 2)
+    for flight in once.flights:
+        q, same, different = (s.flights[flight].column("q") for s in (once, again, other))
+        assert np.array_equal(q, same)
+        assert np.abs(q - different).max() > 0.05
+    assert once.start.values.tolist() == again.start.values.tolist()
+
+
+def test_instruments_deceive_as_said() -> None:
+    flight = fly("none", 1).flights["first"]
+    theta = late(("theta",), 0.06)(flight).column("theta")
+    assert np.array_equal(theta[3:], flight.column("theta")[:-3])
+    # Turned to the right about its z axis, a gyro reads the body's roll rate as p cos + q sin.
+    body = turned(0.0, 0.0, 0.1)(flight)
+    p, q = flight.column("p"), flight.column("q")
+    assert body.column("p") == pytest.approx(p * np.cos(0.1) + q * np.sin(0.1), abs=1e-12)
+    assert body.column("q") == pytest.approx(q * np.cos(0.1) - p * np.sin(0.1), abs=1e-12)
+    assert np.array_equal(body.column("r"), flight.column("r"))
+
+
+def test_entries_of_a_file() -> None:
+    text = edited("a = 1\n[b]\nc = 2\n", {"b.c": None, "b.d.e": 0.5}, {"a": 3})
+    assert text == "a = 3\n[b]\n\n[b.d]\ne = 0.5\n"
+
+
+@pytest.mark.slow  # equations of two vehicles are compiled
+def test_a_defect_does_harm_and_the_right_file_none() -> None:
+    assert worst(fly("none", 3), "output-error") < 4.0
+    assert worst(fly("lag-aileron", 3), "output-error") > 8.0

@@ -1,0 +1,116 @@
+"""Score tests of extensions: responses against simulations, and what is named on flights of known truth."""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from stoop.assessment.error_bars import error_bars
+from stoop.assessment.extensions import LIMITS, extension_notices, extension_tests
+from stoop.base.arrays import FloatArray
+from stoop.estimate.fit import Fit, Options, fit
+from stoop.estimate.response import simulation_responses
+from stoop.flight import Flight
+from stoop.problem.misfit import Misfit
+from stoop.problem.windows import Window
+from stoop.simulation.fly import simulate_flight
+from stoop.simulation.maneuver import Maneuver
+from stoop.vehicle import Vehicle
+from stoop.vehicle.builtin import resolve_vehicle
+from stoop.vehicle.document import with_entries
+
+STEPS = {
+    "pitch": (("elevator", "3-2-1-1", 1.0, 0.3, 0.12),),
+    "roll": (("aileron", "doublet", 1.0, 0.5, 0.10), ("rudder", "2-1-1", 4.0, 0.6, 0.12)),
+}
+DURATION = 9.0
+
+
+def maneuver(name: str) -> Maneuver:
+    keys = ("control", "shape", "start", "step", "amplitude")
+    inputs = [dict(zip(keys, step, strict=True)) for step in STEPS[name]]
+    return Maneuver.model_validate({"duration": DURATION, "rate": 50.0, "input": inputs})
+
+
+def flights(truth: Vehicle, seed: int) -> dict[str, Flight]:
+    return {n: simulate_flight(truth, maneuver(n), seed=seed + i, name=n) for i, n in enumerate(STEPS)}
+
+
+@functools.cache
+def fitted(lag: float, seed: int = 5) -> Fit:
+    base = resolve_vehicle("twin-boom")
+    truth = with_entries(base, {("controls", "aileron", "lag"): lag}) if lag else base
+    windows = [Window(name, 0.0, DURATION) for name in STEPS]
+    return fit(base, flights(truth, seed), windows, Options(seed=1))
+
+
+def simulated(problem: Misfit, z: FloatArray, vehicle: Vehicle, index: int) -> FloatArray:
+    """Return the readings (n, n_y) of another vehicle with the estimates of a fit."""
+    layout = problem.layout
+    names = {
+        p.name: {"value": float(v)}
+        for p, v in zip(layout.parameters, layout.physical(z[None])[0], strict=True)
+    }
+    changed = replace(layout, vehicle=vehicle.with_numbers(names))
+    rows = replace(changed, parameters=layout.parameters)
+    return replace(problem, layout=rows).outputs(z, index)
+
+
+@pytest.mark.parametrize(
+    "name", ["controls.aileron.delay", "Clalphabeta", "sensors.p.scale", "sensors.accelerometer_position.x"]
+)
+def test_responses_are_those_of_simulations(name: str) -> None:
+    done = fitted(0.0)
+    found = simulation_responses(done.problem, done.z)
+    j = [one.name for one in found.extensions].index(name)
+    one, index = found.extensions[j], 1
+    vehicle = with_entries(done.problem.layout.vehicle, one.entries(one.null + one.step))
+    before = done.problem.outputs(done.z, index)
+    after = simulated(done.problem, done.z, vehicle, index)
+    wanted = done.problem.weights.whiten((after - before) / one.step, np.ones(before.shape, dtype=bool))
+    error = np.linalg.norm(found.pieces[index][:, :, j] - wanted) / np.linalg.norm(wanted)
+    assert error < 0.05
+
+
+def test_right_model_lacks_nothing() -> None:
+    done = fitted(0.0)
+    found = extension_tests(done, error_bars(done))
+    assert found.tested > 80
+    assert found.level == LIMITS.level
+    assert found.found == ()
+    assert extension_notices(found) == ()
+
+
+def test_missing_lag_is_named_with_its_value_and_what_it_would_move() -> None:
+    done = fitted(0.04)
+    found = extension_tests(done, error_bars(done))
+    best = found.found[0]
+    assert best.name == "controls.aileron.lag"
+    assert best.rivals[:1] == ("controls.aileron.delay",)
+    assert best.value == pytest.approx(0.04, rel=0.25)
+    assert {"Clp", "Claileron"} <= set(best.moves)
+    assert all(abs(one.beside) < 5.0 for one in found.found[1:])
+    (one,) = extension_notices(found)
+    assert one.code == "model-lacks-one-of"
+    assert one.subject == best.name
+    assert one.values["line"] == best.line
+
+
+def test_moves_agree_with_another_fit() -> None:
+    """What the score test says of parameters is what a fit with the extension gives."""
+    done = fitted(0.04)
+    bars = error_bars(done)
+    best = extension_tests(done, bars).found[0]
+    base = done.problem.layout.vehicle
+    longer = with_entries(
+        base, {("controls", "aileron", "lag"): {"value": 0.035, "free": True, "bounds": [0.01, 0.1]}}
+    )
+    truth = with_entries(base, {("controls", "aileron", "lag"): 0.04})
+    again = fit(longer, flights(truth, 5), [Window(name, 0.0, DURATION) for name in STEPS], Options(seed=1))
+    std = dict(zip([p.name for p in done.problem.layout.parameters], bars.std, strict=False))
+    for name, shift in best.moves.items():
+        moved = (again.estimates[name] - done.estimates[name]) / std[name]
+        assert shift == pytest.approx(moved, abs=0.35 * abs(moved) + 1.0)

@@ -1,0 +1,209 @@
+"""The verdict: what refuses a result, what each use needs, and what is trusted."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from stoop.assessment.verdict import LIMITS, uses, verdict
+from stoop.base.notices import as_notice, notice
+from stoop.results.extensions import ExtensionTest, ExtensionTests
+from stoop.results.result import (
+    Covariance,
+    GoodnessOfFit,
+    ManeuverResult,
+    NoiseCovariance,
+    ParameterEstimate,
+    Result,
+    Whiteness,
+    from_json,
+    to_json,
+)
+from stoop.results.uncertainty import (
+    IdentifiabilityAnalysis,
+    ParameterIdentifiability,
+    ParameterRepeatability,
+    Repeatability,
+)
+from stoop.results.verdict import Need, Use, Verdict
+from stoop.vehicle.builtin import resolve_vehicle
+
+USES = (
+    Use("control design", ("p",), (Need("damping in roll", ("Clp",)),)),
+    Use("simulation", ("p", "V")),
+    Use("performance", ("V",), (Need("drag at the reference condition", ("CD0",)),)),
+)
+MATCHED, LOST = GoodnessOfFit(0.1, 0.1, 0.9, 0.2), GoodnessOfFit(0.5, 0.5, 0.1, 0.2)
+
+OUTSIDE = dataclasses.replace(MATCHED, inside=0.4)
+
+
+def maneuver(start: float, role: Any, **channels: GoodnessOfFit) -> ManeuverResult:
+    return ManeuverResult("f", start, start + 5.0, role, (), {"p": MATCHED, "V": MATCHED} | channels)
+
+
+def result(**changes: Any) -> Result:
+    """Return a result that is trusted."""
+    parameters = {"Clp": ParameterEstimate(-0.5, 0.01), "CD0": ParameterEstimate(0.03, 0.001)}
+    whole = Result(
+        parameters=parameters,
+        covariance=Covariance(tuple(parameters), np.diag([1e-4, 1e-6])),
+        noise_covariance=NoiseCovariance(("p", "V"), np.eye(2)),
+        initial_states=(), biases=(), wind=(),
+        maneuvers=(maneuver(0.0, "fit"), maneuver(5.0, "fit"), maneuver(10.0, "validation")),
+        cost=1.0, trajectories=10.0, seconds=1.0, seed=0, optimizer="lm", status="converged",
+        extensions=ExtensionTests(100, 0.01),
+    )  # fmt: skip
+    return dataclasses.replace(whole, **changes)
+
+
+def lacking(shift: float, name: str = "Clp") -> ExtensionTests:
+    found = ExtensionTest(
+        "controls.aileron.lag", "lag", 0.04, 0.004, "s", 10.0, 1e-9, 50.0, "[controls.aileron] lag = 0.04",
+        moves={name: shift},
+    )  # fmt: skip
+    return ExtensionTests(100, 0.01, (found,))
+
+
+def codes(found: Verdict) -> list[str]:
+    return [one.code for one in found.against]
+
+
+def test_trusted() -> None:
+    found = verdict(result(), USES)
+    assert found.grade == "trusted"
+    assert found.justified == ("control design", "simulation", "performance")
+    assert [one.code for one in found.reasons] == ["verdict-form-holds", "verdict-predicted", "verdict-agree"]
+    assert str(found.headline) == "Trusted for control design, simulation and performance"
+
+
+@pytest.mark.parametrize(
+    ("changes", "code"),
+    [
+        ({"status": "budget"}, "no-confirmed-optimum"),
+        ({"cost": math.nan}, "verdict-no-cost"),
+        ({"notices": (notice("sensor-fault", "f", fault="p has the wrong sign"),)}, "sensor-fault"),
+        ({"extensions": lacking(-11.8)}, "verdict-form"),
+        (
+            {"maneuvers": (*result().maneuvers[:2], maneuver(10.0, "validation", p=LOST, V=LOST))},
+            "verdict-trivial",
+        ),
+        (
+            {"maneuvers": (*result().maneuvers[:2], maneuver(10.0, "validation", V=GoodnessOfFit(1e131, 1.0, -1e99)))},
+            "simulation-diverges",
+        ),
+        (
+            {"parameters": {n: ParameterEstimate(1.0, identifiable=False) for n in ("Clp", "CD0")}},
+            "verdict-unknown",
+        ),
+    ],
+)  # fmt: skip
+def test_refused(changes: dict[str, Any], code: str) -> None:
+    found = verdict(result(**changes), USES)
+    assert found.grade == "do not use"
+    assert found.justified == ()
+    assert code in codes(found)
+    assert str(found.headline) == "Do not use this model"
+
+
+@pytest.mark.parametrize(
+    ("changes", "code"),
+    [
+        ({"extensions": lacking(-11.8, "Clr")}, "verdict-lacks"),
+        ({"extensions": lacking(0.9 * LIMITS.moved_errors)}, "verdict-lacks"),
+        ({"extensions": ExtensionTests()}, "verdict-not-tested"),
+        ({"maneuvers": result().maneuvers[:2]}, "verdict-no-held-back"),
+        ({"maneuvers": result().maneuvers[1:]}, "verdict-one-maneuver"),
+        (
+            {"maneuvers": (*result().maneuvers[:2], maneuver(10.0, "validation", V=OUTSIDE))},
+            "verdict-outside",
+        ),
+        ({"notices": (as_notice("the pitot reads zero"),)}, "verdict-warnings"),
+    ],
+)
+def test_reservations(changes: dict[str, Any], code: str) -> None:
+    found = verdict(result(**changes), USES)
+    assert found.grade == "usable"
+    assert found.justified == ("control design", "simulation", "performance")
+    assert code in codes(found)
+
+
+def test_a_use_needs_its_parameters() -> None:
+    advice = (notice("advice-ground"),)
+    known = {"CD0": ParameterIdentifiability(0.01, 0.02, 0.9, advice=advice)}
+    poor = {**result().parameters, "CD0": ParameterEstimate(0.03, 0.02)}
+    given = result(parameters=poor, identifiability=IdentifiabilityAnalysis(parameters=known))
+    found = verdict(given, USES)
+    assert found.justified == ("control design", "simulation")
+    assert found.grade == "trusted", "what is known is right; the drag is not known well enough to use"
+    (one,) = found.against
+    assert (one.code, one.values["parameter"]) == ("verdict-need-inaccurate", "CD0")
+    assert one.values["error"] == pytest.approx(2.0 / 3.0)
+    assert found.advice == advice
+    assert str(found.headline) == "Trusted for control design and simulation; not for performance"
+
+
+def test_a_use_needs_its_channels() -> None:
+    worse = (*result().maneuvers[:2], maneuver(10.0, "validation", V=LOST))
+    found = verdict(result(maneuvers=worse), USES)
+    assert (found.grade, found.justified) == ("usable", ("control design",))
+    noise = dataclasses.replace(LOST, whiteness=Whiteness(verdict="white"))
+    calm = (*result().maneuvers[:2], maneuver(10.0, "validation", V=noise))
+    assert verdict(result(maneuvers=calm), USES).grade == "trusted", "only noise is left"
+
+
+def test_what_was_not_excited_speaks_against_a_use() -> None:
+    still = notice("control-still", "aileron", rms=0.001)
+    found = verdict(result(notices=(still,)), USES)
+    assert found.justified == ("simulation", "performance")
+    assert still in found.against
+
+
+@pytest.mark.parametrize(("scatter", "grade"), [(1, "trusted"), (5, "usable")])
+def test_maneuvers_agree_but_for_chance(scatter: int, grade: str) -> None:
+    each = {
+        f"C{i}": ParameterRepeatability((), chi_square=1.0, degrees=1, verdict="scatter" if i < scatter else "agree")
+        for i in range(20)
+    }  # fmt: skip
+    found = verdict(result(repeatability=Repeatability((0, 1), each)), USES)
+    assert found.grade == grade
+    assert ("verdict-scatter" in codes(found)) == (grade == "usable")
+
+
+def test_needs_of_an_aircraft() -> None:
+    control, simulation, performance = uses(resolve_vehicle("twin-boom"))
+    needs = {need.subject: need.parameters for need in (*control.needs, *performance.needs)}
+    assert needs["damping in roll"] == ("Clp",)
+    assert needs["static stability in pitch"] == ("Cmalpha",)
+    assert set(needs["control effectiveness in yaw"]) >= {"Cnrudder", "Cnaileron"}
+    assert needs["lift slope"] == ("CLalpha",)
+    assert needs["drag at the reference condition"] == ("CD0",)
+    assert control.channels == ("p", "q", "r")
+    assert len(simulation.channels) == 12
+    assert not simulation.needs
+
+
+def test_needs_of_a_multirotor() -> None:
+    control, _, performance = uses(resolve_vehicle("quad-x"))
+    assert control.needs
+    assert performance.needs
+    assert all(need.parameters for use in (control, performance) for need in use.needs)
+    assert performance.channels == ("vn", "ve", "vd", "ax", "ay", "az")
+
+
+def test_json() -> None:
+    given = result(extensions=lacking(-11.8))
+    whole = dataclasses.replace(given, verdict=verdict(given, USES))
+    read = from_json(to_json(whole)).verdict
+    assert read.grade == whole.verdict.grade
+    assert [str(one) for one in read.reasons] == [str(one) for one in whole.verdict.reasons]
+    assert verdict(given, read.uses) == verdict(given, USES), "it can be made again from what the file holds"
+
+
+def test_an_older_file_has_no_verdict() -> None:
+    text = to_json(result()).replace('"verdict"', '"unknown"')
+    assert from_json(text).verdict == Verdict()

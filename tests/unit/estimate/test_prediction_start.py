@@ -1,0 +1,157 @@
+"""Initial states of predictions, estimated with the model from before the window, against simulated truth."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from stoop.assessment.baseline import baseline_matches
+from stoop.assessment.goodness_of_fit import theil
+from stoop.base.variables import VARIABLES
+from stoop.estimate.initial_state import FittedModel, predict_stretch, stretch_before
+from stoop.estimate.predict import Prediction, predict
+from stoop.flight import Flight
+from stoop.problem.prepare import prepare
+from stoop.problem.windows import Window
+from stoop.results.result import Covariance, NoiseCovariance
+from stoop.simulation.fly import simulate_flight
+from stoop.simulation.maneuver import parse_maneuver
+from stoop.vehicle import Vehicle
+from stoop.workflow.curves import baseline_maneuver
+from stoop.workflow.demo import MANEUVER
+
+#: sensor noise of a rough record, SI, in the order of the outputs V, alpha, q, theta, ax, az
+ROUGH = {"V": 0.8, "alpha": 0.02, "q": 0.05, "theta": 0.02, "ax": 0.5, "az": 1.0}
+RUNS = 24
+
+
+def model_of(
+    vehicle: Vehicle, sigma: dict[str, float], errors: dict[str, float] | None = None
+) -> FittedModel:
+    """Return a vehicle whose noise is known, and some of whose numbers have a standard error."""
+    names = tuple(errors or {})
+    covariance = Covariance(
+        names, np.diag([v**2 for v in (errors or {}).values()]).reshape(len(names), len(names))
+    )
+    variance = np.diag([sigma[c] ** 2 for c in vehicle.outputs])
+    return FittedModel(vehicle, covariance, NoiseCovariance(vehicle.outputs, variance))
+
+
+@pytest.fixture(scope="module")
+def truth(aircraft: Vehicle) -> Flight:
+    silent = MANEUVER[: MANEUVER.index("[noise]")] if "[noise]" in MANEUVER else MANEUVER
+    quiet = "\n".join(f"{c} = 0.0" for c in aircraft.outputs)
+    return simulate_flight(aircraft, parse_maneuver(f"{silent}\n[noise]\n{quiet}\n", "m"), seed=0, name="sim")
+
+
+def noisy(truth: Flight, sigma: dict[str, float], seed: int) -> Flight:
+    rng, data = np.random.default_rng(seed), truth.data
+    changed = {c: data[c] + s * rng.standard_normal(data[c].size) for c, s in sigma.items() if c in data}
+    return replace(truth, data=data.assign(changed))
+
+
+def ahead(model: FittedModel, flight: Flight, window: Window) -> Prediction:
+    return predict(model, {flight.name: flight}, [window], [{}])
+
+
+def naive_readings(vehicle: Vehicle, flight: Flight, window: Window) -> np.ndarray:
+    """Return the readings from the line through the first 0.2 s of the window, as they were predicted before."""
+    from stoop.problem import Layout, Misfit, Weights
+
+    (piece,) = prepare(vehicle, {flight.name: flight}, [window]).pieces
+    layout = replace(Layout.of(vehicle, ()), parameters=())
+    problem = Misfit(layout, (piece,), Weights.of(np.ones(len(vehicle.outputs))), ((len(piece.time),),))
+    return problem.outputs(np.empty(0), 0)
+
+
+def test_the_start_is_more_accurate_than_the_first_readings_and_its_band_holds_the_truth(
+    aircraft: Vehicle, truth: Flight
+) -> None:
+    window, model = Window("sim", 20.0, 24.0), model_of(aircraft, ROUGH)
+    exact = np.column_stack([prepare(aircraft, {"sim": truth}, [window]).pieces[0].measured])
+    errors, naive, scaled = [], [], []
+    for seed in range(RUNS):
+        flight = noisy(truth, ROUGH, seed)
+        found = ahead(model, flight, window)
+        error, noise = found.readings[0] - exact, np.array([ROUGH[c] for c in aircraft.outputs])
+        errors.append(error)
+        naive.append(naive_readings(aircraft, flight, window) - exact)
+        scaled.append(error / np.sqrt(found.deviations[0] ** 2 - noise**2))
+    rms, before = (np.sqrt(np.mean(np.square(e), axis=(0, 1))) for e in (errors, naive))
+    assert np.all(rms < 0.8 * before)
+    assert np.all(rms[:4] < 0.6 * before[:4])  # V, alpha, q, theta
+    # Four seconds of one window are one draw, so that 24 runs hold 24: chi-square of 24 per channel is within 40 %.
+    assert np.sqrt(np.mean(np.square(scaled), axis=(0, 1))) == pytest.approx(np.ones(6), abs=0.4)
+
+
+@pytest.mark.parametrize(("name", "error"), [("Cmalpha", 0.05), ("Cmq", 1.0), ("CLalpha", 0.1)])
+def test_an_uncertain_parameter_widens_the_band_by_what_it_does(
+    aircraft: Vehicle, truth: Flight, name: str, error: float
+) -> None:
+    """The naive twin estimates the start anew with another value, and predicts from there."""
+    window, value = Window("sim", 6.0, 10.0), aircraft.value(name)
+    (piece,) = prepare(aircraft, {"sim": truth}, [window]).pieces
+    stretch = stretch_before(aircraft, {"sim": truth}, window, piece)
+    assert stretch.before
+    assert stretch.samples == pytest.approx(1.0 / piece.dt, abs=1)
+    others = [aircraft.with_numbers({name: {"value": value + 1e-3 * error * s}}) for s in (1.0, -1.0)]
+    up, down = (predict_stretch(model_of(other, ROUGH), stretch).readings for other in others)
+    known, uncertain = (
+        predict_stretch(model_of(aircraft, ROUGH, errors), stretch).deviation
+        for errors in ({}, {name: error})
+    )
+    expected, found = np.abs(up - down) / 2e-3, np.sqrt(uncertain**2 - known**2)
+    some = expected > 0.2 * expected.max(axis=0)
+    assert found[some] == pytest.approx(expected[some], rel=0.05)
+
+
+def test_a_right_model_beats_a_lag_from_noisy_starts(aircraft: Vehicle, truth: Flight) -> None:
+    window, model, won = Window("sim", 6.0, 12.0), model_of(aircraft, ROUGH), []
+    for seed in range(8):
+        flight = noisy(truth, ROUGH, 100 + seed)
+        pieces = prepare(aircraft, {"sim": flight}, [Window("sim", 0.0, 5.5), window]).pieces
+        fitted, shown = (
+            baseline_maneuver(aircraft, r, [p]) for r, p in zip(("fit", "validation"), pieces, strict=True)
+        )
+        lags = baseline_matches([fitted, shown], aircraft.outputs)[1]
+        readings = ahead(model, flight, window).readings[0]
+        for i, channel in enumerate(aircraft.outputs):
+            if channel in ("q", "theta", "V", "az"):
+                z = pieces[1].measured[:, i]
+                won.append(theil(z, readings[:, i], 50.0) < theil(z, lags[channel].simulated, 50.0))
+    assert np.mean(won) > 0.95
+
+
+def test_a_state_that_was_not_recorded_is_told_by_the_others(aircraft: Vehicle, truth: Flight) -> None:
+    """Off its trim, where steady flight would be wrong, alpha follows from the motion before the window."""
+    window, model = Window("sim", 10.4, 13.0), model_of(aircraft, {c: 0.1 * s for c, s in ROUGH.items()})
+    flight = noisy(truth, {c: 0.1 * s for c, s in ROUGH.items()}, 5)
+    blind = replace(flight, data=flight.data.assign(alpha=np.nan * flight.data["alpha"]))
+    found, place = ahead(model, blind, window), aircraft.outputs.index("alpha")
+    exact = prepare(aircraft, {"sim": truth}, [window]).pieces[0].measured[:, place]
+    errors, sigma = found.readings[0][:, place] - exact, found.deviations[0][:, place]
+    assert np.abs(errors[0]) < 0.01
+    assert sigma[0] < 0.012
+    (told,) = [n for n in found.prepared.notices if n.code == "predicted-from-trim"]
+    assert told.values["channels"] == ("alpha",)
+    assert VARIABLES["alpha"].unit == "rad"
+    assert str(told.values["errors"][0]).endswith("deg")
+
+
+def test_without_a_record_before_the_window_its_own_beginning_is_used_and_said(
+    aircraft: Vehicle, truth: Flight
+) -> None:
+    first = float(truth.time[0])
+    found = ahead(model_of(aircraft, ROUGH), noisy(truth, ROUGH, 2), Window("sim", first, first + 5.0))
+    (told,) = [n for n in found.prepared.notices if n.code == "start-from-prediction"]
+    assert told.values["times"] == (first,)
+    later = ahead(model_of(aircraft, ROUGH), noisy(truth, ROUGH, 2), Window("sim", first + 2.0, first + 5.0))
+    assert not [n for n in later.prepared.notices if n.code == "start-from-prediction"]
+
+
+def test_a_simulation_that_diverges_is_a_value(aircraft: Vehicle, truth: Flight) -> None:
+    unstable = aircraft.with_numbers({"Cmalpha": {"value": 60.0}})
+    found = ahead(model_of(unstable, ROUGH), truth, Window("sim", 20.0, 28.0))
+    assert found.readings[0].shape == found.deviations[0].shape

@@ -1,0 +1,69 @@
+"""The catalogue of extensions: at its null value each changes nothing, and its lines are a valid vehicle file."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from stoop.vehicle.builtin import resolve_vehicle
+from stoop.vehicle.document import with_entries
+from stoop.vehicle.extensions import extended
+from stoop.vehicle.load import parse_vehicle
+from stoop.vehicle.symbolic.arrays import array_equations
+from tests.naive.interpreted import interpreted
+
+VEHICLES = ("twin-boom", "quad-x", "quadplane")
+
+
+@pytest.mark.parametrize("name", VEHICLES)
+def test_extended_vehicle_has_the_same_equations_at_the_null_values(name: str) -> None:
+    base = resolve_vehicle(name)
+    vehicle, catalogue = extended(base)
+    assert len({one.name for one in catalogue}) == len(catalogue)
+    rng, n = np.random.default_rng(1), 20
+    x = 0.05 * rng.standard_normal((len(base.states), n))
+    x[base.states.index("u")] += 20.0
+    x[base.states.index("e0")] += 1.0
+    u = 0.4 + 0.05 * rng.standard_normal((len(base.inputs), n))
+    assert vehicle.states == base.states
+    assert vehicle.inputs == base.inputs
+    found = array_equations(vehicle)(vehicle.values, x, u)
+    wanted = interpreted(base)(np.repeat(base.values[:, None], n, axis=1), x, u)
+    for a, b in zip(found, wanted, strict=True):
+        np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", VEHICLES)
+def test_every_extension_can_be_written_and_estimated(name: str) -> None:
+    base = resolve_vehicle(name)
+    for one in extended(base)[1]:
+        written = with_entries(base, one.free_entries(one.null + one.step))
+        added = {p.name for p in written.parameters if p.free} - {p.name for p in base.parameters if p.free}
+        assert len(added) == (3 if one.kind == "drag" else 1), one.name  # drag is free by default
+
+
+def test_line_is_what_the_file_needs() -> None:
+    base = resolve_vehicle("twin-boom")
+    found = {one.name: one.line(one.null + 0.04) for one in extended(base)[1]}
+    assert found["controls.aileron.lag"] == "[controls.aileron] lag = 0.04"
+    assert found["Cmalpha2"] == '[aerodynamics.Cm] Cmalpha2 = {term = "alpha^2", value = 0.04}'
+    assert found["sensors.vane_position.x"] == "[sensors] vane_position = [0.04, 0.0, 0.0]"
+
+
+def test_values_changed_since_reading_stay() -> None:
+    base = resolve_vehicle("twin-boom").with_numbers({"Clp": {"value": -0.4, "free": False}})
+    longer = with_entries(base, {("controls", "aileron", "lag"): 0.05})
+    assert longer.value("Clp") == -0.4
+    assert longer.value("controls.aileron.lag") == 0.05
+    assert "Clp" not in {p.name for p in longer.parameters if p.free}
+    assert longer.controls == base.controls
+
+
+def test_reduced_vehicle_keeps_its_equations() -> None:
+    base = resolve_vehicle("twin-boom").reduced("longitudinal")
+    vehicle, catalogue = extended(base)
+    assert vehicle.states == base.states
+    kept = {one.name for one in catalogue}
+    assert "Cmalpha2" in kept
+    assert "Clalphabeta" not in kept
+    assert parse_vehicle(base.text, "again").reduce == "full"
