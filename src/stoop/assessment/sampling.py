@@ -46,8 +46,8 @@ class SamplerSettings:
 
     box_std: float = 0.29  #: of a value thrown blindly into a box of width 1
     corner: float = 0.3  #: standard deviations over which a bound is rounded
-    #: independent draws' worth, in the middle and in the tails of every parameter
-    min_sample_size: float = 1000.0
+    #: independent draws' worth, in the middle and in the tails of every parameter (Vehtari et al. 2021, section 4)
+    min_sample_size: float = 400.0
     chains: int = 4  #: as R-hat's authors ask for
     tuning: int = 200  #: draws of every chain that find length and scale of steps, and are thrown away
     draws: tuple[int, ...] = (1000, 4000)  #: of every chain; a longer run where a shorter has not converged
