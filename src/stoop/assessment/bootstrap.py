@@ -272,8 +272,6 @@ class Bootstrap:
 def bootstrap_plan(fit: AssessedFit, count: int) -> Plan:
     """Return the campaign: `count` replicates, rounded up to whole chunks."""
     noise = fit.bars.uncertainty.noise
-    if fit.fit.evidence.white:  # residuals that no autoregression colors, of one variance
-        noise = ColoredNoise(np.zeros((len(noise.innovation), 0)), np.eye(len(noise.innovation)))
     whole = sum(len(p.edges) - 1 for p in fit.fit.evidence.pieces if p.edges) >= MIN_WINDOWS
     problem = fit.packed(
         {"color": noise.coefficients, "innovation": noise.innovation, "whole_windows": np.array(whole)}

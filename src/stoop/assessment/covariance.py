@@ -7,7 +7,9 @@ weight of white noise has the covariance
 
 (Morelli and Klein); D^-1 alone is the Cramer-Rao bound of white noise. The double sum is a product of spectra. Two refinements
 over the paper's sample autocovariance, without which nominal 95 % intervals cover 80 to 90 %: what the fit absorbed of the
-noise is added back, and an autoregression continues the autocovariance where its long lags are noise themselves.
+noise is added back, and an autoregression continues the autocovariance where its long lags are noise themselves. Gusts and errors
+of recorded inputs pass through the dynamics and disturb several channels at once, with phases between them: the coherency of
+the innovations between channels is estimated by bands of frequency, averaged over all segments.
 
 Windows that begin anew leave residuals that grow along each window: not stationary, but alike from window to window. Their
 covariance is the mean over all windows, every window's residuals with every window's sensitivities,
@@ -30,9 +32,10 @@ matrix", *Econometrica* 55(3), 1987, pp. 703-708.
 
 from __future__ import annotations
 
+import itertools
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Final
 
@@ -40,7 +43,7 @@ import numpy as np
 from scipy.fft import next_fast_len, rfft
 from scipy.linalg import toeplitz
 
-from stoop.base.arrays import BoolArray, ComplexArray, FloatArray
+from stoop.base.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from stoop.estimate.noise import lagged_products
 from stoop.problem.evidence import Inverse, PieceEvidence, invert
 
@@ -51,6 +54,13 @@ MAX_ORDER: Final = 20
 SAMPLES_PER_LAG: Final = 50  #: short records get a lower order, or the autoregression fits its own noise
 #: of what the fit absorbed, which depends on the noise model; afterwards it changes below 1 %
 ROUNDS: Final = 3
+BAND_DEGREES: Final = (
+    2.5  #: independent frequencies of the narrowest band, per channel; with fewer than 1 all channels cohere
+)
+BAND_GROWTH: Final = 1.5  #: width of a band over that of the one below
+MIN_COHERENCY: Final = (
+    1e-6  #: least eigenvalue; what the fit absorbed is an estimate and can leave a negative one
+)
 NEIGHBORS: Final = 3  #: windows whose residuals may still be correlated
 MIN_WINDOWS: Final = 12  #: below which a mean over windows says little
 #: of the information about a direction, in one window; of more, others foresee nothing
@@ -94,10 +104,20 @@ def correlation(covariance: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class ColoredNoise:
-    """An autoregression per channel: v[n] = sum_i coefficients[:, i] v[n - 1 - i] + w[n], cov(w) = innovation."""
+    """An autoregression per channel: v[n] = sum_i coefficients[:, i] v[n - 1 - i] + w[n], cov(w) = innovation.
+
+    With a coherency the channels of w depend on each other by bands of frequency, each channel alone being white.
+    """
 
     coefficients: FloatArray  #: (ny, order)
     innovation: FloatArray  #: (ny, ny)
+    edges: FloatArray | None = None  #: (b + 1,) of the bands, cycles per sample, 0 to 0.5
+    coherency: ComplexArray | None = None  #: (b, ny, ny), Hermitian with unit diagonals
+
+    @classmethod
+    def white(cls, channels: int) -> ColoredNoise:
+        """Return noise of unit variance without memory."""
+        return cls(np.zeros((channels, 0)), np.eye(channels))
 
     def gain(self, size: int) -> ComplexArray:
         """Return the frequency response (size // 2 + 1, ny) from innovation to noise, for an FFT of `size`.
@@ -107,14 +127,49 @@ class ColoredNoise:
         ones = np.ones((len(self.coefficients), 1))
         return np.asarray(1.0 / rfft(np.concatenate([ones, -self.coefficients], axis=1), size, axis=1).T)
 
+    def spectrum(self, size: int) -> ComplexArray:
+        """Return the power spectrum (size // 2 + 1, ny, ny) for an FFT of `size`."""
+        gain, power = self.gain(size), self.innovation.astype(np.complex128)[None]
+        if self.edges is not None and self.coherency is not None:
+            std = np.sqrt(np.diag(self.innovation))
+            power = (np.outer(std, std) * self.coherency)[band_numbers(self.edges, size)]
+        return np.asarray(gain[:, :, None] * power * gain.conj()[:, None, :])
+
     def variance(self, columns: FloatArray) -> FloatArray:
         """Return the variances (m,) of the sums of noise times columns (n, n_y, m)."""
         size = next_fast_len(2 * len(columns), real=True)
-        twice = np.full(size // 2 + 1, 2.0)
-        twice[[0, -1] if size % 2 == 0 else 0] = 1.0
-        spectrum = rfft(columns, size, axis=0) * self.gain(size).conj()[:, :, None]
-        mixed = self.innovation @ spectrum
-        return np.asarray(np.einsum("f,fim,fim->m", twice / size, spectrum.conj(), mixed).real)
+        scale = _scale(size)[:, None, None]
+        transformed = rfft(columns, size, axis=0)
+        mixed = self.spectrum(size) @ transformed
+        return np.asarray(np.einsum("fim,fim->m", scale**2 * transformed.conj(), mixed).real)
+
+
+def band_edges(samples: int, channels: int) -> FloatArray:
+    """Return edges (b + 1,) of bands, cycles per sample, in which so many samples determine a matrix of the channels."""
+    width, edges = BAND_DEGREES * channels / samples, [0.0]
+    while edges[-1] + (1.0 + BAND_GROWTH) * width < 0.5:  # else the last band takes what is left
+        edges.append(edges[-1] + width)
+        width *= BAND_GROWTH
+    return np.array([*edges, 0.5])
+
+
+def band_numbers(edges: FloatArray, size: int) -> IntArray:
+    """Return the band (size // 2 + 1,) of each frequency of an FFT of `size`."""
+    frequencies = np.arange(size // 2 + 1) / size
+    return np.asarray(np.minimum(np.searchsorted(edges, frequencies, side="right") - 1, len(edges) - 2))
+
+
+def normalized_coherency(powers: ComplexArray) -> ComplexArray:
+    """Return the coherency (b, ny, ny) of cross-powers (b, ny, ny), positive definite; identity for an idle channel."""
+    strength = np.sqrt(np.maximum(np.einsum("bii->bi", powers).real, 0.0))
+    idle = strength <= 0.0
+    strength = np.where(idle, 1.0, strength)
+    scaled = powers / (strength[:, :, None] * strength[:, None, :])
+    scaled = 0.5 * (scaled + scaled.conj().transpose(0, 2, 1)) + idle[:, :, None] * np.eye(powers.shape[-1])
+    values, vectors = np.linalg.eigh(scaled)
+    possible = (vectors * np.maximum(values, MIN_COHERENCY)[:, None, :]) @ vectors.conj().transpose(0, 2, 1)
+    own = np.sqrt(np.einsum("bii->bi", possible).real)
+    return np.asarray(possible / (own[:, :, None] * own[:, None, :]))
 
 
 def autocorrelation(residuals: Sequence[FloatArray], lags: int) -> FloatArray:
@@ -189,26 +244,43 @@ class Coloring:
         share, pairs = counts / np.maximum(counts[:, :1], 1.0), np.maximum(counts, 1.0)
         noise = fit_noise(sums / pairs, residuals)
         for _ in range(ROUNDS):
-            spread = self._spread([block.middle(noise, joint=False) for block in self._blocks])
+            spread = self.spread([block.middle(noise, joint=False) for block in self.blocks])
             absorbed = np.zeros_like(share)
-            for block in self._blocks:
+            for block in self.blocks:
                 crossed, squared = block.lagged(noise, spread, order)
                 absorbed += crossed * share - squared
             noise = fit_noise((sums + absorbed) / pairs, residuals)
-        return noise
+        return self._coherent(noise)
+
+    def _coherent(self, noise: ColoredNoise) -> ColoredNoise:
+        """Return the noise with the coherency of its innovations between channels, what the fit absorbed added back."""
+        edges = band_edges(sum(len(s.residual) for s in self.segments), len(noise.coefficients))
+        pairs = list(zip(self.blocks, self.segments, strict=True))
+        powers = sum(block.cross_powers(noise, segment.filled()[0], edges) for block, segment in pairs)
+        found = replace(noise, edges=edges, coherency=normalized_coherency(np.asarray(powers)))
+        for _ in range(ROUNDS):
+            spread = self.spread(self.middles(found))
+            absorbed = sum(block.absorbed(found, spread, edges) for block in self.blocks)
+            found = replace(found, coherency=normalized_coherency(np.asarray(powers + absorbed)))
+        return found
+
+    def middles(self, noise: ColoredNoise) -> list[FloatArray]:
+        """Return the covariance (a, a) of the scores of each segment under `noise`, in the a directions that it sees."""
+        return [block.middle(noise) for block in self.blocks]
 
     def covariance(self, noise: ColoredNoise) -> FloatArray:
         """Return the covariance (k, k) of the estimates under `noise`."""
         factor = self.inverse.factor
-        return np.asarray(factor @ self._spread([block.middle(noise) for block in self._blocks]) @ factor.T)
+        return np.asarray(factor @ self.spread(self.middles(noise)) @ factor.T)
 
-    def _spread(self, middles: Sequence[FloatArray]) -> FloatArray:
+    def spread(self, middles: Sequence[FloatArray]) -> FloatArray:
         """Return the covariance (r, r) of the scores, from that of each segment in its own directions."""
-        turned = (b.basis.T @ middle @ b.basis for b, middle in zip(self._blocks, middles, strict=True))
+        turned = (b.basis.T @ middle @ b.basis for b, middle in zip(self.blocks, middles, strict=True))
         return np.asarray(sum(turned) + self.inverse.factor.T @ self.prior @ self.inverse.factor)
 
     @cached_property
-    def _blocks(self) -> tuple[_Block, ...]:
+    def blocks(self) -> tuple[_Block, ...]:
+        """Spectra of the sensitivities, segment by segment."""
         return tuple(_Block.of(segment, self.inverse.factor) for segment in self.segments)
 
 
@@ -228,21 +300,16 @@ class _Block:
         left, stretch, basis = np.linalg.svd(factor[active], full_matrices=False)
         size = next_fast_len(2 * len(jacobian), real=True)  # the autocovariance does not wrap around
         spectrum = np.asarray(rfft(jacobian[:, :, active] @ (left * stretch), size, axis=0))
-        twice = np.full(len(spectrum), 2.0)
-        twice[[0, -1] if size % 2 == 0 else 0] = 1.0
-        return cls(
-            size, basis, np.stack([spectrum.real, spectrum.imag]) * np.sqrt(twice / size)[:, None, None]
-        )
+        return cls(size, basis, np.stack([spectrum.real, spectrum.imag]) * _scale(size)[:, None, None])
 
     def middle(self, noise: ColoredNoise, joint: bool = True) -> FloatArray:
         """Return the double sum (a, a) over this segment: S' V S; on demand without correlation between channels."""
-        gain, innovation = noise.gain(self.size), noise.innovation
         if joint:
-            spectrum = gain[:, :, None] * innovation * gain.conj()[:, None, :]
-            colored = spectrum @ (self.parts[0] + 1j * self.parts[1])
+            colored = noise.spectrum(self.size) @ (self.parts[0] + 1j * self.parts[1])
             left, right = self.parts, np.stack([colored.real, colored.imag])
         else:
-            left = right = self.parts * np.sqrt(np.abs(gain) ** 2 * np.diag(innovation))[:, :, None]
+            power = np.abs(noise.gain(self.size)) ** 2 * np.diag(noise.innovation)
+            left = right = self.parts * np.sqrt(power)[:, :, None]
         product: FloatArray = left.reshape(-1, left.shape[-1]).T @ right.reshape(-1, right.shape[-1])
         return 0.5 * (product + product.T)
 
@@ -255,6 +322,33 @@ class _Block:
         squared = power.reshape(self.parts.shape[:3]).sum(axis=0)
         wave = np.cos(2.0 * np.pi / self.size * np.outer(np.arange(len(crossed)), np.arange(order + 1)))
         return 2.0 * crossed.T @ wave, squared.T @ wave
+
+    def cross_powers(self, noise: ColoredNoise, residual: FloatArray, edges: FloatArray) -> ComplexArray:
+        """Return the sums (b, ny, ny) over each band of the whitened periodograms of a residual (n, ny)."""
+        white = rfft(residual, self.size, axis=0) * _scale(self.size)[:, None] / noise.gain(self.size)
+        return _by_band(white[:, :, None] * white.conj()[:, None, :], edges, self.size)
+
+    def absorbed(self, noise: ColoredNoise, spread: FloatArray, edges: FloatArray) -> ComplexArray:
+        """Return by how much the whitened periodograms (b, ny, ny) of v exceed those of the residuals v - S d."""
+        sensitivity, gain = self.parts[0] + 1j * self.parts[1], noise.gain(self.size)
+        adjoint = sensitivity.conj().transpose(0, 2, 1)
+        crossed = (sensitivity @ adjoint) @ noise.spectrum(self.size)
+        squared = (sensitivity @ (self.basis @ spread @ self.basis.T)) @ adjoint
+        total = crossed + crossed.conj().transpose(0, 2, 1) - squared
+        return _by_band(total / (gain[:, :, None] * gain.conj()[:, None, :]), edges, self.size)
+
+
+def _scale(size: int) -> FloatArray:
+    """Return factors (size // 2 + 1,) with which squares of a real transform add up to those of the series."""
+    twice = np.full(size // 2 + 1, 2.0)
+    twice[[0, -1] if size % 2 == 0 else 0] = 1.0
+    return np.sqrt(twice / size)
+
+
+def _by_band(values: ComplexArray, edges: FloatArray, size: int) -> ComplexArray:
+    """Return the sums (b, ny, ny) over each band of values (size // 2 + 1, ny, ny)."""
+    first = np.searchsorted(band_numbers(edges, size), np.arange(len(edges)))
+    return np.stack([values[a:b].sum(axis=0) for a, b in itertools.pairwise(first)])
 
 
 def windowed_covariance(
@@ -270,27 +364,42 @@ def windowed_covariance(
     """
     if sum(len(e) - 1 for e in edges) < MIN_WINDOWS:
         return None
-    filled = [segment.filled() for segment in segments]
-    rows = [j.reshape(-1, j.shape[2]) for _, j in filled]
-    inverse = invert(prior + sum(j.T @ j for j in rows))
+    inverse = invert(data_information(segments) + prior)
     middle = prior.copy()
-    for (residual, jacobian), own, (gap, gap_jacobian) in zip(filled, edges, gaps, strict=True):
-        # each window's residuals (w, m) with the gap behind it, and their derivatives (w, m, k)
-        length, starts = int(np.min(np.diff(own))), own[:-1]
-        r = np.stack([residual[a : a + length].ravel() for a in starts])
-        S = np.stack([jacobian[a : a + length].reshape(r.shape[1], -1) for a in starts])
-        r = np.concatenate([r, np.pad(gap, [(0, 1), (0, 0)])], axis=1)
-        S = np.concatenate([S, np.pad(gap_jacobian, [(0, 1), (0, 0), (0, 0)])], axis=1)
-        alone = np.stack([leave_window_out(*one, inverse.factor) for one in zip(r, S, strict=True)])
+    for segment, own, (gap, gap_jacobian) in zip(segments, edges, gaps, strict=True):
+        r, S = by_window(segment, own, gap, gap_jacobian)
         met = gap_jacobian.reshape(-1, gap_jacobian.shape[2])
-        total, recent = np.zeros_like(prior), deque[FloatArray](maxlen=1 + max(0, min(NEIGHBORS, len(r) - 2)))
-        for S_w in S:  # the covariance of the scores' sum, and of neighbors
-            recent.appendleft(alone @ S_w)  # window of the residual, unknown
-            for lag, before in enumerate(recent):
-                pair = before[: len(r) - lag].T @ recent[0][lag:]
-                total += pair if lag == 0 else (1.0 - lag / (NEIGHBORS + 1.0)) * (pair + pair.T)
-        middle += total / len(r) - met.T @ met  # of all lags alike: no variance is negative then
+        middle += window_scatter(leave_windows_out(r, S, inverse.factor), S) - met.T @ met
     return marked(inverse.matrix @ middle @ inverse.matrix, inverse.determined)
+
+
+def by_window(
+    segment: PieceEvidence, edges: Sequence[int], gap: FloatArray, gap_jacobian: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return each window's residuals (w, m) with the gap behind it, and their derivatives (w, m, k)."""
+    residual, jacobian = segment.filled()
+    length, starts = int(np.min(np.diff(edges))), edges[:-1]
+    r = np.stack([residual[a : a + length].ravel() for a in starts])
+    S = np.stack([jacobian[a : a + length].reshape(r.shape[1], -1) for a in starts])
+    r = np.concatenate([r, np.pad(gap, [(0, 1), (0, 0)])], axis=1)
+    return r, np.concatenate([S, np.pad(gap_jacobian, [(0, 1), (0, 0), (0, 0)])], axis=1)
+
+
+def window_scatter(residuals: FloatArray, S: FloatArray) -> FloatArray:
+    """Return the covariance (k, k) of the sum of scores: residuals (w, m) of any window with derivatives (w, m, k) of any."""
+    count, k = len(residuals), S.shape[2]
+    total, recent = np.zeros((k, k)), deque[FloatArray](maxlen=1 + max(0, min(NEIGHBORS, count - 2)))
+    for S_w in S:  # the covariance of the scores' sum, and of neighbors
+        recent.appendleft(residuals @ S_w)  # window of the residual, unknown
+        for lag, before in enumerate(recent):
+            pair = before[: count - lag].T @ recent[0][lag:]
+            total += pair if lag == 0 else (1.0 - lag / (NEIGHBORS + 1.0)) * (pair + pair.T)
+    return total / count  # of all lags alike: no variance is negative then
+
+
+def leave_windows_out(r: FloatArray, S: FloatArray, factor: FloatArray) -> FloatArray:
+    """Return :func:`leave_window_out` of every window, (w, m)."""
+    return np.stack([leave_window_out(*one, factor) for one in zip(r, S, strict=True)])
 
 
 def leave_window_out(r: FloatArray, S: FloatArray, factor: FloatArray) -> FloatArray:

@@ -7,13 +7,14 @@ determine of each parameter.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from stoop.assessment.clusters import Scatter, cluster_scatter
 from stoop.assessment.covariance import (
     ColoredNoise,
     Coloring,
@@ -59,9 +60,10 @@ class Uncertainty:
 
     information: FloatArray  #: (k, k); Fisher's, for white residuals, priors included
     cramer_rao: FloatArray  #: (k, k); its inverse: right if the residuals are white, else too small
-    corrected: FloatArray  #: (k, k); after Morelli and Klein: right for colored residuals
+    corrected: FloatArray  #: (k, k); after Morelli and Klein: right for colored residuals, given the model
     noise: ColoredNoise  #: the color found, of the weighted residuals
     autocorrelation: FloatArray  #: (ny, lags + 1); of the residuals
+    coloring: Coloring  #: residuals and sensitivities that these come from
 
 
 def estimate_uncertainty(
@@ -75,7 +77,7 @@ def estimate_uncertainty(
     information = data_information(pieces) + prior
     inverse = invert(information)
     coloring = Coloring(tuple(pieces), inverse, prior)
-    noise = coloring.noise()
+    noise = ColoredNoise.white(pieces[0].residual.shape[1]) if white else coloring.noise()
     lags = min(CORRELATION_LAGS, max(len(piece.residual) for piece in pieces) - 1)
     corrected = inverse.matrix if white else coloring.covariance(noise)
     return Uncertainty(
@@ -84,6 +86,7 @@ def estimate_uncertainty(
         corrected=marked(corrected, inverse.determined),
         noise=noise,
         autocorrelation=autocorrelation([piece.residual for piece in pieces], lags),
+        coloring=coloring,
     )
 
 
@@ -91,8 +94,10 @@ def estimate_uncertainty(
 class ErrorBars:
     """Uncertainty of the parameters and nuisances of a fit, in SI; k = parameters, then nuisances."""
 
-    covariance: FloatArray  #: (k, k), corrected for color; zero for what is at a bound or not estimated
+    #: (k, k), corrected for color and for the scatter of maneuvers; zero for what is at a bound or not estimated
+    covariance: FloatArray
     std: FloatArray  #: (k,), standard errors of that covariance
+    conditional_std: FloatArray  #: (k,), corrected for color alone: right as far as the model is
     #: (k,), as if residuals were white; NaN where a method does not use their color
     cramer_rao_std: FloatArray
     at_bound: BoolArray  #: (k,) bool; whether the estimate lies at a bound
@@ -100,6 +105,9 @@ class ErrorBars:
     conditional: tuple[str, ...]  #: more than twice as uncertain if the parameters at a bound were free
     uncertainty: Uncertainty  #: of the `free` unknowns
     free: IntArray  #: (f,); the unknowns that are estimated and not at a bound; noise intensities come last
+    scatter: Scatter | None = (
+        None  #: of maneuvers or flights, whichever is larger; None where there is one maneuver
+    )
 
     def rejected(self, reason: Notice) -> ErrorBars:
         """Return error bars of which none is a confident statement, for one reason; earlier doubts stay."""
@@ -139,7 +147,16 @@ def error_bars(fit: Fit) -> ErrorBars:
             leaning = free[wide > LIMITS.conditional_ratio * standard_errors(found.cramer_rao)]
             conditional = tuple(unknowns[i].name for i in leaning if unknowns[i].kind == "parameter")
         known, k = [unknowns[i] for i in free], sum(u.kind != "noise" for u in unknowns)
-        told = identifiability(known, found.information, corrected)
+        conditional_std = np.zeros(len(unknowns))
+        conditional_std[free] = standard_errors(corrected)
+        told = identifiability(
+            known, found.information, corrected
+        )  # what is not known, however alike maneuvers are
+        scatter = _scatter(fit, found, sum(u.kind == "parameter" for u in known))
+        if scatter is not None:
+            stretch = np.ones(len(free))
+            stretch[: len(scatter.stretch)] = scatter.stretch
+            corrected = corrected * np.outer(stretch, stretch)
         own = {u.name: j for u, j in zip(known, told, strict=True) if u.kind == "parameter"}
         idle_reason = notice("not-estimated")
         idle = [u.name for u in unknowns if u.kind == "parameter" and u.fixed == "method"]
@@ -150,6 +167,7 @@ def error_bars(fit: Fit) -> ErrorBars:
         return ErrorBars(
             covariance=covariance[:k, :k],
             std=standard_errors(covariance)[:k],
+            conditional_std=conditional_std[:k],
             cramer_rao_std=white[:k],
             at_bound=at_bound[:k],
             identifiability=own
@@ -157,7 +175,20 @@ def error_bars(fit: Fit) -> ErrorBars:
             conditional=conditional,
             uncertainty=found,
             free=free,
+            scatter=scatter,
         )
+
+
+def _scatter(fit: Fit, found: Uncertainty, count: int) -> Scatter | None:
+    """Return the scatter of the first `count` unknowns between maneuvers, or flights where these disagree more."""
+    maneuvers = [segment.maneuver for segment in found.coloring.segments]
+    if len(set(maneuvers)) < 2:
+        return None
+    flights = [fit.prepared.windows[m].flight if m >= 0 else "" for m in maneuvers]
+    levels: list[list[Hashable]] = [[*maneuvers], [*flights]]
+    levels = levels[: 1 if len(set(flights)) == len(set(maneuvers)) else 2]
+    scatters = [cluster_scatter(found.coloring, found.noise, labels, count) for labels in levels]
+    return max((s for s in scatters if s is not None), key=lambda s: float(s.stretch.mean()), default=None)
 
 
 @dataclass(frozen=True)

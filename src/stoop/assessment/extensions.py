@@ -1,13 +1,14 @@
 r"""What a fitted model lacks: score tests of extensions, one step of each, without another fit.
 
 With residuals r, sensitivities S of the n unknowns, information D = S'S + priors, and the response s of the readings to an
-extension, the part of s that no unknown can take over is v = s - S D^-1 S's. The score test (Rao; Lagrange multiplier) of
-the extension is
+extension, the part of s that no unknown can take over is v = s - S D^-1 S's. At the estimate S'r balances the priors, so
+the score test (Rao; Lagrange multiplier) of the extension is
 
-.. math:: t = \frac{v'r}{\sqrt{v' R_{vv} v}}, \qquad \hat\delta = \frac{v'r}{v's}, \qquad
+.. math:: t = \frac{v'r}{\sqrt{v' R_{vv} v}}, \qquad \hat\delta = \frac{s'r}{v's}, \qquad
           \Delta\hat\theta = -D^{-1} S's\,\hat\delta,
 
-with the autocovariance :math:`R_{vv}` of the residuals, so that colored residuals do not pass for an effect. The gain of
+with the autocovariance :math:`R_{vv}` of the residuals, so that colored residuals do not pass for an effect; v reaches over
+the priors, and gaps between windows are residuals like others. The gain of
 log-likelihood is t^2/2, the value that the extension would take is its null value plus :math:`\hat\delta`, and
 :math:`\Delta\hat\theta` is how far the parameters would move. The level is divided by the number of tests. What is
 significant is tested once more with the strongest extension among the unknowns.
@@ -29,13 +30,20 @@ import numpy as np
 from scipy.stats import norm
 from threadpoolctl import threadpool_limits
 
-from stoop.assessment.covariance import Coloring, data_information
+from stoop.assessment.covariance import (
+    MIN_WINDOWS,
+    Coloring,
+    by_window,
+    data_information,
+    leave_windows_out,
+    window_scatter,
+)
 from stoop.assessment.error_bars import ErrorBars
 from stoop.base.arrays import BoolArray, FloatArray, IntArray
 from stoop.base.notices import Notice, notice
 from stoop.estimate.fit import Fit
-from stoop.estimate.response import Responses, simulation_responses
-from stoop.problem.evidence import PieceEvidence, Unknown, invert
+from stoop.estimate.response import Responses
+from stoop.problem.evidence import Inverse, PieceEvidence, Unknown, invert
 from stoop.results.extensions import ExtensionTest, ExtensionTests
 
 
@@ -70,7 +78,7 @@ class Scores:
     shifts: FloatArray  #: (k, m), of the unknowns for a unit of change
     own: tuple[
         FloatArray, ...
-    ]  #: (n, n_y, m) of each piece: v, the part of the response that is the extension's alone
+    ]  #: (N, m) of each piece: v, the part of the response that is the extension's alone
 
     @property
     def gain(self) -> FloatArray:
@@ -79,77 +87,143 @@ class Scores:
 
     def correlation(self, index: int) -> FloatArray:
         """Return the correlation (m,) of one extension's own response with those of all."""
-        products = sum(np.einsum("nim,ni->m", v, v[:, :, index]) for v in self.own)
-        sizes = np.sqrt(sum(np.einsum("nim,nim->m", v, v) for v in self.own))
+        products = sum(v.T @ v[:, index] for v in self.own)
+        sizes = np.sqrt(sum(np.einsum("nm,nm->m", v, v) for v in self.own))
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.asarray(np.nan_to_num(products / (sizes * sizes[index])))
 
 
-def scores(segments: Sequence[PieceEvidence], prior: FloatArray, columns: Sequence[FloatArray]) -> Scores:
-    """Return the score tests of whitened responses (n, n_y, m) of each piece, beside k unknowns and their prior (k, k)."""
-    inverse = invert(data_information(segments) + prior)
-    noise = Coloring(tuple(segments), inverse, prior).noise()
-    filled = [segment.filled() for segment in segments]
-    S = [j.reshape(-1, j.shape[2]) for _, j in filled]
-    flat = [c.reshape(-1, c.shape[2]) for c in columns]
-    shifts = -inverse.matrix @ sum(a.T @ b for a, b in zip(S, flat, strict=True))
-    own = [b + a @ shifts for a, b in zip(S, flat, strict=True)]
-    score = sum(v.T @ r.ravel() for v, (r, _) in zip(own, filled, strict=True))
-    total = sum(np.einsum("nm,nm->m", b, b) for b in flat)
-    information = sum(np.einsum("nm,nm->m", v, b) for v, b in zip(own, flat, strict=True))
-    shaped = tuple(v.reshape(c.shape) for v, c in zip(own, columns, strict=True))
-    variance = sum(noise.variance(v) for v in shaped)
-    tested = (information > LIMITS.distinct * total) & (variance > 0.0)
+def scores(
+    segments: Sequence[PieceEvidence], prior: FloatArray, responses: Sequence[PieceEvidence]
+) -> Scores:
+    """Return the score tests beside k unknowns and the information (k, k) of their priors.
+
+    The responses are the segments with the m extensions in place of the unknowns.
+    """
+    S, s = [_rows(one) for one in segments], [_rows(one) for one in responses]
+    information = prior + sum(a.T @ a for a in S)
+    inverse = invert(information)
+    shifts = -inverse.matrix @ sum(a.T @ b for a, b in zip(S, s, strict=True))
+    own = [b + a @ shifts for a, b in zip(S, s, strict=True)]
+    score = sum(b.T @ _residuals(one) for b, one in zip(s, segments, strict=True))
+    total = sum(np.einsum("nm,nm->m", b, b) for b in s)
+    alone = sum(np.einsum("nm,nm->m", v, b) for v, b in zip(own, s, strict=True))
+    variance = np.einsum("km,kl,lm->m", shifts, prior, shifts)
+    variance = variance + _noise_variance(
+        segments, [_split(one, v) for one, v in zip(segments, own, strict=True)], inverse, information
+    )
+    tested = (alone > LIMITS.distinct * total) & (variance > 0.0)
     with np.errstate(divide="ignore", invalid="ignore"):
         t = np.where(tested, score / np.sqrt(variance), 0.0)
-        change = np.where(tested, score / information, 0.0)
-        std = np.where(tested, np.sqrt(variance) / information, np.inf)
-    return Scores(t, change, std, tested, shifts, shaped)
+        change = np.where(tested, score / alone, 0.0)
+        std = np.where(tested, np.sqrt(variance) / alone, np.inf)
+    return Scores(t, change, std, tested, shifts, tuple(own))
+
+
+def _rows(piece: PieceEvidence) -> FloatArray:
+    """Return the derivatives (N, k) of all residuals of a piece, gaps last."""
+    k = piece.jacobian.shape[2]
+    return np.concatenate([part.reshape(-1, k) for part in (piece.filled()[1], piece.met[1])])
+
+
+def _residuals(piece: PieceEvidence) -> FloatArray:
+    """Return all residuals (N,) of a piece, gaps last."""
+    return np.concatenate([piece.filled()[0].ravel(), piece.met[0].ravel()])
+
+
+def _split(piece: PieceEvidence, rows: FloatArray) -> PieceEvidence:
+    """Return a piece with other derivatives, as :func:`_rows` gives them."""
+    n, m = piece.residual.size, rows.shape[1]
+    readings, gaps = (
+        part.reshape(*of.shape, m) for part, of in ((rows[:n], piece.residual), (rows[n:], piece.met[0]))
+    )
+    return replace(piece, jacobian=readings, gap_jacobian=gaps)
+
+
+def _noise_variance(
+    segments: Sequence[PieceEvidence], own: Sequence[PieceEvidence], inverse: Inverse, information: FloatArray
+) -> FloatArray:
+    """Return the variance (m,) of the residuals' noise times the extensions' own responses.
+
+    As for error bars, that of windows that begin anew is at least that of stationary noise.
+    """
+    noise = Coloring(tuple(segments), inverse, information - data_information(segments)).noise()
+    variance = np.asarray(sum(noise.variance(one.jacobian) for one in own), dtype=np.float64)
+    if sum(len(one.edges) - 1 for one in segments if one.edges) < MIN_WINDOWS:
+        return variance
+    windowed = np.zeros_like(variance)
+    for segment, one in zip(segments, own, strict=True):
+        r, S = by_window(segment, segment.edges, *segment.met)
+        V = by_window(one, one.edges, *one.met)[1]
+        windowed += np.diag(window_scatter(leave_windows_out(r, S, inverse.factor), V))
+    return np.asarray(np.maximum(variance, windowed), dtype=np.float64)
 
 
 def extension_tests(fit: Fit, bars: ErrorBars) -> ExtensionTests:
-    """Return what the data of a fit ask for beside its model; nothing is tested for methods without a simulation."""
-    if fit.own_evidence is not None:
-        return ExtensionTests()
+    """Return what the data of a fit ask for beside its model; nothing is tested where responses are not known."""
     with threadpool_limits(limits=1, user_api="blas"):
+        found = fit.responses()
+        if not found.extensions:
+            return ExtensionTests()
         evidence = fit.evidence
         free = evidence.free
         segments, prior = [piece.of(free) for piece in evidence.pieces], evidence.prior[np.ix_(free, free)]
-        found = simulation_responses(fit.problem, fit.z)
-        first = scores(segments, prior, found.pieces)
-        values = first.change + [one.null for one in found.extensions]
+        met = [piece.met[1].reshape(-1, len(free)) for piece in segments]
+        prior = prior - sum(rows.T @ rows for rows in met)  # gaps are residuals here
+        gaps = found.gaps or [None] * len(segments)
+        responses = [
+            replace(segment, jacobian=readings, gap_jacobian=gap)
+            for segment, readings, gap in zip(segments, found.pieces, gaps, strict=True)
+        ]
+        first = scores(segments, prior, responses)
+        each = list(zip(found.extensions, first.change.tolist(), strict=True))
         count = max(int(first.tested.sum()), 1)
         p_values = np.minimum(1.0, 2.0 * count * norm.sf(np.abs(first.statistic)))
-        believed = [
-            e.believed[0] < value < e.believed[1] for e, value in zip(found.extensions, values, strict=True)
-        ]
+        believed = [one.believes(change) for one, change in each]
         order = [
             j for j in np.argsort(-first.gain, kind="stable") if believed[j] and p_values[j] < LIMITS.level
         ]
-        beside = np.full(len(values), np.nan)
+        beside = np.full(len(each), np.nan)
         if order:
-            joined = [_joined(s, v, first, order[0]) for s, v in zip(segments, first.own, strict=True)]
-            again = scores(joined, np.pad(prior, (0, 1)), found.pieces)
+            parts = zip(segments, responses, first.own, strict=True)
+            joined = [_joined(segment, one, v, first, order[0]) for segment, one, v in parts]
+            again = scores(joined, np.pad(prior, (0, 1)), responses)
             beside[order[1:]] = again.statistic[order[1:]]
-        kept = order[: LIMITS.shown]
-        tests = tuple(
-            ExtensionTest(
-                one.name, one.kind, float(values[j]), float(first.std[j]), one.unit, float(first.statistic[j]),
-                float(p_values[j]), float(first.gain[j]), one.line(float(values[j])), float(beside[j]),
-                _rivals(first, found, j, order), _moves(first, j, bars, evidence.unknowns, free),
+        tests = []
+        for j in order[: LIMITS.shown]:
+            (one, change), std = each[j], float(first.std[j])
+            error = std / change**2 if one.reciprocal else std
+            tests.append(
+                ExtensionTest(
+                    name=one.name,
+                    kind=one.kind,
+                    value=one.value(change),
+                    std_error=error,
+                    unit=one.unit,
+                    statistic=float(first.statistic[j]),
+                    p_value=float(p_values[j]),
+                    gain=float(first.gain[j]),
+                    line=one.line(change),
+                    change=change,
+                    beside=float(beside[j]),
+                    rivals=_rivals(first, found, j, order),
+                    moves=_moves(first, j, bars, evidence.unknowns, free),
+                )
             )
-            for j, one in ((j, found.extensions[j]) for j in kept)
-        )  # fmt: skip
-    return ExtensionTests(int(first.tested.sum()), LIMITS.level, tests)
+    return ExtensionTests(int(first.tested.sum()), LIMITS.level, tuple(tests))
 
 
-def _joined(segment: PieceEvidence, own: FloatArray, found: Scores, index: int) -> PieceEvidence:
+def _joined(
+    segment: PieceEvidence, response: PieceEvidence, own: FloatArray, found: Scores, index: int
+) -> PieceEvidence:
     """Return the evidence of a piece once an extension has taken its value."""
-    column, change = own[:, :, index], float(found.change[index])
-    residual = segment.residual - change * column
-    return replace(
-        segment, residual=residual, jacobian=np.concatenate([segment.jacobian, column[:, :, None]], axis=2)
+    left = _residuals(segment) - float(found.change[index]) * own[:, index]
+    residual = np.where(
+        segment.present, left[: segment.residual.size].reshape(segment.residual.shape), np.nan
     )
+    gaps = left[segment.residual.size :].reshape(segment.met[0].shape)
+    rows = np.column_stack([_rows(segment), _rows(response)[:, index]])
+    return replace(_split(segment, rows), residual=residual, gaps=gaps)
 
 
 def _rivals(found: Scores, responses: Responses, index: int, significant: Sequence[int]) -> tuple[str, ...]:

@@ -46,6 +46,7 @@ from scipy.stats import chi2
 from stoop.assessment.covariance import NORMAL_95, data_information
 from stoop.base.arrays import FloatArray, runs
 from stoop.base.notices import Notice, notice
+from stoop.base.robust import robust_std
 from stoop.estimate.fit import Fit
 from stoop.estimate.noise import lagged_products
 from stoop.estimate.regression.linear_problem import LinearProblem
@@ -54,6 +55,7 @@ from stoop.results.result import BaselineFit, GoodnessOfFit, TheilShares, Whiten
 WHITENESS_LAGS: Final = 20  #: that are summed: 0.2 s at 100 Hz, the fastest motion that a model explains
 SAMPLES_PER_LAG: Final = 5  #: samples for each of them at least
 WHITENESS_LEVEL: Final = 0.05  #: chance of calling white residuals colored
+OUTLIER: Final = 8.0  #: standard deviations by the median; Gaussian residuals have none beyond
 CUTOFF: Final = 10.0  #: Hz; above it there is no rigid-body motion worth matching, only vibration
 BLOCK: Final = 1.0  #: s that are left out together
 
@@ -195,9 +197,11 @@ def whiteness(residual: FloatArray) -> Whiteness:
     lags = min(WHITENESS_LAGS, int(present.sum()) // SAMPLES_PER_LAG)
     if lags < 1:
         return Whiteness()
-    # In parts of the greatest: a simulation that left for infinity may not overflow its square.
-    peak = float(np.nanmax(np.abs(residual)))
-    scaled = np.nan_to_num(residual / peak if 0.0 < peak < np.inf else residual)
+    # A simulation that left for infinity is all in its last samples, which correlate with nothing: limited, they show it.
+    limit = OUTLIER * robust_std(residual[present])
+    limited = np.clip(residual, -limit, limit) if limit > 0.0 else residual
+    peak = float(np.max(np.abs(limited[present])))
+    scaled = np.nan_to_num(limited / peak if peak > 0.0 else limited)
     sums, pairs = lagged_products([scaled[:, None]], [present.astype(np.float64)[:, None]], lags)
     power, n, counts = float(sums[0, 0]), float(pairs[0, 0]), pairs[0, 1:]
     seen = counts > 0.0

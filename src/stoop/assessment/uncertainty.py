@@ -68,6 +68,8 @@ MAX_PRIOR_SHARE: Final = 0.5
 def with_uncertainty(result: Result, fit: Fit, bars: ErrorBars) -> Result:
     """Return the result with its two error bars side by side, which to trust, and what the data can tell."""
     errors = {"corrected": bars.std}
+    if bars.scatter is not None:
+        errors["conditional"] = bars.conditional_std
     if not np.isnan(bars.cramer_rao_std).all():  # a method that takes residuals as white has none to compare
         errors["cramer_rao"] = bars.cramer_rao_std
     methods = {}
@@ -129,21 +131,26 @@ def method_agreement(
 ) -> tuple[Notice, ...]:
     """Return which method to trust for which parameters, and where they disagree; nothing without ``corrected``.
 
-    Error bars by any method are those of one maneuver's noise: none is trusted where maneuvers fitted alone scatter
-    beyond them, over all parameters, by more than chance.
+    Where maneuvers fitted alone scatter, over all parameters, by more than chance and the scatter that the corrected error
+    bars contain, none is trusted.
     """
     if "corrected" not in methods:
         return ()
     sure = {name: p for name, p in parameters.items() if p.identifiable and not p.at_bound}
-    pairs = (("corrected", "cramer_rao"), ("bootstrap", "corrected"), ("posterior", "corrected"))
+    given = "conditional" if "conditional" in methods else "corrected"  # like the bootstrap: given the model
+    pairs = ((given, "cramer_rao"), ("bootstrap", given), ("posterior", "corrected"))
     color, bootstrap, posterior = (_ratios(sure, methods, *pair) for pair in pairs)
-    out = []
+    apart = _ratios(sure, methods, "corrected", "conditional")
+    contained = (
+        float(np.median(list(apart.values()))) if apart else 1.0
+    )  # of scatter, in the corrected errors
+    out = [notice("agreement-maneuvers", ratio=contained) if apart else notice("agreement-one-maneuver")]
     typical = float(np.median(list(color.values()))) if color else 1.0
-    scattered = repeated.scatter_ratio
+    scattered = repeated.scatter_ratio / contained
     degrees = sum(one.degrees for one in repeated.parameters.values() if one.verdict)
     if degrees and chi2.sf(scattered**2 * degrees, degrees) < SCATTER_LEVEL:
         code = "agreement-scatter" if typical < COLORED_RATIO else "agreement-scatter-colored"
-        out.append(notice(code, ratio=scattered, plain=typical * scattered))
+        out.append(notice(code, ratio=scattered, plain=typical * repeated.scatter_ratio))
     elif color:
         code = "agreement-white" if typical < COLORED_RATIO else "agreement-colored"
         out.append(notice(code, ratio=typical))

@@ -196,7 +196,8 @@ def _share(result: Result, name: str, shift: float) -> float:
 def _judged(result: Result, use: Use) -> Use:
     """Return a use with what speaks against it."""
     against = [n for n in result.notices if AGAINST.get(n.code) == use.name]
-    needs = [(need, [n for n in need.parameters if n in result.parameters]) for need in use.needs]
+    estimated = [(need, [n for n in need.parameters if n in result.parameters]) for need in use.needs]
+    needs = [(need, names) for need, names in estimated if names]
     for need, names in needs:
         known = [n for n in names if n not in _unknown(result)]
         largest = max(known, key=lambda n: abs(result.parameters[n].estimate), default="")
@@ -234,9 +235,13 @@ def _channels(result: Result) -> tuple[str, ...]:
 
 
 def _judging(result: Result) -> tuple[ManeuverResult, ...]:
-    """Return the maneuvers that judge: those held back, else those fitted."""
+    """Return the maneuvers that judge: those held back, else those fitted.
+
+    None of a filter's fitted ones: their curves are of the model alone, without the gusts that the filter found.
+    """
     held_back = tuple(m for m in result.maneuvers if m.role == "validation")
-    return held_back or result.maneuvers
+    filtered = any(found.code == "filter-error" for found in result.notices)
+    return held_back if held_back or filtered else result.maneuvers
 
 
 def _diverged(result: Result, channel: str, one: GoodnessOfFit) -> bool:

@@ -74,6 +74,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--profile", metavar="NAME", nargs="*", help=lines)
     options.add_output(parser, "result, vehicle, flight and report", "a result in DIR")
     add("--repeatability", action="store_true", help="also fit each maneuver alone, and compare")
+    add(
+        "--extend",
+        action="store_true",
+        help="add to the model what the data ask for, if a held-back window confirms it",
+    )
     add("--resume", action="store_true", help="continue the unfinished search in DIR")
 
 
@@ -111,7 +116,7 @@ def run(arguments: argparse.Namespace) -> int:
         for doubt in check_vehicle(vehicle, known, fitted):
             watch.warn(str(doubt))
         files = file_hashes([*flight_files(flights), *options.given_paths(arguments.mapping)])
-        chosen = replace(settings, method=choose_method(settings.method, vehicle, flights).name)
+        chosen = replace(settings, method=choose_method(settings.method, vehicle, flights, fitted).name)
         problem = identity(vehicle, files, arguments.maneuver, arguments.validate, chosen)
         checkpoint = Checkpoint(arguments.output, problem, watch.warn)
         job, stopped = _identify(arguments, vehicle, flights, settings, checkpoint, watch)
@@ -176,7 +181,18 @@ def _identify(
 
     others = options.given_paths(arguments.mapping, arguments.noise)
     windows = arguments.maneuver, arguments.validate
-    done = search(vehicle, flights, *windows, settings, see, state, options.command_line(), others)
+    done = search(
+        vehicle,
+        flights,
+        *windows,
+        settings,
+        see,
+        state,
+        options.command_line(),
+        others,
+        arguments.extend,
+        watch.turn_to,
+    )
     repeated = None
     if arguments.repeatability:
         checkpoint.keep_last(done.fit.outcome)  # the search that was done is safe meanwhile

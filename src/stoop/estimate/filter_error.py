@@ -95,7 +95,8 @@ class ScoringModel(StagedModel):
 
     def linearize(self) -> None:
         """Take gradient and information; unknowns that a bound holds are left out."""
-        at = self.likelihood.score(self.z)
+        with np.errstate(over="ignore", invalid="ignore"):  # a perturbation that diverges leads to no step
+            at = self.likelihood.score(self.z)
         g = at.gradient
         held = ((self.z <= self.lower) & (g > 0.0)) | ((self.z >= self.upper) & (g < 0.0))
         self.free = np.flatnonzero(~held)
@@ -117,10 +118,11 @@ class ScoringModel(StagedModel):
 
     def _solve(self, right: FloatArray, damping: float) -> FloatArray:
         """Solve with the diagonal scaled to one, so that units do not matter."""
-        scale = 1.0 / np.sqrt(np.maximum(np.diag(self.information), 1e-300))
-        matrix = self.information * np.outer(scale, scale)
-        matrix[np.diag_indices_from(matrix)] += max(damping, 1e-12)
-        return np.asarray(scale * np.linalg.solve(matrix, scale * right))
+        with np.errstate(over="ignore", invalid="ignore"):
+            scale = 1.0 / np.sqrt(np.maximum(np.diag(self.information), 1e-300))
+            matrix = self.information * np.outer(scale, scale)
+            matrix[np.diag_indices_from(matrix)] += max(damping, 1e-12)
+            return np.asarray(scale * np.linalg.solve(matrix, scale * right))
 
     def evaluate(self, step: FloatArray) -> Trial:
         """Return the cost after the step."""
@@ -264,7 +266,7 @@ def _evidence(likelihood: Likelihood, z: FloatArray, at: Score) -> Evidence:
         jacobian = np.zeros((*found.white.shape, likelihood.size))
         jacobian[:, :, found.entries] = -found.slopes
         residual = np.where(np.isfinite(piece.measured), found.white, np.nan)
-        pieces.append(PieceEvidence(residual, jacobian / scales))
+        pieces.append(PieceEvidence(residual, jacobian / scales, piece.maneuver))
         prior[np.ix_(found.entries, found.entries)] += found.spread_information
     intensities = [Unknown(f"noise {i}", "noise", float(x), 1.0) for i, x in enumerate(z[known:])]
     unknowns = (*unknowns_of(layout, z[:known]), *intensities)

@@ -25,7 +25,15 @@ import numpy as np
 from stoop.base.arrays import FloatArray, IntArray
 from stoop.estimate.filter_gains import RANGE, Gain, Gains, Noise, Plan
 from stoop.estimate.fit import LocalProblem
-from stoop.estimate.linearization import LinearModels, Points, averaged, linearized, measured_points
+from stoop.estimate.linearization import (
+    LinearModels,
+    Points,
+    averaged,
+    linearized,
+    measured_points,
+    perturbation_columns,
+)
+from stoop.estimate.response import ExtendedModel, Responses, Trajectory
 from stoop.kernels import filtering
 from stoop.optimize import forward_jacobian
 from stoop.optimize.normal_equations import gram
@@ -50,10 +58,13 @@ class Innovations:
     def of(cls, v: FloatArray, gains: Gains, entries: IntArray, taken: FloatArray) -> Innovations:
         """Whiten innovations (1 + j, n, n_y) by the covariance of the first, and take differences by steps (j,)."""
         ny, S, which = v.shape[2], gains.covariance, gains.which
-        if not (np.isfinite(S[0]).all() and np.isfinite(v[0]).all()):
+        try:
+            lower = np.linalg.cholesky(S[0])  # NaN where the covariance is not finite
+        except np.linalg.LinAlgError:
+            lower = np.full(S[0].shape, np.nan)
+        if not (np.isfinite(lower).all() and np.isfinite(v[0]).all()):
             empty = np.zeros((*v.shape[1:], 0)), np.zeros((0, ny, ny, 0))
             return cls(v[0] * np.nan, np.inf, entries, *empty, which)
-        lower = np.linalg.cholesky(S[0])
         root = np.linalg.inv(lower)
         logs = 2.0 * np.sum(np.log(np.diagonal(lower, axis1=1, axis2=2)), axis=1)
         white = whitened_by(root, v, which)
@@ -308,6 +319,26 @@ class FrozenFilter(LocalProblem):
     def jacobian(self, z: FloatArray, rung: int, r: FloatArray) -> tuple[FloatArray, float]:
         """Return the derivative of the residuals by forward differences, and the trajectories it took."""
         return forward_jacobian(self, z, rung, r)
+
+    def responses(self, z: FloatArray) -> Responses:
+        """Return how the innovations respond to extensions of the vehicle at z (D + E,), the gains fixed."""
+        model, out = ExtendedModel.of(self.problem.layout.vehicle), []
+        for i, (piece, root, gains) in enumerate(
+            zip(self.problem.pieces, self.roots, self.gains, strict=True)
+        ):
+            known, start = self.problem.candidates(z[None, :], i)
+            states = np.ascontiguousarray(
+                run_filter(self.problem, i, known, start, gains, states=True)[1][0].T
+            )
+            present, columns = np.isfinite(piece.measured), perturbation_columns(model.base, states)
+            gain = gains.gain[:, :, 0].reshape(len(gains.gain), len(columns), -1)[gains.which]
+            correction = np.moveaxis(columns, 2, 0).transpose(0, 2, 1) @ (gain * present[:, None, :])
+            rows, record = model.rows(known[:, 0]), model.received(piece, known)
+            samples = np.arange(len(piece.time))
+            at = Trajectory(model.equations, rows, states, record, samples, piece.dt, correction)
+            dy = np.moveaxis(model.responses(at, piece)[1], 2, 0) * present
+            out.append(np.ascontiguousarray(np.moveaxis(whitened_by(root, dy, gains.which), 0, 2)))
+        return Responses(model.extensions, tuple(out))
 
     def in_units(self, white: Sequence[FloatArray]) -> list[FloatArray]:
         """Return whitened values (n, n_y) of each piece in the channels' units."""

@@ -25,6 +25,7 @@ from stoop.errors import IdentificationError
 from stoop.estimate.excitation import with_mass_held
 from stoop.estimate.noise import channel_residuals, effective_variance, first_variance, noise_variance
 from stoop.estimate.regression import start_value
+from stoop.estimate.response import Responses, simulation_responses
 from stoop.flight import Flight
 from stoop.optimize.ledger import Evaluations, Halt
 from stoop.optimize.local_refinement import FULL
@@ -118,6 +119,12 @@ class Fit:
         """What the estimates rest on, for error bars."""
         return self.own_evidence or simulation_evidence(self.problem, self.z, self.inflation)
 
+    def responses(self) -> Responses:
+        """Return how the residuals of the method respond to extensions of the vehicle."""
+        if self.local_problem is None:
+            return simulation_responses(self.problem, self.z)
+        return self.local_problem().responses(self.z)  # type: ignore[no-any-return]
+
     @property
     def inflation(self) -> float:
         """By how much the variance in the weights exceeds that of the residuals, for their correlation."""
@@ -186,6 +193,10 @@ class LocalProblem(Derived, ABC):
     @abstractmethod
     def residuals(self, Z: FloatArray, rung: int) -> FloatArray:
         """Return whitened simulated minus measured readings, then the residuals of the priors, (B, n_r)."""
+
+    def responses(self, z: FloatArray) -> Responses:
+        """Return how the residuals respond to extensions of the vehicle at z (D + E,); none where that is not known."""
+        return Responses()
 
     def reference(self, rung: int) -> float:
         """Return infinity: there is no trivial model to compare with."""

@@ -63,13 +63,16 @@ def linearized(
     u[noise, np.arange(1 + 2 * ne, many)] = 1.0
     u = u.reshape(len(inputs), -1)
     p = np.broadcast_to(rows[:, None, None, :], (len(rows), *shape)).reshape(len(rows), -1)
-    after, readings = filtering.step(kernel, p, filtering.move(kernel, x, d), u, u, dt)
-    after, readings = after.reshape(nx, *shape), readings.reshape(-1, *shape)
-    inverse = perturbations_of(vehicle, after[:, 0])
-    up, down = (slice(None), slice(1, 1 + ne)), (slice(None), slice(1 + ne, 1 + 2 * ne))
-    state_slopes = (after[up] - after[down]) / (2.0 * steps[:, None, None])
-    reading_slopes = (readings[up] - readings[down]) / (2.0 * steps[:, None, None])
-    driven = after[:, 1 + 2 * ne :] - after[:, :1]
+    with np.errstate(
+        over="ignore", invalid="ignore", divide="ignore"
+    ):  # a candidate that diverges is a value
+        after, readings = filtering.step(kernel, p, filtering.move(kernel, x, d), u, u, dt)
+        after, readings = after.reshape(nx, *shape), readings.reshape(-1, *shape)
+        inverse = perturbations_of(vehicle, after[:, 0])
+        up, down = (slice(None), slice(1, 1 + ne)), (slice(None), slice(1 + ne, 1 + 2 * ne))
+        state_slopes = (after[up] - after[down]) / (2.0 * steps[:, None, None])
+        reading_slopes = (readings[up] - readings[down]) / (2.0 * steps[:, None, None])
+        driven = after[:, 1 + 2 * ne :] - after[:, :1]
     return LinearModels(
         np.einsum("exrb,xfrb->bref", inverse, state_slopes),
         np.ascontiguousarray(np.transpose(reading_slopes, (3, 2, 0, 1))),
@@ -83,20 +86,25 @@ def perturbation_steps(vehicle: Vehicle) -> FloatArray:
     return np.where(speeds, 1e-2, 1e-4)
 
 
-def perturbations_of(vehicle: Vehicle, states: FloatArray) -> FloatArray:
-    """Return what makes perturbations (n_e, n_x, ...) of small differences of states (n_x, ...).
-
-    The columns by which single perturbations change a state are orthogonal.
-    """
+def perturbation_columns(vehicle: Vehicle, states: FloatArray) -> FloatArray:
+    """Return the derivatives (n_e, n_x, ...) of states (n_x, ...) by single perturbations."""
     kernel, steps, (nx, *shape) = vehicle.kernel(), perturbation_steps(vehicle), states.shape
     flat = states.reshape(nx, -1)
     out = np.empty((len(steps), *flat.shape))
     for e, step in enumerate(steps):
         change = np.zeros((len(steps), flat.shape[1]))
         change[e] = step
-        column = (filtering.move(kernel, flat, change) - filtering.move(kernel, flat, -change)) / (2.0 * step)
-        out[e] = column / np.sum(column**2, axis=0)
+        out[e] = (filtering.move(kernel, flat, change) - filtering.move(kernel, flat, -change)) / (2.0 * step)
     return out.reshape(len(steps), nx, *shape)
+
+
+def perturbations_of(vehicle: Vehicle, states: FloatArray) -> FloatArray:
+    """Return what makes perturbations (n_e, n_x, ...) of small differences of states (n_x, ...).
+
+    The columns by which single perturbations change a state are orthogonal.
+    """
+    columns = perturbation_columns(vehicle, states)
+    return np.asarray(columns / np.sum(columns**2, axis=1, keepdims=True))
 
 
 def aligned(problem: Misfit, z: FloatArray) -> Misfit:

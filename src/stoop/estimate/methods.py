@@ -18,19 +18,27 @@ To add a method, write its function and add one line to `_METHODS`.
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
-from typing import Any, Final
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Final
 
 from stoop.base.notices import Notice, notice
 from stoop.base.text import nearest
-from stoop.base.variables import VARIABLES
+from stoop.base.variables import EULER, RATES, SPECIFIC_FORCE, VARIABLES
 from stoop.errors import IdentificationError
 from stoop.flight import Flight
 from stoop.vehicle import Vehicle
+from stoop.vehicle.schema import WIND
 from stoop.vehicle.vehicle import AIR_FRAME, GROUND_FRAME
 
+if TYPE_CHECKING:
+    from stoop.estimate.fit import Fit, Options
+    from stoop.problem.windows import Window
+
 DEFAULT: Final = "output-error"
+IN_GUSTS: Final = "filter-error"  #: where air data and inertial sensors show gusts
+SCORING: Final = "scoring"  #: the search of filter error, in its states
+CALM: Final = frozenset({DEFAULT, "multiple-shooting"})  #: take the effect of gusts for that of the aircraft
 #: by kind of vehicle: open loop one on rotors falls before a record ends
 USUAL: Final = {AIR_FRAME: DEFAULT, GROUND_FRAME: "multiple-shooting"}
 SLOW_MOTORS: Final = "equation-error"  #: with rotors whose motors were logged at less than `MIN_MOTOR_RATE`
@@ -38,6 +46,9 @@ MIN_MOTOR_RATE: Final = 100.0
 """Hz. What moves the motors faster than half the rate of their log looks slow in it, and the vehicle seems to answer less. Of a
 simulated flight with shaken motors (tests/recovery/test_slow_motors.py) multiple shooting makes the inertia 0.39 too large at 50
 Hz, 0.13 at 100 Hz and 0.05 at 125 Hz; equation error 0.24, 0.06 and 0.03. Above, only multiple shooting knows its error bars."""
+#: with rotors where neither velocity nor attitude was recorded: rates are then all that regressors hold of the motion, their
+#: noise hardly biases, and a simulation would have to estimate the states of every window from nothing
+STATELESS: Final = "equation-error"
 GRID_SHARE: Final = 0.98  #: of the grid's rate: what was logged faster than that is used as it was logged
 
 
@@ -93,10 +104,47 @@ class MethodChoice:
 
     name: str
     notices: tuple[Notice, ...] = ()
+    instead: str = ""  #: the method where this one, which the data called for, does not explain them
+
+    def fit(
+        self,
+        vehicle: Vehicle,
+        flights: Mapping[str, Flight],
+        windows: Sequence[Window],
+        options: Options,
+        callback: Callable[..., None] | None = None,
+        state: Any = None,
+    ) -> tuple[str, Fit]:
+        """Return the method that was used, and its fit."""
+        problem = (flights, windows, replace(options, method=self.name), callback)
+        fitter = find(self.name).fitter()
+        if not self.instead:
+            found = fitter(vehicle, *problem, state)
+            return self.name, replace(found, notices=(*self.notices, *found.notices))
+        from stoop.estimate.gusts import unexplained, with_turbulence
+
+        try:
+            found = fitter(with_turbulence(vehicle), *problem, state)
+            doubts = unexplained(found, self.name, self.instead)
+        except IdentificationError as error:  # a filter that diverges from every start
+            doubts = (notice("filter-diverges", text=str(error), method=self.instead),)
+        if not doubts:
+            return self.name, replace(found, notices=(*self.notices, *found.notices))
+        begun = None if state is None or state.optimizer == SCORING else state
+        name, found = MethodChoice(self.instead, doubts).fit(
+            vehicle, flights, windows, options, callback, begun
+        )
+        return name, found
 
 
-def choose_method(name: str, vehicle: Vehicle, flights: Iterable[Flight]) -> MethodChoice:
-    """Return the named method, or the one that suits vehicle and flights where none is named."""
+def choose_method(
+    name: str, vehicle: Vehicle, flights: Iterable[Flight], windows: Sequence[Window] = ()
+) -> MethodChoice:
+    """Return the named method, or the one that suits vehicle, flights and windows where none is named."""
+    flights = list(flights)
+    usual = USUAL[vehicle.frame]
+    if vehicle.frame == AIR_FRAME and (name or usual) in CALM and windows:
+        return _by_gusts(name or usual, not name, vehicle, {f.name: f for f in flights}, windows)
     if name:
         return MethodChoice(name)
     rates, channels = [MIN_MOTOR_RATE], {rotor.channel for rotor in vehicle.file.rotor.values()}
@@ -105,13 +153,35 @@ def choose_method(name: str, vehicle: Vehicle, flights: Iterable[Flight]) -> Met
             rate = flight.sources[channel].rate
             if VARIABLES[channel].kind != "measurement" and 0.0 < rate < GRID_SHARE * flight.rate:
                 rates.append(rate)
-    usual = USUAL[vehicle.frame]
+    recorded = [set(map(str, flight.data.data_vars)) for flight in flights]
+    sensed = all({*RATES, *SPECIFIC_FORCE} <= own and not own & {*WIND, *EULER} for own in recorded)
+    if flights and sensed and vehicle.frame == GROUND_FRAME:
+        return MethodChoice(STATELESS, (notice("no-states-recorded", method=STATELESS, other=usual),))
     if min(rates) >= MIN_MOTOR_RATE:
         return MethodChoice(usual)
     why = notice(
         "motors-logged-slowly", rate=min(rates), limit=MIN_MOTOR_RATE, method=SLOW_MOTORS, other=usual
     )
     return MethodChoice(SLOW_MOTORS, (why,))
+
+
+def _by_gusts(
+    usual: str, free: bool, vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence[Window]
+) -> MethodChoice:
+    """Return the usual method in calm air; in gusts, filter error where the method is `free`, else what to expect."""
+    from stoop.estimate.gusts import exceed_sensors, gust_levels
+    from stoop.simulation.delays import output_delays
+
+    levels = gust_levels(vehicle, flights, windows)
+    if not exceed_sensors(vehicle, levels):
+        return MethodChoice(usual)
+    gusts = dict(zip("uvw", levels.tolist(), strict=True))
+    late = any(vehicle.parameters[row].free for _, row in output_delays(vehicle))  # a filter needs known ones
+    if late or not free:
+        return MethodChoice(usual, (notice("gusts-ignored", **gusts, method=usual, other=IN_GUSTS),))
+    return MethodChoice(
+        IN_GUSTS, (notice("gusts-filtered", **gusts, method=IN_GUSTS, other=usual),), instead=usual
+    )
 
 
 def find(name: str) -> Method:

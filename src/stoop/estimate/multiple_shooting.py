@@ -35,6 +35,7 @@ from stoop.errors import IdentificationError
 from stoop.estimate.fit import ALTERNATION, DEFAULTS, Fit, LocalProblem, Options, estimation_problem, starts
 from stoop.estimate.linearization import aligned, as_recorded
 from stoop.estimate.noise import effective_variance, first_variance, noise_variance
+from stoop.estimate.response import ExtendedModel, Responses, whitened
 from stoop.estimate.shooting_problem import Iterate, Reduced, ShootingProblem, Weighted, reduced
 from stoop.estimate.shooting_windows import WINDOW_LENGTH, Shots, window_model
 from stoop.flight import Flight
@@ -149,8 +150,9 @@ def refined(
     It begins at the best of some vectors (D + E,), and ends there after an interrupted search.
     """
     vehicle = problem.problem.layout.vehicle
-    nodes, schedule = [shots.measured_nodes() for shots in problem.shots], window_model(vehicle).strictness
-    at = min((problem.iterate(z, nodes) for z in begins), key=lambda p: p.cost)
+    schedule = window_model(vehicle).strictness
+    own = [[shots.measured_nodes(z) for shots in problem.shots] for z in begins]
+    at = min((problem.iterate(z, nodes) for z, nodes in zip(begins, own, strict=True)), key=lambda p: p.cost)
     if not np.isfinite(at.cost):
         length = problem.shots[0].edges[1] * problem.problem.pieces[0].dt
         raise IdentificationError(
@@ -369,6 +371,27 @@ class FollowingWindows(LocalProblem):
             readings += [one.reshape(-1, len(z)) for one in by_window]
             gaps.append(slopes.reshape(-1, len(z)))
         return np.concatenate([*readings, *gaps, self.problem.layout.prior_jacobian()]), float(len(z))
+
+    def responses(self, z: FloatArray) -> Responses:
+        """Return how readings and gaps respond to extensions of the vehicle at z (D + E,), the windows' states following."""
+        model, nodes = ExtendedModel.of(self.problem.layout.vehicle), self._nodes(z)
+        pieces, gaps, ones = [], [], np.ones(len(model.extensions))
+        linear = self._shooting.linearize(Iterate(z, tuple(nodes), 0.0, 0.0))
+        for shots, own, windows in zip(self.shots, nodes, linear, strict=True):
+            readings, slopes = shots.responses(model, z, own)
+            white = whitened(self.problem, readings, np.isfinite(shots.piece.measured))
+            parts = zip(
+                windows,
+                np.split(white, shots.edges[1:-1]),
+                [*slopes, slopes[:0].reshape(0, len(ones))],
+                strict=True,
+            )
+            found = self._shooting.sensitivities(
+                [replace(w, by_unknown=by, gap_by_unknown=gap) for w, by, gap in parts], ones
+            )
+            pieces.append(np.concatenate(found[0]))
+            gaps.append(found[1])
+        return Responses(model.extensions, tuple(pieces), () if self.strict else tuple(gaps))
 
     def in_units(self, white: Sequence[FloatArray]) -> list[FloatArray]:
         """Return whitened values (n, n_y) of each piece in the channels' units."""

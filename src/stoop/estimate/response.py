@@ -1,8 +1,11 @@
-"""First-order response of simulated readings to small changes of the equations, along an estimate.
+"""First-order response of readings to small changes of the equations, along an estimate.
 
 With the state derivative f and the readings h of an extended vehicle, a change of f by df(t) and of h by dh(t) changes the
 readings by dy = C dx + dh, where dx follows from dx' = A dx + df, dx(0) = 0, with A and C the Jacobians of f and h along
 the trajectory. One evaluation of the equations over all samples gives df and dh of a change, whatever it is.
+
+A filter corrects the state after each sample, dx+ = dx - E K dy with its gain K and the derivative E of the state by a
+move of the error state: dy is then what the innovations lose. Windows begin anew, each with dx = 0.
 """
 
 from __future__ import annotations
@@ -14,10 +17,10 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from scipy.linalg import expm
 
-from stoop.base.arrays import FloatArray
+from stoop.base.arrays import BoolArray, FloatArray, IntArray
 from stoop.base.variables import WRAPPED
-from stoop.problem.misfit import Misfit
-from stoop.simulation.delays import delayed, late_inputs, late_outputs
+from stoop.problem.misfit import Misfit, Piece
+from stoop.simulation.delays import delayed, late, late_inputs, late_outputs, output_delays
 from stoop.vehicle import Vehicle
 from stoop.vehicle.extensions import Extension, extended
 from stoop.vehicle.vehicle import slope_input
@@ -25,18 +28,34 @@ from stoop.vehicle.vehicle import slope_input
 if TYPE_CHECKING:
     from stoop.vehicle.symbolic.arrays import Equations
 
+PLAYED: Final = ("rate_limit", "dead_zone")  #: what acts on the recorded channels, not in the equations
 STEP: Final = 1e-6  #: of a state's size, for the Jacobians
 
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
-    """A piece of a flight as the estimate flies it; n samples."""
+    """A piece of a flight as the estimate flies it, n samples; where they do not follow one another it begins anew."""
 
     equations: Equations
     rows: FloatArray  #: (n_p,), parameters of the equations
     states: FloatArray  #: (n_x, n)
-    inputs: FloatArray  #: (n_u, n), as they arrive
+    record: FloatArray  #: (n_u, n_r), inputs of the whole piece as they arrive
+    samples: IntArray  #: (n,), of the record
     dt: float  #: s
+    correction: FloatArray | None = (
+        None  #: (n, n_x, n_y), of the state by an excess of the readings, of a filter
+    )
+
+    @cached_property
+    def inputs(self) -> FloatArray:
+        """Inputs (n_u, n)."""
+        return self.record[:, self.samples]
+
+    @cached_property
+    def stretches(self) -> tuple[slice, ...]:
+        """Samples that follow one another."""
+        starts = np.flatnonzero(np.diff(self.samples) != 1) + 1
+        return tuple(map(slice, [0, *starts.tolist()], [*starts.tolist(), len(self.samples)]))
 
     @cached_property
     def reference(self) -> tuple[FloatArray, FloatArray]:
@@ -48,17 +67,21 @@ class Trajectory:
         derivative, readings = self.equations(rows, self.states, inputs)
         return derivative - self.reference[0], readings - self.reference[1]
 
-    def responses(self, forcing: FloatArray, direct: FloatArray) -> FloatArray:
-        """Return dy (n, n_y, m) of m changes: df (n, n_x, m) and dh (n, n_y, m)."""
+    def responses(self, forcing: FloatArray, direct: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return dx (n, n_x, m) and dy (n, n_y, m) of m changes: df (n, n_x, m) and dh (n, n_y, m)."""
         A, C = self._jacobians()
-        mean = 0.5 * (A[:-1] + A[1:])
-        transition = expm(mean * self.dt)
+        transition = expm(0.5 * (A[:-1] + A[1:]) * self.dt)
         pushed = 0.5 * self.dt * (transition @ forcing[:-1] + forcing[1:])
+        if self.correction is not None:
+            corrected = transition @ self.correction[:-1]
+            pushed -= corrected @ direct[:-1]
+            transition = transition - corrected @ C[:-1]
         dx = np.zeros_like(forcing)
-        for k in range(len(transition)):
-            np.matmul(transition[k], dx[k], out=dx[k + 1])
-            dx[k + 1] += pushed[k]
-        return np.asarray(C @ dx + direct)
+        for stretch in self.stretches:
+            for k in range(stretch.start, stretch.stop - 1):
+                np.matmul(transition[k], dx[k], out=dx[k + 1])
+                dx[k + 1] += pushed[k]
+        return dx, np.asarray(C @ dx + direct)
 
     def _jacobians(self) -> tuple[FloatArray, FloatArray]:
         """Return A (n, n_x, n_x) and C (n, n_y, n_x)."""
@@ -83,12 +106,12 @@ def fly(
     held: tuple[int, ...],
     dt: float,
 ) -> FloatArray:
-    """Return the states (n_x, n) from a start (n_x,) by Runge and Kutta's method, as the kernel takes its steps.
+    """Return the states (n_x, n, ...) from starts (n_x, ...) by Runge and Kutta's method, as the kernel takes its steps.
 
-    Inputs (n_u, n) as they arrive are linear between samples; those `held` keep their value until the next one.
+    Inputs (n_u, n, ...) as they arrive are linear between samples; those `held` keep their value until the next one.
     """
     n = inputs.shape[1]
-    out = np.empty((len(start), n))
+    out = np.empty((len(start), *inputs.shape[1:]))
     out[:, 0] = start
     middle = 0.5 * (inputs[:, :-1] + inputs[:, 1:])
     ends = inputs[:, 1:].copy()
@@ -107,55 +130,99 @@ def fly(
 
 @dataclass(frozen=True, eq=False)
 class Responses:
-    """Whitened responses (n, n_y, m) of each piece to m extensions, per SI unit."""
+    """Whitened responses of each piece to m extensions, per SI unit."""
 
+    extensions: tuple[Extension, ...] = ()
+    pieces: tuple[FloatArray, ...] = ()  #: (n, n_y, m), of the readings
+    gaps: tuple[
+        FloatArray, ...
+    ] = ()  #: (w - 1, e, m), of the gaps between windows; empty where there are none
+
+
+@dataclass(frozen=True, eq=False)
+class ExtendedModel:
+    """A vehicle, and its equations with every extension at its null value."""
+
+    base: Vehicle
+    vehicle: Vehicle
     extensions: tuple[Extension, ...]
-    pieces: tuple[FloatArray, ...]
+    equations: Equations
+
+    @classmethod
+    def of(cls, base: Vehicle) -> ExtendedModel:
+        """Return the model of a vehicle."""
+        from stoop.vehicle.symbolic.arrays import array_equations  # SymPy is imported when it is needed
+
+        vehicle, catalogue = extended(base)
+        return cls(base, vehicle, catalogue, array_equations(vehicle))
+
+    def rows(self, known: FloatArray) -> FloatArray:
+        """Return the parameters of the extended vehicle for those (n_p,) of the vehicle."""
+        rows = self.vehicle.values.copy()
+        for name, row in self.base.rows.items():
+            rows[self.vehicle.rows[name]] = known[row]
+        return rows
+
+    def received(self, piece: Piece, known: FloatArray) -> FloatArray:
+        """Return the inputs (n_u, n) of a piece as they arrive with parameters (n_p, 1)."""
+        return late_inputs(self.base, piece.inputs, known, piece.dt).T.astype(float)
+
+    def fly(self, rows: FloatArray, start: FloatArray, inputs: FloatArray, dt: float) -> FloatArray:
+        """Return the states from a start, see :func:`fly`."""
+        held = tuple(self.base.inputs.index(slope_input(c)) for c in self.base.sloped)
+        return fly(self.equations, rows, start, inputs, held, dt)
+
+    def responses(self, at: Trajectory, piece: Piece) -> tuple[FloatArray, FloatArray]:
+        """Return dx (n, n_x, m) and dy (n, n_y, m) of all extensions, per SI unit."""
+        changes = [self._change(one, at, piece) for one in self.extensions]
+        found = at.responses(*(np.stack(parts, axis=2) for parts in zip(*changes, strict=True)))
+        steps = np.array([one.step for one in self.extensions])
+        return found[0] / steps, found[1] / steps
+
+    def late(self, at: Trajectory, dy: FloatArray, known: FloatArray, moved: tuple[int, ...]) -> FloatArray:
+        """Return responses (n, n_y, m) as late as the instruments deliver them; in place."""
+        rows = np.repeat(known, dy.shape[2], axis=1)
+        for own in at.stretches if output_delays(self.base) else ():
+            part = np.ascontiguousarray(dy[own].transpose(2, 0, 1))
+            dy[own] = late_outputs(self.base, part, rows, at.dt, moved).transpose(1, 2, 0)
+        return dy
+
+    def _change(self, one: Extension, at: Trajectory, piece: Piece) -> tuple[FloatArray, FloatArray]:
+        """Return df (n, n_x) and dh (n, n_y) of a step of an extension."""
+        rows, inputs, vehicle = at.rows.copy(), at.inputs, self.vehicle
+        for name in one.numbers:
+            rows[vehicle.rows[name]] += one.value(one.step) - one.null
+        if one.kind in PLAYED:
+            inputs = late_inputs(vehicle, piece.inputs, rows[:, None], at.dt).T[:, at.samples]
+        elif one.inputs:
+            inputs = inputs.copy()
+            for name in (name for c in one.inputs for name in (c, slope_input(c)) if name in vehicle.inputs):
+                column = vehicle.inputs.index(name)
+                inputs[column] = delayed(at.record[column], one.step / at.dt)[at.samples]
+        df, dh = at.change(rows, inputs)
+        for column in (vehicle.outputs.index(c) for c in one.readings):
+            wrapped = vehicle.outputs[column] in WRAPPED
+            for own in at.stretches:
+                reading = at.reference[1][column, own]
+                whole = np.unwrap(reading) if wrapped else reading
+                dh[column, own] += late(whole, one.step / at.dt) - whole
+        return df.T, dh.T
 
 
 def simulation_responses(problem: Misfit, z: FloatArray) -> Responses:
     """Return how the simulation at a search vector (D + E,) responds to every extension of its vehicle."""
-    from stoop.vehicle.symbolic.arrays import array_equations  # SymPy is imported when it is needed
-
-    base = problem.layout.vehicle
-    vehicle, catalogue = extended(base)
-    equations, out = array_equations(vehicle), []
-    held = tuple(base.inputs.index(slope_input(c)) for c in base.sloped)
+    model, out = ExtendedModel.of(problem.layout.vehicle), []
     for i, piece in enumerate(problem.pieces):
         known, start = problem.candidates(z[None, :], i)
-        rows = vehicle.values.copy()
-        for name, row in base.rows.items():
-            rows[vehicle.rows[name]] = known[row, 0]
-        received = late_inputs(base, piece.inputs, known, piece.dt).T.astype(float)
-        states = fly(equations, rows, start[:, 0], received, held, piece.dt)
-        trajectory = Trajectory(equations, rows, states, received, piece.dt)
-        changes = [_change(one, base, vehicle, trajectory) for one in catalogue]
-        dy = trajectory.responses(*(np.stack(parts, axis=2) for parts in zip(*changes, strict=True)))
-        late = late_outputs(
-            base,
-            np.ascontiguousarray(dy.transpose(2, 0, 1)),
-            np.repeat(known, len(catalogue), axis=1),
-            piece.dt,
-        )
-        late /= np.array([one.step for one in catalogue])[:, None, None]
-        present = np.isfinite(piece.measured)
-        white = problem.weights.whiten(np.where(present, late, 0.0), present)
-        out.append(np.ascontiguousarray(white.transpose(1, 2, 0)))
-    return Responses(catalogue, tuple(out))
+        rows, record = model.rows(known[:, 0]), model.received(piece, known)
+        states = model.fly(rows, start[:, 0], record, piece.dt)
+        at = Trajectory(model.equations, rows, states, record, np.arange(len(piece.time)), piece.dt)
+        dy = model.late(at, model.responses(at, piece)[1], known, piece.moved)
+        out.append(whitened(problem, dy, np.isfinite(piece.measured)))
+    return Responses(model.extensions, tuple(out))
 
 
-def _change(one: Extension, base: Vehicle, vehicle: Vehicle, at: Trajectory) -> tuple[FloatArray, FloatArray]:
-    """Return df (n, n_x) and dh (n, n_y) of a step of an extension of the base vehicle."""
-    rows, inputs = at.rows.copy(), at.inputs.copy()
-    for name in one.numbers:
-        rows[vehicle.rows[name]] += one.step
-    for name in (name for c in one.inputs for name in (c, slope_input(c)) if name in base.inputs):
-        column = base.inputs.index(name)
-        inputs[column] = delayed(at.inputs[column], one.step / at.dt)
-    df, dh = at.change(rows, inputs)
-    for column in (base.outputs.index(c) for c in one.readings):
-        reading = (
-            np.unwrap(at.reference[1][column]) if base.outputs[column] in WRAPPED else at.reference[1][column]
-        )
-        dh[column] += delayed(reading, one.step / at.dt) - reading
-    return df.T, dh.T
+def whitened(problem: Misfit, dy: FloatArray, present: BoolArray) -> FloatArray:
+    """Return whitened responses (n, n_y, m), zero where nothing was measured."""
+    white = problem.weights.whiten(np.moveaxis(dy, 2, 0) * present, present)
+    return np.ascontiguousarray(np.moveaxis(white, 0, 2))

@@ -280,7 +280,7 @@ class ShootingProblem:
             information = information + rows.T @ rows
             left = -np.concatenate([shot.residual for shot in windows])
             residual = np.where(np.isfinite(shots.piece.measured), left, np.nan)
-            piece = PieceEvidence(residual, np.concatenate(jacobian))
+            piece = PieceEvidence(residual, np.concatenate(jacobian), shots.piece.maneuver)
             if len(model.strictness) == 1:  # windows that need not meet
                 gaps = np.array([-self.gap_weights * s.gap for s in windows[:-1]]).reshape(slopes.shape[:2])
                 piece = replace(piece, edges=shots.edges, gaps=gaps, gap_jacobian=slopes)

@@ -13,9 +13,11 @@ from typing import Final
 import numpy as np
 
 from stoop.base.arrays import FloatArray, IntArray
+from stoop.base.rotations import normalized
 from stoop.base.variables import EULER
 from stoop.estimate.linearization import interpolated, perturbation_steps, perturbations_of, unwrapped
 from stoop.estimate.regression.rotors import lagged_command
+from stoop.estimate.response import ExtendedModel, Trajectory
 from stoop.kernels import filtering
 from stoop.kernels.windows import windows
 from stoop.optimize.normal_equations import gram, project
@@ -23,6 +25,7 @@ from stoop.problem import Misfit, Piece, on_circle
 from stoop.problem.observation import (
     AIR_FRAME,
     GROUND_FRAME,
+    integrated_attitude,
     observation_model,
     state_channels,
     through_air,
@@ -38,6 +41,7 @@ WINDOW_LENGTH: Final = 1.0  #: s: no vehicle leaves its record far in that
 STEP: Final = 1e-7  #: of the search vector
 STATE_STEP: Final = 1e-2  #: of the steps of a linearization
 SMOOTHING_TIME: Final = 0.1  #: s on either side of a window's start over which readings are smoothed
+QUATERNION: Final = ("e0", "e1", "e2", "e3")  #: states
 MAX_LANES: Final = 4096  #: simulated side by side; more would only take memory
 
 
@@ -187,19 +191,31 @@ class Shots:
         """Readings to which the wind of a window adds, by column."""
         return tuple(self.vehicle.outputs.index(c) for c in window_model(self.vehicle).winds)
 
-    def measured_nodes(self) -> FloatArray:
-        """Return the nodes as they were measured, without winds."""
-        at = np.array(self.edges[:-1])
-        rows = np.repeat(parameter_rows(self.vehicle, self.piece.changes), len(at), axis=1)
+    def measured_nodes(self, z: FloatArray | None = None) -> FloatArray:
+        """Return the nodes as they were measured, without winds, for a search vector (D + E,) or the values of the file."""
+        at, rows = np.array(self.edges[:-1]), self._kernel_parameters(z)
         inputs = np.ascontiguousarray(self.piece.inputs[at].T)
-        states = initial_states(self.vehicle, self.measured_starts(), rows, inputs)
+        every = np.repeat(rows, len(at), axis=1)
+        states = initial_states(self.vehicle, self.measured_starts(z), every, inputs)
         return np.pad(states, [(0, len(self.wind_columns)), (0, 0)])
 
-    def measured_starts(self) -> dict[str, FloatArray]:
-        """Return what :func:`~stoop.simulation.initial_states` takes of every window, (w,) each."""
+    def _kernel_parameters(self, z: FloatArray | None) -> FloatArray:
+        """Return the kernel parameters (n_p, 1) of a search vector, or of the file."""
+        if z is None:
+            return parameter_rows(self.vehicle, self.piece.changes)
+        return self.problem.candidates(z[None, :], self.index)[0]
+
+    def measured_starts(self, z: FloatArray | None = None) -> dict[str, FloatArray]:
+        """Return what :func:`~stoop.simulation.initial_states` takes of every window, (w,) each, for a search vector.
+
+        A rotor or surface with a lag begins where its commands have brought it, which depends on the lag.
+        """
         piece, vehicle, model = self.piece, self.vehicle, window_model(self.vehicle)
         at, width = list(self.edges[:-1]), max(1, round(SMOOTHING_TIME / piece.dt))
-        readings = {}
+        recorded = dict(zip(vehicle.outputs, piece.measured.T, strict=True))
+        readings = {
+            c: y[at] for c, y in integrated_attitude(vehicle, piece.start, recorded, piece.dt).items()
+        }
         for i, channel in enumerate(vehicle.outputs):
             column = piece.measured[:, i]
             if channel in state_channels(vehicle) and np.isfinite(column).any():
@@ -207,9 +223,9 @@ class Shots:
                 readings[channel] = np.array([model.smoothed(complete, a, width) for a in at])
         default = {n: np.full(len(at), piece.start.get(n, 0.0)) for n in vehicle.start_names}
         starts = default | model.states(vehicle, piece, readings)
-        rows = parameter_rows(vehicle, piece.changes)
+        rows = self._kernel_parameters(z)
         for state in (s for s in vehicle.states if s.endswith(".lag")):
-            name = state.removesuffix(".lag")  # by how much it is off its command, with the lag of the file
+            name = state.removesuffix(".lag")  # by how much it is off its command
             command = commanded(vehicle, name, np.repeat(rows, len(at), axis=1), piece.inputs[at].T)
             starts[state] = lagged_command(vehicle, piece, name, rows)[at] - command
         return starts
@@ -218,7 +234,11 @@ class Shots:
         """Return nodes after perturbations (e, w)."""
         kernel, nx = self.vehicle.kernel(), len(self.vehicle.states)
         states, own = np.ascontiguousarray(nodes[:nx]), np.ascontiguousarray(steps[: kernel.moves])
-        return np.concatenate([filtering.move(kernel, states, own), nodes[nx:] + steps[kernel.moves :]])
+        moved = filtering.move(kernel, states, own)  # to unit length to first order: a step may turn far
+        attitude = [i for i, name in enumerate(self.vehicle.states) if name in QUATERNION]
+        with np.errstate(over="ignore", invalid="ignore"):  # a step that diverges is a value
+            moved[attitude] = normalized(moved[attitude].T).T
+        return np.concatenate([moved, nodes[nx:] + steps[kernel.moves :]])
 
     def simulate(self, z: FloatArray, nodes: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return readings (n, n_y), gaps (w - 1, e), and ends (n_x, w - 1), for nodes.
@@ -309,6 +329,27 @@ class Shots:
             gap_by_state = np.pad(shot.gap_by_state, [(0, m), (0, m)])
             gap_by_state[e:, e:] = np.eye(m)
         return Shot(left, shot.by_unknown, by_state, gap, by_unknown, gap_by_state)
+
+    def responses(
+        self, model: ExtendedModel, z: FloatArray, nodes: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return how readings (n, n_y, m) and gaps (w - 1, e, m) respond to extensions, each window from its beginning."""
+        rows, start = self.problem.candidates(z[None, :], self.index)
+        begins, edges, n = nodes[: len(start)].copy(), np.array(self.edges), len(self.piece.time)
+        begins[:, :1] = start
+        lasts = np.minimum(edges[1:], n - 1)
+        whole = edges[:-1] + np.arange(np.max(lasts - edges[:-1]) + 1)[:, None]
+        inside, record = whole <= lasts, model.received(self.piece, rows)
+        known, dt = model.rows(rows[:, 0]), self.piece.dt
+        states = model.fly(known, begins, record[:, np.minimum(whole, n - 1)], dt)
+        states = np.ascontiguousarray(np.swapaxes(states, 1, 2)[:, inside.T])
+        at = Trajectory(model.equations, known, states, record, whole.T[inside.T], dt)
+        dx, dy = model.responses(at, self.piece)
+        ends = [own.stop - 1 for own in at.stretches[:-1]]
+        inverse = perturbations_of(self.vehicle, np.ascontiguousarray(begins[:, 1:]))
+        gaps = np.einsum("exw,wxm->wem", inverse, dx[ends])
+        readings = np.delete(model.late(at, dy, rows, self.piece.moved), ends, axis=0)
+        return readings, np.pad(gaps, [(0, 0), (0, len(self.wind_columns)), (0, 0)])
 
     def integrate(
         self, rows: FloatArray, begin: FloatArray, which: IntArray

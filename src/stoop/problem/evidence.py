@@ -51,6 +51,7 @@ class PieceEvidence:
 
     residual: FloatArray  #: (n, n_y), W (measured - model), NaN where there is no measurement
     jacobian: FloatArray  #: (n, n_y, k), W d(model)/d(unknown), not used beside a missing measurement
+    maneuver: int = 0  #: of which the piece is
     edges: tuple[
         int, ...
     ] = ()  #: first sample of each of w windows that begin anew, and the number of samples
@@ -63,6 +64,13 @@ class PieceEvidence:
     def present(self) -> BoolArray:
         """Where there is a measurement, (n, n_y)."""
         return np.isfinite(self.residual)
+
+    @property
+    def met(self) -> tuple[FloatArray, FloatArray]:
+        """Gaps (w - 1, e) and their derivatives (w - 1, e, k), both empty where no windows begin anew."""
+        if self.gaps is None or self.gap_jacobian is None:
+            return np.zeros((0, 0)), np.zeros((0, 0, self.jacobian.shape[2]))
+        return self.gaps, self.gap_jacobian
 
     def filled(self) -> tuple[FloatArray, FloatArray]:
         """Return residual and jacobian with zeros for what is missing."""
@@ -137,7 +145,7 @@ def simulation_evidence(problem: Misfit, z: FloatArray, inflation: float) -> Evi
     for piece in problem.pieces:
         rows, shape = slice(first, first + piece.measured.size), piece.measured.shape
         residual = np.where(np.isfinite(piece.measured), -r[rows].reshape(shape), np.nan)
-        pieces.append(PieceEvidence(residual, jacobian[rows].reshape(*shape, -1)))
+        pieces.append(PieceEvidence(residual, jacobian[rows].reshape(*shape, -1), piece.maneuver))
         first = rows.stop
     unknowns = unknowns_of(problem.layout, z)
     return Evidence(unknowns, tuple(pieces), prior_information(unknowns), inflation)

@@ -13,9 +13,10 @@ from typing import Any, Final, TypeVar
 import numpy as np
 
 from stoop.base.arrays import FloatArray
-from stoop.base.rotations import quaternions_of, to_body
-from stoop.base.variables import EULER, WRAPPED
+from stoop.base.rotations import euler_angles, product, quaternions_of, to_body
+from stoop.base.variables import EULER, RATES, WRAPPED
 from stoop.errors import FlightError
+from stoop.flight.gridding import integrate_rates
 from stoop.simulation import START_NAMES
 from stoop.vehicle import Vehicle
 from stoop.vehicle import vehicle as vehicle_frames
@@ -72,6 +73,35 @@ def true_value(vehicle: Vehicle, channel: str, reading: Number, numbers: FloatAr
     factor: float = values[vehicle.rows[scale]] if scale in vehicle.rows else 1.0
     bias: float = values[vehicle.rows[f"sensors.{channel}.bias"]]
     return (reading - bias) / (factor or 1.0)
+
+
+def integrated_attitude(
+    vehicle: Vehicle, start: Mapping[str, float], readings: Mapping[str, FloatArray], dt: float
+) -> dict[str, FloatArray]:
+    """Return the attitude angles (n,), rad, that were not recorded, as the recorded rates turn the vehicle from its start.
+
+    Where no channel holds the attitude, the rates are still known to tell it from one window to the next; what they do not
+    tell, the angles at the start, is at its default. Empty where a rate was not recorded either.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+    start : mapping
+        Angles at the first sample, rad.
+    readings : mapping
+        Recorded channels (n,), NaN where missing.
+    dt : float
+        s, sample period.
+    """
+    there = {c: np.flatnonzero(np.isfinite(y)) for c, y in readings.items()}
+    unknown = [c for c in EULER if not there.get(c, np.empty(0)).size]
+    if not unknown or not all(there.get(c, np.empty(0)).size for c in RATES):
+        return {}
+    samples = np.arange(len(readings["p"]))
+    rates = [np.interp(samples, there[c], true_value(vehicle, c, readings[c][there[c]])) for c in RATES]
+    first = quaternions_of(np.array([start.get(c, 0.0) for c in EULER]))
+    turned = product(np.tile(first, (len(samples), 1)), integrate_rates(np.stack(rates, axis=1), 1.0 / dt))
+    return {c: y for c, y in zip(EULER, euler_angles(turned).T, strict=True) if c in unknown}
 
 
 @dataclass(frozen=True, eq=False)

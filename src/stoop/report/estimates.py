@@ -51,7 +51,8 @@ HEAD: Final = (
     "Bounds", "Remark",
 )  # fmt: skip
 TITLES: Final = {
-    "corrected": "corrected for color",
+    "corrected": "corrected",
+    "conditional": "corrected for color only",
     "cramer_rao": "Cramér–Rao, white",
     "bootstrap": "block bootstrap",
     "posterior": "posterior",

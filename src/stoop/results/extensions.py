@@ -20,6 +20,7 @@ class ExtensionTest:
     p_value: float  #: of the largest of all tests of this fit (Bonferroni)
     gain: float  #: of log-likelihood
     line: str  #: what to write into the vehicle file
+    change: float = math.nan  #: from where it changes nothing; the reciprocal of a rate limit
     #: statistic once the strongest extension is there; NaN for the strongest itself
     beside: float = math.nan
     rivals: tuple[str, ...] = ()  #: extensions that the data hardly tell from it

@@ -226,6 +226,20 @@ def at_samples(vehicle: Vehicle, inputs: FloatArray) -> FloatArray:
     return out
 
 
+def late(readings: FloatArray, samples: float, wrapped: bool = False) -> FloatArray:
+    """Return readings (n, ...) as they were `samples` earlier; before and after the record they are straight lines.
+
+    An angle that is `wrapped` jumps from pi to -pi and has no value between them: it is returned without jumps.
+    """
+    with np.errstate(over="ignore", invalid="ignore"):  # about to diverge: large numbers overflow
+        whole = np.unwrap(readings, axis=0) if wrapped else readings
+        pad = int(np.ceil(abs(samples))) + 2
+        steps = np.arange(1.0, pad + 1.0).reshape(-1, *[1] * (readings.ndim - 1))
+        before = whole[0] + steps[::-1] * (whole[0] - whole[1])
+        after = whole[-1] + steps * (whole[-1] - whole[-2])
+        return delayed(np.concatenate([before, whole, after]), samples)[pad:-pad]
+
+
 def late_outputs(
     vehicle: Vehicle, outputs: FloatArray, rows: FloatArray, dt: float, moved: Sequence[int] = ()
 ) -> FloatArray:
@@ -235,18 +249,10 @@ def late_outputs(
     samples of each channel by which the recorded readings were moved ahead: these are no longer late by as much.
     """
     for channel, row in output_delays(vehicle):
-        late = rows[row] / dt - (moved[channel] if moved else 0)
-        finite = np.isfinite(outputs[:, :, channel]).all(axis=1) & np.isfinite(late)
-        for samples in np.unique(late[finite & (late != 0.0)]).tolist():
-            lanes = finite & (late == samples)
+        behind = rows[row] / dt - (moved[channel] if moved else 0)
+        finite = np.isfinite(outputs[:, :, channel]).all(axis=1) & np.isfinite(behind)
+        for samples in np.unique(behind[finite & (behind != 0.0)]).tolist():
+            lanes = finite & (behind == samples)
             readings = outputs[lanes, :, channel].T
-            with np.errstate(over="ignore", invalid="ignore"):  # about to diverge: large numbers overflow
-                # An angle that jumps from pi to -pi has no value between them.
-                whole = np.unwrap(readings, axis=0) if vehicle.outputs[channel] in WRAPPED else readings
-                pad = int(np.ceil(abs(samples))) + 2
-                steps = np.arange(1.0, pad + 1.0)[:, None]
-                before = whole[0] + steps[::-1] * (whole[0] - whole[1])
-                after = whole[-1] + steps * (whole[-1] - whole[-2])
-                shifted = delayed(np.concatenate([before, whole, after]), samples)
-            outputs[lanes, :, channel] = shifted[pad:-pad].T
+            outputs[lanes, :, channel] = late(readings, samples, vehicle.outputs[channel] in WRAPPED).T
     return outputs

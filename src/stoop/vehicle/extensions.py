@@ -51,6 +51,9 @@ SHARE: Final = Probe(0.01, 1.0)  #: of the size of a number
 SCALE: Final = Probe(0.01, 0.5)
 POSITION: Final = Probe(0.01, 2.0)  #: m
 ANGLE: Final = Probe(0.01, 0.35)  #: rad
+DEAD_ZONE: Final = Probe(0.02, 0.5)  #: rad
+SLOWNESS: Final = Probe(0.5, 20.0)  #: s/rad, of a limit of 2 rad/s
+LARGE: Final = 1e6  #: rad/s, of a rate limit that limits nothing
 BIAS: Final = Probe(0.1, 1e3)  #: of a sensor's noise
 TERM: Final = Probe(1e-3, 1e3)
 
@@ -68,6 +71,8 @@ class Extension:
     numbers: tuple[str, ...] = ()  #: of the extended vehicle that take the value
     inputs: tuple[str, ...] = ()  #: recorded channels that come late
     readings: tuple[str, ...] = ()  #: observed channels that come late
+    #: whether it is probed by its reciprocal: a rate limit changes nothing where it is infinite
+    reciprocal: bool = False
 
     @property
     def step(self) -> float:
@@ -75,21 +80,30 @@ class Extension:
         return self.probe.step
 
     @property
-    def believed(self) -> tuple[float, float]:
-        """Range of the values that are believed; nothing comes early."""
-        low = 0.0 if self.inputs or self.readings else self.null - self.probe.reach
-        return low, self.null + self.probe.reach
+    def positive(self) -> bool:
+        """Whether only a positive change makes sense: nothing comes early."""
+        return bool(self.inputs or self.readings or self.reciprocal or self.kind == "dead_zone")
 
-    def free_entries(self, value: float) -> Entries:
-        """Return what to write for a value that is to be estimated."""
-        reach, (low, high) = 5.0 * max(abs(value - self.null), self.step), self.believed
-        bounds = [float(f"{x:.3g}") for x in (max(low, value - reach), min(high, value + reach))]
-        return self.entries({"value": float(f"{value:.3g}"), "free": True, "bounds": bounds})
+    def believes(self, change: float) -> bool:
+        """Whether a change from the null value makes sense."""
+        return (0.0 if self.positive else -self.probe.reach) < change < self.probe.reach
 
-    def line(self, value: float) -> str:
-        """Return what to write for a value, in one line."""
+    def value(self, change: float) -> float:
+        """Return the number of the file at a change from the null value."""
+        return (1.0 / change if change else LARGE) if self.reciprocal else self.null + change
+
+    def free_entries(self, change: float) -> Entries:
+        """Return what to write so that a change is estimated, which begins at a value."""
+        reach = min(5.0 * max(abs(change), self.step), self.probe.reach)
+        low = 0.2 * change if self.positive else change - reach
+        ends = sorted(self.value(x) for x in (low, change + reach))
+        numbers = [float(f"{x:.3g}") for x in (self.value(change), *ends)]
+        return self.entries({"value": numbers[0], "free": True, "bounds": numbers[1:]})
+
+    def line(self, change: float) -> str:
+        """Return what to write for a change from the null value, in one line."""
         parts = []
-        for keys, entry in self.entries(float(f"{value:.3g}")).items():
+        for keys, entry in self.entries(float(f"{self.value(change):.3g}")).items():
             item = inline(entry) if isinstance(entry, Mapping) else tomlkit.item(entry)
             parts.append(f"[{'.'.join(keys[:-1])}] {keys[-1]} = {item.as_string()}")
         return "; ".join(parts)
@@ -134,8 +148,19 @@ def _points(
 
 
 def _controls(vehicle: Vehicle) -> Iterator[Extension]:
-    """Yield lag and delay of each control, and of all alike."""
+    """Yield gain, rate limit and dead zone of each control; lag and delay of each, and of all alike."""
     present = {name for name, _ in leaves(vehicle.file)}
+    for control in vehicle.controls:
+        if vehicle.file.controls[control].mix is None:
+            name = f"controls.{control}.mix.{control}"
+            yield Extension(name, "gain", "1", 1.0, SCALE, _plain(*name.split(".")), (name,))
+        name = f"controls.{control}.dead_zone"
+        if name not in present:
+            yield Extension(name, "dead_zone", "rad", 0.0, DEAD_ZONE, _plain(*name.split(".")), (name,))
+        name = f"controls.{control}.rate_limit"
+        if name not in present:
+            entries = _plain(*name.split("."))
+            yield Extension(name, "rate_limit", "rad/s", LARGE, SLOWNESS, entries, (name,), reciprocal=True)
     groups = [*((c,) for c in vehicle.controls), *([vehicle.controls] if len(vehicle.controls) > 1 else [])]
     for group in groups:
         channels = tuple(dict.fromkeys(channel for c in group for channel in vehicle.channels_of(c)))

@@ -187,6 +187,7 @@ def identify(
     validate: Windows = (),
     options: Options = DEFAULTS,
     callback: Callable[[optimize.Progress], None] | None = None,
+    extend: bool = False,
 ) -> Job:
     """Estimate the free numbers of a vehicle from maneuvers of one or more flights, and predict others.
 
@@ -204,6 +205,8 @@ def identify(
         Method, optimizer, seed, budget.
     callback : callable, optional
         Sees a :class:`stoop.optimize.Progress` after each step of the search.
+    extend : bool
+        Whether the model gains what the data ask for, see :func:`stoop.workflow.extension.extend`.
 
     Returns
     -------
@@ -215,7 +218,7 @@ def identify(
     StoopError
         One line that says what is wrong and what to do.
     """
-    return finish(search(vehicle, flights, maneuvers, validate, options, callback))
+    return finish(search(vehicle, flights, maneuvers, validate, options, callback, extend=extend))
 
 
 def search(
@@ -228,11 +231,13 @@ def search(
     state: optimize.State | None = None,
     command: str = "",
     files: Sequence[Path] = (),
+    extend: bool = False,
+    watch: Callable[[str], None] = lambda text: None,
 ) -> Search:
     """Do the long part of :func:`identify`; wrong input raises its error before the search.
 
     Further arguments: the `state` of an interrupted search to resume; the `command` line, for the report; other `files` that
-    were read (mapping, noise covariance), for the result's ``inputs``.
+    were read (mapping, noise covariance), for the result's ``inputs``; whether to `extend` the model, of which `watch` is told.
     """
     began = time.perf_counter()
     vehicle = vehicle if isinstance(vehicle, Vehicle) else resolve_vehicle(vehicle)
@@ -242,8 +247,6 @@ def search(
     if len(rates) > 1:
         text = " and ".join(rates)
         raise FlightError(f"identify: the flights are sampled at {text} Hz; bring them to one rate first")
-    method = methods.choose_method(options.method, vehicle, known.values())
-    options = replace(options, method=method.name)
     if not maneuvers:
         raise FlightError(
             "identify: no maneuver is given; name at least one window START:STOP, see stoop info"
@@ -263,8 +266,16 @@ def search(
         spans = [(w.start, w.stop) for w in predicted if w.flight == name]
         known[name] = without_faults(without(flight, spans))
     prepare(vehicle, known, predicted)  # so that its errors come before the search
-    found = methods.find(method.name).fitter()(vehicle, known, fitted, options, callback, state)
-    found = replace(found, notices=(*method.notices, *found.notices))
+    choice = methods.choose_method(options.method, vehicle, known.values(), fitted)
+    notices: tuple[Notice, ...] = ()
+    if extend:
+        from stoop.workflow.extension import extend as extended
+
+        named = replace(options, method=choice.name)
+        longer = extended(vehicle, known, fitted, predicted, named, watch)
+        vehicle, notices = longer.vehicle, longer.notices
+    method, found = choice.fit(vehicle, known, fitted, options, callback, state)
+    options, found = replace(options, method=method), replace(found, notices=(*notices, *found.notices))
     read = (Path(vehicle.where), *flight_files(known.values()), *files)
     return Search(found, known, predicted, options, inputs, read, began, command)
 

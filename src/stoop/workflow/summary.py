@@ -29,6 +29,9 @@ SENSOR_FAULTS: Final = {
     "clipped": "sensor-fault-left-out",
     "stuck": "sensor-fault-left-out",
 }  #: kinds of faults that affect a fit -> code
+PRIOR_CONFLICT: Final = (
+    5.0  #: standard deviations from the prior's mean, from which an estimate contradicts it
+)
 MIN_CORRELATION_TIME: Final = 2.0  #: samples; from here on residuals count as colored
 BASIC_METHODS: Final = ("corrected", "cramer_rao")  #: of uncertainty, that every result has
 SHOWN: Final = (
@@ -65,6 +68,7 @@ def fit_warnings(
         *sensor_faults,
         *check_lift(vehicle, flights),
         *inertia_notices(vehicle, fit.estimates),
+        *prior_conflicts(fit),
     ]
     # Missing rates, and a missing airspeed, by whose square every coefficient is divided.
     recorded = np.any([np.isfinite(p.measured).any(axis=0) for p in fit.problem.pieces], axis=0)
@@ -88,6 +92,31 @@ def fit_warnings(
         found.append(notice("not-identifiable", parameters=tuple(names), count=len(names), reason=reason))
     found += [*lag_notices(maneuvers), *of_severity((*fit.prepared.notices, *fit.notices), "warning")]
     return tuple(as_notice(one) for one in found)
+
+
+def prior_conflicts(fit: Fit) -> list[Notice]:
+    """Return the parameters and sensor biases whose estimates contradict their priors.
+
+    Where prior and model are right an estimate scatters about the prior's mean by less than the prior's standard deviation
+    (Evans and Moshonov, "Checking for prior-data conflict", Bayesian Analysis 1(4), 2006). What lies far outside takes up an
+    error of something else: of thrust, mass, a unit or an axis.
+    """
+    layout = fit.problem.layout
+    known = [
+        (p.name, "the fit", fit.estimates[p.name], p.value, p.prior)
+        for p in layout.parameters
+        if p.prior is not None
+    ]
+    known += [
+        (n.name, str(fit.prepared.windows[n.maneuver]), n.center + n.scale * float(x), n.center, n.scale)
+        for n, x in zip(layout.nuisances, fit.z[layout.dimension :], strict=True)
+        if n.is_bias
+    ]
+    return [
+        notice("prior-conflict", name, window=window, estimate=estimate, ratio=ratio, prior=prior, mean=mean)
+        for name, window, estimate, mean, prior in known
+        if (ratio := abs(estimate - mean) / prior) > PRIOR_CONFLICT
+    ]
 
 
 def basis_notices(vehicle: Vehicle, flights: Mapping[str, Flight], correlation: float) -> list[Notice]:

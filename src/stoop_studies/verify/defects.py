@@ -89,13 +89,20 @@ THROTTLE: Final = 0.5  #: of the steady flight
 @functools.cache
 def fixed_wing() -> str:
     """Return the file of the twin-boom aircraft: none of its coefficients is zero, the thrust follows the throttle."""
-    plain = resolve_vehicle(scenes.AIRCRAFT)
-    thrust = float(trim(plain, None, scenes.ALTITUDE).thrust["propulsion.thrust"])
-    terms = {f"aerodynamics.{name[:2]}.{name}": value for name, value in scenes.TRUTHS.items()}
+    plain = scenes.aircraft()
+    point = trim(plain, None, scenes.ALTITUDE)
+    # Angles of attack are counted from the trim: alpha^2 is then no multiple of alpha.
+    alpha, known = round(point.start["alpha"], 3), {n: plain.value(n) for n in scenes.coefficients(plain)}
+    known["CD0"] += alpha * (known["CDalpha"] + alpha * known["CDalpha2"])
+    known["CDalpha"] += 2.0 * alpha * known["CDalpha2"]
+    known |= {f"{c}0": known[f"{c}0"] + alpha * known[f"{c}alpha"] for c in ("CL", "Cm")}
+    terms = {f"aerodynamics.{name[:2]}.{name}": round(value, 6) for name, value in known.items()}
+    thrust = point.thrust["propulsion.thrust"]
     power = {
         "propulsion": {"kind": "channel", "channel": "throttle", "scale": round(thrust / THROTTLE, 3)},
         "controls": {"elevator": {}, "aileron": {}, "rudder": {}},
         "mass.inertia.xz": 15.0,
+        "reference.alpha": alpha,
     }
     return edited(plain.text, terms, power)
 
@@ -143,8 +150,8 @@ def whole(maneuvers: Mapping[str, Maneuver]) -> tuple[Window, ...]:
 # ---------------------------------------------------------------- quadrotor
 
 ROTOR_RATE: Final = 100.0  #: Hz
-ROTOR_DURATION: Final = 8.0  #: s
-SPAN: Final = 2.0  #: s, of a window
+ROTOR_DURATION: Final = 6.0  #: s
+SPAN: Final = 1.0  #: s, of a window
 ROTOR_BIASES: Final = {"p": 0.01, "q": 0.01, "r": 0.01, "ax": 0.05, "ay": 0.05, "az": 0.05}
 
 
@@ -167,11 +174,11 @@ def rotor_maneuvers(rng: np.random.Generator) -> Mapping[str, Maneuver]:
         inputs = [
             shake("roll", 0.3, (0.1, 0.2), (10.0, 18.0)),
             shake("pitch", 1.3, (0.1, 0.2), (10.0, 18.0)),
-            shake("yaw", 2.3, (0.2, 0.3), (1.0, 2.0)),
-            shake("heave", 3.3, (0.2, 0.3), (2.0, 4.0)),
-            shake("roll", 5.0, (0.1, 0.2), (8.0, 15.0)),
-            shake("pitch", 5.2, (0.1, 0.2), (8.0, 15.0)),
-            shake("yaw", 5.5, (0.2, 0.3), (1.0, 2.0)),
+            shake("yaw", 2.0, (0.1, 0.2), (1.0, 2.0)),
+            shake("heave", 3.0, (0.1, 0.2), (2.0, 4.0)),
+            shake("roll", 4.2, (0.1, 0.2), (8.0, 15.0)),
+            shake("pitch", 4.3, (0.1, 0.2), (8.0, 15.0)),
+            shake("yaw", 4.4, (0.2, 0.3), (1.0, 2.0)),
         ]
         ahead, right, down = rng.uniform(-6.0, 6.0, 3) * (1.0, 1.0, 0.4)
         return Maneuver.model_validate(
@@ -253,6 +260,7 @@ def _quad(name: str, words: str, size: str, names: str, **more: Any) -> Defect:
 
 def _all() -> Iterator[Defect]:
     surfaces = ("elevator", "aileron", "rudder")
+    scale = parse_vehicle(fixed_wing(), "fixed wing").value("propulsion.scale")
     yield _wing("none", "the right model", "", "")
     yield _wing(
         "lag-all", "a lag of all servos", "40 ms", "controls.lag controls.delay",
@@ -288,7 +296,7 @@ def _all() -> Iterator[Defect]:
         "20 %",
         "propulsion.scale",
         alike="mass.mass",
-        user={"propulsion.scale": 372.3},
+        user={"propulsion.scale": round(scale / 1.2, 3)},
     )
     yield _wing(
         "thrust-line", "a thrust line above the center of gravity", "0.1 m", "propulsion.position.z",
@@ -334,8 +342,8 @@ def _all() -> Iterator[Defect]:
     )  # fmt: skip
     yield _term("CL", "CLalpha2", "alpha^2", -8.0, "curved lift")
     yield _wing(
-        "CDalpha2", "drag that grows with the square of alpha", "1.2", "CDalpha2",
-        user={"aerodynamics.CD.CDalpha2": False},
+        "CDalpha2", "drag that grows with the square of alpha", "3", "CDalpha2",
+        truth={"aerodynamics.CD.CDalpha2": 3.0}, user={"aerodynamics.CD.CDalpha2": False},
     )  # fmt: skip
     yield _term("Cm", "Cmalpha2", "alpha^2", -5.0, "a pitching moment that is not linear in alpha")
     yield _term("Cm", "Cmbeta", "beta", 0.05, "a pitching moment by sideslip", "mass.inertia.yz")
@@ -399,9 +407,9 @@ def _all() -> Iterator[Defect]:
     yield _quad(
         "weak-rotor",
         "a weak rotor",
-        "10 %",
+        "5 %",
         "rotor.m1.factor",
-        truth={"rotor.m1.factor": 0.9},
+        truth={"rotor.m1.factor": 0.95},
         both={"rotor.m1.factor": 1.0},
     )
     yield _quad(

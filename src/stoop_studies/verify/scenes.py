@@ -192,17 +192,23 @@ in_autoregressive_noise = functools.partial(_in_sensor_noise, autoregressive)
 
 @functools.cache
 def turbulent_aircraft() -> Vehicle:
-    """Return the aircraft in moderate Dryden turbulence, the intensities among what is to be found.
+    """Return the aircraft in moderate Dryden turbulence, the intensities among what is to be found."""
+    return in_turbulence(aircraft(), WIND_20_FT)
+
+
+def in_turbulence(vehicle: Vehicle, wind: float, airspeed: float | None = None) -> Vehicle:
+    """Return a vehicle in the Dryden turbulence of a wind at 20 ft, m/s, that passes at its airspeed or a given one, m/s.
 
     MIL-F-8785C, section 3.7.3.2 (below 1000 ft): L_w = h, L_u = L_v = h / (0.177 + 0.000823 h)^1.2, h and L in ft;
     sigma_w = 0.1 W_20, sigma_u = sigma_v = sigma_w / (0.177 + 0.000823 h)^0.4.
     """
     h = ALTITUDE / FOOT
     share = 0.177 + 0.000823 * h
-    along = _gust(0.1 * WIND_20_FT / share**0.4, FOOT * h / share**1.2)
-    upward = _gust(0.1 * WIND_20_FT, ALTITUDE)
-    table = Turbulence.model_validate({"u": along, "v": along, "w": upward})
-    return replace(aircraft(), file=aircraft().file.model_copy(update={"turbulence": table}))
+    along = _gust(0.1 * wind / share**0.4, FOOT * h / share**1.2)
+    table = {"u": along, "v": along, "w": _gust(0.1 * wind, ALTITUDE)}
+    passing = {} if airspeed is None else {"airspeed": airspeed}
+    turbulence = Turbulence.model_validate({**table, **passing})
+    return replace(vehicle, file=vehicle.file.model_copy(update={"turbulence": turbulence}))
 
 
 def _gust(intensity: float, length: float) -> dict[str, Any]:

@@ -31,6 +31,14 @@ EXPERIMENTS: Final[Mapping[str, tuple[str, str]]] = {
     name: (f"stoop_studies.verify.{name}", line)
     for name, line in (
         ("coverage", "how often 95 % intervals hold the truth (400 flights each)"),
+        (
+            "misspecified",
+            "intervals of models that lack terms, gusts or sensor defects of the truth (100 flights each)",
+        ),
+        (
+            "feedback",
+            "bias and coverage under an autopilot in gusts, by the default method (24 flights each)",
+        ),
         ("extensions", "what a model lacks is named: size and power of the tests (20 flights a defect)"),
         ("verdict", "how often the verdict refuses good models and trusts bad ones (416 cases)"),
         ("delays", "delays of inputs and outputs, fractions of a sample (40 flights, twice)"),

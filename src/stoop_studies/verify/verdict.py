@@ -21,10 +21,11 @@ HARM: Final = 3.0  #: standard errors by which a defect moves a parameter, from 
 MOST_WRONG: Final = 0.05  #: share of good models refused, and of bad ones trusted
 GRADES: Final = ("trusted", "usable", "do not use")
 LEAD: Final = f"""\
-Each seed draws {len(FLIGHTS)} flights that move all controls, sensor biases, white noise and starting values. The vehicle that \
-flies differs from the file that is identified in one thing, or in none. Two flights are fitted, the last is held back and \
-predicted, and the verdict is the one that stoop identify publishes. A model is good where the file is right, and bad where a \
-defect moves a parameter by more than {HARM:g} standard errors from its truth; defects that move less are counted apart."""
+Each seed draws flights that move all controls, sensor biases, white noise and starting values. The vehicle that flies differs \
+from the file that is identified in one thing, or in none. Of the fixed wing's {len(FLIGHTS)} flights the last is held back and \
+predicted; the quadrotor's flights are all fitted, so that it is usable at best. The verdict is the one that stoop identify \
+publishes. A model is good where the file is right, and bad where a defect moves a parameter by more than {HARM:g} standard \
+errors from its truth; defects that move less are counted apart."""
 WORDS: Final = f"""\
 Off is the largest error of a parameter that a justified use needs, relative to its true value, median over the flights in which \
 a use is justified; a use allows a standard error of {100 * LIMITS.error:g} %. Harm is the largest error of any estimate, in its \

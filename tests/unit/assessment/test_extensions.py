@@ -60,14 +60,18 @@ def simulated(problem: Misfit, z: FloatArray, vehicle: Vehicle, index: int) -> F
 
 
 @pytest.mark.parametrize(
-    "name", ["controls.aileron.delay", "Clalphabeta", "sensors.p.scale", "sensors.accelerometer_position.x"]
-)
+    "name",
+    [
+        "controls.aileron.delay", "Clalphabeta", "sensors.p.scale", "sensors.accelerometer_position.x",
+        "controls.rudder.dead_zone", "controls.rudder.rate_limit",
+    ],
+)  # fmt: skip
 def test_responses_are_those_of_simulations(name: str) -> None:
     done = fitted(0.0)
     found = simulation_responses(done.problem, done.z)
     j = [one.name for one in found.extensions].index(name)
     one, index = found.extensions[j], 1
-    vehicle = with_entries(done.problem.layout.vehicle, one.entries(one.null + one.step))
+    vehicle = with_entries(done.problem.layout.vehicle, one.entries(one.value(one.step)))
     before = done.problem.outputs(done.z, index)
     after = simulated(done.problem, done.z, vehicle, index)
     wanted = done.problem.weights.whiten((after - before) / one.step, np.ones(before.shape, dtype=bool))

@@ -25,12 +25,27 @@ def method(
 
 
 def found(**methods: MethodIntervals) -> dict[str, Notice]:
-    notices = method_agreement(ONE, {"corrected": method(0.1), "cramer_rao": method(0.1), **methods})
-    return {n.code: n for n in notices}
+    given = {"corrected": method(0.1), "conditional": method(0.1), "cramer_rao": method(0.1), **methods}
+    return {n.code: n for n in method_agreement(ONE, given) if n.code != "agreement-maneuvers"}
 
 
 def test_white_residuals() -> None:
     assert list(found()) == ["agreement-white"]
+
+
+def test_one_maneuver_leaves_intervals_conditional_on_the_model() -> None:
+    alone = method_agreement(ONE, {"corrected": method(0.1), "cramer_rao": method(0.1)})
+    assert [n.code for n in alone] == ["agreement-one-maneuver", "agreement-white"]
+
+
+def test_maneuvers_that_disagree() -> None:
+    apart = method_agreement(ONE, {"corrected": method(0.2), "conditional": method(0.1)})
+    assert apart[0].code == "agreement-maneuvers"
+    assert apart[0].values["ratio"] == pytest.approx(2.0)
+
+
+def test_the_bootstrap_is_conditional_on_the_model_too() -> None:
+    assert "bootstrap-agrees" in found(corrected=method(0.2), bootstrap=method(0.1))
 
 
 def test_colored_residuals() -> None:

@@ -76,3 +76,11 @@ def test_a_slow_sensor_on_a_fast_grid_counts_the_lags_that_it_has() -> None:
     assert np.isnan(found.autocorrelation)
     residual[::10] = colored(300, 0.2, 3)  # with twenty degrees of freedom it would pass for white
     assert whiteness(residual).verdict == "colored"
+
+
+def test_a_prediction_that_diverges_is_not_white() -> None:
+    """All its power is in the last samples, which correlate with nothing."""
+    growth = np.random.default_rng(0).standard_normal(500) + np.exp(np.minimum(np.arange(500.0), 300.0))
+    found = whiteness(growth)
+    assert found.verdict == "colored"
+    assert np.isfinite(found.statistic)

@@ -8,14 +8,16 @@ import pytest
 
 from stoop import optimize
 from stoop.errors import FlightError, IdentificationError, VehicleError
-from stoop.estimate.fit import Options, estimation_problem, fit, refine, settle, starts
+from stoop.estimate.fit import Fit, Options, estimation_problem, fit, refine, settle, starts
+from stoop.estimate.initial_state import FittedModel
 from stoop.estimate.noise import channel_residuals, noise_variance
-from stoop.estimate.predict import mean_biases, predict
+from stoop.estimate.predict import identified_vehicle, mean_biases, predict
 from stoop.estimate.regression import start_value
 from stoop.flight import Flight
 from stoop.problem import Misfit
 from stoop.problem.observation import first_complete, guess_start
 from stoop.problem.windows import Window
+from stoop.results.result import Covariance, NoiseCovariance
 from stoop.simulation import START_NAMES
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import parse_maneuver
@@ -173,6 +175,13 @@ def test_a_piece_whose_state_comes_too_late_is_refused(wrong: Vehicle, flight: F
         fit(wrong, {"sim": replace(flight, data=data)}, WINDOW, Options())
 
 
+def model_of(found: Fit) -> FittedModel:
+    """Return the fitted model, its parameters taken as known."""
+    layout = found.problem.layout
+    noise = NoiseCovariance(layout.vehicle.outputs, found.problem.weights.covariance)
+    return FittedModel(identified_vehicle(found), Covariance((), np.empty((0, 0))), noise)
+
+
 def test_biases_for_a_prediction_come_from_the_same_flight(aircraft: Vehicle, wrong: Vehicle) -> None:
     maneuver = parse_maneuver(MANEUVER, "test")
     flights = {}
@@ -182,8 +191,8 @@ def test_biases_for_a_prediction_come_from_the_same_flight(aircraft: Vehicle, wr
     found = fit(wrong, flights, [Window("a", 0.0, 20.0), Window("b", 0.0, 20.0)], Options())
     assert mean_biases(found, "a")["sensors.q.bias"] == pytest.approx(0.03, abs=0.003)
     assert mean_biases(found, "b")["sensors.q.bias"] == pytest.approx(-0.03, abs=0.003)
-    prepared, simulated = predict(found, flights, [Window("b", 20.0, 28.0)])
-    error = prepared.pieces[0].measured[:, 2] - simulated[0][:, 2]
+    ahead = predict(model_of(found), flights, [Window("b", 20.0, 28.0)], [mean_biases(found, "b")])
+    error = ahead.prepared.pieces[0].measured[:, 2] - ahead.readings[0][:, 2]
     assert np.sqrt(np.mean(error**2)) < 0.02
 
 
@@ -295,14 +304,16 @@ def test_loading_changes_the_mass_of_one_maneuver(aircraft: Vehicle, wrong: Vehi
     assert wrongly.problem.weights.logdet > found.problem.weights.logdet + 1.0
 
 
-def test_prediction_starts_from_measurements_and_fits_nothing(wrong: Vehicle, flight: Flight) -> None:
+def test_prediction_starts_near_the_measurements_and_fits_no_parameter(
+    wrong: Vehicle, flight: Flight
+) -> None:
     found = fit(wrong, {"sim": flight}, [Window("sim", 0.0, 15.0)], Options())
-    prepared, simulated = predict(found, {"sim": flight}, [Window("sim", 15.0, 25.0)])
-    piece = prepared.pieces[0]
-    assert piece.start["V"] == pytest.approx(
-        piece.measured[:10, 0].mean() - mean_biases(found, "sim").get("sensors.V.bias", 0.0), abs=0.5
+    ahead = predict(
+        model_of(found), {"sim": flight}, [Window("sim", 15.0, 25.0)], [mean_biases(found, "sim")]
     )
-    error = piece.measured - simulated[0]
+    piece = ahead.prepared.pieces[0]
+    assert ahead.readings[0][0, 0] == pytest.approx(piece.measured[:10, 0].mean(), abs=0.5)
+    error = piece.measured - ahead.readings[0]
     assert np.std(error[:, 1]) < 0.03
 
 

@@ -7,10 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from stoop.base.variables import RATES, SPECIFIC_FORCE
 from stoop.errors import IdentificationError
 from stoop.estimate.methods import MIN_MOTOR_RATE, MethodChoice, choose_method, find
 from stoop.flight import Flight
-from stoop.flight.flight import dataset
+from stoop.flight.flight import dataset, from_columns
 from stoop.flight.gridding import Channels, grid_channels
 from stoop.vehicle.builtin import builtin_vehicle
 
@@ -39,6 +40,17 @@ def test_what_lies_on_the_grid_as_it_was_logged_is_not_slow() -> None:
     vehicle = builtin_vehicle("quad-x")
     assert choose_method("", vehicle, [logged(50.0, grid=50.0)]) == MethodChoice("multiple-shooting")
     assert choose_method("", vehicle, [logged(99.9)]) == MethodChoice("multiple-shooting")
+
+
+def test_gyros_and_accelerometers_alone_are_regressed() -> None:
+    """Without velocity and attitude; one channel of either, and windows can be simulated."""
+    time = np.arange(0.0, 4.0, 0.01)
+    columns = {c: np.sin(time) for c in (*RATES, *SPECIFIC_FORCE, *MOTORS)}
+    vehicle, log = builtin_vehicle("quad-x"), from_columns("log", time, columns)
+    found = choose_method("", vehicle, [log])
+    assert (found.name, [n.code for n in found.notices]) == ("equation-error", ["no-states-recorded"])
+    other = from_columns("log", time, {**columns, "theta": 0.1 * np.sin(time)})
+    assert choose_method("", vehicle, [log, other]).name == "multiple-shooting"
 
 
 def test_who_names_a_method_gets_it() -> None:

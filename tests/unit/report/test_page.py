@@ -206,7 +206,7 @@ def test_uncertainty_stands_side_by_side(examples: ModuleType) -> None:
         "Fly more.",
     ):
         assert words in page
-    assert page.count('aria-label="CL0: corrected for color from') == 1
+    assert page.count('aria-label="CL0: corrected from') == 1
     assert "interval method-profile open" in page or "interval method-other open" in page
 
 

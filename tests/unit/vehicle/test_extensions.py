@@ -37,16 +37,17 @@ def test_extended_vehicle_has_the_same_equations_at_the_null_values(name: str) -
 def test_every_extension_can_be_written_and_estimated(name: str) -> None:
     base = resolve_vehicle(name)
     for one in extended(base)[1]:
-        written = with_entries(base, one.free_entries(one.null + one.step))
+        written = with_entries(base, one.free_entries(one.step))
         added = {p.name for p in written.parameters if p.free} - {p.name for p in base.parameters if p.free}
         assert len(added) == (3 if one.kind == "drag" else 1), one.name  # drag is free by default
 
 
 def test_line_is_what_the_file_needs() -> None:
     base = resolve_vehicle("twin-boom")
-    found = {one.name: one.line(one.null + 0.04) for one in extended(base)[1]}
+    found = {one.name: one.line(0.04) for one in extended(base)[1]}
     assert found["controls.aileron.lag"] == "[controls.aileron] lag = 0.04"
     assert found["Cmalpha2"] == '[aerodynamics.Cm] Cmalpha2 = {term = "alpha^2", value = 0.04}'
+    assert found["controls.aileron.rate_limit"] == "[controls.aileron] rate_limit = 25.0"
     assert found["sensors.vane_position.x"] == "[sensors] vane_position = [0.04, 0.0, 0.0]"
 
 

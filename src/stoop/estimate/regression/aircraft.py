@@ -260,7 +260,7 @@ class AircraftEquations(Equations):
                     X[:, column[row]] += values
                 else:
                     y -= vehicle.values[row] * values
-            out.append(Rows(coefficient, y, X, history.dt))
+            out.append(Rows(coefficient, y, X, history.dt, history.maneuver))
         return out
 
     @property

@@ -35,6 +35,10 @@ MIN_FREQUENCIES: Final = 4  #: in the band of a record that is used
 WEIGHT_ROUNDS: Final = 3  #: alternations of estimates and residual variances
 MAX_ITERATIONS: Final = 8  #: of Gauss-Newton
 STEP_TOLERANCE: Final = 1e-3  #: in `Equations.scales`
+AR_ORDER: Final = 4  #: of the errors of an equation under feedback: those of one span of smoothing
+DETERMINED: Final = (
+    0.05  #: of the width of the bounds, within which forces tell a number that moments then take over
+)
 ZERO_COLUMN: Final = 1e-9  #: norm, of the largest column's, below which a column counts as zero
 
 
@@ -146,6 +150,7 @@ class Rows:
     y: FloatArray  #: response (m,)
     X: FloatArray  #: regressors of all k parameters (m, k); zero columns for those that the equation lacks
     dt: float  #: s, sample period of the record
+    maneuver: int = 0  #: of which the stretch is; -1 for a row of all of them
 
     @property
     def used(self) -> BoolArray:
@@ -158,7 +163,25 @@ class Rows:
         X = both[:, 1:]
         if not domain.keeps_constants:
             X[:, np.linalg.norm(X, axis=0) <= ZERO_COLUMN * np.linalg.norm(self.X, axis=0)] = 0.0
-        return Rows(self.equation, both[:, 0], X, self.dt)
+        return replace(self, y=both[:, 0], X=X)
+
+    def filtered(self, coefficients: FloatArray) -> Rows:
+        """Return the rows less what the rows before predict with the coefficients (order,) of an autoregression.
+
+        The first rows, which have too few before them, are left out.
+        """
+        from scipy.signal import lfilter
+
+        order, taps = len(coefficients), np.concatenate([[1.0], -coefficients])
+        both = lfilter(taps, [1.0], np.column_stack([self.y, self.X]), axis=0)[order:]
+        return Rows(self.equation, both[:, 0], both[:, 1:], self.dt)
+
+
+def autoregression(errors: Sequence[FloatArray], order: int = AR_ORDER) -> FloatArray:
+    """Return the coefficients (order,) that predict errors (m,) of each stretch from those before, by least squares."""
+    past = [np.column_stack([v[order - j : len(v) - j] for j in range(1, order + 1)]) for v in errors]
+    now = np.concatenate([v[order:] for v in errors])
+    return np.asarray(np.linalg.lstsq(np.concatenate(past), now, rcond=None)[0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,7 +212,8 @@ class Estimates:
             stretch = self.rows[first : first + count]
             residual = [(r.y - r.X @ self.values) / self.sigma[r.equation] for r in stretch]
             jacobian = [r.X / self.sigma[r.equation] for r in stretch]
-            out.append(PieceEvidence(np.stack(residual, axis=1), np.stack(jacobian, axis=1)))
+            piece = PieceEvidence(np.stack(residual, axis=1), np.stack(jacobian, axis=1))
+            out.append(replace(piece, maneuver=stretch[0].maneuver))
         return tuple(out)
 
 
@@ -210,6 +234,10 @@ class Equations(ABC):
     @abstractmethod
     def rows(self, values: FloatArray) -> list[Rows]:
         """Return the rows of all samples, linearized about values (k,), SI."""
+
+    def solved(self, rows: Sequence[Rows], priors: Priors, _: FloatArray) -> Estimates:
+        """Return the estimates from rows in their domain, linearized about values (k,)."""
+        return solve(rows, priors)
 
     @property
     def constants(self) -> dict[str, int]:
@@ -274,7 +302,7 @@ def _gauss_newton(equations: Equations, domain: Domain, bounded: bool) -> Estima
         rows = [t for r in samples if (t := r.transformed(domain)).y.size]
         if not rows:
             return None
-        found = solve(rows, priors)
+        found = equations.solved(rows, priors, values)
         before, values = values, found.values
         if not np.isfinite(values).all():
             return None
@@ -301,7 +329,10 @@ def _with_constants(
             values = np.clip(values, priors.lower, priors.upper)
             # noise of the mean itself is white noise's: the slow part of it is in the residual of the band
             weight = sigma / float(np.std(left) / np.sqrt(len(y)))
-        means.append(Rows(equation, weight * np.mean(y)[None], weight * X.mean(axis=0)[None], own[0].dt))
+        mean = weight * np.mean(y)[None], weight * X.mean(axis=0)[None]
+        means.append(
+            Rows(equation, *mean, own[0].dt, own[0].maneuver if len({r.maneuver for r in own}) == 1 else -1)
+        )
     rows = (*found.rows, *means)
     return replace(found, values=values, rows=rows, covariance=_covariance(rows, spread, found.sigma))
 
@@ -314,7 +345,7 @@ def solve(rows: Sequence[Rows], priors: Priors) -> Estimates:
         triangle = np.asarray(np.linalg.qr(np.column_stack([r.X[:, own], r.y]), mode="r"))
         X = np.zeros((len(triangle), r.X.shape[1]))
         X[:, own] = triangle[:, :-1]
-        reduced.append(Rows(r.equation, triangle[:, -1], X, r.dt))
+        reduced.append(replace(r, y=triangle[:, -1], X=X))
     of = {name: [r for r in rows if r.equation == name] for name in dict.fromkeys(r.equation for r in rows)}
     floor = {c: max(1e-9 * max(float(np.max(np.abs(r.y))) for r in own), 1e-12) for c, own in of.items()}
     sigma = {c: float(np.std(np.concatenate([r.y for r in own]))) for c, own in of.items()}

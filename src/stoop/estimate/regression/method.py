@@ -30,7 +30,7 @@ from stoop.estimate.shooting_windows import outputs_by_window
 from stoop.flight import Flight
 from stoop.optimize.ledger import Evaluations, Halt
 from stoop.problem import Layout, Misfit, Weights, on_circle
-from stoop.problem.evidence import Evidence, PieceEvidence, prior_information, unknowns_of
+from stoop.problem.evidence import Evidence, prior_information, unknowns_of
 from stoop.problem.observation import observation_model
 from stoop.problem.windows import Window
 from stoop.vehicle import Vehicle
@@ -102,7 +102,7 @@ def _evidence(
     for own in found.evidence:
         jacobian = np.zeros((*own.residual.shape, len(unknowns)))
         jacobian[:, :, places] = own.jacobian
-        pieces.append(PieceEvidence(own.residual, jacobian))
+        pieces.append(replace(own, jacobian=jacobian))
     return Evidence(unknowns, tuple(pieces), prior, white=not domain.colored)
 
 

@@ -3,7 +3,11 @@
 The measured motion goes into the vehicle's own equations sample by sample, commands through the delay and lag of the
 rotors, and angular accelerations and specific forces come out. They are linear in most coefficients of thrust, torque
 and drag; arms, inertia, lag, delay, wind and factors make them mildly nonlinear, so the regression is iterated
-(Gauss-Newton). Nothing is integrated, and no start is too far away.
+(Gauss-Newton). No equation of motion is integrated, and no start is too far away.
+
+Newton's and Euler's equations need rates and specific force. A log without velocity is taken to stand in still air, one
+without attitude to turn as its rates say, so what depends on them (drag, thrust lost in a climb) keeps its value where
+nothing measures it, and thrust, lag and inertia come from gyros, accelerometers and commands alone.
 
 Axes: k = sample, i = acceleration (p', q', r', ax, ay, az), j = unknown.
 """
@@ -20,11 +24,23 @@ from scipy.interpolate import CubicSpline
 
 from stoop.base.arrays import FloatArray, runs
 from stoop.base.notices import Notice, notice
-from stoop.base.variables import RATES, SPECIFIC_FORCE
-from stoop.estimate.regression.least_squares import Domain, Equations, Estimates, Rows, r_squared
+from stoop.base.variables import EULER, RATES, SPECIFIC_FORCE
+from stoop.estimate.regression.least_squares import (
+    AR_ORDER,
+    DETERMINED,
+    WEIGHT_ROUNDS,
+    Domain,
+    Equations,
+    Estimates,
+    Priors,
+    Rows,
+    autoregression,
+    r_squared,
+    solve,
+)
 from stoop.flight.flight import MIN_SEGMENT
 from stoop.problem import Layout, Nuisance, Piece
-from stoop.problem.observation import through_air, true_value
+from stoop.problem.observation import integrated_attitude, through_air, true_value
 from stoop.simulation import parameter_rows
 from stoop.simulation.delays import at_samples, first_order_lag, late_inputs
 from stoop.simulation.initial import commanded, initial_states, rigid_states
@@ -35,8 +51,14 @@ STEP: Final = 1e-5  #: of finite differences, in widths of the bounds or scales 
 MOMENTS: Final = ("roll", "pitch", "yaw")
 ACCELERATIONS: Final = (*MOMENTS, "forward", "sideways", "vertical")  #: equations, in the order of i
 MIN_R2: Final = 0.25  #: of a moment; below, the recorded commands show only how noise attenuates estimates
+THRUST_LAW: Final = tuple(
+    f"rotors.{n}"
+    for n in (
+        "T0", "T1", "T2", "inflow", "translational", "lag", "delay", "gain", "idle", "nominal_voltage"
+    )
+)  #: what the vertical force tells of all rotors alike  # fmt: skip
 _LAGGED: Final = tuple(f"rotors.{n}" for n in ("lag", "delay", "gain", "idle", "nominal_voltage"))
-_MOTION: Final = (*WIND, *RATES, "phi", "theta", "psi")
+_MOTION: Final = (*WIND, *RATES, *EULER)
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +68,9 @@ class Stretch:
     piece: Piece
     samples: slice
     measured: FloatArray  #: (n, i), rad/s2 and m/s2
+    motion: Mapping[
+        str, FloatArray
+    ]  #: readings (n,) of velocity, rates and attitude; assumed where not recorded
 
     def modeled(
         self, vehicle: Vehicle, rows: FloatArray, cache: dict[bytes, FloatArray] | None = None
@@ -54,15 +79,14 @@ class Stretch:
 
         Kernel parameters `rows` (n_p, 1) contain biases and wind; `cache` holds lagged commands computed before.
         """
-        piece, motion = self.piece, {}
+        piece = self.piece
         late = at_samples(vehicle, late_inputs(vehicle, piece.inputs, rows, piece.dt))
         inputs = np.ascontiguousarray(late.T[:, self.samples])
         every = np.repeat(rows, inputs.shape[1], axis=1)
-        for channel in _MOTION:  # biases removed, relative to the wind
-            reading = piece.measured[self.samples, vehicle.outputs.index(channel)]
-            motion[channel] = true_value(vehicle, channel, reading, rows[:, 0])
-        down = piece.measured[self.samples, vehicle.outputs.index("vd")]
-        height = float(piece.start.get("h", 0.0)) - cumulative_trapezoid(down, dx=piece.dt, initial=0)
+        # biases removed, relative to the wind
+        motion = {c: true_value(vehicle, c, y, rows[:, 0]) for c, y in self.motion.items()}
+        climbed = cumulative_trapezoid(self.motion["vd"], dx=piece.dt, initial=0)
+        height = float(piece.start.get("h", 0.0)) - climbed
         rigid = rigid_states(through_air(motion) | {"h": height})
         states = initial_states(vehicle, {}, every, inputs, rigid)
         for i, name in enumerate(vehicle.states):
@@ -78,18 +102,24 @@ class Stretch:
 
 
 def stretches(vehicle: Vehicle, piece: Piece) -> list[Stretch]:
-    """Return the stretches of a piece in which the whole motion was measured, with its accelerations."""
-    needed = [vehicle.outputs.index(c) for c in (*_MOTION, *SPECIFIC_FORCE)]
+    """Return the stretches of a piece in which all that was recorded of the motion is there, with its accelerations.
+
+    Without rates or specific force there are none; velocity and attitude may be missing altogether.
+    """
+    readings = dict(zip(vehicle.outputs, piece.measured.T, strict=True))
+    assumed = {c: np.zeros(len(piece.time)) for c in _MOTION if not np.isfinite(readings[c]).any()}
+    assumed |= integrated_attitude(vehicle, piece.start, readings, piece.dt)
+    needed = {c for c in _MOTION if c not in assumed} | {*RATES, *SPECIFIC_FORCE}
     shortest = max(8, round(MIN_SEGMENT / piece.dt))
     out = []
-    for start, stop in runs(np.asarray(np.isfinite(piece.measured[:, needed]).all(axis=1))):
+    complete = np.asarray(np.isfinite([readings[c] for c in needed]).all(axis=0))
+    for start, stop in runs(complete):
         if stop - start >= shortest:
             run = slice(int(start), int(stop))
-            time = piece.time[run]
-            rates = [piece.measured[run, vehicle.outputs.index(c)] for c in RATES]
-            angular = [CubicSpline(time, rate)(time, 1) for rate in rates]
-            felt = [piece.measured[run, vehicle.outputs.index(c)] for c in SPECIFIC_FORCE]
-            out.append(Stretch(piece, run, np.array([*angular, *felt]).T))
+            motion = {c: (readings | assumed)[c][run] for c in _MOTION}
+            angular = [CubicSpline(piece.time[run], motion[c])(piece.time[run], 1) for c in RATES]
+            felt = [readings[c][run] for c in SPECIFIC_FORCE]
+            out.append(Stretch(piece, run, np.array([*angular, *felt]).T, motion))
     return out
 
 
@@ -129,8 +159,7 @@ class RotorEquations(Equations):
     linear = False
     explanations: ClassVar[Mapping[str, str]] = {"time": "equation-error-rotors"}
     needed = (
-        "velocity over ground, rates, attitude and accelerations must be measured together for some seconds; use "
-        "--method multiple-shooting"
+        "rates and accelerations must be measured together for some seconds; use --method multiple-shooting"
     )
 
     @classmethod
@@ -175,24 +204,94 @@ class RotorEquations(Equations):
                 slopes[:, :, j] = (stretch.modeled(vehicle, rows, cache) - modeled) / step
             y = stretch.measured - modeled + slopes @ values
             out += [
-                Rows(name, y[:, i], slopes[:, i], stretch.piece.dt)
+                Rows(name, y[:, i], slopes[:, i], stretch.piece.dt, stretch.piece.maneuver)
                 for i, name in enumerate(ACCELERATIONS)
                 if name in self.equations
             ]
         return out
 
+    def solved(self, rows: Sequence[Rows], priors: Priors, values: FloatArray) -> Estimates:
+        """Return the estimates: thrust from the forces first, what moments alone tell then.
+
+        A vehicle on rotors flies by its rate loop alone, so what disturbs a moment also moves the commands, and ordinary least
+        squares attributes it to them. The errors of the moments are therefore taken for an autoregression, with which least
+        squares are consistent under feedback as well.
+        """
+        found = solve(self._thrust_first(rows, priors, values), priors)
+        for _ in range(WEIGHT_ROUNDS):
+            white = self._whitened(rows, found.values)
+            found = solve(self._thrust_first(white, priors, values), priors)
+        return found
+
+    def _whitened(self, rows: Sequence[Rows], values: FloatArray) -> list[Rows]:
+        """Return the rows, those of moments with errors at values (j,) that are white."""
+        taps = {n: np.zeros(AR_ORDER) for n in ACCELERATIONS}
+        for name in {r.equation for r in rows} & set(MOMENTS):
+            taps[name] = autoregression([r.y - r.X @ values for r in rows if r.equation == name])
+        return [r.filtered(taps[r.equation]) for r in rows]
+
+    def _thrust_first(self, rows: Sequence[Rows], priors: Priors, values: FloatArray) -> list[Rows]:
+        """Return the rows, without what moments tell of the thrust law where forces tell it.
+
+        Moments know thrust only over inertia, and lag and thrust from a closed loop. Where forces determine a direction of the
+        numbers of the thrust law, its columns in the moments are projected onto those of all other unknowns: moments then
+        follow it, uncertainty included, and do not move it (a "cut"; Plummer, "Cuts in Bayesian graphical models", Statistics
+        and Computing 25, 2015).
+        """
+        law = np.flatnonzero([n in THRUST_LAW for n in self._names])
+        forces = [r for r in rows if r.equation not in MOMENTS]
+        if not law.size or not forces or len(forces) == len(rows):
+            return list(rows)
+        alone = solve(forces, priors)
+        information = np.diag(1.0 / np.minimum(priors.sigma, 1e3 * self.scales) ** 2)
+        for r in forces:
+            information += r.X.T @ r.X / alone.sigma[r.equation] ** 2
+        covariance = np.linalg.inv(information * np.outer(self.scales, self.scales))[np.ix_(law, law)]
+        variances, vectors = np.linalg.eigh(covariance)
+        known = np.zeros((len(values), int(np.sum(variances < DETERMINED**2))))
+        known[law] = vectors[:, variances < DETERMINED**2]
+        if not known.size:
+            return list(rows)
+        others = np.linalg.svd(known)[0][:, known.shape[1] :]
+        moments = [r for r in rows if r.equation in MOMENTS]
+        scaled = (
+            np.concatenate([r.X / (np.std(r.y - r.X @ alone.values) or 1.0) for r in moments]) * self.scales
+        )
+        follow = np.linalg.lstsq(scaled @ others, scaled @ known, rcond=None)[0]
+        turn = others @ (others.T + follow @ known.T) * self.scales[:, None] / self.scales
+        cut = [replace(r, X=r.X @ turn, y=r.y + r.X @ (turn @ values - values)) for r in moments]
+        rest = iter(cut)
+        return [next(rest) if r.equation in MOMENTS else r for r in rows]
+
+    @property
+    def _names(self) -> list[str]:
+        """The unknowns' names, in the order of j."""
+        return [*(p.name for p in self.layout.parameters), *(b.name for b in self.biases)]
+
     def reviewed(self, found: Estimates, domain: Domain) -> tuple[Estimates, RotorEquations]:
         """Return the estimates with R2 of each acceleration, and the equations without moments that commands do not explain.
 
-        The linearized rows cannot give R2: their response contains the model where it was linearized.
+        The linearized rows cannot give R2: their response contains the model where it was linearized. R2 of a moment is that of
+        its samples or, if larger, of its innovations: slow disturbances, which the rate loop takes up, are not held against it.
         """
-        measured, errors = [], []
+        rows, r2 = [], {}
         for s in self.stretches:
             modeled = s.modeled(self.layout.vehicle, self.kernel_parameters(s.piece, found.values))
-            measured.append(domain.rows(s.measured, s.piece.dt))
-            errors.append(domain.rows(s.measured - modeled, s.piece.dt))
-        y, v = np.concatenate(measured), np.concatenate(errors)
-        r2 = {n: r_squared(y[:, i], v[:, i]) for i, n in enumerate(ACCELERATIONS) if n in self.equations}
+            y, x = (domain.rows(signals, s.piece.dt) for signals in (s.measured, modeled))
+            rows += [
+                Rows(name, y[:, i], x[:, i : i + 1], s.piece.dt)
+                for i, name in enumerate(ACCELERATIONS)
+                if name in self.equations and len(y)
+            ]
+        of_errors, of_response = self._whitened(rows, np.ones(1)), self._whitened(rows, np.zeros(1))
+        for name in self.equations:
+            own, innovations, alone = (
+                np.concatenate([np.column_stack([r.y, r.X]) for r in each if r.equation == name])
+                for each in (rows, of_errors, of_response)
+            )
+            r2[name] = r_squared(own[:, 0], own[:, 0] - own[:, 1])
+            if name in MOMENTS and np.cov(alone.T)[0, 1] > 0.0:  # commands turn it that way at all
+                r2[name] = max(r2[name], r_squared(alone[:, 0], innovations[:, 0] - innovations[:, 1]))
         kept = tuple(n for n in ACCELERATIONS if n not in MOMENTS or r2.get(n, 1.0) > MIN_R2)
         return replace(found, r2=r2), self if kept == self.equations else replace(self, equations=kept)
 

@@ -1,0 +1,205 @@
+r"""Whether maneuvers (or flights) disagree by more than the color of their residuals explains, and by how much more.
+
+A model that is not perfect is a little wrong in the same way throughout a maneuver, and in another way in the next one: the
+scores of maneuvers, s_g = S_g' r_g, then scatter more than stationary noise makes them. To first order each maneuver moves the
+estimate of a parameter j by
+
+.. math:: u_{gj} = (D^{-1} s_g)_j, \qquad \textstyle\sum_g u_{gj} = 0.
+
+The sum of the squares of these moves is the sandwich covariance clustered by maneuver. With few maneuvers it is small, because
+each maneuver takes part in the fit, and it knows little. Both are counted exactly under the color of the residuals: with K_j
+the covariance (G, G) of the moves of G clusters under that noise,
+
+.. math:: t_j^2 = \sum_g u_{gj}^2 / \mathrm{tr} K_j, \qquad \nu_j = (\mathrm{tr} K_j)^2 / \mathrm{tr} K_j^2
+
+is the ratio of the variance found to the one expected, on as many degrees of freedom (Bell and McCaffrey; Satterthwaite).
+From two to eight maneuvers give a parameter one to seven of them, too few by itself, but a fit has many parameters. Their ratios
+are taken as draws from one population, t_j^2 / s^2 ~ F(nu_j, d): s^2 is the excess that they have in common, and a large d means
+that it is the same for all of them. A parameter's own ratio is then moderated by that of the others,
+
+.. math:: (d s^2 + \nu_j t_j^2) / (d + \nu_j),
+
+on d + nu_j degrees of freedom (Smyth). The half width of the 95 % interval is averaged over what the ratios leave open of s and
+d, and over whether the model is right (a chance of 0.3 beforehand). A variance is never reduced: a ratio below
+1 is chance. A parameter that one maneuver alone determines is widened by what the others have in common. The part of a variance
+that is the priors' is not widened.
+
+References
+----------
+R. M. Bell and D. F. McCaffrey, "Bias reduction in standard errors for linear regression with multi-stage samples", *Survey
+Methodology* 28(2), 2002, pp. 169-181.
+G. K. Smyth, "Linear models and empirical Bayes methods for assessing differential expression in microarray experiments",
+*Statistical Applications in Genetics and Molecular Biology* 3(1), 2004, article 3, section 3 to 6.
+R. T. Birge, "The calculation of errors by the method of least squares", *Physical Review* 40, 1932, pp. 207-227.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from scipy import stats
+
+from stoop.assessment.covariance import NORMAL_95, ColoredNoise, Coloring
+from stoop.base.arrays import BoolArray, FloatArray
+from stoop.problem.evidence import PieceEvidence
+
+
+@dataclass(frozen=True)
+class ClusterLimits:
+    """Thresholds and grids of the comparison of clusters; verified by ``stoop verify misspecified``."""
+
+    #: of a parameter's variance that the moves of the clusters are expected to show; below it one cluster alone
+    #: determines the parameter
+    min_share: float = 0.1
+    max_prior: float = (
+        0.5  #: of a parameter's variance, of the priors: the maneuvers cannot disagree about those
+    )
+    #: grid of the degrees of freedom d of the population; infinite: the same excess for all parameters
+    degrees: tuple[float, ...] = (1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0, 24.0, 32.0, 64.0, np.inf)
+    excess: tuple[float, float, int] = (-2.3, 4.6, 70)  #: grid of log s^2
+    #: standard deviation of log s^2 before any maneuver was seen: what a fit of few parameters leans on
+    prior: float = 2.0
+    #: probability, before any maneuver was seen, that the model is right: no excess in any parameter
+    right: float = 0.3
+
+
+LIMITS: Final = ClusterLimits()
+
+
+@dataclass(frozen=True, eq=False)
+class Moves:
+    """Squares of the moves of k parameters over what colored noise makes of them, and what that is worth."""
+
+    ratio: FloatArray  #: (k,), t^2
+    degrees: FloatArray  #: (k,), nu; zero where one cluster alone determines the parameter
+    prior: FloatArray  #: (k,), share of the priors in the variance
+
+
+@dataclass(frozen=True, eq=False)
+class Scatter:
+    """By how much the disagreement of clusters widens the intervals of k parameters."""
+
+    clusters: int
+    compared: int  #: parameters that two clusters or more determine
+    excess: float  #: s, the factor on standard errors that parameters have in common; its geometric mean
+    stretch: (
+        FloatArray  #: (k,), factor on each standard error, at least 1: half width of the interval over 1.96
+    )
+
+
+def cluster_scatter(
+    coloring: Coloring, noise: ColoredNoise, labels: Sequence[Hashable], count: int
+) -> Scatter | None:
+    """Return the scatter of the first `count` unknowns between clusters of segments.
+
+    `labels` names the cluster of each segment. None where there is one cluster, or no parameter that two determine.
+    """
+    names = list(dict.fromkeys(labels))
+    if len(names) < 2 or not count:
+        return None
+    moves = cluster_moves(coloring, noise, [names.index(label) for label in labels], count)
+    if not moves.degrees.any():
+        return None
+    return moderated_scatter(moves, len(names))
+
+
+def cluster_moves(coloring: Coloring, noise: ColoredNoise, cluster_of: Sequence[int], count: int) -> Moves:
+    """Return the moves of the first `count` unknowns by clusters; `cluster_of` each segment, from 0 to G - 1.
+
+    What one cluster alone sees (its initial states and biases) has no score together with its prior: the fit made it zero.
+    """
+    inverse, clusters, total = coloring.inverse, max(cluster_of) + 1, coloring.middles(noise)
+    direction = inverse.factor[:count].T  # (r, j): rows of the inverse, in coordinates of unit information
+    row = inverse.factor @ direction  # (k, j)
+    score = np.zeros((clusters, len(row)))
+    seen = np.zeros((clusters, *row.shape))  # information of a cluster times the rows
+    noisy = np.zeros((clusters, *direction.shape))  # covariance of its score times the rows
+    priors = coloring.prior
+    parts = zip(coloring.segments, coloring.blocks, total, cluster_of, strict=True)
+    for segment, block, middle, g in parts:
+        for residual, jacobian in _rows(segment):
+            score[g] += jacobian.T @ residual
+            seen[g] += jacobian.T @ (jacobian @ row)
+        noisy[g] += block.basis.T @ (middle @ (block.basis @ direction))
+        if segment.gaps is not None and segment.gap_jacobian is not None:
+            gaps = segment.gap_jacobian.reshape(-1, len(row))
+            noisy[g] += inverse.factor.T @ (gaps.T @ (gaps @ row))
+            priors = priors - gaps.T @ gaps
+    for g, own in enumerate(_own_unknowns(coloring, cluster_of, clusters)):
+        score[g, own] = 0.0
+        prior = priors[np.ix_(own, own)] @ row[own]
+        seen[g, own] += prior
+        noisy[g] += inverse.factor[own].T @ prior
+    answer = np.einsum("kr,gkj->jgr", inverse.factor, seen)  # of a cluster's score to the scores of all
+    crossed = np.einsum("jgr,hrj->jgh", answer, noisy)
+    covariance = answer @ coloring.spread(total) @ answer.transpose(0, 2, 1)
+    covariance -= crossed + crossed.transpose(0, 2, 1)
+    each = np.arange(clusters)
+    covariance[:, each, each] += np.einsum("rj,grj->jg", direction, noisy)
+    expected = np.einsum("jgg->j", covariance)
+    squares = np.sum(covariance**2, axis=(1, 2))
+    variance = np.einsum("rj,rs,sj->j", direction, coloring.spread(total), direction)
+    known = np.einsum("kj,kl,lj->j", row, priors, row) / variance
+    told = inverse.determined[:count] & (known < LIMITS.max_prior) & (expected > LIMITS.min_share * variance)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio, degrees = np.sum((score @ row) ** 2, axis=0) / expected, expected**2 / squares
+    return Moves(
+        np.where(told, ratio, 1.0), np.where(told, degrees, 0.0), np.clip(np.nan_to_num(known), 0.0, 1.0)
+    )
+
+
+def _rows(segment: PieceEvidence) -> Iterator[tuple[FloatArray, FloatArray]]:
+    """Yield residuals (m,) and sensitivities (m, k) of the readings of a segment, then of the gaps between its windows."""
+    residual, jacobian = segment.filled()
+    yield residual.ravel(), jacobian.reshape(residual.size, -1)
+    if segment.gaps is not None and segment.gap_jacobian is not None:
+        yield segment.gaps.ravel(), segment.gap_jacobian.reshape(segment.gaps.size, -1)
+
+
+def _own_unknowns(coloring: Coloring, cluster_of: Sequence[int], clusters: int) -> BoolArray:
+    """Return which unknowns (G, k) a cluster alone sees."""
+    sees = np.zeros((clusters, len(coloring.prior)), dtype=np.bool_)
+    for segment, g in zip(coloring.segments, cluster_of, strict=True):
+        sees[g] |= segment.filled()[1].any(axis=(0, 1))
+    return np.asarray(sees & (sees.sum(axis=0) == 1))
+
+
+def moderated_scatter(moves: Moves, clusters: int) -> Scatter:
+    """Return the scatter of clusters, each parameter's own ratio moderated by that of all."""
+    told = moves.degrees > 0.0
+    degrees, logs = np.array(LIMITS.degrees), np.linspace(*LIMITS.excess)
+    weights, right = _weights(moves.ratio[told], moves.degrees[told], degrees, logs)
+    widths = np.full(len(told), right)
+    for d, row in zip(degrees, weights, strict=True):
+        share = 0.0 if np.isinf(d) else moves.degrees / (d + moves.degrees)  # of a parameter's own ratio
+        quantile = stats.t.ppf(0.975, d + moves.degrees) / NORMAL_95
+        variances = (1.0 - share) * np.exp(logs)[:, None] + share * moves.ratio
+        widths += row @ np.sqrt(np.maximum(variances, 1.0)) * quantile
+    excess = float(np.exp(0.5 * (weights.sum(axis=0) @ logs)))  # a right model has a logarithm of zero
+    stretch = np.sqrt(moves.prior + (1.0 - moves.prior) * widths**2)
+    return Scatter(clusters, int(told.sum()), excess, stretch)
+
+
+def _weights(
+    ratio: FloatArray, own: FloatArray, degrees: FloatArray, logs: FloatArray
+) -> tuple[FloatArray, float]:
+    """Return how probable each excess (s,) and degrees of freedom (d,) are given t^2 and nu (j,): (d, s), and a right model."""
+    ratio = np.maximum(ratio, np.finfo(np.float64).tiny)
+    scaled = ratio / np.exp(logs)[:, None]
+
+    def chances(values: FloatArray, d: float) -> FloatArray:
+        if np.isinf(d):
+            return np.asarray(np.sum(stats.chi2.logpdf(own * values, own) + np.log(own), axis=-1))
+        return np.asarray(np.sum(stats.f.logpdf(values, own, d), axis=-1))
+
+    likelihood = np.array([chances(scaled, d) - len(ratio) * logs for d in degrees])
+    right = float(chances(ratio, np.inf))
+    top = max(float(likelihood.max()), right)
+    prior = np.exp(-0.5 * (logs / LIMITS.prior) ** 2)
+    weights = (1.0 - LIMITS.right) * prior / prior.sum() / len(degrees) * np.exp(likelihood - top)
+    chance = LIMITS.right * float(np.exp(right - top))
+    total = float(weights.sum()) + chance
+    return weights / total, chance / total

@@ -1,0 +1,139 @@
+"""Gusts seen by air data and inertial sensors alone, and the method that they choose."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from stoop.base.notices import notice
+from stoop.errors import IdentificationError
+from stoop.estimate import methods
+from stoop.estimate.filter_error import FilterError
+from stoop.estimate.fit import Options
+from stoop.estimate.gusts import LIMITS, exceed_sensors, gust_levels, unexplained, with_turbulence
+from stoop.estimate.methods import MethodChoice, choose_method
+from stoop.problem.windows import Window
+from stoop.simulation.fly import simulate_flight
+from stoop.simulation.maneuver import parse_maneuver
+from stoop.vehicle import parse_vehicle
+from stoop.vehicle.builtin import resolve_vehicle
+
+from .conftest import MANEUVER
+
+WINDOWS = (Window("sim", 0.0, 15.0),)
+GUSTS = "\n[turbulence]\n" + "".join(f"{a} = {{{{ intensity = {{0}}, length = 150.0 }}}}\n" for a in "uvw")
+
+
+def flown(intensity=0.0, numbers=(), seed=1):
+    text = resolve_vehicle("twin-boom").text + (GUSTS.format(intensity) if intensity else "")
+    if numbers:
+        text += "\n[sensors]\nalpha = { scale = 1.15 }\n"
+    vehicle = parse_vehicle(text, "truth").with_numbers({n: {"value": v} for n, v in dict(numbers).items()})
+    return {"sim": simulate_flight(vehicle, parse_maneuver(MANEUVER, "test"), seed=seed, name="sim")}
+
+
+def levels(flights):
+    return gust_levels(resolve_vehicle("twin-boom"), flights, WINDOWS)
+
+
+ERRORS = {
+    "sensors.alpha.bias": 0.03, "sensors.beta.bias": -0.02, "sensors.ax.bias": 0.3,
+    "sensors.az.bias": -0.3, "sensors.q.bias": 0.02, "sensors.theta.bias": 0.02,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("numbers", [{}, ERRORS])
+def test_calm_air_shows_no_gusts_whatever_the_sensors_are_off(numbers):
+    found = levels(flown(numbers=numbers))
+    assert np.all(found < 0.1)
+    assert not exceed_sensors(resolve_vehicle("twin-boom"), found)
+
+
+def test_gusts_show_in_proportion():
+    """What drifts over a window is left out, so the level is below the intensity; it grows with it."""
+    weak, strong = levels(flown(1.0)), levels(flown(2.0))
+    assert np.all((strong > 0.3) & (strong < 2.0))
+    assert strong == pytest.approx(2.0 * weak, rel=0.35)
+    assert exceed_sensors(resolve_vehicle("twin-boom"), weak)
+
+
+def test_without_a_vane_nothing_is_known():
+    flight = flown(2.0)["sim"]
+    blind = {"sim": replace(flight, data=flight.data.drop_vars("beta"))}
+    assert np.isnan(levels(blind)).all()
+    sources = {"alpha": SimpleNamespace(source="reconstructed", rate=50.0)}
+    assert np.isnan(levels({"sim": replace(flight, sources=sources)})).all()
+    assert choose_method("", resolve_vehicle("twin-boom"), blind.values(), WINDOWS) == MethodChoice(
+        "output-error"
+    )
+
+
+def test_gusts_choose_the_filter_and_who_names_another_is_warned():
+    vehicle, flights = resolve_vehicle("twin-boom"), flown(2.0)
+    found = choose_method("", vehicle, flights.values(), WINDOWS)
+    assert (found.name, found.instead) == ("filter-error", "output-error")
+    assert [n.code for n in found.notices] == ["gusts-filtered"]
+    for name in ("output-error", "multiple-shooting"):
+        named = choose_method(name, vehicle, flights.values(), WINDOWS)
+        assert (named.name, named.instead) == (name, "")
+        assert [(n.code, n.severity) for n in named.notices] == [("gusts-ignored", "warning")]
+    for name in ("filter-error", "equation-error"):
+        assert choose_method(name, vehicle, flights.values(), WINDOWS) == MethodChoice(name)
+    delay = "\n[sensors]\nalpha = { delay = { value = 0.02, free = true, bounds = [0.0, 0.1] } }\n"
+    late = choose_method("", parse_vehicle(vehicle.text + delay, "late"), flights.values(), WINDOWS)
+    assert (late.name, [n.code for n in late.notices]) == ("output-error", ["gusts-ignored"])
+
+
+def test_a_table_of_the_file_is_kept_and_a_reduced_model_has_its_own_axes(gusty):
+    assert with_turbulence(gusty) is gusty
+    plain = resolve_vehicle("twin-boom")
+    assert with_turbulence(plain).gusts == ("u", "v", "w")
+    short = with_turbulence(plain.reduced("longitudinal"))
+    assert short.gusts == ("u", "w")
+    free = {p.name for p in short.parameters if p.free and p.name.startswith("turbulence")}
+    assert free == {"turbulence.u.intensity", "turbulence.w.intensity"}
+
+
+@pytest.mark.parametrize(
+    ("status", "correlation", "codes"),
+    [
+        ("converged", 0.0, []),
+        ("interrupted", 0.9, []),
+        ("converged", LIMITS.correlation + 0.01, ["gusts-not-explained"]),
+        ("generations", 0.0, ["gusts-not-explained"]),
+    ],
+)
+def test_white_innovations_of_a_converged_fit_are_asked_for(status, correlation, codes):
+    fit = SimpleNamespace(
+        outcome=SimpleNamespace(status=status),
+        notices=(notice("innovation-correlation", correlation=correlation),),
+    )
+    assert [n.code for n in unexplained(fit, "filter-error", "output-error")] == codes
+
+
+def test_the_filter_is_taken_with_gusts_that_the_file_does_not_know(gusty_start, gusty_flight):
+    start = replace(gusty_start, file=gusty_start.file.model_copy(update={"turbulence": None}))
+    flights = {"sim": gusty_flight}
+    choice = choose_method("", start, flights.values(), WINDOWS)
+    method, found = choice.fit(start, flights, WINDOWS, Options())
+    assert method == "filter-error"
+    assert found.notices[0].code == "gusts-filtered"
+    assert found.estimates["turbulence.w.intensity"] == pytest.approx(1.2, rel=0.7)
+    for name in ("CLalpha", "Cmalpha", "Cmelevator"):
+        assert found.estimates[name] == pytest.approx(resolve_vehicle("twin-boom").value(name), rel=0.1)
+
+
+def test_a_filter_that_diverges_is_replaced(gusty_start, gusty_flight, monkeypatch):
+    def refuse(*arguments):
+        raise IdentificationError("the filter diverges from every start")
+
+    monkeypatch.setattr(FilterError, "__call__", refuse)
+    flights = {"sim": gusty_flight}
+    fixed = gusty_start.with_numbers({f"turbulence.{a}.intensity": {"free": False} for a in "uw"})
+    method, found = MethodChoice("filter-error", (), "output-error").fit(fixed, flights, WINDOWS, Options())
+    assert method == "output-error"
+    assert [n.code for n in found.notices] == ["filter-diverges"]
+    assert methods.find(method).simulates

@@ -1,0 +1,140 @@
+"""Responses of residuals to extensions, against differences of the residuals of a vehicle that has the extension."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from stoop.base.arrays import FloatArray
+from stoop.estimate.filter_error import with_gusts
+from stoop.estimate.filter_gains import Noise, Steady, Varying, first_guess
+from stoop.estimate.filter_likelihood import FrozenFilter, Likelihood
+from stoop.estimate.fit import DEFAULTS, LocalProblem, estimation_problem
+from stoop.estimate.linearization import undelayed
+from stoop.estimate.multiple_shooting import FollowingWindows
+from stoop.estimate.response import Responses
+from stoop.estimate.shooting_problem import ShootingProblem
+from stoop.problem import Misfit
+from stoop.problem.windows import Window
+from stoop.simulation.fly import simulate_flight
+from stoop.simulation.maneuver import parse_maneuver
+from stoop.vehicle import Vehicle, parse_vehicle
+from stoop.vehicle.builtin import resolve_vehicle
+from stoop.vehicle.document import with_entries
+
+GUSTS = """
+[turbulence]
+u = { intensity = { value = 0.5, free = true, bounds = [0.05, 6.0] }, length = 200.0 }
+w = { intensity = { value = 0.5, free = true, bounds = [0.05, 6.0] }, length = 100.0 }
+"""
+WING = """
+duration = 6.0
+rate = 50.0
+[[input]]
+control = "elevator"
+shape = "3-2-1-1"
+start = 1.0
+step = 0.3
+amplitude = 0.06
+"""
+ROTORS = """
+duration = 4.0
+rate = 100.0
+[[input]]
+control = "roll"
+shape = "doublet"
+start = 0.4
+step = 0.15
+amplitude = 8.0
+[[input]]
+control = "heave"
+shape = "doublet"
+start = 1.2
+step = 0.25
+amplitude = 2.0
+[[input]]
+control = "north"
+shape = "doublet"
+start = 2.0
+step = 0.7
+amplitude = 2.0
+"""
+
+
+def problem_of(vehicle: Vehicle, maneuver: str, noise: bool = True) -> Misfit:
+    flight = simulate_flight(vehicle, parse_maneuver(maneuver, "m"), seed=3, noise=noise, name="sim")
+    window = Window("sim", 0.0, float(flight.time[-1]))
+    return estimation_problem(vehicle, {"sim": flight}, [window], DEFAULTS)[0]
+
+
+def of_vehicle(problem: Misfit, vehicle: Vehicle) -> Misfit:
+    """Return the same problem of another vehicle with the same unknowns."""
+    layout = replace(problem.layout, vehicle=vehicle)
+    return replace(problem, layout=replace(layout, parameters=problem.layout.parameters))
+
+
+def difference(
+    local: LocalProblem, z: FloatArray, found: Responses, name: str
+) -> tuple[FloatArray, FloatArray]:
+    """Return the response (N,) of the readings of one piece, and the difference of all residuals."""
+    j = [one.name for one in found.extensions].index(name)
+    one = found.extensions[j]
+    vehicle = with_entries(local.problem.layout.vehicle, one.entries(one.value(one.step)))
+    other = replace(local, problem=of_vehicle(local.problem, vehicle))
+    wanted = (other.residuals(z[None], 0) - local.residuals(z[None], 0))[0] / one.step
+    return found.pieces[0][:, :, j].ravel(), wanted
+
+
+def error(found: FloatArray, wanted: FloatArray) -> float:
+    return float(np.linalg.norm(found - wanted) / np.linalg.norm(wanted))
+
+
+@pytest.mark.parametrize("gain", [Steady(), Varying()])
+def test_innovations_respond_as_the_frozen_filter_does(gain: Steady | Varying) -> None:
+    vehicle = parse_vehicle(resolve_vehicle("twin-boom").text + GUSTS, "gusty").reduced("longitudinal")
+    problem = with_gusts(problem_of(vehicle, WING))
+    holes = problem.pieces[0].measured.copy()
+    holes[100:140, 1] = np.nan
+    problem = replace(problem, pieces=(replace(problem.pieces[0], measured=holes),))
+    noise, shifted = Noise(vehicle, first_guess(vehicle, problem.pieces)), undelayed(problem)
+    z = np.concatenate([problem.layout.start, np.zeros(problem.extra)])
+    whole = np.concatenate([z, noise.start])
+    local = FrozenFilter.of(Likelihood.of(shifted, noise, gain, whole), whole)
+    found = local.responses(z)
+    for name in ("controls.elevator.delay", "Cmalphaq", "sensors.q.scale", "propulsion.pitch", "mass.mass"):
+        own, wanted = difference(local, z, found, name)
+        assert error(own, wanted[: own.size]) < 0.05
+
+
+def windows() -> tuple[FollowingWindows, FloatArray]:
+    """Return windows about their optimum, that of a flight without noise."""
+    vehicle = resolve_vehicle("quad-x")
+    text = vehicle.text.replace("lag = 0.05", "lag = { value = 0.05, free = true, bounds = [0.01, 0.2] }")
+    problem = problem_of(parse_vehicle(text, "quad"), ROTORS, noise=False)
+    shooting = replace(ShootingProblem.of(problem, 1.0), strictness=1.0)
+    z = np.concatenate([problem.layout.start, np.zeros(problem.extra)])
+    return FollowingWindows.of(shooting, shooting.iterate(z, [s.measured_nodes() for s in shooting.shots])), z
+
+
+def test_windows_respond_as_their_own_simulation_does() -> None:
+    """The windows' states are eliminated by a dense projection: the naive twin."""
+    local, z = windows()
+    found, base = local.responses(z), local.residuals(z[None], 0)[0]
+    shots, columns = local.shots[0], []
+    for w in range(1, shots.count):
+        for e in range(len(local.gap_weights)):
+            step = np.zeros((len(local.gap_weights), shots.count))
+            step[e, w] = 1e-5
+            moved = replace(local, nodes=(shots.perturbed(local.nodes[0], step),))
+            columns.append((moved.residuals(z[None], 0)[0] - base) / 1e-5)
+    count = found.pieces[0][:, :, 0].size + found.gaps[0][:, :, 0].size
+    by_state = np.linalg.qr(np.stack(columns, axis=1)[:count])[0]
+    for name in ("mass.mass", "mass.inertia.xx", "rotors.delay", "sensors.accelerometer_position.x", "sensors.q.scale",
+                 "sensors.attitude.delay", "body_drag.linear.x"):  # fmt: skip
+        own, wanted = difference(local, z, found, name)
+        wanted = wanted[:count] - by_state @ (by_state.T @ wanted[:count])
+        j = [one.name for one in found.extensions].index(name)
+        both = np.concatenate([own, found.gaps[0][:, :, j].ravel()])
+        assert error(both, wanted) < 0.05

@@ -1,0 +1,48 @@
+"""`--extend`: a missing lag is added if a held-back window confirms it, and a right model stays as it is."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from stoop.estimate.fit import Options
+from stoop.vehicle.builtin import resolve_vehicle
+from stoop.vehicle.document import with_entries
+from stoop.vehicle.load import load_vehicle
+from stoop.workflow.identification import identify
+from tests.unit.assessment.test_extensions import DURATION, STEPS, flights
+
+LAG = 0.04
+WINDOWS = [f"{name}@0:{DURATION}" for name in STEPS]
+
+
+@pytest.mark.parametrize("held_back", [True, False])
+def test_missing_lag_is_added(tmp_path: Path, held_back: bool) -> None:
+    base = resolve_vehicle("twin-boom")
+    truth = with_entries(base, {("controls", "aileron", "lag"): LAG})
+    flown = flights(truth, 5)
+    again = flights(truth, 7)["roll"]
+    other = type(again)(**{**vars(again), "name": "again"})
+    every = [*flown.values(), other]
+    validate = [f"again@0:{DURATION}"] if held_back else []
+    maneuvers = WINDOWS if held_back else [*WINDOWS, f"again@0:{DURATION}"]
+    job = identify(base, every, maneuvers, validate, Options(seed=1), extend=True)
+    kept = [n for n in job.notices if n.code.startswith("extension")]
+    assert kept[0].code == "extension-kept"
+    assert kept[0].subject in ("controls.aileron.lag", "controls.aileron.delay")
+    name = kept[0].subject
+    assert job.parameters[name].estimate == pytest.approx(LAG, rel=0.1)
+    assert not job.result.extensions.found
+    folder = job.save(tmp_path / "out")
+    assert name in {p.name for p in load_vehicle(folder / "vehicle.toml").parameters}
+    for key in ("Clp", "Claileron"):
+        one = job.parameters[key]
+        assert abs(one.estimate - truth.value(key)) < 4.0 * one.std_error
+
+
+def test_right_model_stays() -> None:
+    base = resolve_vehicle("twin-boom")
+    job = identify(base, list(flights(base, 5).values()), WINDOWS, (), Options(seed=1), extend=True)
+    assert not [n for n in job.notices if n.code.startswith("extension")]
+    assert job.vehicle.structure == base.structure
