@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import tomlkit
@@ -39,7 +40,7 @@ def inline(fields: Mapping[str, Any]) -> InlineTable:
 
 
 def with_entries(vehicle: Vehicle, entries: Mapping[tuple[str, ...], Any]) -> Vehicle:
-    """Return a vehicle whose file has further entries; numbers that were changed since it was read keep their change.
+    """Return a vehicle whose file has further entries; numbers and tables that were set since it was read are kept.
 
     Raises
     ------
@@ -53,6 +54,14 @@ def with_entries(vehicle: Vehicle, entries: Mapping[tuple[str, ...], Any]) -> Ve
     for keys, value in entries.items():
         write_entry(document, keys, value)
     extended = parse_vehicle(tomlkit.dumps(document), vehicle.where)
+    tables = {
+        n: getattr(vehicle.file, n)
+        for n in type(vehicle.file).model_fields
+        if getattr(extended.file, n) is None
+    }
+    extended = replace(
+        extended, file=extended.file.model_copy(update=tables)
+    )  # such as the gusts of a method
     if extended.reduce != vehicle.reduce:
         extended = extended.reduced(vehicle.reduce)
     written = {".".join(keys) for keys in entries} | {keys[-1] for keys in entries}

@@ -16,6 +16,7 @@ from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.vehicle.document import with_entries
+from stoop.vehicle.extensions import extended
 from stoop_studies.verify import scenes
 
 SECONDS = 16.0
@@ -95,3 +96,12 @@ def test_lag_is_named_in_gusts() -> None:
 @pytest.mark.slow
 def test_right_aircraft_lacks_nothing_in_gusts() -> None:
     assert tested_in_gusts(scenes.turbulent_aircraft(), ("pitch", "roll"), 1).found == ()
+
+
+def test_gusts_that_a_method_assumes_are_extended_with_the_vehicle() -> None:
+    """The table is set after the file was read, as the method of gusty flights does."""
+    vehicle = scenes.turbulent_aircraft()
+    assert "turbulence" not in vehicle.text
+    wider, _ = extended(vehicle)
+    assert wider.states == vehicle.states
+    assert set(vehicle.rows) <= set(wider.rows)
