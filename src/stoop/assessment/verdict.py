@@ -235,9 +235,13 @@ def _channels(result: Result) -> tuple[str, ...]:
 
 
 def _judging(result: Result) -> tuple[ManeuverResult, ...]:
-    """Return the maneuvers that judge: those held back, else those fitted."""
+    """Return the maneuvers that judge: those held back, else those fitted.
+
+    None of a filter's fitted ones: their curves are of the model alone, without the gusts that the filter found.
+    """
     held_back = tuple(m for m in result.maneuvers if m.role == "validation")
-    return held_back or result.maneuvers
+    filtered = any(found.code == "filter-error" for found in result.notices)
+    return held_back if held_back or filtered else result.maneuvers
 
 
 def _diverged(result: Result, channel: str, one: GoodnessOfFit) -> bool:

@@ -156,6 +156,14 @@ def test_a_use_needs_its_channels() -> None:
     assert verdict(result(maneuvers=calm), USES).grade == "trusted", "only noise is left"
 
 
+def test_curves_without_the_gusts_that_a_filter_found_judge_nothing() -> None:
+    fitted = (maneuver(0.0, "fit", p=LOST, V=LOST), maneuver(5.0, "fit", p=LOST, V=LOST))
+    assert verdict(result(maneuvers=fitted), USES).grade == "do not use"
+    gusty = verdict(result(maneuvers=fitted, notices=(notice("filter-error"),)), USES)
+    assert gusty.grade == "usable"
+    assert set(gusty.justified) == {use.name for use in USES}
+
+
 def test_what_was_not_excited_speaks_against_a_use() -> None:
     still = notice("control-still", "aileron", rms=0.001)
     found = verdict(result(notices=(still,)), USES)
