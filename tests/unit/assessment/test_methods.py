@@ -89,6 +89,7 @@ def test_bootstrap_and_profile_agree_with_the_corrected_errors(job: Job) -> None
         assert found[name].std_error == pytest.approx(corrected[name].std_error, rel=0.35)
 
 
+@pytest.mark.slow
 def test_the_posterior_agrees_with_the_corrected_errors(job: Job) -> None:
     uncertainty = job.assess(Posterior()).identification.result.uncertainty
     corrected, found = (uncertainty[m].parameters for m in ("corrected", "posterior"))
