@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import stoop
-from stoop.workflow import Job
+from stoop.workflow import Job, Posterior
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "vtail.toml"
 
@@ -78,3 +78,16 @@ def test_says_that_plain_cramer_rao_is_too_small(job: Job) -> None:
     ratios = [corrected[n].std_error / white[n].std_error for n in corrected]
     assert sorted(ratios)[len(ratios) // 2] > 2.0
     assert any("Cramer-Rao" in str(s) for s in job.identification.result.basis)
+
+
+@pytest.mark.slow
+def test_the_posterior_mixes(job: Job) -> None:
+    """48 parameters: R-hat at most 1.01, and widths within 1.5 of the corrected errors."""
+    uncertainty = job.assess(Posterior()).identification.result.uncertainty
+    found, corrected = (uncertainty[k] for k in ("posterior", "corrected"))
+    assert found.figures["rhat"] <= 1.01
+    assert min(found.figures["ess_bulk"], found.figures["ess_tail"]) >= 400.0
+    ratios = [p.std_error / corrected.parameters[n].std_error for n, p in found.parameters.items()]
+    assert len(ratios) == 48
+    assert min(ratios) > 1.0 / 1.5
+    assert max(ratios) < 1.5

@@ -60,7 +60,7 @@ COLORED_RATIO: Final = 1.25  #: typical factor of the correction from which resi
 NO_REPEATABILITY: Final = Repeatability()
 DISAGREEMENT: Final = 1.4  #: ratio of standard errors from which two methods disagree
 SKEWNESS: Final = 1.5  #: ratio of the arms of an interval from which it is no longer normal
-MAX_RHAT: Final = 1.02  #: above it a posterior says nothing yet
+MAX_RHAT: Final = 1.01  #: of every parameter; above it a posterior says nothing yet (Vehtari et al. 2021)
 #: of an estimate: where the prior knows more than the maneuver, it is the prior's
 MAX_PRIOR_SHARE: Final = 0.5
 

@@ -131,8 +131,8 @@ def run(arguments: argparse.Namespace) -> int:
 def _read(arguments: argparse.Namespace) -> tuple[Vehicle, list[Flight], Options]:
     """Return vehicle, flights and options; refuse a method, a name or an assessment before the search."""
     from stoop.assessment.assessment import check_method
-    from stoop.assessment.posterior import libraries
     from stoop.assessment.profile import check_names
+    from stoop.assessment.sampling import libraries
     from stoop.estimate.fit import Options
     from stoop.estimate.methods import choose_method, find
     from stoop.estimate.noise import read_covariance

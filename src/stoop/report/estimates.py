@@ -67,9 +67,12 @@ FIGURES: Final = {
     "rhat": "greatest R-hat",
     "ess_bulk": "least effective sample size, bulk",
     "ess_tail": "least effective sample size, tails",
-    "autocorrelation_time": "longest autocorrelation time, steps",
+    "autocorrelation_time": "longest autocorrelation time, steps",  # of results up to 0.1
     "acceptance": "acceptance",
-    "walkers": "walkers",
+    "chains": "chains",
+    "divergences": "divergent transitions",
+    "gradients": "gradients",
+    "walkers": "walkers",  # likewise
     "steps": "steps",
     "marginalization_error": "greatest error of the marginalization, log density",
     "refits": "refits",

@@ -44,7 +44,7 @@ DEFECTS = {
 }  #: extension -> the file of the truth, the file of the fit, the true value
 
 
-def tested(truth: str, fitted: str, seed: int) -> ExtensionTests:
+def lacking(truth: str, fitted: str, seed: int) -> ExtensionTests:
     names = ("control", "shape", "start", "step", "amplitude")
     text = f"duration = {SECONDS}\nrate = 100.0\nwind = [2.0, -1.0, 0.0]\n"
     for one in INPUTS:
@@ -57,7 +57,7 @@ def tested(truth: str, fitted: str, seed: int) -> ExtensionTests:
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_right_quadrotor_lacks_nothing(seed: int) -> None:
-    found = tested(TEXT, TEXT, seed)
+    found = lacking(TEXT, TEXT, seed)
     assert found.tested > 30
     assert found.found == ()
 
@@ -65,7 +65,7 @@ def test_right_quadrotor_lacks_nothing(seed: int) -> None:
 @pytest.mark.parametrize("name", DEFECTS)
 def test_defect_of_a_quadrotor_is_named(name: str) -> None:
     truth, fitted, value = DEFECTS[name]
-    found = tested(truth, fitted, 1)
+    found = lacking(truth, fitted, 1)
     best = found.found[0]
     assert name in (best.name, *best.rivals)
     (one,) = (e for e in found.found if e.name == name)
@@ -73,7 +73,7 @@ def test_defect_of_a_quadrotor_is_named(name: str) -> None:
     assert one.value == pytest.approx(value, rel=0.5)
 
 
-def tested_in_gusts(truth: Vehicle, names: tuple[str, ...], seed: int) -> ExtensionTests:
+def lacking_in_gusts(truth: Vehicle, names: tuple[str, ...], seed: int) -> ExtensionTests:
     rng = np.random.default_rng(seed)
     flights = {
         n: simulate_flight(truth, scenes.maneuvers()[n], seed=int(rng.integers(2**31)), name=n) for n in names
@@ -87,7 +87,9 @@ def tested_in_gusts(truth: Vehicle, names: tuple[str, ...], seed: int) -> Extens
 @pytest.mark.slow
 def test_lag_is_named_in_gusts() -> None:
     right = scenes.turbulent_aircraft()
-    found = tested_in_gusts(with_entries(right, {("controls", "aileron", "lag"): 0.04}), ("pitch", "roll"), 1)
+    found = lacking_in_gusts(
+        with_entries(right, {("controls", "aileron", "lag"): 0.04}), ("pitch", "roll"), 1
+    )
     best = found.found[0]
     assert best.name in ("controls.aileron.lag", "controls.aileron.delay")
     assert best.value == pytest.approx(0.04, rel=0.3)
@@ -95,7 +97,7 @@ def test_lag_is_named_in_gusts() -> None:
 
 @pytest.mark.slow
 def test_right_aircraft_lacks_nothing_in_gusts() -> None:
-    assert tested_in_gusts(scenes.turbulent_aircraft(), ("pitch", "roll"), 1).found == ()
+    assert lacking_in_gusts(scenes.turbulent_aircraft(), ("pitch", "roll"), 1).found == ()
 
 
 def test_gusts_that_a_method_assumes_are_extended_with_the_vehicle() -> None:

@@ -15,7 +15,7 @@ from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle import parse_vehicle
 from stoop.vehicle.builtin import resolve_vehicle
-from stoop.workflow import Bootstrap, Job, Profile, identify
+from stoop.workflow import Bootstrap, Job, Posterior, Profile, identify
 
 DELAY = "sensors.alpha.delay"
 FREE = ("CLalpha", "Cmalpha", "Cmq", "Cmelevator")
@@ -87,6 +87,15 @@ def test_bootstrap_and_profile_agree_with_the_corrected_errors(job: Job) -> None
         assert profile.std_error == pytest.approx(corrected[name].std_error, rel=0.2)
         assert profile.ci95_lower < result.parameters[name].estimate < profile.ci95_upper
         assert found[name].std_error == pytest.approx(corrected[name].std_error, rel=0.35)
+
+
+@pytest.mark.slow
+def test_the_posterior_agrees_with_the_corrected_errors(job: Job) -> None:
+    uncertainty = job.assess(Posterior()).identification.result.uncertainty
+    corrected, found = (uncertainty[m].parameters for m in ("corrected", "posterior"))
+    assert uncertainty["posterior"].figures["rhat"] <= 1.01
+    for name in FREE:
+        assert found[name].std_error == pytest.approx(corrected[name].std_error, rel=0.2)
 
 
 def test_press_is_near_the_residuals_of_the_method(job: Job) -> None:

@@ -120,11 +120,10 @@ def test_attachments_lie_beside_the_result_and_go_with_it(job: Job, tmp_path: Pa
 
 @pytest.mark.slow
 def test_the_posterior_is_read_back_by_arviz(job: Job, tmp_path: Path) -> None:
-    from stoop.assessment.posterior import libraries
+    import arviz
 
     assessed = job.assess(Posterior())
     folder = assessed.save(tmp_path / "out")
-    _, arviz = libraries()
     data = arviz.from_netcdf(str(folder / "posterior.nc"), engine="h5netcdf")
     assert assessed.to_arviz().posterior.equals(data.posterior)
     result = assessed.identification.result
@@ -133,5 +132,5 @@ def test_the_posterior_is_read_back_by_arviz(job: Job, tmp_path: Path) -> None:
         assert data.posterior[name].attrs["units"] == result.parameters[name].unit
         corrected = result.uncertainty["corrected"].parameters[name].std_error
         assert spread.std_error == pytest.approx(corrected, rel=0.15)
-    assert result.uncertainty["posterior"].figures["rhat"] < 1.02
+    assert result.uncertainty["posterior"].figures["rhat"] <= 1.01
     assert result.uncertainty["posterior"].figures["marginalization_error"] < 0.1

@@ -1,0 +1,184 @@
+"""Samplers against densities in 48 dimensions whose moments are known; coordinates against differences of themselves."""
+
+from __future__ import annotations
+
+import importlib
+import os
+import signal
+import threading
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from naive.fitted import Fitted
+from numpy.testing import assert_allclose
+
+from stoop.assessment import sampling
+from stoop.assessment.assessment import linearize
+from stoop.assessment.posterior import Target, coordinates
+from stoop.assessment.sampling import SAMPLER, Coordinates, ensemble, hamiltonian, libraries
+from stoop.errors import IdentificationError
+
+Sampler = Callable[..., Any]
+SIZE = 48
+SIGMA = 0.02
+
+
+def silent(_: str) -> None:
+    pass
+
+
+def converged(sampler: Sampler, target: Any, chosen: Coordinates, seed: int = 0) -> Any:
+    """Return the first chains that have converged, else the last."""
+    for chains in sampler(target, chosen, seed, silent):
+        if chains.converged:
+            break
+    return chains
+
+
+def chained(bend: float) -> Target:
+    """Return a density in which each of 24 pairs is a banana.
+
+    With a and b standard normal, x = 1/2 + sigma a and y = 1/2 + sigma / 10 (b + bend (a^2 - 1)); the variance of y is
+    (sigma / 10)^2 (1 + 2 bend^2), and both means are 1/2.
+    """
+
+    def residuals(Z: np.ndarray) -> np.ndarray:
+        a, b = (Z[:, ::2] - 0.5) / SIGMA, (Z[:, 1::2] - 0.5) / (0.1 * SIGMA)
+        return np.hstack([a, b - bend * (a**2 - 1.0)])
+
+    z = np.full(SIZE, 0.5)
+    z[1::2] -= 0.1 * bend * SIGMA
+    return Target(linearize(Fitted(residuals, SIZE), z, np.arange(SIZE)), np.eye(SIZE))
+
+
+def spread(bend: float) -> np.ndarray:
+    """Return the standard deviations (48,) of such a density."""
+    return SIGMA * np.tile([1.0, 0.1 * np.sqrt(1.0 + 2.0 * bend**2)], SIZE // 2)
+
+
+class Student:
+    """Student's t with correlated components, of covariance nu / (nu - 2) scale, in the middle of the box."""
+
+    nu = 10.0
+
+    def __init__(self) -> None:
+        random = np.random.default_rng(5)
+        mixed = np.eye(SIZE) + 0.1 * random.standard_normal((SIZE, SIZE))
+        self.root = 0.01 * mixed / np.sqrt(np.sum(mixed**2, axis=1))[:, None]
+
+    def __call__(self, X: np.ndarray) -> np.ndarray:
+        square = np.sum(np.linalg.solve(self.root, (X - 0.5).T) ** 2, axis=0)
+        return np.asarray(-0.5 * (self.nu + SIZE) * np.log1p(square / self.nu))
+
+    def slopes(self, x: np.ndarray, directions: np.ndarray) -> tuple[float, np.ndarray]:
+        own = np.linalg.solve(self.root, x - 0.5)
+        gradient = np.linalg.solve(self.root.T, own) * (self.nu + SIZE) / (self.nu + own @ own)
+        return float(self(x[None])[0]), -gradient @ directions
+
+
+def test_a_banana_in_48_dimensions_has_its_standard_deviations() -> None:
+    """The kurtosis of y, 8.3, leaves 2 % of error to the standard deviation of 4000 independent draws."""
+    target = chained(1.0)
+    chains = converged(hamiltonian, target, coordinates(target))
+    found = chains.draws.reshape(-1, SIZE)
+    assert chains.converged
+    assert np.sqrt(np.mean((found.std(axis=0) / spread(1.0) - 1.0) ** 2)) < 0.03
+    assert_allclose((found.mean(axis=0) - 0.5) / spread(1.0), 0.0, atol=0.1)
+
+
+def test_a_map_that_does_not_fit_changes_the_steps_alone() -> None:
+    target = chained(0.5)
+    bent = coordinates(target)
+    wrong = replace(bent, bend=-0.5 * bent.bend, growth=0.02 * np.tril(np.ones((SIZE, SIZE)), -1))
+    chains = converged(hamiltonian, target, wrong)
+    ratio = chains.draws.reshape(-1, SIZE).std(axis=0) / spread(0.5)
+    assert np.sqrt(np.mean((ratio - 1.0) ** 2)) < 0.03
+
+
+def test_student_t_in_48_dimensions_has_its_standard_deviations() -> None:
+    target = Student()
+    chains = converged(hamiltonian, target, Coordinates.straight(np.full(SIZE, 0.5), target.root))
+    wanted = np.sqrt(target.nu / (target.nu - 2.0)) * np.sqrt(np.sum(target.root**2, axis=1))
+    ratio = chains.draws.reshape(-1, SIZE).std(axis=0) / wanted
+    assert np.sqrt(np.mean((ratio - 1.0) ** 2)) < 0.03
+
+
+def test_walkers_in_24_dimensions_have_the_standard_deviations() -> None:
+    half = np.full(24, 0.5)
+    problem = Fitted(lambda Z: (Z - half) / SIGMA, 24)
+    target = Target(linearize(problem, half, np.arange(24)), np.eye(24))
+    chains = converged(ensemble, target, coordinates(target))
+    ratio = chains.draws.reshape(-1, 24).std(axis=0) / SIGMA
+    assert chains.library == "emcee"
+    assert np.sqrt(np.mean((ratio - 1.0) ** 2)) < 0.03
+
+
+def test_the_gradient_is_that_of_the_density_at_and_off_the_bounds() -> None:
+    target = chained(0.7)
+    fitted = coordinates(target)
+    random = np.random.default_rng(3)
+    for center in (fitted.center, np.where(np.arange(SIZE) < 4, 0.0, fitted.center)):
+        growth = 0.1 * np.tril(random.standard_normal((SIZE, SIZE)), -1)
+        chosen = replace(fitted, center=center, growth=growth)
+        xi, step = random.standard_normal(SIZE), 1e-5
+        value, gradient = chosen.density(target, xi)
+        points, volume = chosen.points(np.vstack([xi, xi + step * np.eye(SIZE), xi - step * np.eye(SIZE)]))
+        heights = target(points) + volume
+        assert value == pytest.approx(heights[0], rel=1e-12)
+        differences = (heights[1 : SIZE + 1] - heights[SIZE + 1 :]) / (2.0 * step)
+        assert_allclose(gradient, differences, rtol=1e-4, atol=1e-4)
+
+
+def test_the_volume_is_the_determinant_of_the_map() -> None:
+    random, k, step = np.random.default_rng(4), 5, 1e-6
+    chosen = Coordinates.straight(random.uniform(0.0, 1.0, k), 0.2 * random.standard_normal((k, k)))
+    chosen = chosen.bent(random.standard_normal((k, k, k)))
+    xi = random.standard_normal(k)
+    ends, _ = chosen.points(np.vstack([xi + step * np.eye(k), xi - step * np.eye(k)]))
+    jacobian = (ends[:k] - ends[k:]).T / (2.0 * step)
+    constant = np.linalg.slogdet(chosen.factor)[1] + np.sum(np.log1p(-np.exp(-1.0 / chosen.corner)))
+    assert chosen.points(xi[None])[1][0] + constant == pytest.approx(np.linalg.slogdet(jacobian)[1], abs=1e-6)
+
+
+def test_the_same_seed_gives_the_same_draws_on_any_number_of_threads(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sampling, "SAMPLER", replace(SAMPLER, draws=(50,), tuning=50))
+    target = chained(0.4)
+    draws = []
+    for threads, seed in ((1, 3), (4, 3), (4, 4)):
+        monkeypatch.setattr(sampling, "thread_count", lambda threads=threads: threads)
+        draws.append(next(hamiltonian(target, coordinates(target), seed, silent)).draws)
+    assert np.array_equal(draws[0], draws[1])
+    assert not np.array_equal(draws[0], draws[2])
+
+
+def test_an_interruption_ends_the_chains(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sampling, "SAMPLER", replace(SAMPLER, draws=(10**6,)))
+    target = chained(0.4)
+    timer = threading.Timer(1.0, lambda: os.kill(os.getpid(), signal.SIGINT))
+    timer.start()
+    with pytest.raises(KeyboardInterrupt):
+        next(hamiltonian(target, coordinates(target), 0, silent))
+
+
+@pytest.mark.parametrize(
+    ("missing", "drawn"), [({"nutpie"}, "emcee"), (set(), "nutpie"), ({"nutpie", "emcee"}, "")]
+)
+def test_walkers_stand_in_where_nutpie_is_not_installed(
+    missing: set[str], drawn: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    real = importlib.import_module
+
+    def without(name: str, *others: Any) -> Any:
+        if name in missing:
+            raise ImportError(name)
+        return real(name, *others)
+
+    monkeypatch.setattr(importlib, "import_module", without)
+    if drawn:
+        assert libraries() == drawn
+    else:
+        with pytest.raises(IdentificationError, match=r"stoop\[posterior\]"):
+            libraries()
