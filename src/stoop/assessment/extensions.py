@@ -41,6 +41,7 @@ from stoop.assessment.covariance import (
     window_scatter,
 )
 from stoop.assessment.error_bars import ErrorBars
+from stoop.assessment.verdict import CONFIRMED
 from stoop.base.arrays import BoolArray, FloatArray, IntArray
 from stoop.base.notices import Notice, notice
 from stoop.estimate.fit import Fit
@@ -179,7 +180,12 @@ def _noise_variance(
 
 
 def extension_tests(fit: Fit, bars: ErrorBars) -> ExtensionTests:
-    """Return what the data of a fit ask for beside its model; nothing is tested where responses are not known."""
+    """Return what the data of a fit ask for beside its model.
+
+    Nothing is tested where responses are not known, nor away from an optimum, where the score has no meaning.
+    """
+    if fit.outcome.status not in CONFIRMED:
+        return ExtensionTests()
     with threadpool_limits(limits=1, user_api="blas"):
         found = fit.responses()
         if not found.extensions:
