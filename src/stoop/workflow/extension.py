@@ -1,10 +1,12 @@
 """Identification with extensions: what the score tests name is fitted, and kept where a held-back window says so.
 
 Each round fits the strongest extension, and the ones that the data hardly tell from it, one at a time. The best of them is
-kept if the log-likelihood rises by more than Schwarz's penalty and the window that is held back is predicted better.
+kept if the log-likelihood rises by more than Schwarz's penalty and the windows that are held back do not speak against it: their
+log-likelihood under the prediction does not fall by more than two standard errors of the difference (Vuong).
 
 References
 ----------
+Q. H. Vuong, "Likelihood ratio tests for model selection and non-nested hypotheses", *Econometrica* 57(2), 1989, pp. 307-333.
 G. Schwarz, "Estimating the dimension of a model", *The Annals of Statistics* 6(2), 1978, pp. 461-464.
 """
 
@@ -19,6 +21,7 @@ import numpy as np
 
 from stoop.assessment.error_bars import ErrorBars, error_bars
 from stoop.assessment.extensions import extension_tests
+from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice, notice
 from stoop.estimate import methods
 from stoop.estimate.fit import Fit, Options
@@ -35,6 +38,9 @@ from stoop.vehicle.document import with_entries
 from stoop.vehicle.extensions import extended
 
 MAX_ROUNDS: Final = 5
+CONFIDENCE: Final = (
+    2.0  #: standard errors by which a held-back window must speak against an extension to refuse it
+)
 MAX_RIVALS: Final = 2  #: fitted beside the strongest extension of a round
 
 
@@ -53,7 +59,9 @@ class Candidate:
     vehicle: Vehicle
     fit: Fit
     bars: ErrorBars
-    prediction: float  #: log-likelihood of the held-back windows under their prediction
+    prediction: (
+        FloatArray  #: (n,), log-likelihood of each sample of the held-back windows under their prediction
+    )
 
 
 def extend(
@@ -92,12 +100,15 @@ def extend(
             candidate = _fit(longer, flights, fitted, held_back, options)
             tried.append((tests[name], candidate, _gain(best.fit, candidate.fit)))
         test, better, gain = max(tried, key=lambda one: one[2])
-        ahead = better.prediction - best.prediction
-        kept = gain > 0.0 and (ahead > 0.0 or not held_back)
+        color = best.fit.inflation  # one for both: so many samples say as much as one independent sample
+        change = better.prediction - best.prediction
+        ahead = float(np.sum(change)) / color
+        spread = math.sqrt(float(np.sum((change - np.sum(change) / max(len(change), 1)) ** 2)) / color)
+        kept = gain > 0.0 and (ahead > -CONFIDENCE * spread or not held_back)
         code = (
             "extension-refused" if not kept else "extension-kept" if held_back else "extension-kept-unchecked"
         )
-        notices.append(notice(code, test.name, line=test.line, gain=gain, ahead=ahead))
+        notices.append(notice(code, test.name, line=test.line, gain=gain, ahead=ahead, spread=spread))
         if not kept:
             break
         best = better
@@ -118,34 +129,45 @@ def _fit(
 
 def _predictive_score(
     fit: Fit, bars: ErrorBars, flights: Mapping[str, Flight], windows: Sequence[Window]
-) -> float:
-    """Return the log-likelihood of the record of windows under their prediction; correlated errors count less."""
+) -> FloatArray:
+    """Return the log-likelihood (n,) of each sample of windows under their prediction."""
     problem, names = fit.problem, tuple(p.name for p in fit.problem.layout.parameters)
-    outputs = problem.layout.vehicle.outputs
-    variance = noise_variance(problem, channel_residuals(problem, fit.z))
-    model = FittedModel(
-        identified_vehicle(fit),
-        Covariance(names, bars.covariance[: len(names), : len(names)]),
-        NoiseCovariance(outputs, np.diag(variance), fit.inflation),
-    )
+    outputs, noise = problem.layout.vehicle.outputs, fit.noise
+    if noise is None:
+        noise = np.diag(noise_variance(problem, channel_residuals(problem, fit.z)))
+    covariance = Covariance(names, bars.covariance[: len(names), : len(names)])
+    model = FittedModel(identified_vehicle(fit), covariance, NoiseCovariance(outputs, noise, fit.inflation))
     ahead = predict(model, flights, windows, [mean_biases(fit, window.flight) for window in windows])
-    score = 0.0
-    for piece, readings, deviation in zip(
-        ahead.prepared.pieces, ahead.readings, ahead.deviations, strict=True
-    ):
-        standard = on_circle(piece.measured - readings, outputs) / deviation
-        score -= float(np.nansum(standard**2 + 2.0 * np.log(deviation) + 0.0 * standard))
-    return 0.5 * score / fit.inflation
+    scores = [np.empty(0)]
+    parts = zip(ahead.prepared.pieces, ahead.readings, ahead.deviations, strict=True)
+    for piece, readings, deviation in parts:
+        error = on_circle(piece.measured - readings, outputs)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            scores.append(
+                -0.5 * np.nansum((error / deviation) ** 2 + 2.0 * np.log(deviation + 0.0 * error), axis=1)
+            )
+    return np.concatenate(scores)
 
 
 def _gain(before: Fit, after: Fit) -> float:
     """Return the rise of the log-likelihood less Schwarz's penalty; correlated residuals count less."""
+    more, count = after.problem.dimension - before.problem.dimension, 0.0
     deviances = []
     for fit in (before, after):
-        residuals = np.concatenate(channel_residuals(fit.problem, fit.z))
+        residuals = _residuals(fit)
         counts = np.isfinite(residuals).sum(axis=0) / before.inflation
-        deviances.append(
-            float(counts @ np.log(noise_variance(fit.problem, channel_residuals(fit.problem, fit.z))))
-        )
-    more = after.problem.dimension - before.problem.dimension
-    return 0.5 * (deviances[0] - deviances[1]) - 0.5 * more * math.log(max(float(counts.sum()), 2.0))
+        count = float(counts.sum())
+        variance = np.nanmean(residuals[:, counts > 0.0] ** 2, axis=0)
+        filtered = (
+            fit.own_evidence is not None and fit.simulated is None
+        )  # a cost is twice minus the log-likelihood
+        deviances.append(fit.cost if filtered else float(counts[counts > 0.0] @ np.log(variance)))
+    return 0.5 * (deviances[0] - deviances[1]) - 0.5 * more * math.log(max(count, 2.0))
+
+
+def _residuals(fit: Fit) -> FloatArray:
+    """Return measured less simulated readings (n, n_y) of all pieces."""
+    if fit.simulated is None:
+        return np.concatenate(channel_residuals(fit.problem, fit.z))
+    pairs, outputs = zip(fit.problem.pieces, fit.simulated, strict=True), fit.problem.layout.vehicle.outputs
+    return np.concatenate([on_circle(piece.measured - y, outputs) for piece, y in pairs])
