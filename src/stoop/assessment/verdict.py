@@ -139,7 +139,9 @@ def verdict(result: Result, needed: Sequence[Use]) -> Verdict:
         grade, judged = "do not use", tuple(replace(use, justified=False) for use in judged)
     elif not doubts and not _lost(_judging(result), _channels(result)):
         grade = "trusted"
-    if any(found.code == "verdict-form" for found in refusals):  # the same extension, with what it moves
+    if any(
+        found.code.startswith("verdict-form") for found in refusals
+    ):  # the same extension, with what it moves
         doubts = [found for found in doubts if found.code != "verdict-lacks"]
     against = [*refusals, *(found for use in judged for found in use.against), *doubts]
     named = dict.fromkeys(name for found in against for name in _parameters(found))
@@ -177,9 +179,10 @@ def _contradictions(result: Result, matter: set[str]) -> Iterator[Notice]:
         }
         if moved:
             name = max(moved, key=lambda n: abs(moved[n]))
+            code = "verdict-form-one-of" if test.rivals else "verdict-form"
             yield notice(
-                "verdict-form", test.name, statistic=test.statistic, parameter=name, shift=moved[name],
-                share=_share(result, name, moved[name]), line=test.line, rivals=test.rivals or ("nothing else",),
+                code, test.name, statistic=test.statistic, parameter=name, shift=moved[name],
+                share=_share(result, name, moved[name]), line=test.line, rivals=test.rivals,
             )  # fmt: skip
 
 
@@ -284,7 +287,7 @@ def _doubts(result: Result) -> list[Notice]:
         found.append(notice("verdict-one-maneuver"))
     others = [n.code for n in of_severity(result.notices, "warning") if n.code not in JUDGED]
     if others:
-        found.append(notice("verdict-warnings", codes=tuple(dict.fromkeys(others))))
+        found.append(notice("verdict-warnings", codes=tuple(dict.fromkeys(others)), count=len(others)))
     compared, scatter = _compared(result)
     if binom.sf(scatter - 1, compared, SCATTER_LEVEL) < LIMITS.chance:
         values = result.repeatability.summary().values
@@ -305,7 +308,8 @@ def _merits(result: Result) -> Iterator[Notice]:
         yield notice("verdict-form-holds", tested=result.extensions.tested)
     for m in result.maneuvers:
         if m.role == "validation" and not _lost([m], m.channels):
-            yield notice("verdict-predicted", m.window, count=len(m.channels))
+            moving = sum(not one.below_noise for one in m.channels.values())
+            yield notice("verdict-predicted", m.window, count=moving, channels=len(m.channels))
     (compared, scatter), fitted = _compared(result), sum(m.role == "fit" for m in result.maneuvers)
     if compared:
         yield notice("verdict-agree-alone", compared=compared, scatter=scatter)

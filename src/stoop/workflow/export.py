@@ -37,6 +37,7 @@ from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.vehicle.vehicle import slope_input
 from stoop.workflow.outputs import RESULT, read_identified
+from stoop.workflow.summary import refusal
 
 NOT_FLOWN: Final = "Not flown: the package jsbsim is not installed; pip install 'stoop[jsbsim]'."
 
@@ -85,7 +86,8 @@ def read_subject(text: str) -> Subject:
         return Subject(vehicle, notes=tuple(map(str, notices)))
     found = read_identified(path)
     vehicle, notices = without_turbulence(found.vehicle)
-    notes, covariance = tuple(map(str, notices)), found.result.covariance
+    notes = tuple(map(str, [*refusal(found.result, text), *notices]))
+    covariance = found.result.covariance
     # What is known of the numbers that the vehicle has; those of its gusts are left with them.
     kept = [i for i, name in enumerate(covariance.names) if name in vehicle.rows]
     names = tuple(covariance.names[i] for i in kept)

@@ -144,6 +144,11 @@ def search_notices(status: str, advice: str) -> list[Notice]:
     return [] if status in CONFIRMED else [notice("no-confirmed-optimum", advice=advice)]
 
 
+def refusal(result: Result, source: str) -> list[Notice]:
+    """Return the warning about a result, read from a source, that its verdict refuses."""
+    return [notice("model-refused", source)] if result.verdict.grade == "do not use" else []
+
+
 def lag_notices(maneuvers: Sequence[ManeuverResult]) -> list[Notice]:
     """Name the channels in which a first-order lag matches as well as the model."""
     weak = [(m, tuple(c for c, one in m.channels.items() if one.lost)) for m in maneuvers]

@@ -23,7 +23,7 @@ from stoop.vehicle.notation import symbols
 from stoop.workflow import outputs
 from stoop.workflow.curves import Simulated, channel_units, maneuver_curves
 from stoop.workflow.outputs import RESULT, Identified, file_hashes
-from stoop.workflow.summary import basis_notices, data_notices, lag_notices, search_notices
+from stoop.workflow.summary import basis_notices, data_notices, lag_notices, refusal, search_notices
 
 NAMES = ("validation.html", "validation.json")
 
@@ -121,6 +121,7 @@ def validate(
     lost = [(m, tuple(c for c, f in m.channels.items() if not math.isfinite(f.rmse))) for m in results]
     warnings = [
         *search_notices(identified.result.status, identified.result.advice),
+        *refusal(identified.result, str(identified.folder)),
         *(notice("simulation-diverges", m.window, channels=names) for m, names in lost if names),
         *map(as_notice, doubts),
     ]

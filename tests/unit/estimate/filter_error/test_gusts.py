@@ -103,7 +103,7 @@ def test_a_table_of_the_file_is_kept_and_a_reduced_model_has_its_own_axes(gusty)
         ("converged", 0.0, []),
         ("interrupted", 0.9, []),
         ("converged", LIMITS.correlation + 0.01, ["gusts-not-explained"]),
-        ("generations", 0.0, ["gusts-not-explained"]),
+        ("generations", 0.0, ["gusts-no-optimum"]),
     ],
 )
 def test_white_innovations_of_a_converged_fit_are_asked_for(status, correlation, codes):
