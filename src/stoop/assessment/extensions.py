@@ -58,7 +58,7 @@ class Limits:
     distinct: float = (
         1e-4  #: share of its response that the unknowns cannot take over, below which nothing is tested
     )
-    alike: float = 0.9  #: correlation of two responses from which only a fit tells extensions apart
+    alike: float = 0.8  #: correlation of two responses from which only a fit tells extensions apart
     tie: float = (
         2.3  #: difference of log-likelihood below which no extension is preferred: odds of ten to one
     )
