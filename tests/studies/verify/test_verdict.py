@@ -61,6 +61,6 @@ def test_a_lag_of_all_servos_is_refused_by_name() -> None:
     (result,) = examine({"case": "lag-all", "seed": 1}, [None])
     (found,) = result["flights"]
     assert found["grade"] == "do not use"
-    assert found["against"][0] == "verdict-form"
+    assert found["against"][0] == "verdict-form-one-of"
     assert found["uses"] == []
     assert found["harm"] > 5.0
