@@ -27,7 +27,7 @@ from stoop.estimate import methods
 from stoop.estimate.fit import Fit, Options
 from stoop.estimate.initial_state import FittedModel
 from stoop.estimate.noise import channel_residuals, noise_variance
-from stoop.estimate.predict import identified_vehicle, mean_biases, predict
+from stoop.estimate.predict import expected_biases, identified_vehicle, predict
 from stoop.flight import Flight
 from stoop.problem import on_circle
 from stoop.problem.windows import Window
@@ -137,7 +137,7 @@ def _predictive_score(
         noise = np.diag(noise_variance(problem, channel_residuals(problem, fit.z)))
     covariance = Covariance(names, bars.covariance[: len(names), : len(names)])
     model = FittedModel(identified_vehicle(fit), covariance, NoiseCovariance(outputs, noise, fit.inflation))
-    ahead = predict(model, flights, windows, [mean_biases(fit, window.flight) for window in windows])
+    ahead = predict(model, flights, windows, [expected_biases(fit, window.flight) for window in windows])
     scores = [np.empty(0)]
     parts = zip(ahead.prepared.pieces, ahead.readings, ahead.deviations, strict=True)
     for piece, readings, deviation in parts:

@@ -23,7 +23,7 @@ from stoop.estimate.excitation import ratios, too_few
 from stoop.estimate.fit import Fit, Options
 from stoop.estimate.initial_state import FittedModel
 from stoop.estimate.noise import channel_residuals, noise_variance
-from stoop.estimate.predict import identified_vehicle, mean_biases, predict
+from stoop.estimate.predict import expected_biases, identified_vehicle, predict
 from stoop.flight import Flight
 from stoop.problem.windows import Window
 from stoop.results.result import (
@@ -78,7 +78,7 @@ def identification(
     groups = [Simulated("fit", fit.prepared, fitted, left_out_residuals(fit))]
     if predicted:
         model = FittedModel(identified_vehicle(fit), covariance, measurement_noise)
-        own_biases = [mean_biases(fit, window.flight) for window in predicted]
+        own_biases = [expected_biases(fit, window.flight) for window in predicted]
         ahead = predict(model, flights, predicted, own_biases)
         groups.append(Simulated("validation", ahead.prepared, ahead.readings, deviations=ahead.deviations))
     maneuvers, traces = maneuver_curves(vehicle, groups, noise=measurement_noise)
