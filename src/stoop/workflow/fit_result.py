@@ -19,7 +19,7 @@ from stoop.assessment.uncertainty import with_uncertainty
 from stoop.assessment.verdict import uses, verdict
 from stoop.base.notices import as_notice, notice, of_severity
 from stoop.base.variables import VARIABLES
-from stoop.estimate.excitation import ratios, too_few
+from stoop.estimate.excitation import effect_sizes, ratios, too_few
 from stoop.estimate.fit import Fit, Options
 from stoop.estimate.initial_state import FittedModel
 from stoop.estimate.noise import channel_residuals, noise_variance
@@ -124,7 +124,7 @@ def identification(
     ]
     result = replace(result, notices=tuple(notices), seconds=time.perf_counter() - began)
     return Identification(
-        result=replace(result, verdict=verdict(result, uses(vehicle))),
+        result=replace(result, verdict=verdict(result, uses(vehicle, effect_sizes(fit)))),
         traces=traces,
         vehicle=vehicle.name,
         equations=vehicle.kernel().latex,
