@@ -21,7 +21,7 @@ from typing import Final
 
 from scipy.stats import binom
 
-from stoop.base.notices import Notice, distinct, notice, of_severity
+from stoop.base.notices import Notice, distinct, notice, of_severity, paragraph
 from stoop.base.variables import RATES, SPECIFIC_FORCE, VELOCITY
 from stoop.results.result import GoodnessOfFit, ManeuverResult, Result
 from stoop.results.uncertainty import SCATTER_LEVEL
@@ -76,7 +76,7 @@ INERTIA: Final = {"roll": "mass.inertia.xx", "pitch": "mass.inertia.yy", "yaw": 
 def uses(vehicle: Vehicle, sizes: Mapping[str, float] | None = None) -> tuple[Use, ...]:
     """Return what each use needs of a vehicle: free parameters by their part in the equations, and channels.
 
-    `sizes` are those of :func:`stoop.estimate.excitation.effect_sizes`.
+    `sizes` are those of :class:`stoop.assessment.maneuver_advice.FlownModel`.
     """
     of_effect = sizes or {}
     free = [p.name for p in vehicle.parameters if p.free]
@@ -154,8 +154,13 @@ def verdict(result: Result, needed: Sequence[Use]) -> Verdict:
     against = [*refusals, *(found for use in judged for found in use.against), *doubts]
     named = dict.fromkeys(name for found in against for name in _parameters(found))
     known = result.identifiability.parameters
-    advice = [one for name in named if name in known for one in known[name].advice]
-    return Verdict(grade, judged, distinct([*against, *_merits(result)]), distinct(advice))
+    shared: dict[str, list[str]] = {}
+    for name in (name for name in named if name in known and known[name].advice):
+        shared.setdefault(paragraph(known[name].advice), []).append(name)
+    advice = tuple(
+        notice("verdict-advice", parameters=tuple(names), advice=text) for text, names in shared.items()
+    )
+    return Verdict(grade, judged, distinct([*against, *_merits(result)]), advice)
 
 
 def _refusals(result: Result) -> Iterator[Notice]:

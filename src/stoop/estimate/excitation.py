@@ -15,9 +15,8 @@ Klein and Morelli, "Aircraft System Identification", 2nd ed., section 5.1.5 (dat
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
 from itertools import combinations
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 
@@ -28,13 +27,10 @@ from stoop.checks.rotors import rotor_notices
 from stoop.problem import Misfit
 from stoop.simulation import parameter_rows
 from stoop.simulation.initial import commanded
-from stoop.vehicle import Parameter, Vehicle, terms
+from stoop.vehicle import Parameter, Vehicle
 from stoop.vehicle.defaults import ROTOR_AERODYNAMICS, WIND_NUMBERS
 from stoop.vehicle.schema import WIND
 from stoop.vehicle.vehicle import AIR_FRAME, GROUND_FRAME
-
-if TYPE_CHECKING:
-    from stoop.estimate.fit import Fit
 
 AXES: Final = (("V", "alpha", "q"), ("beta", "p", "r"))  #: motions that the terms of one plane multiply
 MIN_DEFLECTION: Final = 0.2 * DEGREE  #: rad rms, below which a deflection is no input
@@ -133,34 +129,6 @@ def collinear(controls: Mapping[str, FloatArray], motions: Mapping[str, FloatArr
 def _correlation(a: FloatArray, b: FloatArray) -> float:
     power = float(a @ a) * float(b @ b)
     return float(a @ b) / float(np.sqrt(power)) if power > 0.0 else 0.0
-
-
-def effect_sizes(fit: Fit) -> dict[str, float]:
-    """Return the value of each aerodynamic parameter at which its effect would be the largest on its force or moment.
-
-    Effects are rms over the fitted windows, of the simulated motion: a derivative near zero, of which every error is large,
-    is compared with what matters there. Empty for vehicles on rotors.
-    """
-    from stoop.estimate.regression.aircraft import Motion
-
-    problem, given = fit.problem, fit.problem.layout.vehicle
-    vehicle = given.with_numbers({n: {"value": v} for n, v in fit.estimates.items()})
-    if vehicle.frame != AIR_FRAME:
-        return {}
-    columns: dict[str, list[FloatArray]] = {n: [] for group in vehicle.terms.values() for n in group}
-    for i, piece in enumerate(problem.pieces):
-        readings = problem.outputs(fit.z, i)
-        if np.isfinite(readings).all():
-            variables = Motion.of(vehicle, replace(piece, measured=readings)).variables(vehicle)
-            for name, text in (item for group in vehicle.terms.values() for item in group.items()):
-                x = terms.convert(terms.parse(text, variables, vehicle.where), variables)
-                columns[name].append(np.full(len(readings), x))
-    rms = {n: float(np.sqrt(np.mean(np.concatenate(x) ** 2))) if x else 0.0 for n, x in columns.items()}
-    sizes: dict[str, float] = {}
-    for group in vehicle.terms.values():
-        largest = max((abs(vehicle.value(n)) * rms[n] for n in group), default=0.0)
-        sizes |= {n: largest / rms[n] for n in group if rms[n] > 0.0}
-    return sizes
 
 
 def in_ratio(vehicle: Vehicle) -> tuple[Parameter, ...]:

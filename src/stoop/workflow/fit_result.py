@@ -13,13 +13,14 @@ from stoop.assessment.covariance import NORMAL_95
 from stoop.assessment.error_bars import ErrorBars, error_bars
 from stoop.assessment.extensions import extension_notices, extension_tests
 from stoop.assessment.goodness_of_fit import left_out_residuals, press_notices
+from stoop.assessment.maneuver_advice import flown_model
 from stoop.assessment.modes import modes
 from stoop.assessment.reduction import reduction_notices
 from stoop.assessment.uncertainty import with_uncertainty
 from stoop.assessment.verdict import uses, verdict
 from stoop.base.notices import as_notice, notice, of_severity
 from stoop.base.variables import VARIABLES
-from stoop.estimate.excitation import effect_sizes, ratios, too_few
+from stoop.estimate.excitation import ratios, too_few
 from stoop.estimate.fit import Fit, Options
 from stoop.estimate.initial_state import FittedModel
 from stoop.estimate.noise import channel_residuals, noise_variance
@@ -124,7 +125,7 @@ def identification(
     ]
     result = replace(result, notices=tuple(notices), seconds=time.perf_counter() - began)
     return Identification(
-        result=replace(result, verdict=verdict(result, uses(vehicle, effect_sizes(fit)))),
+        result=replace(result, verdict=verdict(result, uses(vehicle, flown_model(result, fit).sizes))),
         traces=traces,
         vehicle=vehicle.name,
         equations=vehicle.kernel().latex,

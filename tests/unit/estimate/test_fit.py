@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -9,7 +8,6 @@ import pytest
 
 from stoop import optimize
 from stoop.errors import FlightError, IdentificationError, VehicleError
-from stoop.estimate.excitation import effect_sizes
 from stoop.estimate.fit import Fit, Options, estimation_problem, fit, refine, settle, starts
 from stoop.estimate.initial_state import FittedModel
 from stoop.estimate.noise import channel_residuals, noise_variance
@@ -333,24 +331,3 @@ def test_windows_that_would_fill_the_memory_are_refused(
     monkeypatch.setattr("stoop.estimate.fit.MAX_BYTES", 1e5)
     with pytest.raises(IdentificationError, match="unit of the log's time"):
         fit(wrong, {"sim": flight}, WINDOW, Options())
-
-
-def test_sizes_of_effects_are_those_of_the_largest_on_their_axis(aircraft: Vehicle, flight: Flight) -> None:
-    """The naive twin takes alpha, pitch rate and elevator of the simulation by hand."""
-    problem, _ = estimation_problem(aircraft, {"sim": flight}, WINDOW, Options())
-    z, layout = np.concatenate([problem.layout.start, np.zeros(problem.extra)]), problem.layout
-    estimates = dict(
-        zip((p.name for p in layout.parameters), layout.physical(z[None])[0].tolist(), strict=True)
-    )
-    found = effect_sizes(SimpleNamespace(problem=problem, z=z, estimates=estimates))  # type: ignore[arg-type]
-    (piece,), y = problem.pieces, dict(zip(aircraft.outputs, problem.outputs(z, 0).T, strict=True))
-    chord = aircraft.value("reference.chord")
-    speed = aircraft.value("reference.airspeed") if not aircraft.actual_rates else y["V"]
-    x = {
-        "Cmalpha": y["alpha"] - aircraft.value("reference.alpha", 0.0),
-        "Cmq": y["q"] * chord / (2.0 * speed),
-        "Cmelevator": piece.inputs[:, aircraft.inputs.index("elevator")],
-    }
-    rms = {n: float(np.sqrt(np.mean(v**2))) for n, v in x.items()}
-    largest = max(abs(aircraft.value(n)) * rms[n] for n in rms)
-    assert {n: found[n] for n in rms} == pytest.approx({n: largest / rms[n] for n in rms}, rel=1e-6)
