@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from stoop.base.text import MOST_LISTED, nearest
 
-FEW, MANY = ("Clp", "Clr", "Cmq"), tuple(f"name{i}" for i in range(MOST_LISTED)) + ("rotors.lag", "Clp")
+FEW, MANY = ("Clp", "Clr", "Cmq"), (*(f"name{i}" for i in range(MOST_LISTED)), "rotors.lag", "Clp")
 
 
 def test_a_name_that_resembles_others_names_them() -> None:
