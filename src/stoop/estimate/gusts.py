@@ -47,7 +47,7 @@ class GustLimits:
     """When gusts are taken for more than errors of sensors, and the table that describes them."""
 
     #: gusts of so many standard deviations of an air data sensor, by the vehicle file; of simulated flights of
-    #: `stoop verify feedback` at most 0.3 in calm air, 1 to 2 in light turbulence
+    #: `stoop verify feedback` at most 0.3 in calm air, with scale errors of 8 % too, 1 to 2 in light turbulence
     sigmas: float = 0.5
     seconds: float = 4.0  #: of a window; of a shorter one the least squares would leave nothing
     #: m, of the table; estimates hardly depend on it: of 128 intervals in severe turbulence with lengths of 200 and 525 m,
