@@ -29,7 +29,7 @@ from stoop.problem.observation import (
     observation_model,
     state_channels,
     through_air,
-    true_value,
+    true_values,
 )
 from stoop.simulation import initial_states, parameter_rows
 from stoop.simulation.delays import actuator_rows, late_inputs, late_outputs, output_delays
@@ -81,7 +81,7 @@ def _parabola(column: FloatArray, at: int, width: int) -> float:
 def _through_air(vehicle: Vehicle, piece: Piece, readings: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
     """Return the motion through the air, body axes: bias and scale of the piece undone, the wind taken off."""
     rows = parameter_rows(vehicle, piece.changes)[:, 0]
-    true = {c: true_value(vehicle, c, y, rows) for c, y in readings.items()}
+    true = true_values(vehicle, readings, rows)
     if not set(WIND) & set(true):
         return true
     zero = np.zeros(len(next(iter(true.values()))))

@@ -200,7 +200,7 @@ def _center(vehicle: Vehicle) -> tuple[float, ...]:
 
 
 def _sensors(vehicle: Vehicle) -> Iterator[Extension]:
-    """Yield scales, biases, delays and positions of the instruments."""
+    """Yield scales, biases, delays, positions and alignment of the instruments."""
     outputs, free = vehicle.outputs, {p.name for p in vehicle.parameters if p.free}
     sensors = {c: getattr(vehicle.file.sensors, c) for c in outputs}
     for c, own in sensors.items():
@@ -221,6 +221,8 @@ def _sensors(vehicle: Vehicle) -> Iterator[Extension]:
         yield from _points(("sensors", "accelerometer_position"), "position", "m", _center(vehicle), POSITION)
     if vehicle.file.sensors.vane_position is None and "alpha" in outputs:
         yield from _points(("sensors", "vane_position"), "position", "m", _center(vehicle), POSITION)
+    if vehicle.file.sensors.imu_alignment is None:
+        yield from _points(("sensors", "imu_alignment"), "alignment", "rad", (0.0, 0.0, 0.0), ANGLE)
 
 
 def _terms(vehicle: Vehicle) -> Iterator[Extension]:
