@@ -17,7 +17,7 @@ from stoop.base.rotations import normalized
 from stoop.base.variables import EULER
 from stoop.estimate.linearization import interpolated, perturbation_steps, perturbations_of, unwrapped
 from stoop.estimate.regression.rotors import lagged_command
-from stoop.estimate.response import ExtendedModel, Trajectory
+from stoop.estimate.response import ExtendedModel, Trajectory, fly
 from stoop.kernels import filtering
 from stoop.kernels.windows import windows
 from stoop.optimize.normal_equations import gram, project
@@ -341,7 +341,8 @@ class Shots:
         whole = edges[:-1] + np.arange(np.max(lasts - edges[:-1]) + 1)[:, None]
         inside, record = whole <= lasts, model.received(self.piece, rows)
         known, dt = model.rows(rows[:, 0]), self.piece.dt
-        states = model.fly(known, begins, record[:, np.minimum(whole, n - 1)], dt)
+        every = np.repeat(rows, begins.shape[1], axis=1)
+        states = fly(self.vehicle, every, begins, record[:, np.minimum(whole, n - 1)], dt)
         states = np.ascontiguousarray(np.swapaxes(states, 1, 2)[:, inside.T])
         at = Trajectory(model.equations, known, states, record, whole.T[inside.T], dt)
         dx, dy = model.responses(at, self.piece)
