@@ -25,7 +25,7 @@ from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice, notice
 from stoop.estimate import methods
 from stoop.estimate.fit import Fit, Options
-from stoop.estimate.predict import fitted_model, mean_biases, predict
+from stoop.estimate.predict import expected_biases, fitted_model, predict
 from stoop.flight import Flight
 from stoop.problem import on_circle
 from stoop.problem.windows import Window
@@ -129,7 +129,7 @@ def _predictive_score(
 ) -> FloatArray:
     """Return the log-likelihood (n,) of each sample of windows under their prediction."""
     model, outputs = fitted_model(fit, bars.covariance), fit.problem.layout.vehicle.outputs
-    ahead = predict(model, flights, windows, [mean_biases(fit, window.flight) for window in windows])
+    ahead = predict(model, flights, windows, [expected_biases(fit, window.flight) for window in windows])
     scores = [np.empty(0)]
     parts = zip(ahead.prepared.pieces, ahead.readings, ahead.deviations, strict=True)
     for piece, readings, deviation in parts:

@@ -21,7 +21,7 @@ from stoop.base.notices import as_notice, notice, of_severity
 from stoop.base.variables import VARIABLES
 from stoop.estimate.excitation import ratios, too_few
 from stoop.estimate.fit import Fit, Options
-from stoop.estimate.predict import fitted_model, mean_biases, predict
+from stoop.estimate.predict import expected_biases, fitted_model, predict
 from stoop.flight import Flight
 from stoop.problem.windows import Window
 from stoop.results.result import (
@@ -62,7 +62,7 @@ def identification(
     parameters, model = _parameters(fit, bars), fitted_model(fit, bars.covariance)
     groups = [Simulated("fit", fit.prepared, fit.readings, left_out_residuals(fit))]
     if predicted:
-        own_biases = [mean_biases(fit, window.flight) for window in predicted]
+        own_biases = [expected_biases(fit, window.flight) for window in predicted]
         ahead = predict(model, flights, predicted, own_biases)
         groups.append(Simulated("validation", ahead.prepared, ahead.readings, deviations=ahead.deviations))
     maneuvers, traces = maneuver_curves(vehicle, groups, noise=model.noise)

@@ -18,6 +18,7 @@ import tomlkit
 from stoop.assessment.baseline import BaselineManeuver
 from stoop.base.files import check_targets
 from stoop.errors import FlightError, OutputError, StoopError
+from stoop.estimate.initial_state import BiasPrior, bias_priors
 from stoop.flight import Flight, load, save
 from stoop.flight.flight import flight_name
 from stoop.logs.csv_tables import mapping_beside
@@ -185,15 +186,13 @@ class Identified:
     #: SHA-256 of every fitted flight, and of its copy in the folder, to the flight's name
     hashes: Mapping[str, str]
 
-    def biases(self, flight: str | None) -> dict[str, float]:
-        """Return each bias averaged over the fitted maneuvers of a flight, or of all flights if it has none."""
-        fitted = self.result.maneuvers
-        of_flight = [b for b in self.result.biases if fitted[b.maneuver].flight == flight]
-        found: dict[str, list[float]] = {}
-        for one in of_flight or self.result.biases:
-            for channel, quantity in one.values.items():
-                found.setdefault(f"sensors.{channel}.bias", []).append(quantity.estimate)
-        return {name: float(np.mean(values)) for name, values in found.items()}
+    def biases(self, flight: str | None) -> dict[str, BiasPrior]:
+        """Return what the fitted maneuvers tell of each bias in a window of a flight."""
+        fitted = [
+            (self.result.maneuvers[b.maneuver].flight, {f"sensors.{c}.bias": q.estimate for c, q in b.values.items()})
+            for b in self.result.biases
+        ]  # fmt: skip
+        return bias_priors(fitted, flight, {p.name: p.prior or 1.0 for p in self.vehicle.parameters})
 
     def name_of(self, flight: Flight) -> str | None:
         """Return the name under which a flight was fitted; None for one that was not."""
