@@ -39,6 +39,7 @@ from stoop.problem import Piece
 from stoop.problem.observation import START_TIME
 from stoop.problem.prepare import Prepared, prepare
 from stoop.problem.windows import Window
+from stoop.results.result import Covariance, NoiseCovariance
 from stoop.simulation import START_NAMES, parameter_rows, trim
 from stoop.vehicle import Vehicle
 from stoop.vehicle.vehicle import AIR_FRAME, GROUND_FRAME
@@ -50,6 +51,17 @@ def identified_vehicle(fit: Fit) -> Vehicle:
     """Return the vehicle with its free numbers at their estimates."""
     changes = {name: {"value": value} for name, value in fit.estimates.items()}
     return fit.problem.layout.vehicle.with_numbers(changes)
+
+
+def fitted_model(fit: Fit, covariance: FloatArray) -> FittedModel:
+    """Return the model of a fit for predictions; `covariance` (k, k) of its unknowns, parameters first."""
+    names = tuple(p.name for p in fit.problem.layout.parameters)
+    outputs = fit.problem.layout.vehicle.outputs
+    return FittedModel(
+        identified_vehicle(fit),
+        Covariance(names, covariance[: len(names), : len(names)]),
+        NoiseCovariance(outputs, fit.measurement_noise, fit.inflation),
+    )
 
 
 def expected_biases(fit: Fit, flight: str) -> dict[str, BiasPrior]:

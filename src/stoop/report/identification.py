@@ -43,6 +43,7 @@ ENDINGS: Final = {
     "target": "The search reached the target cost",
     "budget": "The search used up its trajectories before it converged",
     "generations": "The search used up its generations before it converged",
+    "stalled": "The search stopped where no step lowered the cost, before it converged",
     "interrupted": "The search was interrupted; this is the best it had found",
 }
 LEVELS: Final[dict[Grade, sheet.Level]] = {"trusted": "good", "usable": "caution", "do not use": "bad"}

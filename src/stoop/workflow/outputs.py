@@ -26,8 +26,7 @@ from stoop.problem.prepare import prepare
 from stoop.problem.windows import Window
 from stoop.results.result import Result, read_result
 from stoop.vehicle import Vehicle, load_vehicle, parse_vehicle
-from stoop.vehicle.defaults import COEFFICIENTS
-from stoop.vehicle.document import write_entry
+from stoop.vehicle.document import keys_of, write_entry
 from stoop.workflow.curves import baseline_maneuver
 
 if TYPE_CHECKING:
@@ -118,11 +117,9 @@ def place_outputs(job: Job, folder: Path, overwrite: bool = False) -> Path:
 
 def with_values(vehicle: Vehicle, values: dict[str, float]) -> str:
     """Return the text of a vehicle file with some numbers replaced or added; comments and order stay."""
-    document, aerodynamics = tomlkit.parse(vehicle.text), vehicle.file.aerodynamics
+    document = tomlkit.parse(vehicle.text)
     for name, value in values.items():
-        owner = next((c for c in COEFFICIENTS if name in getattr(aerodynamics, c)), None)
-        keys = name.split(".") if owner is None else ["aerodynamics", owner, name]
-        write_entry(document, keys, float(f"{value:.10g}"))
+        write_entry(document, keys_of(vehicle, name), float(f"{value:.10g}"))
     if parse_vehicle(vehicle.text, vehicle.where).reduce != vehicle.reduce:
         write_entry(document, ["model", "reduce"], vehicle.reduce)
     return tomlkit.dumps(document)

@@ -324,7 +324,7 @@ def _all() -> Iterator[Defect]:
         truth={"sensors.vane_position": [1.0, 0.0, 0.0]},
     )  # fmt: skip
     yield _wing(
-        "alignment", "an inertial unit turned about the yaw axis", "4 deg", "sensors.alignment.z",
+        "alignment", "an inertial unit turned about the yaw axis", "4 deg", "sensors.imu_alignment.z",
         record=turned(0.0, 0.0, float(ALIGNMENT)),
     )  # fmt: skip
     yield _wing(
