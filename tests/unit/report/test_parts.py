@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import tomllib
 from importlib.resources import files
 from types import ModuleType
 
@@ -26,6 +27,7 @@ from stoop.base.numbers import (
 )
 from stoop.report.charts import holes
 from stoop.report.estimates import TITLES
+from stoop.report.extensions import as_toml
 from stoop.report.identification import verdict
 from stoop.report.maneuvers import air_panels, prediction_verdict
 from stoop.report.plots import COLUMNS, Scale, path, plain_text, spanning, tick_text, ticks
@@ -328,3 +330,17 @@ def test_every_method_of_uncertainty_has_a_color() -> None:
     for name in TITLES:
         assert f".method-{name} {{" in style
         assert f".method-{name}key {{" in style
+
+
+@pytest.mark.parametrize(
+    ("line", "lag"),
+    [
+        ("[controls.aileron] lag = 0.035", {"aileron": {"lag": 0.035}}),
+        (
+            "[controls.aileron] lag = 0.03; [controls.elevator] lag = { value = 0.03 }; [controls.aileron] delay = 0.1",
+            {"aileron": {"lag": 0.03, "delay": 0.1}, "elevator": {"lag": {"value": 0.03}}},
+        ),
+    ],
+)
+def test_the_line_of_an_extension_can_be_pasted_into_a_vehicle_file(line: str, lag: object) -> None:
+    assert tomllib.loads(as_toml(line)) == {"controls": lag}
