@@ -35,7 +35,7 @@ from stoop.estimate.shooting_windows import edges as window_edges
 from stoop.flight import Flight
 from stoop.problem import Piece
 from stoop.problem.observation import START_TIME
-from stoop.problem.prepare import Prepared, prepare
+from stoop.problem.prepare import Prepared, decoupled, prepare
 from stoop.problem.windows import Window
 from stoop.simulation import START_NAMES, parameter_rows, trim
 from stoop.vehicle import Vehicle
@@ -96,6 +96,7 @@ def _of_window(
     model: FittedModel, flights: Mapping[str, Flight], window: Window, biases: Mapping[str, float]
 ) -> tuple[Prepared, list[Predicted]]:
     """Prepare and predict one window with the biases of its flight."""
+    model = replace(model, vehicle=decoupled(model.vehicle, flights, [window]))
     biased = model.vehicle.with_numbers({name: {"value": value} for name, value in biases.items()})
     prepared, kind = prepare(biased, flights, [window]), _PREDICTIONS[biased.frame]
     found, late = [], []
