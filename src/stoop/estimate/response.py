@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -54,16 +54,6 @@ class Trajectory:
         """Samples that follow one another."""
         starts = np.flatnonzero(np.diff(self.samples) != 1) + 1
         return tuple(map(slice, [0, *starts.tolist()], [*starts.tolist(), len(self.samples)]))
-
-    @cached_property
-    def reference(self) -> tuple[FloatArray, FloatArray]:
-        """Derivatives (n_x, n) and readings (n_y, n) of the estimate."""
-        return self.equations(self.rows, self.states, self.inputs)
-
-    def change(self, rows: FloatArray, inputs: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return df (n_x, n) and dh (n_y, n) of other parameters or inputs."""
-        derivative, readings = self.equations(rows, self.states, inputs)
-        return derivative - self.reference[0], readings - self.reference[1]
 
     def responses(self, forcing: FloatArray, direct: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return dx (n, n_x, m) and dy (n, n_y, m) of m changes: df (n, n_x, m) and dh (n, n_y, m)."""
@@ -172,12 +162,23 @@ class ExtendedModel:
         """Return the inputs (n_u, n) of a piece as they arrive with parameters (n_p, 1)."""
         return late_inputs(self.base, piece.inputs, known, piece.dt).T.astype(float)
 
-    def responses(self, at: Trajectory, piece: Piece) -> tuple[FloatArray, FloatArray]:
-        """Return dx (n, n_x, m) and dy (n, n_y, m) of all extensions, per SI unit."""
-        changes = [self._change(one, at, piece) for one in self.extensions]
-        found = at.responses(*(np.stack(parts, axis=2) for parts in zip(*changes, strict=True)))
-        steps = np.array([one.step for one in self.extensions])
-        return found[0] / steps, found[1] / steps
+    def responses(
+        self, trajectories: Sequence[Trajectory], pieces: Sequence[Piece]
+    ) -> list[tuple[FloatArray, FloatArray]]:
+        """Return dx (n, n_x, m) and dy (n, n_y, m) of all extensions, per SI unit, of every piece."""
+        ends = np.cumsum([len(at.samples) for at in trajectories]).tolist()
+        parts = [slice(a, b) for a, b in zip([0, *ends], ends, strict=False)]
+        base, changes = self._evaluate(trajectories, [(at.rows, at.inputs) for at in trajectories]), []
+        for one in self.extensions:
+            steps = [self._step(one, *both) for both in zip(trajectories, pieces, strict=True)]
+            df, dh = (x - y for x, y in zip(self._evaluate(trajectories, steps), base, strict=True))
+            for at, own in zip(trajectories, parts, strict=True):
+                dh[:, own] += self._lateness(one, at, base[1][:, own])
+            changes.append((df.T, dh.T))
+        forcing, direct = (np.stack(each, axis=2) for each in zip(*changes, strict=True))
+        found = [at.responses(forcing[own], direct[own]) for at, own in zip(trajectories, parts, strict=True)]
+        sizes = np.array([one.step for one in self.extensions])
+        return [(dx / sizes, dy / sizes) for dx, dy in found]
 
     def late(self, at: Trajectory, dy: FloatArray, known: FloatArray, moved: tuple[int, ...]) -> FloatArray:
         """Return responses (n, n_y, m) as late as the instruments deliver them; in place."""
@@ -187,8 +188,22 @@ class ExtendedModel:
             dy[own] = late_outputs(self.base, part, rows, at.dt, moved).transpose(1, 2, 0)
         return dy
 
-    def _change(self, one: Extension, at: Trajectory, piece: Piece) -> tuple[FloatArray, FloatArray]:
-        """Return df (n, n_x) and dh (n, n_y) of a step of an extension."""
+    def _evaluate(
+        self, trajectories: Sequence[Trajectory], changed: Sequence[tuple[FloatArray, FloatArray]]
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return derivatives (n_x, n) and readings (n_y, n) of all trajectories, of parameters (n_p,) and inputs (n_u, n).
+
+        Parameters that the trajectories have in common stay numbers.
+        """
+        own, inputs = zip(*changed, strict=True)
+        values, counts = np.stack(own), [len(at.samples) for at in trajectories]
+        rows: list[Any] = values[0].tolist()
+        for i in np.flatnonzero((values != values[0]).any(axis=0)).tolist():
+            rows[i] = np.repeat(values[:, i], counts)
+        return self.equations(rows, np.hstack([at.states for at in trajectories]), np.hstack(inputs))
+
+    def _step(self, one: Extension, at: Trajectory, piece: Piece) -> tuple[FloatArray, FloatArray]:
+        """Return parameters (n_p,) and inputs (n_u, n) with a step of an extension."""
         rows, inputs, vehicle = at.rows.copy(), at.inputs, self.vehicle
         for name in one.numbers:
             rows[vehicle.rows[name]] += one.value(one.step) - one.null
@@ -199,14 +214,17 @@ class ExtendedModel:
             for name in (name for c in one.inputs for name in (c, slope_input(c)) if name in vehicle.inputs):
                 column = vehicle.inputs.index(name)
                 inputs[column] = delayed(at.record[column], one.step / at.dt)[at.samples]
-        df, dh = at.change(rows, inputs)
-        for column in (vehicle.outputs.index(c) for c in one.readings):
-            wrapped = vehicle.outputs[column] in WRAPPED
+        return rows, inputs
+
+    def _lateness(self, one: Extension, at: Trajectory, readings: FloatArray) -> FloatArray:
+        """Return by how much readings (n_y, n) change that an extension delivers late."""
+        out = np.zeros_like(readings)
+        for column in (self.vehicle.outputs.index(c) for c in one.readings):
+            wrapped = self.vehicle.outputs[column] in WRAPPED
             for own in at.stretches:
-                reading = at.reference[1][column, own]
-                whole = np.unwrap(reading) if wrapped else reading
-                dh[column, own] += late(whole, one.step / at.dt) - whole
-        return df.T, dh.T
+                whole = np.unwrap(readings[column, own]) if wrapped else readings[column, own]
+                out[column, own] = late(whole, one.step / at.dt) - whole
+        return out
 
 
 def simulation_responses(problem: Misfit, z: FloatArray) -> Responses:
@@ -215,10 +233,15 @@ def simulation_responses(problem: Misfit, z: FloatArray) -> Responses:
     known, starts = zip(*(problem.candidates(z[None, :], i) for i in range(len(problem.pieces))), strict=True)
     records = [model.received(*both) for both in zip(problem.pieces, known, strict=True)]
     flown = fly_together(model.base, known, starts, records, problem.pieces[0].dt)
-    for piece, own, states, record in zip(problem.pieces, known, flown, records, strict=True):
-        samples, rows = np.arange(len(piece.time)), model.rows(own[:, 0])
-        at = Trajectory(model.equations, rows, states, record, samples, piece.dt)
-        dy = model.late(at, model.responses(at, piece)[1], own, piece.moved)
+    trajectories = [
+        Trajectory(
+            model.equations, model.rows(own[:, 0]), states, record, np.arange(len(piece.time)), piece.dt
+        )
+        for piece, own, states, record in zip(problem.pieces, known, flown, records, strict=True)
+    ]
+    found = model.responses(trajectories, problem.pieces)
+    for at, piece, own, (_, dy) in zip(trajectories, problem.pieces, known, found, strict=True):
+        dy = model.late(at, dy, own, piece.moved)
         out.append(whitened(problem, dy, np.isfinite(piece.measured)))
     return Responses(model.extensions, tuple(out))
 

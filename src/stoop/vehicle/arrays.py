@@ -11,13 +11,15 @@ from stoop.base.arrays import FloatArray
 from stoop.kernels.kernel import array_functions
 from stoop.vehicle.vehicle import Vehicle
 
-Equations = Callable[[FloatArray, FloatArray, FloatArray], tuple[FloatArray, FloatArray]]
+Rows = Any  #: (n_p,) or (n_p, n), or a list of numbers and (n,)
+Equations = Callable[[Rows, FloatArray, FloatArray], tuple[FloatArray, FloatArray]]
 
 
 def array_equations(vehicle: Vehicle) -> Equations:
     """Return what takes parameters, states and inputs to derivatives and readings.
 
-    Shapes are (n_p,) or (n_p, n), (n_x, n), (n_u, n), (n_x, n), (n_y, n), as of :meth:`stoop.kernels.Kernel.evaluate`.
+    Shapes are (n_p,) or (n_p, n), (n_x, n), (n_u, n), (n_x, n), (n_y, n), as of :meth:`stoop.kernels.Kernel.evaluate`; each of
+    the parameters may also be a number or (n,).
     """
 
     def build() -> Any:
@@ -27,8 +29,9 @@ def array_equations(vehicle: Vehicle) -> Equations:
 
     functions, count = array_functions(vehicle.structure, build), len(vehicle.states)
 
-    def evaluate(rows: FloatArray, states: FloatArray, inputs: FloatArray) -> tuple[FloatArray, FloatArray]:
-        constants = functions.prepare(rows.tolist() if rows.ndim == 1 else rows)
+    def evaluate(rows: Rows, states: FloatArray, inputs: FloatArray) -> tuple[FloatArray, FloatArray]:
+        # the arithmetic of Python's numbers is quicker
+        constants = functions.prepare(rows.tolist() if getattr(rows, "ndim", 0) == 1 else rows)
         found = functions.observe(states, inputs, constants)
         values = np.empty((len(found), *states.shape[1:]))
         for i, value in enumerate(found):
