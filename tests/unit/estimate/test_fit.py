@@ -11,7 +11,7 @@ from stoop.errors import FlightError, IdentificationError, VehicleError
 from stoop.estimate.fit import Fit, Options, estimation_problem, fit, refine, settle, starts
 from stoop.estimate.initial_state import FittedModel
 from stoop.estimate.noise import channel_residuals, noise_variance
-from stoop.estimate.predict import identified_vehicle, mean_biases, predict
+from stoop.estimate.predict import expected_biases, identified_vehicle, mean_biases, predict
 from stoop.estimate.regression import start_value
 from stoop.flight import Flight
 from stoop.problem import Misfit
@@ -215,7 +215,7 @@ def test_biases_for_a_prediction_come_from_the_same_flight(aircraft: Vehicle, wr
     found = fit(wrong, flights, [Window("a", 0.0, 20.0), Window("b", 0.0, 20.0)], Options())
     assert mean_biases(found, "a")["sensors.q.bias"] == pytest.approx(0.03, abs=0.003)
     assert mean_biases(found, "b")["sensors.q.bias"] == pytest.approx(-0.03, abs=0.003)
-    ahead = predict(model_of(found), flights, [Window("b", 20.0, 28.0)], [mean_biases(found, "b")])
+    ahead = predict(model_of(found), flights, [Window("b", 20.0, 28.0)], [expected_biases(found, "b")])
     error = ahead.prepared.pieces[0].measured[:, 2] - ahead.readings[0][:, 2]
     assert np.sqrt(np.mean(error**2)) < 0.02
 
@@ -333,7 +333,7 @@ def test_prediction_starts_near_the_measurements_and_fits_no_parameter(
 ) -> None:
     found = fit(wrong, {"sim": flight}, [Window("sim", 0.0, 15.0)], Options())
     ahead = predict(
-        model_of(found), {"sim": flight}, [Window("sim", 15.0, 25.0)], [mean_biases(found, "sim")]
+        model_of(found), {"sim": flight}, [Window("sim", 15.0, 25.0)], [expected_biases(found, "sim")]
     )
     piece = ahead.prepared.pieces[0]
     assert ahead.readings[0][0, 0] == pytest.approx(piece.measured[:10, 0].mean(), abs=0.5)
