@@ -22,7 +22,7 @@ from stoop.base.variables import WRAPPED
 from stoop.problem.misfit import Misfit, Piece
 from stoop.simulation.delays import delayed, late, late_inputs, late_outputs, output_delays
 from stoop.vehicle import Vehicle
-from stoop.vehicle.arrays import Equations, array_equations
+from stoop.vehicle.arrays import Equations, Evaluation, array_equations
 from stoop.vehicle.extensions import Extension, extended
 from stoop.vehicle.vehicle import slope_input
 
@@ -168,16 +168,29 @@ class ExtendedModel:
         """Return dx (n, n_x, m) and dy (n, n_y, m) of all extensions, per SI unit, of every piece."""
         ends = np.cumsum([len(at.samples) for at in trajectories]).tolist()
         parts = [slice(a, b) for a, b in zip([0, *ends], ends, strict=False)]
-        base, changes = self._evaluate(trajectories, [(at.rows, at.inputs) for at in trajectories]), []
-        for one in self.extensions:
+        inputs = np.hstack([at.inputs for at in trajectories])
+        base = Evaluation(
+            self.equations,
+            _joined([at.rows for at in trajectories], parts),
+            np.hstack([at.states for at in trajectories]),
+            inputs,
+        )
+        m, n_x = len(self.extensions), len(self.base.states)
+        changes = np.zeros((ends[-1], n_x + len(self.base.outputs), m))
+        for j, one in enumerate(self.extensions):
             steps = [self._step(one, *both) for both in zip(trajectories, pieces, strict=True)]
-            df, dh = (x - y for x, y in zip(self._evaluate(trajectories, steps), base, strict=True))
-            for at, own in zip(trajectories, parts, strict=True):
-                dh[:, own] += self._lateness(one, at, base[1][:, own])
-            changes.append((df.T, dh.T))
-        forcing, direct = (np.stack(each, axis=2) for each in zip(*changes, strict=True))
-        found = [at.responses(forcing[own], direct[own]) for at, own in zip(trajectories, parts, strict=True)]
+            moved = [own for _, own in steps if own is not None]
+            rows = _joined([rows for rows, _ in steps], parts)
+            for i, change in base.changes(rows, np.hstack(moved) if moved else inputs):
+                changes[:, i, j] = change
+            for i in (self.vehicle.outputs.index(c) for c in one.readings):
+                for at, own in zip(trajectories, parts, strict=True):
+                    changes[own, n_x + i, j] += self._lateness(one, at, i, base.reading(i)[own])
         sizes = np.array([one.step for one in self.extensions])
+        found = [
+            at.responses(changes[own, :n_x], changes[own, n_x:])
+            for at, own in zip(trajectories, parts, strict=True)
+        ]
         return [(dx / sizes, dy / sizes) for dx, dy in found]
 
     def late(self, at: Trajectory, dy: FloatArray, known: FloatArray, moved: tuple[int, ...]) -> FloatArray:
@@ -188,43 +201,37 @@ class ExtendedModel:
             dy[own] = late_outputs(self.base, part, rows, at.dt, moved).transpose(1, 2, 0)
         return dy
 
-    def _evaluate(
-        self, trajectories: Sequence[Trajectory], changed: Sequence[tuple[FloatArray, FloatArray]]
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return derivatives (n_x, n) and readings (n_y, n) of all trajectories, of parameters (n_p,) and inputs (n_u, n).
-
-        Parameters that the trajectories have in common stay numbers.
-        """
-        own, inputs = zip(*changed, strict=True)
-        values, counts = np.stack(own), [len(at.samples) for at in trajectories]
-        rows: list[Any] = values[0].tolist()
-        for i in np.flatnonzero((values != values[0]).any(axis=0)).tolist():
-            rows[i] = np.repeat(values[:, i], counts)
-        return self.equations(rows, np.hstack([at.states for at in trajectories]), np.hstack(inputs))
-
-    def _step(self, one: Extension, at: Trajectory, piece: Piece) -> tuple[FloatArray, FloatArray]:
-        """Return parameters (n_p,) and inputs (n_u, n) with a step of an extension."""
-        rows, inputs, vehicle = at.rows.copy(), at.inputs, self.vehicle
+    def _step(self, one: Extension, at: Trajectory, piece: Piece) -> tuple[FloatArray, FloatArray | None]:
+        """Return parameters (n_p,) and inputs (n_u, n) with a step of an extension; None for inputs that stay."""
+        rows, vehicle = at.rows.copy(), self.vehicle
         for name in one.numbers:
             rows[vehicle.rows[name]] += one.value(one.step) - one.null
         if one.kind in PLAYED:
-            inputs = late_inputs(vehicle, piece.inputs, rows[:, None], at.dt).T[:, at.samples]
-        elif one.inputs:
-            inputs = inputs.copy()
-            for name in (name for c in one.inputs for name in (c, slope_input(c)) if name in vehicle.inputs):
-                column = vehicle.inputs.index(name)
-                inputs[column] = delayed(at.record[column], one.step / at.dt)[at.samples]
+            return rows, late_inputs(vehicle, piece.inputs, rows[:, None], at.dt).T[:, at.samples]
+        if not one.inputs:
+            return rows, None
+        inputs = at.inputs.copy()
+        for name in (name for c in one.inputs for name in (c, slope_input(c)) if name in vehicle.inputs):
+            column = vehicle.inputs.index(name)
+            inputs[column] = delayed(at.record[column], one.step / at.dt)[at.samples]
         return rows, inputs
 
-    def _lateness(self, one: Extension, at: Trajectory, readings: FloatArray) -> FloatArray:
-        """Return by how much readings (n_y, n) change that an extension delivers late."""
-        out = np.zeros_like(readings)
-        for column in (self.vehicle.outputs.index(c) for c in one.readings):
-            wrapped = self.vehicle.outputs[column] in WRAPPED
-            for own in at.stretches:
-                whole = np.unwrap(readings[column, own]) if wrapped else readings[column, own]
-                out[column, own] = late(whole, one.step / at.dt) - whole
+    def _lateness(self, one: Extension, at: Trajectory, column: int, reading: FloatArray) -> FloatArray:
+        """Return by how much a reading (n,) changes that an extension delivers late."""
+        out = np.empty_like(reading)
+        for own in at.stretches:
+            whole = np.unwrap(reading[own]) if self.vehicle.outputs[column] in WRAPPED else reading[own]
+            out[own] = late(whole, one.step / at.dt) - whole
         return out
+
+
+def _joined(rows: Sequence[FloatArray], parts: Sequence[slice]) -> list[Any]:
+    """Return the parameters (n_p,) of several pieces in one: numbers, and (n,) where the pieces differ."""
+    values, counts = np.stack(rows), [own.stop - own.start for own in parts]
+    out: list[Any] = values[0].tolist()
+    for i in np.flatnonzero((values != values[0]).any(axis=0)).tolist():
+        out[i] = np.repeat(values[:, i], counts)
+    return out
 
 
 def simulation_responses(problem: Misfit, z: FloatArray) -> Responses:
