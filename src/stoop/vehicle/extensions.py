@@ -281,7 +281,7 @@ def _rotors(vehicle: Vehicle) -> Iterator[Extension]:
 def _single_rotors(vehicle: Vehicle) -> Iterator[Extension]:
     """Yield the share of its loads that each rotor gives, and each group of rotors with the same axis if there are several."""
     rotors = {name: rotor for name, rotor in vehicle.file.rotor.items() if rotor.factor is None}
-    groups = [(name,) for name in rotors] if len(vehicle.rotors) > 1 else []
+    groups: list[tuple[str, ...]] = [(name,) for name in rotors] if len(vehicle.rotors) > 1 else []
     by_axis: dict[tuple[float, ...], list[str]] = {}
     for name in rotors:
         axis = tuple(vehicle.value(f"rotor.{name}.axis.{c}", d) for c, d in zip("xyz", UPWARD, strict=True))
