@@ -347,7 +347,7 @@ class Shots:
         states = fly(self.vehicle, every, begins, record[:, np.minimum(whole, n - 1)], dt)
         states = np.ascontiguousarray(np.swapaxes(states, 1, 2)[:, inside.T])
         at = Trajectory(model.equations, known, states, record, whole.T[inside.T], dt)
-        dx, dy = model.responses(at, self.piece)
+        ((dx, dy),) = model.responses([at], [self.piece])
         ends = [own.stop - 1 for own in at.stretches[:-1]]
         inverse = perturbations_of(self.vehicle, np.ascontiguousarray(begins[:, 1:]))
         gaps = np.einsum("exw,wxm->wem", inverse, dx[ends])
