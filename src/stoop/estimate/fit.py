@@ -119,6 +119,12 @@ class Fit:
         """What the estimates rest on, for error bars."""
         return self.own_evidence or simulation_evidence(self.problem, self.z, self.inflation)
 
+    @cached_property
+    def readings(self) -> tuple[FloatArray, ...]:
+        """Readings (n, n_y) of the model in each piece: of one simulation, of windows, or predicted from sample to sample."""
+        every = range(len(self.problem.pieces))
+        return self.simulated or tuple(self.problem.outputs(self.z, i) for i in every)
+
     def responses(self) -> Responses:
         """Return how the residuals of the method respond to extensions of the vehicle."""
         if self.local_problem is None:

@@ -64,7 +64,6 @@ def identification(
     color, bars = fit.inflation, error_bars(fit)
     if too_few(problem, slowest_rate(fit, flights)):
         bars = bars.rejected(notice("error-bars-of-few-samples"))
-    fitted = fit.simulated or [problem.outputs(fit.z, i) for i in range(len(problem.pieces))]
     parameters, noise = _parameters(fit, bars), fit.noise
     names = tuple(parameters)
     if noise is None and options.covariance is not None:
@@ -75,7 +74,7 @@ def identification(
         noise = np.diag(np.where(measured, variance, np.nan))
     covariance = Covariance(names, bars.covariance[: len(names), : len(names)])
     measurement_noise = NoiseCovariance(vehicle.outputs, noise, color)
-    groups = [Simulated("fit", fit.prepared, fitted, left_out_residuals(fit))]
+    groups = [Simulated("fit", fit.prepared, fit.readings, left_out_residuals(fit))]
     if predicted:
         model = FittedModel(identified_vehicle(fit), covariance, measurement_noise)
         own_biases = [mean_biases(fit, window.flight) for window in predicted]
