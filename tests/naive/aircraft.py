@@ -233,15 +233,16 @@ class Aircraft:
         at_vane = x[:3] + np.cross(omega, self.arm("sensors", "vane_position"))
         r = self.arm("sensors", "accelerometer_position")
         felt = specific + np.cross(turning, r) + np.cross(omega, np.cross(omega, r))
+        mounting = rotation(*(self.n(f"sensors.imu_alignment.{axis}") for axis in "xyz")).T
         truth = {
             "V": float(np.linalg.norm(x[:3])),
             "alpha": math.atan2(at_vane[2], at_vane[0]),
             "beta": math.asin(at_vane[1] / float(np.linalg.norm(at_vane))),
-            **dict(zip("pqr", omega, strict=True)),
+            **dict(zip("pqr", mounting @ omega, strict=True)),
             "phi": math.atan2(R[2, 1], R[2, 2]),
             "theta": -math.asin(R[2, 0]),
             "psi": math.atan2(R[1, 0], R[0, 0]),
-            **dict(zip(("ax", "ay", "az"), felt, strict=True)),
+            **dict(zip(("ax", "ay", "az"), mounting @ felt, strict=True)),
         }
         kept = KEPT[self.reduce]
         return np.array(

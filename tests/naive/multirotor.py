@@ -156,8 +156,9 @@ class Multirotor:
         if "accelerometer_position" in self.raw.get("sensors", {}):
             r = self.n.point("sensors.accelerometer_position") - self.n.point("mass.center_of_gravity")
         felt = specific + np.cross(angular, r) + np.cross(omega, np.cross(omega, r))
+        mounting = rotation(*(self.n(f"sensors.imu_alignment.{axis}") for axis in "xyz")).T
         angles = [math.atan2(R[2, 1], R[2, 2]), -math.asin(R[2, 0]), math.atan2(R[1, 0], R[0, 0])]
-        truth = np.concatenate([R @ s[:3], omega, angles, felt])
+        truth = np.concatenate([R @ s[:3], mounting @ omega, angles, mounting @ felt])
         scale = np.array([self.n(f"sensors.{c}.scale", 1.0) for c in GROUND])
         return scale * truth + np.array([self.n(f"sensors.{c}.bias") for c in GROUND])
 

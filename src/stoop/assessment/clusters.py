@@ -35,7 +35,7 @@ R. T. Birge, "The calculation of errors by the method of least squares", *Physic
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterator, Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -44,7 +44,6 @@ from scipy import stats
 
 from stoop.assessment.covariance import NORMAL_95, ColoredNoise, Coloring
 from stoop.base.arrays import BoolArray, FloatArray
-from stoop.problem.evidence import PieceEvidence
 
 
 @dataclass(frozen=True)
@@ -120,14 +119,12 @@ def cluster_moves(coloring: Coloring, noise: ColoredNoise, cluster_of: Sequence[
     priors = coloring.prior
     parts = zip(coloring.segments, coloring.blocks, total, cluster_of, strict=True)
     for segment, block, middle, g in parts:
-        for residual, jacobian in _rows(segment):
-            score[g] += jacobian.T @ residual
-            seen[g] += jacobian.T @ (jacobian @ row)
+        residual, jacobian = segment.rows()
+        score[g] += jacobian.T @ residual
+        seen[g] += jacobian.T @ (jacobian @ row)
         noisy[g] += block.basis.T @ (middle @ (block.basis @ direction))
-        if segment.gaps is not None and segment.gap_jacobian is not None:
-            gaps = segment.gap_jacobian.reshape(-1, len(row))
-            noisy[g] += inverse.factor.T @ (gaps.T @ (gaps @ row))
-            priors = priors - gaps.T @ gaps
+        noisy[g] += inverse.factor.T @ (segment.gap_information @ row)
+        priors = priors - segment.gap_information
     for g, own in enumerate(_own_unknowns(coloring, cluster_of, clusters)):
         score[g, own] = 0.0
         prior = priors[np.ix_(own, own)] @ row[own]
@@ -149,14 +146,6 @@ def cluster_moves(coloring: Coloring, noise: ColoredNoise, cluster_of: Sequence[
     return Moves(
         np.where(told, ratio, 1.0), np.where(told, degrees, 0.0), np.clip(np.nan_to_num(known), 0.0, 1.0)
     )
-
-
-def _rows(segment: PieceEvidence) -> Iterator[tuple[FloatArray, FloatArray]]:
-    """Yield residuals (m,) and sensitivities (m, k) of the readings of a segment, then of the gaps between its windows."""
-    residual, jacobian = segment.filled()
-    yield residual.ravel(), jacobian.reshape(residual.size, -1)
-    if segment.gaps is not None and segment.gap_jacobian is not None:
-        yield segment.gaps.ravel(), segment.gap_jacobian.reshape(segment.gaps.size, -1)
 
 
 def _own_unknowns(coloring: Coloring, cluster_of: Sequence[int], clusters: int) -> BoolArray:

@@ -85,6 +85,11 @@ class Scores:
     ]  #: (N, m) of each piece: v, the part of the response that is the extension's alone
 
     @property
+    def p_value(self) -> FloatArray:
+        """Chance (m,) of such a statistic among all that were tested (Bonferroni)."""
+        return np.asarray(np.minimum(1.0, 2.0 * self.tested.sum() * norm.sf(np.abs(self.statistic))))
+
+    @property
     def gain(self) -> FloatArray:
         """Gain of log-likelihood (m,)."""
         return np.asarray(0.5 * self.statistic**2)
@@ -111,12 +116,13 @@ def scores(
     are tested again with the color of the residuals that they would leave, or the one that is missing would be judged by
     the noisiest residuals of all.
     """
-    S, s = [_rows(one) for one in segments], [_rows(one) for one in responses]
+    residuals, S = zip(*(one.rows() for one in segments), strict=True)
+    s = [one.rows()[1] for one in responses]
     information = prior + sum(a.T @ a for a in S)
     inverse = invert(information)
     shifts = -inverse.matrix @ sum(a.T @ b for a, b in zip(S, s, strict=True))
     own = [b + a @ shifts for a, b in zip(S, s, strict=True)]
-    score = sum(b.T @ _residuals(one) for b, one in zip(s, segments, strict=True))
+    score = sum(b.T @ r for b, r in zip(s, residuals, strict=True))
     total = sum(np.einsum("nm,nm->m", b, b) for b in s)
     alone = sum(np.einsum("nm,nm->m", v, b) for v, b in zip(own, s, strict=True))
     coloring = Coloring(tuple(segments), inverse, information - data_information(segments))
@@ -141,19 +147,8 @@ def scores(
     return found()
 
 
-def _rows(piece: PieceEvidence) -> FloatArray:
-    """Return the derivatives (N, k) of all residuals of a piece, gaps last."""
-    k = piece.jacobian.shape[2]
-    return np.concatenate([part.reshape(-1, k) for part in (piece.filled()[1], piece.met[1])])
-
-
-def _residuals(piece: PieceEvidence) -> FloatArray:
-    """Return all residuals (N,) of a piece, gaps last."""
-    return np.concatenate([piece.filled()[0].ravel(), piece.met[0].ravel()])
-
-
 def _split(piece: PieceEvidence, rows: FloatArray) -> PieceEvidence:
-    """Return a piece with other derivatives, as :func:`_rows` gives them."""
+    """Return a piece with other derivatives, as `PieceEvidence.rows` gives them."""
     n, m = piece.residual.size, rows.shape[1]
     readings, gaps = (
         part.reshape(*of.shape, m) for part, of in ((rows[:n], piece.residual), (rows[n:], piece.met[0]))
@@ -193,8 +188,7 @@ def extension_tests(fit: Fit, bars: ErrorBars) -> ExtensionTests:
         evidence = fit.evidence
         free = evidence.free
         segments, prior = [piece.of(free) for piece in evidence.pieces], evidence.prior[np.ix_(free, free)]
-        met = [piece.met[1].reshape(-1, len(free)) for piece in segments]
-        prior = prior - sum(rows.T @ rows for rows in met)  # gaps are residuals here
+        prior = prior - sum(piece.gap_information for piece in segments)  # gaps are residuals here
         gaps = found.gaps or [None] * len(segments)
         responses = [
             replace(segment, jacobian=readings, gap_jacobian=gap)
@@ -206,16 +200,13 @@ def extension_tests(fit: Fit, bars: ErrorBars) -> ExtensionTests:
             makes_sense = [
                 one.believes(change) for one, change in zip(found.extensions, of.change.tolist(), strict=True)
             ]
-            chance = 2.0 * of.tested.sum() * norm.sf(np.abs(of.statistic))
-            return [
-                j for j in np.argsort(-of.gain, kind="stable") if makes_sense[j] and chance[j] < LIMITS.level
-            ]
+            believed = np.array(makes_sense) & (of.p_value < LIMITS.level)
+            return [j for j in np.argsort(-of.gain, kind="stable") if believed[j]]
 
         first = scores(
             segments, prior, responses, lambda of: significant(of)[: LIMITS.leaders], bars.uncertainty.noise
         )
         each, order = list(zip(found.extensions, first.change.tolist(), strict=True)), significant(first)
-        p_values = np.minimum(1.0, 2.0 * first.tested.sum() * norm.sf(np.abs(first.statistic)))
         beside = np.full(len(each), np.nan)
         if order:
             parts = zip(segments, responses, first.own, strict=True)
@@ -234,7 +225,7 @@ def extension_tests(fit: Fit, bars: ErrorBars) -> ExtensionTests:
                     std_error=error,
                     unit=one.unit,
                     statistic=float(first.statistic[j]),
-                    p_value=float(p_values[j]),
+                    p_value=float(first.p_value[j]),
                     gain=float(first.gain[j]),
                     line=one.line(change),
                     change=change,
@@ -248,7 +239,7 @@ def extension_tests(fit: Fit, bars: ErrorBars) -> ExtensionTests:
 
 def _left(segment: PieceEvidence, own: FloatArray, change: float) -> PieceEvidence:
     """Return a piece with the residuals that an extension leaves."""
-    left, size = _residuals(segment) - change * own, segment.residual.size
+    left, size = segment.rows()[0] - change * own, segment.residual.size
     residual = np.where(segment.present, left[:size].reshape(segment.residual.shape), np.nan)
     return replace(segment, residual=residual, gaps=left[size:].reshape(segment.met[0].shape))
 
@@ -257,7 +248,7 @@ def _joined(
     segment: PieceEvidence, response: PieceEvidence, own: FloatArray, found: Scores, index: int
 ) -> PieceEvidence:
     """Return the evidence of a piece once an extension is among the unknowns and has taken its value."""
-    rows = np.column_stack([_rows(segment), _rows(response)[:, index]])
+    rows = np.column_stack([segment.rows()[1], response.rows()[1][:, index]])
     return _split(_left(segment, own[:, index], float(found.change[index])), rows)
 
 

@@ -28,6 +28,7 @@ from stoop.base.variables import SPECIFIC_FORCE, VARIABLES
 from stoop.estimate.fit import Fit
 from stoop.flight import Flight
 from stoop.problem import Piece, on_circle
+from stoop.problem.observation import along_body
 from stoop.simulation import START_NAMES, initial_states, parameter_rows
 from stoop.simulation.initial import rigid_states
 from stoop.vehicle import Vehicle
@@ -112,7 +113,7 @@ def _motions(
     at = np.clip(np.searchsorted(flight.time, piece.time - 0.5 * piece.dt), 0, len(flight.time) - 1)
     held = {n: np.full(len(at), float(piece.start.get(n, 0.0))) for n in whole.start_names}
     known = [n for n in START_NAMES if n in flight.data and np.isfinite(flight.column(n)[at]).any()]
-    recorded = held | {n: flight.column(n)[at] for n in known}
+    recorded = held | along_body(whole, {n: flight.column(n)[at] for n in known})
     held |= {n: recorded[n] for n in known if n in reduced.outputs}
     inputs = np.zeros((len(whole.inputs), len(at)))
     for i, name in enumerate(whole.recorded):

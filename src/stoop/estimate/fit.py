@@ -29,7 +29,7 @@ from stoop.estimate.response import Responses, simulation_responses
 from stoop.flight import Flight
 from stoop.optimize.ledger import Evaluations, Halt
 from stoop.optimize.local_refinement import FULL
-from stoop.problem import Layout, Misfit, Weights
+from stoop.problem import Layout, Misfit, Weights, on_circle
 from stoop.problem.evidence import Evidence, simulation_evidence
 from stoop.problem.misfit import horizon_ladder
 from stoop.problem.prepare import Prepared, nuisances, prepare, without_stuck_channels
@@ -119,12 +119,6 @@ class Fit:
         """What the estimates rest on, for error bars."""
         return self.own_evidence or simulation_evidence(self.problem, self.z, self.inflation)
 
-    @cached_property
-    def readings(self) -> tuple[FloatArray, ...]:
-        """Readings (n, n_y) of the model in each piece: of one simulation, of windows, or predicted from sample to sample."""
-        every = range(len(self.problem.pieces))
-        return self.simulated or tuple(self.problem.outputs(self.z, i) for i in every)
-
     def responses(self) -> Responses:
         """Return how the residuals of the method respond to extensions of the vehicle."""
         if self.local_problem is None:
@@ -136,8 +130,34 @@ class Fit:
         """By how much the variance in the weights exceeds that of the residuals, for their correlation."""
         if self.noise_given or self.noise is not None:
             return 1.0
-        variance = noise_variance(self.problem, channel_residuals(self.problem, self.z))
+        variance = noise_variance(self.problem, self.residuals)
         return float(np.median(np.diag(self.problem.weights.covariance) / variance))
+
+    @cached_property
+    def readings(self) -> tuple[FloatArray, ...]:
+        """Readings (n, n_y) of the model in each piece: of one simulation, of windows, or predicted from sample to sample."""
+        if self.simulated is not None:
+            return self.simulated
+        return tuple(self.problem.outputs(self.z, i) for i in range(len(self.problem.pieces)))
+
+    @property
+    def residuals(self) -> list[FloatArray]:
+        """Measured less simulated readings (n, n_y) of each piece."""
+        pairs, outputs = (
+            zip(self.problem.pieces, self.readings, strict=True),
+            self.problem.layout.vehicle.outputs,
+        )
+        return [on_circle(piece.measured - y, outputs) for piece, y in pairs]
+
+    @cached_property
+    def measurement_noise(self) -> FloatArray:
+        """Covariance (n_y, n_y) of the measurement noise: estimated or given; NaN for a channel that was never measured."""
+        if self.noise is not None:
+            return self.noise
+        if self.noise_given:
+            return self.problem.weights.covariance
+        measured = np.any([np.isfinite(p.measured).any(axis=0) for p in self.problem.pieces], axis=0)
+        return np.diag(np.where(measured, noise_variance(self.problem, self.residuals), np.nan))
 
     @property
     def estimates(self) -> dict[str, float]:

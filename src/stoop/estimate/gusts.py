@@ -30,7 +30,7 @@ from stoop.base.units import STANDARD_GRAVITY
 from stoop.estimate.fit import Fit
 from stoop.flight import Flight
 from stoop.flight.air_data import RECONSTRUCTED
-from stoop.problem.observation import at_center_of_gravity, state_channels
+from stoop.problem.observation import along_body, at_center_of_gravity, state_channels
 from stoop.problem.windows import Window
 from stoop.simulation.initial import rigid_states
 from stoop.vehicle import Vehicle
@@ -89,7 +89,7 @@ def changes_of_wind(vehicle: Vehicle, flight: Flight, window: Window) -> FloatAr
     if len(at) * dt < LIMITS.seconds or len(at) < 0.5 * len(present):
         return np.full((len(present), 3), np.nan)
     y = dict.fromkeys(NEEDED, np.zeros(len(present)))  # a reduced model does without the others
-    y |= {c: np.interp(np.arange(len(present)), at, columns[c][at]) for c in columns}
+    y |= along_body(vehicle, {c: np.interp(np.arange(len(present)), at, columns[c][at]) for c in columns})
     body = rigid_states(at_center_of_gravity(vehicle, y))
     air, rates = (np.column_stack([body[c] for c in names]) for names in ("uvw", "pqr"))
     force = np.column_stack([y[c] for c in ("ax", "ay", "az")])

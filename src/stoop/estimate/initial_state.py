@@ -18,11 +18,13 @@ Regression*, 1989, section 5.1 (prediction bands by the linearized model).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
+from scipy.stats import norm
+from scipy.stats import t as student
 
 from stoop import optimize
 from stoop.base.arrays import FloatArray
@@ -38,6 +40,53 @@ from stoop.vehicle import Parameter, Vehicle
 STRETCH: Final = 1.0  #: s before a prediction, from which its initial state is estimated
 MIN_STRETCH: Final = 0.2  #: s of it that there must be; else the beginning of the prediction is used
 PARAMETER_WIDTH: Final = 100.0  #: standard errors on either side, of which a difference takes 1e-7
+
+
+@dataclass(frozen=True)
+class BiasPrior:
+    """What fitted maneuvers tell of a sensor's bias in another one, SI."""
+
+    mean: float
+    deviation: float = 0.0  #: standard deviation; 0 where one maneuver alone cannot tell
+
+
+def bias_priors(
+    fitted: Sequence[tuple[str, Mapping[str, float]]], flight: str | None, widths: Mapping[str, float]
+) -> dict[str, BiasPrior]:
+    """Return the prior of each bias in a window of a flight, from the flight and the biases of each fitted maneuver.
+
+    Maneuvers of the same flight tell, if it was fitted, else the averages of flights; of one flight alone its maneuvers. The
+    variance between m of them is pooled over all sensors, in units of the `widths` (the standard deviations that the vehicle
+    file gives), and counts as one more observation of each sensor's own: of two or three maneuvers a variance alone is hardly
+    known (moderated variance, G. K. Smyth, *Statistical Applications in Genetics and Molecular Biology* 3(1), 2004). That
+    of a further maneuver about their mean is 1 + 1/m times as large, and its 95 % range that of Student's t with the degrees
+    of freedom by F. E. Satterthwaite, *Biometrics Bulletin* 2(6), 1946.
+    """
+    by_flight: dict[str, list[Mapping[str, float]]] = {}
+    for name, own in fitted:
+        by_flight.setdefault(name, []).append(own)
+    groups = by_flight.get(flight or "") or [_averages(some) for some in by_flight.values()]
+    if len(groups) < 2 and flight not in by_flight:
+        groups = [own for _, own in fitted]
+    values = {n: np.array([one[n] for one in groups if n in one]) for n in _averages(groups)}
+    squares = {n: float(np.sum((x - x.mean()) ** 2)) for n, x in values.items()}
+    degrees = sum(len(x) - 1 for x in values.values())
+    pooled = sum(square / widths.get(n, 1.0) ** 2 for n, square in squares.items()) / max(degrees, 1)
+    found = {}
+    for n, x in values.items():
+        m = len(x)
+        if m < 2:
+            found[n] = BiasPrior(float(x[0]))
+            continue
+        variance = (pooled * widths.get(n, 1.0) ** 2 + squares[n]) / m
+        reach = student.ppf(0.975, m**2 / (1.0 / degrees + m - 1.0)) / norm.ppf(0.975)
+        found[n] = BiasPrior(float(x.mean()), float(reach * np.sqrt(variance * (1.0 + 1.0 / m))))
+    return found
+
+
+def _averages(several: Sequence[Mapping[str, float]]) -> dict[str, float]:
+    names = dict.fromkeys(name for one in several for name in one)
+    return {name: float(np.mean([one[name] for one in several if name in one])) for name in names}
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,14 +173,22 @@ class Predicted:
     deviation: FloatArray
 
 
-def predict_stretch(model: FittedModel, stretch: Stretch) -> Predicted:
-    """Estimate the initial state of a stretch, and simulate on through the prediction.
+def predict_stretch(
+    model: FittedModel, stretch: Stretch, biases: Mapping[str, BiasPrior] | None = None
+) -> Predicted:
+    """Estimate the initial state and the sensor biases of a stretch, and simulate on through the prediction.
 
     Readings that the simulation does not reach, because it diverges, are not finite.
     """
     piece = replace(stretch.piece, maneuver=0)
     window = Window("", float(piece.time[0]), float(piece.time[-1]))
-    starts = [n for n in nuisances(model.vehicle, Prepared((window,), (piece,))) if not n.is_bias]
+    known, starts = biases or {}, []
+    for n in nuisances(model.vehicle, Prepared((window,), (piece,))):
+        prior = known.get(n.name, BiasPrior(n.center))
+        if not n.is_bias:
+            starts.append(n)
+        elif prior.deviation > 0.0:
+            starts.append(replace(n, center=prior.mean, scale=prior.deviation))
     ladder = ((stretch.samples,), (len(piece.time),))
     problem = Misfit(Layout(model.vehicle, (), tuple(starts)), (piece,), model.weights, ladder)
     z = optimize.refine(problem, np.zeros(problem.extra), 0).z

@@ -39,7 +39,15 @@ from stoop.estimate.response import ExtendedModel, Responses, whitened
 from stoop.estimate.shooting_problem import Iterate, Reduced, ShootingProblem, Weighted, reduced
 from stoop.estimate.shooting_windows import WINDOW_LENGTH, Shots, window_model
 from stoop.flight import Flight
-from stoop.optimize.levenberg_marquardt import StagedModel, Stages, StagesState, TenfoldDamping, Trial
+from stoop.optimize.levenberg_marquardt import (
+    StagedModel,
+    Stages,
+    StagesState,
+    TenfoldDamping,
+    Trial,
+    levenberg_marquardt,
+)
+from stoop.optimize.minimize import ADVICE as SEARCH_ADVICE
 from stoop.optimize.minimize import Status
 from stoop.optimize.normal_equations import solve_damped
 from stoop.problem import Layout, Misfit, Weights
@@ -47,16 +55,18 @@ from stoop.problem.prepare import Prepared
 from stoop.problem.windows import Window
 from stoop.vehicle import Vehicle
 
-MAX_ITERATIONS: Final = 60
 TOLERANCE: Final = 1e-4  #: of half the cost that is left to gain
 MIN_DAMPING: Final = 1e-10
+DAMPING: Final = partial(TenfoldDamping, 1e-4, growth=8.0, acceleration=1.0, smallest=MIN_DAMPING)
+JOINING_STEPS: Final = 10  #: at most, of windows that come to meet; three are usual
 SECOND_BUDGET: Final = (
     3000.0  #: trajectories of a search after Gauss-Newton from a fair start did not converge
 )
 POOR: Final = 0.7  #: of the cost of constant readings: a start that is no better is none
-ADVICE: Final[dict[Status, str]] = {
-    "converged": "",
-    "generations": "the windows do not meet at an optimum; begin nearer, or fix parameters",
+ADVICE: Final[Mapping[str, str]] = {
+    **SEARCH_ADVICE,
+    "stalled": "no step lowers the cost further, but derivatives promise more; begin nearer, or fix parameters that the "
+    "data do not determine",
     "interrupted": "stopped by the user; resume to go on from the last step",
 }
 
@@ -64,8 +74,9 @@ ADVICE: Final[dict[Status, str]] = {
 class GaussNewtonModel(StagedModel):
     """The windows of a problem about an iterate, their states eliminated; parameters stay in the unit box."""
 
-    def __init__(self, problem: ShootingProblem, at: Iterate) -> None:
+    def __init__(self, problem: ShootingProblem, at: Iterate, held: bool = False) -> None:
         self.problem, self.at, self.cost = problem, at, at.cost
+        self.held = held  #: the parameters; initial states and biases are free then
 
     @property
     def point(self) -> FloatArray:
@@ -105,7 +116,7 @@ class GaussNewtonModel(StagedModel):
         d = self.problem.problem.dimension
         x, slope = self.at.z[:d], gradient[:d]
         at_bound = np.zeros(len(gradient), dtype=np.bool_)
-        at_bound[:d] = ((x <= 0.0) & (slope > 0.0)) | ((x >= 1.0) & (slope < 0.0))
+        at_bound[:d] = self.held | ((x <= 0.0) & (slope > 0.0)) | ((x >= 1.0) & (slope < 0.0))
         free = np.flatnonzero(~at_bound)
         step = np.zeros_like(gradient)
         step[free] = solve_damped(normal[np.ix_(free, free)], -gradient[free], damping)
@@ -115,11 +126,11 @@ class GaussNewtonModel(StagedModel):
         """Simulate the windows after the step."""
         z, d = self.at.z + step[0], self.problem.problem.dimension
         z[:d] = np.clip(z[:d], 0.0, 1.0)
-        nodes = [
-            shots.perturbed(own, r.moves(z - self.at.z).T) if r.nodes else own
-            for shots, own, r in zip(self.problem.shots, self.at.nodes, step[1], strict=True)
-        ]
+        nodes = self.problem.moved(self.at.nodes, step[1], z - self.at.z)
         there = self.problem.iterate(z, nodes)
+        if self.problem.strictness > 1.0 and np.isfinite(there.cost):
+            closer = self.problem.closed(there, self.windows)
+            there = min(there, closer, key=lambda at: at.cost)
         return Trial(there, there.cost, 0.0)
 
     def accept(self, trial: Trial, ratio: float) -> None:
@@ -151,6 +162,12 @@ def refined(
     """
     vehicle = problem.problem.layout.vehicle
     schedule = window_model(vehicle).strictness
+
+    def left() -> float:
+        """Return how many more steps generations and budget allow."""
+        generation, spent = stages.spent
+        return min(options.generations - generation, (options.budget - spent) // stages.price)
+
     own = [[shots.measured_nodes(z) for shots in problem.shots] for z in begins]
     at = min((problem.iterate(z, nodes) for z, nodes in zip(begins, own, strict=True)), key=lambda p: p.cost)
     if not np.isfinite(at.cost):
@@ -158,8 +175,11 @@ def refined(
         raise IdentificationError(
             f"{vehicle.where}: not even windows of {length:.2g} s can be flown from the start; check values and units"
         )
+    joined = as_one_flight(problem, at, schedule)
+    if joined.cost < POOR * problem.problem.reference(len(problem.problem.prices) - 1):
+        at, schedule = joined, schedule[-1:]  # windows that need not meet would let a good start go
     iterations, before = 0, np.inf
-    status: Status = "interrupted" if interrupted else "generations"
+    status: Status = "interrupted" if interrupted else "stalled"
     noise_converged = False
     problem = replace(problem, strictness=schedule[-1])
     end = at
@@ -168,11 +188,16 @@ def refined(
             for strictness in schedule if np.isinf(before) else schedule[-1:]:
                 stricter = replace(problem, strictness=strictness)
                 model = GaussNewtonModel(stricter, stricter.leveled(at))
-                damping = TenfoldDamping(1e-4, growth=8.0, acceleration=1.0, smallest=MIN_DAMPING)
-                ending = stages.search(model, damping, MAX_ITERATIONS)
+                ending = stages.search(model, DAMPING(), max(0, int(left())))
                 steps = len(stages.stages[-1].costs) - 1
                 at, iterations = model.at, iterations + steps + (ending == "stalled")
-            end, status = at, "converged" if ending == "converged" else "generations"
+                if ending == "limit":
+                    break
+            if ending == "limit":
+                status = "generations" if stages.spent[0] >= options.generations else "budget"
+                end = problem.iterate(at.z, at.nodes)
+                break
+            end, status = at, "converged" if ending == "converged" else "stalled"
             weights = problem.problem.weights
             shifted = aligned(problem.problem, at.z)
             settled = all(
@@ -191,6 +216,17 @@ def refined(
     except KeyboardInterrupt:
         status = "interrupted"
     return Refined(problem, end, iterations, status, noise_converged)
+
+
+def as_one_flight(problem: ShootingProblem, at: Iterate, schedule: Sequence[float]) -> Iterate:
+    """Return the iterate with windows that meet ever more strictly, the parameters held."""
+    for strictness in schedule:
+        stricter = replace(problem, strictness=strictness)
+        model = GaussNewtonModel(stricter, stricter.leveled(at), held=True)
+        model.watch = lambda damping: None
+        levenberg_marquardt(model, DAMPING(), max_steps=JOINING_STEPS)
+        at = model.at
+    return at
 
 
 def windowed_problem(shooting: ShootingProblem) -> Misfit:
@@ -256,8 +292,8 @@ class MultipleShooting:
                     start = search(options.budget)
             cut = start is not None and start.status == "interrupted"
             found = refined(shooting, padded if start is None else [start.z], options, stages, cut)
-            if start is None and found.status == "generations" and model.global_start:
-                start = search(min(SECOND_BUDGET, options.budget))
+            if start is None and found.status == "stalled" and model.global_start:
+                start = search(min(SECOND_BUDGET, options.budget - stages.spent[1]))
                 again = refined(shooting, [start.z], options, stages, start.status == "interrupted")
                 if again.status in ("converged", "interrupted"):
                     found = again if again.status == "converged" else replace(found, status="interrupted")
@@ -275,6 +311,9 @@ class MultipleShooting:
         many = float(found.iterations * (problem.dimension + problem.extra + 2))
         code = window_model(problem.layout.vehicle).notice
         notices = [notice(code, length=self.length, gap=max(at.gap, 1e-15))]
+        advice = ADVICE[status]
+        if advice and windowed.strictness > 1.0:  # where windows are to meet
+            advice = f"{advice}; {windowed.worst_gap(at)}"
         history, optimizer = np.empty((0, 2)), "gauss-newton"
         if start is not None:
             searched, optimizer = start.trajectories, start.optimizer
@@ -289,7 +328,7 @@ class MultipleShooting:
             prepared,
             at.z,
             optimize.Outcome(
-                at.z, at.cost, many, found.iterations, status, ADVICE[status], history, state, optimizer
+                at.z, at.cost, many, found.iterations, status, advice, history, state, optimizer
             ),
             at.cost,
             many,

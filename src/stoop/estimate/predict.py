@@ -23,9 +23,11 @@ from stoop.estimate.fit import Fit
 from stoop.estimate.initial_state import (
     MIN_STRETCH,
     STRETCH,
+    BiasPrior,
     FittedModel,
     Predicted,
     Stretch,
+    bias_priors,
     predict_stretch,
     stretch_before,
 )
@@ -38,6 +40,7 @@ from stoop.problem import Piece
 from stoop.problem.observation import START_TIME
 from stoop.problem.prepare import Prepared, prepare
 from stoop.problem.windows import Window
+from stoop.results.result import Covariance, NoiseCovariance
 from stoop.simulation import START_NAMES, parameter_rows, trim
 from stoop.vehicle import Vehicle
 from stoop.vehicle.vehicle import AIR_FRAME, GROUND_FRAME
@@ -51,15 +54,32 @@ def identified_vehicle(fit: Fit) -> Vehicle:
     return fit.problem.layout.vehicle.with_numbers(changes)
 
 
+def fitted_model(fit: Fit, covariance: FloatArray) -> FittedModel:
+    """Return the model of a fit for predictions; `covariance` (k, k) of its unknowns, parameters first."""
+    names = tuple(p.name for p in fit.problem.layout.parameters)
+    outputs = fit.problem.layout.vehicle.outputs
+    return FittedModel(
+        identified_vehicle(fit),
+        Covariance(names, covariance[: len(names), : len(names)]),
+        NoiseCovariance(outputs, fit.measurement_noise, fit.inflation),
+    )
+
+
+def expected_biases(fit: Fit, flight: str) -> dict[str, BiasPrior]:
+    """Return what the fitted maneuvers tell of each bias in a window of a flight."""
+    of_maneuver: list[dict[str, float]] = [{} for _ in fit.prepared.windows]
+    widths = {}
+    for nuisance, entry in zip(fit.problem.layout.nuisances, fit.z[fit.problem.dimension :], strict=True):
+        if nuisance.is_bias:
+            of_maneuver[nuisance.maneuver][nuisance.name] = nuisance.center + nuisance.scale * float(entry)
+            widths[nuisance.name] = nuisance.scale
+    flights = [window.flight for window in fit.prepared.windows]
+    return bias_priors(list(zip(flights, of_maneuver, strict=True)), flight, widths)
+
+
 def mean_biases(fit: Fit, flight: str) -> dict[str, float]:
     """Return each bias averaged over the fitted maneuvers of a flight, or of all flights if it has none."""
-    windows = fit.prepared.windows
-    own = {i for i, w in enumerate(windows) if w.flight == flight} or set(range(len(windows)))
-    found: dict[str, list[float]] = {}
-    for nuisance, entry in zip(fit.problem.layout.nuisances, fit.z[fit.problem.dimension :], strict=True):
-        if nuisance.is_bias and nuisance.maneuver in own:
-            found.setdefault(nuisance.name, []).append(nuisance.center + nuisance.scale * float(entry))
-    return {name: float(np.mean(values)) for name, values in found.items()}
+    return {name: prior.mean for name, prior in expected_biases(fit, flight).items()}
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,12 +95,12 @@ def predict(
     model: FittedModel,
     flights: Mapping[str, Flight],
     windows: Sequence[Window],
-    biases: Sequence[Mapping[str, float]],
+    biases: Sequence[Mapping[str, BiasPrior]],
 ) -> Prediction:
     """Simulate windows with a fitted model; no parameter is fitted there.
 
-    `biases` are those of the sensors in each window, by the names of the vehicle's numbers, SI. The initial state is
-    estimated from the record before each window, see :mod:`stoop.estimate.initial_state`.
+    `biases` are the priors of the sensors' in each window, by the names of the vehicle's numbers. They and the initial state
+    are estimated from the record before each window, see :mod:`stoop.estimate.initial_state`.
     """
     parts = [_of_window(model, flights, w, b) for w, b in zip(windows, biases, strict=True)]
     pieces = [replace(p, maneuver=i) for i, (part, _) in enumerate(parts) for p in part.pieces]
@@ -94,9 +114,10 @@ def predict(
 
 
 def _of_window(
-    model: FittedModel, flights: Mapping[str, Flight], window: Window, biases: Mapping[str, float]
+    model: FittedModel, flights: Mapping[str, Flight], window: Window, priors: Mapping[str, BiasPrior]
 ) -> tuple[Prepared, list[Predicted]]:
     """Prepare and predict one window with the biases of its flight."""
+    biases = {name: prior.mean for name, prior in priors.items()}
     biased = model.vehicle.with_numbers({name: {"value": value} for name, value in biases.items()})
     prepared, kind = prepare(biased, flights, [window]), _PREDICTIONS[biased.frame]
     found, late = [], []
@@ -114,7 +135,7 @@ def _of_window(
             notices.append(notice("predicted-unstable", str(window), **about))
         edges = window_edges(n, round(length / piece.dt)) if np.isfinite(length) else (0, n)
         parts = [
-            predict_stretch(model, stretch.part(biased, a, b) if len(edges) > 2 else stretch)
+            predict_stretch(model, stretch.part(biased, a, b) if len(edges) > 2 else stretch, priors)
             for a, b in pairwise(edges)
         ]
         whole = Predicted(

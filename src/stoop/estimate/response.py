@@ -13,21 +13,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
-from scipy.linalg import expm
 
 from stoop.base.arrays import BoolArray, FloatArray, IntArray
 from stoop.base.variables import WRAPPED
 from stoop.problem.misfit import Misfit, Piece
 from stoop.simulation.delays import delayed, late, late_inputs, late_outputs, output_delays
 from stoop.vehicle import Vehicle
+from stoop.vehicle.arrays import Equations, array_equations
 from stoop.vehicle.extensions import Extension, extended
 from stoop.vehicle.vehicle import slope_input
-
-if TYPE_CHECKING:
-    from stoop.vehicle.symbolic.arrays import Equations
 
 PLAYED: Final = ("rate_limit", "dead_zone")  #: what acts on the recorded channels, not in the equations
 STEP: Final = 1e-6  #: of a state's size, for the Jacobians
@@ -71,7 +68,9 @@ class Trajectory:
     def responses(self, forcing: FloatArray, direct: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return dx (n, n_x, m) and dy (n, n_y, m) of m changes: df (n, n_x, m) and dh (n, n_y, m)."""
         A, C = self._jacobians()
-        transition = expm(0.5 * (A[:-1] + A[1:]) * self.dt)
+        turned, transition = 0.5 * (A[:-1] + A[1:]) * self.dt, np.eye(A.shape[1])
+        for order in (4, 3, 2, 1):  # as the steps of the kernel
+            transition = np.eye(A.shape[1]) + turned @ transition / order
         pushed = 0.5 * self.dt * (transition @ forcing[:-1] + forcing[1:])
         if self.correction is not None:
             corrected = transition @ self.correction[:-1]
@@ -99,34 +98,41 @@ class Trajectory:
         return np.stack(A).transpose(2, 1, 0).copy(), np.stack(C).transpose(2, 1, 0).copy()
 
 
-def fly(
-    equations: Equations,
-    rows: FloatArray,
-    start: FloatArray,
-    inputs: FloatArray,
-    held: tuple[int, ...],
-    dt: float,
-) -> FloatArray:
-    """Return the states (n_x, n, ...) from starts (n_x, ...) by Runge and Kutta's method, as the kernel takes its steps.
+def fly(vehicle: Vehicle, rows: FloatArray, start: FloatArray, inputs: FloatArray, dt: float) -> FloatArray:
+    """Return the states (n_x, n, B) from starts (n_x, B) by Runge and Kutta's method, as the kernel takes its steps.
 
-    Inputs (n_u, n, ...) as they arrive are linear between samples; those `held` keep their value until the next one.
+    Parameters are (n_p, B). Inputs (n_u, n, B) as they arrive are linear between samples; slopes keep their value until the
+    next one.
     """
-    n = inputs.shape[1]
-    out = np.empty((len(start), *inputs.shape[1:]))
-    out[:, 0] = start
-    middle = 0.5 * (inputs[:, :-1] + inputs[:, 1:])
-    ends = inputs[:, 1:].copy()
-    for i in held:
-        middle[i] = ends[i] = inputs[i, :-1]
+    evaluate = vehicle.kernel().evaluate
+    begin = np.ascontiguousarray(np.moveaxis(inputs, 1, 0))
+    middle, end = 0.5 * (begin[:-1] + begin[1:]), begin[1:].copy()
+    for i in (vehicle.inputs.index(slope_input(c)) for c in vehicle.sloped):
+        middle[:, i] = end[:, i] = begin[:-1, i]
+    out = np.empty((len(begin), *start.shape))
+    out[0] = x = start
     with np.errstate(over="ignore", invalid="ignore"):
-        for k in range(n - 1):
-            x = out[:, k]
-            a = equations(rows, x, inputs[:, k])[0]
-            b = equations(rows, x + 0.5 * dt * a, middle[:, k])[0]
-            c = equations(rows, x + 0.5 * dt * b, middle[:, k])[0]
-            d = equations(rows, x + dt * c, ends[:, k])[0]
-            out[:, k + 1] = x + dt / 6.0 * (a + 2.0 * b + 2.0 * c + d)
-    return out
+        for k in range(len(middle)):
+            a = evaluate(rows, x, begin[k])[0]
+            b = evaluate(rows, x + 0.5 * dt * a, middle[k])[0]
+            c = evaluate(rows, x + 0.5 * dt * b, middle[k])[0]
+            d = evaluate(rows, x + dt * c, end[k])[0]
+            out[k + 1] = x = x + dt / 6.0 * (a + 2.0 * (b + c) + d)
+    return np.moveaxis(out, 0, 1)
+
+
+def fly_together(
+    vehicle: Vehicle,
+    rows: Sequence[FloatArray],
+    starts: Sequence[FloatArray],
+    inputs: Sequence[FloatArray],
+    dt: float,
+) -> list[FloatArray]:
+    """Return the states (n_x, n) of several records side by side, each (n_p, 1), (n_x, 1), (n_u, n)."""
+    longest = max(record.shape[1] for record in inputs)
+    padded = [np.pad(x, [(0, 0), (0, longest - x.shape[1])], mode="edge") for x in inputs]
+    states = fly(vehicle, np.hstack(rows), np.hstack(starts), np.stack(padded, axis=-1), dt)
+    return [states[:, : record.shape[1], i].copy() for i, record in enumerate(inputs)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,8 +158,6 @@ class ExtendedModel:
     @classmethod
     def of(cls, base: Vehicle) -> ExtendedModel:
         """Return the model of a vehicle."""
-        from stoop.vehicle.symbolic.arrays import array_equations  # SymPy is imported when it is needed
-
         vehicle, catalogue = extended(base)
         return cls(base, vehicle, catalogue, array_equations(vehicle))
 
@@ -167,24 +171,6 @@ class ExtendedModel:
     def received(self, piece: Piece, known: FloatArray) -> FloatArray:
         """Return the inputs (n_u, n) of a piece as they arrive with parameters (n_p, 1)."""
         return late_inputs(self.base, piece.inputs, known, piece.dt).T.astype(float)
-
-    def fly(self, rows: FloatArray, start: FloatArray, inputs: FloatArray, dt: float) -> FloatArray:
-        """Return the states from a start, see :func:`fly`."""
-        held = tuple(self.base.inputs.index(slope_input(c)) for c in self.base.sloped)
-        return fly(self.equations, rows, start, inputs, held, dt)
-
-    def fly_together(
-        self,
-        rows: Sequence[FloatArray],
-        starts: Sequence[FloatArray],
-        inputs: Sequence[FloatArray],
-        dt: float,
-    ) -> list[FloatArray]:
-        """Return the states (n_x, n) of several records side by side, each (n_p,), (n_x,), (n_u, n)."""
-        longest = max(record.shape[1] for record in inputs)
-        padded = [np.pad(x, [(0, 0), (0, longest - x.shape[1])], mode="edge") for x in inputs]
-        states = self.fly(np.stack(rows, axis=-1), np.stack(starts, axis=-1), np.stack(padded, axis=-1), dt)
-        return [states[:, : record.shape[1], i].copy() for i, record in enumerate(inputs)]
 
     def responses(self, at: Trajectory, piece: Piece) -> tuple[FloatArray, FloatArray]:
         """Return dx (n, n_x, m) and dy (n, n_y, m) of all extensions, per SI unit."""
@@ -228,12 +214,10 @@ def simulation_responses(problem: Misfit, z: FloatArray) -> Responses:
     model, out = ExtendedModel.of(problem.layout.vehicle), []
     known, starts = zip(*(problem.candidates(z[None, :], i) for i in range(len(problem.pieces))), strict=True)
     records = [model.received(*both) for both in zip(problem.pieces, known, strict=True)]
-    parameters = [model.rows(rows[:, 0]) for rows in known]
-    flown = model.fly_together(parameters, [start[:, 0] for start in starts], records, problem.pieces[0].dt)
-    for piece, own, rows, states, record in zip(
-        problem.pieces, known, parameters, flown, records, strict=True
-    ):
-        at = Trajectory(model.equations, rows, states, record, np.arange(len(piece.time)), piece.dt)
+    flown = fly_together(model.base, known, starts, records, problem.pieces[0].dt)
+    for piece, own, states, record in zip(problem.pieces, known, flown, records, strict=True):
+        samples, rows = np.arange(len(piece.time)), model.rows(own[:, 0])
+        at = Trajectory(model.equations, rows, states, record, samples, piece.dt)
         dy = model.late(at, model.responses(at, piece)[1], own, piece.moved)
         out.append(whitened(problem, dy, np.isfinite(piece.measured)))
     return Responses(model.extensions, tuple(out))

@@ -24,7 +24,9 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from stoop.base.arrays import FloatArray
+from stoop.base.variables import VARIABLES
 from stoop.estimate.shooting_windows import AIRCRAFT, Products, Shot, Shots, residual, window_model
+from stoop.optimize.normal_equations import project
 from stoop.problem import Misfit
 from stoop.problem.evidence import Evidence, PieceEvidence, unknowns_of
 from stoop.simulation import parameter_rows
@@ -36,6 +38,7 @@ FIRST_WIND_STEP: Final = 0.2  #: m/s from one window to the next, before it is e
 WIND_STEPS: Final = (1e-3, 3.0)  #: m/s: bounds
 WIND_COMPONENTS: Final = ((-3, -2), (-1,))  #: of the scales: level, vertical
 MIN_GAPS: Final = 3  #: below which nothing tells the size of wind steps
+BODY_VELOCITY: Final = ("u", "v", "w")  #: states
 ROUNDING: Final = 1e-12  #: of the greatest eigenvalue
 
 
@@ -44,6 +47,7 @@ class Weighted:
     """A window, whitened: residual and gap are in standard deviations."""
 
     products: Products  #: of its readings
+    by_state: FloatArray  #: (n, n_y, e), derivative of its readings by the state that it begins with
     gap: FloatArray  #: (e,), empty for the last window
     gap_by_unknown: FloatArray  #: (e, j)
     gap_by_state: FloatArray  #: (e, e)
@@ -193,6 +197,23 @@ class ShootingProblem:
                 worst = max(worst, float(np.max(np.abs(gaps), initial=0.0)))
         return Iterate(z, tuple(nodes), total if np.isfinite(total) else np.inf, worst / self.strictness)
 
+    def worst_gap(self, at: Iterate) -> str:
+        """Return where windows meet worst, in words."""
+        vehicle, worst, text = self.problem.layout.vehicle, -1.0, "there is one window"
+        for shots, (_, gaps) in zip(self.shots, self.whitened(at.z, at.nodes), strict=True):
+            if not gaps.size or np.max(np.abs(gaps)) <= worst:
+                continue
+            w, e = np.unravel_index(int(np.argmax(np.abs(gaps))), gaps.shape)
+            worst, name = float(np.max(np.abs(gaps))), vehicle.moves[e].removeprefix("turn ")
+            unit = "m/s" if name in BODY_VELOCITY else VARIABLES[name].unit if name in VARIABLES else ""
+            size, time = worst / self.gap_weights[e], shots.piece.time[shots.edges[w + 1]]
+            text = (
+                f"the windows meet within {size:.2g} {unit} of {name} or better, at {time:g} s worst".replace(
+                    "  ", " "
+                )
+            )
+        return text
+
     def leveled(self, at: Iterate) -> Iterate:
         """Return the iterate with altitudes taken from where the window before ended.
 
@@ -240,8 +261,36 @@ class ShootingProblem:
             weights = self.gap_weights if len(shot.gap) else np.empty(0)
             gap, column = weights * shot.gap, weights[:, None]
             slopes = column * shot.gap_by_unknown, column * shot.gap_by_state
-            out.append(Weighted(shot.products, gap, *slopes, weights))
+            out.append(Weighted(shot.products, shot.by_state, gap, *slopes, weights))
         return out
+
+    def moved(
+        self, nodes: Sequence[FloatArray], pieces: Sequence[Reduced], step: FloatArray
+    ) -> list[FloatArray]:
+        """Return what windows begin with after a step (j,) of the search vector, as the eliminated states follow it."""
+        return [
+            shots.perturbed(own, r.moves(step).T) if r.nodes else own
+            for shots, own, r in zip(self.shots, nodes, pieces, strict=True)
+        ]
+
+    def closed(self, at: Iterate, pieces: Sequence[Sequence[Weighted]]) -> Iterate:
+        """Return the iterate with windows closed by one step of their states, with derivatives taken near by.
+
+        A step along the linear model of gaps opens them again by its curvature, which their weight punishes, however good the
+        step is for the readings (the effect of Maratos; Nocedal and Wright, *Numerical Optimization*, 2nd ed., section 15.4).
+        """
+        found = []
+        for windows, (white, gaps) in zip(pieces, self.whitened(at.z, at.nodes), strict=True):
+            ends = np.cumsum([len(w.by_state) for w in windows])[:-1]
+            own = []
+            for w, left, gap in zip(
+                windows, np.split(white, ends), [*gaps, gaps[:0].reshape(-1)], strict=True
+            ):
+                states = np.ascontiguousarray(w.by_state.reshape(left.size, -1).T)
+                products = replace(w.products, state_slope=project(states, left.ravel()))
+                own.append(replace(w, products=products, gap=gap))
+            found.append(reduced(own, 0.0))
+        return self.iterate(at.z, self.moved(at.nodes, found, np.zeros(len(at.z))))
 
     def reduce(
         self, at: Iterate, pieces: Sequence[Sequence[Weighted]], damping: float

@@ -17,7 +17,7 @@ from stoop.base.rotations import normalized
 from stoop.base.variables import EULER
 from stoop.estimate.linearization import interpolated, perturbation_steps, perturbations_of, unwrapped
 from stoop.estimate.regression.rotors import lagged_command
-from stoop.estimate.response import ExtendedModel, Trajectory
+from stoop.estimate.response import ExtendedModel, Trajectory, fly
 from stoop.kernels import filtering
 from stoop.kernels.windows import windows
 from stoop.optimize.normal_equations import gram, project
@@ -29,7 +29,7 @@ from stoop.problem.observation import (
     observation_model,
     state_channels,
     through_air,
-    true_value,
+    true_values,
 )
 from stoop.simulation import initial_states, parameter_rows
 from stoop.simulation.delays import actuator_rows, late_inputs, late_outputs, output_delays
@@ -81,7 +81,7 @@ def _parabola(column: FloatArray, at: int, width: int) -> float:
 def _through_air(vehicle: Vehicle, piece: Piece, readings: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
     """Return the motion through the air, body axes: bias and scale of the piece undone, the wind taken off."""
     rows = parameter_rows(vehicle, piece.changes)[:, 0]
-    true = {c: true_value(vehicle, c, y, rows) for c, y in readings.items()}
+    true = true_values(vehicle, readings, rows)
     if not set(WIND) & set(true):
         return true
     zero = np.zeros(len(next(iter(true.values()))))
@@ -341,7 +341,8 @@ class Shots:
         whole = edges[:-1] + np.arange(np.max(lasts - edges[:-1]) + 1)[:, None]
         inside, record = whole <= lasts, model.received(self.piece, rows)
         known, dt = model.rows(rows[:, 0]), self.piece.dt
-        states = model.fly(known, begins, record[:, np.minimum(whole, n - 1)], dt)
+        every = np.repeat(rows, begins.shape[1], axis=1)
+        states = fly(self.vehicle, every, begins, record[:, np.minimum(whole, n - 1)], dt)
         states = np.ascontiguousarray(np.swapaxes(states, 1, 2)[:, inside.T])
         at = Trajectory(model.equations, known, states, record, whole.T[inside.T], dt)
         dx, dy = model.responses(at, self.piece)

@@ -74,7 +74,8 @@ def intact(folder: Path) -> bool:
 
 def writable(folder: Path) -> bool:
     """Return whether Numba could write beside its files; where it cannot, it does not read them either."""
-    return all(os.access(p, os.W_OK) for p in (folder, folder / "__pycache__"))
+    compiled = folder / "__pycache__"
+    return os.access(folder, os.W_OK) and (not compiled.exists() or os.access(compiled, os.W_OK))
 
 
 def private() -> Path:

@@ -278,7 +278,7 @@ def _open(folder: Path, key: str, name: str) -> ModuleType:
 
     entries = {
         **SIGNATURES, "filtering": filters.SIGNATURES, "steps": filters.STEP_SIGNATURES,
-        "riccati": filters.RICCATI_SIGNATURES, "windows": windows.SIGNATURES,
+        "riccati": filters.RICCATI_SIGNATURES, "windows": windows.SIGNATURES, "arrays": {},
     }  # fmt: skip
     module = import_generated(folder, key, name)
     for entry, signature in entries[name].items():
@@ -388,6 +388,27 @@ def riccati_module() -> ModuleType:
         (folder / "riccati.py").write_text(riccati_source())
 
     return _open(_build(cache.cache_folder() / f"{key}-riccati", key, "riccati", write), key, "riccati")
+
+
+_arrays: dict[str, ModuleType] = {}
+
+
+def array_functions(structure: str, model: Callable[[], SymbolicModel]) -> ModuleType:
+    """Return `prepare` and `observe` of a model structure, which take arrays and are not compiled, as :func:`load_kernel`."""
+    from stoop.kernels.lanes import ARRAYS
+
+    key = _key(structure)
+    if key in _arrays:
+        return _arrays[key]
+
+    def write(folder: Path) -> None:
+        from stoop.kernels.emit import emit
+
+        (folder / "arrays.py").write_text(ARRAYS + emit(model()).source)
+
+    folder = _build(cache.cache_folder() / f"{key}-arrays", key, "arrays", write)
+    _arrays[key] = _open(folder, key, "arrays")
+    return _arrays[key]
 
 
 _loaded: dict[str, Kernel] = {}

@@ -25,6 +25,15 @@ if TYPE_CHECKING:  # a warm start needs the signatures below, but no SymPy
 
 WIDTH = 8  #: of a group: one AVX-512 register of doubles
 _REORDER = ', "reassoc"'  #: among the flags in the runtime header
+ARRAYS = """\
+from numpy import absolute as fabs, arctan2 as atan2, sqrt
+
+
+def inline(function):
+    return function
+
+
+"""  #: header of the model's functions where they take arrays
 LOOPS = "# Loops over time.\n"  #: between the functions that the modules of a model share and those of each module
 
 

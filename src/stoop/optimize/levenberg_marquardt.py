@@ -267,14 +267,20 @@ class Stages:
             ]
 
     @property
+    def spent(self) -> tuple[int, float]:
+        """Steps and trajectories so far, those of the search for a start included."""
+        steps = sum(len(stage.costs) - 1 for stage in self.stages)
+        before = (
+            (0, 0.0) if self.start is None else (self.start.generation, self.start.evaluations.trajectories)
+        )
+        return before[0] + steps, before[1] + self.price * steps
+
+    @property
     def state(self) -> StagesState | None:
         """To resume from; None where nothing was searched yet."""
         if not self.stages and self.start is None:
             return None
-        steps = sum(len(stage.costs) - 1 for stage in self.stages)
-        spent, generation = self.price * steps, steps
-        if self.start is not None:
-            spent, generation = spent + self.start.evaluations.trajectories, steps + self.start.generation
+        generation, spent = self.spent
         costs = np.full(
             (len(self.stages), max((len(stage.costs) for stage in self.stages), default=0)), np.nan
         )
@@ -302,7 +308,10 @@ class Stages:
         self._report(progress.event)
 
     def search(self, model: StagedModel, damping: Damping, max_steps: int) -> str:
-        """Search from the model's point, or go on where a saved search from there stands; return its ending."""
+        """Search from the model's point, or go on where a saved search from there stands; return its ending.
+
+        A saved search that had used up its steps goes on if it is given more.
+        """
         stage = self._saved.pop(0) if self._saved else None
         if stage is None or not np.array_equal(stage.origin, model.point):
             self._saved = []  # another start than that of the saved searches
@@ -310,7 +319,7 @@ class Stages:
         self.stages.append(stage)
         if stage.point is not stage.origin:
             model.go_to(stage.point)
-        if stage.ending:
+        if stage.ending and stage.ending != "limit":
             return stage.ending
         damping.value, damping.factor = stage.damping
 

@@ -14,7 +14,7 @@ from stoop.optimize.ledger import Evaluations, Halt, Ledger
 from stoop.optimize.problem import Problem
 from stoop.optimize.state import Event, Optimizer, State
 
-Status = Literal["converged", "target", "budget", "generations", "interrupted"]
+Status = Literal["converged", "target", "budget", "generations", "stalled", "interrupted"]
 
 ADVICE: Final[dict[str, str]] = {
     "converged": "",

@@ -79,6 +79,21 @@ class PieceEvidence:
             return self.residual, self.jacobian
         return np.where(there, self.residual, 0.0), np.where(there[:, :, None], self.jacobian, 0.0)
 
+    def rows(self) -> tuple[FloatArray, FloatArray]:
+        """Return all residuals (N,) and their derivatives (N, k), zeros for what is missing; gaps last."""
+        (residual, jacobian), (gaps, slopes) = self.filled(), self.met
+        count = jacobian.shape[2]
+        return (
+            np.concatenate([residual.ravel(), gaps.ravel()]),
+            np.concatenate([jacobian.reshape(-1, count), slopes.reshape(-1, count)]),
+        )
+
+    @property
+    def gap_information(self) -> FloatArray:
+        """Information (k, k) of the gaps."""
+        slopes = self.met[1].reshape(-1, self.jacobian.shape[2])
+        return np.asarray(slopes.T @ slopes)
+
     def of(self, unknowns: NDArray[np.intp]) -> PieceEvidence:
         """Return the same residuals with the sensitivities to some unknowns only."""
         gap = None if self.gap_jacobian is None else self.gap_jacobian[:, :, unknowns]

@@ -13,8 +13,8 @@ from typing import Any, Final, TypeVar
 import numpy as np
 
 from stoop.base.arrays import FloatArray
-from stoop.base.rotations import euler_angles, product, quaternions_of, to_body
-from stoop.base.variables import EULER, RATES, WRAPPED
+from stoop.base.rotations import euler_angles, matrices_of_angles, product, quaternions_of, to_body
+from stoop.base.variables import EULER, RATES, SPECIFIC_FORCE, WRAPPED
 from stoop.errors import FlightError
 from stoop.flight.gridding import integrate_rates
 from stoop.simulation import START_NAMES
@@ -63,16 +63,47 @@ def at_center_of_gravity(vehicle: Vehicle, start: Mapping[str, Number]) -> dict[
     return {**start, **flow}
 
 
-def true_value(vehicle: Vehicle, channel: str, reading: Number, numbers: FloatArray | None = None) -> Number:
-    """Undo reading = scale * truth + bias, of one reading or of (n,).
+def true_values(
+    vehicle: Vehicle, readings: Mapping[str, Number], numbers: FloatArray | None = None
+) -> dict[str, Number]:
+    """Undo reading = scale * truth + bias, and the alignment of the inertial unit, of numbers or of (n,).
 
     `numbers` (n_p,) are the kernel parameters of a maneuver; those of the vehicle's file when absent.
     """
-    values = vehicle.values if numbers is None else numbers
-    scale = f"sensors.{channel}.scale"
-    factor: float = values[vehicle.rows[scale]] if scale in vehicle.rows else 1.0
-    bias: float = values[vehicle.rows[f"sensors.{channel}.bias"]]
-    return (reading - bias) / (factor or 1.0)
+    values, out = vehicle.values if numbers is None else numbers, dict[str, Any]()
+    for channel, reading in readings.items():
+        scale = f"sensors.{channel}.scale"
+        factor: float = values[vehicle.rows[scale]] if scale in vehicle.rows else 1.0
+        bias: float = values[vehicle.rows[f"sensors.{channel}.bias"]]
+        out[channel] = (reading - bias) / (factor or 1.0)
+    return along_body(vehicle, out, values)
+
+
+def imu_axes(vehicle: Vehicle, numbers: FloatArray) -> FloatArray:
+    """Return the matrix (3, 3) that takes vectors along body axes to those of the inertial unit; numbers (n_p,)."""
+    rows = [vehicle.rows.get(f"sensors.imu_alignment.{axis}") for axis in "xyz"]
+    angles = [0.0 if row is None else float(numbers[row]) for row in rows]
+    return np.asarray(matrices_of_angles(np.array(angles)).T)
+
+
+def along_body(
+    vehicle: Vehicle, truth: Mapping[str, Number], numbers: FloatArray | None = None
+) -> dict[str, Number]:
+    """Turn rates and specific force from the axes of the inertial unit to those of the body.
+
+    Components that are not there, those that a reduced model holds, are taken as zero along the body.
+    """
+    out: dict[str, Any] = dict(truth)
+    if "sensors.imu_alignment.x" not in vehicle.rows:
+        return out
+    mounting = imu_axes(vehicle, vehicle.values if numbers is None else numbers)
+    for axes in (RATES, SPECIFIC_FORCE):
+        there = [i for i, c in enumerate(axes) if c in out]
+        if there:
+            read = np.stack([out[axes[i]] for i in there])
+            body = np.linalg.solve(mounting[np.ix_(there, there)], read.reshape(len(there), -1))
+            out |= {axes[i]: x for i, x in zip(there, body.reshape(read.shape), strict=True)}
+    return out
 
 
 def integrated_attitude(
@@ -98,7 +129,8 @@ def integrated_attitude(
     if not unknown or not all(there.get(c, np.empty(0)).size for c in RATES):
         return {}
     samples = np.arange(len(readings["p"]))
-    rates = [np.interp(samples, there[c], true_value(vehicle, c, readings[c][there[c]])) for c in RATES]
+    read = {c: np.interp(samples, there[c], readings[c][there[c]]) for c in RATES}
+    rates = [*true_values(vehicle, read).values()]
     first = quaternions_of(np.array([start.get(c, 0.0) for c in EULER]))
     turned = product(np.tile(first, (len(samples), 1)), integrate_rates(np.stack(rates, axis=1), 1.0 / dt))
     return {c: y for c, y in zip(EULER, euler_angles(turned).T, strict=True) if c in unknown}
@@ -163,20 +195,18 @@ def guess_start(
 ) -> tuple[dict[str, float], list[str]]:
     """Guess the state at the first sample from a line through the first 0.2 s of each channel.
 
-    Sensor bias, scale and vane position are undone with the vehicle file's values. Times (n,) are in s, readings those of
-    :func:`state_channels`, (n,), NaN where missing; `where` is the maneuver, for messages. The start has the vehicle's
+    Sensor bias, scale, alignment and vane position are undone with the vehicle file's values. Times (n,) are in s, readings
+    those of :func:`state_channels`, (n,), NaN where missing; `where` is the maneuver, for messages. The start has the vehicle's
     ``start_names``, without the altitude; observed channels that were not recorded are returned too: their start is a default.
     """
-    model, missing = observation_model(vehicle), []
-    start = model.default_start(vehicle)
+    model, missing, read = observation_model(vehicle), [], dict[str, float]()
     for channel in state_channels(vehicle):
         y = readings[channel]
         present = np.isfinite(y) & (t <= t[0] + START_TIME)
         if present.any():
             values = np.unwrap(y[present]) if channel in WRAPPED else y[present]
             few = len(values) < 4
-            first = float(values[0] if few else np.polyfit(t[present] - t[0], values, 1)[1])
-            start[channel] = true_value(vehicle, channel, first)
+            read[channel] = float(values[0] if few else np.polyfit(t[present] - t[0], values, 1)[1])
         elif channel in REQUIRED.get(vehicle.reduce, ()):
             raise FlightError(
                 f"{where}: '{channel}' was not recorded, and the {vehicle.reduce} model holds it as measured; "
@@ -184,4 +214,5 @@ def guess_start(
             )
         else:
             missing.append(channel)
+    start = model.default_start(vehicle) | {c: float(x) for c, x in true_values(vehicle, read).items()}
     return model.states(vehicle, start), missing

@@ -43,6 +43,7 @@ ENDINGS: Final = {
     "target": "The search reached the target cost",
     "budget": "The search ran out of its budget before it converged",
     "generations": "The search ran out of generations before it converged",
+    "stalled": "The search stopped where no step lowered the cost, before it converged",
     "interrupted": "The search was interrupted; this is the best it had found",
 }
 LEVELS: Final[dict[Grade, sheet.Level]] = {"trusted": "good", "usable": "caution", "do not use": "bad"}

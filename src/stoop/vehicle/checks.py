@@ -25,6 +25,7 @@ def check(vehicle: Vehicle) -> None:
     """Raise :class:`VehicleError` for the first impossible number, also of a loading."""
     _check_numbers(vehicle, f"{vehicle.where}: ")
     angles = tuple(f"controls.{c}.{n}" for c in vehicle.file.controls for n in ("offset", "dead_zone"))
+    angles += tuple(f"sensors.imu_alignment.{axis}" for axis in "xyz")
     for name in ("reference.alpha", "propulsion.pitch", *angles):
         value = vehicle.value(name, 0.0)
         if abs(value) > math.pi / 2.0:

@@ -9,6 +9,7 @@ from typing import Any
 import tomlkit
 from tomlkit.items import InlineTable, Table
 
+from stoop.vehicle.defaults import COEFFICIENTS
 from stoop.vehicle.load import parse_vehicle
 from stoop.vehicle.vehicle import Vehicle, leaves
 
@@ -30,6 +31,12 @@ def write_entry(document: Any, keys: Sequence[str], value: Any) -> None:
         current["value"] = value
     else:
         table[last] = value
+
+
+def keys_of(vehicle: Vehicle, name: str) -> tuple[str, ...]:
+    """Return where in a file a number of the vehicle stands."""
+    owner = next((c for c in COEFFICIENTS if name in getattr(vehicle.file.aerodynamics, c)), None)
+    return tuple(name.split(".")) if owner is None else ("aerodynamics", owner, name)
 
 
 def inline(fields: Mapping[str, Any]) -> InlineTable:

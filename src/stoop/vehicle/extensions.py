@@ -7,7 +7,6 @@ out of them.
 
 from __future__ import annotations
 
-import ast
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
@@ -16,8 +15,8 @@ import tomlkit
 
 from stoop.base.variables import EULER, VARIABLES
 from stoop.vehicle import terms
-from stoop.vehicle.defaults import COEFFICIENTS, EQUATION_1, rotor_size, unit
-from stoop.vehicle.document import inline, with_entries
+from stoop.vehicle.defaults import EQUATION_1, rotor_size, unit
+from stoop.vehicle.document import inline, keys_of, with_entries
 from stoop.vehicle.schema import WIND, Quantity, Term
 from stoop.vehicle.vehicle import Vehicle, leaves
 
@@ -200,7 +199,7 @@ def _center(vehicle: Vehicle) -> tuple[float, ...]:
 
 
 def _sensors(vehicle: Vehicle) -> Iterator[Extension]:
-    """Yield scales, biases, delays and positions of the instruments."""
+    """Yield scales, biases, delays, positions and alignment of the instruments."""
     outputs, free = vehicle.outputs, {p.name for p in vehicle.parameters if p.free}
     sensors = {c: getattr(vehicle.file.sensors, c) for c in outputs}
     for c, own in sensors.items():
@@ -221,6 +220,8 @@ def _sensors(vehicle: Vehicle) -> Iterator[Extension]:
         yield from _points(("sensors", "accelerometer_position"), "position", "m", _center(vehicle), POSITION)
     if vehicle.file.sensors.vane_position is None and "alpha" in outputs:
         yield from _points(("sensors", "vane_position"), "position", "m", _center(vehicle), POSITION)
+    if vehicle.file.sensors.imu_alignment is None:
+        yield from _points(("sensors", "imu_alignment"), "alignment", "rad", (0.0, 0.0, 0.0), ANGLE)
 
 
 def _terms(vehicle: Vehicle) -> Iterator[Extension]:
@@ -229,10 +230,13 @@ def _terms(vehicle: Vehicle) -> Iterator[Extension]:
         return
     controls, taken = vehicle.controls, {name for name, _ in leaves(vehicle.file)}
     for coefficient, own in vehicle.terms.items():
-        longitudinal, present = coefficient in ("CL", "CD", "Cm"), {_tree(text) for text in own.values()}
+        longitudinal, present = (
+            coefficient in ("CL", "CD", "Cm"),
+            {terms.written(text) for text in own.values()},
+        )
         texts = [*(LONGITUDINAL if longitudinal else LATERAL), *controls, *(f"alpha*{c}" for c in controls)]
         texts += [f"{c}^2" for c in controls] if longitudinal else []
-        for text in (text for text in texts if _tree(text) not in present):
+        for text in (text for text in texts if terms.written(text) not in present):
             known = {
                 term: name for name, (term, _, _) in EQUATION_1[coefficient].items() if name not in taken
             }
@@ -245,11 +249,6 @@ def _terms(vehicle: Vehicle) -> Iterator[Extension]:
 def _term(coefficient: str, name: str, text: str) -> Callable[[Any], Entries]:
     keys = ("aerodynamics", coefficient, name)
     return lambda entry: {keys: {"term": text, **(entry if isinstance(entry, Mapping) else {"value": entry})}}
-
-
-def _tree(text: str) -> str:
-    """Return what two terms that are written alike, but for blanks and the sign for powers, have in common."""
-    return ast.dump(ast.parse(text.strip().replace("^", "**"), mode="eval"))
 
 
 def _rotors(vehicle: Vehicle) -> Iterator[Extension]:
@@ -282,10 +281,5 @@ def _fixed(vehicle: Vehicle) -> Iterator[Extension]:
     for p in vehicle.parameters:
         skipped = p.free or p.name.startswith(UNTESTED) or p.name.endswith(".bias")
         if not skipped and (p.value != 0.0 or isinstance(numbers[p.name], Term)):
-            probe, entries = SHARE.times(abs(p.value) or 1.0), _plain(*_keys(vehicle, p.name))
+            probe, entries = SHARE.times(abs(p.value) or 1.0), _plain(*keys_of(vehicle, p.name))
             yield Extension(p.name, "number", p.unit, p.value, probe, entries, (p.name,))
-
-
-def _keys(vehicle: Vehicle, name: str) -> tuple[str, ...]:
-    owner = next((c for c in COEFFICIENTS if name in getattr(vehicle.file.aerodynamics, c)), None)
-    return tuple(name.split(".")) if owner is None else ("aerodynamics", owner, name)

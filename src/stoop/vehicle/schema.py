@@ -229,6 +229,8 @@ class Sensors(Table):
     estimate_biases: Switch = True  #: whether rate and acceleration biases are free by default
     accelerometer_position: Point | None = None  #: m
     vane_position: Point | None = None  #: m
+    #: roll, pitch, yaw of the inertial unit's axes against those of the body, rad
+    imu_alignment: Point | None = None
     vn: Sensor | None = None  #: of vehicles with rotors; the bias is the wind
     ve: Sensor | None = None
     vd: Sensor | None = None

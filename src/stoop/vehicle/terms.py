@@ -64,6 +64,11 @@ def _tree(text: str) -> ast.expr:
         return ast.parse(text.strip().replace("^", "**"), mode="eval").body
 
 
+def written(text: str) -> str:
+    """Return what terms that are written alike, but for blanks and the sign for powers, have in common."""
+    return ast.dump(_tree(text))
+
+
 def variables(tree: ast.expr) -> frozenset[str]:
     """Return the variables of a parsed term."""
     return frozenset(n.id for n in ast.walk(tree) if isinstance(n, ast.Name)) - {"abs"}

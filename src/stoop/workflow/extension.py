@@ -25,14 +25,11 @@ from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice, notice
 from stoop.estimate import methods
 from stoop.estimate.fit import Fit, Options
-from stoop.estimate.initial_state import FittedModel
-from stoop.estimate.noise import channel_residuals, noise_variance
-from stoop.estimate.predict import identified_vehicle, mean_biases, predict
+from stoop.estimate.predict import expected_biases, fitted_model, predict
 from stoop.flight import Flight
 from stoop.problem import on_circle
 from stoop.problem.windows import Window
 from stoop.results.extensions import ExtensionTest
-from stoop.results.result import Covariance, NoiseCovariance
 from stoop.vehicle import Vehicle
 from stoop.vehicle.document import with_entries
 from stoop.vehicle.extensions import extended
@@ -131,13 +128,8 @@ def _predictive_score(
     fit: Fit, bars: ErrorBars, flights: Mapping[str, Flight], windows: Sequence[Window]
 ) -> FloatArray:
     """Return the log-likelihood (n,) of each sample of windows under their prediction."""
-    problem, names = fit.problem, tuple(p.name for p in fit.problem.layout.parameters)
-    outputs, noise = problem.layout.vehicle.outputs, fit.noise
-    if noise is None:
-        noise = np.diag(noise_variance(problem, channel_residuals(problem, fit.z)))
-    covariance = Covariance(names, bars.covariance[: len(names), : len(names)])
-    model = FittedModel(identified_vehicle(fit), covariance, NoiseCovariance(outputs, noise, fit.inflation))
-    ahead = predict(model, flights, windows, [mean_biases(fit, window.flight) for window in windows])
+    model, outputs = fitted_model(fit, bars.covariance), fit.problem.layout.vehicle.outputs
+    ahead = predict(model, flights, windows, [expected_biases(fit, window.flight) for window in windows])
     scores = [np.empty(0)]
     parts = zip(ahead.prepared.pieces, ahead.readings, ahead.deviations, strict=True)
     for piece, readings, deviation in parts:
@@ -154,18 +146,10 @@ def _gain(before: Fit, after: Fit) -> float:
     more, count = after.problem.dimension - before.problem.dimension, 0.0
     deviances = []
     for fit in (before, after):
-        residuals = _residuals(fit)
+        residuals = np.concatenate(fit.residuals)
         counts = np.isfinite(residuals).sum(axis=0) / before.inflation
         count = float(counts.sum())
         variance = np.nanmean(residuals[:, counts > 0.0] ** 2, axis=0)
         filtered = fit.outcome.optimizer == methods.SCORING  # a cost is twice minus the log-likelihood
         deviances.append(fit.cost if filtered else float(counts[counts > 0.0] @ np.log(variance)))
     return 0.5 * (deviances[0] - deviances[1]) - 0.5 * more * math.log(max(count, 2.0))
-
-
-def _residuals(fit: Fit) -> FloatArray:
-    """Return measured less simulated readings (n, n_y) of all pieces."""
-    if fit.simulated is None:
-        return np.concatenate(channel_residuals(fit.problem, fit.z))
-    pairs, outputs = zip(fit.problem.pieces, fit.simulated, strict=True), fit.problem.layout.vehicle.outputs
-    return np.concatenate([on_circle(piece.measured - y, outputs) for piece, y in pairs])

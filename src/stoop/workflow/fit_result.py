@@ -21,17 +21,13 @@ from stoop.base.notices import as_notice, notice, of_severity
 from stoop.base.variables import VARIABLES
 from stoop.estimate.excitation import ratios, too_few
 from stoop.estimate.fit import Fit, Options
-from stoop.estimate.initial_state import FittedModel
-from stoop.estimate.noise import channel_residuals, noise_variance
-from stoop.estimate.predict import identified_vehicle, mean_biases, predict
+from stoop.estimate.predict import expected_biases, fitted_model, predict
 from stoop.flight import Flight
 from stoop.problem.windows import Window
 from stoop.results.result import (
     AirDataTrace,
-    Covariance,
     Identification,
     InitialState,
-    NoiseCovariance,
     ParameterEstimate,
     Quantity,
     Result,
@@ -60,33 +56,22 @@ def identification(
     `flights` are as they were fitted, `predicted` windows were not; `inputs` are hashes of files by name; `began` is
     `time.perf_counter` at the start.
     """
-    problem, vehicle = fit.problem, fit.problem.layout.vehicle
-    color, bars = fit.inflation, error_bars(fit)
-    if too_few(problem, slowest_rate(fit, flights)):
+    vehicle, color, bars = fit.problem.layout.vehicle, fit.inflation, error_bars(fit)
+    if too_few(fit.problem, slowest_rate(fit, flights)):
         bars = bars.rejected(notice("error-bars-of-few-samples"))
-    parameters, noise = _parameters(fit, bars), fit.noise
-    names = tuple(parameters)
-    if noise is None and options.covariance is not None:
-        noise = problem.weights.covariance
-    elif noise is None:  # NaN for a channel that was never measured
-        measured = np.any([np.isfinite(p.measured).any(axis=0) for p in problem.pieces], axis=0)
-        variance = noise_variance(problem, channel_residuals(problem, fit.z))
-        noise = np.diag(np.where(measured, variance, np.nan))
-    covariance = Covariance(names, bars.covariance[: len(names), : len(names)])
-    measurement_noise = NoiseCovariance(vehicle.outputs, noise, color)
+    parameters, model = _parameters(fit, bars), fitted_model(fit, bars.covariance)
     groups = [Simulated("fit", fit.prepared, fit.readings, left_out_residuals(fit))]
     if predicted:
-        model = FittedModel(identified_vehicle(fit), covariance, measurement_noise)
-        own_biases = [mean_biases(fit, window.flight) for window in predicted]
+        own_biases = [expected_biases(fit, window.flight) for window in predicted]
         ahead = predict(model, flights, predicted, own_biases)
         groups.append(Simulated("validation", ahead.prepared, ahead.readings, deviations=ahead.deviations))
-    maneuvers, traces = maneuver_curves(vehicle, groups, noise=measurement_noise)
+    maneuvers, traces = maneuver_curves(vehicle, groups, noise=model.noise)
 
     states, biases = _nuisances(fit, bars)
     result = Result(
         parameters=parameters,
-        covariance=covariance,
-        noise_covariance=measurement_noise,
+        covariance=model.covariance,
+        noise_covariance=model.noise,
         initial_states=states,
         biases=biases,
         wind=_wind(flights),

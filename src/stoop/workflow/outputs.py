@@ -18,6 +18,7 @@ import tomlkit
 from stoop.assessment.baseline import BaselineManeuver
 from stoop.base.files import check_targets
 from stoop.errors import FlightError, OutputError, StoopError
+from stoop.estimate.initial_state import BiasPrior, bias_priors
 from stoop.flight import Flight, load, save
 from stoop.flight.flight import flight_name
 from stoop.logs.csv_tables import mapping_beside
@@ -25,8 +26,7 @@ from stoop.problem.prepare import prepare
 from stoop.problem.windows import Window
 from stoop.results.result import Result, read_result
 from stoop.vehicle import Vehicle, load_vehicle, parse_vehicle
-from stoop.vehicle.defaults import COEFFICIENTS
-from stoop.vehicle.document import write_entry
+from stoop.vehicle.document import keys_of, write_entry
 from stoop.workflow.curves import baseline_maneuver
 
 if TYPE_CHECKING:
@@ -117,11 +117,9 @@ def place_outputs(job: Job, folder: Path, overwrite: bool = False) -> Path:
 
 def with_values(vehicle: Vehicle, values: dict[str, float]) -> str:
     """Return the text of a vehicle file with some numbers replaced or added; comments and order stay."""
-    document, aerodynamics = tomlkit.parse(vehicle.text), vehicle.file.aerodynamics
+    document = tomlkit.parse(vehicle.text)
     for name, value in values.items():
-        owner = next((c for c in COEFFICIENTS if name in getattr(aerodynamics, c)), None)
-        keys = name.split(".") if owner is None else ["aerodynamics", owner, name]
-        write_entry(document, keys, float(f"{value:.10g}"))
+        write_entry(document, keys_of(vehicle, name), float(f"{value:.10g}"))
     if parse_vehicle(vehicle.text, vehicle.where).reduce != vehicle.reduce:
         write_entry(document, ["model", "reduce"], vehicle.reduce)
     return tomlkit.dumps(document)
@@ -188,15 +186,13 @@ class Identified:
     #: SHA-256 of every fitted flight, and of its copy in the folder, to the flight's name
     hashes: Mapping[str, str]
 
-    def biases(self, flight: str | None) -> dict[str, float]:
-        """Return each bias averaged over the fitted maneuvers of a flight, or of all flights if it has none."""
-        fitted = self.result.maneuvers
-        of_flight = [b for b in self.result.biases if fitted[b.maneuver].flight == flight]
-        found: dict[str, list[float]] = {}
-        for one in of_flight or self.result.biases:
-            for channel, quantity in one.values.items():
-                found.setdefault(f"sensors.{channel}.bias", []).append(quantity.estimate)
-        return {name: float(np.mean(values)) for name, values in found.items()}
+    def biases(self, flight: str | None) -> dict[str, BiasPrior]:
+        """Return what the fitted maneuvers tell of each bias in a window of a flight."""
+        fitted = [
+            (self.result.maneuvers[b.maneuver].flight, {f"sensors.{c}.bias": q.estimate for c, q in b.values.items()})
+            for b in self.result.biases
+        ]  # fmt: skip
+        return bias_priors(fitted, flight, {p.name: p.prior or 1.0 for p in self.vehicle.parameters})
 
     def name_of(self, flight: Flight) -> str | None:
         """Return the name under which a flight was fitted; None for one that was not."""

@@ -324,7 +324,7 @@ def _all() -> Iterator[Defect]:
         truth={"sensors.vane_position": [1.0, 0.0, 0.0]},
     )  # fmt: skip
     yield _wing(
-        "alignment", "an inertial unit turned about the yaw axis", "4 deg", "sensors.alignment.z",
+        "alignment", "an inertial unit turned about the yaw axis", "4 deg", "sensors.imu_alignment.z",
         record=turned(0.0, 0.0, float(ALIGNMENT)),
     )  # fmt: skip
     yield _wing(
@@ -442,20 +442,30 @@ def user_file(name: str) -> Vehicle:
     return parse_vehicle(edited(KINDS[defect.kind].base(), defect.both, defect.user), name)
 
 
-def fly(name: str, seed: int) -> Scene:
-    """Return the flights of a defect and the vehicle file that its user starts from."""
+def fly(name: str, seed: int, held_back: str = "") -> Scene:
+    """Return the flights of a defect and the vehicle file that its user starts from; with one to hold back, whole."""
     defect = defects()[name]
-    kind, rng, flights = KINDS[defect.kind], np.random.default_rng(seed), {}
+    kind, rng = KINDS[defect.kind], np.random.default_rng(seed)
     maneuvers = kind.maneuvers(rng)
-    for title, maneuver in maneuvers.items():
-        flown = biased(truth(name), kind.biases, rng)
-        flight = simulate_flight(flown, maneuver, int(rng.integers(2**31)), noise=False, name=title)
-        flight = flight if defect.record is None else defect.record(flight)
-        sigma = scenes.sensor_noise(flown)
-        noise = sigma * rng.standard_normal((len(maneuver.time), len(sigma)))
-        read = {c: flight.column(c) + e for c, e in zip(flown.outputs, noise.T, strict=True)}
-        flights[title] = with_columns(flight, read)
-    return posed(name, rng, flights, kind.windows(maneuvers))
+    flights = {title: _flown(name, rng, title, maneuver) for title, maneuver in maneuvers.items()}
+    scene = posed(name, rng, flights, kind.windows(maneuvers))
+    if not held_back or held_back in flights:
+        return scene
+    further = {held_back: next(iter(kind.maneuvers(rng).values()))}
+    flights |= {held_back: _flown(name, rng, held_back, further[held_back])}
+    return replace(scene, flights=flights, windows=(*scene.windows, *whole(further)))
+
+
+def _flown(name: str, rng: np.random.Generator, title: str, maneuver: Maneuver) -> Flight:
+    """Return what the instruments record of a maneuver."""
+    defect = defects()[name]
+    flown = biased(truth(name), KINDS[defect.kind].biases, rng)
+    flight = simulate_flight(flown, maneuver, int(rng.integers(2**31)), noise=False, name=title)
+    flight = flight if defect.record is None else defect.record(flight)
+    sigma = scenes.sensor_noise(flown)
+    noise = sigma * rng.standard_normal((len(maneuver.time), len(sigma)))
+    read = {c: flight.column(c) + e for c, e in zip(flown.outputs, noise.T, strict=True)}
+    return with_columns(flight, read)
 
 
 def posed(

@@ -20,7 +20,8 @@ from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import Maneuver
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
-from stoop.vehicle.document import with_entries
+from stoop.vehicle.document import inline, with_entries
+from stoop_studies.verify.defects import turned
 
 STEPS = {
     "pitch": (("elevator", "3-2-1-1", 1.0, 0.3, 0.12),),
@@ -101,6 +102,39 @@ def test_missing_lag_is_named_with_its_value_and_what_it_would_move() -> None:
     assert one.code == "model-lacks-one-of"
     assert one.subject == best.name
     assert one.values["line"] == best.line
+
+
+ANGLES = np.radians([1.5, -2.0, 4.0])
+
+
+@functools.cache
+def turned_flights() -> dict[str, Flight]:
+    """Return flights of the right aircraft whose inertial unit is mounted at an angle to the body axes."""
+    mounted = turned(*ANGLES.tolist())
+    return {n: mounted(flight) for n, flight in flights(resolve_vehicle("twin-boom"), 5).items()}
+
+
+def test_turned_inertial_unit_is_named() -> None:
+    base, windows = resolve_vehicle("twin-boom"), [Window(name, 0.0, DURATION) for name in STEPS]
+    done = fit(base, turned_flights(), windows, Options(seed=1))
+    found = extension_tests(done, error_bars(done)).found
+    best = found[0]
+    assert any("sensors.imu_alignment" in name for name in (best.name, *best.rivals))
+
+
+def test_alignment_of_the_inertial_unit_is_recovered() -> None:
+    """Within three standard errors of the truth, by output error and with priors of six degrees."""
+    angle = {"value": 0.0, "free": True, "prior": 0.1}
+    vehicle = with_entries(
+        resolve_vehicle("twin-boom"), {("sensors", "imu_alignment"): [inline(angle) for _ in ANGLES]}
+    )
+    windows = [Window(name, 0.0, DURATION) for name in STEPS]
+    done = fit(vehicle, turned_flights(), windows, Options(seed=1))
+    std = dict(zip(done.estimates, error_bars(done).std, strict=False))
+    for axis, angle in zip("xyz", ANGLES, strict=True):
+        name = f"sensors.imu_alignment.{axis}"
+        assert std[name] < np.radians(1.0)
+        assert abs(done.estimates[name] - angle) < 3.0 * std[name]
 
 
 def test_moves_agree_with_another_fit() -> None:

@@ -11,11 +11,11 @@ from stoop.errors import FlightError, IdentificationError, VehicleError
 from stoop.estimate.fit import Fit, Options, estimation_problem, fit, refine, settle, starts
 from stoop.estimate.initial_state import FittedModel
 from stoop.estimate.noise import channel_residuals, noise_variance
-from stoop.estimate.predict import identified_vehicle, mean_biases, predict
+from stoop.estimate.predict import expected_biases, identified_vehicle, mean_biases, predict
 from stoop.estimate.regression import start_value
 from stoop.flight import Flight
 from stoop.problem import Misfit
-from stoop.problem.observation import first_complete, guess_start
+from stoop.problem.observation import along_body, first_complete, guess_start, imu_axes
 from stoop.problem.windows import Window
 from stoop.results.result import Covariance, NoiseCovariance
 from stoop.simulation import START_NAMES
@@ -57,6 +57,30 @@ vane_position = [2.0, 0.0, 0.0]
     start, _ = guess_start(vehicle, t, readings, "here")
     assert start["V"] == pytest.approx(35.0)
     assert start["alpha"] == pytest.approx(0.1)
+
+
+def test_start_undoes_the_alignment_of_the_inertial_unit(aircraft: Vehicle) -> None:
+    vehicle = parse_vehicle(aircraft.text + "\n[sensors]\nimu_alignment = [0.0, 0.0, 0.3]\n", "turned.toml")
+    t = np.arange(30) / 100.0
+    readings = {c: np.zeros(30) for c in START_NAMES[:-1]}
+    readings |= {
+        "V": np.full(30, 35.0),
+        "p": np.full(30, 0.5 * np.cos(0.3)),
+        "q": np.full(30, -0.5 * np.sin(0.3)),
+    }
+    start, _ = guess_start(vehicle, t, readings, "here")
+    assert start["p"] == pytest.approx(0.5)
+    assert start["q"] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_components_that_a_reduced_model_holds_are_zero_along_the_body(aircraft: Vehicle) -> None:
+    text = aircraft.text + "\n[sensors]\nimu_alignment = [0.1, -0.2, 0.3]\n"
+    vehicle = parse_vehicle(text, "turned.toml")
+    pitching = imu_axes(vehicle, vehicle.values) @ [0.0, 0.7, 0.0]
+    assert along_body(vehicle, {"q": pitching[1]})["q"] == pytest.approx(0.7)
+    turning = np.random.default_rng(1).standard_normal((3, 5))
+    read = dict(zip(("ax", "ay", "az"), imu_axes(vehicle, vehicle.values) @ turning, strict=True))
+    np.testing.assert_allclose(list(along_body(vehicle, read).values()), turning, atol=1e-12)
 
 
 def test_a_piece_begins_where_its_state_was_measured() -> None:
@@ -191,7 +215,7 @@ def test_biases_for_a_prediction_come_from_the_same_flight(aircraft: Vehicle, wr
     found = fit(wrong, flights, [Window("a", 0.0, 20.0), Window("b", 0.0, 20.0)], Options())
     assert mean_biases(found, "a")["sensors.q.bias"] == pytest.approx(0.03, abs=0.003)
     assert mean_biases(found, "b")["sensors.q.bias"] == pytest.approx(-0.03, abs=0.003)
-    ahead = predict(model_of(found), flights, [Window("b", 20.0, 28.0)], [mean_biases(found, "b")])
+    ahead = predict(model_of(found), flights, [Window("b", 20.0, 28.0)], [expected_biases(found, "b")])
     error = ahead.prepared.pieces[0].measured[:, 2] - ahead.readings[0][:, 2]
     assert np.sqrt(np.mean(error**2)) < 0.02
 
@@ -309,7 +333,7 @@ def test_prediction_starts_near_the_measurements_and_fits_no_parameter(
 ) -> None:
     found = fit(wrong, {"sim": flight}, [Window("sim", 0.0, 15.0)], Options())
     ahead = predict(
-        model_of(found), {"sim": flight}, [Window("sim", 15.0, 25.0)], [mean_biases(found, "sim")]
+        model_of(found), {"sim": flight}, [Window("sim", 15.0, 25.0)], [expected_biases(found, "sim")]
     )
     piece = ahead.prepared.pieces[0]
     assert ahead.readings[0][0, 0] == pytest.approx(piece.measured[:10, 0].mean(), abs=0.5)

@@ -10,7 +10,13 @@ import pytest
 from stoop.assessment.baseline import baseline_matches
 from stoop.assessment.goodness_of_fit import theil
 from stoop.base.variables import VARIABLES
-from stoop.estimate.initial_state import FittedModel, predict_stretch, stretch_before
+from stoop.estimate.initial_state import (
+    BiasPrior,
+    FittedModel,
+    bias_priors,
+    predict_stretch,
+    stretch_before,
+)
 from stoop.estimate.predict import Prediction, predict
 from stoop.flight import Flight
 from stoop.problem.prepare import prepare
@@ -155,3 +161,55 @@ def test_a_simulation_that_diverges_is_a_value(aircraft: Vehicle, truth: Flight)
     unstable = aircraft.with_numbers({"Cmalpha": {"value": 60.0}})
     found = ahead(model_of(unstable, ROUGH), truth, Window("sim", 20.0, 28.0))
     assert found.readings[0].shape == found.deviations[0].shape
+
+
+@pytest.mark.parametrize("maneuvers", [2, 3, 8])
+def test_priors_of_biases_hold_those_of_a_further_maneuver(maneuvers: int) -> None:
+    """Of sensors whose biases are 0.3 and 3 times as large as the file says."""
+    rng, names = np.random.default_rng(0), [f"b{i}" for i in range(9)]
+    width, held = {n: 10.0 ** (i % 3 - 1) for i, n in enumerate(names)}, []
+    for draw in range(300):
+        factor = 3.0 if draw % 2 else 0.3
+        flown = [
+            {n: 5.0 + factor * w * rng.standard_normal() for n, w in width.items()}
+            for _ in range(maneuvers + 1)
+        ]
+        priors = bias_priors([(f"f{i}", one) for i, one in enumerate(flown[1:])], "new", width)
+        held += [abs(flown[0][n] - priors[n].mean) < 1.96 * priors[n].deviation for n in names]
+    assert 0.93 < np.mean(held) < 0.98
+
+
+def test_biases_of_one_maneuver_are_held_and_those_of_the_same_flight_come_first() -> None:
+    fitted = [("a", {"b": 1.0}), ("b", {"b": 3.0}), ("b", {"b": 3.2})]
+    assert bias_priors(fitted, "a", {}) == {"b": BiasPrior(1.0)}
+    assert bias_priors(fitted, "b", {})["b"].mean == pytest.approx(3.1)
+    assert bias_priors(fitted, "b", {})["b"].deviation < 0.5
+    assert bias_priors(fitted, None, {})["b"].mean == pytest.approx(0.5 * (1.0 + 3.1)), (
+        "each flight counts once"
+    )
+    assert bias_priors(fitted[1:], None, {}) == bias_priors(fitted[1:], "b", {}), (
+        "of one flight its maneuvers"
+    )
+
+
+def test_a_flight_whose_sensors_have_other_biases_lies_within_the_band(
+    aircraft: Vehicle, truth: Flight
+) -> None:
+    own = {"alpha": 0.04, "q": 0.03, "az": -1.5}
+    biased = replace(truth, data=truth.data.assign({c: truth.data[c] + b for c, b in own.items()}))
+    sigma = {c: 0.1 * s for c, s in ROUGH.items()}
+    flight, window = noisy(biased, sigma, 3), Window("sim", 6.0, 12.0)
+    numbers = {f"sensors.{c}.bias": {"value": 0.0, "free": True, "prior": 1.0} for c in own}
+    model = model_of(aircraft.with_numbers(numbers), sigma)
+
+    def inside(deviation: float) -> dict[str, float]:
+        priors = {
+            name: BiasPrior(0.0, deviation * abs(b)) for name, b in zip(numbers, own.values(), strict=True)
+        }
+        found = predict(model, {"sim": flight}, [window], [priors])
+        error = np.abs(found.prepared.pieces[0].measured - found.readings[0])
+        shares = np.mean(error < 1.96 * found.deviations[0], axis=0)
+        return dict(zip(aircraft.outputs, shares.tolist(), strict=True))
+
+    assert min(inside(0.0)[c] for c in own) < 0.3
+    assert min(inside(1.0).values()) > 0.85

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from stoop.vehicle.arrays import array_equations
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.vehicle.document import with_entries
 from stoop.vehicle.extensions import extended
 from stoop.vehicle.load import parse_vehicle
-from stoop.vehicle.symbolic.arrays import array_equations
 from tests.naive.interpreted import interpreted
 
 VEHICLES = ("twin-boom", "quad-x", "quadplane")

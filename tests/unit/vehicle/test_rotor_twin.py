@@ -64,6 +64,7 @@ quadratic = [0.02, 0.03, 0.04]
 rotation = [0.004, 0.005, 0.003]
 [sensors]
 accelerometer_position = [0.05, 0.01, -0.02]
+imu_alignment = [0.05, -0.04, 0.8]
 [sensors.vn]
 bias = 1.5
 [sensors.vd]

@@ -28,7 +28,7 @@ from stoop.base.variables import RATES, SPECIFIC_FORCE
 from stoop.estimate.regression.least_squares import Equations, Rows
 from stoop.flight.flight import MIN_SEGMENT
 from stoop.problem import Layout, Piece
-from stoop.problem.observation import at_center_of_gravity, true_value
+from stoop.problem.observation import at_center_of_gravity, true_values
 from stoop.simulation import START_NAMES, parameter_rows
 from stoop.simulation.delays import first_order_lag, late_inputs
 from stoop.simulation.initial import commanded, initial_states, rigid_states
@@ -105,7 +105,8 @@ def states_of(
     count = len(next(iter(readings.values())))
     out = {n: np.full(count, float(start.get(n, 0.0))) for n in START_NAMES}
     out |= {n: np.zeros(count) for n in {"beta", "p", "q", "r", "phi", "psi"} - set(vehicle.outputs)}
-    out |= {c: np.nan_to_num(true_value(vehicle, c, v)) for c, v in readings.items() if c in START_NAMES}
+    read = {c: np.nan_to_num(v) for c, v in readings.items() if c in START_NAMES}
+    out |= true_values(vehicle, read)
     return at_center_of_gravity(vehicle, out)
 
 

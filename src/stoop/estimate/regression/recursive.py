@@ -33,7 +33,7 @@ from stoop.estimate.regression.aircraft import (
 )
 from stoop.estimate.regression.least_squares import Priors, Rows, solve
 from stoop.problem import Layout
-from stoop.problem.observation import AIR_FRAME
+from stoop.problem.observation import AIR_FRAME, true_values
 from stoop.simulation import parameter_rows
 from stoop.simulation.delays import delayed, input_actuators, play, rate_limited
 from stoop.simulation.initial import commanded
@@ -162,7 +162,8 @@ class RealTime:
             deflections[control] = np.array([angle])
         needed = [now.get(c, np.nan) for c in vehicle.outputs if c not in NOT_NEEDED]
         rates = [c for c in RATES if c in vehicle.outputs]
-        angular = np.array([[STENCIL @ [s.get(c, np.nan) for s in last] / self._dt] for c in rates])
+        turning = true_values(vehicle, {c: np.array([s.get(c, np.nan) for s in last]) for c in rates})
+        angular = np.array([[STENCIL @ turning[c] / self._dt] for c in rates])
         if not (np.isfinite(needed).all() and np.isfinite(angular).all() and np.isfinite(inputs).all()):
             return None
         readings = {c: np.array([now.get(c, np.nan)]) for c in vehicle.outputs}

@@ -40,7 +40,7 @@ from stoop.estimate.regression.least_squares import (
 )
 from stoop.flight.flight import MIN_SEGMENT
 from stoop.problem import Layout, Nuisance, Piece
-from stoop.problem.observation import integrated_attitude, through_air, true_value
+from stoop.problem.observation import imu_axes, integrated_attitude, through_air, true_values
 from stoop.simulation import parameter_rows
 from stoop.simulation.delays import at_samples, first_order_lag, late_inputs
 from stoop.simulation.initial import commanded, initial_states, rigid_states
@@ -84,7 +84,7 @@ class Stretch:
         inputs = np.ascontiguousarray(late.T[:, self.samples])
         every = np.repeat(rows, inputs.shape[1], axis=1)
         # biases removed, relative to the wind
-        motion = {c: true_value(vehicle, c, y, rows[:, 0]) for c, y in self.motion.items()}
+        motion = true_values(vehicle, self.motion, rows[:, 0])
         climbed = cumulative_trapezoid(self.motion["vd"], dx=piece.dt, initial=0)
         height = float(piece.start.get("h", 0.0)) - climbed
         rigid = rigid_states(through_air(motion) | {"h": height})
@@ -97,8 +97,10 @@ class Stretch:
         angular = rates[[vehicle.states.index(c) for c in RATES]].T
         felt = outputs[[vehicle.outputs.index(c) for c in SPECIFIC_FORCE]].T
         # the lever arm turns with the measured angular acceleration, not with the modeled one
-        lever = np.cross(self.measured[:, :3] - angular, _sensor_arm(vehicle, rows[:, 0]))
-        return np.concatenate([angular, felt + lever], axis=1)
+        mounting = imu_axes(vehicle, rows[:, 0])
+        gyro, force = (_scales(vehicle, axes, rows[:, 0]) for axes in (RATES, SPECIFIC_FORCE))
+        lever = np.cross(self.measured[:, :3] / gyro @ mounting - angular, _sensor_arm(vehicle, rows[:, 0]))
+        return np.concatenate([angular @ mounting.T * gyro, felt + lever @ mounting.T * force], axis=1)
 
 
 def stretches(vehicle: Vehicle, piece: Piece) -> list[Stretch]:
@@ -138,6 +140,12 @@ def lagged_command(
         lag = vehicle.rows.get(f"{prefix}.lag")
         cache[key] = command if lag is None else first_order_lag(command, float(rows[lag, 0]), piece.dt)
     return cache[key]
+
+
+def _scales(vehicle: Vehicle, channels: Sequence[str], rows: FloatArray) -> FloatArray:
+    """Return the scales (c,) of instruments."""
+    found = (vehicle.rows.get(f"sensors.{c}.scale") for c in channels)
+    return np.array([1.0 if row is None else rows[row] for row in found])
 
 
 def _sensor_arm(vehicle: Vehicle, rows: FloatArray) -> FloatArray:

@@ -475,8 +475,7 @@ def _chosen(
 
 def same_term(a: str, b: str) -> bool:
     """Whether two terms are written alike, blanks and the sign for powers apart."""
-    first, second = (ast.dump(ast.parse(t.strip().replace("^", "**"), mode="eval")) for t in (a, b))
-    return first == second
+    return terms.written(a) == terms.written(b)
 
 
 def _left_out(

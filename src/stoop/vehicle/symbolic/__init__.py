@@ -115,7 +115,7 @@ def readings(
     omega: Vector,
     omega_rate: Vector,
 ) -> dict[str, Any]:
-    """Return the readings of the instruments, eq. (2) with positions, scales and biases.
+    """Return the readings of the instruments, eq. (2) with positions, alignment, scales and biases.
 
     `observed` is the velocity by channel, `specific` the specific force at the center of gravity, m/s2.
     """
@@ -124,11 +124,11 @@ def readings(
         specific = add(specific, add(cross(omega_rate, arm), cross(omega, cross(omega, arm))))
     truth = {
         **observed,
-        **dict(zip("pqr", omega, strict=True)),
+        **dict(zip("pqr", frames.along_imu(n, omega), strict=True)),
         "phi": turned.phi,
         "theta": turned.theta,
         "psi": turned.psi,
-        **dict(zip(("ax", "ay", "az"), specific, strict=True)),
+        **dict(zip(("ax", "ay", "az"), frames.along_imu(n, specific), strict=True)),
     }
     return {c: n.get(f"sensors.{c}.scale", 1) * t + n[f"sensors.{c}.bias"] for c, t in truth.items()}
 

@@ -44,7 +44,18 @@ from stoop.base.atmosphere import SEA_LEVEL_DENSITY
 from stoop.vehicle import terms
 from stoop.vehicle.defaults import COEFFICIENTS
 from stoop.vehicle.schema import Propeller
-from stoop.vehicle.symbolic.frames import ZERO, Air, Numbers, Vector, add, cross, dot, scale, subtract
+from stoop.vehicle.symbolic.frames import (
+    ZERO,
+    Air,
+    Numbers,
+    Vector,
+    add,
+    cosine_and_sine,
+    cross,
+    dot,
+    scale,
+    subtract,
+)
 from stoop.vehicle.vehicle import slope_input
 
 _STILL: Final = 0.05  #: m/s; keeps roots smooth at rest without thrust
@@ -132,22 +143,13 @@ def thrust(s: Surroundings) -> Any:
 
 
 def propulsion(s: Surroundings) -> Load:
-    """Return thrust along its line; cosine and sine of its inclination are Taylor polynomials, 1e-12 below 0.5 rad."""
+    """Return thrust along its line."""
     n, magnitude = s.numbers, thrust(s)
     if magnitude == 0:
         return Load(ZERO, ZERO)
     force: Vector = (magnitude, sp.Integer(0), sp.Integer(0))
     if "propulsion.pitch" in n:
-        cosine, sine = (
-            sum(
-                (
-                    (-1) ** k * n["propulsion.pitch"] ** (2 * k + odd) / sp.factorial(2 * k + odd)
-                    for k in range(7)
-                ),
-                sp.Integer(0),
-            )
-            for odd in (0, 1)
-        )
+        cosine, sine = cosine_and_sine(n["propulsion.pitch"])
         force = (magnitude * cosine, sp.Integer(0), -magnitude * sine)
     return Load(force, cross(n.arm("propulsion.position"), force))
 

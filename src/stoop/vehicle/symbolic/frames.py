@@ -148,6 +148,27 @@ def vane(n: Numbers, velocity: Vector, omega: Vector) -> Air:
     return air(add(velocity, cross(omega, n.arm("sensors.vane_position"))))
 
 
+def cosine_and_sine(angle: Any) -> tuple[Any, Any]:
+    """Return the Taylor polynomials of an angle that is a number of the file, 1e-12 below 0.5 rad, 1e-9 below 1.6 rad."""
+    even, odd = (
+        sum(((-1) ** k * angle ** (2 * k + first) / sp.factorial(2 * k + first) for k in range(7)), NULL)
+        for first in (0, 1)
+    )
+    return even, odd
+
+
+def along_imu(n: Numbers, body: Vector) -> Vector:
+    """Return a body-axes vector along the axes of the inertial unit: those of the body, turned in yaw, pitch, roll."""
+    if "sensors.imu_alignment.x" not in n:
+        return body
+    (c1, s1), (c2, s2), (c3, s3) = map(cosine_and_sine, n.point("sensors.imu_alignment"))
+    return (
+        dot((c2 * c3, c2 * s3, -s2), body),
+        dot((s1 * s2 * c3 - c1 * s3, s1 * s2 * s3 + c1 * c3, s1 * c2), body),
+        dot((c1 * s2 * c3 + s1 * s3, c1 * s2 * s3 - s1 * c3, c1 * c2), body),
+    )
+
+
 @dataclass(frozen=True)
 class Attitude:
     """Earth's down axis in body axes, and Euler angles."""

@@ -15,7 +15,9 @@ from stoop.simulation.delays import first_order_lag
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle import Vehicle
+from stoop.vehicle.document import with_entries
 from stoop.vehicle.load import parse_vehicle
+from stoop_studies.verify.defects import turned
 
 
 def of(vehicle: Vehicle, flight: Flight, stop: float = 25.0) -> tuple[History, ...]:
@@ -53,6 +55,14 @@ def test_the_coefficients_are_those_that_were_flown(full: Vehicle, clean: Flight
         spread = np.ptp(wanted[coefficient])
         error = np.abs(flown - wanted[coefficient])[inside].max()
         assert error < tolerance * spread, coefficient
+
+
+def test_a_turned_inertial_unit_gives_the_same_coefficients(full: Vehicle, noisy: Flight) -> None:
+    angles = (0.05, -0.04, 0.3)
+    text = with_entries(full, {("sensors", "imu_alignment"): list(angles)})
+    for straight, aligned in zip(of(full, noisy), of(text, turned(*angles)(noisy)), strict=True):
+        for coefficient, flown in straight.coefficients.items():
+            np.testing.assert_allclose(aligned.coefficients[coefficient], flown, rtol=1e-8, atol=1e-9)
 
 
 def test_they_do_not_depend_on_the_terms_of_the_file(full: Vehicle, noisy: Flight) -> None:

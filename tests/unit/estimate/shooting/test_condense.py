@@ -55,7 +55,7 @@ def test_the_step_is_that_of_the_whole_system(seed: int, count: int) -> None:
     rows, right = whole(found)
     solution = -np.linalg.lstsq(rows, right, rcond=None)[0]
     weighted = [
-        Weighted(one.products, one.gap, one.gap_by_unknown, one.gap_by_state, closing)
+        Weighted(one.products, one.by_state, one.gap, one.gap_by_unknown, one.gap_by_state, closing)
         for one, closing in found
     ]
     left = reduced(weighted, damping=0.0)

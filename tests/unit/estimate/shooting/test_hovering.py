@@ -154,7 +154,7 @@ def test_a_hopeless_start_is_searched_for(start, flight, monkeypatch, resumed):
     right |= {
         n: {"value": start.value(n) / f} for n, f in WRONG.items() if n not in ("rotors.T1", "rotors.T2")
     }
-    options = Options(budget=300.0)
+    options = Options(budget=900.0)
     window = [Window("sim", 0.0, 8.0)]
     fit = resumed(method.fit, lost.with_numbers(right), {"sim": flight}, window, options)
     assert fit.outcome.optimizer == "ps-gde-lm"
@@ -184,6 +184,31 @@ def test_without_mass_and_inertia_ratios_are_told(quad, flight):
     assert not in_ratio(weighed)
     known = quad.with_numbers({"mass.mass": {"free": True}})  # inertia is known, and tells it
     assert not in_ratio(known)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_hostile_start_without_attitude_ends_in_a_value_or_in_one_line(quad, flight, seed):
+    """Attitude and velocity of windows follow from nothing; the former grew to 1e60 and ended in a traceback."""
+    rng, blank = np.random.default_rng(seed), np.full(len(flight.time), np.nan)
+    imu = changed(flight, **dict.fromkeys(("vn", "ve", "vd", "phi", "theta", "psi"), blank))
+    wild = {
+        p.name: {"value": p.value * 10.0 ** rng.uniform(-2.0, 2.0), "free": True, "bounds": [1e-9, 1e4]}
+        for p in quad.parameters
+        if p.name.startswith(("rotors.T", "rotors.lag", "mass.inertia.xx", "mass.inertia.yy"))
+        and p.value > 0.0
+    }
+    options = Options(method="multiple-shooting", budget=1500.0)
+    found, error = None, ""
+    try:
+        found = methods.find("multiple-shooting").fitter()(
+            quad.with_numbers(wild), {"sim": imu}, [Window("sim", 0.0, 6.0)], options
+        )
+    except IdentificationError as problem:
+        error = str(problem)
+    assert "\n" not in error
+    if found is not None:
+        assert np.isfinite(found.z).all()
+        assert found.outcome.status == "converged" or found.outcome.advice
 
 
 def changed(flight, **columns):

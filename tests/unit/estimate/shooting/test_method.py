@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from stoop.assessment.error_bars import error_bars
+from stoop.errors import IdentificationError
 from stoop.estimate import methods
 from stoop.estimate.fit import Options, estimation_problem
 from stoop.estimate.multiple_shooting import MultipleShooting
@@ -111,6 +112,65 @@ def test_truth_comes_back_within_three_standard_errors(start, flight):
     ]
     assert np.abs(z).max() < 3.0
     assert found.estimates["Cmalpha"] == pytest.approx(1.5, abs=0.1)
+
+
+def test_a_start_at_the_truth_stays_near_it(unstable, flight):
+    """Windows that need not meet would let it go: of a fit's steps none may lead away and back."""
+    truth = json.loads(flight.data.attrs["truth"])
+    right = unstable.with_numbers({n: {"value": v} for n, v in truth.items()})
+    right = right.with_numbers({"Cmalpha": {"bounds": [-4.0, 4.0]}})
+    seen = []
+    found = MultipleShooting()(
+        right, {"damped": flight}, WINDOW, Options(), lambda progress: seen.append(progress.state.points[-1])
+    )
+    layout, bars = found.problem.layout, error_bars(found).std[: found.problem.layout.dimension]
+    path = np.array([layout.physical(z[: len(found.z)][None, :])[0] for z in seen])
+    assert found.outcome.status == "converged"
+    assert np.abs((path - [truth[p.name] for p in layout.parameters]) / bars).max() < 2.0
+
+
+def test_parameters_that_nothing_determines_do_not_keep_it_from_converging(unstable):
+    """Thirty-two of them, half lateral, from an elevator input; steps of windows that are kept together are not cut short."""
+    aircraft = resolve_vehicle("twin-boom")
+    calm = simulate_flight(aircraft, parse_maneuver(demo.MANEUVER, "calm"), seed=3, name="sim")
+    found = MultipleShooting()(aircraft, {"sim": calm}, [Window("sim", 0.0, 8.0)], Options())
+    assert found.outcome.status == "converged"
+
+
+def test_a_budget_ends_it_where_the_windows_are_and_more_of_it_goes_on(start, flight):
+    args = (start, {"damped": flight}, WINDOW)
+    whole = MultipleShooting()(*args, Options())
+    short = MultipleShooting()(*args, Options(budget=100.0))
+    assert short.outcome.status == "budget"
+    assert short.trajectories <= 100.0
+    assert "allow more" in short.outcome.advice
+    assert "the windows meet within" in short.outcome.advice
+    more = MultipleShooting()(*args, Options(), None, short.outcome.state)
+    assert more.outcome.status == "converged"
+    assert np.array_equal(more.z, whole.z)
+    few = MultipleShooting()(*args, Options(generations=3))
+    assert (few.outcome.status, few.outcome.generation) == ("generations", 3)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_hostile_start_ends_in_a_value_or_in_one_line(unstable, flight, seed):
+    """Values anywhere in boxes a thousand times as wide as the file's, attitudes of windows included."""
+    rng, wild = np.random.default_rng(seed), {}
+    for p in unstable.parameters:
+        if p.free:
+            reach = 1e3 * max(abs(p.value), 0.1)
+            wild[p.name] = {"value": float(rng.uniform(-reach, reach)), "bounds": [-reach, reach]}
+    found, error = None, ""
+    try:
+        found = MultipleShooting()(
+            unstable.with_numbers(wild), {"damped": flight}, WINDOW, Options(budget=2000.0)
+        )
+    except IdentificationError as problem:
+        error = str(problem)
+    assert "\n" not in error
+    if found is not None:
+        assert np.isfinite(found.z).all()
+        assert found.outcome.status == "converged" or found.outcome.advice
 
 
 def test_an_interrupted_fit_is_resumed_to_the_same_result(start, flight, resumed):
