@@ -83,6 +83,17 @@ class FlownModel:
         """The controls that there are."""
         return {self.pitch, self.roll, self.yaw, self.power} - {""}
 
+    @property
+    def sizes(self) -> dict[str, float]:
+        """The value of each parameter at which its effect (rms) would be the largest on its force or moment, SI."""
+        rms = {t.name: float(np.sqrt(np.mean(t.flown**2))) for t in self.terms.values()}
+        largest: dict[str, float] = {}
+        for t in self.terms.values():
+            largest[t.coefficient] = max(largest.get(t.coefficient, 0.0), abs(t.value) * rms[t.name])
+        return {
+            t.name: largest[t.coefficient] / rms[t.name] for t in self.terms.values() if rms[t.name] > 0.0
+        }
+
 
 def advice(name: str, stand_ins: Sequence[str], flown: FlownModel) -> tuple[Notice, ...]:
     """Return what to fly, or to measure, for one parameter.

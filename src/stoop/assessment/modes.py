@@ -247,7 +247,7 @@ def modes(fit: Fit, parameters: tuple[str, ...], covariance: FloatArray) -> tupl
 def _at(
     fit: Fit, condition: Condition, parameters: tuple[str, ...], covariance: FloatArray
 ) -> ConditionModes:
-    vehicle, start = identified_vehicle(fit), condition.start
+    vehicle, start = identified_vehicle(fit).coupled_to(()), condition.start
     if condition.loading:
         vehicle = vehicle.with_numbers({name: {"value": value} for name, value in condition.loading.items()})
     place = (start["V"], start["h"], start["alpha"])
@@ -260,7 +260,8 @@ def _at(
     try:
         point, about, remark = trim(vehicle, start["V"], start["h"], density=density), "trim", None
     except SimulationError:
-        point, about = Trim(dict(start), {}, {}, condition.inputs, {}, math.nan), "mean state"
+        inputs = condition.inputs[: len(vehicle.inputs)]
+        point, about = Trim(dict(start), {}, {}, inputs, {}, math.nan), "mean state"
         remark = notice("modes-about-mean-state")
     free = fit.problem.layout.parameters
     values, widths = {p.name: fit.estimates[p.name] for p in free}, {p.name: p.upper - p.lower for p in free}

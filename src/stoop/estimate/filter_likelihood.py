@@ -336,10 +336,8 @@ class FrozenFilter(LocalProblem):
 
     def responses(self, z: FloatArray) -> Responses:
         """Return how the innovations respond to extensions of the vehicle at z (D + E,), the gains fixed."""
-        model, out = ExtendedModel.of(self.problem.layout.vehicle), []
-        for i, (piece, root, gains) in enumerate(
-            zip(self.problem.pieces, self.roots, self.gains, strict=True)
-        ):
+        model, trajectories, out = ExtendedModel.of(self.problem.layout.vehicle), [], []
+        for i, (piece, gains) in enumerate(zip(self.problem.pieces, self.gains, strict=True)):
             known, start = self.problem.candidates(z[None, :], i)
             states = np.ascontiguousarray(
                 run_filter(self.problem, i, known, start, gains, states=True)[1][0].T
@@ -349,8 +347,13 @@ class FrozenFilter(LocalProblem):
             correction = np.moveaxis(columns, 2, 0).transpose(0, 2, 1) @ (gain * present[:, None, :])
             rows, record = model.rows(known[:, 0]), model.received(piece, known)
             samples = np.arange(len(piece.time))
-            at = Trajectory(model.equations, rows, states, record, samples, piece.dt, correction)
-            dy = np.moveaxis(model.responses(at, piece)[1], 2, 0) * present
+            trajectories.append(
+                Trajectory(model.equations, rows, states, record, samples, piece.dt, correction)
+            )
+        found = model.responses(trajectories, self.problem.pieces)
+        each = zip(self.problem.pieces, self.roots, self.gains, found, strict=True)
+        for piece, root, gains, (_, responses) in each:
+            dy = np.moveaxis(responses, 2, 0) * np.isfinite(piece.measured)
             out.append(np.ascontiguousarray(np.moveaxis(whitened_by(root, dy, gains.which), 0, 2)))
         return Responses(model.extensions, tuple(out))
 

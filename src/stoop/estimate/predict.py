@@ -38,7 +38,7 @@ from stoop.estimate.shooting_windows import edges as window_edges
 from stoop.flight import Flight
 from stoop.problem import Piece
 from stoop.problem.observation import START_TIME
-from stoop.problem.prepare import Prepared, prepare
+from stoop.problem.prepare import Prepared, decoupled, prepare
 from stoop.problem.windows import Window
 from stoop.results.result import Covariance, NoiseCovariance
 from stoop.simulation import START_NAMES, parameter_rows, trim
@@ -117,6 +117,7 @@ def _of_window(
     model: FittedModel, flights: Mapping[str, Flight], window: Window, priors: Mapping[str, BiasPrior]
 ) -> tuple[Prepared, list[Predicted]]:
     """Prepare and predict one window with the biases of its flight."""
+    model = replace(model, vehicle=decoupled(model.vehicle, flights, [window]))
     biases = {name: prior.mean for name, prior in priors.items()}
     biased = model.vehicle.with_numbers({name: {"value": value} for name, value in biases.items()})
     prepared, kind = prepare(biased, flights, [window]), _PREDICTIONS[biased.frame]

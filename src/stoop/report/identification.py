@@ -41,8 +41,8 @@ from stoop.results.verdict import Grade
 ENDINGS: Final = {
     "converged": "The search converged",
     "target": "The search reached the target cost",
-    "budget": "The search ran out of its budget before it converged",
-    "generations": "The search ran out of generations before it converged",
+    "budget": "The search used up its trajectories before it converged",
+    "generations": "The search used up its generations before it converged",
     "stalled": "The search stopped where no step lowered the cost, before it converged",
     "interrupted": "The search was interrupted; this is the best it had found",
 }
@@ -170,12 +170,14 @@ def verdict(result: Result) -> sheet.Verdict:
         text += f"; {count(len(unknown), 'of them is', 'of them are')} not identifiable ({listed(unknown)})"
     if bounded:
         text += f"; {len(bounded)} {'lies' if len(bounded) == 1 else 'lie'} at a bound ({listed(bounded)})"
-    if not (unknown or bounded):
-        text += ", all of them identifiable"
     # An identifiable parameter is in doubt only where others can almost replace it.
     doubts = result.identifiability.parameters.items()
     together = sum(bool(one.doubt) and name not in unknown for name, one in doubts)
-    text += f"; {together} of them known only in combination with others." if together else "."
+    if together:
+        text += f"; {together} of them known only in combination with others"
+    elif not (unknown or bounded):
+        text += ", all of them identifiable"
+    text += "."
     sentences = (f"{how}, after {spent}. {result.advice}".rstrip(), text, _match(result, "fit"))
     reasons = [f"{one}." for one in (*found.reasons, *found.advice)]
     every = (*reasons, *sentences, _match(result, "validation"))

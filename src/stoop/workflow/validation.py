@@ -16,7 +16,7 @@ from stoop.estimate.initial_state import FittedModel
 from stoop.estimate.predict import predict
 from stoop.flight import Flight, without, without_faults
 from stoop.flight.maneuvers import find_maneuvers
-from stoop.problem.prepare import prepare
+from stoop.problem.prepare import decoupled, prepare
 from stoop.problem.windows import Window, parse_window
 from stoop.results.result import Identification, ManeuverResult, ManeuverTrace, plain
 from stoop.vehicle.notation import symbols
@@ -180,7 +180,7 @@ def _windows(
         if overlapping(window) is not None:
             return "the model was fitted there"
         try:
-            prepare(identified.vehicle, known, [window])
+            prepare(decoupled(identified.vehicle, known, [window]), known, [window])
         except FlightError as error:
             return str(error).removeprefix(f"{window}: ")
         return ""

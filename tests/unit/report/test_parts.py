@@ -233,7 +233,7 @@ def sentences(result: Result) -> str:
 def test_a_good_verdict(examples: ModuleType) -> None:
     found = verdict(good(examples))
     assert found.level == "good"
-    assert "all of them identifiable" in " ".join(found.sentences)
+    assert "known only in combination with others." in " ".join(found.sentences)
     assert "beats a trivial first-order lag in 2 of 2 comparisons" in " ".join(found.sentences)
 
 
@@ -260,7 +260,7 @@ def test_a_channel_in_which_only_noise_is_left_is_not_lost(
 def test_how_many_parameters_are_known_only_together(examples: ModuleType) -> None:
     sights = {"CL0": ParameterIdentifiability(0.1, 3.5, 0.9996, ("CLalpha",), notice("known-in-combination"))}
     together = dataclasses.replace(good(examples), identifiability=IdentifiabilityAnalysis(parameters=sights))
-    assert "all of them identifiable; 1 of them known only in combination with others." in sentences(together)
+    assert "estimated; 1 of them known only in combination with others." in sentences(together)
     alone = dataclasses.replace(good(examples), identifiability=IdentifiabilityAnalysis())
     assert "1 parameter estimated, all of them identifiable." in sentences(alone)
 
@@ -270,7 +270,7 @@ def test_how_many_parameters_are_known_only_together(examples: ModuleType) -> No
     [
         ({"notices": (as_notice("pitot"),)}, "caution", ""),
         ({"notices": (as_notice("from the file", "info"),)}, "good", ""),
-        ({"status": "budget"}, "bad", "ran out of its budget"),
+        ({"status": "budget"}, "bad", "used up its trajectories"),
         ({"status": "interrupted"}, "bad", "interrupted"),
         ({"status": "something new"}, "bad", "“something new”"),
         ({"cost": math.nan}, "bad", ""),
