@@ -211,7 +211,7 @@ def conditions(fit: Fit) -> list[Condition]:
     for maneuver in range(len(fit.prepared.windows)):
         indices = fit.prepared.of_maneuver(maneuver)
         pieces = [fit.prepared.pieces[i] for i in indices]
-        flown = np.concatenate([fit.problem.outputs(fit.z, i) for i in indices])
+        flown = np.concatenate([fit.readings[i] for i in indices])
         entries = zip(layout.nuisances, fit.z[layout.dimension :].tolist(), strict=True)
         own = pieces[0].maneuver
         biases = {n.name: n.center + n.scale * e for n, e in entries if n.is_bias and n.maneuver == own}

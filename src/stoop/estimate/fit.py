@@ -142,7 +142,7 @@ class Fit:
 
     @cached_property
     def readings(self) -> tuple[FloatArray, ...]:
-        """Simulated readings (n, n_y) of each piece, as the method simulates them."""
+        """Readings (n, n_y) of the model in each piece: of one simulation, of windows, or predicted from sample to sample."""
         if self.simulated is not None:
             return self.simulated
         return tuple(self.problem.outputs(self.z, i) for i in range(len(self.problem.pieces)))

@@ -204,9 +204,8 @@ def interpolated(values: FloatArray) -> FloatArray:
     return np.interp(np.arange(len(values)), present, values[present])
 
 
-def measured_points(problem: Misfit, piece: Piece, points: IntArray) -> Points:
+def measured_points(vehicle: Vehicle, piece: Piece, points: IntArray) -> Points:
     """Return mean measured states around each point, where `points` (n,) is that of each sample; else the start."""
-    vehicle = problem.layout.vehicle
     start = {name: np.full(len(points), value) for name, value in piece.start.items()}
     for i, channel in enumerate(vehicle.outputs):
         if channel in start and np.isfinite(piece.measured[:, i]).any():

@@ -31,6 +31,7 @@ from stoop.estimate.initial_state import (
     predict_stretch,
     stretch_before,
 )
+from stoop.estimate.instability import growth
 from stoop.estimate.regression.rotors import lagged_command, stretches
 from stoop.estimate.shooting_windows import WINDOW_LENGTH
 from stoop.estimate.shooting_windows import edges as window_edges
@@ -127,8 +128,13 @@ def _of_window(
         stretch = stretch_before(biased, flights, window, piece)
         stretch, missing, code = _about_steady_flight(biased, stretch)
         stretch = replace(stretch, piece=replace(stretch.piece, changes={**piece.changes, **biases}))
-        n = len(piece.time)
-        edges = window_edges(n, round(kind.length / piece.dt)) if np.isfinite(kind.length) else (0, n)
+        n, length = len(piece.time), kind.length
+        errors = growth(biased, piece, parameter_rows(biased, stretch.piece.changes))
+        if errors.excessive and (stable := max(errors.horizon, WINDOW_LENGTH)) < length:
+            length = stable
+            about = {"rate": errors.rate, "length": length, "stretch": STRETCH}
+            notices.append(notice("predicted-unstable", str(window), **about))
+        edges = window_edges(n, round(length / piece.dt)) if np.isfinite(length) else (0, n)
         parts = [
             predict_stretch(model, stretch.part(biased, a, b) if len(edges) > 2 else stretch, priors)
             for a, b in pairwise(edges)

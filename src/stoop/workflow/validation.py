@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from stoop.assessment.verdict import diverged
 from stoop.base.files import write_text_atomic
 from stoop.base.notices import Notice, as_notice, notice, of_severity
 from stoop.checks.vehicle import require_channels
@@ -118,7 +118,7 @@ def validate(
         of_data += [*flight.notices, *of_severity(ahead.prepared.notices, "info")]
         doubts += of_severity(ahead.prepared.notices, "warning")
 
-    lost = [(m, tuple(c for c, f in m.channels.items() if not math.isfinite(f.rmse))) for m in results]
+    lost = [(m, diverged(m, model.noise)) for m in results]
     warnings = [
         *search_notices(identified.result.status, identified.result.advice),
         *refusal(identified.result, str(identified.folder)),
