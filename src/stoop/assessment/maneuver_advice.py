@@ -83,6 +83,17 @@ class FlownModel:
         """The controls that there are."""
         return {self.pitch, self.roll, self.yaw, self.power} - {""}
 
+    @property
+    def sizes(self) -> dict[str, float]:
+        """The value of each parameter at which its effect (rms) would be the largest on its force or moment, SI."""
+        rms = {t.name: float(np.sqrt(np.mean(t.flown**2))) for t in self.terms.values()}
+        largest: dict[str, float] = {}
+        for t in self.terms.values():
+            largest[t.coefficient] = max(largest.get(t.coefficient, 0.0), abs(t.value) * rms[t.name])
+        return {
+            t.name: largest[t.coefficient] / rms[t.name] for t in self.terms.values() if rms[t.name] > 0.0
+        }
+
 
 def advice(name: str, stand_ins: Sequence[str], flown: FlownModel) -> tuple[Notice, ...]:
     """Return what to fly, or to measure, for one parameter.
@@ -221,7 +232,7 @@ def flown_model(result: Result, fit: Fit) -> FlownModel:
 
 def _columns(vehicle: Vehicle, fit: Fit, index: int, piece: Piece) -> dict[str, FloatArray]:
     """Return what terms are made of, (n,) each, along one piece as the model flew it."""
-    read = dict(zip(vehicle.outputs, fit.problem.outputs(fit.z, index).T, strict=True))
+    read = dict(zip(vehicle.outputs, fit.readings[index].T, strict=True))
     still = np.zeros(len(piece.time))
     rows = parameter_rows(vehicle, piece.changes)
     motion = {c: np.nan_to_num(read.get(c, still)) for c in ("V", "alpha", "beta", "p", "q", "r")}

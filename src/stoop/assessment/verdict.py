@@ -15,15 +15,16 @@ from __future__ import annotations
 
 import ast
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
+import numpy as np
 from scipy.stats import binom
 
-from stoop.base.notices import Notice, distinct, notice, of_severity
+from stoop.base.notices import Notice, distinct, notice, of_severity, paragraph
 from stoop.base.variables import RATES, SPECIFIC_FORCE, VELOCITY
-from stoop.results.result import GoodnessOfFit, ManeuverResult, Result
+from stoop.results.result import GoodnessOfFit, ManeuverResult, NoiseCovariance, Result
 from stoop.results.uncertainty import SCATTER_LEVEL
 from stoop.results.verdict import Grade, Need, Use, Verdict
 from stoop.vehicle import Vehicle, terms
@@ -34,12 +35,13 @@ class Limits:
     """Limits of the verdict; `docs/validation.md` shows them."""
 
     moved_errors: float = 3.0  #: standard errors by which an extension moves a needed parameter, and ...
-    moved_share: float = 0.05  #: ... share of its value, from which the form of the model is contradicted
-    error: float = 0.2  #: relative standard error of a needed parameter that a use allows
+    moved_share: float = 0.05  #: ... share of its size, from which the form of the model is contradicted
+    error: float = 0.2  #: standard error of a needed parameter that a use allows, over its size
+    minor: float = 0.1  #: share of the largest effect on its axis, which is the least size of a parameter
     unknown: float = 0.5  #: share of parameters at a bound or not identifiable that a result may have
     not_predicted: float = 0.5  #: share of curves matched no better than trivially that a result may have
     inside: float = (
-        0.5  #: share of readings within the 95 % band of a prediction that a trusted model has at least
+        0.75  #: share of readings within the 95 % band of a prediction that a trusted model has at least
     )
     r2: float = 0.0  #: coefficient of determination below which a curve is worse than its mean
     size: float = 1e3  #: rms error over the noise of the fit, beyond which a simulation has diverged
@@ -66,14 +68,21 @@ JUDGED: Final = REFUSING | {
     "at-bound",
     "not-identifiable",
 }
+#: notices of fits whose fitted curves show no more than the filter: the model alone without the gusts that it found, or
+#: predictions from sample to sample
+FILTERED: Final = frozenset({"filter-error", "filter-predicts"})
 CONFIRMED: Final = frozenset({"converged", "target"})  #: a search that ended so has found its optimum
 #: coefficient -> axis, its rate, the flow angle that makes it stable
 MOMENTS: Final = {"Cl": ("roll", "p", "beta"), "Cm": ("pitch", "q", "alpha"), "Cn": ("yaw", "r", "beta")}
 INERTIA: Final = {"roll": "mass.inertia.xx", "pitch": "mass.inertia.yy", "yaw": "mass.inertia.zz"}
 
 
-def uses(vehicle: Vehicle) -> tuple[Use, ...]:
-    """Return what each use needs of a vehicle: free parameters by their part in the equations, and channels."""
+def uses(vehicle: Vehicle, sizes: Mapping[str, float] | None = None) -> tuple[Use, ...]:
+    """Return what each use needs of a vehicle: free parameters by their part in the equations, and channels.
+
+    `sizes` are those of :class:`stoop.assessment.maneuver_advice.FlownModel`.
+    """
+    of_effect = sizes or {}
     free = [p.name for p in vehicle.parameters if p.free]
     known = set(terms.STATE_VARIABLES) | set(vehicle.file.controls)
     parts = {
@@ -112,7 +121,10 @@ def uses(vehicle: Vehicle) -> tuple[Use, ...]:
 
     def use(name: str, channels: Iterable[str], needs: Iterable[tuple[str, Sequence[str]]] = ()) -> Use:
         observed = tuple(c for c in channels if c in vehicle.outputs)
-        return Use(name, observed, tuple(Need(what, tuple(names)) for what, names in needs if names))
+        wanted = ((what, tuple(names)) for what, names in needs if names)
+        return Use(
+            name, observed, tuple(Need(what, names, tuple(of_effect.get(n, 0.0) for n in names)) for what, names in wanted)
+        )  # fmt: skip
 
     return (
         use("control design", RATES, dynamics),
@@ -130,9 +142,9 @@ def _linear_in(tree: ast.expr) -> str | None:
 
 def verdict(result: Result, needed: Sequence[Use]) -> Verdict:
     """Return the verdict on a result; `needed` are the uses of its vehicle, see :func:`uses`."""
-    matter = {name for use in needed for need in use.needs for name in need.parameters}
-    refusals = [*_refusals(result), *_contradictions(result, matter)]
-    judged = tuple(_judged(result, use) for use in needed)
+    sizes = _sizes(result, needed)
+    refusals = [*_refusals(result), *_contradictions(result, sizes)]
+    judged = tuple(_judged(result, use, sizes) for use in needed)
     doubts = _doubts(result)
     grade: Grade = "usable"
     if refusals or (needed and not any(use.justified for use in judged)):
@@ -146,8 +158,13 @@ def verdict(result: Result, needed: Sequence[Use]) -> Verdict:
     against = [*refusals, *(found for use in judged for found in use.against), *doubts]
     named = dict.fromkeys(name for found in against for name in _parameters(found))
     known = result.identifiability.parameters
-    advice = [one for name in named if name in known for one in known[name].advice]
-    return Verdict(grade, judged, distinct([*against, *_merits(result)]), distinct(advice))
+    shared: dict[str, list[str]] = {}
+    for name in (name for name in named if name in known and known[name].advice):
+        shared.setdefault(paragraph(known[name].advice), []).append(name)
+    advice = tuple(
+        notice("verdict-advice", parameters=tuple(names), advice=text) for text, names in shared.items()
+    )
+    return Verdict(grade, judged, distinct([*against, *_merits(result)]), advice)
 
 
 def _refusals(result: Result) -> Iterator[Notice]:
@@ -158,8 +175,7 @@ def _refusals(result: Result) -> Iterator[Notice]:
     if not math.isfinite(result.cost):
         yield notice("verdict-no-cost")
     for m in result.maneuvers:
-        gone = tuple(c for c, one in m.channels.items() if _diverged(result, c, one))
-        if gone:
+        if gone := diverged(m, result.noise_covariance):
             yield notice("simulation-diverges", m.window, channels=gone)
     unknown = _unknown(result)
     if len(unknown) > LIMITS.unknown * len(result.parameters):
@@ -171,40 +187,51 @@ def _refusals(result: Result) -> Iterator[Notice]:
         yield notice("verdict-trivial", lost=len(beaten), compared=len(figures), channels=names)
 
 
-def _contradictions(result: Result, matter: set[str]) -> Iterator[Notice]:
+def _sizes(result: Result, needed: Sequence[Use]) -> dict[str, float]:
+    """Return the size of each estimated parameter that a use needs, by which its errors are judged.
+
+    A derivative near zero has no size of its own: then it is a share of the value that would matter most on its axis.
+    """
+    least: dict[str, float] = {}
+    for need in (need for use in needed for need in use.needs):
+        least |= dict(zip(need.parameters, need.sizes or (0.0,) * len(need.parameters), strict=True))
+    known = {n: abs(result.parameters[n].estimate) for n in least if n in result.parameters}
+    return {n: max(value, LIMITS.minor * least[n]) for n, value in known.items()}
+
+
+def _contradictions(result: Result, sizes: Mapping[str, float]) -> Iterator[Notice]:
     """Yield the strongest extension where it would move parameters that matter."""
     for test in result.extensions.found[:1]:
-        moved = {
-            n: shift for n, shift in test.moves.items() if n in matter and _contradicts(result, n, shift)
-        }
-        if moved:
-            name = max(moved, key=lambda n: abs(moved[n]))
+        shares = {n: _share(result, n, shift, sizes[n]) for n, shift in test.moves.items() if n in sizes}
+        far = [
+            n for n in shares if abs(test.moves[n]) > LIMITS.moved_errors and shares[n] > LIMITS.moved_share
+        ]
+        if far:
+            name = max(far, key=lambda n: abs(test.moves[n]))
             code = "verdict-form-one-of" if test.rivals else "verdict-form"
             yield notice(
-                code, test.name, statistic=test.statistic, parameter=name, shift=moved[name],
-                share=_share(result, name, moved[name]), line=test.line, rivals=test.rivals,
+                code, test.name, statistic=test.statistic, parameter=name, shift=test.moves[name],
+                share=shares[name], line=test.line, rivals=test.rivals,
             )  # fmt: skip
 
 
-def _contradicts(result: Result, name: str, shift: float) -> bool:
-    return abs(shift) > LIMITS.moved_errors and _share(result, name, shift) > LIMITS.moved_share
-
-
-def _share(result: Result, name: str, shift: float) -> float:
+def _share(result: Result, name: str, shift: float, size: float) -> float:
     """Return so many standard errors of a parameter over its size."""
-    one = result.parameters.get(name)
-    return math.nan if one is None or one.estimate == 0.0 else abs(shift * one.std_error / one.estimate)
+    return abs(shift) * result.parameters[name].std_error / size if size > 0.0 else math.nan
 
 
-def _judged(result: Result, use: Use) -> Use:
+def _judged(result: Result, use: Use, sizes: Mapping[str, float]) -> Use:
     """Return a use with what speaks against it."""
     against = [n for n in result.notices if AGAINST.get(n.code) == use.name]
     estimated = [(need, [n for n in need.parameters if n in result.parameters]) for need in use.needs]
     needs = [(need, names) for need, names in estimated if names]
     for need, names in needs:
         known = [n for n in names if n not in _unknown(result)]
-        largest = max(known, key=lambda n: abs(result.parameters[n].estimate), default="")
-        error = _share(result, largest, 1.0) if largest else math.inf
+        effect = dict(zip(need.parameters, need.sizes, strict=False))
+        largest = max(
+            known, key=lambda n: abs(result.parameters[n].estimate) / (effect.get(n) or 1.0), default=""
+        )
+        error = _share(result, largest, 1.0, sizes[largest]) if largest else math.inf
         if not largest:
             against.append(
                 notice("verdict-need-unknown", need.subject, use=use.name, parameters=tuple(names))
@@ -240,22 +267,23 @@ def _channels(result: Result) -> tuple[str, ...]:
 def _judging(result: Result) -> tuple[ManeuverResult, ...]:
     """Return the maneuvers that judge: those held back, else those fitted.
 
-    None of a filter's fitted ones: their curves are of the model alone, without the gusts that the filter found.
+    None of a filter's fitted ones, see `FILTERED`.
     """
     held_back = tuple(m for m in result.maneuvers if m.role == "validation")
-    filtered = any(found.code == "filter-error" for found in result.notices)
+    filtered = any(found.code in FILTERED for found in result.notices)
     return held_back if held_back or filtered else result.maneuvers
 
 
-def _diverged(result: Result, channel: str, one: GoodnessOfFit) -> bool:
-    """Whether a simulation left for infinity, beyond anything that noise and initial state explain."""
-    names, matrix = result.noise_covariance.channels, result.noise_covariance.matrix
-    sigma = (
-        math.sqrt(matrix[i, i])
-        if channel in names and matrix[i := names.index(channel), i] > 0.0
-        else math.nan
-    )
-    return not math.isfinite(one.rmse) or one.rmse > LIMITS.size * sigma
+def diverged(maneuver: ManeuverResult, noise: NoiseCovariance) -> tuple[str, ...]:
+    """Return the channels whose simulation left for infinity, beyond anything that noise and initial state explain."""
+    variance = dict(zip(noise.channels, np.diag(noise.matrix).tolist(), strict=True))
+    found = []
+    for channel, one in maneuver.channels.items():
+        known = variance.get(channel, math.nan)
+        sigma = math.sqrt(known) if known > 0.0 else math.nan
+        if not math.isfinite(one.rmse) or one.rmse > LIMITS.size * sigma:
+            found.append(channel)
+    return tuple(found)
 
 
 def _unknown(result: Result) -> tuple[str, ...]:

@@ -5,11 +5,11 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable
 
-MOST_LISTED = 40  #: names in a message
+MOST_LISTED = 12  #: names in a message
 
 
 def nearest(name: str, among: Iterable[str], cutoff: float = 0.6) -> str:
-    """Return advice on a wrong name: up to three that resemble it, or all there are.
+    """Return advice on a wrong name: up to three that resemble it, or all there are; of many the nearest.
 
     Parameters
     ----------
@@ -17,14 +17,19 @@ def nearest(name: str, among: Iterable[str], cutoff: float = 0.6) -> str:
     among : iterable of str
         Known names.
     cutoff : float
-        Least resemblance, see :func:`difflib.get_close_matches`.
+        Least resemblance, see :func:`difflib.get_close_matches`; case does not count.
     """
     choices = list(among)
-    close = difflib.get_close_matches(name, choices, n=3, cutoff=cutoff)
-    if close:
-        return f"did you mean {' or '.join(close)}?"
-    more = f" and {len(choices) - MOST_LISTED} more" if len(choices) > MOST_LISTED else ""
-    return f"choose from {', '.join(choices[:MOST_LISTED])}{more}"
+    lower = {c.lower(): c for c in reversed(choices)}
+
+    def close(least: float) -> list[str]:
+        return [lower[c] for c in difflib.get_close_matches(name.lower(), list(lower), n=3, cutoff=least)]
+
+    if found := close(cutoff):
+        return f"did you mean {' or '.join(found)}?"
+    if len(choices) <= MOST_LISTED:
+        return f"choose from {', '.join(choices) or 'none'}"
+    return f"the nearest of {len(choices)} names are {enumerated(close(0.0))}"
 
 
 def enumerated(names: Iterable[str]) -> str:

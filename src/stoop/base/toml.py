@@ -26,6 +26,10 @@ def read_source(path: Path | str, what: str, error: type[StoopError]) -> str:
         if Path(path).stat().st_size > MAX_BYTES:
             raise error(f"{path}: larger than {MAX_BYTES} bytes; this is no {what} file, check the path")
         return Path(path).read_text(encoding="utf-8")
+    except IsADirectoryError:
+        inside = sorted(p.name for p in Path(path).glob("*.toml"))
+        advice = f"name {' or '.join(inside[:3])} in it" if inside else "check the path"
+        raise error(f"{path}: is a folder, no {what} file; {advice}") from None
     except (OSError, ValueError) as fault:
         reason = getattr(fault, "strerror", None) or "not UTF-8 text"
         raise error(f"{path}: cannot read the {what} file ({reason}); check the path") from None

@@ -257,7 +257,7 @@ def show(job: Job, folder: Path) -> None:
         out.heading("wind and pitot")
         out.bullets(note for wind in result.wind for note in wind.notes)
     out.bullets(result.warnings, "warnings")
-    out.bullets(result.basis, "how to read this")
+    out.bullets(result.basis, "what the figures rest on")
     out.line()
     ended = f"{result.status}: {result.advice}" if result.advice else result.status
     out.line(f"{ended} ({result.trajectories:.0f} trajectories, {result.seconds:.1f} s)")

@@ -38,7 +38,8 @@ from stoop.kernels import filtering
 from stoop.optimize import forward_jacobian
 from stoop.optimize.normal_equations import gram
 from stoop.problem import Misfit
-from stoop.simulation.delays import late_inputs
+from stoop.simulation.delays import late_inputs, late_outputs
+from stoop.simulation.trajectories import readings_along
 
 STEP: Final = 1e-6
 
@@ -128,7 +129,8 @@ class Likelihood:
     @classmethod
     def of(cls, problem: Misfit, noise: Noise, gain: Gain, anchor: FloatArray) -> Likelihood:
         """Return the likelihood, its first gains linearized at what was measured."""
-        points = tuple(measured_points(problem, piece, gain.plan(piece).points) for piece in problem.pieces)
+        vehicle = problem.layout.vehicle
+        points = tuple(measured_points(vehicle, piece, gain.plan(piece).points) for piece in problem.pieces)
         return cls(problem, noise, gain, points, anchor)
 
     def along(self, z: FloatArray) -> Likelihood:
@@ -169,6 +171,18 @@ class Likelihood:
         for i in range(len(self.points)):
             total += self._innovations(z, i, np.empty(0, dtype=np.int64)).cost
         return total if np.isfinite(total) else np.inf
+
+    def predictions(self, z: FloatArray) -> tuple[FloatArray, ...]:
+        """Return the readings (n, n_y) of each piece that the filter predicts from sample to sample, as late as recorded ones."""
+        vehicle, out = self.problem.layout.vehicle, []
+        for i, piece in enumerate(self.problem.pieces):
+            rows, start = self.problem.candidates(z[None, : self.known], i)
+            gains = self.gains(z[None, :], rows, start, i)
+            states = run_filter(self.problem, i, rows, start, gains, states=True)[1][0]
+            inputs = late_inputs(vehicle, piece.inputs, rows, piece.dt).reshape(len(piece.inputs), -1)
+            readings = readings_along(vehicle, rows, states, inputs[: len(states)])
+            out.append(late_outputs(vehicle, readings[None], rows, piece.dt)[0])
+        return tuple(out)
 
     def score(self, z: FloatArray) -> Score:
         """Return gradient and information at a point."""
@@ -322,10 +336,8 @@ class FrozenFilter(LocalProblem):
 
     def responses(self, z: FloatArray) -> Responses:
         """Return how the innovations respond to extensions of the vehicle at z (D + E,), the gains fixed."""
-        model, out = ExtendedModel.of(self.problem.layout.vehicle), []
-        for i, (piece, root, gains) in enumerate(
-            zip(self.problem.pieces, self.roots, self.gains, strict=True)
-        ):
+        model, trajectories, out = ExtendedModel.of(self.problem.layout.vehicle), [], []
+        for i, (piece, gains) in enumerate(zip(self.problem.pieces, self.gains, strict=True)):
             known, start = self.problem.candidates(z[None, :], i)
             states = np.ascontiguousarray(
                 run_filter(self.problem, i, known, start, gains, states=True)[1][0].T
@@ -335,8 +347,13 @@ class FrozenFilter(LocalProblem):
             correction = np.moveaxis(columns, 2, 0).transpose(0, 2, 1) @ (gain * present[:, None, :])
             rows, record = model.rows(known[:, 0]), model.received(piece, known)
             samples = np.arange(len(piece.time))
-            at = Trajectory(model.equations, rows, states, record, samples, piece.dt, correction)
-            dy = np.moveaxis(model.responses(at, piece)[1], 2, 0) * present
+            trajectories.append(
+                Trajectory(model.equations, rows, states, record, samples, piece.dt, correction)
+            )
+        found = model.responses(trajectories, self.problem.pieces)
+        each = zip(self.problem.pieces, self.roots, self.gains, found, strict=True)
+        for piece, root, gains, (_, responses) in each:
+            dy = np.moveaxis(responses, 2, 0) * np.isfinite(piece.measured)
             out.append(np.ascontiguousarray(np.moveaxis(whitened_by(root, dy, gains.which), 0, 2)))
         return Responses(model.extensions, tuple(out))
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from stoop.base.variables import WRAPPED
 from stoop.problem.misfit import Misfit, Piece
 from stoop.simulation.delays import delayed, late, late_inputs, late_outputs, output_delays
 from stoop.vehicle import Vehicle
-from stoop.vehicle.arrays import Equations, array_equations
+from stoop.vehicle.arrays import Equations, Evaluation, array_equations
 from stoop.vehicle.extensions import Extension, extended
 from stoop.vehicle.vehicle import slope_input
 
@@ -54,16 +54,6 @@ class Trajectory:
         """Samples that follow one another."""
         starts = np.flatnonzero(np.diff(self.samples) != 1) + 1
         return tuple(map(slice, [0, *starts.tolist()], [*starts.tolist(), len(self.samples)]))
-
-    @cached_property
-    def reference(self) -> tuple[FloatArray, FloatArray]:
-        """Derivatives (n_x, n) and readings (n_y, n) of the estimate."""
-        return self.equations(self.rows, self.states, self.inputs)
-
-    def change(self, rows: FloatArray, inputs: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return df (n_x, n) and dh (n_y, n) of other parameters or inputs."""
-        derivative, readings = self.equations(rows, self.states, inputs)
-        return derivative - self.reference[0], readings - self.reference[1]
 
     def responses(self, forcing: FloatArray, direct: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return dx (n, n_x, m) and dy (n, n_y, m) of m changes: df (n, n_x, m) and dh (n, n_y, m)."""
@@ -172,12 +162,36 @@ class ExtendedModel:
         """Return the inputs (n_u, n) of a piece as they arrive with parameters (n_p, 1)."""
         return late_inputs(self.base, piece.inputs, known, piece.dt).T.astype(float)
 
-    def responses(self, at: Trajectory, piece: Piece) -> tuple[FloatArray, FloatArray]:
-        """Return dx (n, n_x, m) and dy (n, n_y, m) of all extensions, per SI unit."""
-        changes = [self._change(one, at, piece) for one in self.extensions]
-        found = at.responses(*(np.stack(parts, axis=2) for parts in zip(*changes, strict=True)))
-        steps = np.array([one.step for one in self.extensions])
-        return found[0] / steps, found[1] / steps
+    def responses(
+        self, trajectories: Sequence[Trajectory], pieces: Sequence[Piece]
+    ) -> list[tuple[FloatArray, FloatArray]]:
+        """Return dx (n, n_x, m) and dy (n, n_y, m) of all extensions, per SI unit, of every piece."""
+        ends = np.cumsum([len(at.samples) for at in trajectories]).tolist()
+        parts = [slice(a, b) for a, b in zip([0, *ends], ends, strict=False)]
+        inputs = np.hstack([at.inputs for at in trajectories])
+        base = Evaluation(
+            self.equations,
+            _joined([at.rows for at in trajectories], parts),
+            np.hstack([at.states for at in trajectories]),
+            inputs,
+        )
+        m, n_x = len(self.extensions), len(self.base.states)
+        changes = np.zeros((ends[-1], n_x + len(self.base.outputs), m))
+        for j, one in enumerate(self.extensions):
+            steps = [self._step(one, *both) for both in zip(trajectories, pieces, strict=True)]
+            moved = [own for _, own in steps if own is not None]
+            rows = _joined([rows for rows, _ in steps], parts)
+            for i, change in base.changes(rows, np.hstack(moved) if moved else inputs):
+                changes[:, i, j] = change
+            for i in (self.vehicle.outputs.index(c) for c in one.readings):
+                for at, own in zip(trajectories, parts, strict=True):
+                    changes[own, n_x + i, j] += self._lateness(one, at, i, base.reading(i)[own])
+        sizes = np.array([one.step for one in self.extensions])
+        found = [
+            at.responses(changes[own, :n_x], changes[own, n_x:])
+            for at, own in zip(trajectories, parts, strict=True)
+        ]
+        return [(dx / sizes, dy / sizes) for dx, dy in found]
 
     def late(self, at: Trajectory, dy: FloatArray, known: FloatArray, moved: tuple[int, ...]) -> FloatArray:
         """Return responses (n, n_y, m) as late as the instruments deliver them; in place."""
@@ -187,26 +201,37 @@ class ExtendedModel:
             dy[own] = late_outputs(self.base, part, rows, at.dt, moved).transpose(1, 2, 0)
         return dy
 
-    def _change(self, one: Extension, at: Trajectory, piece: Piece) -> tuple[FloatArray, FloatArray]:
-        """Return df (n, n_x) and dh (n, n_y) of a step of an extension."""
-        rows, inputs, vehicle = at.rows.copy(), at.inputs, self.vehicle
+    def _step(self, one: Extension, at: Trajectory, piece: Piece) -> tuple[FloatArray, FloatArray | None]:
+        """Return parameters (n_p,) and inputs (n_u, n) with a step of an extension; None for inputs that stay."""
+        rows, vehicle = at.rows.copy(), self.vehicle
         for name in one.numbers:
             rows[vehicle.rows[name]] += one.value(one.step) - one.null
         if one.kind in PLAYED:
-            inputs = late_inputs(vehicle, piece.inputs, rows[:, None], at.dt).T[:, at.samples]
-        elif one.inputs:
-            inputs = inputs.copy()
-            for name in (name for c in one.inputs for name in (c, slope_input(c)) if name in vehicle.inputs):
-                column = vehicle.inputs.index(name)
-                inputs[column] = delayed(at.record[column], one.step / at.dt)[at.samples]
-        df, dh = at.change(rows, inputs)
-        for column in (vehicle.outputs.index(c) for c in one.readings):
-            wrapped = vehicle.outputs[column] in WRAPPED
-            for own in at.stretches:
-                reading = at.reference[1][column, own]
-                whole = np.unwrap(reading) if wrapped else reading
-                dh[column, own] += late(whole, one.step / at.dt) - whole
-        return df.T, dh.T
+            return rows, late_inputs(vehicle, piece.inputs, rows[:, None], at.dt).T[:, at.samples]
+        if not one.inputs:
+            return rows, None
+        inputs = at.inputs.copy()
+        for name in (name for c in one.inputs for name in (c, slope_input(c)) if name in vehicle.inputs):
+            column = vehicle.inputs.index(name)
+            inputs[column] = delayed(at.record[column], one.step / at.dt)[at.samples]
+        return rows, inputs
+
+    def _lateness(self, one: Extension, at: Trajectory, column: int, reading: FloatArray) -> FloatArray:
+        """Return by how much a reading (n,) changes that an extension delivers late."""
+        out = np.empty_like(reading)
+        for own in at.stretches:
+            whole = np.unwrap(reading[own]) if self.vehicle.outputs[column] in WRAPPED else reading[own]
+            out[own] = late(whole, one.step / at.dt) - whole
+        return out
+
+
+def _joined(rows: Sequence[FloatArray], parts: Sequence[slice]) -> list[Any]:
+    """Return the parameters (n_p,) of several pieces in one: numbers, and (n,) where the pieces differ."""
+    values, counts = np.stack(rows), [own.stop - own.start for own in parts]
+    out: list[Any] = values[0].tolist()
+    for i in np.flatnonzero((values != values[0]).any(axis=0)).tolist():
+        out[i] = np.repeat(values[:, i], counts)
+    return out
 
 
 def simulation_responses(problem: Misfit, z: FloatArray) -> Responses:
@@ -215,10 +240,15 @@ def simulation_responses(problem: Misfit, z: FloatArray) -> Responses:
     known, starts = zip(*(problem.candidates(z[None, :], i) for i in range(len(problem.pieces))), strict=True)
     records = [model.received(*both) for both in zip(problem.pieces, known, strict=True)]
     flown = fly_together(model.base, known, starts, records, problem.pieces[0].dt)
-    for piece, own, states, record in zip(problem.pieces, known, flown, records, strict=True):
-        samples, rows = np.arange(len(piece.time)), model.rows(own[:, 0])
-        at = Trajectory(model.equations, rows, states, record, samples, piece.dt)
-        dy = model.late(at, model.responses(at, piece)[1], own, piece.moved)
+    trajectories = [
+        Trajectory(
+            model.equations, model.rows(own[:, 0]), states, record, np.arange(len(piece.time)), piece.dt
+        )
+        for piece, own, states, record in zip(problem.pieces, known, flown, records, strict=True)
+    ]
+    found = model.responses(trajectories, problem.pieces)
+    for at, piece, own, (_, dy) in zip(trajectories, problem.pieces, known, found, strict=True):
+        dy = model.late(at, dy, own, piece.moved)
         out.append(whitened(problem, dy, np.isfinite(piece.measured)))
     return Responses(model.extensions, tuple(out))
 

@@ -27,6 +27,7 @@ from stoop.problem.observation import (
     GROUND_FRAME,
     integrated_attitude,
     observation_model,
+    recorded_motion,
     state_channels,
     through_air,
     true_values,
@@ -223,6 +224,7 @@ class Shots:
                 readings[channel] = np.array([model.smoothed(complete, a, width) for a in at])
         default = {n: np.full(len(at), piece.start.get(n, 0.0)) for n in vehicle.start_names}
         starts = default | model.states(vehicle, piece, readings)
+        starts |= recorded_motion(vehicle, piece.inputs[at].T, starts)
         rows = self._kernel_parameters(z)
         for state in (s for s in vehicle.states if s.endswith(".lag")):
             name = state.removesuffix(".lag")  # by how much it is off its command
@@ -345,7 +347,7 @@ class Shots:
         states = fly(self.vehicle, every, begins, record[:, np.minimum(whole, n - 1)], dt)
         states = np.ascontiguousarray(np.swapaxes(states, 1, 2)[:, inside.T])
         at = Trajectory(model.equations, known, states, record, whole.T[inside.T], dt)
-        dx, dy = model.responses(at, self.piece)
+        ((dx, dy),) = model.responses([at], [self.piece])
         ends = [own.stop - 1 for own in at.stretches[:-1]]
         inverse = perturbations_of(self.vehicle, np.ascontiguousarray(begins[:, 1:]))
         gaps = np.einsum("exw,wxm->wem", inverse, dx[ends])

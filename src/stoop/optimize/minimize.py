@@ -19,8 +19,8 @@ Status = Literal["converged", "target", "budget", "generations", "stalled", "int
 ADVICE: Final[dict[str, str]] = {
     "converged": "",
     "target": "the target cost was reached and the search ended there; leave it out to go to the optimum",
-    "budget": "the budget ran out before an optimum was confirmed; allow more, or narrow the bounds",
-    "generations": "the generations ran out before an optimum was confirmed; allow more, narrow the bounds",
+    "budget": "the trajectories that it may simulate (--budget) ran out; allow more, or narrow the bounds",
+    "generations": "the generations that it may take (--generations) ran out; allow more, or narrow the bounds",
     "interrupted": "stopped by the user; resume to go on from the last whole generation",
     "nothing": "no candidate gave a finite cost; check values, bounds and units, or shorten the maneuver",
 }

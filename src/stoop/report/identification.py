@@ -41,16 +41,16 @@ from stoop.results.verdict import Grade
 ENDINGS: Final = {
     "converged": "The search converged",
     "target": "The search reached the target cost",
-    "budget": "The search ran out of its budget before it converged",
-    "generations": "The search ran out of generations before it converged",
+    "budget": "The search used up its trajectories before it converged",
+    "generations": "The search used up its generations before it converged",
     "stalled": "The search stopped where no step lowered the cost, before it converged",
     "interrupted": "The search was interrupted; this is the best it had found",
 }
 LEVELS: Final[dict[Grade, sheet.Level]] = {"trusted": "good", "usable": "caution", "do not use": "bad"}
 VALIDATION_LEAD: Final = (
     "No parameter was fitted here: the initial state is estimated with the model from the second before each window (with "
-    "rotors, anew each second), the sensor biases are those of the fitted maneuvers, the wind is from outside the windows. The "
-    "band holds 95 % of readings: uncertain initial state and parameters, and noise. Theil’s "
+    "rotors, anew each second), and with it the sensor biases, about those of the fitted maneuvers; the wind is from outside "
+    "the windows. The band holds 95 % of readings: uncertain initial state, biases and parameters, and noise. Theil’s "
     "inequality coefficient, 0 for a perfect match and 1 at worst, below 10 Hz; beneath it that of a first-order lag, which "
     "learned from the fitted maneuvers, is given all commands, and is granted a bias of its own. A model that a lag can match "
     "has shown little."
@@ -82,7 +82,7 @@ def write_validation(identification: Identification, path: Path) -> None:
     ]
     provenance = _provenance_section(identification, validation=True)
     sections = (sheet.Section("Overview", overview), *pages, provenance)
-    verdict = prediction_verdict(maneuvers, sentences)
+    verdict = prediction_verdict(maneuvers, sentences, refused=result.verdict.grade == "do not use")
     page = sheet.Sheet(identification.vehicle, lead, sections, "validation", verdict)
     sheet.write_sheet(page, path)
 
@@ -170,12 +170,14 @@ def verdict(result: Result) -> sheet.Verdict:
         text += f"; {count(len(unknown), 'of them is', 'of them are')} not identifiable ({listed(unknown)})"
     if bounded:
         text += f"; {len(bounded)} {'lies' if len(bounded) == 1 else 'lie'} at a bound ({listed(bounded)})"
-    if not (unknown or bounded):
-        text += ", all of them identifiable"
     # An identifiable parameter is in doubt only where others can almost replace it.
     doubts = result.identifiability.parameters.items()
     together = sum(bool(one.doubt) and name not in unknown for name, one in doubts)
-    text += f"; {together} of them known only in combination with others." if together else "."
+    if together:
+        text += f"; {together} of them known only in combination with others"
+    elif not (unknown or bounded):
+        text += ", all of them identifiable"
+    text += "."
     sentences = (f"{how}, after {spent}. {result.advice}".rstrip(), text, _match(result, "fit"))
     reasons = [f"{one}." for one in (*found.reasons, *found.advice)]
     every = (*reasons, *sentences, _match(result, "validation"))

@@ -16,6 +16,8 @@ class Need:
 
     subject: str
     parameters: tuple[str, ...]
+    #: value of each at which its effect in the fitted maneuvers would be the largest on its axis, SI; empty where not known
+    sizes: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)

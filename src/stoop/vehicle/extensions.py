@@ -29,6 +29,7 @@ TOGETHER: Final = {
 }  #: channels that come late together  # fmt: skip
 LONGITUDINAL: Final = ("1", "alpha", "q", "V", "alpha^2", "alpha*q", "beta^2", "alpha*V", "beta", "p", "r")
 LATERAL: Final = ("1", "beta", "p", "r", "V", "alpha*beta", "alpha*p", "alpha*r", "beta^3", "alpha", "q")
+UPWARD: Final = (0.0, 0.0, -1.0)  #: axis of a rotor without one
 LOADS: Final = ("T0", "T1", "T2", "inflow", "translational", "drag", "drag_inflow")  #: of rotors
 TORQUES: Final = ("torque_ratio", "Q0", "Q1", "Q2")  #: any of which gives a rotor its torque
 
@@ -112,10 +113,11 @@ def extended(vehicle: Vehicle) -> tuple[Vehicle, tuple[Extension, ...]]:
     """Return a vehicle with every extension at its null value, and the extensions."""
     parts = (_controls, _masses, _thrust, _sensors, _terms, _rotors, _fixed)
     catalogue = tuple(one for part in parts for one in part(vehicle))
-    known, entries = dict(leaves(vehicle.file)), dict[tuple[str, ...], Any]()
+    known, entries = {name for name, _ in leaves(vehicle.file)}, dict[tuple[str, ...], Any]()
     for one in catalogue:
-        if any(name not in known for name in one.numbers):
+        if not known.issuperset(one.numbers):
             entries |= one.entries(one.null)
+            known.update(one.numbers)
     return with_entries(vehicle, entries), catalogue
 
 
@@ -266,6 +268,7 @@ def _rotors(vehicle: Vehicle) -> Iterator[Extension]:
         name, probe = f"rotors.{kind}", SHARE.times(rotor_size(kind, numbers))
         symbol = unit(name, Quantity(), (), vehicle.drive)
         yield Extension(name, "rotor", symbol, 0.0, probe, _plain("rotors", kind), (name,))
+    yield from _single_rotors(vehicle)
     for kind in ("linear", "quadratic"):
         if body is None or getattr(body, kind) is None:
             probe, symbol = (
@@ -273,6 +276,22 @@ def _rotors(vehicle: Vehicle) -> Iterator[Extension]:
                 unit(f"body_drag.{kind}", Quantity(), (), ""),
             )
             yield from _points(("body_drag", kind), "drag", symbol, (0.0, 0.0, 0.0), probe)
+
+
+def _single_rotors(vehicle: Vehicle) -> Iterator[Extension]:
+    """Yield the share of its loads that each rotor gives, and each group of rotors with the same axis if there are several."""
+    rotors = {name: rotor for name, rotor in vehicle.file.rotor.items() if rotor.factor is None}
+    groups: list[tuple[str, ...]] = [(name,) for name in rotors] if len(vehicle.rotors) > 1 else []
+    by_axis: dict[tuple[float, ...], list[str]] = {}
+    for name in rotors:
+        axis = tuple(vehicle.value(f"rotor.{name}.axis.{c}", d) for c, d in zip("xyz", UPWARD, strict=True))
+        by_axis.setdefault(axis, []).append(name)
+    if len(by_axis) > 1:
+        groups += [tuple(names) for names in by_axis.values() if len(names) > 1]
+    for group in groups:
+        numbers = tuple(f"rotor.{name}.factor" for name in group)
+        entries = _tied(*(("rotor", name, "factor") for name in group))
+        yield Extension(f"rotor.{'+'.join(group)}.factor", "scale", "1", 1.0, SCALE, entries, numbers)
 
 
 def _fixed(vehicle: Vehicle) -> Iterator[Extension]:

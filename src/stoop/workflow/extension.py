@@ -162,8 +162,6 @@ def _gain(before: Fit, after: Fit) -> float:
         counts = np.isfinite(residuals).sum(axis=0) / before.inflation
         count = float(counts.sum())
         variance = np.nanmean(residuals[:, counts > 0.0] ** 2, axis=0)
-        filtered = (
-            fit.own_evidence is not None and fit.simulated is None
-        )  # a cost is twice minus the log-likelihood
+        filtered = fit.outcome.optimizer == methods.SCORING  # a cost is twice minus the log-likelihood
         deviances.append(fit.cost if filtered else float(counts[counts > 0.0] @ np.log(variance)))
     return 0.5 * (deviances[0] - deviances[1]) - 0.5 * more * math.log(max(count, 2.0))

@@ -100,3 +100,14 @@ def test_a_term_that_never_moved_and_a_constant_break_nothing() -> None:
     assert codes(advice("CQp", (), still)) == ("advice-still", "fly-roll")
     assert advice("CQp", (), still)[0].values["amount"] == 0.0
     assert codes(advice("CQ0", (), still)) == ("advice-constant",)
+
+
+def test_sizes_are_those_of_the_largest_effect_on_the_same_coefficient() -> None:
+    rng = np.random.default_rng(0)
+    alpha, q, p = (size * rng.standard_normal(1000) for size in (0.1, 0.01, 0.5))
+    roll = (term("Clp", {"p"}, -0.4, p), term("Cl0", set(), 0.0, 0.0 * p))
+    found = flown(term("Cmalpha", {"alpha"}, -2.0, alpha), term("Cmq", {"q"}, -0.1, q), *roll).sizes
+    assert found["Cmalpha"] == pytest.approx(2.0), "it is the largest itself"
+    assert found["Cmq"] == pytest.approx(2.0 * np.sqrt(np.mean(alpha**2) / np.mean(q**2)))
+    assert found["Clp"] == pytest.approx(0.4)
+    assert "Cl0" not in found, "nothing moved it"

@@ -40,6 +40,7 @@ DEFECTS = {
     "mass.inertia.xx": (TEXT, TEXT.replace("xx = 0.0291", "xx = 0.0437"), 0.0291),
     "rotors.lag": (TEXT, TEXT.replace("lag = 0.05\n", ""), 0.05),
     "sensors.accelerometer_position.x": (FORWARD, TEXT, 0.05),
+    "rotor.m1.factor": (TEXT.replace("[rotor.m1]", "[rotor.m1]\nfactor = 0.9"), TEXT, 0.9),
     "body_drag.quadratic.x": (TEXT, TEXT[: TEXT.index("[body_drag]")], 0.02),
 }  #: extension -> the file of the truth, the file of the fit, the true value
 

@@ -143,8 +143,37 @@ def test_a_use_needs_its_parameters() -> None:
     (one,) = found.against
     assert (one.code, one.values["parameter"]) == ("verdict-need-inaccurate", "CD0")
     assert one.values["error"] == pytest.approx(2.0 / 3.0)
-    assert found.advice == advice
+    assert [str(one) for one in found.advice] == [
+        "To determine CD0: Measure it on the ground, and fix it or narrow its prior"
+    ]
     assert str(found.headline) == "Trusted for control design and simulation; not for performance"
+
+
+def test_a_derivative_near_zero_is_judged_by_what_matters_on_its_axis() -> None:
+    """Clp is 0.001 of the value at which it would be the largest effect: its own error of 400 % is no doubt."""
+    small = {**result().parameters, "Clp": ParameterEstimate(-0.001, 0.004)}
+    given = result(parameters=small)
+    assert "verdict-need-inaccurate" in codes(verdict(given, USES))
+    need = dataclasses.replace(USES[0].needs[0], sizes=(1.0,))
+    sized = (dataclasses.replace(USES[0], needs=(need,)), *USES[1:])
+    assert verdict(given, sized).grade == "trusted"
+    assert verdict(dataclasses.replace(given, extensions=lacking(5.0)), USES).grade == "do not use"
+    assert verdict(dataclasses.replace(given, extensions=lacking(5.0)), sized).grade == "do not use", (
+        "20 % of its size"
+    )
+    assert verdict(dataclasses.replace(given, extensions=lacking(3.5)), sized).grade == "do not use"
+    finer = {**small, "Clp": ParameterEstimate(-0.001, 0.001)}
+    assert verdict(result(parameters=finer, extensions=lacking(4.0)), sized).grade == "usable", (
+        "4 % of its size"
+    )
+
+
+def test_the_strongest_of_several_effects_must_be_known() -> None:
+    """Not the one whose number is largest: Cn1 acts on little motion."""
+    parameters = {"Cn1": ParameterEstimate(2.0, 1.9), "Cn2": ParameterEstimate(0.1, 0.001)}
+    need = Need("control effectiveness in yaw", ("Cn1", "Cn2"), (100.0, 0.2))
+    found = verdict(result(parameters=parameters), (Use("control design", ("p",), (need,)),))
+    assert found.grade == "trusted"
 
 
 def test_a_use_needs_its_channels() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stoop.vehicle.arrays import array_equations
+from stoop.vehicle.arrays import Evaluation, array_equations
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.vehicle.document import with_entries
 from stoop.vehicle.extensions import extended
@@ -49,6 +49,44 @@ def test_line_is_what_the_file_needs() -> None:
     assert found["Cmalpha2"] == '[aerodynamics.Cm] Cmalpha2 = {term = "alpha^2", value = 0.04}'
     assert found["controls.aileron.rate_limit"] == "[controls.aileron] rate_limit = 25.0"
     assert found["sensors.vane_position.x"] == "[sensors] vane_position = [0.04, 0.0, 0.0]"
+
+
+def test_rotors_with_one_axis_are_a_group_beside_others() -> None:
+    text = resolve_vehicle("quad-x").text
+    for name in ("m1", "m2"):
+        text = text.replace(f"[rotor.{name}]", f"[rotor.{name}]\naxis = [0.1, 0.0, -1.0]")
+    vehicle, catalogue = extended(parse_vehicle(text, "tilted"))
+    (first, second) = (one for one in catalogue if "+" in one.name)
+    assert first.name == "rotor.m1+m2.factor"
+    assert first.line(-0.1) == '[rotor.m1] factor = 0.9; [rotor.m2] factor = "=rotor.m1.factor"'
+    assert second.numbers == ("rotor.m3.factor", "rotor.m4.factor")
+    assert len({vehicle.rows[f"rotor.m{i}.factor"] for i in range(1, 5)}) == 4
+
+
+def test_a_change_is_that_of_another_evaluation() -> None:
+    """What is repeated of an evaluation, against the whole of it."""
+    base = resolve_vehicle("twin-boom")
+    vehicle, catalogue = extended(base)
+    equations, rng, n = array_equations(vehicle), np.random.default_rng(2), 15
+    x = 0.05 * rng.standard_normal((len(base.states), n))
+    x[base.states.index("u")] += 35.0
+    x[base.states.index("e0")] += 1.0
+    u, rows = 0.1 * rng.standard_normal((len(base.inputs), n)), vehicle.values.tolist()
+    rows[vehicle.rows["sensors.p.bias"]] = rng.standard_normal(n)  # another in every piece
+    at, before = Evaluation(equations, rows, x, u), np.vstack(equations(rows, x, u))
+    other = u.copy()
+    other[1] += 0.1
+    cases = [(one.numbers, u) for one in catalogue if one.numbers] + [((), other)]
+    for names, inputs in cases:
+        changed = list(rows)
+        for name in names:
+            changed[vehicle.rows[name]] += 0.01
+        found = np.zeros_like(before)
+        for i, change in at.changes(changed, at.inputs if inputs is u else inputs):
+            found[i] = change
+        wanted = np.vstack(equations(changed, x, inputs)) - before
+        np.testing.assert_allclose(found, wanted, rtol=1e-9, atol=1e-12)
+        assert names or np.any(found)
 
 
 def test_values_changed_since_reading_stay() -> None:

@@ -190,7 +190,10 @@ class TestFiles:
             load_vehicle(tmp_path / "none.toml")
 
     def test_a_folder(self, tmp_path: Path) -> None:
-        with pytest.raises(VehicleError, match="cannot read"):
+        with pytest.raises(VehicleError, match="is a folder, no vehicle file; check the path"):
+            load_vehicle(tmp_path)
+        (tmp_path / "vehicle.toml").write_text("")
+        with pytest.raises(VehicleError, match=r"is a folder, no vehicle file; name vehicle\.toml in it"):
             load_vehicle(tmp_path)
 
     def test_binary(self, tmp_path: Path) -> None:

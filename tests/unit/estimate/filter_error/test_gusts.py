@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from stoop.base.notices import notice
+from stoop.base.units import KNOT
 from stoop.errors import IdentificationError
 from stoop.estimate import methods
 from stoop.estimate.filter_error import FilterError
@@ -20,6 +21,8 @@ from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle import parse_vehicle
 from stoop.vehicle.builtin import resolve_vehicle
+from stoop_studies.verify import scenes
+from stoop_studies.verify.defects import fixed_wing, wing_maneuvers
 
 from .conftest import MANEUVER
 
@@ -50,6 +53,39 @@ def test_calm_air_shows_no_gusts_whatever_the_sensors_are_off(numbers):
     found = levels(flown(numbers=numbers))
     assert np.all(found < 0.1)
     assert not exceed_sensors(resolve_vehicle("twin-boom"), found)
+
+
+SCALES = ("p", "q", "r", "V", "alpha", "beta")
+
+
+@pytest.fixture(scope="module")
+def shaken():
+    """Flights whose controls all move, in calm air and in light turbulence; three seeds."""
+    vehicle = parse_vehicle(fixed_wing(), "all moved")
+    light = scenes.in_turbulence(vehicle, 15.0 * KNOT)
+    out = {}
+    for seed in range(3):
+        (maneuver, *_) = wing_maneuvers(np.random.default_rng(seed)).values()
+        for name, truth in (("calm", vehicle), ("light", light)):
+            out[name, seed] = {"sim": simulate_flight(truth, maneuver, seed=seed, name="sim")}
+    return vehicle, out
+
+
+@pytest.mark.parametrize("channel", SCALES)
+def test_scale_errors_of_sensors_are_no_gusts(shaken, channel):
+    """Omega x v_air enters the kinematics, so that 8 % of a gyro would look like gusts of 0.5 to 0.7 noise deviations."""
+    vehicle, flights = shaken
+    for seed in range(3):
+        flight = flights["calm", seed]["sim"]
+        off = replace(flight, data=flight.data.assign({channel: 1.08 * flight.data[channel]}))
+        assert not exceed_sensors(vehicle, gust_levels(vehicle, {"sim": off}, (Window("sim", 0.0, 10.0),)))
+
+
+def test_light_turbulence_is_found_while_all_controls_move(shaken):
+    vehicle, flights = shaken
+    for seed in range(3):
+        found = gust_levels(vehicle, flights["light", seed], (Window("sim", 0.0, 10.0),))
+        assert exceed_sensors(vehicle, 0.7 * found)
 
 
 def test_gusts_show_in_proportion():
