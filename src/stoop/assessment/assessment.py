@@ -161,6 +161,7 @@ def pack(problem: Refittable, more: Mapping[str, Any]) -> str:
     head = {
         "vehicle": unbounded.file.model_dump(mode="json", exclude_unset=True),
         "where": layout.vehicle.where,
+        "measured": layout.vehicle.measured,
         "parameters": [asdict(p) for p in layout.parameters],
         "nuisances": [asdict(n) for n in layout.nuisances],
         "pieces": [
@@ -184,7 +185,7 @@ def unpack(text: str) -> tuple[Refittable, dict[str, Any]]:
     with np.load(io.BytesIO(base64.b64decode(text)), allow_pickle=False) as file:
         arrays = {name: file[name] for name in file.files}
     head = json.loads(arrays.pop("head").tobytes())
-    vehicle = Vehicle(VehicleFile.model_validate(head["vehicle"]), "", head["where"])
+    vehicle = Vehicle(VehicleFile.model_validate(head["vehicle"]), "", head["where"], tuple(head["measured"]))
     parameters = tuple(Parameter(**p) for p in head["parameters"])
     layout = Layout(vehicle, parameters, tuple(Nuisance(**n) for n in head["nuisances"]))
     pieces = []

@@ -57,6 +57,9 @@ SAMPLES_PER_LAG: Final = 5  #: samples for each of them at least
 WHITENESS_LEVEL: Final = 0.05  #: chance of calling white residuals colored
 OUTLIER: Final = 8.0  #: standard deviations by the median; Gaussian residuals have none beyond
 CUTOFF: Final = 10.0  #: Hz; above it there is no rigid-body motion worth matching, only vibration
+DIVERGED: Final = (
+    1e100  #: in place of a reading that a simulation did not reach: it counts as an error, not as missing
+)
 BLOCK: Final = 1.0  #: s that are left out together
 
 
@@ -155,8 +158,10 @@ def channel_figures(
     `measured` (n,), the channel's unit, are samples at `rate`, Hz, NaN where there is none and between segments; an angle
     that wraps is unwrapped as in the simulated curve. Theil's coefficients are of the curves low-passed at 10 Hz with zero
     phase, stretch by stretch; all else of the curves as they are. `sigma` is the standard deviation of the noise that the fit
-    leaves, `deviation` (n,) that of a prediction, noise included.
+    leaves, `deviation` (n,) that of a prediction, noise included. A reading that the simulation did not reach is an error.
     """
+    gone = np.isfinite(measured) & ~np.isfinite(model.simulated)
+    model = replace(model, simulated=np.where(gone, DIVERGED, model.simulated))
     shared: list[dict[str, Any]] = []  # the figures that a model and the baseline have alike
     for match in (model,) if baseline is None else (model, baseline):
         missed = np.empty(0) if match.left_out is None else match.left_out[np.isfinite(match.left_out)]

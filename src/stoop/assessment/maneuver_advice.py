@@ -232,7 +232,7 @@ def flown_model(result: Result, fit: Fit) -> FlownModel:
 
 def _columns(vehicle: Vehicle, fit: Fit, index: int, piece: Piece) -> dict[str, FloatArray]:
     """Return what terms are made of, (n,) each, along one piece as the model flew it."""
-    read = dict(zip(vehicle.outputs, fit.problem.outputs(fit.z, index).T, strict=True))
+    read = dict(zip(vehicle.outputs, fit.readings[index].T, strict=True))
     still = np.zeros(len(piece.time))
     rows = parameter_rows(vehicle, piece.changes)
     motion = {c: np.nan_to_num(read.get(c, still)) for c in ("V", "alpha", "beta", "p", "q", "r")}

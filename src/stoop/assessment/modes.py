@@ -211,7 +211,7 @@ def conditions(fit: Fit) -> list[Condition]:
     for maneuver in range(len(fit.prepared.windows)):
         indices = fit.prepared.of_maneuver(maneuver)
         pieces = [fit.prepared.pieces[i] for i in indices]
-        flown = np.concatenate([fit.problem.outputs(fit.z, i) for i in indices])
+        flown = np.concatenate([fit.readings[i] for i in indices])
         entries = zip(layout.nuisances, fit.z[layout.dimension :].tolist(), strict=True)
         own = pieces[0].maneuver
         biases = {n.name: n.center + n.scale * e for n, e in entries if n.is_bias and n.maneuver == own}
@@ -247,7 +247,7 @@ def modes(fit: Fit, parameters: tuple[str, ...], covariance: FloatArray) -> tupl
 def _at(
     fit: Fit, condition: Condition, parameters: tuple[str, ...], covariance: FloatArray
 ) -> ConditionModes:
-    vehicle, start = identified_vehicle(fit), condition.start
+    vehicle, start = identified_vehicle(fit).coupled_to(()), condition.start
     if condition.loading:
         vehicle = vehicle.with_numbers({name: {"value": value} for name, value in condition.loading.items()})
     place = (start["V"], start["h"], start["alpha"])
@@ -260,7 +260,8 @@ def _at(
     try:
         point, about, remark = trim(vehicle, start["V"], start["h"], density=density), "trim", None
     except SimulationError:
-        point, about = Trim(dict(start), {}, {}, condition.inputs, {}, math.nan), "mean state"
+        inputs = condition.inputs[: len(vehicle.inputs)]
+        point, about = Trim(dict(start), {}, {}, inputs, {}, math.nan), "mean state"
         remark = notice("modes-about-mean-state")
     free = fit.problem.layout.parameters
     values, widths = {p.name: fit.estimates[p.name] for p in free}, {p.name: p.upper - p.lower for p in free}

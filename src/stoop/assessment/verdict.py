@@ -19,11 +19,12 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
+import numpy as np
 from scipy.stats import binom
 
 from stoop.base.notices import Notice, distinct, notice, of_severity, paragraph
 from stoop.base.variables import RATES, SPECIFIC_FORCE, VELOCITY
-from stoop.results.result import GoodnessOfFit, ManeuverResult, Result
+from stoop.results.result import GoodnessOfFit, ManeuverResult, NoiseCovariance, Result
 from stoop.results.uncertainty import SCATTER_LEVEL
 from stoop.results.verdict import Grade, Need, Use, Verdict
 from stoop.vehicle import Vehicle, terms
@@ -67,6 +68,9 @@ JUDGED: Final = REFUSING | {
     "at-bound",
     "not-identifiable",
 }
+#: notices of fits whose fitted curves show no more than the filter: the model alone without the gusts that it found, or
+#: predictions from sample to sample
+FILTERED: Final = frozenset({"filter-error", "filter-predicts"})
 CONFIRMED: Final = frozenset({"converged", "target"})  #: a search that ended so has found its optimum
 #: coefficient -> axis, its rate, the flow angle that makes it stable
 MOMENTS: Final = {"Cl": ("roll", "p", "beta"), "Cm": ("pitch", "q", "alpha"), "Cn": ("yaw", "r", "beta")}
@@ -171,8 +175,7 @@ def _refusals(result: Result) -> Iterator[Notice]:
     if not math.isfinite(result.cost):
         yield notice("verdict-no-cost")
     for m in result.maneuvers:
-        gone = tuple(c for c, one in m.channels.items() if _diverged(result, c, one))
-        if gone:
+        if gone := diverged(m, result.noise_covariance):
             yield notice("simulation-diverges", m.window, channels=gone)
     unknown = _unknown(result)
     if len(unknown) > LIMITS.unknown * len(result.parameters):
@@ -264,22 +267,23 @@ def _channels(result: Result) -> tuple[str, ...]:
 def _judging(result: Result) -> tuple[ManeuverResult, ...]:
     """Return the maneuvers that judge: those held back, else those fitted.
 
-    None of a filter's fitted ones: their curves are of the model alone, without the gusts that the filter found.
+    None of a filter's fitted ones, see `FILTERED`.
     """
     held_back = tuple(m for m in result.maneuvers if m.role == "validation")
-    filtered = any(found.code == "filter-error" for found in result.notices)
+    filtered = any(found.code in FILTERED for found in result.notices)
     return held_back if held_back or filtered else result.maneuvers
 
 
-def _diverged(result: Result, channel: str, one: GoodnessOfFit) -> bool:
-    """Whether a simulation left for infinity, beyond anything that noise and initial state explain."""
-    names, matrix = result.noise_covariance.channels, result.noise_covariance.matrix
-    sigma = (
-        math.sqrt(matrix[i, i])
-        if channel in names and matrix[i := names.index(channel), i] > 0.0
-        else math.nan
-    )
-    return not math.isfinite(one.rmse) or one.rmse > LIMITS.size * sigma
+def diverged(maneuver: ManeuverResult, noise: NoiseCovariance) -> tuple[str, ...]:
+    """Return the channels whose simulation left for infinity, beyond anything that noise and initial state explain."""
+    variance = dict(zip(noise.channels, np.diag(noise.matrix).tolist(), strict=True))
+    found = []
+    for channel, one in maneuver.channels.items():
+        known = variance.get(channel, math.nan)
+        sigma = math.sqrt(known) if known > 0.0 else math.nan
+        if not math.isfinite(one.rmse) or one.rmse > LIMITS.size * sigma:
+            found.append(channel)
+    return tuple(found)
 
 
 def _unknown(result: Result) -> tuple[str, ...]:

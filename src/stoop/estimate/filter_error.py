@@ -1,12 +1,14 @@
 """Filter error: a Kalman filter corrects the model with every measurement, so that gusts do not count as its errors.
 
-The methods ``filter-error`` and ``filter-error-ekf``: maximum likelihood of the innovations by Fisher's scoring, damped as
-Levenberg and Marquardt do, within bounds; it starts from the file's values and from the regression, and the gains are
-linearized anew along the states that the filter finds.
+The methods ``filter-error`` and ``filter-error-ekf``, and ``stabilized-output-error``, whose process noise is not estimated but
+stated and small, so that the filter keeps an unstable model near the record and does little else: maximum likelihood of the
+innovations by Fisher's scoring, damped as Levenberg and Marquardt do, within bounds; it starts from the file's values and from
+the regression, and the gains are linearized anew along the states that the filter finds.
 
 References
 ----------
-R. V. Jategaonkar, *Flight Vehicle System Identification*, 2nd ed., AIAA, 2015, chapter 5.
+R. V. Jategaonkar, *Flight Vehicle System Identification*, 2nd ed., AIAA, 2015, chapters 5 (filter error)
+and 9 (stabilized output error).
 M. R. Osborne, "Fisher's method of scoring", *International Statistical Review* 60(1), 1992, pp. 99-117.
 """
 
@@ -24,9 +26,10 @@ from stoop import optimize
 from stoop.base.arrays import FloatArray
 from stoop.base.notices import notice
 from stoop.errors import IdentificationError
-from stoop.estimate.filter_gains import Gain, Noise, Steady, Varying, first_guess
+from stoop.estimate.filter_gains import STATED, Gain, Noise, Steady, Varying, first_guess
 from stoop.estimate.filter_likelihood import FrozenFilter, Likelihood, Score
 from stoop.estimate.fit import DEFAULTS, Fit, Options, estimation_problem, starts
+from stoop.estimate.instability import largest_growth
 from stoop.estimate.linearization import undelayed
 from stoop.flight import Flight
 from stoop.optimize.levenberg_marquardt import StagedModel, Stages, TenfoldDamping, Trial
@@ -152,6 +155,7 @@ class FilterError:
     """Filter error with one kind of gain."""
 
     gain: Gain
+    stated: float | None = None  #: process noise that is not estimated, see :class:`Noise`
 
     def __call__(
         self,
@@ -169,7 +173,7 @@ class FilterError:
             given = options.covariance
             variances = np.diag(given) if given is not None and given.ndim == 2 else given
             noise, shifted = (
-                Noise(vehicle, first_guess(vehicle, problem.pieces), variances),
+                Noise(vehicle, first_guess(vehicle, problem.pieces), variances, self.stated),
                 undelayed(problem),
             )
             price, ascents = float(problem.dimension + problem.extra + noise.size + 2), []
@@ -231,8 +235,10 @@ def _fit(
     runs = float(iterations * (likelihood.size + 2) * len(costs))
     at = likelihood.score(best.z)
     correlations = [float(np.mean(p.white[1:] * p.white[:-1]) / np.mean(p.white**2)) for p in at.pieces]
+    growth = largest_growth(problem, z)
+    unstable = notice("filter-predicts", factor=growth.factor, seconds=growth.seconds, rate=growth.rate)
     notices = [
-        notice("filter-error"),
+        unstable if growth.excessive else notice("filter-error"),
         notice("innovation-correlation", correlation=float(np.mean(correlations))),
     ]
     if noise.disturbed:
@@ -254,6 +260,7 @@ def _fit(
         noise=np.diag(np.where(np.isfinite(variances), variances, np.nan)),
         own_evidence=_evidence(likelihood, best.z, at),
         local_problem=partial(FrozenFilter.of, likelihood, best.z),
+        simulated=likelihood.predictions(best.z) if growth.excessive else None,
     )
 
 
@@ -275,3 +282,4 @@ def _evidence(likelihood: Likelihood, z: FloatArray, at: Score) -> Evidence:
 
 steady = FilterError(Steady())
 varying = FilterError(Varying())
+stabilized = FilterError(Steady(), STATED)

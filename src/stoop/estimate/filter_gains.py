@@ -30,6 +30,9 @@ from stoop.vehicle import Vehicle
 from stoop.vehicle.vehicle import RIGID_STATES
 
 FIRST_INTENSITY: Final = {"u": 0.3, "v": 0.3, "w": 0.3, "p": 0.1, "q": 0.1, "r": 0.1}  #: per root second
+#: share of these that a stated process noise has: a filter that follows the record of an unstable vehicle and takes hardly any
+#: more noise from it than one that knows of no disturbance. With a tenth, errors of the unstable derivatives grow by a quarter
+STATED: Final = 0.01
 RANGE: Final = (1e-3, 1e3)  #: of the first guess: bounds of an intensity
 MAX_DOUBLINGS: Final = 60
 TOLERANCE: Final = 1e-10  #: relative change of the covariance; the next one is about its square
@@ -43,11 +46,15 @@ class Noise:
     #: (n_y,), first guess of the standard deviation of each channel, its unit; NaN where not measured
     first: FloatArray
     given: FloatArray | None = None  #: (n_y,), variances that are not estimated
+    stated: float | None = (
+        None  #: share of `FIRST_INTENSITY` that intensities are, where they are not estimated
+    )
 
     @cached_property
     def disturbed(self) -> tuple[str, ...]:
         """States with a white acceleration of unknown intensity: none where gusts disturb."""
-        return () if self.vehicle.gusts else tuple(s for s in self.vehicle.moves if s in RIGID_STATES)
+        known = self.vehicle.gusts or self.stated is not None
+        return () if known else tuple(s for s in self.vehicle.moves if s in RIGID_STATES)
 
     @cached_property
     def channels(self) -> list[int]:
@@ -74,6 +81,10 @@ class Noise:
         for i, name in enumerate(self.disturbed):
             e = self.vehicle.moves.index(name)
             out[:, :, e, e] += np.exp(2.0 * tail[:, i, None]) * dt
+        share = self.stated or 0.0
+        for name in FIRST_INTENSITY.keys() & set(self.vehicle.moves) if share else ():
+            e = self.vehicle.moves.index(name)
+            out[:, :, e, e] += (share * FIRST_INTENSITY[name]) ** 2 * dt
         return out
 
     def variances(self, tail: FloatArray) -> FloatArray:

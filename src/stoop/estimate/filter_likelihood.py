@@ -38,7 +38,8 @@ from stoop.kernels import filtering
 from stoop.optimize import forward_jacobian
 from stoop.optimize.normal_equations import gram
 from stoop.problem import Misfit
-from stoop.simulation.delays import late_inputs
+from stoop.simulation.delays import late_inputs, late_outputs
+from stoop.simulation.trajectories import readings_along
 
 STEP: Final = 1e-6
 
@@ -128,7 +129,8 @@ class Likelihood:
     @classmethod
     def of(cls, problem: Misfit, noise: Noise, gain: Gain, anchor: FloatArray) -> Likelihood:
         """Return the likelihood, its first gains linearized at what was measured."""
-        points = tuple(measured_points(problem, piece, gain.plan(piece).points) for piece in problem.pieces)
+        vehicle = problem.layout.vehicle
+        points = tuple(measured_points(vehicle, piece, gain.plan(piece).points) for piece in problem.pieces)
         return cls(problem, noise, gain, points, anchor)
 
     def along(self, z: FloatArray) -> Likelihood:
@@ -169,6 +171,18 @@ class Likelihood:
         for i in range(len(self.points)):
             total += self._innovations(z, i, np.empty(0, dtype=np.int64)).cost
         return total if np.isfinite(total) else np.inf
+
+    def predictions(self, z: FloatArray) -> tuple[FloatArray, ...]:
+        """Return the readings (n, n_y) of each piece that the filter predicts from sample to sample, as late as recorded ones."""
+        vehicle, out = self.problem.layout.vehicle, []
+        for i, piece in enumerate(self.problem.pieces):
+            rows, start = self.problem.candidates(z[None, : self.known], i)
+            gains = self.gains(z[None, :], rows, start, i)
+            states = run_filter(self.problem, i, rows, start, gains, states=True)[1][0]
+            inputs = late_inputs(vehicle, piece.inputs, rows, piece.dt).reshape(len(piece.inputs), -1)
+            readings = readings_along(vehicle, rows, states, inputs[: len(states)])
+            out.append(late_outputs(vehicle, readings[None], rows, piece.dt)[0])
+        return tuple(out)
 
     def score(self, z: FloatArray) -> Score:
         """Return gradient and information at a point."""

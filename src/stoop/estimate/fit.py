@@ -32,7 +32,14 @@ from stoop.optimize.local_refinement import FULL
 from stoop.problem import Layout, Misfit, Weights, on_circle
 from stoop.problem.evidence import Evidence, simulation_evidence
 from stoop.problem.misfit import horizon_ladder
-from stoop.problem.prepare import Prepared, nuisances, prepare, without_stuck_channels
+from stoop.problem.prepare import (
+    Prepared,
+    decoupled,
+    motion_notices,
+    nuisances,
+    prepare,
+    without_stuck_channels,
+)
 from stoop.problem.windows import Window
 from stoop.vehicle import Vehicle
 
@@ -135,7 +142,7 @@ class Fit:
 
     @cached_property
     def readings(self) -> tuple[FloatArray, ...]:
-        """Simulated readings (n, n_y) of each piece, as the method simulates them."""
+        """Readings (n, n_y) of the model in each piece: of one simulation, of windows, or predicted from sample to sample."""
         if self.simulated is not None:
             return self.simulated
         return tuple(self.problem.outputs(self.z, i) for i in range(len(self.problem.pieces)))
@@ -239,10 +246,12 @@ def estimation_problem(
     IdentificationError
         Nothing is free.
     """
-    vehicle = with_mass_held(vehicle)
+    vehicle = decoupled(with_mass_held(vehicle), flights, windows)
     for name in dict.fromkeys(w.flight for w in windows):
         require_channels(vehicle, flights[name])
     prepared = without_stuck_channels(vehicle, prepare(vehicle, flights, windows))
+    held = motion_notices(vehicle, flights, windows)
+    prepared = replace(prepared, notices=(*prepared.notices, *held))
     require_data(vehicle, prepared.windows, prepared.pieces)
     layout = Layout.of(vehicle, nuisances(vehicle, prepared))
     if layout.dimension == 0:

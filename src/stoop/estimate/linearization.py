@@ -18,6 +18,7 @@ from stoop.base.variables import WRAPPED
 from stoop.errors import IdentificationError
 from stoop.kernels import filtering
 from stoop.problem import Misfit, Piece
+from stoop.problem.observation import recorded_motion
 from stoop.simulation import initial_states, parameter_rows
 from stoop.simulation.delays import delayed, output_delays
 from stoop.vehicle import Vehicle
@@ -203,13 +204,14 @@ def interpolated(values: FloatArray) -> FloatArray:
     return np.interp(np.arange(len(values)), present, values[present])
 
 
-def measured_points(problem: Misfit, piece: Piece, points: IntArray) -> Points:
+def measured_points(vehicle: Vehicle, piece: Piece, points: IntArray) -> Points:
     """Return mean measured states around each point, where `points` (n,) is that of each sample; else the start."""
-    vehicle = problem.layout.vehicle
     start = {name: np.full(len(points), value) for name, value in piece.start.items()}
     for i, channel in enumerate(vehicle.outputs):
         if channel in start and np.isfinite(piece.measured[:, i]).any():
             start[channel] = interpolated(unwrapped(piece.measured[:, i]))
+
+    start |= recorded_motion(vehicle, piece.inputs.T, start)
 
     def mean(values: FloatArray) -> FloatArray:
         return np.bincount(points, values) / np.bincount(points)

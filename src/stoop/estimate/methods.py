@@ -37,6 +37,10 @@ if TYPE_CHECKING:
 
 DEFAULT: Final = "output-error"
 IN_GUSTS: Final = "filter-error"  #: where air data and inertial sensors show gusts
+UNSTABLE: Final = (
+    "stabilized-output-error"  #: where errors grow too much over the windows of a fixed wing, and ...
+)
+UNSTABLE_LATE: Final = "multiple-shooting"  #: ... the delay of a sensor is free, which a filter must know
 SCORING: Final = "scoring"  #: the search of filter error, in its states
 CALM: Final = frozenset({DEFAULT, "multiple-shooting"})  #: take the effect of gusts for that of the aircraft
 #: by kind of vehicle: open loop one on rotors falls before a record ends
@@ -75,6 +79,10 @@ _METHODS: Final[dict[str, Method]] = {
     "filter-error-ekf": Method(
         "stoop.estimate.filter_error:varying",
         "likewise, with a gain that follows large maneuvers",
+    ),
+    UNSTABLE: Method(
+        "stoop.estimate.filter_error:stabilized",
+        "unstable vehicles in calm air: measurements keep the simulation near the record",
     ),
     "multiple-shooting": Method(
         "stoop.estimate.multiple_shooting:fit",
@@ -144,7 +152,7 @@ def choose_method(
     flights = list(flights)
     usual = USUAL[vehicle.frame]
     if vehicle.frame == AIR_FRAME and (name or usual) in CALM and windows:
-        return _by_gusts(name or usual, not name, vehicle, {f.name: f for f in flights}, windows)
+        return _in_air(name or usual, not name, vehicle, {f.name: f for f in flights}, windows)
     if name:
         return MethodChoice(name)
     rates, channels = [MIN_MOTOR_RATE], {rotor.channel for rotor in vehicle.file.rotor.values()}
@@ -165,23 +173,47 @@ def choose_method(
     return MethodChoice(SLOW_MOTORS, (why,))
 
 
-def _by_gusts(
+def _in_air(
     usual: str, free: bool, vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence[Window]
 ) -> MethodChoice:
-    """Return the usual method in calm air; in gusts, filter error where the method is `free`, else what to expect."""
+    """Return filter error in gusts where the method is `free`, else the method of calm air and what to expect of it."""
     from stoop.estimate.gusts import exceed_sensors, gust_levels
     from stoop.simulation.delays import output_delays
 
+    late = any(vehicle.parameters[row].free for _, row in output_delays(vehicle))  # a filter needs known ones
+    calm = _in_calm_air(usual, free, UNSTABLE_LATE if late else UNSTABLE, vehicle, flights, windows)
     levels = gust_levels(vehicle, flights, windows)
     if not exceed_sensors(vehicle, levels):
-        return MethodChoice(usual)
+        return calm
     gusts = dict(zip("uvw", levels.tolist(), strict=True))
-    late = any(vehicle.parameters[row].free for _, row in output_delays(vehicle))  # a filter needs known ones
     if late or not free:
-        return MethodChoice(usual, (notice("gusts-ignored", **gusts, method=usual, other=IN_GUSTS),))
-    return MethodChoice(
-        IN_GUSTS, (notice("gusts-filtered", **gusts, method=IN_GUSTS, other=usual),), instead=usual
+        ignored = notice("gusts-ignored", **gusts, method=calm.name, other=IN_GUSTS)
+        return replace(calm, notices=(*calm.notices, ignored))
+    why = notice("gusts-filtered", **gusts, method=IN_GUSTS, other=calm.name)
+    return MethodChoice(IN_GUSTS, (why,), instead=calm.name)
+
+
+def _in_calm_air(
+    usual: str,
+    free: bool,
+    unstable: str,
+    vehicle: Vehicle,
+    flights: Mapping[str, Flight],
+    windows: Sequence[Window],
+) -> MethodChoice:
+    """Return the usual method, or that of `unstable` vehicles where errors grow too much over the windows."""
+    from stoop.estimate.instability import growth_at_start
+
+    if usual != DEFAULT:
+        return MethodChoice(usual)
+    growth = growth_at_start(vehicle, flights, windows)
+    if not growth.excessive:
+        return MethodChoice(usual)
+    code, name, other = ("unstable", unstable, usual) if free else ("unstable-open-loop", usual, unstable)
+    about = notice(
+        code, rate=growth.rate, seconds=growth.seconds, factor=growth.factor, method=name, other=other
     )
+    return MethodChoice(name, (about,))
 
 
 def find(name: str) -> Method:

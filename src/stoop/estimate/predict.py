@@ -31,13 +31,14 @@ from stoop.estimate.initial_state import (
     predict_stretch,
     stretch_before,
 )
+from stoop.estimate.instability import growth
 from stoop.estimate.regression.rotors import lagged_command, stretches
 from stoop.estimate.shooting_windows import WINDOW_LENGTH
 from stoop.estimate.shooting_windows import edges as window_edges
 from stoop.flight import Flight
 from stoop.problem import Piece
 from stoop.problem.observation import START_TIME
-from stoop.problem.prepare import Prepared, prepare
+from stoop.problem.prepare import Prepared, decoupled, prepare
 from stoop.problem.windows import Window
 from stoop.results.result import Covariance, NoiseCovariance
 from stoop.simulation import START_NAMES, parameter_rows, trim
@@ -116,6 +117,7 @@ def _of_window(
     model: FittedModel, flights: Mapping[str, Flight], window: Window, priors: Mapping[str, BiasPrior]
 ) -> tuple[Prepared, list[Predicted]]:
     """Prepare and predict one window with the biases of its flight."""
+    model = replace(model, vehicle=decoupled(model.vehicle, flights, [window]))
     biases = {name: prior.mean for name, prior in priors.items()}
     biased = model.vehicle.with_numbers({name: {"value": value} for name, value in biases.items()})
     prepared, kind = prepare(biased, flights, [window]), _PREDICTIONS[biased.frame]
@@ -126,8 +128,13 @@ def _of_window(
         stretch = stretch_before(biased, flights, window, piece)
         stretch, missing, code = _about_steady_flight(biased, stretch)
         stretch = replace(stretch, piece=replace(stretch.piece, changes={**piece.changes, **biases}))
-        n = len(piece.time)
-        edges = window_edges(n, round(kind.length / piece.dt)) if np.isfinite(kind.length) else (0, n)
+        n, length = len(piece.time), kind.length
+        errors = growth(biased, piece, parameter_rows(biased, stretch.piece.changes))
+        if errors.excessive and (stable := max(errors.horizon, WINDOW_LENGTH)) < length:
+            length = stable
+            about = {"rate": errors.rate, "length": length, "stretch": STRETCH}
+            notices.append(notice("predicted-unstable", str(window), **about))
+        edges = window_edges(n, round(length / piece.dt)) if np.isfinite(length) else (0, n)
         parts = [
             predict_stretch(model, stretch.part(biased, a, b) if len(edges) > 2 else stretch, priors)
             for a, b in pairwise(edges)

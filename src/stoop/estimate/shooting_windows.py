@@ -27,6 +27,7 @@ from stoop.problem.observation import (
     GROUND_FRAME,
     integrated_attitude,
     observation_model,
+    recorded_motion,
     state_channels,
     through_air,
     true_values,
@@ -223,6 +224,7 @@ class Shots:
                 readings[channel] = np.array([model.smoothed(complete, a, width) for a in at])
         default = {n: np.full(len(at), piece.start.get(n, 0.0)) for n in vehicle.start_names}
         starts = default | model.states(vehicle, piece, readings)
+        starts |= recorded_motion(vehicle, piece.inputs[at].T, starts)
         rows = self._kernel_parameters(z)
         for state in (s for s in vehicle.states if s.endswith(".lag")):
             name = state.removesuffix(".lag")  # by how much it is off its command

@@ -262,7 +262,13 @@ class Misfit:
                 **piece.start,
                 **{n.name: n.center for _, n in own if not n.is_bias},
             }
-            out.append((parameter_rows(self.layout.vehicle, piece.changes), start, rigid_states(start)))
+            out.append(
+                (
+                    parameter_rows(self.layout.vehicle, piece.changes),
+                    start,
+                    rigid_states(start, self.layout.vehicle),
+                )
+            )
         return out
 
     def candidates(self, Z: FloatArray, index: int) -> tuple[FloatArray, FloatArray]:
@@ -281,7 +287,7 @@ class Misfit:
             elif varied:
                 start = {**start, n.name: value}
         if varied:
-            rigid = rigid_states(start)
+            rigid = rigid_states(start, self.layout.vehicle)
         return rows, initial_states(vehicle, start, rows, self.pieces[index].inputs[0], rigid)
 
     @cached_property

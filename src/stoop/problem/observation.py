@@ -18,9 +18,12 @@ from stoop.base.variables import EULER, RATES, SPECIFIC_FORCE, WRAPPED
 from stoop.errors import FlightError
 from stoop.flight.gridding import integrate_rates
 from stoop.simulation import START_NAMES
+from stoop.simulation.delays import delayed
+from stoop.simulation.initial import rigid_states
 from stoop.vehicle import Vehicle
 from stoop.vehicle import vehicle as vehicle_frames
 from stoop.vehicle.schema import WIND
+from stoop.vehicle.vehicle import motion_input
 
 Number = TypeVar("Number", float, FloatArray)
 START_TIME: Final = 0.2  #: s of measurements that the first state is read from
@@ -182,6 +185,45 @@ def state_channels(vehicle: Vehicle) -> tuple[str, ...]:
     """Return the channels that the initial state of this vehicle's equations is read from."""
     observed = [c for c in vehicle.outputs if c in START_NAMES or c in WIND]
     return (*observed, *(c for c in REQUIRED.get(vehicle.reduce, ()) if c not in observed))
+
+
+def motion_inputs(vehicle: Vehicle, readings: Mapping[str, FloatArray], dt: float) -> FloatArray:
+    """Return the inputs (n, m) that stand for held states, at the center of gravity and without errors of the sensors.
+
+    `readings` are recorded channels (n,), NaN where missing: straight lines there; zero, and the reference airspeed, for what
+    was not recorded. Sensors are corrected with the values of the vehicle's file.
+    """
+    count = len(next(iter(readings.values())))
+    true = {n: np.full(count, x) for n, x in observation_model(vehicle).default_start(vehicle).items()}
+    read = {}
+    for channel, y in readings.items():
+        there = np.flatnonzero(np.isfinite(y))
+        if channel in true and there.size:
+            values = np.unwrap(y[there]) if channel in WRAPPED else y[there]
+            late = vehicle.value(f"sensors.{channel}.delay", 0.0) / dt
+            read[channel] = delayed(np.interp(np.arange(count), there, values), -late)
+    true = at_center_of_gravity(vehicle, true | true_values(vehicle, read))
+    states: dict[str, FloatArray] = dict(rigid_states(true))
+    for angle in EULER:
+        states |= {f"sin_{angle}": np.sin(true[angle]), f"cos_{angle}": np.cos(true[angle])}
+    columns = {motion_input(n): x for n, x in states.items()}
+    return np.column_stack([columns[name] for name in vehicle.motion])
+
+
+def recorded_motion(
+    vehicle: Vehicle, inputs: FloatArray, known: Mapping[str, FloatArray]
+) -> dict[str, FloatArray]:
+    """Return the held channels (n,) that inputs (n_u, n) hold, SI; V and beta are `known` where the equations model them."""
+    here = {n: inputs[vehicle.inputs.index(n)] for n in vehicle.motion}
+    out = {c: here[motion_input(c)] for c in RATES if motion_input(c) in here}
+    for angle in (a for a in EULER if motion_input(f"sin_{a}") in here):
+        out[angle] = np.arctan2(here[motion_input(f"sin_{angle}")], here[motion_input(f"cos_{angle}")])
+    if motion_input("u") in here:
+        u, w = here[motion_input("u")], here[motion_input("w")]
+        out |= {"V": np.hypot(u, w) / np.cos(known["beta"]), "alpha": np.arctan2(w, u)}
+    if motion_input("v") in here:
+        out["beta"] = np.arcsin(np.clip(here[motion_input("v")] / np.maximum(known["V"], 1.0), -1.0, 1.0))
+    return out
 
 
 def first_complete(readings: Mapping[str, FloatArray]) -> int:

@@ -14,8 +14,10 @@ from stoop.flight.flight import MIN_SEGMENT
 from stoop.problem import Nuisance, Piece
 from stoop.problem.observation import (
     LAG_SCALE,
+    REQUIRED,
     first_complete,
     guess_start,
+    motion_inputs,
     observation_model,
     state_channels,
 )
@@ -52,8 +54,10 @@ def prepare(vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence[W
     for index, window in enumerate(windows):
         flight = with_average_voltage(vehicle, flights[window.flight])
         extras = tuple(name for name in needed if name in flight.data)
+        here = decoupled(vehicle, flights, [window]).measured
+        moving = [c for c in here if c in vehicle.measured]
         cut, found = segments(
-            flight, window.start, window.stop, list(vehicle.recorded), vehicle.outputs, extras
+            flight, window.start, window.stop, [*vehicle.recorded, *moving], vehicle.outputs, extras
         )
         notices += found
         if not any(np.isfinite(s.z).any() for s in cut):
@@ -62,7 +66,7 @@ def prepare(vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence[W
             )
         changes, before = _loading(vehicle, window), len(pieces)
         for segment in cut:
-            piece, found = _piece(vehicle, window, segment, index, changes)
+            piece, found = _piece(vehicle, window, segment, index, changes, moving)
             pieces += [piece] if piece is not None else []
             notices += found
         if len(pieces) == before:
@@ -70,6 +74,30 @@ def prepare(vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence[W
                 f"{window}: nowhere {MIN_SEGMENT:g} s in which its whole state was measured; choose another window"
             )
     return Prepared(tuple(windows), tuple(pieces), tuple(notices))
+
+
+def decoupled(vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence[Window]) -> Vehicle:
+    """Return a reduced vehicle that takes the states which it leaves out from the record, as far as some window has them."""
+
+    def recorded(channel: str, window: Window) -> bool:
+        flight = flights[window.flight]
+        inside = (flight.time >= window.start) & (flight.time <= window.stop)
+        return channel in flight.data and bool(np.isfinite(flight.column(channel)[inside]).any())
+
+    there = {c for c in vehicle.held_channels for w in windows if recorded(c, w)}
+    return vehicle.coupled_to(there if there >= set(REQUIRED.get(vehicle.reduce, ())) else ())
+
+
+def motion_notices(
+    vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence[Window]
+) -> list[Notice]:
+    """Return which states a reduced model holds constant in a window, because they were not recorded."""
+    out = []
+    for window in windows:
+        here = decoupled(vehicle, flights, [window]).measured
+        if lost := tuple(c for c in vehicle.held_channels if c not in here):
+            out.append(notice("motion-not-recorded", str(window), model=vehicle.reduce, channels=lost))
+    return out
 
 
 def with_average_voltage(vehicle: Vehicle, flight: Flight) -> Flight:
@@ -92,7 +120,12 @@ def with_average_voltage(vehicle: Vehicle, flight: Flight) -> Flight:
 
 
 def _piece(
-    vehicle: Vehicle, window: Window, segment: Segment, index: int, changes: dict[str, float]
+    vehicle: Vehicle,
+    window: Window,
+    segment: Segment,
+    index: int,
+    changes: dict[str, float],
+    moving: Sequence[str],
 ) -> tuple[Piece | None, list[Notice]]:
     """Make a piece that begins where the state can be read off the measurements; None where little is left."""
     blank = np.full(len(segment.t), np.nan)
@@ -115,7 +148,12 @@ def _piece(
         )
     start["h"] = float(recorded[0]) if recorded.size else 0.0
     u = np.zeros((len(t), len(vehicle.inputs)))  # zeros: what is no channel, and the noise behind gusts
-    u[:, : segment.u.shape[1]] = segment.u[first:]
+    driven = len(vehicle.recorded)
+    u[:, :driven] = segment.u[first:, :driven]
+    if vehicle.motion:
+        columns |= dict(zip(moving, segment.u[:, driven:].T, strict=True))
+        motion = motion_inputs(vehicle, columns, float(t[1] - t[0]))
+        u[:, u.shape[1] - len(vehicle.motion) :] = motion[first:]
     return Piece(index, t, np.ascontiguousarray(u), segment.z[first:], start, changes), notices
 
 

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from stoop.base.arrays import FloatArray
 from stoop.base.rotations import quaternions_of
+from stoop.base.variables import EULER
 from stoop.vehicle import Vehicle
 from stoop.vehicle.vehicle import AIR_FRAME, GROUND_FRAME
 
@@ -25,10 +26,11 @@ def parameter_rows(
     return rows
 
 
-def rigid_states(start: Mapping[str, ArrayLike]) -> dict[str, FloatArray]:
+def rigid_states(start: Mapping[str, ArrayLike], vehicle: Vehicle | None = None) -> dict[str, FloatArray]:
     """Return the rigid-body states (each of shape (B,)) of an initial state; absent entries are zero.
 
-    The velocity is given by V, alpha and beta, or along the body axes by u, v and w.
+    The velocity is given by V, alpha and beta, or along the body axes by u, v and w. The quaternion of a `vehicle` that takes
+    angles from the record holds the others only.
     """
     names = (GROUND_FRAME if any(axis in start for axis in "uvw") else AIR_FRAME).start
     shapes = (np.shape(v) for k, v in start.items() if k in names)
@@ -41,7 +43,8 @@ def rigid_states(start: Mapping[str, ArrayLike]) -> dict[str, FloatArray]:
             "v": g["V"] * np.sin(g["beta"]),
             "w": plane * np.sin(g["alpha"]),
         }
-    e = quaternions_of(np.stack([g["phi"], g["theta"], g["psi"]], axis=-1))
+    turned = EULER if vehicle is None or not vehicle.motion else vehicle.modeled_angles
+    e = quaternions_of(np.stack([g[a] if a in turned else zero for a in EULER], axis=-1))
     return {n: g[n] for n in "uvwhpqr"} | {f"e{i}": e[..., i] for i in range(4)}
 
 
@@ -66,7 +69,7 @@ def initial_states(
     rigid : mapping, optional
         Rigid-body states, where they are known; those of :func:`rigid_states` when absent.
     """
-    rigid = rigid_states(start) if rigid is None else rigid
+    rigid = rigid_states(start, vehicle) if rigid is None else rigid
     out = np.empty((len(vehicle.states), rows.shape[1]))
     for i, name in enumerate(vehicle.states):
         if name.endswith(".lag"):

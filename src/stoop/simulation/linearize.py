@@ -145,8 +145,11 @@ def _jacobians(vehicle: Vehicle, point: Trim) -> tuple[tuple[str, ...], list[Flo
     if key not in _FUNCTIONS:
         _FUNCTIONS[key] = _jacobian_function(vehicle, names)
     rows = parameter_rows(vehicle, point.changes)
-    states = initial_states(vehicle, point.start, rows, point.inputs)
-    values = _FUNCTIONS[key](*states[:, 0], *point.inputs, *rows[:, 0])
+    inputs = point.inputs[
+        : len(vehicle.inputs)
+    ]  # a lateral model lacks noise, zero, of the gusts of its trim
+    states = initial_states(vehicle, point.start, rows, inputs)
+    values = _FUNCTIONS[key](*states[:, 0], *inputs, *rows[:, 0])
     return names, [np.atleast_2d(np.asarray(v, dtype=float)) for v in values]
 
 

@@ -84,7 +84,7 @@ def trim(
         No steady flight at this speed with these controls; the vehicle is too heavy, or a rotor would need more than
         its full command.
     """
-    vehicle = vehicle.reduced("full") if vehicle.reduce == "lateral" else vehicle
+    vehicle = vehicle.reduced("full") if vehicle.reduce == "lateral" else vehicle.coupled_to(())
     air = np.array([vehicle.value(n, 0.0) for n in WIND_NUMBERS] if wind is None else wind, dtype=float)
     given = () if wind is None else zip(WIND_NUMBERS, air.tolist(), strict=True)
     numbers = {name: value for name, value in given if name in vehicle.rows}

@@ -71,6 +71,7 @@ def with_entries(vehicle: Vehicle, entries: Mapping[tuple[str, ...], Any]) -> Ve
     )  # such as the gusts of a method
     if extended.reduce != vehicle.reduce:
         extended = extended.reduced(vehicle.reduce)
+    extended = extended.coupled_to(vehicle.measured)
     written = {".".join(keys) for keys in entries} | {keys[-1] for keys in entries}
     known = dict(leaves(extended.file))
     kept = {

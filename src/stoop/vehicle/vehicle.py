@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import hashlib
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -68,21 +68,26 @@ class _Reduction:
     coefficients: tuple[str, ...]
     gusts: tuple[str, ...]
     added: tuple[str, ...]  #: states that a filter corrects by adding
-    rotated: tuple[str, ...]  #: angles about which a filter rotates
+    rotated: tuple[str, ...]  #: angles that the equations integrate, about which a filter rotates
+    held: Mapping[
+        str, tuple[str, ...]
+    ]  #: channels of the states that are left out, and what stands for each as inputs
 
 
 _LONGITUDINAL = ("CL", "CD", "Cm")
 _REDUCTIONS = {
     "full": _Reduction(
-        RIGID_STATES, None, COEFFICIENTS, COEFFICIENTS, ("u", "v", "w"), RIGID_STATES[:6], ("phi", "theta", "psi")
+        RIGID_STATES, None, COEFFICIENTS, COEFFICIENTS, ("u", "v", "w"), RIGID_STATES[:6], ("phi", "theta", "psi"), {},
     ),
     "longitudinal": _Reduction(
         ("u", "w", "q", "e0", "e2", "h"), ("V", "alpha", "q", "theta", "ax", "az"), _LONGITUDINAL, _LONGITUDINAL,
         ("u", "w"), ("u", "w", "q"), ("theta",),
+        {"beta": ("v",), "p": ("p",), "r": ("r",), "phi": ("sin_phi", "cos_phi")},
     ),
     "lateral": _Reduction(
         RIGID_STATES, ("beta", "p", "r", "phi", "psi", "ay"), ("CQ", "Cl", "Cn"), COEFFICIENTS,
         ("v",), ("v", "p", "r"), ("phi", "psi"),
+        {"V": ("u",), "alpha": ("w",), "q": ("q",), "theta": ("sin_theta", "cos_theta")},
     ),
 }  # fmt: skip
 
@@ -103,6 +108,11 @@ class Parameter:
 def noise_input(axis: str) -> str:
     """Return the name of the white noise (unit intensity) that drives the gust along an axis."""
     return f"gust.{axis}.noise"
+
+
+def motion_input(state: str) -> str:
+    """Return the name of the input that stands for a state which a reduced model takes from the record."""
+    return f"motion.{state}"
 
 
 def slope_input(channel: str) -> str:
@@ -172,6 +182,9 @@ class Vehicle:
         repr=False
     )  #: the TOML as written, so that an identified vehicle keeps the user's comments
     where: str  #: name of the file in messages
+    measured: tuple[
+        str, ...
+    ] = ()  #: channels of held states that a record supplies, among :attr:`held_channels`
 
     def __repr__(self) -> str:
         """Return name and size on one line."""
@@ -298,13 +311,29 @@ class Vehicle:
 
     @functools.cached_property
     def inputs(self) -> tuple[str, ...]:
-        """Inputs of the equations, in the order of the kernel: recorded channels, noise, slopes.
+        """Inputs of the equations, in the order of the kernel: recorded channels, noise, slopes, measured motion.
 
         Noise that drives gusts is zero except in simulated turbulence. Without any recorded channel ``none``
         stands for them. Slopes are those of :attr:`sloped`; each is constant from a sample to the next.
         """
         noise, slopes = map(noise_input, self.gusts), map(slope_input, self.sloped)
-        return (*(self.recorded or ("none",)), *noise, *slopes)
+        return (*(self.recorded or ("none",)), *noise, *slopes, *self.motion)
+
+    @property
+    def held_channels(self) -> tuple[str, ...]:
+        """Channels of the states that a reduced model leaves out."""
+        return tuple(_REDUCTIONS[self.reduce].held)
+
+    @property
+    def modeled_angles(self) -> tuple[str, ...]:
+        """Angles of the attitude that the equations integrate; where motion is measured, the quaternion holds these only."""
+        return _REDUCTIONS[self.reduce].rotated
+
+    @functools.cached_property
+    def motion(self) -> tuple[str, ...]:
+        """Inputs that stand for held states: velocities, m/s, rates, rad/s, sine and cosine of an angle."""
+        held = _REDUCTIONS[self.reduce].held
+        return tuple(motion_input(s) for c in self.measured for s in held[c])
 
     @functools.cached_property
     def sloped(self) -> tuple[str, ...]:
@@ -341,7 +370,7 @@ class Vehicle:
         if self.file.rotors is not None and self.file.rotors.lag is not None:
             lags += [f"{r}.lag" for r in self.rotors]
         return (
-            *_REDUCTIONS[self.reduce].states,
+            *(s for s in _REDUCTIONS[self.reduce].states if motion_input(s) not in self.motion),
             *lags,
             *(s for axis in self.gusts for s in GUST_STATES[axis]),
         )
@@ -361,7 +390,8 @@ class Vehicle:
     @functools.cached_property
     def structure(self) -> str:
         """What decides the equations, as text without the value of any number."""
-        return json.dumps([_structure(self.file), _equations_version()], sort_keys=False)
+        measured = [self.measured] if self.measured else []
+        return json.dumps([_structure(self.file), _equations_version(), *measured], sort_keys=False)
 
     def kernel(self) -> Kernel:
         """Return the compiled equations (SymPy is imported only when they are not in the cache)."""
@@ -388,4 +418,8 @@ class Vehicle:
     def reduced(self, reduce: str) -> Vehicle:
         """Return the longitudinal or lateral vehicle of the same file."""
         model = self.file.model.model_copy(update={"reduce": reduce})
-        return replace(self, file=self.file.model_copy(update={"model": model}))
+        return replace(self, file=self.file.model_copy(update={"model": model}), measured=())
+
+    def coupled_to(self, measured: Collection[str]) -> Vehicle:
+        """Return the vehicle with held states taken from channels of a record, among :attr:`held_channels`; none: constant."""
+        return replace(self, measured=tuple(c for c in self.held_channels if c in measured))

@@ -115,5 +115,5 @@ def baseline_maneuver(vehicle: Vehicle, role: Role, pieces: Sequence[Piece]) -> 
 
 def channel_units(vehicle: Vehicle) -> dict[str, str]:
     """Return the unit of every output, input and control."""
-    names = dict.fromkeys((*vehicle.outputs, *vehicle.inputs, *vehicle.controls))
+    names = dict.fromkeys((*vehicle.outputs, *vehicle.coupled_to(()).inputs, *vehicle.controls))
     return {name: VARIABLES[name].unit if name in VARIABLES else "rad" for name in names}

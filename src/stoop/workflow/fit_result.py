@@ -15,7 +15,6 @@ from stoop.assessment.extensions import extension_notices, extension_tests
 from stoop.assessment.goodness_of_fit import left_out_residuals, press_notices
 from stoop.assessment.maneuver_advice import flown_model
 from stoop.assessment.modes import modes
-from stoop.assessment.reduction import reduction_notices
 from stoop.assessment.uncertainty import with_uncertainty
 from stoop.assessment.verdict import uses, verdict
 from stoop.base.notices import as_notice, notice, of_severity
@@ -89,8 +88,6 @@ def identification(
         inputs=inputs,
         method=options.method,
     )
-    neglected = reduction_notices(fit, flights, bars)
-    result = replace(result, notices=(*result.notices, *neglected))
     result = replace(result, modes=modes(fit, result.covariance.names, result.covariance.matrix))
     result = replace(with_uncertainty(result, fit, bars), extensions=extension_tests(fit, bars))
 

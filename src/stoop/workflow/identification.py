@@ -19,7 +19,7 @@ from stoop.estimate.fit import Fit, Options
 from stoop.estimate.predict import ForceFigures, force_figures, identified_vehicle
 from stoop.flight import Flight, load, without, without_faults
 from stoop.flight.flight import from_columns
-from stoop.problem.prepare import prepare
+from stoop.problem.prepare import decoupled, prepare
 from stoop.problem.windows import Window, Windows, as_windows
 from stoop.results.result import Identification, ParameterEstimate, Result
 from stoop.results.verdict import Verdict
@@ -265,7 +265,9 @@ def search(
     for name, flight in known.items():
         spans = [(w.start, w.stop) for w in predicted if w.flight == name]
         known[name] = without_faults(without(flight, spans))
-    prepare(vehicle, known, predicted)  # so that its errors come before the search
+    prepare(
+        decoupled(vehicle, known, predicted), known, predicted
+    )  # so that its errors come before the search
     choice = methods.choose_method(options.method, vehicle, known.values(), fitted)
     notices: tuple[Notice, ...] = ()
     if extend:

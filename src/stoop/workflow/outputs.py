@@ -22,7 +22,7 @@ from stoop.estimate.initial_state import BiasPrior, bias_priors
 from stoop.flight import Flight, load, save
 from stoop.flight.flight import flight_name
 from stoop.logs.csv_tables import mapping_beside
-from stoop.problem.prepare import prepare
+from stoop.problem.prepare import decoupled, prepare
 from stoop.problem.windows import Window
 from stoop.results.result import Result, read_result
 from stoop.vehicle import Vehicle, load_vehicle, parse_vehicle
@@ -206,7 +206,8 @@ class Identified:
         """
         fitted = [m for m in self.result.maneuvers if m.role == "fit"]
         windows = [Window(m.flight, m.start, m.stop, m.loading or None) for m in fitted]
-        prepared = prepare(self.vehicle, self.flights(), windows)
+        flights = self.flights()
+        prepared = prepare(decoupled(self.vehicle, flights, windows), flights, windows)
         pieces = [[prepared.pieces[i] for i in prepared.of_maneuver(m)] for m in range(len(windows))]
         return [baseline_maneuver(self.vehicle, "fit", some) for some in pieces]
 

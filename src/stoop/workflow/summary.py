@@ -54,7 +54,7 @@ def fit_warnings(
 ) -> tuple[Notice, ...]:
     """Return what makes a result doubtful, the most serious first."""
     vehicle, windows = fit.problem.layout.vehicle, fit.prepared.windows
-    read = {*vehicle.outputs, *vehicle.inputs}
+    read = {*vehicle.outputs, *vehicle.inputs, *vehicle.measured}
     spans = [(m.flight, m.start, m.stop) for m in maneuvers if m.role == "fit"]
     sensor_faults = [  # suspected, of sensors that the fit reads, within its windows
         notice(SENSOR_FAULTS[fault.kind], flight.name, fault=fault.message)

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from stoop.assessment.verdict import diverged
 from stoop.base.files import write_text_atomic
 from stoop.base.notices import Notice, as_notice, notice, of_severity
 from stoop.checks.vehicle import require_channels
@@ -16,7 +16,7 @@ from stoop.estimate.initial_state import FittedModel
 from stoop.estimate.predict import predict
 from stoop.flight import Flight, without, without_faults
 from stoop.flight.maneuvers import find_maneuvers
-from stoop.problem.prepare import prepare
+from stoop.problem.prepare import decoupled, prepare
 from stoop.problem.windows import Window, parse_window
 from stoop.results.result import Identification, ManeuverResult, ManeuverTrace, plain
 from stoop.vehicle.notation import symbols
@@ -118,7 +118,7 @@ def validate(
         of_data += [*flight.notices, *of_severity(ahead.prepared.notices, "info")]
         doubts += of_severity(ahead.prepared.notices, "warning")
 
-    lost = [(m, tuple(c for c, f in m.channels.items() if not math.isfinite(f.rmse))) for m in results]
+    lost = [(m, diverged(m, model.noise)) for m in results]
     warnings = [
         *search_notices(identified.result.status, identified.result.advice),
         *refusal(identified.result, str(identified.folder)),
@@ -180,7 +180,7 @@ def _windows(
         if overlapping(window) is not None:
             return "the model was fitted there"
         try:
-            prepare(identified.vehicle, known, [window])
+            prepare(decoupled(identified.vehicle, known, [window]), known, [window])
         except FlightError as error:
             return str(error).removeprefix(f"{window}: ")
         return ""

@@ -24,11 +24,18 @@ from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop_studies.verify import scenes
 
-LAW: Final[Mapping[str, Mapping[str, float]]] = {
+Law = Mapping[str, Mapping[str, float]]
+LAW: Final[Law] = {
     "elevator": {"theta": 0.5, "q": 0.2},
     "aileron": {"phi": -0.6, "p": -0.15},
     "rudder": {"r": 0.3},
 }  #: rad of a surface per rad or rad/s of a reading above its trim
+#: coefficients that make the aircraft unstable, and the surface that then has other gains; modes that double within half a
+#: second and are held by the autopilot
+UNSTABLE: Final[Mapping[str, tuple[Mapping[str, float], Law]]] = {
+    "pitch": ({"Cmalpha": 1.5}, {**LAW, "elevator": {"theta": 1.5, "q": 0.5}}),
+    "yaw": ({"Cnbeta": -0.085}, {**LAW, "rudder": {"r": 1.0, "beta": -1.0}}),
+}
 QUADROTOR: Final = "quad-x"  #: built in
 LEGS: Final = 4  #: each `LEG` s with the inputs of `LEG_STEPS`
 LEG: Final = 10.0
@@ -44,21 +51,21 @@ QUADROTOR_ERROR: Final = 0.2  #: starting values are off by up to this share
 INERTIA: Final = tuple(f"mass.inertia.{axis}" for axis in ("xx", "yy", "zz"))
 
 
-def gain_matrix(vehicle: Vehicle) -> FloatArray:
-    """Return surfaces (n_u, n_y) per reading of `LAW`."""
+def gain_matrix(vehicle: Vehicle, law: Law) -> FloatArray:
+    """Return surfaces (n_u, n_y) per reading of a law."""
     gains = np.zeros((len(vehicle.inputs), len(vehicle.outputs)))
-    for surface, law in LAW.items():
-        for channel, gain in law.items():
+    for surface, readings in law.items():
+        for channel, gain in readings.items():
             gains[vehicle.inputs.index(surface), vehicle.outputs.index(channel)] = gain
     return gains
 
 
-def fly(vehicle: Vehicle, maneuver: Maneuver, rng: np.random.Generator, name: str) -> Flight:
+def fly(vehicle: Vehicle, maneuver: Maneuver, rng: np.random.Generator, name: str, law: Law = LAW) -> Flight:
     """Fly a maneuver from trim under the autopilot, as instruments with the noise of the vehicle file record it."""
     count, dt = len(maneuver.time), 1.0 / maneuver.rate
     point = trim(vehicle, None, scenes.ALTITUDE)
     inputs = inputs_about(vehicle, point, maneuver.deflections(), count)
-    rows, gains = parameter_rows(vehicle, point.changes), gain_matrix(vehicle)
+    rows, gains = parameter_rows(vehicle, point.changes), gain_matrix(vehicle, law)
     start = {**point.start, **trajectories.gust_start(vehicle, rng)}
     gusts = trajectories.gust_noise(vehicle, count, dt, rng)
     errors = scenes.sensor_noise(vehicle) * rng.standard_normal((count, len(vehicle.outputs)))
@@ -77,16 +84,23 @@ def fly(vehicle: Vehicle, maneuver: Maneuver, rng: np.random.Generator, name: st
     return from_columns(name, maneuver.time, columns)
 
 
-def aircraft_scene(wind: float, seed: int) -> scenes.Scene:
-    """Return maneuvers of the aircraft under the autopilot, in the turbulence of a wind at 20 ft, m/s."""
+def aircraft_scene(wind: float, seed: int, unstable: str = "") -> scenes.Scene:
+    """Return maneuvers of the aircraft under the autopilot, in the turbulence of a wind at 20 ft, m/s.
+
+    It is unstable about an axis of `UNSTABLE`, or as it is built in.
+    """
     rng = np.random.default_rng(seed)
-    truth = scenes.in_turbulence(scenes.aircraft(), wind) if wind else scenes.aircraft()
+    changes, law = UNSTABLE[unstable] if unstable else ({}, LAW)
+    aircraft = scenes.with_trim_thrust(
+        scenes.aircraft().with_numbers({n: {"value": v} for n, v in changes.items()})
+    )
+    truth = scenes.in_turbulence(aircraft, wind) if wind else aircraft
     flights = {
-        name: fly(scenes.with_biases(truth, rng), maneuver, rng, name)
+        name: fly(scenes.with_biases(truth, rng), maneuver, rng, name, law)
         for name, maneuver in scenes.maneuvers().items()
     }
-    start = scenes.wrong_start(scenes.aircraft(), rng)
-    return scenes.Scene(start, flights, scenes.whole_maneuvers(), scenes.coefficients(scenes.aircraft()))
+    start = scenes.wrong_start(aircraft, rng)
+    return scenes.Scene(start, flights, scenes.whole_maneuvers(), scenes.coefficients(aircraft))
 
 
 def quadrotor_scene(wind: float, seed: int) -> scenes.Scene:

@@ -69,7 +69,11 @@ CASES: Final[Mapping[str, Case]] = {
 def identify(case: str, seed: int) -> dict[str, Any]:
     """Fly a case and identify it without naming a method; a standard error is None where a bound holds the parameter."""
     # another stream of random numbers for each case: equal gusts would make their errors alike
-    scene = CASES[case].fly(1000 * list(CASES).index(case) + seed)
+    return identified(CASES[case].fly(1000 * list(CASES).index(case) + seed), seed)
+
+
+def identified(scene: scenes.Scene, seed: int) -> dict[str, Any]:
+    """Return errors and standard errors of a scene by the method that is taken where none is named."""
     choice = choose_method("", scene.start, scene.flights.values(), scene.windows)
     method, fit = choice.fit(scene.start, scene.flights, scene.windows, Options(seed=seed))
     bars, names = error_bars(fit), [p.name for p in fit.problem.layout.parameters]
@@ -85,10 +89,15 @@ def identify(case: str, seed: int) -> dict[str, Any]:
 
 def show(setting: Setting, samples: study.Samples) -> Findings:
     """Return coverage and bias of each case."""
+    return coverage_and_bias("Flights in gusts under feedback", LEAD, CASES, samples)
+
+
+def coverage_and_bias(title: str, lead: str, cases: Mapping[str, Case], samples: study.Samples) -> Findings:
+    """Return coverage and bias of each case of a study."""
     claims: list[Claim] = []
     records: list[dict[str, Any]] = []
     summary = []
-    for key, case in CASES.items():
+    for key, case in cases.items():
         results = samples[key]
         scatter, std, coverage, _ = study.error_statistics(results)
         errors = np.array([r["errors"] for r in results], dtype=np.float64)
@@ -126,8 +135,8 @@ def show(setting: Setting, samples: study.Samples) -> Findings:
         )
     table = study.page_table("Without a named method", SUMMARY, summary)
     return Findings.tabulated(
-        "Flights in gusts under feedback",
-        LEAD,
+        title,
+        lead,
         claims,
         (Section("What holds", (table, Prose(WORDS))),),
         records,

@@ -39,6 +39,7 @@ EXPERIMENTS: Final[Mapping[str, tuple[str, str]]] = {
             "feedback",
             "bias and coverage under an autopilot in gusts, by the default method (24 flights each)",
         ),
+        ("unstable", "bias and coverage for aircraft that only an autopilot holds (24 flights each)"),
         ("extensions", "what a model lacks is named: size and power of the tests (20 flights a defect)"),
         ("verdict", "how often the verdict refuses good models and trusts bad ones (416 cases)"),
         ("delays", "delays of inputs and outputs, fractions of a sample (40 flights, twice)"),

@@ -108,6 +108,19 @@ def test_a_diverged_simulation_is_worst_not_an_overflow() -> None:
     assert r2(z, far) == -np.inf
 
 
+def test_a_simulation_that_ends_early_is_judged_by_what_it_did_not_reach() -> None:
+    """Its beginning alone would be a perfect match with white residuals."""
+    z, y = pair()
+    early = np.where(np.arange(z.size) > 0.6 * z.size, np.nan, z)
+    figures = channel_figures(z, Match(early), 100.0, baseline=Match(y), deviation=np.full(z.size, 1.0))
+    assert figures.rmse > 1e90
+    assert figures.theil == pytest.approx(1.0)
+    assert figures.r2 < -1e90
+    assert figures.whiteness.verdict == "colored"
+    assert figures.lost
+    assert figures.inside == pytest.approx(0.6, abs=0.02)
+
+
 def test_everything_stands_beside_the_baseline() -> None:
     z, y = pair()
     figures = channel_figures(z, Match(y, 2.0 * (z - y)), 100.0, baseline=Match(0.5 * y, z))

@@ -28,7 +28,7 @@ from stoop.base.variables import RATES, SPECIFIC_FORCE
 from stoop.estimate.regression.least_squares import Equations, Rows
 from stoop.flight.flight import MIN_SEGMENT
 from stoop.problem import Layout, Piece
-from stoop.problem.observation import at_center_of_gravity, true_values
+from stoop.problem.observation import at_center_of_gravity, recorded_motion, true_values
 from stoop.simulation import START_NAMES, parameter_rows
 from stoop.simulation.delays import first_order_lag, late_inputs
 from stoop.simulation.initial import commanded, initial_states, rigid_states
@@ -65,7 +65,7 @@ class Motion:
                 angle = first_order_lag(angle, float(rows[vehicle.rows[f"controls.{c}.lag"], 0]), piece.dt)
             deflections[c] = angle[samples]
         readings = {c: piece.measured[samples, i] for i, c in enumerate(vehicle.outputs)}
-        states = states_of(vehicle, piece.start, readings)
+        states = states_of(vehicle, piece.start, readings, late[samples].T)
         felt = {c: v for c, v in readings.items() if c in SPECIFIC_FORCE}
         out = cls(samples, states, felt, np.ascontiguousarray(late[samples].T), deflections, rows)
         rates, _ = vehicle.kernel().evaluate(rows, out.kernel_states(vehicle), out.inputs)
@@ -75,7 +75,7 @@ class Motion:
 
     def kernel_states(self, vehicle: Vehicle) -> FloatArray:
         """Return the kernel's states (n_x, n)."""
-        out = initial_states(vehicle, {}, self.rows, self.inputs, rigid_states(self.states))
+        out = initial_states(vehicle, {}, self.rows, self.inputs, rigid_states(self.states, vehicle))
         for i, name in enumerate(vehicle.states):
             if name.endswith(".lag"):
                 out[i] = self.deflections[name.removesuffix(".lag")]
@@ -99,15 +99,24 @@ def complete(vehicle: Vehicle, piece: Piece) -> BoolArray:
 
 
 def states_of(
-    vehicle: Vehicle, start: Mapping[str, Any], readings: Mapping[str, FloatArray]
+    vehicle: Vehicle,
+    start: Mapping[str, Any],
+    readings: Mapping[str, FloatArray],
+    inputs: FloatArray | None = None,
 ) -> dict[str, FloatArray]:
-    """Return the states at the center of gravity; those that a reduced model does not observe stay at the start."""
+    """Return the states at the center of gravity.
+
+    Those that a reduced model does not observe are in the inputs (n_u, n) where the record supplies them, else as at the start.
+    """
     count = len(next(iter(readings.values())))
     out = {n: np.full(count, float(start.get(n, 0.0))) for n in START_NAMES}
     out |= {n: np.zeros(count) for n in {"beta", "p", "q", "r", "phi", "psi"} - set(vehicle.outputs)}
     read = {c: np.nan_to_num(v) for c, v in readings.items() if c in START_NAMES}
     out |= true_values(vehicle, read)
-    return at_center_of_gravity(vehicle, out)
+    if inputs is None or not vehicle.motion:
+        return at_center_of_gravity(vehicle, out)
+    moving = at_center_of_gravity(vehicle, out | recorded_motion(vehicle, inputs, out))
+    return moving | recorded_motion(vehicle, inputs, moving)
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,9 +188,8 @@ def balance(vehicle: Vehicle, motion: Motion) -> tuple[FloatArray, FloatArray]:
         if p.name in vehicle.rows:
             rows[probed.rows[p.name]] = motion.rows[vehicle.rows[p.name]]
     rows[[probed.rows[n] for c in estimated for n in getattr(probed.file.aerodynamics, c)]] = 0.0
-    inputs = np.zeros((1, count))
-    if probed.inputs != ("none",):
-        inputs = np.ascontiguousarray(motion.inputs[[vehicle.inputs.index(c) for c in probed.inputs]])
+    there = {c: motion.inputs[i] for i, c in enumerate(vehicle.inputs)}
+    inputs = np.array([there.get(c, np.zeros(count)) for c in probed.inputs])
     x = replace(motion, rows=rows, inputs=inputs).kernel_states(probed)
     rows = np.tile(rows, lanes)  # the first n lanes without aerodynamics, then n with each coefficient at one
     for i, name in enumerate(constants, 1):

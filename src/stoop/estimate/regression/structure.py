@@ -31,7 +31,7 @@ from stoop.errors import IdentificationError
 from stoop.estimate.regression.aircraft import COEFFICIENTS, History, histories
 from stoop.estimate.regression.least_squares import Domain
 from stoop.flight import Flight
-from stoop.problem.prepare import prepare, without_stuck_channels
+from stoop.problem.prepare import decoupled, prepare, without_stuck_channels
 from stoop.problem.windows import Window
 from stoop.vehicle import Vehicle, defaults, terms
 
@@ -417,6 +417,7 @@ def determine(
     takes as they are. Candidates of coefficients that are not estimated are ignored. An IdentificationError says that the
     motion was not measured, or for too short a time.
     """
+    vehicle = decoupled(vehicle, flights, windows)
     prepared = without_stuck_channels(vehicle, prepare(vehicle, flights, windows))
     found = tuple(h for piece in prepared.pieces for h in histories(vehicle, piece))
     if not found:

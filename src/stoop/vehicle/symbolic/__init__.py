@@ -1,6 +1,7 @@
 """The equations of a vehicle in SymPy, from which kernel, derivatives and LaTeX are printed.
 
-Reduced models follow by substitution in the same equations.
+Reduced models follow by substitution in the same equations: of constants, or, where a record supplies the states that they
+leave out, of inputs (equation decoupling; Jategaonkar, Flight Vehicle System Identification, 2nd ed., section 9.5).
 """
 
 from __future__ import annotations
@@ -11,13 +12,22 @@ from typing import Any
 
 import sympy as sp
 
+from stoop.base.variables import EULER
 from stoop.kernels import SymbolicModel
 from stoop.vehicle.atmosphere import polynomial_density
 from stoop.vehicle.symbolic import frames
 from stoop.vehicle.symbolic.forces import Surroundings, spins, total
 from stoop.vehicle.symbolic.frames import Air, Attitude, Numbers, Quaternion, Vector, add, cross, scale
 from stoop.vehicle.symbolic.latex import equations
-from stoop.vehicle.vehicle import AIR_FRAME, GROUND_FRAME, RIGID_STATES, Frame, Vehicle, slope_input
+from stoop.vehicle.vehicle import (
+    AIR_FRAME,
+    GROUND_FRAME,
+    RIGID_STATES,
+    Frame,
+    Vehicle,
+    motion_input,
+    slope_input,
+)
 
 _ZERO_STATES = {"full": (), "longitudinal": ("v", "p", "r", "e1", "e3"), "lateral": ("q",)}
 _CONSTANT_STATES = {"full": (), "longitudinal": (), "lateral": ("u", "w", "q", "h")}
@@ -51,14 +61,15 @@ def build_model(vehicle: Vehicle) -> SymbolicModel:
     """Return the equations of a vehicle, reduced as its file says.
 
     The longitudinal model sets v = p = r = phi = psi = 0; the lateral one keeps u, w, h at their initial values and q
-    at zero.
+    at zero. What the vehicle takes from a record is an input instead, and h follows.
     """
     n = Numbers(vehicle)
-    x = {s: sp.Symbol(f"state {s}", real=True) for s in dict.fromkeys((*RIGID_STATES, *vehicle.states))}
     u = {c: sp.Symbol(f"input {c}", real=True) for c in vehicle.inputs}
+    names = dict.fromkeys((*RIGID_STATES, *vehicle.states))
+    x = {s: u.get(motion_input(s), sp.Symbol(f"state {s}", real=True)) for s in names}
     rates, outputs = _motion(n, x, u)
-    zero = {x[s]: sp.Integer(0) for s in _ZERO_STATES[vehicle.reduce]}
-    constant = _CONSTANT_STATES[vehicle.reduce]
+    zero = {x[s]: sp.Integer(0) for s in _ZERO_STATES[vehicle.reduce] if motion_input(s) not in u}
+    constant = () if vehicle.motion else _CONSTANT_STATES[vehicle.reduce]
     move = {name: sp.Symbol(f"move {name}", real=True) for name in vehicle.moves}
     return SymbolicModel(
         states=tuple(x[s] for s in vehicle.states),
@@ -84,7 +95,7 @@ def _motion(n: Numbers, x: Mapping[str, Any], u: Mapping[str, Any]) -> tuple[dic
     flight = velocity
     if vehicle.gusts:
         flight = frames.subtract(velocity, frame.gust(e, frames.gust(n, x)))
-    turned = frames.attitude(e)
+    turned, turn = _attitude(n.vehicle, e, u, omega)
     choice = vehicle.file.environment.density
     if choice == "log":
         density = u["density"]
@@ -100,11 +111,39 @@ def _motion(n: Numbers, x: Mapping[str, Any], u: Mapping[str, Any]) -> tuple[dic
     acceleration = frames.body_acceleration(specific, n["environment.gravity"], turned.down, velocity, omega)
     omega_rate = _angular_acceleration(n, load.moment, omega)
     climb = -sum(d * v for d, v in zip(turned.down, velocity, strict=True))
-    rigid = [*acceleration, *omega_rate, *frames.quaternion_rate(e, omega), climb]
+    rigid = [*acceleration, *omega_rate, *frames.quaternion_rate(e, turn), climb]
     rates = (
         dict(zip(RIGID_STATES, rigid, strict=True)) | lag_rates | rotor_lag_rates | frames.gust_rates(n, x, u)
     )
     return rates, readings(n, frame.observed(n, s, e, velocity), turned, specific, omega, omega_rate)
+
+
+def _attitude(
+    vehicle: Vehicle, e: Quaternion, u: Mapping[str, Any], omega: Vector
+) -> tuple[Attitude, Vector]:
+    """Return the attitude, and the rates about the body axes that turn the quaternion.
+
+    Where motion is measured, the quaternion holds the modeled angles only, the held ones at zero: sine and cosine of these
+    are inputs. It turns as its own angles change.
+    """
+    own = frames.attitude(e)
+    if not vehicle.motion:
+        return own, omega
+    cosine = own.down[2]  # of phi without theta, or of theta without phi
+    sines = {"phi": (own.down[1], cosine), "theta": (-own.down[0], cosine)}
+    level, held = (sp.Integer(0), sp.Integer(1)), set(sines) - set(vehicle.modeled_angles)
+    modeled = {a: level if a in held else pair for a, pair in sines.items()}
+    whole = {
+        a: (u.get(motion_input(f"sin_{a}"), modeled[a][0]), u.get(motion_input(f"cos_{a}"), modeled[a][1]))
+        for a in sines
+    }
+    (sin_phi, cos_phi), (sin_theta, cos_theta) = whole["phi"], whole["theta"]
+    down = (-sin_theta, sin_phi * cos_theta, cos_phi * cos_theta)
+    rates = frames.euler_rates(omega, *whole.values())
+    kept = [
+        rate if a in vehicle.modeled_angles else sp.Integer(0) for a, rate in zip(EULER, rates, strict=True)
+    ]
+    return Attitude(down, own.phi, own.theta, own.psi), frames.body_rates(kept, *modeled.values())
 
 
 def readings(
@@ -180,8 +219,11 @@ def _retraction(vehicle: Vehicle, states: Mapping[str, Any], moves: Mapping[str,
     """
     zero = sp.Integer(0)
     e = (states.get("e0", zero), states.get("e1", zero), states.get("e2", zero), states.get("e3", zero))
-    phi, theta, psi = (moves.get(f"turn {axis}", zero) for axis in ("phi", "theta", "psi"))
-    turned = [a + b for a, b in zip(e, frames.quaternion_rate(e, (phi, theta, psi)), strict=True)]
+    turn = tuple(moves.get(f"turn {axis}", zero) for axis in EULER)
+    if vehicle.motion and "psi" in vehicle.modeled_angles:  # about the vertical, so that theta stays zero
+        down = frames.attitude(e).down
+        turn = (turn[0], down[1] * turn[2], down[2] * turn[2])
+    turned = [a + b for a, b in zip(e, frames.quaternion_rate(e, turn), strict=True)]
     length2 = sum((a * a for a in turned), zero)
     after = {f"e{i}": a * (sp.Rational(3, 2) - length2 / 2) for i, a in enumerate(turned)}
     after |= {name: states[name] + moves[name] for name in moves if name in states}

@@ -27,7 +27,7 @@ MIL-HDBK-1797, 1997, Appendix A (the same form, with scale lengths L_v, L_w twic
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -198,6 +198,24 @@ def quaternion_rate(e: Quaternion, omega: Vector) -> Quaternion:
         half * (e0 * p + e2 * r - e3 * q),
         half * (e0 * q + e3 * p - e1 * r),
         half * (e0 * r + e1 * q - e2 * p),
+    )
+
+
+def euler_rates(omega: Vector, phi: tuple[Any, Any], theta: tuple[Any, Any]) -> Vector:
+    """Return the rates of phi, theta, psi for body rates, rad/s; `phi` and `theta` are sine and cosine."""
+    (sin_phi, cos_phi), (sin_theta, cos_theta) = phi, theta
+    psi_rate = (omega[1] * sin_phi + omega[2] * cos_phi) / cos_theta
+    return omega[0] + sin_theta * psi_rate, omega[1] * cos_phi - omega[2] * sin_phi, psi_rate
+
+
+def body_rates(rates: Sequence[Any], phi: tuple[Any, Any], theta: tuple[Any, Any]) -> Vector:
+    """Return the body rates, rad/s, for rates of phi, theta, psi: the inverse of :func:`euler_rates`."""
+    (sin_phi, cos_phi), (sin_theta, cos_theta) = phi, theta
+    across = cos_theta * rates[2]
+    return (
+        rates[0] - sin_theta * rates[2],
+        cos_phi * rates[1] + sin_phi * across,
+        cos_phi * across - sin_phi * rates[1],
     )
 
 

@@ -24,7 +24,7 @@ def of(vehicle: Vehicle, flight: Flight, stop: float = 25.0) -> tuple[History, .
     problem, _ = estimation_problem(
         vehicle, {flight.name: flight}, [Window(flight.name, 0.0, stop)], Options()
     )
-    return tuple(h for piece in problem.pieces for h in histories(vehicle, piece))
+    return tuple(h for piece in problem.pieces for h in histories(problem.layout.vehicle, piece))
 
 
 def by_hand(vehicle: Vehicle, flight: Flight) -> dict[str, np.ndarray]:

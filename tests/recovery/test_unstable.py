@@ -1,0 +1,91 @@
+"""An aircraft that only its autopilot holds: a simulation leaves the record, a filter with a small process noise does not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from stoop.assessment.error_bars import error_bars
+from stoop.estimate.fit import Fit, Options
+from stoop.estimate.instability import PREDICTED_GROWTH, growth, growth_at_start
+from stoop.estimate.methods import choose_method
+from stoop.problem.prepare import prepare
+from stoop.problem.windows import Window
+from stoop.simulation import parameter_rows, trim
+from stoop.simulation.linearize import state_matrix
+from stoop_studies.verify import closed_loop
+from stoop_studies.verify.scenes import ALTITUDE, Scene
+
+WINDOW = (Window("pitch", 0.0, 10.0),)
+
+
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    """Pitch maneuver of the aircraft with Cmalpha > 0, a longitudinal model to fit."""
+    flown = closed_loop.aircraft_scene(0.0, 3, unstable="pitch")
+    return replace(flown, start=flown.start.reduced("longitudinal"))
+
+
+@pytest.fixture(scope="module")
+def found(scene: Scene) -> tuple[str, Fit]:
+    choice = choose_method("", scene.start, scene.flights.values(), WINDOW)
+    assert [n.code for n in choice.notices] == ["unstable"]
+    return choice.fit(scene.start, scene.flights, WINDOW, Options())
+
+
+def test_growth_is_that_of_the_exact_linear_model(scene: Scene) -> None:
+    """Eigenvalues of one sample, by differences at the mean measured state, against the exact Jacobian at trim."""
+    true = scene.start.with_numbers(
+        {n: {"value": v} for n, v in scene.truth.items() if n in scene.start.rows}
+    )
+    _, A = state_matrix(true, trim(true, None, ALTITUDE))
+    piece = prepare(true, scene.flights, WINDOW).pieces[0]
+    at = growth(true, piece, parameter_rows(true, piece.changes))
+    assert at.rate == pytest.approx(float(np.linalg.eigvals(A).real.max()), rel=0.1)
+    assert at.factor == pytest.approx(np.exp(10.0 * at.rate), rel=0.05)
+    assert np.exp(at.rate * at.horizon) == pytest.approx(PREDICTED_GROWTH)
+
+
+def test_the_default_finds_the_truth(scene: Scene, found: tuple[str, Fit]) -> None:
+    method, fit = found
+    assert (method, fit.outcome.status) == ("stabilized-output-error", "converged")
+    bars = error_bars(fit)
+    names = [p.name for p in fit.problem.layout.parameters if p.name in scene.truth]
+    off = np.array([fit.estimates[n] - scene.truth[n] for n in names]) / bars.std[: len(names)]
+    assert np.abs(off).max() < 4.0
+    assert np.sqrt(np.mean(off**2)) < 1.6
+    assert fit.estimates["Cmalpha"] == pytest.approx(scene.truth["Cmalpha"], rel=0.15)
+
+
+def test_curves_are_predictions_near_the_record(found: tuple[str, Fit]) -> None:
+    _, fit = found
+    assert [n.code for n in fit.notices if n.code.startswith("filter")] == ["filter-predicts"]
+    piece, read = fit.problem.pieces[0], fit.readings[0]
+    white = fit.evidence.pieces[0].residual
+    assert np.isfinite(read).all()
+    left = np.nanstd(piece.measured - read, axis=0)
+    assert fit.noise is not None
+    np.testing.assert_allclose(left, np.sqrt(np.diag(fit.noise)), rtol=0.25)
+    assert np.nanstd(white) == pytest.approx(1.0, abs=0.1)
+
+
+def test_who_names_output_error_is_warned(scene: Scene) -> None:
+    named = choose_method("output-error", scene.start, scene.flights.values(), WINDOW)
+    assert (named.name, [(n.code, n.severity) for n in named.notices]) == (
+        "output-error", [("unstable-open-loop", "warning")],
+    )  # fmt: skip
+    other = choose_method("multiple-shooting", scene.start, scene.flights.values(), WINDOW)
+    assert (other.name, other.notices) == ("multiple-shooting", ())
+    fit = named.fit(scene.start, scene.flights, WINDOW, Options(budget=3000))[1]
+    assert fit.outcome.status != "converged"
+
+
+def test_a_short_window_or_a_stable_aircraft_is_simulated(scene: Scene) -> None:
+    """Over three seconds an error grows by less than a hundred."""
+    assert growth_at_start(scene.start, scene.flights, WINDOW).excessive
+    short = (Window("pitch", 1.0, 4.0),)
+    assert choose_method("", scene.start, scene.flights.values(), short).name == "output-error"
+    calm = closed_loop.aircraft_scene(0.0, 3)
+    assert choose_method("", calm.start, calm.flights.values(), calm.windows).name == "output-error"
