@@ -206,9 +206,8 @@ def motion_inputs(vehicle: Vehicle, readings: Mapping[str, FloatArray], dt: floa
     states: dict[str, FloatArray] = dict(rigid_states(true))
     for angle in EULER:
         states |= {f"sin_{angle}": np.sin(true[angle]), f"cos_{angle}": np.cos(true[angle])}
-    columns = [x for n, x in states.items() if motion_input(n) in vehicle.motion]
-    order = [motion_input(n) for n in states if motion_input(n) in vehicle.motion]
-    return np.column_stack([columns[order.index(name)] for name in vehicle.motion])
+    columns = {motion_input(n): x for n, x in states.items()}
+    return np.column_stack([columns[name] for name in vehicle.motion])
 
 
 def recorded_motion(

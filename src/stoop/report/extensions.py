@@ -35,15 +35,24 @@ def extensions_section(identification: Identification) -> Section | None:
     parts += [
         Table("", HEAD, tuple(map(_row, found.found)), kinds, label="Extensions"),
         Prose("To add the first, write into the vehicle file, or identify again with --extend:"),
-        Code(found.found[0].line),
+        Code(as_toml(found.found[0].line)),
     ]
     return Section("What the model lacks", parts, "Extensions")
+
+
+def as_toml(line: str) -> str:
+    """Return the line of an extension as it stands in a vehicle file: each table once, its keys below."""
+    tables: dict[str, list[str]] = {}
+    for part in line.split("; "):
+        head, _, entry = part.partition("] ")
+        tables.setdefault(f"{head}]", []).append(entry)
+    return "\n".join(text for head, entries in tables.items() for text in (head, *entries))
 
 
 def _row(one: ExtensionTest) -> tuple[str, ...]:
     value, error = rounded_to_error(one.value, one.std_error)
     beside = number(one.beside, 3) if math.isfinite(one.beside) else NOTHING
-    moves = ", ".join(f"{name} {shift:+.1f}" for name, shift in one.moves.items())
+    moves = ", ".join(f"{name}\N{NO-BREAK SPACE}{shift:+.1f}" for name, shift in one.moves.items())
     return (
         one.name, value, error, readable_unit(one.unit), number(one.statistic, 3), f"+{one.gain:.0f}", beside,
         ", ".join(one.rivals) or NOTHING, moves or NOTHING,

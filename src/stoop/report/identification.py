@@ -49,8 +49,8 @@ ENDINGS: Final = {
 LEVELS: Final[dict[Grade, sheet.Level]] = {"trusted": "good", "usable": "caution", "do not use": "bad"}
 VALIDATION_LEAD: Final = (
     "No parameter was fitted here: the initial state is estimated with the model from the second before each window (with "
-    "rotors, anew each second), the sensor biases are those of the fitted maneuvers, the wind is from outside the windows. The "
-    "band holds 95 % of readings: uncertain initial state and parameters, and noise. Theil’s "
+    "rotors, anew each second), and with it the sensor biases, about those of the fitted maneuvers; the wind is from outside "
+    "the windows. The band holds 95 % of readings: uncertain initial state, biases and parameters, and noise. Theil’s "
     "inequality coefficient, 0 for a perfect match and 1 at worst, below 10 Hz; beneath it that of a first-order lag, which "
     "learned from the fitted maneuvers, is given all commands, and is granted a bias of its own. A model that a lag can match "
     "has shown little."
@@ -82,7 +82,7 @@ def write_validation(identification: Identification, path: Path) -> None:
     ]
     provenance = _provenance_section(identification, validation=True)
     sections = (sheet.Section("Overview", overview), *pages, provenance)
-    verdict = prediction_verdict(maneuvers, sentences)
+    verdict = prediction_verdict(maneuvers, sentences, refused=result.verdict.grade == "do not use")
     page = sheet.Sheet(identification.vehicle, lead, sections, "validation", verdict)
     sheet.write_sheet(page, path)
 

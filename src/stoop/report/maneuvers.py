@@ -277,8 +277,13 @@ def comparison_table(maneuvers: Sequence[ManeuverResult]) -> sheet.Table:
     return sheet.Table("", ("Maneuver", "Of", *channels), tuple(rows), kinds, label="Theil's coefficients")
 
 
-def prediction_verdict(maneuvers: Sequence[ManeuverResult], sentences: tuple[str, ...]) -> sheet.Verdict:
-    """Return how well a model predicts, by the share of channels in which it beats the lag."""
+def prediction_verdict(
+    maneuvers: Sequence[ManeuverResult], sentences: tuple[str, ...], refused: bool = False
+) -> sheet.Verdict:
+    """Return how well a model predicts, by the share of channels in which it beats the lag.
+
+    A model that the verdict of its identification refused is no good one for that.
+    """
     compared = [one.better for m in maneuvers for one in m.channels.values() if one.compared]
     better = sum(compared) / len(compared) if compared else 0.0
     level: sheet.Level
@@ -291,6 +296,8 @@ def prediction_verdict(maneuvers: Sequence[ManeuverResult], sentences: tuple[str
         level, headline = "caution", "The model predicts some of what it was not fitted to."
     else:
         level, headline = "bad", "A first-order lag predicts as well."
+    if refused:
+        level, headline = "bad", f"{headline.removesuffix('.')}, but its identification says: do not use it."
     return sheet.Verdict(level, headline, sentences)
 
 

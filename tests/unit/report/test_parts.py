@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import tomllib
+from importlib.resources import files
 from types import ModuleType
 
 import numpy as np
@@ -24,8 +26,10 @@ from stoop.base.numbers import (
     window,
 )
 from stoop.report.charts import holes
+from stoop.report.estimates import TITLES
+from stoop.report.extensions import as_toml
 from stoop.report.identification import verdict
-from stoop.report.maneuvers import air_panels
+from stoop.report.maneuvers import air_panels, prediction_verdict
 from stoop.report.plots import COLUMNS, Scale, path, plain_text, spanning, tick_text, ticks
 from stoop.report.sheet import mathml
 from stoop.results.extensions import ExtensionTests
@@ -311,3 +315,32 @@ def test_nothing_held_back(examples: ModuleType) -> None:
 def test_a_curve_that_varies_by_rounding_is_drawn_flat() -> None:
     low, high = spanning([0.93 + 1e-12 * np.arange(50)])
     assert high - low > 0.05
+
+
+def test_a_refused_model_is_no_good_one_however_it_predicts(examples: ModuleType) -> None:
+    maneuvers = good(examples).maneuvers
+    assert prediction_verdict(maneuvers, ()).level == "good"
+    refused = prediction_verdict(maneuvers, (), refused=True)
+    assert refused.level == "bad"
+    assert refused.headline.endswith("lag, but its identification says: do not use it.")
+
+
+def test_every_method_of_uncertainty_has_a_color() -> None:
+    style = files("stoop.report").joinpath("templates/style.css").read_text()
+    for name in TITLES:
+        assert f".method-{name} {{" in style
+        assert f".method-{name}key {{" in style
+
+
+@pytest.mark.parametrize(
+    ("line", "lag"),
+    [
+        ("[controls.aileron] lag = 0.035", {"aileron": {"lag": 0.035}}),
+        (
+            "[controls.aileron] lag = 0.03; [controls.elevator] lag = { value = 0.03 }; [controls.aileron] delay = 0.1",
+            {"aileron": {"lag": 0.03, "delay": 0.1}, "elevator": {"lag": {"value": 0.03}}},
+        ),
+    ],
+)
+def test_the_line_of_an_extension_can_be_pasted_into_a_vehicle_file(line: str, lag: object) -> None:
+    assert tomllib.loads(as_toml(line)) == {"controls": lag}
