@@ -25,7 +25,7 @@ from stoop.optimize.levenberg_marquardt import Stages, TenfoldDamping
 from stoop.problem import Nuisance
 from stoop.problem.evidence import invert
 
-STEPS: Final = 8  #: of scoring
+STEPS: Final = 3  #: of scoring; in a flight where they go wrong, eight do no better
 MIN_BIAS: Final = 2.0  #: standard errors of filter error, from which a parameter is named
 SHOWN: Final = 6  #: parameters that are named
 
