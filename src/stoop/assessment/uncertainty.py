@@ -19,8 +19,10 @@ maneuvers as the test of error bars).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
+from itertools import combinations
+from pathlib import Path
 from typing import Final
 
 import numpy as np
@@ -43,7 +45,7 @@ from stoop.errors import StoopError
 from stoop.estimate import methods
 from stoop.estimate.fit import Fit, Options
 from stoop.flight import Flight
-from stoop.results.result import ParameterEstimate, Result
+from stoop.results.result import ManeuverResult, ParameterEstimate, Result
 from stoop.results.uncertainty import (
     SCATTER_LEVEL,
     IdentifiabilityAnalysis,
@@ -265,6 +267,87 @@ def repeatability(
             remarks.append(notice("maneuver-not-fitted", str(window), reason=str(error)))
     compared = {name: scatter(several) for name, several in singles.items()}
     return Repeatability(tuple(range(len(windows))), compared, tuple(remarks))
+
+
+def agreement(results: Mapping[str, Result]) -> Repeatability:
+    """Return whether results of flights or maneuvers that were fitted apart agree, in what all of them estimated.
+
+    Each loses its own prior; what it does not determine, or has at a bound, is not counted. Errors of a result without
+    maneuvers to compare are conditional on the model: they are widened by the factor by which the maneuvers of the others, of
+    the same model, disagree.
+
+    Raises
+    ------
+    StoopError
+        Two results share samples of a flight, or nothing that was estimated is in all.
+    """
+    for (name, one), (other, two) in combinations(results.items(), 2):
+        shared = [(a, b) for a in one.maneuvers for b in two.maneuvers if _overlap(a, b)]
+        if shared and _digests(one).items() & _digests(two).items():
+            a, b = shared[0]
+            raise StoopError(
+                f"{name}, {other}: both were fitted to {a.window} (and {b.start:g}:{b.stop:g}): results that share samples agree "
+                "because of it; fit other windows"
+            )
+    first, *others = results.values()
+    names = [n for n in first.parameters if all(n in r.parameters for r in others)]
+    if not names:
+        raise StoopError(
+            f"{', '.join(results)}: no parameter was estimated in all of them; free the same ones"
+        )
+    units = {n: {r.parameters[n].unit for r in results.values()} for n in names}
+    mixed = next((n for n, several in units.items() if len(several) > 1), None)
+    if mixed is not None:
+        raise StoopError(
+            f"{', '.join(results)}: {mixed} has units {', '.join(sorted(units[mixed]))}; use one"
+        )
+    remarks = [
+        notice("maneuver-no-optimum", name, advice=result.advice or result.status)
+        for name, result in results.items()
+        if result.status not in ("converged", "target")
+    ]
+    singles = {name: [_alone(r, name) for r in results.values()] for name in names}
+    stretches = {name: _stretch(results.values(), name) for name in names}
+    for i, (label, result) in enumerate(results.items()):
+        if "conditional" in result.uncertainty or max(stretches.values()) <= 1.0:
+            continue
+        remarks.append(notice("widened-as-others", label, ratio=float(np.median(list(stretches.values())))))
+        for name, several in singles.items():
+            several[i] = replace(several[i], std_error=several[i].std_error * stretches[name])
+    compared = {name: scatter(several) for name, several in singles.items()}
+    return Repeatability(tuple(range(len(results))), compared, tuple(remarks))
+
+
+def _stretch(results: Iterable[Result], name: str) -> float:
+    """Return by how much the maneuvers of results widen the error of a parameter, prior taken out; at least 1."""
+    ratios = [1.0]
+    for result in results:
+        whole, conditional = _alone(result, name), result.uncertainty.get("conditional")
+        if conditional is not None and whole.counted:
+            given = _alone(result, name, conditional.parameters[name].std_error)
+            ratios += [whole.std_error / given.std_error] if given.counted else []
+    return max(ratios)
+
+
+def _overlap(one: ManeuverResult, two: ManeuverResult) -> bool:
+    fitted = one.role == two.role == "fit" and one.flight == two.flight
+    return fitted and one.start < two.stop and two.start < one.stop
+
+
+def _digests(result: Result) -> dict[str, str]:
+    """Return the contents of the flights that were fitted, by name."""
+    flights = {m.flight for m in result.maneuvers}
+    return {Path(n).stem: digest for n, digest in result.inputs.items() if {n, Path(n).stem} & flights}
+
+
+def _alone(result: Result, name: str, std_error: float | None = None) -> SingleEstimate:
+    """Return an estimate of a result without its prior, with its corrected or another standard error."""
+    p, plain = result.parameters[name], result.uncertainty.get("cramer_rao")
+    std = plain.parameters[name].std_error if plain is not None else p.std_error
+    share = float(np.nan_to_num((std / p.prior_std) ** 2))
+    error = p.std_error if std_error is None else std_error
+    one = without_prior(p.estimate, error, share, p.prior_mean, p.prior_std)
+    return replace(one, counted=one.counted and p.identifiable and not p.at_bound)
 
 
 def _estimates(fit: Fit, bars: ErrorBars) -> dict[str, SingleEstimate]:

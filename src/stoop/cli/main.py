@@ -40,6 +40,10 @@ VERBS: Final[dict[str, tuple[str, str]]] = {
         "stoop.cli.models:validate",
         "predict flights with an identified model that was not fitted to them",
     ),
+    "agreement": (
+        "stoop.cli.models:agreement",
+        "compare flights or maneuvers of one aircraft that were identified apart",
+    ),
     "polar": (
         "stoop.cli.flights:polar",
         "drag polar of a flight without surface channels, with intervals",

@@ -1,4 +1,4 @@
-"""`stoop demo`, `stoop structure` and `stoop validate`: the whole job without a file, terms chosen, flights predicted."""
+"""`stoop demo`, `structure`, `validate` and `agreement`: the job without a file, terms, predictions, flight against flight."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any, Final
 
 from stoop.base.files import check_targets
 from stoop.cli import options
-from stoop.cli.page import busy, numbers, page, words
+from stoop.cli.page import busy, fixed, numbers, page, words
 from stoop.errors import IdentificationError, StoopError
 
 HERE: Final = Path("stoop-demo")
@@ -179,4 +179,47 @@ def validate(arguments: argparse.Namespace) -> int:
     out.bullets(record.notes, "found while preparing the data")
     out.line()
     out.line(f"page: {arguments.output / NAMES[0]}")
+    return 0
+
+
+def agreement_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `stoop agreement`."""
+    results = "folders of stoop identify, or the result.json in them: flights or maneuvers of one aircraft, fitted apart"
+    parser.add_argument("result", metavar="RESULT", type=Path, nargs="+", help=results)
+
+
+def agreement(arguments: argparse.Namespace) -> int:
+    """Print whether results agree within their error bars, parameter by parameter and over all."""
+    from stoop.assessment.uncertainty import agreement as compared
+    from stoop.workflow.outputs import read_identified
+
+    if len(set(arguments.result)) < 2:
+        arguments.complain("two results or more are compared; name each once")
+    results = {str(path): read_identified(path).result for path in arguments.result}
+    found, out = compared(results), page()
+    told = {name: one for name, one in found.parameters.items() if one.verdict}
+    columns = [
+        words("parameter", told),
+        words("unit", (results[str(arguments.result[0])].parameters[n].unit for n in told)),
+    ]
+    for i, path in enumerate(arguments.result, 1):
+        own = [one.singles[i - 1] for one in told.values()]
+        out.line(f"{i}: {path}")
+        columns.append(
+            numbers(f"{i}, without prior", [one.estimate if one.counted else float("nan") for one in own])
+        )
+        columns.append(numbers("std error", [one.std_error if one.counted else float("nan") for one in own]))
+    columns.append(fixed("chi-square", [one.chi_square for one in told.values()], 2))
+    columns.append(fixed("degrees", [one.degrees for one in told.values()], 0))
+    out.table(*columns, words("", [one.verdict for one in told.values()]))
+    out.line()
+    if told:
+        agreeing = sum(one.verdict == "agree" for one in told.values())
+        out.line(
+            f"{agreeing} of {len(told)} parameters ({100 * found.share_agreeing:.0f} %) agree within 95 %; the scatter is "
+            f"{found.scatter_ratio:.2f} times that of the error bars"
+        )
+    else:
+        out.line("no parameter is determined by two of the results without its prior")
+    out.bullets(found.remarks, "notes")
     return 0

@@ -130,6 +130,12 @@ class Repeatability:
         )
 
     @property
+    def share_agreeing(self) -> float:
+        """Share of the compared parameters whose scatter 95 % error bars explain; NaN where nothing is compared."""
+        verdicts = [one.verdict for one in self.parameters.values() if one.verdict]
+        return verdicts.count("agree") / len(verdicts) if verdicts else NAN
+
+    @property
     def scatter_ratio(self) -> float:
         """Scatter of the maneuvers over their error bars, over all parameters; NaN where nothing is compared."""
         compared = [one for one in self.parameters.values() if one.verdict]

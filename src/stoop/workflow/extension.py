@@ -23,6 +23,7 @@ from stoop.assessment.error_bars import ErrorBars, error_bars
 from stoop.assessment.extensions import extension_tests
 from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice, notice
+from stoop.errors import VehicleError
 from stoop.estimate import methods
 from stoop.estimate.fit import Fit, Options
 from stoop.estimate.predict import expected_biases, fitted_model, predict
@@ -32,8 +33,9 @@ from stoop.problem.windows import Window
 from stoop.results.extensions import ExtensionTest
 from stoop.vehicle import Vehicle
 from stoop.vehicle.document import with_entries
-from stoop.vehicle.extensions import extended
+from stoop.vehicle.extensions import Extension, extended
 
+MAX_HALVINGS: Final = 4  #: of a change with which a vehicle is impossible
 MAX_ROUNDS: Final = 5
 CONFIDENCE: Final = (
     2.0  #: standard errors by which a held-back window must speak against an extension to refuse it
@@ -93,7 +95,7 @@ def extend(
         tried: list[tuple[ExtensionTest, Candidate, float]] = []
         for name in (found[0].name, *found[0].rivals[:MAX_RIVALS]):
             watch(f"extension: {name}")
-            longer = with_entries(best.vehicle, known[name].free_entries(tests[name].change))
+            longer = _freed(best.vehicle, known[name], tests[name].change)
             candidate = _fit(longer, flights, fitted, held_back, options)
             tried.append((tests[name], candidate, _gain(best.fit, candidate.fit)))
         test, better, gain = max(tried, key=lambda one: one[2])
@@ -110,6 +112,16 @@ def extend(
             break
         best = better
     return Extended(best.vehicle, tuple(notices))
+
+
+def _freed(vehicle: Vehicle, extension: Extension, change: float) -> Vehicle:
+    """Return the vehicle with an extension free, begun where the linear test has it, or nearer where no vehicle can have that."""
+    for _ in range(MAX_HALVINGS):
+        try:
+            return with_entries(vehicle, extension.free_entries(change))
+        except VehicleError:  # an inertia of no body, say: the test overshoots
+            change *= 0.5
+    return with_entries(vehicle, extension.free_entries(change))
 
 
 def _fit(

@@ -7,8 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from stoop.assessment.uncertainty import scatter, without_prior
-from stoop.results.uncertainty import SingleEstimate
+from stoop.assessment.uncertainty import agreement, scatter, without_prior
+from stoop.errors import StoopError
+from stoop.results.result import Covariance, ManeuverResult, NoiseCovariance, ParameterEstimate, Result
+from stoop.results.uncertainty import Interval, MethodIntervals, SingleEstimate
 
 
 def singles(values: list[float], errors: list[float]) -> list[SingleEstimate]:
@@ -63,3 +65,72 @@ def test_where_the_prior_knows_more_nothing_is_counted() -> None:
     assert not without_prior(1.0, 0.5, 0.8, 1.0, 0.55).counted
     assert without_prior(1.0, 0.5, 0.0, math.nan, math.nan) == SingleEstimate(1.0, 0.5, counted=True)
     assert not without_prior(1.0, math.inf, 0.0, math.nan, math.nan).counted
+
+
+def result(
+    estimates: dict[str, float], error: float, flight: str, prior: float = math.nan, **changes: object
+) -> Result:
+    """Return a result of one maneuver whose every estimate has the same standard error, the prior's part included."""
+    empty = np.empty((0, 0))
+    parameters = {
+        n: ParameterEstimate(v, error, prior_mean=0.0, prior_std=prior) for n, v in estimates.items()
+    }
+    given = {
+        "parameters": parameters, "covariance": Covariance((), empty), "noise_covariance": NoiseCovariance((), empty),
+        "initial_states": (), "biases": (), "wind": (), "cost": 1.0, "trajectories": 1.0, "seconds": 1.0, "seed": 0,
+        "optimizer": "", "status": "converged", "inputs": {f"{flight}.nc": flight},
+        "maneuvers": (ManeuverResult(flight, 0.0, 10.0, "fit", (), {}),),
+        "uncertainty": {"cramer_rao": MethodIntervals({n: Interval(error) for n in estimates})},
+    }  # fmt: skip
+    return Result(**{**given, **changes})  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("prior", [math.nan, 0.5])
+def test_flights_with_right_error_bars_agree_in_19_parameters_of_20(prior: float) -> None:
+    """Also where a prior pulls both toward its mean, beside which they agree too well."""
+    random, names = np.random.default_rng(1), [f"C{i}" for i in range(2000)]
+    pull = (
+        1.0 / (1.0 + 0.4**2 / prior**2) if prior > 0.0 else 1.0
+    )  # of an estimate with a standard error of 0.4
+    truth = random.normal(0.0, 0.5, len(names))
+    flights = [
+        result(
+            dict(zip(names, (pull * random.normal(truth, 0.4)).tolist(), strict=True)),
+            0.4 * math.sqrt(pull),
+            flight,
+            prior,
+        )
+        for flight in ("one", "two")
+    ]
+    found = agreement({r.maneuvers[0].flight: r for r in flights})
+    assert found.share_agreeing == pytest.approx(0.95, abs=0.015)
+    assert found.scatter_ratio == pytest.approx(1.0, abs=0.05)
+
+
+def test_what_cannot_be_compared_is_refused_or_not_counted() -> None:
+    one = result({"a": 1.0, "b": 1.0, "c": 0.0}, 0.1, "one")
+    held = {"a": ParameterEstimate(2.0, 0.1), "b": ParameterEstimate(9.0, 0.1, at_bound=True)}
+    two = result({"a": 2.0, "b": 9.0}, 0.1, "two", parameters=held, status="budget", advice="allow more")
+    found = agreement({"one": one, "two": two})
+    assert [n for n, p in found.parameters.items() if p.verdict] == ["a"]
+    assert [n.code for n in found.remarks] == ["maneuver-no-optimum"]
+    with pytest.raises(StoopError, match="share samples"):
+        agreement({"one": one, "again": result({"a": 1.0}, 0.1, "one")})
+    with pytest.raises(StoopError, match="no parameter was estimated in all"):
+        agreement({"one": one, "two": result({"z": 1.0}, 0.1, "two")})
+    with pytest.raises(StoopError, match="has units"):
+        agreement(
+            {"one": one, "two": result({}, 0.1, "two", parameters={"a": ParameterEstimate(1.0, unit="s")})}
+        )
+
+
+def test_one_maneuver_takes_the_scatter_that_the_maneuvers_of_another_result_show() -> None:
+    both = {
+        "cramer_rao": MethodIntervals({"a": Interval(0.1)}),
+        "conditional": MethodIntervals({"a": Interval(0.1)}),
+    }
+    several = result({"a": 1.0}, 0.3, "one", uncertainty=both)
+    found = agreement({"one": several, "two": result({"a": 1.5}, 0.2, "two")})
+    assert [one.std_error for one in found.parameters["a"].singles] == pytest.approx([0.3, 0.6])
+    assert found.parameters["a"].chi_square == pytest.approx(0.25 / (0.3**2 + 0.6**2))
+    assert [n.code for n in found.remarks] == ["widened-as-others"]

@@ -6,10 +6,13 @@ from pathlib import Path
 
 import pytest
 
+from stoop.errors import VehicleError
 from stoop.estimate.fit import Options
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.vehicle.document import with_entries
+from stoop.vehicle.extensions import extended
 from stoop.vehicle.load import load_vehicle
+from stoop.workflow.extension import _freed
 from stoop.workflow.identification import identify
 from tests.unit.assessment.test_extensions import DURATION, STEPS, flights
 
@@ -46,3 +49,17 @@ def test_right_model_stays() -> None:
     job = identify(base, list(flights(base, 5).values()), WINDOWS, (), Options(seed=1), extend=True)
     assert not [n for n in job.notices if n.code.startswith("extension")]
     assert job.vehicle.structure == base.structure
+
+
+def test_a_change_to_an_impossible_body_begins_nearer_the_present_value() -> None:
+    """The linear test of one moment of inertia overshoots to less than the others' difference."""
+    vehicle = resolve_vehicle("quad-x")
+    own = vehicle.value("mass.inertia.xx")
+    (inertia,) = (one for one in extended(vehicle)[1] if one.name == "mass.inertia.xx")
+    change = next(c for c in (-0.9 * own, -0.9) if 0.0 < inertia.value(c) < 0.2 * own)
+    with pytest.raises(VehicleError, match="principal moment"):
+        with_entries(vehicle, inertia.free_entries(change))
+    begun = _freed(vehicle, inertia, change)
+    (xx,) = (p for p in begun.parameters if p.name == "mass.inertia.xx")
+    assert xx.free
+    assert 0.2 * own < xx.value < own
