@@ -128,7 +128,12 @@ class MethodChoice:
         fitter = find(self.name).fitter()
         if not self.instead:
             found = fitter(vehicle, *problem, state)
-            return self.name, replace(found, notices=(*self.notices, *found.notices))
+            biased: tuple[Notice, ...] = ()
+            if any(n.code == "gusts-ignored" for n in self.notices):
+                from stoop.estimate.gust_bias import gust_bias
+
+                biased = gust_bias(found, flights)
+            return self.name, replace(found, notices=(*self.notices, *biased, *found.notices))
         from stoop.estimate.gusts import unexplained, with_turbulence
 
         try:

@@ -21,7 +21,7 @@ from stoop.flight.flight import from_columns
 from stoop.parallel import Given
 from stoop.problem.windows import Window
 from stoop.simulation import initial_states, parameter_rows
-from stoop.vehicle import Vehicle
+from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import builtin_vehicle
 from stoop.workflow.summary import prior_conflicts
 
@@ -183,3 +183,18 @@ def test_a_bias_that_takes_up_a_wrong_mass_contradicts_its_prior(
     found = prior_conflicts(fit)
     assert tuple(n.subject for n in found) == contradicted
     assert [n.values["prior"] for n in found] == [0.2] * len(contradicted)
+
+
+def test_a_turned_inertial_unit_with_scale_errors_is_in_the_equations() -> None:
+    """At the truth the accelerations of the equations are those that the instruments tell."""
+    text = builtin_vehicle("quad-x").text + (
+        "\n[sensors]\nimu_alignment = [0.05, -0.04, 0.3]\naccelerometer_position = [0.05, 0.0, -0.02]\n"
+        "p = { scale = 1.1 }\nr = { scale = 0.9 }\naz = { scale = 1.05 }\n"
+    )
+    vehicle = parse_vehicle(text, "turned")
+    flight = flown(vehicle, False, {})
+    problem, _ = estimation_problem(vehicle, {"quad": flight}, [Window("quad", 0.0, 3.99)], Options())
+    (stretch,) = RotorEquations.of(problem.layout, problem.pieces).stretches
+    inside = slice(20, -20)
+    error = (stretch.measured - stretch.modeled(vehicle, parameter_rows(vehicle, {})))[inside]
+    assert np.all(np.abs(error).max(axis=0) < 0.02 * np.ptp(stretch.measured[inside], axis=0))
