@@ -11,7 +11,8 @@ with the autocovariance :math:`R_{vv}` of the residuals, so that colored residua
 the priors, and gaps between windows are residuals like others. The gain of
 log-likelihood is t^2/2, the value that the extension would take is its null value plus :math:`\hat\delta`, and
 :math:`\Delta\hat\theta` is how far the parameters would move. The level is divided by the number of tests. The
-strongest are tested again with the color of the residuals that they would leave, so that they can be told from each other,
+strongest, significant or not, are tested again with the color of the residuals that they would leave: what is missing colors
+them, which hides it, and makes others hard to tell from it,
 and what is significant once more with the strongest extension among the unknowns.
 
 References
@@ -195,16 +196,18 @@ def extension_tests(fit: Fit, bars: ErrorBars) -> ExtensionTests:
             for segment, readings, gap in zip(segments, found.pieces, gaps, strict=True)
         ]
 
+        def strongest(of: Scores) -> list[int]:
+            """Return the extensions that make sense, the strongest first."""
+            changes = of.change.tolist()
+            sense = [one.believes(change) for one, change in zip(found.extensions, changes, strict=True)]
+            return [j for j in np.argsort(-of.gain, kind="stable") if sense[j]]
+
         def significant(of: Scores) -> list[int]:
-            """Return the extensions that are significant and make sense, the strongest first."""
-            makes_sense = [
-                one.believes(change) for one, change in zip(found.extensions, of.change.tolist(), strict=True)
-            ]
-            believed = np.array(makes_sense) & (of.p_value < LIMITS.level)
-            return [j for j in np.argsort(-of.gain, kind="stable") if believed[j]]
+            """Return those of them that are significant."""
+            return [j for j in strongest(of) if of.p_value[j] < LIMITS.level]
 
         first = scores(
-            segments, prior, responses, lambda of: significant(of)[: LIMITS.leaders], bars.uncertainty.noise
+            segments, prior, responses, lambda of: strongest(of)[: LIMITS.leaders], bars.uncertainty.noise
         )
         each, order = list(zip(found.extensions, first.change.tolist(), strict=True)), significant(first)
         beside = np.full(len(each), np.nan)
