@@ -19,11 +19,8 @@ from typing import Final
 import numpy as np
 
 from stoop.base.arrays import FloatArray
-from stoop.errors import IdentificationError
-from stoop.estimate.filter_gains import STATED, Noise, Steady, first_guess
-from stoop.estimate.filter_likelihood import Likelihood
 from stoop.estimate.fit import DEFAULTS, estimation_problem, starts
-from stoop.estimate.linearization import linearized, measured_points, undelayed
+from stoop.estimate.linearization import linearized, measured_points
 from stoop.flight import Flight
 from stoop.problem import Misfit, Piece
 from stoop.problem.windows import Window
@@ -78,18 +75,11 @@ def largest_growth(problem: Misfit, z: FloatArray) -> Growth:
 
 
 def growth_at_start(vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence[Window]) -> Growth:
-    """Return the largest growth over windows at the start that predicts the record best from sample to sample.
+    """Return the largest growth over windows at the start where it is smaller: the file's values or the regression.
 
-    It is the file's values or the regression; predictions are those of the filter of stabilized output error, which stays near
-    the record with either.
+    Where a window excites little, the regression makes stable vehicles unstable; one that is unstable is so by both.
     """
     problem, _ = estimation_problem(vehicle, flights, windows, DEFAULTS)
-    points = [np.concatenate([x, np.zeros(problem.extra)]) for x in starts(problem)]
-    try:
-        shifted = undelayed(problem)
-    except IdentificationError:  # a free delay: the regression, where there is one
-        return largest_growth(problem, points[-1])
-    noise = Noise(vehicle, first_guess(vehicle, problem.pieces), stated=STATED)
-    ends = [np.concatenate([z, noise.start]) for z in points]
-    costs = [Likelihood.of(shifted, noise, Steady(), end).cost(end) for end in ends]
-    return largest_growth(problem, points[int(np.argmin(costs))])
+    nuisances = np.zeros(problem.extra)
+    each = [largest_growth(problem, np.concatenate([x, nuisances])) for x in starts(problem)]
+    return min(each, key=lambda one: one.rate * one.seconds)

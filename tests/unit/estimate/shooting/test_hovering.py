@@ -279,3 +279,22 @@ def test_the_log_of_another_vehicle_is_recognized(start, flight):
     moving = {n: flight.column("motor_1") for n in constant}
     (one,) = foreign_motors(start, changed(flight, **moving), WINDOW)
     assert (one.code, one.values["channels"]) == ("foreign-motors", ("motor_5", "motor_6"))
+
+
+@pytest.mark.parametrize(("name", "wrong"), [("mass.mass", 1.2), ("mass.inertia.xx", 1.5)])
+def test_a_wrong_mass_or_inertia_is_named_and_its_value_comes_out(quad_and_flight, name, wrong):
+    """Thrust takes up the error silently: thrust nearly independent of the command, and much more drag."""
+    vehicle, calm = quad_and_flight
+    off = vehicle.with_numbers({name: {"value": wrong * vehicle.value(name)}})
+    given = identify(off, calm, ["0:11"], validate=["11.5:16"]).result
+    assert given.extensions.found[0].name == name
+    assert name == "mass.inertia.xx" or given.verdict.grade == "do not use"
+    longer = identify(off, calm, ["0:11"], validate=["11.5:16"], extend=True).result
+    assert longer.parameters[name].estimate == pytest.approx(vehicle.value(name), rel=0.01)
+    assert longer.verdict.grade == "usable"
+
+
+@pytest.fixture(scope="module")
+def quad_and_flight():
+    vehicle = resolve_vehicle("quad-x")
+    return vehicle, simulate_flight(vehicle, parse_maneuver(maneuver_text(), "m"), seed=1, name="sim")
