@@ -248,23 +248,35 @@ class Coloring:
     inverse: Inverse  #: of the information that the fit used, priors included
     prior: FloatArray  #: (k, k); information of the priors
 
-    def noise(self, others: Sequence[FloatArray] | None = None) -> ColoredNoise:
-        """Return the noise behind the residuals: their color, with what the fit absorbed added back.
+    white: bool = False  #: whether residuals are uncorrelated by construction: no color is looked for
 
-        With residuals v - S d and d = D^-1 S' v, the lagged products of v exceed those of the residuals by the mean of
-        S d v' + v d' S' - S d d' S'; channels are taken one by one. `others` (n, n_y) of each segment, zero where nothing
-        was measured, take the place of the residuals.
+    @classmethod
+    def of(cls, pieces: Sequence[PieceEvidence], prior: FloatArray, white: bool = False) -> Coloring:
+        """Return the coloring of a fit with the information (k, k) of priors and gaps."""
+        return cls(tuple(pieces), invert(data_information(pieces) + prior), prior, white)
+
+    @cached_property
+    def noise(self) -> ColoredNoise:
+        """The noise behind the residuals of the fit."""
+        return self.noise_behind([segment.filled()[0] for segment in self.segments])
+
+    def noise_behind(self, residuals: Sequence[FloatArray]) -> ColoredNoise:
+        """Return the noise behind residuals (n, n_y), zero where nothing was measured, of each segment.
+
+        It is their color, with what the fit absorbed added back: with residuals v - S d and d = D^-1 S' v, the lagged
+        products of v exceed those of the residuals by the mean of S d v' + v d' S' - S d d' S'; channels are taken one by one.
         """
+        if self.white:
+            return ColoredNoise.white(residuals[0].shape[1])
         lengths = [len(segment.residual) for segment in self.segments]
         order = max(1, min(MAX_ORDER, sum(lengths) // SAMPLES_PER_LAG, min(lengths) - 1))
-        residuals = list(others) if others is not None else [s.filled()[0] for s in self.segments]
         present = [segment.present.astype(np.float64) for segment in self.segments]
         sums, counts = lagged_products(residuals, present, order)
         share, pairs = counts / np.maximum(counts[:, :1], 1.0), np.maximum(counts, 1.0)
-        autocovariance = sums / pairs
+        autocovariance, blocks = sums / pairs, self.single_blocks
         for _ in range(ROUNDS):
-            spectra = [_power(*autoregressions(autocovariance), block.size) for block in self.blocks]
-            own = list(zip(self.blocks, spectra, strict=True))
+            process = autoregressions(autocovariance)
+            own = [(block, _power(*process, block.size)) for block in blocks]
             spread = self.spread([block.separate_middle(power) for block, power in own])
             absorbed = np.zeros_like(share)
             for block, power in own:
@@ -276,10 +288,10 @@ class Coloring:
     def _coherent(self, noise: ColoredNoise, residuals: Sequence[FloatArray]) -> ColoredNoise:
         """Return the noise with the coherency of its innovations between channels, what the fit absorbed added back."""
         edges = band_edges(sum(len(s.residual) for s in self.segments), len(noise.coefficients))
-        pairs = zip(self.blocks, residuals, strict=True)
+        pairs = zip(self.single_blocks, residuals, strict=True)
         powers = sum(block.cross_powers(noise, residual, edges) for block, residual in pairs)
         found = replace(noise, edges=edges, coherency=normalized_coherency(np.asarray(powers)))
-        white = [block.whitened(found) for block in self.blocks]
+        white = [block.whitened(found) for block in self.single_blocks]
         for _ in range(ROUNDS):
             spread, innovations = self.spread([one.middle(found.roots) for one in white]), found.powers
             absorbed = sum(one.absorbed(innovations, spread) for one in white)
@@ -306,6 +318,11 @@ class Coloring:
         """Spectra of the sensitivities, segment by segment."""
         return tuple(_Block.of(segment, self.inverse.factor) for segment in self.segments)
 
+    @cached_property
+    def single_blocks(self) -> tuple[_Block, ...]:
+        """The same in single precision, at twice the speed: enough (1e-7) for what the fit absorbed, a correction."""
+        return tuple(replace(block, parts=block.parts.astype(np.float32)) for block in self.blocks)
+
 
 @dataclass(frozen=True, eq=False)
 class _Block:
@@ -323,14 +340,15 @@ class _Block:
         left, stretch, basis = np.linalg.svd(factor[active], full_matrices=False)
         size = next_fast_len(2 * len(jacobian), real=True)  # the autocovariance does not wrap around
         spectrum = np.asarray(rfft(jacobian[:, :, active] @ (left * stretch), size, axis=0))
-        spectrum *= _scale(size)[:, None, None]
-        return cls(
-            size, basis, np.stack([part.transpose(1, 0, 2) for part in (spectrum.real, spectrum.imag)])
-        )
+        spectrum = (spectrum * _scale(size)[:, None, None]).transpose(1, 0, 2)
+        parts = np.empty((2, *spectrum.shape))
+        parts[0], parts[1] = spectrum.real, spectrum.imag
+        return cls(size, basis, parts)
 
     def separate_middle(self, power: FloatArray) -> FloatArray:
         """Return S' V S (a, a) over this segment for noise with spectra (ny, f) that is independent between channels."""
-        rows = (self.parts * np.sqrt(power)[:, :, None]).reshape(-1, self.parts.shape[-1])
+        root = np.sqrt(power).astype(self.parts.dtype)
+        rows = (self.parts * root[:, :, None]).reshape(-1, self.parts.shape[-1])
         return np.asarray(rows.T @ rows)
 
     @cached_property
@@ -341,8 +359,9 @@ class _Block:
     def lagged(self, power: FloatArray, spread: FloatArray, order: int) -> tuple[FloatArray, FloatArray]:
         """Return the lagged products (ny, order + 1) of S d with v, both ways, and of S d with itself."""
         rows = self.parts.reshape(-1, self.parts.shape[-1])  # one large product, not one per frequency
-        squares = np.einsum("na,na->n", rows @ (self.basis @ spread @ self.basis.T), rows)
-        squared = squares.reshape(self.parts.shape[:3]).sum(axis=0)
+        inner = (self.basis @ spread @ self.basis.T).astype(rows.dtype)
+        squares = np.einsum("na,na->n", rows @ inner, rows)
+        squared = squares.reshape(self.parts.shape[:3]).sum(axis=0, dtype=np.float64)
         wave = np.cos(2.0 * np.pi / self.size * np.outer(np.arange(power.shape[1]), np.arange(order + 1)))
         return 2.0 * (self.strength * power) @ wave, squared @ wave
 
@@ -354,13 +373,17 @@ class _Block:
     def whitened(self, noise: ColoredNoise) -> _Whitened:
         """Return the sensitivities over the frequency response of a noise, and times its conjugate, by its bands."""
         gain, white, colored = noise.gain(self.size).T, [], []
-        shape = (2 * len(gain), -1)
+        inverse, power = (1.0 / gain)[:, :, None], (np.abs(gain) ** 2)[:, :, None].astype(self.parts.dtype)
+        a, b = inverse.real.astype(self.parts.dtype), inverse.imag.astype(self.parts.dtype)
         for band in noise.bands(self.size):
             real, imaginary = self.parts[:, :, band]
-            a, b = (part[:, :, None] for part in ((1.0 / gain[:, band]).real, (1.0 / gain[:, band]).imag))
-            own = np.stack([real * a - imaginary * b, real * b + imaginary * a])
-            white.append(own.reshape(shape))
-            colored.append((own * (np.abs(gain[:, band]) ** 2)[:, :, None]).reshape(shape))
+            own = np.empty((2, *real.shape), self.parts.dtype)
+            np.multiply(real, a[:, band], out=own[0])
+            np.multiply(real, b[:, band], out=own[1])
+            own[0] -= imaginary * b[:, band]
+            own[1] += imaginary * a[:, band]
+            white.append(own.reshape(2 * len(gain), -1))
+            colored.append((own * power[:, band]).reshape(2 * len(gain), -1))
         return _Whitened(self.basis, tuple(white), tuple(colored))
 
 
@@ -377,21 +400,26 @@ class _Whitened:
         total = np.zeros((len(self.basis), len(self.basis)))
         for colored, root in zip(self.colored, roots, strict=True):
             a, b = root.real.T, -root.imag.T
-            rows = (np.block([[a, -b], [b, a]]) @ colored).reshape(-1, len(total))
+            mixing = np.block([[a, -b], [b, a]]).astype(colored.dtype)
+            rows = (mixing @ colored).reshape(-1, len(total))
             total += rows.T @ rows
         return total
+
+    @cached_property
+    def crossed(self) -> ComplexArray:
+        """Products (b, ny, ny) of the sensitivities over the response and times its conjugate."""
+        return np.stack([_hermitian(a @ b.T) for a, b in zip(self.white, self.colored, strict=True)])
 
     def absorbed(self, powers: ComplexArray, spread: FloatArray) -> ComplexArray:
         """Return by how much the whitened periodograms (b, ny, ny) of v exceed those of the residuals v - S d.
 
         `powers` (b, ny, ny) is the covariance of the innovations, `spread` (r, r) that of the scores.
         """
-        inner, out = self.basis @ spread @ self.basis.T, []
-        for white, colored, power in zip(self.white, self.colored, powers, strict=True):
-            crossed = _hermitian(white @ colored.T) @ power
-            squared = _hermitian((white.reshape(-1, len(inner)) @ inner).reshape(white.shape) @ white.T)
-            out.append(crossed + crossed.conj().T - squared)
-        return np.stack(out)
+        inner = (self.basis @ spread @ self.basis.T).astype(self.white[0].dtype)
+        turned = ((white.reshape(-1, len(inner)) @ inner).reshape(white.shape) for white in self.white)
+        squared = np.stack([_hermitian(a @ b.T) for a, b in zip(turned, self.white, strict=True)])
+        crossed = self.crossed @ powers
+        return np.asarray(crossed + crossed.conj().transpose(0, 2, 1) - squared)
 
 
 def _hermitian(products: FloatArray) -> ComplexArray:
