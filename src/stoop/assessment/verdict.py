@@ -202,18 +202,21 @@ def _sizes(result: Result, needed: Sequence[Use]) -> dict[str, float]:
 
 
 def _contradictions(result: Result, sizes: Mapping[str, float]) -> Iterator[Notice]:
-    """Yield the strongest extension where it would move parameters that matter."""
+    """Yield the strongest extension where it would move parameters that matter, or is itself a number of the vehicle."""
     for test in result.extensions.found[:1]:
-        shares = {n: _share(result, n, shift, sizes[n]) for n, shift in test.moves.items() if n in sizes}
-        far = [
-            n for n in shares if abs(test.moves[n]) > LIMITS.moved_errors and shares[n] > LIMITS.moved_share
-        ]
+        moves, shares = dict(test.moves), {}
+        for name in moves.keys() & sizes.keys():
+            shares[name] = _share(result, name, moves[name], sizes[name])
+        present = test.value - test.change
+        if test.kind == "number" and present != 0.0 and not test.name.startswith("sensors."):
+            moves[test.name], shares[test.name] = test.change / test.std_error, abs(test.change / present)
+        far = [n for n in shares if abs(moves[n]) > LIMITS.moved_errors and shares[n] > LIMITS.moved_share]
         if far:
-            name = max(far, key=lambda n: abs(test.moves[n]))
+            name = max(far, key=lambda n: abs(moves[n]))
             code = "verdict-form-one-of" if test.rivals else "verdict-form"
             yield notice(
-                code, test.name, statistic=test.statistic, parameter=name, shift=test.moves[name],
-                share=shares[name], line=test.line, rivals=test.rivals,
+                code, test.name, statistic=test.statistic, parameter=name, shift=moves[name], share=shares[name],
+                line=test.line, rivals=test.rivals,
             )  # fmt: skip
 
 

@@ -75,6 +75,14 @@ def lacking(shift: float, name: str = "Clp") -> ExtensionTests:
     return ExtensionTests(100, 0.01, (found,))
 
 
+def contradicted(name: str, change: float) -> ExtensionTests:
+    """Return tests of which one contradicts a fixed number of 2 and moves nothing else."""
+    found = ExtensionTest(
+        name, "number", 2.0 + change, 0.01, "kg m2", 10.0, 1e-9, 50.0, "line", change=change
+    )
+    return ExtensionTests(100, 0.01, (found,))
+
+
 def codes(found: Verdict) -> list[str]:
     return [one.code for one in found.against]
 
@@ -116,6 +124,7 @@ def test_a_filter_is_judged_by_its_innovations_and_not_by_a_simulation_in_gusts(
         ({"cost": math.nan}, "verdict-no-cost"),
         ({"notices": (notice("sensor-fault", "f", fault="p has the wrong sign"),)}, "sensor-fault"),
         ({"extensions": lacking(-11.8)}, "verdict-form"),
+        ({"extensions": contradicted("mass.inertia.xx", 0.3)}, "verdict-form"),
         (
             {"maneuvers": (*result().maneuvers[:2], maneuver(10.0, "validation", p=LOST, V=LOST))},
             "verdict-trivial",
@@ -143,6 +152,8 @@ def test_refused(changes: dict[str, Any], code: str) -> None:
     [
         ({"extensions": lacking(-11.8, "Clr")}, "verdict-lacks"),
         ({"extensions": lacking(0.9 * LIMITS.moved_errors)}, "verdict-lacks"),
+        ({"extensions": contradicted("mass.inertia.xx", 0.08)}, "verdict-lacks"),
+        ({"extensions": contradicted("sensors.az.scale", 0.3)}, "verdict-lacks"),
         ({"extensions": ExtensionTests()}, "verdict-not-tested"),
         ({"maneuvers": result().maneuvers[:2]}, "verdict-no-held-back"),
         ({"maneuvers": result().maneuvers[1:]}, "verdict-one-maneuver"),
