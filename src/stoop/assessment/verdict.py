@@ -45,7 +45,9 @@ class Limits:
     )
     r2: float = 0.0  #: coefficient of determination below which a curve is worse than its mean
     size: float = 1e3  #: rms error over the noise of the fit, beyond which a simulation has diverged
-    chance: float = 0.01  #: probability of as much scatter below which maneuvers disagree
+    chance: float = (
+        0.01  #: probability below which scatter of maneuvers, or color of innovations, is no chance
+    )
 
 
 LIMITS: Final = Limits()
@@ -258,7 +260,12 @@ def _lost(maneuvers: Sequence[ManeuverResult], channels: Iterable[str]) -> tuple
 
 
 def _beaten(one: GoodnessOfFit) -> bool:
-    """Whether a trivial model matches as well; not where only noise is left, or nothing but noise was flown."""
+    """Whether a trivial model matches as well; not where only noise is left, or nothing but noise was flown.
+
+    A model in gusts predicts from sample to sample: there its innovations must be as small as it says.
+    """
+    if one.innovations.known:
+        return one.within < LIMITS.inside
     worse_than_mean = one.r2 < LIMITS.r2 and one.whiteness.verdict != "white" and not one.below_noise
     return one.lost or worse_than_mean
 
@@ -308,10 +315,18 @@ def _doubts(result: Result) -> list[Notice]:
     if not any(m.role == "validation" for m in result.maneuvers):
         found.append(notice("verdict-no-held-back"))
     for m in result.maneuvers:
-        outside = tuple(c for c, one in m.channels.items() if one.inside < LIMITS.inside)
+        outside = tuple(c for c, one in m.channels.items() if one.within < LIMITS.inside)
         if outside:
-            least = min(m.channels[c].inside for c in outside)
+            least = min(m.channels[c].within for c in outside)
             found.append(notice("verdict-outside", m.window, channels=outside, least=least))
+    filtered = [(c, one.innovations) for m in result.maneuvers for c, one in m.channels.items()]
+    filtered = [(c, one) for c, one in filtered if one.whiteness.verdict]
+    colored = [c for c, one in filtered if one.whiteness.p_value < LIMITS.chance]
+    if filtered and binom.sf(len(colored) - 1, len(filtered), LIMITS.chance) < LIMITS.chance:
+        names = tuple(dict.fromkeys(colored))
+        found.append(
+            notice("verdict-innovations", channels=names, colored=len(colored), compared=len(filtered))
+        )
     if not result.extensions.tested:
         found.append(notice("verdict-not-tested", result.method))
     if sum(m.role == "fit" for m in result.maneuvers) < 2:

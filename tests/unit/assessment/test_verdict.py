@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 import math
 from typing import Any
 
@@ -15,6 +16,7 @@ from stoop.results.extensions import ExtensionTest, ExtensionTests
 from stoop.results.result import (
     Covariance,
     GoodnessOfFit,
+    InnovationFigures,
     ManeuverResult,
     NoiseCovariance,
     ParameterEstimate,
@@ -39,6 +41,10 @@ USES = (
 )
 MATCHED, LOST = GoodnessOfFit(0.1, 0.1, 0.9, 0.2), GoodnessOfFit(0.5, 0.5, 0.1, 0.2)
 
+WHITE, COLORED = (
+    InnovationFigures(1.0, 0.95, Whiteness(0.0, 20.0, 20, p, "white" if p > 0.05 else "colored"))
+    for p in (0.5, 1e-6)
+)
 OUTSIDE = dataclasses.replace(MATCHED, inside=0.4)
 
 
@@ -87,6 +93,28 @@ def test_trusted() -> None:
     assert found.justified == ("control design", "simulation", "performance")
     assert [one.code for one in found.reasons] == ["verdict-form-holds", "verdict-predicted", "verdict-agree"]
     assert str(found.headline) == "Trusted for control design, simulation and performance"
+
+
+def in_gusts(figures: InnovationFigures) -> Result:
+    """Return a result whose simulation of the held-back window lost to a lag and left its band."""
+    lost = dataclasses.replace(LOST, inside=0.3, innovations=figures)
+    held_back = maneuver(10.0, "validation", p=lost, V=lost)
+    return result(maneuvers=(*result().maneuvers[:2], held_back))
+
+
+def test_a_filter_is_judged_by_its_innovations_and_not_by_a_simulation_in_gusts() -> None:
+    assert verdict(in_gusts(WHITE), USES).grade == "trusted"
+    found = verdict(in_gusts(COLORED), USES)
+    assert found.grade == "usable"
+    assert codes(found) == ["verdict-innovations"]
+    found = verdict(in_gusts(dataclasses.replace(COLORED, rms=5.0, inside=0.4)), USES)
+    assert found.grade == "do not use"
+    assert {"verdict-trivial", "verdict-outside", "verdict-innovations"} <= set(codes(found))
+    old = json.loads(to_json(in_gusts(WHITE)))
+    for one in old["maneuvers"]:
+        for channel in one["channels"].values():
+            del channel["innovations"]
+    assert verdict(from_json(json.dumps(old)), USES).grade == "do not use"
 
 
 @pytest.mark.parametrize(
