@@ -27,7 +27,8 @@ MOST_TIME: Final = 1.0  #: of the fit's
 LEAD: Final = f"""\
 Each seed draws maneuvers that move all controls ({len(FLIGHTS)} of {DURATION:.0f} s for the fixed wing), sensor biases, white \
 noise and starting values. The vehicle that flies differs from the file that is identified in one thing, or in none. Gusts are \
-looked for before the fit, and every extension of the catalogue is tested after it; the level is {100 * LIMITS.level:g} % for all tests of a fit together."""
+looked for before the fit; every extension of the catalogue is tested after it, at a level of {100 * LIMITS.level:g} % for all \
+tests of a fit together."""
 WORDS: Final = """\
 A defect is named where the strongest extension, or one that the report calls hard to tell from it, is the defect or what the \
 data cannot tell from it (a lag and a delay of one control, to first order). Harm is the largest error of an estimate of the \
