@@ -46,7 +46,8 @@ from stoop.assessment.assessment import (
     simulated,
     unpacked_optimum,
 )
-from stoop.assessment.covariance import MIN_WINDOWS, NORMAL_95, ColoredNoise, leave_window_out
+from stoop.assessment.coloring import ColoredNoise
+from stoop.assessment.covariance import MIN_WINDOWS, NORMAL_95, leave_window_out
 from stoop.base.arrays import BoolArray, FloatArray
 from stoop.base.notices import Notice, notice
 from stoop.estimate.multiple_shooting import FollowingWindows

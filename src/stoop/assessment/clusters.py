@@ -42,7 +42,8 @@ from typing import Final
 import numpy as np
 from scipy import stats
 
-from stoop.assessment.covariance import NORMAL_95, ColoredNoise, Coloring
+from stoop.assessment.coloring import ColoredNoise, Coloring
+from stoop.assessment.covariance import NORMAL_95
 from stoop.base.arrays import BoolArray, FloatArray
 
 

@@ -15,10 +15,8 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from stoop.assessment.clusters import Scatter, cluster_scatter
+from stoop.assessment.coloring import ColoredNoise, Coloring, autocorrelation
 from stoop.assessment.covariance import (
-    ColoredNoise,
-    Coloring,
-    autocorrelation,
     data_information,
     marked,
     standard_errors,

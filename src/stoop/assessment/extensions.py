@@ -32,14 +32,8 @@ import numpy as np
 from scipy.stats import norm
 from threadpoolctl import threadpool_limits
 
-from stoop.assessment.covariance import (
-    MIN_WINDOWS,
-    ColoredNoise,
-    Coloring,
-    by_window,
-    leave_windows_out,
-    window_scatter,
-)
+from stoop.assessment.coloring import ColoredNoise, Coloring
+from stoop.assessment.covariance import MIN_WINDOWS, by_window, leave_windows_out, window_scatter
 from stoop.assessment.error_bars import ErrorBars
 from stoop.assessment.verdict import CONFIRMED
 from stoop.base.arrays import BoolArray, FloatArray, IntArray

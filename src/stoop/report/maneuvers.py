@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 from markupsafe import Markup
 
-from stoop.assessment.covariance import autocorrelation
+from stoop.assessment.coloring import autocorrelation
 from stoop.base.arrays import FloatArray, runs
 from stoop.base.numbers import NOTHING, count, factor_and_unit, number, share, window
 from stoop.base.variables import VARIABLES

@@ -11,7 +11,7 @@ from scipy.signal import lfilter
 
 from stoop.assessment.assessment import Optimum, linearize, refit
 from stoop.assessment.bootstrap import ColoredBlocks, block_length, percentiles, shifts, whitened
-from stoop.assessment.covariance import ColoredNoise
+from stoop.assessment.coloring import ColoredNoise
 from stoop.assessment.error_bars import estimate_uncertainty
 from stoop.problem.evidence import PieceEvidence
 

@@ -7,7 +7,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 from stoop.assessment.clusters import Moves, cluster_moves, cluster_scatter, moderated_scatter
-from stoop.assessment.covariance import NORMAL_95, ColoredNoise, Coloring, data_information
+from stoop.assessment.coloring import ColoredNoise, Coloring
+from stoop.assessment.covariance import NORMAL_95, data_information
 from stoop.problem.evidence import PieceEvidence, invert
 
 SAMPLES, PARAMETERS, OWN = 60, 12, 2

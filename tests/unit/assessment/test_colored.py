@@ -7,13 +7,8 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.signal import lfilter
 
-from stoop.assessment.covariance import (
-    NORMAL_95,
-    ColoredNoise,
-    Coloring,
-    data_information,
-    standard_errors,
-)
+from stoop.assessment.coloring import ColoredNoise, Coloring
+from stoop.assessment.covariance import NORMAL_95, data_information, standard_errors
 from stoop.assessment.error_bars import Uncertainty, estimate_uncertainty
 from stoop.problem.evidence import PieceEvidence, invert
 

@@ -8,12 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from stoop.assessment.covariance import (
-    correlation,
-    data_information,
-    marked,
-    standard_errors,
-)
+from stoop.assessment.covariance import correlation, data_information, marked, standard_errors
 from stoop.problem.evidence import PieceEvidence, invert
 
 

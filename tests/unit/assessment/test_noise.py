@@ -9,7 +9,7 @@ from scipy.fft import irfft
 from scipy.linalg import solve_toeplitz
 from scipy.signal import lfilter
 
-from stoop.assessment.covariance import ColoredNoise, autocorrelation, fit_noise
+from stoop.assessment.coloring import ColoredNoise, autocorrelation, fit_noise
 from stoop.estimate.noise import lagged_products
 
 
