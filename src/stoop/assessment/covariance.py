@@ -138,7 +138,7 @@ class ColoredNoise:
     def variance(self, columns: FloatArray) -> FloatArray:
         """Return the variances (m,) of the sums of noise times columns (n, n_y, m)."""
         size = next_fast_len(2 * len(columns), real=True)
-        scale = _scale(size)[:, None, None]
+        scale = half_spectrum_scale(size)[:, None, None]
         transformed = rfft(columns, size, axis=0)
         mixed = self.spectrum(size) @ transformed
         return np.asarray(np.einsum("fim,fim->m", scale**2 * transformed.conj(), mixed).real)
@@ -301,7 +301,9 @@ class _Block:
         left, stretch, basis = np.linalg.svd(factor[active], full_matrices=False)
         size = next_fast_len(2 * len(jacobian), real=True)  # the autocovariance does not wrap around
         spectrum = np.asarray(rfft(jacobian[:, :, active] @ (left * stretch), size, axis=0))
-        return cls(size, basis, np.stack([spectrum.real, spectrum.imag]) * _scale(size)[:, None, None])
+        return cls(
+            size, basis, np.stack([spectrum.real, spectrum.imag]) * half_spectrum_scale(size)[:, None, None]
+        )
 
     def middle(self, noise: ColoredNoise, joint: bool = True) -> FloatArray:
         """Return the double sum (a, a) over this segment: S' V S; on demand without correlation between channels."""
@@ -326,7 +328,11 @@ class _Block:
 
     def cross_powers(self, noise: ColoredNoise, residual: FloatArray, edges: FloatArray) -> ComplexArray:
         """Return the sums (b, ny, ny) over each band of the whitened periodograms of a residual (n, ny)."""
-        white = rfft(residual, self.size, axis=0) * _scale(self.size)[:, None] / noise.gain(self.size)
+        white = (
+            rfft(residual, self.size, axis=0)
+            * half_spectrum_scale(self.size)[:, None]
+            / noise.gain(self.size)
+        )
         return _by_band(white[:, :, None] * white.conj()[:, None, :], edges, self.size)
 
     def absorbed(self, noise: ColoredNoise, spread: FloatArray, edges: FloatArray) -> ComplexArray:
@@ -339,7 +345,7 @@ class _Block:
         return _by_band(total / (gain[:, :, None] * gain.conj()[:, None, :]), edges, self.size)
 
 
-def _scale(size: int) -> FloatArray:
+def half_spectrum_scale(size: int) -> FloatArray:
     """Return factors (size // 2 + 1,) with which squares of a real transform add up to those of the series."""
     twice = np.full(size // 2 + 1, 2.0)
     twice[[0, -1] if size % 2 == 0 else 0] = 1.0
