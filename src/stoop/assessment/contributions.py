@@ -56,9 +56,10 @@ INPUTS: Final = {
 class Limits:
     """Limits of excitation, calibrated on simulated flights (`tests/unit/assessment/test_contributions.py`)."""
 
-    #: share of a contribution that may be noise or systematic; beyond it derivatives in gusts that a method ignores were
-    #: wrong by 0.3 to 2.2 of their values, 2 to 8 standard errors, below it in calm air by their standard errors
+    #: noise and systematic residuals over a contribution, from which it is in doubt: derivatives were wrong by 0.2 to 2.2 of
+    #: their values there, in gusts that a method ignores; in calm air, and with gusts in the model, both stay below 0.2
     doubt: float = 0.5
+    refused: float = 1.0  #: systematic residuals over a contribution, from which no interval is given
     aim: float = 0.1  #: standard error over the value that the advised amplitude is for
 
 
@@ -77,12 +78,12 @@ class Contribution:
 
     @property
     def doubtful(self) -> bool:
-        """Whether so much of it may be noise or systematic that it says little."""
+        """Whether noise and systematic residuals are more than a half of it."""
         return float(np.hypot(self.systematic, self.noise)) > LIMITS.doubt
 
     @property
     def factor(self) -> float:
-        """By how much more motion neither is in doubt."""
+        """By how much more motion leaves no doubt, with the standard error aimed at."""
         return max(self.noise / LIMITS.aim, self.systematic / LIMITS.doubt)
 
 
@@ -118,29 +119,28 @@ def contributions(
 
 
 def contribution_notices(fit: Fit, found: Sequence[Contribution]) -> list[Notice]:
-    """Return the controls and motions whose contribution is in doubt, with the amplitude that would settle it."""
+    """Return which contributions are in doubt, with the amplitudes that would settle it."""
     doubtful = [one for one in found if one.doubtful and np.isfinite(one.noise)]
     if not doubtful:
         return []
     outputs, controls = fit.problem.layout.vehicle.outputs, deflections(fit.problem)
     problem = None if fit.local_problem is None else fit.local_problem()
     columns = tuple(problem.deviations) if isinstance(problem, LinearProblem) else outputs
-    out = []
+    told = []
     for one in doubtful:
         series = controls.get(one.variable)
         if series is None:
             each = [y[:, outputs.index(one.variable)] for y in fit.readings]
             series = np.concatenate([x - np.nanmean(x) for x in each])
         rms = float(np.sqrt(np.nanmean(series**2)))
-        unit, excitation = "deg/s" if one.variable in RATES else "deg", INPUTS.get(one.variable, one.variable)
-        out.append(
-            notice(
-                "contribution-in-doubt", one.variable, rms=rms, needed=rms * one.factor, unit=unit, input=excitation,
-                parameters=one.parameters, noise=one.noise, systematic=one.systematic, channel=columns[one.column],
-                aim=LIMITS.aim,
-            )
-        )  # fmt: skip
-    return out
+        unit = "deg/s" if one.variable in RATES else "deg"
+        now, needed = (np.degrees([rms, rms * one.factor])).tolist()
+        told.append(
+            f"{one.variable} ({now:.2g} {unit} rms: noise {one.noise:.0%}, systematic residuals {one.systematic:.0%} in "
+            f"{columns[one.column]}; {INPUTS.get(one.variable, one.variable)} inputs of {needed:.2g} {unit} rms)"
+        )
+    names = tuple(dict.fromkeys(name for one in doubtful for name in one.parameters))
+    return [notice("contribution-in-doubt", effects=tuple(told), parameters=names, aim=LIMITS.aim)]
 
 
 def _groups(vehicle: Vehicle, free: Mapping[str, int]) -> dict[str, list[str]]:

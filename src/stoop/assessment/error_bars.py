@@ -15,7 +15,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from stoop.assessment.clusters import Scatter, cluster_scatter
-from stoop.assessment.contributions import LIMITS as DOUBT
+from stoop.assessment.contributions import LIMITS as EXCITATION
 from stoop.assessment.contributions import Contribution, contributions
 from stoop.assessment.covariance import (
     ColoredNoise,
@@ -156,7 +156,7 @@ def error_bars(fit: Fit) -> ErrorBars:
             known, found.information, corrected
         )  # what is not known, however alike maneuvers are
         each = contributions(fit.problem.layout.vehicle, evidence, found.information, found.noise)
-        doubtful = {n: c.variable for c in each if c.systematic > DOUBT.doubt for n in c.parameters}
+        doubtful = {n: c.variable for c in each if c.systematic > EXCITATION.refused for n in c.parameters}
         scatter = _scatter(fit, found, sum(u.kind == "parameter" for u in known))
         if scatter is not None:
             stretch = np.ones(len(free))
