@@ -127,21 +127,38 @@ class ColoredNoise:
         ones = np.ones((len(self.coefficients), 1))
         return np.asarray(1.0 / rfft(np.concatenate([ones, -self.coefficients], axis=1), size, axis=1).T)
 
-    def spectrum(self, size: int) -> ComplexArray:
-        """Return the power spectrum (size // 2 + 1, ny, ny) for an FFT of `size`."""
-        gain, power = self.gain(size), self.innovation.astype(np.complex128)[None]
-        if self.edges is not None and self.coherency is not None:
-            std = np.sqrt(np.diag(self.innovation))
-            power = (np.outer(std, std) * self.coherency)[band_numbers(self.edges, size)]
-        return np.asarray(gain[:, :, None] * power * gain.conj()[:, None, :])
+    def bands(self, size: int) -> list[slice]:
+        """Return the frequencies of an FFT of `size` over which the innovations' covariance is one; b of them."""
+        if self.edges is None:
+            return [slice(0, size // 2 + 1)]
+        first = np.searchsorted(band_numbers(self.edges, size), np.arange(len(self.edges)))
+        return [slice(a, b) for a, b in itertools.pairwise(first.tolist())]
+
+    @property
+    def powers(self) -> ComplexArray:
+        """Covariance (b, ny, ny) of the innovations in each band."""
+        if self.edges is None or self.coherency is None:
+            return self.innovation.astype(np.complex128)[None]
+        std = np.sqrt(np.diag(self.innovation))
+        return np.asarray(np.outer(std, std) * self.coherency)
+
+    @property
+    def roots(self) -> ComplexArray:
+        """Matrices L (b, ny, ny) with L L^H the covariance of the innovations in each band."""
+        values, vectors = np.linalg.eigh(self.powers)
+        return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :])
 
     def variance(self, columns: FloatArray) -> FloatArray:
         """Return the variances (m,) of the sums of noise times columns (n, n_y, m)."""
         size = next_fast_len(2 * len(columns), real=True)
-        scale = half_spectrum_scale(size)[:, None, None]
-        transformed = rfft(columns, size, axis=0)
-        mixed = self.spectrum(size) @ transformed
-        return np.asarray(np.einsum("fim,fim->m", scale**2 * transformed.conj(), mixed).real)
+        weight = half_spectrum_scale(size)[:, None] * self.gain(size).conj()
+        colored = rfft(columns, size, axis=0) * weight[:, :, None]
+        total = np.zeros(columns.shape[2])
+        for band, root in zip(self.bands(size), self.roots, strict=True):
+            mixed = root.conj().T @ colored[band]
+            total += np.einsum("fim,fim->m", mixed.real, mixed.real)
+            total += np.einsum("fim,fim->m", mixed.imag, mixed.imag)
+        return total
 
 
 def band_edges(samples: int, channels: int) -> FloatArray:
@@ -190,12 +207,7 @@ def fit_noise(autocovariance: FloatArray, residuals: Sequence[FloatArray]) -> Co
     sequence of (n_i, ny), give the correlation of the innovations between channels.
     """
     channels, order = len(autocovariance), autocovariance.shape[1] - 1
-    coefficients, power = np.zeros((channels, order)), np.zeros(channels)
-    for i, channel in enumerate(autocovariance):
-        possible = channel.copy()
-        least = float(np.linalg.eigvalsh(toeplitz(possible))[0])
-        possible[0] += max(0.0, MIN_POWER * abs(float(possible[0])) - least)
-        coefficients[i], power[i] = _levinson(possible)
+    coefficients, power = autoregressions(autocovariance)
     total = np.zeros((channels, channels))
     for residual in residuals:
         innovations = residual[order:].copy()
@@ -210,15 +222,21 @@ def fit_noise(autocovariance: FloatArray, residuals: Sequence[FloatArray]) -> Co
     return ColoredNoise(coefficients, np.outer(std, std) * related)
 
 
-def _levinson(autocovariance: FloatArray) -> tuple[FloatArray, float]:
-    """Return the coefficients and the innovation's variance by the Levinson-Durbin recursion."""
-    coefficients = np.zeros(0)
-    power = float(autocovariance[0])
-    for order in range(1, len(autocovariance)):
-        rest = float(autocovariance[order] - coefficients @ autocovariance[order - 1 : 0 : -1])
-        reflection = rest / power if power > 0.0 else 0.0
-        coefficients = np.append(coefficients - reflection * coefficients[::-1], reflection)
-        power *= 1.0 - reflection**2
+def autoregressions(autocovariance: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return coefficients (ny, order) and innovation variances (ny,) for an autocovariance (ny, order + 1).
+
+    The Levinson-Durbin recursion, after white noise is added where the autocovariance is impossible.
+    """
+    possible, order = autocovariance.copy(), autocovariance.shape[1] - 1
+    least = np.linalg.eigvalsh(np.stack([toeplitz(channel) for channel in possible]))[:, 0]
+    possible[:, 0] += np.maximum(0.0, MIN_POWER * np.abs(possible[:, 0]) - least)
+    coefficients, power = np.zeros((len(possible), 0)), possible[:, 0].copy()
+    for n in range(1, order + 1):
+        rest = possible[:, n] - np.sum(coefficients * possible[:, n - 1 : 0 : -1], axis=1)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            reflection = np.where(power > 0.0, rest / power, 0.0)[:, None]
+        coefficients = np.hstack([coefficients - reflection * coefficients[:, ::-1], reflection])
+        power *= 1.0 - reflection[:, 0] ** 2
     return coefficients, power
 
 
@@ -230,44 +248,60 @@ class Coloring:
     inverse: Inverse  #: of the information that the fit used, priors included
     prior: FloatArray  #: (k, k); information of the priors
 
-    def noise(self, others: Sequence[FloatArray] | None = None) -> ColoredNoise:
-        """Return the noise behind the residuals: their color, with what the fit absorbed added back.
+    white: bool = False  #: whether residuals are uncorrelated by construction: no color is looked for
 
-        With residuals v - S d and d = D^-1 S' v, the lagged products of v exceed those of the residuals by the mean of
-        S d v' + v d' S' - S d d' S'; channels are taken one by one. `others` (n, n_y) of each segment, zero where nothing
-        was measured, take the place of the residuals.
+    @classmethod
+    def of(cls, pieces: Sequence[PieceEvidence], prior: FloatArray, white: bool = False) -> Coloring:
+        """Return the coloring of a fit with the information (k, k) of priors and gaps."""
+        return cls(tuple(pieces), invert(data_information(pieces) + prior), prior, white)
+
+    @cached_property
+    def noise(self) -> ColoredNoise:
+        """The noise behind the residuals of the fit."""
+        return self.noise_behind([segment.filled()[0] for segment in self.segments])
+
+    def noise_behind(self, residuals: Sequence[FloatArray]) -> ColoredNoise:
+        """Return the noise behind residuals (n, n_y), zero where nothing was measured, of each segment.
+
+        It is their color, with what the fit absorbed added back: with residuals v - S d and d = D^-1 S' v, the lagged
+        products of v exceed those of the residuals by the mean of S d v' + v d' S' - S d d' S'; channels are taken one by one.
         """
+        if self.white:
+            return ColoredNoise.white(residuals[0].shape[1])
         lengths = [len(segment.residual) for segment in self.segments]
         order = max(1, min(MAX_ORDER, sum(lengths) // SAMPLES_PER_LAG, min(lengths) - 1))
-        residuals = list(others) if others is not None else [s.filled()[0] for s in self.segments]
         present = [segment.present.astype(np.float64) for segment in self.segments]
         sums, counts = lagged_products(residuals, present, order)
         share, pairs = counts / np.maximum(counts[:, :1], 1.0), np.maximum(counts, 1.0)
-        noise = fit_noise(sums / pairs, residuals)
+        autocovariance, blocks = sums / pairs, self.single_blocks
         for _ in range(ROUNDS):
-            spread = self.spread([block.middle(noise, joint=False) for block in self.blocks])
+            process = autoregressions(autocovariance)
+            own = [(block, _power(*process, block.size)) for block in blocks]
+            spread = self.spread([block.separate_middle(power) for block, power in own])
             absorbed = np.zeros_like(share)
-            for block in self.blocks:
-                crossed, squared = block.lagged(noise, spread, order)
+            for block, power in own:
+                crossed, squared = block.lagged(power, spread, order)
                 absorbed += crossed * share - squared
-            noise = fit_noise((sums + absorbed) / pairs, residuals)
-        return self._coherent(noise, residuals)
+            autocovariance = (sums + absorbed) / pairs
+        return self._coherent(fit_noise(autocovariance, residuals), residuals)
 
     def _coherent(self, noise: ColoredNoise, residuals: Sequence[FloatArray]) -> ColoredNoise:
         """Return the noise with the coherency of its innovations between channels, what the fit absorbed added back."""
         edges = band_edges(sum(len(s.residual) for s in self.segments), len(noise.coefficients))
-        pairs = zip(self.blocks, residuals, strict=True)
+        pairs = zip(self.single_blocks, residuals, strict=True)
         powers = sum(block.cross_powers(noise, residual, edges) for block, residual in pairs)
         found = replace(noise, edges=edges, coherency=normalized_coherency(np.asarray(powers)))
+        white = [block.whitened(found) for block in self.single_blocks]
         for _ in range(ROUNDS):
-            spread = self.spread(self.middles(found))
-            absorbed = sum(block.absorbed(found, spread, edges) for block in self.blocks)
+            spread, innovations = self.spread([one.middle(found.roots) for one in white]), found.powers
+            absorbed = sum(one.absorbed(innovations, spread) for one in white)
             found = replace(found, coherency=normalized_coherency(np.asarray(powers + absorbed)))
         return found
 
     def middles(self, noise: ColoredNoise) -> list[FloatArray]:
         """Return the covariance (a, a) of the scores of each segment under `noise`, in the a directions that it sees."""
-        return [block.middle(noise) for block in self.blocks]
+        roots = noise.roots
+        return [block.whitened(noise).middle(roots) for block in self.blocks]
 
     def covariance(self, noise: ColoredNoise) -> FloatArray:
         """Return the covariance (k, k) of the estimates under `noise`."""
@@ -284,6 +318,11 @@ class Coloring:
         """Spectra of the sensitivities, segment by segment."""
         return tuple(_Block.of(segment, self.inverse.factor) for segment in self.segments)
 
+    @cached_property
+    def single_blocks(self) -> tuple[_Block, ...]:
+        """The same in single precision, at twice the speed: enough (1e-7) for what the fit absorbed, a correction."""
+        return tuple(replace(block, parts=block.parts.astype(np.float32)) for block in self.blocks)
+
 
 @dataclass(frozen=True, eq=False)
 class _Block:
@@ -291,7 +330,7 @@ class _Block:
 
     size: int  #: of the FFT
     basis: FloatArray  #: orthonormal rows (a, r): the directions that this segment sees
-    parts: FloatArray  #: real and imaginary part (2, size // 2 + 1, ny, a), scaled to sums over time
+    parts: FloatArray  #: real and imaginary part (2, ny, size // 2 + 1, a), scaled to sums over time
 
     @classmethod
     def of(cls, segment: PieceEvidence, factor: FloatArray) -> _Block:
@@ -301,30 +340,30 @@ class _Block:
         left, stretch, basis = np.linalg.svd(factor[active], full_matrices=False)
         size = next_fast_len(2 * len(jacobian), real=True)  # the autocovariance does not wrap around
         spectrum = np.asarray(rfft(jacobian[:, :, active] @ (left * stretch), size, axis=0))
-        return cls(
-            size, basis, np.stack([spectrum.real, spectrum.imag]) * half_spectrum_scale(size)[:, None, None]
-        )
+        spectrum = (spectrum * half_spectrum_scale(size)[:, None, None]).transpose(1, 0, 2)
+        parts = np.empty((2, *spectrum.shape))
+        parts[0], parts[1] = spectrum.real, spectrum.imag
+        return cls(size, basis, parts)
 
-    def middle(self, noise: ColoredNoise, joint: bool = True) -> FloatArray:
-        """Return the double sum (a, a) over this segment: S' V S; on demand without correlation between channels."""
-        if joint:
-            colored = noise.spectrum(self.size) @ (self.parts[0] + 1j * self.parts[1])
-            left, right = self.parts, np.stack([colored.real, colored.imag])
-        else:
-            power = np.abs(noise.gain(self.size)) ** 2 * np.diag(noise.innovation)
-            left = right = self.parts * np.sqrt(power)[:, :, None]
-        product: FloatArray = left.reshape(-1, left.shape[-1]).T @ right.reshape(-1, right.shape[-1])
-        return 0.5 * (product + product.T)
+    def separate_middle(self, power: FloatArray) -> FloatArray:
+        """Return S' V S (a, a) over this segment for noise with spectra (ny, f) that is independent between channels."""
+        root = np.sqrt(power).astype(self.parts.dtype)
+        rows = (self.parts * root[:, :, None]).reshape(-1, self.parts.shape[-1])
+        return np.asarray(rows.T @ rows)
 
-    def lagged(self, noise: ColoredNoise, spread: FloatArray, order: int) -> tuple[FloatArray, FloatArray]:
+    @cached_property
+    def strength(self) -> FloatArray:
+        """Sums of squares (ny, f) over the directions."""
+        return np.asarray(np.einsum("cyfa,cyfa->yf", self.parts, self.parts))
+
+    def lagged(self, power: FloatArray, spread: FloatArray, order: int) -> tuple[FloatArray, FloatArray]:
         """Return the lagged products (ny, order + 1) of S d with v, both ways, and of S d with itself."""
-        noise_power = np.abs(noise.gain(self.size)) ** 2 * np.diag(noise.innovation)
-        crossed = np.einsum("cfya,cfya->fy", self.parts, self.parts) * noise_power
         rows = self.parts.reshape(-1, self.parts.shape[-1])  # one large product, not one per frequency
-        power = np.einsum("na,na->n", rows @ (self.basis @ spread @ self.basis.T), rows)
-        squared = power.reshape(self.parts.shape[:3]).sum(axis=0)
-        wave = np.cos(2.0 * np.pi / self.size * np.outer(np.arange(len(crossed)), np.arange(order + 1)))
-        return 2.0 * crossed.T @ wave, squared.T @ wave
+        inner = (self.basis @ spread @ self.basis.T).astype(rows.dtype)
+        squares = np.einsum("na,na->n", rows @ inner, rows)
+        squared = squares.reshape(self.parts.shape[:3]).sum(axis=0, dtype=np.float64)
+        wave = np.cos(2.0 * np.pi / self.size * np.outer(np.arange(power.shape[1]), np.arange(order + 1)))
+        return 2.0 * (self.strength * power) @ wave, squared @ wave
 
     def cross_powers(self, noise: ColoredNoise, residual: FloatArray, edges: FloatArray) -> ComplexArray:
         """Return the sums (b, ny, ny) over each band of the whitened periodograms of a residual (n, ny)."""
@@ -335,14 +374,69 @@ class _Block:
         )
         return _by_band(white[:, :, None] * white.conj()[:, None, :], edges, self.size)
 
-    def absorbed(self, noise: ColoredNoise, spread: FloatArray, edges: FloatArray) -> ComplexArray:
-        """Return by how much the whitened periodograms (b, ny, ny) of v exceed those of the residuals v - S d."""
-        sensitivity, gain = self.parts[0] + 1j * self.parts[1], noise.gain(self.size)
-        adjoint = sensitivity.conj().transpose(0, 2, 1)
-        crossed = (sensitivity @ adjoint) @ noise.spectrum(self.size)
-        squared = (sensitivity @ (self.basis @ spread @ self.basis.T)) @ adjoint
-        total = crossed + crossed.conj().transpose(0, 2, 1) - squared
-        return _by_band(total / (gain[:, :, None] * gain.conj()[:, None, :]), edges, self.size)
+    def whitened(self, noise: ColoredNoise) -> _Whitened:
+        """Return the sensitivities over the frequency response of a noise, and times its conjugate, by its bands."""
+        gain, white, colored = noise.gain(self.size).T, [], []
+        inverse, power = (1.0 / gain)[:, :, None], (np.abs(gain) ** 2)[:, :, None].astype(self.parts.dtype)
+        a, b = inverse.real.astype(self.parts.dtype), inverse.imag.astype(self.parts.dtype)
+        for band in noise.bands(self.size):
+            real, imaginary = self.parts[:, :, band]
+            own = np.empty((2, *real.shape), self.parts.dtype)
+            np.multiply(real, a[:, band], out=own[0])
+            np.multiply(real, b[:, band], out=own[1])
+            own[0] -= imaginary * b[:, band]
+            own[1] += imaginary * a[:, band]
+            white.append(own.reshape(2 * len(gain), -1))
+            colored.append((own * power[:, band]).reshape(2 * len(gain), -1))
+        return _Whitened(self.basis, tuple(white), tuple(colored))
+
+
+@dataclass(frozen=True, eq=False)
+class _Whitened:
+    """Spectrum of the sensitivities of one segment beside a noise with the frequency response G, in b bands."""
+
+    basis: FloatArray  #: (a, r), of the segment
+    white: tuple[FloatArray, ...]  #: G^-1 S, (2 ny, f a): real parts of all channels, then imaginary parts
+    colored: tuple[FloatArray, ...]  #: G^H S
+
+    def middle(self, roots: ComplexArray) -> FloatArray:
+        """Return the double sum (a, a) over this segment, S' V S, for innovations of covariance L L^H (b, ny, ny)."""
+        total = np.zeros((len(self.basis), len(self.basis)))
+        for colored, root in zip(self.colored, roots, strict=True):
+            a, b = root.real.T, -root.imag.T
+            mixing = np.block([[a, -b], [b, a]]).astype(colored.dtype)
+            rows = (mixing @ colored).reshape(-1, len(total))
+            total += rows.T @ rows
+        return total
+
+    @cached_property
+    def crossed(self) -> ComplexArray:
+        """Products (b, ny, ny) of the sensitivities over the response and times its conjugate."""
+        return np.stack([_hermitian(a @ b.T) for a, b in zip(self.white, self.colored, strict=True)])
+
+    def absorbed(self, powers: ComplexArray, spread: FloatArray) -> ComplexArray:
+        """Return by how much the whitened periodograms (b, ny, ny) of v exceed those of the residuals v - S d.
+
+        `powers` (b, ny, ny) is the covariance of the innovations, `spread` (r, r) that of the scores.
+        """
+        inner = (self.basis @ spread @ self.basis.T).astype(self.white[0].dtype)
+        turned = ((white.reshape(-1, len(inner)) @ inner).reshape(white.shape) for white in self.white)
+        squared = np.stack([_hermitian(a @ b.T) for a, b in zip(turned, self.white, strict=True)])
+        crossed = self.crossed @ powers
+        return np.asarray(crossed + crossed.conj().transpose(0, 2, 1) - squared)
+
+
+def _hermitian(products: FloatArray) -> ComplexArray:
+    """Return X Y^H (ny, ny) from the products (2 ny, 2 ny) of real and imaginary parts."""
+    n = len(products) // 2
+    same, cross = products[:n, :n] + products[n:, n:], products[n:, :n] - products[:n, n:]
+    return np.asarray(same + 1j * cross)
+
+
+def _power(coefficients: FloatArray, power: FloatArray, size: int) -> FloatArray:
+    """Return the power spectra (ny, f) of autoregressions (ny, order) with innovations of variances (ny,)."""
+    gain = ColoredNoise(coefficients, np.diag(power)).gain(size).T
+    return np.asarray(np.abs(gain) ** 2 * power[:, None])
 
 
 def half_spectrum_scale(size: int) -> FloatArray:

@@ -37,7 +37,6 @@ from stoop.assessment.covariance import (
     ColoredNoise,
     Coloring,
     by_window,
-    data_information,
     leave_windows_out,
     window_scatter,
 )
@@ -47,7 +46,7 @@ from stoop.base.arrays import BoolArray, FloatArray, IntArray
 from stoop.base.notices import Notice, notice
 from stoop.estimate.fit import Fit
 from stoop.estimate.response import Responses
-from stoop.problem.evidence import Inverse, PieceEvidence, Unknown, invert
+from stoop.problem.evidence import Inverse, PieceEvidence, Unknown
 from stoop.results.extensions import ExtensionTest, ExtensionTests
 
 
@@ -104,32 +103,29 @@ class Scores:
 
 
 def scores(
-    segments: Sequence[PieceEvidence],
-    prior: FloatArray,
+    coloring: Coloring,
     responses: Sequence[PieceEvidence],
     leaders: Callable[[Scores], Sequence[int]] = lambda scores: (),
-    noise: ColoredNoise | None = None,
 ) -> Scores:
-    """Return the score tests beside k unknowns and the information (k, k) of their priors.
+    """Return the score tests beside k unknowns, from their residuals and sensitivities.
 
-    The responses are the segments with the m extensions in place of the unknowns; `noise` is that of the residuals, where
-    it is known. The residuals contain the effect of what is missing, and their color its own: `leaders`, of the first tests,
+    The responses are the segments of these with the m extensions in place of the unknowns. The residuals contain the effect
+    of what is missing, and their color its own: `leaders`, of the first tests,
     are tested again with the color of the residuals that they would leave, or the one that is missing would be judged by
     the noisiest residuals of all.
     """
+    segments, inverse = coloring.segments, coloring.inverse
+    prior = coloring.prior - sum(piece.gap_information for piece in segments)  # gaps are residuals here
     residuals, S = zip(*(one.rows() for one in segments), strict=True)
     s = [one.rows()[1] for one in responses]
-    information = prior + sum(a.T @ a for a in S)
-    inverse = invert(information)
     shifts = -inverse.matrix @ sum(a.T @ b for a, b in zip(S, s, strict=True))
     own = [b + a @ shifts for a, b in zip(S, s, strict=True)]
     score = sum(b.T @ r for b, r in zip(s, residuals, strict=True))
     total = sum(np.einsum("nm,nm->m", b, b) for b in s)
     alone = sum(np.einsum("nm,nm->m", v, b) for v, b in zip(own, s, strict=True))
-    coloring = Coloring(tuple(segments), inverse, information - data_information(segments))
     parts = [_split(one, v) for one, v in zip(segments, own, strict=True)]
     of_prior = np.einsum("km,kl,lm->m", shifts, prior, shifts)
-    variance = of_prior + _noise_variance(segments, parts, inverse, noise or coloring.noise())
+    variance = of_prior + _noise_variance(segments, parts, inverse, coloring.noise)
     tested = (alone > LIMITS.distinct * total) & (variance > 0.0)
 
     def found() -> Scores:
@@ -143,7 +139,9 @@ def scores(
     for j in leaders(first):
         left = [_left(one, v[:, j], first.change[j]) for one, v in zip(segments, own, strict=True)]
         column = [_split(one, v[:, [j]]) for one, v in zip(segments, own, strict=True)]
-        again = _noise_variance(left, column, inverse, coloring.noise([one.filled()[0] for one in left]))
+        again = _noise_variance(
+            left, column, inverse, coloring.noise_behind([one.filled()[0] for one in left])
+        )
         variance[j] = of_prior[j] + again[0]
     return found()
 
@@ -188,8 +186,8 @@ def extension_tests(fit: Fit, bars: ErrorBars) -> ExtensionTests:
             return ExtensionTests()
         evidence = fit.evidence
         free = evidence.free
-        segments, prior = [piece.of(free) for piece in evidence.pieces], evidence.prior[np.ix_(free, free)]
-        prior = prior - sum(piece.gap_information for piece in segments)  # gaps are residuals here
+        coloring = bars.uncertainty.coloring
+        segments = coloring.segments
         gaps = found.gaps or [None] * len(segments)
         responses = [
             replace(segment, jacobian=readings, gap_jacobian=gap)
@@ -206,16 +204,15 @@ def extension_tests(fit: Fit, bars: ErrorBars) -> ExtensionTests:
             """Return those of them that are significant."""
             return [j for j in strongest(of) if of.p_value[j] < LIMITS.level]
 
-        first = scores(
-            segments, prior, responses, lambda of: strongest(of)[: LIMITS.leaders], bars.uncertainty.noise
-        )
+        first = scores(coloring, responses, lambda of: strongest(of)[: LIMITS.leaders])
         each, order = list(zip(found.extensions, first.change.tolist(), strict=True)), significant(first)
-        beside = np.full(len(each), np.nan)
-        if order:
+        beside, others = np.full(len(each), np.nan), order[1 : LIMITS.shown]
+        if others:
             parts = zip(segments, responses, first.own, strict=True)
             joined = [_joined(segment, one, v, first, order[0]) for segment, one, v in parts]
-            again = scores(joined, np.pad(prior, (0, 1)), responses)
-            beside[order[1:]] = again.statistic[order[1:]]
+            prior = coloring.prior - sum(piece.gap_information for piece in segments)
+            again = Coloring.of(joined, np.pad(prior, (0, 1)) + sum(one.gap_information for one in joined))
+            beside[others] = scores(again, [one.of(np.array(others)) for one in responses]).statistic
         tests = []
         for j in order[: LIMITS.shown]:
             (one, change), std = each[j], float(first.std[j])

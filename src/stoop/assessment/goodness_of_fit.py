@@ -50,7 +50,7 @@ from stoop.base.robust import robust_std
 from stoop.estimate.fit import Fit
 from stoop.estimate.noise import lagged_products
 from stoop.estimate.regression.linear_problem import LinearProblem
-from stoop.results.result import BaselineFit, GoodnessOfFit, TheilShares, Whiteness
+from stoop.results.result import BaselineFit, GoodnessOfFit, InnovationFigures, TheilShares, Whiteness
 
 WHITENESS_LAGS: Final = 20  #: that are summed: 0.2 s at 100 Hz, the fastest motion that a model explains
 SAMPLES_PER_LAG: Final = 5  #: samples for each of them at least
@@ -152,13 +152,15 @@ def channel_figures(
     baseline: Match | None = None,
     sigma: float = math.nan,
     deviation: FloatArray | None = None,
+    innovations: FloatArray | None = None,
 ) -> GoodnessOfFit:
     """Return the figures of one channel of one maneuver, beside those of the trivial model where there is one.
 
     `measured` (n,), the channel's unit, are samples at `rate`, Hz, NaN where there is none and between segments; an angle
     that wraps is unwrapped as in the simulated curve. Theil's coefficients are of the curves low-passed at 10 Hz with zero
     phase, stretch by stretch; all else of the curves as they are. `sigma` is the standard deviation of the noise that the fit
-    leaves, `deviation` (n,) that of a prediction, noise included. A reading that the simulation did not reach is an error.
+    leaves, `deviation` (n,) that of a prediction, noise included; `innovations` (n,) are over their standard deviation. A
+    reading that the simulation did not reach is an error.
     """
     gone = np.isfinite(measured) & ~np.isfinite(model.simulated)
     model = replace(model, simulated=np.where(gone, DIVERGED, model.simulated))
@@ -182,11 +184,19 @@ def channel_figures(
         noise=noise,
         signal_to_noise=ratio,
         inside=math.nan if deviation is None else inside_band(measured - model.simulated, deviation),
+        innovations=InnovationFigures() if innovations is None else innovation_figures(innovations),
     )
     if baseline is None:
         return found
     lag = theil(measured, baseline.simulated, rate)
     return replace(found, baseline_theil=lag, baseline=BaselineFit(**shared[1]))
+
+
+def innovation_figures(normalized: FloatArray) -> InnovationFigures:
+    """Return the figures of innovations (n,) over their expected standard deviations, NaN where there is none."""
+    there = normalized[np.isfinite(normalized)]
+    inside = inside_band(normalized, np.ones_like(normalized))
+    return InnovationFigures(_rms(there) if there.size else math.nan, inside, whiteness(normalized))
 
 
 def inside_band(residual: FloatArray, deviation: FloatArray) -> float:

@@ -45,7 +45,9 @@ class Limits:
     )
     r2: float = 0.0  #: coefficient of determination below which a curve is worse than its mean
     size: float = 1e3  #: rms error over the noise of the fit, beyond which a simulation has diverged
-    chance: float = 0.01  #: probability of as much scatter below which maneuvers disagree
+    chance: float = (
+        0.01  #: probability below which scatter of maneuvers, or color of innovations, is no chance
+    )
 
 
 LIMITS: Final = Limits()
@@ -201,18 +203,21 @@ def _sizes(result: Result, needed: Sequence[Use]) -> dict[str, float]:
 
 
 def _contradictions(result: Result, sizes: Mapping[str, float]) -> Iterator[Notice]:
-    """Yield the strongest extension where it would move parameters that matter."""
+    """Yield the strongest extension where it would move parameters that matter, or is itself a number of the vehicle."""
     for test in result.extensions.found[:1]:
-        shares = {n: _share(result, n, shift, sizes[n]) for n, shift in test.moves.items() if n in sizes}
-        far = [
-            n for n in shares if abs(test.moves[n]) > LIMITS.moved_errors and shares[n] > LIMITS.moved_share
-        ]
+        moves, shares = dict(test.moves), {}
+        for name in moves.keys() & sizes.keys():
+            shares[name] = _share(result, name, moves[name], sizes[name])
+        present = test.value - test.change
+        if test.kind == "number" and present != 0.0 and not test.name.startswith("sensors."):
+            moves[test.name], shares[test.name] = test.change / test.std_error, abs(test.change / present)
+        far = [n for n in shares if abs(moves[n]) > LIMITS.moved_errors and shares[n] > LIMITS.moved_share]
         if far:
-            name = max(far, key=lambda n: abs(test.moves[n]))
+            name = max(far, key=lambda n: abs(moves[n]))
             code = "verdict-form-one-of" if test.rivals else "verdict-form"
             yield notice(
-                code, test.name, statistic=test.statistic, parameter=name, shift=test.moves[name],
-                share=shares[name], line=test.line, rivals=test.rivals,
+                code, test.name, statistic=test.statistic, parameter=name, shift=moves[name], share=shares[name],
+                line=test.line, rivals=test.rivals,
             )  # fmt: skip
 
 
@@ -256,7 +261,12 @@ def _lost(maneuvers: Sequence[ManeuverResult], channels: Iterable[str]) -> tuple
 
 
 def _beaten(one: GoodnessOfFit) -> bool:
-    """Whether a trivial model matches as well; not where only noise is left, or nothing but noise was flown."""
+    """Whether a trivial model matches as well; not where only noise is left, or nothing but noise was flown.
+
+    A model in gusts predicts from sample to sample: there its innovations must be as small as it says.
+    """
+    if one.innovations.known:
+        return one.within < LIMITS.inside
     worse_than_mean = one.r2 < LIMITS.r2 and one.whiteness.verdict != "white" and not one.below_noise
     return one.lost or worse_than_mean
 
@@ -306,10 +316,18 @@ def _doubts(result: Result) -> list[Notice]:
     if not any(m.role == "validation" for m in result.maneuvers):
         found.append(notice("verdict-no-held-back"))
     for m in result.maneuvers:
-        outside = tuple(c for c, one in m.channels.items() if one.inside < LIMITS.inside)
+        outside = tuple(c for c, one in m.channels.items() if one.within < LIMITS.inside)
         if outside:
-            least = min(m.channels[c].inside for c in outside)
+            least = min(m.channels[c].within for c in outside)
             found.append(notice("verdict-outside", m.window, channels=outside, least=least))
+    filtered = [(c, one.innovations) for m in result.maneuvers for c, one in m.channels.items()]
+    filtered = [(c, one) for c, one in filtered if one.whiteness.verdict]
+    colored = [c for c, one in filtered if one.whiteness.p_value < LIMITS.chance]
+    if filtered and binom.sf(len(colored) - 1, len(filtered), LIMITS.chance) < LIMITS.chance:
+        names = tuple(dict.fromkeys(colored))
+        found.append(
+            notice("verdict-innovations", channels=names, colored=len(colored), compared=len(filtered))
+        )
     if not result.extensions.tested:
         found.append(notice("verdict-not-tested", result.method))
     if sum(m.role == "fit" for m in result.maneuvers) < 2:

@@ -15,7 +15,7 @@ M. R. Osborne, "Fisher's method of scoring", *International Statistical Review* 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from typing import Final
 
@@ -24,30 +24,27 @@ from threadpoolctl import threadpool_limits
 
 from stoop import optimize
 from stoop.base.arrays import FloatArray
-from stoop.base.notices import notice
+from stoop.base.notices import Notice, notice
 from stoop.errors import IdentificationError
+from stoop.estimate import methods
 from stoop.estimate.filter_gains import STATED, Gain, Noise, Steady, Varying, first_guess
 from stoop.estimate.filter_likelihood import FrozenFilter, Likelihood, Score
 from stoop.estimate.fit import DEFAULTS, Fit, Options, estimation_problem, starts
+from stoop.estimate.fitted_filter import FittedFilter, with_gusts
 from stoop.estimate.instability import largest_growth
 from stoop.estimate.linearization import undelayed
 from stoop.flight import Flight
 from stoop.optimize.levenberg_marquardt import StagedModel, Stages, TenfoldDamping, Trial
 from stoop.optimize.minimize import Status
-from stoop.problem import Layout, Misfit, Nuisance
+from stoop.problem import Misfit
 from stoop.problem.evidence import Evidence, PieceEvidence, Unknown, unknowns_of
 from stoop.problem.prepare import Prepared
 from stoop.problem.windows import Window
+from stoop.results.result import NoiseCovariance
 from stoop.vehicle import Vehicle
-from stoop.vehicle.vehicle import GUST_STATES
 
 MAX_ITERATIONS: Final = 60
 MAX_LINEARIZATIONS: Final = 3  #: along the states that the filter finds
-GUST_SHARES: Final = {
-    "u": (1.0,),
-    "v": (0.5**0.5, 0.5),
-    "w": (0.5**0.5, 0.5),
-}  #: of the intensity in each gust state
 ADVICE: Final[dict[Status, str]] = {
     "converged": "",
     "generations": f"no maximum of the likelihood after {MAX_ITERATIONS} steps; begin nearer, or fix parameters",
@@ -204,18 +201,19 @@ class FilterError:
             return _fit(problem, prepared, best, sorted(a.cost for a in ascents), stages.state)
 
 
-def with_gusts(problem: Misfit) -> Misfit:
-    """Return the problem with the gusts at the beginning of each piece among the nuisances."""
-    vehicle = problem.layout.vehicle
-    gusts = [
-        Nuisance(name, piece.maneuver, i, 0.0, share * vehicle.value(f"turbulence.{axis}.intensity"))
-        for i, piece in enumerate(problem.pieces)
-        for axis in vehicle.gusts
-        for name, share in zip(GUST_STATES[axis], GUST_SHARES[axis], strict=True)
-    ]
-    own = problem.layout.nuisances
-    states, biases = [n for n in own if not n.is_bias], [n for n in own if n.is_bias]
-    return replace(problem, layout=Layout(vehicle, problem.layout.parameters, (*states, *gusts, *biases)))
+def filter_of_result(
+    method: str, vehicle: Vehicle, noise: NoiseCovariance, notices: Sequence[Notice]
+) -> FittedFilter | None:
+    """Return the filter of a result, with its vehicle at the estimates; None for a method without one."""
+    fitter = methods.find(method).fitter()
+    if not isinstance(fitter, FilterError):
+        return None
+    variances = np.diag(noise.matrix)
+    known = Noise(vehicle, np.sqrt(variances), variances, fitter.stated)
+    found = next((n.values for n in notices if n.code == "process-noise"), {})
+    if found.get("states", ()) != known.disturbed:
+        return None
+    return FittedFilter(fitter.gain, known, np.log(np.array(found.get("intensities", ()), dtype=np.float64)))
 
 
 def _fit(
@@ -261,6 +259,7 @@ def _fit(
         own_evidence=_evidence(likelihood, best.z, at),
         local_problem=partial(FrozenFilter.of, likelihood, best.z),
         simulated=likelihood.predictions(best.z) if growth.excessive else None,
+        filter=FittedFilter(likelihood.gain, noise, tail),
     )
 
 

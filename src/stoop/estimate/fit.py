@@ -119,6 +119,7 @@ class Fit:
     simulated: tuple[FloatArray, ...] | None = (
         None  #: (n, n_y) of each piece, where not by one simulation from its start
     )
+    filter: Any = None  #: a :class:`stoop.estimate.fitted_filter.FittedFilter`
     noise_given: bool = False  #: whether the covariance of the measurement noise was given and not estimated
 
     @cached_property

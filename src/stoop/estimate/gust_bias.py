@@ -14,10 +14,11 @@ from threadpoolctl import threadpool_limits
 
 from stoop.base.notices import Notice, notice
 from stoop.errors import IdentificationError
-from stoop.estimate.filter_error import ScoringModel, with_gusts
+from stoop.estimate.filter_error import ScoringModel
 from stoop.estimate.filter_gains import Noise, Steady, first_guess
 from stoop.estimate.filter_likelihood import Likelihood
 from stoop.estimate.fit import DEFAULTS, Fit, estimation_problem
+from stoop.estimate.fitted_filter import with_gusts
 from stoop.estimate.gusts import with_turbulence
 from stoop.estimate.linearization import undelayed
 from stoop.flight import Flight

@@ -24,6 +24,7 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
+import tomlkit
 
 from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice, notice
@@ -35,6 +36,7 @@ from stoop.problem.observation import along_body, at_center_of_gravity, state_ch
 from stoop.problem.windows import Window
 from stoop.simulation.initial import rigid_states
 from stoop.vehicle import Vehicle
+from stoop.vehicle.document import write_entry
 from stoop.vehicle.schema import Turbulence
 
 AIR: Final = ("V", "alpha", "beta")
@@ -123,11 +125,14 @@ def with_turbulence(vehicle: Vehicle) -> Vehicle:
     if vehicle.gusts:
         return vehicle
     gust = {
-        "intensity": {"value": LIMITS.first, "free": True, "bounds": LIMITS.bounds},
+        "intensity": {"value": LIMITS.first, "free": True, "bounds": list(LIMITS.bounds)},
         "length": LIMITS.length,
     }
-    table = Turbulence.model_validate(dict.fromkeys(AXES, gust))
-    return replace(vehicle, file=vehicle.file.model_copy(update={"turbulence": table}))
+    table, document = Turbulence.model_validate(dict.fromkeys(AXES, gust)), tomlkit.parse(vehicle.text)
+    for axis in AXES:  # also in the text, of which the estimates make the file of the identified vehicle
+        write_entry(document, ("turbulence", axis), gust)
+    file = vehicle.file.model_copy(update={"turbulence": table})
+    return replace(vehicle, file=file, text=tomlkit.dumps(document))
 
 
 def unexplained(fit: Fit, method: str, instead: str) -> tuple[Notice, ...]:

@@ -11,7 +11,8 @@ prediction. As x0 depends on theta, dx0/dtheta = -P J_x' J_theta, its readings y
 
     y_x P y_x' + T C T',   T = y_theta + y_x dx0/dtheta,
 
-to which the measurement noise R adds where they are compared with the record. References: Klein and Morelli, *Aircraft System
+to which the measurement noise R adds where they are compared with the record, and what gusts do since the beginning of the
+stretch where a filter found them (:mod:`stoop.estimate.fitted_filter`). References: Klein and Morelli, *Aircraft System
 Identification*, 2nd ed., 2016, section 6.1 (maximum likelihood with initial states); G. A. F. Seber and C. J. Wild, *Nonlinear
 Regression*, 1989, section 5.1 (prediction bands by the linearized model).
 """
@@ -29,6 +30,7 @@ from scipy.stats import t as student
 from stoop import optimize
 from stoop.base.arrays import FloatArray
 from stoop.errors import FlightError
+from stoop.estimate.fitted_filter import FittedFilter
 from stoop.flight import Flight
 from stoop.problem import Layout, Misfit, Piece, Weights
 from stoop.problem.observation import guess_start, state_channels
@@ -96,6 +98,7 @@ class FittedModel:
     vehicle: Vehicle
     covariance: Covariance
     noise: NoiseCovariance
+    filter: FittedFilter | None = None  #: of a fit by a filter
 
     @property
     def weights(self) -> Weights:
@@ -194,8 +197,33 @@ def predict_stretch(
     z = optimize.refine(problem, np.zeros(problem.extra), 0).z
     parameters, covariance = model.uncertain()
     full = replace(problem, layout=Layout(model.vehicle, parameters, tuple(starts)))
-    return _with_deviation(
+    found = _with_deviation(
         full, np.concatenate([np.full(len(parameters), 0.5), z]), covariance, stretch.first
+    )
+    if model.filter is None:
+        return found
+    blown = model.filter.disturbance(model.vehicle, piece)[stretch.first :]
+    return replace(found, deviation=np.sqrt(found.deviation**2 + blown))
+
+
+def innovations(
+    model: FittedModel, prepared: Prepared, biases: Mapping[str, BiasPrior]
+) -> tuple[FloatArray, ...] | None:
+    """Return the innovations (n, n_y) of the pieces of one window over their standard deviations; None without a filter.
+
+    A bias is about that of the fitted maneuvers, as far as they differ; the window is long enough to estimate it where one
+    maneuver alone cannot tell how far.
+    """
+    if model.filter is None:
+        return None
+    pieces = tuple(replace(piece, maneuver=0) for piece in prepared.pieces)
+    own = []
+    for n in nuisances(model.vehicle, replace(prepared, pieces=pieces)):
+        prior = biases.get(n.name) if n.is_bias else None
+        own.append(n if prior is None else replace(n, center=prior.mean, scale=prior.deviation or n.scale))
+    ladder = (tuple(len(piece.time) for piece in pieces),)
+    return model.filter.innovations(
+        Misfit(Layout(model.vehicle, (), tuple(own)), pieces, model.weights, ladder)
     )
 
 

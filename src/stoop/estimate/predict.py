@@ -28,6 +28,7 @@ from stoop.estimate.initial_state import (
     Predicted,
     Stretch,
     bias_priors,
+    innovations,
     predict_stretch,
     stretch_before,
 )
@@ -62,6 +63,7 @@ def fitted_model(fit: Fit, covariance: FloatArray) -> FittedModel:
         identified_vehicle(fit),
         Covariance(names, covariance[: len(names), : len(names)]),
         NoiseCovariance(outputs, fit.measurement_noise, fit.inflation),
+        fit.filter,
     )
 
 
@@ -84,11 +86,15 @@ def mean_biases(fit: Fit, flight: str) -> dict[str, float]:
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """Predicted windows: readings (n, n_y) of each piece, and their standard deviations, measurement noise included."""
+    """Predicted windows: readings (n, n_y) of each piece, and their standard deviations, measurement noise included.
+
+    `innovations` (n, n_y) are those of a filter, over their standard deviations; None where the fit is by none.
+    """
 
     prepared: Prepared
     readings: tuple[FloatArray, ...]
     deviations: tuple[FloatArray, ...]
+    innovations: tuple[FloatArray, ...] | None = None
 
 
 def predict(
@@ -103,20 +109,24 @@ def predict(
     are estimated from the record before each window, see :mod:`stoop.estimate.initial_state`.
     """
     parts = [_of_window(model, flights, w, b) for w, b in zip(windows, biases, strict=True)]
-    pieces = [replace(p, maneuver=i) for i, (part, _) in enumerate(parts) for p in part.pieces]
-    notices = tuple(found for part, _ in parts for found in part.notices)
-    found = [one for _, some in parts for one in some]
+    pieces = [replace(p, maneuver=i) for i, (part, *_) in enumerate(parts) for p in part.pieces]
+    notices = tuple(found for part, *_ in parts for found in part.notices)
+    found = [one for _, some, _ in parts for one in some]
+    filtered = [one for *_, some in parts for one in some or ()]
     noise = np.nan_to_num(model.variance)
     deviations = tuple(np.sqrt(one.deviation**2 + noise) for one in found)
     return Prediction(
-        Prepared(tuple(windows), tuple(pieces), notices), tuple(one.readings for one in found), deviations
+        Prepared(tuple(windows), tuple(pieces), notices),
+        tuple(one.readings for one in found),
+        deviations,
+        None if model.filter is None else tuple(filtered),
     )
 
 
 def _of_window(
     model: FittedModel, flights: Mapping[str, Flight], window: Window, priors: Mapping[str, BiasPrior]
-) -> tuple[Prepared, list[Predicted]]:
-    """Prepare and predict one window with the biases of its flight."""
+) -> tuple[Prepared, list[Predicted], tuple[FloatArray, ...] | None]:
+    """Prepare and predict one window with the biases of its flight; its innovations where there is a filter."""
     model = replace(model, vehicle=decoupled(model.vehicle, flights, [window]))
     biases = {name: prior.mean for name, prior in priors.items()}
     biased = model.vehicle.with_numbers({name: {"value": value} for name, value in biases.items()})
@@ -153,7 +163,8 @@ def _of_window(
             )
         )
     changed = tuple(replace(p, changes={**p.changes, **biases}) for p in prepared.pieces)
-    return replace(prepared, pieces=changed, notices=tuple(notices)), found
+    prepared = replace(prepared, pieces=changed, notices=tuple(notices))
+    return prepared, found, innovations(model, prepared, priors)
 
 
 def _about_steady_flight(vehicle: Vehicle, stretch: Stretch) -> tuple[Stretch, tuple[str, ...], str]:

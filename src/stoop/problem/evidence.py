@@ -83,6 +83,8 @@ class PieceEvidence:
         """Return all residuals (N,) and their derivatives (N, k), zeros for what is missing; gaps last."""
         (residual, jacobian), (gaps, slopes) = self.filled(), self.met
         count = jacobian.shape[2]
+        if not gaps.size:
+            return residual.ravel(), jacobian.reshape(-1, count)
         return (
             np.concatenate([residual.ravel(), gaps.ravel()]),
             np.concatenate([jacobian.reshape(-1, count), slopes.reshape(-1, count)]),

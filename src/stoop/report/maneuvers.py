@@ -11,7 +11,7 @@ from markupsafe import Markup
 
 from stoop.assessment.covariance import autocorrelation
 from stoop.base.arrays import FloatArray, runs
-from stoop.base.numbers import NOTHING, factor_and_unit, number, share, window
+from stoop.base.numbers import NOTHING, count, factor_and_unit, number, share, window
 from stoop.base.variables import VARIABLES
 from stoop.report import sheet
 from stoop.report.charts import LARGE, Curves, autocorrelation_panel, channel_panel, plain_panel
@@ -45,7 +45,8 @@ LEADS: Final = {
     "validation": (
         "The initial state is estimated with the model from the second before the window (with rotors, anew each second), "
         "biases and wind are from outside the window. The band holds 95 % of readings: uncertain initial state and "
-        "parameters, and noise. The lag is given all commands; it was fitted to the maneuvers above and, unlike the model, is "
+        "parameters, noise, and gusts where the fit is by a filter. "
+        "The lag is given all commands; it was fitted to the maneuvers above and, unlike the model, is "
         "granted a bias of its own here."
     ),
 }
@@ -63,6 +64,11 @@ MORE_LEAD: Final = (
     "Left out: the RMS error had each second of the record been left out of the fit in turn (PRESS); far above the plain "
     "one, the model has too many unknowns for the record. Offset / amplitude / rest share out the squared error (Theil). Q: "
     "the statistic of Ljung and Box over 20 lags; above 31 the residuals are colored, and hold what the model lacks."
+)
+INNOVATIONS_LEAD: Final = (
+    "Gusts move an aircraft away from any simulation, so that the model is judged by predictions from sample to sample (the "
+    "innovations of the fitted filter; initial state and biases are estimated in the window, nothing else). With a right "
+    "model their RMS over the expected standard deviation is 1, 95 % are within 1.96 of that, and they are white (Q as below)."
 )
 AIR_LEAD: Final = (
     "Estimated for each flight from attitude, ground velocity and accelerations (flight-path reconstruction). Wind is the "
@@ -121,7 +127,10 @@ def maneuver_parts(
     )
     names = [name for name in trace.channels if name in maneuver.channels]
     parts: list[sheet.Part] = [sheet.Prose(f"Data used: {segments}.{each}", muted=True)] if segments else []
-    parts += [_goodness(identification, maneuver, names), _more_goodness(identification, maneuver)]
+    parts += [_goodness(identification, maneuver, names)]
+    if any(one.innovations.known for one in maneuver.channels.values()):
+        parts += [sheet.Prose(INNOVATIONS_LEAD, muted=True), _innovations(identification, maneuver)]
+    parts.append(_more_goodness(identification, maneuver))
     panels = [_channel(identification, name, maneuver, trace) for name in trace.channels]
     parts += [sheet.Legend(keys), sheet.Panels(panels)]
     inputs = []
@@ -173,6 +182,21 @@ def _goodness(identification: Identification, maneuver: ManeuverResult, names: S
     kinds = ("", "n", "", "n", "n", "", "", *["n"] * (len(head) - 7))
     calm = tuple("unsure" if maneuver.channels[name].below_noise else "" for name in names)
     return sheet.Table("", head, tuple(rows), kinds, calm, f"Goodness of fit, {maneuver_title(maneuver)}")
+
+
+def _innovations(identification: Identification, maneuver: ManeuverResult) -> sheet.Table:
+    """Return the figures of predictions from sample to sample."""
+    found = {name: one.innovations for name, one in maneuver.channels.items() if one.innovations.known}
+    rows = tuple(
+        (
+            label(identification, name), number(one.rms, 3), share(one.inside),
+            _decimals(one.whiteness.autocorrelation), number(one.whiteness.statistic, 3), one.whiteness.verdict or NOTHING,
+        )
+        for name, one in found.items()
+    )  # fmt: skip
+    head = ("Channel", "RMS / expected", "Within 95 %", "Correlation of neighbors", "Q", "Innovations")
+    title = f"Predicted from sample to sample, {maneuver_title(maneuver)}"
+    return sheet.Table("", head, rows, ("", "n", "n", "n", "n", ""), label=title)
 
 
 def _more_goodness(identification: Identification, maneuver: ManeuverResult) -> sheet.Details:
@@ -280,14 +304,21 @@ def comparison_table(maneuvers: Sequence[ManeuverResult]) -> sheet.Table:
 def prediction_verdict(
     maneuvers: Sequence[ManeuverResult], sentences: tuple[str, ...], refused: bool = False
 ) -> sheet.Verdict:
-    """Return how well a model predicts, by the share of channels in which it beats the lag.
+    """Return how well a model predicts, by the share of channels in which it beats the lag, or its innovations are white.
 
     A model that the verdict of its identification refused is no good one for that.
     """
-    compared = [one.better for m in maneuvers for one in m.channels.values() if one.compared]
+    figures = [one for m in maneuvers for one in m.channels.values()]
+    compared = [one.better for one in figures if one.compared]
     better = sum(compared) / len(compared) if compared else 0.0
+    filtered = [one for one in figures if one.innovations.known]
     level: sheet.Level
-    if not compared:
+    if filtered:
+        white = sum(one.innovations.whiteness.verdict == "white" for one in filtered)
+        level = "good" if white > PREDICTS * len(filtered) else "caution"
+        of = f"{white} of {count(len(filtered), 'channel')}"
+        headline = f"Predicted from sample to sample, innovations are white in {of}."
+    elif not compared:
         level, headline = "caution", "There is no trivial model to compare with."
     elif better > PREDICTS:
         level = "good"

@@ -147,6 +147,20 @@ class BaselineFit:
 
 
 @dataclass(frozen=True)
+class InnovationFigures:
+    """Predictions from sample to sample of a window that was held back from a fit by a filter, of one channel."""
+
+    rms: float = NAN  #: root mean square of the innovations over their expected standard deviation, 1 for a right model
+    inside: float = NAN  #: share of them within 1.96 of that, 0.95 for a right model
+    whiteness: Whiteness = Whiteness()
+
+    @property
+    def known(self) -> bool:
+        """Whether there are any: they judge a model in gusts, and a prediction without a filter does not."""
+        return math.isfinite(self.rms)
+
+
+@dataclass(frozen=True)
 class GoodnessOfFit:
     """Goodness of fit of one channel in one maneuver."""
 
@@ -172,6 +186,12 @@ class GoodnessOfFit:
     inside: float = (
         NAN  #: share of the measured samples within the 95 % band of a prediction; NaN for a fitted maneuver
     )
+    innovations: InnovationFigures = InnovationFigures()  #: NaN except in validation of a fit by a filter
+
+    @property
+    def within(self) -> float:
+        """Share of readings within what is expected: of predictions from sample to sample by a filter, else of the band."""
+        return self.innovations.inside if self.innovations.known else self.inside
 
     @property
     def below_noise(self) -> bool:
@@ -180,8 +200,11 @@ class GoodnessOfFit:
 
     @property
     def compared(self) -> bool:
-        """Whether a first-order lag is compared with the model: not where the motion is below the noise."""
-        return math.isfinite(self.baseline_theil) and not self.below_noise
+        """Whether a first-order lag is compared with the model: not where the motion is below the noise.
+
+        Nor where innovations judge it: gusts decide which of two simulations is nearer after seconds.
+        """
+        return math.isfinite(self.baseline_theil) and not self.below_noise and not self.innovations.known
 
     @property
     def better(self) -> bool:

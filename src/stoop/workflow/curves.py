@@ -23,7 +23,8 @@ class Simulated:
     """Maneuvers of one role with what was simulated for each piece.
 
     `left_out` are the residuals (n, n_y) of each piece with each second left out of the fit, where that is known;
-    `deviations` (n, n_y) the standard deviations of what was predicted, measurement noise included.
+    `deviations` (n, n_y) the standard deviations of what was predicted, measurement noise included; `innovations` (n, n_y)
+    those of a filter over their standard deviations.
     """
 
     role: Role
@@ -31,6 +32,7 @@ class Simulated:
     simulated: Sequence[FloatArray]
     left_out: Sequence[FloatArray] | None = None
     deviations: Sequence[FloatArray] | None = None
+    innovations: Sequence[FloatArray] | None = None
 
 
 def maneuver_curves(
@@ -57,14 +59,17 @@ def maneuver_curves(
                 unwrapped(piece.measured[:, i], group.simulated[k][:, i], name in WRAPPED)
                 for piece, k in zip(pieces, own, strict=True)
             ]
-            band = None if group.deviations is None else join([group.deviations[k][:, i] for k in own])
+            band = _joined(group.deviations, own, i)
             curve = ChannelTrace(join([z for z, _ in pairs]), join([y for _, y in pairs]), band)
             channels[name] = curve
-            left_out = None if group.left_out is None else join([group.left_out[k][:, i] for k in own])
+            left_out = _joined(group.left_out, own, i)
             if np.isfinite(curve.measured).any():
                 model = Match(curve.simulated, left_out)
                 sigma = math.sqrt(noise.matrix[i, i])
-                figures[name] = channel_figures(curve.measured, model, rate, lag.get(name), sigma, band)
+                figures[name] = channel_figures(
+                    curve.measured, model, rate, lag.get(name), sigma, band,
+                    _joined(group.innovations, own, i),
+                )  # fmt: skip
         inputs = {name: join([p.inputs[:, i] for p in pieces]) for i, name in enumerate(vehicle.recorded)}
         baseline = {name: match.simulated for name, match in lag.items()}
         traces.append(ManeuverTrace(join([p.time for p in pieces]), channels, inputs, baseline))
@@ -72,6 +77,11 @@ def maneuver_curves(
         place = (window.flight, window.start, window.stop, group.role, spans)
         results.append(ManeuverResult(*place, figures, window.loading or ""))
     return tuple(results), tuple(traces)
+
+
+def _joined(values: Sequence[FloatArray] | None, own: Sequence[int], column: int) -> FloatArray | None:
+    """Return one channel of values (n, n_y) of some pieces as one curve."""
+    return None if values is None else join([values[k][:, column] for k in own])
 
 
 def unwrapped(measured: FloatArray, simulated: FloatArray, angle: bool) -> tuple[FloatArray, FloatArray]:

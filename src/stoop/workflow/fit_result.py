@@ -64,7 +64,8 @@ def identification(
     if predicted:
         own_biases = [expected_biases(fit, window.flight) for window in predicted]
         ahead = predict(model, flights, predicted, own_biases)
-        groups.append(Simulated("validation", ahead.prepared, ahead.readings, deviations=ahead.deviations))
+        band = ahead.deviations
+        groups.append(Simulated("validation", ahead.prepared, ahead.readings, None, band, ahead.innovations))
     maneuvers, traces = maneuver_curves(vehicle, groups, noise=model.noise)
 
     states, biases = _nuisances(fit, bars)

@@ -12,6 +12,7 @@ from stoop.base.files import write_text_atomic
 from stoop.base.notices import Notice, as_notice, notice, of_severity
 from stoop.checks.vehicle import require_channels
 from stoop.errors import FlightError, StoopError
+from stoop.estimate.filter_error import filter_of_result
 from stoop.estimate.initial_state import FittedModel
 from stoop.estimate.predict import predict
 from stoop.flight import Flight, without, without_faults
@@ -86,7 +87,9 @@ def validate(
     known = outputs.by_name(flights, "validate")
     identified = outputs.read_identified(source)
     vehicle = identified.vehicle
-    model = FittedModel(vehicle, identified.result.covariance, identified.result.noise_covariance)
+    of = identified.result
+    found_by = filter_of_result(of.method, vehicle, of.noise_covariance, of.notices)
+    model = FittedModel(vehicle, of.covariance, of.noise_covariance, found_by)
     for flight in flights:
         require_channels(vehicle, flight, f"which result {source} is")
     fitted_as = {name: identified.name_of(one) for name, one in known.items()}
@@ -110,7 +113,9 @@ def validate(
         flight = without_faults(without(flight, [(w.start, w.stop) for w in own]))
         biases = identified.biases(fitted_as[name])
         ahead = predict(model, {name: flight}, own, [biases] * len(own))
-        group = Simulated("validation", ahead.prepared, ahead.readings, deviations=ahead.deviations)
+        group = Simulated(
+            "validation", ahead.prepared, ahead.readings, None, ahead.deviations, ahead.innovations
+        )
         found, drawn = maneuver_curves(vehicle, [group], fitted, noise=model.noise)
         used.append(flight)
         results += found

@@ -8,6 +8,7 @@ noise. The quadrotor is flown by the autopilot of `stoop simulate`. The vehicle 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -101,6 +102,14 @@ def aircraft_scene(wind: float, seed: int, unstable: str = "") -> scenes.Scene:
     }
     start = scenes.wrong_start(aircraft, rng)
     return scenes.Scene(start, flights, scenes.whole_maneuvers(), scenes.coefficients(aircraft))
+
+
+def lateral_scene(wind: float, seed: int) -> scenes.Scene:
+    """Return maneuvers of the aircraft as :func:`aircraft_scene`, to be identified by its lateral model."""
+    scene = aircraft_scene(wind, seed)
+    start = scene.start.reduced("lateral")
+    free = {p.name for p in start.parameters if p.free}
+    return replace(scene, start=start, truth={n: v for n, v in scene.truth.items() if n in free})
 
 
 def quadrotor_scene(wind: float, seed: int) -> scenes.Scene:

@@ -27,7 +27,8 @@ LEAD: Final = f"""\
 The twin-boom aircraft flies the four maneuvers of the study of coverage under an autopilot that holds its attitude by noisy \
 readings, and the quadrotor of stoop flies doublets about all axes under its own for \
 {closed_loop.LEGS * closed_loop.LEG:.0f} s, both in calm air and in the Dryden turbulence that MIL-F-8785C calls light, \
-moderate and severe. The vehicle files that the fits begin with know of no gusts; starting values are up to \
+moderate and severe. The lateral model (reduce = "lateral") of the same aircraft takes V, alpha, q and theta from the record, in \
+moderate turbulence. The vehicle files that the fits begin with know of no gusts; starting values are up to \
 {100 * scenes.START_ERROR:.0f} % wrong (quadrotor {100 * closed_loop.QUADROTOR_ERROR:.0f} %). No method is named."""
 WORDS: Final = """\
 Coverage is the share of 95 % intervals that hold the truth, over all parameters and flights. Bias is the mean error of a \
@@ -62,6 +63,11 @@ CASES: Final[Mapping[str, Case]] = {
         ("quadrotor", "quadrotor", closed_loop.quadrotor_scene),
     )
     for level, wind in LEVELS.items()
+} | {
+    "aircraft-moderate-lateral": Case(
+        "the lateral model of the aircraft in moderate turbulence",
+        partial(closed_loop.lateral_scene, LEVELS["moderate"] * KNOT),
+    )  # last, so that the others keep their random numbers
 }
 
 

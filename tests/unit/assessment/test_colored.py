@@ -63,6 +63,53 @@ def test_the_double_sum_done_naively() -> None:
     assert_allclose(found, naive, rtol=1e-6, atol=1e-9 * np.abs(naive).max())
 
 
+def color(channels: int) -> ColoredNoise:
+    """Return colored noise whose channels cohere differently in two bands."""
+    coherency = np.stack([np.eye(channels, dtype=np.complex128)] * 2)
+    coherency[0, 0, 1], coherency[0, 1, 0] = 0.3 + 0.4j, 0.3 - 0.4j
+    coefficients = np.array([[0.6, 0.1], [-0.4, 0.2]])
+    return ColoredNoise(coefficients, np.diag([1.0, 2.0]), np.array([0.0, 0.2, 0.5]), coherency)
+
+
+def test_bands_frequency_by_frequency() -> None:
+    segment = PieceEvidence(np.zeros((60, CHANNELS)), sensitivities(60))
+    found, noise = Coloring.of([segment], np.eye(8)), color(CHANNELS)
+    block, spread = found.blocks[0], np.diag(np.arange(1.0, 9.0))
+    gain, S = noise.gain(block.size), block.parts[0] + 1j * block.parts[1]
+    middle, absorbed = np.zeros((8, 8)), np.zeros((2, CHANNELS, CHANNELS), complex)
+    inner = block.basis @ spread @ block.basis.T
+    for f in range(block.size // 2 + 1):
+        band, G, s = int(f / block.size >= 0.2), np.diag(gain[f]), S[:, f]
+        power = G @ noise.powers[band] @ G.conj().T
+        middle += (s.conj().T @ power @ s).real
+        crossed = s @ s.conj().T @ power
+        excess = crossed + crossed.conj().T - s @ inner @ s.conj().T
+        absorbed[band] += np.linalg.inv(G) @ excess @ np.linalg.inv(G).conj().T
+    whitened = block.whitened(noise)
+    assert_allclose(whitened.middle(noise.roots), middle, rtol=1e-10, atol=1e-12)
+    assert_allclose(whitened.absorbed(noise.powers, spread), absorbed, rtol=1e-10, atol=1e-12)
+
+
+def test_variance_of_columns_is_that_of_the_middle() -> None:
+    segment = PieceEvidence(np.zeros((60, CHANNELS)), sensitivities(60))
+    found, noise = Coloring.of([segment], np.eye(8)), color(CHANNELS)
+    turned = found.blocks[0].basis @ np.linalg.pinv(found.inverse.factor)
+    middle = turned.T @ found.middles(noise)[0] @ turned
+    assert_allclose(noise.variance(segment.jacobian), np.diag(middle), rtol=1e-9)
+
+
+def test_single_precision_is_enough() -> None:
+    jacobian = sensitivities(400)
+    random = np.random.default_rng(5)
+    segment = PieceEvidence(
+        fit(jacobian.reshape(800, 8), noise(400, 0.9, random).ravel())[1].reshape(400, 2), jacobian
+    )
+    single, double = (Coloring.of([segment], np.zeros((8, 8))) for _ in range(2))
+    vars(double)["single_blocks"] = double.blocks
+    assert_allclose(single.noise.coefficients, double.noise.coefficients, atol=1e-6)
+    assert_allclose(single.noise.powers, double.noise.powers, rtol=2e-6, atol=2e-6)
+
+
 def fit(jacobian: np.ndarray, measured: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the estimate and the residuals of ordinary least squares; NaN is missing."""
     there = np.isfinite(measured)

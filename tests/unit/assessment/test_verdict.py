@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 import math
 from typing import Any
 
@@ -15,6 +16,7 @@ from stoop.results.extensions import ExtensionTest, ExtensionTests
 from stoop.results.result import (
     Covariance,
     GoodnessOfFit,
+    InnovationFigures,
     ManeuverResult,
     NoiseCovariance,
     ParameterEstimate,
@@ -39,6 +41,10 @@ USES = (
 )
 MATCHED, LOST = GoodnessOfFit(0.1, 0.1, 0.9, 0.2), GoodnessOfFit(0.5, 0.5, 0.1, 0.2)
 
+WHITE, COLORED = (
+    InnovationFigures(1.0, 0.95, Whiteness(0.0, 20.0, 20, p, "white" if p > 0.05 else "colored"))
+    for p in (0.5, 1e-6)
+)
 OUTSIDE = dataclasses.replace(MATCHED, inside=0.4)
 
 
@@ -69,6 +75,14 @@ def lacking(shift: float, name: str = "Clp") -> ExtensionTests:
     return ExtensionTests(100, 0.01, (found,))
 
 
+def contradicted(name: str, change: float) -> ExtensionTests:
+    """Return tests of which one contradicts a fixed number of 2 and moves nothing else."""
+    found = ExtensionTest(
+        name, "number", 2.0 + change, 0.01, "kg m2", 10.0, 1e-9, 50.0, "line", change=change
+    )
+    return ExtensionTests(100, 0.01, (found,))
+
+
 def codes(found: Verdict) -> list[str]:
     return [one.code for one in found.against]
 
@@ -81,6 +95,28 @@ def test_trusted() -> None:
     assert str(found.headline) == "Trusted for control design, simulation and performance"
 
 
+def in_gusts(figures: InnovationFigures) -> Result:
+    """Return a result whose simulation of the held-back window lost to a lag and left its band."""
+    lost = dataclasses.replace(LOST, inside=0.3, innovations=figures)
+    held_back = maneuver(10.0, "validation", p=lost, V=lost)
+    return result(maneuvers=(*result().maneuvers[:2], held_back))
+
+
+def test_a_filter_is_judged_by_its_innovations_and_not_by_a_simulation_in_gusts() -> None:
+    assert verdict(in_gusts(WHITE), USES).grade == "trusted"
+    found = verdict(in_gusts(COLORED), USES)
+    assert found.grade == "usable"
+    assert codes(found) == ["verdict-innovations"]
+    found = verdict(in_gusts(dataclasses.replace(COLORED, rms=5.0, inside=0.4)), USES)
+    assert found.grade == "do not use"
+    assert {"verdict-trivial", "verdict-outside", "verdict-innovations"} <= set(codes(found))
+    old = json.loads(to_json(in_gusts(WHITE)))
+    for one in old["maneuvers"]:
+        for channel in one["channels"].values():
+            del channel["innovations"]
+    assert verdict(from_json(json.dumps(old)), USES).grade == "do not use"
+
+
 @pytest.mark.parametrize(
     ("changes", "code"),
     [
@@ -88,6 +124,7 @@ def test_trusted() -> None:
         ({"cost": math.nan}, "verdict-no-cost"),
         ({"notices": (notice("sensor-fault", "f", fault="p has the wrong sign"),)}, "sensor-fault"),
         ({"extensions": lacking(-11.8)}, "verdict-form"),
+        ({"extensions": contradicted("mass.inertia.xx", 0.3)}, "verdict-form"),
         (
             {"maneuvers": (*result().maneuvers[:2], maneuver(10.0, "validation", p=LOST, V=LOST))},
             "verdict-trivial",
@@ -115,6 +152,8 @@ def test_refused(changes: dict[str, Any], code: str) -> None:
     [
         ({"extensions": lacking(-11.8, "Clr")}, "verdict-lacks"),
         ({"extensions": lacking(0.9 * LIMITS.moved_errors)}, "verdict-lacks"),
+        ({"extensions": contradicted("mass.inertia.xx", 0.08)}, "verdict-lacks"),
+        ({"extensions": contradicted("sensors.az.scale", 0.3)}, "verdict-lacks"),
         ({"extensions": ExtensionTests()}, "verdict-not-tested"),
         ({"maneuvers": result().maneuvers[:2]}, "verdict-no-held-back"),
         ({"maneuvers": result().maneuvers[1:]}, "verdict-one-maneuver"),

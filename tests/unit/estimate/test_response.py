@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from stoop.base.arrays import FloatArray
-from stoop.estimate.filter_error import with_gusts
 from stoop.estimate.filter_gains import Noise, Steady, Varying, first_guess
 from stoop.estimate.filter_likelihood import FrozenFilter, Likelihood
 from stoop.estimate.fit import DEFAULTS, LocalProblem, estimation_problem
+from stoop.estimate.fitted_filter import with_gusts
 from stoop.estimate.linearization import undelayed
 from stoop.estimate.multiple_shooting import FollowingWindows
 from stoop.estimate.response import Responses

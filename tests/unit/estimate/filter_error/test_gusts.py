@@ -162,6 +162,14 @@ def test_the_filter_is_taken_with_gusts_that_the_file_does_not_know(gusty_start,
         assert found.estimates[name] == pytest.approx(resolve_vehicle("twin-boom").value(name), rel=0.1)
 
 
+def test_the_table_of_gusts_is_in_the_text_of_the_file():
+    """From which the file of the identified vehicle is written."""
+    blown = with_turbulence(resolve_vehicle("twin-boom"))
+    again = parse_vehicle(blown.text, "again")
+    assert again.file == blown.file
+    assert again.structure == blown.structure
+
+
 def test_a_filter_that_diverges_is_replaced(gusty_start, gusty_flight, monkeypatch):
     def refuse(*arguments):
         raise IdentificationError("the filter diverges from every start")

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from naive.kalman import kalman
 
-from stoop.estimate.filter_error import with_gusts
 from stoop.estimate.filter_gains import Noise, Steady, Varying, first_guess
 from stoop.estimate.filter_likelihood import Likelihood
 from stoop.estimate.fit import Options, estimation_problem
+from stoop.estimate.fitted_filter import with_gusts
 from stoop.estimate.linearization import linearized
 from stoop.problem.windows import Window
 

@@ -1,0 +1,111 @@
+"""Windows held back from a filter fit: innovations of a right model and of wrong ones, and a band that holds the gusts."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stoop.estimate.filter_error import filter_of_result
+from stoop.estimate.fit import Options
+from stoop.estimate.initial_state import FittedModel
+from stoop.estimate.predict import predict
+from stoop.flight import Flight
+from stoop.problem.prepare import prepare
+from stoop.problem.windows import Window
+from stoop.results.result import Covariance, NoiseCovariance, Result, from_json, to_json
+from stoop.simulation.fly import simulate_flight
+from stoop.simulation.maneuver import parse_maneuver
+from stoop.vehicle import Vehicle
+from stoop.workflow.identification import Job, identify
+from stoop.workflow.validation import validate
+
+from .conftest import MANEUVER
+
+LAST = Window("flight2", 0.0, 15.0)
+
+
+@pytest.fixture(scope="module")
+def flights(gusty: Vehicle) -> list[Flight]:
+    return [
+        simulate_flight(gusty, parse_maneuver(MANEUVER, "test"), seed=20 + k, name=f"flight{k}")
+        for k in range(3)
+    ]
+
+
+def model(vehicle: Vehicle) -> FittedModel:
+    """Return the model with the noise of the vehicle file, as a fit that found the truth would."""
+    noise = NoiseCovariance(
+        vehicle.outputs, np.diag([getattr(vehicle.file.sensors, c).sigma ** 2 for c in vehicle.outputs])
+    )
+    return FittedModel(
+        vehicle, Covariance((), np.empty((0, 0))), noise, filter_of_result("filter-error", vehicle, noise, ())
+    )
+
+
+def test_innovations_of_the_truth_are_white_and_as_large_as_expected(
+    gusty: Vehicle, flights: list[Flight]
+) -> None:
+    """Of 18 curves; correlations of n samples scatter by 1 / sqrt(n)."""
+    windows = [Window(f.name, 0.0, 15.0) for f in flights]
+    ahead = predict(model(gusty), {f.name: f for f in flights}, windows, [{}] * 3)
+    assert ahead.innovations is not None
+    rms = np.array([np.sqrt(np.mean(v**2, axis=0)) for v in ahead.innovations])
+    assert np.all(np.abs(rms - 1.0) < 0.1)
+    r = np.array([np.mean(v[1:] * v[:-1], axis=0) for v in ahead.innovations]) * np.sqrt(750)
+    assert np.mean(np.abs(r) < 1.96) > 0.8
+    assert np.max(np.abs(r)) < 4.0
+
+
+@pytest.mark.parametrize(("name", "factor"), [("Cmelevator", 1.4), ("Cmalpha", 1.6), ("CLalpha", 1.4)])
+def test_innovations_of_a_wrong_model_are_not(
+    gusty: Vehicle, flights: list[Flight], name: str, factor: float
+) -> None:
+    wrong = gusty.with_numbers({name: {"value": factor * gusty.value(name)}})
+    ahead = predict(model(wrong), {"flight2": flights[2]}, [LAST], [{}])
+    assert ahead.innovations is not None
+    (v,) = ahead.innovations
+    r = np.mean(v[1:] * v[:-1], axis=0) / np.mean(v**2, axis=0) * np.sqrt(750)
+    assert np.max(np.abs(r)) > 4.0
+
+
+def test_the_band_holds_the_gusts(gusty: Vehicle) -> None:
+    """Monte Carlo: the scatter of flights that differ in their gusts alone."""
+    maneuver, many = parse_maneuver(MANEUVER, "test"), 60
+    flown = [simulate_flight(gusty, maneuver, seed=k, noise=False, name="f") for k in range(many)]
+    readings = np.array([np.column_stack([f.column(c) for c in gusty.outputs]) for f in flown])
+    known = model(gusty).filter
+    assert known is not None
+    (piece,) = prepare(gusty, {"f": flown[0]}, [Window("f", 0.0, 15.0)]).pieces
+    expected = np.sqrt(known.disturbance(gusty, piece))
+    # rms over time in a few parts; the scatter of 60 flights is known to some 10 %, trajectories are correlated in time
+    for part in np.array_split(np.arange(len(piece.time)), 5):
+        found = np.sqrt(np.mean(readings[:, part].std(axis=0) ** 2, axis=0))
+        assert found / np.sqrt(np.mean(expected[part] ** 2, axis=0)) == pytest.approx(np.ones(6), abs=0.35)
+
+
+@pytest.fixture(scope="module")
+def job(gusty_start: Vehicle, flights: list[Flight]) -> Job:
+    windows = ["flight0@0:15", "flight1@0:15"]
+    return identify(gusty_start, flights, windows, "flight2@0:15", Options(method="filter-error"))
+
+
+def held_back(result: Result) -> dict[str, float]:
+    (maneuver,) = (m for m in result.maneuvers if m.role == "validation")
+    return {c: one.innovations.rms for c, one in maneuver.channels.items()}
+
+
+def test_a_right_model_in_gusts_is_not_refused(job: Job) -> None:
+    result = job.result
+    assert result.verdict.grade in ("trusted", "usable")
+    assert held_back(result) == pytest.approx(dict.fromkeys(held_back(result), 1.0), abs=0.1)
+    assert not {"verdict-innovations", "verdict-outside"} & {n.code for n in result.verdict.against}
+    assert held_back(from_json(to_json(result))) == held_back(result)
+
+
+def test_validation_finds_the_same(job: Job, flights: list[Flight], tmp_path: Path) -> None:
+    job.save(tmp_path)
+    again = validate(tmp_path, [flights[2]], ["0:15"]).record
+    found = {c: one.innovations.rms for c, one in again.maneuvers[0].channels.items()}
+    assert found == pytest.approx(held_back(job.result), rel=1e-6)
