@@ -106,6 +106,11 @@ def test_a_right_model_in_gusts_is_not_refused(job: Job) -> None:
 
 def test_validation_finds_the_same(job: Job, flights: list[Flight], tmp_path: Path) -> None:
     job.save(tmp_path)
-    again = validate(tmp_path, [flights[2]], ["0:15"]).record
-    found = {c: one.innovations.rms for c, one in again.maneuvers[0].channels.items()}
+    again = validate(tmp_path, [flights[2]], ["0:15"])
+    found = {c: one.innovations.rms for c, one in again.record.maneuvers[0].channels.items()}
     assert found == pytest.approx(held_back(job.result), rel=1e-6)
+    again.save(tmp_path / "check")
+    page = (tmp_path / "check" / "validation.html").read_text()
+    assert "innovations are white in" in page
+    for text in (page, (tmp_path / "report.html").read_text()):
+        assert "RMS / expected" in text
