@@ -98,7 +98,7 @@ class ColoredNoise:
     def variance(self, columns: FloatArray) -> FloatArray:
         """Return the variances (m,) of the sums of noise times columns (n, n_y, m)."""
         size = next_fast_len(2 * len(columns), real=True)
-        weight = _scale(size)[:, None] * self.gain(size).conj()
+        weight = half_spectrum_scale(size)[:, None] * self.gain(size).conj()
         colored = rfft(columns, size, axis=0) * weight[:, :, None]
         total = np.zeros(columns.shape[2])
         for band, root in zip(self.bands(size), self.roots, strict=True):
@@ -287,7 +287,7 @@ class _Block:
         left, stretch, basis = np.linalg.svd(factor[active], full_matrices=False)
         size = next_fast_len(2 * len(jacobian), real=True)  # the autocovariance does not wrap around
         spectrum = np.asarray(rfft(jacobian[:, :, active] @ (left * stretch), size, axis=0))
-        spectrum = (spectrum * _scale(size)[:, None, None]).transpose(1, 0, 2)
+        spectrum = (spectrum * half_spectrum_scale(size)[:, None, None]).transpose(1, 0, 2)
         parts = np.empty((2, *spectrum.shape))
         parts[0], parts[1] = spectrum.real, spectrum.imag
         return cls(size, basis, parts)
@@ -314,7 +314,11 @@ class _Block:
 
     def cross_powers(self, noise: ColoredNoise, residual: FloatArray, edges: FloatArray) -> ComplexArray:
         """Return the sums (b, ny, ny) over each band of the whitened periodograms of a residual (n, ny)."""
-        white = rfft(residual, self.size, axis=0) * _scale(self.size)[:, None] / noise.gain(self.size)
+        white = (
+            rfft(residual, self.size, axis=0)
+            * half_spectrum_scale(self.size)[:, None]
+            / noise.gain(self.size)
+        )
         return _by_band(white[:, :, None] * white.conj()[:, None, :], edges, self.size)
 
     def whitened(self, noise: ColoredNoise) -> _Whitened:
@@ -382,7 +386,7 @@ def _power(coefficients: FloatArray, power: FloatArray, size: int) -> FloatArray
     return np.asarray(np.abs(gain) ** 2 * power[:, None])
 
 
-def _scale(size: int) -> FloatArray:
+def half_spectrum_scale(size: int) -> FloatArray:
     """Return factors (size // 2 + 1,) with which squares of a real transform add up to those of the series."""
     twice = np.full(size // 2 + 1, 2.0)
     twice[[0, -1] if size % 2 == 0 else 0] = 1.0

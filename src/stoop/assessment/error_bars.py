@@ -16,6 +16,8 @@ from threadpoolctl import threadpool_limits
 
 from stoop.assessment.clusters import Scatter, cluster_scatter
 from stoop.assessment.coloring import ColoredNoise, Coloring, autocorrelation
+from stoop.assessment.contributions import LIMITS as EXCITATION
+from stoop.assessment.contributions import Contribution, contributions
 from stoop.assessment.covariance import (
     data_information,
     marked,
@@ -101,6 +103,7 @@ class ErrorBars:
     conditional: tuple[str, ...]  #: more than twice as uncertain if the parameters at a bound were free
     uncertainty: Uncertainty  #: of the `free` unknowns
     free: IntArray  #: (f,); the unknowns that are estimated and not at a bound; noise intensities come last
+    contributions: tuple[Contribution, ...] = ()  #: of controls and motions
     scatter: Scatter | None = (
         None  #: of maneuvers or flights, whichever is larger; None where there is one maneuver
     )
@@ -148,12 +151,17 @@ def error_bars(fit: Fit) -> ErrorBars:
         told = identifiability(
             known, found.information, corrected
         )  # what is not known, however alike maneuvers are
+        each = contributions(fit.problem.layout.vehicle, evidence, found.information, found.noise)
+        doubtful = {n: c.variable for c in each if c.systematic > EXCITATION.refused for n in c.parameters}
         scatter = _scatter(fit, found, sum(u.kind == "parameter" for u in known))
         if scatter is not None:
             stretch = np.ones(len(free))
             stretch[: len(scatter.stretch)] = scatter.stretch
             corrected = corrected * np.outer(stretch, stretch)
         own = {u.name: j for u, j in zip(known, told, strict=True) if u.kind == "parameter"}
+        for name in (n for n in doubtful if own[n].identifiable):
+            reason = notice("systematic-residuals", doubtful[name])
+            own[name] = replace(own[name], identifiable=False, reason=reason)
         idle_reason = notice("not-estimated")
         idle = [u.name for u in unknowns if u.kind == "parameter" and u.fixed == "method"]
         covariance = np.zeros((len(unknowns),) * 2)
@@ -171,6 +179,7 @@ def error_bars(fit: Fit) -> ErrorBars:
             conditional=conditional,
             uncertainty=found,
             free=free,
+            contributions=each,
             scatter=scatter,
         )
 

@@ -56,6 +56,7 @@ REFUSING: Final = frozenset({"no-confirmed-optimum", "sensor-fault", "too-few-sa
 #: notices that speak against one use: what it needs was not excited, or not measured
 AGAINST: Final = {
     "control-still": "control design",
+    "contribution-in-doubt": "control design",
     "axis-not-excited": "control design",
     "rates-not-recorded": "control design",
     "lift-not-excited": "performance",

@@ -1,4 +1,4 @@
-"""What the fitted windows cannot determine: controls that hardly move or move together, and forces without a known mass.
+"""What the fitted windows cannot determine: controls that do not move or move together, and forces without a known mass.
 
 A control that a loop moves follows the motion, and what multiplies it cannot be separated from what multiplies the
 motion. Pairs correlated above 0.9 are the field's usual warning; combinations show in the multiple correlation.
@@ -22,7 +22,6 @@ import numpy as np
 
 from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice, notice
-from stoop.base.units import DEGREE
 from stoop.checks.rotors import rotor_notices
 from stoop.problem import Misfit
 from stoop.simulation import parameter_rows
@@ -33,7 +32,7 @@ from stoop.vehicle.schema import WIND
 from stoop.vehicle.vehicle import AIR_FRAME, GROUND_FRAME
 
 AXES: Final = (("V", "alpha", "q"), ("beta", "p", "r"))  #: motions that the terms of one plane multiply
-MIN_DEFLECTION: Final = 0.2 * DEGREE  #: rad rms, below which a deflection is no input
+CONSTANT: Final = 1e-6  #: rad rms, below which a deflection is constant but for rounding
 CORRELATION_LIMIT: Final = 0.9  #: of two signals
 MULTIPLE_LIMIT: Final = 0.98  #: multiple correlation of a control with everything else in its plane
 LOW_AIRSPEED: Final = 0.5  #: of the reference airspeed, below which wings carry a quarter at most
@@ -52,21 +51,26 @@ def excitation_notices(problem: Misfit, z: FloatArray, recorded_rate: float = np
 
 
 def _of_controls(problem: Misfit, z: FloatArray) -> Iterator[Notice]:
-    """Yield which controls hardly move, and which move with each other or with the motion."""
-    vehicle, parts = problem.layout.vehicle, []  # controls and outputs of each piece, without their means
-    for i, piece in enumerate(problem.pieces):
+    """Yield which controls do not move, and which move with each other or with the motion."""
+    simulated = [problem.outputs(z, i) for i in range(len(problem.pieces))]
+    whole = np.concatenate([y - y.mean(axis=0) for y in simulated])
+    motions, moving = dict(zip(problem.layout.vehicle.outputs, whole.T, strict=True)), dict[str, FloatArray]()
+    for name, x in deflections(problem).items():
+        if np.sqrt(np.mean(x**2)) < CONSTANT:
+            yield notice("control-still", name)
+        else:
+            moving[name] = x
+    yield from collinear(moving, motions)
+
+
+def deflections(problem: Misfit) -> dict[str, FloatArray]:
+    """Return the deflections (n,) of all controls over all pieces, rad, without the mean of each piece."""
+    vehicle, parts = problem.layout.vehicle, []
+    for piece in problem.pieces:
         rows = np.repeat(parameter_rows(vehicle, piece.changes), len(piece.time), axis=1)
         signals = [commanded(vehicle, name, rows, piece.inputs.T) for name in vehicle.controls]
-        parts.append([x - np.mean(x) for x in (*signals, *problem.outputs(z, i).T)])
-    whole = [np.concatenate(part) for part in zip(*parts, strict=True)]
-    deflections = dict(zip(vehicle.controls, whole, strict=False))
-    motions = dict(zip(vehicle.outputs, whole[len(deflections) :], strict=True))
-    for name, x in list(deflections.items()):
-        rms = float(np.sqrt(np.mean(x**2)))
-        if rms < MIN_DEFLECTION:
-            yield notice("control-still", name, rms=rms)
-            del deflections[name]
-    yield from collinear(deflections, motions)
+        parts.append([x - np.mean(x) for x in signals])
+    return dict(zip(vehicle.controls, map(np.concatenate, zip(*parts, strict=True)), strict=False))
 
 
 def _low_airspeed(problem: Misfit, z: FloatArray) -> Iterator[Notice]:

@@ -9,6 +9,7 @@ from typing import Final
 
 import numpy as np
 
+from stoop.assessment.contributions import contribution_notices
 from stoop.assessment.error_bars import ErrorBars
 from stoop.assessment.verdict import CONFIRMED
 from stoop.base.notices import Notice, as_notice, notice, of_severity, paragraph
@@ -79,6 +80,7 @@ def fit_warnings(
         found.append(notice("airspeed-not-measured", airspeed=vehicle.value("reference.airspeed")))
     found += check_rotors(vehicle, flights, windows)
     found += excitation_notices(fit.problem, fit.z, slowest_rate(fit, flights))
+    found += contribution_notices(fit, bars.contributions)
     # Parameters at a bound, those that rest on it, and those not identifiable, of one reason together.
     at_bound = tuple(name for name, p in parameters.items() if p.at_bound)
     found += [notice("at-bound", parameters=at_bound)] if at_bound else []
@@ -86,7 +88,8 @@ def fit_warnings(
         found.append(notice("conditional-on-bound", held=at_bound, parameters=tuple(bars.conditional)))
     reasons: dict[str, list[str]] = {}
     for name, one in bars.identifiability.items():
-        if not one.identifiable and not parameters[name].at_bound:
+        named = one.reason is not None and one.reason.code == "systematic-residuals"
+        if not one.identifiable and not parameters[name].at_bound and not named:
             reasons.setdefault(str(one.reason), []).append(name)
     for reason, names in reasons.items():
         found.append(notice("not-identifiable", parameters=tuple(names), count=len(names), reason=reason))

@@ -233,7 +233,7 @@ def test_curves_without_the_gusts_that_a_filter_found_judge_nothing() -> None:
 
 
 def test_what_was_not_excited_speaks_against_a_use() -> None:
-    still = notice("control-still", "aileron", rms=0.001)
+    still = notice("control-still", "aileron")
     found = verdict(result(notices=(still,)), USES)
     assert found.justified == ("simulation", "performance")
     assert still in found.against

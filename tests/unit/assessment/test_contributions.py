@@ -1,0 +1,129 @@
+"""What a control contributes above noise and systematic residuals, against closed forms and simulated flights."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from stoop.assessment.coloring import ColoredNoise
+from stoop.assessment.contributions import Contribution, contribution_notices, contributions
+from stoop.assessment.covariance import data_information
+from stoop.assessment.error_bars import error_bars
+from stoop.base.arrays import FloatArray
+from stoop.estimate.fit import Options, fit
+from stoop.flight import Flight
+from stoop.problem.evidence import Evidence, PieceEvidence, Unknown
+from stoop.problem.windows import Window
+from stoop.simulation.fly import simulate_flight
+from stoop.simulation.maneuver import parse_maneuver
+from stoop.vehicle import Vehicle
+from stoop.vehicle.builtin import resolve_vehicle
+from stoop.vehicle.schema import Turbulence
+from stoop.workflow.demo import MANEUVER
+
+NAMES = ("CLelevator", "Cmelevator", "Cmalpha", "Cmq")
+SLOW = 0.98  #: of an autoregression
+
+
+def evidence(jacobian: FloatArray, estimates: FloatArray, white: bool = False) -> Evidence:
+    unknowns = tuple(
+        Unknown(name, "parameter", float(x), abs(float(x))) for name, x in zip(NAMES, estimates, strict=False)
+    )
+    k = len(unknowns)
+    residual = np.zeros(jacobian.shape[:2])
+    return Evidence(unknowns, (PieceEvidence(residual, jacobian),), np.zeros((k, k)), white=white)
+
+
+def judged(data: Evidence, noise: ColoredNoise, variable: str = "elevator") -> Contribution:
+    found = contributions(resolve_vehicle("twin-boom"), data, data_information(data.pieces), noise)
+    return next(one for one in found if one.variable == variable)
+
+
+def slow(channels: int) -> ColoredNoise:
+    return ColoredNoise(np.full((channels, 1), SLOW), (1.0 - SLOW**2) * np.eye(channels))
+
+
+def test_in_white_noise_it_is_the_square_root_of_wald_s_statistic() -> None:
+    rng = np.random.default_rng(1)
+    estimates = np.array([0.3, -1.0, -0.5, -9.0])
+    data = evidence(rng.standard_normal((300, 12, 4)) @ rng.standard_normal((4, 4)), estimates)
+    covariance = np.linalg.inv(data_information(data.pieces))[:2, :2]
+    wald = float(estimates[:2] @ np.linalg.solve(covariance, estimates[:2]))
+    found = judged(data, ColoredNoise.white(12))
+    assert found.noise == pytest.approx(wald**-0.5)
+    assert found.systematic == 0.0
+    assert found.parameters == ("CLelevator", "Cmelevator")
+
+
+def test_a_sine_is_compared_with_the_residuals_of_its_frequency() -> None:
+    """A sine has two independent samples."""
+    count, cycles = 4000, 40
+    jacobian = np.zeros((count, 12, 1))
+    jacobian[:, 4, 0] = np.sin(2.0 * np.pi * cycles * np.arange(count) / count)
+    found = judged(evidence(jacobian, np.array([0.2])), slow(12))
+    w = 2.0 * np.pi * cycles / count
+    density, floor = ((1.0 - SLOW**2) / (1.0 + SLOW**2 - 2.0 * SLOW * np.cos(x)) for x in (w, np.pi))
+    expected = np.sqrt(2.0 * (density - floor) / (0.2**2 * count / 2.0))
+    assert found.column == 4
+    assert found.systematic == pytest.approx(expected, rel=0.05)
+
+
+def test_what_is_recorded_before_and_after_the_maneuver_changes_nothing() -> None:
+    time = np.linspace(-4.0, 4.0, 400)
+    maneuver = np.zeros((400, 12, 1))
+    maneuver[:, 4, 0] = time * np.exp(-(time**2))
+    short, long = (
+        judged(evidence(np.pad(maneuver, [(n, n), (0, 0), (0, 0)]), np.array([2.0])), slow(12))
+        for n in (0, 4000)
+    )
+    assert long.systematic == pytest.approx(short.systematic, rel=0.02)
+    assert long.noise == pytest.approx(short.noise, rel=0.02)
+
+
+def test_fourier_coefficients_are_independent() -> None:
+    rng = np.random.default_rng(2)
+    found = judged(evidence(rng.standard_normal((50, 12, 2)), np.array([0.1, 0.2]), True), slow(12))
+    assert found.systematic == 0.0
+
+
+def flown(vehicle: Vehicle, amplitude: float, gusts: float) -> Flight:
+    """Return a flight with elevator inputs of a share of the usual, through gusts of so many m/s."""
+    if gusts:
+        gust = {"intensity": {"value": gusts}, "length": 200.0}
+        turbulence = Turbulence.model_validate({"u": gust, "w": gust})
+        vehicle = dataclasses.replace(
+            vehicle, file=vehicle.file.model_copy(update={"turbulence": turbulence})
+        )
+    maneuver = parse_maneuver(MANEUVER, "test")
+    inputs = [i.model_copy(update={"amplitude": amplitude * i.amplitude}) for i in maneuver.input]
+    return simulate_flight(vehicle, maneuver.model_copy(update={"input": inputs}), seed=3, name="sim")
+
+
+@pytest.mark.parametrize(
+    ("amplitude", "gusts", "doubted"),
+    [(1.0, 0.0, False), (0.02, 0.0, False), (1.0, 0.2, False), (0.1, 1.0, True)],
+)
+def test_small_deflections_are_doubted_only_where_residuals_could_fake_them(
+    aircraft: Vehicle, wrong: Vehicle, amplitude: float, gusts: float, doubted: bool
+) -> None:
+    flight = flown(aircraft, amplitude, gusts)
+    found = fit(wrong, {"sim": flight}, [Window("sim", 0.0, 30.0)], Options())
+    bars = error_bars(found)
+    names = {n for told in contribution_notices(found, bars.contributions) for n in told.values["parameters"]}
+    assert ("Cmelevator" in names) == doubted
+    if amplitude < 1.0:
+        assert (np.std(flight.column("elevator")) > np.radians(0.2)) == doubted, "the angle does not decide"
+    off = abs(found.estimates["Cmelevator"] / aircraft.value("Cmelevator") - 1.0)
+    assert (off > 0.5) == doubted, "what is doubted is wrong"
+
+
+def test_no_interval_where_systematic_residuals_exceed_the_contribution(
+    aircraft: Vehicle, wrong: Vehicle
+) -> None:
+    found = fit(wrong, {"sim": flown(aircraft, 0.1, 3.0)}, [Window("sim", 0.0, 30.0)], Options())
+    bars = error_bars(found)
+    refused = {n for one in bars.contributions if one.systematic > 1.0 for n in one.parameters}
+    assert refused
+    assert not any(bars.identifiability[n].identifiable for n in refused)
