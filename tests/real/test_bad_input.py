@@ -180,8 +180,8 @@ def test_a_window_without_excitation_is_said(shared_data: Path) -> None:
     vehicle = load_vehicle(Path(__file__).parents[2] / "examples" / "vtail.toml")
     job = identify(vehicle, shared_data / "altlnt-vtail-8kg-px4" / "flight2", ["115:118"], options=BUDGET)
     result = job.identification.result
-    doubted = {n.subject for n in result.notices if n.code in ("control-still", "contribution-in-doubt")}
-    assert "rudder" in doubted
+    doubted = [str(n) for n in result.notices if n.code in ("control-still", "contribution-in-doubt")]
+    assert any("rudder" in text for text in doubted)
     told = [p for p in result.parameters.values() if p.identifiable]
     assert not told, "306 measurements for 80 unknowns"
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import dataclasses
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
 
+from stoop.assessment import sampling
 from stoop.assessment.assessment import AssessedFit, check_method, pack, unpack
 from stoop.errors import IdentificationError
 from stoop.estimate.fit import Options
@@ -90,7 +92,11 @@ def test_bootstrap_and_profile_agree_with_the_corrected_errors(job: Job) -> None
 
 
 @pytest.mark.slow
-def test_the_posterior_agrees_with_the_corrected_errors(job: Job) -> None:
+def test_the_posterior_agrees_with_the_corrected_errors(job: Job, monkeypatch: pytest.MonkeyPatch) -> None:
+    few = dataclasses.replace(
+        sampling.SAMPLER, tuning=100, draws=(300, 1000)
+    )  # five parameters are no V-tail
+    monkeypatch.setattr(sampling, "SAMPLER", few)
     uncertainty = job.assess(Posterior()).identification.result.uncertainty
     corrected, found = (uncertainty[m].parameters for m in ("corrected", "posterior"))
     assert uncertainty["posterior"].figures["rhat"] <= 1.01
