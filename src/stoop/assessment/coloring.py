@@ -194,7 +194,6 @@ class Coloring:
     segments: tuple[PieceEvidence, ...]
     inverse: Inverse  #: of the information that the fit used, priors included
     prior: FloatArray  #: (k, k); information of the priors
-
     white: bool = False  #: whether residuals are uncorrelated by construction: no color is looked for
 
     @classmethod

@@ -74,12 +74,14 @@ def estimate_uncertainty(
     Initial states and biases are among the unknowns, those at a bound are not. Without a prior an unknown that the data
     do not determine gets infinite variance. Residuals that are `white` by construction are not corrected.
     """
-    coloring = Coloring.of(pieces, prior, white)
-    inverse, noise = coloring.inverse, coloring.noise
+    information = data_information(pieces) + prior
+    inverse = invert(information)
+    coloring = Coloring(tuple(pieces), inverse, prior, white)
+    noise = coloring.noise
     lags = min(CORRELATION_LAGS, max(len(piece.residual) for piece in pieces) - 1)
     corrected = inverse.matrix if white else coloring.covariance(noise)
     return Uncertainty(
-        information=data_information(pieces) + prior,
+        information=information,
         cramer_rao=marked(inverse.matrix, inverse.determined),
         corrected=marked(corrected, inverse.determined),
         noise=noise,

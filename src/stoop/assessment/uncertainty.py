@@ -39,6 +39,7 @@ from stoop.assessment.error_bars import (
     worst_pairs,
 )
 from stoop.assessment.maneuver_advice import advice, flown_model
+from stoop.assessment.verdict import CONFIRMED
 from stoop.base.notices import Notice, notice
 from stoop.base.text import enumerated
 from stoop.errors import StoopError
@@ -261,7 +262,7 @@ def repeatability(
                 continue
             for name, one in _estimates(own, error_bars(own)).items():
                 singles[name][i] = one
-            if own.outcome.status not in ("converged", "target"):
+            if own.outcome.status not in CONFIRMED:
                 remarks.append(notice("maneuver-no-optimum", str(window), advice=own.outcome.advice))
         except (StoopError, np.linalg.LinAlgError) as error:
             remarks.append(notice("maneuver-not-fitted", str(window), reason=str(error)))
@@ -304,7 +305,7 @@ def agreement(results: Mapping[str, Result]) -> Repeatability:
     remarks = [
         notice("maneuver-no-optimum", name, advice=result.advice or result.status)
         for name, result in results.items()
-        if result.status not in ("converged", "target")
+        if result.status not in CONFIRMED
     ]
     singles = {name: [_alone(r, name) for r in results.values()] for name in names}
     stretches = {name: _stretch(results.values(), name) for name in names}

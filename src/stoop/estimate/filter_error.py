@@ -174,7 +174,7 @@ class FilterError:
                 undelayed(problem),
             )
             price, ascents = float(problem.dimension + problem.extra + noise.size + 2), []
-            stages = Stages("scoring", price, callback, state)
+            stages = Stages(methods.SCORING, price, callback, state)
             for x in starts(problem):
                 z = np.concatenate([x, np.zeros(problem.extra), noise.start])
                 best = ascend(stages, Likelihood.of(shifted, noise, self.gain, z), z, TOLERANCES.first)
@@ -250,7 +250,7 @@ def _fit(
         prepared,
         z,
         optimize.Outcome(
-            z, best.cost, runs, iterations, status, ADVICE[status], best.history, state, "scoring"
+            z, best.cost, runs, iterations, status, ADVICE[status], best.history, state, methods.SCORING
         ),
         best.cost,
         runs,

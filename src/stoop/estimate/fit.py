@@ -23,7 +23,13 @@ from stoop.base.notices import Notice, notice
 from stoop.checks.vehicle import require_channels, require_data
 from stoop.errors import IdentificationError
 from stoop.estimate.excitation import with_mass_held
-from stoop.estimate.noise import channel_residuals, effective_variance, first_variance, noise_variance
+from stoop.estimate.noise import (
+    channel_residuals,
+    effective_variance,
+    first_variance,
+    noise_covariance,
+    noise_variance,
+)
 from stoop.estimate.regression import start_value
 from stoop.estimate.response import Responses, simulation_responses
 from stoop.flight import Flight
@@ -151,10 +157,8 @@ class Fit:
     @property
     def residuals(self) -> list[FloatArray]:
         """Measured less simulated readings (n, n_y) of each piece."""
-        pairs, outputs = (
-            zip(self.problem.pieces, self.readings, strict=True),
-            self.problem.layout.vehicle.outputs,
-        )
+        outputs = self.problem.layout.vehicle.outputs
+        pairs = zip(self.problem.pieces, self.readings, strict=True)
         return [on_circle(piece.measured - y, outputs) for piece, y in pairs]
 
     @cached_property
@@ -164,8 +168,7 @@ class Fit:
             return self.noise
         if self.noise_given:
             return self.problem.weights.covariance
-        measured = np.any([np.isfinite(p.measured).any(axis=0) for p in self.problem.pieces], axis=0)
-        return np.diag(np.where(measured, noise_variance(self.problem, self.residuals), np.nan))
+        return noise_covariance(self.problem, self.residuals)
 
     @property
     def estimates(self) -> dict[str, float]:

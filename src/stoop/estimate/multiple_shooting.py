@@ -34,7 +34,7 @@ from stoop.base.notices import notice
 from stoop.errors import IdentificationError
 from stoop.estimate.fit import ALTERNATION, DEFAULTS, Fit, LocalProblem, Options, estimation_problem, starts
 from stoop.estimate.linearization import aligned, as_recorded
-from stoop.estimate.noise import effective_variance, first_variance, noise_variance
+from stoop.estimate.noise import effective_variance, first_variance, noise_covariance
 from stoop.estimate.response import ExtendedModel, Responses, whitened
 from stoop.estimate.shooting_problem import Iterate, Reduced, ShootingProblem, Weighted, reduced
 from stoop.estimate.shooting_windows import WINDOW_LENGTH, Shots, window_model
@@ -321,8 +321,6 @@ class MultipleShooting:
             notices.append(notice("global-start", optimizer=optimizer, trajectories=searched))
         if not found.noise_converged and status != "interrupted":
             notices.append(notice("noise-not-converged"))
-        residuals = windowed.residuals(at)
-        measured = np.any([np.isfinite(r).any(axis=0) for r in residuals], axis=0)
         return Fit(
             problem,
             prepared,
@@ -333,7 +331,7 @@ class MultipleShooting:
             at.cost,
             many,
             tuple(notices),
-            noise=np.diag(np.where(measured, noise_variance(windowed.problem, residuals), np.nan)),
+            noise=noise_covariance(windowed.problem, windowed.residuals(at)),
             own_evidence=windowed.evidence(at),
             local_problem=partial(FollowingWindows.of, windowed, at),
             simulated=tuple(map(as_recorded, windowed.problem.pieces, windowed.simulated(at))),

@@ -47,6 +47,12 @@ def noise_variance(problem: Misfit, residuals: Sequence[FloatArray]) -> FloatArr
     return out
 
 
+def noise_covariance(problem: Misfit, residuals: Sequence[FloatArray]) -> FloatArray:
+    """Return the diagonal covariance (n_y, n_y) of :func:`noise_variance`; NaN for a channel that was never measured."""
+    measured = np.any([np.isfinite(r).any(axis=0) for r in residuals], axis=0)
+    return np.diag(np.where(measured, noise_variance(problem, residuals), np.nan))
+
+
 def effective_variance(problem: Misfit, residuals: Sequence[FloatArray]) -> FloatArray:
     """Return the variance (n_y,) with which a channel weighs: its noise times the common correlation time.
 

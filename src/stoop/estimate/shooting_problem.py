@@ -206,12 +206,9 @@ class ShootingProblem:
             w, e = np.unravel_index(int(np.argmax(np.abs(gaps))), gaps.shape)
             worst, name = float(np.max(np.abs(gaps))), vehicle.moves[e].removeprefix("turn ")
             unit = "m/s" if name in BODY_VELOCITY else VARIABLES[name].unit if name in VARIABLES else ""
-            size, time = worst / self.gap_weights[e], shots.piece.time[shots.edges[w + 1]]
-            text = (
-                f"the windows meet within {size:.2g} {unit} of {name} or better, at {time:g} s worst".replace(
-                    "  ", " "
-                )
-            )
+            size = f"{worst / self.gap_weights[e]:.2g} {unit}".rstrip()
+            time = shots.piece.time[shots.edges[w + 1]]
+            text = f"the windows meet within {size} of {name} or better, at {time:g} s worst"
         return text
 
     def leveled(self, at: Iterate) -> Iterate:

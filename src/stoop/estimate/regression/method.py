@@ -15,7 +15,7 @@ from stoop.base.arrays import FloatArray
 from stoop.base.notices import notice
 from stoop.errors import IdentificationError
 from stoop.estimate.fit import SHORT, Fit, Options, estimation_problem
-from stoop.estimate.noise import channel_residuals, noise_variance
+from stoop.estimate.noise import channel_residuals, noise_covariance, noise_variance
 from stoop.estimate.regression import kind_of
 from stoop.estimate.regression.least_squares import (
     Domain,
@@ -29,7 +29,7 @@ from stoop.estimate.regression.linear_problem import LinearProblem
 from stoop.estimate.shooting_windows import outputs_by_window
 from stoop.flight import Flight
 from stoop.optimize.ledger import Evaluations, Halt
-from stoop.problem import Layout, Misfit, Weights, on_circle
+from stoop.problem import Layout, Misfit, Weights
 from stoop.problem.evidence import Evidence, prior_information, unknowns_of
 from stoop.problem.observation import observation_model
 from stoop.problem.windows import Window
@@ -134,7 +134,7 @@ def _from_start(fit: Fit) -> Fit:
 
 def _by_window(fit: Fit) -> Fit:
     """Simulate windows of a second that each start as measured."""
-    problem, layout, outputs = fit.problem, fit.problem.layout, fit.problem.layout.vehicle.outputs
+    problem, layout = fit.problem, fit.problem.layout
     found = [
         (n, n.center + n.scale * float(x))
         for n, x in zip(layout.nuisances, fit.z[layout.dimension :], strict=True)
@@ -145,10 +145,8 @@ def _by_window(fit: Fit) -> Fit:
         pieces.append(replace(piece, changes={**piece.changes, **biases}))
     fixed = replace(problem, layout=_fixed_layout(problem, fit.z), pieces=tuple(pieces))
     readings = tuple(outputs_by_window(fixed, i) for i in range(len(pieces)))
-    residuals = [on_circle(p.measured - y, outputs) for p, y in zip(problem.pieces, readings, strict=True)]
-    measured = np.any([np.isfinite(r).any(axis=0) for r in residuals], axis=0)
-    noise = np.diag(np.where(measured, noise_variance(problem, residuals), np.nan))
-    return replace(fit, noise=noise, simulated=readings)
+    flown = replace(fit, simulated=readings)
+    return replace(flown, noise=noise_covariance(problem, flown.residuals))
 
 
 equation_error: Final = partial(regression, domain=TimeDomain())  #: on smoothed samples
