@@ -34,7 +34,7 @@ from stoop.estimate.fitted_filter import FittedFilter, with_gusts
 from stoop.estimate.instability import largest_growth
 from stoop.estimate.linearization import undelayed
 from stoop.flight import Flight
-from stoop.optimize.levenberg_marquardt import StagedModel, Stages, TenfoldDamping, Trial
+from stoop.optimize.levenberg_marquardt import ADVICE, StagedModel, Stages, TenfoldDamping, Trial
 from stoop.optimize.minimize import Status
 from stoop.problem import Misfit
 from stoop.problem.evidence import Evidence, PieceEvidence, Unknown, unknowns_of
@@ -43,13 +43,8 @@ from stoop.problem.windows import Window
 from stoop.results.result import NoiseCovariance
 from stoop.vehicle import Vehicle
 
-MAX_ITERATIONS: Final = 60
+FIRST_STEPS: Final = 60  #: at most, of the first ascents, of which the best goes on
 MAX_LINEARIZATIONS: Final = 3  #: along the states that the filter finds
-ADVICE: Final[dict[Status, str]] = {
-    "converged": "",
-    "generations": f"no maximum of the likelihood after {MAX_ITERATIONS} steps; begin nearer, or fix parameters",
-    "interrupted": "stopped by the user; resume to go on from the last step",
-}
 
 
 @dataclass(frozen=True)
@@ -134,12 +129,13 @@ class ScoringModel(StagedModel):
         self.z, self.cost, self.current = trial.point, trial.cost, False
 
 
-def ascend(stages: Stages, likelihood: Likelihood, z: FloatArray, tolerance: float) -> ScoringModel:
-    """Ascend from z until so much of -ln L is left to gain; Ctrl-C keeps the best so far."""
+def ascend(
+    stages: Stages, likelihood: Likelihood, z: FloatArray, tolerance: float, steps: float = np.inf
+) -> ScoringModel:
+    """Ascend from z until so much of -ln L is left to gain, by so many steps at most; Ctrl-C keeps the best so far."""
     model = ScoringModel(likelihood, z, tolerance)
     try:
-        ending = stages.search(model, TenfoldDamping(1e-3, growth=4.0, smallest=1e-9), MAX_ITERATIONS)
-        model.status = "converged" if ending == "converged" else "generations"
+        model.status = stages.search(model, TenfoldDamping(1e-3, growth=4.0, smallest=1e-9), steps)
     except KeyboardInterrupt:
         model.status = "interrupted"
     costs = stages.stages[-1].costs
@@ -174,12 +170,14 @@ class FilterError:
                 undelayed(problem),
             )
             price, ascents = float(problem.dimension + problem.extra + noise.size + 2), []
-            stages = Stages(methods.SCORING, price, callback, state)
+            stages = Stages(methods.SCORING, price, options.generations, options.budget, callback, state)
             for x in starts(problem):
                 z = np.concatenate([x, np.zeros(problem.extra), noise.start])
-                best = ascend(stages, Likelihood.of(shifted, noise, self.gain, z), z, TOLERANCES.first)
+                likelihood = Likelihood.of(shifted, noise, self.gain, z)
+                best = ascend(stages, likelihood, z, TOLERANCES.first, FIRST_STEPS)
                 if best.usable:  # once more with gains that suit where that led
-                    best = ascend(stages, best.likelihood.along(best.z), best.z, TOLERANCES.first)
+                    likelihood = best.likelihood.along(best.z)
+                    best = ascend(stages, likelihood, best.z, TOLERANCES.first, FIRST_STEPS)
                 ascents.append(best)
                 if best.status == "interrupted":
                     break
@@ -198,7 +196,7 @@ class FilterError:
                     f"{vehicle.where}: the filter diverges from every start; check values, bounds and units, or shorten "
                     "the maneuver"
                 )
-            return _fit(problem, prepared, best, sorted(a.cost for a in ascents), stages.state)
+            return _fit(problem, prepared, best, sorted(a.cost for a in ascents), stages)
 
 
 def filter_of_result(
@@ -221,7 +219,7 @@ def _fit(
     prepared: Prepared,
     best: ScoringModel,
     costs: Sequence[float],
-    state: optimize.State | None,
+    stages: Stages,
 ) -> Fit:
     """Return the fit of the best ascent; `costs` are those of the ascents from each start, ascending.
 
@@ -229,8 +227,7 @@ def _fit(
     """
     likelihood, status, noise = best.likelihood, best.status, best.likelihood.noise
     z, tail = best.z[: likelihood.known], best.z[likelihood.known :]
-    iterations = len(best.history) - 1
-    runs = float(iterations * (likelihood.size + 2) * len(costs))
+    iterations, runs = stages.spent
     at = likelihood.score(best.z)
     correlations = [float(np.mean(p.white[1:] * p.white[:-1]) / np.mean(p.white**2)) for p in at.pieces]
     growth = largest_growth(problem, z)
@@ -250,7 +247,15 @@ def _fit(
         prepared,
         z,
         optimize.Outcome(
-            z, best.cost, runs, iterations, status, ADVICE[status], best.history, state, methods.SCORING
+            z,
+            best.cost,
+            runs,
+            iterations,
+            status,
+            ADVICE[status],
+            best.history,
+            stages.state,
+            methods.SCORING,
         ),
         best.cost,
         runs,

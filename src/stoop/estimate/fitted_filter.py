@@ -73,10 +73,11 @@ class FittedFilter:
         given = replace(self.noise, vehicle=vehicle, given=self.noise.variances(self.tail[None, :])[0])
         return given, self.tail[: len(self.noise.disturbed)]
 
-    def innovations(self, problem: Misfit) -> tuple[FloatArray, ...]:
-        """Return innovations (n, n_y) of each piece over their expected standard deviations; NaN where nothing was measured.
+    def innovations(self, problem: Misfit) -> tuple[tuple[FloatArray, FloatArray], ...]:
+        """Return innovations (n, n_y) of each piece over their expected standard deviations, and these.
 
-        `problem` has no free parameter; its nuisances are estimated with the gains fixed.
+        Innovations are NaN where nothing was measured. `problem` has no free parameter; its nuisances are estimated with the
+        gains fixed.
         """
         noise, tail = self._known(problem.layout.vehicle)
         unknown = ~np.isfinite(noise.first)
@@ -93,7 +94,7 @@ class FittedFilter:
             candidates = problem.candidates(z[None, : problem.extra], i)
             v = run_filter(problem, i, *candidates, gains)[0][0]
             expected = np.sqrt(np.diagonal(gains.covariance[0], axis1=1, axis2=2))[gains.which]
-            out.append(np.where(np.isfinite(piece.measured), v / expected, np.nan))
+            out.append((np.where(np.isfinite(piece.measured), v / expected, np.nan), expected))
         return tuple(out)
 
     def disturbance(self, vehicle: Vehicle, piece: Piece) -> FloatArray:

@@ -60,7 +60,7 @@ def gust_biases(fit: Fit, flights: Mapping[str, Flight]) -> dict[str, tuple[floa
         model = ScoringModel(Likelihood.of(shifted, noise, Steady(), z), z, 0.0)
         if not np.isfinite(model.cost):
             return {}
-        Stages(SCORING, 1.0, None, None).search(model, TenfoldDamping(1e-6, growth=4.0, smallest=1e-9), STEPS)
+        Stages(SCORING, 1.0).search(model, TenfoldDamping(1e-6, growth=4.0, smallest=1e-9), STEPS)
         model.linearize()
     errors = np.full(len(z), np.nan)
     errors[model.free] = np.sqrt(np.diag(invert(model.information).matrix))

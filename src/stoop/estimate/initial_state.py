@@ -208,14 +208,16 @@ def predict_stretch(
 
 def innovations(
     model: FittedModel, prepared: Prepared, biases: Mapping[str, BiasPrior]
-) -> tuple[FloatArray, ...] | None:
-    """Return the innovations (n, n_y) of the pieces of one window over their standard deviations; None without a filter.
+) -> tuple[tuple[FloatArray, FloatArray], ...]:
+    """Return the innovations (n, n_y) of the pieces of one window over their standard deviations, and these.
+
+    There are none without a filter.
 
     A bias is about that of the fitted maneuvers, as far as they differ; the window is long enough to estimate it where one
     maneuver alone cannot tell how far.
     """
     if model.filter is None:
-        return None
+        return ()
     pieces = tuple(replace(piece, maneuver=0) for piece in prepared.pieces)
     own = []
     for n in nuisances(model.vehicle, replace(prepared, pieces=pieces)):

@@ -40,6 +40,7 @@ from stoop.estimate.shooting_problem import Iterate, Reduced, ShootingProblem, W
 from stoop.estimate.shooting_windows import WINDOW_LENGTH, Shots, window_model
 from stoop.flight import Flight
 from stoop.optimize.levenberg_marquardt import (
+    ADVICE,
     StagedModel,
     Stages,
     StagesState,
@@ -47,7 +48,6 @@ from stoop.optimize.levenberg_marquardt import (
     Trial,
     levenberg_marquardt,
 )
-from stoop.optimize.minimize import ADVICE as SEARCH_ADVICE
 from stoop.optimize.minimize import Status
 from stoop.optimize.normal_equations import solve_damped
 from stoop.problem import Layout, Misfit, Weights
@@ -63,12 +63,6 @@ SECOND_BUDGET: Final = (
     3000.0  #: trajectories of a search after Gauss-Newton from a fair start did not converge
 )
 POOR: Final = 0.7  #: of the cost of constant readings: a start that is no better is none
-ADVICE: Final[Mapping[str, str]] = {
-    **SEARCH_ADVICE,
-    "stalled": "no step lowers the cost further, but derivatives promise more; begin nearer, or fix parameters that the "
-    "data do not determine",
-    "interrupted": "stopped by the user; resume to go on from the last step",
-}
 
 
 class GaussNewtonModel(StagedModel):
@@ -163,11 +157,6 @@ def refined(
     vehicle = problem.problem.layout.vehicle
     schedule = window_model(vehicle).strictness
 
-    def left() -> float:
-        """Return how many more steps generations and budget allow."""
-        generation, spent = stages.spent
-        return min(options.generations - generation, (options.budget - spent) // stages.price)
-
     own = [[shots.measured_nodes(z) for shots in problem.shots] for z in begins]
     at = min((problem.iterate(z, nodes) for z, nodes in zip(begins, own, strict=True)), key=lambda p: p.cost)
     if not np.isfinite(at.cost):
@@ -188,16 +177,15 @@ def refined(
             for strictness in schedule if np.isinf(before) else schedule[-1:]:
                 stricter = replace(problem, strictness=strictness)
                 model = GaussNewtonModel(stricter, stricter.leveled(at))
-                ending = stages.search(model, DAMPING(), max(0, int(left())))
+                status = stages.search(model, DAMPING())
                 steps = len(stages.stages[-1].costs) - 1
-                at, iterations = model.at, iterations + steps + (ending == "stalled")
-                if ending == "limit":
+                at, iterations = model.at, iterations + steps + (status == "stalled")
+                if status in ("generations", "budget"):
                     break
-            if ending == "limit":
-                status = "generations" if stages.spent[0] >= options.generations else "budget"
+            if status in ("generations", "budget"):
                 end = problem.iterate(at.z, at.nodes)
                 break
-            end, status = at, "converged" if ending == "converged" else "stalled"
+            end = at
             weights = problem.problem.weights
             shifted = aligned(problem.problem, at.z)
             settled = all(
@@ -268,7 +256,7 @@ class MultipleShooting:
                 shifted = shifted.weighted(Weights.of(first_variance(shifted)))
             shooting, guesses = ShootingProblem.of(shifted, self.length), starts(shifted)
             price = float(problem.dimension + problem.extra + 2)
-            stages = Stages("gauss-newton", price, callback, state)
+            stages = Stages("gauss-newton", price, options.generations, options.budget, callback, state)
             padded, start = list(np.pad(guesses, [(0, 0), (0, problem.extra)])), None
 
             def search(budget: float) -> optimize.Outcome:

@@ -37,7 +37,7 @@ from stoop.estimate.regression.rotors import lagged_command, stretches
 from stoop.estimate.shooting_windows import WINDOW_LENGTH
 from stoop.estimate.shooting_windows import edges as window_edges
 from stoop.flight import Flight
-from stoop.problem import Piece
+from stoop.problem import Piece, on_circle
 from stoop.problem.observation import START_TIME
 from stoop.problem.prepare import Prepared, decoupled, prepare
 from stoop.problem.windows import Window
@@ -88,13 +88,25 @@ def mean_biases(fit: Fit, flight: str) -> dict[str, float]:
 class Prediction:
     """Predicted windows: readings (n, n_y) of each piece, and their standard deviations, measurement noise included.
 
-    `innovations` (n, n_y) are those of a filter, over their standard deviations; None where the fit is by none.
+    `innovations` (n, n_y) are those of a filter, over their standard deviations `expected`; None where the fit is by none.
     """
 
     prepared: Prepared
     readings: tuple[FloatArray, ...]
     deviations: tuple[FloatArray, ...]
     innovations: tuple[FloatArray, ...] | None = None
+    expected: tuple[FloatArray, ...] | None = None
+
+    def log_likelihood(self, outputs: Sequence[str]) -> FloatArray:
+        """Return that of each sample (n,) but for a constant, by the filter where there is one."""
+        errors, deviations = self.innovations, self.expected
+        if errors is None or deviations is None:
+            parts = zip(self.prepared.pieces, self.readings, self.deviations, strict=True)
+            with np.errstate(divide="ignore", invalid="ignore"):
+                errors = tuple(on_circle(piece.measured - y, outputs) / s for piece, y, s in parts)
+            deviations = self.deviations
+        v, s = np.concatenate(errors), np.concatenate(deviations)
+        return np.asarray(-0.5 * np.nansum(v**2 + 2.0 * np.log(s), axis=1))
 
 
 def predict(
@@ -112,20 +124,21 @@ def predict(
     pieces = [replace(p, maneuver=i) for i, (part, *_) in enumerate(parts) for p in part.pieces]
     notices = tuple(found for part, *_ in parts for found in part.notices)
     found = [one for _, some, _ in parts for one in some]
-    filtered = [one for *_, some in parts for one in some or ()]
+    filtered = [one for *_, some in parts for one in some]
     noise = np.nan_to_num(model.variance)
     deviations = tuple(np.sqrt(one.deviation**2 + noise) for one in found)
     return Prediction(
         Prepared(tuple(windows), tuple(pieces), notices),
         tuple(one.readings for one in found),
         deviations,
-        None if model.filter is None else tuple(filtered),
+        None if model.filter is None else tuple(v for v, _ in filtered),
+        None if model.filter is None else tuple(s for _, s in filtered),
     )
 
 
 def _of_window(
     model: FittedModel, flights: Mapping[str, Flight], window: Window, priors: Mapping[str, BiasPrior]
-) -> tuple[Prepared, list[Predicted], tuple[FloatArray, ...] | None]:
+) -> tuple[Prepared, list[Predicted], tuple[tuple[FloatArray, FloatArray], ...]]:
     """Prepare and predict one window with the biases of its flight; its innovations where there is a filter."""
     model = replace(model, vehicle=decoupled(model.vehicle, flights, [window]))
     biases = {name: prior.mean for name, prior in priors.items()}

@@ -13,7 +13,7 @@ Nielsen (1999), Damping parameter in Marquardt's method, IMM-REP-1999-05 (the up
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final, Literal
 
@@ -21,12 +21,19 @@ import numpy as np
 
 from stoop.base.arrays import FloatArray
 from stoop.optimize.ledger import Evaluations
-from stoop.optimize.minimize import Progress
+from stoop.optimize.minimize import ADVICE as SEARCH_ADVICE
+from stoop.optimize.minimize import Progress, Status
 from stoop.optimize.state import Event, RandomStream, State
 
 Ending = Literal["converged", "agreed", "stalled", "hopeless", "limit", "diverged"]
 
 MAX_DAMPING: Final = 1e8  #: beyond which no step helps any more
+ADVICE: Final[Mapping[str, str]] = {
+    **SEARCH_ADVICE,
+    "stalled": "no step lowers the cost further, but derivatives promise more; begin nearer, or fix parameters that the "
+    "data do not determine",
+    "interrupted": "stopped by the user; resume to go on from the last step",
+}  #: by the status of successive searches
 
 
 @dataclass
@@ -244,6 +251,8 @@ class Stages:
         Of the method, in its states.
     price : float
         Of a step, in trajectories.
+    generations, budget : float
+        Steps and trajectories of all searches together, see :class:`stoop.optimize.minimize.Stop`.
     callback : callable, optional
         Called with a `Progress` after each trial.
     state : State, optional
@@ -251,9 +260,16 @@ class Stages:
     """
 
     def __init__(
-        self, name: str, price: float, callback: Callable[[Progress], None] | None, state: State | None
+        self,
+        name: str,
+        price: float,
+        generations: float = np.inf,
+        budget: float = np.inf,
+        callback: Callable[[Progress], None] | None = None,
+        state: State | None = None,
     ) -> None:
-        self.name, self.price, self.callback = name, price, callback
+        self.name, self.price, self.generations, self.budget = name, price, generations, budget
+        self.callback = callback
         self.stages: list[Stage] = []
         self.start, self._saved = state, []
         if isinstance(state, StagesState):
@@ -307,11 +323,14 @@ class Stages:
         self.start = progress.state
         self._report(progress.event)
 
-    def search(self, model: StagedModel, damping: Damping, max_steps: int) -> str:
-        """Search from the model's point, or go on where a saved search from there stands; return its ending.
+    def search(self, model: StagedModel, damping: Damping, max_steps: float = np.inf) -> Status:
+        """Search from the model's point, or go on where a saved search from there stands; return how it ended.
 
         A saved search that had used up its steps goes on if it is given more.
         """
+        generation, spent = self.spent
+        left = min(self.generations - generation, (self.budget - spent) // self.price)
+        max_steps = max(0.0, min(max_steps, left))
         stage = self._saved.pop(0) if self._saved else None
         if stage is None or not np.array_equal(stage.origin, model.point):
             self._saved = []  # another start than that of the saved searches
@@ -320,7 +339,7 @@ class Stages:
         if stage.point is not stage.origin:
             model.go_to(stage.point)
         if stage.ending and stage.ending != "limit":
-            return stage.ending
+            return self._status(stage.ending)
         damping.value, damping.factor = stage.damping
 
         def watch(now: Damping) -> None:
@@ -332,7 +351,13 @@ class Stages:
 
         model.watch = watch
         stage.ending = levenberg_marquardt(model, damping, max_steps=max_steps + 1 - len(stage.costs)).ending
-        return stage.ending
+        return self._status(stage.ending)
+
+    def _status(self, ending: str) -> Status:
+        """Return what an ending means to the user."""
+        if ending == "limit":
+            return "generations" if self.spent[0] >= self.generations else "budget"
+        return "converged" if ending == "converged" else "stalled"
 
     def _report(self, event: Event) -> None:
         state = self.state

@@ -28,7 +28,6 @@ from stoop.estimate import methods
 from stoop.estimate.fit import Fit, Options
 from stoop.estimate.predict import expected_biases, fitted_model, predict
 from stoop.flight import Flight
-from stoop.problem import on_circle
 from stoop.problem.windows import Window
 from stoop.results.extensions import ExtensionTest
 from stoop.vehicle import Vehicle
@@ -140,17 +139,11 @@ def _predictive_score(
     fit: Fit, bars: ErrorBars, flights: Mapping[str, Flight], windows: Sequence[Window]
 ) -> FloatArray:
     """Return the log-likelihood (n,) of each sample of windows under their prediction."""
-    model, outputs = fitted_model(fit, bars.covariance), fit.problem.layout.vehicle.outputs
-    ahead = predict(model, flights, windows, [expected_biases(fit, window.flight) for window in windows])
-    scores = [np.empty(0)]
-    parts = zip(ahead.prepared.pieces, ahead.readings, ahead.deviations, strict=True)
-    for piece, readings, deviation in parts:
-        error = on_circle(piece.measured - readings, outputs)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            scores.append(
-                -0.5 * np.nansum((error / deviation) ** 2 + 2.0 * np.log(deviation + 0.0 * error), axis=1)
-            )
-    return np.concatenate(scores)
+    if not windows:
+        return np.empty(0)
+    own_biases = [expected_biases(fit, window.flight) for window in windows]
+    ahead = predict(fitted_model(fit, bars.covariance), flights, windows, own_biases)
+    return ahead.log_likelihood(fit.problem.layout.vehicle.outputs)
 
 
 def _gain(before: Fit, after: Fit) -> float:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 
 from stoop.estimate.filter_error import filter_of_result
 from stoop.estimate.fit import Options
@@ -56,6 +58,30 @@ def test_innovations_of_the_truth_are_white_and_as_large_as_expected(
     r = np.array([np.mean(v[1:] * v[:-1], axis=0) for v in ahead.innovations]) * np.sqrt(750)
     assert np.mean(np.abs(r) < 1.96) > 0.8
     assert np.max(np.abs(r)) < 4.0
+
+
+def test_the_likelihood_of_a_window_in_gusts_is_that_of_its_innovations(
+    gusty: Vehicle, flights: list[Flight]
+) -> None:
+    """It tells a wrong control derivative by many standard errors, where a simulation in gusts can not."""
+    wrong, found, simulated = (
+        gusty.with_numbers({"Cmelevator": {"value": 1.2 * gusty.value("Cmelevator")}}),
+        [],
+        [],
+    )
+    for vehicle in (gusty, wrong):
+        ahead = predict(model(vehicle), {"flight2": flights[2]}, [LAST], [{}])
+        assert ahead.innovations is not None
+        assert ahead.expected is not None
+        ((v,), (s,)) = ahead.innovations, ahead.expected
+        density = norm.logpdf(v * s, scale=s) + 0.5 * np.log(2.0 * np.pi)
+        found.append(ahead.log_likelihood(vehicle.outputs))
+        assert found[-1] == pytest.approx(density.sum(axis=1))
+        simulated.append(replace(ahead, innovations=None, expected=None).log_likelihood(vehicle.outputs))
+    gains = [one[0] - one[1] for one in (found, simulated)]
+    scores = [np.sum(one) / np.sqrt(len(one) * np.var(one)) for one in gains]
+    assert scores[0] > 5.0
+    assert scores[1] < scores[0]
 
 
 @pytest.mark.parametrize(("name", "factor"), [("Cmelevator", 1.4), ("Cmalpha", 1.6), ("CLalpha", 1.4)])

@@ -41,6 +41,18 @@ def test_truth_lies_within_the_error_bars(gusty_start, gusty_flight):
     assert np.sqrt(np.mean(z**2)) < 1.6
 
 
+def test_a_limit_of_steps_ends_it_and_more_of_them_go_on(gusty_start, gusty_flight):
+    args = (gusty_start, {"sim": gusty_flight}, [Window("sim", 0.0, 15.0)])
+    fitter = methods.find("filter-error").fitter()
+    whole, few = fitter(*args, Options()), fitter(*args, Options(generations=4))
+    assert (few.outcome.status, few.outcome.generation) == ("generations", 4)
+    assert "--generations" in few.outcome.advice
+    more = fitter(*args, Options(), None, few.outcome.state)
+    assert more.outcome.status == "converged"
+    assert np.array_equal(more.z, whole.z)
+    assert fitter(*args, Options(budget=100.0)).outcome.status == "budget"
+
+
 def test_innovations_are_white(gusty_start, gusty_flight):
     found, _ = scores(gusty_start, gusty_flight, "filter-error")
     for residual in (piece.residual for piece in found.evidence.pieces):
