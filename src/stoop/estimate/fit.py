@@ -36,7 +36,7 @@ from stoop.flight import Flight
 from stoop.optimize.ledger import Evaluations, Halt
 from stoop.optimize.local_refinement import FULL
 from stoop.problem import Layout, Misfit, Weights, on_circle
-from stoop.problem.evidence import Evidence, simulation_evidence
+from stoop.problem.evidence import Evidence, observed_information, simulation_evidence
 from stoop.problem.misfit import horizon_ladder
 from stoop.problem.prepare import (
     Prepared,
@@ -132,6 +132,12 @@ class Fit:
     def evidence(self) -> Evidence:
         """What the estimates rest on, for error bars."""
         return self.own_evidence or simulation_evidence(self.problem, self.z, self.inflation)
+
+    def observed_information(self, information: FloatArray) -> FloatArray | None:
+        """Return the Hessian (f, f) of half the cost, near the `information` (f, f) of the free unknowns; None if not known."""
+        if self.own_evidence is not None:
+            return None
+        return observed_information(self.problem, self.z, self.evidence.free, information)
 
     def responses(self) -> Responses:
         """Return how the residuals of the method respond to extensions of the vehicle."""

@@ -140,21 +140,22 @@ class Misfit:
 
     def costs(self, X: FloatArray, rung: int) -> FloatArray:
         """Return J (B,) of parameters (B, D) in the unit box, nuisances at their start."""
-        if not self.weights.diagonal or output_delays(
-            self.layout.vehicle
-        ):  # work is left to do with the readings
-            Z = np.concatenate([X, np.zeros((len(X), self.extra))], axis=1)
-            with np.errstate(invalid="ignore", over="ignore"):
-                squares = np.sum(self.residuals(Z, rung) ** 2, axis=1)
-            return np.where(np.isfinite(squares), squares, np.inf)
         total = self.layout.prior_costs(X)
-        for i, (piece, count) in enumerate(zip(self.pieces, self.ladder[rung], strict=True)):
-            rows, start = self.candidates(X, i)
-            inputs = self._inputs(piece, rows)
-            total += self.layout.vehicle.kernel().cost(
-                rows, start, inputs, piece.measured, self._quality[i], piece.dt, count
-            )
+        for i, count in enumerate(self.ladder[rung]):
+            total += self.piece_costs(X, i, count)
         return total
+
+    def piece_costs(self, Z: FloatArray, index: int, count: int) -> FloatArray:
+        """Return the part of one piece in J (B,), priors left out, for vectors as :meth:`candidates` takes them."""
+        piece, vehicle = self.pieces[index], self.layout.vehicle
+        if not self.weights.diagonal or output_delays(vehicle):  # work is left to do with the readings
+            with np.errstate(invalid="ignore", over="ignore"):
+                squares = np.sum(self._piece_residuals(Z, index, count) ** 2, axis=1)
+            return np.where(np.isfinite(squares), squares, np.inf)
+        rows, start = self.candidates(Z, index)
+        return vehicle.kernel().cost(
+            rows, start, self._inputs(piece, rows), piece.measured, self._quality[index], piece.dt, count
+        )
 
     def residuals(self, Z: FloatArray, rung: int) -> FloatArray:
         """Return weighted residuals (B, n_r) of vectors (B, D + E), priors last."""

@@ -61,7 +61,8 @@ The twin-boom aircraft flies maneuvers of {scenes.DURATION:.0f} s at {scenes.RAT
 times, steps, signs and amplitudes are drawn from one population. Its 32 coefficients are estimated by output error with a model \
 that lacks something of the truth; each maneuver's nine initial states and {len(scenes.BIASES)} sensor biases are estimated with \
 them. What is asked of an interval is the best-fitting parameter of that model: its value at infinitely many maneuvers, here \
-that of all flights together, weighted by their information."""
+that of all flights together, weighted by their information. Fits that end at a bound are left out of that mean; in the coverage \
+they count, and what is at its bound counts as missed."""
 WORDS: Final = """\
 Corrected intervals contain what maneuvers disagree about; those given the model only the noise, correlated in time and \
 between channels. One maneuver cannot disagree with itself: its intervals are conditional on the model, and the report of a \
@@ -190,9 +191,13 @@ def cover(case: str, seed: int) -> dict[str, Any]:
 
 
 def best_fitting(results: Sequence[Mapping[str, Any]]) -> FloatArray:
-    """Return the parameters (k,) that fit all flights together best, to first order: their mean weighted by information."""
-    information = np.array([r["information"] for r in results])
-    estimates = np.array([r["estimates"] for r in results])
+    """Return the parameters (k,) that fit all flights together best, to first order: their mean weighted by information.
+
+    A fit that ends at a bound is no stationary point of its likelihood, and has no part in the mean.
+    """
+    inner = [r for r in results if None not in r["sigma"]]
+    information = np.array([r["information"] for r in inner])
+    estimates = np.array([r["estimates"] for r in inner])
     return np.linalg.solve(information.sum(axis=0), np.einsum("nij,nj->i", information, estimates))
 
 

@@ -10,6 +10,7 @@ import pytest
 from naive import march
 
 from stoop.problem import Layout, Misfit, Nuisance, Piece, Weights
+from stoop.problem.evidence import observed_information
 from stoop.problem.misfit import horizon_ladder
 from stoop.simulation.fly import fly
 from stoop.simulation.maneuver import Maneuver
@@ -268,3 +269,31 @@ def test_layout_turns_units(problem: Misfit) -> None:
     Z = np.random.default_rng(0).uniform(size=(2, layout.dimension + layout.extra))
     difference = layout.prior_residuals(Z)[1] - layout.prior_residuals(Z)[0]
     assert J @ (Z[1] - Z[0]) == pytest.approx(difference, rel=1e-9)
+
+
+@pytest.mark.parametrize("right", [True, False])
+def test_observed_information_is_the_slope_of_the_gradient(problem: Misfit, right: bool) -> None:
+    """That of Gauss and Newton where the readings are those of the model; with large residuals it is not."""
+    z = np.concatenate([points(problem, 1)[0], np.zeros(problem.extra)])
+    if right:
+        read = [problem.outputs(z, i) for i in range(len(problem.pieces))]
+        problem = replace(
+            problem, pieces=tuple(replace(p, measured=y) for p, y in zip(problem.pieces, read, strict=True))
+        )
+    rung = len(problem.ladder) - 1
+
+    def gradient(z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        r = problem.residuals(z[None, :], rung)[0]
+        J, _ = problem.jacobian(z, rung, r)
+        return J.T @ r, J.T @ J
+
+    free = np.delete(np.arange(len(z)), 3)  # one at a bound, say
+    normal = gradient(z)[1]
+    steps = 0.05 * np.diag(np.diag(normal) ** -0.5)[free]
+    slopes = np.array([(gradient(z + d)[0] - gradient(z - d)[0])[free] / (2.0 * d.max()) for d in steps])
+    scales = problem.layout.scales[free]
+    information = normal[np.ix_(free, free)] / np.outer(scales, scales)
+    found = observed_information(problem, z, free, information)
+    unit = np.sqrt(np.outer(np.diag(information), np.diag(information)))
+    np.testing.assert_allclose(found / unit, slopes / np.outer(scales, scales) / unit, atol=0.01)
+    assert (np.max(np.abs(found - information) / unit) < 0.02) == right
