@@ -122,7 +122,7 @@ def test_small_deflections_are_doubted_only_where_residuals_could_fake_them(
 def test_no_interval_where_systematic_residuals_exceed_the_contribution(
     aircraft: Vehicle, wrong: Vehicle
 ) -> None:
-    found = fit(wrong, {"sim": flown(aircraft, 0.1, 3.0)}, [Window("sim", 0.0, 30.0)], Options())
+    found = fit(wrong, {"sim": flown(aircraft, 0.1, 4.0)}, [Window("sim", 0.0, 30.0)], Options())
     bars = error_bars(found)
     refused = {n for one in bars.contributions if one.systematic > 1.0 for n in one.parameters}
     assert refused
