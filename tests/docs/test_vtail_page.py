@@ -7,7 +7,9 @@ from pathlib import Path
 
 import pytest
 
+import stoop
 from docs.pages import DOCS, ROOT, blocks, commands, run_python, table
+from stoop.assessment.uncertainty import agreement
 from stoop.cli.main import main
 from stoop.results.result import Result, read_result
 
@@ -65,6 +67,19 @@ def test_estimates(result: Result) -> None:
         found = (p.estimate, p.ci95_lower, p.ci95_upper)
         for number, value in zip(numbers, found, strict=True):
             assert value == pytest.approx(float(number), abs=0.2 * p.std_error + 0.006 * abs(value)), name
+
+
+def test_flight_against_flight(result: Result, workplace: Path) -> None:
+    """Three maneuvers against the held-back one, fitted apart: 95 % intervals of at least nine parameters in ten agree."""
+    alone = stoop.fit(ROOT / "examples" / "vtail.toml", workplace / "flight2", ["187:196"])
+    found = agreement({"three": result, "one": alone.identification.result})
+    compared = [one for one in found.parameters.values() if one.verdict]
+    text = " ".join((DOCS / "uncertainty.md").read_text(encoding="utf-8").split())
+    said = re.search(r"agree in all of the (\d+) parameters.*?scatter of (\S+) times", text)
+    assert said is not None
+    assert len(compared) == pytest.approx(int(said[1]), abs=3)
+    assert found.scatter_ratio == pytest.approx(float(said[2]), abs=0.1)
+    assert found.share_agreeing >= 0.9
 
 
 def test_sizes(result: Result) -> None:

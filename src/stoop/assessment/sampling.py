@@ -50,7 +50,7 @@ class SamplerSettings:
     min_sample_size: float = 400.0
     chains: int = 4  #: as R-hat's authors ask for
     tuning: int = 200  #: draws of every chain that find length and scale of steps, and are thrown away
-    draws: tuple[int, ...] = (1000, 4000)  #: of every chain; a longer run where a shorter has not converged
+    draws: tuple[int, ...] = (600, 4000)  #: of every chain; a longer run where a shorter has not converged
     blend: float = 0.05  #: of the spread of a walkers' reference that stays when it is fitted to draws
     steps_per_round: int = 250  #: of walkers between looks at convergence
     max_steps: int = 8000  #: of walkers
