@@ -57,12 +57,16 @@ class Limits:
         2.3  #: difference of log-likelihood below which no extension is preferred: odds of ten to one
     )
     shown: int = 12  #: extensions that are listed
+    resolved: float = (
+        0.05  #: standard error over the value, from which data cannot contradict a number of the file
+    )
     leaders: int = 4  #: extensions whose statistics are weighed against each other once more
     moves: int = 5  #: parameters that are listed for each
     least_move: float = 0.5  #: of its standard error, by which a parameter must move to be listed
 
 
 LIMITS: Final = Limits()
+GIVEN: Final = ("number", "gain")  #: kinds of extensions that are fixed numbers of the file
 
 
 @dataclass(frozen=True, eq=False)
@@ -228,7 +232,12 @@ def extension_tests(fit: Fit, bars: ErrorBars) -> ExtensionTests:
                     moves=_moves(first, j, bars, evidence.unknowns, free),
                 )
             )
-    return ExtensionTests(int(first.tested.sum()), LIMITS.level, tuple(tests))
+    unresolved = tuple(
+        one.name
+        for one, std in zip(found.extensions, first.std.tolist(), strict=True)
+        if one.kind in GIVEN and 0.0 < LIMITS.resolved * abs(one.null) < std
+    )
+    return ExtensionTests(int(first.tested.sum()), LIMITS.level, tuple(tests), unresolved)
 
 
 def _left(segment: PieceEvidence, own: FloatArray, change: float) -> PieceEvidence:

@@ -154,10 +154,10 @@ def verdict(result: Result, needed: Sequence[Use]) -> Verdict:
         grade, judged = "do not use", tuple(replace(use, justified=False) for use in judged)
     elif not doubts and not _lost(_judging(result), _channels(result)):
         grade = "trusted"
-    if any(
-        found.code.startswith("verdict-form") for found in refusals
-    ):  # the same extension, with what it moves
-        doubts = [found for found in doubts if found.code != "verdict-lacks"]
+    said = {
+        found.subject for found in refusals if found.code.startswith("verdict-form")
+    }  # with what they move
+    doubts = [found for found in doubts if found.code != "verdict-lacks" or found.subject not in said]
     against = [*refusals, *(found for use in judged for found in use.against), *doubts]
     named = dict.fromkeys(name for found in against for name in _parameters(found))
     known = result.identifiability.parameters
@@ -203,8 +203,8 @@ def _sizes(result: Result, needed: Sequence[Use]) -> dict[str, float]:
 
 
 def _contradictions(result: Result, sizes: Mapping[str, float]) -> Iterator[Notice]:
-    """Yield the strongest extension where it would move parameters that matter, or is itself a number of the vehicle."""
-    for test in result.extensions.found[:1]:
+    """Yield the strongest extension that would move parameters that matter, or is itself a number of the vehicle."""
+    for test in result.extensions.standing:
         moves, shares = dict(test.moves), {}
         for name in moves.keys() & sizes.keys():
             shares[name] = _share(result, name, moves[name], sizes[name])
@@ -219,6 +219,7 @@ def _contradictions(result: Result, sizes: Mapping[str, float]) -> Iterator[Noti
                 code, test.name, statistic=test.statistic, parameter=name, shift=moves[name], share=shares[name],
                 line=test.line, rivals=test.rivals,
             )  # fmt: skip
+            return
 
 
 def _share(result: Result, name: str, shift: float, size: float) -> float:
@@ -309,7 +310,7 @@ def _doubts(result: Result) -> list[Notice]:
     """Return what keeps a usable result from being trusted."""
     found = [
         notice("verdict-lacks", t.name, statistic=t.statistic, line=t.line)
-        for t in result.extensions.found[:1]
+        for t in result.extensions.standing
     ]
     unknown = _unknown(result)
     found += [_notice_of_unknown(result, unknown)] if unknown else []
@@ -353,6 +354,8 @@ def _merits(result: Result) -> Iterator[Notice]:
     """Yield what speaks for a result."""
     if result.extensions.tested and not result.extensions.found:
         yield notice("verdict-form-holds", tested=result.extensions.tested)
+    if result.extensions.unresolved:
+        yield notice("verdict-unresolved", numbers=result.extensions.unresolved)
     for m in result.maneuvers:
         if m.role == "validation" and not _lost([m], m.channels):
             moving = sum(not one.below_noise for one in m.channels.values())

@@ -192,6 +192,7 @@ def agreement(arguments: argparse.Namespace) -> int:
     """Print whether results agree within their error bars, parameter by parameter and over all."""
     from stoop.assessment.uncertainty import agreement as compared
     from stoop.workflow.outputs import read_identified
+    from stoop.workflow.summary import refusal
 
     if len(set(arguments.result)) < 2:
         arguments.complain("two results or more are compared; name each once")
@@ -221,5 +222,6 @@ def agreement(arguments: argparse.Namespace) -> int:
         )
     else:
         out.line("no parameter is determined by two of the results without its prior")
-    out.bullets(found.remarks, "notes")
+    refused = [told for path, one in results.items() for told in refusal(one, path)]
+    out.bullets([*refused, *found.remarks], "notes")
     return 0

@@ -30,8 +30,21 @@ class ExtensionTest:
 
 @dataclass(frozen=True)
 class ExtensionTests:
-    """Score tests of the catalogue; `found` are the significant ones, the strongest first."""
+    """Score tests of the catalogue; `found` are the significant ones, the strongest first.
+
+    `unresolved` are fixed numbers of the vehicle file that the data know too badly to contradict: what is wrong with them goes
+    into the estimates unseen.
+    """
 
     tested: int = 0  #: extensions that the data can tell from the model; 0 where nothing was tested
     level: float = math.nan  #: of all tests together
     found: tuple[ExtensionTest, ...] = ()
+    unresolved: tuple[str, ...] = ()
+
+    @property
+    def standing(self) -> tuple[ExtensionTest, ...]:
+        """The strongest, and those that stay significant once it is there."""
+        chances = (self.tested * math.erfc(abs(t.beside) / math.sqrt(2.0)) for t in self.found[1:])
+        return self.found[:1] + tuple(
+            t for t, p in zip(self.found[1:], chances, strict=True) if p < self.level
+        )

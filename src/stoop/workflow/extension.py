@@ -1,8 +1,9 @@
 """Identification with extensions: what the score tests name is fitted, and kept where a held-back window says so.
 
-Each round fits the strongest extension, and the ones that the data hardly tell from it, one at a time. The best of them is
-kept if the log-likelihood rises by more than Schwarz's penalty and the windows that are held back do not speak against it: their
-log-likelihood under the prediction does not fall by more than two standard errors of the difference (Vuong).
+Each round fits the strongest extension that was not refused, and the ones that the data hardly tell from it, one at a time. The
+best of them is kept if the log-likelihood rises by more than Schwarz's penalty and the windows that are held back do not speak
+against it: their log-likelihood under the prediction does not fall by more than two standard errors of the difference (Vuong).
+What was refused is tried again once something else was added.
 
 References
 ----------
@@ -35,7 +36,7 @@ from stoop.vehicle.document import with_entries
 from stoop.vehicle.extensions import Extension, extended
 
 MAX_HALVINGS: Final = 4  #: of a change with which a vehicle is impossible
-MAX_ROUNDS: Final = 5
+MAX_ROUNDS: Final = 8
 CONFIDENCE: Final = (
     2.0  #: standard errors by which a held-back window must speak against an extension to refuse it
 )
@@ -84,15 +85,16 @@ def extend(
     if not held_back and len(fitted) > 1:
         *fitted, last = fitted
         held_back = [last]
-    best, notices = _fit(vehicle, flights, fitted, held_back, options), list[Notice]()
+    best = _fit(vehicle, flights, fitted, held_back, options)
+    notices, refused = dict[str, Notice](), set[str]()
     for _ in range(MAX_ROUNDS):
-        found = extension_tests(best.fit, best.bars).found
+        found = [one for one in extension_tests(best.fit, best.bars).found if one.name not in refused]
         if not found:
             break
         known = {one.name: one for one in extended(best.vehicle)[1]}
         tests = {one.name: one for one in found}
         tried: list[tuple[ExtensionTest, Candidate, float]] = []
-        for name in (found[0].name, *found[0].rivals[:MAX_RIVALS]):
+        for name in (found[0].name, *[n for n in found[0].rivals if n in tests][:MAX_RIVALS]):
             watch(f"extension: {name}")
             longer = _freed(best.vehicle, known[name], tests[name].change)
             candidate = _fit(longer, flights, fitted, held_back, options)
@@ -106,11 +108,12 @@ def extend(
         code = (
             "extension-refused" if not kept else "extension-kept" if held_back else "extension-kept-unchecked"
         )
-        notices.append(notice(code, test.name, line=test.line, gain=gain, ahead=ahead, spread=spread))
-        if not kept:
-            break
-        best = better
-    return Extended(best.vehicle, tuple(notices))
+        notices[test.name] = notice(code, test.name, line=test.line, gain=gain, ahead=ahead, spread=spread)
+        if kept:  # what was refused beside another model may be right beside this one
+            best, refused = better, set()
+        else:
+            refused |= {one.name for one, *_ in tried}
+    return Extended(best.vehicle, tuple(notices.values()))
 
 
 def _freed(vehicle: Vehicle, extension: Extension, change: float) -> Vehicle:

@@ -143,10 +143,10 @@ class Job:
         return self.result._repr_html_()
 
     def __str__(self) -> str:
-        """Return the estimates as a table."""
+        """Return the estimates as a table, and the verdict."""
         from stoop.workflow.summary import estimates_table
 
-        return estimates_table(self.result)
+        return f"{estimates_table(self.result)}\n\nverdict: {self.result.verdict.headline}"
 
 
 @dataclass(frozen=True, eq=False)

@@ -75,6 +75,33 @@ def lacking(shift: float, name: str = "Clp") -> ExtensionTests:
     return ExtensionTests(100, 0.01, (found,))
 
 
+def beside_a_harmless_one(statistic: float) -> ExtensionTests:
+    """Return tests of which the strongest moves nothing, and the second moves Clp, with a statistic beside the first."""
+    (second,) = lacking(-8.0).found
+    first = dataclasses.replace(second, name="sensors.r.scale", moves={}, statistic=20.0)
+    return ExtensionTests(100, 0.01, (first, dataclasses.replace(second, beside=statistic)))
+
+
+def test_more_defects_are_judged_no_better() -> None:
+    """What stays significant beside the strongest extension is judged, too; what the first explains is not."""
+    found = verdict(result(extensions=beside_a_harmless_one(6.0)), USES)
+    assert found.grade == "do not use"
+    assert codes(found)[:2] == ["verdict-form", "verdict-lacks"]
+    assert found.against[0].subject == "controls.aileron.lag"
+    found = verdict(result(extensions=beside_a_harmless_one(2.0)), USES)
+    assert found.grade == "usable"
+    assert [one.subject for one in found.against] == ["sensors.r.scale"]
+
+
+def test_numbers_that_the_data_cannot_contradict_are_named() -> None:
+    tests = dataclasses.replace(result().extensions, unresolved=("mass.mass",))
+    found = verdict(result(extensions=tests), USES)
+    assert found.grade == "trusted"
+    assert [one.values["numbers"] for one in found.reasons if one.code == "verdict-unresolved"] == [
+        ("mass.mass",)
+    ]
+
+
 def contradicted(name: str, change: float) -> ExtensionTests:
     """Return tests of which one contradicts a fixed number of 2 and moves nothing else."""
     found = ExtensionTest(

@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from stoop.errors import VehicleError
 from stoop.estimate.fit import Options
+from stoop.problem.windows import Window
+from stoop.results.extensions import ExtensionTest, ExtensionTests
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.vehicle.document import with_entries
 from stoop.vehicle.extensions import extended
 from stoop.vehicle.load import load_vehicle
+from stoop.workflow import extension
 from stoop.workflow.extension import _freed
 from stoop.workflow.identification import identify
 from tests.unit.assessment.test_extensions import DURATION, STEPS, flights
@@ -49,6 +54,37 @@ def test_right_model_stays() -> None:
     job = identify(base, list(flights(base, 5).values()), WINDOWS, (), Options(seed=1), extend=True)
     assert not [n for n in job.notices if n.code.startswith("extension")]
     assert job.vehicle.structure == base.structure
+
+
+def test_after_a_refusal_the_next_is_tried_and_what_was_refused_once_more(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Of two defects the stronger is refused while the other is not there yet."""
+    one, two = (
+        ExtensionTest(name, "scale", 1.08, 0.01, "1", t, 0.0, 1.0, name, change=0.08)
+        for name, t in (("one", 9.0), ("two", 6.0))
+    )
+
+    def fitted(vehicle: set[str], *rest: object) -> SimpleNamespace:
+        fit = SimpleNamespace(names=vehicle, inflation=1.0)
+        return SimpleNamespace(vehicle=vehicle, fit=fit, bars=None, prediction=np.full(4, float(len(vehicle))))
+
+    def missing(fit: SimpleNamespace, bars: None) -> ExtensionTests:
+        return ExtensionTests(10, 0.01, tuple(t for t in (one, two) if t.name not in fit.names))
+
+    named = tuple(SimpleNamespace(name=name) for name in ("one", "two"))
+    monkeypatch.setattr(extension, "_fit", fitted)
+    monkeypatch.setattr(extension, "extension_tests", missing)
+    monkeypatch.setattr(extension, "extended", lambda vehicle: (vehicle, named))
+    monkeypatch.setattr(extension, "_freed", lambda vehicle, added, change: vehicle | {added.name})
+    monkeypatch.setattr(extension, "_gain", lambda before, after: -1.0 if after.names == {"one"} else 1.0)
+    found = extension.extend(set(), {}, [], [Window("held", 0.0, 1.0)], Options(), lambda line: None)
+    assert found.vehicle == {"one", "two"}
+    assert {n.subject: n.code for n in found.notices} == dict.fromkeys(("one", "two"), "extension-kept")
+    monkeypatch.setattr(extension, "_gain", lambda before, after: -1.0)
+    found = extension.extend(set(), {}, [], [Window("held", 0.0, 1.0)], Options(), lambda line: None)
+    assert found.vehicle == set()
+    assert [n.code for n in found.notices] == ["extension-refused"] * 2
 
 
 def test_a_change_to_an_impossible_body_begins_nearer_the_present_value() -> None:
