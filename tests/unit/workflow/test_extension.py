@@ -67,7 +67,9 @@ def test_after_a_refusal_the_next_is_tried_and_what_was_refused_once_more(
 
     def fitted(vehicle: set[str], *rest: object) -> SimpleNamespace:
         fit = SimpleNamespace(names=vehicle, inflation=1.0)
-        return SimpleNamespace(vehicle=vehicle, fit=fit, bars=None, prediction=np.full(4, float(len(vehicle))))
+        return SimpleNamespace(
+            vehicle=vehicle, fit=fit, bars=None, prediction=np.full(4, float(len(vehicle)))
+        )
 
     def missing(fit: SimpleNamespace, bars: None) -> ExtensionTests:
         return ExtensionTests(10, 0.01, tuple(t for t in (one, two) if t.name not in fit.names))
