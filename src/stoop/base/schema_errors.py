@@ -21,7 +21,7 @@ _REMEDIES = {
 
 
 def first_complaint(error: ValidationError, raw: Mapping[str, Any], model: type[BaseModel]) -> str:
-    """Return the first of an error's complaints as ``key: what is wrong; what to write``.
+    """Return the first of an error's complaints as ``key: what is wrong; what to write``; of an unknown key, if there is one.
 
     Parameters
     ----------
@@ -31,7 +31,8 @@ def first_complaint(error: ValidationError, raw: Mapping[str, Any], model: type[
     model : type of BaseModel
         Knows which keys could have been meant.
     """
-    first = error.errors(include_url=False)[0]
+    # a misspelled key is missing under its name
+    first = min(error.errors(include_url=False), key=lambda one: one["type"] != "extra_forbidden")
     key, message = _key(first, raw), _message(first, model)
     more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
     return f"{key}: {message}{more}" if key else f"{message}{more}"

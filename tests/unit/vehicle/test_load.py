@@ -49,6 +49,7 @@ CHANGES = [
     (MASS, f"mass = 1{'0' * 400}\n", "mass.mass", "valid number"),
     (MASS, "", "mass.mass", "missing; add it"),
     (MASS, f"{MASS}mess = 1\n", "mass.mess", "unknown key; remove it or correct its name (did you mean mass?)"),
+    (MASS, "masss = 8.5\n", "mass.masss", "did you mean mass?"),  # mass is missing, too
     (MASS, 'mass = "=mass.heft"\n', "mass.mass", "tied to 'mass.heft', which is not a number of this file"),
     (MASS, 'mass = "=mass.mass"\n', "mass.mass", "itself tied"),
     (MASS, 'mass = { tie = "reference.area", value = 2.0 }\n', "mass.mass", "remove value"),
