@@ -80,12 +80,12 @@ class Student:
 
 
 def test_a_banana_in_48_dimensions_has_its_standard_deviations() -> None:
-    """The kurtosis of y, 8.3, leaves 2 % of error to the standard deviation of 4000 independent draws."""
+    """The kurtosis of y, 8.3, leaves 2.8 % of error to the standard deviation of 2400 independent draws."""
     target = chained(1.0)
     chains = converged(hamiltonian, target, coordinates(target))
     found = chains.draws.reshape(-1, SIZE)
     assert chains.converged
-    assert np.sqrt(np.mean((found.std(axis=0) / spread(1.0) - 1.0) ** 2)) < 0.03
+    assert np.sqrt(np.mean((found.std(axis=0) / spread(1.0) - 1.0) ** 2)) < 0.04
     assert_allclose((found.mean(axis=0) - 0.5) / spread(1.0), 0.0, atol=0.1)
 
 
