@@ -7,7 +7,7 @@ determine of each parameter.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -70,17 +70,17 @@ def estimate_uncertainty(
     pieces: Sequence[PieceEvidence],
     prior: FloatArray,
     white: bool = False,
-    observed: Callable[[FloatArray], FloatArray | None] = lambda information: None,
+    observed: FloatArray | None = None,
 ) -> Uncertainty:
     """Return the uncertainty of a fit from its residuals and sensitivities, and the information (k, k) of the priors.
 
     Initial states and biases are among the unknowns, those at a bound are not. Without a prior an unknown that the data
-    do not determine gets infinite variance. Residuals that are `white` by construction are not corrected. `observed` gives the
-    Hessian (k, k) of half the cost near an information.
+    do not determine gets infinite variance. Residuals that are `white` by construction are not corrected. `observed` is the
+    Hessian (k, k) of half the cost, where it is known.
     """
     information = data_information(pieces) + prior
     inverse = invert(information)
-    coloring = Coloring(tuple(pieces), inverse, prior, white, observed(information))
+    coloring = Coloring(tuple(pieces), inverse, prior, white, observed)
     noise = coloring.noise
     lags = min(CORRELATION_LAGS, max(len(piece.residual) for piece in pieces) - 1)
     corrected = inverse.matrix if white else coloring.covariance(noise)
@@ -132,7 +132,7 @@ def error_bars(fit: Fit) -> ErrorBars:
         evidence = fit.evidence
         unknowns, free = evidence.unknowns, evidence.free
         pieces, prior = [piece.of(free) for piece in evidence.pieces], evidence.prior[np.ix_(free, free)]
-        found = estimate_uncertainty(pieces, prior, evidence.white, fit.observed_information)
+        found = estimate_uncertainty(pieces, prior, evidence.white, fit.observed_information())
         corrected, cramer_rao = found.corrected, found.cramer_rao
         gaps = [(p.gaps, p.gap_jacobian) for p in pieces if p.gaps is not None and p.gap_jacobian is not None]
         if gaps:

@@ -36,6 +36,7 @@ from stoop.assessment.coloring import ColoredNoise, Coloring
 from stoop.assessment.covariance import MIN_WINDOWS, by_window, leave_windows_out, window_scatter
 from stoop.assessment.error_bars import ErrorBars
 from stoop.assessment.verdict import CONFIRMED
+from stoop.assessment.verdict import LIMITS as VERDICT
 from stoop.base.arrays import BoolArray, FloatArray, IntArray
 from stoop.base.notices import Notice, notice
 from stoop.estimate.fit import Fit
@@ -57,9 +58,6 @@ class Limits:
         2.3  #: difference of log-likelihood below which no extension is preferred: odds of ten to one
     )
     shown: int = 12  #: extensions that are listed
-    resolved: float = (
-        0.05  #: standard error over the value, from which data cannot contradict a number of the file
-    )
     leaders: int = 4  #: extensions whose statistics are weighed against each other once more
     moves: int = 5  #: parameters that are listed for each
     least_move: float = 0.5  #: of its standard error, by which a parameter must move to be listed
@@ -235,7 +233,7 @@ def extension_tests(fit: Fit, bars: ErrorBars) -> ExtensionTests:
     unresolved = tuple(
         one.name
         for one, std in zip(found.extensions, first.std.tolist(), strict=True)
-        if one.kind in GIVEN and 0.0 < LIMITS.resolved * abs(one.null) < std
+        if one.kind in GIVEN and 0.0 < VERDICT.moved_share * abs(one.null) < std
     )
     return ExtensionTests(int(first.tested.sum()), LIMITS.level, tuple(tests), unresolved)
 

@@ -355,7 +355,7 @@ def _merits(result: Result) -> Iterator[Notice]:
     if result.extensions.tested and not result.extensions.found:
         yield notice("verdict-form-holds", tested=result.extensions.tested)
     if result.extensions.unresolved:
-        yield notice("verdict-unresolved", numbers=result.extensions.unresolved)
+        yield notice("verdict-unresolved", numbers=result.extensions.unresolved, share=LIMITS.moved_share)
     for m in result.maneuvers:
         if m.role == "validation" and not _lost([m], m.channels):
             moving = sum(not one.below_noise for one in m.channels.values())

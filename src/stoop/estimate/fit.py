@@ -133,11 +133,11 @@ class Fit:
         """What the estimates rest on, for error bars."""
         return self.own_evidence or simulation_evidence(self.problem, self.z, self.inflation)
 
-    def observed_information(self, information: FloatArray) -> FloatArray | None:
-        """Return the Hessian (f, f) of half the cost, near the `information` (f, f) of the free unknowns; None if not known."""
+    def observed_information(self) -> FloatArray | None:
+        """Return the Hessian (f, f) of half the cost by the free unknowns; None where it is not known."""
         if self.own_evidence is not None:
             return None
-        return observed_information(self.problem, self.z, self.evidence.free, information)
+        return observed_information(self.problem, self.z, self.evidence)
 
     def responses(self) -> Responses:
         """Return how the residuals of the method respond to extensions of the vehicle."""

@@ -172,16 +172,17 @@ def simulation_evidence(problem: Misfit, z: FloatArray, inflation: float) -> Evi
     return Evidence(unknowns, tuple(pieces), prior_information(unknowns), inflation)
 
 
-def observed_information(
-    problem: Misfit, z: FloatArray, free: NDArray[np.intp], information: FloatArray
-) -> FloatArray:
-    """Return the Hessian (f, f) of half the cost by the `free` entries of z, per SI unit, by second differences.
+def observed_information(problem: Misfit, z: FloatArray, evidence: Evidence) -> FloatArray:
+    """Return the Hessian (f, f) of half the cost by the free entries of z, per SI unit, by second differences.
 
-    The `information` (f, f) of Gauss and Newton, by which steps are chosen, lacks the product of residuals and second
-    derivatives, which residuals of a wrong model leave large. Not finite where a simulation nearby diverges.
+    The information of Gauss and Newton, by which steps are chosen, lacks the product of residuals and second derivatives, which
+    residuals of a wrong model leave large. Not finite where a simulation nearby diverges.
     """
-    total = prior_information(unknowns_of(problem.layout, z))[np.ix_(free, free)]
-    sizes = STEP / np.sqrt(np.maximum(np.diag(information), np.finfo(np.float64).tiny))
+    free = evidence.free
+    total = evidence.prior[np.ix_(free, free)]
+    columns = [piece.filled()[1] for piece in evidence.pieces]
+    alone = np.diag(total) + sum(np.einsum("nyk,nyk->k", own, own)[free] for own in columns)
+    sizes = STEP / np.sqrt(np.maximum(alone, np.finfo(np.float64).tiny))
     steps = np.zeros((len(free), len(z)))
     steps[np.arange(len(free)), free] = sizes / problem.layout.scales[free]
     for i, piece in enumerate(problem.pieces):
@@ -195,9 +196,9 @@ def observed_information(
             costs, np.cumsum([len(own), len(own), len(a), len(a)])
         )
         with np.errstate(invalid="ignore"):
-            alone = ahead + behind
-            block = np.diag(alone - 2.0 * here)
-            block[a, b] = block[b, a] = 0.5 * (ahead_both + behind_both - alone[a] - alone[b]) + here
+            both = ahead + behind
+            block = np.diag(both - 2.0 * here)
+            block[a, b] = block[b, a] = 0.5 * (ahead_both + behind_both - both[a] - both[b]) + here
         total[np.ix_(own, own)] += 0.5 * block / np.outer(sizes[own], sizes[own])
     return np.asarray(total)
 

@@ -148,7 +148,7 @@ class Misfit:
     def piece_costs(self, Z: FloatArray, index: int, count: int) -> FloatArray:
         """Return the part of one piece in J (B,), priors left out, for vectors as :meth:`candidates` takes them."""
         piece, vehicle = self.pieces[index], self.layout.vehicle
-        if not self.weights.diagonal or output_delays(vehicle):  # work is left to do with the readings
+        if self._by_readings:
             with np.errstate(invalid="ignore", over="ignore"):
                 squares = np.sum(self._piece_residuals(Z, index, count) ** 2, axis=1)
             return np.where(np.isfinite(squares), squares, np.inf)
@@ -212,6 +212,11 @@ class Misfit:
         with np.errstate(invalid="ignore", over="ignore"):
             changes = on_circle(lanes[1:] - lanes[0], self.layout.vehicle.outputs)
         return np.asarray(lanes[0]), np.moveaxis(changes, 0, 2) / STEP
+
+    @cached_property
+    def _by_readings(self) -> bool:
+        """Whether work is left to do with the readings, so that the kernel cannot sum their squares."""
+        return not self.weights.diagonal or bool(output_delays(self.layout.vehicle))
 
     @cached_property
     def _quality(self) -> list[FloatArray]:

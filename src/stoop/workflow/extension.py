@@ -86,15 +86,14 @@ def extend(
         *fitted, last = fitted
         held_back = [last]
     best = _fit(vehicle, flights, fitted, held_back, options)
-    notices, refused = dict[str, Notice](), set[str]()
+    notices, missing = dict[str, Notice](), extension_tests(best.fit, best.bars).found
     for _ in range(MAX_ROUNDS):
-        found = [one for one in extension_tests(best.fit, best.bars).found if one.name not in refused]
-        if not found:
+        if not missing:
             break
         known = {one.name: one for one in extended(best.vehicle)[1]}
-        tests = {one.name: one for one in found}
+        tests = {one.name: one for one in missing}
         tried: list[tuple[ExtensionTest, Candidate, float]] = []
-        for name in (found[0].name, *[n for n in found[0].rivals if n in tests][:MAX_RIVALS]):
+        for name in (missing[0].name, *[n for n in missing[0].rivals if n in tests][:MAX_RIVALS]):
             watch(f"extension: {name}")
             longer = _freed(best.vehicle, known[name], tests[name].change)
             candidate = _fit(longer, flights, fitted, held_back, options)
@@ -110,9 +109,9 @@ def extend(
         )
         notices[test.name] = notice(code, test.name, line=test.line, gain=gain, ahead=ahead, spread=spread)
         if kept:  # what was refused beside another model may be right beside this one
-            best, refused = better, set()
+            best, missing = better, extension_tests(better.fit, better.bars).found
         else:
-            refused |= {one.name for one, *_ in tried}
+            missing = tuple(one for one in missing if one.name not in {t.name for t, *_ in tried})
     return Extended(best.vehicle, tuple(notices.values()))
 
 
