@@ -193,6 +193,7 @@ def linearize(arguments: argparse.Namespace) -> int:
         return 0
     write_text_atomic(target, text + "\n")
     out.line(f"wrote {target}: A, B, C, D, modes and trim (SI units, rad)")
+    out.bullets(left_out(vehicle))
     return 0
 
 
@@ -218,6 +219,8 @@ def linear_document(vehicle: Vehicle, point: Trim, model: LinearModel, climb_ang
         "inputs": model.inputs,
         "outputs": model.outputs,
         **{name: getattr(model, name).tolist() for name in "ABCD"},
+        "input_delays": model.input_delays.tolist(),
+        "output_delays": model.output_delays.tolist(),
         "modes": modes,
     }
 
