@@ -86,7 +86,11 @@ def left_out(vehicle: Vehicle) -> tuple[Notice, ...]:
 
 def held_numbers(vehicle: Vehicle, kinds: Sequence[str]) -> tuple[str, ...]:
     """Return name, value and unit of each number of these kinds of controls, rotors and observed instruments."""
-    owners = (*(f"controls.{c}" for c in vehicle.controls), "rotors", *(f"sensors.{c}" for c in vehicle.outputs))
+    owners = (
+        *(f"controls.{c}" for c in vehicle.controls),
+        "rotors",
+        *(f"sensors.{c}" for c in vehicle.outputs),
+    )
     rows = [vehicle.rows.get(name) for name in (f"{owner}.{kind}" for owner in owners for kind in kinds)]
     own = [vehicle.parameters[row] for row in dict.fromkeys(rows) if row is not None]
     return tuple(f"{p.name} = {p.value:g} {p.unit}" for p in own if p.value)
@@ -95,7 +99,9 @@ def held_numbers(vehicle: Vehicle, kinds: Sequence[str]) -> tuple[str, ...]:
 def _delays(vehicle: Vehicle, inputs: tuple[str, ...]) -> tuple[FloatArray, FloatArray]:
     """Return the delays of the inputs of a linear model and of the readings, s."""
     by_channel = {vehicle.inputs[column]: vehicle.values[row] for column, row in input_delays(vehicle)}
-    late = [by_channel.get((vehicle.channels_of(n) if n in vehicle.controls else (n,))[0], 0.0) for n in inputs]
+    late = [
+        by_channel.get((vehicle.channels_of(n) if n in vehicle.controls else (n,))[0], 0.0) for n in inputs
+    ]
     readings = np.zeros(len(vehicle.outputs))
     for column, row in output_delays(vehicle):
         readings[column] = vehicle.values[row]

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from stoop.simulation import LinearModel, Trim, initial_states, linearize, parameter_rows, trim
-from stoop.simulation.initial import mixed_inputs
 from stoop.simulation.fly import simulate
+from stoop.simulation.initial import mixed_inputs
 from stoop.simulation.linearize import left_out, modes_of
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import builtin_vehicle
@@ -220,7 +220,9 @@ def test_delays_in_series_with_the_matrices_give_the_simulated_response() -> Non
         q.append(float(model.C[i] @ x))
         x = step[:count, :count] @ x + step[:count, count] * u
     delivered = np.interp(time - model.output_delays[i], time, q)
-    flown = simulate(vehicle, {"elevator": point.deflections["elevator"] + pulse}, time, noise=False).column("q")
+    flown = simulate(vehicle, {"elevator": point.deflections["elevator"] + pulse}, time, noise=False).column(
+        "q"
+    )
     assert np.max(np.abs(flown - delivered)) < 0.01 * np.max(np.abs(flown))
     undelayed = np.max(np.abs(flown - np.interp(time + 0.1, time, delivered)))
     assert undelayed > 0.2 * np.max(np.abs(flown)), "the test sees a delay that is left out"
