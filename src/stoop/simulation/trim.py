@@ -88,9 +88,8 @@ def trim(
     air = np.array([vehicle.value(n, 0.0) for n in WIND_NUMBERS] if wind is None else wind, dtype=float)
     given = () if wind is None else zip(WIND_NUMBERS, air.tolist(), strict=True)
     numbers = {name: value for name, value in given if name in vehicle.rows}
-    quiet = neutral_inputs(
-        vehicle, float(standard_density(altitude)) if density is None else density, altitude
-    )
+    air_density = float(standard_density(np.array(altitude))) if density is None else density
+    quiet = neutral_inputs(vehicle, air_density, altitude)
     speed = vehicle.value("reference.airspeed", math.nan) if airspeed is None else airspeed
     ground = np.array((0.0, 0.0, 0.0) if velocity is None else velocity, dtype=float)
     conditions = Conditions(vehicle, speed, altitude, climb_angle, ground, air, heading, quiet)
