@@ -25,11 +25,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     from stoop.vehicle_draft.request import TEMPLATES
 
     add = parser.add_argument
-    add("flight", metavar="FLIGHT", type=Path, nargs="*", help="logs of this vehicle; none: from dimensions alone")
+    add(
+        "flight",
+        metavar="FLIGHT",
+        type=Path,
+        nargs="*",
+        help="logs of this vehicle; none: from dimensions alone",
+    )
     options.add_mapping(parser)
     add("--template", metavar="T", help=f"kind of vehicle: {', '.join(TEMPLATES)} (default: by the log)")
     add("--mass", metavar="KG", type=options.positive, help="as flown, kg")
-    add("--span", metavar="M", type=options.positive, help="of the wing; of a multirotor the largest distance between motors, m")
+    add(
+        "--span",
+        metavar="M",
+        type=options.positive,
+        help="of the wing; of a multirotor the largest distance between motors, m",
+    )
     add("--chord", metavar="M", type=options.positive, help="mean chord of the wing, m")
     add("--area", metavar="M2", type=options.positive, help="of the wing, m2 (default: span times chord)")
     add("--engine", metavar="E", help=f"one of {', '.join(ENGINES)} (default: by the log)")

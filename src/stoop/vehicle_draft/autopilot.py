@@ -146,7 +146,9 @@ def _whole(parameters: Mapping[str, float], name: str, default: int = 0) -> int:
     return round(_number(parameters, name, float(default)))
 
 
-def _pulses(parameters: Mapping[str, float], low: str, high: str, middle: str = "") -> tuple[float, float, float]:
+def _pulses(
+    parameters: Mapping[str, float], low: str, high: str, middle: str = ""
+) -> tuple[float, float, float]:
     """Return ends and middle of a pulse in us, those that are usual where the parameters hold none."""
     least, most = (_number(parameters, name, math.nan) for name in (low, high))
     if not PULSE_RANGE[0] <= least < most <= PULSE_RANGE[1]:
@@ -157,7 +159,7 @@ def _pulses(parameters: Mapping[str, float], low: str, high: str, middle: str = 
 
 def _px4(parameters: Mapping[str, float], moving: Collection[str]) -> Setup:
     outputs = _px4_outputs(parameters, moving)
-    surfaces, others = [], {}
+    surfaces, others = list[Surface](), dict[str, str]()
     for i in range(min(_whole(parameters, "CA_SV_CS_COUNT"), SERVOS)):
         kind = _whole(parameters, f"CA_SV_CS{i}_TYPE")
         channels = {f"servo_{i + 1}": Scale(), **outputs.get(201 + i, {})}

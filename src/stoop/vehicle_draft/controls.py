@@ -35,7 +35,9 @@ SMALL_WEIGHT: Final = 0.25  #: of the largest weight of outputs; less takes no p
 class Mixer:
     """How a deflection is made of channels."""
 
-    gains: Mapping[str, float] = field(default_factory=dict)  #: rad per unit; empty: the channel is the deflection
+    gains: Mapping[str, float] = field(
+        default_factory=dict
+    )  #: rad per unit; empty: the channel is the deflection
     centers: Mapping[str, float] = field(default_factory=dict)
     comment: str = ""
     sign: float = 1.0  #: -1 where a recorded deflection is positive the other way
@@ -166,7 +168,7 @@ def _by_motion(flight: Flight, wanted: tuple[str, ...]) -> Controls:
         outputs = np.column_stack([flight.column(name) for name in names])
         for control in wanted:
             axis, _, _, sign = AXES[control]
-            u = by_axis.get(("roll", "pitch", "yaw")[axis])  # type: ignore[call-overload]
+            u = by_axis.get(("roll", "pitch", "yaw")[axis])
             if u is None:
                 continue
             good = np.isfinite(outputs).all(axis=1) & np.isfinite(u)

@@ -20,7 +20,16 @@ from stoop.vehicle_draft.autopilot import Scale
 from stoop.vehicle_draft.controls import AXES, Controls, Mixer, default_controls, find_controls, recorded
 from stoop.vehicle_draft.geometry import WINGED, Geometry
 from stoop.vehicle_draft.handbook import derivatives
-from stoop.vehicle_draft.power import USUAL, Drive, Lift, find_drive, hover_level, running_rotors, speed_gain, thrust_law
+from stoop.vehicle_draft.power import (
+    USUAL,
+    Drive,
+    Lift,
+    find_drive,
+    hover_level,
+    running_rotors,
+    speed_gain,
+    thrust_law,
+)
 from stoop.vehicle_draft.request import ROTORCRAFT, Evidence, Request, completed, evidence
 from stoop.vehicle_draft.sheet import Sheet, known, mixture, plain, point, quantity
 from stoop.vehicle_draft.steady import Steady, steady_flight
@@ -85,9 +94,8 @@ class _Maker:
     """What both kinds of vehicle share."""
 
     def __init__(self, request: Request, seen: Evidence) -> None:
-        assert request.mass is not None
         self.request, self.seen, self.sheet = request, seen, Sheet()
-        self.template, self.mass = str(request.template), request.mass
+        self.template, self.mass = str(request.template), float(request.mass or 0.0)
         self.lift = seen.lift(self.template, request.span)
 
     def head(self, size: str) -> None:
@@ -97,7 +105,7 @@ class _Maker:
         self.sheet.remark(
             f"Drafted by stoop vehicle new: template {self.template}, {self.mass:g} kg, {size}; log: {logs}"
             f"{f', parameters of {autopilot}' if autopilot else ''}.",
-            "prior: standard deviation of what is known beforehand; free = true: the flight improves it. Correct what you know better.",
+            "prior: standard deviation of what is known beforehand; free: improved by the flight. Correct what you know better.",
         )
         self.sheet.word("format", "stoop-vehicle/1")
         self.sheet.word("name", self.request.name or f"{self.template.capitalize()}, {self.mass:g} kg")
@@ -107,7 +115,10 @@ class _Maker:
         sheet, (low, high) = self.sheet, PRIORS.inertia
         sheet.table("mass")
         sheet.entry("mass", plain(self.mass), "kg, as given: forces are known per mass only, so weigh it")
-        sheet.table("mass.inertia", "kg m2; a flight tells moments per inertia: a swing test is worth more than this guess")
+        sheet.table(
+            "mass.inertia",
+            "kg m2; a flight tells moments per inertia: a swing test is worth more than this guess",
+        )
         for axis, moment in moments.items():
             box = (low * moment.value, high * moment.value) if moment.value else None
             sheet.entry(axis, known(moment, box, True), moment.source)
@@ -128,7 +139,11 @@ class _Maker:
             else:
                 self.sheet.remark(mixer.comment)
             if mixer.centers:
-                self.sheet.entry("center", mixture(mixer.centers), "us, from the parameters" if not controls.guessed else "")
+                self.sheet.entry(
+                    "center",
+                    mixture(mixer.centers),
+                    "us, from the parameters" if not controls.guessed else "",
+                )
             if control == first:
                 lag = known(PRIORS.lag, PRIORS.lag_bounds, True)
                 self.sheet.entry("lag", lag, f"s, {PRIORS.lag.source}")
@@ -157,12 +172,20 @@ class _Winged(_Maker):
     def __init__(self, request: Request, seen: Evidence) -> None:
         super().__init__(request, seen)
         r = request
-        self.geometry = r.geometry or Geometry.typical(self.template, self.mass, r.span or 0.0, r.chord, r.area)
+        self.geometry = r.geometry or Geometry.typical(
+            self.template, self.mass, r.span or 0.0, r.chord, r.area
+        )
         self.steady = steady_flight(seen.flights)
-        wanted = STANDARD_CONTROLS if self.template != "flying-wing" or _has_rudder(seen) else STANDARD_CONTROLS[:2]
+        wanted = (
+            STANDARD_CONTROLS
+            if self.template != "flying-wing" or _has_rudder(seen)
+            else STANDARD_CONTROLS[:2]
+        )
         self.wanted = wanted
         flight = seen.flight
-        self.controls = default_controls(wanted) if flight is None else find_controls(flight, seen.setup, wanted)
+        self.controls = (
+            default_controls(wanted) if flight is None else find_controls(flight, seen.setup, wanted)
+        )
         self.airspeed, self.airspeed_source = self.steady.airspeed()
         self.alpha = self.steady.median("alpha")
 
@@ -200,7 +223,9 @@ class _Winged(_Maker):
         if math.isfinite(self.alpha):
             said = f"alpha*: rad ({self.alpha / DEGREE:.1f} deg), median of the same flight"
             sheet.entry("alpha", plain(self.alpha), said)
-        sheet.word("rate_normalization", "actual", "rates are made dimensionless with the airspeed of the moment")
+        sheet.word(
+            "rate_normalization", "actual", "rates are made dimensionless with the airspeed of the moment"
+        )
 
     def _propulsion(self) -> None:
         sheet, flight = self.sheet, self.seen.flight
@@ -212,7 +237,9 @@ class _Winged(_Maker):
         if drive is None and flight is not None:
             sheet.lines += ["", "# No propulsion: no channel of the log drives a motor."]
             return
-        drive = drive or Drive(f"motor_{len(lifting) + 1}" if lifting else "control_throttle", Scale(), "assumed")
+        drive = drive or Drive(
+            f"motor_{len(lifting) + 1}" if lifting else "control_throttle", Scale(), "assumed"
+        )
         sheet.table("propulsion")
         if drive.channel == "thrust":
             sheet.word("kind", "channel", "the log holds the thrust, N")
@@ -222,7 +249,11 @@ class _Winged(_Maker):
             sheet.word("kind", "channel", "thrust in proportion to the command, without regard to airspeed")
             sheet.word("channel", drive.channel, drive.comment)
             thrust = USUAL.jet * self.mass * STANDARD_GRAVITY
-            sheet.entry("scale", quantity(thrust, USUAL.spread * thrust, None, True), f"N, {USUAL.jet:g} of the weight")
+            sheet.entry(
+                "scale",
+                quantity(thrust, USUAL.spread * thrust, None, True),
+                f"N, {USUAL.jet:g} of the weight",
+            )
             return
         self._propeller(drive)
 
@@ -236,7 +267,11 @@ class _Winged(_Maker):
         sheet.word("channel", drive.channel, drive.comment)
         if drive.scale.zero:
             sheet.entry("idle", plain(drive.scale.zero), "of the channel")
-        sheet.entry("speed_gain", plain(gain / drive.scale.unit), f"rev/s per unit: {said}; a wrong one goes into CT0, CT1")
+        sheet.entry(
+            "speed_gain",
+            plain(gain / drive.scale.unit),
+            f"rev/s per unit: {said}; a wrong one goes into CT0, CT1",
+        )
         sheet.entry("diameter", plain(diameter), "m, usual for this mass: write your own")
         for name, bounds in (("CT0", (0.0, 0.4)), ("CT1", (-0.4, 0.1))):
             value, std = getattr(USUAL, name)
@@ -245,10 +280,16 @@ class _Winged(_Maker):
     def _sensors(self) -> None:
         std = PRIORS.lever * self.geometry.wing.span
         self.accelerometer(std)
-        vanes = [f for f in self.seen.flights if "alpha" in f.sources and f.sources["alpha"].source != _RECONSTRUCTED]
+        vanes = [
+            f
+            for f in self.seen.flights
+            if "alpha" in f.sources and f.sources["alpha"].source != _RECONSTRUCTED
+        ]
         if vanes:
             part = quantity(0.0, PRIORS.vane * self.geometry.wing.span, None, True)
-            self.sheet.entry("vane_position", point([part, "0.0", "0.0"]), "m: a vane ahead feels the pitch rate")
+            self.sheet.entry(
+                "vane_position", point([part, "0.0", "0.0"]), "m: a vane ahead feels the pitch rate"
+            )
 
     def _aerodynamics(self) -> None:
         sheet, own = self.sheet, self._derivatives()
@@ -271,7 +312,9 @@ class _Winged(_Maker):
         speed, density = self.airspeed, self.steady.density() if self.seen.flights else 1.225
         alpha = self.alpha if math.isfinite(self.alpha) else None
         pressure = 0.5 * density * speed**2 * self.geometry.wing.area
-        lift = self.mass * (self.steady.lift_over_mass() if self.seen.flights else STANDARD_GRAVITY) / pressure
+        lift = (
+            self.mass * (self.steady.lift_over_mass() if self.seen.flights else STANDARD_GRAVITY) / pressure
+        )
         found = derivatives(self.geometry, speed, alpha, density, lift)
         for name, one in found.items():
             control = next((c for c in AXES if name.endswith(c)), None)
@@ -281,7 +324,9 @@ class _Winged(_Maker):
             spread = PRIORS.throw * abs(one.value) if mixer.gains else 0.0
             value, source = mixer.sign * one.value, one.source
             found[name] = Apriori(value, math.hypot(one.std, spread), source)
-        out = {n: one for n, one in found.items() if not n.endswith(tuple(set(AXES) - set(self.controls.mixers)))}
+        out = {
+            n: one for n, one in found.items() if not n.endswith(tuple(set(AXES) - set(self.controls.mixers)))
+        }
         return out | self._trim(out)
 
     def _trim(self, found: Mapping[str, Apriori]) -> dict[str, Apriori]:
@@ -383,7 +428,9 @@ def _rotor_tables(sheet: Sheet, lift: Lift, mass: float, steady: Steady) -> None
     voltage = steady.median("voltage")
     if not lift.speed and voltage > 1.0:
         sheet.entry("nominal_voltage", plain(voltage), "V, median in flight: x scales with the battery")
-        sheet.entry("voltage_average", plain(USUAL.voltage_average), "s: the sag under load is part of the thrust law")
+        sheet.entry(
+            "voltage_average", plain(USUAL.voltage_average), "s: the sag under load is part of the thrust law"
+        )
     for name, one in law.items():
         bounds = (0.2 * one.value, 4.0 * one.value) if name == "lag" else None
         unit = _UNITS[name][lift.speed]

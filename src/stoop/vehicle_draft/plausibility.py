@@ -40,7 +40,13 @@ def of_wing(geometry: Geometry) -> list[Notice]:
     """Return what is unusual about a wing and its mass."""
     wing, out = geometry.wing, []
     if (ratio := wing.span**2 / wing.area) not in ASPECT:
-        values = {"span": wing.span, "area": wing.area, "ratio": ratio, "low": ASPECT.low, "high": ASPECT.high}
+        values = {
+            "span": wing.span,
+            "area": wing.area,
+            "ratio": ratio,
+            "low": ASPECT.low,
+            "high": ASPECT.high,
+        }
         out.append(notice("draft-aspect-ratio", "reference.area", **values))
     if (loading := geometry.mass / wing.area) not in WING_LOADING:
         limits = {"low": WING_LOADING.low, "high": WING_LOADING.high}
@@ -70,7 +76,10 @@ def of_rotors(mass: float, lift: Lift) -> list[Notice]:
     loading = mass * STANDARD_GRAVITY / disc
     if loading in DISC_LOADING:
         return []
-    masses = {"least": DISC_LOADING.low * disc / STANDARD_GRAVITY, "most": DISC_LOADING.high * disc / STANDARD_GRAVITY}
+    masses = {
+        "least": DISC_LOADING.low * disc / STANDARD_GRAVITY,
+        "most": DISC_LOADING.high * disc / STANDARD_GRAVITY,
+    }
     return [notice("draft-disc-loading", "mass.mass", mass=mass, size=lift.size(), loading=loading, **masses)]
 
 
@@ -81,14 +90,16 @@ def of_template(template: str, known: Evidence) -> list[Notice]:
         return []
     fitting = setup.tail()
     names = tuple(dict.fromkeys(surface.name for surface in setup.surfaces))
-    tails = {"conventional": ("conventional", "glider", "quadplane"), "v-tail": ("v-tail", "glider", "quadplane")}
+    tails = {
+        "conventional": ("conventional", "glider", "quadplane"),
+        "v-tail": ("v-tail", "glider", "quadplane"),
+    }
     if fitting and template in WINGED and template not in tails.get(fitting, (fitting, "quadplane")):
         out.append(notice("draft-surfaces", template, surfaces=names, fitting=fitting))
     motors = tuple(running_rotors(flight)[0]) or tuple(f"motor_{m.number}" for m in setup.rotors)
     expected = ROTORCRAFT.get(template)
     if expected is not None and motors and len(motors) != expected and len(motors) > 2:
-        values = {"expected": expected, "count": len(motors), "channels": motors}
-        out.append(notice("draft-motors", template, **values))
+        out.append(notice("draft-motors", template, expected=expected, count=len(motors), channels=motors))
     elif expected is not None and not motors and not carried_by_rotors(flight):
         out.append(notice("draft-no-rotors", template, flight=flight.name, count=expected))
     if expected is None and template != "quadplane" and len(motors) > 3 and carried_by_rotors(flight):
@@ -133,10 +144,13 @@ def of_flights(channels: Sequence[str], airspeeds: Mapping[str, float], known: E
             out.append(notice("draft-other-inputs", flight.name, channels=lacking))
     known_speeds = {name: v for name, v in airspeeds.items() if math.isfinite(v)}
     if len(known_speeds) > 1:
-        low, high = min(known_speeds, key=known_speeds.__getitem__), max(known_speeds, key=known_speeds.__getitem__)
+        low, high = (
+            min(known_speeds, key=known_speeds.__getitem__),
+            max(known_speeds, key=known_speeds.__getitem__),
+        )
         if known_speeds[high] > 2.0 * known_speeds[low]:
-            values = {"speed": known_speeds[high], "other": low, "slow": known_speeds[low]}
-            out.append(notice("draft-other-speed", high, **values))
+            fast, slow = known_speeds[high], known_speeds[low]
+            out.append(notice("draft-other-speed", high, speed=fast, other=low, slow=slow))
     return out
 
 

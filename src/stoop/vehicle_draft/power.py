@@ -29,13 +29,20 @@ FRAMES_BY_COUNT: Final = {4: "quad-x", 6: "hexa-x", 8: "octo-x"}
 class Usual:
     """Usual sizes of propellers and rotors of small vehicles, fitted by eye to the built-in vehicles and the examples."""
 
-    diameter: float = 0.19  #: m of a propeller over the cube root of kg: 0.40 m of 8.5 kg, 0.30 m of 5 kg, 0.5 m of 13.5 kg
-    CT0: tuple[float, float] = (0.10, 0.06)  #: and standard deviation; UIUC propeller data site, pitch over diameter 0.5 to 0.8
+    diameter: float = (
+        0.19  #: m of a propeller over the cube root of kg: 0.40 m of 8.5 kg, 0.30 m of 5 kg, 0.5 m of 13.5 kg
+    )
+    CT0: tuple[float, float] = (
+        0.10,
+        0.06,
+    )  #: and standard deviation; UIUC propeller data site, pitch over diameter 0.5 to 0.8
     CT1: tuple[float, float] = (-0.10, 0.06)
     lift_over_drag: float = 8.0  #: of the whole airplane, within a factor of two
     throttle: float = 0.6  #: in steady flight, where there is no log
     jet: float = 0.4  #: static thrust over weight
-    rotor: float = 0.85  #: diameter over the distance between neighbors: 0.72 to 0.95 of the built-in vehicles
+    rotor: float = (
+        0.85  #: diameter over the distance between neighbors: 0.72 to 0.95 of the built-in vehicles
+    )
     linear: float = 0.3  #: share of T1 in the thrust at full command
     hover: float = 0.6  #: command, where there is no log
     lag: float = 0.2  #: s per m of diameter: 0.05 s of 10 inches, 0.08 s of 15
@@ -48,6 +55,7 @@ class Usual:
 
 
 USUAL: Final = Usual()
+_ORIGIN: Final[Point] = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -168,10 +176,8 @@ def find_rotors(flight: Flight | None, setup: Setup, template: str, span: float 
     """
     count = {"quad": 4, "quadplane": 4, "hexa": 6, "octo": 8}.get(template, 0)
     named = [m for m in setup.rotors if m.position is not None and m.spin is not None]
-    if named and len({m.position for m in named}) > 2:
-        lift = _of_setup(flight, named, setup.autopilot)
-    else:
-        lift = _of_template(flight, count)
+    known = len({m.position for m in named}) > 2
+    lift = _of_setup(flight, named, setup.autopilot) if known else _of_template(flight, count)
     if lift is None:
         return None
     sized = setup.autopilot == "PX4" and not lift.guessed
@@ -193,14 +199,14 @@ def _of_setup(flight: Flight | None, motors: Sequence[Motor], autopilot: str) ->
     for motor in motors:
         channel = next((n for n in motor.channels if n.startswith(kind)), f"{kind}{motor.number}")
         scale = motor.channels.get(channel, Scale())
-        assert motor.position is not None
-        assert motor.spin is not None
         tilted = None if math.hypot(*motor.axis[:2]) < 1e-3 else motor.axis
-        rotors.append(Rotor(channel, motor.position, motor.spin, tilted))
+        rotors.append(Rotor(channel, motor.position or _ORIGIN, motor.spin or "ccw", tilted))
     lift = Lift(tuple(rotors), scale, f"positions and turning by {autopilot}'s parameters", False)
     x, y, z = (sum(r.position[k] for r in rotors) / len(rotors) for k in range(3))
     if autopilot == "PX4" and math.hypot(x, y) > 0.2 * lift.size():  # not from the center of gravity
-        moved = [replace(r, position=(r.position[0] - x, r.position[1] - y, r.position[2] - z)) for r in rotors]
+        moved = [
+            replace(r, position=(r.position[0] - x, r.position[1] - y, r.position[2] - z)) for r in rotors
+        ]
         return replace(lift, rotors=tuple(moved))
     return lift
 
@@ -219,7 +225,9 @@ def _of_template(flight: Flight | None, count: int) -> Lift | None:
     for channel, (own, rotor) in zip(channels, like.file.rotor.items(), strict=True):
         x, y, z = (like.value(f"rotor.{own}.position.{axis}") for axis in "xyz")
         rotors.append(Rotor(channel, (x, y, z), rotor.spin))
-    return Lift(tuple(rotors), scale, f"positions and turning as in {name}: CHECK the order of the motors", True)
+    return Lift(
+        tuple(rotors), scale, f"positions and turning as in {name}: CHECK the order of the motors", True
+    )
 
 
 def running_rotors(flight: Flight) -> tuple[list[str], Scale]:
@@ -273,4 +281,3 @@ def thrust_law(lift: Lift, mass: float, level: float) -> dict[str, Apriori]:
         lag = USUAL.lag * diameter
         found["lag"] = Apriori(lag, USUAL.spread * lag, f"usual of a propeller of {diameter:.2g} m")
     return found
-

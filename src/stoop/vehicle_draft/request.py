@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 from stoop.errors import VehicleError
@@ -58,7 +58,7 @@ class Evidence:
     """What logs show."""
 
     flights: tuple[Flight, ...] = ()
-    setup: Setup = Setup()
+    setup: Setup = field(default_factory=Setup)
 
     @property
     def flight(self) -> Flight | None:
@@ -111,11 +111,13 @@ def with_geometry(request: Request) -> Request:
     geometry = request.geometry
     if geometry is None:
         return request
-    held = {"template": geometry.template, "mass": geometry.mass, "span": geometry.wing.span}
+    held: dict[str, Any] = {"template": geometry.template, "mass": geometry.mass, "span": geometry.wing.span}
     held |= {"chord": geometry.wing.chord, "area": geometry.wing.area}
     for key, value in held.items():
         given = getattr(request, key)
-        same = given == value if isinstance(value, str) else given and math.isclose(given, value, rel_tol=0.02)
+        same = (
+            given == value if isinstance(value, str) else given and math.isclose(given, value, rel_tol=0.02)
+        )
         if given is not None and not same:
             text = value if isinstance(value, str) else f"{value:.4g}"
             raise VehicleError(f"--{key}: is {given}, and {text} in the geometry; leave one of them out")
@@ -163,5 +165,4 @@ def completed(request: Request, known: Evidence) -> Request:
     lacking = [one for one in questions(request, known) if one.default is None]
     if lacking:
         raise VehicleError(f"missing: {'; '.join(one.sentence for one in lacking)}")
-    assert request.template is not None
-    return replace(request, engine=request.engine or known.engine(request.template))
+    return replace(request, engine=request.engine or known.engine(str(request.template)))

@@ -17,7 +17,10 @@ def plain(value: float) -> str:
 
 
 def quantity(
-    value: float, prior: float | None = None, bounds: tuple[float, float] | None = None, free: bool | None = None
+    value: float,
+    prior: float | None = None,
+    bounds: tuple[float, float] | None = None,
+    free: bool | None = None,
 ) -> str:
     """Return a number as a vehicle file has it, a table where it has more than a value."""
     parts = [f"value = {plain(value)}"]
