@@ -47,7 +47,7 @@ class Priors:
     frame: float = 0.1  #: of the largest distance between motors, likewise
     vane: float = 0.15  #: of the span, how far a vane may be ahead
     inertia: tuple[float, float] = (0.3, 3.0)  #: bounds of a moment of inertia over its value
-    airspeed: float = 12.0  #: m/s per (kg/m2)^0.5 over 3: of level flight at CL 0.5 where there is no log
+    thrust: float = 0.05  #: of the weight; less is the error of accelerometers and attitude
 
 
 PRIORS: Final = Priors()
@@ -230,12 +230,12 @@ class _Winged(_Maker):
     def _propulsion(self) -> None:
         sheet, flight = self.sheet, self.seen.flight
         if self.request.engine == "none":
-            sheet.lines += ["", "# No propulsion: a glider, or no motor ran in this log."]
+            sheet.lines += ["", "# No propulsion, as given or as a glider has it."]
             return
         lifting = [rotor.channel for rotor in self.lift.rotors] if self.lift is not None else []
         drive = find_drive(flight, self.seen.setup, lifting) if flight is not None else None
         if drive is None and flight is not None:
-            sheet.lines += ["", "# No propulsion: no channel of the log drives a motor."]
+            self._unlogged_thrust(flight)
             return
         drive = drive or Drive(
             f"motor_{len(lifting) + 1}" if lifting else "control_throttle", Scale(), "assumed"
@@ -256,6 +256,22 @@ class _Winged(_Maker):
             )
             return
         self._propeller(drive)
+
+    def _unlogged_thrust(self, flight: Flight) -> None:
+        """Write a constant thrust where no channel drives a motor, but the specific force asks for one."""
+        weight = self.mass * STANDARD_GRAVITY
+        throttle = any(flight.names & {"control_throttle", "throttle", "motor_1"})
+        force = self.mass * self.steady.push_over_mass()
+        thrust = force + weight / USUAL.lift_over_drag
+        if throttle or not thrust > PRIORS.thrust * weight:
+            self.sheet.lines += ["", "# No propulsion: no motor ran in this log."]
+            return
+        self.sheet.table("propulsion", "no channel of the log drives a motor, but something holds the speed")
+        self.sheet.word("kind", "constant")
+        said = (
+            f"N, what steady flight needs at L/D = {USUAL.lift_over_drag:g}; map the throttle if there is one"
+        )
+        self.sheet.entry("thrust", quantity(thrust, USUAL.spread * thrust, None, True), said)
 
     def _propeller(self, drive: Drive) -> None:
         sheet = self.sheet

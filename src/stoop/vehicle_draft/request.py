@@ -84,11 +84,11 @@ class Evidence:
 
     def engine(self, template: str) -> str:
         """Return the engine that the log shows."""
-        if template == "glider":
-            return "none"
-        if self.flight is None:
-            return "electric"
-        return "electric" if find_drive(self.flight, self.setup) is not None else "none"
+        return "none" if template == "glider" and not self.driven() else "electric"
+
+    def driven(self) -> bool:
+        """Tell whether a motor of the log ran."""
+        return self.flight is not None and find_drive(self.flight, self.setup) is not None
 
 
 def evidence(flights: Sequence[Flight]) -> Evidence:

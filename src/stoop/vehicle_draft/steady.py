@@ -11,7 +11,7 @@ import numpy as np
 
 from stoop.base.arrays import BoolArray, FloatArray
 from stoop.base.units import STANDARD_GRAVITY
-from stoop.base.variables import RATES, SPECIFIC_FORCE, VELOCITY
+from stoop.base.variables import RATES, VELOCITY
 from stoop.flight import Flight
 from stoop.flight.airborne import FLYING, airborne, flying
 from stoop.flight.maneuvers import moving_average
@@ -82,6 +82,11 @@ class Steady:
             return -self.median("az", -STANDARD_GRAVITY)
         return float(np.median(ax * np.sin(alpha) - az * np.cos(alpha)))
 
+    def push_over_mass(self) -> float:
+        """Return the median of the specific force along the airflow, m/s2: of thrust less drag; zero where it is unknown."""
+        alpha, ax, az = self.values("alpha", "ax", "az")
+        return float(np.median(ax * np.cos(alpha) + az * np.sin(alpha))) if alpha.size else 0.0
+
 
 def steady_flight(flights: Sequence[Flight], wings: bool = True) -> Steady:
     """Return where flights are steady: airborne, level wings, slow rates, about 1 g; without wings where they hover."""
@@ -134,8 +139,3 @@ def turning(flight: Flight, u: FloatArray, rate: str) -> float:
     y, x = (a - fixed @ np.linalg.lstsq(fixed, a, rcond=None)[0] for a in columns[:, :2].T)
     sizes = math.sqrt(float(y @ y) * float(x @ x))
     return float(x @ y) / sizes if sizes > 0.0 else 0.0
-
-
-def has_forces(flight: Flight) -> bool:
-    """Tell whether accelerometers were recorded."""
-    return set(SPECIFIC_FORCE) <= flight.names
