@@ -51,9 +51,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Draft, print what speaks against it and what comes next."""
+    from stoop.flight import load
+    from stoop.vehicle_draft.draft import draft
     from stoop.vehicle_draft.geometry import Geometry
     from stoop.vehicle_draft.request import Request, evidence, with_geometry
-    from stoop.workflow.vehicle_draft import new_vehicle, read_flights
 
     output: Path = arguments.output
     check_target(output, arguments.overwrite)
@@ -61,11 +62,11 @@ def run(arguments: argparse.Namespace) -> int:
     given = {key: getattr(arguments, key) for key in ("template", *NUMBERS, "engine", "name")}
     request = with_geometry(Request(geometry=geometry, **given))
     with busy("reading the log"):
-        flights = read_flights(arguments.flight, arguments.mapping)
+        flights = [load(path, arguments.mapping) for path in arguments.flight]
     if sys.stdin.isatty() and sys.stdout.isatty():
         request = asked(request, evidence(flights), input, print)
     with busy("drafting"):
-        drafted = new_vehicle(request, flights, str(output))
+        drafted = draft(request, flights, str(output))
     write_text_atomic(output, drafted.text)
     out = page()
     free = sum(p.free for p in drafted.vehicle.parameters)
