@@ -324,17 +324,12 @@ def judge(case: str, seed: int, data: str = "") -> dict[str, Any]:
 
 
 def _real(seed: int, folder: Path) -> dict[str, Any]:
-    """Judge a real flight as if all of its lines were the user's; one that needs a mapping has a drafted one."""
+    """Judge a real flight as if all lines of its ready mapping were the user's."""
     paths = real_flights(folder)
     path = paths[seed % len(paths)]
-    with tempfile.TemporaryDirectory() as place:
-        mapping: Path | None = None
-        if path.suffix == ".csv":
-            mapping = Path(place) / "m.toml"
-            mapping.write_text(draft(path).text)
-        found = accusations(path, mapping)
-        flight = load(path, mapping) if not found else None
-    if flight is not None:
+    found = accusations(path, None)
+    if not found:
+        flight = load(path)
         up = in_flight(flight)
         columns = {
             name: np.where(up, flight.column(name), np.nan)
@@ -364,8 +359,7 @@ def real_flights(folder: Path) -> list[Path]:
         "px4-ulog-reader-samples/sample_log_small.ulg",
     )
     single = [folder / name for name in names]
-    many = [p for pattern in ("crazypad*/*.usd", "a430*/*.csv") for p in sorted(folder.glob(pattern))]
-    found = [path for path in (*single, *many) if path.exists()]
+    found = [path for path in (*single, *sorted(folder.glob("crazypad*/*.usd"))) if path.exists()]
     if not found:
         raise StoopError("lines: the published flights are missing; name their folder by --data")
     return found
