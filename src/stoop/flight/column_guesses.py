@@ -118,10 +118,8 @@ def recognized(column: str, stated: str = "", stream: str = "") -> DraftLine | N
         return None
     bare, ending = without_unit(column)
     said = _names().units.get(stated.strip().lower(), "")
-    for name, unit in (
-        (bare, said or unit),
-        *(((column, said),) if len(unit) == 1 else ()),
-    ):  # a letter, or a unit
+    tried = [(bare, said or ending), (column, said)]  # an ending of one letter may be no unit
+    for name, unit in tried if len(ending) == 1 else tried[:1]:
         found = _by_words(name)
         if found is None:
             continue

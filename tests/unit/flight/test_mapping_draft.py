@@ -162,7 +162,8 @@ def test_a_ready_mapping_is_extended(tmp_path: Path) -> None:
 NAMES = {
     "p": "p roll_rate_dps GyrX gyro[0] angular_velocity.x rollspeed w_x omega_b[0] omega[0]",
     "az": "az AccZ accel[2] accelerometer_m_s2[2] imu.linear_acceleration.z acc_z",
-    "q0": "q0 qw q[0] orientation.w quat_w", "phi": "phi roll bank_angle roll_deg att[0] eul[0]", "ax": "a_b[0]", "ve": "v_n[1] vel_ned[1]",
+    "q0": "q0 qw q[0] orientation.w quat_w", "phi": "phi roll bank_angle roll_deg att[0] eul[0]",
+    "ax": "a_b[0]", "ve": "v_n[1] vel_ned[1]",
     "psi": "psi yaw heading",
     "V": "V vt TAS", "airspeed_pitot": "airspeed ARSPD", "airspeed_equivalent": "IAS EAS calibrated_airspeed",
     "rotor_3": "rpm3 esc[2].rpm motor3_rpm RPM[2] Omega3 w3",
