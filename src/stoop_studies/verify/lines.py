@@ -262,7 +262,7 @@ def verdict(found: Sequence[Sequence[Sequence[str]]], lines: Sequence[str]) -> s
     guilty = set(lines)
     first = [set(edit) for edit in found[0]]
     if first[0] & guilty and all(set(one[0]) & guilty for one in found):
-        return "named" if len(first) == 1 else "ambiguous"
+        return "named" if all(edit & guilty for edit in first) else "ambiguous"
     return "ambiguous" if any(edit & guilty for edit in first) else "wrong"
 
 
@@ -326,7 +326,9 @@ def judge(case: str, seed: int, data: str = "") -> dict[str, Any]:
 def _real(seed: int, folder: Path) -> dict[str, Any]:
     """Judge a real flight as if all lines of its ready mapping were the user's."""
     paths = real_flights(folder)
-    path = paths[seed % len(paths)]
+    if seed >= len(paths):
+        return {"words": "", "dialect": "real", "vehicle": "", "said": "none", "found": [], "drafted": {}}
+    path = paths[seed]
     found = accusations(path, None)
     if not found:
         flight = load(path)
@@ -370,7 +372,8 @@ CASES: Final = ("mangled", "clean", "real")
 
 def show(setting: Setting, samples: study.Samples) -> Findings:
     """Return how often the wrong line was named, and what right flights were accused of."""
-    mangled, clean = samples["mangled"], [*samples["clean"], *samples["real"]]
+    mangled = samples["mangled"]
+    clean = [r for case in ("clean", "real") for r in samples[case] if r["said"] != "none"]
     named = sum(r["said"] in ("named", "ambiguous") for r in mangled)
     alone, wrong = (sum(r["said"] == word for r in mangled) for word in ("named", "wrong"))
     accused = [r["words"] for r in clean if r["said"] != "silent"]
@@ -400,6 +403,7 @@ def show(setting: Setting, samples: study.Samples) -> Findings:
         }
         for case, results in samples.items()
         for r in results
+        if r["said"] != "none"
     ]
     rows = [r for r in records if r["case"] == "mangled"]
     words = (
