@@ -199,8 +199,8 @@ STAMPED: Final = frozenset({"vehicle_attitude", "vehicle_angular_velocity", "veh
 ZERO: Final = frozenset({"actuator_outputs", DEBUG_ARRAY})  #: topics in which zero, not NaN, means no value
 
 
-def px4_log(flight: Flight, parameters: Mapping[str, float] | None = None) -> tuple[bytes, str]:
-    """Return a ULog, with parameters of the autopilot where some are given, and its mapping.
+def px4_log(flight: Flight) -> tuple[bytes, str]:
+    """Return a ULog and its mapping.
 
     Deflections go to the servos, as normalized commands; V to the validated airspeed; what else PX4 has no topic for to
     its array for debugging.
@@ -233,8 +233,8 @@ def px4_log(flight: Flight, parameters: Mapping[str, float] | None = None) -> tu
         kept = _with_readings(columns)
         topics.append(Topic(name, time[kept], {column: x[kept] for column, x in typed.items()}))
     texts = [(float(time[0]), "INFO", f"stoop: {found}") for found in flight.notices]
-    about: dict[str, str | int] = {"sys_name": "PX4", "ver_sw": "simulated by stoop"}
-    return ulog(topics, parameters, about, texts), mapping.text()
+    info = {"sys_name": "PX4", "ver_sw": "simulated by stoop"}
+    return ulog(topics, flight.parameters, info, texts), mapping.text()
 
 
 def _with_readings(columns: Columns) -> npt.NDArray[np.bool_]:
@@ -293,8 +293,8 @@ MESSAGES: Final[Mapping[str, Message]] = {
 }
 
 
-def ardupilot_log(flight: Flight, parameters: Mapping[str, float] | None = None) -> tuple[bytes, str]:
-    """Return a DataFlash log, with parameters of the autopilot where some are given, and its mapping.
+def ardupilot_log(flight: Flight) -> tuple[bytes, str]:
+    """Return a DataFlash log and its mapping.
 
     Motors and surfaces become pulses, which ArduPilot logs in whole microseconds; a vane becomes AOA, V the airspeed; what
     else ArduPilot has no message for stands in messages SM00, SM01, ... of its own, as scripts of users write them.
@@ -325,7 +325,7 @@ def ardupilot_log(flight: Flight, parameters: Mapping[str, float] | None = None)
         message = Message(tuple(part), "-" * len(part))
         tables.append(message.table(stream, time, {name: unmapped[name] for name in part}))
     texts = [f"stoop: {found}"[:64] for found in flight.notices]
-    return dataflash_bytes(tables, parameters, texts), mapping.text()
+    return dataflash_bytes(tables, flight.parameters, texts), mapping.text()
 
 
 def _add_pulses(streams: dict[str, Columns], unmapped: Columns, mapping: MappingFile) -> None:

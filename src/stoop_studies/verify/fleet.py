@@ -162,7 +162,10 @@ def _terms(derivatives: Mapping[str, float]) -> dict[str, Any]:
     tables: dict[str, Any] = {"default": False}
     for name, value in derivatives.items():
         coefficient, factor = name[:2], name[2:]
-        tables.setdefault(coefficient, {})[name] = {"term": factors.get(factor, factor), "value": float(value)}
+        tables.setdefault(coefficient, {})[name] = {
+            "term": factors.get(factor, factor),
+            "value": float(value),
+        }
     return tables
 
 

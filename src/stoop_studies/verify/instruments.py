@@ -7,7 +7,7 @@ commanded deflections. The truth stays in the program.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
 
@@ -16,12 +16,10 @@ from scipy.signal import lfilter
 
 from stoop.base.arrays import FloatArray
 from stoop.base.atmosphere import SEA_LEVEL_DENSITY, standard_density
-from stoop.base.files import write_bytes_atomic
 from stoop.base.rotations import matrices_of_angles
 from stoop.base.variables import EULER, POSITION, RATES, SPECIFIC_FORCE, VELOCITY
-from stoop.exporters.flight_logs import ardupilot_log, csv_table, px4_log
+from stoop.exporters.flight_logs import save_flight_as
 from stoop.flight import from_columns
-from stoop.logs.csv_tables import mapping_beside
 from stoop.simulation.trajectories import traveled
 from stoop_studies.verify.fleet import MadeUp
 from stoop_studies.verify.pilots import Columns
@@ -102,6 +100,7 @@ def _arm(rng: np.random.Generator) -> Defect:
 DEFECTS: Final[tuple[Callable[[np.random.Generator], Defect], ...]] = (
     _bias, _pitot, _delay, _gaps, _gyro, _arm,
 )  # fmt: skip
+ROTOR_DEFECTS: Final = tuple(one for one in DEFECTS if one is not _pitot)  #: of what has no pitot
 
 
 def on_the_ground(
@@ -177,7 +176,11 @@ def measured(
 # ---------------------------------------------------------------- what a recorder writes
 
 Recorder = Callable[[MadeUp, Columns], tuple[Columns, dict[str, float]]]
-SIGNS: Final = {"elevator": -1.0, "aileron": 1.0, "rudder": -1.0}  #: of a surface per command: nose up, right wing down, nose right
+SIGNS: Final = {
+    "elevator": -1.0,
+    "aileron": 1.0,
+    "rudder": -1.0,
+}  #: of a surface per command: nose up, right wing down, nose right
 COMMANDS: Final = {"elevator": "control_pitch", "aileron": "control_roll", "rudder": "control_yaw"}
 TAILS: Final[Mapping[str, tuple[str, ...]]] = {
     "conventional": ("left aileron", "right aileron", "elevator", "rudder"),
@@ -224,11 +227,11 @@ def servo_commands(vehicle: MadeUp, commands: Columns) -> dict[str, FloatArray]:
 def px4_record(vehicle: MadeUp, columns: Columns) -> tuple[Columns, dict[str, float]]:
     """Return the columns of a PX4 log and its parameters."""
     known = {n: x for n, x in columns.items() if n not in (*SIGNS, "V", "alpha", "beta")}
-    rotors = [r for r in vehicle.vehicle.file.rotor.values()]
+    rotors = list(vehicle.vehicle.file.rotor.values())
     parameters: dict[str, float] = {"CA_AIRFRAME": 0 if rotors else 1, "CA_ROTOR_COUNT": len(rotors)}
     for i, rotor in enumerate(rotors):
         for axis, x in zip("XYZ", rotor.position, strict=True):
-            parameters[f"CA_ROTOR{i}_P{axis}"] = float(getattr(x, "value", x))
+            parameters[f"CA_ROTOR{i}_P{axis}"] = float(x.value)
         parameters[f"CA_ROTOR{i}_KM"] = 0.05 if rotor.spin == "ccw" else -0.05
         parameters[f"PWM_MAIN_FUNC{i + 1}"] = 101 + i
     if not vehicle.winged:
@@ -312,13 +315,6 @@ def write_log(vehicle: MadeUp, columns: Columns, rate: float, start: float, fold
     record, ending = RECORD[vehicle.record]
     known, parameters = record(vehicle, columns)
     time = start + np.arange(len(columns["p"])) / rate
-    flight = from_columns(name, time, known)
-    if ending == ".csv":
-        content, mapping = csv_table(flight)
-    else:
-        content, mapping = (px4_log if ending == ".ulg" else ardupilot_log)(flight, parameters)
     path = folder / f"{name}{ending}"
-    write_bytes_atomic(path, content)
-    if mapping:
-        write_bytes_atomic(mapping_beside(path), mapping.encode())
+    save_flight_as(replace(from_columns(name, time, known), parameters=parameters), path)
     return path

@@ -14,7 +14,7 @@ from typing import Final
 
 import numpy as np
 from scipy.optimize import brentq
-from scipy.signal import cont2discrete, lfilter
+from scipy.signal import bilinear, lfilter
 
 from stoop.base.arrays import FloatArray
 from stoop.base.units import FOOT
@@ -120,7 +120,12 @@ class Pilot:
     """Commands (n, n_u) in the order of the vehicle's inputs, filled sample by sample."""
 
     def __init__(
-        self, vehicle: Vehicle, point: Trim, planned: Plan, throw: Mapping[str, float], rng: np.random.Generator
+        self,
+        vehicle: Vehicle,
+        point: Trim,
+        planned: Plan,
+        throw: Mapping[str, float],
+        rng: np.random.Generator,
     ) -> None:
         count = len(planned.hold)
         self.names = vehicle.inputs
@@ -151,7 +156,9 @@ def steady(vehicle: Vehicle) -> Trim:
     """Return level flight at V*, or the glide of an aircraft without an engine: where a thrust that held it would be zero."""
     if vehicle.file.propulsion is not None:
         return trim(vehicle, None, ALTITUDE)
-    powered = parse_vehicle(edited(vehicle.text, {"propulsion": {"kind": "constant", "thrust": 0.0}}), "glide")
+    powered = parse_vehicle(
+        edited(vehicle.text, {"propulsion": {"kind": "constant", "thrust": 0.0}}), "glide"
+    )
 
     def thrust(angle: float) -> float:
         return float(trim(powered, None, ALTITUDE, angle).thrust["propulsion.thrust"])
@@ -176,9 +183,7 @@ def by_stoop(
         read = trajectories.readings_along(vehicle, rows, states[k : k + 1], pilot.inputs[k : k + 1])[0]
         pilot.command(k, dict(zip(vehicle.outputs, read.tolist(), strict=True)), float(states[k, height]))
         noise = gusts[trajectories.FINER * k : trajectories.FINER * (k + 1) + 1]
-        states[k + 1] = trajectories.next_state(
-            vehicle, rows, states[k], pilot.inputs[k : k + 2], noise, dt
-        )
+        states[k + 1] = trajectories.next_state(vehicle, rows, states[k], pilot.inputs[k : k + 2], noise, dt)
     readings = trajectories.readings_along(vehicle, rows, states, pilot.inputs)
     columns = dict(zip(vehicle.outputs, readings.T, strict=True))
     columns |= dict(zip(VELOCITY, trajectories.over_ground(vehicle, point, states).T, strict=True))
@@ -225,14 +230,15 @@ def dryden(vehicle: Vehicle, count: int, rng: np.random.Generator) -> FloatArray
     out = np.zeros((count, 3))
     if vehicle.file.turbulence is None:
         return out
-    dt, speed, ahead = 1.0 / RATE, vehicle.value("reference.airspeed"), 1000
+    speed, ahead = vehicle.value("reference.airspeed"), 1000
     for i, axis in enumerate("uvw"):
         length, intensity = (vehicle.value(f"turbulence.{axis}.{n}") for n in ("length", "intensity"))
         tau = length / speed
-        system = ([1.0], [tau, 1.0]) if axis == "u" else ([np.sqrt(3.0) * tau, 1.0], [tau**2, 2.0 * tau, 1.0])
-        numerator, denominator, _ = cont2discrete(system, dt, "bilinear")
-        driven = lfilter(numerator.ravel(), denominator, rng.standard_normal(count + ahead))[ahead:]
-        long = lfilter(numerator.ravel(), denominator, np.r_[1.0, np.zeros(20 * round(tau / dt) + 20)])
+        along = ([1.0], [tau, 1.0])
+        across = ([np.sqrt(3.0) * tau, 1.0], [tau**2, 2.0 * tau, 1.0])
+        numerator, denominator = bilinear(*(along if axis == "u" else across), fs=RATE)
+        driven = lfilter(numerator, denominator, rng.standard_normal(count + ahead))[ahead:]
+        long = lfilter(numerator, denominator, np.r_[1.0, np.zeros(20 * round(tau * RATE) + 20)])
         out[:, i] = intensity * driven / np.sqrt(np.sum(long**2))
     return out
 
@@ -264,7 +270,9 @@ def on_rotors(vehicle: Vehicle, wind: FloatArray, rng: np.random.Generator) -> C
         ):  # fmt: skip
             start = 30.0 * leg + begin + rng.uniform(0.0, 0.5)
             sign = float(rng.choice((-1.0, 1.0)))
-            shakes.append((control, shape, start, step * rng.uniform(0.9, 1.1), sign * size * rng.uniform(0.8, 1.2)))
+            shakes.append(
+                (control, shape, start, step * rng.uniform(0.9, 1.1), sign * size * rng.uniform(0.8, 1.2))
+            )
     maneuver: Maneuver = step_maneuvers({"plan": tuple(shakes)}, ROTOR_DURATION, ROTOR_RATE)["plan"]
     blown = maneuver.model_copy(update={"wind": (float(wind[0]), float(wind[1]), 0.0)})
     flown = fly_maneuver(vehicle, blown, int(rng.integers(2**31)))
