@@ -270,9 +270,7 @@ class Simulation:
             self.fdm.run()
 
 
-def begin(
-    root: Path, name: str, record: Record, planet: Path | None, rate: float = FRAME_RATE
-) -> Simulation:
+def begin(root: Path, name: str, record: Record, planet: Path | None, rate: float = FRAME_RATE) -> Simulation:
     """Put an exported aircraft into JSBSim, at the start of a record; parameters as of :func:`jsbsim_readings`.
 
     Raises

@@ -132,10 +132,18 @@ def _moving(flight: Flight, kind: str, size: int) -> list[str]:
 
 
 def motors_ran(flight: Flight) -> bool:
-    """Tell whether any rotor was ever commanded to turn, as far as the log says."""
+    """Tell whether any rotor that carries the vehicle was ever commanded to turn, as far as the log says.
+
+    Fewer motors than carry a vehicle are those of an aeroplane, which flies, or glides, by its wings.
+    """
     command = lift_command(flight)
     if command is None:
-        return not {"motor_1", "rotor_1"} & flight.names
+        every = [[f"{kind}_{n}" for n in range(1, size + 1)] for kind, size, *_ in ROTOR_KINDS[:2]]
+        known = [
+            [n for n in own if n in flight.data and np.isfinite(flight.column(n)).any()] for own in every
+        ]
+        still = all(not _moving(flight, kind, size) for kind, size, *_ in ROTOR_KINDS[:2])
+        return not still or max(map(len, known)) < FLYING.rotors
     return float(np.nanmax(np.append(command, 0.0))) > FLYING.command
 
 

@@ -112,7 +112,16 @@ def load(path: str | Path, mapping: str | Path | None = None, rate: float = 100.
     notices += [fault.notice for fault in faults]
     columns = dataset(grid.time, data)
     flight = Flight(
-        flight_name(path), path, columns, rate, sources, tuple(notices), None, faults, mapped.unmapped
+        flight_name(path),
+        path,
+        columns,
+        rate,
+        sources,
+        tuple(notices),
+        None,
+        faults,
+        mapped.unmapped,
+        recording.parameters,
     )
     flight = with_air(flight)
     # what this record cannot show, whatever is fitted to it

@@ -20,6 +20,8 @@ from stoop.flight import load, without_faults
 from stoop.input_design.windows import find_windows
 from stoop.report.sheet import Prose, Section
 from stoop.vehicle import Vehicle, parse_vehicle
+from stoop.vehicle_draft.draft import draft
+from stoop.vehicle_draft.request import Request
 from stoop.workflow.identification import Job, identify
 from stoop_studies.findings import Claim, Findings, Setting, counted, holds
 from stoop_studies.verify import instruments, pilots, study, truths
@@ -200,12 +202,9 @@ def quick_file(flown: Flown) -> Vehicle:
 
 def drafted_file(flown: Flown) -> Vehicle:
     """Return what `stoop vehicle new` writes of the log, mass, span, chord and template."""
-    from stoop.vehicle_draft.request import Request
-    from stoop.workflow.vehicle_draft import new_vehicle
-
     made = flown.vehicle
     request = Request(template=made.template, **made.tape)
-    return new_vehicle(request, (load(flown.path),), f"new {made.number}").vehicle
+    return draft(request, (load(flown.path),), f"new {made.number}").vehicle
 
 
 FILES: Final[Mapping[str, Callable[[Flown], Vehicle]]] = {
