@@ -202,8 +202,8 @@ def quick_file(flown: Flown) -> Vehicle:
 
 def drafted_file(flown: Flown) -> Vehicle:
     """Return what `stoop vehicle new` writes of the log, mass, span, chord and template."""
-    made = flown.vehicle
-    request = Request(template=made.template, **made.tape)
+    made, tape = flown.vehicle, flown.vehicle.tape
+    request = Request(made.template, tape["mass"], tape["span"], tape.get("chord"))
     return draft(request, (load(flown.path),), f"new {made.number}").vehicle
 
 

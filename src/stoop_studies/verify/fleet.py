@@ -127,7 +127,7 @@ def _aircraft(
     chord = area / span
     lift = parent["CL"] * _factor(rng, SPREAD.lift)
     airspeed = float(np.sqrt(2.0 * mass * GRAVITY / (SEA_LEVEL_DENSITY * area * lift)))
-    kx, ky = (r * _factor(rng, SPREAD.radius) for r in parent["radii"][:2])
+    kx, ky = (r * _factor(rng, SPREAD.radius) for r in parent["radii"])
     xx, yy = mass * (0.5 * kx * span) ** 2, mass * (ky * span) ** 2
     zz = (xx + yy) * rng.uniform(*SPREAD.yaw_inertia)
     inertia = {"xx": xx, "yy": yy, "zz": zz, "xz": parent["xz"] * zz}

@@ -236,7 +236,8 @@ def dryden(vehicle: Vehicle, count: int, rng: np.random.Generator) -> FloatArray
         tau = length / speed
         along = ([1.0], [tau, 1.0])
         across = ([np.sqrt(3.0) * tau, 1.0], [tau**2, 2.0 * tau, 1.0])
-        numerator, denominator = bilinear(*(along if axis == "u" else across), fs=RATE)
+        above, below = along if axis == "u" else across
+        numerator, denominator = bilinear(above, below, fs=RATE)
         driven = lfilter(numerator, denominator, rng.standard_normal(count + ahead))[ahead:]
         long = lfilter(numerator, denominator, np.r_[1.0, np.zeros(20 * round(tau * RATE) + 20)])
         out[:, i] = intensity * driven / np.sqrt(np.sum(long**2))
