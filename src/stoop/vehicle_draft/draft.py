@@ -47,7 +47,7 @@ class Priors:
     lever: float = 0.03  #: of the span: distance of the accelerometers from the center of gravity
     frame: float = 0.1  #: of the largest distance between motors, likewise
     vane: float = 0.15  #: of the span, how far a vane may be ahead
-    inertia: tuple[float, float] = (0.3, 3.0)  #: bounds of a moment of inertia over its value
+    inertia: tuple[float, float] = (0.4, 2.5)  #: bounds of a moment of inertia over its value
     thrust: float = 0.05  #: of the weight; less is the error of accelerometers and attitude
 
 

@@ -317,7 +317,5 @@ chord = 0.285
 span = 2.32
 airspeed = 24.0
 """
-    assert re.search(
-        rf"{re.escape(key)}: missing; add it \(usual: {said}; or run stoop vehicle new\)",
-        complaint(f'name = "v"\n{replaced(vtail, removed, "")}'),
-    )
+    whole = rf"{re.escape(key)}: missing; add it \(usual: {said}; or run stoop vehicle new\)"
+    assert re.search(whole, complaint(f'name = "v"\n{replaced(vtail, removed, "")}'))
