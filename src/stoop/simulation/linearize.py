@@ -71,8 +71,16 @@ def linearize(vehicle: Vehicle, point: Trim) -> LinearModel:
 
 def state_matrix(vehicle: Vehicle, point: Trim) -> tuple[tuple[str, ...], FloatArray]:
     """Return the names of the states of the linear model, and A alone."""
-    names, (G, rates, *_) = _jacobians(vehicle, point)
-    return names, rates @ np.linalg.pinv(G)
+    names, _, both = state_equations(vehicle, point)
+    return names, both[:, : len(names)]
+
+
+def state_equations(vehicle: Vehicle, point: Trim) -> tuple[tuple[str, ...], tuple[str, ...], FloatArray]:
+    """Return the names of states and inputs of the linear model, and A and B (n_x, n_x + n_u) side by side."""
+    names, (G, rates, effects, *_) = _jacobians(vehicle, point)
+    gains = {n: {"value": v} for n, v in point.changes.items() if n.startswith("controls.")}
+    inputs, mixing = _input_mixing(vehicle.with_numbers(gains) if gains else vehicle)
+    return names, inputs, np.hstack([rates @ np.linalg.pinv(G), effects @ mixing])
 
 
 def left_out(vehicle: Vehicle) -> tuple[Notice, ...]:
