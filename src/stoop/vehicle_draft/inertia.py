@@ -34,8 +34,8 @@ class Measured:
         return xx, yy, zz
 
 
-#: Aerosonde and Zagi: Beard and McLain, Small Unmanned Aircraft, appendix E; X8: Gryte et al., ICUAS 2018; twin boom: twin_boom.toml;
-#: standard_vtol: PX4's simulator
+#: Aerosonde and Zagi: Beard and McLain, Small Unmanned Aircraft, appendix E; X8: Gryte et al., ICUAS 2018; twin boom:
+#: twin_boom.toml; standard_vtol: PX4's simulator
 PUBLISHED: Final = {
     "Aerosonde": Measured("v-tail", 13.5, 2.8956, 0.8244, 1.135, 1.759),
     "twin boom": Measured("conventional", 189.4, 5.19, 100.0, 120.0, 200.0),
