@@ -19,6 +19,7 @@ from stoop.vehicle_draft.apriori import Apriori
 from stoop.vehicle_draft.autopilot import Scale
 from stoop.vehicle_draft.controls import AXES, Controls, Mixer, default_controls, find_controls, recorded
 from stoop.vehicle_draft.geometry import WINGED, Geometry
+from stoop.vehicle_draft.handbook import SOURCE as HANDBOOK
 from stoop.vehicle_draft.handbook import derivatives
 from stoop.vehicle_draft.power import (
     USUAL,
@@ -31,7 +32,7 @@ from stoop.vehicle_draft.power import (
     thrust_law,
 )
 from stoop.vehicle_draft.request import ROTORCRAFT, Evidence, Request, completed, evidence
-from stoop.vehicle_draft.sheet import Sheet, known, mixture, plain, point, quantity
+from stoop.vehicle_draft.sheet import MEANINGS, Sheet, known, mixture, plain, point, quantity
 from stoop.vehicle_draft.steady import Steady, steady_flight
 
 
@@ -46,7 +47,7 @@ class Priors:
     lever: float = 0.03  #: of the span: distance of the accelerometers from the center of gravity
     frame: float = 0.1  #: of the largest distance between motors, likewise
     vane: float = 0.15  #: of the span, how far a vane may be ahead
-    inertia: tuple[float, float] = (0.3, 3.0)  #: bounds of a moment of inertia over its value
+    inertia: tuple[float, float] = (0.4, 2.5)  #: bounds of a moment of inertia over its value
     thrust: float = 0.05  #: of the weight; less is the error of accelerometers and attitude
 
 
@@ -309,19 +310,17 @@ class _Winged(_Maker):
 
     def _aerodynamics(self) -> None:
         sheet, own = self.sheet, self._derivatives()
-        terms = [name for group in EQUATION_1.values() for name in group]
-        source = {one.source for one in own.values()}
         sheet.lines.append("")
         sheet.remark(
-            f"Derivatives: value and standard deviation of what is known beforehand ({', '.join(sorted(source))}).",
-            "Terms are those of eq. (1), per rad, rates with b/2V and c/2V, about V* and alpha*.",
+            "Derivatives by handbook formulas, with the standard deviation of these against flight results, and that of what is",
+            "typical of the geometry rather than given. Terms of eq. (1): per rad, rates with b/2V and c/2V, about V*, alpha*.",
         )
         for coefficient in COEFFICIENTS:
             sheet.table(f"aerodynamics.{coefficient}")
-            for name in terms:
-                if name in EQUATION_1[coefficient] and name in own:
-                    comment = "" if own[name].source == "handbook" else own[name].source
-                    sheet.entry(name, quantity(own[name].value, own[name].std), comment)
+            for name in (n for n in EQUATION_1[coefficient] if n in own):
+                source = own[name].source
+                said = [MEANINGS[name], *([] if source == HANDBOOK else [source])]
+                sheet.entry(name, quantity(own[name].value, own[name].std), "; ".join(said))
 
     def _derivatives(self) -> dict[str, Apriori]:
         """Return the a priori derivatives; those of controls are less sure where the throw is assumed."""
@@ -361,7 +360,7 @@ class _Winged(_Maker):
             own, effect = found[name], found[slope]
             middle = PRIORS.middle if mixer.gains else 0.0
             std = math.sqrt(own.std**2 + (effect.std * level) ** 2 + (effect.value * middle) ** 2)
-            said = f"balances the {control} of steady flight, {level:.3f} rad" if level else own.source
+            said = f"balances the {control} at {level:.3f} rad" if level else own.source
             out[name] = Apriori(own.value - effect.value * level, std, said)
         return out
 

@@ -1,6 +1,6 @@
 """Made-up vehicles for `stoop verify defaults`: perturbed parents, scaled by mass; and what a tape measure says of them.
 
-The derivatives are those of parents (``vehicles/published.toml``, the built-in multirotors), each multiplied by a draw of its
+The derivatives are those of parents (``vehicles/parents.toml``, the built-in multirotors), each multiplied by a draw of its
 own. Nothing here reads the handbook of `stoop vehicle new`, which is under test. Area grows with mass to the power 2/3 and
 inertia with mass times length squared (scale laws of geometric similarity).
 """
@@ -121,7 +121,7 @@ def _aircraft(
     rng: np.random.Generator, name: str, mass: float, template: str
 ) -> tuple[str, dict[str, float]]:
     """Return the file of an aircraft and its mass, span and chord."""
-    parent: dict[str, Any] = tomllib.loads(data_text("published.toml"))[name]
+    parent: dict[str, Any] = tomllib.loads(data_text("parents.toml"))[name]
     area = parent["area"] * (mass / parent["mass"]) ** (2.0 / 3.0) * _factor(rng, SPREAD.area)
     span = float(np.sqrt(parent["aspect"] * _factor(rng, SPREAD.aspect) * area))
     chord = area / span
