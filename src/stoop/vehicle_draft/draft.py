@@ -47,6 +47,7 @@ class Priors:
     lever: float = 0.03  #: of the span: distance of the accelerometers from the center of gravity
     frame: float = 0.1  #: of the largest distance between motors, likewise
     vane: float = 0.15  #: of the span, how far a vane may be ahead
+    pitot: float = 0.05  #: of the airspeed: position error of a pitot that nobody calibrated
     inertia: tuple[float, float] = (0.4, 2.5)  #: bounds of a moment of inertia over its value
     thrust: float = 0.05  #: of the weight; less is the error of accelerometers and attitude
 
@@ -306,6 +307,25 @@ class _Winged(_Maker):
             part = quantity(0.0, PRIORS.vane * self.geometry.wing.span, None, True)
             self.sheet.entry(
                 "vane_position", point([part, "0.0", "0.0"]), "m: a vane ahead feels the pitch rate"
+            )
+        self._air_data(measured=bool(vanes))
+
+    def _air_data(self, measured: bool) -> None:
+        """Write errors of the air data that all maneuvers share, which no scatter shows: each scales or shifts every derivative.
+
+        Reconstructed air data are wrong by the error of the wind: the airspeed in part, incidence and sideslip by an angle.
+        """
+        known = [f.air for f in self.seen.flights if f.air is not None and math.isfinite(f.air.wind_n_std)]
+        if not known and "V" not in {name for f in self.seen.flights for name in f.names}:
+            return
+        wind = max((math.hypot(a.wind_n_std, a.wind_e_std) for a in known), default=0.0) / self.airspeed
+        share, said = (PRIORS.pitot, "of a pitot") if measured or not known else (wind, "error of the wind")
+        self.sheet.table("sensors.V")
+        self.sheet.entry("scale", quantity(1.0, share, (1.0 - 5.0 * share, 1.0 + 5.0 * share), True), said)
+        for channel in () if measured or not known else ("alpha", "beta"):
+            self.sheet.table(f"sensors.{channel}")
+            self.sheet.entry(
+                "bias", quantity(0.0, wind, None, True), "rad: error of the wind over the airspeed"
             )
 
     def _aerodynamics(self) -> None:
