@@ -47,13 +47,19 @@ class Priors:
     lever: float = 0.03  #: of the span: distance of the accelerometers from the center of gravity
     frame: float = 0.1  #: of the largest distance between motors, likewise
     vane: float = 0.15  #: of the span, how far a vane may be ahead
+    unequal: float = 0.25  #: by which left and right of a pair of surfaces differ that are one elevator
     inertia: tuple[float, float] = (0.4, 2.5)  #: bounds of a moment of inertia over its value
+    power: float = 0.3  #: electric, over that of the usual drag: less drives no propeller
     thrust: float = 0.05  #: of the weight; less is the error of accelerometers and attitude
 
 
 PRIORS: Final = Priors()
 #: what stoop says of a vehicle that nobody has flown yet: CL of its working point
 CRUISE_LIFT: Final = 0.5
+_PAIRS: Final = {
+    "v-tail": "rudder",
+    "flying-wing": "aileron",
+}  #: template -> control that shares the elevator's servos
 _RECONSTRUCTED: Final = "reconstructed"  #: source of alpha and beta without vanes
 
 
@@ -261,13 +267,16 @@ class _Winged(_Maker):
     def _unlogged_thrust(self, flight: Flight) -> None:
         """Write a constant thrust where no channel drives a motor, but the specific force asks for one."""
         weight = self.mass * STANDARD_GRAVITY
-        throttle = any(flight.names & {"control_throttle", "throttle", "motor_1"})
-        force = self.mass * self.steady.push_over_mass()
-        thrust = force + weight / USUAL.lift_over_drag
-        if throttle or not thrust > PRIORS.thrust * weight:
+        silent = any(flight.names & {"control_throttle", "throttle", "motor_1"})
+        drag = weight / USUAL.lift_over_drag
+        thrust = self.mass * self.steady.push_over_mass() + drag
+        power = self.steady.median("voltage", 0.0) * self.steady.median("current", 0.0)
+        if (silent and power < PRIORS.power * drag * self.airspeed) or not thrust > PRIORS.thrust * weight:
             self.sheet.lines += ["", "# No propulsion: no motor ran in this log."]
             return
-        self.sheet.table("propulsion", "no channel of the log drives a motor, but something holds the speed")
+        self.sheet.table(
+            "propulsion", f"no channel of the log tells the throttle; {power:.0f} W from the battery"
+        )
         self.sheet.word("kind", "constant")
         said = (
             f"N, what steady flight needs at L/D = {USUAL.lift_over_drag:g}; map the throttle if there is one"
@@ -321,6 +330,13 @@ class _Winged(_Maker):
                 source = own[name].source
                 said = [MEANINGS[name], *([] if source == HANDBOOK else [source])]
                 sheet.entry(name, quantity(own[name].value, own[name].std), "; ".join(said))
+            pair = own.get(f"{coefficient}{_PAIRS.get(self.template, '')}")
+            if coefficient in ("Cl", "Cn") and pair is not None and "elevator" in self.controls.mixers:
+                prior = f"prior = {plain(float(f'{PRIORS.unequal * abs(pair.value):.2g}'))}"
+                text = f'{{ term = "elevator", value = 0.0, {prior} }}'
+                sheet.entry(
+                    f"{coefficient}elevator", text, "of a left and a right surface that move unequally"
+                )
 
     def _derivatives(self) -> dict[str, Apriori]:
         """Return the a priori derivatives; those of controls are less sure where the throw is assumed."""
