@@ -207,6 +207,7 @@ class _Winged(_Maker):
         self.controls_table(self.controls)
         if self.lift is not None:
             _rotor_tables(self.sheet, self.lift, self.mass, self._hover())
+            _body_drag(self.sheet, self.mass, 0.5 * 1.225 * USUAL.flat * wing.area)
         self._sensors()
         self._aerodynamics()
         return self.sheet.text()
@@ -415,11 +416,7 @@ class _Rotorcraft(_Maker):
         self.mass_table(inertia.of_multirotor(mass, [rotor.position for rotor in lift.rotors]))
         self.environment()
         _rotor_tables(self.sheet, lift, mass, steady_flight(self.seen.flights, wings=False))
-        self.sheet.table("body_drag")
-        quadratic = USUAL.body * mass
-        part = quantity(quadratic, USUAL.spread * quadratic)
-        down = quantity(1.5 * quadratic, 0.75 * quadratic)
-        self.sheet.entry("quadratic", point([part, part, down]), "N s2/m2, usual for this mass")
+        _body_drag(self.sheet, mass, 1.5 * USUAL.body * mass)
         self.accelerometer(PRIORS.frame * lift.size())
         return self.sheet.text()
 
@@ -443,6 +440,14 @@ class _Rotorcraft(_Maker):
         found = plausibility.of_rotors(self.mass, lift)
         found += plausibility.of_flights([rotor.channel for rotor in lift.rotors], {}, self.seen)
         return [*found, *plausibility.of_excitation(self.seen)]
+
+
+def _body_drag(sheet: Sheet, mass: float, down: float) -> None:
+    """Write the drag of the body; `down` is that along z, N s2/m2."""
+    sheet.table("body_drag")
+    side = USUAL.body * mass
+    parts = [quantity(x, USUAL.spread * x) for x in (side, side, down)]
+    sheet.entry("quadratic", point(parts), "N s2/m2, usual for this size")
 
 
 def _rotor_tables(sheet: Sheet, lift: Lift, mass: float, steady: Steady) -> None:
