@@ -43,6 +43,7 @@ EXPERIMENTS: Final[Mapping[str, tuple[str, str]]] = {
         ("extensions", "what a model lacks is named: size and power of the tests (20 flights a defect)"),
         ("verdict", "how often the verdict refuses good models and trusts bad ones (416 cases)"),
         ("delays", "delays of inputs and outputs, fractions of a sample (40 flights, twice)"),
+        ("servos", "lags and delays that a vehicle file leaves out (30 flights each)"),
         ("nist", "certified regressions of NIST, from both starts; reads --data DIR"),
         ("export", "exported aircraft flown by JSBSim beside our own simulation"),
         ("design", "a designed input against a 3-2-1-1, predicted and achieved (100 flights each)"),
