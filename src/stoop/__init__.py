@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from stoop import errors
-    from stoop.api import assess, check, design, export, fit, predict, reconstruct
+    from stoop.api import assess, check, design, export, fit, new_vehicle, predict, reconstruct
     from stoop.base.notices import Notice
     from stoop.estimate.fit import Options
     from stoop.flight import Flight
@@ -31,7 +31,9 @@ if TYPE_CHECKING:
     from stoop.workflow import Bootstrap, Posterior, Profile
 
 _PLACES = {
-    **dict.fromkeys(("assess", "check", "design", "export", "fit", "predict", "reconstruct"), "stoop.api"),
+    **dict.fromkeys(
+        ("assess", "check", "design", "export", "fit", "new_vehicle", "predict", "reconstruct"), "stoop.api"
+    ),
     **dict.fromkeys(("linearize", "trim"), "stoop.simulation"),
     **dict.fromkeys(("simulate", "simulate_flight"), "stoop.simulation.fly"),
     "load_maneuver": "stoop.simulation.maneuver",
@@ -65,6 +67,7 @@ __all__ = [
     "load_flight",
     "load_maneuver",
     "load_vehicle",
+    "new_vehicle",
     "predict",
     "read_result",
     "reconstruct",

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from stoop.base.notices import Notice
     from stoop.input_design.optimization import Proposal
     from stoop.reconstruction.compatibility import Compatibility
+    from stoop.vehicle_draft.draft import Drafted
     from stoop.workflow.export import Exported
     from stoop.workflow.validation import Validated
 
@@ -79,6 +80,53 @@ def check(flight: OneFlight | xr.Dataset, vehicle: Vehicle | str | Path | None =
 
     model = vehicle if vehicle is None or isinstance(vehicle, Vehicle) else load_vehicle(vehicle)
     return checked(as_flight(flight), model)
+
+
+def new_vehicle(
+    flights: OneFlight | xr.Dataset | Sequence[OneFlight | xr.Dataset] = (),
+    *,
+    template: str | None = None,
+    mass: float | None = None,
+    span: float | None = None,
+    chord: float | None = None,
+    area: float | None = None,
+    engine: str | None = None,
+    geometry: str | Path | None = None,
+    name: str | None = None,
+) -> Drafted:
+    """Draft a vehicle file; its ``text`` is to be saved, its ``vehicle`` to be used, its ``notices`` to be read.
+
+    Parameters
+    ----------
+    flights : Flight, path of a log, xarray.Dataset, or a sequence of them, optional
+        Of this vehicle; from dimensions alone when absent.
+    template : str, optional
+        "conventional", "v-tail", "flying-wing", "glider", "quadplane", "quad", "hexa" or "octo"; by the log when absent.
+    mass : float, kg
+    span : float, m
+        Of the wing; of a multirotor the largest distance between motors.
+    chord : float, m
+        Of the wing, mean.
+    area : float, m2, optional
+        Of the wing; span times chord when absent.
+    engine : str, optional
+        "electric", "piston", "jet" or "none".
+    geometry : path, optional
+        Of a geometry file.
+    name : str, optional
+        Of the vehicle.
+
+    Raises
+    ------
+    VehicleError
+        Something is missing, or contradicts itself.
+    """
+    from stoop.vehicle_draft.draft import draft
+    from stoop.vehicle_draft.geometry import Geometry
+    from stoop.vehicle_draft.request import Request
+
+    table = None if geometry is None else Geometry.load(geometry)
+    return draft(Request(template, mass, span, chord, area, engine, table, name), as_flights(flights))
 
 
 def reconstruct(flight: OneFlight | xr.Dataset, windows: Windows = ()) -> tuple[Compatibility, Flight]:

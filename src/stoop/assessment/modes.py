@@ -21,7 +21,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 import numpy as np
@@ -29,16 +29,16 @@ from scipy.optimize import linear_sum_assignment
 
 from stoop.assessment.covariance import NORMAL_95
 from stoop.assessment.free_response import free_response, measured_mode
-from stoop.base.arrays import ComplexArray, FloatArray
+from stoop.base.arrays import BoolArray, ComplexArray, FloatArray
 from stoop.base.notices import notice
 from stoop.base.variables import EULER
 from stoop.errors import SimulationError
 from stoop.estimate.fit import Fit
 from stoop.estimate.predict import identified_vehicle
 from stoop.problem.observation import observation_model
-from stoop.results.modes import ConditionModes, Estimate, MeasuredMode, ModeEstimate
+from stoop.results.modes import ConditionModes, Estimate, MeasuredMode, ModeEstimate, StateEquations
 from stoop.simulation import Trim, trim
-from stoop.simulation.linearize import Mode, modes_of, state_matrix
+from stoop.simulation.linearize import Mode, modes_of, state_equations
 from stoop.simulation.trim import neighbors
 from stoop.vehicle import Vehicle
 
@@ -56,12 +56,14 @@ SAME_CONDITION: Final = 0.05  #: of airspeed and density, between maneuvers flow
 
 @dataclass(frozen=True, eq=False)
 class Linearized:
-    """A and how it depends on the parameters."""
+    """A and how it depends on the parameters, and B likewise."""
 
     names: tuple[str, ...]  #: the n states; heading and altitude are left out
     A: FloatArray  #: (n, n)
     derivative: FloatArray  #: (k, n, n), per SI unit of each parameter
     room: FloatArray | float = 1.0  #: (k,), or a number; how far each parameter may sensibly move
+    B: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))  #: (n, m)
+    B_derivative: FloatArray = field(default_factory=lambda: np.zeros((0, 0, 0)))  #: (k, n, m)
 
     def gradient(self, eigenvalue: complex) -> ComplexArray:
         """Return the derivative (k,) of one eigenvalue by every parameter."""
@@ -75,21 +77,48 @@ def differentiated(
     values: Mapping[str, float],
     scales: Mapping[str, float],
 ) -> Linearized:
-    """Return A and its derivatives by central differences at the parameters' values, SI.
+    """Return A, and B if it is there, with their derivatives by central differences at the parameters' values, SI.
 
-    `matrix` returns state names and A for changed parameters; `scales` are how far each may sensibly move.
+    `matrix` returns state names and A, or A and B side by side, for changed parameters; `scales` are how far each may
+    sensibly move.
     """
-    names, A = matrix({})
+    names, both = matrix({})
     keep = [i for i, n in enumerate(names) if n not in INTEGRATORS]
-    block = np.ix_(keep, keep)
-    slopes = np.zeros((len(values), len(keep), len(keep)))
+    block, n = np.ix_(keep, [*keep, *range(len(names), both.shape[1])]), len(keep)
+    slopes = np.zeros((len(values), *both[block].shape))
     for slope, (name, value) in zip(slopes, values.items(), strict=True):
         if not name.startswith("sensors."):  # no motion depends on these
             step = STEP * scales[name]
             upper, lower = (matrix({name: value + sign * step})[1][block] for sign in (1.0, -1.0))
             slope[:] = (upper - lower) / (2.0 * step)
     room = np.array([scales[name] for name in values])
-    return Linearized(tuple(names[i] for i in keep), A[block], slopes, room)
+    A, B = both[block][:, :n], both[block][:, n:]
+    return Linearized(tuple(names[i] for i in keep), A, slopes[:, :, :n], room, B, slopes[:, :, n:])
+
+
+def state_equation_estimates(
+    linearized: Linearized, inputs: tuple[str, ...], covariance: FloatArray
+) -> StateEquations:
+    """Return A and B with standard errors, to first order in the covariance (k, k), SI.
+
+    A parameter of infinite variance makes an entry unknown that it could change by :data:`MIN_EFFECT` of the largest of its row.
+    """
+    lost, known = _known(covariance)
+    both = np.hstack([linearized.A, linearized.B])
+    slopes = np.concatenate([linearized.derivative, linearized.B_derivative], axis=2)
+    variance = np.einsum("kij,kl,lij->ij", slopes, known, slopes)
+    reach = np.abs(slopes) * np.broadcast_to(linearized.room, len(slopes))[:, None, None]
+    unknown = (reach[lost] > MIN_EFFECT * np.abs(both).max(axis=1, keepdims=True)).any(axis=0)
+    errors = np.where(unknown, np.nan, np.sqrt(np.maximum(variance, 0.0)))
+    n = len(linearized.names)
+    parts = (both[:, :n], both[:, n:], errors[:, :n], errors[:, n:])
+    return StateEquations(linearized.names, inputs, *(tuple(map(tuple, part.tolist())) for part in parts))
+
+
+def _known(covariance: FloatArray) -> tuple[BoolArray, FloatArray]:
+    """Return which parameters (k,) have no finite variance, and the covariance of the others, zero elsewhere."""
+    lost = ~np.isfinite(np.diag(covariance))
+    return lost, np.where(lost[:, None] | lost[None, :], 0.0, covariance)
 
 
 def mode_estimates(
@@ -99,8 +128,7 @@ def mode_estimates(
 
     A parameter of infinite variance makes a mode unknown that it could change by :data:`MIN_EFFECT`.
     """
-    lost = ~np.isfinite(np.diag(covariance))
-    known = np.where(lost[:, None] | lost[None, :], 0.0, covariance)
+    lost, known = _known(covariance)
     # eigenvalues (draws, n) of draws of the parameters, each in the place of its nearest of A
     power, basis = np.linalg.eigh(0.5 * (known + known.T))
     spread = basis * np.sqrt(np.maximum(power, 0.0))
@@ -260,8 +288,8 @@ def _at(
     try:
         point, about, remark = trim(vehicle, start["V"], start["h"], density=density), "trim", None
     except SimulationError:
-        inputs = condition.inputs[: len(vehicle.inputs)]
-        point, about = Trim(dict(start), {}, {}, inputs, {}, math.nan), "mean state"
+        channels = condition.inputs[: len(vehicle.inputs)]
+        point, about = Trim(dict(start), {}, {}, channels, {}, math.nan), "mean state"
         remark = notice("modes-about-mean-state")
     free = fit.problem.layout.parameters
     values, widths = {p.name: fit.estimates[p.name] for p in free}, {p.name: p.upper - p.lower for p in free}
@@ -270,16 +298,23 @@ def _at(
         follow = (
             neighbors(point) if about == "trim" else lambda numbers: replace(point, changes=dict(numbers))
         )
-        linearized = differentiated(
-            lambda numbers: state_matrix(vehicle, follow(numbers) if numbers else point), values, widths
-        )
+
+        def matrix(numbers: Mapping[str, float]) -> tuple[tuple[str, ...], FloatArray]:
+            names, _, both = state_equations(vehicle, follow(numbers) if numbers else point)
+            return names, both
+
+        inputs = state_equations(vehicle, point)[1]
+        linearized = differentiated(matrix, values, widths)
         if not (np.isfinite(linearized.A).all() and np.isfinite(linearized.derivative).all()):
             return nothing
         found = mode_estimates(linearized, parameters, covariance)
+        linear = state_equation_estimates(linearized, inputs, covariance)
     except (SimulationError, np.linalg.LinAlgError):
         return nothing
     recorded = tuple(replace(mode, measured=_measured(fit, condition, mode)) for mode in found)
-    return replace(nothing, about=about, alpha=point.start["alpha"], modes=recorded, remark=remark)
+    return replace(
+        nothing, about=about, alpha=point.start["alpha"], modes=recorded, remark=remark, linear=linear
+    )
 
 
 def _measured(fit: Fit, condition: Condition, mode: ModeEstimate) -> tuple[MeasuredMode, ...]:

@@ -10,11 +10,12 @@ from typing import Final
 import numpy as np
 
 from stoop.base.notices import Notice, notice
-from stoop.checks.kinematics import check_motion, check_rates
+from stoop.checks.kinematics import check_rates
+from stoop.checks.mapping import check_mapping
 from stoop.checks.rotors import KINDS
 from stoop.errors import FlightError
 from stoop.flight import Flight
-from stoop.flight.airborne import carried_by_rotors
+from stoop.flight.airborne import carried_by_rotors, in_flight
 from stoop.problem import Piece
 from stoop.problem.windows import Window, whole
 from stoop.vehicle import Vehicle
@@ -63,10 +64,12 @@ def check(flight: Flight, vehicle: Vehicle | None = None) -> tuple[Notice, ...]:
     FlightError
         The flight lacks what drives the vehicle.
     """
-    data = {str(name): flight.column(str(name)) for name in flight.data.data_vars}
-    wrong, corrected = check_motion(data, flight.rate, {})
+    up = in_flight(flight)
+    data = {str(name): np.where(up, flight.column(str(name)), np.nan) for name in flight.data.data_vars}
+    judged = check_mapping({}, data, flight.rate, {})
     known = {fault.variable for fault in flight.faults}
-    found = [one for one in (*wrong, *check_rates(corrected, flight.rate, {})) if one.subject not in known]
+    rates = check_rates(judged.corrected(data), flight.rate, {})
+    found = [one for one in (*judged.notices, *rates) if one.subject not in known]
     out = [*(fault.notice for fault in flight.faults), *found]
     if vehicle is not None:
         flights = {flight.name: flight}

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import argparse
+import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, replace
-from itertools import pairwise
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from stoop.cli import options
 from stoop.cli.page import alike, busy, fixed, numbers, page, points, shown_unit, to_json, words
+from stoop.errors import FlightError
 
 if TYPE_CHECKING:
-    from stoop.flight import FlightSummary, Maneuver
+    from stoop.flight import FlightSummary
+    from stoop.input_design.windows import Found, Proposed
 
 MAX_STREAMS, MAX_NAMES = 12, 24  #: lines and names shown of what is not mapped; JSON holds all
 
@@ -25,12 +27,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Read, describe, print."""
-    from stoop.flight import describe, load
+    from stoop.flight import describe, load, without_faults
+    from stoop.input_design.windows import Found, find_windows
+    from stoop.report.design import use_of
 
     with busy("reading the log"):
         summary = describe(load(arguments.flight, arguments.mapping))
+        try:
+            used = without_faults(summary.flight)
+            found, why = find_windows({used.name: used}), ""
+        except FlightError as error:
+            found, why = Found(()), str(error)
     if arguments.json:
-        print(to_json(info_document(summary)))
+        print(to_json(info_document(summary, found)))
         return 0
     flight, out = summary.flight, page()
     start, stop = float(flight.time[0]), float(flight.time[-1])
@@ -67,32 +76,34 @@ def run(arguments: argparse.Namespace) -> int:
     faults = [fault.notice for fault in flight.faults]
     out.bullets(faults or ["none found"], "Suspected faults")
     out.heading("Candidate maneuvers")
-    found = summary.maneuvers
-    if found:
+    if found.windows:
+        known = [w.maneuver for w in found.windows]
+        times = [f"{m.strength:.1f}" if m and m.strength < 100.0 else ">100" if m else "" for m in known]
         out.table(
-            words("window s", map(_window, found)),
-            words("axis", [m.axis for m in found]),
-            words("by", [m.variable for m in found]),
-            numbers("amplitude", [m.amplitude for m in found]),
-            fixed("swings", [m.swings for m in found], 0),
-            points("times usual", [f"{m.strength:.1f}" if m.strength < 100.0 else ">100" for m in found]),
-            words("recorded", [_percent(m.whole) for m in found]),
+            words("window s", map(_window, found.windows)),
+            words("use", map(use_of, found.windows)),
+            words("axis", [w.axis for w in found.windows]),
+            words("by", [m.variable if m else "" for m in known]),
+            numbers("amplitude", [m.amplitude if m else math.nan for m in known]),
+            points("swings", [f"{m.swings}" if m else "" for m in known]),
+            points("times usual", times),
+            words("recorded", [_percent(m.whole) if m else "" for m in known]),
         )
         out.line()
-        out.command("next: ", options.identify_command(arguments, "result", **windows_apart(found)))
+        uses = {"maneuver": "fit", "validate": "predict"}
+        windows = {k: [_window(w) for w in found.windows if use_of(w) == use] for k, use in uses.items()}
+        out.command("next: ", options.identify_command(arguments, "result", **windows))
         source = options.source_arguments([arguments.flight], arguments.mapping)
         informed = ["stoop", "maneuvers", *source, "--vehicle", "V.toml", "-o", "windows"]
         out.command("or, chosen by their information: ", informed)
     else:
-        out.bullets(
-            ["none found: no control stands out from how it is usually moved here, or none was recorded"]
-        )
+        out.bullets([f"none found: {why}"])
     out.bullets([one for one in summary.notices if one not in faults], "Notes")
     out.bullets(unmapped_lines(flight.unmapped), "Not mapped")
     return 0
 
 
-def info_document(summary: FlightSummary) -> dict[str, Any]:
+def info_document(summary: FlightSummary, found: Found) -> dict[str, Any]:
     """Return what is known of a flight for JSON, SI and rad; time histories and notes of its air data stand elsewhere."""
     flight = summary.flight
     own = {} if flight.air is None else vars(flight.air)
@@ -107,6 +118,10 @@ def info_document(summary: FlightSummary) -> dict[str, Any]:
         "channels": [asdict(row) for row in summary.rows],
         "faults": [fault.to_dict() for fault in flight.faults],
         "maneuvers": [asdict(maneuver) for maneuver in summary.maneuvers],
+        "windows": [
+            {"start": w.start, "stop": w.stop, "axis": w.axis, "use": w.use, "accept": w.accept}
+            for w in found.windows
+        ],
         "air": air,
         "unmapped": flight.unmapped,
         "notes": [str(found) for found in summary.notices],
@@ -131,22 +146,6 @@ def _percent(share: float) -> str:
     return f"{100.0 * share:5.1f} %" if share > 0.0 else ""
 
 
-def windows_apart(found: Sequence[Maneuver]) -> dict[str, list[str]]:
-    """Return windows to fit, the most completely recorded maneuver of each axis, and the others to validate.
-
-    Windows that overlap (one's calm end is the next one's beginning) are cut in the middle.
-    """
-    apart = list(found)
-    for i, (one, following) in enumerate(pairwise(found)):
-        if following.start < one.stop:
-            middle = 0.5 * (following.start + one.stop)
-            apart[i : i + 2] = [replace(apart[i], stop=middle), replace(following, start=middle)]
-    best = {m.axis: m for m in sorted(apart, key=lambda m: m.whole)}
-    fitted = [_window(m) for m in apart if m is best[m.axis]]
-    predicted = [_window(m) for m in apart if m is not best[m.axis]]
-    return {"maneuver": fitted, "validate": predicted}
-
-
-def _window(maneuver: Maneuver) -> str:
+def _window(window: Proposed) -> str:
     """Return START:STOP as `stoop identify --maneuver` takes it."""
-    return f"{maneuver.start:.1f}:{maneuver.stop:.1f}"
+    return f"{window.start:.1f}:{window.stop:.1f}"

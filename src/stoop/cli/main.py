@@ -15,6 +15,7 @@ import re
 import sys
 import warnings
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Any, Final, NoReturn
 
 from stoop.base.text import printable
@@ -57,6 +58,10 @@ VERBS: Final[dict[str, tuple[str, str]]] = {
         "determine the model structure (terms of coefficients) from flights",
     ),
     "vehicle": ("stoop.cli.files:vehicle", "list the built-in vehicles, or copy the file of one for editing"),
+    "vehicle new": (
+        "stoop.cli.vehicle_new",
+        "draft a vehicle file from mass, dimensions and a log; asks on a terminal",
+    ),
     "simulate": ("stoop.cli.files:simulate", "simulate a maneuver and write a flight file"),
     "trim": ("stoop.cli.steady:trim", "find the controls of a steady straight flight"),
     "linearize": (
@@ -131,8 +136,8 @@ def _guarded(given: Sequence[str], debug: bool) -> int:
     """Parse, run the verb, report errors of the user, and flush the output."""
     try:
         # A window that begins before zero (-5:5) is protected by a blank, so that argparse takes it for no option.
-        words = [f" {word}" if re.match(r"-[\d.]+:", word) else word for word in given]
-        arguments, unknown = parser_for(given).parse_known_args(words)
+        words = one_verb([f" {word}" if re.match(r"-[\d.]+:", word) else word for word in given])
+        arguments, unknown = parser_for(words).parse_known_args(words)
         if unknown:
             arguments.complain(f"unrecognized arguments: {' '.join(unknown)}")
         code = int(arguments.run(arguments))
@@ -150,8 +155,18 @@ def _guarded(given: Sequence[str], debug: bool) -> int:
     return code
 
 
+def one_verb(given: Sequence[str]) -> list[str]:
+    """Join the two words of a verb such as ``vehicle new``."""
+    for i, pair in enumerate(pairwise(given)):
+        if not pair[0].startswith("-"):
+            joined = " ".join(pair)
+            return [*given[:i], joined, *given[i + 2 :]] if joined in VERBS else list(given)
+    return list(given)
+
+
 def parser_for(given: Sequence[str]) -> Parser:
     """Return a parser that knows every verb by name and the arguments of the chosen one."""
+    given = one_verb(given)
     chosen = next((word for word in given if not word.startswith("-")), None)
     known = VERBS if chosen in VERBS else all_verbs()
     parser = Parser(

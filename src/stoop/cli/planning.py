@@ -36,7 +36,7 @@ def maneuvers(arguments: argparse.Namespace) -> int:
     from stoop.flight import load, without_faults
     from stoop.input_design.windows import doubts, find_windows
     from stoop.problem.windows import NAME
-    from stoop.report.design import FIRST_GUESS, percent, span_of, use_of
+    from stoop.report.design import QUICK_FIT, percent, span_of, use_of
     from stoop.vehicle.assumptions import with_assumptions
     from stoop.vehicle.builtin import resolve_vehicle
     from stoop.workflow.design import WINDOW_FILES, write_windows
@@ -76,12 +76,12 @@ def maneuvers(arguments: argparse.Namespace) -> int:
     )
     if found.expected:
         out.heading("expected of the windows to be fitted")
-        out.line(FIRST_GUESS)
+        out.line(QUICK_FIT)
         errors = [e.std_error if math.isfinite(e.std_error) else math.nan for e in found.expected]
         shares = [percent(e.relative) for e in found.expected]
         out.table(
             words("", [e.name for e in found.expected]),
-            numbers("first guess", [e.value for e in found.expected]),
+            numbers("quick fit", [e.value for e in found.expected]),
             numbers("std error", errors),
             replace(words("of its size", shares), right=True),
         )

@@ -22,7 +22,6 @@ ANGLES: Final = ("alpha", "beta", "theta", "phi")
 CONSTANT_THRUST: Final = "propulsion.thrust"
 STATE_UNITS: Final = {"h": "m", "u": "m/s", "v": "m/s", "w": "m/s"}
 ROUNDING: Final = 1e-12  #: of the largest entry: what solver and rounding errors leave where zero belongs
-SEA_LEVEL_DENSITY: Final = 1.225  #: kg/m3, what `stoop.simulation.trim` assumes where the log would give it
 
 
 def _point_arguments(parser: argparse.ArgumentParser, reductions: list[str], reduced: str) -> None:
@@ -84,10 +83,10 @@ def _trimmed(arguments: argparse.Namespace) -> tuple[Vehicle, Trim, str]:
         density = "standard atmosphere"
     elif choice != "log":
         density = f"density {vehicle.value('environment.density'):g} kg/m3"
-    elif given is None:
-        density = f"density {SEA_LEVEL_DENSITY:g} kg/m3 (assumed; the log has it, or give --density)"
     else:
-        density = f"density {given:g} kg/m3"
+        density = f"density {point.inputs[flown.inputs.index('density')]:.4g} kg/m3"
+        if given is None:
+            density += " (standard atmosphere at this altitude; the log has the true one, or give --density)"
     height = point.start["h"]
     if "V" in point.start:
         speed, climb = point.start["V"], math.degrees(arguments.climb_angle)
@@ -194,6 +193,7 @@ def linearize(arguments: argparse.Namespace) -> int:
         return 0
     write_text_atomic(target, text + "\n")
     out.line(f"wrote {target}: A, B, C, D, modes and trim (SI units, rad)")
+    out.bullets(left_out(vehicle))
     return 0
 
 
@@ -219,6 +219,8 @@ def linear_document(vehicle: Vehicle, point: Trim, model: LinearModel, climb_ang
         "inputs": model.inputs,
         "outputs": model.outputs,
         **{name: getattr(model, name).tolist() for name in "ABCD"},
+        "input_delays": model.input_delays.tolist(),
+        "output_delays": model.output_delays.tolist(),
         "modes": modes,
     }
 

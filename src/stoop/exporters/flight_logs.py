@@ -232,7 +232,8 @@ def px4_log(flight: Flight) -> tuple[bytes, str]:
             typed[column] = columns.get(column, nothing).astype(kind)
         topics.append(Topic(name, time, typed))
     texts = [(float(time[0]), "INFO", f"stoop: {found}") for found in flight.notices]
-    return ulog(topics, info={"sys_name": "PX4", "ver_sw": "simulated by stoop"}, texts=texts), mapping.text()
+    info = {"sys_name": "PX4", "ver_sw": "simulated by stoop"}
+    return ulog(topics, flight.parameters, info, texts), mapping.text()
 
 
 @dataclass(frozen=True)
@@ -314,7 +315,7 @@ def ardupilot_log(flight: Flight) -> tuple[bytes, str]:
         message = Message(tuple(part), "-" * len(part))
         tables.append(message.table(stream, time, {name: unmapped[name] for name in part}))
     texts = [f"stoop: {found}"[:64] for found in flight.notices]
-    return dataflash_bytes(tables, messages=texts), mapping.text()
+    return dataflash_bytes(tables, flight.parameters, texts), mapping.text()
 
 
 def _add_pulses(streams: dict[str, Columns], unmapped: Columns, mapping: MappingFile) -> None:

@@ -142,6 +142,9 @@ def json_text(found: StateSpace) -> str:
         rows = zip(names, values.tolist(), strict=True)
         return [{"name": n, "unit": unit(n, vehicle), "trim": v} for n, v in rows]
 
+    def late(names: tuple[str, ...], values: FloatArray, delays: FloatArray) -> list[dict[str, Any]]:
+        return [one | {"delay": s} for one, s in zip(signals(names, values), delays.tolist(), strict=True)]
+
     def finite(node: Any) -> Any:
         if isinstance(node, Mapping):
             return {k: finite(v) for k, v in node.items()}
@@ -153,10 +156,10 @@ def json_text(found: StateSpace) -> str:
         "format": FORMAT,
         "vehicle": vehicle.name,
         "reduce": vehicle.reduce,
-        "equations": "x' = A (x - x0) + B (u - u0), y - y0 = C (x - x0) + D (u - u0)",
+        "equations": "x' = A (x - x0) + B (u - u0), y - y0 = C (x - x0) + D (u - u0), inputs and outputs late by their delays, s",
         "states": signals(model.states, found.x),
-        "inputs": signals(model.inputs, found.u),
-        "outputs": signals(model.outputs, found.y),
+        "inputs": late(model.inputs, found.u, model.input_delays),
+        "outputs": late(model.outputs, found.y, model.output_delays),
         **{m: getattr(model, m).tolist() for m in MATRICES},
         "standard_errors": {m: e.tolist() for m, e in found.standard_errors.items()},
         "trim": {"altitude": found.point.start.get("h", 0.0), "residual": found.point.residual},
@@ -178,6 +181,8 @@ def variables(found: StateSpace) -> dict[str, Any]:
         "states": _cells(model.states),
         "inputs": _cells(model.inputs),
         "outputs": _cells(model.outputs),
+        "InputDelay": model.input_delays[:, None],  # as the function ss of MATLAB calls them, s
+        "OutputDelay": model.output_delays[:, None],
         "parameter_names": _cells(parameters),
         "parameters": np.array(list(parameters.values()))[:, None],
     }

@@ -32,6 +32,7 @@ class FlyingLimits:
     idle: float = 0.25  #: of the largest lift command; motors off, or idling
     command: float = 0.02  #: of the range; less turns nothing
     drop: float = 0.5  #: s of too little lift that are no landing
+    least: float = 3.0  #: s, of a flight
 
 
 @dataclass(frozen=True)
@@ -77,6 +78,12 @@ def flying(flight: Flight) -> BoolArray:
         if gap.stop - gap.start < FLYING.drop * flight.rate:
             up[gap] = True
     return _without_edges(up, flight.rate)
+
+
+def in_flight(flight: Flight) -> BoolArray:
+    """Tell which samples (n,) tell of the vehicle in flight; all of a log that shows no flight."""
+    up = flying(flight)
+    return up if up.sum() >= FLYING.least * flight.rate else np.ones(up.size, dtype=bool)
 
 
 def airborne(flight: Flight) -> BoolArray:
@@ -132,10 +139,18 @@ def _moving(flight: Flight, kind: str, size: int) -> list[str]:
 
 
 def motors_ran(flight: Flight) -> bool:
-    """Tell whether any rotor was ever commanded to turn, as far as the log says."""
+    """Tell whether any rotor that carries the vehicle was ever commanded to turn, as far as the log says.
+
+    Fewer motors than carry a vehicle are those of an aeroplane, which flies, or glides, by its wings.
+    """
     command = lift_command(flight)
     if command is None:
-        return not {"motor_1", "rotor_1"} & flight.names
+        every = [[f"{kind}_{n}" for n in range(1, size + 1)] for kind, size, *_ in ROTOR_KINDS[:2]]
+        known = [
+            [n for n in own if n in flight.data and np.isfinite(flight.column(n)).any()] for own in every
+        ]
+        still = all(not _moving(flight, kind, size) for kind, size, *_ in ROTOR_KINDS[:2])
+        return not still or max(map(len, known)) < FLYING.rotors
     return float(np.nanmax(np.append(command, 0.0))) > FLYING.command
 
 

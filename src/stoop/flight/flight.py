@@ -85,6 +85,7 @@ class Flight:
     faults: tuple[Fault, ...] = ()  #: suspected faults of sensors; each has a notice too
     #: stream -> columns of the log that no mapping names; not kept in files of our own
     unmapped: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    parameters: Mapping[str, float] = field(default_factory=dict)  #: of the autopilot; kept in logs only
 
     @property
     def time(self) -> FloatArray:

@@ -1,17 +1,19 @@
 """Commands about each axis, candidate maneuvers, and a summary of a flight as `stoop info` shows it.
 
-A maneuver is a window in which one control moved far more than it usually does. A log without mixed commands has outputs
-only. Their principal directions are taken (dead and doubled outputs drop out), and each axis gets the combination of them
-that goes with its own acceleration, with the rates as further regressors: what an autopilot does against a rate is no
-effect of that rate.
+A maneuver is a window in which one control was commanded far more than it usually is. Commands are those of a pilot or of
+an injected signal; what an autopilot answers to a gust is none, and shows by what feedback of the motion explains of it. A log
+without mixed commands has outputs only. Their principal directions are taken (dead and doubled outputs drop out), and each
+axis gets the combination of them that goes with its own acceleration, with the rates as further regressors: what an autopilot
+does against a rate is no effect of that rate.
 
 Axes: k = sample, m = output, a = axis.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Final, Literal
 
 import numpy as np
@@ -34,6 +36,7 @@ CONTROLS: Final[dict[str, Axis]] = {
     "control_yaw": "yaw",
     "control_throttle": "heave",  # of a vehicle that rotors carry
 }
+FEEDBACK: Final = (*RATES, "phi", "theta", "vd")  #: of which an autopilot makes its commands
 MOTION: Final[dict[Axis, str]] = {"roll": "p", "pitch": "q", "yaw": "r", "heave": "az"}
 
 
@@ -55,6 +58,9 @@ class Limits:
     rest: float = 5.0  #: s beside a burst, from which the position of rest is taken
     swings: int = 2  #: a doublet has two, a 3-2-1-1 four
     hysteresis: float = 0.3  #: of the largest excursion
+    #: share of a command's power in a window that feedback leaves over, at least; a roll doublet in open loop leaves a third,
+    #: as the roll rate follows the ailerons, an autopilot in gusts a twentieth
+    commanded: float = 0.1
 
 
 LIMITS: Final = Limits()
@@ -227,8 +233,30 @@ def usual_deviation(x: FloatArray, mask: BoolArray) -> float:
     return robust_std(known - np.median(known)) if known.size else 0.0
 
 
+def band_pass(flight: Flight, x: FloatArray) -> FloatArray:
+    """Return columns (n, m) smoothed, less their slow part."""
+    fast, slow = round(LIMITS.fast * flight.rate), round(LIMITS.slow * flight.rate)
+    return moving_average(x, fast) - moving_average(x, slow, 0.3)
+
+
+def without_feedback(flight: Flight, u: FloatArray) -> FloatArray:
+    """Return what feedback of the motion does not explain of commands (n, m) that :func:`band_pass` left; NaN where unknown.
+
+    Feedback is the regression on rates, attitude and sink rate at the same instant, over the airborne part.
+    """
+    names = [n for n in FEEDBACK if n in flight.data and np.isfinite(flight.column(n)).any()]
+    out = u.copy()
+    if not names:
+        return out
+    motion = band_pass(flight, np.column_stack([flight.column(name) for name in names]))
+    good = flying(flight) & np.isfinite(motion).all(axis=1) & np.isfinite(u).all(axis=1)
+    if good.sum() >= LIMITS.samples:
+        out[good] -= motion[good] @ np.linalg.lstsq(motion[good], u[good], rcond=None)[0]
+    return out
+
+
 def find_maneuvers(flight: Flight) -> list[Maneuver]:
-    """Look for maneuvers in the airborne part of a flight, in order of time.
+    """Look for maneuvers in the airborne part of a flight, in order of time; they share no samples.
 
     Where several controls were moved at a time (a mixed command, or crosstalk), the most unusual one names
     the axis.
@@ -241,7 +269,17 @@ def find_maneuvers(flight: Flight) -> list[Maneuver]:
         shortest = [min(one.stop - one.start, m.stop - m.start) for m in kept]
         if all(part / least < 0.5 for part, least in zip(shared, shortest, strict=True)):
             kept.append(one)
-    return sorted(kept, key=lambda m: m.start)
+    return apart(sorted(kept, key=lambda m: m.start))
+
+
+def apart(found: Sequence[Maneuver]) -> list[Maneuver]:
+    """Return maneuvers in order of time, cut in the middle where the calm end of one is the beginning of the next."""
+    out = list(found)
+    for i, (one, following) in enumerate(pairwise(found)):
+        if following.start < one.stop:
+            middle = round(0.5 * (following.start + one.stop), 2)
+            out[i : i + 2] = [replace(out[i], stop=middle), replace(following, start=middle)]
+    return out
 
 
 def _bursts(flight: Flight, command: Command, up: BoolArray) -> Iterator[Maneuver]:
@@ -267,6 +305,8 @@ def _bursts(flight: Flight, command: Command, up: BoolArray) -> Iterator[Maneuve
         else:
             bursts.append(run)
     around = round(LIMITS.rest * flight.rate)
+    moved = band_pass(flight, u[:, None])
+    own = without_feedback(flight, moved)
     first, last = float(flight.time[0]), float(flight.time[-1])
     for run in bursts:
         # the window is narrowed to where the control moves
@@ -277,7 +317,8 @@ def _bursts(flight: Flight, command: Command, up: BoolArray) -> Iterator[Maneuve
         amplitude = float(np.nanmax(np.abs(swing)))
         moving = np.flatnonzero(np.nan_to_num(np.abs(swing)) > LIMITS.hysteresis * amplitude)
         swings = int(np.count_nonzero(np.diff(np.sign(swing[moving])))) + 1
-        if swings < LIMITS.swings:
+        left, whole_power = (float(np.nansum(series[run] ** 2)) for series in (own, moved))
+        if swings < LIMITS.swings or left < LIMITS.commanded * whole_power:
             continue
         start = np.ceil(max(float(t[moving[0]]) - LIMITS.lead, first) * 10.0 - 1.0) / 10.0
         stop = np.floor(min(float(t[moving[-1]]) + LIMITS.tail, last) * 10.0 + 1.0) / 10.0

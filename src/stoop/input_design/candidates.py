@@ -15,7 +15,16 @@ from stoop.base.variables import RATES
 from stoop.estimate.shooting_windows import WINDOW_LENGTH
 from stoop.flight import Flight, Maneuver, find_maneuvers
 from stoop.flight.airborne import flying
-from stoop.flight.maneuvers import MOTION, Axis, by_axis, commands, moving_average, usual_deviation
+from stoop.flight.maneuvers import LIMITS as COMMANDS
+from stoop.flight.maneuvers import (
+    MOTION,
+    Axis,
+    band_pass,
+    by_axis,
+    commands,
+    usual_deviation,
+    without_feedback,
+)
 from stoop.problem import Piece
 from stoop.problem.observation import guess_start, state_channels
 from stoop.simulation.maneuver import Maneuver as PlannedManeuver
@@ -35,10 +44,9 @@ class CandidateLimits:
     limit_margin: float = 0.002  #: of its range, within which a command is at its limit
     min_saturated: int = 5  #: samples in a row at the limit
     max_levels: int = 20  #: different values of a switch, which has no limits
-    smooth: float = 0.2  #: s
-    slow: float = 5.0  #: s; slower is trim
     min_motion: float = 0.05  #: of the strongest signal; weaker ones do not count for the condition number
     min_usual: float = 0.02  #: of the largest excursion: the least usual size of a signal
+    min_excitation: float = 2.0  #: times the usual; a command that moves less is none
     before: float = 1.0  #: s of the steady flight before an input
     min_stretches: int = 3  #: of which one can be left for validation
     max_gap: float = 5.0  #: s of rest between two stretches that are fitted as one window
@@ -156,6 +164,8 @@ def with_motors(flight: Flight, vehicle: Vehicle | None) -> Flight:
 class Excitation:
     """Commands and rates (n, m) of a flight, by name and axis, without their slow part, in units of their usual size.
 
+    ``own`` (n, c) is what feedback of the motion does not explain of the c commands, which come first, in the same units.
+
     Without a vehicle they stand for information: in any model the derivative of a rate depends on the rates and on the
     commands, and the information about its coefficients is the matrix of products of commands and rates: large where they
     move, singular where they move together, as in a closed loop.
@@ -164,11 +174,13 @@ class Excitation:
     names: tuple[str, ...]
     axes: tuple[Axis, ...]
     values: FloatArray
+    own: FloatArray
 
     def only(self, names: Sequence[str]) -> Excitation:
         """Return some of the signals."""
         kept = [self.names.index(n) for n in names]
-        return Excitation(tuple(names), tuple(self.axes[i] for i in kept), self.values[:, kept])
+        own = self.own[:, [i for i in kept if i < self.own.shape[1]]]
+        return Excitation(tuple(names), tuple(self.axes[i] for i in kept), self.values[:, kept], own)
 
     @classmethod
     def of(cls, flight: Flight) -> Excitation | None:
@@ -180,15 +192,14 @@ class Excitation:
         columns = [*(c.u for c in by_command.values()), *(flight.column(name) for name in rates.values())]
         names = (*(f"{axis} command" for axis in by_command), *(f"{axis} rate" for axis in rates))
         x, up = np.column_stack(columns), flying(flight)
-        x = moving_average(x, round(LIMITS.smooth * flight.rate)) - moving_average(
-            x, round(LIMITS.slow * flight.rate), 0.3
-        )
+        x = band_pass(flight, x)
         sizes = []
         for column in x.T:  # where a signal usually rests, a share of its largest excursion
             seen = column[up & np.isfinite(column)]
             largest = float(np.max(np.abs(seen))) if seen.size else 0.0
             sizes.append(max(usual_deviation(column, up), LIMITS.min_usual * largest) or 1.0)
-        return cls(names, (*by_command, *rates), x / np.array(sizes))
+        x = x / np.array(sizes)
+        return cls(names, (*by_command, *rates), x, without_feedback(flight, x[:, : len(by_command)]))
 
     def inside(self, flight: Flight, one: Candidate) -> FloatArray:
         """Return the complete samples (k, m) of a window, about their mean."""
@@ -202,6 +213,15 @@ class Excitation:
         sizes = np.sqrt(np.mean(rows**2, axis=0)) if len(rows) else np.zeros(len(self.names))
         pairs = zip(self.axes, self.names, sizes, strict=True)
         return {axis: float(size) for axis, name, size in pairs if name.endswith("command")}
+
+    def commanded(self, flight: Flight, one: Candidate) -> dict[Axis, float]:
+        """Return how many times the usual each command moves in a window that stands out there, and is no feedback's."""
+        inside = (flight.time >= one.start) & (flight.time <= one.stop)
+        moved, own = (np.nansum(x[inside] ** 2, axis=0) for x in (self.values, self.own))
+        sizes = self.strengths(flight, one)
+        shares = zip(self.axes, moved, own, strict=False)
+        real = {a for a, power, left in shares if left >= COMMANDS.commanded * power > 0.0}
+        return {a: size for a, size in sizes.items() if a in real and size > LIMITS.min_excitation}
 
     def condition(self, flight: Flight, one: Candidate) -> float:
         """Return the condition number of the correlations of commands and rates: 1 is independent."""

@@ -1,15 +1,15 @@
 """Fisher information of windows about the free numbers of a vehicle, from the sensitivities of its simulation.
 
-The simulation starts from the file's values, or from those of a regression where they fit better. One linear step from
-there, in parameters, initial states and biases, leaves residuals from which the noise of this flight is estimated, gusts
-and what the model lacks included.
+The sensitivities are taken at the estimates of a quick fit (`stoop.input_design.quick_fit`). One linear step from there, in
+parameters, initial states and biases, leaves residuals from which the noise of this flight is estimated, gusts and what the
+model lacks included.
 
 A vehicle with rotors is unstable: its windows are cut into short ones that each restart, as they will be fitted.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -19,11 +19,10 @@ import numpy as np
 
 from stoop.base.arrays import FloatArray
 from stoop.errors import FlightError, IdentificationError
-from stoop.estimate.fit import starts
 from stoop.estimate.noise import correlation_times
 from stoop.flight import Flight
 from stoop.input_design.candidates import STYLES, Candidate
-from stoop.input_design.information import BOX_INFORMATION, information_errors, sensor_noise
+from stoop.input_design.information import BOX_INFORMATION, sensor_noise
 from stoop.problem import Layout, Misfit, Weights
 from stoop.problem.prepare import Prepared, nuisances, prepare, without_stuck_channels
 from stoop.problem.windows import Window
@@ -88,21 +87,12 @@ class VehicleInformation:
         return tuple(p.name for p in self.layout.parameters)
 
     @property
-    def values(self) -> FloatArray:
-        """Where the sensitivities are taken (D,), SI."""
-        return np.asarray(self.layout.physical(self.unit[None, :])[0])
-
-    @property
     def prior(self) -> FloatArray:
         """Information of the file's priors (D, D), in the unit box."""
         index, _, sigma = self.layout.priors
         out = np.zeros(len(self.unit))
         out[index] = sigma**-2.0
         return np.diag(out)
-
-    def errors(self, matrices: Sequence[FloatArray]) -> FloatArray:
-        """Return the standard errors (D,), SI, of windows together; infinite where they are not identifiable."""
-        return information_errors(self.prior + sum(matrices, np.zeros_like(self.prior))) * self.layout.width
 
     def information(self, candidate: CandidateProblem) -> FloatArray | None:
         """Return the information (D, D) of a window, in the unit box; None where the simulation diverges.
@@ -155,8 +145,10 @@ def _linearized(problem: Misfit, unit: FloatArray) -> tuple[FloatArray, FloatArr
     return r, J
 
 
-def linearization_point(vehicle: Vehicle, candidates: Sequence[CandidateProblem]) -> VehicleInformation:
-    """Find where to take the sensitivities, and the noise of the flight, from some of its windows.
+def linearization_point(
+    vehicle: Vehicle, candidates: Sequence[CandidateProblem], estimates: Mapping[str, float]
+) -> VehicleInformation:
+    """Find the noise of the flight from some of its windows, at estimates of free numbers (the file's values for others).
 
     Raises
     ------
@@ -167,15 +159,8 @@ def linearization_point(vehicle: Vehicle, candidates: Sequence[CandidateProblem]
     if not Layout.of(vehicle, ()).dimension:
         raise IdentificationError(f"{vehicle.where}: no number is free; set free = true or use --free NAME")
     weights = Weights.of(np.diag(sensor_noise(vehicle)))
-    # the start with the least cost from measured states: the file's, or that of a regression
-    pieces = tuple(replace(p, maneuver=0) for one in sample for p in one.prepared.pieces)
-    prepared = Prepared(sample[0].prepared.windows, pieces, ())  # as one maneuver: biases are shared
-    biases = [n for n in nuisances(vehicle, prepared) if n.is_bias]
-    problem = Misfit(Layout.of(vehicle, biases), pieces, weights, (tuple(len(p.time) for p in pieces),))
-    with np.errstate(all="ignore"):
-        guesses = starts(problem)
-        costs = problem.costs(guesses, 0)
-    unit = np.asarray(guesses[int(np.argmin(np.where(np.isfinite(costs), costs, np.inf)))])
+    layout, known = Layout.of(vehicle, ()), {n: v for n, v in estimates.items() if np.isfinite(v)}
+    unit = layout.unit(np.array([known.get(p.name, p.value) for p in layout.parameters]))
     linear = [(one, p, *_linearized(p, unit)) for one in sample for p in [one.misfit(vehicle, weights)]]
     linear = [one for one in linear if np.isfinite(one[2]).all()]
     if not linear:

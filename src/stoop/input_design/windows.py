@@ -1,9 +1,15 @@
-"""Find windows of flights for fitting and for validation, with reasons: by excitation and by information."""
+"""Find windows of flights for fitting and for validation, with reasons: by commanded excitation, then by information.
+
+Every verb takes its windows from here. Candidates are windows in which a command stands out (a flight without commands is
+tried all along). Without a vehicle their excitation chooses among them. With one, its free numbers are fitted to those windows,
+the information at these estimates chooses, and the standard errors of the fit to the chosen windows are what to expect.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Final, Literal
 
 import numpy as np
@@ -13,19 +19,20 @@ from stoop.base.notices import Notice, notice
 from stoop.base.variables import RATES
 from stoop.checks.rotors import KINDS, require_motors_ran
 from stoop.checks.vehicle import check_vehicle, require_channels
-from stoop.errors import FlightError, listed
-from stoop.flight import Flight
+from stoop.errors import FlightError
+from stoop.flight import Flight, Maneuver
 from stoop.flight.airborne import flying
 from stoop.flight.maneuvers import Axis, commands, output_families
 from stoop.input_design.candidates import Candidate, Excitation, candidates, with_motors
 from stoop.input_design.information import BOX_INFORMATION
+from stoop.input_design.quick_fit import QuickFit, quick_fit
 from stoop.input_design.sensitivity import (
     CandidateProblem,
     VehicleInformation,
     candidate_problem,
     linearization_point,
 )
-from stoop.problem.windows import whole
+from stoop.problem.windows import Window, whole
 from stoop.vehicle import Vehicle
 
 
@@ -42,7 +49,6 @@ class SelectionLimits:
     redundant: float = 0.25  #: loss per parameter at which a fitted window may be held out instead
     validation_worth: float = 0.5  #: of the fitted windows' gain, at which a window that is left is held out
     max_candidates: int = 100  #: of a flight, the most excited ones
-    min_excitation: float = 2.0  #: times the usual; a window with less is of no axis
     sharper: float = 0.8  #: ratio of standard errors, below which a parameter is named as a reason
     max_named: int = 3
     max_declined: int = 6  #: windows that are shown beside those that are proposed
@@ -52,8 +58,6 @@ LIMITS: Final = SelectionLimits()
 
 Use = Literal["fit", "validate"]
 NO_AXIS: Final = "motion"  #: of windows in which no command stands out
-#: share of the free numbers, unknown to their own size, that leaves a calm flight nothing to fit
-MAX_UNKNOWN: Final = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,12 +126,21 @@ def select(found: Sequence[Candidate], information: CandidateInformation) -> Sel
 def _held_out(
     found: Sequence[Candidate], information: CandidateInformation, fitted: Sequence[int]
 ) -> int | None:
-    """Return the window to validate with: a maneuver that is left, else one whose axis is fitted twice, else the cheapest."""
+    """Return the window to validate with: a maneuver that is left, else one whose axis is fitted twice, else the cheapest.
+
+    The most informative maneuver of an axis is never held out.
+    """
+    best_of: dict[Axis, int] = {}
+    for i in sorted(range(len(found)), key=information.gain_alone):
+        if (m := found[i].maneuver) is not None:
+            best_of[m.axis] = i
+    kept = set(best_of.values())
     free = [i for i in range(len(found)) if not any(found[i].meets(found[j]) for j in fitted)]
+    free = [i for i in free if i not in kept]
     usual = float(np.median([information.gain_alone(i) for i in fitted])) if fitted else np.inf
     eligible = [i for i in free if information.gain_alone(i) >= LIMITS.validation_worth * usual]
     losses = {i: information.gain(information.total([j for j in fitted if j != i]), i) for i in fitted}
-    spare = [i for i in fitted if losses[i] < LIMITS.redundant] if len(fitted) > 1 else []
+    spare = [i for i in fitted if losses[i] < LIMITS.redundant and i not in kept] if len(fitted) > 1 else []
     flown = [i for i in eligible if found[i].maneuver is not None]
     axes = [m.axis for i in fitted if (m := found[i].maneuver) is not None]
     twice = [i for i in spare if (m := found[i].maneuver) is not None and axes.count(m.axis) > 1]
@@ -167,6 +180,7 @@ class Proposed:
     information : mean logarithm by which it alone shrinks the error bars
     gain : likewise, beside the windows that were selected before it; 0 for those that are predicted or declined
     accept : whether it is proposed
+    maneuver : what was commanded in it, where one maneuver was
     """
 
     flight: str
@@ -178,13 +192,14 @@ class Proposed:
     gain: float
     accept: bool
     use: Use
+    maneuver: Maneuver | None = None
 
 
 @dataclass(frozen=True)
 class Expected:
-    """A free number at its first guess, and its standard error predicted for the proposed windows together, SI.
+    """A free number and its standard error by a quick fit of the proposed windows together, SI.
 
-    The error is infinite where the number is not identifiable.
+    The value is NaN and the error infinite for a number that the fit leaves at a bound.
     """
 
     name: str
@@ -241,41 +256,68 @@ def find_windows(
     excitations = {name: e for name, flight in flights.items() if (e := Excitation.of(flight)) is not None}
     found = [c for f in flights.values() for c in _candidates(f, vehicle, excitations.get(f.name))]
     if not found:
-        raise _nothing_found(flights, vehicle)
-    model: VehicleInformation | None = None
+        raise _nothing_found(flights, vehicle, unmeasured=not excitations)
+    choose = partial(_by_excitation, flights, excitations)
+    model, fitted, notices = None, QuickFit(), list[Notice]()
     if vehicle is None:
-        first = next(iter(excitations.values()))
-        shared = [n for n in first.names if all(n in e.names for e in excitations.values())]
-        common = {name: e.only(shared) for name, e in excitations.items()}
-        information = excitation_information(flights, common, found)
+        information = choose(found)
+        selection = select(found, information)
     else:
-        found, information, model = _about_vehicle(vehicle, flights, found, tell)
-    selection = select(found, information)
+        problems = [
+            (c, p) for c in found if (p := candidate_problem(vehicle, flights[c.flight], c)) is not None
+        ]
+        if not problems:
+            raise _nothing_found(flights, vehicle, unmeasured=True)
+        usable = [c for c, _ in problems]
+        first = _first_windows(usable, choose(usable) if excitations else None)
+        tell("first fit of the windows that stand out")
+        fitted = quick_fit(vehicle, flights, [_window(c) for c in first])
+        found, information, model = _about_vehicle(vehicle, flights, problems, fitted, tell)
+        selection = select(found, information)
+        chosen = [found[i] for i in selection.fitted]
+        if {(c.flight, c.start, c.stop) for c in chosen} != {(c.flight, c.start, c.stop) for c in first}:
+            tell("fit of the proposed windows")
+            fitted = quick_fit(vehicle, flights, [_window(c) for c in chosen])
+        if fitted.failure:
+            notices.append(notice("windows-not-fitted", reason=fitted.failure))
     if not selection.fitted:
-        raise _nothing_found(flights, vehicle)
+        raise _nothing_found(flights, vehicle, unmeasured=True)
     report = _Report(flights, excitations, found, information, model)
-    expected: list[Expected] = []
-    if model is not None:
-        errors = model.errors([information.matrices[i] for i in selection.fitted])
-        rows = zip(model.names, model.values, errors, strict=True)
-        expected = [Expected(name, float(value), float(error)) for name, value, error in rows]
-    unknown = [e.name for e in expected if not e.relative < 1.0]
-    calm = not any(report.axes(i) for i in range(len(found)))
-    if calm and len(unknown) >= MAX_UNKNOWN * len(expected):
-        share = (
-            f", and {len(unknown)} of {len(expected)} free numbers would not be known to their own size "
-            f"({listed(unknown, LIMITS.max_named)})"
-        )
-        raise FlightError(
-            f"{', '.join(flights)}: no maneuver here: no command moves out of the usual{share if unknown else ''}; fly doublets "
-            "about each axis (stoop design proposes them), or name windows yourself: --maneuver START:STOP"
-        )
-    notices = (notice("no-validation-window"),) if selection.held_out is None else ()
-    return Found(tuple(report.windows(selection)), tuple(expected), notices)
+    expected = tuple(Expected(name, value, fitted.errors[name]) for name, value in fitted.values.items())
+    if selection.held_out is None:
+        notices.append(notice("no-validation-window"))
+    return Found(tuple(report.windows(selection)), expected, tuple(notices))
+
+
+def _window(one: Candidate) -> Window:
+    return Window(one.flight, one.start, one.stop)
+
+
+def _by_excitation(
+    flights: Mapping[str, Flight], excitations: Mapping[str, Excitation], found: Sequence[Candidate]
+) -> CandidateInformation:
+    """Return the information of windows about commands and rates that all flights have."""
+    first = next(iter(excitations.values()))
+    shared = [n for n in first.names if all(n in e.names for e in excitations.values())]
+    common = {name: e.only(shared) for name, e in excitations.items()}
+    return excitation_information(flights, common, found)
+
+
+def _first_windows(found: Sequence[Candidate], information: CandidateInformation | None) -> list[Candidate]:
+    """Return the windows of the first fit: those that excitation chooses, or the first that share no samples."""
+    chosen = [] if information is None else [found[i] for i in select(found, information).fitted]
+    if not chosen:
+        for one in found:
+            if len(chosen) < LIMITS.max_windows and not any(one.meets(other) for other in chosen):
+                chosen.append(one)
+    return chosen
 
 
 def _candidates(flight: Flight, vehicle: Vehicle | None, excitation: Excitation | None) -> list[Candidate]:
-    """Return the candidates of a flight, the most excited first, and at most `LIMITS.max_candidates`."""
+    """Return the maneuvers of a flight, and windows with a command that stands out about an axis without a maneuver.
+
+    They come the most excited first, at most `LIMITS.max_candidates`; a flight without commands (or rates) has windows all along.
+    """
     if vehicle is not None:
         channels = list(vehicle.recorded)
     else:
@@ -284,23 +326,29 @@ def _candidates(flight: Flight, vehicle: Vehicle | None, excitation: Excitation 
     found = candidates(flight, channels)
     if excitation is None:
         return found[:: max(1, len(found) // LIMITS.max_candidates)]
+    axes = {c.maneuver.axis for c in found if c.maneuver is not None}
+    found = [c for c in found if c.maneuver is not None or set(excitation.commanded(flight, c)) - axes]
+    if not found:
+        return []
     information = excitation_information({flight.name: flight}, {flight.name: excitation}, found)
     order = sorted(range(len(found)), key=lambda i: -information.gain_alone(i))
     return [found[i] for i in order[: LIMITS.max_candidates]]
 
 
 def _about_vehicle(
-    vehicle: Vehicle, flights: Mapping[str, Flight], found: Sequence[Candidate], tell: Callable[[str], None]
+    vehicle: Vehicle,
+    flights: Mapping[str, Flight],
+    problems: Sequence[tuple[Candidate, CandidateProblem]],
+    fitted: QuickFit,
+    tell: Callable[[str], None],
 ) -> tuple[list[Candidate], CandidateInformation, VehicleInformation]:
     """Return the candidates that can be simulated, and their information about the vehicle's free numbers."""
-    problems = [(c, p) for c in found if (p := candidate_problem(vehicle, flights[c.flight], c)) is not None]
     disjoint: list[tuple[Candidate, CandidateProblem]] = []
     for one in problems:
         if not any(one[0].meets(other) for other, _ in disjoint):
             disjoint.append(one)
     kept, matrices = [], []
-    if problems:
-        model = linearization_point(vehicle, [p for _, p in disjoint])
+    model = linearization_point(vehicle, [p for _, p in disjoint], fitted.values)
     for i, (candidate, problem) in enumerate(problems, 1):
         tell(f"information of window {i} of {len(problems)}")
         matrix = model.information(problem)
@@ -308,7 +356,7 @@ def _about_vehicle(
             kept.append(candidate)
             matrices.append(matrix)
     if not kept:
-        raise _nothing_found(flights, vehicle)
+        raise _nothing_found(flights, vehicle, unmeasured=True)
     prior = model.prior + BOX_INFORMATION * np.eye(len(model.unit))
     return kept, CandidateInformation(prior, tuple(matrices)), model
 
@@ -342,7 +390,8 @@ class _Report:
         for index, why, gain, accept, use in rows:
             one, alone = self.found[index], self.information.gain_alone(index)
             axis = next(iter(self.axes(index)), NO_AXIS)
-            out.append(Proposed(one.flight, one.start, one.stop, axis, why, alone, gain, accept, use))
+            span = (one.flight, one.start, one.stop)
+            out.append(Proposed(*span, axis, why, alone, gain, accept, use, one.maneuver))
         return sorted(out, key=lambda w: (w.flight, w.start))
 
     def axes(self, index: int) -> dict[Axis, float]:
@@ -350,11 +399,9 @@ class _Report:
         one = self.found[index]
         excitation = self.excitations.get(one.flight)
         sizes = {} if excitation is None else excitation.strengths(self.flights[one.flight], one)
-        strongest = [
-            a for a in sorted(sizes, key=lambda a: -sizes[a])[:1] if sizes[a] > LIMITS.min_excitation
-        ]
+        real = {} if excitation is None else excitation.commanded(self.flights[one.flight], one)
         own: list[Axis] = [one.maneuver.axis] if one.maneuver is not None else []
-        return {a: sizes.get(a, 0.0) for a in (*own, *strongest)}
+        return {a: sizes.get(a, 0.0) for a in (*own, *sorted(real, key=lambda a: -real[a])[:1])}
 
     def _excited(self, index: int) -> str:
         axes = self.axes(index).items()
@@ -394,16 +441,24 @@ def _check_inputs(flight: Flight, vehicle: Vehicle | None) -> None:
         )
 
 
-def _nothing_found(flights: Mapping[str, Flight], vehicle: Vehicle | None) -> FlightError:
-    """Return the error for flights in which no window can be used."""
+def _nothing_found(
+    flights: Mapping[str, Flight], vehicle: Vehicle | None, unmeasured: bool = False
+) -> FlightError:
+    """Return the error for flights in which no window can be used, or none where inputs and state were measured."""
     name, flight = next(iter(flights.items()))
     airborne = float(flying(flight).sum()) / flight.rate
-    advice = "fly doublets about each axis (stoop design proposes them)"
     if airborne < 2.0:
-        reason = f"the vehicle is in the air for {airborne:.1f} s only, as speed and commands show"
-        advice = "give a log of a flight"
-    elif vehicle is None:
-        reason = "no window moves the vehicle out of the usual"
-    else:
+        return FlightError(
+            f"{name}: the vehicle is in the air for {airborne:.1f} s only, as speed and commands show; give a log of a flight, "
+            "or name windows yourself: --maneuver START:STOP"
+        )
+    if unmeasured and vehicle is not None:
         reason = f"no window in which the inputs ({', '.join(vehicle.recorded)}) and the state were measured is informative"
-    return FlightError(f"{name}: {reason}; {advice}, or name windows yourself: --maneuver START:STOP")
+    else:
+        reason = (
+            "no maneuver here: no command moves out of the usual beyond what feedback of the motion explains"
+        )
+    return FlightError(
+        f"{', '.join(flights)}: {reason}; fly doublets about each axis (stoop design proposes them), or name windows yourself: "
+        "--maneuver START:STOP"
+    )

@@ -35,7 +35,8 @@ envelope{most}, {untrimmed} did not fly straight at this speed. In those that st
 NOTHING_KNOWN: Final = """\
 Nothing is known of the parameters, so no other models were drawn: begin with half the amplitude, and watch."""
 WINDOWS_LEAD: Final = """\
-Stretches of the flight that are worth fitting, found by how the controls were moved and chosen by {criterion}. Each was \
+Stretches of the flight that are worth fitting: those in which a pilot or an injected signal moved the controls far more than \
+usual, chosen by {criterion}. Each was \
 taken because it adds most for its length to those before it; the choice ends when another adds less than 5 % to the error \
 bars. One is held out: what a model predicts there shows what it is worth. The windows avoid gaps, the ground, stuck sensors \
 and saturated motors. Edit {name} beside this page to accept, move or decline, then run the command at the end."""
@@ -48,12 +49,10 @@ Blue: to be fitted. Orange: to be predicted. Grey with dashed edges: a maneuver 
 Information is the mean logarithm by which a window alone shrinks the error bars (0.69 halves them); gain, likewise, beside \
 the windows chosen before it."""
 EXPECTED: Final = """\
-Standard errors that the windows to be fitted will give, as far as the vehicle file is right in kind: the Cramer-Rao bound \
-with initial states and biases unknown, for the residuals that a first linear step leaves in this flight. A dash: not \
-identifiable from the windows. {guess}"""
-FIRST_GUESS: Final = """\
-The first guess is where the errors were worked out: the file's value, or a rough first step. It is no estimate; the fit \
-replaces it."""
+Standard errors that the windows to be fitted will give, as far as the vehicle file is right in kind: those of a quick fit of \
+these windows, corrected for the color of its residuals and the scatter of the maneuvers, as those of stoop identify. {guess}"""
+QUICK_FIT: Final = """\
+The quick fit is that of stoop identify without its global search and its checks. A dash: it leaves the number at a bound."""
 
 KINDS: Final[dict[str, ShadeKind]] = {"not used": "declined", "fit": "fitted", "predict": "predicted"}
 
@@ -153,14 +152,12 @@ def windows_sheet(
     sections.append(Section("Windows", (Prose(KEY), Table("", head, rows))))
     if found.expected:
         errors = tuple(
-            (
-                e.name, number(e.value, 4), number(e.std_error, 3) if math.isfinite(e.std_error) else NOTHING,
-                percent(e.relative),
-            )
+            (e.name, *(number(x, k) if math.isfinite(x) else NOTHING for x, k in shown), percent(e.relative))
             for e in found.expected
-        )  # fmt: skip
-        table = Table("", ("parameter", "first guess", "standard error", "of its size"), errors)
-        guess = Prose(EXPECTED.format(guess=FIRST_GUESS))
+            for shown in [((e.value, 4), (e.std_error, 3))]
+        )
+        table = Table("", ("parameter", "quick fit", "standard error", "of its size"), errors)
+        guess = Prose(EXPECTED.format(guess=QUICK_FIT))
         sections.append(Section("Expected standard errors", (guess, table)))
     if found.notices:
         sections.append(Section("Notes", (Bullets(found.notices),)))

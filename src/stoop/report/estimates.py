@@ -27,12 +27,13 @@ from stoop.report.sheet import (
     Table,
     mathml,
 )
-from stoop.results.modes import Estimate, MeasuredMode, ModeEstimate
+from stoop.results.modes import ConditionModes, Estimate, MeasuredMode, ModeEstimate
 from stoop.results.result import Identification, Quantity, Result
 from stoop.results.uncertainty import MethodIntervals
 
 STRONG_CORRELATION: Final = 0.9  #: pairs above are listed
 MAX_PAIRS: Final = 12
+ROUNDING: Final = 1e-9  #: of the largest entry of a row: what rounding leaves where zero belongs
 FAR_FROM_PRIOR: Final = 3.0  #: standard deviations of the prior
 ESTIMATES_LEAD: Final = (
     "Each row of the drawing has a scale of its own. A standard error in brackets belongs to a parameter that is not "
@@ -91,6 +92,12 @@ MODES_LEAD: Final = (
     "error) counts noise, what is no single oscillation, and that the response was flown about other airspeeds."
 )
 MODES_HEAD: Final = ("Mode", "rad/s", "95 %", "Damping", "95 %", "Time constant, s", "95 %", "In the record")
+LINEAR_LEAD: Final = (
+    "x′ = A x + B u of the fitted model: dimensional derivatives, SI units and radians, for deviations from the steady flight, "
+    "with one standard error (±) from the covariance of the parameters. A dash in its place: the entry depends on a parameter "
+    "that the data do not determine. Delays are in series with the inputs; stoop linearize and stoop export give C and D too."
+)
+BODY_HEAD: Final = ("Mass and reference values", "Value", "Unit", "From")
 REPEATABILITY_LEAD: Final = (
     "Each fit has the same free parameters, bounds and priors; then each estimate’s own prior is taken out, so that it is "
     "the maneuver’s alone. A dash: not identifiable from that maneuver. Blue: one maneuver, 95 %; band: their weighted "
@@ -302,14 +309,52 @@ def _identifiability(identification: Identification) -> list[Part]:
     return parts
 
 
+def body_parts(identification: Identification) -> list[Part]:
+    """Return the table of mass, inertia and reference values: what the coefficients are for."""
+    rows = []
+    for name, one in identification.body.items():
+        fixed = math.isnan(one.std_error)
+        value = number(one.estimate) if fixed else " ± ".join(rounded_to_error(one.estimate, one.std_error))
+        origin = "estimated" if name in identification.result.parameters else "vehicle file"
+        rows.append((label(identification, name), value, readable_unit(one.unit), origin))
+    return [Table("", BODY_HEAD, tuple(rows), ("", "n", "", ""), label=BODY_HEAD[0])] if rows else []
+
+
+def linear_section(identification: Identification) -> Section | None:
+    """Return A and B with their standard errors, of further flight conditions folded up; None without any."""
+    parts: list[Part] = [Prose(LINEAR_LEAD, muted=True)]
+    for condition in (c for c in identification.result.modes if c.linear.states):
+        title, found = _condition_title(identification, condition), condition.linear
+        values, errors = np.hstack([found.A, found.B]), np.hstack([found.A_std, found.B_std])
+        rows = tuple(
+            (f"{state}′", *map(_entry, value, error, [ROUNDING * np.abs(value).max()] * len(value)))
+            for state, value, error in zip(found.states, values, errors, strict=True)
+        )
+        head = ("", *found.states, *found.inputs)
+        table = Table("", head, rows, ("", *["n"] * (len(head) - 1)), label=title)
+        parts += [Heading(title), table] if len(parts) == 1 else [Details(title, (table,))]
+    return Section("Linear model", parts) if len(parts) > 1 else None
+
+
+def _entry(value: float, error: float, rounding: float) -> str:
+    """Return an entry of a matrix over its standard error; what rounding leaves is zero."""
+    if error <= rounding:
+        return "0" if abs(value) <= rounding else compact(value, 4)
+    return Markup('{}<br><span class="error">± {}</span>').format(*rounded_to_error(value, error))
+
+
+def _condition_title(identification: Identification, condition: ConditionModes) -> str:
+    flown = ", ".join(filter(None, (_window(identification, i) for i in condition.maneuvers)))
+    about = "steady straight flight" if condition.about == "trim" else "the mean state"
+    place = f"{number(condition.airspeed, 3)} m/s, {number(condition.altitude, 3)} m, flown in {flown}"
+    return f"About {about} at {place}"
+
+
 def modes_section(identification: Identification) -> Section | None:
     """Return the tables of all flight conditions; None without modes."""
     parts: list[Part] = [Prose(MODES_LEAD, muted=True)]
     for condition in identification.result.modes:
-        flown = ", ".join(filter(None, (_window(identification, i) for i in condition.maneuvers)))
-        about = "steady straight flight" if condition.about == "trim" else "the mean state"
-        place = f"{number(condition.airspeed, 3)} m/s, {number(condition.altitude, 3)} m, flown in {flown}"
-        title = f"About {about} at {place}"
+        title = _condition_title(identification, condition)
         parts.append(Heading(title))
         parts += [Prose(str(condition.remark), muted=True)] if condition.remark else []
         rows = []

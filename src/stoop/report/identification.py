@@ -17,8 +17,10 @@ from stoop.errors import StoopError
 from stoop.report import sheet
 from stoop.report.charts import convergence_panel
 from stoop.report.estimates import (
+    body_parts,
     correlation_section,
     estimates_section,
+    linear_section,
     modes_section,
     nuisance_section,
     repeatability_section,
@@ -110,6 +112,7 @@ def identification_sheet(identification: Identification) -> sheet.Sheet:
     if identification.equations:
         formulas = Markup("").join(sheet.mathml(latex, "block") for latex in identification.equations)
         parts += [sheet.Heading("Equations"), sheet.Drawing("equations", formulas, "Model equations")]
+    parts += body_parts(identification)
     if result.data_notices:
         found = sheet.Bullets(result.data_notices, "notes")
         parts += [sheet.Heading("Found while preparing the data"), found]
@@ -131,6 +134,7 @@ def identification_sheet(identification: Identification) -> sheet.Sheet:
         role_section(identification, "validation"),
         residuals_section(identification),
         modes_section(identification),
+        linear_section(identification),
         repeatability_section(identification),
         correlation_section(identification),
         search,

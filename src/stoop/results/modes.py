@@ -58,8 +58,24 @@ class ModeEstimate:
 
 
 @dataclass(frozen=True)
+class StateEquations:
+    """x' = A x + B u about a steady flight, SI and rad: dimensional derivatives with their standard errors.
+
+    Heading and altitude, on which nothing depends, are left out. A standard error is NaN where an entry depends on a parameter
+    that the data do not determine.
+    """
+
+    states: tuple[str, ...] = ()
+    inputs: tuple[str, ...] = ()
+    A: tuple[tuple[float, ...], ...] = ()
+    B: tuple[tuple[float, ...], ...] = ()
+    A_std: tuple[tuple[float, ...], ...] = ()
+    B_std: tuple[tuple[float, ...], ...] = ()
+
+
+@dataclass(frozen=True)
 class ConditionModes:
-    """The modes at one flight condition: mean airspeed [m/s], altitude [m] and angle of attack [rad] of `maneuvers`.
+    """Modes and linear model at one flight condition: mean airspeed [m/s], altitude [m], angle of attack [rad] of `maneuvers`.
 
     `about` is ``"trim"`` (the model's steady straight flight at that airspeed) or ``"mean state"`` (of the
     maneuvers, where the model has no trim; `remark` says why).
@@ -72,3 +88,4 @@ class ConditionModes:
     alpha: float
     modes: tuple[ModeEstimate, ...]
     remark: Notice | None = field(default=None, metadata=AS_TEXT)
+    linear: StateEquations = StateEquations()

@@ -368,6 +368,8 @@ class Identification:
     symbols: Mapping[str, str] = field(default_factory=dict)
     air_data: tuple[AirDataTrace, ...] = ()  #: one per flight whose air data were reconstructed
     command: str = ""  #: the command line that made this
+    #: mass, inertia and reference values of the model; the standard error is NaN where the vehicle file fixes them
+    body: Mapping[str, Quantity] = field(default_factory=dict)
 
 
 def to_json(result: Result) -> str:

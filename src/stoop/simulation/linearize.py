@@ -7,12 +7,15 @@ unit sphere of quaternions.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from stoop.base.arrays import FloatArray
+from stoop.base.notices import Notice, notice
+from stoop.simulation.delays import input_delays, output_delays
 from stoop.simulation.initial import initial_states, mixed_inputs, parameter_rows
 from stoop.simulation.trim import Trim, neutral_inputs
 from stoop.vehicle import Vehicle
@@ -37,7 +40,7 @@ class Mode:
 
 @dataclass(frozen=True)
 class LinearModel:
-    """x' = A x + B u, y = C x + D u about a steady flight; SI and rad."""
+    """x' = A x + B u, y = C x + D u about a steady flight, with delays in series; SI and rad."""
 
     states: tuple[str, ...]
     inputs: tuple[str, ...]
@@ -47,6 +50,8 @@ class LinearModel:
     C: FloatArray
     D: FloatArray
     modes: tuple[Mode, ...]
+    input_delays: FloatArray  #: (n_u,), s, with which the inputs come before B and D
+    output_delays: FloatArray  #: (n_y,), s, with which the readings are delivered
 
 
 def linearize(vehicle: Vehicle, point: Trim) -> LinearModel:
@@ -60,27 +65,55 @@ def linearize(vehicle: Vehicle, point: Trim) -> LinearModel:
     inputs, mixing = _input_mixing(vehicle)
     A = Fx @ right
     modes = modes_of(A, names)
-    return LinearModel(names, inputs, vehicle.outputs, A, Fu @ mixing, Hx @ right, Hu @ mixing, modes)
+    matrices = A, Fu @ mixing, Hx @ right, Hu @ mixing
+    return LinearModel(names, inputs, vehicle.outputs, *matrices, modes, *_delays(vehicle, inputs))
 
 
 def state_matrix(vehicle: Vehicle, point: Trim) -> tuple[tuple[str, ...], FloatArray]:
     """Return the names of the states of the linear model, and A alone."""
-    names, (G, rates, *_) = _jacobians(vehicle, point)
-    return names, rates @ np.linalg.pinv(G)
+    names, _, both = state_equations(vehicle, point)
+    return names, both[:, : len(names)]
 
 
-def left_out(vehicle: Vehicle) -> tuple[str, ...]:
-    """Return a sentence for each effect of a vehicle that x' = A x + B u cannot express."""
-    names = [f"controls.{c}.{kind}" for c in vehicle.controls for kind in ("rate_limit", "dead_zone")]
-    found = [name for name in names if name in vehicle.rows]
-    servos = (f"A, B, C and D omit {', '.join(found)}: a linear model has none.",) if found else ()
-    if not vehicle.sloped:
-        return servos
-    return (
-        *servos,
-        f"A, B, C and D omit the reaction of the body to the spin-up of its rotors (slopes of {', '.join(vehicle.sloped)}); "
-        "rotors.lag in the vehicle file includes it.",
+def state_equations(vehicle: Vehicle, point: Trim) -> tuple[tuple[str, ...], tuple[str, ...], FloatArray]:
+    """Return the names of states and inputs of the linear model, and A and B (n_x, n_x + n_u) side by side."""
+    names, (G, rates, effects, *_) = _jacobians(vehicle, point)
+    gains = {n: {"value": v} for n, v in point.changes.items() if n.startswith("controls.")}
+    inputs, mixing = _input_mixing(vehicle.with_numbers(gains) if gains else vehicle)
+    return names, inputs, np.hstack([rates @ np.linalg.pinv(G), effects @ mixing])
+
+
+def left_out(vehicle: Vehicle) -> tuple[Notice, ...]:
+    """Return what of a vehicle x' = A x + B u, y = C x + D u cannot express, with the numbers."""
+    servos, delays = held_numbers(vehicle, ("rate_limit", "dead_zone")), held_numbers(vehicle, ("delay",))
+    found = [notice("linear-model-without-limits", numbers=servos)] if servos else []
+    found += [notice("linear-model-without-delays", numbers=delays)] if delays else []
+    found += [notice("linear-model-without-spin-up", channels=vehicle.sloped)] if vehicle.sloped else []
+    return tuple(found)
+
+
+def held_numbers(vehicle: Vehicle, kinds: Sequence[str]) -> tuple[str, ...]:
+    """Return name, value and unit of each number of these kinds of controls, rotors and observed instruments."""
+    owners = (
+        *(f"controls.{c}" for c in vehicle.controls),
+        "rotors",
+        *(f"sensors.{c}" for c in vehicle.outputs),
     )
+    rows = [vehicle.rows.get(name) for name in (f"{owner}.{kind}" for owner in owners for kind in kinds)]
+    own = [vehicle.parameters[row] for row in dict.fromkeys(rows) if row is not None]
+    return tuple(f"{p.name} = {p.value:g} {p.unit}" for p in own if p.value)
+
+
+def _delays(vehicle: Vehicle, inputs: tuple[str, ...]) -> tuple[FloatArray, FloatArray]:
+    """Return the delays of the inputs of a linear model and of the readings, s."""
+    by_channel = {vehicle.inputs[column]: vehicle.values[row] for column, row in input_delays(vehicle)}
+    late = [
+        by_channel.get((vehicle.channels_of(n) if n in vehicle.controls else (n,))[0], 0.0) for n in inputs
+    ]
+    readings = np.zeros(len(vehicle.outputs))
+    for column, row in output_delays(vehicle):
+        readings[column] = vehicle.values[row]
+    return np.array(late), readings
 
 
 def modes_of(A: FloatArray, names: tuple[str, ...]) -> tuple[Mode, ...]:

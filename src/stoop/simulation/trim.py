@@ -12,7 +12,7 @@ from typing import ClassVar, Final
 import numpy as np
 
 from stoop.base.arrays import FloatArray
-from stoop.base.atmosphere import SEA_LEVEL_DENSITY
+from stoop.base.atmosphere import SEA_LEVEL_DENSITY, standard_density
 from stoop.base.rotations import matrices_of_angles
 from stoop.errors import SimulationError
 from stoop.simulation.initial import initial_states, mixed_inputs, parameter_rows
@@ -71,7 +71,7 @@ def trim(
     climb_angle : float, rad
         On wings.
     density : float, kg/m3, optional
-        Only where the vehicle takes the density from the log.
+        Only where the vehicle takes the density from the log; that of the standard atmosphere at the altitude when absent.
     velocity : (3,), m/s, optional
         On rotors: over ground, north-east-down; zero when absent.
     wind : (3,), m/s, optional
@@ -88,7 +88,8 @@ def trim(
     air = np.array([vehicle.value(n, 0.0) for n in WIND_NUMBERS] if wind is None else wind, dtype=float)
     given = () if wind is None else zip(WIND_NUMBERS, air.tolist(), strict=True)
     numbers = {name: value for name, value in given if name in vehicle.rows}
-    quiet = neutral_inputs(vehicle, density, altitude)
+    air_density = float(standard_density(np.array(altitude))) if density is None else density
+    quiet = neutral_inputs(vehicle, air_density, altitude)
     speed = vehicle.value("reference.airspeed", math.nan) if airspeed is None else airspeed
     ground = np.array((0.0, 0.0, 0.0) if velocity is None else velocity, dtype=float)
     conditions = Conditions(vehicle, speed, altitude, climb_angle, ground, air, heading, quiet)
@@ -121,11 +122,11 @@ def neighbors(point: Trim) -> Callable[[Mapping[str, float]], Trim]:
 
 
 def neutral_inputs(
-    vehicle: Vehicle, density: float | None = None, height: float = OUT_OF_GROUND_EFFECT
+    vehicle: Vehicle, density: float = SEA_LEVEL_DENSITY, height: float = OUT_OF_GROUND_EFFECT
 ) -> FloatArray:
     """Return channels (n_u,) at their centers, rotors and propellers at idle, the battery at its nominal voltage.
 
-    The density, kg/m3, 1.225 when absent, and the height above the ground, m, are those of the channels that have them.
+    The density, kg/m3, and the height above the ground, m, are those of the channels that have them.
     """
     file, area = vehicle.file, channel_range(vehicle)
     at = [(c, f"controls.{name}.center.{c}") for name in vehicle.controls for c in vehicle.channels_of(name)]
@@ -134,7 +135,7 @@ def neutral_inputs(
         at.append((file.propulsion.channel, "propulsion.idle"))
     values = {channel: vehicle.value(number) for channel, number in at if number in vehicle.rows}
     values |= dict(zip(area.names, area.idle.tolist(), strict=True))
-    values["density"] = SEA_LEVEL_DENSITY if density is None else density
+    values["density"] = density
     if file.ground_effect is not None:
         values[file.ground_effect.channel] = height
     return np.array([values.get(channel, 0.0) for channel in vehicle.inputs])

@@ -17,12 +17,18 @@ _ROTORS: Final = {
     "Q0": "Q_{0}", "Q1": "Q_{1}", "Q2": "Q_{2}", "torque_ratio": "c_{Q}", "inertia": "J", "lag": r"\tau", "gain": "g",
     "idle": r"u_{\mathrm{idle}}", "nominal_voltage": "U_{0}", "delay": "t_{d}",
 }  # fmt: skip
+_BODY: Final = {
+    "mass.mass": "m", **{f"mass.inertia.{axes}": f"I_{{\\mathrm{{{axes}}}}}" for axes in ("xx", "yy", "zz", "xz", "xy", "yz")},
+    "reference.area": "S", "reference.chord": r"\bar{c}", "reference.span": "b", "reference.airspeed": r"V_{\ast}",
+    "reference.alpha": r"\alpha_{\ast}",
+}  # fmt: skip
 _GROUND_EFFECT: Final = {"rotor": "k_{g}", "lift": r"k_{\ell}", "radius": "R"}
 
 
 def symbols(vehicle: Vehicle) -> dict[str, str]:
-    """Return the LaTeX symbol of every aerodynamic parameter, and of the numbers of rotors and of body drag."""
-    found = {name: parameter_symbol(name, c) for c, group in vehicle.terms.items() for name in group}
+    """Return the LaTeX symbol of every aerodynamic parameter, and of mass, reference values, rotors and body drag."""
+    found = {name: symbol for name, symbol in _BODY.items() if name in vehicle.rows}
+    found |= {name: parameter_symbol(name, c) for c, group in vehicle.terms.items() for name in group}
     for name in vehicle.rows:
         table, _, rest = name.partition(".")
         first, _, last = rest.partition(".")

@@ -12,6 +12,7 @@ from typing import Final
 import numpy as np
 
 from stoop.base.files import check_targets, make_folder, write_bytes_atomic
+from stoop.base.notices import notice
 from stoop.base.variables import VARIABLES
 from stoop.errors import SimulationError, StoopError
 from stoop.exporters import jsbsim_aircraft, matlab
@@ -32,7 +33,7 @@ from stoop.problem.windows import Window
 from stoop.report.models import EXPORT_PAGE, export_page
 from stoop.results.result import Result
 from stoop.simulation import Trim, trim
-from stoop.simulation.linearize import left_out
+from stoop.simulation.linearize import held_numbers, left_out
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.vehicle.vehicle import slope_input
@@ -203,7 +204,7 @@ def _state_space(subject: Subject, condition: Condition) -> Exported:
         f"{name}.json": matlab.json_text(found).encode("utf-8"),
         f"{name}.mat": matlab.mat_bytes(matlab.variables(found)),
     }
-    return Exported(files, f"{name}.json", (*subject.notes, *left_out(subject.vehicle)))
+    return Exported(files, f"{name}.json", (*subject.notes, *map(str, left_out(subject.vehicle))))
 
 
 def _simulink(subject: Subject, condition: Condition) -> Exported:
@@ -211,14 +212,12 @@ def _simulink(subject: Subject, condition: Condition) -> Exported:
     vehicle, point = subject.vehicle, _steady(subject, condition)
     found = matlab.matlab(vehicle, point, matlab.state_space(vehicle, point, subject.known))
     files = _encoded(found.texts) | {f"{found.name}.mat": matlab.mat_bytes(found.variables)}
-    notes = list(subject.notes)
+    actuators = held_numbers(vehicle, ("dead_zone", "rate_limit", "delay"))
+    notes = [notice("functions-without-actuators", numbers=actuators)] if actuators else []
     if vehicle.sloped:  # who gives the slopes that spin rotors up
-        named = ", ".join(map(slope_input, vehicle.sloped))
-        notes.append(
-            f"{named}: the function that flies works them out; in Simulink feed them beside their channels."
-        )
-        notes += left_out(vehicle)
-    return Exported(files, f"{found.name}_simulink.m", tuple(notes))
+        notes.append(notice("slopes-of-channels", channels=tuple(map(slope_input, vehicle.sloped))))
+    notes += left_out(vehicle)
+    return Exported(files, f"{found.name}_simulink.m", (*subject.notes, *map(str, notes)))
 
 
 def _encoded(texts: Mapping[str, str]) -> dict[str, bytes]:

@@ -34,6 +34,7 @@ from stoop.results.result import (
     SensorBiases,
     WindEstimate,
 )
+from stoop.vehicle import Vehicle
 from stoop.vehicle.notation import symbols
 from stoop.workflow.curves import Simulated, channel_units, maneuver_curves
 from stoop.workflow.outputs import versions
@@ -120,7 +121,19 @@ def identification(
             if f.air is not None and "time" in f.air.traces
         ),
         command=command,
+        body=_body(vehicle, parameters),
     )
+
+
+def _body(vehicle: Vehicle, parameters: Mapping[str, ParameterEstimate]) -> dict[str, Quantity]:
+    """Return mass, inertia and reference values: the estimates of those that were free, the file's of the others."""
+    own = [p for p in vehicle.parameters if p.name.startswith(("mass.", "reference."))]
+    return {
+        p.name: Quantity(parameters[p.name].estimate, parameters[p.name].std_error, p.unit)
+        if p.name in parameters
+        else Quantity(p.value, np.nan, p.unit)
+        for p in own
+    }
 
 
 def _parameters(fit: Fit, bars: ErrorBars) -> dict[str, ParameterEstimate]:

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from stoop.assessment.covariance import NORMAL_95
-from stoop.assessment.modes import Linearized, differentiated, mode_estimates
+from stoop.assessment.modes import Linearized, differentiated, mode_estimates, state_equation_estimates
 from stoop.simulation import trim
-from stoop.simulation.linearize import modes_of, state_matrix
+from stoop.simulation.linearize import linearize, modes_of, state_equations, state_matrix
 from stoop.simulation.trim import neighbors
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
@@ -182,3 +182,32 @@ def test_what_hardly_moves_a_mode_does_not_make_it_unknown() -> None:
     unknown = {m.name for m in mode_estimates(found, names, covariance) if math.isnan(m.real.std_error)}
     assert {"Dutch roll", "spiral"} <= unknown
     assert not {"short period", "phugoid"} & unknown
+
+
+def test_dimensional_derivatives_are_those_of_the_textbook_with_their_errors() -> None:
+    """d q'/d elevator = qbar S c Cmelevator / Iyy (no Ixy, Iyz): its variance is that of a quotient, to first order."""
+    vehicle = resolve_vehicle("twin-boom").reduced("full")
+    point = trim(vehicle, 35.0, 200.0)
+    follow = neighbors(point)
+    names = ("Cmelevator", "mass.inertia.yy", "Clp", "Cnbeta")
+    values = {n: vehicle.value(n) for n in names}
+    errors = np.array([0.02, 0.1, 0.01, np.inf])
+
+    def matrix(numbers: dict[str, float]) -> tuple[tuple[str, ...], np.ndarray]:
+        states, _, both = state_equations(vehicle, follow(numbers) if numbers else point)
+        return states, both
+
+    model = linearize(vehicle, point)
+    scales = {n: abs(x) for n, x in values.items()}
+    linear = differentiated(matrix, values, scales)  # type: ignore[arg-type]
+    found = state_equation_estimates(linear, model.inputs, np.diag(errors**2))
+    rows, columns = (list(found.states).index, list(found.inputs).index)
+    np.testing.assert_allclose(found.B, model.B[[model.states.index(n) for n in found.states]], rtol=1e-12)
+    n, inertia = vehicle.value, vehicle.value("mass.inertia.yy")
+    moment = 0.5 * n("environment.density") * 35.0**2 * n("reference.area") * n("reference.chord") / inertia
+    expected = moment * math.hypot(errors[0], values["Cmelevator"] * errors[1] / inertia)
+    assert found.B_std[rows("q")][columns("elevator")] == pytest.approx(expected, rel=1e-4)
+    assert found.A_std[rows("p")][rows("p")] > 0.0
+    assert found.A_std[rows("theta")][rows("q")] < 1e-6, "kinematics have no error"
+    assert math.isnan(found.A_std[rows("r")][rows("beta")]), "Cnbeta is unknown"
+    assert math.isfinite(found.A_std[rows("q")][rows("alpha")])

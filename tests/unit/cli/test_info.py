@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stoop.cli.info import windows_apart
 from stoop.cli.main import main, parser_for
 from stoop.flight import VARIABLES, Maneuver, from_columns, save
+from stoop.flight.maneuvers import apart
 
 MAPPING = """
 [time]
@@ -93,14 +93,14 @@ def test_real_flight(shared_data: Path, capsys: pytest.CaptureFixture[str]) -> N
     assert "airspeed_pitot reads -2." in out
     assert "steady wind" in out
     assert "gaps of up to 3.00 s" in out
-    axes = re.findall(r"^[\d.]+:[\d.]+ +(roll|pitch|yaw) ", out, re.MULTILINE)
+    axes = re.findall(r"^[\d.]+:[\d.]+ +(?:fit|predict) +(roll|pitch|yaw) ", out, re.MULTILINE)
     assert set(axes) == {"roll", "pitch", "yaw"}
     assert "--validate" in out
     assert main(["info", str(path), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["air"]["wind_e"] < -2.0
 
 
-def test_suggested_windows_do_not_overlap() -> None:
+def test_maneuvers_do_not_overlap() -> None:
     """The calm end of one maneuver is the beginning of the next: identify takes it once."""
     found = [
         Maneuver("roll", "aileron", 10.0, 15.0, 0.3, 4, 20.0, 1.0),
@@ -108,5 +108,4 @@ def test_suggested_windows_do_not_overlap() -> None:
         Maneuver("pitch", "elevator", 19.5, 25.0, 0.3, 4, 20.0, 0.8),
         Maneuver("yaw", "rudder", 25.0, 30.0, 0.3, 4, 20.0, 0.9),
     ]
-    fitted, predicted = ["10.0:14.7", "14.7:19.8", "25.0:30.0"], ["19.8:25.0"]
-    assert windows_apart(found) == {"maneuver": fitted, "validate": predicted}
+    assert [m.window for m in apart(found)] == ["10:14.7", "14.7:19.75", "19.75:25", "25:30"]

@@ -54,12 +54,19 @@ def test_options_reach_the_equations(capsys: pytest.CaptureFixture[str]) -> None
     assert thin["angles"]["alpha"] > level["angles"]["alpha"]
 
 
-def test_density_of_a_log_is_given_or_assumed(examples: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_density_of_a_log_is_given_or_of_the_standard_atmosphere_at_the_altitude(
+    examples: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     vehicle = str(examples / "vtail.toml")
     thin = document(capsys, vehicle, "--airspeed", "20", "--density", "1.0")
     assert thin["inputs"]["density"] == 1.0
-    assert main(["trim", vehicle, "--airspeed", "20"]) == 0
-    assert "1.225 kg/m3 (assumed" in capsys.readouterr().out
+    assert main(["trim", vehicle, "--airspeed", "20", "--altitude", "2000"]) == 0
+    assert "density 1.007 kg/m3 (standard atmosphere at this altitude" in capsys.readouterr().out
+    high = document(capsys, vehicle, "--airspeed", "20", "--altitude", "2000")
+    assert high["inputs"]["density"] == pytest.approx(1.0065, abs=1e-4), "ISO 2533 at 2000 m"
+    low = document(capsys, vehicle, "--airspeed", "20", "--altitude", "0")
+    assert low["inputs"]["density"] == pytest.approx(1.225)
+    assert high["angles"]["alpha"] > low["angles"]["alpha"]
 
 
 def test_standard_atmosphere_can_be_replaced(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

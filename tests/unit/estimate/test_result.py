@@ -16,7 +16,7 @@ from hypothesis.extra import numpy as hnp
 from stoop.base.files import write_bytes_atomic, write_text_atomic
 from stoop.base.notices import as_notice, notice
 from stoop.errors import OutputError, StoopError
-from stoop.results.modes import ConditionModes, Estimate, MeasuredMode, ModeEstimate
+from stoop.results.modes import ConditionModes, Estimate, MeasuredMode, ModeEstimate, StateEquations
 from stoop.results.result import (
     SCHEMA,
     Covariance,
@@ -168,7 +168,9 @@ def test_modes_and_repeatability_survive() -> None:
     remarks = (notice("mode-becomes-real", share=0.2), notice("mode-stability-unknown"))
     mode = ModeEstimate("Dutch roll", some, some, some, some, Estimate(), "sampled", 0.2, remarks)
     seen = MeasuredMode(0, 1.0, 3.0, ("r", "beta"), some, some, notice("response-no-rest"))
-    modes = (ConditionModes((0, 2), "trim", 20.0, 100.0, 0.05, (replace(mode, measured=(seen,)),)),)
+    linear = StateEquations(("p", "r"), ("rudder",), ((-1.0, 2.0), (0.0, -3.0)), ((4.0,), (5.0,)))
+    own = (replace(mode, measured=(seen,)),)
+    modes = (ConditionModes((0, 2), "trim", 20.0, 100.0, 0.05, own, linear=linear),)
     single = SingleEstimate(1.0, 0.1, True)
     repeated = Repeatability(
         (0, 1), {"Clp": ParameterRepeatability((single, single), 1.0, 0.07, 0.0, 1, 1.0, "agree")}
@@ -181,6 +183,7 @@ def test_modes_and_repeatability_survive() -> None:
     assert condition["modes"][0]["remark"] == said
     assert condition["modes"][0]["measured"][0]["remark"] == "not identified: the controls never rest"
     assert again.modes[0].remark is None
+    assert again.modes[0].linear == linear
     assert [str(one) for one in again.modes[0].modes[0].remark] == [said]
     assert str(again.modes[0].modes[0].measured[0].remark) == "not identified: the controls never rest"
     assert to_json(again) == to_json(minimal(modes=modes, repeatability=repeated))

@@ -20,6 +20,7 @@ from stoop.exporters.matlab import (
 from stoop.simulation import Trim
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import builtin_vehicle
+from stoop.vehicle.load import parse_vehicle
 
 SIGMA = 0.1
 
@@ -52,6 +53,18 @@ def test_mat_reads_back(found: StateSpace) -> None:
         assert np.array_equal(read[f"{name}_std"], found.standard_errors[name])
     assert [str(c[0]) for c in read["states"][:, 0]] == list(found.model.states)
     assert np.array_equal(read["x0"][:, 0], found.x)
+
+
+def test_delays_are_those_that_matlab_takes(steady: Trim) -> None:
+    text = builtin_vehicle("twin-boom").text
+    late = "\n[controls.elevator]\ndelay = 0.1\n[controls.aileron]\n[controls.rudder]\n[sensors.q]\ndelay = 0.04\n"
+    found = state_space(parse_vehicle(text + late, "late.toml"), steady)
+    read = loadmat(io.BytesIO(mat_bytes(variables(found))))
+    assert read["InputDelay"].shape == (len(found.model.inputs), 1)
+    assert dict(zip(found.model.inputs, read["InputDelay"][:, 0], strict=True))["elevator"] == 0.1
+    document = json.loads(json_text(found))
+    assert {s["name"]: s["delay"] for s in document["outputs"] if s["delay"]} == {"q": 0.04}
+    assert read["OutputDelay"][:, 0].tolist() == [s["delay"] for s in document["outputs"]]
 
 
 def test_standard_errors_of_pitch_stiffness(found: StateSpace) -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from stoop.base.arrays import FloatArray
 from stoop.flight import Flight, describe, find_maneuvers, from_columns
-from stoop.flight.airborne import airborne
+from stoop.flight.airborne import airborne, motors_ran
 
 TIME = 60.0 + np.arange(12000) / 100.0
 STEPS = {"3211": ((3, 1), (2, -1), (1, 1), (1, -1)), "doublet": ((1, 1), (1, -1))}
@@ -97,3 +97,21 @@ def test_description_of_an_empty_channel() -> None:
     summary = describe(flight(elevator=np.full(TIME.size, np.nan)))
     assert np.isnan(summary.rows[-1].median)
     assert summary.rows[-1].missing == 1.0
+
+
+@pytest.mark.parametrize("command", [0.0, 0.6])
+def test_an_aeroplane_with_one_motor_flies_whether_it_runs_or_not(command: float) -> None:
+    glider = flight(elevator=signal((100.0, "3211", 0.2)), motor_1=np.full(TIME.size, command))
+    assert motors_ran(glider)
+    assert "motors-never-ran" not in [n.code for n in describe(glider).notices]
+    assert [m.axis for m in find_maneuvers(glider)] == ["pitch"]
+    still = flight(**{f"motor_{n}": np.zeros(TIME.size) for n in range(1, 5)})
+    assert not motors_ran(still)
+
+
+def test_what_an_autopilot_answers_to_a_gust_is_no_maneuver() -> None:
+    """The same burst of the elevator: commanded, and fed back from a pitch rate that a gust made."""
+    burst, calm = signal((120.0, "3211", 0.4)), 0.02 * np.random.default_rng(1).normal(size=TIME.size)
+    rate = 0.02 * np.sin(TIME) + calm
+    assert len(find_maneuvers(flight(elevator=burst, q=rate))) == 1
+    assert find_maneuvers(flight(elevator=burst, q=-2.0 * burst + 0.1 * calm)) == []

@@ -7,6 +7,7 @@ import numpy as np
 from stoop.assessment.covariance import NORMAL_95
 from stoop.assessment.goodness_of_fit import Match, channel_figures, join
 from stoop.base.notices import as_notice, notice
+from stoop.results.modes import ConditionModes, StateEquations
 from stoop.results.result import (
     AirDataTrace,
     ChannelTrace,
@@ -218,6 +219,24 @@ def example(names: tuple[str, ...] = NAMES, hostile: str = "") -> Identification
                 ),
             ),
         ),
+        modes=(
+            ConditionModes(
+                (0,),
+                "trim",
+                22.0,
+                150.0,
+                0.05,
+                (),
+                linear=StateEquations(
+                    ("alpha", "q" + hostile),
+                    ("elevator" + hostile,),
+                    ((-8.26, 0.934), (-42.0, -5.5)),
+                    ((0.0,), (-98.4,)),
+                    ((0.97, 0.0), (20.0, np.nan)),
+                    ((0.0,), (31.0,)),
+                ),
+            ),
+        ),
         inputs={"flight2/log_5_actuator_controls_0_0.csv.gz" + hostile: "9f" * 32, "vehicle.toml": "3b" * 32},
     )
     spent = np.array([1.0, 5, 9, 14, 22, 40, 60, 90, 130, 187])
@@ -242,6 +261,10 @@ def example(names: tuple[str, ...] = NAMES, hostile: str = "") -> Identification
                 },
             ),
         ),
+        body={
+            "mass.mass": Quantity(8.5, np.nan, "kg"),
+            "mass.inertia.yy" + hostile: Quantity(1.18, 0.2, "kg m2"),
+        },
         command="stoop identify flight2 --vehicle vtail.toml --maneuver 140:145 --maneuver 146:152 -o out"
         + hostile,
     )

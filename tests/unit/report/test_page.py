@@ -196,6 +196,15 @@ def test_written_whole_or_not_at_all(examples: ModuleType, tmp_path: Path) -> No
         write_report(bare(examples), tmp_path / "none" / "report.html")
 
 
+def test_mass_and_the_linear_model_stand_there_with_their_errors(examples: ModuleType) -> None:
+    text = re.sub(r"<[^>]+>", " ", render(examples.example()))
+    text = re.sub(r"\s+", " ", text)
+    assert "mass.mass 8.500 kg vehicle file" in text
+    assert "mass.inertia.yy 1.18 ± 0.20 kg m² vehicle file" in text
+    assert "alpha′ −8.26 ± 0.97 0.934 0" in text
+    assert "q′ −42 ± 20 −5.500 ± – −98 ± 31" in text
+
+
 def test_uncertainty_stands_side_by_side(examples: ModuleType) -> None:
     page = render(examples.example())
     for words in (

@@ -178,7 +178,9 @@ def test_steady_flight_is_that_without_servos() -> None:
     assert (a.start, a.deflections) == (b.start, b.deflections)
     assert not left_out(plain)
     (omitted,) = left_out(slow)
-    assert "controls.elevator.rate_limit, controls.elevator.dead_zone" in omitted
+    assert omitted.code == "linear-model-without-limits"
+    servos = ("controls.elevator.rate_limit = 0.5 rad/s", "controls.elevator.dead_zone = 0.02 rad")
+    assert omitted.values["numbers"] == servos
 
 
 def test_a_simulated_flight_follows_what_the_servo_makes_of_the_record() -> None:

@@ -8,9 +8,12 @@ import numpy as np
 import pytest
 
 from stoop.simulation import LinearModel, Trim, initial_states, linearize, parameter_rows, trim
+from stoop.simulation.fly import simulate
 from stoop.simulation.initial import mixed_inputs
-from stoop.simulation.linearize import modes_of
+from stoop.simulation.linearize import left_out, modes_of
 from stoop.vehicle import Vehicle
+from stoop.vehicle.builtin import builtin_vehicle
+from stoop.vehicle.load import parse_vehicle
 
 ANGLES = ("phi", "theta", "psi")
 
@@ -191,3 +194,35 @@ def test_a_chain_of_integrators_has_modes() -> None:
     found = modes_of(A, ("u", "w", "theta", "q"))
     assert [m.eigenvalue for m in found] == [0.0] * 4
     assert sorted(m.name for m in found) == ["heave", "pitch", "pitch", "pitch"]
+
+
+def test_delays_in_series_with_the_matrices_give_the_simulated_response() -> None:
+    """What MATLAB's ss does with InputDelay and OutputDelay, marched by matrix exponentials, against stoop's simulation."""
+    from scipy.linalg import expm
+
+    text = builtin_vehicle("twin-boom").text
+    late = "\n[controls.elevator]\ndelay = 0.1\n[controls.aileron]\n[controls.rudder]\n[sensors.q]\ndelay = 0.04\n"
+    vehicle = parse_vehicle(text + late, "late.toml")
+    (found,) = left_out(vehicle)
+    assert found.code == "linear-model-without-delays"
+    assert found.values["numbers"] == ("controls.elevator.delay = 0.1 s", "sensors.q.delay = 0.04 s")
+    point = trim(vehicle)
+    model, dt = linearize(vehicle, point), 0.01
+    assert dict(zip(model.inputs, model.input_delays, strict=True))["elevator"] == 0.1
+    assert np.flatnonzero(model.output_delays).tolist() == [model.outputs.index("q")]
+    time = np.arange(0.0, 3.0, dt)
+    pulse = 1e-3 * np.exp(-0.5 * ((time - 0.8) / 0.2) ** 2)
+    j, i = model.inputs.index("elevator"), model.outputs.index("q")
+    count = len(model.states)
+    step = expm(dt * np.block([[model.A, model.B[:, [j]]], [np.zeros((1, count + 1))]]))
+    x, q = np.zeros(count), []
+    for u in np.interp(time + 0.5 * dt - model.input_delays[j], time, pulse):
+        q.append(float(model.C[i] @ x))
+        x = step[:count, :count] @ x + step[:count, count] * u
+    delivered = np.interp(time - model.output_delays[i], time, q)
+    flown = simulate(vehicle, {"elevator": point.deflections["elevator"] + pulse}, time, noise=False).column(
+        "q"
+    )
+    assert np.max(np.abs(flown - delivered)) < 0.01 * np.max(np.abs(flown))
+    undelayed = np.max(np.abs(flown - np.interp(time + 0.1, time, delivered)))
+    assert undelayed > 0.2 * np.max(np.abs(flown)), "the test sees a delay that is left out"

@@ -1,0 +1,133 @@
+"""`stoop vehicle new`: drafts a vehicle file; on a terminal it asks for what is missing."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from stoop.base.files import check_target, write_text_atomic
+from stoop.cli import options
+from stoop.cli.page import busy, page
+
+if TYPE_CHECKING:
+    from stoop.vehicle_draft.request import Evidence, Question, Request
+
+NUMBERS = ("mass", "span", "chord", "area")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments."""
+    from stoop.vehicle_draft.power import ENGINES
+    from stoop.vehicle_draft.request import TEMPLATES
+
+    add = parser.add_argument
+    add(
+        "flight",
+        metavar="FLIGHT",
+        type=Path,
+        nargs="*",
+        help="logs of this vehicle; none: from dimensions alone",
+    )
+    options.add_mapping(parser)
+    add("--template", metavar="T", help=f"kind of vehicle: {', '.join(TEMPLATES)} (default: by the log)")
+    add("--mass", metavar="KG", type=options.positive, help="as flown, kg")
+    add(
+        "--span",
+        metavar="M",
+        type=options.positive,
+        help="of the wing; of a multirotor the largest distance between motors, m",
+    )
+    add("--chord", metavar="M", type=options.positive, help="mean chord of the wing, m")
+    add("--area", metavar="M2", type=options.positive, help="of the wing, m2 (default: span times chord)")
+    add("--engine", metavar="E", help=f"one of {', '.join(ENGINES)} (default: by the log)")
+    add("--geometry", metavar="G.toml", type=Path, help="geometry file: wing, tails, fuselage, surfaces")
+    add("--name", metavar="TEXT", help="name of the vehicle")
+    options.add_output(parser, "file to write", metavar="V.toml")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Draft, print what speaks against it and what comes next."""
+    from stoop.flight import load
+    from stoop.vehicle_draft.draft import draft
+    from stoop.vehicle_draft.geometry import Geometry
+    from stoop.vehicle_draft.request import Request, evidence, with_geometry
+
+    output: Path = arguments.output
+    check_target(output, arguments.overwrite)
+    geometry = None if arguments.geometry is None else Geometry.load(arguments.geometry)
+    given = {key: getattr(arguments, key) for key in ("template", *NUMBERS, "engine", "name")}
+    request = with_geometry(Request(geometry=geometry, **given))
+    with busy("reading the log"):
+        flights = [load(path, arguments.mapping) for path in arguments.flight]
+    if sys.stdin.isatty() and sys.stdout.isatty():
+        request = asked(request, evidence(flights), input, print)
+    with busy("drafting"):
+        drafted = draft(request, flights, str(output))
+    write_text_atomic(output, drafted.text)
+    out = page()
+    free = sum(p.free for p in drafted.vehicle.parameters)
+    out.line(f"{output}: {len(drafted.text.splitlines())} lines, {free} free numbers; read its comments")
+    out.bullets(drafted.notices, "What speaks against it")
+    out.line()
+    if flights:
+        source = options.source_arguments(arguments.flight, arguments.mapping)
+        windows = f"{output.stem}-windows"
+        out.command("next: ", ["stoop", "maneuvers", *source, "--vehicle", str(output), "-o", windows])
+    else:
+        out.command("next: ", ["stoop", "trim", str(output)])
+    return 0
+
+
+def asked(
+    request: Request, known: Evidence, ask: Callable[[str], str], tell: Callable[[str], Any]
+) -> Request:
+    """Ask for what is missing until nothing is.
+
+    Parameters
+    ----------
+    request : Request
+    known : Evidence
+        Of the logs.
+    ask : callable
+        Shows a question and returns the answer, as `input`.
+    tell : callable
+        Shows a line, as `print`.
+    """
+    from stoop.vehicle_draft.request import TEMPLATES, Question, questions
+
+    usual = known.template()
+    if request.template is None:
+        question = Question("template", f"kind of vehicle ({', '.join(TEMPLATES)})", "", usual)
+        request = replace(request, template=_answer(question, ask, tell))
+    while lacking := questions(request, known):
+        request = replace(request, **{lacking[0].key: _answer(lacking[0], ask, tell)})
+    if request.engine is None:
+        engine = Question("engine", "electric, piston, jet or none", "", known.engine(str(request.template)))
+        request = replace(request, engine=_answer(engine, ask, tell))
+    return request
+
+
+def _answer(question: Question, ask: Callable[[str], str], tell: Callable[[str], Any]) -> Any:
+    from stoop.vehicle_draft.power import ENGINES
+    from stoop.vehicle_draft.request import TEMPLATES
+
+    choices = {"template": TEMPLATES, "engine": ENGINES}.get(question.key)
+    usual = f" (usual: {question.usual})" if question.usual else ""
+    default = f" [{question.default}]" if question.default is not None else ""
+    while True:
+        text = ask(f"{question.key}, {question.what}{usual}{default}: ").strip()
+        if not text and question.default is not None:
+            return question.default
+        if choices is not None:
+            if text in choices:
+                return text
+            tell(f"choose one of {', '.join(choices)}")
+            continue
+        try:
+            return options.positive(text)
+        except argparse.ArgumentTypeError as error:
+            tell(f"{error}; write it in SI units")

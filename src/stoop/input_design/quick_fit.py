@@ -1,0 +1,49 @@
+"""A quick fit of windows: the method that `stoop identify` takes by itself, without its global search.
+
+Its error bars are those that identification publishes: with the color and the level of the flight's own residuals, priors,
+unknown initial states and biases, and the scatter of the maneuvers. Nothing of what the fit will say is worked out twice.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Final
+
+from stoop.assessment.error_bars import error_bars
+from stoop.errors import FlightError, IdentificationError
+from stoop.estimate.fit import Options
+from stoop.estimate.methods import choose_method
+from stoop.flight import Flight
+from stoop.problem.windows import Window
+from stoop.vehicle import Vehicle
+
+LOCAL: Final = Options(generations=1)  #: local searches from the file's values and those of a regression
+
+
+@dataclass(frozen=True)
+class QuickFit:
+    """Estimates and standard errors of free numbers by name, SI; none where the fit failed, with the reason.
+
+    A number at a bound has NaN as estimate and an infinite error.
+    """
+
+    values: Mapping[str, float] = field(default_factory=dict)
+    errors: Mapping[str, float] = field(default_factory=dict)
+    failure: str = ""
+
+
+def quick_fit(vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence[Window]) -> QuickFit:
+    """Fit the free numbers of a vehicle to windows of flights from its start; a fit that fails is a value."""
+    used = {name: flight for name, flight in flights.items() if any(w.flight == name for w in windows)}
+    try:
+        choice = choose_method("", vehicle, used.values(), windows)
+        _, fit = choice.fit(vehicle, used, windows, LOCAL)
+        bars = error_bars(fit)
+    except (FlightError, IdentificationError) as error:
+        return QuickFit(failure=str(error))
+    held = dict(zip(fit.estimates, bars.at_bound, strict=False))
+    values = {name: math.nan if held[name] else value for name, value in fit.estimates.items()}
+    errors = {n: math.inf if held[n] else float(std) for n, std in zip(values, bars.std, strict=False)}
+    return QuickFit(values, errors)

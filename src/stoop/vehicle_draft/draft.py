@@ -1,0 +1,468 @@
+"""The vehicle file that mass, dimensions and a log give: every line with what it is, where it is from, how sure."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Final
+
+from stoop.base.notices import Notice, distinct
+from stoop.base.units import DEGREE, STANDARD_GRAVITY
+from stoop.errors import VehicleError
+from stoop.flight import Flight
+from stoop.vehicle.defaults import COEFFICIENTS, EQUATION_1
+from stoop.vehicle.load import STANDARD_CONTROLS, parse_vehicle
+from stoop.vehicle.vehicle import Vehicle
+from stoop.vehicle_draft import inertia, plausibility
+from stoop.vehicle_draft.apriori import Apriori
+from stoop.vehicle_draft.autopilot import Scale
+from stoop.vehicle_draft.controls import AXES, Controls, Mixer, default_controls, find_controls, recorded
+from stoop.vehicle_draft.geometry import WINGED, Geometry
+from stoop.vehicle_draft.handbook import derivatives
+from stoop.vehicle_draft.power import (
+    USUAL,
+    Drive,
+    Lift,
+    find_drive,
+    hover_level,
+    running_rotors,
+    speed_gain,
+    thrust_law,
+)
+from stoop.vehicle_draft.request import ROTORCRAFT, Evidence, Request, completed, evidence
+from stoop.vehicle_draft.sheet import Sheet, known, mixture, plain, point, quantity
+from stoop.vehicle_draft.steady import Steady, steady_flight
+
+
+@dataclass(frozen=True)
+class Priors:
+    """Standard deviations of what no log and no drawing tells."""
+
+    lag: Apriori = field(default_factory=lambda: Apriori(0.05, 0.03, "usual of hobby servos"))
+    lag_bounds: tuple[float, float] = (0.01, 0.3)  #: s
+    throw: float = 0.35  #: of the gain of a mixer over its value: full throws are 0.2 to 0.6 rad
+    middle: float = 0.06  #: rad, of the middle of a surface whose deflection was not recorded
+    lever: float = 0.03  #: of the span: distance of the accelerometers from the center of gravity
+    frame: float = 0.1  #: of the largest distance between motors, likewise
+    vane: float = 0.15  #: of the span, how far a vane may be ahead
+    inertia: tuple[float, float] = (0.3, 3.0)  #: bounds of a moment of inertia over its value
+    thrust: float = 0.05  #: of the weight; less is the error of accelerometers and attitude
+
+
+PRIORS: Final = Priors()
+#: what stoop says of a vehicle that nobody has flown yet: CL of its working point
+CRUISE_LIFT: Final = 0.5
+_RECONSTRUCTED: Final = "reconstructed"  #: source of alpha and beta without vanes
+
+
+@dataclass(frozen=True, eq=False)
+class Drafted:
+    """A vehicle file that was drafted."""
+
+    text: str  #: TOML
+    vehicle: Vehicle
+    notices: tuple[Notice, ...]  #: what speaks against it
+
+
+def draft(request: Request, flights: Sequence[Flight] = (), where: str = "vehicle") -> Drafted:
+    """Draft a vehicle file.
+
+    Parameters
+    ----------
+    request : Request
+    flights : sequence of Flight
+        Of this vehicle; the first with parameters of an autopilot tells the mixers.
+    where : str
+        Names the file in messages.
+
+    Raises
+    ------
+    VehicleError
+        Something is missing, or contradicts itself.
+    """
+    seen = evidence(flights)
+    request = completed(request, seen)
+    maker = _Winged(request, seen) if request.template in WINGED else _Rotorcraft(request, seen)
+    text = maker.text()
+    vehicle = parse_vehicle(text, where)
+    notices = distinct([*plausibility.of_template(str(request.template), seen), *maker.notices()])
+    return Drafted(text, vehicle, notices)
+
+
+class _Maker:
+    """What both kinds of vehicle share."""
+
+    def __init__(self, request: Request, seen: Evidence) -> None:
+        self.request, self.seen, self.sheet = request, seen, Sheet()
+        self.template, self.mass = str(request.template), float(request.mass or 0.0)
+        self.lift = seen.lift(self.template, request.span)
+
+    def head(self, size: str) -> None:
+        """Write what the file is."""
+        logs = ", ".join(flight.name for flight in self.seen.flights) or "no log"
+        autopilot = self.seen.setup.autopilot
+        self.sheet.remark(
+            f"Drafted by stoop vehicle new: template {self.template}, {self.mass:g} kg, {size}; log: {logs}"
+            f"{f', parameters of {autopilot}' if autopilot else ''}.",
+            "prior: standard deviation of what is known beforehand; free: improved by the flight. Correct what you know better.",
+        )
+        self.sheet.word("format", "stoop-vehicle/1")
+        self.sheet.word("name", self.request.name or f"{self.template.capitalize()}, {self.mass:g} kg")
+
+    def mass_table(self, moments: Mapping[str, Apriori]) -> None:
+        """Write mass and inertia."""
+        sheet, (low, high) = self.sheet, PRIORS.inertia
+        sheet.table("mass")
+        sheet.entry("mass", plain(self.mass), "kg, as given: forces are known per mass only, so weigh it")
+        sheet.table(
+            "mass.inertia",
+            "kg m2; a flight tells moments per inertia: a swing test is worth more than this guess",
+        )
+        for axis, moment in moments.items():
+            box = (low * moment.value, high * moment.value) if moment.value else None
+            sheet.entry(axis, known(moment, box, True), moment.source)
+
+    def environment(self) -> None:
+        """Write where the density of the air is from."""
+        if self.seen.flights and all(recorded(f, "density") for f in self.seen.flights):
+            self.sheet.table("environment")
+            self.sheet.word("density", "log", "every log holds it")
+
+    def controls_table(self, controls: Controls) -> None:
+        """Write the surfaces; one servo lag for all."""
+        first = next(iter(controls.mixers), "")
+        for control, mixer in controls.mixers.items():
+            self.sheet.table(f"controls.{control}", _SIGNS[control] if mixer.sign > 0.0 else "")
+            if mixer.gains:
+                self.sheet.entry("mix", mixture(mixer.gains), f"rad per unit: {mixer.comment}")
+            else:
+                self.sheet.remark(mixer.comment)
+            if mixer.centers:
+                self.sheet.entry(
+                    "center",
+                    mixture(mixer.centers),
+                    "us, from the parameters" if not controls.guessed else "",
+                )
+            if control == first:
+                lag = known(PRIORS.lag, PRIORS.lag_bounds, True)
+                self.sheet.entry("lag", lag, f"s, {PRIORS.lag.source}")
+            else:
+                self.sheet.word("lag", f"=controls.{first}.lag", "the same kind of servo")
+
+    def accelerometer(self, std: float) -> None:
+        """Write the position of the accelerometers."""
+        part = quantity(0.0, std, None, True)
+        self.sheet.table("sensors")
+        place = point([part, "0.0", part])
+        said = "m from the center of gravity: taken to be there"
+        self.sheet.entry("accelerometer_position", place, said)
+
+
+_SIGNS: Final = {
+    "elevator": "trailing edge down is positive, nose down",
+    "aileron": "right wing down is positive",
+    "rudder": "trailing edge left is positive, nose left",
+}
+
+
+class _Winged(_Maker):
+    """An airplane, with or without rotors that lift."""
+
+    def __init__(self, request: Request, seen: Evidence) -> None:
+        super().__init__(request, seen)
+        r = request
+        self.geometry = r.geometry or Geometry.typical(
+            self.template, self.mass, r.span or 0.0, r.chord, r.area
+        )
+        self.steady = steady_flight(seen.flights)
+        wanted = (
+            STANDARD_CONTROLS
+            if self.template != "flying-wing" or _has_rudder(seen)
+            else STANDARD_CONTROLS[:2]
+        )
+        self.wanted = wanted
+        flight = seen.flight
+        self.controls = (
+            default_controls(wanted) if flight is None else find_controls(flight, seen.setup, wanted)
+        )
+        self.airspeed, self.airspeed_source = self.steady.airspeed()
+        self.alpha = self.steady.median("alpha")
+
+    def text(self) -> str:
+        """Return the file."""
+        wing = self.geometry.wing
+        self.head(f"span {wing.span:g} m, chord {wing.chord:.4g} m")
+        self.mass_table(inertia.of_airplane(self.template, self.mass, wing.span))
+        self._reference()
+        self.environment()
+        self._propulsion()
+        self.controls_table(self.controls)
+        if self.lift is not None:
+            _rotor_tables(self.sheet, self.lift, self.mass, self._hover())
+        self._sensors()
+        self._aerodynamics()
+        return self.sheet.text()
+
+    def _hover(self) -> Steady:
+        return steady_flight(self.seen.flights, wings=False)
+
+    def _reference(self) -> None:
+        wing, sheet = self.geometry.wing, self.sheet
+        sheet.table("reference")
+        given = self.request.area is not None or self.request.geometry is not None
+        sheet.entry("area", plain(wing.area), "m2, as given" if given else "m2, span times chord")
+        sheet.entry("chord", plain(wing.chord), "m")
+        sheet.entry("span", plain(wing.span), "m")
+        if math.isfinite(self.airspeed):
+            said = f"m/s, median of {self.steady.duration:.0f} s of steady flight ({self.airspeed_source})"
+        else:
+            self.airspeed = math.sqrt(2.0 * self.mass * STANDARD_GRAVITY / (1.225 * wing.area * CRUISE_LIFT))
+            said = f"m/s, level flight at CL = {CRUISE_LIFT:g}: no log tells"
+        sheet.entry("airspeed", plain(self.airspeed), f"V*: {said}")
+        if math.isfinite(self.alpha):
+            said = f"alpha*: rad ({self.alpha / DEGREE:.1f} deg), median of the same flight"
+            sheet.entry("alpha", plain(self.alpha), said)
+        sheet.word(
+            "rate_normalization", "actual", "rates are made dimensionless with the airspeed of the moment"
+        )
+
+    def _propulsion(self) -> None:
+        sheet, flight = self.sheet, self.seen.flight
+        if self.request.engine == "none":
+            sheet.lines += ["", "# No propulsion, as given or as a glider has it."]
+            return
+        lifting = [rotor.channel for rotor in self.lift.rotors] if self.lift is not None else []
+        drive = find_drive(flight, self.seen.setup, lifting) if flight is not None else None
+        if drive is None and flight is not None:
+            self._unlogged_thrust(flight)
+            return
+        drive = drive or Drive(
+            f"motor_{len(lifting) + 1}" if lifting else "control_throttle", Scale(), "assumed"
+        )
+        sheet.table("propulsion")
+        if drive.channel == "thrust":
+            sheet.word("kind", "channel", "the log holds the thrust, N")
+            sheet.entry("scale", quantity(1.0, 0.1, None, True), "how well that is known is not")
+            return
+        if self.request.engine == "jet":
+            sheet.word("kind", "channel", "thrust in proportion to the command, without regard to airspeed")
+            sheet.word("channel", drive.channel, drive.comment)
+            thrust = USUAL.jet * self.mass * STANDARD_GRAVITY
+            sheet.entry(
+                "scale",
+                quantity(thrust, USUAL.spread * thrust, None, True),
+                f"N, {USUAL.jet:g} of the weight",
+            )
+            return
+        self._propeller(drive)
+
+    def _unlogged_thrust(self, flight: Flight) -> None:
+        """Write a constant thrust where no channel drives a motor, but the specific force asks for one."""
+        weight = self.mass * STANDARD_GRAVITY
+        throttle = any(flight.names & {"control_throttle", "throttle", "motor_1"})
+        force = self.mass * self.steady.push_over_mass()
+        thrust = force + weight / USUAL.lift_over_drag
+        if throttle or not thrust > PRIORS.thrust * weight:
+            self.sheet.lines += ["", "# No propulsion: no motor ran in this log."]
+            return
+        self.sheet.table("propulsion", "no channel of the log drives a motor, but something holds the speed")
+        self.sheet.word("kind", "constant")
+        said = (
+            f"N, what steady flight needs at L/D = {USUAL.lift_over_drag:g}; map the throttle if there is one"
+        )
+        self.sheet.entry("thrust", quantity(thrust, USUAL.spread * thrust, None, True), said)
+
+    def _propeller(self, drive: Drive) -> None:
+        sheet = self.sheet
+        diameter = USUAL.diameter * self.mass ** (1.0 / 3.0)
+        gain, said = speed_gain(self.mass, diameter, drive, self.steady)
+        if drive.channel.startswith("rotor_"):
+            gain, said = 0.5 / math.pi, "rad/s to rev/s"
+        sheet.word("kind", "propeller")
+        sheet.word("channel", drive.channel, drive.comment)
+        if drive.scale.zero:
+            sheet.entry("idle", plain(drive.scale.zero), "of the channel")
+        sheet.entry(
+            "speed_gain",
+            plain(gain / drive.scale.unit),
+            f"rev/s per unit: {said}; a wrong one goes into CT0, CT1",
+        )
+        sheet.entry("diameter", plain(diameter), "m, usual for this mass: write your own")
+        for name, bounds in (("CT0", (0.0, 0.4)), ("CT1", (-0.4, 0.1))):
+            value, std = getattr(USUAL, name)
+            sheet.entry(name, quantity(value, std, bounds, True), "usual of small propellers")
+
+    def _sensors(self) -> None:
+        std = PRIORS.lever * self.geometry.wing.span
+        self.accelerometer(std)
+        vanes = [
+            f
+            for f in self.seen.flights
+            if "alpha" in f.sources and f.sources["alpha"].source != _RECONSTRUCTED
+        ]
+        if vanes:
+            part = quantity(0.0, PRIORS.vane * self.geometry.wing.span, None, True)
+            self.sheet.entry(
+                "vane_position", point([part, "0.0", "0.0"]), "m: a vane ahead feels the pitch rate"
+            )
+
+    def _aerodynamics(self) -> None:
+        sheet, own = self.sheet, self._derivatives()
+        terms = [name for group in EQUATION_1.values() for name in group]
+        source = {one.source for one in own.values()}
+        sheet.lines.append("")
+        sheet.remark(
+            f"Derivatives: value and standard deviation of what is known beforehand ({', '.join(sorted(source))}).",
+            "Terms are those of eq. (1), per rad, rates with b/2V and c/2V, about V* and alpha*.",
+        )
+        for coefficient in COEFFICIENTS:
+            sheet.table(f"aerodynamics.{coefficient}")
+            for name in terms:
+                if name in EQUATION_1[coefficient] and name in own:
+                    comment = "" if own[name].source == "handbook" else own[name].source
+                    sheet.entry(name, quantity(own[name].value, own[name].std), comment)
+
+    def _derivatives(self) -> dict[str, Apriori]:
+        """Return the a priori derivatives; those of controls are less sure where the throw is assumed."""
+        speed, density = self.airspeed, self.steady.density() if self.seen.flights else 1.225
+        alpha = self.alpha if math.isfinite(self.alpha) else None
+        pressure = 0.5 * density * speed**2 * self.geometry.wing.area
+        lift = (
+            self.mass * (self.steady.lift_over_mass() if self.seen.flights else STANDARD_GRAVITY) / pressure
+        )
+        found = derivatives(self.geometry, speed, alpha, density, lift)
+        for name, one in found.items():
+            control = next((c for c in AXES if name.endswith(c)), None)
+            mixer = self.controls.mixers.get(control or "")
+            if control is None or mixer is None:
+                continue
+            spread = PRIORS.throw * abs(one.value) if mixer.gains else 0.0
+            value, source = mixer.sign * one.value, one.source
+            found[name] = Apriori(value, math.hypot(one.std, spread), source)
+        out = {
+            n: one for n, one in found.items() if not n.endswith(tuple(set(AXES) - set(self.controls.mixers)))
+        }
+        return out | self._trim(out)
+
+    def _trim(self, found: Mapping[str, Apriori]) -> dict[str, Apriori]:
+        """Return the coefficients at the working point, which balance the controls of steady flight."""
+        out = {}
+        for name, slope, control in (
+            ("CL0", "CLelevator", "elevator"),
+            ("Cm0", "Cmelevator", "elevator"),
+            ("Cl0", "Claileron", "aileron"),
+            ("Cn0", "Cnrudder", "rudder"),
+        ):
+            mixer, flight = self.controls.mixers.get(control), self.seen.flight
+            if mixer is None or slope not in found or name not in found:
+                continue
+            level = _median_deflection(self.steady, mixer, control) if flight is not None else 0.0
+            own, effect = found[name], found[slope]
+            middle = PRIORS.middle if mixer.gains else 0.0
+            std = math.sqrt(own.std**2 + (effect.std * level) ** 2 + (effect.value * middle) ** 2)
+            said = f"balances the {control} of steady flight, {level:.3f} rad" if level else own.source
+            out[name] = Apriori(own.value - effect.value * level, std, said)
+        return out
+
+    def notices(self) -> list[Notice]:
+        """Return what speaks against the draft."""
+        found = [*plausibility.of_wing(self.geometry)]
+        if self.seen.flights:
+            found += plausibility.of_lift(self.mass, self.geometry.wing.area, self.steady)
+        speeds = {f.name: steady_flight([f]).airspeed()[0] for f in self.seen.flights}
+        found += plausibility.of_controls(self.controls, self.wanted, self.seen)
+        found += plausibility.of_flights(self.controls.channels, speeds, self.seen)
+        return [*found, *plausibility.of_excitation(self.seen), *plausibility.of_setup(self.seen.setup)]
+
+
+def _has_rudder(seen: Evidence) -> bool:
+    shares = any(surface.shares[2] for surface in seen.setup.surfaces)
+    return shares or (seen.flight is not None and recorded(seen.flight, "rudder"))
+
+
+def _median_deflection(steady: Steady, mixer: Mixer, control: str) -> float:
+    """Return the median deflection in steady flight, rad; zero where no log has its channels."""
+    channels = list(mixer.gains or {control: 1.0})
+    levels = [steady.median(name) - mixer.centers.get(name, 0.0) for name in channels]
+    gains = list((mixer.gains or {control: 1.0}).values())
+    level = sum(g * x for g, x in zip(gains, levels, strict=True))
+    return level if math.isfinite(level) else 0.0
+
+
+class _Rotorcraft(_Maker):
+    """A multirotor."""
+
+    def text(self) -> str:
+        """Return the file."""
+        lift, mass = self._known_lift(), self.mass
+        self.head(f"{lift.size():.3g} m between the motors that are farthest apart")
+        self.mass_table(inertia.of_multirotor(mass, [rotor.position for rotor in lift.rotors]))
+        self.environment()
+        _rotor_tables(self.sheet, lift, mass, steady_flight(self.seen.flights, wings=False))
+        self.sheet.table("body_drag")
+        quadratic = USUAL.body * mass
+        part = quantity(quadratic, USUAL.spread * quadratic)
+        down = quantity(1.5 * quadratic, 0.75 * quadratic)
+        self.sheet.entry("quadratic", point([part, part, down]), "N s2/m2, usual for this mass")
+        self.accelerometer(PRIORS.frame * lift.size())
+        return self.sheet.text()
+
+    def _known_lift(self) -> Lift:
+        if self.lift is None:
+            raise self._no_rotors()
+        return self.lift
+
+    def _no_rotors(self) -> Exception:
+        flight, count = self.seen.flight, ROTORCRAFT[self.template]
+        running = running_rotors(flight)[0] if flight is not None else []
+        name = flight.name if flight is not None else "the log"
+        return VehicleError(
+            f"--template {self.template}: has {count} rotors, but {len(running)} motors run in {name}"
+            f"{f' ({chr(44).join(running)})' if running else ''}; choose another template, or check the mapping"
+        )
+
+    def notices(self) -> list[Notice]:
+        """Return what speaks against the draft."""
+        lift = self._known_lift()
+        found = plausibility.of_rotors(self.mass, lift)
+        found += plausibility.of_flights([rotor.channel for rotor in lift.rotors], {}, self.seen)
+        return [*found, *plausibility.of_excitation(self.seen)]
+
+
+def _rotor_tables(sheet: Sheet, lift: Lift, mass: float, steady: Steady) -> None:
+    """Write the rotors: their common law, then position and spin of each."""
+    level, said = hover_level(lift, steady)
+    law = thrust_law(lift, mass, level)
+    sheet.table("rotors")
+    sheet.word("drive", "speed" if lift.speed else "command", "x in rad/s" if lift.speed else "x from 0 to 1")
+    if lift.scale.unit != 1.0:
+        where = "pulses of 1000 to 2000 us are assumed" if lift.guessed else "from the parameters"
+        sheet.entry("gain", f"{1.0 / lift.scale.unit:.6g}", f"x per unit of the channel: {where}")
+    if lift.scale.zero:
+        sheet.entry("idle", plain(lift.scale.zero), "of the channel")
+    voltage = steady.median("voltage")
+    if not lift.speed and voltage > 1.0:
+        sheet.entry("nominal_voltage", plain(voltage), "V, median in flight: x scales with the battery")
+        sheet.entry(
+            "voltage_average", plain(USUAL.voltage_average), "s: the sag under load is part of the thrust law"
+        )
+    for name, one in law.items():
+        bounds = (0.2 * one.value, 4.0 * one.value) if name == "lag" else None
+        unit = _UNITS[name][lift.speed]
+        at = f" (x = {level:.4g}, {said})" if "hover" in one.source else ""
+        sheet.entry(name, known(one, bounds, True), f"{unit}: {one.source}{at}")
+    for number, rotor in enumerate(lift.rotors, 1):
+        comment = f"{lift.source}; m from the center of gravity, spin seen from above" if number == 1 else ""
+        sheet.table(f"rotor.m{number}", comment)
+        sheet.word("channel", rotor.channel)
+        sheet.entry("position", point([plain(x) for x in rotor.position]))
+        if rotor.axis is not None:
+            sheet.entry("axis", point([plain(x) for x in rotor.axis]))
+        sheet.word("spin", rotor.spin)
+
+
+_UNITS: Final = {
+    "T1": ("N", "N s/rad"), "T2": ("N", "N s2/rad2"), "inflow": ("N s/m", "N s2/(m rad)"),
+    "drag": ("N s/m", "N s2/(m rad)"), "torque_ratio": ("m", "m"), "lag": ("s", "s"),
+}  # fmt: skip

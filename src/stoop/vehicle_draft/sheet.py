@@ -1,0 +1,74 @@
+"""A vehicle file as it is written: tables and entries, each with a comment of what it is, where it is from, how sure."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+from stoop.base.toml import quoted, quoted_key
+from stoop.errors import one_line
+from stoop.vehicle_draft.apriori import Apriori
+
+
+def plain(value: float) -> str:
+    """Return a number with four digits, as TOML writes it."""
+    text = f"{value + 0.0:.4g}"
+    return text if any(c in text for c in ".e") else f"{text}.0"
+
+
+def quantity(
+    value: float,
+    prior: float | None = None,
+    bounds: tuple[float, float] | None = None,
+    free: bool | None = None,
+) -> str:
+    """Return a number as a vehicle file has it, a table where it has more than a value."""
+    parts = [f"value = {plain(value)}"]
+    parts += [] if prior is None else [f"prior = {prior:.2g}"]
+    parts += [] if bounds is None else [f"bounds = [{plain(bounds[0])}, {plain(bounds[1])}]"]
+    parts += [] if free is None else [f"free = {str(free).lower()}"]
+    return f"{{ {', '.join(parts)} }}" if len(parts) > 1 else plain(value)
+
+
+def known(one: Apriori, bounds: tuple[float, float] | None = None, free: bool | None = None) -> str:
+    """Return a number with its prior."""
+    return quantity(one.value, one.std, bounds, free)
+
+
+def mixture(gains: Mapping[str, float]) -> str:
+    """Return channels and numbers as an inline table."""
+    return "{ " + ", ".join(f"{quoted_key(name)} = {plain(gain)}" for name, gain in gains.items()) + " }"
+
+
+def point(parts: Sequence[str]) -> str:
+    """Return three numbers as a list."""
+    return f"[{', '.join(parts)}]"
+
+
+@dataclass
+class Sheet:
+    """Lines of a file."""
+
+    lines: list[str] = field(default_factory=list)
+
+    def remark(self, *texts: str) -> None:
+        """Add comments on lines of their own."""
+        self.lines += [f"# {one_line(text)}" for text in texts]
+
+    def table(self, name: str, comment: str = "") -> None:
+        """Begin a table."""
+        tail = f" # {one_line(comment)}" if comment else ""
+        self.lines += ["", f"[{name}]{tail}"]
+
+    def entry(self, key: str, value: str, comment: str = "") -> None:
+        """Add a number or a list that is written as TOML."""
+        tail = f" # {one_line(comment)}" if comment else ""
+        self.lines.append(f"{key} = {value}{tail}")
+
+    def word(self, key: str, value: str, comment: str = "") -> None:
+        """Add a text."""
+        self.entry(key, quoted(value), comment)
+
+    def text(self) -> str:
+        """Return the file."""
+        return "\n".join([*self.lines, ""])

@@ -1,0 +1,135 @@
+"""Parameters of PX4 and ArduPilot: mixers, ranges, motors. Expected values are those of the autopilots' own tables."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from stoop.vehicle_draft.autopilot import FRAMES, Scale, read_setup
+
+VTAIL_PX4 = {
+    "CA_AIRFRAME": 1, "CA_ROTOR_COUNT": 1, "CA_ROTOR0_AX": 1.0, "CA_ROTOR0_AZ": 0.0, "CA_SV_CS_COUNT": 4,
+    "CA_SV_CS0_TYPE": 1, "CA_SV_CS0_TRQ_R": -0.5, "CA_SV_CS0_TRQ_Y": 0.1,
+    "CA_SV_CS1_TYPE": 2, "CA_SV_CS1_TRQ_R": 0.5,
+    "CA_SV_CS2_TYPE": 7, "CA_SV_CS2_TRQ_P": 0.5, "CA_SV_CS2_TRQ_Y": 0.5,
+    "CA_SV_CS3_TYPE": 8, "CA_SV_CS3_TRQ_P": 0.5, "CA_SV_CS3_TRQ_Y": -0.5,
+    "PWM_MAIN_FUNC1": 101, "PWM_MAIN_MIN1": 1100, "PWM_MAIN_MAX1": 1900,
+    "PWM_MAIN_FUNC3": 203, "PWM_MAIN_MIN3": 1000, "PWM_MAIN_MAX3": 2000,
+    "PWM_MAIN_FUNC4": 204, "PWM_MAIN_MIN4": 1200, "PWM_MAIN_MAX4": 1800, "PWM_MAIN_REV": 0b1000,
+}  # fmt: skip
+ELEVONS_ARDUPILOT = {
+    "SERVO1_FUNCTION": 77, "SERVO1_MIN": 1000, "SERVO1_MAX": 2000, "SERVO1_TRIM": 1480, "SERVO1_REVERSED": 1,
+    "SERVO2_FUNCTION": 78, "SERVO2_MIN": 1100, "SERVO2_MAX": 1900, "SERVO2_TRIM": 1500, "SERVO2_REVERSED": 0,
+    "SERVO3_FUNCTION": 70, "SERVO3_MIN": 1100, "SERVO3_MAX": 1900, "SERVO3_TRIM": 1100,
+    "SERVO4_FUNCTION": 2, "FRAME_CLASS": 0,
+}  # fmt: skip
+
+
+def test_px4_surfaces() -> None:
+    setup = read_setup(VTAIL_PX4)
+    left, right, left_tail, right_tail = setup.surfaces
+    assert setup.autopilot == "PX4"
+    assert setup.tail() == "v-tail"
+    assert left.shares == (-0.5, 0.0, 0.0)  # the yaw that makes up for adverse yaw is no rudder
+    assert right.shares == (0.5, 0.0, 0.0)
+    assert left_tail.shares == (0.0, 0.5, 0.5)  # its trailing edge up: nose up, nose right
+    assert right_tail.shares == (0.0, 0.5, -0.5)
+    assert left_tail.channels == {"servo_3": Scale(), "pwm_3": Scale(1500.0, 500.0)}
+    assert right_tail.channels["pwm_4"] == Scale(1500.0, -300.0)  # reversed
+    (motor,) = setup.pushers
+    assert not setup.rotors
+    assert motor.channels == {"motor_1": Scale(), "pwm_1": Scale(1100.0, 800.0)}
+
+
+def test_px4_takes_the_usual_shares_where_none_are_set() -> None:
+    setup = read_setup({"CA_SV_CS_COUNT": 2, "CA_SV_CS0_TYPE": 5, "CA_SV_CS1_TYPE": 6})
+    assert [s.shares for s in setup.surfaces] == [(-0.5, 0.5, 0.0), (0.5, 0.5, 0.0)]
+    assert setup.tail() == "flying-wing"
+
+
+def test_px4_pulses_of_the_group_that_moves() -> None:
+    both = {"PWM_AUX_FUNC1": 201, "PWM_MAIN_FUNC5": 201, "CA_SV_CS_COUNT": 1, "CA_SV_CS0_TYPE": 3}
+    channels = {
+        group: read_setup(both, [pulse]).surfaces[0].channels
+        for group, pulse in (("main", "pwm_5"), ("aux", "pwm_1"))
+    }
+    assert "pwm_5" in channels["main"]
+    assert "pwm_1" in channels["aux"]
+
+
+def test_px4_rotors() -> None:
+    quad = {"CA_AIRFRAME": 0, "CA_ROTOR_COUNT": 4}
+    for i, (x, y, km) in enumerate(
+        ((0.15, 0.2, 0.05), (-0.15, -0.2, 0.05), (0.15, -0.2, -0.05), (-0.15, 0.2, -0.05))
+    ):
+        quad |= {f"CA_ROTOR{i}_PX": x, f"CA_ROTOR{i}_PY": y, f"CA_ROTOR{i}_KM": km}
+    rotors = read_setup(quad).rotors
+    assert [r.spin for r in rotors] == ["ccw", "ccw", "cw", "cw"]
+    assert rotors[2].position == (0.15, -0.2, 0.0)
+    assert all(r.lifts for r in rotors)
+
+
+def test_ardupilot_elevons() -> None:
+    setup = read_setup(ELEVONS_ARDUPILOT)
+    left, right = setup.surfaces
+    assert setup.tail() == "flying-wing"
+    assert left.shares == (-0.5, 0.5, 0.0)
+    assert left.channels == {"pwm_1": Scale(1480.0, -500.0)}
+    assert right.channels == {"pwm_2": Scale(1500.0, 400.0)}
+    assert setup.pushers[0].channels == {"pwm_3": Scale(1100.0, 800.0)}
+    assert setup.others == {"pwm_4": "flap"}
+
+
+@pytest.mark.parametrize(("frame", "first", "third"), [(1, (1, 1), (1, -1)), (3, (1, 1), (1, -1))])
+def test_ardupilot_quad(frame: int, first: tuple[int, int], third: tuple[int, int]) -> None:
+    motors = {f"SERVO{n}_FUNCTION": 32 + n for n in range(1, 5)}
+    setup = read_setup(
+        {**motors, "FRAME_CLASS": 1, "FRAME_TYPE": frame, "MOT_PWM_MIN": 1050, "MOT_PWM_MAX": 1950}
+    )
+    one, _, three, _ = setup.rotors
+    for rotor, (forward, right) in ((one, first), (three, third)):
+        assert rotor.position is not None
+        assert (math.copysign(1, rotor.position[0]), math.copysign(1, rotor.position[1])) == (forward, right)
+    assert [r.spin for r in setup.rotors] == (
+        ["ccw", "ccw", "cw", "cw"] if frame == 1 else ["cw", "cw", "ccw", "ccw"]
+    )
+    assert one.channels["pwm_1"] == Scale(1050.0, 900.0)
+
+
+@pytest.mark.parametrize("frame", FRAMES)
+def test_frames_are_balanced(frame: tuple[int, int]) -> None:
+    """Rotors of a frame stand about its center, and as many turn each way."""
+    places = FRAMES[frame]
+    assert sum(math.cos(math.radians(a)) for a, _ in places) == pytest.approx(0.0, abs=1e-9)
+    assert sum(math.sin(math.radians(a)) for a, _ in places) == pytest.approx(0.0, abs=1e-9)
+    assert sum(spin == "ccw" for _, spin in places) == len(places) / 2
+
+
+NAMES = [
+    *VTAIL_PX4,
+    *ELEVONS_ARDUPILOT,
+    "CA_ROTOR0_PX",
+    "CA_ROTOR0_KM",
+    "MOT_PWM_MIN",
+    "MOT_PWM_MAX",
+    "Q_ENABLE",
+]
+
+
+@given(st.dictionaries(st.sampled_from(NAMES), st.floats(width=32) | st.integers(-(2**31), 2**31 - 1)))
+def test_hostile_parameters(parameters: dict[str, Any]) -> None:
+    """Whatever the parameters hold, the set-up holds finite numbers, and ranges that are none of zero."""
+    setup = read_setup(parameters)
+    scales = [s for one in (*setup.surfaces, *setup.rotors, *setup.pushers) for s in one.channels.values()]
+    assert all(math.isfinite(s.zero) and math.isfinite(s.unit) and s.unit for s in scales)
+    assert all(
+        math.isfinite(x)
+        for m in (*setup.rotors, *setup.pushers)
+        if m.position
+        for x in (*m.position, *m.axis)
+    )
+    assert all(math.isfinite(x) and abs(x) <= 10.0 for s in setup.surfaces for x in s.shares)

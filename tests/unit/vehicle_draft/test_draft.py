@@ -1,0 +1,231 @@
+"""Drafted vehicle files: they load, trim, and hold the mixers that an autopilot's log was made with."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stoop.base.arrays import FloatArray
+from stoop.errors import VehicleError
+from stoop.exporters.flight_logs import save_flight_as
+from stoop.flight import Flight, load
+from stoop.flight.flight import from_columns
+from stoop.simulation import trim
+from stoop.simulation.fly import simulate_flight
+from stoop.simulation.maneuver import parse_maneuver
+from stoop.vehicle.builtin import builtin_vehicle
+from stoop.vehicle_draft.draft import Drafted, draft
+from stoop.vehicle_draft.inertia import PUBLISHED, RADII, SPREAD, of_airplane, of_multirotor
+from stoop.vehicle_draft.request import TEMPLATES, Request
+
+MASS, SPAN, CHORD = 189.4, 5.19, 0.55  #: of the twin boom
+FULL = 0.5  #: rad, throw of the servos of the simulated log
+MANEUVER = """
+duration = 24.0
+rate = 50.0
+airspeed = 35.0
+[[input]]
+control = "elevator"
+shape = "3-2-1-1"
+start = 1.0
+step = 0.3
+amplitude = 0.05
+[[input]]
+control = "aileron"
+shape = "doublet"
+start = 9.0
+step = 0.5
+amplitude = 0.05
+[[input]]
+control = "rudder"
+shape = "doublet"
+start = 16.0
+step = 0.8
+amplitude = 0.1
+"""
+
+
+@pytest.fixture(scope="module")
+def flown() -> Flight:
+    return simulate_flight(builtin_vehicle("twin-boom"), parse_maneuver(MANEUVER, "m"), seed=1, name="flown")
+
+
+def without_surfaces(
+    flight: Flight, added: Mapping[str, FloatArray], parameters: Mapping[str, float]
+) -> Flight:
+    """Return the flight with outputs of an autopilot in place of deflections."""
+    kept = {str(n): flight.column(str(n)) for n in flight.data.data_vars}
+    for name in ("elevator", "aileron", "rudder"):
+        kept.pop(name)
+    outputs = from_columns("log", flight.time, {**kept, **added})
+    return replace(outputs, parameters=parameters)
+
+
+def drafted(flight: Flight, template: str | None = None) -> Drafted:
+    return draft(Request(template, MASS, SPAN, CHORD), [flight])
+
+
+def as_log(flight: Flight, path: Path) -> Flight:
+    save_flight_as(flight, path)
+    return load(path, rate=50.0)
+
+
+def deflections(drafted: Drafted, flight: Flight) -> dict[str, FloatArray]:
+    """Return the deflections of the drafted file."""
+    out = {}
+    for name, control in drafted.vehicle.file.controls.items():
+        mix = control.mix or {}
+        centers = {n: q.value for n, q in control.center.items()}
+        parts = [q.value * (flight.column(n) - centers.get(n, 0.0)) for n, q in mix.items()]
+        out[name] = np.sum(parts, axis=0)
+    return out
+
+
+def check_deflections(found: Mapping[str, FloatArray], flown: Flight, tolerance: float) -> None:
+    """Drafts take another full throw than the log was made with: deflections are in proportion to the truth."""
+    assert set(found) == {"elevator", "aileron", "rudder"}
+    for name, x in found.items():
+        truth = flown.column(name) * 0.35 / FULL
+        size = min(x.size, truth.size)
+        assert np.abs(x[:size] - truth[:size]).max() < tolerance, name
+
+
+def test_px4_vtail(flown: Flight, tmp_path: Path) -> None:
+    up, roll, right = (
+        -flown.column("elevator") / FULL,
+        flown.column("aileron") / FULL,
+        -flown.column("rudder") / FULL,
+    )
+    servos = {"servo_1": -roll, "servo_2": roll, "servo_3": up + right, "servo_4": up - right}
+    parameters = {"CA_AIRFRAME": 1, "CA_SV_CS_COUNT": 4}
+    shares = ((1, -0.5, 0.0, 0.0), (2, 0.5, 0.0, 0.0), (7, 0.0, 0.5, 0.5), (8, 0.0, 0.5, -0.5))
+    for i, (kind, *moments) in enumerate(shares):
+        parameters |= {f"CA_SV_CS{i}_TYPE": kind}
+        parameters |= {f"CA_SV_CS{i}_TRQ_{axis}": x for axis, x in zip("RPY", moments, strict=True)}
+    flight = as_log(without_surfaces(flown, servos, parameters), tmp_path / "log.ulg")
+    found = drafted(flight)
+    assert found.text.count("template v-tail") == 1  # by the parameters
+    check_deflections(deflections(found, flight), flown, 2e-3)
+    assert not {n.code for n in found.notices} & {"draft-control-sign", "draft-surfaces", "draft-lift"}
+
+
+def test_ardupilot_conventional(flown: Flight, tmp_path: Path) -> None:
+    up, roll, right = (
+        -flown.column("elevator") / FULL,
+        flown.column("aileron") / FULL,
+        -flown.column("rudder") / FULL,
+    )
+    pulses = {"pwm_1": 1480.0 + 400.0 * roll, "pwm_2": 1500.0 - 500.0 * up, "pwm_4": 1500.0 + 450.0 * right}
+    pulses["pwm_6"] = 1520.0 - 400.0 * roll  # the other aileron, reversed
+    outputs = {1: (4, 1080, 1480, 1880, 0), 2: (19, 1000, 1500, 2000, 1), 4: (21, 1050, 1500, 1950, 0),
+               6: (4, 1120, 1520, 1920, 1)}  # fmt: skip
+    parameters: dict[str, float] = {}
+    for n, values in outputs.items():
+        keys = ("FUNCTION", "MIN", "TRIM", "MAX", "REVERSED")
+        parameters |= {f"SERVO{n}_{key}": float(v) for key, v in zip(keys, values, strict=True)}
+    flight = as_log(without_surfaces(flown, pulses, parameters), tmp_path / "log.bin")
+    found = drafted(flight)
+    assert set(found.vehicle.file.controls["aileron"].mix or {}) == {"pwm_1", "pwm_6"}
+    check_deflections(deflections(found, flight), flown, 3e-3)
+
+
+def test_commands_without_parameters(flown: Flight) -> None:
+    """Normalized moments have known signs: nose up, right wing down, nose right."""
+    signs = {
+        "control_roll": ("aileron", 1.0),
+        "control_pitch": ("elevator", -1.0),
+        "control_yaw": ("rudder", -1.0),
+    }
+    added = {name: sign * flown.column(surface) / FULL for name, (surface, sign) in signs.items()}
+    flight = without_surfaces(flown, added, {})
+    found = drafted(flight)
+    check_deflections(deflections(found, flight), flown, 1e-9)
+    wrong = without_surfaces(flown, {**added, "control_pitch": -added["control_pitch"]}, {})
+    assert "controls.elevator" in {
+        n.subject for n in drafted(wrong).notices if n.code == "draft-control-sign"
+    }
+
+
+def test_guessed_mixers(flown: Flight) -> None:
+    """Servos without parameters are mixed by what they turn; the draft says that this is a guess."""
+    up, roll, right = (
+        -flown.column("elevator") / FULL,
+        flown.column("aileron") / FULL,
+        -flown.column("rudder") / FULL,
+    )
+    flight = without_surfaces(flown, {"servo_1": roll, "servo_2": up, "servo_3": right}, {})
+    found = drafted(flight, "conventional")
+    mixes = {name: control.mix or {} for name, control in found.vehicle.file.controls.items()}
+    assert mixes["elevator"]["servo_2"].value < 0.0
+    assert mixes["aileron"]["servo_1"].value > 0.0
+    assert mixes["rudder"]["servo_3"].value < 0.0
+    assert "draft-mixers-guessed" in {n.code for n in found.notices}
+    assert "GUESS" in found.text
+
+
+def test_recorded_deflections(flown: Flight) -> None:
+    found = drafted(flown)
+    assert all(control.mix is None for control in found.vehicle.file.controls.values())
+    assert found.vehicle.value("reference.airspeed") == pytest.approx(35.0, rel=0.05)
+    point = trim(found.vehicle, 35.0, 200.0)
+    assert abs(point.deflections["elevator"]) < 0.2
+    backward = {str(n): flown.column(str(n)) for n in flown.data.data_vars}
+    backward["aileron"] = -backward["aileron"]
+    turned = drafted(from_columns("turned", flown.time, backward))
+    assert turned.vehicle.value("Claileron") == pytest.approx(-found.vehicle.value("Claileron"))
+
+
+def test_a_mass_that_is_wrong_by_far(flown: Flight) -> None:
+    codes = {}
+    for factor in (0.1, 1.0, 4.0):
+        found = draft(Request("conventional", MASS * factor, SPAN, CHORD), [flown]).notices
+        codes[factor] = {n.code for n in found}
+    assert "draft-lift" not in codes[1.0]
+    assert "draft-lift" in codes[0.1]
+    assert "draft-lift" in codes[4.0]
+
+
+@pytest.mark.parametrize("template", TEMPLATES)
+def test_templates_without_a_log(template: str) -> None:
+    """Every template makes a file that loads; airplanes trim near the working point."""
+    wings = template not in ("quad", "hexa", "octo")
+    request = Request(template, 3.0, 1.8 if wings else 0.6, 0.25 if wings else None, engine="electric")
+    found = draft(request)
+    assert 45 <= len(found.text.splitlines()) <= 125
+    assert max(map(len, found.text.splitlines())) <= 170
+    assert found.vehicle.parameters
+
+
+def test_what_is_missing_is_said_with_its_usual_size() -> None:
+    with pytest.raises(
+        VehicleError, match=r"--mass .*usual: .* kg for this span.*--chord .*usual: .* m for this span"
+    ):
+        draft(Request("conventional", span=2.0))
+    with pytest.raises(VehicleError, match="--template"):
+        draft(Request(mass=2.0))
+    with pytest.raises(VehicleError, match=r"choose one of"):
+        draft(Request("blimp", 1.0, 1.0, 0.2))
+
+
+@pytest.mark.parametrize("name", PUBLISHED)
+def test_published_inertias(name: str) -> None:
+    """Drafted moments lie within three standard deviations of what is published."""
+    one = PUBLISHED[name]
+    found = of_airplane(one.template, one.mass, one.span)
+    for axis in ("xx", "yy", "zz"):
+        assert abs(found[axis].value - getattr(one, axis)) < 3.0 * found[axis].std
+    assert set(RADII) >= {one.template}
+    assert SPREAD < 0.5
+
+
+@pytest.mark.parametrize("name", ["quad-x", "hexa-x", "octo-x"])
+def test_inertias_of_multirotors(name: str) -> None:
+    vehicle = builtin_vehicle(name)
+    places = [tuple(vehicle.value(f"rotor.{r}.position.{a}") for a in "xyz") for r in vehicle.rotors]
+    found = of_multirotor(vehicle.value("mass.mass"), places)  # type: ignore[arg-type]
+    for axis in ("xx", "yy", "zz"):
+        assert abs(found[axis].value - vehicle.value(f"mass.inertia.{axis}")) < 2.0 * found[axis].std
