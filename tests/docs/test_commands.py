@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from docs.pages import DOCS, PAGES, ROOT, blocks, commands, links, table, tables
-from stoop.cli.main import all_verbs, main, parser_for
+from stoop.cli.main import all_verbs, main, one_verb, parser_for
 from stoop.results.result import read_result
 from stoop.vehicle.builtin import resolve_vehicle
 
@@ -28,7 +28,7 @@ OTHER = re.compile(
 
 def words(command: str) -> list[str]:
     """Return the words after ``stoop``, without a redirection."""
-    return shlex.split(command.partition(">")[0].replace(".venv/bin/", ""))[1:]
+    return one_verb(shlex.split(command.partition(">")[0].replace(".venv/bin/", ""))[1:])
 
 
 def options(verb: str) -> dict[str, argparse.Action]:

@@ -15,6 +15,7 @@ from stoop.vehicle import terms
 from stoop.vehicle.checks import check
 from stoop.vehicle.defaults import COEFFICIENTS, EQUATION_1
 from stoop.vehicle.schema import CHANNELS, WIND, VehicleFile, tied
+from stoop.vehicle.usual import ADVICE, usual_size
 from stoop.vehicle.vehicle import Vehicle
 
 STANDARD_CONTROLS = ("elevator", "aileron", "rudder")
@@ -42,10 +43,15 @@ def parse_vehicle(text: str, where: str) -> Vehicle:
     if isinstance(raw.setdefault("sensors", {}), dict):
         _complete_sensors(raw["sensors"], (*CHANNELS, *(WIND if raw.get("rotor") else ())))
     _without_zero_lags(raw)
+
+    def usual(key: str) -> str:
+        size = usual_size(key, raw)
+        return f"{size}; {ADVICE}" if size else ""
+
     try:
         file = VehicleFile.model_validate(raw)
     except ValidationError as error:
-        raise VehicleError(f"{where}: {first_complaint(error, raw, VehicleFile)}") from None
+        raise VehicleError(f"{where}: {first_complaint(error, raw, VehicleFile, usual)}") from None
     _check_terms(file, where)
     vehicle = Vehicle(file=file, text=text, where=where)
     check(vehicle)

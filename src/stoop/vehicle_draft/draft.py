@@ -19,6 +19,7 @@ from stoop.vehicle_draft.apriori import Apriori
 from stoop.vehicle_draft.autopilot import Scale
 from stoop.vehicle_draft.controls import AXES, Controls, Mixer, default_controls, find_controls, recorded
 from stoop.vehicle_draft.geometry import WINGED, Geometry
+from stoop.vehicle_draft.handbook import SOURCE as HANDBOOK
 from stoop.vehicle_draft.handbook import derivatives
 from stoop.vehicle_draft.power import (
     USUAL,
@@ -31,7 +32,7 @@ from stoop.vehicle_draft.power import (
     thrust_law,
 )
 from stoop.vehicle_draft.request import ROTORCRAFT, Evidence, Request, completed, evidence
-from stoop.vehicle_draft.sheet import Sheet, known, mixture, plain, point, quantity
+from stoop.vehicle_draft.sheet import MEANINGS, Sheet, known, mixture, plain, point, quantity
 from stoop.vehicle_draft.steady import Steady, steady_flight
 
 
@@ -46,13 +47,19 @@ class Priors:
     lever: float = 0.03  #: of the span: distance of the accelerometers from the center of gravity
     frame: float = 0.1  #: of the largest distance between motors, likewise
     vane: float = 0.15  #: of the span, how far a vane may be ahead
-    inertia: tuple[float, float] = (0.3, 3.0)  #: bounds of a moment of inertia over its value
+    unequal: float = 0.25  #: by which left and right of a pair of surfaces differ that are one elevator
+    inertia: tuple[float, float] = (0.4, 2.5)  #: bounds of a moment of inertia over its value
+    power: float = 0.3  #: electric, over that of the usual drag: less drives no propeller
     thrust: float = 0.05  #: of the weight; less is the error of accelerometers and attitude
 
 
 PRIORS: Final = Priors()
 #: what stoop says of a vehicle that nobody has flown yet: CL of its working point
 CRUISE_LIFT: Final = 0.5
+_PAIRS: Final = {
+    "v-tail": "rudder",
+    "flying-wing": "aileron",
+}  #: template -> control that shares the elevator's servos
 _RECONSTRUCTED: Final = "reconstructed"  #: source of alpha and beta without vanes
 
 
@@ -260,13 +267,16 @@ class _Winged(_Maker):
     def _unlogged_thrust(self, flight: Flight) -> None:
         """Write a constant thrust where no channel drives a motor, but the specific force asks for one."""
         weight = self.mass * STANDARD_GRAVITY
-        throttle = any(flight.names & {"control_throttle", "throttle", "motor_1"})
-        force = self.mass * self.steady.push_over_mass()
-        thrust = force + weight / USUAL.lift_over_drag
-        if throttle or not thrust > PRIORS.thrust * weight:
+        silent = any(flight.names & {"control_throttle", "throttle", "motor_1"})
+        drag = weight / USUAL.lift_over_drag
+        thrust = self.mass * self.steady.push_over_mass() + drag
+        power = self.steady.median("voltage", 0.0) * self.steady.median("current", 0.0)
+        if (silent and power < PRIORS.power * drag * self.airspeed) or not thrust > PRIORS.thrust * weight:
             self.sheet.lines += ["", "# No propulsion: no motor ran in this log."]
             return
-        self.sheet.table("propulsion", "no channel of the log drives a motor, but something holds the speed")
+        self.sheet.table(
+            "propulsion", f"no channel of the log tells the throttle; {power:.0f} W from the battery"
+        )
         self.sheet.word("kind", "constant")
         said = (
             f"N, what steady flight needs at L/D = {USUAL.lift_over_drag:g}; map the throttle if there is one"
@@ -309,19 +319,24 @@ class _Winged(_Maker):
 
     def _aerodynamics(self) -> None:
         sheet, own = self.sheet, self._derivatives()
-        terms = [name for group in EQUATION_1.values() for name in group]
-        source = {one.source for one in own.values()}
         sheet.lines.append("")
         sheet.remark(
-            f"Derivatives: value and standard deviation of what is known beforehand ({', '.join(sorted(source))}).",
-            "Terms are those of eq. (1), per rad, rates with b/2V and c/2V, about V* and alpha*.",
+            "Derivatives by handbook formulas, with the standard deviation of these against flight results, and that of what is",
+            "typical of the geometry rather than given. Terms of eq. (1): per rad, rates with b/2V and c/2V, about V*, alpha*.",
         )
         for coefficient in COEFFICIENTS:
             sheet.table(f"aerodynamics.{coefficient}")
-            for name in terms:
-                if name in EQUATION_1[coefficient] and name in own:
-                    comment = "" if own[name].source == "handbook" else own[name].source
-                    sheet.entry(name, quantity(own[name].value, own[name].std), comment)
+            for name in (n for n in EQUATION_1[coefficient] if n in own):
+                source = own[name].source
+                said = [MEANINGS[name], *([] if source == HANDBOOK else [source])]
+                sheet.entry(name, quantity(own[name].value, own[name].std), "; ".join(said))
+            pair = own.get(f"{coefficient}{_PAIRS.get(self.template, '')}")
+            if coefficient in ("Cl", "Cn") and pair is not None and "elevator" in self.controls.mixers:
+                prior = f"prior = {plain(float(f'{PRIORS.unequal * abs(pair.value):.2g}'))}"
+                text = f'{{ term = "elevator", value = 0.0, {prior} }}'
+                sheet.entry(
+                    f"{coefficient}elevator", text, "of a left and a right surface that move unequally"
+                )
 
     def _derivatives(self) -> dict[str, Apriori]:
         """Return the a priori derivatives; those of controls are less sure where the throw is assumed."""
@@ -361,7 +376,7 @@ class _Winged(_Maker):
             own, effect = found[name], found[slope]
             middle = PRIORS.middle if mixer.gains else 0.0
             std = math.sqrt(own.std**2 + (effect.std * level) ** 2 + (effect.value * middle) ** 2)
-            said = f"balances the {control} of steady flight, {level:.3f} rad" if level else own.source
+            said = f"balances the {control} at {level:.3f} rad" if level else own.source
             out[name] = Apriori(own.value - effect.value * level, std, said)
         return out
 

@@ -139,8 +139,8 @@ def find_drive(flight: Flight, setup: Setup, lifting: Sequence[str] = ()) -> Dri
         o
         for o in options
         if o.channel not in lifting
-        and recorded(flight, o.channel)
-        and float(np.nanmax(command(flight, o))) > FLYING.command
+        and o.channel in flight.data
+        and float(np.nanmax(np.append(command(flight, o), 0.0))) > FLYING.command
     ]
     rates = {o.channel: flight.sources[o.channel].rate for o in there}
     return next((o for o in there if rates[o.channel] >= ENOUGH * max(rates.values())), None)
