@@ -22,7 +22,7 @@ FIRST = 'channel = "motor_1"\nposition = [0.177, 0.177, -0.03]\nspin = "ccw"'
 
 CHANGES = [
     # what stands there, what stands there instead, key that is named, what is said
-    ("lag = 0.05", "lag = 0.0", "rotors.lag", "not positive; remove it for no lag"),
+    ("lag = 0.05", "lag = -0.1", "rotors.lag", "nothing moves before its command"),
     ("lag = 0.05", "gain = -1.0", "rotors.gain", "not positive"),
     ("lag = 0.05", "nominal_voltage = 0.0", "rotors.nominal_voltage", "not positive"),
     ("lag = 0.05", "lagg = 0.05", "rotors.lagg", "did you mean lag?"),
