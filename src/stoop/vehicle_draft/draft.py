@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Final
 
 from stoop.base.notices import Notice, distinct
 from stoop.base.units import DEGREE, STANDARD_GRAVITY
 from stoop.errors import VehicleError
 from stoop.flight import Flight
+from stoop.vehicle.assumptions import USUAL as ASSUMED
 from stoop.vehicle.defaults import COEFFICIENTS, EQUATION_1
 from stoop.vehicle.load import STANDARD_CONTROLS, parse_vehicle
 from stoop.vehicle.vehicle import Vehicle
@@ -40,20 +41,19 @@ from stoop.vehicle_draft.steady import Steady, steady_flight
 class Priors:
     """Standard deviations of what no log and no drawing tells."""
 
-    lag: Apriori = field(default_factory=lambda: Apriori(0.05, 0.03, "usual of hobby servos"))
-    lag_bounds: tuple[float, float] = (0.01, 0.3)  #: s
     throw: float = 0.35  #: of the gain of a mixer over its value: full throws are 0.2 to 0.6 rad
     middle: float = 0.06  #: rad, of the middle of a surface whose deflection was not recorded
     lever: float = 0.03  #: of the span: distance of the accelerometers from the center of gravity
     frame: float = 0.1  #: of the largest distance between motors, likewise
     vane: float = 0.15  #: of the span, how far a vane may be ahead
     unequal: float = 0.25  #: by which left and right of a pair of surfaces differ that are one elevator
-    inertia: tuple[float, float] = (0.4, 2.5)  #: bounds of a moment of inertia over its value
     power: float = 0.3  #: electric, over that of the usual drag: less drives no propeller
     thrust: float = 0.05  #: of the weight; less is the error of accelerometers and attitude
 
 
 PRIORS: Final = Priors()
+LAG: Final = Apriori(ASSUMED.lag, ASSUMED.lag_std, "usual of hobby servos")
+DELAY: Final = Apriori(ASSUMED.delay, ASSUMED.delay_std, "of autopilot and logger together")
 #: what stoop says of a vehicle that nobody has flown yet: CL of its working point
 CRUISE_LIFT: Final = 0.5
 _PAIRS: Final = {
@@ -112,14 +112,14 @@ class _Maker:
         self.sheet.remark(
             f"Drafted by stoop vehicle new: template {self.template}, {self.mass:g} kg, {size}; log: {logs}"
             f"{f', parameters of {autopilot}' if autopilot else ''}.",
-            "prior: standard deviation of what is known beforehand; free: improved by the flight. Correct what you know better.",
+            "prior: standard deviation of what is known beforehand; what has one is estimated. Correct what you know better.",
         )
         self.sheet.word("format", "stoop-vehicle/1")
         self.sheet.word("name", self.request.name or f"{self.template.capitalize()}, {self.mass:g} kg")
 
     def mass_table(self, moments: Mapping[str, Apriori]) -> None:
         """Write mass and inertia."""
-        sheet, (low, high) = self.sheet, PRIORS.inertia
+        sheet = self.sheet
         sheet.table("mass")
         sheet.entry("mass", plain(self.mass), "kg, as given: forces are known per mass only, so weigh it")
         sheet.table(
@@ -127,8 +127,7 @@ class _Maker:
             "kg m2; a flight tells moments per inertia: a swing test is worth more than this guess",
         )
         for axis, moment in moments.items():
-            box = (low * moment.value, high * moment.value) if moment.value else None
-            sheet.entry(axis, known(moment, box, True), moment.source)
+            sheet.entry(axis, known(moment), moment.source)
 
     def environment(self) -> None:
         """Write where the density of the air is from."""
@@ -152,14 +151,15 @@ class _Maker:
                     "us, from the parameters" if not controls.guessed else "",
                 )
             if control == first:
-                lag = known(PRIORS.lag, PRIORS.lag_bounds, True)
-                self.sheet.entry("lag", lag, f"s, {PRIORS.lag.source}")
+                self.sheet.entry("lag", known(LAG), f"s, {LAG.source}")
+                self.sheet.entry("delay", known(DELAY), f"s, {DELAY.source}")
             else:
                 self.sheet.word("lag", f"=controls.{first}.lag", "the same kind of servo")
+                self.sheet.word("delay", f"=controls.{first}.delay")
 
     def accelerometer(self, std: float) -> None:
         """Write the position of the accelerometers."""
-        part = quantity(0.0, std, None, True)
+        part = quantity(0.0, std)
         self.sheet.table("sensors")
         place = point([part, "0.0", part])
         said = "m from the center of gravity: taken to be there"
@@ -251,7 +251,7 @@ class _Winged(_Maker):
         sheet.table("propulsion")
         if drive.channel == "thrust":
             sheet.word("kind", "channel", "the log holds the thrust, N")
-            sheet.entry("scale", quantity(1.0, 0.1, None, True), "how well that is known is not")
+            sheet.entry("scale", quantity(1.0, 0.1), "how well that is known is not")
             return
         if self.request.engine == "jet":
             sheet.word("kind", "channel", "thrust in proportion to the command, without regard to airspeed")
@@ -259,7 +259,7 @@ class _Winged(_Maker):
             thrust = USUAL.jet * self.mass * STANDARD_GRAVITY
             sheet.entry(
                 "scale",
-                quantity(thrust, USUAL.spread * thrust, None, True),
+                quantity(thrust, USUAL.spread * thrust),
                 f"N, {USUAL.jet:g} of the weight",
             )
             return
@@ -282,7 +282,7 @@ class _Winged(_Maker):
         said = (
             f"N, what steady flight needs at L/D = {USUAL.lift_over_drag:g}; map the throttle if there is one"
         )
-        self.sheet.entry("thrust", quantity(thrust, USUAL.spread * thrust, None, True), said)
+        self.sheet.entry("thrust", quantity(thrust, USUAL.spread * thrust), said)
 
     def _propeller(self, drive: Drive) -> None:
         sheet = self.sheet
@@ -300,9 +300,8 @@ class _Winged(_Maker):
             f"rev/s per unit: {said}; a wrong one goes into CT0, CT1",
         )
         sheet.entry("diameter", plain(diameter), "m, usual for this mass: write your own")
-        for name, bounds in (("CT0", (0.0, 0.4)), ("CT1", (-0.4, 0.1))):
-            value, std = getattr(USUAL, name)
-            sheet.entry(name, quantity(value, std, bounds, True), "usual of small propellers")
+        for name in ("CT0", "CT1"):
+            sheet.entry(name, quantity(*getattr(USUAL, name)), "usual of small propellers")
 
     def _sensors(self) -> None:
         std = PRIORS.lever * self.geometry.wing.span
@@ -313,7 +312,7 @@ class _Winged(_Maker):
             if "alpha" in f.sources and f.sources["alpha"].source != _RECONSTRUCTED
         ]
         if vanes:
-            part = quantity(0.0, PRIORS.vane * self.geometry.wing.span, None, True)
+            part = quantity(0.0, PRIORS.vane * self.geometry.wing.span)
             self.sheet.entry(
                 "vane_position", point([part, "0.0", "0.0"]), "m: a vane ahead feels the pitch rate"
             )
@@ -468,10 +467,14 @@ def _rotor_tables(sheet: Sheet, lift: Lift, mass: float, steady: Steady) -> None
             "voltage_average", plain(USUAL.voltage_average), "s: the sag under load is part of the thrust law"
         )
     for name, one in law.items():
-        bounds = (0.2 * one.value, 4.0 * one.value) if name == "lag" else None
         unit = _UNITS[name][lift.speed]
         at = f" (x = {level:.4g}, {said})" if "hover" in one.source else ""
-        sheet.entry(name, known(one, bounds, True), f"{unit}: {one.source}{at}")
+        sheet.entry(name, known(one), f"{unit}: {one.source}{at}")
+    sheet.remark(
+        f"radius = {plain(0.5 * lift.diameter())} # m: write yours to add the induced velocity, for climbs and forward flight"
+    )
+    if not lift.speed:
+        sheet.entry("delay", known(DELAY), f"s, {DELAY.source}")
     for number, rotor in enumerate(lift.rotors, 1):
         comment = f"{lift.source}; m from the center of gravity, spin seen from above" if number == 1 else ""
         sheet.table(f"rotor.m{number}", comment)
