@@ -35,7 +35,7 @@ def replaced(text: str, old: str, new: str) -> str:
 MASS = "mass = 189.40\n"
 CL0 = "CL0 = 0.385\n"
 INERTIA = "inertia = { xx = 100.0, yy = 120.0, zz = 200.0, xz = 5.0 }"
-THRUST = 'kind = "constant"\nthrust = 220.87'
+THRUST = 'kind = "constant"\nthrust = { value = 220.87, free = false }'
 
 CHANGES = [
     # where, what stands there instead, key that is named, what is said
@@ -108,7 +108,7 @@ ADDITIONS = [
     ("[controls.alpha]", "controls.alpha", "taken by a flight variable"),
     ("[controls.'a b']", "controls.a b", "letters, digits"),
     ("[controls]\nelevator = 3", "controls.elevator", "must be a table"),
-    (f"{OTHERS}[controls.elevator]\nlag = 0.0", "controls.elevator.lag", "remove it for no lag"),
+    (f"{OTHERS}[controls.elevator]\nlag = -0.1", "controls.elevator.lag", "nothing moves before its command"),
     (f"{OTHERS}[controls.elevator]\noffset = 5.0", "controls.elevator.offset", "degrees"),
     ("[controls.elevator]\nmix = 3", "controls.elevator.mix", "must be a table"),
     ("[controls.elevator]\nmix = { a = 1.0 }\ncenter = { b = 2.0 }", "controls.elevator", "center names b"),
