@@ -47,7 +47,6 @@ class Priors:
     frame: float = 0.1  #: of the largest distance between motors, likewise
     vane: float = 0.15  #: of the span, how far a vane may be ahead
     pitot: float = 0.05  #: of the airspeed: position error of a pitot that nobody calibrated
-    inertia: tuple[float, float] = (0.4, 2.5)  #: bounds of a moment of inertia over its value
     unequal: float = 0.25  #: by which left and right of a pair of surfaces differ that are one elevator
     power: float = 0.3  #: electric, over that of the usual drag: less drives no propeller
     thrust: float = 0.05  #: of the weight; less is the error of accelerometers and attitude
@@ -325,18 +324,16 @@ class _Winged(_Maker):
 
         Reconstructed air data are wrong by the error of the wind: the airspeed in part, incidence and sideslip by an angle.
         """
-        known = [f.air for f in self.seen.flights if f.air is not None and math.isfinite(f.air.wind_n_std)]
-        if not known and "V" not in {name for f in self.seen.flights for name in f.names}:
+        winds = [f.air for f in self.seen.flights if f.air is not None and math.isfinite(f.air.wind_n_std)]
+        if not winds and "V" not in {name for f in self.seen.flights for name in f.names}:
             return
-        wind = max((math.hypot(a.wind_n_std, a.wind_e_std) for a in known), default=0.0) / self.airspeed
-        share, said = (PRIORS.pitot, "of a pitot") if measured or not known else (wind, "error of the wind")
+        wind = max((math.hypot(a.wind_n_std, a.wind_e_std) for a in winds), default=0.0) / self.airspeed
+        share, said = (PRIORS.pitot, "of a pitot") if measured or not winds else (wind, "error of the wind")
         self.sheet.table("sensors.V")
-        self.sheet.entry("scale", quantity(1.0, share, (1.0 - 5.0 * share, 1.0 + 5.0 * share), True), said)
-        for channel in () if measured or not known else ("alpha", "beta"):
+        self.sheet.entry("scale", quantity(1.0, share), said)
+        for channel in () if measured or not winds else ("alpha", "beta"):
             self.sheet.table(f"sensors.{channel}")
-            self.sheet.entry(
-                "bias", quantity(0.0, wind, None, True), "rad: error of the wind over the airspeed"
-            )
+            self.sheet.entry("bias", quantity(0.0, wind), "rad: error of the wind over the airspeed")
 
     def _aerodynamics(self) -> None:
         sheet, own = self.sheet, self._derivatives()
