@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stoop.checks.kinematics import check_motion, check_rates
+from stoop.checks.kinematics import check_rates
+from stoop.checks.mapping import check_mapping
 from stoop.checks.vehicle import inertia_notices
 from stoop.errors import FlightError
 from stoop.estimate.fit import Options
@@ -198,11 +199,11 @@ def test_a_window_with_next_to_no_samples_is_refused(shared_data: Path) -> None:
 def test_a_sign_or_an_axis_of_the_rates_is_found(shared_data: Path) -> None:
     flight = load(shared_data / "altlnt-vtail-8kg-px4" / "flight2")
     data = {str(name): flight.column(str(name)) for name in flight.data.data_vars}
-    assert check_motion(data, flight.rate, {})[0] == []
+    assert check_mapping({}, data, flight.rate, {}).notices == ()
     assert check_rates(data, flight.rate, {}) == []
-    (turned,), _ = check_motion({**data, "q": -data["q"]}, flight.rate, {})
+    (turned,) = check_mapping({}, {**data, "q": -data["q"]}, flight.rate, {}).notices
     assert (turned.code, turned.subject) == ("mapping-sign", "q")
-    (swapped,), _ = check_motion({**data, "p": data["q"], "q": data["p"]}, flight.rate, {})
+    (swapped,) = check_mapping({}, {**data, "p": data["q"], "q": data["p"]}, flight.rate, {}).notices
     assert (swapped.code, swapped.values["lines"]) == ("mapping-exchange", ("p", "q"))
 
 

@@ -165,6 +165,6 @@ def test_ten_hertz_without_air_data_must_warn(shared_data: Path, tmp_path: Path)
     assert "slow-input" in {found.code for found in notices}
     mapping.write_text(SKYWALKER.replace('"rad/s"', '"deg/s"'))
     with pytest.raises(
-        FlightError, match=r"phi changes 59\.4 times .* or write unit = \"rad/s\" for variables\.p, "
+        FlightError, match=r"phi changes 59\.4 times .*; write unit = \"rad/s\" for variables\.p, "
     ):
         load(shared_data / "stanford-skywalker-10hz", mapping)

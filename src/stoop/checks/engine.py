@@ -43,7 +43,7 @@ class Thresholds:
     margin: float = 0.1
     busiest: float = 0.2  #: of the record, where the edit changes most: short maneuvers in long logs count
     spans: float = 10.0  #: independent samples, at least
-    rounds: int = 3  #: wrong lines that are looked for one after the other
+    rounds: int = 32  #: wrong lines that are looked for one after the other
 
 
 LIMITS: Final = Thresholds()
@@ -131,6 +131,7 @@ class Residual:
     size: FloatArray  #: (n,) measured channel
     samples: float  #: samples of the record that are as good as one independent sample
     floor: float  #: mean square of what is no motion
+    level: bool = False  #: a level, not a motion: an edit that shrinks the channel explains nothing by that
 
     def gain(self, before: object, limits: Thresholds, complete: bool) -> tuple[float, bool]:
         """Compare the samples at which both residuals differ most."""
@@ -146,8 +147,12 @@ class Residual:
         was, now = (float(np.mean(r.left[most] ** 2)) + 1e-3 * self.floor for r in (before, self))
         if float(np.mean(apart[most] ** 2)) < max(self.floor, limits.visible * min(was, now)):
             return 0.0, False
-        motion = float(np.mean(self.size[most] ** 2))
-        whole = now < min(limits.unexplained * motion, was - limits.margin * motion)
+        # relative to the channel: an edit that multiplies it changes the density of what was recorded
+        was, now = (
+            x / (float(np.mean(r.size[most] ** 2)) + 1e-3 * self.floor)
+            for x, r in ((was, before), (now, self))
+        )
+        whole = self.level or now < min(limits.unexplained, was - limits.margin)
         clear = now < limits.improvement * was and (whole or not complete)
         return 0.5 * many / self.samples * float(np.log(was / now)), clear
 
@@ -163,20 +168,35 @@ class Range:
 
     @property
     def violated(self) -> bool:
-        """Whether the number lies outside; one that is unknown does not."""
+        """Whether the number lies outside; one that is unknown (NaN) does not."""
         return self.value < self.low or self.value > self.high
 
     def gain(self, before: object, limits: Thresholds, complete: bool) -> tuple[float, bool]:
         """Return the odds that the edit wins or loses."""
         if not isinstance(before, Range):
             raise TypeError("evidence of another kind")
+        if np.isnan(before.value) or np.isnan(self.value):
+            return 0.0, False
         gained = before.odds * before.violated - self.odds * self.violated
         return gained, gained > 0.0
 
 
 @dataclass(frozen=True)
+class Penalty:
+    """Minus the logarithm of a prior density, such as that of a wind: it convinces nobody by itself."""
+
+    value: float
+
+    def gain(self, before: object, limits: Thresholds, complete: bool) -> tuple[float, bool]:
+        """Return the log-density that the edit wins or loses."""
+        if not isinstance(before, Penalty):
+            raise TypeError("evidence of another kind")
+        return before.value - self.value, False
+
+
+@dataclass(frozen=True)
 class Scored(Generic[State]):
-    """An edit, the log-likelihood that it gains, and the channel that gains most by it."""
+    """An edit, the log-likelihood that it gains, and the channel that shows it: a violated bound, else what gains most."""
 
     edit: Edit[State]
     evidence: float
@@ -228,6 +248,19 @@ def search(
     return found, state
 
 
+def not_excluded(
+    state: State, edits: Iterable[Edit[State]], model: Model[State], limits: Thresholds = LIMITS
+) -> list[Edit[State]]:
+    """Return the edits that the data contradict no more than what is written."""
+    before = model(state, None)
+    out = []
+    for edit in edits:
+        after = model(edit.apply(state), edit.lines)
+        if sum(after[key].gain(before[key], limits, complete=False)[0] for key in after) > -limits.tie:
+            out.append(edit)
+    return out
+
+
 def _best(
     state: State, edits: Iterable[Edit[State]], model: Model[State], limits: Thresholds
 ) -> Finding[State] | None:
@@ -274,7 +307,9 @@ def _score(
     """Return an edit with what it gains; nothing where no channel is convincing by itself."""
     after = model(edit.apply(state), edit.lines)
     gains = {key: after[key].gain(before[key], limits, edit.complete) for key in after}
-    channel = max(gains, key=lambda key: gains[key][0], default=())
+    channel = max(
+        gains, key=lambda key: (isinstance(after[key], Range) and gains[key][1], gains[key][0]), default=()
+    )
     clear = any(convincing for _, convincing in gains.values())
     total = sum(gained for gained, _ in gains.values()) + edit.prior
     return Scored(edit, total if clear else 0.0, channel)

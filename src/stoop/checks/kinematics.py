@@ -1,11 +1,12 @@
 """Channels of one flight against each other: rates turn the attitude, velocity moves the position, force makes velocity.
 
-The residuals hold for any vehicle. Offsets of sensors contradict nothing: means are taken off.
+The residuals hold for any vehicle. Offsets of sensors contradict nothing: means are taken off. Where no velocity over
+ground was recorded, the velocity through the air takes its place: a steady wind drops out of accelerations.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Hashable, Mapping
 from dataclasses import dataclass, field
 from typing import Final, TypeAlias
 
@@ -14,15 +15,13 @@ import numpy as np
 from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice, notice
 from stoop.base.robust import MAD
-from stoop.base.rotations import conjugate, product, quaternions_of, to_ground, vectors_of
-from stoop.base.units import DEGREE, FACTORS, KINDS, STANDARD_GRAVITY
-from stoop.base.variables import EULER, POSITION, QUATERNION, RATES, SPECIFIC_FORCE, VELOCITY
-from stoop.checks.engine import Edit, Evidence, Key, Lines, Residual, Residuals, search, where
+from stoop.base.rotations import conjugate, euler_angles, product, quaternions_of, to_ground, vectors_of
+from stoop.base.units import DEGREE, STANDARD_GRAVITY
+from stoop.base.variables import EULER, QUATERNION, RATES, SPECIFIC_FORCE, VELOCITY
+from stoop.checks.engine import Evidence, Key, Lines, Residual, Residuals, where
+from stoop.checks.lines import AIRSPEEDS, VANES, Assignment, reading
 
 MOVED_BY: Final = {"pn": "vn", "pe": "ve", "pd": "vd", "altitude": "vd"}  #: position <- its rate of change
-SIGNED: Final = (*RATES, *EULER, "ax", "ay", *VELOCITY, *POSITION, "altitude")
-MOTION: Final = frozenset({*SIGNED, "az", *QUATERNION})  #: all that takes part
-EXCHANGED: Final = (("vn", "ve"), ("pn", "pe"), ("p", "q"), ("q", "r"), ("p", "r"))
 
 
 @dataclass(frozen=True)
@@ -33,12 +32,14 @@ class Agreement:
     longest: int = 30_000  #: samples of that, ten minutes: the part of a longer record that moves most
     turn: float = 0.2  #: s over which rates are compared
     move: float = 1.0  #: s over which velocities and accelerations are
-    #: rad/s, m/s2, m/s; less is no motion
-    floors: Mapping[str, float] = field(default_factory=lambda: {"turn": 0.01, "force": 0.05, "place": 0.1})
+    #: rad/s, m/s2, m/s, m/s2; less is no motion
+    floors: Mapping[str, float] = field(
+        default_factory=lambda: {"turn": 0.01, "force": 0.05, "place": 0.1, "air": 0.3}
+    )
     samples: int = 200  #: spans that are compared, at least
     turning: float = 3.0 * DEGREE  #: rad/s rms; less turning shows nothing
     followed: float = 0.8  #: share of the turning that a matching pair of channels explains
-    gain: float = 0.15  #: departure from one that calibrated gyros do not have
+    gain: float = 0.15  #: departure from one that calibrated sensors do not have
     separation: float = 0.05  #: s between attitudes whose noise is independent
 
 
@@ -46,101 +47,63 @@ LIMITS: Final = Agreement()
 Columns: TypeAlias = Mapping[str, FloatArray]  #: variable -> (n,) SI, on one uniform grid
 
 
-def check_motion(data: Columns, rate: float, lines: Lines) -> tuple[list[Notice], dict[str, FloatArray]]:
-    """Return the lines of a mapping that other channels contradict, and the columns with these corrected.
-
-    Signs and axes of body rates are examined in any log; all else only where the user wrote the line. The columns are
-    gridded at `rate` [Hz], SI.
-    """
+def thinned(data: Columns, rate: float) -> tuple[Columns, float]:
+    """Return at most ten minutes of columns at about 50 Hz, those with most motion, and the rate [Hz]."""
     step = max(1, round(rate / LIMITS.rate))
     size, many = next(iter(data.values())).size, LIMITS.longest * step
     watched = [data[name] for name in (*RATES, *VELOCITY) if name in data]
     starts = range(0, max(size - many // 2, 1), many)
-    motions = [
-        float(np.sum([np.nan_to_num(x[start : start + many]).std() for x in watched])) for start in starts
-    ]
+    parts = [[x[start : start + many] for x in watched] for start in starts]
+    motions = [sum(float(np.std(x[np.isfinite(x)])) for x in part if np.isfinite(x).any()) for part in parts]
     first = starts[int(np.argmax(motions))]
-    thin: Columns = {name: x[first : first + many : step] for name, x in data.items()}
-    found, _ = search(thin, lambda columns: mapping_edits(columns, lines), Kinematics(rate / step))
-    corrected = dict(data)
-    notices = []
-    for one in found:
-        corrected.update(one.best.apply(corrected))
-        code = f"mapping-{one.best.kind}" if len(one.edits) == 1 else "mapping-ambiguous"
-        notices.append(notice(code, one.best.lines[0], **one.values(lines)))
-    return notices, corrected
+    thin = {name: x[first : first + many : step] for name, x in data.items()}
+    if set(QUATERNION) <= thin.keys() and not set(EULER) & thin.keys():
+        angles = euler_angles(np.column_stack([thin[name] for name in QUATERNION]))
+        thin |= dict(zip(EULER, angles.T, strict=True))
+    return thin, rate / step
 
 
-def mapping_edits(data: Columns, lines: Lines) -> Iterator[Edit[Columns]]:
-    """Yield every single edit of the mapping that the residuals can judge."""
-    own = lines.keys() & data.keys()
-    own = own if set(EULER) <= data.keys() else own - set(EULER)
-    signed = own | (set(RATES) & data.keys())
-    for name in SIGNED:
-        if name in signed:
-            yield Edit("sign", (name,), "write scale = -1", _scaled((name,), -1.0))
-    for one, other in EXCHANGED:
-        if {one, other} <= signed:
-            yield Edit(
-                "exchange", (one, other), "exchange the columns", _exchanged(one, other), complete=True
-            )
-    for names in (VELOCITY, POSITION, ("altitude",)):  # what shares a unit
-        same = tuple(name for name in names if name in own)
-        units = {lines[name].unit for name in same}
-        unit = units.pop() if len(units) == 1 else ""
-        for other, kind in KINDS.items():
-            if kind == KINDS.get(unit, "") and FACTORS[other] != FACTORS[unit]:
-                change = _scaled(same, FACTORS[other] / FACTORS[unit])
-                yield Edit("unit", same, f'write unit = "{other}"', change, complete=True)
+class Motion:
+    """The kinematic residuals of columns at one rate [Hz]; what edits share is computed once."""
 
+    def __init__(self, data: Columns, rate: float) -> None:
+        self.data, self.rate = data, rate
+        self.steps = round(LIMITS.move * rate)
+        there = data.keys()
+        self.turned = {*RATES, *EULER} <= there
+        self.felt = {*SPECIFIC_FORCE, *EULER} <= there
+        self.flown = self.felt and set(VELOCITY) <= there
+        self.speed = next((name for name in AIRSPEEDS if name in there), "")
+        self._kept: dict[Hashable, FloatArray] = {}
 
-def _scaled(names: Sequence[str], factor: float) -> Callable[[Columns], Columns]:
-    """Return an edit that multiplies columns; the quaternion follows its angles."""
-
-    def apply(data: Columns) -> Columns:
-        changed = {name: factor * data[name] for name in names}
-        if set(EULER) & changed.keys():
-            angles = np.column_stack([changed.get(name, data[name]) for name in EULER])
-            changed.update(zip(QUATERNION, quaternions_of(angles).T, strict=True))
-        return {**data, **changed}
-
-    return apply
-
-
-def _exchanged(one: str, other: str) -> Callable[[Columns], Columns]:
-    return lambda data: {**data, one: data[other], other: data[one]}
-
-
-@dataclass(frozen=True)
-class Kinematics:
-    """The kinematic residuals of columns at one rate [Hz]: the model that `search` needs."""
-
-    rate: float
-
-    def __call__(self, data: Columns, changed: Collection[str] | None) -> Residuals:
+    def __call__(self, state: Assignment, changed: Collection[str] | None) -> Residuals:
         """Return what disagrees in each channel that others predict, where some of those that changed take part."""
-        there, steps = data.keys(), round(LIMITS.move * self.rate)
+
+        def concerned(*names: str) -> bool:
+            return changed is None or bool(set(names) & set(changed))
+
         parts: dict[Key, tuple[FloatArray, FloatArray]] = {}  # measured, and predicted by the others
-        if {*RATES, *QUATERNION} <= there and (changed is None or {*RATES, *EULER} & set(changed)):
-            implied, measured, _ = _mean_rates(data, LIMITS.turn, self.rate)
+        if self.turned and concerned(*RATES, *EULER):
+            implied = self._implied(state)
             for i, name in enumerate(RATES):
-                parts["turn", name] = implied[:, i], measured[:, i]
-        slopes = {
-            name: (data[name][steps:] - data[name][:-steps]) * self.rate / steps
-            for name in (*MOVED_BY, *VELOCITY)
-            if name in data
-        }
+                parts["turn", name] = implied[:, i], self._mean(state, name, round(LIMITS.turn * self.rate))
         for name, cause in MOVED_BY.items():
-            if {name, cause} <= there and (changed is None or {*VELOCITY, *MOVED_BY} & set(changed)):
-                moved = slopes[name] * (-1.0 if name == "altitude" else 1.0)
-                parts["place", name] = moved, _means(data[cause], steps)
-        force = {*EULER, *SPECIFIC_FORCE, *VELOCITY}
-        if {*SPECIFIC_FORCE, *QUATERNION, *VELOCITY} <= there and (changed is None or force & set(changed)):
-            attitude = np.column_stack([data[name] for name in QUATERNION])
-            felt = to_ground(attitude, np.column_stack([data[name] for name in SPECIFIC_FORCE]))
-            felt[:, 2] += STANDARD_GRAVITY
+            if {name, cause} <= self.data.keys() and concerned(name, cause):
+                moved = self._slope(state, name) * (-1.0 if name == "altitude" else 1.0)
+                parts["place", name] = moved, self._mean(state, cause, self.steps)
+        if self.flown and concerned(*EULER, *SPECIFIC_FORCE, *VELOCITY):
+            felt = self._felt(state)
             for i, name in enumerate(VELOCITY):
-                parts["force", name] = slopes[name], _means(felt[:, i], steps)
+                parts["force", name] = self._slope(state, name), felt[:, i]
+        if (
+            self.felt
+            and not self.flown
+            and self.speed
+            and concerned(*EULER, *SPECIFIC_FORCE, *AIRSPEEDS, *VANES)
+        ):
+            felt, slopes = self._felt(state), self._air_slopes(state)
+            for i, axis in enumerate("ned"):
+                parts["air", axis] = slopes[:, i], felt[:, i]
         out: dict[Key, Evidence] = {}
         for key, (y, x) in parts.items():
             left = y - x
@@ -150,6 +113,79 @@ class Kinematics:
             span = LIMITS.turn if key[0] == "turn" else LIMITS.move
             out[key] = Residual(left, y, span * self.rate, LIMITS.floors[key[0]] ** 2)
         return out
+
+    def scales(self, state: Assignment) -> dict[str, float]:
+        """Return by what the attitude turns faster than each rate says, where both are alike and that is no calibration."""
+        out = {}
+        if self.turned:
+            implied = self._implied(state)
+            for i, name in enumerate(RATES):
+                y, x = implied[:, i], self._mean(state, name, round(LIMITS.turn * self.rate))
+                known = np.isfinite(x) & np.isfinite(y)
+                y, x = y[known], x[known]
+                gain = float(y @ x) / max(float(x @ x), 1e-12)
+                if gain > 0.0 and abs(gain - 1.0) > LIMITS.gain:
+                    out[name] = gain
+        return out
+
+    def attitude(self, state: Assignment) -> FloatArray:
+        """Return the quaternions (n, 4), of edited angles where they are."""
+        columns = tuple(reading(state, name) for name in EULER)
+        if set(QUATERNION) <= self.data.keys() and columns == tuple((name, 1.0) for name in EULER):
+            return self._keep("q", lambda: np.column_stack([self.data[name] for name in QUATERNION]))
+        angles = (factor * self.data[column] for column, factor in columns)
+        return self._keep(("q", columns), lambda: quaternions_of(np.column_stack([*angles])))
+
+    def _keep(self, key: Hashable, make: Callable[[], FloatArray]) -> FloatArray:
+        if key not in self._kept:
+            self._kept[key] = make()
+        return self._kept[key]
+
+    def _readings(self, state: Assignment, names: Collection[str]) -> tuple[tuple[str, float], ...]:
+        return tuple(reading(state, name) for name in names)
+
+    def _slope(self, state: Assignment, name: str) -> FloatArray:
+        (column, factor), steps = reading(state, name), self.steps
+        x = self.data[column]
+        return factor * self._keep(("slope", column), lambda: (x[steps:] - x[:-steps]) * self.rate / steps)
+
+    def _mean(self, state: Assignment, name: str, steps: int) -> FloatArray:
+        (column, factor), steps = reading(state, name), max(2, steps)
+        return factor * self._keep(("mean", column, steps), lambda: _means(self.data[column], steps))
+
+    def _implied(self, state: Assignment) -> FloatArray:
+        """Return the mean rates (m, 3) over a span that the attitude implies, rad/s."""
+        steps, q = max(2, round(LIMITS.turn * self.rate)), self.attitude(state)
+        return self._keep(
+            ("implied", *self._readings(state, EULER)),
+            lambda: vectors_of(product(conjugate(q[:-steps]), q[steps:])) * self.rate / steps,
+        )
+
+    def _felt(self, state: Assignment) -> FloatArray:
+        """Return the mean acceleration (m, 3) over a span, north, east, down, that the specific force makes."""
+        columns = self._readings(state, SPECIFIC_FORCE)
+
+        def make() -> FloatArray:
+            body = np.column_stack([factor * self.data[column] for column, factor in columns])
+            felt = to_ground(self.attitude(state), body)
+            felt[:, 2] += STANDARD_GRAVITY
+            return np.column_stack([_means(x, self.steps) for x in felt.T])
+
+        return self._keep(("felt", *self._readings(state, EULER), *columns), make)
+
+    def _air_slopes(self, state: Assignment) -> FloatArray:
+        """Return the mean change (m, 3) of the velocity through the air, north, east, down."""
+        speed, alpha, beta = (self._column(state, name) for name in (self.speed, *VANES))
+        body = np.column_stack(
+            [speed * np.cos(alpha) * np.cos(beta), speed * np.sin(beta), speed * np.sin(alpha) * np.cos(beta)]
+        )
+        through, steps = to_ground(self.attitude(state), body), self.steps
+        return np.asarray((through[steps:] - through[:-steps]) * self.rate / steps)
+
+    def _column(self, state: Assignment, name: str) -> FloatArray:
+        column, factor = reading(state, name)
+        size = next(iter(self.data.values())).size
+        return factor * self.data[column] if column in self.data else np.zeros(size)
 
 
 def _means(x: FloatArray, steps: int) -> FloatArray:

@@ -4,49 +4,27 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
 from stoop.base.notices import Notice, notice
-from stoop.checks.kinematics import check_motion, check_rates
+from stoop.checks.kinematics import check_rates
+from stoop.checks.mapping import check_mapping
 from stoop.checks.rotors import KINDS
 from stoop.errors import FlightError
 from stoop.flight import Flight
-from stoop.flight.airborne import carried_by_rotors
+from stoop.flight.airborne import carried_by_rotors, in_flight
 from stoop.problem import Piece
 from stoop.problem.windows import Window, whole
 from stoop.vehicle import Vehicle
+from stoop.vehicle.checks import principal_moments
+from stoop.vehicle.usual import ROTORS_ONLY, WINGED
 
 DRIVES: Final = (
     "elevator", "aileron", "rudder", "flap", "control_", "motor_", "servo_", "pwm_", "rotor_", "thr",
 )  #: beginnings of channels that drive a vehicle  # fmt: skip
-
-
-@dataclass(frozen=True)
-class Gyration:
-    """Radii of gyration about one axis, over the length of the vehicle."""
-
-    least: float  #: outside of `least` and `most` hardly any aircraft lies
-    most: float
-    low: float  #: `low` and `high` are of usual aircraft
-    high: float
-
-
-#: over the span; at most a uniform rod, a flying wing or a long fuselage, at least all mass near the middle. Usual: half of
-#: the nondimensional radii of Raymer, "Aircraft Design: A Conceptual Approach", table of radii of gyration
-WINGED: Final = {
-    "xx": Gyration(0.05, 1.0 / math.sqrt(12.0), 0.11, 0.17),
-    "yy": Gyration(0.03, 0.5, 0.1, 0.25),
-    "zz": Gyration(0.08, 0.55, 0.17, 0.27),
-}
-#: over the largest distance between rotors; at most all mass is in the motors
-ROTORS_ONLY: Final = {
-    "xx": Gyration(0.07, 0.4, 0.18, 0.3),
-    "yy": Gyration(0.07, 0.4, 0.18, 0.3),
-    "zz": Gyration(0.1, 0.55, 0.25, 0.42),
-}
+ROUNDING: Final = 1e-9
 
 
 def check(flight: Flight, vehicle: Vehicle | None = None) -> tuple[Notice, ...]:
@@ -63,10 +41,12 @@ def check(flight: Flight, vehicle: Vehicle | None = None) -> tuple[Notice, ...]:
     FlightError
         The flight lacks what drives the vehicle.
     """
-    data = {str(name): flight.column(str(name)) for name in flight.data.data_vars}
-    wrong, corrected = check_motion(data, flight.rate, {})
+    up = in_flight(flight)
+    data = {str(name): np.where(up, flight.column(str(name)), np.nan) for name in flight.data.data_vars}
+    judged = check_mapping({}, data, flight.rate, {})
     known = {fault.variable for fault in flight.faults}
-    found = [one for one in (*wrong, *check_rates(corrected, flight.rate, {})) if one.subject not in known]
+    rates = check_rates(judged.corrected(data), flight.rate, {})
+    found = [one for one in (*judged.notices, *rates) if one.subject not in known]
     out = [*(fault.notice for fault in flight.faults), *found]
     if vehicle is not None:
         flights = {flight.name: flight}
@@ -144,7 +124,7 @@ def require_data(vehicle: Vehicle, windows: Sequence[Window], pieces: Sequence[P
 
 
 def inertia_notices(vehicle: Vehicle, estimates: Mapping[str, float] | None = None) -> list[Notice]:
-    """Challenge moments of inertia by their radii of gyration over the span, or over the distance between rotors.
+    """Challenge moments of inertia: the file's as those of a body, and by their radii of gyration over the span or the rotors.
 
     About the roll axis even a wing that carries all mass evenly over its span has 0.29. Estimates replace numbers of the
     file, by name.
@@ -177,4 +157,8 @@ def inertia_notices(vehicle: Vehicle, estimates: Mapping[str, float] | None = No
                 "usual": usual,
             }
             out.append(notice(code, name, **values, unit=unit))
+    small, middle, large = principal_moments(vehicle)
+    if (excess := large / (small + middle) - 1.0) > ROUNDING:
+        values = {"largest": large, "others": small + middle, "excess": excess}
+        out.append(notice("inertia-of-no-body", "mass.inertia", **values))
     return out

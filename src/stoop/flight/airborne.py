@@ -32,6 +32,7 @@ class FlyingLimits:
     idle: float = 0.25  #: of the largest lift command; motors off, or idling
     command: float = 0.02  #: of the range; less turns nothing
     drop: float = 0.5  #: s of too little lift that are no landing
+    least: float = 3.0  #: s, of a flight
 
 
 @dataclass(frozen=True)
@@ -77,6 +78,12 @@ def flying(flight: Flight) -> BoolArray:
         if gap.stop - gap.start < FLYING.drop * flight.rate:
             up[gap] = True
     return _without_edges(up, flight.rate)
+
+
+def in_flight(flight: Flight) -> BoolArray:
+    """Tell which samples (n,) tell of the vehicle in flight; all of a log that shows no flight."""
+    up = flying(flight)
+    return up if up.sum() >= FLYING.least * flight.rate else np.ones(up.size, dtype=bool)
 
 
 def airborne(flight: Flight) -> BoolArray:

@@ -20,19 +20,12 @@ from stoop.base.arrays import FloatArray
 from stoop.base.text import enumerated
 from stoop.base.units import DEGREE, FACTORS, KINDS, PULSE_FACTORS, ZEROS
 from stoop.base.variables import EULER, RATES, SPECIFIC_FORCE, VARIABLES
-from stoop.checks.engine import Finding, Line, Range, search
-from stoop.checks.units import (
-    LARGEST,
-    MEDIANS,
-    PULSES,
-    UNITS,
-    Factors,
-    Signal,
-    UnitModel,
-    largest_size,
-    median_size,
-    unit_edits,
-)
+from stoop.checks.engine import Edit, Finding, Line, Range, not_excluded, search
+from stoop.checks.lines import SURFACES, VANES, Assignment, Signal
+from stoop.checks.mapping import Model, on_grid
+from stoop.checks.units import LARGEST, MEDIANS, PULSES, largest_size, median_size
+from stoop.flight.airborne import in_flight
+from stoop.flight.flight import from_columns
 
 LONGEST_NAME: Final = 200  #: letters; no longer name tells anything, and matching takes the square of it
 MIN_ANGLE: Final = 3.0 * DEGREE  #: rad; no flight stays below
@@ -44,8 +37,12 @@ _ASKED: Final = re.compile(
 _AXES: Final = (("x", "0", "r(?:oll)?"), ("y", "1", "p(?:itch)?"), ("z", "2", "y(?:aw)?"))
 _REASONS: Final = {
     "size": "its size", "median": "its size", "weight": "its weight", "z-axis": "its weight",
-    "noise": "noise beside the other axes", "growth": "the change of angles", "gravity": "the change of velocity",
+    "noise": "noise beside the other axes", "growth": "the change of angles", "turn": "the change of angles",
+    "force": "the change of velocity", "place": "the change of position", "moment": "the angular acceleration",
+    "level": "the velocity over ground", "air": "the change of velocity", "lift": "the lift", "side": "the side force",
 }  # fmt: skip
+GRID_RATE: Final = 50.0  #: Hz, at which the columns of a draft are compared
+MAX_SPAN: Final = 1e5  #: s, of a flight; more is a clock in another unit
 
 
 @dataclass(frozen=True)
@@ -173,7 +170,10 @@ def without_unit(column: str) -> tuple[str, str]:
 
 
 def with_units(lines: Sequence[DraftLine], columns: Mapping[str, Signal]) -> list[DraftLine]:
-    """Choose units, and turn signs, of lines, one for each variable, by what their columns read, as recorded."""
+    """Choose units, and turn signs, of lines, one for each variable, by what their columns read, as recorded.
+
+    The draft is judged as a whole, by the search that judges any mapping; what the numbers cannot confirm is doubted.
+    """
     known: dict[str, DraftLine] = {}
     for line in lines:
         new = line
@@ -186,74 +186,111 @@ def with_units(lines: Sequence[DraftLine], columns: Mapping[str, Signal]) -> lis
         known.setdefault(new.variable, new)
     for _ in range(2):  # once sizes have shown degrees, headings can be compared with the yaw rate
         model = _model(known, columns)
-        as_mapped: Factors = {}
-        units = {name: Line("", name, known[name].unit) for name in model.signals}
-        edits = [  # what a file states is not changed, but signs are
-            edit
-            for edit in unit_edits(model.signals, units, signs=True)
-            if edit.kind == "sign" or not any(known[name].stated for name in edit.lines)
-        ]
-        found, _ = search(as_mapped, lambda _, edits=edits: edits, model, UNITS)  # type: ignore[misc]
-        evidence = model({}, None).items()
+        found, _ = search(_AS_MAPPED, functools.partial(_edits, known, model), model)
+        evidence = model.sizes({}, None).items()
         violated = [key[1:] for key, one in evidence if isinstance(one, Range) and one.violated]
         contradicted = frozenset(name for names in violated for name in names)
         for one in found:
             known = {**known, **{line.variable: line for line in _applied(known, one, contradicted)}}
     model = _model(known, columns)
     known = {**known, **{line.variable: line for line in _agreeing(known, model, columns)}}
-    for name in (*EULER, *RATES, "alpha", "beta"):
+    for name in (*EULER, *RATES, *VANES):
         if name in known and not known[name].is_sure:
             size = largest_size(columns[name][1])
             known[name] = known[name].doubted(f"{known[name].unit} by its size only: up to {size:.3g}")
-    for key, doubt in model({}, None).items():
+    for key, doubt in model.sizes({}, None).items():
         if isinstance(doubt, Range) and doubt.violated and key[0] in ("size", "median", "growth"):
             name = key[1]
             size = median_size(columns[name][1]) if key[0] == "median" else largest_size(columns[name][1])
             known[name] = known[name].doubted(f"{size:.3g} is no {name} in {known[name].unit}")
-    return list(known.values())
+    return list({**known, **{line.variable: line for line in _unconfirmed(known, model)}}.values())
 
 
-def _model(known: Mapping[str, DraftLine], columns: Mapping[str, Signal]) -> UnitModel:
-    """Return the statistics of the measured columns as the draft maps them."""
-    measured = [n for n in known if n in columns and VARIABLES[n].kind != "command"]
-    return UnitModel({n: (columns[n][0], known[n].values(columns[n][1])) for n in measured}, signs=True)
+def _unconfirmed(given: Mapping[str, DraftLine], model: Model) -> Iterator[DraftLine]:
+    """Yield lines whose unit or sign other edits would explain as well, with that doubt."""
+    known = dict(given)
+    for edit in not_excluded(_AS_MAPPED, _edits(known, model, _AS_MAPPED), model):
+        name, line = edit.lines[0], known[edit.lines[0]]
+        upward = "az" in known and known["az"].scale < 0.0
+        if len(edit.lines) > 1:
+            continue
+        if edit.kind == "unit" and not line.is_sure:
+            known[name] = line.doubted(f"{line.unit} by its name only: nothing excludes {edit.value}")
+        elif edit.kind == "sign" and name in SURFACES and not line.doubts:
+            known[name] = line.doubted("its sign by its name only")
+        elif edit.kind == "sign" and name in ("ay", "q", "r") and upward:
+            known[name] = line.doubted("z points up, so y may point to the left: then scale = -1")
+    yield from known.values()
+
+
+_AS_MAPPED: Final[Assignment] = {}
+
+
+def _edits(known: Mapping[str, DraftLine], model: Model, state: Assignment) -> Iterator[Edit[Assignment]]:
+    """Yield the edits of a draft: what a file states is not changed, but signs and axes are."""
+    lines = {name: Line("", name, known[name].unit) for name in model.sizes.signals}
+    for edit in model.edits(state, lines):
+        if edit.kind not in ("unit", "scale") or not any(known[name].stated for name in edit.lines):
+            yield edit
+
+
+def _model(known: Mapping[str, DraftLine], columns: Mapping[str, Signal]) -> Model:
+    """Return the residuals of the draft in flight: of what was measured, and of deflections."""
+    judged = [
+        n
+        for n in known
+        if n in columns
+        and (VARIABLES[n].kind != "command" or (n in SURFACES and KINDS[known[n].unit] == "an angle"))
+    ]
+    signals = {n: (columns[n][0], known[n].values(columns[n][1])) for n in judged}
+    timed = {n: s for n, s in signals.items() if s[0].size > 1 and np.all(np.diff(s[0]) > 0.0)}
+    span = max((float(t[-1] - t[0]) for t, _ in timed.values()), default=0.0)
+    if not 1.0 < span < MAX_SPAN:
+        return Model(signals, {}, GRID_RATE)
+    time, data = on_grid(timed, GRID_RATE)
+    up = in_flight(from_columns("drafted", time, data))
+    return Model(signals, {n: np.where(up, x, np.nan) for n, x in data.items()}, GRID_RATE)
 
 
 def _applied(
-    known: Mapping[str, DraftLine], found: Finding[Factors], contradicted: frozenset[str]
+    known: Mapping[str, DraftLine], found: Finding[Assignment], contradicted: frozenset[str]
 ) -> Iterator[DraftLine]:
     """Yield the lines with an edit, and why; `contradicted` are variables whose own numbers speak against their lines."""
     edit, key = found.best, found.edits[0].channel
     if edit.kind == "sign":
         line = known[edit.lines[0]]
         turned, name = replace(line, scale=-line.scale), line.variable
-        if key[0] == "turns":
-            others = [enumerated(one.edit.lines) for one in found.edits[1:]]
-            rival = f"; or is it {' or '.join(others)} that is to be turned?" if others else ""
-            yield turned.doubted(
-                f"turned, as {key[1] if name == key[2] else key[2]} changes against it{rival}"
-            )
-        elif name == "az":
+        others = [enumerated(one.edit.lines) for one in found.edits[1:]]
+        if name == "az" and key[0] == "up":
             yield turned.remarked("its z points up: turned")
-            if "ay" in known:
-                yield known["ay"].doubted("z points up, so y may point to the left: then scale = -1")
+        elif others:
+            yield turned.doubted(f"turned; or is it {' or '.join(others)} that is to be turned?")
         else:
-            yield turned.remarked("counts down, as the altitude shows: turned")
+            by = (
+                f"as {key[1] if name == key[-1] else key[-1]} changes against it" if key[0] == "turns" else ""
+            )
+            yield turned.remarked(f"turned, {by or _REASONS.get(key[0], 'as other channels show')}")
+        return
+    if edit.kind != "unit":
+        for name in edit.lines:
+            what = f"{enumerated(edit.lines)} look exchanged" if edit.kind == "exchange" else edit.fix
+            yield known[name].doubted(f"{what}, as other channels show")
         return
     shown = [name for name in edit.lines if name in contradicted or name in SPECIFIC_FORCE]
     shown = shown or list(edit.lines)
     for name in edit.lines:
         line = replace(known[name], unit=edit.value)
-        by = f"{edit.value} by {_REASONS[key[0]]}"
+        by = f"{edit.value} by {_REASONS.get(key[0], 'other channels')}"
         yield line.remarked(by) if name in shown else line.doubted(f"{edit.value} as {enumerated(shown)}")
 
 
 def _agreeing(
-    given: Mapping[str, DraftLine], model: UnitModel, columns: Mapping[str, Signal]
+    given: Mapping[str, DraftLine], model: Model, columns: Mapping[str, Signal]
 ) -> Iterator[DraftLine]:
     """Yield lines that others confirm: a rate that is the derivative of its angle, gravity, the altitude."""
     known = dict(given)
-    for (angle, rate), factor in model.growth.items():
+    for angle, rate in model.sizes.pairs:
+        factor = model.sizes.growth({}, angle, rate)
         x = columns[angle][1]
         small = float(np.max(np.abs(x), where=np.isfinite(x), initial=0.0))
         if not factor or (not (known[angle].is_sure or known[rate].is_sure) and small < MIN_ANGLE):
@@ -264,7 +301,7 @@ def _agreeing(
         else:
             known[angle] = known[angle].doubted(f"changes {abs(factor):.3g} times as fast as {rate} says")
     force = [name for name in SPECIFIC_FORCE if name in known and name in columns]
-    weight = model.weight({}) if "az" in force else 0.0
+    weight = model.sizes.weight({}) if "az" in force else 0.0
     for name in force:
         line = known[name]
         if "az" not in force:
@@ -272,19 +309,19 @@ def _agreeing(
             known[name] = line if line.stated else line.doubted(doubt)
             continue
         text = f"gravity reads {weight / FACTORS[known['az'].unit]:.3g}"
-        if MEDIANS["az"].low <= weight <= MEDIANS["az"].high:
+        if MEDIANS["az"][0] <= weight <= MEDIANS["az"][1]:
             known[name] = replace(line, remarks=(text, *(r for r in line.remarks if " by " not in r)))
         else:
             known[name] = line.doubted(f"{text}: no weight; gravity left out?")
-    for vertical, rise in model.rises.items():
-        if rise and not known[vertical].remarks:
-            known[vertical] = known[vertical].remarked("counts down, as the altitude shows")
     yield from known.values()
 
 
 def _command(line: DraftLine, x: FloatArray) -> DraftLine:
     """Tell pulses, percents, normalized commands and deflections apart."""
     name, size, middle = line.variable, largest_size(x), median_size(x)
+    if VARIABLES[name].unit == "N":
+        doubt = "N by its name only: nothing shows the size of a force"
+        return line if line.stated else replace(line, unit="N").doubted(doubt)
     stem, _, number = name.partition("_")
     if stem == "pwm":
         if line.unit in PULSE_FACTORS:

@@ -11,15 +11,16 @@ from typing import Any, Final
 
 import numpy as np
 
+from stoop.base.arrays import FloatArray
 from stoop.base.files import write_bytes_atomic
 from stoop.base.notices import Notice, from_dict, notice
 from stoop.base.variables import EULER, QUATERNION, RATES, VARIABLES
 from stoop.checks.engine import read_lines
-from stoop.checks.kinematics import MOTION, check_motion, check_rates
-from stoop.checks.units import check_units
+from stoop.checks.kinematics import check_rates
+from stoop.checks.mapping import check_mapping
 from stoop.errors import FlightError, LogError
 from stoop.flight.air_data import with_air
-from stoop.flight.airborne import carried_by_rotors
+from stoop.flight.airborne import carried_by_rotors, in_flight
 from stoop.flight.airspeed import EQUIVALENT, TRUE, with_true_airspeed
 from stoop.flight.alignment import attitude_delay
 from stoop.flight.apply_mapping import read_mapped
@@ -60,12 +61,6 @@ def load(path: str | Path, mapping: str | Path | None = None, rate: float = 100.
         return _restore(recording, flight_name(path))
     cleaned = [drop_outliers(group) for group in mapped.channels]
     channels = [group for group, _ in cleaned]
-    # units and signs, of the columns as recorded
-    lines = read_lines(mapped.places)
-    signals = {name: (group.time, x) for group in channels for name, x in group.values.items()}
-    refused, units, _ = check_units(signals, lines)
-    if refused:
-        raise FlightError(f"{path}: {str(refused[0]).removesuffix('.')}")
     grid, data, sources = grid_channels(channels, rate, str(path))
     # an attitude whose parts came from several files is completed; its rate is that of the slowest
     parts = [sources[name] for name in (*EULER, *QUATERNION) if name in sources]
@@ -79,16 +74,26 @@ def load(path: str | Path, mapping: str | Path | None = None, rate: float = 100.
         sources[TRUE] = sources[EQUIVALENT]
     if {EQUIVALENT, TRUE} <= data.keys():
         recorded = [replace(f, variable=TRUE) if f.variable == EQUIVALENT else f for f in recorded]
-    # Where units or clocks are wrong, or channels stuck or clipped, kinematics would accuse the innocent.
     body_rates = {name: sources[name].rate for name in RATES if name in sources}
-    dirty = {fault.variable for fault in recorded} | {
-        n for n, f in body_rates.items() if 0 < f < SUSPECT_CLOCK
+    # a mapping is judged in flight: on the ground estimators hold zeros, and sensors stand still
+    up = in_flight(Flight(flight_name(path), path, dataset(grid.time, data), rate, sources))
+    recorded = [fault for fault in recorded if fault.kind != "stuck" or _within(fault, grid.time[up])]
+    by_name: dict[str, list[Fault]] = {}
+    for fault in recorded:
+        by_name.setdefault(fault.variable, []).append(fault)
+    sound = not any(0.0 < known < SUSPECT_CLOCK for known in body_rates.values())
+    in_air = {name: np.where(up, x, np.nan) for name, x in data.items()}
+    judged = {name: without_faulty(grid.time, x, by_name.get(name, ())) for name, x in in_air.items()}
+    signals = {
+        name: (group.time, np.where(np.interp(group.time, grid.time, up) > 0.5, x, np.nan))
+        for group in channels
+        for name, x in group.values.items()
     }
-    upward = any(one.code == "force-points-up" for one in units)
-    upright = {**data, "az": -data["az"]} if upward else data
-    sound = not MOTION & dirty and len(units) == upward
-    wrong, corrected = check_motion(upright, rate, lines if sound else {})
-    contradictions = [*units, *wrong, *check_rates(corrected, rate, lines)]
+    lines = read_lines(mapped.places)
+    found = check_mapping(signals, judged if sound else {}, rate, lines)
+    if found.refused:
+        raise FlightError(f"{path}: {str(found.refused[0]).removesuffix('.')}")
+    contradictions = [*found.notices, *check_rates(found.corrected(in_air), rate, lines)]
     span = float(grid.time[0]), float(grid.time[-1])
     of_mapping = [contradiction(one, *span) for one in contradictions]
     faults = (*recorded, *rest_faults(grid.time, data, rate), *of_mapping)
@@ -135,6 +140,11 @@ def load(path: str | Path, mapping: str | Path | None = None, rate: float = 100.
     if not {"V", "alpha", "beta"} & flight.names and not carried_by_rotors(flight) and not explained:
         limits.append(notice("no-air-data"))
     return replace(flight, notices=(*flight.notices, *limits))
+
+
+def _within(fault: Fault, times: FloatArray) -> bool:
+    """Tell whether a fault was seen at any of some times (n,), s."""
+    return bool(((times >= fault.start) & (times <= fault.stop)).any())
 
 
 def without_faults(flight: Flight) -> Flight:

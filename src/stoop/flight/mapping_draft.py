@@ -19,7 +19,8 @@ from stoop import logs
 from stoop.base.toml import quoted, quoted_key
 from stoop.base.units import FACTORS
 from stoop.base.variables import OUTPUT_PINS, VARIABLES
-from stoop.checks.units import PAIRS, STATISTICS, Signal, growth
+from stoop.checks.lines import Signal
+from stoop.checks.units import PAIRS, STATISTICS, growth
 from stoop.errors import LogError, one_line
 from stoop.flight.airborne import rotor_pulses
 from stoop.flight.apply_mapping import apply_mapping

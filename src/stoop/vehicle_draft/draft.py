@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Final
 
 from stoop.base.notices import Notice, distinct
 from stoop.base.units import DEGREE, STANDARD_GRAVITY
 from stoop.errors import VehicleError
 from stoop.flight import Flight
+from stoop.vehicle.assumptions import USUAL as ASSUMED
 from stoop.vehicle.defaults import COEFFICIENTS, EQUATION_1
 from stoop.vehicle.load import STANDARD_CONTROLS, parse_vehicle
 from stoop.vehicle.vehicle import Vehicle
@@ -19,6 +20,7 @@ from stoop.vehicle_draft.apriori import Apriori
 from stoop.vehicle_draft.autopilot import Scale
 from stoop.vehicle_draft.controls import AXES, Controls, Mixer, default_controls, find_controls, recorded
 from stoop.vehicle_draft.geometry import WINGED, Geometry
+from stoop.vehicle_draft.handbook import SOURCE as HANDBOOK
 from stoop.vehicle_draft.handbook import derivatives
 from stoop.vehicle_draft.power import (
     USUAL,
@@ -31,7 +33,7 @@ from stoop.vehicle_draft.power import (
     thrust_law,
 )
 from stoop.vehicle_draft.request import ROTORCRAFT, Evidence, Request, completed, evidence
-from stoop.vehicle_draft.sheet import Sheet, known, mixture, plain, point, quantity
+from stoop.vehicle_draft.sheet import MEANINGS, Sheet, known, mixture, plain, point, quantity
 from stoop.vehicle_draft.steady import Steady, steady_flight
 
 
@@ -39,20 +41,25 @@ from stoop.vehicle_draft.steady import Steady, steady_flight
 class Priors:
     """Standard deviations of what no log and no drawing tells."""
 
-    lag: Apriori = field(default_factory=lambda: Apriori(0.05, 0.03, "usual of hobby servos"))
-    lag_bounds: tuple[float, float] = (0.01, 0.3)  #: s
     throw: float = 0.35  #: of the gain of a mixer over its value: full throws are 0.2 to 0.6 rad
     middle: float = 0.06  #: rad, of the middle of a surface whose deflection was not recorded
     lever: float = 0.03  #: of the span: distance of the accelerometers from the center of gravity
     frame: float = 0.1  #: of the largest distance between motors, likewise
     vane: float = 0.15  #: of the span, how far a vane may be ahead
-    inertia: tuple[float, float] = (0.3, 3.0)  #: bounds of a moment of inertia over its value
+    unequal: float = 0.25  #: by which left and right of a pair of surfaces differ that are one elevator
+    power: float = 0.3  #: electric, over that of the usual drag: less drives no propeller
     thrust: float = 0.05  #: of the weight; less is the error of accelerometers and attitude
 
 
 PRIORS: Final = Priors()
+LAG: Final = Apriori(ASSUMED.lag, ASSUMED.lag_std, "usual of hobby servos")
+DELAY: Final = Apriori(ASSUMED.delay, ASSUMED.delay_std, "of autopilot and logger together")
 #: what stoop says of a vehicle that nobody has flown yet: CL of its working point
 CRUISE_LIFT: Final = 0.5
+_PAIRS: Final = {
+    "v-tail": "rudder",
+    "flying-wing": "aileron",
+}  #: template -> control that shares the elevator's servos
 _RECONSTRUCTED: Final = "reconstructed"  #: source of alpha and beta without vanes
 
 
@@ -105,14 +112,14 @@ class _Maker:
         self.sheet.remark(
             f"Drafted by stoop vehicle new: template {self.template}, {self.mass:g} kg, {size}; log: {logs}"
             f"{f', parameters of {autopilot}' if autopilot else ''}.",
-            "prior: standard deviation of what is known beforehand; free: improved by the flight. Correct what you know better.",
+            "prior: standard deviation of what is known beforehand; what has one is estimated. Correct what you know better.",
         )
         self.sheet.word("format", "stoop-vehicle/1")
         self.sheet.word("name", self.request.name or f"{self.template.capitalize()}, {self.mass:g} kg")
 
     def mass_table(self, moments: Mapping[str, Apriori]) -> None:
         """Write mass and inertia."""
-        sheet, (low, high) = self.sheet, PRIORS.inertia
+        sheet = self.sheet
         sheet.table("mass")
         sheet.entry("mass", plain(self.mass), "kg, as given: forces are known per mass only, so weigh it")
         sheet.table(
@@ -120,8 +127,7 @@ class _Maker:
             "kg m2; a flight tells moments per inertia: a swing test is worth more than this guess",
         )
         for axis, moment in moments.items():
-            box = (low * moment.value, high * moment.value) if moment.value else None
-            sheet.entry(axis, known(moment, box, True), moment.source)
+            sheet.entry(axis, known(moment), moment.source)
 
     def environment(self) -> None:
         """Write where the density of the air is from."""
@@ -145,14 +151,15 @@ class _Maker:
                     "us, from the parameters" if not controls.guessed else "",
                 )
             if control == first:
-                lag = known(PRIORS.lag, PRIORS.lag_bounds, True)
-                self.sheet.entry("lag", lag, f"s, {PRIORS.lag.source}")
+                self.sheet.entry("lag", known(LAG), f"s, {LAG.source}")
+                self.sheet.entry("delay", known(DELAY), f"s, {DELAY.source}")
             else:
                 self.sheet.word("lag", f"=controls.{first}.lag", "the same kind of servo")
+                self.sheet.word("delay", f"=controls.{first}.delay")
 
     def accelerometer(self, std: float) -> None:
         """Write the position of the accelerometers."""
-        part = quantity(0.0, std, None, True)
+        part = quantity(0.0, std)
         self.sheet.table("sensors")
         place = point([part, "0.0", part])
         said = "m from the center of gravity: taken to be there"
@@ -200,6 +207,7 @@ class _Winged(_Maker):
         self.controls_table(self.controls)
         if self.lift is not None:
             _rotor_tables(self.sheet, self.lift, self.mass, self._hover())
+            _body_drag(self.sheet, self.mass, 0.5 * 1.225 * USUAL.flat * wing.area)
         self._sensors()
         self._aerodynamics()
         return self.sheet.text()
@@ -243,7 +251,7 @@ class _Winged(_Maker):
         sheet.table("propulsion")
         if drive.channel == "thrust":
             sheet.word("kind", "channel", "the log holds the thrust, N")
-            sheet.entry("scale", quantity(1.0, 0.1, None, True), "how well that is known is not")
+            sheet.entry("scale", quantity(1.0, 0.1), "how well that is known is not")
             return
         if self.request.engine == "jet":
             sheet.word("kind", "channel", "thrust in proportion to the command, without regard to airspeed")
@@ -251,7 +259,7 @@ class _Winged(_Maker):
             thrust = USUAL.jet * self.mass * STANDARD_GRAVITY
             sheet.entry(
                 "scale",
-                quantity(thrust, USUAL.spread * thrust, None, True),
+                quantity(thrust, USUAL.spread * thrust),
                 f"N, {USUAL.jet:g} of the weight",
             )
             return
@@ -260,18 +268,21 @@ class _Winged(_Maker):
     def _unlogged_thrust(self, flight: Flight) -> None:
         """Write a constant thrust where no channel drives a motor, but the specific force asks for one."""
         weight = self.mass * STANDARD_GRAVITY
-        throttle = any(flight.names & {"control_throttle", "throttle", "motor_1"})
-        force = self.mass * self.steady.push_over_mass()
-        thrust = force + weight / USUAL.lift_over_drag
-        if throttle or not thrust > PRIORS.thrust * weight:
+        silent = any(flight.names & {"control_throttle", "throttle", "motor_1"})
+        drag = weight / USUAL.lift_over_drag
+        thrust = self.mass * self.steady.push_over_mass() + drag
+        power = self.steady.median("voltage", 0.0) * self.steady.median("current", 0.0)
+        if (silent and power < PRIORS.power * drag * self.airspeed) or not thrust > PRIORS.thrust * weight:
             self.sheet.lines += ["", "# No propulsion: no motor ran in this log."]
             return
-        self.sheet.table("propulsion", "no channel of the log drives a motor, but something holds the speed")
+        self.sheet.table(
+            "propulsion", f"no channel of the log tells the throttle; {power:.0f} W from the battery"
+        )
         self.sheet.word("kind", "constant")
         said = (
             f"N, what steady flight needs at L/D = {USUAL.lift_over_drag:g}; map the throttle if there is one"
         )
-        self.sheet.entry("thrust", quantity(thrust, USUAL.spread * thrust, None, True), said)
+        self.sheet.entry("thrust", quantity(thrust, USUAL.spread * thrust), said)
 
     def _propeller(self, drive: Drive) -> None:
         sheet = self.sheet
@@ -289,9 +300,8 @@ class _Winged(_Maker):
             f"rev/s per unit: {said}; a wrong one goes into CT0, CT1",
         )
         sheet.entry("diameter", plain(diameter), "m, usual for this mass: write your own")
-        for name, bounds in (("CT0", (0.0, 0.4)), ("CT1", (-0.4, 0.1))):
-            value, std = getattr(USUAL, name)
-            sheet.entry(name, quantity(value, std, bounds, True), "usual of small propellers")
+        for name in ("CT0", "CT1"):
+            sheet.entry(name, quantity(*getattr(USUAL, name)), "usual of small propellers")
 
     def _sensors(self) -> None:
         std = PRIORS.lever * self.geometry.wing.span
@@ -302,26 +312,31 @@ class _Winged(_Maker):
             if "alpha" in f.sources and f.sources["alpha"].source != _RECONSTRUCTED
         ]
         if vanes:
-            part = quantity(0.0, PRIORS.vane * self.geometry.wing.span, None, True)
+            part = quantity(0.0, PRIORS.vane * self.geometry.wing.span)
             self.sheet.entry(
                 "vane_position", point([part, "0.0", "0.0"]), "m: a vane ahead feels the pitch rate"
             )
 
     def _aerodynamics(self) -> None:
         sheet, own = self.sheet, self._derivatives()
-        terms = [name for group in EQUATION_1.values() for name in group]
-        source = {one.source for one in own.values()}
         sheet.lines.append("")
         sheet.remark(
-            f"Derivatives: value and standard deviation of what is known beforehand ({', '.join(sorted(source))}).",
-            "Terms are those of eq. (1), per rad, rates with b/2V and c/2V, about V* and alpha*.",
+            "Derivatives by handbook formulas, with the standard deviation of these against flight results, and that of what is",
+            "typical of the geometry rather than given. Terms of eq. (1): per rad, rates with b/2V and c/2V, about V*, alpha*.",
         )
         for coefficient in COEFFICIENTS:
             sheet.table(f"aerodynamics.{coefficient}")
-            for name in terms:
-                if name in EQUATION_1[coefficient] and name in own:
-                    comment = "" if own[name].source == "handbook" else own[name].source
-                    sheet.entry(name, quantity(own[name].value, own[name].std), comment)
+            for name in (n for n in EQUATION_1[coefficient] if n in own):
+                source = own[name].source
+                said = [MEANINGS[name], *([] if source == HANDBOOK else [source])]
+                sheet.entry(name, quantity(own[name].value, own[name].std), "; ".join(said))
+            pair = own.get(f"{coefficient}{_PAIRS.get(self.template, '')}")
+            if coefficient in ("Cl", "Cn") and pair is not None and "elevator" in self.controls.mixers:
+                prior = f"prior = {plain(float(f'{PRIORS.unequal * abs(pair.value):.2g}'))}"
+                text = f'{{ term = "elevator", value = 0.0, {prior} }}'
+                sheet.entry(
+                    f"{coefficient}elevator", text, "of a left and a right surface that move unequally"
+                )
 
     def _derivatives(self) -> dict[str, Apriori]:
         """Return the a priori derivatives; those of controls are less sure where the throw is assumed."""
@@ -361,7 +376,7 @@ class _Winged(_Maker):
             own, effect = found[name], found[slope]
             middle = PRIORS.middle if mixer.gains else 0.0
             std = math.sqrt(own.std**2 + (effect.std * level) ** 2 + (effect.value * middle) ** 2)
-            said = f"balances the {control} of steady flight, {level:.3f} rad" if level else own.source
+            said = f"balances the {control} at {level:.3f} rad" if level else own.source
             out[name] = Apriori(own.value - effect.value * level, std, said)
         return out
 
@@ -400,11 +415,7 @@ class _Rotorcraft(_Maker):
         self.mass_table(inertia.of_multirotor(mass, [rotor.position for rotor in lift.rotors]))
         self.environment()
         _rotor_tables(self.sheet, lift, mass, steady_flight(self.seen.flights, wings=False))
-        self.sheet.table("body_drag")
-        quadratic = USUAL.body * mass
-        part = quantity(quadratic, USUAL.spread * quadratic)
-        down = quantity(1.5 * quadratic, 0.75 * quadratic)
-        self.sheet.entry("quadratic", point([part, part, down]), "N s2/m2, usual for this mass")
+        _body_drag(self.sheet, mass, 1.5 * USUAL.body * mass)
         self.accelerometer(PRIORS.frame * lift.size())
         return self.sheet.text()
 
@@ -430,6 +441,14 @@ class _Rotorcraft(_Maker):
         return [*found, *plausibility.of_excitation(self.seen)]
 
 
+def _body_drag(sheet: Sheet, mass: float, down: float) -> None:
+    """Write the drag of the body; `down` is that along z, N s2/m2."""
+    sheet.table("body_drag")
+    side = USUAL.body * mass
+    parts = [quantity(x, USUAL.spread * x) for x in (side, side, down)]
+    sheet.entry("quadratic", point(parts), "N s2/m2, usual for this size")
+
+
 def _rotor_tables(sheet: Sheet, lift: Lift, mass: float, steady: Steady) -> None:
     """Write the rotors: their common law, then position and spin of each."""
     level, said = hover_level(lift, steady)
@@ -448,10 +467,14 @@ def _rotor_tables(sheet: Sheet, lift: Lift, mass: float, steady: Steady) -> None
             "voltage_average", plain(USUAL.voltage_average), "s: the sag under load is part of the thrust law"
         )
     for name, one in law.items():
-        bounds = (0.2 * one.value, 4.0 * one.value) if name == "lag" else None
         unit = _UNITS[name][lift.speed]
         at = f" (x = {level:.4g}, {said})" if "hover" in one.source else ""
-        sheet.entry(name, known(one, bounds, True), f"{unit}: {one.source}{at}")
+        sheet.entry(name, known(one), f"{unit}: {one.source}{at}")
+    sheet.remark(
+        f"radius = {plain(0.5 * lift.diameter())} # m: write yours to add the induced velocity, for climbs and forward flight"
+    )
+    if not lift.speed:
+        sheet.entry("delay", known(DELAY), f"s, {DELAY.source}")
     for number, rotor in enumerate(lift.rotors, 1):
         comment = f"{lift.source}; m from the center of gravity, spin seen from above" if number == 1 else ""
         sheet.table(f"rotor.m{number}", comment)

@@ -8,8 +8,7 @@ import pytest
 from stoop import check
 from stoop.base.variables import VARIABLES
 from stoop.checks.engine import Line
-from stoop.checks.kinematics import check_motion
-from stoop.checks.units import check_units
+from stoop.checks.mapping import check_mapping
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle import parse_vehicle
@@ -57,11 +56,9 @@ def accused(seed: int) -> list[str]:
     vehicle = parse_vehicle(text, name)
     flight = simulate_flight(vehicle, parse_maneuver("\n".join(lines), "m"), seed=seed, name="sim")
     data = {str(channel): flight.column(str(channel)) for channel in flight.data.data_vars}
-    refused, units, _ = check_units({channel: (flight.time, x) for channel, x in data.items()}, OWN)
-    return [
-        str(one)
-        for one in (*refused, *units, *check_motion(data, flight.rate, OWN)[0], *check(flight, vehicle))
-    ]
+    signals = {channel: (flight.time, x) for channel, x in data.items()}
+    judged = check_mapping(signals, data, flight.rate, OWN)
+    return [str(one) for one in (*judged.refused, *judged.notices, *check(flight, vehicle))]
 
 
 @pytest.mark.parametrize("seed", range(12))

@@ -11,7 +11,7 @@ from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice
 from stoop.base.rotations import wrap
 from stoop.checks.engine import Line, Lines
-from stoop.checks.units import check_units
+from stoop.checks.mapping import check_mapping
 
 DEG = 180.0 / np.pi
 
@@ -31,7 +31,8 @@ def maneuver(size: float = 0.3, noise: float = 0.0) -> dict[str, FloatArray]:
 
 def check(values: dict[str, FloatArray], lines: Lines | None = None) -> list[Notice]:
     time = 0.01 * np.arange(next(iter(values.values())).size)
-    return check_units({name: (time, x) for name, x in values.items()}, lines or {})[0]
+    signals = {name: (time, x) for name, x in values.items()}
+    return list(check_mapping(signals, {}, 100.0, lines or {}).refused)
 
 
 def accused(found: list[Notice]) -> list[tuple[str, ...]]:

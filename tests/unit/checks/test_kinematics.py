@@ -12,7 +12,7 @@ from stoop.base.rotations import quaternions_of, to_body
 from stoop.base.units import FACTORS
 from stoop.base.variables import QUATERNION
 from stoop.checks.engine import Line, search
-from stoop.checks.kinematics import Kinematics, check_motion, mapping_edits
+from stoop.checks.mapping import Model, check_mapping
 from stoop.flight import VARIABLES, load
 
 RATE, GRAVITY = 100.0, 9.80665
@@ -67,7 +67,8 @@ OWN = {name: Line("M.toml", f"variables.{name}", VARIABLES[name].unit) for name 
 
 def told(data: dict[str, FloatArray]) -> list[list[tuple[str, ...]]]:
     """Return the lines of each finding; several where no channel decides."""
-    found, _ = search(data, lambda columns: mapping_edits(columns, OWN), Kinematics(RATE))
+    model = Model({name: (TIME[: x.size], x) for name, x in data.items()}, data, RATE)
+    found, _ = search({}, lambda state: model.edits(state, OWN), model)
     return [list(one.lines) for one in found]
 
 
@@ -101,9 +102,11 @@ def test_a_unit_of_the_velocity(unit: str) -> None:
     data = flown(2)
     names = ("vn", "ve", "vd")
     changed = {**data, **{name: data[name] / FACTORS[unit] for name in names}}
-    found, corrected = check_motion(changed, RATE, OWN)
-    assert [(one.code, one.values["fix"]) for one in found] == [("mapping-unit", f'write unit = "{unit}"')]
-    np.testing.assert_allclose(corrected["vn"], data["vn"], atol=1e-12)
+    judged = check_mapping({name: (TIME, x) for name, x in changed.items()}, changed, RATE, OWN)
+    assert [(one.code, one.values["fix"]) for one in judged.notices] == [
+        ("mapping-unit", f'write unit = "{unit}"')
+    ]
+    np.testing.assert_allclose(judged.corrected(changed)["vn"], data["vn"], atol=1e-12)
 
 
 def test_what_no_third_channel_decides_is_told_of_both() -> None:

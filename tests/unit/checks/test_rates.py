@@ -9,7 +9,8 @@ from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice
 from stoop.base.rotations import quaternions_of
 from stoop.base.variables import QUATERNION
-from stoop.checks.kinematics import check_motion, check_rates
+from stoop.checks.kinematics import check_rates
+from stoop.checks.mapping import check_mapping
 
 RATE = 100.0  #: Hz
 TIME = np.arange(3000) / RATE
@@ -29,8 +30,8 @@ def record(size: float, seed: int, swap: bool = False) -> dict[str, FloatArray]:
 
 
 def found(data: dict[str, FloatArray]) -> list[Notice]:
-    wrong, corrected = check_motion(data, RATE, {})
-    return [*wrong, *check_rates(corrected, RATE, {})]
+    judged = check_mapping({}, data, RATE, {})
+    return [*judged.notices, *check_rates(judged.corrected(data), RATE, {})]
 
 
 @pytest.mark.parametrize("size", [0.0, 0.005, 0.02, 0.05, 0.3])

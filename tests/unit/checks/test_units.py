@@ -9,7 +9,7 @@ import pytest
 
 from stoop.base.notices import Notice
 from stoop.checks.engine import Line, Lines
-from stoop.checks.units import check_units
+from stoop.checks.mapping import check_mapping
 from stoop.errors import FlightError
 from stoop.flight import Flight, load
 
@@ -85,7 +85,7 @@ def test_degrees_name_the_key(tmp_path: Path, name: str, unit: str) -> None:
 
 def noticed(lines: Lines | None = None, **columns: np.ndarray | float) -> list[Notice]:
     signals = {name: (T, np.broadcast_to(np.asarray(x, float), T.shape)) for name, x in columns.items()}
-    return check_units(signals, lines or {})[1]
+    return list(check_mapping(signals, {}, 100.0, lines or {}).notices)
 
 
 def test_units_that_explain_a_size() -> None:

@@ -1,0 +1,202 @@
+"""Single edits of the lines of a mapping: another sign, unit or scale, or two exchanged columns.
+
+The state of the search says which column each variable takes and by what that is multiplied, so that an edit costs nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final, TypeAlias
+
+import numpy as np
+
+from stoop.base.arrays import FloatArray
+from stoop.base.rotations import quaternions_of
+from stoop.base.units import FACTORS, KINDS, PULSE_FACTORS, ZERO_CELSIUS
+from stoop.base.variables import (
+    EULER,
+    MOTORS,
+    OUTPUT_PINS,
+    POSITION,
+    QUATERNION,
+    RATES,
+    ROTORS,
+    SERVOS,
+    SPECIFIC_FORCE,
+    VARIABLES,
+    VELOCITY,
+)
+from stoop.checks.engine import Edit, Lines
+
+Signal: TypeAlias = tuple[FloatArray, FloatArray]  #: time (n,) s and values (n,)
+#: variable -> variable whose column it takes, and by what that is multiplied; as mapped where it is not named
+Assignment: TypeAlias = Mapping[str, tuple[str, float]]
+
+AIRSPEEDS: Final = ("V", "airspeed_pitot", "airspeed_equivalent")
+VANES: Final = ("alpha", "beta")
+SURFACES: Final = ("elevator", "aileron", "rudder")
+SENSORS: Final = (EULER, RATES, SPECIFIC_FORCE, VELOCITY, POSITION, VANES, SURFACES)  #: what shares a unit
+#: whose sign the residuals can show; an aileron's is as the vehicle file says
+SIGNED: Final[tuple[str, ...]] = (
+    *RATES,
+    *EULER,
+    *SPECIFIC_FORCE,
+    *VELOCITY,
+    *POSITION,
+    "altitude",
+    *VANES,
+    "elevator",
+    "rudder",
+)
+EXCHANGED: Final = (
+    ("vn", "ve"), ("pn", "pe"), ("p", "q"), ("q", "r"), ("p", "r"), ("phi", "theta"), ("ax", "ay"), VANES,
+    ("elevator", "aileron"), ("elevator", "rudder"), ("aileron", "rudder"),
+)  # fmt: skip
+#: units that logs use, the most usual first; those in one text are as usual
+USUAL: Final[Mapping[str, tuple[str, ...]]] = {
+    "an angle": ("rad", "deg"),
+    "a rate of turn": ("rad/s", "deg/s"),
+    "an acceleration": ("m/s2", "g", "mg", "cm/s2", "mm/s2"),
+    "a speed": ("m/s", "kt km/h ft/s", "cm/s", "mm/s"),
+    "a length": ("m", "ft", "cm", "mm"),
+    "a voltage": ("V", "mV"),
+    "a pressure": ("Pa", "hPa", "kPa"),
+    "a temperature": ("K", "degC"),
+}
+OF_VARIABLES: Final[Mapping[str, tuple[str, ...]]] = {
+    **{f"rotor_{n}": ("rad/s", "rpm") for n in range(1, ROTORS + 1)},
+    **{f"pwm_{n}": ("us", "s", "ms") for n in range(1, OUTPUT_PINS + 1)},
+    **dict.fromkeys(
+        ("throttle", "control_throttle", *(f"motor_{n}" for n in range(1, MOTORS + 1))), ("1", "percent")
+    ),
+    **{f"servo_{n}": ("1", "percent") for n in range(1, SERVOS + 1)},
+}  #: the same of variables whose kind does not tell
+
+
+@dataclass(frozen=True)
+class Odds:
+    """Logarithms of how likely a wrong line is before any data, against one as likely as any."""
+
+    odd_unit: float = 3.0  #: a line has another unit than its siblings, which are of one sensor
+    several: float = -3.0  #: all angles or rates at once
+    one_axis: float = -10.0  #: one axis of the specific force alone
+    one_of_several: float = -3.0  #: one velocity, position or surface alone
+    less_usual: float = -3.0  #: each next unit in a list by usage
+    scale: float = -5.0  #: any factor: that it is fitted is paid for
+
+
+ODDS: Final = Odds()
+
+
+def reading(state: Assignment, name: str) -> tuple[str, float]:
+    """Return which column a variable takes, and its factor."""
+    return state.get(name, (name, 1.0))
+
+
+def multiplied(names: Sequence[str], factor: float) -> Callable[[Assignment], Assignment]:
+    """Return an edit that multiplies columns."""
+
+    def apply(state: Assignment) -> Assignment:
+        columns = ((name, reading(state, name)) for name in names)
+        return {**state, **{name: (column, factor * known) for name, (column, known) in columns}}
+
+    return apply
+
+
+def exchanged(one: str, other: str) -> Callable[[Assignment], Assignment]:
+    """Return an edit that exchanges two columns."""
+    return lambda state: {**state, one: reading(state, other), other: reading(state, one)}
+
+
+def corrected(state: Assignment, data: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+    """Return columns as a state reads them; the quaternion follows edited angles."""
+    out = dict(data)
+    for name, (column, factor) in state.items():
+        if name in data and column in data:
+            out[name] = factor * data[column]
+    if set(EULER) <= data.keys() and set(EULER) & state.keys():
+        angles = np.column_stack([out[name] for name in EULER])
+        out.update(zip(QUATERNION, quaternions_of(angles).T, strict=True))
+    return out
+
+
+def mapping_edits(
+    signals: Mapping[str, Signal], judged: Iterable[str], lines: Lines, scales: Mapping[str, float]
+) -> Iterator[Edit[Assignment]]:
+    """Yield every single edit of a mapping.
+
+    Parameters
+    ----------
+    signals : variable -> its samples
+    judged : variables whose sign and exchange the residuals can show
+    lines : what the user wrote; other lines, of ready mappings, have a right sign but for the rates
+    scales : variable -> factor that the others show
+    """
+    there, units = signals.keys(), {name: lines[name].unit if name in lines else "" for name in signals}
+    signed = (lines.keys() | {*RATES, "az"}) & set(judged)
+    for name in (name for name in SIGNED if name in signed):
+        yield Edit("sign", (name,), "write scale = -1", multiplied((name,), -1.0))
+    for one, other in EXCHANGED:
+        if {one, other} <= signed | ({"aileron"} & lines.keys() & there):
+            yield Edit("exchange", (one, other), "exchange the columns", exchanged(one, other), complete=True)
+    for name, factor in scales.items():
+        if name in lines:
+            yield Edit(
+                "scale", (name,), f"write scale = {factor:.3g}", multiplied((name,), factor), True, ODDS.scale
+            )
+    grouped = {name for sensor in SENSORS for name in sensor}
+    for sensor in SENSORS:
+        own = tuple(name for name in sensor if name in there)
+        if len(own) > 1 and len({units[name] for name in own}) == 1:
+            yield from _units(
+                own, units[own[0]], 0.0 if sensor in (SPECIFIC_FORCE, VELOCITY, POSITION) else ODDS.several
+            )
+        for name in own:
+            yield from _of_one(name, units, {units[n] for n in own if n != name} - {""}, len(own))
+    for name in there - grouped:
+        yield from _units((name,), units[name], 0.0, signals[name])
+        if name.startswith("motor_"):
+            advice = f"write scale = 0.001 and offset = -1 (of 1000 to 2000 us), or call it pwm_{name[6:]},"
+            yield Edit("pulses", (name,), advice, multiplied((name,), 0.5e-3))
+
+
+def _of_one(
+    name: str, units: Mapping[str, str], siblings: set[str], count: int
+) -> Iterator[Edit[Assignment]]:
+    """Yield other units of one line of a sensor."""
+    odd = len(siblings) == 1 and units[name] not in {"", *siblings}
+    if name in SPECIFIC_FORCE:
+        if odd and count == len(SPECIFIC_FORCE):
+            yield _unit((name,), units[name], next(iter(siblings)), 0.0)
+        if name == "az":
+            yield from _units((name,), units[name], ODDS.one_axis)
+        return
+    alone = count == 1 or name in (*EULER, *RATES, *VANES)
+    yield from _units((name,), units[name], ODDS.odd_unit if odd else 0.0 if alone else ODDS.one_of_several)
+
+
+def _units(
+    names: tuple[str, ...], unit: str, prior: float, signal: Signal | None = None
+) -> Iterator[Edit[Assignment]]:
+    """Yield the edits that give columns another unit, the most usual first."""
+    si = VARIABLES[names[0]].unit
+    usual = OF_VARIABLES.get(names[0], USUAL.get(KINDS.get(si, ""), ()))
+    now = _factor(names[0], unit or si)
+    if "degC" in usual and unit != "degC" and signal is not None:
+        known = signal[1][np.isfinite(signal[1])]
+        warmer = multiplied(names, 1.0 + ZERO_CELSIUS / (float(np.median(known)) if known.size else 1.0))
+        yield Edit("unit", names, 'write unit = "degC"', warmer, True, prior, "degC")
+    others = [[u for u in units.split() if u != "degC" and _factor(names[0], u) != now] for units in usual]
+    for rank, units in enumerate(units for units in others if units):
+        for other in units:
+            yield _unit(names, unit, other, prior + rank * ODDS.less_usual)
+
+
+def _factor(name: str, unit: str) -> float:
+    return (PULSE_FACTORS if name.startswith("pwm_") else FACTORS).get(unit, 1.0)
+
+
+def _unit(names: tuple[str, ...], unit: str, other: str, prior: float) -> Edit[Assignment]:
+    factor = _factor(names[0], other) / _factor(names[0], unit or VARIABLES[names[0]].unit)
+    return Edit("unit", names, f'write unit = "{other}"', multiplied(names, factor), True, prior, other)

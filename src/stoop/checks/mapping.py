@@ -1,0 +1,128 @@
+"""A mapping judged as a whole: one likelihood of all residuals, over one set of edits of its lines."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from stoop.base.arrays import FloatArray
+from stoop.base.notices import Notice, notice
+from stoop.base.variables import VARIABLES
+from stoop.checks.air import Air
+from stoop.checks.controls import Controls
+from stoop.checks.engine import Edit, Finding, Lines, Range, Residuals, search, where
+from stoop.checks.kinematics import Columns, Motion, thinned
+from stoop.checks.lines import Assignment, Signal, corrected, mapping_edits
+from stoop.checks.units import LARGEST, Sizes
+
+#: statistic -> code of the notice
+_CODES: Final = {
+    "size": "angle-size", "median": "unit-size", "weight": "force-size", "z-axis": "force-axis-unit",
+    "noise": "force-axis-unit", "growth": "angle-rate-factor", "up": "force-points-up",
+}  # fmt: skip
+_UNEXPLAINED: Final = {
+    "size": "size-unexplained", "median": "size-unexplained", "weight": "size-unexplained",
+    "growth": "angle-rate-unexplained",
+}  # fmt: skip
+
+
+class Model:
+    """All residuals of a log under a mapping.
+
+    Parameters
+    ----------
+    signals : variable -> its samples as recorded, SI as mapped
+    data : variable -> (n,) on one grid of `rate` [Hz], SI as mapped, NaN on the ground; none where clocks are not trusted
+    """
+
+    def __init__(self, signals: Mapping[str, Signal], data: Columns, rate: float) -> None:
+        self.sizes = Sizes(signals)
+        self.parts: list[Motion | Air | Controls] = []
+        self.judged = {*signals, *data}
+        if data:
+            thin, rate = thinned(data, rate)
+            self.motion = Motion(thin, rate)
+            self.parts = [self.motion, Air(thin, rate), Controls(thin, rate)]
+
+    def __call__(self, state: Assignment, changed: Collection[str] | None) -> Residuals:
+        """Return all residuals in which some of the variables that changed take part."""
+        out = dict(self.sizes(state, changed))
+        for part in self.parts:
+            out.update(part(state, changed))
+        return out
+
+    def scales(self, state: Assignment) -> dict[str, float]:
+        """Return the factors that other channels show."""
+        return {name: x for part in self.parts for name, x in part.scales(state).items()}
+
+    def edits(self, state: Assignment, lines: Lines) -> Iterable[Edit[Assignment]]:
+        """Return the edits that a search tries next."""
+        return mapping_edits(self.sizes.signals, self.judged, lines, self.scales(state))
+
+
+@dataclass(frozen=True)
+class Judgment:
+    """What contradicts a mapping, and which column each variable then takes."""
+
+    refused: tuple[Notice, ...]  #: angles and rates in a wrong unit
+    notices: tuple[Notice, ...]  #: all else
+    state: Assignment
+
+    def corrected(self, data: Columns) -> dict[str, FloatArray]:
+        """Return columns with the wrong lines corrected."""
+        return corrected(self.state, data)
+
+
+def check_mapping(signals: Mapping[str, Signal], data: Columns, rate: float, lines: Lines) -> Judgment:
+    """Return what contradicts a mapping; see `Model`.
+
+    Signs and axes of body rates, sizes and the sign of gravity are examined in any log; all else only where the user wrote
+    the line.
+    """
+    model = Model(signals, data, rate)
+    start: Assignment = {}
+    found, state = search(start, lambda now: model.edits(now, lines), model)
+    notices = [_notice(one, model, lines) for one in found]
+    explained = {name for one in found for names in one.lines for name in names}
+    for key, evidence in model.sizes(state, None).items():
+        wrong = isinstance(evidence, Range) and evidence.violated and not explained & set(key[1:])
+        if wrong and key[0] in _UNEXPLAINED:
+            place = where(key[1:], lines)
+            notices.append(notice(_UNEXPLAINED[key[0]], key[1], **model.sizes.values(key), line=place))
+    notices.sort(key=lambda one: list(VARIABLES).index(one.subject))
+    refused = [n for n in notices if n.subject in LARGEST and n.code not in _OF_LINES]
+    return Judgment(tuple(refused), tuple(n for n in notices if n not in refused), state)
+
+
+_OF_LINES: Final = ("mapping-sign", "mapping-exchange", "mapping-scale", "mapping-ambiguous")
+
+
+def _notice(one: Finding[Assignment], model: Model, lines: Lines) -> Notice:
+    """Return what is said of a wrong line."""
+    key, kind = one.edits[0].channel, one.best.kind
+    of_size = kind in ("unit", "pulses") or key[0] == "up"
+    code = f"mapping-{kind}" if len(one.edits) == 1 else "mapping-ambiguous"
+    shown: dict[str, float | str] = {}
+    if of_size and key[0] in _CODES:
+        code, shown = _CODES[key[0]], model.sizes.values(key)
+    if kind == "pulses":
+        code = "command-in-pulses"
+    return notice(code, one.best.lines[0], **shown, **one.values(lines))
+
+
+def on_grid(signals: Mapping[str, Signal], rate: float) -> tuple[FloatArray, dict[str, FloatArray]]:
+    """Return times (n,) and columns of signals by linear interpolation, NaN where a signal has no data."""
+    start, stop = min(t[0] for t, _ in signals.values()), max(t[-1] for t, _ in signals.values())
+    time = np.arange(start, stop, 1.0 / rate)
+    out = {}
+    for name, (t, x) in signals.items():
+        known = np.isfinite(x)
+        out[name] = (
+            np.interp(time, t[known], x[known], np.nan, np.nan)
+            if known.sum() > 1
+            else np.full(time.size, np.nan)
+        )
+    return time, out
