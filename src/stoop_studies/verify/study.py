@@ -47,6 +47,10 @@ EXPERIMENTS: Final[Mapping[str, tuple[str, str]]] = {
         ("servos", "lags and delays that a vehicle file leaves out (30 flights each)"),
         ("nist", "certified regressions of NIST, from both starts; reads --data DIR"),
         ("export", "exported aircraft flown by JSBSim beside our own simulation"),
+        (
+            "windows",
+            "windows that are proposed: maneuvers found, errors foretold (10 flights each); reads --data DIR",
+        ),
         ("design", "a designed input against a 3-2-1-1, predicted and achieved (100 flights each)"),
         ("structure", "whether the true terms are found among candidates (200 aircraft)"),
         ("recursive", "estimates in flight against those of the whole record (50 flights)"),

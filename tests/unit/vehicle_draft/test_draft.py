@@ -150,6 +150,19 @@ def test_commands_without_parameters(flown: Flight) -> None:
     }
 
 
+def test_slow_outputs_are_not_taken(flown: Flight) -> None:
+    """Servos that were logged at 10 Hz are aliased: the moments at 50 Hz are taken, by whose name the signs are known."""
+    up = -flown.column("elevator") / FULL
+    parameters = {"CA_SV_CS_COUNT": 1, "CA_SV_CS0_TYPE": 3, "CA_SV_CS0_TRQ_P": 1.0}
+    flight = without_surfaces(flown, {"servo_1": up, "control_pitch": up}, parameters)
+    mixes = {}
+    for rate in (50.0, 10.0):
+        slow = replace(flight.sources["servo_1"], rate=rate)
+        found = drafted(replace(flight, sources={**flight.sources, "servo_1": slow}))
+        mixes[rate] = set(found.vehicle.file.controls["elevator"].mix or {})
+    assert mixes == {50.0: {"servo_1"}, 10.0: {"control_pitch"}}
+
+
 def test_guessed_mixers(flown: Flight) -> None:
     """Servos without parameters are mixed by what they turn; the draft says that this is a guess."""
     up, roll, right = (
