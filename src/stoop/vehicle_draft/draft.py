@@ -41,10 +41,11 @@ def draft(request: Request, flights: Sequence[Flight] = (), where: str = "vehicl
     VehicleError
         Something is missing, or contradicts itself.
     """
-    seen = evidence(flights)
+    seen, given = evidence(flights), request.geometry is not None or request.template is not None
     request = completed(request, seen)
     file = Airplane(request, seen) if request.template in WINGED else Multirotor(request, seen)
     text = file.text()
     vehicle = parse_vehicle(text, where)
-    notices = distinct([*plausibility.of_template(str(request.template), seen), *file.notices()])
+    of_template = plausibility.of_template(str(request.template), given, seen)
+    notices = distinct([*of_template, *file.notices()])
     return Drafted(text, vehicle, notices)

@@ -94,12 +94,14 @@ def of_rotors(mass: float, lift: Lift) -> list[Notice]:
     return [notice("draft-disc-loading", "mass.mass", mass=mass, size=lift.size(), loading=loading, **masses)]
 
 
-def of_template(template: str, known: Evidence) -> list[Notice]:
-    """Return what surfaces and motors of the log say against a template."""
-    flight, setup, out = known.flight, known.setup, []
+def of_template(template: str, given: bool, known: Evidence) -> list[Notice]:
+    """Return what surfaces and motors of the log say against a template, or that nothing tells which it is."""
+    flight, setup, out = known.flight, known.setup, list[Notice]()
     if flight is None:
         return []
     fitting = setup.tail()
+    if not given and template in WINGED and not fitting:
+        out.append(notice("draft-template-assumed", template, flight=flight.name))
     names = tuple(dict.fromkeys(surface.name for surface in setup.surfaces))
     tails = {
         "conventional": ("conventional", "glider", "quadplane"),

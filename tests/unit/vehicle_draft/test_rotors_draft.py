@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from stoop.base.units import STANDARD_GRAVITY
 from stoop.errors import VehicleError
@@ -128,6 +131,23 @@ def test_a_mass_that_the_frame_cannot_have() -> None:
     codes = {mass: {n.code for n in draft(Request("quad", mass, 0.5)).notices} for mass in (0.3, 1.5, 12.0)}
     assert "draft-disc-loading" not in codes[1.5]
     assert "draft-disc-loading" in codes[0.3] & codes[12.0]
+
+
+PARAMETERS = [
+    *px4_parameters(builtin_vehicle("quad-x")), "CA_SV_CS_COUNT", "CA_SV_CS0_TYPE", "CA_SV_CS0_TRQ_P", "SERVO1_FUNCTION",
+    "SERVO2_FUNCTION", "SERVO1_MIN", "SERVO1_MAX", "FRAME_CLASS", "FRAME_TYPE", "PWM_MAIN_FUNC1", "PWM_MAIN_REV",
+]  # fmt: skip
+
+
+@settings(max_examples=20, deadline=None)
+@given(parameters=st.dictionaries(st.sampled_from(PARAMETERS), st.floats(width=32) | st.integers(-5, 300)))
+def test_hostile_parameters(parameters: dict[str, float]) -> None:
+    """Whatever the parameters hold, the draft is a file that loads, or one line that says what is wrong."""
+    flight = replace(hovering(4, 20.0), parameters=parameters)
+    for template in ("quad", "conventional"):
+        with suppress(VehicleError):
+            found = draft(Request(template, 1.5, 0.5, 0.1 if template == "conventional" else None), [flight])
+            assert all(np.isfinite(p.value) for p in found.vehicle.parameters)
 
 
 def test_quadplane() -> None:
