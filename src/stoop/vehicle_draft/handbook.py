@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -19,7 +19,7 @@ from stoop.vehicle.defaults import EQUATION_1
 from stoop.vehicle_draft.apriori import Apriori
 from stoop.vehicle_draft.geometry import Fin, Geometry, Surface, Tail
 from stoop.vehicle_draft.proportions import flaps, mean_chord, quarter_chord
-from stoop.vehicle_draft.spread import METHOD, with_spread
+from stoop.vehicle_draft.spread import METHOD, typical_std
 from stoop.vehicle_draft.strips import (
     MOTIONS,
     Response,
@@ -40,12 +40,38 @@ FLAP_EFFICIENCY: Final = (
     0.8  #: of thin-airfoil theory at moderate deflections (Roskam VI, fig. 8.14; Nelson, fig. 2.21)
 )
 TAIL_PRESSURE: Final = (
-    0.95  #: dynamic pressure at a tail over that of the free stream (Raymer, section 16.3: 0.85 to 0.95)
+    0.9  #: dynamic pressure at a tail over the free stream's (Raymer, section 16.3: 0.85 to 0.95)
 )
 END_PLATE: Final = (
     1.55  #: effective over geometric aspect ratio of a fin with body and tail (Raymer, section 16.4)
 )
+ROLL_SIDEWASH: Final = (
+    0.5  #: share of the wash of a roll that arrives at a fin: DATCOM 7.1.2 has all in CQp, none in Cnp
+)
 SOURCE: Final = "handbook"
+
+
+@dataclass(frozen=True)
+class WorkingPoint:
+    """Where derivatives hold: airspeed in m/s, angle of attack of the body's x axis in rad, lift coefficient."""
+
+    airspeed: float
+    alpha: float
+    lift: float
+    alpha_given: bool = True
+
+    @classmethod
+    def of(
+        cls, geometry: Geometry, airspeed: float, alpha: float | None, density: float, lift: float | None
+    ) -> WorkingPoint:
+        """Return the working point of level flight, where lift or angle of attack are not given."""
+        if lift is None:
+            lift = 2.0 * geometry.mass * GRAVITY / (density * airspeed**2 * geometry.wing.area)
+        return cls(airspeed, attitude(geometry, lift) if alpha is None else alpha, lift, alpha is not None)
+
+    def for_geometry(self, geometry: Geometry) -> WorkingPoint:
+        """Return the point of another geometry; an angle of attack that was not given is that of its wing."""
+        return self if self.alpha_given else replace(self, alpha=attitude(geometry, self.lift))
 
 
 def derivatives(
@@ -69,13 +95,17 @@ def derivatives(
     lift : float, optional
         Lift coefficient of the working point; by default that of level flight.
     """
-    if lift is None:
-        lift = 2.0 * geometry.mass * GRAVITY / (density * airspeed**2 * geometry.wing.area)
-    values, std = with_spread(
-        geometry, lambda g: _values(g, airspeed, alpha if alpha is not None else attitude(g, lift), lift)
-    )
+    point = WorkingPoint.of(geometry, airspeed, alpha, density, lift)
+    return a_priori(geometry, point, nominal(geometry, point), SOURCE)
+
+
+def a_priori(
+    geometry: Geometry, point: WorkingPoint, values: Mapping[str, float], source: str
+) -> dict[str, Apriori]:
+    """Return derivatives with their standard deviations: of the method, and of what is typical of the geometry."""
+    typical = typical_std(geometry, lambda g: nominal(g, point.for_geometry(g)))
     return {
-        name: Apriori(value, math.hypot(METHOD[name].std(value, lift), std[name]), SOURCE)
+        name: Apriori(value, math.hypot(METHOD[name].std(value), typical[name]), source)
         for name, value in values.items()
     }
 
@@ -127,19 +157,21 @@ def _surfaces(geometry: Geometry, alpha: float, lift: float, friction: float) ->
     found["wing"] = replace(found["wing"], load=load, profile_drag=friction)
     if (tail := geometry.tail) is not None:
         slope = downwash_slope(wing, tail)
-        wash = {"alpha": 1.0 - slope, "q": 1.0 + slope}  # with pitch rate, alpha has changed since the wing
+        wash = {"alpha": 1.0 - slope, "q": 1.0 + slope}  # see `lag`
         own = strips(tail, tail.dihedral, center, (wing_slope(tail), wing_slope(tail, 0.5)), -alpha)
         found["tail"] = replace(own, wash=wash, pressure=TAIL_PRESSURE)
     if (fin := geometry.fin) is not None:
         pair = fin.position[1] != 0.0
         slope = wing_slope(fin, END_PLATE)
-        wash = {"beta": 1.0 if geometry.tail is None else sidewash(geometry, fin)}
+        wash = {} if geometry.tail is None else {"beta": sidewash(geometry, fin), "p": ROLL_SIDEWASH}
         own = strips(fin, 0.5 * math.pi, center, (slope, slope), -alpha, paired=pair)
         found["fin"] = replace(own, wash=wash, profile_drag=friction)
     return found
 
 
-def _values(geometry: Geometry, airspeed: float, alpha: float, lift: float) -> dict[str, float]:
+def nominal(geometry: Geometry, point: WorkingPoint) -> dict[str, float]:
+    """Return the terms of eq. (1) that the geometry has, without standard deviations."""
+    airspeed, alpha, lift = point.airspeed, point.alpha, point.lift
     wing = geometry.wing
     area, span, chord = wing.area, wing.span, wing.chord
     friction = 2.0 * skin_friction(airspeed * chord / VISCOSITY)
@@ -160,12 +192,27 @@ def _values(geometry: Geometry, airspeed: float, alpha: float, lift: float) -> d
                 part = Response(-part.force, -part.moment, -part.roll)
             roll = part.roll if table == "wing" else 0.0
             _write(values, control, _coefficients(geometry, part, roll, alpha, lift))
-    for name, change in _fuselage(geometry).items():
+    for name, change in fuselage(geometry).items():
         values[name] += change
     values |= _drag(geometry, airspeed, lift, values["CLalpha"])
     values |= dict.fromkeys(("CLV", "CDV", "CmV", "CQV", "CQ0", "Cl0", "Cn0", "Cm0"), 0.0)
     values["CL0"] = lift
     return {name: values[name] for group in EQUATION_1.values() for name in group if name in values}
+
+
+def lag(geometry: Geometry) -> dict[str, float]:
+    """Return the part of CLq and Cmq that is due to the lag of downwash.
+
+    Eq. (1) has no term of the rate of alpha, which in a maneuver is nearly the pitch rate; its derivatives are therefore part
+    of those of the pitch rate (Klein and Morelli, Aircraft System Identification, section 3.4).
+    """
+    wing, tail = geometry.wing, geometry.tail
+    if tail is None:
+        return {}
+    arm = (geometry.center_of_gravity[0] - quarter_chord(tail)) / wing.chord
+    load = wing_slope(tail) * math.cos(tail.dihedral) ** 2 * TAIL_PRESSURE * tail.area / wing.area
+    lift = 2.0 * load * arm * downwash_slope(wing, tail)
+    return {"CLq": lift, "Cmq": -lift * arm}
 
 
 CONTROLS: Final[Mapping[str, tuple[str, ...]]] = {
@@ -205,11 +252,11 @@ def _coefficients(
     }
 
 
-def _fuselage(geometry: Geometry) -> dict[str, float]:
+def fuselage(geometry: Geometry) -> dict[str, float]:
     """Return what the body adds, and the wing by its height on it.
 
     Cmalpha: Gilruth and White, NACA TR 711 (Raymer eq. 16.25). CQbeta: Roskam VI, eq. 10.8 and fig. 10.8. Cnbeta: Raymer
-    eq. 16.50 with a fullness of 0.65. Clbeta of the wing's height: Raymer eq. 16.45.
+    eq. 16.50 with the volume of an elliptic section and a fullness of 0.6. Clbeta of the wing's height: Raymer eq. 16.45.
     """
     wing, body = geometry.wing, geometry.fuselage
     quarter = wing.position[0] - 0.25 * wing.root_chord
@@ -218,7 +265,7 @@ def _fuselage(geometry: Geometry) -> dict[str, float]:
     height = (wing.position[2] - body.position[2]) / (0.5 * body.height)  # below the axis positive
     interference = 1.0 + float(np.clip(0.49 * height, 0.0, 0.49) + np.clip(-0.85 * height, 0.0, 0.85))
     section = 0.25 * math.pi * body.width * body.height
-    volume = 0.65 * body.width * body.height * body.length
+    volume = 0.47 * body.width * body.height * body.length
     depth = float(np.clip(height, -1.0, 1.0)) * 0.5 * body.height
     return {
         "Cmalpha": factor * body.width**2 * body.length / (wing.area * wing.chord),

@@ -34,12 +34,12 @@ class Proportions:
     thickness: Usual = (0.12, 0.02)
     balance: Usual = (0.29, 0.05)
     arm: Usual = (1.12, 0.15)
-    tail_volume: Usual = (0.55, 0.14)
-    fin_volume: Usual = (0.04, 0.012)
+    tail_volume: Usual = (0.7, 0.25)
+    fin_volume: Usual = (0.05, 0.02)
     tail_dihedral: Usual = (0.0, 0.02)
     tail_height: Usual = (0.0, 0.5)
     body_length: Usual = (1.85, 0.3)
-    body_width: Usual = (0.25, 0.07)
+    body_width: Usual = (0.27, 0.09)
     body_ahead: Usual = (0.33, 0.07)
     aileron: tuple[Usual, Usual, Usual] = ((0.24, 0.05), (0.55, 0.1), (0.95, 0.04))
     elevator: tuple[Usual, Usual, Usual] = ((0.4, 0.08), (0.05, 0.05), (0.98, 0.02))
@@ -69,7 +69,7 @@ PROPORTIONS: Final[dict[str, Proportions]] = {
         body_length=(0.9, 0.25),
         body_width=(0.25, 0.1),
         body_ahead=(0.45, 0.1),
-        aileron=((0.22, 0.05), (0.4, 0.12), (0.93, 0.05)),
+        aileron=((0.17, 0.05), (0.45, 0.12), (0.92, 0.05)),
         has_tail=False,
     ),
 }

@@ -2,9 +2,10 @@
 
 The circulation of a strip is that of thin-airfoil theory with the normal wash at its three-quarter chord and the lift slope
 of the whole surface: for symmetric loads that of its aspect ratio, for antisymmetric ones that of half of it, as the lifting
-line of an elliptic wing has it (Glauert, The Elements of Aerofoil and Airscrew Theory, chapter 11). The chord along the span
-is the mean of the surface's own and the ellipse's (Schrenk, NACA TM 948). The force is rho Gamma x v (Kutta and Joukowski),
-so that tilted lift (Cnp, Clr), dihedral, sweep and V-tails need no formulas of their own.
+line of an elliptic wing has it (Glauert, The Elements of Aerofoil and Airscrew Theory, chapter 11). The chord that carries
+load along the span is the mean of the surface's own and the ellipse's for symmetric loads (Schrenk, NACA TM 948), the
+ellipse's for antisymmetric ones. The force is rho Gamma x v (Kutta and Joukowski), so that tilted lift (Cnp, Clr), dihedral,
+sweep and V-tails need no formulas of their own.
 """
 
 from __future__ import annotations
@@ -60,8 +61,8 @@ class Strips:
     quarter, three_quarter : points of the chord
     along : span of each strip as a vector, from left to right or from root to tip
     normal : unit vector downward (to the right, of a fin)
-    chord : (n,), as loaded
-    own_chord : (n,), of the planform
+    chord : (n,), of the planform
+    loaded : chord (n,) as symmetric and as antisymmetric loads have it
     side : (n,), 1 of right halves, -1 of left ones
     station : (n,), 0 at the root, 1 at the tip
     slopes : lift slope of symmetric and of antisymmetric loads, per rad
@@ -75,7 +76,7 @@ class Strips:
     along: FloatArray
     normal: FloatArray
     chord: FloatArray
-    own_chord: FloatArray
+    loaded: tuple[FloatArray, FloatArray]
     side: FloatArray
     station: FloatArray
     slopes: tuple[float, float]
@@ -84,14 +85,15 @@ class Strips:
     pressure: float = 1.0
     profile_drag: float = 0.0
 
-    def scaled(self, wash: FloatArray) -> FloatArray:
-        """Return lift coefficients of the strips for normal washes (n,), by parity."""
+    def circulation(self, wash: FloatArray) -> FloatArray:
+        """Return lift coefficient times chord of the strips for normal washes over airspeed (n,), by parity, m."""
+        chord, odd_chord = self.loaded
         if self.side.min() == self.side.max():
-            return self.slopes[0] * wash
+            return np.asarray(self.slopes[0] * chord * wash)
         half = len(wash) // 2
         mirrored = np.concatenate([wash[half:], wash[:half]])
         even, odd = 0.5 * (wash + mirrored), 0.5 * (wash - mirrored)
-        return np.asarray(self.slopes[0] * even + self.slopes[1] * odd)
+        return np.asarray(self.slopes[0] * chord * even + self.slopes[1] * odd_chord * odd)
 
 
 def strips(
@@ -145,13 +147,14 @@ def strips(
         halves.append((quarter, quarter - back, side * outward * width[:, None], normal * n, side * n[:, 0]))
     quarters, points, spans, normals, sides = (np.concatenate(c) for c in zip(*halves, strict=True))
     repeat = len(halves)
+    even = np.tile(0.5 * (own + ellipse), repeat)
     return Strips(
         quarters,
         points,
         spans,
         normals,
-        np.tile(0.5 * (own + ellipse), repeat),
         np.tile(own, repeat),
+        (even, even if dihedral == 0.5 * math.pi else np.tile(ellipse, repeat)),
         sides,
         np.tile(station, repeat),
         slopes,
@@ -191,23 +194,29 @@ def to_motion(own: Strips, motion: str, alpha: float, scale: float, area: float)
     at_quarter, at_wash = (
         share * _velocity(points, motion, alpha, scale) for points in (own.quarter, own.three_quarter)
     )
-    change = own.scaled(np.einsum("ij,ij->i", at_wash, own.normal))
-    base = own.slopes[0] * own.load
-    lift = change[:, None] * np.cross(own.along, steady) + base * np.cross(own.along, at_quarter)
-    width = np.linalg.norm(own.along[:, 1:], axis=1)
-    speed = at_quarter @ steady
-    drag = own.profile_drag * width[:, None] * (at_quarter + steady * speed[:, None])
-    force = own.pressure / area * own.chord[:, None] * (lift - drag)
+    change = own.circulation(np.einsum("ij,ij->i", at_wash, own.normal))
+    steady_circulation = own.slopes[0] * own.load * own.loaded[0]
+    lift = _lift(own, change, steady) + _lift(own, steady_circulation, at_quarter)
+    width = own.chord * np.linalg.norm(own.along[:, 1:], axis=1)
+    drag = own.profile_drag * width[:, None] * (at_quarter + steady * (at_quarter @ steady)[:, None])
+    force = own.pressure / area * (lift - drag)
     moment = np.cross(own.quarter, force).sum(axis=0)
     if (
         motion == "q"
     ):  # apparent camber (Katz and Plotkin, section 5.5: -pi/8 of q c / V), reduced as the lift slope is
-        section = -0.125 * own.slopes[0] / 2.0 * own.own_chord**2 / scale
-        along_y = own.along[:, 1]
-        moment[1] += own.pressure / area * float(np.sum(section * own.own_chord * along_y))
-    circulation = own.pressure / area * own.chord * change
-    roll = float(np.sum(circulation * own.quarter[:, 1] * own.along[:, 1]) * -1.0)
-    return Response(force.sum(axis=0), moment, roll)
+        camber = -0.0625 * own.slopes[0] * own.chord**3 / scale
+        moment[1] += own.pressure / area * float(np.sum(camber * own.along[:, 1]))
+    return Response(force.sum(axis=0), moment, _roll(own, change, area))
+
+
+def _lift(own: Strips, circulation: FloatArray, velocity: FloatArray) -> FloatArray:
+    """Return the force of the strips over dynamic pressure, (n, 3), m2."""
+    return np.asarray(circulation[:, None] * np.cross(own.along, velocity))
+
+
+def _roll(own: Strips, circulation: FloatArray, area: float) -> float:
+    """Return the rolling moment of a circulation over q S, m."""
+    return -own.pressure / area * float(np.sum(circulation * own.quarter[:, 1] * own.along[:, 1]))
 
 
 def to_flap(
@@ -218,14 +227,13 @@ def to_flap(
     incidence, section = (efficiency * effect for effect in flap_effectiveness(flap.chord))
     inside = _covered(own, flap)
     sign = inside * (1.0 if symmetric else -own.side)
-    change = own.scaled(incidence * sign)
-    force = own.pressure / area * (own.chord * change)[:, None] * np.cross(own.along, steady)
-    moment = np.cross(own.quarter, force).sum(axis=0)
-    twist = own.pressure / area * section * sign * own.own_chord**2
-    moment += (twist[:, None] * own.along * [0.0, 1.0, 1.0]).sum(axis=0)
-    circulation = own.pressure / area * own.chord * change
-    roll = float(np.sum(circulation * own.quarter[:, 1] * own.along[:, 1]) * -1.0)
-    return Response(force.sum(axis=0), moment, roll)
+    change = own.circulation(incidence * sign)
+    force = own.pressure / area * _lift(own, change, steady)
+    twist = own.pressure / area * section * sign * own.chord**2
+    moment = np.cross(own.quarter, force).sum(axis=0) + (twist[:, None] * own.along * [0.0, 1.0, 1.0]).sum(
+        axis=0
+    )
+    return Response(force.sum(axis=0), moment, _roll(own, change, area))
 
 
 def _covered(own: Strips, flap: Flap) -> FloatArray:
