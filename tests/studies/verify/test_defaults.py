@@ -44,6 +44,13 @@ def test_vehicles_can_exist_and_are_as_drawn() -> None:
     assert made_up(3).vehicle.text == made_up(3).vehicle.text
 
 
+def test_seeds_fly_every_flight_once() -> None:
+    numbers = [flight_of(seed) for seed in range(FLIGHTS)]
+    assert sorted(numbers) == list(range(FLIGHTS))
+    assert sorted(n // 2 for n in numbers[: len(KINDS)]) == list(range(len(KINDS)))
+    assert {n % 2 for n in numbers[:2]} == {0, 1}
+
+
 def test_a_glider_is_steady_without_thrust() -> None:
     vehicle = made_up(4).vehicle
     point = pilots.steady(vehicle)
