@@ -15,6 +15,7 @@ from stoop_studies.verify import instruments, pilots, truths
 from stoop_studies.verify.defaults import (
     FLIGHTS,
     drafted_file,
+    flight_of,
     fly,
     known_file,
     quick_file,
