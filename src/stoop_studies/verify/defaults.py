@@ -413,7 +413,7 @@ def summary(case: str, records: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
         z, bound = scores(done, key)
         out |= {
             f"{head}numbers": len(z) + bound, f"{head}at_bound": bound,
-            f"{head}coverage": float(np.sum(np.abs(z) <= NORMAL_95) / max(len(z) + bound, 1)),
+            f"{head}coverage": float(np.sum(np.abs(z) <= NORMAL_95) / (len(z) + bound)) if len(z) + bound else None,
             f"{head}rms": float(np.sqrt(np.mean(z**2))) if len(z) else None,
             f"{head}far": int(np.sum(np.abs(z) > LIMITS.far)), f"{head}worst": float(np.max(np.abs(z), initial=0.0)),
         }  # fmt: skip
@@ -486,7 +486,7 @@ def _claims(table: Sequence[Mapping[str, Any]]) -> Iterator[Claim]:
         )
         yield holds(
             f"{title}: 95 % intervals hold {100 * low:.0f} to {100 * high:.0f} % of the truths",
-            low <= row["coverage"] <= high, f"{100 * row['coverage']:.1f} % of {row['numbers']}, {row['at_bound']} at a bound",
+            low <= (row["coverage"] or 0.0) <= high, f"{100 * (row['coverage'] or 0.0):.1f} % of {row['numbers']}, {row['at_bound']} at a bound",
         )  # fmt: skip
         yield holds(
             f"{title}: root-mean-square error at most {LIMITS.rms:g} standard errors, none above {LIMITS.far:g}",
