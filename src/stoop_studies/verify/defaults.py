@@ -288,7 +288,7 @@ def _compared(flown: Flown, job: Job) -> dict[str, Any]:
     ratios = truths.relative_to_inertia([*values], values, covariance.matrix, covariance.names, file)
     own = truths.aerodynamic(truth, file, moved, flown.airspeed, False) if flown.vehicle.winged else {}
     per_inertia = {
-        n: (value, sigma, own[n] / truth.value(truths.inertia_of(n)), numbers[n][3], numbers[n][4])
+        n: (value, sigma, own[n] / truth.value(truths.inertia_of(n)), numbers[n][3], 1.0)
         for n, (value, sigma) in ratios.items()
         if n in own and n in numbers
     }
@@ -486,7 +486,8 @@ def _claims(table: Sequence[Mapping[str, Any]]) -> Iterator[Claim]:
         )
         yield holds(
             f"{title}: 95 % intervals hold {100 * low:.0f} to {100 * high:.0f} % of the truths",
-            low <= (row["coverage"] or 0.0) <= high, f"{100 * (row['coverage'] or 0.0):.1f} % of {row['numbers']}, {row['at_bound']} at a bound",
+            low <= (row["coverage"] or 0.0) <= high,
+            f"{100 * (row['coverage'] or 0.0):.1f} % of {row['numbers']}, {row['at_bound']} at a bound",
         )  # fmt: skip
         yield holds(
             f"{title}: root-mean-square error at most {LIMITS.rms:g} standard errors, none above {LIMITS.far:g}",
