@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from docs.pages import DOCS, PAGES, ROOT, blocks, commands, links, table, tables
-from stoop.cli.main import all_verbs, main, parser_for
+from stoop.cli.main import all_verbs, main, one_verb, parser_for
 from stoop.results.result import read_result
 from stoop.vehicle.builtin import resolve_vehicle
 
@@ -28,7 +28,7 @@ OTHER = re.compile(
 
 def words(command: str) -> list[str]:
     """Return the words after ``stoop``, without a redirection."""
-    return shlex.split(command.partition(">")[0].replace(".venv/bin/", ""))[1:]
+    return one_verb(shlex.split(command.partition(">")[0].replace(".venv/bin/", ""))[1:])
 
 
 def options(verb: str) -> dict[str, argparse.Action]:
@@ -117,6 +117,30 @@ def test_quick_start_runs(workplace: Path) -> None:
     truth = {p.name: p.value for p in resolve_vehicle("twin-boom").parameters}
     assert len(result.parameters) == 32
     assert all(abs(p.estimate - truth[n]) < 4.0 * p.std_error for n, p in result.parameters.items())
+
+
+def test_first_mile_runs(workplace: Path) -> None:
+    """From a log, mass, span and chord to a model, by the printed commands: slopes agree with those that flew."""
+    first = [c for c in commands(DOCS / "quickstart.md") if "flight.ulg" in c or "my.toml" in c]
+    assert [words(c)[0] for c in first] == [
+        "simulate",
+        "info",
+        "vehicle new",
+        "trim",
+        "maneuvers",
+        "identify",
+    ]
+    for command in first:
+        run(command)
+    result = read_result(workplace / "result" / "result.json")
+    truth = {p.name: p.value for p in resolve_vehicle(ROOT / "examples" / "vtail.toml").parameters}
+    # constants and thrust stand for another working point and another propeller
+    other = ("CL0", "Cm0", "CD0", "propulsion.CT0", "propulsion.CT1")
+    known = {n: p for n, p in result.parameters.items() if n in truth and n not in other and p.std_error}
+    z = {n: (p.estimate - truth[n]) / p.std_error for n, p in known.items()}
+    assert len(z) > 25
+    assert max(map(abs, z.values())) < 4.0, z
+    assert sum(abs(x) < 1.96 for x in z.values()) > 0.85 * len(z), z
 
 
 def test_maneuver_page_runs(workplace: Path) -> None:

@@ -119,7 +119,7 @@ class Aircraft:
         """Return the six coefficients, eq. (1)."""
         n, k = self.n, self.n.coefficient
         V_ref, b, c = n("reference.airspeed"), n("reference.span"), n("reference.chord")
-        U = V if self.raw["reference"].get("rate_normalization") == "actual" else V_ref
+        U = V_ref if self.raw["reference"].get("rate_normalization") == "reference" else V
         a, dV = alpha - n("reference.alpha"), (V - V_ref) / V_ref
         p, q, r = omega[0] * b / (2 * U), omega[1] * c / (2 * U), omega[2] * b / (2 * U)
         de, da, dr = (d.get(x, 0.0) for x in ("elevator", "aileron", "rudder"))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
@@ -20,7 +20,12 @@ _REMEDIES = {
 }
 
 
-def first_complaint(error: ValidationError, raw: Mapping[str, Any], model: type[BaseModel]) -> str:
+def first_complaint(
+    error: ValidationError,
+    raw: Mapping[str, Any],
+    model: type[BaseModel],
+    usual: Callable[[str], str] | None = None,
+) -> str:
     """Return the first of an error's complaints as ``key: what is wrong; what to write``; of an unknown key, if there is one.
 
     Parameters
@@ -30,10 +35,14 @@ def first_complaint(error: ValidationError, raw: Mapping[str, Any], model: type[
         What was validated: tells keys of the file from pydantic's own notes on where it was.
     model : type of BaseModel
         Knows which keys could have been meant.
+    usual : callable, optional
+        Returns the usual size of a key that is missing, in words; empty where it knows none.
     """
     # a misspelled key is missing under its name
     first = min(error.errors(include_url=False), key=lambda one: one["type"] != "extra_forbidden")
     key, message = _key(first, raw), _message(first, model)
+    if first["type"] == "missing" and usual is not None and (size := usual(key)):
+        message = f"{message} ({size})"
     more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
     return f"{key}: {message}{more}" if key else f"{message}{more}"
 

@@ -23,6 +23,8 @@ from stoop.simulation.rotors import channel_range
 from stoop.vehicle import Vehicle
 from stoop.vehicle.vehicle import AIR_FRAME, GROUND_FRAME
 
+#: value at full power of channels, by name or kind; N and rad/s: enough to be no noise
+POWER: Final = {"motor": 1.0, "rotor": 300.0, "control_throttle": 1.0, "throttle": 1.0, "thrust": 10.0}
 AXES: Final = dict(zip(RATES, (("roll", "xx"), ("pitch", "yy"), ("yaw", "zz")), strict=True))
 
 
@@ -42,6 +44,7 @@ class Limits:
     contrast: int = 5  #: times as many samples at a plateau as at the value next to it
     lift_change: float = 0.01  #: of the mean x: the rms of a change that is an input
     burst: float = 2.0  #: s: about as long as a pulse or a doublet lasts
+    running: float = 0.1  #: of full command or speed, above which a motor gives thrust
     motion: float = 3.0  #: times the noise of the file: a rate that moves
 
 
@@ -83,6 +86,23 @@ def foreign_motors(vehicle: Vehicle, flight: Flight, windows: Sequence[Window]) 
             channels.append(channel)
     found = notice("foreign-motors", flight.name, channels=tuple(channels), vehicle=vehicle.where)
     return [found] if channels else []
+
+
+def thrust_missing(vehicle: Vehicle, flight: Flight, windows: Sequence[Window]) -> list[Notice]:
+    """Return which motors run though the file of an aircraft has no propulsion: drag takes up their thrust."""
+    if vehicle.file.propulsion is not None:
+        return []
+    inside, running = within(flight, windows), []
+    for channel in (str(name) for name in flight.data.data_vars):
+        full = POWER.get(channel.rpartition("_")[0] if channel[-1].isdigit() else channel)
+        if full is not None and channel not in vehicle.recorded:
+            x = flight.column(channel)[inside]
+            known = x[np.isfinite(x)]
+            running += [channel] if known.size and np.max(known) > LIMITS.running * full else []
+    found = notice(
+        "thrust-missing", flight.name, channels=tuple(running), count=len(running), vehicle=vehicle.where
+    )
+    return [found] if running else []
 
 
 def _tables(vehicle: Vehicle, channels: Sequence[str]) -> str:
@@ -175,7 +195,7 @@ class KindChecks:
 
 
 KINDS: Final = {
-    AIR_FRAME: KindChecks(_other_aircraft, _lift_of_aircraft),
+    AIR_FRAME: KindChecks(_other_aircraft, _lift_of_aircraft, motors=(thrust_missing,)),
     GROUND_FRAME: KindChecks(
         _other_rotors,
         _lift_differs,

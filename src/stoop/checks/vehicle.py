@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -19,35 +18,13 @@ from stoop.flight.airborne import carried_by_rotors, in_flight
 from stoop.problem import Piece
 from stoop.problem.windows import Window, whole
 from stoop.vehicle import Vehicle
+from stoop.vehicle.checks import principal_moments
+from stoop.vehicle.usual import ROTORS_ONLY, WINGED
 
 DRIVES: Final = (
     "elevator", "aileron", "rudder", "flap", "control_", "motor_", "servo_", "pwm_", "rotor_", "thr",
 )  #: beginnings of channels that drive a vehicle  # fmt: skip
-
-
-@dataclass(frozen=True)
-class Gyration:
-    """Radii of gyration about one axis, over the length of the vehicle."""
-
-    least: float  #: outside of `least` and `most` hardly any aircraft lies
-    most: float
-    low: float  #: `low` and `high` are of usual aircraft
-    high: float
-
-
-#: over the span; at most a uniform rod, a flying wing or a long fuselage, at least all mass near the middle. Usual: half of
-#: the nondimensional radii of Raymer, "Aircraft Design: A Conceptual Approach", table of radii of gyration
-WINGED: Final = {
-    "xx": Gyration(0.05, 1.0 / math.sqrt(12.0), 0.11, 0.17),
-    "yy": Gyration(0.03, 0.5, 0.1, 0.25),
-    "zz": Gyration(0.08, 0.55, 0.17, 0.27),
-}
-#: over the largest distance between rotors; at most all mass is in the motors
-ROTORS_ONLY: Final = {
-    "xx": Gyration(0.07, 0.4, 0.18, 0.3),
-    "yy": Gyration(0.07, 0.4, 0.18, 0.3),
-    "zz": Gyration(0.1, 0.55, 0.25, 0.42),
-}
+ROUNDING: Final = 1e-9
 
 
 def check(flight: Flight, vehicle: Vehicle | None = None) -> tuple[Notice, ...]:
@@ -147,7 +124,7 @@ def require_data(vehicle: Vehicle, windows: Sequence[Window], pieces: Sequence[P
 
 
 def inertia_notices(vehicle: Vehicle, estimates: Mapping[str, float] | None = None) -> list[Notice]:
-    """Challenge moments of inertia by their radii of gyration over the span, or over the distance between rotors.
+    """Challenge moments of inertia: the file's as those of a body, and by their radii of gyration over the span or the rotors.
 
     About the roll axis even a wing that carries all mass evenly over its span has 0.29. Estimates replace numbers of the
     file, by name.
@@ -180,4 +157,8 @@ def inertia_notices(vehicle: Vehicle, estimates: Mapping[str, float] | None = No
                 "usual": usual,
             }
             out.append(notice(code, name, **values, unit=unit))
+    small, middle, large = principal_moments(vehicle)
+    if (excess := large / (small + middle) - 1.0) > ROUNDING:
+        values = {"largest": large, "others": small + middle, "excess": excess}
+        out.append(notice("inertia-of-no-body", "mass.inertia", **values))
     return out

@@ -37,6 +37,7 @@ def maneuvers(arguments: argparse.Namespace) -> int:
     from stoop.input_design.windows import doubts, find_windows
     from stoop.problem.windows import NAME
     from stoop.report.design import QUICK_FIT, percent, span_of, use_of
+    from stoop.vehicle.assumptions import with_assumptions
     from stoop.vehicle.builtin import resolve_vehicle
     from stoop.workflow.design import WINDOW_FILES, write_windows
     from stoop.workflow.outputs import by_name
@@ -50,6 +51,8 @@ def maneuvers(arguments: argparse.Namespace) -> int:
     with busy("reading the log"):
         read = [without_faults(load(path, arguments.mapping)) for path in arguments.flight]
         flights = by_name(read, "maneuvers")
+    if vehicle is not None:
+        vehicle, _ = with_assumptions(vehicle, 1.0 / read[0].rate)
     with Watch(options.COMPILING if vehicle is not None else "looking for maneuvers") as watch:
         warned = doubts(flights, vehicle) if vehicle is not None else []
         for doubt in warned:

@@ -36,7 +36,13 @@ from stoop.flight import Flight
 from stoop.optimize.ledger import Evaluations, Halt
 from stoop.optimize.local_refinement import FULL
 from stoop.problem import Layout, Misfit, Weights, on_circle
-from stoop.problem.evidence import Evidence, observed_information, simulation_evidence
+from stoop.problem.evidence import (
+    Evidence,
+    Unknown,
+    observed_information,
+    simulation_evidence,
+    unknowns_of,
+)
 from stoop.problem.misfit import horizon_ladder
 from stoop.problem.prepare import (
     Prepared,
@@ -127,6 +133,12 @@ class Fit:
     )
     filter: Any = None  #: a :class:`stoop.estimate.fitted_filter.FittedFilter`
     noise_given: bool = False  #: whether the covariance of the measurement noise was given and not estimated
+
+    @property
+    def unknowns(self) -> tuple[Unknown, ...]:
+        """What was solved for, as far as it is estimated and not at a bound."""
+        own = self.own_evidence
+        return unknowns_of(self.problem.layout, self.z) if own is None else own.unknowns
 
     @cached_property
     def evidence(self) -> Evidence:

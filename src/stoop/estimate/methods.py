@@ -28,8 +28,9 @@ from stoop.base.variables import EULER, RATES, SPECIFIC_FORCE, VARIABLES
 from stoop.errors import IdentificationError
 from stoop.flight import Flight
 from stoop.vehicle import Vehicle
+from stoop.vehicle.defaults import wider_bounds
 from stoop.vehicle.schema import WIND
-from stoop.vehicle.vehicle import AIR_FRAME, GROUND_FRAME
+from stoop.vehicle.vehicle import AIR_FRAME, GROUND_FRAME, leaves
 
 if TYPE_CHECKING:
     from stoop.estimate.fit import Fit, Options
@@ -53,6 +54,7 @@ Hz, 0.13 at 100 Hz and 0.05 at 125 Hz; equation error 0.24, 0.06 and 0.03. Above
 #: with rotors where neither velocity nor attitude was recorded: rates are then all that regressors hold of the motion, their
 #: noise hardly biases, and a simulation would have to estimate the states of every window from nothing
 STATELESS: Final = "equation-error"
+MAX_WIDENINGS: Final = 3  #: of default bounds that an estimate reaches; each doubles a box
 GRID_SHARE: Final = 0.98  #: of the grid's rate: what was logged faster than that is used as it was logged
 
 
@@ -124,10 +126,9 @@ class MethodChoice:
         state: Any = None,
     ) -> tuple[str, Fit]:
         """Return the method that was used, and its fit."""
-        problem = (flights, windows, replace(options, method=self.name), callback)
-        fitter = find(self.name).fitter()
+        problem = (flights, windows, replace(options, method=self.name), callback, state)
         if not self.instead:
-            found = fitter(vehicle, *problem, state)
+            found = run(vehicle, *problem)
             biased: tuple[Notice, ...] = ()
             if any(n.code == "gusts-ignored" for n in self.notices):
                 from stoop.estimate.gust_bias import gust_bias
@@ -137,7 +138,7 @@ class MethodChoice:
         from stoop.estimate.gusts import unexplained, with_turbulence
 
         try:
-            found = fitter(with_turbulence(vehicle), *problem, state)
+            found = run(with_turbulence(vehicle), *problem)
             doubts = unexplained(found, self.name, self.instead)
         except IdentificationError as error:  # a filter that diverges from every start
             doubts = (notice("filter-diverges", text=str(error), method=self.instead),)
@@ -219,6 +220,36 @@ def _in_calm_air(
         code, rate=growth.rate, seconds=growth.seconds, factor=growth.factor, method=name, other=other
     )
     return MethodChoice(name, (about,))
+
+
+def run(
+    vehicle: Vehicle,
+    flights: Mapping[str, Flight],
+    windows: Sequence[Window],
+    options: Options,
+    callback: Callable[..., None] | None = None,
+    state: Any = None,
+) -> Fit:
+    """Return the fit by the method of the options; default bounds that it reaches are widened, and it is done again.
+
+    Bounds of the file stay. What is saved, and resumed, is the first search.
+    """
+    fitter, remarks = find(options.method).fitter(), dict[str, Notice]()
+    found: Fit = fitter(vehicle, flights, windows, options, callback, state)
+    unbounded = {name for name, q in leaves(vehicle.file) if q.bounds is None}
+    for _ in range(MAX_WIDENINGS):
+        held = {u.name: u.estimate for u in found.unknowns if u.fixed == "bound" and u.name in unbounded}
+        at = [p for p in vehicle.parameters if p.name in held]
+        boxes = {p.name: wider_bounds(p.name, p.value, (p.lower, p.upper), held[p.name]) for p in at}
+        boxes = {p.name: boxes[p.name] for p in at if boxes[p.name] != (p.lower, p.upper)}
+        if not boxes or found.outcome.status == "interrupted":
+            break
+        for name, (low, high) in boxes.items():
+            remarks[name] = notice("bounds-widened", name, bound=held[name], low=low, high=high)
+        vehicle = vehicle.with_numbers({name: {"bounds": box} for name, box in boxes.items()})
+        before, found = found, fitter(vehicle, flights, windows, options, None, None)
+        found = replace(found, trajectories=before.trajectories + found.trajectories)
+    return replace(found, notices=(*remarks.values(), *found.notices)) if remarks else found
 
 
 def find(name: str) -> Method:

@@ -230,10 +230,17 @@ def px4_log(flight: Flight) -> tuple[bytes, str]:
         for column in written:
             kind = bool if column.endswith("_valid") else np.float32
             typed[column] = columns.get(column, nothing).astype(kind)
-        topics.append(Topic(name, time, typed))
+        kept = _with_readings(columns)
+        topics.append(Topic(name, time[kept], {column: x[kept] for column, x in typed.items()}))
     texts = [(float(time[0]), "INFO", f"stoop: {found}") for found in flight.notices]
     info = {"sys_name": "PX4", "ver_sw": "simulated by stoop"}
     return ulog(topics, flight.parameters, info, texts), mapping.text()
+
+
+def _with_readings(columns: Columns) -> npt.NDArray[np.bool_]:
+    """Return which rows (n,) hold a reading: a row in which nothing was read, flags aside, is not logged."""
+    readings = [np.isfinite(x) for name, x in columns.items() if not name.endswith("_valid")]
+    return np.asarray(np.any(readings, axis=0))
 
 
 @dataclass(frozen=True)
@@ -306,7 +313,10 @@ def ardupilot_log(flight: Flight) -> tuple[bytes, str]:
     if "ATT" in streams:
         streams["ATT"]["Yaw"] %= 360.0
     time = np.rint(flight.time / MICROSECOND).astype(np.uint64)
-    tables = [MESSAGES[name].table(name, time, own) for name, own in streams.items()]
+    tables = []
+    for name, own in streams.items():
+        kept = _with_readings(own)
+        tables.append(MESSAGES[name].table(name, time[kept], {c: x[kept] for c, x in own.items()}))
     names = list(unmapped)
     for k in range(0, len(names), 3):  # the names of the columns of a message share 64 letters
         part, stream = names[k : k + 3], f"SM{k // 3:02d}"

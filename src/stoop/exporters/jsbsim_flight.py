@@ -240,22 +240,50 @@ def frames_per_sample(dt: float, rate: float = FRAME_RATE) -> int:
     return max(1, math.ceil(dt * rate - 1e-9))
 
 
-def fly(
-    root: Path, name: str, record: Record, planet: Path | None, rate: float = FRAME_RATE
-) -> dict[str, FloatArray]:
-    """Return the quantities of :data:`READ` at each sample, SI and rad; parameters as of :func:`jsbsim_readings`.
+@dataclass(frozen=True, eq=False)
+class Simulation:
+    """JSBSim with an exported aircraft in it, at the start of a record.
+
+    Attributes
+    ----------
+    fdm : its executive
+    frames : of a sample
+    nodes : of the recorded channels, in the order of ``settings(record).inputs``
+    watched : nodes of :data:`READ`, each with its unit
+    """
+
+    fdm: Any
+    frames: int
+    nodes: tuple[Any, ...]
+    watched: tuple[tuple[Any, float], ...]
+
+    def read(self) -> dict[str, float]:
+        """Return the quantities of :data:`READ`, SI and rad."""
+        return {n: node.get_double_value() * unit for n, (node, unit) in zip(READ, self.watched, strict=True)}
+
+    def advance(self, before: FloatArray, after: FloatArray) -> None:
+        """Let a sample pass, while the channels (n_u,) run on a straight line between two samples."""
+        for j in range(1, self.frames + 1):
+            here = before + (after - before) * (j / self.frames)
+            for node, x in zip(self.nodes, here.tolist(), strict=True):
+                node.set_double_value(x)
+            self.fdm.run()
+
+
+def begin(root: Path, name: str, record: Record, planet: Path | None, rate: float = FRAME_RATE) -> Simulation:
+    """Put an exported aircraft into JSBSim, at the start of a record; parameters as of :func:`jsbsim_readings`.
 
     Raises
     ------
     SimulationError
-        JSBSim does not load the aircraft, or the flight diverges.
+        JSBSim does not load the aircraft.
     """
 
     def check(done: bool, what: str) -> None:
         if not done:
             raise SimulationError(f"{name}: JSBSim does not take {what}; export it again")
 
-    given, frames, time = settings(record, rate), frames_per_sample(record.dt, rate), record.time
+    given, frames = settings(record, rate), frames_per_sample(record.dt, rate)
     fdm = simulator(root)
     fdm.set_dt(record.dt / frames)
     latitude, own = math.pi / 4.0, {}  # at 45 deg the Earth pulls as the standard gravity does
@@ -270,21 +298,31 @@ def fly(
         fdm[place] = x
     check(fdm.run_ic(), "its initial conditions")
     properties = fdm.get_property_manager()
-    nodes = [properties.get_node(place) for place in given.inputs]
-    columns = np.stack(list(given.inputs.values()), axis=1) if nodes else np.zeros((len(time), 0))
-    out = np.full((len(time), len(READ)), np.nan)
-    watched = [(properties.get_node(place), unit) for place, unit in READ.values()]
-    out[0] = [n.get_double_value() * unit for n, unit in watched]
-    for k in range(1, len(time)):
-        for j in range(1, frames + 1):
-            here = columns[k - 1] + (columns[k] - columns[k - 1]) * (j / frames)
-            for n, x in zip(nodes, here.tolist(), strict=True):
-                n.set_double_value(x)
-            fdm.run()
-        out[k] = [n.get_double_value() * unit for n, unit in watched]
-        if not np.isfinite(out[k]).all():
-            raise SimulationError(f"{name}: diverges in JSBSim at {time[k]:.2f} s")
-    return dict(zip(READ, out.T, strict=True))
+    nodes = tuple(properties.get_node(place) for place in given.inputs)
+    watched = tuple((properties.get_node(place), unit) for place, unit in READ.values())
+    return Simulation(fdm, frames, nodes, watched)
+
+
+def fly(
+    root: Path, name: str, record: Record, planet: Path | None, rate: float = FRAME_RATE
+) -> dict[str, FloatArray]:
+    """Return the quantities of :data:`READ` at each sample, SI and rad; parameters as of :func:`jsbsim_readings`.
+
+    Raises
+    ------
+    SimulationError
+        JSBSim does not load the aircraft, or the flight diverges.
+    """
+    simulation = begin(root, name, record, planet, rate)
+    given = settings(record, rate).inputs
+    columns = np.stack(list(given.values()), axis=1) if given else np.zeros((len(record.time), 0))
+    rows = [simulation.read()]
+    for k in range(1, len(record.time)):
+        simulation.advance(columns[k - 1], columns[k])
+        rows.append(simulation.read())
+        if not np.isfinite([*rows[-1].values()]).all():
+            raise SimulationError(f"{name}: diverges in JSBSim at {record.time[k]:.2f} s")
+    return {n: np.array([row[n] for row in rows]) for n in READ}
 
 
 def jsbsim_readings(

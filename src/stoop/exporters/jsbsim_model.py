@@ -202,7 +202,8 @@ def actuators(vehicle: Vehicle) -> dict[str, tuple[float, float, float]]:
 
 def lagged(vehicle: Vehicle) -> tuple[str, ...]:
     """Return the controls whose surface follows with a lag."""
-    return tuple(s.removesuffix(".lag") for s in vehicle.states if s.endswith(".lag"))
+    controls = (s.removesuffix(".lag") for s in vehicle.states if s.endswith(".lag"))
+    return tuple(c for c in controls if vehicle.value(f"controls.{c}.lag", 1.0) > 0.0)
 
 
 def flight_control(vehicle: Vehicle) -> Element:

@@ -81,6 +81,8 @@ def first_order_lag(command: FloatArray, lag: float, dt: float) -> FloatArray:
     """Return a first-order lag's response (n,) to a command that is linear between samples, initially at rest."""
     from scipy.signal import lfilter
 
+    if lag == 0.0:
+        return command
     decay = float(np.exp(-dt / lag))
     mean = -float(np.expm1(-dt / lag)) * lag / dt  # of the decay over a sample
     begin = [mean * float(command[0])]  # so that the first value is the first command

@@ -8,17 +8,13 @@ import numpy as np
 
 from stoop.base.arrays import FloatArray
 from stoop.errors import VehicleError
-from stoop.vehicle.defaults import full_command, share_of_weight, thrust_at
+from stoop.vehicle.defaults import POSITIVE, full_command, share_of_weight, thrust_at
 from stoop.vehicle.schema import WIND
 from stoop.vehicle.vehicle import Vehicle, leaves
 
-_POSITIVE = (
-    "mass.mass", "mass.inertia.xx", "mass.inertia.yy", "mass.inertia.zz", "reference.area", "reference.chord",
-    "reference.span", "reference.airspeed", "environment.gravity", "environment.density",
-    "propulsion.diameter", "propulsion.speed_gain", "ground_effect.radius",
-    *(f"turbulence.{axis}.{number}" for axis in "uvw" for number in ("intensity", "length")),
-    "rotors.gain", "rotors.nominal_voltage", "rotors.lag", "rotors.inertia", "rotors.radius", "turbulence.airspeed",
-)  # fmt: skip
+#: of the sum of the smaller principal moments, by which the largest may exceed it: published values are rounded and come from
+#: swing tests of 1 to 3 %; :func:`stoop.checks.vehicle.inertia_notices` tells of it
+TRIANGLE_TOLERANCE = 0.02
 
 
 def check(vehicle: Vehicle) -> None:
@@ -64,24 +60,20 @@ def check(vehicle: Vehicle) -> None:
 
 def _check_numbers(vehicle: Vehicle, where: str) -> None:
     """Check what a loading can change."""
-    servos = (f"controls.{c}.{n}" for c in vehicle.file.controls for n in ("lag", "rate_limit"))
-    for name in (*_POSITIVE, *servos):
+    servos = (f"controls.{c}.{n}" for c in vehicle.file.controls for n in ("rate_limit",))
+    for name in (*POSITIVE, *servos):
         if not vehicle.value(name, 1.0) > 0.0:
             kind = name.rpartition(".")[2].replace("_", " ")
-            removable = kind in ("lag", "rate limit")
+            removable = kind == "rate limit"
             advice = f"remove it for no {kind}" if removable else "write its true value in SI units"
             raise VehicleError(f"{where}{name}: {vehicle.value(name):g} is not positive; {advice}")
-    # The principal moments of every body satisfy the triangle inequality.
-    axes = ("xx", "yy", "zz", "xz", "xy", "yz")
-    xx, yy, zz, xz, xy, yz = (vehicle.value(f"mass.inertia.{a}", 0.0) for a in axes)
-    tensor = np.array([[xx, -xy, -xz], [-xy, yy, -yz], [-xz, -yz, zz]])
-    small, middle, large = np.linalg.eigvalsh(tensor)
+    small, middle, large = principal_moments(vehicle)
     if not small > 0.0:
         raise VehicleError(
             f"{where}mass.inertia: a principal moment is {small:.3g} kg m2; "
             "products of inertia are too large, check xz, xy, yz"
         )
-    if large > (small + middle) * (1.0 + 1e-9):
+    if large > (small + middle) * (1.0 + TRIANGLE_TOLERANCE):
         raise VehicleError(
             f"{where}mass.inertia: the largest principal moment {large:.4g} exceeds the sum of the others "
             f"{small + middle:.4g} kg m2, which no body can have; measure xx, yy, zz again"
@@ -89,12 +81,24 @@ def _check_numbers(vehicle: Vehicle, where: str) -> None:
     _check_tables(vehicle, where)
     signed = ("rotors.delay",) if vehicle.drive == "speed" else ()  # a measured speed may be recorded late
     for name in vehicle.rows:
-        sized = name.endswith(("factor", "torque_ratio", "rotors.delay", "dead_zone")) and name not in signed
+        sized = (
+            name.endswith(("factor", "torque_ratio", "rotors.delay", "dead_zone", ".lag"))
+            and name not in signed
+        )
         if sized and vehicle.value(name) < 0.0:
-            why = "a width has no sign" if name.endswith("dead_zone") else "spin gives the sign"
+            whys = {"dead_zone": "a width has no sign", "lag": "nothing moves before its command"}
+            why = whys.get(name.rpartition(".")[2], "spin gives the sign")
             raise VehicleError(f"{where}{name}: {vehicle.value(name):g} is negative; write its size, {why}")
     if vehicle.rotors:
         _check_rotors(vehicle, where)
+
+
+def principal_moments(vehicle: Vehicle) -> tuple[float, float, float]:
+    """Return the principal moments of inertia, ascending, kg m2; of a body the largest is at most the sum of the others."""
+    axes = ("xx", "yy", "zz", "xz", "xy", "yz")
+    xx, yy, zz, xz, xy, yz = (vehicle.value(f"mass.inertia.{a}", 0.0) for a in axes)
+    small, middle, large = np.linalg.eigvalsh(np.array([[xx, -xy, -xz], [-xy, yy, -yz], [-xz, -yz, zz]]))
+    return float(small), float(middle), float(large)
 
 
 def _check_tables(vehicle: Vehicle, where: str) -> None:

@@ -14,6 +14,7 @@ from typing import Final
 from stoop.vehicle import terms
 from stoop.vehicle.schema import WIND, Quantity, Term
 
+SHORTEST_LAG: Final = 0.02  #: s, that is integrated as it is, see `stoop.vehicle.symbolic.forces.lagged`
 COEFFICIENTS: Final = ("CL", "CD", "CQ", "Cl", "Cm", "Cn")
 EQUATION_1: Final[dict[str, dict[str, tuple[str, float, float]]]] = {
     "CD": {
@@ -44,7 +45,14 @@ EQUATION_1: Final[dict[str, dict[str, tuple[str, float, float]]]] = {
 """Coefficient -> parameter -> (term, lower bound, upper bound)."""
 WIND_NUMBERS: Final = tuple(f"sensors.{c}.bias" for c in WIND)  #: the steady wind, m/s north, east, down
 _GROUND_EFFECTS: Final = ("ground_effect.rotor", "ground_effect.lift")
-_RATE_AND_FORCE_BIASES: Final = tuple(f"sensors.{c}.bias" for c in ("p", "q", "r", "ax", "ay", "az"))
+#: numbers that are positive in every vehicle, as are rate limits of servos
+POSITIVE: Final = (
+    "mass.mass", "mass.inertia.xx", "mass.inertia.yy", "mass.inertia.zz", "reference.area", "reference.chord",
+    "reference.span", "reference.airspeed", "environment.gravity", "environment.density",
+    "propulsion.diameter", "propulsion.speed_gain", "ground_effect.radius",
+    *(f"turbulence.{axis}.{number}" for axis in "uvw" for number in ("intensity", "length")),
+    "rotors.gain", "rotors.nominal_voltage", "rotors.inertia", "rotors.radius", "turbulence.airspeed",
+)  # fmt: skip
 _UNITS: Final = {
     "mass": "kg", **dict.fromkeys(("xx", "yy", "zz", "xz", "xy", "yz", "inertia"), "kg m2"),
     "area": "m2", **dict.fromkeys(("chord", "span", "diameter", "length", "radius", "torque_ratio"), "m"),
@@ -90,20 +98,41 @@ def unit(name: str, quantity: Quantity, controls: Collection[str], drive: str) -
     return _DRIVE_UNITS[kind][drive == "speed"] if kind in _DRIVE_UNITS else _UNITS.get(kind, "1")
 
 
-def free_by_default(name: str, estimated: Collection[str], biases: bool) -> bool:
-    """Return whether a number is estimated unless the file says otherwise: loads are, mass and geometry are not.
+def free_by_default(name: str, quantity: Quantity, estimated: Collection[str]) -> bool:
+    """Return whether a number is estimated where the file does not say it: loads are, and what has a prior.
 
-    `estimated` are the terms that the kept equations identify; `biases` is whether those of rates and specific force are.
+    `estimated` are the terms that the kept equations identify.
     """
-    if name in (*WIND_NUMBERS, *_GROUND_EFFECTS) or name.startswith("body_drag."):
-        return True
-    return name in ROTOR_AERODYNAMICS or name in estimated or (biases and name in _RATE_AND_FORCE_BIASES)
+    if isinstance(quantity, Term):
+        return name in estimated
+    loads = name in ROTOR_AERODYNAMICS or name in _GROUND_EFFECTS or name.startswith("body_drag.")
+    return loads or quantity.prior is not None
 
 
 def bounds(numbers: Mapping[str, Quantity]) -> dict[str, tuple[float, float]]:
     """Return the bounds of each number of a file that is not tied: its own, or defaults of its kind."""
-    sizes = _rotor_sizes(numbers)
-    return {name: q.bounds or _default_bounds(name, q, sizes) for name, q in numbers.items() if q.tie is None}
+    sizes, out = _rotor_sizes(numbers), {}
+    for name, q in numbers.items():
+        if q.tie is None:
+            low, high = q.bounds or _default_bounds(name, q, sizes)
+            out[name] = q.bounds or (min(max(low, physical_limit(name, q.value)), q.value), high)
+    return out
+
+
+def wider_bounds(name: str, value: float, box: tuple[float, float], estimate: float) -> tuple[float, float]:
+    """Return a box that is twice as wide beyond the bound at which an estimate lies, as far as physics allows."""
+    low, high = box
+    if estimate - low > high - estimate:
+        return low, 2.0 * high - low
+    return max(2.0 * low - high, min(physical_limit(name, value), low)), high
+
+
+def physical_limit(name: str, value: float) -> float:
+    """Return below which no default bound of a number lies: what is positive stays so."""
+    kind = _last(name)
+    if name in POSITIVE or kind in (*_POSITIVE, "rate_limit"):
+        return 0.1 * value if value > 0.0 else -math.inf
+    return 0.0 if kind in ("lag", "CD0", "CT0", "dead_zone", "scale") and value >= 0.0 else -math.inf
 
 
 def _default_bounds(name: str, q: Quantity, sizes: Mapping[str, float]) -> tuple[float, float]:
@@ -134,7 +163,7 @@ def _servo_bounds(name: str, value: float) -> tuple[float, float] | None:
     )
 
 
-_POSITIVE: Final = ("T2", "Q2", "torque_ratio", "lag", "gain", "inertia", "radius", "factor", "torque_factor")
+_POSITIVE: Final = ("T2", "Q2", "torque_ratio", "gain", "inertia", "radius", "factor", "torque_factor")
 _REACH: Final = {
     "T0": (-1.0, 1.0), "T1": (-1.0, 3.0), "T2": (0.02, 4.0), "Q0": (-1.0, 1.0), "Q1": (-1.0, 3.0), "Q2": (0.002, 4.0),
 }  # fmt: skip

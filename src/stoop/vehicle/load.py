@@ -9,11 +9,13 @@ from pydantic import ValidationError
 
 from stoop.base.schema_errors import first_complaint
 from stoop.base.toml import parse_source, read_source
+from stoop.base.variables import RATES, SPECIFIC_FORCE
 from stoop.errors import VehicleError
 from stoop.vehicle import terms
 from stoop.vehicle.checks import check
 from stoop.vehicle.defaults import COEFFICIENTS, EQUATION_1
 from stoop.vehicle.schema import CHANNELS, WIND, VehicleFile, tied
+from stoop.vehicle.usual import ADVICE, usual_size
 from stoop.vehicle.vehicle import Vehicle
 
 STANDARD_CONTROLS = ("elevator", "aileron", "rudder")
@@ -40,10 +42,16 @@ def parse_vehicle(text: str, where: str) -> Vehicle:
         _complete_terms(raw["aerodynamics"], raw["controls"], where)
     if isinstance(raw.setdefault("sensors", {}), dict):
         _complete_sensors(raw["sensors"], (*CHANNELS, *(WIND if raw.get("rotor") else ())))
+    _without_zero_lags(raw)
+
+    def usual(key: str) -> str:
+        size = usual_size(key, raw)
+        return f"{size}; {ADVICE}" if size else ""
+
     try:
         file = VehicleFile.model_validate(raw)
     except ValidationError as error:
-        raise VehicleError(f"{where}: {first_complaint(error, raw, VehicleFile)}") from None
+        raise VehicleError(f"{where}: {first_complaint(error, raw, VehicleFile, usual)}") from None
     _check_terms(file, where)
     vehicle = Vehicle(file=file, text=text, where=where)
     check(vehicle)
@@ -51,6 +59,8 @@ def parse_vehicle(text: str, where: str) -> Vehicle:
 
 
 def _complete_sensors(sensors: dict[str, Any], channels: tuple[str, ...]) -> None:
+    """Add the noise of instruments, and prior and freedom of their biases; a bias with a prior of its own is free."""
+    inertial = (*RATES, *SPECIFIC_FORCE) if sensors.get("estimate_biases", True) else ()
     for channel in channels:
         sensor = sensors.setdefault(channel, {})
         if not isinstance(sensor, dict):
@@ -59,9 +69,18 @@ def _complete_sensors(sensors: dict[str, Any], channels: tuple[str, ...]) -> Non
         sensor.setdefault("sigma", sigma)
         bias = sensor.setdefault("bias", {})
         if isinstance(bias, int | float) and not isinstance(bias, bool):
-            sensor["bias"] = {"value": bias, "prior": prior}
-        elif isinstance(bias, dict) and "tie" not in bias:
-            bias.setdefault("prior", prior)
+            bias = sensor["bias"] = {"value": bias}
+        if isinstance(bias, dict) and not {"tie", "prior"} & bias.keys():
+            sensor["bias"] = {"free": channel in (*inertial, *WIND), **bias, "prior": prior}
+
+
+def _without_zero_lags(raw: dict[str, Any]) -> None:
+    """Remove lags of zero, by which a file says that a servo or a motor has none."""
+    controls = raw.get("controls")
+    for table in (*(controls.values() if isinstance(controls, dict) else ()), raw.get("rotors")):
+        lag = table.get("lag") if isinstance(table, dict) else None
+        if lag == 0.0 and not isinstance(lag, bool):
+            del table["lag"]
 
 
 def _complete_terms(aerodynamics: dict[str, Any], controls: dict[str, Any], where: str) -> None:

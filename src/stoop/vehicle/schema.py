@@ -12,6 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator, model_valida
 
 CHANNELS = ("V", "alpha", "beta", "p", "q", "r", "phi", "theta", "psi", "ax", "ay", "az")
 WIND = ("vn", "ve", "vd")  #: velocity over ground, north, east, down
+GUESS = 0.3  #: standard deviation of a guess, in parts of the value
 
 Switch = Annotated[bool, Field(strict=True)]  #: true or false, not "no" or 0
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]  #: no text, no true or false, no nan
@@ -31,8 +32,10 @@ class Quantity(BaseModel):
 
     value: Number = 0.0  #: SI units and radians
     bounds: tuple[Number, Number] | None = None  #: of the estimate
-    free: Switch | None = None  #: true to estimate, false to fix; by the kind of number when absent
-    prior: Annotated[Number, Field(gt=0.0)] | None = None  #: standard deviation around the value
+    free: Switch | None = None  #: true to estimate, false to fix; when absent by prior and kind of number
+    prior: Annotated[Number, Field(gt=0.0)] | None = (
+        None  #: standard deviation around the value; "guess": `GUESS`
+    )
     tie: str | None = None  #: name of the number that this one equals
 
     @model_validator(mode="before")
@@ -48,6 +51,11 @@ class Quantity(BaseModel):
             raise ValueError(
                 'write a number, "=name", or a table such as { value = 0.3, bounds = [0.1, 0.5] }'
             )
+        if isinstance(data, dict) and data.get("prior") == "guess":
+            value = data.get("value", 0.0)
+            if not isinstance(value, int | float) or isinstance(value, bool) or not value:
+                raise ValueError('prior = "guess" needs a value other than zero; write prior = SIGMA instead')
+            return {**data, "prior": GUESS * abs(value)}
         return data
 
     @model_validator(mode="after")
@@ -106,7 +114,7 @@ class Reference(Table):
     airspeed: Quantity  #: V*, m/s
     alpha: Quantity = Quantity(value=0.0)  #: alpha*, rad
     moment_point: Point | None = None  #: m; the center of gravity when absent
-    rate_normalization: Literal["reference", "actual"] = "reference"  #: qc/2V* (the paper) or qc/2V
+    rate_normalization: Literal["reference", "actual"] = "actual"  #: qc/2V* (the paper) or qc/2V
 
 
 class Environment(Table):

@@ -221,9 +221,7 @@ class Vehicle:
         out = []
         for name, (low, high) in bounds(numbers).items():
             q = numbers[name]
-            free = (
-                free_by_default(name, estimated, file.sensors.estimate_biases) if q.free is None else q.free
-            )
+            free = free_by_default(name, q, estimated) if q.free is None else q.free
             symbol = unit(name, q, file.controls, self.drive)
             out.append(Parameter(name, q.value, low, high, free and name not in absent, q.prior, symbol))
         return tuple(out)

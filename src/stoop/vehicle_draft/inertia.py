@@ -34,11 +34,10 @@ class Measured:
         return xx, yy, zz
 
 
-#: Aerosonde and Zagi: Beard and McLain, Small Unmanned Aircraft, appendix E; Ultra Stick 25e: UAV Research Group,
-#: University of Minnesota; X8: Gryte et al., ICUAS 2018; Shadow-like twin boom: twin_boom.toml; standard_vtol: PX4's simulator
+#: Aerosonde and Zagi: Beard and McLain, Small Unmanned Aircraft, appendix E; X8: Gryte et al., ICUAS 2018; twin boom:
+#: twin_boom.toml; standard_vtol: PX4's simulator
 PUBLISHED: Final = {
     "Aerosonde": Measured("v-tail", 13.5, 2.8956, 0.8244, 1.135, 1.759),
-    "Ultra Stick 25e": Measured("conventional", 1.943, 1.27, 0.08943, 0.1444, 0.1620),
     "twin boom": Measured("conventional", 189.4, 5.19, 100.0, 120.0, 200.0),
     "V-tail 8.5 kg (assumed)": Measured("v-tail", 8.5, 2.32, 1.38, 0.84, 2.17),
     "Zagi": Measured("flying-wing", 1.56, 1.4224, 0.1147, 0.0576, 0.1712),

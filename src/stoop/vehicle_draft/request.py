@@ -10,6 +10,7 @@ from typing import Any, Final
 from stoop.errors import VehicleError
 from stoop.flight import Flight
 from stoop.flight.airborne import carried_by_rotors
+from stoop.vehicle.usual import ASPECT_RATIOS, MASS_BY_SPAN
 from stoop.vehicle_draft.autopilot import Setup, read_setup
 from stoop.vehicle_draft.controls import recorded
 from stoop.vehicle_draft.geometry import WINGED, Geometry
@@ -17,11 +18,8 @@ from stoop.vehicle_draft.power import ENGINES, Lift, find_drive, find_rotors, ru
 
 ROTORCRAFT: Final = {"quad": 4, "hexa": 6, "octo": 8}  #: template -> rotors
 TEMPLATES: Final = (*WINGED, *ROTORCRAFT)
-#: m in kg over b^2 in m2 of small airplanes: 0.43 m and 0.1 kg to 2.9 m and 13.5 kg, within a factor of two
-MASS_BY_SPAN: Final = (0.4, 2.5)
 #: kg/m2, over the square of the largest distance between motors: 0.034 kg of 0.09 m to 7 kg of 1.05 m
 MASS_BY_FRAME: Final = (3.0, 12.0)
-ASPECT_RATIOS: Final = (5.0, 14.0)  #: usual
 
 
 @dataclass(frozen=True)

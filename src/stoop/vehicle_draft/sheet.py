@@ -4,10 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Final
 
 from stoop.base.toml import quoted, quoted_key
 from stoop.errors import one_line
 from stoop.vehicle_draft.apriori import Apriori
+
+MEANINGS: Final[Mapping[str, str]] = {
+    "CL0": "lift at V* and alpha*", "CLalpha": "lift slope", "CLq": "lift by pitch rate", "CLV": "by airspeed",
+    "CLelevator": "lift of the elevator",
+    "CD0": "drag at V* and alpha*", "CDalpha": "slope of the drag", "CDalpha2": "its curvature", "CDV": "by airspeed",
+    "CQ0": "asymmetry", "CQbeta": "side force by sideslip", "CQp": "by roll rate", "CQr": "by yaw rate",
+    "CQrudder": "side force of the rudder", "CQV": "by airspeed",
+    "Cl0": "asymmetry", "Clbeta": "dihedral effect", "Clp": "roll damping", "Clr": "roll by yaw rate",
+    "Claileron": "roll of the ailerons", "Clrudder": "roll of the rudder",
+    "Cm0": "pitching moment at V* and alpha*", "Cmalpha": "static stability in pitch", "Cmq": "pitch damping",
+    "CmV": "by airspeed", "Cmelevator": "pitch of the elevator",
+    "Cn0": "asymmetry", "Cnbeta": "directional stability", "Cnp": "yaw by roll rate", "Cnr": "yaw damping",
+    "Cnaileron": "adverse yaw", "Cnrudder": "yaw of the rudder",
+}  # fmt: skip  #: of the terms of eq. (1)
 
 
 def plain(value: float) -> str:
@@ -16,23 +31,16 @@ def plain(value: float) -> str:
     return text if any(c in text for c in ".e") else f"{text}.0"
 
 
-def quantity(
-    value: float,
-    prior: float | None = None,
-    bounds: tuple[float, float] | None = None,
-    free: bool | None = None,
-) -> str:
-    """Return a number as a vehicle file has it, a table where it has more than a value."""
-    parts = [f"value = {plain(value)}"]
-    parts += [] if prior is None else [f"prior = {prior:.2g}"]
-    parts += [] if bounds is None else [f"bounds = [{plain(bounds[0])}, {plain(bounds[1])}]"]
-    parts += [] if free is None else [f"free = {str(free).lower()}"]
-    return f"{{ {', '.join(parts)} }}" if len(parts) > 1 else plain(value)
+def quantity(value: float, prior: float | None = None) -> str:
+    """Return a number as a vehicle file has it, a table where it has a prior."""
+    if prior is None:
+        return plain(value)
+    return f"{{ value = {plain(value)}, prior = {plain(float(f'{prior:.2g}'))} }}"
 
 
-def known(one: Apriori, bounds: tuple[float, float] | None = None, free: bool | None = None) -> str:
+def known(one: Apriori) -> str:
     """Return a number with its prior."""
-    return quantity(one.value, one.std, bounds, free)
+    return quantity(one.value, one.std)
 
 
 def mixture(gains: Mapping[str, float]) -> str:

@@ -132,7 +132,7 @@ def _fit(
     held_back: Sequence[Window],
     options: Options,
 ) -> Candidate:
-    found = methods.find(options.method).fitter()(vehicle, flights, fitted, options, None, None)
+    found = methods.run(vehicle, flights, fitted, options)
     bars = error_bars(found)
     return Candidate(vehicle, found, bars, _predictive_score(found, bars, flights, held_back))
 

@@ -24,6 +24,7 @@ from stoop.problem.windows import Window, Windows, as_windows
 from stoop.results.result import Identification, ParameterEstimate, Result
 from stoop.results.verdict import Verdict
 from stoop.vehicle import Vehicle
+from stoop.vehicle.assumptions import with_assumptions
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.workflow.fit_result import identification
 from stoop.workflow.outputs import by_name, check_folder, flight_files, input_hashes, place_outputs
@@ -270,12 +271,14 @@ def search(
     )  # so that its errors come before the search
     choice = methods.choose_method(options.method, vehicle, known.values(), fitted)
     notices: tuple[Notice, ...] = ()
+    if methods.find(choice.name).simulates or vehicle.rotors:  # the other regressions take lags as they are
+        vehicle, notices = with_assumptions(vehicle, 1.0 / known[fitted[0].flight].rate)
     if extend:
         from stoop.workflow.extension import extend as extended
 
         named = replace(options, method=choice.name)
         longer = extended(vehicle, known, fitted, predicted, named, watch)
-        vehicle, notices = longer.vehicle, longer.notices
+        vehicle, notices = longer.vehicle, (*notices, *longer.notices)
     method, found = choice.fit(vehicle, known, fitted, options, callback, state)
     options, found = replace(options, method=method), replace(found, notices=(*notices, *found.notices))
     read = (Path(vehicle.where), *flight_files(known.values()), *files)

@@ -85,7 +85,7 @@ def test_a_thrust_that_the_trim_set_is_fitted_or_to_be_written(
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    text = TWIN_BOOM.read_text().replace("thrust = 220.87", f"thrust = {thrust}")
+    text = TWIN_BOOM.read_text().replace("thrust = { value = 220.87, free = false }", f"thrust = {thrust}")
     file, target = tmp_path / "v.toml", tmp_path / "a.nc"
     file.write_text(text)
     maneuver = str(examples / "maneuver_3211.toml")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -34,7 +35,7 @@ def replaced(text: str, old: str, new: str) -> str:
 MASS = "mass = 189.40\n"
 CL0 = "CL0 = 0.385\n"
 INERTIA = "inertia = { xx = 100.0, yy = 120.0, zz = 200.0, xz = 5.0 }"
-THRUST = 'kind = "constant"\nthrust = 220.87'
+THRUST = 'kind = "constant"\nthrust = { value = 220.87, free = false }'
 
 CHANGES = [
     # where, what stands there instead, key that is named, what is said
@@ -107,7 +108,7 @@ ADDITIONS = [
     ("[controls.alpha]", "controls.alpha", "taken by a flight variable"),
     ("[controls.'a b']", "controls.a b", "letters, digits"),
     ("[controls]\nelevator = 3", "controls.elevator", "must be a table"),
-    (f"{OTHERS}[controls.elevator]\nlag = 0.0", "controls.elevator.lag", "remove it for no lag"),
+    (f"{OTHERS}[controls.elevator]\nlag = -0.1", "controls.elevator.lag", "nothing moves before its command"),
     (f"{OTHERS}[controls.elevator]\noffset = 5.0", "controls.elevator.offset", "degrees"),
     ("[controls.elevator]\nmix = 3", "controls.elevator.mix", "must be a table"),
     ("[controls.elevator]\nmix = { a = 1.0 }\ncenter = { b = 2.0 }", "controls.elevator", "center names b"),
@@ -289,3 +290,32 @@ def test_any_spoiled_vehicle(twin_boom: str, data: st.DataObject) -> None:
         else:
             node.pop(path[-1], None)
     parses_or_says("\n".join(f"{toml(k)} = {toml(v)}" for k, v in raw.items()))
+
+
+@pytest.mark.parametrize(
+    ("key", "removed", "said"),
+    [
+        (
+            "mass.inertia.xx",
+            "xx = 1.38, ",
+            r"mass \(0\.11\.\.0\.17 span\)\^2 = 0\.55 to 1\.3 kg m2 for this mass and span",
+        ),
+        ("reference.chord", "chord = 0.285\n", r"0\.17 to 0\.46 m for this span"),
+        ("reference.span", "span = 2.32\n", r"1\.8 to 4\.6 m for this mass"),
+        ("mass.mass", "mass = 8.5\n", r"2\.2 to 13 kg for this span"),
+        ("reference.airspeed", "airspeed = 24.0\n", r"15 to 26 m/s for this mass and area"),
+    ],
+)
+def test_usual_size_of_what_is_missing(key: str, removed: str, said: str) -> None:
+    vtail = """
+[mass]
+mass = 8.5
+inertia = { xx = 1.38, yy = 0.84, zz = 2.17 }
+[reference]
+area = 0.66
+chord = 0.285
+span = 2.32
+airspeed = 24.0
+"""
+    whole = rf"{re.escape(key)}: missing; add it \(usual: {said}; or run stoop vehicle new\)"
+    assert re.search(whole, complaint(f'name = "v"\n{replaced(vtail, removed, "")}'))

@@ -71,12 +71,12 @@ EXTRA_OTHER = [
     f"{CONTROLS}lag = 0.1", f"{CONTROLS}delay = 0.1", f"{CONTROLS}mix = {{ a = 1.0 }}",
 ]  # fmt: skip
 OTHER = [
-    ('kind = "constant"\nthrust = 220.87', 'kind = "channel"'),
+    ('kind = "constant"\nthrust = { value = 220.87, free = false }', 'kind = "channel"'),
     ("density = 1.20165", 'density = "standard"'),
     ("CL0 = 0.385", "CL0 = false"),
     ("CL0 = 0.385", 'CL0 = 0.385\nCLx = { term = "alpha^2" }'),
     ("CL0 = 0.385\nCLalpha = 4.78", "CLalpha = 4.78\nCL0 = 0.385\nCLnew = { term = '1' }"),
-    ("alpha = 0.0", "alpha = 0.0\nrate_normalization = 'actual'"),
+    ('rate_normalization = "reference"', 'rate_normalization = "actual"'),
     ("xz = 5.0", "xz = 5.0, xy = 0.0"),
 ]
 

@@ -67,7 +67,7 @@ def flight(aircraft: Vehicle) -> Flight:
 def ignorant(aircraft: Vehicle) -> Vehicle:
     """Return a file that lacks the curvature and knows no derivative."""
     thrust = aircraft.value("propulsion.thrust")
-    text = aircraft.text.replace("Cmcurve", "# Cmcurve").replace("thrust = 220.87", f"thrust = {thrust:.6f}")
+    text = aircraft.text.replace("Cmcurve", "# Cmcurve").replace("value = 220.87", f"value = {thrust:.6f}")
     text = text.replace("Cmq = -47.6", "Cmq = { value = -1.0, bounds = [-20.0, 0.0] } # a guess")
     return parse_vehicle(text + '\n[model]\nreduce = "longitudinal"\n', "ignorant")
 

@@ -194,7 +194,8 @@ class RealTime:
         lag = float(self._parameters[self._vehicle.rows[f"controls.{control}.lag"], 0]) / self._dt
         before, position = self._lags.get(control, (command, command))
         slope = command - before
-        position = command - lag * slope + float(np.exp(-1.0 / lag)) * (position - before + lag * slope)
+        decay = float(np.exp(-1.0 / lag)) if lag > 0.0 else 0.0
+        position = command - lag * slope + decay * (position - before + lag * slope)
         if np.isfinite(position):
             self._lags[control] = (command, position)
         return position

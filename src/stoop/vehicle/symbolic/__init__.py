@@ -16,7 +16,7 @@ from stoop.base.variables import EULER
 from stoop.kernels import SymbolicModel
 from stoop.vehicle.atmosphere import polynomial_density
 from stoop.vehicle.symbolic import frames
-from stoop.vehicle.symbolic.forces import Surroundings, spins, total
+from stoop.vehicle.symbolic.forces import Surroundings, lagged, spins, total
 from stoop.vehicle.symbolic.frames import Air, Attitude, Numbers, Quaternion, Vector, add, cross, scale
 from stoop.vehicle.symbolic.latex import equations
 from stoop.vehicle.vehicle import (
@@ -185,8 +185,7 @@ def _deflections(
         deflections[control] = mixed + n.get(f"{base}.offset")
         lag = f"{control}.lag"
         if lag in x:
-            rates[lag] = (deflections[control] - x[lag]) / n[f"{base}.lag"]
-            deflections[control] = x[lag]
+            deflections[control], rates[lag] = lagged(x[lag], deflections[control], n[f"{base}.lag"])
     return deflections, rates
 
 

@@ -42,7 +42,7 @@ import sympy as sp
 
 from stoop.base.atmosphere import SEA_LEVEL_DENSITY
 from stoop.vehicle import terms
-from stoop.vehicle.defaults import COEFFICIENTS
+from stoop.vehicle.defaults import COEFFICIENTS, SHORTEST_LAG
 from stoop.vehicle.schema import Propeller
 from stoop.vehicle.symbolic.frames import (
     ZERO,
@@ -164,6 +164,18 @@ def rotor_commands(n: Numbers, channels: Mapping[str, Any]) -> dict[str, Any]:
     return out
 
 
+def lagged(position: Any, command: Any, lag: Any) -> tuple[Any, Any]:
+    """Return what a first-order lag makes of a command, and the rate of its state, `position`.
+
+    A lag shorter than T = `SHORTEST_LAG` is taken as (1 + a s) / (1 + (a + lag) s) with a = (T - lag)^2 / 2T: nothing for no
+    lag, the same to first order in s, smooth in the lag, and not faster than the integration, whose steps a lag of zero has not.
+    """
+    short = (SHORTEST_LAG - lag + sp.Abs(SHORTEST_LAG - lag)) / 2
+    ahead = short * short / (2 * SHORTEST_LAG)
+    behind = command - position
+    return position + ahead / (ahead + lag) * behind, behind / (ahead + lag)
+
+
 def spins(
     n: Numbers, states: Mapping[str, Any], channels: Mapping[str, Any]
 ) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
@@ -173,9 +185,13 @@ def spins(
     """
     commands = rotor_commands(n, channels)
     if "rotors.lag" in n:
-        now = {name: states[f"{name}.lag"] for name in commands}
-        rates = {name: (commands[name] - x) / n["rotors.lag"] for name, x in now.items()}
-        return now, rates, {f"{name}.lag": rate for name, rate in rates.items()}
+        moved = {r: lagged(states[f"{r}.lag"], x, n["rotors.lag"]) for r, x in commands.items()}
+        rates = {name: rate for name, (_, rate) in moved.items()}
+        return (
+            {name: x for name, (x, _) in moved.items()},
+            rates,
+            {f"{name}.lag": x for name, x in rates.items()},
+        )
     rates = {}
     if n.vehicle.sloped:
         nominal = n.get("rotors.nominal_voltage", _ONE)

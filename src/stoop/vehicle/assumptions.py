@@ -1,0 +1,114 @@
+"""What an estimation assumes of numbers that every vehicle has and a file may leave out: lags, a delay, errors of thrust.
+
+A servo that is moved by a command has a lag, and there is a delay between a command and what was measured of it. A model
+without them puts the phase into damping and control derivatives. So they are free, with priors that cover the usual servos
+and motors; a file that gives a lag (0 for none) or a delay decides for itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Set
+from dataclasses import dataclass
+from typing import Any, Final
+
+import tomlkit
+
+from stoop.base.notices import Notice, notice
+from stoop.vehicle.defaults import SHORTEST_LAG, full_command
+from stoop.vehicle.document import with_entries
+from stoop.vehicle.vehicle import Vehicle, leaves
+
+
+@dataclass(frozen=True)
+class Usual:
+    """Usual values of what files leave out, with standard deviations."""
+
+    #: s, of servos and of motors with propellers: hobby servos follow small commands with a bandwidth of 2 to 8 Hz, that is 20 to
+    #: 80 ms of first order; propellers of small vehicles take 30 to 100 ms
+    lag: float = 0.05
+    lag_std: float = 0.03
+    #: s, from a command's time stamp to the motion's: pulses of 50 Hz, filters of sensors, logging; negative where
+    #: measurements are stamped late
+    delay: float = 0.02
+    delay_std: float = 0.02
+    thrust: float = (
+        0.2  #: standard deviation of coefficients of thrust, in parts of them: propeller data against flight
+    )
+    lag_samples: float = (
+        0.4  #: shortest lag that is integrated, in samples: a step of Runge-Kutta is stable to 1 / 0.36
+    )
+
+
+USUAL: Final = Usual()
+_THRUST: Final = tuple(f"propulsion.{name}" for name in ("thrust", "scale", "CT0", "CT1", "CT2"))
+
+
+def with_assumptions(vehicle: Vehicle, dt: float) -> tuple[Vehicle, tuple[Notice, ...]]:
+    """Return a vehicle with free lags, a free delay and a free thrust where its file leaves them out, and what was assumed.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+    dt : float
+        Time between samples, s: no lag is assumed where none could be told.
+    """
+    entries, found = dict[tuple[str, ...], Any](), list[Notice]()
+    tables = dict(_channels(vehicle))
+    lags = _without_lag(vehicle, tables) if USUAL.lag_samples * dt < USUAL.lag else []
+    # servos of one channel have one delay: that of a file that describes one of them
+    described = {
+        channel
+        for keys, own in tables.items()
+        if keys not in lags or ".".join((*keys, "delay")) in vehicle.rows
+        for channel in own
+    }
+    late = [keys for keys in lags if not tables[keys] & described]
+    delay = {"value": USUAL.delay, "prior": USUAL.delay_std}
+    for kind, places, entry in (("lag", lags, _lag(dt)), ("delay", late, delay)):
+        if places:
+            first, *others = ((*keys, kind) for keys in places)
+            entries |= {first: entry} | dict.fromkeys(others, "=" + ".".join(first))
+            names = tuple(".".join(keys) for keys in places)
+            found.append(
+                notice(
+                    f"{kind}-assumed", ".".join(first), places=names, value=entry["value"], std=entry["prior"]
+                )
+            )
+    numbers = dict(leaves(vehicle.file))
+    thrust = {
+        name: {"prior": USUAL.thrust * abs(q.value)}
+        for name in _THRUST
+        if (q := numbers.get(name)) and q.value and q.free is None and q.prior is None
+    }
+    if thrust:
+        found.append(notice("thrust-assumed", "propulsion", places=tuple(thrust), share=USUAL.thrust))
+    completed = with_entries(vehicle, entries) if entries else vehicle
+    return completed.with_numbers(thrust) if thrust else completed, tuple(found)
+
+
+def _lag(dt: float) -> dict[str, Any]:
+    """Return the entry of a lag that the integration can follow."""
+    own, least = {"value": USUAL.lag, "prior": USUAL.lag_std}, USUAL.lag_samples * dt
+    return own if least <= 0.5 * SHORTEST_LAG else {**own, "bounds": [least, USUAL.lag + 5.0 * USUAL.lag_std]}
+
+
+def _without_lag(vehicle: Vehicle, tables: Mapping[tuple[str, ...], Set[str]]) -> list[tuple[str, ...]]:
+    """Return the tables of controls and rotors that commands move and for which the file gives no lag."""
+    written = tomlkit.parse(vehicle.text).unwrap()
+
+    def given(keys: tuple[str, ...]) -> bool:
+        table = written
+        for key in keys:
+            table = table.get(key, {})
+        return "lag" in table
+
+    commanded = {keys for keys, own in tables.items() if all(full_command(c) is not None for c in own)}
+    return [keys for keys in tables if keys in commanded and not given(keys)]
+
+
+def _channels(vehicle: Vehicle) -> Iterator[tuple[tuple[str, ...], Set[str]]]:
+    """Yield the tables of controls and of the rotors with the channels that move them, servos first."""
+    for c in vehicle.controls:
+        yield ("controls", c), set(vehicle.channels_of(c))
+    if vehicle.rotors:
+        yield ("rotors",), {rotor.channel for rotor in vehicle.file.rotor.values()}
