@@ -34,13 +34,13 @@ import numpy as np
 from scipy.fft import next_fast_len, rfft
 
 from stoop.assessment.coloring import ColoredNoise, half_spectrum_scale
-from stoop.base.arrays import FloatArray
+from stoop.base.arrays import FloatArray, IntArray
 from stoop.base.notices import Notice, notice
 from stoop.base.variables import RATES
 from stoop.estimate.excitation import deflections
 from stoop.estimate.fit import Fit
 from stoop.estimate.regression.linear_problem import LinearProblem
-from stoop.problem.evidence import Evidence, invert
+from stoop.problem.evidence import Evidence, PieceEvidence, invert
 from stoop.vehicle import Vehicle, terms
 
 INPUTS: Final = {
@@ -97,12 +97,7 @@ def contributions(
     groups, columns = _groups(vehicle, entries), []
     for names in groups.values():
         own = np.array([entries[name] for name in names])
-        rest = np.setdiff1d(np.arange(len(free)), own)
-        weights = np.zeros(len(free))
-        weights[own] = [unknowns[i].estimate for i in own]
-        taken = information[np.ix_(rest, own)] @ weights[own]
-        weights[rest] = -invert(information[np.ix_(rest, rest)]).matrix @ taken
-        columns.append(weights)
+        columns.append(_unshared(information, own, [unknowns[i].estimate for i in own]))
     if not columns:
         return ()
     v = [piece.of(free).filled()[1] @ np.column_stack(columns) for piece in evidence.pieces]
@@ -110,12 +105,38 @@ def contributions(
     variance = energy.sum(axis=0) if evidence.white else sum(noise.variance(one) for one in v)
     with np.errstate(divide="ignore", invalid="ignore"):
         share = np.nan_to_num(np.sqrt(variance) / energy.sum(axis=0), nan=np.inf, posinf=np.inf)
-        systematic = np.nan_to_num(_systematic(v, energy, noise, evidence.white), nan=np.inf, posinf=np.inf)
+        power = np.zeros_like(energy) if evidence.white else _systematic(v, energy, noise)
+        systematic = np.nan_to_num(np.sqrt(power) / energy, nan=np.inf, posinf=np.inf)
     best = np.argmin(systematic, axis=0)
     return tuple(
         Contribution(variable, tuple(names), int(c), float(systematic[c, j]), float(share[j]))
         for j, ((variable, names), c) in enumerate(zip(groups.items(), best, strict=True))
     )
+
+
+def systematic_shifts(
+    pieces: Sequence[PieceEvidence], information: FloatArray, noise: ColoredNoise, count: int
+) -> FloatArray:
+    """Return by how much a systematic residual in step with each of the first `count` unknowns may shift it, in its unit.
+
+    That is 1 / rho of a contribution of one unit, over all channels; the prior, in the information (f, f), holds against it.
+    """
+    columns = np.column_stack([_unshared(information, np.array([i]), [1.0]) for i in range(count)])
+    v = [piece.filled()[1] @ columns for piece in pieces]
+    energy = np.asarray(sum(np.sum(one**2, axis=0) for one in v))  # (n_y, count)
+    with np.errstate(divide="ignore", invalid="ignore"):  # channels without a contribution
+        power = np.nan_to_num(_systematic(v, energy, noise)).sum(axis=0)
+    return np.asarray(np.sqrt(power) / np.einsum("fi,fg,gi->i", columns, information, columns))
+
+
+def _unshared(information: FloatArray, own: IntArray, estimates: Sequence[float]) -> FloatArray:
+    """Return the vector (f,) of some unknowns at their estimates with the others as they would best take their place."""
+    weights = np.zeros(len(information))
+    rest = np.setdiff1d(np.arange(len(information)), own)
+    weights[own] = estimates
+    taken = information[np.ix_(rest, own)] @ weights[own]
+    weights[rest] = -invert(information[np.ix_(rest, rest)]).matrix @ taken
+    return weights
 
 
 def contribution_notices(fit: Fit, found: Sequence[Contribution]) -> list[Notice]:
@@ -155,10 +176,8 @@ def _groups(vehicle: Vehicle, free: Mapping[str, int]) -> dict[str, list[str]]:
     return {v: out[v] for v in (*vehicle.file.controls, *moving) if v in out}
 
 
-def _systematic(v: Sequence[FloatArray], energy: FloatArray, noise: ColoredNoise, white: bool) -> FloatArray:
-    """Return 1 / rho (n_y, g) of contributions (n, n_y, g) of each piece, of energies (n_y, g)."""
-    if white:
-        return np.zeros_like(energy)
+def _systematic(v: Sequence[FloatArray], energy: FloatArray, noise: ColoredNoise) -> FloatArray:
+    """Return n v'Xv (n_y, g) of contributions (n, n_y, g) of each piece, of energies (n_y, g)."""
     systematic, squares, widths = (np.zeros_like(energy) for _ in range(3))
     for one in v:
         size = next_fast_len(2 * len(one), real=True)
@@ -169,4 +188,4 @@ def _systematic(v: Sequence[FloatArray], energy: FloatArray, noise: ColoredNoise
         widths += 0.5 * size * np.sum(power**2, axis=0)
     duration = energy**2 / np.asarray(sum(np.sum(one**4, axis=0) for one in v))  # samples
     count = np.maximum(1.0, duration * squares / widths)
-    return np.asarray(np.sqrt(systematic * count) / energy)
+    return np.asarray(systematic * count)

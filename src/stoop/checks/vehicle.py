@@ -18,11 +18,13 @@ from stoop.flight.airborne import carried_by_rotors, in_flight
 from stoop.problem import Piece
 from stoop.problem.windows import Window, whole
 from stoop.vehicle import Vehicle
+from stoop.vehicle.checks import principal_moments
 from stoop.vehicle.usual import ROTORS_ONLY, WINGED
 
 DRIVES: Final = (
     "elevator", "aileron", "rudder", "flap", "control_", "motor_", "servo_", "pwm_", "rotor_", "thr",
 )  #: beginnings of channels that drive a vehicle  # fmt: skip
+ROUNDING: Final = 1e-9
 
 
 def check(flight: Flight, vehicle: Vehicle | None = None) -> tuple[Notice, ...]:
@@ -122,7 +124,7 @@ def require_data(vehicle: Vehicle, windows: Sequence[Window], pieces: Sequence[P
 
 
 def inertia_notices(vehicle: Vehicle, estimates: Mapping[str, float] | None = None) -> list[Notice]:
-    """Challenge moments of inertia by their radii of gyration over the span, or over the distance between rotors.
+    """Challenge moments of inertia: the file's as those of a body, and by their radii of gyration over the span or the rotors.
 
     About the roll axis even a wing that carries all mass evenly over its span has 0.29. Estimates replace numbers of the
     file, by name.
@@ -155,4 +157,8 @@ def inertia_notices(vehicle: Vehicle, estimates: Mapping[str, float] | None = No
                 "usual": usual,
             }
             out.append(notice(code, name, **values, unit=unit))
+    small, middle, large = principal_moments(vehicle)
+    if (excess := large / (small + middle) - 1.0) > ROUNDING:
+        values = {"largest": large, "others": small + middle, "excess": excess}
+        out.append(notice("inertia-of-no-body", "mass.inertia", **values))
     return out

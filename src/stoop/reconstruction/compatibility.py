@@ -1,7 +1,8 @@
 """Data compatibility: which sensors are off, which channels contradict each other, and the flight without these errors.
 
-Noise covariance and instrument errors are estimated alternately, the latter by Levenberg-Marquardt, until both converge;
-error bars count the color of the residuals.
+Noise covariance and instrument errors are estimated alternately, the latter by Levenberg-Marquardt, until both converge.
+Error bars count the color of the residuals, and that these may be in step with what is estimated: the aircraft reacts to the
+gusts that its vanes read, and the noise of gyros and accelerometers is in the motion that the vanes are compared with.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from stoop import optimize
+from stoop.assessment.contributions import systematic_shifts
 from stoop.assessment.covariance import standard_errors
 from stoop.assessment.error_bars import (
     Identifiability,
@@ -76,6 +78,7 @@ class Estimate:
     problem: Problem  #: with the final weights
     z: FloatArray  #: (E,), the optimum
     uncertainty: Uncertainty  #: of the whole vector, in prior standard deviations
+    systematic: FloatArray  #: (k,), SI, by which residuals in step with each unknown, such as those of gusts, may shift it
     identifiability: tuple[Identifiability, ...]  #: of the instrument errors
     converged: bool  #: whether noise and estimates converged
 
@@ -87,8 +90,9 @@ class Estimate:
 
     @property
     def errors(self) -> dict[str, float]:
-        """Standard errors of the unknowns, corrected for color, SI."""
+        """Standard errors of the unknowns, corrected for color and with what systematic residuals may shift, SI."""
         sigma = standard_errors(self.uncertainty.corrected)[: self.problem.shared] * self.problem.scales
+        sigma = np.hypot(sigma, self.systematic)
         return {u.name: float(value) for u, value in zip(self.problem.unknowns, sigma, strict=True)}
 
 
@@ -97,7 +101,10 @@ class Finding:
     """One instrument error."""
 
     estimate: float
-    std_error: float  #: corrected for colored residuals
+    std_error: float  #: corrected for colored residuals, and with the next
+    #: by which residuals that are in step with it may shift it: gusts to which the aircraft reacts, noise of the gyros and
+    #: accelerometers that is integrated
+    systematic: float
     cramer_rao: float  #: standard error that takes them for white
     prior_mean: float
     prior_std: float
@@ -182,8 +189,9 @@ def check(flight: Flight, windows: Sequence[tuple[float, float]] = ()) -> tuple[
     problem, values, errors = found.problem, found.values, found.errors
     white = standard_errors(found.uncertainty.cramer_rao)[: problem.shared] * problem.scales
     findings = {}
-    for u, one, plain in zip(problem.unknowns, found.identifiability, white, strict=True):
-        numbers = (values[u.name], errors[u.name], float(plain), u.mean, u.std)
+    shifts = found.systematic.tolist()
+    for u, one, plain, shift in zip(problem.unknowns, found.identifiability, white, shifts, strict=True):
+        numbers = (values[u.name], errors[u.name], shift, float(plain), u.mean, u.std)
         reason = "" if one.reason is None else str(one.reason)
         findings[u.name] = Finding(*numbers, one.identifiable, reason, u.unit, u.meaning)
     left, moved = np.concatenate(problem.errors(found.z)), []
@@ -256,11 +264,21 @@ def _estimate(pieces: Pieces) -> Estimate:
     names += [f"start {i}" for i in range(problem.extra - problem.shared)]
     unknowns, known = [Unknown(name, "parameter", 0.0, 1.0, prior=1.0) for name in names], []
     judged = identifiability(unknowns, found.information, found.corrected)[: problem.shared]
-    for one, value in zip(judged, problem.values(z[None, :])[0], strict=True):
+    shifts = problem.scales * systematic_shifts(
+        found.coloring.segments, found.information, found.noise, problem.shared
+    )
+    sigmas = np.hypot(
+        standard_errors(found.corrected)[: problem.shared], shifts / problem.scales
+    )  # of the prior's
+    for one, value, sigma in zip(judged, problem.values(z[None, :])[0], sigmas, strict=True):
         reason = notice("delay-beyond-margin", one.name, margin=PIECES.margin)
-        far = one.name.endswith(".delay") and abs(float(value)) > PIECES.margin
-        known.append(replace(one, identifiable=False, reason=reason) if far else one)
-    return Estimate(pieces, problem, z, found, tuple(known), converged)
+        if one.name.endswith(".delay") and abs(float(value)) > PIECES.margin:
+            known.append(replace(one, identifiable=False, reason=reason))
+        elif one.identifiable and sigma > 1.0:
+            known.append(replace(one, identifiable=False, reason=notice("systematic-shift", one.name)))
+        else:
+            known.append(one)
+    return Estimate(pieces, problem, z, found, shifts, tuple(known), converged)
 
 
 def _sigma(problem: Problem, z: FloatArray) -> FloatArray:

@@ -3,15 +3,24 @@
 from __future__ import annotations
 
 import dataclasses
+import math
+from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
+from stoop.assessment.contributions import systematic_shifts
+from stoop.assessment.error_bars import estimate_uncertainty
 from stoop.errors import FlightError
 from stoop.flight import from_columns
+from stoop.problem.evidence import PieceEvidence
 from stoop.reconstruction.compatibility import check, corrected_flight
 from stoop.reconstruction.kinematics import INPUTS, OUTPUTS, PARAMETERS, SCALED, STATES, kernel
 from stoop.reconstruction.problem import cut_pieces
+from stoop.simulation.fly import simulate_flight
+from stoop.simulation.maneuver import parse_maneuver
+from stoop.vehicle import load_vehicle
 from stoop_studies.verify.delays import WIND, late_sensors
 
 
@@ -114,3 +123,51 @@ def test_what_hovers_is_in_the_air_at_any_speed() -> None:
     grounded = from_columns("f", time, {**columns, "az": still - 9.8})
     with pytest.raises(FlightError, match="in the air for no 3 s; choose a window"):
         cut_pieces(grounded)
+
+
+@pytest.mark.slow
+def test_noise_that_gyros_integrate_does_not_give_vanes_a_place() -> None:
+    """Vanes at the center of gravity, 50 Hz, calm air: their place was -0.60 +- 0.12 m, and said to be an error."""
+    examples = Path(__file__).parents[3] / "examples"
+    text = "duration = 60.0\nrate = 50.0\nairspeed = 22.0\nwind = [3.0, -2.0, 0.0]\n"
+    for control, shape, start, step, amplitude in (
+        ("elevator", "3-2-1-1", 3, 0.15, 0.08), ("aileron", "doublet", 12, 0.5, 0.1), ("rudder", "2-1-1", 20, 0.4, 0.12),
+        ("elevator", "doublet", 28, 0.8, 0.05), ("aileron", "doublet", 38, 0.5, 0.1), ("elevator", "3-2-1-1", 46, 0.2, -0.08),
+        ("rudder", "doublet", 53, 0.4, 0.12),
+    ):  # fmt: skip
+        text += f'[[input]]\ncontrol = "{control}"\nshape = "{shape}"\nstart = {start}\nstep = {step}\namplitude = {amplitude}\n'
+    vehicle = load_vehicle(examples / "vtail.toml")
+    result, _ = check(simulate_flight(vehicle, parse_maneuver(text, "m"), seed=0))
+    truth = {
+        "vane.x": 0.0,
+        "vane.y": 0.0,
+        "vane.z": 0.0,
+        "alpha.scale": 1.0,
+        "beta.scale": 1.0,
+        "alpha.delay": 0.0,
+    }
+    for name, value in truth.items():
+        one = result.findings[name]
+        assert one.std_error >= one.systematic > 0.0
+        assert abs(one.estimate - value) < 3.0 * one.std_error, name
+    assert not [n.subject for n in result.notices if n.code == "instrument-error"]
+
+
+def test_a_residual_in_step_with_an_unknown_may_shift_it_by_its_share() -> None:
+    """Of a sine that is about the standard error, of noise in the band of the residuals nearly their share of it."""
+    rng, n, share = np.random.default_rng(0), 4000, 0.1
+
+    def in_band() -> np.ndarray:
+        noise = lfilter([1.0], [1.0, -1.8 * math.cos(0.3), 0.81], rng.standard_normal(n))
+        return np.asarray(noise / np.std(noise))
+
+    residual, sine = share * in_band(), math.sqrt(2.0) * np.sin(0.3 * np.arange(n))
+    found = []
+    for moved in (sine, in_band()):
+        piece = PieceEvidence(residual[:, None], moved[:, None, None])
+        own = estimate_uncertainty([piece], np.zeros((1, 1)))
+        (shift,) = systematic_shifts([piece], own.information, own.noise, 1)
+        found.append((shift, math.sqrt(own.corrected[0, 0])))
+    (of_sine, std), (of_noise, small) = found
+    assert std <= of_sine < 2.0 * std
+    assert 5.0 * small < of_noise < share

@@ -11,7 +11,7 @@ import pytest
 from stoop.checks.vehicle import inertia_notices
 from stoop.errors import VehicleError
 from stoop.report.sheet import mathml
-from stoop.vehicle import parse_vehicle
+from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import BUILT_IN, builtin_vehicle
 from stoop.vehicle.notation import symbols
 from stoop.vehicle.symbolic.latex import equations
@@ -158,3 +158,16 @@ def test_numbers_of_any_size_are_taken_or_refused(line: str, value: str) -> None
     with contextlib.suppress(VehicleError):
         found = parse_vehicle(text, "extreme").parameters
         assert all(math.isfinite(p.upper - p.lower) for p in found if p.free)
+
+
+def test_published_moments_that_miss_the_triangle_inequality_by_rounding_are_a_warning() -> None:
+    before = next(line for line in QUAD.splitlines() if line.startswith("inertia = { xx"))
+
+    def with_moments(zz: float) -> Vehicle:
+        return parse_vehicle(QUAD.replace(before, f"inertia = {{ xx = 0.01, yy = 0.01, zz = {zz} }}"), "quad")
+
+    assert "inertia-of-no-body" not in {one.code for one in inertia_notices(with_moments(0.02))}
+    (found,) = (one for one in inertia_notices(with_moments(0.02006)) if one.code == "inertia-of-no-body")
+    assert found.values["excess"] == pytest.approx(0.003)
+    with pytest.raises(VehicleError, match="which no body can have"):
+        with_moments(0.0205)
