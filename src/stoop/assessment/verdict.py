@@ -104,12 +104,14 @@ def uses(vehicle: Vehicle, sizes: Mapping[str, float] | None = None) -> tuple[Us
     dynamics: list[tuple[str, Sequence[str]]] = []
     for coefficient, (axis, rate, angle) in MOMENTS.items():
         controls = [n for c in vehicle.file.controls for n in coefficients(coefficient, c)]
-        dynamics += [
+        about = [
             (f"damping in {axis}", coefficients(coefficient, rate)),
             (f"static stability in {axis}", coefficients(coefficient, angle)),
             (f"control effectiveness in {axis}", controls),
-            (f"inertia in {axis}", begins(INERTIA[axis])),
         ]
+        # moments of the air count over the moment of inertia, which is judged with each of them
+        alone = [] if any(names for _, names in about) else begins(INERTIA[axis])
+        dynamics += [*about, (f"inertia in {axis}", alone)]
     thrust = begins("propulsion.", "rotors.T")
     dynamics += [
         ("thrust of the rotors", begins("rotors.T")),
@@ -227,6 +229,24 @@ def _share(result: Result, name: str, shift: float, size: float) -> float:
     return abs(shift) * result.parameters[name].std_error / size if size > 0.0 else math.nan
 
 
+def _error(result: Result, need: Need, name: str, size: float) -> float:
+    """Return the standard error of a parameter over its size; of a moment, that of its ratio to the moment of inertia.
+
+    A flight shows moments over moments of inertia, and a controller needs no more: an inertia that is guessed stretches both.
+    """
+    inertia = INERTIA.get(need.subject.rpartition(" in ")[2], "")
+    own, order = result.parameters[name], result.covariance.names
+    if inertia not in result.parameters or not {name, inertia} <= set(order) or not own.estimate:
+        return _share(result, name, 1.0, size)
+    i, j = order.index(name), order.index(inertia)
+    matrix, gradient = result.covariance.matrix, np.zeros(len(order))
+    gradient[i], gradient[j] = 1.0 / own.estimate, -1.0 / result.parameters[inertia].estimate
+    used = [i] if i == j else [i, j]
+    variance = float(gradient[used] @ matrix[np.ix_(used, used)] @ gradient[used])
+    share = math.sqrt(max(variance, 0.0)) if math.isfinite(variance) else math.inf
+    return share * abs(own.estimate) / size if size > 0.0 else math.nan
+
+
 def _judged(result: Result, use: Use, sizes: Mapping[str, float]) -> Use:
     """Return a use with what speaks against it."""
     against = [n for n in result.notices if AGAINST.get(n.code) == use.name]
@@ -238,7 +258,7 @@ def _judged(result: Result, use: Use, sizes: Mapping[str, float]) -> Use:
         largest = max(
             known, key=lambda n: abs(result.parameters[n].estimate) / (effect.get(n) or 1.0), default=""
         )
-        error = _share(result, largest, 1.0, sizes[largest]) if largest else math.inf
+        error = _error(result, need, largest, sizes[largest]) if largest else math.inf
         if not largest:
             against.append(
                 notice("verdict-need-unknown", need.subject, use=use.name, parameters=tuple(names))

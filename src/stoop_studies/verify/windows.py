@@ -326,9 +326,8 @@ def show(setting: Setting, samples: study.Samples) -> Findings:
     ]
     if real:
         sections.append(Section("Real flights", (study.page_table("", SHOWN, real), Prose(REAL_WORDS))))
-    parts = {"real": real} if real else {}
     return Findings.tabulated(
-        "Windows worth fitting", LEAD, tuple(_claims(records, real)), tuple(sections), records, parts
+        "Windows worth fitting", LEAD, tuple(_claims(records, real)), tuple(sections), records, {"real": real}
     )
 
 
