@@ -161,7 +161,9 @@ def contribution_notices(fit: Fit, found: Sequence[Contribution]) -> list[Notice
             f"{columns[one.column]}; {INPUTS.get(one.variable, one.variable)} inputs of {needed:.2g} {unit} rms)"
         )
     names = tuple(dict.fromkeys(name for one in doubtful for name in one.parameters))
-    return [notice("contribution-in-doubt", effects=tuple(told), parameters=names, aim=LIMITS.aim)]
+    variables = tuple(one.variable for one in doubtful)
+    values = {"effects": tuple(told), "parameters": names, "variables": variables}
+    return [notice("contribution-in-doubt", **values, aim=LIMITS.aim)]
 
 
 def _groups(vehicle: Vehicle, free: Mapping[str, int]) -> dict[str, list[str]]:

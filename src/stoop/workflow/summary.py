@@ -106,7 +106,7 @@ def prior_conflicts(fit: Fit) -> list[Notice]:
     """
     layout = fit.problem.layout
     known = [
-        (p.name, "the fit", fit.estimates[p.name], p.value, p.prior)
+        (p.name, "the fit", fit.estimates[p.name], p.prior_mean, p.prior)
         for p in layout.parameters
         if p.prior is not None
     ]

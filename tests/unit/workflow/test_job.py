@@ -138,6 +138,22 @@ CLalpha = 5.0
     assert tomllib.loads(new)["reference"]["span"] == 2.0
 
 
+def test_identified_file_keeps_priors_about_their_own_means(wrong: Vehicle, flight: Flight) -> None:
+    """A fit that begins from the identified file gives the same estimate: the prior is not about the estimate of before."""
+    prior = 0.05
+    tight = wrong.with_numbers({"CLalpha": {"value": 4.6, "prior": prior}})
+    first = identify(tight, flight, ["0:15"])
+    again = parse_vehicle(with_values(first.fit.problem.layout.vehicle, first.fit.estimates), "again.toml")
+    p = again.parameters[again.rows["CLalpha"]]
+    assert (p.prior, p.prior_mean) == (prior, 4.6)
+    assert p.value == pytest.approx(first.fit.estimates["CLalpha"], rel=1e-9)
+    assert abs(p.value - 4.6) > prior, "the data move it"
+    second = identify(again, flight, ["0:15"])
+    sigma = first.parameters["CLalpha"].std_error
+    assert second.fit.estimates["CLalpha"] == pytest.approx(first.fit.estimates["CLalpha"], abs=0.1 * sigma)
+    assert second.result.parameters["CLalpha"].prior_mean == 4.6
+
+
 def test_overlapping_windows_of_a_flight_are_refused(wrong: Vehicle, flight: Flight) -> None:
     with pytest.raises(FlightError, match=r"sim@10:20: overlaps the fitted sim@0:15; the same samples"):
         identify(wrong, flight, ["0:15", "10:20"])
