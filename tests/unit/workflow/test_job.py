@@ -95,7 +95,12 @@ def test_tables_say_estimate_and_truth(job: Job) -> None:
     table = estimates_table(job.identification.result, {"CLalpha": 4.78})
     assert "CLalpha" in table
     assert "4.78" in table
-    assert "0:20 (fit)" in figures_table(job.identification.result.maneuvers)
+    fitted, predicted = figures_table(job.identification.result.maneuvers).split("20:28 (validation)")
+    assert "0:20 (fit)" in fitted
+    channel = job.identification.result.maneuvers[1].channels["V"]
+    (band,) = (line.split() for line in predicted.splitlines() if line.endswith("band %"))
+    assert band[0] == f"{100.0 * channel.within:.0f}"
+    assert not any(line.endswith("band %") for line in fitted.splitlines())
 
 
 def test_identified_file_keeps_comments_and_adds_what_was_left_out() -> None:
