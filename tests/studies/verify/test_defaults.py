@@ -15,6 +15,7 @@ from stoop_studies.verify import instruments, pilots, truths
 from stoop_studies.verify.defaults import (
     FLIGHTS,
     drafted_file,
+    flight_of,
     fly,
     known_file,
     quick_file,
@@ -42,6 +43,13 @@ def test_vehicles_can_exist_and_are_as_drawn() -> None:
         assert abs(made.tape["mass"] / value("mass.mass") - 1.0) < 0.05
     made_up.cache_clear()
     assert made_up(3).vehicle.text == made_up(3).vehicle.text
+
+
+def test_seeds_fly_every_flight_once() -> None:
+    numbers = [flight_of(seed) for seed in range(FLIGHTS)]
+    assert sorted(numbers) == list(range(FLIGHTS))
+    assert sorted(n // 2 for n in numbers[: len(KINDS)]) == list(range(len(KINDS)))
+    assert {n % 2 for n in numbers[:2]} == {0, 1}
 
 
 def test_a_glider_is_steady_without_thrust() -> None:

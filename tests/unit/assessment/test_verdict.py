@@ -226,6 +226,19 @@ def test_a_moment_is_judged_over_the_moment_of_inertia() -> None:
         assert (found.justified == ("control design",)) == good
 
 
+def test_a_ratio_that_the_flight_shows_is_known_though_its_parts_come_from_priors() -> None:
+    """Of Clp and of the inertia the flight adds nothing to priors of 10 %, of their ratio it knows 1 %, or nothing either."""
+    given = {
+        "Clp": ParameterEstimate(-0.5, 0.05, identifiable=False, prior_std=0.05),
+        "mass.inertia.xx": ParameterEstimate(1.0, 0.1, prior_std=0.1),
+    }
+    sigma = np.array([0.05, 0.1])
+    for correlation, good in ((-0.995, True), (0.0, False)):
+        matrix = np.outer(sigma, sigma) * np.array([[1.0, correlation], [correlation, 1.0]])
+        found = verdict(result(parameters=given, covariance=Covariance(tuple(given), matrix)), USES[:1])
+        assert (found.justified == ("control design",)) == good
+
+
 def test_a_derivative_near_zero_is_judged_by_what_matters_on_its_axis() -> None:
     """Clp is 0.001 of the value at which it would be the largest effect: its own error of 400 % is no doubt."""
     small = {**result().parameters, "Clp": ParameterEstimate(-0.001, 0.004)}
