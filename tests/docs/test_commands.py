@@ -119,6 +119,30 @@ def test_quick_start_runs(workplace: Path) -> None:
     assert all(abs(p.estimate - truth[n]) < 4.0 * p.std_error for n, p in result.parameters.items())
 
 
+def test_first_mile_runs(workplace: Path) -> None:
+    """From a log, mass, span and chord to a model, by the printed commands: slopes agree with those that flew."""
+    first = [c for c in commands(DOCS / "quickstart.md") if "flight.ulg" in c or "my.toml" in c]
+    assert [words(c)[0] for c in first] == [
+        "simulate",
+        "info",
+        "vehicle new",
+        "trim",
+        "maneuvers",
+        "identify",
+    ]
+    for command in first:
+        run(command)
+    result = read_result(workplace / "result" / "result.json")
+    truth = {p.name: p.value for p in resolve_vehicle(ROOT / "examples" / "vtail.toml").parameters}
+    # constants and thrust stand for another working point and another propeller
+    other = ("CL0", "Cm0", "CD0", "propulsion.CT0", "propulsion.CT1")
+    known = {n: p for n, p in result.parameters.items() if n in truth and n not in other and p.std_error}
+    z = {n: (p.estimate - truth[n]) / p.std_error for n, p in known.items()}
+    assert len(z) > 25
+    assert max(map(abs, z.values())) < 4.0, z
+    assert sum(abs(x) < 1.96 for x in z.values()) > 0.85 * len(z), z
+
+
 def test_maneuver_page_runs(workplace: Path) -> None:
     for name, text in zip(("maneuver", "rotors"), blocks(DOCS / "maneuver-file.md", "toml"), strict=True):
         (workplace / f"{name}.toml").write_text(text, encoding="utf-8")

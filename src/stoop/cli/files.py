@@ -33,6 +33,7 @@ def vehicle(arguments: argparse.Namespace) -> int:
         if output is not None:
             arguments.complain("-o needs the name of a vehicle")
         out.table(words("name", BUILT_IN), words("what it is", map(builtin_title, BUILT_IN), wraps=True))
+        out.command("a draft of your own, by its log: ", ["stoop", "vehicle", "new", "LOG", "-o", "my.toml"])
         out.command("a copy to edit: ", ["stoop", "vehicle", "quad-x", "-o", "my.toml"])
     elif output is None:
         print(builtin_text(name), end="")

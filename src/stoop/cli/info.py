@@ -96,6 +96,7 @@ def run(arguments: argparse.Namespace) -> int:
         source = options.source_arguments([arguments.flight], arguments.mapping)
         informed = ["stoop", "maneuvers", *source, "--vehicle", "V.toml", "-o", "windows"]
         out.command("or, chosen by their information: ", informed)
+        out.command("V.toml is drafted by: ", ["stoop", "vehicle", "new", *source, "-o", "V.toml"])
     else:
         out.bullets([f"none found: {why}"])
     out.bullets([one for one in summary.notices if one not in faults], "Notes")

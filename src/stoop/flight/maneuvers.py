@@ -36,7 +36,7 @@ CONTROLS: Final[dict[str, Axis]] = {
     "control_yaw": "yaw",
     "control_throttle": "heave",  # of a vehicle that rotors carry
 }
-FEEDBACK: Final = (*RATES, "phi", "theta", "vd")  #: of which an autopilot makes its commands
+FEEDBACK: Final = (*RATES, "phi", "theta", "vd", "altitude")  #: of which an autopilot makes its commands
 MOTION: Final[dict[Axis, str]] = {"roll": "p", "pitch": "q", "yaw": "r", "heave": "az"}
 
 
@@ -61,6 +61,10 @@ class Limits:
     #: share of a command's power in a window that feedback leaves over, at least; a roll doublet in open loop leaves a third,
     #: as the roll rate follows the ailerons, an autopilot in gusts a twentieth
     commanded: float = 0.1
+    moved: float = (
+        0.25  #: share of an acceleration that such commands explain, where nothing usual is to compare with
+    )
+    edge: float = 0.5  #: of the threshold of a burst: activity that belongs to it, before and after
 
 
 LIMITS: Final = Limits()
@@ -242,7 +246,7 @@ def band_pass(flight: Flight, x: FloatArray) -> FloatArray:
 def without_feedback(flight: Flight, u: FloatArray) -> FloatArray:
     """Return what feedback of the motion does not explain of commands (n, m) that :func:`band_pass` left; NaN where unknown.
 
-    Feedback is the regression on rates, attitude and sink rate at the same instant, over the airborne part.
+    Feedback is the regression on rates, attitude, altitude and its rate at the same instant, over the airborne part.
     """
     names = [n for n in FEEDBACK if n in flight.data and np.isfinite(flight.column(n)).any()]
     out = u.copy()
@@ -299,7 +303,10 @@ def _bursts(flight: Flight, command: Command, up: BoolArray) -> Iterator[Maneuve
     usual = float(np.median(in_flight))
     threshold = max(LIMITS.ratio * usual, LIMITS.share * float(in_flight.max()))
     bursts: list[slice] = []
-    for run in run_slices(up & (np.nan_to_num(activity) > threshold) & np.isfinite(u)):
+    active = np.nan_to_num(activity)
+    for run in run_slices(up & (active > LIMITS.edge * threshold) & np.isfinite(u)):
+        if active[run].max() <= threshold:
+            continue
         if bursts and run.start - bursts[-1].stop < round(LIMITS.pause * flight.rate):
             bursts[-1] = slice(bursts[-1].start, run.stop)
         else:

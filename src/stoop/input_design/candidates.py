@@ -223,6 +223,21 @@ class Excitation:
         real = {a for a, power, left in shares if left >= COMMANDS.commanded * power > 0.0}
         return {a: size for a, size in sizes.items() if a in real and size > LIMITS.min_excitation}
 
+    def moves(self, flight: Flight) -> bool:
+        """Tell whether what feedback does not explain of the commands explains the angular acceleration about an axis."""
+        count, out = self.own.shape[1], False
+        rates = self.values[:, count:]
+        good = flying(flight) & np.isfinite(np.column_stack([self.own, rates])).all(axis=1)
+        if good.sum() < COMMANDS.samples:
+            return False
+        for k, axis in enumerate(self.axes[count:]):
+            columns = [i for i in range(count) if self.axes[i] == axis]
+            y = np.gradient(rates[:, k])[good]
+            x = np.column_stack([self.own[good][:, columns], rates[good]])
+            part = x[:, : len(columns)] @ np.linalg.lstsq(x, y, rcond=None)[0][: len(columns)]
+            out |= bool(part @ part > COMMANDS.moved * float(y @ y))
+        return out
+
     def condition(self, flight: Flight, one: Candidate) -> float:
         """Return the condition number of the correlations of commands and rates: 1 is independent."""
         rows = self.inside(flight, one)

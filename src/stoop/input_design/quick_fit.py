@@ -1,4 +1,4 @@
-"""A quick fit of windows: the method that `stoop identify` takes by itself, without its global search.
+"""A quick fit of windows: the fit of `stoop identify` by the method that it takes by itself, and nothing after it.
 
 Its error bars are those that identification publishes: with the color and the level of the flight's own residuals, priors,
 unknown initial states and biases, and the scatter of the maneuvers. Nothing of what the fit will say is worked out twice.
@@ -9,17 +9,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Final
 
 from stoop.assessment.error_bars import error_bars
 from stoop.errors import FlightError, IdentificationError
-from stoop.estimate.fit import Options
+from stoop.estimate.fit import DEFAULTS
 from stoop.estimate.methods import choose_method
 from stoop.flight import Flight
 from stoop.problem.windows import Window
 from stoop.vehicle import Vehicle
-
-LOCAL: Final = Options(generations=1)  #: local searches from the file's values and those of a regression
 
 
 @dataclass(frozen=True)
@@ -35,11 +32,11 @@ class QuickFit:
 
 
 def quick_fit(vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence[Window]) -> QuickFit:
-    """Fit the free numbers of a vehicle to windows of flights from its start; a fit that fails is a value."""
+    """Fit the free numbers of a vehicle to windows of flights as identification does; a fit that fails is a value."""
     used = {name: flight for name, flight in flights.items() if any(w.flight == name for w in windows)}
     try:
         choice = choose_method("", vehicle, used.values(), windows)
-        _, fit = choice.fit(vehicle, used, windows, LOCAL)
+        _, fit = choice.fit(vehicle, used, windows, DEFAULTS)
         bars = error_bars(fit)
     except (FlightError, IdentificationError) as error:
         return QuickFit(failure=str(error))

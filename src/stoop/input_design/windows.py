@@ -48,6 +48,7 @@ class SelectionLimits:
     maneuver_weight: float = 1.5  #: of a whole maneuver, over a window that may cut one
     redundant: float = 0.25  #: loss per parameter at which a fitted window may be held out instead
     validation_worth: float = 0.5  #: of the fitted windows' gain, at which a window that is left is held out
+    usual_span: float = 30.0  #: s of flight, from which on what is usual shows
     max_candidates: int = 100  #: of a flight, the most excited ones
     sharper: float = 0.8  #: ratio of standard errors, below which a parameter is named as a reason
     max_named: int = 3
@@ -314,9 +315,10 @@ def _first_windows(found: Sequence[Candidate], information: CandidateInformation
 
 
 def _candidates(flight: Flight, vehicle: Vehicle | None, excitation: Excitation | None) -> list[Candidate]:
-    """Return the maneuvers of a flight, and windows with a command that stands out about an axis without a maneuver.
+    """Return the maneuvers of a flight, the most excited first, and at most `LIMITS.max_candidates`.
 
-    They come the most excited first, at most `LIMITS.max_candidates`; a flight without commands (or rates) has windows all along.
+    A flight without commands (or rates) has windows all along, and so has one too short to show what is usual, whose commands
+    move it.
     """
     if vehicle is not None:
         channels = list(vehicle.recorded)
@@ -326,8 +328,9 @@ def _candidates(flight: Flight, vehicle: Vehicle | None, excitation: Excitation 
     found = candidates(flight, channels)
     if excitation is None:
         return found[:: max(1, len(found) // LIMITS.max_candidates)]
-    axes = {c.maneuver.axis for c in found if c.maneuver is not None}
-    found = [c for c in found if c.maneuver is not None or set(excitation.commanded(flight, c)) - axes]
+    maneuvers = [c for c in found if c.maneuver is not None]
+    short = flying(flight).sum() < LIMITS.usual_span * flight.rate
+    found = maneuvers or (found if short and excitation.moves(flight) else [])
     if not found:
         return []
     information = excitation_information({flight.name: flight}, {flight.name: excitation}, found)

@@ -52,7 +52,7 @@ EXPECTED: Final = """\
 Standard errors that the windows to be fitted will give, as far as the vehicle file is right in kind: those of a quick fit of \
 these windows, corrected for the color of its residuals and the scatter of the maneuvers, as those of stoop identify. {guess}"""
 QUICK_FIT: Final = """\
-The quick fit is that of stoop identify without its global search and its checks. A dash: it leaves the number at a bound."""
+The quick fit is that of stoop identify without its checks and figures. A dash: it leaves the number at a bound."""
 
 KINDS: Final[dict[str, ShadeKind]] = {"not used": "declined", "fit": "fitted", "predict": "predicted"}
 

@@ -53,4 +53,4 @@ def _advice(name: str) -> str:
     near = difflib.get_close_matches(name.removesuffix(".toml").replace("_", "-"), BUILT_IN, 1)
     if near:
         return f"did you mean the built-in vehicle {near[0]}?"
-    return f"check the path, or use a built-in vehicle ({', '.join(BUILT_IN)})"
+    return f"check the path, draft it by stoop vehicle new, or use a built-in vehicle ({', '.join(BUILT_IN)})"

@@ -31,6 +31,9 @@ class Range:
 
 
 LIFT: Final = Range(0.1, 1.6)  #: CL in steady flight: a wing without flaps stalls at 1.2 to 1.6
+USUAL_LIFT: Final = Range(
+    0.25, 1.1
+)  #: between those at which drag is least and power is least, with some room
 ASPECT: Final = Range(2.0, 40.0)
 WING_LOADING: Final = Range(1.0, 120.0)  #: kg/m2: an indoor model to a small jet
 DISC_LOADING: Final = Range(22.0, 250.0)  #: N/m2, of the rotors that hover
@@ -62,12 +65,20 @@ def of_lift(mass: float, area: float, steady: Steady) -> list[Notice]:
         return []
     pressure = 0.5 * steady.density() * speed**2
     lift = mass * steady.lift_over_mass() / (pressure * area)
-    if lift in LIFT or not lift > 0.0:
+    if lift in USUAL_LIFT or not lift > 0.0:
         return []
+    code, limits = ("draft-lift-unusual", USUAL_LIFT) if lift in LIFT else ("draft-lift", LIFT)
     force = pressure * area / STANDARD_GRAVITY
-    masses = {"least": LIFT.low * force, "most": LIFT.high * force}
-    values = {"mass": mass, "area": area, "airspeed": speed, "lift": lift, "low": LIFT.low, "high": LIFT.high}
-    return [notice("draft-lift", "mass.mass", **values, **masses)]
+    masses = {"least": limits.low * force, "most": limits.high * force}
+    values = {
+        "mass": mass,
+        "area": area,
+        "airspeed": speed,
+        "lift": lift,
+        "low": limits.low,
+        "high": limits.high,
+    }
+    return [notice(code, "mass.mass", **values, **masses)]
 
 
 def of_rotors(mass: float, lift: Lift) -> list[Notice]:
@@ -83,12 +94,14 @@ def of_rotors(mass: float, lift: Lift) -> list[Notice]:
     return [notice("draft-disc-loading", "mass.mass", mass=mass, size=lift.size(), loading=loading, **masses)]
 
 
-def of_template(template: str, known: Evidence) -> list[Notice]:
-    """Return what surfaces and motors of the log say against a template."""
-    flight, setup, out = known.flight, known.setup, []
+def of_template(template: str, given: bool, known: Evidence) -> list[Notice]:
+    """Return what surfaces and motors of the log say against a template, or that nothing tells which it is."""
+    flight, setup, out = known.flight, known.setup, list[Notice]()
     if flight is None:
         return []
     fitting = setup.tail()
+    if not given and template in WINGED and not fitting:
+        out.append(notice("draft-template-assumed", template, flight=flight.name))
     names = tuple(dict.fromkeys(surface.name for surface in setup.surfaces))
     tails = {
         "conventional": ("conventional", "glider", "quadplane"),

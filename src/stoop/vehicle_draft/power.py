@@ -43,6 +43,10 @@ class Usual:
     rotor: float = (
         0.85  #: diameter over the distance between neighbors: 0.72 to 0.95 of the built-in vehicles
     )
+    frame: float = (
+        0.47  #: largest distance between the rotors of a quadplane over its span, as of the built-in one
+    )
+    flat: float = 1.1  #: drag coefficient of a wing in the flow from below
     linear: float = 0.3  #: share of T1 in the thrust at full command
     hover: float = 0.6  #: command, where there is no log
     lag: float = 0.2  #: s per m of diameter: 0.05 s of 10 inches, 0.08 s of 15
@@ -172,16 +176,28 @@ def speed_gain(mass: float, diameter: float, drive: Drive, steady: Steady) -> tu
 def find_rotors(flight: Flight | None, setup: Setup, template: str, span: float | None) -> Lift | None:
     """Return the rotors that lift a vehicle; None where there are none.
 
-    Positions are those of the parameters, else of the built-in vehicle with as many rotors; a span given scales them.
+    Positions are those of the parameters, else of the built-in vehicle with as many rotors, of the size that is given.
+
+    Parameters
+    ----------
+    flight : Flight, optional
+    setup : Setup
+        Of the autopilot.
+    template : str
+    span : float, optional
+        Largest distance between motors, m; of a quadplane the span of the wing, which only the built-in one takes its
+        size from.
     """
     count = {"quad": 4, "quadplane": 4, "hexa": 6, "octo": 8}.get(template, 0)
     named = [m for m in setup.rotors if m.position is not None and m.spin is not None]
     known = len({m.position for m in named}) > 2
-    lift = _of_setup(flight, named, setup.autopilot) if known else _of_template(flight, count)
-    if lift is None:
-        return None
-    sized = setup.autopilot == "PX4" and not lift.guessed
-    return lift if span is None or (template == "quadplane" and sized) else lift.scaled(span)
+    like = "quadplane" if template == "quadplane" else FRAMES_BY_COUNT.get(count, "")
+    lift = _of_setup(flight, named, setup.autopilot) if known else _of_template(flight, count, like)
+    if lift is None or span is None:
+        return lift
+    if template != "quadplane":
+        return lift.scaled(span)
+    return lift if known and setup.autopilot == "PX4" else lift.scaled(USUAL.frame * span)
 
 
 def _of_setup(flight: Flight | None, motors: Sequence[Motor], autopilot: str) -> Lift:
@@ -211,14 +227,12 @@ def _of_setup(flight: Flight | None, motors: Sequence[Motor], autopilot: str) ->
     return lift
 
 
-def _of_template(flight: Flight | None, count: int) -> Lift | None:
+def _of_template(flight: Flight | None, count: int, name: str) -> Lift | None:
     channels, scale = [f"motor_{n}" for n in range(1, count + 1)], Scale()
     if flight is not None:
         channels, scale = running_rotors(flight)
-        count = count or len(channels)
         channels = channels[:count]
-    name = FRAMES_BY_COUNT.get(count)
-    if name is None or len(channels) != count:
+    if not name or len(channels) != count:
         return None
     like = builtin_vehicle(name)
     rotors = []

@@ -31,23 +31,16 @@ def plain(value: float) -> str:
     return text if any(c in text for c in ".e") else f"{text}.0"
 
 
-def quantity(
-    value: float,
-    prior: float | None = None,
-    bounds: tuple[float, float] | None = None,
-    free: bool | None = None,
-) -> str:
-    """Return a number as a vehicle file has it, a table where it has more than a value."""
-    parts = [f"value = {plain(value)}"]
-    parts += [] if prior is None else [f"prior = {plain(float(f'{prior:.2g}'))}"]
-    parts += [] if bounds is None else [f"bounds = [{plain(bounds[0])}, {plain(bounds[1])}]"]
-    parts += [] if free is None else [f"free = {str(free).lower()}"]
-    return f"{{ {', '.join(parts)} }}" if len(parts) > 1 else plain(value)
+def quantity(value: float, prior: float | None = None) -> str:
+    """Return a number as a vehicle file has it, a table where it has a prior."""
+    if prior is None:
+        return plain(value)
+    return f"{{ value = {plain(value)}, prior = {plain(float(f'{prior:.2g}'))} }}"
 
 
-def known(one: Apriori, bounds: tuple[float, float] | None = None, free: bool | None = None) -> str:
+def known(one: Apriori) -> str:
     """Return a number with its prior."""
-    return quantity(one.value, one.std, bounds, free)
+    return quantity(one.value, one.std)
 
 
 def mixture(gains: Mapping[str, float]) -> str:

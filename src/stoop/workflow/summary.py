@@ -83,7 +83,14 @@ def fit_warnings(
     found += contribution_notices(fit, bars.contributions)
     # Parameters at a bound, those that rest on it, and those not identifiable, of one reason together.
     at_bound = tuple(name for name, p in parameters.items() if p.at_bound)
-    found += [notice("at-bound", parameters=at_bound)] if at_bound else []
+    absent = tuple(
+        name
+        for name in at_bound
+        if name.endswith((".lag", ".dead_zone")) and parameters[name].estimate == 0.0
+    )
+    doubtful = tuple(name for name in at_bound if name not in absent)
+    found += [notice("at-bound", parameters=doubtful)] if doubtful else []
+    found += [notice("at-zero", parameters=absent, count=len(absent))] if absent else []
     if bars.conditional:
         found.append(notice("conditional-on-bound", held=at_bound, parameters=tuple(bars.conditional)))
     reasons: dict[str, list[str]] = {}

@@ -44,9 +44,17 @@ EXPERIMENTS: Final[Mapping[str, tuple[str, str]]] = {
         ("defaults", "from a log to a model by the defaults alone (40 flights of 20 made-up vehicles)"),
         ("verdict", "how often the verdict refuses good models and trusts bad ones (416 cases)"),
         ("delays", "delays of inputs and outputs, fractions of a sample (40 flights, twice)"),
+        (
+            "lines",
+            "wrong lines of mappings are named, right ones not accused (180 flights); reads --data DIR",
+        ),
         ("servos", "lags and delays that a vehicle file leaves out (30 flights each)"),
         ("nist", "certified regressions of NIST, from both starts; reads --data DIR"),
         ("export", "exported aircraft flown by JSBSim beside our own simulation"),
+        (
+            "windows",
+            "windows that are proposed: maneuvers found, errors foretold (10 flights each); reads --data DIR",
+        ),
         ("design", "a designed input against a 3-2-1-1, predicted and achieved (100 flights each)"),
         ("structure", "whether the true terms are found among candidates (200 aircraft)"),
         ("recursive", "estimates in flight against those of the whole record (50 flights)"),
@@ -57,6 +65,7 @@ EXPERIMENTS: Final[Mapping[str, tuple[str, str]]] = {
             "forces of a real hexacopter predicted in sprints, beside its owners' model; reads --data DIR",
         ),
         ("propellers", "cut propellers and added weights on real quadrotors; reads --data DIR"),
+        ("handbook", "a priori derivatives beside those of published airplanes; reads --data DIR"),
         (
             "readers",
             "damaged logs over all readers: no crash, no hang, no excess of memory (29 runs of 250 each)",

@@ -41,7 +41,8 @@ def test_never_over_another(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
 
 def test_listed(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["vehicle"]) == 0
-    _, *lines, example = capsys.readouterr().out.splitlines()
+    _, *lines, own, example = capsys.readouterr().out.splitlines()
+    assert "stoop vehicle new LOG" in own
     assert [line.split()[0] for line in lines] == list(BUILT_IN)
     assert all(len(line.split()) > 2 for line in lines)
     assert "stoop vehicle quad-x -o my.toml" in example

@@ -92,3 +92,13 @@ def test_a_pusher_that_rests_or_is_pulsed_is_not_saturated() -> None:
     assert not saturated(ridden, flying).any()
     starved = np.maximum(0.5 + 0.3 * np.sin(np.arange(400) / 20.0), 0.3)
     assert saturated(starved, flying)[starved == 0.3].all()
+
+
+def test_the_best_maneuver_of_an_axis_is_fitted() -> None:
+    """Of two that tell the same the weaker one is held out, and the only one about an axis never is."""
+    told = [np.diag([900.0, 0.0]), np.diag([400.0, 0.0]), np.diag([0.0, 50.0])]
+    found = [at(0.0, 7.0, "roll"), at(10.0, 3.0, "roll"), at(20.0, 5.0, "yaw")]
+    choice = chosen(found, *told)
+    assert set(choice.fitted) == {0, 2}
+    assert choice.held_out == 1
+    assert chosen(found[:1] + found[2:], told[0], told[2]).held_out is None

@@ -1,0 +1,281 @@
+"""The drafted file of an airplane, with or without rotors that lift."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Final
+
+from stoop.base.notices import Notice
+from stoop.base.units import DEGREE, STANDARD_GRAVITY
+from stoop.flight import Flight
+from stoop.vehicle.defaults import COEFFICIENTS, EQUATION_1
+from stoop.vehicle.load import STANDARD_CONTROLS
+from stoop.vehicle_draft import inertia, plausibility
+from stoop.vehicle_draft.apriori import Apriori
+from stoop.vehicle_draft.autopilot import Scale
+from stoop.vehicle_draft.controls import AXES, Mixer, default_controls, find_controls, recorded
+from stoop.vehicle_draft.geometry import Geometry
+from stoop.vehicle_draft.handbook import SOURCE as HANDBOOK
+from stoop.vehicle_draft.handbook import derivatives
+from stoop.vehicle_draft.power import USUAL, Drive, find_drive, speed_gain
+from stoop.vehicle_draft.request import Evidence, Request
+from stoop.vehicle_draft.sheet import MEANINGS, plain, point, quantity
+from stoop.vehicle_draft.steady import Steady, steady_flight
+from stoop.vehicle_draft.tables import PRIORS, FileText, body_drag, rotor_tables
+
+#: what stoop says of a vehicle that nobody has flown yet: CL of its working point
+CRUISE_LIFT: Final = 0.5
+_PAIRS: Final = {
+    "v-tail": "rudder",
+    "flying-wing": "aileron",
+}  #: template -> control that shares the elevator's servos
+_RECONSTRUCTED: Final = "reconstructed"  #: source of alpha and beta without vanes
+
+
+class Airplane(FileText):
+    """An airplane, with or without rotors that lift."""
+
+    def __init__(self, request: Request, seen: Evidence) -> None:
+        super().__init__(request, seen)
+        r = request
+        self.geometry = r.geometry or Geometry.typical(
+            self.template, self.mass, r.span or 0.0, r.chord, r.area
+        )
+        self.steady = steady_flight(seen.flights)
+        wanted = (
+            STANDARD_CONTROLS
+            if self.template != "flying-wing" or _has_rudder(seen)
+            else STANDARD_CONTROLS[:2]
+        )
+        self.wanted = wanted
+        flight = seen.flight
+        self.controls = (
+            default_controls(wanted) if flight is None else find_controls(flight, seen.setup, wanted)
+        )
+        self.airspeed, self.airspeed_source = self.steady.airspeed()
+        self.alpha = self.steady.median("alpha")
+
+    def text(self) -> str:
+        """Return the file."""
+        wing = self.geometry.wing
+        self.head(f"span {wing.span:g} m, chord {wing.chord:.4g} m")
+        self.mass_table(inertia.of_airplane(self.template, self.mass, wing.span))
+        self._reference()
+        self.environment()
+        self._propulsion()
+        self.controls_table(self.controls)
+        if self.lift is not None:
+            rotor_tables(self.sheet, self.lift, self.mass, self._hover())
+            body_drag(self.sheet, self.mass, 0.5 * 1.225 * USUAL.flat * wing.area)
+        self._sensors()
+        self._aerodynamics()
+        return self.sheet.text()
+
+    def _hover(self) -> Steady:
+        return steady_flight(self.seen.flights, wings=False)
+
+    def _reference(self) -> None:
+        wing, sheet = self.geometry.wing, self.sheet
+        sheet.table("reference")
+        given = self.request.area is not None or self.request.geometry is not None
+        sheet.entry("area", plain(wing.area), "m2, as given" if given else "m2, span times chord")
+        sheet.entry("chord", plain(wing.chord), "m")
+        sheet.entry("span", plain(wing.span), "m")
+        if math.isfinite(self.airspeed):
+            said = f"m/s, median of {self.steady.duration:.0f} s of steady flight ({self.airspeed_source})"
+        else:
+            self.airspeed = math.sqrt(2.0 * self.mass * STANDARD_GRAVITY / (1.225 * wing.area * CRUISE_LIFT))
+            said = f"m/s, level flight at CL = {CRUISE_LIFT:g}: no log tells"
+        sheet.entry("airspeed", plain(self.airspeed), f"V*: {said}")
+        if math.isfinite(self.alpha):
+            said = f"alpha*: rad ({self.alpha / DEGREE:.1f} deg), median of the same flight"
+            sheet.entry("alpha", plain(self.alpha), said)
+        sheet.word(
+            "rate_normalization", "actual", "rates are made dimensionless with the airspeed of the moment"
+        )
+
+    def _propulsion(self) -> None:
+        sheet, flight = self.sheet, self.seen.flight
+        if self.request.engine == "none":
+            sheet.lines += ["", "# No propulsion, as given or as a glider has it."]
+            return
+        lifting = [rotor.channel for rotor in self.lift.rotors] if self.lift is not None else []
+        drive = find_drive(flight, self.seen.setup, lifting) if flight is not None else None
+        if drive is None and flight is not None:
+            self._unlogged_thrust(flight)
+            return
+        drive = drive or Drive(
+            f"motor_{len(lifting) + 1}" if lifting else "control_throttle", Scale(), "assumed"
+        )
+        sheet.table("propulsion")
+        if drive.channel == "thrust":
+            sheet.word("kind", "channel", "the log holds the thrust, N")
+            sheet.entry("scale", quantity(1.0, 0.1), "how well that is known is not")
+            return
+        if self.request.engine == "jet":
+            sheet.word("kind", "channel", "thrust in proportion to the command, without regard to airspeed")
+            sheet.word("channel", drive.channel, drive.comment)
+            thrust = USUAL.jet * self.mass * STANDARD_GRAVITY
+            sheet.entry(
+                "scale",
+                quantity(thrust, USUAL.spread * thrust),
+                f"N, {USUAL.jet:g} of the weight",
+            )
+            return
+        self._propeller(drive)
+
+    def _unlogged_thrust(self, flight: Flight) -> None:
+        """Write a constant thrust where no channel drives a motor, but the specific force asks for one."""
+        weight = self.mass * STANDARD_GRAVITY
+        silent = any(flight.names & {"control_throttle", "throttle", "motor_1"})
+        drag = weight / USUAL.lift_over_drag
+        thrust = self.mass * self.steady.push_over_mass() + drag
+        power = self.steady.median("voltage", 0.0) * self.steady.median("current", 0.0)
+        if (silent and power < PRIORS.power * drag * self.airspeed) or not thrust > PRIORS.thrust * weight:
+            self.sheet.lines += ["", "# No propulsion: no motor ran in this log."]
+            return
+        battery = f"; {power:.0f} W from the battery" if power > 0.0 else ""
+        self.sheet.table("propulsion", f"no channel of the log tells the throttle{battery}")
+        self.sheet.word("kind", "constant")
+        said = (
+            f"N, what steady flight needs at L/D = {USUAL.lift_over_drag:g}; map the throttle if there is one"
+        )
+        self.sheet.entry("thrust", quantity(thrust, USUAL.spread * thrust), said)
+
+    def _propeller(self, drive: Drive) -> None:
+        sheet = self.sheet
+        diameter = USUAL.diameter * self.mass ** (1.0 / 3.0)
+        gain, said = speed_gain(self.mass, diameter, drive, self.steady)
+        if drive.channel.startswith("rotor_"):
+            gain, said = 0.5 / math.pi, "rad/s to rev/s"
+        sheet.word("kind", "propeller")
+        sheet.word("channel", drive.channel, drive.comment)
+        if drive.scale.zero:
+            sheet.entry("idle", plain(drive.scale.zero), "of the channel")
+        sheet.entry(
+            "speed_gain",
+            plain(gain / drive.scale.unit),
+            f"rev/s per unit: {said}; a wrong one goes into CT0, CT1",
+        )
+        sheet.entry("diameter", plain(diameter), "m, usual for this mass: write your own")
+        for name in ("CT0", "CT1"):
+            sheet.entry(name, quantity(*getattr(USUAL, name)), "usual of small propellers")
+
+    def _sensors(self) -> None:
+        std = PRIORS.lever * self.geometry.wing.span
+        self.accelerometer(std)
+        vanes = [
+            f
+            for f in self.seen.flights
+            if "alpha" in f.sources and f.sources["alpha"].source != _RECONSTRUCTED
+        ]
+        if vanes:
+            part = quantity(0.0, PRIORS.vane * self.geometry.wing.span)
+            self.sheet.entry(
+                "vane_position", point([part, "0.0", "0.0"]), "m: a vane ahead feels the pitch rate"
+            )
+        self._air_data(measured=bool(vanes))
+
+    def _air_data(self, measured: bool) -> None:
+        """Write errors of the air data that all maneuvers share, which no scatter shows: each scales or shifts every derivative.
+
+        Reconstructed air data are wrong by the error of the wind: the airspeed in part, incidence and sideslip by an angle.
+        """
+        winds = [f.air for f in self.seen.flights if f.air is not None and math.isfinite(f.air.wind_n_std)]
+        if not winds and "V" not in {name for f in self.seen.flights for name in f.names}:
+            return
+        wind = max((math.hypot(a.wind_n_std, a.wind_e_std) for a in winds), default=0.0) / self.airspeed
+        share, said = (PRIORS.pitot, "of a pitot") if measured or not winds else (wind, "error of the wind")
+        self.sheet.table("sensors.V")
+        self.sheet.entry("scale", quantity(1.0, share), said)
+        for channel in () if measured or not winds else ("alpha", "beta"):
+            self.sheet.table(f"sensors.{channel}")
+            self.sheet.entry("bias", quantity(0.0, wind), "rad: error of the wind over the airspeed")
+
+    def _aerodynamics(self) -> None:
+        sheet, own = self.sheet, self._derivatives()
+        sheet.lines.append("")
+        sheet.remark(
+            "Derivatives by handbook formulas, with the standard deviation of these against flight results, and that of what is",
+            "typical of the geometry rather than given. Terms of eq. (1): per rad, rates with b/2V and c/2V, about V*, alpha*.",
+        )
+        for coefficient in COEFFICIENTS:
+            sheet.table(f"aerodynamics.{coefficient}")
+            for name in (n for n in EQUATION_1[coefficient] if n in own):
+                source = own[name].source
+                said = [MEANINGS[name], *([] if source == HANDBOOK else [source])]
+                sheet.entry(name, quantity(own[name].value, own[name].std), "; ".join(said))
+            pair = own.get(f"{coefficient}{_PAIRS.get(self.template, '')}")
+            if coefficient in ("Cl", "Cn") and pair is not None and "elevator" in self.controls.mixers:
+                prior = f"prior = {plain(float(f'{PRIORS.unequal * abs(pair.value):.2g}'))}"
+                text = f'{{ term = "elevator", value = 0.0, {prior} }}'
+                sheet.entry(
+                    f"{coefficient}elevator", text, "of a left and a right surface that move unequally"
+                )
+
+    def _derivatives(self) -> dict[str, Apriori]:
+        """Return the a priori derivatives; those of controls are less sure where the throw is assumed."""
+        speed, density = self.airspeed, self.steady.density() if self.seen.flights else 1.225
+        alpha = self.alpha if math.isfinite(self.alpha) else None
+        pressure = 0.5 * density * speed**2 * self.geometry.wing.area
+        lift = (
+            self.mass * (self.steady.lift_over_mass() if self.seen.flights else STANDARD_GRAVITY) / pressure
+        )
+        found = derivatives(self.geometry, speed, alpha, density, lift)
+        for name, one in found.items():
+            control = next((c for c in AXES if name.endswith(c)), None)
+            mixer = self.controls.mixers.get(control or "")
+            if control is None or mixer is None:
+                continue
+            spread = PRIORS.throw * abs(one.value) if mixer.gains else 0.0
+            value, source = mixer.sign * one.value, one.source
+            found[name] = Apriori(value, math.hypot(one.std, spread), source)
+        out = {
+            n: one for n, one in found.items() if not n.endswith(tuple(set(AXES) - set(self.controls.mixers)))
+        }
+        return out | self._trim(out)
+
+    def _trim(self, found: Mapping[str, Apriori]) -> dict[str, Apriori]:
+        """Return the coefficients at the working point, which balance the controls of steady flight."""
+        out = {}
+        for name, slope, control in (
+            ("CL0", "CLelevator", "elevator"),
+            ("Cm0", "Cmelevator", "elevator"),
+            ("Cl0", "Claileron", "aileron"),
+            ("Cn0", "Cnrudder", "rudder"),
+        ):
+            mixer, flight = self.controls.mixers.get(control), self.seen.flight
+            if mixer is None or slope not in found or name not in found:
+                continue
+            level = _median_deflection(self.steady, mixer, control) if flight is not None else 0.0
+            own, effect = found[name], found[slope]
+            middle = PRIORS.middle if mixer.gains else 0.0
+            std = math.sqrt(own.std**2 + (effect.std * level) ** 2 + (effect.value * middle) ** 2)
+            said = f"balances the {control} at {level:.3f} rad" if level else own.source
+            out[name] = Apriori(own.value - effect.value * level, std, said)
+        return out
+
+    def notices(self) -> list[Notice]:
+        """Return what speaks against the draft."""
+        found = [*plausibility.of_wing(self.geometry)]
+        if self.seen.flights:
+            found += plausibility.of_lift(self.mass, self.geometry.wing.area, self.steady)
+        speeds = {f.name: steady_flight([f]).airspeed()[0] for f in self.seen.flights}
+        found += plausibility.of_controls(self.controls, self.wanted, self.seen)
+        found += plausibility.of_flights(self.controls.channels, speeds, self.seen)
+        return [*found, *plausibility.of_excitation(self.seen), *plausibility.of_setup(self.seen.setup)]
+
+
+def _has_rudder(seen: Evidence) -> bool:
+    shares = any(surface.shares[2] for surface in seen.setup.surfaces)
+    return shares or (seen.flight is not None and recorded(seen.flight, "rudder"))
+
+
+def _median_deflection(steady: Steady, mixer: Mixer, control: str) -> float:
+    """Return the median deflection in steady flight, rad; zero where no log has its channels."""
+    channels = list(mixer.gains or {control: 1.0})
+    levels = [steady.median(name) - mixer.centers.get(name, 0.0) for name in channels]
+    gains = list((mixer.gains or {control: 1.0}).values())
+    level = sum(g * x for g, x in zip(gains, levels, strict=True))
+    return level if math.isfinite(level) else 0.0

@@ -1,0 +1,47 @@
+"""The drafted file of a multirotor."""
+
+from __future__ import annotations
+
+from stoop.base.notices import Notice
+from stoop.errors import VehicleError
+from stoop.vehicle_draft import inertia, plausibility
+from stoop.vehicle_draft.power import USUAL, Lift, running_rotors
+from stoop.vehicle_draft.request import ROTORCRAFT
+from stoop.vehicle_draft.steady import steady_flight
+from stoop.vehicle_draft.tables import PRIORS, FileText, body_drag, rotor_tables
+
+
+class Multirotor(FileText):
+    """A multirotor."""
+
+    def text(self) -> str:
+        """Return the file."""
+        lift, mass = self._known_lift(), self.mass
+        self.head(f"{lift.size():.3g} m between the motors that are farthest apart")
+        self.mass_table(inertia.of_multirotor(mass, [rotor.position for rotor in lift.rotors]))
+        self.environment()
+        rotor_tables(self.sheet, lift, mass, steady_flight(self.seen.flights, wings=False))
+        body_drag(self.sheet, mass, 1.5 * USUAL.body * mass)
+        self.accelerometer(PRIORS.frame * lift.size())
+        return self.sheet.text()
+
+    def _known_lift(self) -> Lift:
+        if self.lift is None:
+            raise self._no_rotors()
+        return self.lift
+
+    def _no_rotors(self) -> Exception:
+        flight, count = self.seen.flight, ROTORCRAFT[self.template]
+        running = running_rotors(flight)[0] if flight is not None else []
+        name = flight.name if flight is not None else "the log"
+        return VehicleError(
+            f"--template {self.template}: has {count} rotors, but {len(running)} motors run in {name}"
+            f"{f' ({chr(44).join(running)})' if running else ''}; choose another template, or check the mapping"
+        )
+
+    def notices(self) -> list[Notice]:
+        """Return what speaks against the draft."""
+        lift = self._known_lift()
+        found = plausibility.of_rotors(self.mass, lift)
+        found += plausibility.of_flights([rotor.channel for rotor in lift.rotors], {}, self.seen)
+        return [*found, *plausibility.of_excitation(self.seen)]

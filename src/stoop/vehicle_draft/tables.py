@@ -1,0 +1,161 @@
+"""Tables of a drafted file that every kind of vehicle has: mass and inertia, surfaces, rotors, sensors."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+from stoop.vehicle.assumptions import USUAL as ASSUMED
+from stoop.vehicle_draft.apriori import Apriori
+from stoop.vehicle_draft.controls import Controls, recorded
+from stoop.vehicle_draft.power import USUAL, Lift, hover_level, thrust_law
+from stoop.vehicle_draft.request import Evidence, Request
+from stoop.vehicle_draft.sheet import Sheet, known, mixture, plain, point, quantity
+from stoop.vehicle_draft.steady import Steady
+
+
+@dataclass(frozen=True)
+class Priors:
+    """Standard deviations of what no log and no drawing tells."""
+
+    throw: float = 0.35  #: of the gain of a mixer over its value: full throws are 0.2 to 0.6 rad
+    middle: float = 0.06  #: rad, of the middle of a surface whose deflection was not recorded
+    lever: float = 0.03  #: of the span: distance of the accelerometers from the center of gravity
+    frame: float = 0.1  #: of the largest distance between motors, likewise
+    vane: float = 0.15  #: of the span, how far a vane may be ahead
+    pitot: float = 0.05  #: of the airspeed: position error of a pitot that nobody calibrated
+    unequal: float = 0.25  #: by which left and right of a pair of surfaces differ that are one elevator
+    power: float = 0.3  #: electric, over that of the usual drag: less drives no propeller
+    thrust: float = 0.05  #: of the weight; less is the error of accelerometers and attitude
+
+
+PRIORS: Final = Priors()
+LAG: Final = Apriori(ASSUMED.lag, ASSUMED.lag_std, "usual of hobby servos")
+DELAY: Final = Apriori(ASSUMED.delay, ASSUMED.delay_std, "of autopilot and logger together")
+
+
+class FileText:
+    """The text of a file as it grows: what both kinds of vehicle share."""
+
+    def __init__(self, request: Request, seen: Evidence) -> None:
+        self.request, self.seen, self.sheet = request, seen, Sheet()
+        self.template, self.mass = str(request.template), float(request.mass or 0.0)
+        self.lift = seen.lift(self.template, request.span)
+
+    def head(self, size: str) -> None:
+        """Write what the file is."""
+        logs = ", ".join(flight.name for flight in self.seen.flights) or "no log"
+        autopilot = self.seen.setup.autopilot
+        self.sheet.remark(
+            f"Drafted by stoop vehicle new: template {self.template}, {self.mass:g} kg, {size}; log: {logs}"
+            f"{f', parameters of {autopilot}' if autopilot else ''}.",
+            "prior: standard deviation of what is known beforehand; what has one is estimated. Correct what you know better.",
+        )
+        self.sheet.word("format", "stoop-vehicle/1")
+        self.sheet.word("name", self.request.name or f"{self.template.capitalize()}, {self.mass:g} kg")
+
+    def mass_table(self, moments: Mapping[str, Apriori]) -> None:
+        """Write mass and inertia."""
+        sheet = self.sheet
+        sheet.table("mass")
+        sheet.entry("mass", plain(self.mass), "kg, as given: forces are known per mass only, so weigh it")
+        sheet.table(
+            "mass.inertia",
+            "kg m2; a flight tells moments per inertia: a swing test is worth more than this guess",
+        )
+        for axis, moment in moments.items():
+            sheet.entry(axis, known(moment), moment.source)
+
+    def environment(self) -> None:
+        """Write where the density of the air is from."""
+        if self.seen.flights and all(recorded(f, "density") for f in self.seen.flights):
+            self.sheet.table("environment")
+            self.sheet.word("density", "log", "every log holds it")
+
+    def controls_table(self, controls: Controls) -> None:
+        """Write the surfaces; one servo lag for all."""
+        first = next(iter(controls.mixers), "")
+        for control, mixer in controls.mixers.items():
+            self.sheet.table(f"controls.{control}", _SIGNS[control] if mixer.sign > 0.0 else "")
+            if mixer.gains:
+                self.sheet.entry("mix", mixture(mixer.gains), f"rad per unit: {mixer.comment}")
+            else:
+                self.sheet.remark(mixer.comment)
+            if mixer.centers:
+                self.sheet.entry(
+                    "center",
+                    mixture(mixer.centers),
+                    "us, from the parameters" if not controls.guessed else "",
+                )
+            if control == first:
+                self.sheet.entry("lag", known(LAG), f"s, {LAG.source}")
+                self.sheet.entry("delay", known(DELAY), f"s, {DELAY.source}")
+            else:
+                self.sheet.word("lag", f"=controls.{first}.lag", "the same kind of servo")
+                self.sheet.word("delay", f"=controls.{first}.delay")
+
+    def accelerometer(self, std: float) -> None:
+        """Write the position of the accelerometers."""
+        part = quantity(0.0, std)
+        self.sheet.table("sensors")
+        place = point([part, "0.0", part])
+        said = "m from the center of gravity: taken to be there"
+        self.sheet.entry("accelerometer_position", place, said)
+
+
+_SIGNS: Final = {
+    "elevator": "trailing edge down is positive, nose down",
+    "aileron": "right wing down is positive",
+    "rudder": "trailing edge left is positive, nose left",
+}
+
+
+def body_drag(sheet: Sheet, mass: float, down: float) -> None:
+    """Write the drag of the body; `down` is that along z, N s2/m2."""
+    sheet.table("body_drag")
+    side = USUAL.body * mass
+    parts = [quantity(x, USUAL.spread * x) for x in (side, side, down)]
+    sheet.entry("quadratic", point(parts), "N s2/m2, usual for this size")
+
+
+def rotor_tables(sheet: Sheet, lift: Lift, mass: float, steady: Steady) -> None:
+    """Write the rotors: their common law, then position and spin of each."""
+    level, said = hover_level(lift, steady)
+    law = thrust_law(lift, mass, level)
+    sheet.table("rotors")
+    sheet.word("drive", "speed" if lift.speed else "command", "x in rad/s" if lift.speed else "x from 0 to 1")
+    if lift.scale.unit != 1.0:
+        where = "pulses of 1000 to 2000 us are assumed" if lift.guessed else "from the parameters"
+        sheet.entry("gain", f"{1.0 / lift.scale.unit:.6g}", f"x per unit of the channel: {where}")
+    if lift.scale.zero:
+        sheet.entry("idle", plain(lift.scale.zero), "of the channel")
+    voltage = steady.median("voltage")
+    if not lift.speed and voltage > 1.0:
+        sheet.entry("nominal_voltage", plain(voltage), "V, median in flight: x scales with the battery")
+        sheet.entry(
+            "voltage_average", plain(USUAL.voltage_average), "s: the sag under load is part of the thrust law"
+        )
+    for name, one in law.items():
+        unit = _UNITS[name][lift.speed]
+        at = f" (x = {level:.4g}, {said})" if "hover" in one.source else ""
+        sheet.entry(name, known(one), f"{unit}: {one.source}{at}")
+    sheet.remark(
+        f"radius = {plain(0.5 * lift.diameter())} # m: write yours to add the induced velocity, for climbs and forward flight"
+    )
+    if not lift.speed:
+        sheet.entry("delay", known(DELAY), f"s, {DELAY.source}")
+    for number, rotor in enumerate(lift.rotors, 1):
+        comment = f"{lift.source}; m from the center of gravity, spin seen from above" if number == 1 else ""
+        sheet.table(f"rotor.m{number}", comment)
+        sheet.word("channel", rotor.channel)
+        sheet.entry("position", point([plain(x) for x in rotor.position]))
+        if rotor.axis is not None:
+            sheet.entry("axis", point([plain(x) for x in rotor.axis]))
+        sheet.word("spin", rotor.spin)
+
+
+_UNITS: Final = {
+    "T1": ("N", "N s/rad"), "T2": ("N", "N s2/rad2"), "inflow": ("N s/m", "N s2/(m rad)"),
+    "drag": ("N s/m", "N s2/(m rad)"), "torque_ratio": ("m", "m"), "lag": ("s", "s"),
+}  # fmt: skip

@@ -1,0 +1,60 @@
+"""Windows amid gusts: each kind of input is found, gusts are none, and made-up figures turn every verdict round."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from stoop.errors import FlightError
+from stoop.input_design.windows import find_windows
+from stoop_studies.findings import Setting
+from stoop_studies.verify.study import run_key
+from stoop_studies.verify.windows import CASES, EXPERIMENT, held, propose
+
+SETTING = Setting(runs=2)
+
+
+@pytest.mark.parametrize("case", [c for c in CASES if c.endswith("moderate") and "gusts" not in c])
+def test_inputs_are_found(case: str) -> None:
+    flown = CASES[case](7)
+    assert len(flown.spans) == 3
+    found = find_windows({flown.flight.name: flown.flight})
+    assert all(held(found, span) for span in flown.spans)
+    assert all(any(w.start < b and a < w.stop for a, b in flown.spans) for w in found.windows)
+
+
+@pytest.mark.parametrize("case", [c for c in CASES if "gusts" in c])
+def test_gusts_are_no_maneuver(case: str) -> None:
+    flown = CASES[case](7)
+    with pytest.raises(FlightError, match="no maneuver here"):
+        find_windows({flown.flight.name: flown.flight}, flown.start)
+
+
+@pytest.mark.slow
+def test_errors_are_as_foretold_from_a_wrong_start() -> None:
+    (found,) = propose({"case": "aircraft-steps-moderate", "seed": 1}, [None])
+    assert found["found"] == found["maneuvers"] == 3
+    assert len(found["ratios"]) > 20
+    assert max(found["ratios"]) < 1.5
+    assert min(found["ratios"]) > 1.0 / 1.5
+
+
+def verdicts(**changes: Any) -> set[str]:
+    flown = {
+        "maneuvers": 3, "found": 3, "windows": 3, "false": 0, "bare_windows": 3, "bare_false": 0, "ratios": [0.9, 1.1],
+        "inside": 19, "estimates": 20,
+    }  # fmt: skip
+    gusts = {key: [] if key == "ratios" else 0 for key in flown}
+    results = {
+        run_key(case, seed): gusts if "gusts" in case else flown | changes
+        for seed in SETTING.seeds
+        for case in CASES
+    }
+    return {c.verdict for c in EXPERIMENT.findings(SETTING, results).claims}
+
+
+def test_verdicts() -> None:
+    assert verdicts() == {"holds"}
+    for changes in ({"found": 2}, {"false": 1}, {"ratios": [1.6, 1.7]}, {"ratios": [0.5]}):
+        assert "does not hold" in verdicts(**changes)

@@ -1,0 +1,159 @@
+"""Drafts of vehicles with rotors: positions and turning by the parameters, thrust by the level of hover."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from stoop.base.units import STANDARD_GRAVITY
+from stoop.errors import VehicleError
+from stoop.exporters.flight_logs import save_flight_as
+from stoop.flight import Flight, load
+from stoop.flight.flight import from_columns
+from stoop.vehicle import Vehicle
+from stoop.vehicle.builtin import builtin_vehicle
+from stoop.vehicle_draft.draft import draft
+from stoop.vehicle_draft.request import Request
+
+LEVEL = 0.55  #: command at hover
+
+
+def hovering(count: int, seconds: float = 60.0, rate: float = 50.0) -> Flight:
+    """Return a vehicle that hovers, its motors moved apart from each other at random."""
+    time = np.arange(0.0, seconds, 1.0 / rate)
+    rng = np.random.default_rng(count)
+    zero = np.zeros(time.size)
+    columns = {
+        name: rng.normal(0.0, 0.02, time.size) for name in ("p", "q", "r", "phi", "theta", "psi", "ax", "ay")
+    }
+    columns |= {
+        "az": zero - STANDARD_GRAVITY + rng.normal(0.0, 0.1, time.size),
+        "vn": zero,
+        "ve": zero,
+        "vd": zero,
+    }
+    columns |= {"pn": zero, "pe": zero, "pd": zero - 10.0}
+    columns |= {f"motor_{n}": LEVEL + rng.normal(0.0, 0.02, time.size) for n in range(1, count + 1)}
+    return from_columns("hover", time, columns)
+
+
+def px4_parameters(vehicle: Vehicle) -> dict[str, float]:
+    """Return the parameters of PX4 that describe the rotors of a vehicle."""
+    found: dict[str, float] = {"CA_AIRFRAME": 0, "CA_ROTOR_COUNT": len(vehicle.rotors)}
+    for i, (name, rotor) in enumerate(vehicle.file.rotor.items()):
+        for axis in "xyz":
+            found[f"CA_ROTOR{i}_P{axis.upper()}"] = vehicle.value(f"rotor.{name}.position.{axis}")
+        found[f"CA_ROTOR{i}_KM"] = 0.05 if rotor.spin == "ccw" else -0.05
+    return found
+
+
+def places(vehicle: Vehicle) -> dict[str, tuple[float, float, str]]:
+    """Return channel -> forward, right and spin."""
+    return {
+        rotor.channel: (
+            vehicle.value(f"rotor.{name}.position.x"),
+            vehicle.value(f"rotor.{name}.position.y"),
+            rotor.spin,
+        )
+        for name, rotor in vehicle.file.rotor.items()
+    }
+
+
+@pytest.mark.parametrize("name", ["quad-x", "hexa-x", "octo-x"])
+def test_px4_log(name: str, tmp_path: Path) -> None:
+    truth = builtin_vehicle(name)
+    flight = replace(hovering(len(truth.rotors)), parameters=px4_parameters(truth))
+    save_flight_as(flight, tmp_path / "log.ulg")
+    mass = truth.value("mass.mass")
+    found = draft(Request(mass=mass), [load(tmp_path / "log.ulg")])  # neither template nor span is needed
+    for channel, (x, y, spin) in places(truth).items():
+        assert places(found.vehicle)[channel] == (
+            pytest.approx(x, abs=1e-3),
+            pytest.approx(y, abs=1e-3),
+            spin,
+        )
+    t1, t2 = (found.vehicle.value(f"rotors.{n}") for n in ("T1", "T2"))
+    lift = len(truth.rotors) * (t1 * LEVEL + t2 * LEVEL**2)
+    assert lift == pytest.approx(mass * STANDARD_GRAVITY, rel=0.02)
+    assert not {n.code for n in found.notices} - {"draft-not-excited"}
+
+
+def test_ardupilot_log(tmp_path: Path) -> None:
+    """Pulses with the functions of motors, on outputs in another order, and a frame in X."""
+    order = {1: 5, 2: 2, 3: 1, 4: 3}  # motor -> output
+    flight = hovering(4)
+    columns = {str(n): flight.column(str(n)) for n in flight.data.data_vars}
+    commands = {n: columns.pop(f"motor_{n}") for n in order}
+    columns |= {f"pwm_{pin}": 1100.0 + 800.0 * commands[n] for n, pin in order.items()}
+    parameters = {f"SERVO{pin}_FUNCTION": 32.0 + n for n, pin in order.items()}
+    parameters |= {
+        "SERVO1_FUNCTION": 35.0,
+        "FRAME_CLASS": 1,
+        "FRAME_TYPE": 1,
+        "MOT_PWM_MIN": 1100,
+        "MOT_PWM_MAX": 1900,
+    }
+    log = replace(from_columns("log", flight.time, columns), parameters=parameters)
+    save_flight_as(log, tmp_path / "log.bin")
+    found = draft(Request(mass=1.5, span=0.5), [load(tmp_path / "log.bin")])
+    like = places(builtin_vehicle("quad-x"))
+    for n, pin in order.items():
+        x, y, spin = like[f"motor_{n}"]
+        assert places(found.vehicle)[f"pwm_{pin}"] == (
+            pytest.approx(x, abs=2e-3),
+            pytest.approx(y, abs=2e-3),
+            spin,
+        )
+    assert found.vehicle.value("rotors.idle") == 1100.0
+    assert found.vehicle.value("rotors.gain") == pytest.approx(1.0 / 800.0)
+
+
+def test_a_template_with_other_rotors() -> None:
+    """Six motors run: a quad is refused as a template, with what runs; a hexa is what the log shows."""
+    flight = hovering(6)
+    notices = draft(Request("quad", 2.4, 0.55), [flight]).notices
+    (found,) = [n for n in notices if n.code == "draft-motors"]
+    assert (found.values["expected"], found.values["count"]) == (4, 6)
+    with pytest.raises(VehicleError, match=r"has 8 rotors, but 6 motors run"):
+        draft(Request("octo", 2.4, 0.55), [flight])
+    assert "template hexa" in draft(Request(None, 2.4, 0.55), [flight]).text
+    codes = {n.code for n in draft(Request("conventional", 2.4, 1.5, 0.2), [flight]).notices}
+    assert "draft-hovers" in codes
+
+
+def test_a_mass_that_the_frame_cannot_have() -> None:
+    codes = {mass: {n.code for n in draft(Request("quad", mass, 0.5)).notices} for mass in (0.3, 1.5, 12.0)}
+    assert "draft-disc-loading" not in codes[1.5]
+    assert "draft-disc-loading" in codes[0.3] & codes[12.0]
+
+
+PARAMETERS = [
+    *px4_parameters(builtin_vehicle("quad-x")), "CA_SV_CS_COUNT", "CA_SV_CS0_TYPE", "CA_SV_CS0_TRQ_P", "SERVO1_FUNCTION",
+    "SERVO2_FUNCTION", "SERVO1_MIN", "SERVO1_MAX", "FRAME_CLASS", "FRAME_TYPE", "PWM_MAIN_FUNC1", "PWM_MAIN_REV",
+]  # fmt: skip
+
+
+@settings(max_examples=20, deadline=None)
+@given(parameters=st.dictionaries(st.sampled_from(PARAMETERS), st.floats(width=32) | st.integers(-5, 300)))
+def test_hostile_parameters(parameters: dict[str, float]) -> None:
+    """Whatever the parameters hold, the draft is a file that loads, or one line that says what is wrong."""
+    flight = replace(hovering(4, 20.0), parameters=parameters)
+    for template in ("quad", "conventional"):
+        with suppress(VehicleError):
+            found = draft(Request(template, 1.5, 0.5, 0.1 if template == "conventional" else None), [flight])
+            assert all(np.isfinite(p.value) for p in found.vehicle.parameters)
+
+
+def test_quadplane() -> None:
+    found = draft(Request("quadplane", 5.0, 2.1, 0.26))
+    like = places(builtin_vehicle("quadplane"))
+    for channel, (x, y, spin) in places(found.vehicle).items():
+        assert like[channel] == (pytest.approx(x, rel=0.05), pytest.approx(y, rel=0.05), spin)
+    assert found.vehicle.file.propulsion is not None
+    assert found.vehicle.file.propulsion.channel == "motor_5"  # type: ignore[union-attr]
