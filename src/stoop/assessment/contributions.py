@@ -28,7 +28,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from scipy.fft import next_fast_len, rfft
@@ -162,7 +162,7 @@ def contribution_notices(fit: Fit, found: Sequence[Contribution]) -> list[Notice
         )
     names = tuple(dict.fromkeys(name for one in doubtful for name in one.parameters))
     variables = tuple(one.variable for one in doubtful)
-    values = {"effects": tuple(told), "parameters": names, "variables": variables}
+    values: dict[str, Any] = {"effects": tuple(told), "parameters": names, "variables": variables}
     return [notice("contribution-in-doubt", **values, aim=LIMITS.aim)]
 
 
