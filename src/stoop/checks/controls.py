@@ -20,7 +20,6 @@ EFFECTS: Final = {
     "pitch": ("q", (("elevator", -1.0), ("control_pitch", 1.0))),
     "yaw": ("r", (("rudder", -1.0), ("control_yaw", 1.0))),
 }
-BESIDE: Final = (*RATES, "ay", "az")  #: what turns the vehicle as well, by damping and by stability
 
 
 @dataclass(frozen=True)
@@ -28,11 +27,14 @@ class ControlLimits:
     """How controls and angular accelerations are compared."""
 
     rate: float = 25.0  #: Hz
-    band: tuple[float, float] = (0.3, 5.0)  #: Hz: slower is the air's doing, quicker is noise
+    band: tuple[float, float] = (1.0, 5.0)  #: Hz: slower the vehicle has answered already, quicker is noise
     order: int = 2  #: of the Butterworth filter, which runs forward and backward
     stretch: float = 3.0  #: s without a hole, at least
     motion: float = 0.05  #: rad/s2 rms; less is no motion
-    delay: float = 0.06  #: s, usual lag of a servo: that of the angular acceleration behind the command
+    active: float = (
+        0.3  #: of the largest rms of a control over a second; where all move less, nothing is compared
+    )
+    delays: tuple[float, ...] = (0.0, 0.04, 0.08)  #: s, of servos; the one that fits best is taken
 
 
 LIMITS: Final = ControlLimits()
@@ -49,9 +51,10 @@ class Controls:
             if turn in there and (names := tuple((n, s) for n, s in controls if n in there))
         }
         moved = {name for known in self.axes.values() for name, _ in known}
-        self.beside = [name for name in BESIDE if name in there] if moved else []
+        self.beside = [name for name in RATES if name in there] if moved else []
         self.columns: dict[str, FloatArray] = {}
         self.slopes: dict[str, FloatArray] = {}
+        self.late: list[dict[str, FloatArray]] = []
         self.rate = rate
         if moved:
             self._filter(data, rate, sorted(moved))
@@ -63,29 +66,38 @@ class Controls:
             turn = EFFECTS[axis][0]
             if changed is not None and not {turn, *(name for name, _ in controls)} & set(changed):
                 continue
-            beside = np.column_stack([self._column(state, name) for name in self.beside])
+            beside = np.column_stack([self.columns[name] for name in self.beside])
             column, factor = reading(state, turn)
-            left = _apart(factor * self.slopes[column], beside)
-            size = left
-            for name, sign in controls:
-                x = _apart(self._column(state, name), beside)
-                power = float(x @ x)
-                gain = float(x @ left) / power if power > 1e-12 else 0.0
-                left = left - (gain if gain * sign >= 0.0 else 0.0) * x
+            turning = _apart(factor * self.slopes[column], beside)
+            tried = (self._left(state, turning, beside, controls, late) for late in range(len(LIMITS.delays)))
+            left = min(tried, key=lambda x: float(x @ x))
             low, high = LIMITS.band
-            out["moment", axis] = Residual(left, size, self.rate / (2.0 * (high - low)), LIMITS.motion**2)
+            out["moment", axis] = Residual(left, turning, self.rate / (2.0 * (high - low)), LIMITS.motion**2)
         return out
+
+    def _left(
+        self,
+        state: Assignment,
+        left: FloatArray,
+        beside: FloatArray,
+        controls: tuple[tuple[str, float], ...],
+        late: int,
+    ) -> FloatArray:
+        """Return what controls, each with an effect of its sign, leave of an acceleration (n,)."""
+        for name, sign in controls:
+            column, factor = reading(state, name)
+            x = _apart(factor * self.late[late][column], beside)
+            power = float(x @ x)
+            gain = float(x @ left) / power if power > 1e-12 else 0.0
+            left = left - (gain if gain * sign >= 0.0 else 0.0) * x
+        return left
 
     def scales(self, state: Assignment) -> dict[str, float]:
         """Return nothing: no effect of a control is known beforehand."""
         return {}
 
-    def _column(self, state: Assignment, name: str) -> FloatArray:
-        column, factor = reading(state, name)
-        return factor * self.columns[column]
-
     def _filter(self, data: Columns, rate: float, names: list[str]) -> None:
-        """Band-pass controls, rates and forces alike, stretch by stretch; the controls late as servos are."""
+        """Band-pass controls, rates and forces alike, stretch by stretch, and keep the time in which controls move."""
         from scipy.signal import butter, sosfiltfilt
 
         if rate <= 2.0 * LIMITS.band[1]:
@@ -93,21 +105,24 @@ class Controls:
         every = [*self.beside, *names]
         table = np.column_stack([data[name] for name in every])
         sos = butter(LIMITS.order, LIMITS.band, "bandpass", fs=rate, output="sos")
-        step, late = max(1, int(rate / LIMITS.rate)), round(LIMITS.delay * rate)
-        parts, slopes = [], []
+        step, delays = max(1, int(rate / LIMITS.rate)), [round(x * rate) for x in LIMITS.delays]
+        parts: list[list[FloatArray]] = []
         for start, stop in runs(np.asarray(np.isfinite(table).all(axis=1))):
             if stop - start < LIMITS.stretch * rate:
                 continue
             slow = sosfiltfilt(sos, table[start:stop], axis=0)
-            turn = slow[:, [every.index(name) for name in RATES if name in every]]
-            slow[late:, len(self.beside) :] = slow[: slow.shape[0] - late, len(self.beside) :]
-            parts.append(slow[late::step])
-            slopes.append(np.gradient(turn, 1.0 / rate, axis=0)[late::step])
-        if parts:
-            self.columns = dict(zip(every, np.concatenate(parts).T, strict=True))
-            rates = [name for name in RATES if name in every]
-            self.slopes = dict(zip(rates, np.concatenate(slopes).T, strict=True))
+            turn = np.gradient(slow[:, : len(self.beside)], 1.0 / rate, axis=0)
+            late = [np.roll(slow[:, len(self.beside) :], delay, axis=0) for delay in delays]
+            parts.append([x[max(delays) :: step] for x in (slow, turn, *late)])
         self.rate = rate / step
+        if parts:
+            slow, turn, *late = (np.concatenate(own) for own in zip(*parts, strict=True))
+            second = np.ones(round(self.rate))
+            power = np.apply_along_axis(np.convolve, 0, late[0] ** 2, second, "same")
+            busy = (power > LIMITS.active**2 * np.maximum(power.max(axis=0), 1e-12)).any(axis=1)
+            self.columns = dict(zip(every, slow[busy].T, strict=True))
+            self.slopes = dict(zip(self.beside, turn[busy].T, strict=True))
+            self.late = [dict(zip(names, x[busy].T, strict=True)) for x in late]
 
 
 def _apart(y: FloatArray, beside: FloatArray) -> FloatArray:

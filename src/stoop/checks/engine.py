@@ -13,6 +13,7 @@ ratio test).
 
 from __future__ import annotations
 
+import math
 import tomllib
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass
@@ -140,8 +141,9 @@ class Residual:
         apart = np.abs(before.left - self.left)
         known = np.isfinite(apart) & np.isfinite(before.size) & np.isfinite(self.size)
         count = int(known.sum())
-        many = min(count, max(round(limits.spans * self.samples), round(limits.busiest * count)))
-        if many < limits.spans * self.samples:
+        least = math.ceil(limits.spans * self.samples)
+        many = min(count, max(least, round(limits.busiest * count)))
+        if many < least:
             return 0.0, False
         most = np.flatnonzero(known)[np.argsort(-apart[known], kind="stable")[:many]]
         was, now = (float(np.mean(r.left[most] ** 2)) + 1e-3 * self.floor for r in (before, self))

@@ -80,9 +80,9 @@ def with_air(flight: Flight) -> Flight:
     """
     there, needed = flight.names, (*VELOCITY, *QUATERNION)
     if there & {"alpha", "beta"} or not there >= set(needed):
-        return flight
+        return _with_pitot(flight)
     if not complete(np.column_stack([flight.column(name) for name in needed])).any():
-        return flight
+        return _with_pitot(flight)
     columns, air = _columns_with_air(flight)
     if (air.method == "none" and carried_by_rotors(flight)) or (air.method == "sideslip" and hovered(flight)):
         return flight
@@ -96,6 +96,20 @@ def with_air(flight: Flight) -> Flight:
         air=air,
         sources={**flight.sources, **sources},
         notices=(*(one for one in flight.notices if one not in replaced), *air.notices),
+    )
+
+
+def _with_pitot(flight: Flight) -> Flight:
+    """Take the pitot's airspeed as V where none was measured and none can be reconstructed."""
+    if "V" in flight.data or "airspeed_pitot" not in flight.data:
+        return flight
+    columns = {name: flight.column(name) for name in VARIABLES if name in flight.data}
+    columns["V"] = columns["airspeed_pitot"]
+    return replace(
+        flight,
+        data=dataset(flight.time, {name: columns[name] for name in VARIABLES if name in columns}),
+        sources={**flight.sources, "V": flight.sources["airspeed_pitot"]},
+        notices=(*flight.notices, notice("airspeed-of-pitot", "V")),
     )
 
 

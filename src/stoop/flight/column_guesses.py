@@ -9,7 +9,7 @@ import functools
 import math
 import re
 import tomllib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib.resources import files
 from typing import Final, NamedTuple
@@ -60,7 +60,7 @@ class DraftLine:
 
     def doubted(self, why: str) -> DraftLine:
         """Return the line with one more doubt."""
-        return replace(self, doubts=(*self.doubts, why))
+        return self if why in self.doubts else replace(self, doubts=(*self.doubts, why))
 
     def remarked(self, what: str) -> DraftLine:
         """Return the line with one more remark."""
@@ -116,9 +116,10 @@ def recognized(column: str, stated: str = "", stream: str = "") -> DraftLine | N
     """Return what a column holds by its name and the unit that the file states; None where the name tells nothing."""
     if len(column) > LONGEST_NAME:
         return None
-    bare, unit = without_unit(column)
-    unit = _names().units.get(stated.strip().lower(), "") or unit
-    for name in (bare, column) if len(unit) == 1 else (bare,):
+    bare, ending = without_unit(column)
+    said = _names().units.get(stated.strip().lower(), "")
+    tried = [(bare, said or ending), (column, said)]  # an ending of one letter may be no unit
+    for name, unit in tried if len(ending) == 1 else tried[:1]:
         found = _by_words(name)
         if found is None:
             continue
@@ -127,9 +128,11 @@ def recognized(column: str, stated: str = "", stream: str = "") -> DraftLine | N
             variable = variable.replace("motor", "rotor")
         kind, known = KINDS[unit or "1"], KINDS[VARIABLES[variable].unit]
         if (kind, known) == ("an angle", "a rate of turn"):
-            unit, kind = f"{unit}/s", known  # written short, as gyro_rad is
-        line = DraftLine(variable, stream, column, unit, scale, bool(unit), doubts)
-        return line if kind in (known, KINDS["1"]) else None
+            short, kind = f"{unit}/s", known  # written short, as gyro_rad is
+        else:
+            short = unit
+        if kind in (known, KINDS["1"]):
+            return DraftLine(variable, stream, column, short, scale, bool(short), doubts)
     return None
 
 
@@ -226,12 +229,9 @@ def _unconfirmed(given: Mapping[str, DraftLine], model: Model) -> Iterator[Draft
 _AS_MAPPED: Final[Assignment] = {}
 
 
-def _edits(known: Mapping[str, DraftLine], model: Model, state: Assignment) -> Iterator[Edit[Assignment]]:
-    """Yield the edits of a draft: what a file states is not changed, but signs and axes are."""
-    lines = {name: Line("", name, known[name].unit) for name in model.sizes.signals}
-    for edit in model.edits(state, lines):
-        if edit.kind not in ("unit", "scale") or not any(known[name].stated for name in edit.lines):
-            yield edit
+def _edits(known: Mapping[str, DraftLine], model: Model, state: Assignment) -> Iterable[Edit[Assignment]]:
+    """Return the edits of a draft, whose lines are all its own."""
+    return model.edits(state, {name: Line("", name, known[name].unit) for name in model.sizes.signals})
 
 
 def _model(known: Mapping[str, DraftLine], columns: Mapping[str, Signal]) -> Model:
@@ -271,7 +271,9 @@ def _applied(
             )
             yield turned.remarked(f"turned, {by or _REASONS.get(key[0], 'as other channels show')}")
         return
-    if edit.kind != "unit":
+    if edit.kind != "unit" or any(
+        known[name].stated for name in edit.lines
+    ):  # what a file states is not changed
         for name in edit.lines:
             what = f"{enumerated(edit.lines)} look exchanged" if edit.kind == "exchange" else edit.fix
             yield known[name].doubted(f"{what}, as other channels show")

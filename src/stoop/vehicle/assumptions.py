@@ -74,11 +74,12 @@ def with_assumptions(vehicle: Vehicle, dt: float) -> tuple[Vehicle, tuple[Notice
                     f"{kind}-assumed", ".".join(first), places=names, value=entry["value"], std=entry["prior"]
                 )
             )
-    numbers = dict(leaves(vehicle.file))
+    numbers, loadings = dict(leaves(vehicle.file)), vehicle.file.loadings.values()
     thrust = {
         name: {"prior": USUAL.thrust * abs(q.value)}
         for name in _THRUST
         if (q := numbers.get(name)) and q.value and q.free is None and q.prior is None
+        if not any(name in changed for changed in loadings)  # an estimate holds for all maneuvers
     }
     if thrust:
         found.append(notice("thrust-assumed", "propulsion", places=tuple(thrust), share=USUAL.thrust))

@@ -175,6 +175,23 @@ class Airplane(FileText):
             self.sheet.entry(
                 "vane_position", point([part, "0.0", "0.0"]), "m: a vane ahead feels the pitch rate"
             )
+        self._air_data(measured=bool(vanes))
+
+    def _air_data(self, measured: bool) -> None:
+        """Write errors of the air data that all maneuvers share, which no scatter shows: each scales or shifts every derivative.
+
+        Reconstructed air data are wrong by the error of the wind: the airspeed in part, incidence and sideslip by an angle.
+        """
+        winds = [f.air for f in self.seen.flights if f.air is not None and math.isfinite(f.air.wind_n_std)]
+        if not winds and "V" not in {name for f in self.seen.flights for name in f.names}:
+            return
+        wind = max((math.hypot(a.wind_n_std, a.wind_e_std) for a in winds), default=0.0) / self.airspeed
+        share, said = (PRIORS.pitot, "of a pitot") if measured or not winds else (wind, "error of the wind")
+        self.sheet.table("sensors.V")
+        self.sheet.entry("scale", quantity(1.0, share), said)
+        for channel in () if measured or not winds else ("alpha", "beta"):
+            self.sheet.table(f"sensors.{channel}")
+            self.sheet.entry("bias", quantity(0.0, wind), "rad: error of the wind over the airspeed")
 
     def _aerodynamics(self) -> None:
         sheet, own = self.sheet, self._derivatives()

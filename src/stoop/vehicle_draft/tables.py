@@ -24,6 +24,7 @@ class Priors:
     lever: float = 0.03  #: of the span: distance of the accelerometers from the center of gravity
     frame: float = 0.1  #: of the largest distance between motors, likewise
     vane: float = 0.15  #: of the span, how far a vane may be ahead
+    pitot: float = 0.05  #: of the airspeed: position error of a pitot that nobody calibrated
     unequal: float = 0.25  #: by which left and right of a pair of surfaces differ that are one elevator
     power: float = 0.3  #: electric, over that of the usual drag: less drives no propeller
     thrust: float = 0.05  #: of the weight; less is the error of accelerometers and attitude

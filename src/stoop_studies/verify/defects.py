@@ -86,6 +86,11 @@ FLIGHTS: Final = ("first", "second", "third")
 THROTTLE: Final = 0.5  #: of the steady flight
 
 
+def _known(value: float) -> dict[str, Any]:
+    """Return an entry that is not estimated."""
+    return {"value": round(value, 3), "free": False}
+
+
 @functools.cache
 def fixed_wing() -> str:
     """Return the file of the twin-boom aircraft: none of its coefficients is zero, the thrust follows the throttle."""
@@ -99,7 +104,7 @@ def fixed_wing() -> str:
     terms = {f"aerodynamics.{name[:2]}.{name}": round(value, 6) for name, value in known.items()}
     thrust = point.thrust["propulsion.thrust"]
     power = {
-        "propulsion": {"kind": "channel", "channel": "throttle", "scale": round(thrust / THROTTLE, 3)},
+        "propulsion": {"kind": "channel", "channel": "throttle", "scale": _known(thrust / THROTTLE)},
         "controls": {"elevator": {}, "aileron": {}, "rudder": {}},
         "mass.inertia.xz": 15.0,
         "reference.alpha": alpha,
@@ -296,7 +301,7 @@ def _all() -> Iterator[Defect]:
         "20 %",
         "propulsion.scale",
         alike="mass.mass",
-        user={"propulsion.scale": round(scale / 1.2, 3)},
+        user={"propulsion.scale": _known(scale / 1.2)},
     )
     yield _wing(
         "thrust-line", "a thrust line above the center of gravity", "0.1 m", "propulsion.position.z",
@@ -359,7 +364,7 @@ def _all() -> Iterator[Defect]:
     )  # fmt: skip
     yield _quad("quad-none", "the right model", "", "")
     yield _quad(
-        "motor-lag", "a lag of the motors", "50 ms", "rotors.lag rotors.delay", user={"rotors.lag": None}
+        "motor-lag", "a lag of the motors", "50 ms", "rotors.lag rotors.delay", user={"rotors.lag": 0.0}
     )
     yield _quad(
         "motor-delay",

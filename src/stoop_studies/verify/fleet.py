@@ -31,7 +31,9 @@ class Spread:
     """How far a made-up vehicle is from its parent: standard deviations of logarithms, and ranges."""
 
     derivative: float = 0.2
-    damping: float = 0.12  #: of Clp and CLalpha, which the aspect ratio nearly fixes
+    slope: float = (
+        0.05  #: of CLalpha and Clp, beside what the aspect ratio makes of them (lifting line, A / (A + 2))
+    )
     area: float = 0.12
     aspect: float = 0.1
     radius: float = 0.1  #: of gyration
@@ -131,10 +133,11 @@ def _aircraft(
     xx, yy = mass * (0.5 * kx * span) ** 2, mass * (ky * span) ** 2
     zz = (xx + yy) * rng.uniform(*SPREAD.yaw_inertia)
     inertia = {"xx": xx, "yy": yy, "zz": zz, "xz": parent["xz"] * zz}
-    derivatives = {
-        n: v * _factor(rng, SPREAD.damping if n in ("CLalpha", "Clp") else SPREAD.derivative)
-        for n, v in parent["derivatives"].items()
-    }
+    ratio = span / chord
+    slope = ratio / (ratio + 2.0) * (parent["aspect"] + 2.0) / parent["aspect"]
+    nearly_fixed = {n: slope * _factor(rng, SPREAD.slope) for n in ("CLalpha", "Clp")}
+    factors = {n: _factor(rng, SPREAD.derivative) for n in parent["derivatives"]} | nearly_fixed
+    derivatives = {n: v * factors[n] for n, v in parent["derivatives"].items()}
     derivatives |= {"CL0": lift, "Cm0": 0.02 * rng.standard_normal(), "CQ0": 0.002 * rng.standard_normal()}
     derivatives |= {"Cl0": 0.0005 * rng.standard_normal(), "Cn0": 0.0003 * rng.standard_normal()}
     surfaces = ("elevator", "aileron") if template == "flying-wing" else ("elevator", "aileron", "rudder")

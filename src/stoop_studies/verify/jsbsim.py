@@ -74,7 +74,9 @@ def vehicle_of(aircraft: jsbsim_flight.Aircraft, trim: jsbsim_flight.Trim) -> Ve
     if stock.throttle is not None:  # thrust is recorded; it acts on the line of the engines' force and moment
         arm = aircraft["moments/m-prop-lbsft"] / aircraft["forces/fbx-prop-lbs"] * FOOT
         x, y, z = aircraft.point(CENTER)
-        parts.append(f'[propulsion]\nkind = "channel"\nposition = {[x, y, z + arm]}')
+        parts.append(
+            f'[propulsion]\nkind = "channel"\nscale = {{ value = 1.0, free = false }}\nposition = {[x, y, z + arm]}'
+        )
     for coefficient in ("CD", "CL", "CQ", "Cl", "Cm", "Cn"):
         gone, added = stock.dropped.get(coefficient, ()), stock.added.get(coefficient, {})
         wide = {"CDalpha2": "alpha^2"} if coefficient == "CD" and "CDalpha2" not in gone else {}

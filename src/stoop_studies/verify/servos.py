@@ -14,6 +14,7 @@ from typing import Any, Final
 import numpy as np
 
 from stoop.assessment.covariance import NORMAL_95
+from stoop.assessment.error_bars import error_bars
 from stoop.base.numbers import finite_or_none
 from stoop.flight import Flight, from_columns
 from stoop.problem.windows import Window
@@ -23,7 +24,7 @@ from stoop.simulation.maneuver import Maneuver
 from stoop.vehicle import Vehicle
 from stoop.vehicle.document import with_entries
 from stoop.vehicle.load import parse_vehicle
-from stoop.workflow.identification import finish, search
+from stoop.workflow.identification import search
 from stoop_studies.findings import Claim, Findings, Setting, holds
 from stoop_studies.verify import scenes, study
 
@@ -159,17 +160,15 @@ def identify(case: str, seed: int) -> dict[str, Any]:
     }  # the truth's, so that they count in no error
     vehicle = parse_vehicle(FILE, "quick start").with_numbers(unknown)
     windows = [Window(name, 0.0, DURATION) for name in flown]
-    job = finish(search(vehicle, list(flown.values()), windows))
-    found = job.parameters
+    fit = search(vehicle, list(flown.values()), windows).fit
+    std = dict(zip((p.name for p in fit.problem.layout.parameters), error_bars(fit).std, strict=False))
+    found = fit.estimates
     return {
         "names": list(truth),
-        "estimates": [finite_or_none(found[n].estimate) if n in found else None for n in truth],
-        "errors": [found[n].estimate - x if n in found else None for n, x in truth.items()],
-        "sigma": study.or_none(np.array([found[n].std_error if n in found else np.nan for n in truth])),
-        "at_bound": sum(one.at_bound for one in found.values()),
-        "seconds": job.result.seconds,
-        "status": job.result.status,
-        "verdict": str(job.verdict.headline),
+        "estimates": [finite_or_none(found[n]) for n in truth],
+        "errors": [found[n] - x for n, x in truth.items()],
+        "sigma": study.or_none(np.array([std[n] or np.nan for n in truth])),  # zero at a bound
+        "status": str(fit.outcome.status),
     }
 
 

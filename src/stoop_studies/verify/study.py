@@ -44,6 +44,10 @@ EXPERIMENTS: Final[Mapping[str, tuple[str, str]]] = {
         ("defaults", "from a log to a model by the defaults alone (40 flights of 20 made-up vehicles)"),
         ("verdict", "how often the verdict refuses good models and trusts bad ones (416 cases)"),
         ("delays", "delays of inputs and outputs, fractions of a sample (40 flights, twice)"),
+        (
+            "lines",
+            "wrong lines of mappings are named, right ones not accused (180 flights); reads --data DIR",
+        ),
         ("servos", "lags and delays that a vehicle file leaves out (30 flights each)"),
         ("nist", "certified regressions of NIST, from both starts; reads --data DIR"),
         ("export", "exported aircraft flown by JSBSim beside our own simulation"),
@@ -61,6 +65,7 @@ EXPERIMENTS: Final[Mapping[str, tuple[str, str]]] = {
             "forces of a real hexacopter predicted in sprints, beside its owners' model; reads --data DIR",
         ),
         ("propellers", "cut propellers and added weights on real quadrotors; reads --data DIR"),
+        ("handbook", "a priori derivatives beside those of published airplanes; reads --data DIR"),
         (
             "readers",
             "damaged logs over all readers: no crash, no hang, no excess of memory (29 runs of 250 each)",

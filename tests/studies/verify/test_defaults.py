@@ -9,10 +9,21 @@ import numpy as np
 import pytest
 
 from stoop.flight import load
+from stoop.flight.airborne import carried_by_rotors, flying
 from stoop.simulation import initial_states, parameter_rows
 from stoop.vehicle import parse_vehicle
 from stoop_studies.verify import instruments, pilots, truths
-from stoop_studies.verify.defaults import FLIGHTS, fly, known_file, quick_file, right, scores, spoiled
+from stoop_studies.verify.defaults import (
+    FLIGHTS,
+    drafted_file,
+    flight_of,
+    fly,
+    known_file,
+    quick_file,
+    right,
+    scores,
+    spoiled,
+)
 from stoop_studies.verify.defects import edited
 from stoop_studies.verify.fleet import KINDS, made_up
 from stoop_studies.verify.truths import Deflection
@@ -33,6 +44,13 @@ def test_vehicles_can_exist_and_are_as_drawn() -> None:
         assert abs(made.tape["mass"] / value("mass.mass") - 1.0) < 0.05
     made_up.cache_clear()
     assert made_up(3).vehicle.text == made_up(3).vehicle.text
+
+
+def test_seeds_fly_every_flight_once() -> None:
+    numbers = [flight_of(seed) for seed in range(FLIGHTS)]
+    assert sorted(numbers) == list(range(FLIGHTS))
+    assert sorted(n // 2 for n in numbers[: len(KINDS)]) == list(range(len(KINDS)))
+    assert {n % 2 for n in numbers[:2]} == {0, 1}
 
 
 def test_a_glider_is_steady_without_thrust() -> None:
@@ -166,3 +184,23 @@ def test_a_number_at_a_bound_holds_nothing_and_an_unidentifiable_one_is_not_coun
     z, bound = scores([record(numbers=rows)], "numbers")
     assert z == pytest.approx([-1.0])
     assert bound == 1
+
+
+def test_a_draft_frees_what_all_maneuvers_share(tmp_path: Path) -> None:
+    """Air data that were reconstructed may be wrong by the wind; those of vanes and pitot by the pitot's position."""
+    rebuilt, measured = (drafted_file(fly(number, tmp_path)) for number in (0, 4))
+    free = {p.name: p.prior for p in rebuilt.parameters if p.free}
+    assert 0.002 < (free["sensors.V.scale"] or 0.0) < 0.05
+    assert free["sensors.alpha.bias"] == free["sensors.beta.bias"] == free["sensors.V.scale"]
+    other = {p.name: p.prior for p in measured.parameters if p.free}
+    assert other["sensors.V.scale"] == 0.05
+    assert "sensors.alpha.bias" not in other
+
+
+def test_a_glider_on_its_hill_does_not_hover(tmp_path: Path) -> None:
+    """It stands above the lowest point of its flight with four servos at their middle, which its parameters name."""
+    flown = fly(8, tmp_path)
+    flight = load(flown.path)
+    up = flight.time[flying(flight)]
+    assert not carried_by_rotors(flight)
+    assert up[0] > flown.time[0] + instruments.GROUND

@@ -160,11 +160,13 @@ def test_a_ready_mapping_is_extended(tmp_path: Path) -> None:
 
 
 NAMES = {
-    "p": "p roll_rate_dps GyrX gyro[0] angular_velocity.x rollspeed w_x",
+    "p": "p roll_rate_dps GyrX gyro[0] angular_velocity.x rollspeed w_x omega_b[0] omega[0]",
     "az": "az AccZ accel[2] accelerometer_m_s2[2] imu.linear_acceleration.z acc_z",
-    "q0": "q0 qw q[0] orientation.w quat_w", "phi": "phi roll bank_angle roll_deg", "psi": "psi yaw heading",
+    "q0": "q0 qw q[0] orientation.w quat_w", "phi": "phi roll bank_angle roll_deg att[0] eul[0]",
+    "ax": "a_b[0]", "ve": "v_n[1] vel_ned[1]",
+    "psi": "psi yaw heading",
     "V": "V vt TAS", "airspeed_pitot": "airspeed ARSPD", "airspeed_equivalent": "IAS EAS calibrated_airspeed",
-    "rotor_3": "rpm3 esc[2].rpm motor3_rpm RPM[2]",
+    "rotor_3": "rpm3 esc[2].rpm motor3_rpm RPM[2] Omega3 w3",
     "motor_2": "motor2 motor.m2 motors[1]", "pwm_4": "pwm_4 C4 ch4 output[3]", "voltage": "vbat battery_voltage Volt",
     "": "DesRoll roll_setpoint lat FrameNumber status xyz[0] p1 checksum",
 }  # fmt: skip
@@ -258,3 +260,27 @@ def test_the_number_of_a_motor_is_no_unit() -> None:
     guess = recognized("motor_1")
     assert guess is not None
     assert (guess.variable, guess.unit) == ("motor_1", "")
+
+
+def test_a_thrust_is_a_force_whatever_its_size(tmp_path: Path) -> None:
+    for size in (1500.0, 0.02, 80.0):
+        text = draft(written(tmp_path, {"p": flown()["p"], "thrust": size + 0.1 * size * np.sin(T)})).text
+        (row,) = [row for row in text.splitlines() if row.startswith("thrust")]
+        assert 'column = "thrust", unit = "N"}  # unsure: N by its name only' in row
+
+
+def test_what_the_numbers_contradict_is_marked_though_the_file_states_it(tmp_path: Path) -> None:
+    truth = {n: x for n, x in flown().items() if n != "elevator"}
+    columns = {**truth, "altitude (m)": truth["altitude"] / 0.3048}
+    del columns["altitude"]
+    (row,) = [r for r in draft(written(tmp_path, columns)).text.splitlines() if r.startswith("altitude")]
+    assert 'unsure: write unit = "ft", as other channels show' in row
+
+
+def test_axes_that_point_to_the_left_are_doubted_with_z(tmp_path: Path) -> None:
+    """A log forward, left, up whose only attitude is none: gravity turns z, and nothing confirms y."""
+    signs = {"p": 1.0, "q": -1.0, "r": -1.0, "ax": 1.0, "ay": -1.0, "az": -1.0}
+    text = draft(written(tmp_path, {name: sign * flown()[name] for name, sign in signs.items()})).text
+    rows = {row.split(" = ")[0]: row for row in text.splitlines() if " = {" in row}
+    assert all("y may point to the left" in rows[name] for name in ("q", "r", "ay"))
+    assert "y may point" not in rows["p"] + rows["ax"]

@@ -1,0 +1,428 @@
+"""Wrong lines of mappings: flights whose columns are not what their mapping says, and flights that are right.
+
+A simulated flight is preceded by time on the ground, in which the estimator holds zeros, and written as a log with the names
+and units of one of four kinds. Of a mangled flight one thing of one line is wrong; `stoop info` is to name that line, and
+`stoop map` is not to draft it without a doubt. Right flights, simulated and real, are to be accused of nothing.
+"""
+
+from __future__ import annotations
+
+import tempfile
+import tomllib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from stoop import logs
+from stoop.base.arrays import FloatArray
+from stoop.base.units import DEGREE, FACTORS, KNOT, STANDARD_GRAVITY
+from stoop.base.variables import EULER, RATES, SPECIFIC_FORCE, VARIABLES, VELOCITY
+from stoop.checks.engine import Line
+from stoop.checks.mapping import check_mapping
+from stoop.errors import FlightError, StoopError
+from stoop.flight import Flight, load
+from stoop.flight.air_data import RECONSTRUCTED
+from stoop.flight.airborne import in_flight
+from stoop.flight.mapping_draft import draft
+from stoop.report.sheet import Prose, Section
+from stoop.simulation.fly import simulate_flight
+from stoop.simulation.maneuver import Maneuver
+from stoop.vehicle import parse_vehicle
+from stoop.vehicle.builtin import resolve_vehicle
+from stoop_studies.findings import Findings, Setting, holds
+from stoop_studies.verify import study
+
+Columns = Mapping[str, FloatArray]  #: variable -> (n,) SI
+RATE: Final = 50.0  #: Hz
+GROUND, DURATION = 15.0, 60.0  #: s, before take-off and in flight
+ZEROS: Final = 10.0  #: s until the estimator starts
+AIRCRAFT: Final = "twin-boom"
+ROTORCRAFT: Final = ("quad-x", "hexa-x", "quad-plus")
+
+
+@dataclass(frozen=True)
+class Mangled:
+    """What is wrong with the columns of a flight."""
+
+    words: str
+    lines: tuple[str, ...]  #: variables whose lines are wrong
+    apply: Callable[[Columns], Columns]  #: what was measured -> what was recorded, as the mapping reads it
+
+
+def times(words: str, factor: float, *names: str) -> Mangled:
+    """Return columns that are multiplied."""
+    return Mangled(words, names, lambda x: {**x, **{n: factor * x[n] for n in names}})
+
+
+def swap(one: str, other: str) -> Mangled:
+    """Return columns that are exchanged."""
+    return Mangled(
+        f"{one} and {other} exchanged", (one, other), lambda x: {**x, one: x[other], other: x[one]}
+    )
+
+
+def lost(name: str) -> Mangled:
+    """Return a column that lost its sign."""
+    return times(f"sign of {name}", -1.0, name)
+
+
+DEG: Final = 1.0 / DEGREE
+COMMON: Final = (
+    times("theta in degrees", DEG, "theta"), times("all angles in degrees", DEG, *EULER), times("q in degrees", DEG, "q"),
+    times("p in rad/s, declared deg/s", DEGREE, "p"), times("q in rad/s, declared deg/s", DEGREE, "q"),
+    times("specific force in g", 1.0 / STANDARD_GRAVITY, *SPECIFIC_FORCE), times("altitude in feet", 1.0 / 0.3048, "altitude"),
+    times("velocity in knots", 1.0 / KNOT, *VELOCITY), times("half of r", 0.5, "r"), times("1.5 q", 1.5, "q"),
+    lost("p"), lost("q"), lost("r"), lost("phi"), lost("theta"), lost("psi"), lost("az"), lost("vd"), lost("vn"), lost("ay"),
+    lost("altitude"), lost("pe"), swap("vn", "ve"), swap("p", "q"), swap("q", "r"), swap("pn", "pe"),
+)  # fmt: skip
+OF_AIRCRAFT: Final = (
+    times("airspeed in knots", 1.0 / KNOT, "V"), times("airspeed in km/h", 3.6, "V"), times("pitot 20 % low", 0.8, "V"),
+    times("pitot 25 % high", 1.25, "V"), times("alpha in degrees", DEG, "alpha"), times("beta in degrees", DEG, "beta"),
+    times("vanes in degrees", DEG, "alpha", "beta"), lost("beta"), lost("alpha"), swap("alpha", "beta"),
+    lost("elevator"), lost("rudder"), swap("elevator", "aileron"), swap("elevator", "rudder"), swap("aileron", "rudder"),
+    times("elevator in degrees", DEG, "elevator"),
+)  # fmt: skip
+OF_ROTORCRAFT: Final = (
+    times("motor 1 in percent", 100.0, "motor_1"),
+    Mangled("motor 2 in pulses", ("motor_2",), lambda x: {**x, "motor_2": 1000.0 + 1000.0 * x["motor_2"]}),
+)
+#: variable -> column and unit of each kind of log
+NAMES: Final[Mapping[str, Mapping[str, tuple[str, str]]]] = {
+    "CSV": {
+        **{n: (f"{n}_dps", "deg/s") for n in RATES}, **{n: (f"{n} (deg)", "deg") for n in (*EULER, "alpha", "beta")},
+        **{n: (f"{n} [m/s2]", "m/s2") for n in SPECIFIC_FORCE}, **{n: (n, "m/s") for n in VELOCITY}, "V": ("TAS", "m/s"),
+        "altitude": ("altitude", "m"), "pn": ("pn", "m"), "pe": ("pe", "m"),
+        **{n: (f"{n}_deg", "deg") for n in ("elevator", "aileron", "rudder")},
+    },
+    "ArduPilot": {
+        **{n: (f"Gyr{x}", "rad/s") for n, x in zip(RATES, "XYZ", strict=True)},
+        **{n: (x, "deg") for n, x in zip(EULER, ("Roll", "Pitch", "Yaw"), strict=True)},
+        **{n: (f"Acc{x}", "m/s2") for n, x in zip(SPECIFIC_FORCE, "XYZ", strict=True)},
+        **{n: (f"V{n[1].upper()}", "m/s") for n in VELOCITY}, "V": ("TAS", "m/s"), "altitude": ("Alt", "m"),
+        "pn": ("PN", "m"), "pe": ("PE", "m"), "alpha": ("AOA", "deg"), "beta": ("SSA", "deg"),
+        **{n: (n.capitalize(), "deg") for n in ("elevator", "aileron", "rudder")},
+    },
+    "PX4": {
+        **{n: (f"gyro_rad[{i}]", "rad/s") for i, n in enumerate(RATES)},
+        **{n: (x, "rad") for n, x in zip(EULER, ("roll", "pitch", "yaw"), strict=True)},
+        **{n: (f"accelerometer_m_s2[{i}]", "m/s2") for i, n in enumerate(SPECIFIC_FORCE)},
+        **{n: (f"vel_{n[1]}_m_s", "m/s") for n in VELOCITY}, "V": ("true_airspeed_m_s", "m/s"), "altitude": ("alt", "m"),
+        "pn": ("pos_n", "m"), "pe": ("pos_e", "m"), "alpha": ("alpha", "rad"), "beta": ("beta", "rad"),
+        **{n: (f"{n}_rad", "rad") for n in ("elevator", "aileron", "rudder")},
+    },
+    "MATLAB": {
+        **{n: (n, "rad/s") for n in RATES}, **{n: (n, "rad") for n in (*EULER, "alpha", "beta")},
+        **{n: (n, "m/s2") for n in SPECIFIC_FORCE}, **{n: (f"v{n[1].upper()}", "m/s") for n in VELOCITY}, "V": ("Vt", "m/s"),
+        "altitude": ("h", "m"), "pn": ("pN", "m"), "pe": ("pE", "m"), "elevator": ("de", "rad"), "aileron": ("da", "rad"),
+        "rudder": ("dr", "rad"),
+    },
+}  # fmt: skip
+DIALECTS: Final = tuple(NAMES)
+
+
+# ---------------------------------------------------------------- flights
+
+
+def flown(seed: int, winged: bool) -> tuple[FloatArray, dict[str, FloatArray]]:
+    """Return time (n,), s, and what the sensors of a flight in wind and gusts measure, from before take-off on."""
+    rng = np.random.default_rng(seed)
+    name = AIRCRAFT if winged else str(rng.choice(ROTORCRAFT))
+    text = resolve_vehicle(name).text
+    if rng.random() < 0.5 and "[turbulence]" not in text:
+        gust = f"= {{ intensity = {rng.uniform(0.3, 1.0):.2f}, length = 50.0 }}\n"
+        passing = f"\n[turbulence]\nairspeed = {35.0 if winged else 5.0}\n"
+        text += passing + "".join(f"{axis} {gust}" for axis in "uvw")
+    inputs = _wing_inputs(rng) if winged else _rotor_inputs(rng)
+    wind = (*rng.uniform(-6.0, 6.0, 2).tolist(), 0.0)
+    maneuver = Maneuver.model_validate({"duration": DURATION, "rate": RATE, "wind": wind, "input": inputs})
+    flight = simulate_flight(parse_vehicle(text, name), maneuver, seed=seed, name="flight")
+    return _with_ground(flight, rng)
+
+
+def _wing_inputs(rng: np.random.Generator) -> list[dict[str, Any]]:
+    """Draw maneuvers about all axes, and a turn."""
+    side = float(rng.choice((-1.0, 1.0)))
+    bank = side * rng.uniform(0.03, 0.06)
+
+    def steps(control: str, start: float, step: float, size: float) -> dict[str, Any]:
+        shape, sign = str(rng.choice(("doublet", "3-2-1-1"))), float(rng.choice((-1.0, 1.0)))
+        amplitude = sign * size * float(rng.uniform(0.7, 1.2))
+        return {"control": control, "shape": shape, "start": start, "step": step, "amplitude": amplitude}
+
+    turn = {
+        "control": "aileron",
+        "shape": "levels",
+        "start": 9.0,
+        "levels": (bank, 0.0, -bank),
+        "lengths": (1.5, 32.0, 1.5),
+    }
+    return [
+        steps("elevator", 4.5, 0.3, 0.12), turn, steps("rudder", 16.0, 0.6, 0.12), steps("elevator", 46.0, 0.4, 0.10),
+        steps("aileron", 50.0, 0.4, 0.10), steps("rudder", 54.0, 0.5, 0.12),
+    ]  # fmt: skip
+
+
+def _rotor_inputs(rng: np.random.Generator) -> list[dict[str, Any]]:
+    """Draw steps of velocity and of heading, and doublets about all axes."""
+
+    def steps(control: str, start: float, step: float, size: float) -> dict[str, Any]:
+        amplitude = float(rng.choice((-1.0, 1.0)) * size * rng.uniform(0.7, 1.2))
+        return {"control": control, "shape": "doublet", "start": start, "step": step, "amplitude": amplitude}
+
+    return [
+        steps("north", 2.0, 4.0, 4.0), steps("east", 12.0, 4.0, 4.0), steps("roll", 22.0, 0.15, 12.0),
+        steps("pitch", 26.0, 0.15, 12.0), steps("yaw", 30.0, 0.4, 1.5), steps("down", 36.0, 3.0, 2.0),
+        steps("heading", 44.0, 4.0, 0.8),
+    ]  # fmt: skip
+
+
+def _with_ground(flight: Flight, rng: np.random.Generator) -> tuple[FloatArray, dict[str, FloatArray]]:
+    """Put time on the ground before a flight: sensors at rest, an estimator that holds zeros and then stands."""
+    size, zeros = round(GROUND * RATE), round(ZEROS * RATE)
+    data = {
+        str(n): flight.column(str(n)) for n in flight.data.data_vars if not str(n).startswith("q") or n == "q"
+    }
+    data["altitude"] = data["altitude"] - data["altitude"][0] + 150.0
+    out = {}
+    for name, x in data.items():
+        noise = np.diff(x, 2)
+        scatter = float(np.median(np.abs(noise))) * 0.6
+        rest = np.zeros(size)
+        if name in (*RATES, *SPECIFIC_FORCE, "V", "alpha", "beta"):
+            rest = rest + scatter * rng.standard_normal(size) - STANDARD_GRAVITY * (name == "az")
+        elif name in (*EULER, *VELOCITY, "pn", "pe", "pd"):
+            rest[zeros:] = 0.1 * scatter * rng.standard_normal(size - zeros)
+        elif name == "altitude":
+            rest = rest + 150.0
+        out[name] = np.concatenate([rest, x])
+    return np.arange(size + flight.time.size) / RATE, out
+
+
+def write_log(
+    folder: Path, dialect: str, time: FloatArray, columns: Columns
+) -> tuple[Path, dict[str, tuple[str, str]]]:
+    """Write a log of a kind; return its path, and the column and unit of each variable."""
+    known = {**NAMES[dialect], **{f"motor_{n}": (f"motor{n}", "1") for n in range(1, 9)}}
+    places = {name: known[name] for name in columns if name in known}
+    table = {column: columns[name] / FACTORS[unit] for name, (column, unit) in places.items()}
+    if dialect == "MATLAB":
+        from scipy.io import savemat
+
+        path = folder / "log.mat"
+        savemat(path, {"t": time[:, None], **{name: x[:, None] for name, x in table.items()}})
+        return path, places
+    path, clock = folder / "log.csv", "t_s"
+    rows = np.column_stack([time, *table.values()])
+    np.savetxt(path, rows, "%.9g", ",", header=",".join([clock, *table]), comments="")
+    return path, places
+
+
+def mapping_text(dialect: str, places: Mapping[str, tuple[str, str]]) -> str:
+    """Return the mapping that names and units of a log suggest."""
+    lines = [f'{name} = {{column = "{column}", unit = "{unit}"}}' for name, (column, unit) in places.items()]
+    clock = [] if dialect == "MATLAB" else ['[time]\ncolumn = "t_s"\nunit = "s"']
+    return "\n".join([*clock, "[variables]", *lines, ""])
+
+
+# ---------------------------------------------------------------- what is said
+
+
+def accusations(path: Path, mapping: Path | None) -> list[list[list[str]]]:
+    """Return what `stoop info` says against a mapping: the lines of each edit of each finding."""
+    try:
+        flight = load(path, mapping)
+    except FlightError as error:
+        named = [
+            word.partition(".")[2].strip(",;") for word in str(error).split() if word.startswith("variables.")
+        ]
+        return [[named]]
+    found = []
+    for fault in flight.faults:
+        if fault.kind in ("wrong unit", "wrong sign", "inconsistent"):
+            values = fault.notice.values
+            own = values.get("lines")
+            best = [str(n) for n in own] if isinstance(own, tuple) else [fault.variable]
+            text = str(values.get("suggestion", ""))
+            rivals = [part for part in text.split(" or ")[1:] if "variables." in part]
+            also = [
+                [w.partition(".")[2].strip(",;") for w in r.split() if w.startswith("variables.")]
+                for r in rivals
+            ]
+            found.append([best, *also])
+    return found
+
+
+def verdict(found: Sequence[Sequence[Sequence[str]]], lines: Sequence[str]) -> str:
+    """Return whether wrong lines were named: alone, among others that the data do not exclude, not, or another was."""
+    if not found:
+        return "silent"
+    guilty = set(lines)
+    first = [set(edit) for edit in found[0]]
+    if first[0] & guilty and all(set(one[0]) & guilty for one in found):
+        return "named" if all(edit & guilty for edit in first) else "ambiguous"
+    return "ambiguous" if any(edit & guilty for edit in first) else "wrong"
+
+
+def drafted(path: Path, columns: Columns, lines: Sequence[str]) -> dict[str, list[str]]:
+    """Return what `stoop map` drafts wrong: with a doubt, and without one.
+
+    A line is right when it reads what was measured, by column, unit and sign.
+    """
+    made = draft(path)
+    entries = tomllib.loads(made.text).get("variables", {})
+    doubted = {row.split(" = ")[0] for row in made.text.splitlines() if "# unsure" in row}
+    if path.suffix == ".mat":
+        table = dict(next(iter(logs.read(path).streams.values())).columns)
+    else:
+        with path.open() as file:
+            names = file.readline().strip().split(",")
+        table = dict(zip(names, np.loadtxt(path, delimiter=",", skiprows=1).T, strict=True))
+    wrong: dict[str, list[str]] = {"doubted": [], "sure": []}
+    for name in lines:
+        entry = entries.get(name)
+        if entry is None:
+            continue
+        read = table[entry["column"]] * FACTORS[entry["unit"]] * entry.get("scale", 1.0)
+        right = np.allclose(read, columns[name], atol=1e-3 * float(np.max(np.abs(columns[name]))))
+        if not right:
+            wrong["doubted" if name in doubted else "sure"].append(name)
+    return wrong
+
+
+@study.work
+def judge(case: str, seed: int, data: str = "") -> dict[str, Any]:
+    """Write a flight as a log, and record what is said of its mapping."""
+    if case == "real":
+        return _real(seed, Path(data))
+    rng = np.random.default_rng([seed, 7])
+    winged, dialect = bool(rng.random() < 0.6), DIALECTS[seed % len(DIALECTS)]
+    kinds = (*COMMON, *(OF_AIRCRAFT if winged else OF_ROTORCRAFT))
+    if winged and rng.random() < 0.6:
+        kinds = OF_AIRCRAFT
+    time, truth = flown(seed, winged)
+    mangled = kinds[int(rng.integers(len(kinds)))] if case == "mangled" else times("right", 1.0)
+    truth = {n: x for n, x in truth.items() if n != "pd"}
+    with tempfile.TemporaryDirectory() as folder:
+        path, places = write_log(Path(folder), dialect, time, mangled.apply(truth))
+        mapping = Path(folder) / "m.toml"
+        mapping.write_text(mapping_text(dialect, places))
+        found = accusations(path, mapping)
+        wrong = drafted(path, truth, mangled.lines or tuple(places))
+    said = verdict(found, mangled.lines) if case == "mangled" else "accused" if found else "silent"
+    vehicle = "aircraft" if winged else "multirotor"
+    return {
+        "words": mangled.words,
+        "dialect": dialect,
+        "vehicle": vehicle,
+        "said": said,
+        "found": found,
+        "drafted": wrong,
+    }
+
+
+def _real(seed: int, folder: Path) -> dict[str, Any]:
+    """Judge a real flight as if all lines of its ready mapping were the user's."""
+    paths = real_flights(folder)
+    if seed >= len(paths):
+        return {"words": "", "dialect": "real", "vehicle": "", "said": "none", "found": [], "drafted": {}}
+    path = paths[seed]
+    found = accusations(path, None)
+    if not found:
+        flight = load(path)
+        up = in_flight(flight)
+        columns = {
+            name: np.where(up, flight.column(name), np.nan)
+            for name in flight.names
+            if flight.sources[name].source != RECONSTRUCTED
+        }
+        own = {name: Line("", name, VARIABLES[name].unit) for name in columns}
+        signals = {name: (flight.time, x) for name, x in columns.items()}
+        judged = check_mapping(signals, columns, flight.rate, own)
+        found = [[[one.subject]] for one in (*judged.refused, *judged.notices)]
+    said = "accused" if found else "silent"
+    return {
+        "words": path.name,
+        "dialect": "real",
+        "vehicle": path.parent.name,
+        "said": said,
+        "found": found,
+        "drafted": {},
+    }
+
+
+def real_flights(folder: Path) -> list[Path]:
+    """Return the logs of the published flights."""
+    names = (
+        "altlnt-vtail-8kg-px4/flight2",
+        "mit-solar-surfer-px4csv",
+        "px4-ulog-reader-samples/sample_log_small.ulg",
+    )
+    single = [folder / name for name in names]
+    found = [path for path in (*single, *sorted(folder.glob("crazypad*/*.usd"))) if path.exists()]
+    if not found:
+        raise StoopError("lines: the published flights are missing; name their folder by --data")
+    return found
+
+
+CASES: Final = ("mangled", "clean", "real")
+
+
+def show(setting: Setting, samples: study.Samples) -> Findings:
+    """Return how often the wrong line was named, and what right flights were accused of."""
+    mangled = samples["mangled"]
+    clean = [r for case in ("clean", "real") for r in samples[case] if r["said"] != "none"]
+    named = sum(r["said"] in ("named", "ambiguous") for r in mangled)
+    alone, wrong = (sum(r["said"] == word for r in mangled) for word in ("named", "wrong"))
+    accused = [r["words"] for r in clean if r["said"] != "silent"]
+    sure = sum(bool(r["drafted"].get("sure")) for r in mangled)
+    claims = [
+        holds(
+            "The wrong line is named in nine of ten mangled flights",
+            named >= 0.9 * len(mangled),
+            f"{named} of {len(mangled)}, {alone} of them alone; another line in {wrong}",
+        ),
+        holds("No right flight is accused", not accused, f"{len(accused)} of {len(clean)}"),
+        holds(
+            "stoop map drafts no wrong line without a doubt in nine of ten mangled flights",
+            sure <= 0.1 * len(mangled),
+            f"{sure} of {len(mangled)} with a wrong line that is not marked",
+        ),
+    ]
+    columns: study.Columns = {
+        "words": ("what is wrong", str), "vehicle": ("vehicle", str), "dialect": ("names", str), "said": ("stoop info", str),
+        "draft": ("stoop map", str),
+    }  # fmt: skip
+    records = [
+        {
+            **{key: r[key] for key in ("words", "vehicle", "dialect", "said")},
+            "case": case,
+            "draft": _draft_word(r["drafted"]),
+        }
+        for case, results in samples.items()
+        for r in results
+        if r["said"] != "none"
+    ]
+    rows = [r for r in records if r["case"] == "mangled"]
+    words = (
+        "named: the wrong line alone; ambiguous: with others that the data do not exclude; wrong: another line; silent: "
+        "none. stoop map: right, doubted (wrong or right, and marked unsure) or wrong (and not marked)."
+    )
+    return Findings.tabulated(
+        "Wrong lines of mappings", LEAD, claims,
+        (Section("Mangled flights", (study.page_table("One wrong line each", columns, rows), Prose(words))),),
+        records,
+    )  # fmt: skip
+
+
+def _draft_word(drafted: Mapping[str, Sequence[str]]) -> str:
+    return "wrong" if drafted.get("sure") else "doubted" if drafted.get("doubted") else "right"
+
+
+LEAD: Final = f"""\
+Simulated flights of {DURATION:.0f} s of an aircraft and of multirotors, in wind and half of them in gusts, after {GROUND:.0f} s \
+on the ground, in the first {ZEROS:.0f} of which the estimator holds zeros, are written with the names and units of ArduPilot, \
+PX4, MATLAB and CSV logs. Of each mangled flight one thing of one line is wrong. Right flights are simulated alike, or real."""
+EXPERIMENT: Final = study.Verification("lines", show, runs=60, work="judge", cases=CASES, reads_data=True)

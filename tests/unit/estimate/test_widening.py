@@ -1,0 +1,68 @@
+"""Default bounds are no knowledge: an estimate that reaches one goes on; bounds of the file, and physics, stay."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import pytest
+
+from stoop.estimate import methods
+from stoop.estimate.fit import Fit, Options
+from stoop.flight import Flight
+from stoop.problem.windows import Window
+from stoop.simulation.fly import simulate_flight
+from stoop.simulation.maneuver import Maneuver
+from stoop.vehicle import Vehicle
+from stoop.vehicle.builtin import builtin_vehicle
+from stoop.vehicle.defaults import wider_bounds
+
+INERTIA = "mass.inertia.yy"
+PULSE = {"control": "elevator", "shape": "doublet", "start": 0.5, "step": 0.5, "amplitude": 0.05}
+
+
+@cache
+def known() -> Vehicle:
+    vehicle = builtin_vehicle("twin-boom").reduced("longitudinal")
+    fixed = {p.name: {"free": False} for p in vehicle.parameters if p.free}
+    return vehicle.with_numbers(fixed | {INERTIA: {"free": True}})
+
+
+@cache
+def flight() -> Flight:
+    maneuver = Maneuver.model_validate({"duration": 5.0, "rate": 50.0, "altitude": 200.0, "input": [PULSE]})
+    return simulate_flight(known(), maneuver, name="flight")
+
+
+def found(share: float, method: str = "output-error", **fields: object) -> Fit:
+    """Fit the inertia from a file in which it is a share of the truth."""
+    truth = known().value(INERTIA)
+    vehicle = known().with_numbers({INERTIA: {"value": share * truth, **fields}})
+    windows = [Window("flight", 0.0, 5.0)]
+    return methods.run(vehicle, {"flight": flight()}, windows, Options(budget=4000.0, method=method))
+
+
+@pytest.mark.parametrize("method", ["output-error", "filter-error", "multiple-shooting"])
+@pytest.mark.parametrize("share", [0.35, 2.5])
+def test_an_inertia_outside_of_the_default_box_is_found(share: float, method: str) -> None:
+    fit = found(share, method)
+    assert fit.estimates[INERTIA] == pytest.approx(known().value(INERTIA), rel=0.03)
+    widened = [n for n in fit.notices if n.code == "bounds-widened"]
+    assert [n.subject for n in widened] == [INERTIA]
+    (p,) = fit.problem.layout.parameters
+    assert (p.lower, p.upper) == pytest.approx((widened[0].values["low"], widened[0].values["high"]))
+    assert not any(u.fixed for u in fit.unknowns)
+
+
+def test_bounds_of_the_file_stay() -> None:
+    truth = known().value(INERTIA)
+    fit = found(0.5, bounds=(0.3 * truth, 0.7 * truth))
+    assert fit.estimates[INERTIA] == pytest.approx(0.7 * truth)
+    assert not [n for n in fit.notices if n.code == "bounds-widened"]
+
+
+def test_boxes_double_beyond_the_bound_as_far_as_physics_allows() -> None:
+    assert wider_bounds("Cmq", -10.0, (-150.0, 0.0), 0.0) == (-150.0, 150.0)
+    assert wider_bounds("CLq", 5.0, (-20.0, 60.0), -20.0) == (-100.0, 60.0)
+    assert wider_bounds(INERTIA, 1.0, (0.5, 1.5), 0.5) == (0.1, 1.5)
+    assert wider_bounds("CD0", 0.05, (0.0, 0.5), 0.0) == (0.0, 0.5)
+    assert wider_bounds("controls.elevator.lag", 0.05, (0.0, 0.2), 0.0) == (0.0, 0.2)

@@ -1,0 +1,139 @@
+"""What an estimation assumes of a file that leaves lags, delays and errors of thrust out."""
+
+from __future__ import annotations
+
+import pytest
+
+from stoop.errors import VehicleError
+from stoop.vehicle import Vehicle, parse_vehicle
+from stoop.vehicle.assumptions import USUAL, with_assumptions
+from stoop.vehicle.builtin import builtin_vehicle
+
+DT = 0.02
+PLAIN = """
+name = "commanded"
+[mass]
+mass = 8.5
+inertia = { xx = 1.38, yy = { value = 0.84, prior = "guess" }, zz = { value = 2.17, prior = 0.2, free = false } }
+[reference]
+area = 0.66
+chord = 0.285
+span = 2.32
+airspeed = 24.0
+"""
+CONTROLS = """
+[controls.aileron]
+mix = { control_roll = 0.35 }
+[controls.elevator]
+mix = { servo_1 = 0.3, servo_2 = 0.3 }
+[controls.rudder]
+mix = { control_yaw = -0.35 }
+"""
+PROPELLER = """
+[propulsion]
+kind = "propeller"
+channel = "control_throttle"
+speed_gain = 147.2
+diameter = 0.4
+CT0 = 0.14
+CT1 = { value = -0.1, prior = 0.03 }
+"""
+
+
+def completed(text: str, dt: float = DT) -> tuple[Vehicle, set[str]]:
+    vehicle, found = with_assumptions(parse_vehicle(text, "x"), dt)
+    return vehicle, {one.code for one in found}
+
+
+def free(vehicle: Vehicle) -> set[str]:
+    return {p.name for p in vehicle.parameters if p.free and "." in p.name and not p.name.endswith(".bias")}
+
+
+def test_one_lag_and_one_delay_for_all_servos_that_commands_move() -> None:
+    vehicle, codes = completed(PLAIN + CONTROLS)
+    assert codes == {"lag-assumed", "delay-assumed"}
+    assert free(vehicle) == {"controls.aileron.lag", "controls.aileron.delay", "mass.inertia.yy"}
+    for kind in ("lag", "delay"):
+        assert len({vehicle.rows[f"controls.{c}.{kind}"] for c in ("aileron", "elevator", "rudder")}) == 1
+    lag, delay = (vehicle.parameters[vehicle.rows[f"controls.rudder.{k}"]] for k in ("lag", "delay"))
+    assert (lag.value, lag.prior, lag.lower) == (USUAL.lag, USUAL.lag_std, 0.0)
+    assert delay.lower < 0.0 < delay.upper  # measurements may be stamped late
+    assert with_assumptions(vehicle, DT) == (
+        vehicle,
+        (),
+    )  # what stands in the identified file is not assumed again
+
+
+@pytest.mark.parametrize(
+    ("line", "expected"),
+    [
+        ("lag = 0", {"controls.aileron.lag", "controls.aileron.delay"}),
+        ("lag = 0.04", {"controls.aileron.lag", "controls.aileron.delay"}),
+        ("delay = 0", {"controls.aileron.lag", "controls.aileron.delay"}),
+    ],
+)
+def test_what_the_file_gives_of_one_servo_stands(line: str, expected: set[str]) -> None:
+    vehicle, _ = completed(PLAIN + CONTROLS + line)  # of the rudder
+    assert free(vehicle) == expected | {"mass.inertia.yy"}
+    known = line == "lag = 0.04"
+    assert vehicle.value("controls.rudder.lag", 0.0) == (0.04 if known else 0.05 if "delay" in line else 0.0)
+    assert vehicle.value("controls.rudder.delay", 0.0) == 0.0
+
+
+def test_servos_of_one_channel_have_the_delay_of_the_file() -> None:
+    shared = CONTROLS.replace("control_yaw = -0.35", "servo_1 = 0.3")
+    vehicle, _ = completed(PLAIN + shared + "lag = 0.04")
+    assert "controls.elevator.delay" not in vehicle.rows
+    assert "controls.aileron.delay" in vehicle.rows
+
+
+def test_a_zero_lag_is_none_and_a_negative_one_is_refused() -> None:
+    vehicle = parse_vehicle(PLAIN + CONTROLS + "lag = 0.0", "x")
+    assert not [s for s in vehicle.states if s.endswith(".lag")]
+    with pytest.raises(VehicleError, match="nothing moves before its command"):
+        parse_vehicle(PLAIN + CONTROLS + "lag = -0.1", "x")
+
+
+def test_deflections_have_no_lag_and_slow_logs_show_none() -> None:
+    assert completed(PLAIN) == (parse_vehicle(PLAIN, "x"), set())
+    assert not free(completed(PLAIN + CONTROLS, 0.2)[0]) - {"mass.inertia.yy"}
+    slow, _ = completed(PLAIN + CONTROLS, 0.1)
+    lag = slow.parameters[slow.rows["controls.aileron.lag"]]
+    assert lag.lower == pytest.approx(USUAL.lag_samples * 0.1)
+
+
+def test_motors_of_rotors() -> None:
+    quad = builtin_vehicle("quad-x")
+    assert with_assumptions(quad, DT) == (quad, ())  # its file gives a lag
+    vehicle, _ = completed(quad.text.replace("lag = 0.05", ""))
+    assert {"rotors.lag", "rotors.delay"} <= free(vehicle)
+    speeds = quad.text.replace("lag = 0.05", "").replace('channel = "motor_', 'channel = "rotor_')
+    assert "rotors.lag" not in completed(speeds)[0].rows
+
+
+def test_thrust_is_uncertain_unless_the_file_says_how_well_it_is_known() -> None:
+    vehicle, codes = completed(PLAIN + PROPELLER)
+    assert codes == {"thrust-assumed"}
+    assert free(vehicle) == {"propulsion.CT0", "propulsion.CT1", "mass.inertia.yy"}
+    priors = {p.name: p.prior for p in vehicle.parameters}
+    assert priors["propulsion.CT0"] == pytest.approx(USUAL.thrust * 0.14)
+    assert priors["propulsion.CT1"] == 0.03
+    known = PROPELLER.replace("CT0 = 0.14", "CT0 = { value = 0.14, free = false }")
+    assert "propulsion.CT0" not in free(completed(PLAIN + known)[0])
+    loading = '[loadings.heavy]\n"propulsion.CT0" = 0.15\n'
+    assert "propulsion.CT0" not in free(completed(PLAIN + PROPELLER + loading)[0])
+
+
+def test_a_prior_frees_its_number_and_a_guess_is_one() -> None:
+    vehicle = parse_vehicle(PLAIN + "[sensors.alpha]\nbias = { value = 0.0, prior = 0.01 }\n", "x")
+    known = {p.name: p for p in vehicle.parameters}
+    assert known["mass.inertia.yy"].free
+    assert known["mass.inertia.yy"].prior == pytest.approx(0.3 * 0.84)
+    assert 0.0 < known["mass.inertia.yy"].lower < 0.84
+    assert not known["mass.inertia.zz"].free
+    assert known["sensors.alpha.bias"].free
+    assert not known["sensors.beta.bias"].free
+    with pytest.raises(VehicleError, match="other than zero"):
+        parse_vehicle(
+            PLAIN.replace("[reference]", '[reference]\nalpha = { value = 0.0, prior = "guess" }'), "x"
+        )
