@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from stoop.flight import load
+from stoop.flight.airborne import carried_by_rotors, flying
 from stoop.simulation import initial_states, parameter_rows
 from stoop.vehicle import parse_vehicle
 from stoop_studies.verify import instruments, pilots, truths
@@ -194,3 +195,12 @@ def test_a_draft_frees_what_all_maneuvers_share(tmp_path: Path) -> None:
     other = {p.name: p.prior for p in measured.parameters if p.free}
     assert other["sensors.V.scale"] == 0.05
     assert "sensors.alpha.bias" not in other
+
+
+def test_a_glider_on_its_hill_does_not_hover(tmp_path: Path) -> None:
+    """It stands above the lowest point of its flight with four servos at their middle, which its parameters name."""
+    flown = fly(8, tmp_path)
+    flight = load(flown.path)
+    up = flight.time[flying(flight)]
+    assert not carried_by_rotors(flight)
+    assert up[0] > flown.time[0] + instruments.GROUND
