@@ -28,7 +28,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from scipy.fft import next_fast_len, rfft
@@ -161,7 +161,9 @@ def contribution_notices(fit: Fit, found: Sequence[Contribution]) -> list[Notice
             f"{columns[one.column]}; {INPUTS.get(one.variable, one.variable)} inputs of {needed:.2g} {unit} rms)"
         )
     names = tuple(dict.fromkeys(name for one in doubtful for name in one.parameters))
-    return [notice("contribution-in-doubt", effects=tuple(told), parameters=names, aim=LIMITS.aim)]
+    variables = tuple(one.variable for one in doubtful)
+    values: dict[str, Any] = {"effects": tuple(told), "parameters": names, "variables": variables}
+    return [notice("contribution-in-doubt", **values, aim=LIMITS.aim)]
 
 
 def _groups(vehicle: Vehicle, free: Mapping[str, int]) -> dict[str, list[str]]:

@@ -40,17 +40,20 @@ from stoop.assessment.error_bars import (
 )
 from stoop.assessment.maneuver_advice import advice, flown_model
 from stoop.assessment.verdict import CONFIRMED
+from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice, notice
 from stoop.base.text import enumerated
 from stoop.errors import StoopError
 from stoop.estimate import methods
 from stoop.estimate.fit import Fit, Options
 from stoop.flight import Flight
+from stoop.problem.evidence import invert
 from stoop.results.result import ManeuverResult, ParameterEstimate, Result
 from stoop.results.uncertainty import (
     SCATTER_LEVEL,
     IdentifiabilityAnalysis,
     Interval,
+    JointTest,
     MethodIntervals,
     NearNullDirection,
     ParameterIdentifiability,
@@ -316,7 +319,35 @@ def agreement(results: Mapping[str, Result]) -> Repeatability:
         for name, several in singles.items():
             several[i] = replace(several[i], std_error=several[i].std_error * stretches[name])
     compared = {name: scatter(several) for name, several in singles.items()}
-    return Repeatability(tuple(range(len(results))), compared, tuple(remarks))
+    joint = joint_test(
+        tuple(results.values()), {n: one for n, one in singles.items() if all(s.counted for s in one)}
+    )
+    return Repeatability(tuple(range(len(results))), compared, tuple(remarks), joint)
+
+
+def joint_test(results: Sequence[Result], singles: Mapping[str, Sequence[SingleEstimate]]) -> JointTest:
+    r"""Return whether the named parameters of results agree at once.
+
+    With covariances :math:`C_i`, of the correlations of the results and the standard errors of `singles`,
+    :math:`\chi^2 = \sum (\theta_i - \bar\theta)' C_i^{-1} (\theta_i - \bar\theta)` about the mean of these weights is
+    chi-square with (m - 1) k degrees of freedom; of two results it is that of their difference. Directions that a result's
+    correlations leave without variance are not compared.
+    """
+    names = [n for n in singles if all(n in result.covariance.names for result in results)]
+    if not names:
+        return JointTest()
+    estimates, weights = list[FloatArray](), list[FloatArray]()
+    for i, result in enumerate(results):
+        own, rows = [singles[n][i] for n in names], [result.covariance.names.index(n) for n in names]
+        errors = np.array([one.std_error for one in own])
+        related = correlation(result.covariance.matrix[np.ix_(rows, rows)])
+        weights.append(invert(related).matrix / np.outer(errors, errors))  # the inverse of their covariance
+        estimates.append(np.array([one.estimate for one in own]))
+    pairs = list(zip(weights, estimates, strict=True))
+    mean = invert(np.sum(weights, axis=0)).matrix @ np.sum([W @ x for W, x in pairs], axis=0)
+    statistic = float(sum((x - mean) @ W @ (x - mean) for W, x in pairs))
+    degrees = (len(results) - 1) * len(names)
+    return JointTest(statistic, degrees, float(chi2.sf(statistic, degrees)))
 
 
 def _stretch(results: Iterable[Result], name: str) -> float:
@@ -360,7 +391,7 @@ def _estimates(fit: Fit, bars: ErrorBars) -> dict[str, SingleEstimate]:
     out = {}
     for i, p in enumerate(parameters):
         value, std = fit.estimates[p.name], float(bars.std[i])
-        one = without_prior(value, std, float(shares[i]), p.value, p.prior or np.nan)
+        one = without_prior(value, std, float(shares[i]), p.prior_mean, p.prior or np.nan)
         counted = one.counted and not bars.at_bound[i] and bars.identifiability[p.name].identifiable
         out[p.name] = replace(one, counted=bool(counted))
     return out

@@ -38,6 +38,9 @@ class Limits:
     moved_share: float = 0.05  #: ... share of its size, from which the form of the model is contradicted
     error: float = 0.2  #: standard error of a needed parameter that a use allows, over its size
     minor: float = 0.1  #: share of the largest effect on its axis, which is the least size of a parameter
+    prior_share: float = (
+        0.5  #: of the error of a ratio by the priors alone, below which the flight has shown it
+    )
     unknown: float = 0.5  #: share of parameters at a bound or not identifiable that a result may have
     not_predicted: float = 0.5  #: share of curves matched no better than trivially that a result may have
     inside: float = (
@@ -229,22 +232,36 @@ def _share(result: Result, name: str, shift: float, size: float) -> float:
     return abs(shift) * result.parameters[name].std_error / size if size > 0.0 else math.nan
 
 
+def _inertia(result: Result, need: Need, name: str) -> str:
+    """Return the estimated moment of inertia that a moment counts over; empty where there is none."""
+    inertia = INERTIA.get(need.subject.rpartition(" in ")[2], "")
+    known = {name, inertia} <= set(result.covariance.names) & set(result.parameters)
+    return inertia if known and inertia != name and result.parameters[name].estimate else ""
+
+
 def _error(result: Result, need: Need, name: str, size: float) -> float:
     """Return the standard error of a parameter over its size; of a moment, that of its ratio to the moment of inertia.
 
     A flight shows moments over moments of inertia, and a controller needs no more: an inertia that is guessed stretches both.
     """
-    inertia = INERTIA.get(need.subject.rpartition(" in ")[2], "")
-    own, order = result.parameters[name], result.covariance.names
-    if inertia not in result.parameters or not {name, inertia} <= set(order) or not own.estimate:
+    own, inertia = result.parameters[name], _inertia(result, need, name)
+    if not inertia:
         return _share(result, name, 1.0, size)
-    i, j = order.index(name), order.index(inertia)
-    matrix, gradient = result.covariance.matrix, np.zeros(len(order))
-    gradient[i], gradient[j] = 1.0 / own.estimate, -1.0 / result.parameters[inertia].estimate
-    used = [i] if i == j else [i, j]
-    variance = float(gradient[used] @ matrix[np.ix_(used, used)] @ gradient[used])
+    used = [result.covariance.names.index(n) for n in (name, inertia)]
+    gradient = np.array([1.0 / own.estimate, -1.0 / result.parameters[inertia].estimate])
+    variance = float(gradient @ result.covariance.matrix[np.ix_(used, used)] @ gradient)
     share = math.sqrt(max(variance, 0.0)) if math.isfinite(variance) else math.inf
     return share * abs(own.estimate) / size if size > 0.0 else math.nan
+
+
+def _seen(result: Result, need: Need, name: str) -> bool:
+    """Whether the flight says something of a parameter, or of its ratio to a moment of inertia, beyond their priors."""
+    own, inertia = result.parameters[name], _inertia(result, need, name)
+    if name not in _unknown(result) or own.at_bound or not inertia:
+        return name not in _unknown(result)
+    pair = own, result.parameters[inertia]
+    before = math.hypot(*(p.prior_std / p.estimate for p in pair))
+    return _error(result, need, name, abs(own.estimate)) < LIMITS.prior_share * before
 
 
 def _judged(result: Result, use: Use, sizes: Mapping[str, float]) -> Use:
@@ -253,7 +270,7 @@ def _judged(result: Result, use: Use, sizes: Mapping[str, float]) -> Use:
     estimated = [(need, [n for n in need.parameters if n in result.parameters]) for need in use.needs]
     needs = [(need, names) for need, names in estimated if names]
     for need, names in needs:
-        known = [n for n in names if n not in _unknown(result)]
+        known = [n for n in names if _seen(result, need, n)]
         effect = dict(zip(need.parameters, need.sizes, strict=False))
         largest = max(
             known, key=lambda n: abs(result.parameters[n].estimate) / (effect.get(n) or 1.0), default=""

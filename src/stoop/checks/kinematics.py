@@ -75,6 +75,7 @@ class Motion:
         self.flown = self.felt and set(VELOCITY) <= there
         self.speed = next((name for name in AIRSPEEDS if name in there), "")
         self._kept: dict[Hashable, FloatArray] = {}
+        self.turn = max(2, round(LIMITS.turn * rate))
 
     def __call__(self, state: Assignment, changed: Collection[str] | None) -> Residuals:
         """Return what disagrees in each channel that others predict, where some of those that changed take part."""
@@ -86,7 +87,7 @@ class Motion:
         if self.turned and concerned(*RATES, *EULER):
             implied = self._implied(state)
             for i, name in enumerate(RATES):
-                parts["turn", name] = implied[:, i], self._mean(state, name, round(LIMITS.turn * self.rate))
+                parts["turn", name] = implied[:, i], self._mean(state, name, self.turn)
         for name, cause in MOVED_BY.items():
             if {name, cause} <= self.data.keys() and concerned(name, cause):
                 moved = self._slope(state, name) * (-1.0 if name == "altitude" else 1.0)
@@ -110,8 +111,8 @@ class Motion:
             known = left[np.isfinite(left)]
             if key[0] != "place" and known.size:
                 left = left - float(known.mean())
-            span = LIMITS.turn if key[0] == "turn" else LIMITS.move
-            out[key] = Residual(left, y, span * self.rate, LIMITS.floors[key[0]] ** 2)
+            span = self.turn if key[0] == "turn" else LIMITS.move * self.rate
+            out[key] = Residual(left, y, span, LIMITS.floors[key[0]] ** 2)
         return out
 
     def scales(self, state: Assignment) -> dict[str, float]:
@@ -120,7 +121,7 @@ class Motion:
         if self.turned:
             implied = self._implied(state)
             for i, name in enumerate(RATES):
-                y, x = implied[:, i], self._mean(state, name, round(LIMITS.turn * self.rate))
+                y, x = implied[:, i], self._mean(state, name, self.turn)
                 known = np.isfinite(x) & np.isfinite(y)
                 y, x = y[known], x[known]
                 gain = float(y @ x) / max(float(x @ x), 1e-12)
@@ -155,7 +156,7 @@ class Motion:
 
     def _implied(self, state: Assignment) -> FloatArray:
         """Return the mean rates (m, 3) over a span that the attitude implies, rad/s."""
-        steps, q = max(2, round(LIMITS.turn * self.rate)), self.attitude(state)
+        steps, q = self.turn, self.attitude(state)
         return self._keep(
             ("implied", *self._readings(state, EULER)),
             lambda: vectors_of(product(conjugate(q[:-steps]), q[steps:])) * self.rate / steps,

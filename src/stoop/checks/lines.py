@@ -142,9 +142,8 @@ def mapping_edits(
             yield Edit("exchange", (one, other), "exchange the columns", exchanged(one, other), complete=True)
     for name, factor in scales.items():
         if name in lines:
-            yield Edit(
-                "scale", (name,), f"write scale = {factor:.3g}", multiplied((name,), factor), True, ODDS.scale
-            )
+            change, fix = multiplied((name,), factor), f"write scale = {factor:.3g}"
+            yield Edit("scale", (name,), fix, change, _complete((name,), factor), ODDS.scale)
     grouped = {name for sensor in SENSORS for name in sensor}
     for sensor in SENSORS:
         own = tuple(name for name in sensor if name in there)
@@ -199,4 +198,10 @@ def _factor(name: str, unit: str) -> float:
 
 def _unit(names: tuple[str, ...], unit: str, other: str, prior: float) -> Edit[Assignment]:
     factor = _factor(names[0], other) / _factor(names[0], unit or VARIABLES[names[0]].unit)
-    return Edit("unit", names, f'write unit = "{other}"', multiplied(names, factor), True, prior, other)
+    fix, change = f'write unit = "{other}"', multiplied(names, factor)
+    return Edit("unit", names, fix, change, _complete(names, factor), prior, other)
+
+
+def _complete(names: Sequence[str], factor: float) -> bool:
+    """Tell whether an edit must explain the motion: but larger rates, from which an attitude is predicted, hide no noise."""
+    return not (set(names) <= set(RATES) and factor > 1.0)

@@ -230,6 +230,7 @@ def _assess(job: Job, assessments: Sequence[Assessment], arguments: argparse.Nam
 
 def show(job: Job, folder: Path) -> None:
     """Print what was found and where it lies."""
+    from stoop.results.verdict import grouped
     from stoop.workflow import summary
 
     result, out = job.result, page()
@@ -263,4 +264,4 @@ def show(job: Job, folder: Path) -> None:
     out.line(f"{ended} ({result.trajectories:.0f} trajectories, {result.seconds:.1f} s)")
     out.line(f"report: {folder / 'report.html'}")
     out.heading(f"verdict: {result.verdict.headline}")
-    out.bullets([*result.verdict.reasons, *result.verdict.advice])
+    out.bullets([*grouped(result.verdict.reasons), *result.verdict.advice])

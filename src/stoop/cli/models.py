@@ -220,6 +220,8 @@ def agreement(arguments: argparse.Namespace) -> int:
             f"{agreeing} of {len(told)} parameters ({100 * found.share_agreeing:.0f} %) agree within 95 %; the scatter is "
             f"{found.scatter_ratio:.2f} times that of the error bars"
         )
+        if found.joint.degrees:
+            out.line(str(found.joint))
     else:
         out.line("no parameter is determined by two of the results without its prior")
     refused = [told for path, one in results.items() for told in refusal(one, path)]

@@ -164,7 +164,7 @@ def design(arguments: argparse.Namespace) -> int:
     proposal = propose(model, steady, limits, plan, arguments.shape, see)
     write_proposal(proposal, folder, _command(arguments), arguments.overwrite)
 
-    setup, out, robust = proposal.setup, page(), proposal.robustness
+    setup, out = proposal.setup, page()
     out.heading("Standard errors")
     now = [value if np.isfinite(value) else math.nan for value in proposal.now]
     columns = {"textbook": proposal.expected, "designed": proposal.best.forecast}
@@ -174,8 +174,7 @@ def design(arguments: argparse.Namespace) -> int:
     ratios = [(one.shape, proposal.ratio(one)) for one in proposal.designs]
     out.bullets(f"{shape}: mean standard error {r:.2f} of the textbook's 3-2-1-1" for shape, r in ratios)
     if np.any(setup.known):
-        drawn = f"flown with {robust.draws} models drawn from what is known"
-        out.bullets([f"{drawn}, {robust.outside} left the envelope"])
+        out.bullets([proposal.robustness.notice])
     out.line(f"maneuver: {folder / 'maneuver.toml'}")
     out.line(f"page: {folder / 'design.html'}")
     vehicle = Path(arguments.vehicle)

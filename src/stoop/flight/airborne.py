@@ -54,6 +54,8 @@ class PulseLimits:
 
 FLYING: Final = FlyingLimits()
 PULSES: Final = PulseLimits()
+#: SERVOn_FUNCTION of motors 1 to 12, and 0: nothing is said
+MOTOR_FUNCTIONS: Final = frozenset({0.0, *map(float, (*range(33, 41), *range(82, 86)))})
 ROTOR_KINDS: Final = (
     ("motor", MOTORS, 0.0, 1.0),
     ("rotor", ROTORS, 0.0, 1000.0),
@@ -133,8 +135,8 @@ def lift_command(flight: Flight) -> FloatArray | None:
 
 def _moving(flight: Flight, kind: str, size: int) -> list[str]:
     """Return the channels of a kind that are not still at zero."""
-    names = [f"{kind}_{n}" for n in range(1, size + 1)]
-    there = [name for name in names if name in flight.data]
+    outputs = [n for n in range(1, size + 1) if kind != "pwm" or _may_be_motor(flight, n)]
+    there = [name for name in (f"{kind}_{n}" for n in outputs) if name in flight.data]
     return [name for name in there if np.nanmax(np.abs(np.append(flight.column(name), 0.0))) > 0.0]
 
 
@@ -152,6 +154,11 @@ def motors_ran(flight: Flight) -> bool:
         still = all(not _moving(flight, kind, size) for kind, size, *_ in ROTOR_KINDS[:2])
         return not still or max(map(len, known)) < FLYING.rotors
     return float(np.nanmax(np.append(command, 0.0))) > FLYING.command
+
+
+def _may_be_motor(flight: Flight, output: int) -> bool:
+    """Tell whether an output may drive a motor, as far as ArduPilot's parameters in the log say what it does."""
+    return flight.parameters.get(f"SERVO{output}_FUNCTION", 0.0) in MOTOR_FUNCTIONS
 
 
 def hovered(flight: Flight) -> bool:

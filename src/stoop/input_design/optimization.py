@@ -12,6 +12,7 @@ from threadpoolctl import threadpool_limits
 
 from stoop import optimize
 from stoop.base.arrays import FloatArray
+from stoop.base.notices import Notice, notice
 from stoop.errors import SimulationError
 from stoop.input_design.information import Forecast, Knowledge, Limits, Setup
 from stoop.input_design.inputs import LEAD, SHAPES, Frame, Shape
@@ -167,6 +168,14 @@ class Robustness:
     outside: int
     largest_excess: float
     ratios: tuple[float, ...]
+
+    @property
+    def notice(self) -> Notice:
+        """Return how many of the models left the envelope, with advice if any did."""
+        if not self.outside:
+            return notice("design-stays-inside", draws=self.draws)
+        left = self.outside
+        return notice("design-leaves-envelope", outside=left, draws=self.draws, excess=self.largest_excess)
 
 
 def robustness(setup: Setup, maneuver: Maneuver, reference: Maneuver, draws: int, seed: int) -> Robustness:

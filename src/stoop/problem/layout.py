@@ -60,10 +60,10 @@ class Layout:
         lower = np.array([p.lower for p in self.parameters])
         width = np.array([p.upper - p.lower for p in self.parameters])
         index = np.array([i for i, p in enumerate(self.parameters) if p.prior is not None], dtype=np.intp)
-        value = np.array([self.parameters[i].value for i in index])
+        mean = np.array([self.parameters[i].prior_mean for i in index])
         sigma = np.array([self.parameters[i].prior or 1.0 for i in index])
         with np.errstate(divide="ignore", invalid="ignore"):  # without a width no parameter can be estimated
-            priors = (index, (value - lower[index]) / width[index], sigma / width[index])
+            priors = (index, (mean - lower[index]) / width[index], sigma / width[index])
         self.__dict__.update(
             dimension=len(self.parameters),
             extra=len(self.nuisances),

@@ -222,5 +222,5 @@ def nuisances(vehicle: Vehicle, prepared: Prepared) -> tuple[Nuisance, ...]:
         own = [prepared.pieces[i].measured for i in prepared.of_maneuver(maneuver)]
         for i, bias in biases.items():
             if any(np.isfinite(measured[:, i]).any() for measured in own):
-                out.append(Nuisance(bias.name, maneuver, None, bias.value, bias.prior or 1.0))
+                out.append(Nuisance(bias.name, maneuver, None, bias.prior_mean, bias.prior or 1.0))
     return tuple(out)

@@ -38,7 +38,7 @@ from stoop.report.maneuvers import (
     segments_text,
 )
 from stoop.results.result import Identification, Result, Role
-from stoop.results.verdict import Grade
+from stoop.results.verdict import Grade, grouped
 
 ENDINGS: Final = {
     "converged": "The search converged",
@@ -183,7 +183,7 @@ def verdict(result: Result) -> sheet.Verdict:
         text += ", all of them identifiable"
     text += "."
     sentences = (f"{how}, after {spent}. {result.advice}".rstrip(), text, _match(result, "fit"))
-    reasons = [f"{one}." for one in (*found.reasons, *found.advice)]
+    reasons = [f"{one}." for one in (*grouped(found.reasons), *found.advice)]
     every = (*reasons, *sentences, _match(result, "validation"))
     headline = f"{found.headline}."
     return sheet.Verdict(LEVELS[found.grade], headline, tuple(sentence for sentence in every if sentence))

@@ -109,12 +109,27 @@ class ParameterRepeatability:
 
 
 @dataclass(frozen=True)
+class JointTest:
+    """Whether all compared parameters agree at once, with their covariance."""
+
+    chi_square: float = NAN
+    degrees: int = 0
+    p_value: float = NAN
+
+    def __str__(self) -> str:
+        """Return the test in one line."""
+        verdict = "agree" if self.p_value >= SCATTER_LEVEL else "differ by more than their error bars explain"
+        return f"jointly they {verdict}: chi-square {self.chi_square:.1f} of {self.degrees} degrees, p = {self.p_value:.2g}"
+
+
+@dataclass(frozen=True)
 class Repeatability:
     """Each maneuver fitted alone, beside the joint fit; `maneuvers` are places in `Result.maneuvers`."""
 
     maneuvers: tuple[int, ...] = ()
     parameters: Mapping[str, ParameterRepeatability] = field(default_factory=dict)
     remarks: tuple[Notice, ...] = field(default=(), metadata=AS_SENTENCES)
+    joint: JointTest = JointTest()  #: of results that were fitted apart; not of the maneuvers of one
 
     def summary(self) -> Notice:
         """Return how many parameters can be compared, and how far they scatter."""

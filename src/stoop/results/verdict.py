@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal, TypeAlias
+from typing import Final, Literal, TypeAlias
 
 from stoop.base.notices import Notice, notice, of_severity
+from stoop.base.text import enumerated
 
 Grade: TypeAlias = Literal["", "trusted", "usable", "do not use"]
 
@@ -61,3 +63,47 @@ class Verdict:
         code = "verdict-trusted" if self.grade == "trusted" else "verdict-usable"
         uses = self.justified or ("what was fitted",)  # of a file without uses
         return notice(code + ("-in-part" if others else ""), uses=uses, others=others)
+
+
+def grouped(reasons: Sequence[Notice]) -> tuple[Notice, ...]:
+    """Return reasons as they are told: what is missing for one use, and findings of one kind, in one notice each."""
+    out: dict[tuple[str, ...], list[Notice]] = {}
+    for found in reasons:
+        kind = "verdict-needs" if found.code in _NEEDS else found.code
+        key = (kind, str(found.values["use"]) if kind == "verdict-needs" else "")
+        out.setdefault(key if kind in _TOGETHER else (kind, str(found)), []).append(found)
+    return tuple(one for (kind, _), own in out.items() for one in _told(kind, own))
+
+
+def _told(kind: str, own: Sequence[Notice]) -> Sequence[Notice]:
+    """Return notices of one kind as one, where they are several or too long for a verdict."""
+    first = own[0].values
+    if kind == "contribution-in-doubt" and "variables" in first:
+        return (notice("verdict-contributions", variables=first["variables"]),)
+    if len(own) == 1 or kind not in _TOGETHER:
+        return own
+    if kind == "verdict-needs":
+        return (notice(kind, use=first["use"], needs=tuple(map(_need, own))),)
+    if kind == "verdict-channels":
+        uses = tuple(f"{one.subject} in {_listed(one, 'channels')}" for one in own)
+        return (notice("verdict-channels-of-uses", uses=uses),)
+    names = tuple(f"{one.subject} (t = {one.values['statistic']:.1f})" for one in own)
+    return (
+        notice("verdict-lacks-several", names=names, lines="; ".join(str(one.values["line"]) for one in own)),
+    )
+
+
+def _listed(found: Notice, key: str) -> str:
+    several = found.values[key]
+    return enumerated(map(str, several)) if isinstance(several, tuple) else str(several)
+
+
+def _need(found: Notice) -> str:
+    """Return what a use must know, and how badly it is known."""
+    if found.code == "verdict-need-unknown":
+        return f"{found.subject} ({_listed(found, 'parameters')} not identifiable or at a bound)"
+    return f"{found.subject} ({found.values['parameter']} +- {found.values['error']:.0%})"
+
+
+_NEEDS: Final = ("verdict-need-unknown", "verdict-need-inaccurate")
+_TOGETHER: Final = ("verdict-needs", "verdict-channels", "verdict-lacks")

@@ -147,7 +147,7 @@ def _default_bounds(name: str, q: Quantity, sizes: Mapping[str, float]) -> tuple
     if name.startswith(("rotors.", "rotor.", "body_drag.")) and (box := _rotor_bounds(name, q, sizes)):
         return box
     if q.prior is not None:
-        return value - 5.0 * q.prior, value + 5.0 * q.prior
+        return q.prior_mean - 5.0 * q.prior, q.prior_mean + 5.0 * q.prior
     if name.startswith("controls.") and (box := _servo_bounds(name, value)):
         return box
     if name in _GROUND_EFFECTS:
@@ -176,8 +176,8 @@ def _rotor_bounds(name: str, q: Quantity, sizes: Mapping[str, float]) -> tuple[f
     kind, value = _last(name), q.value
     key = f"rotation.{name[-1]}" if kind == "rotation" else kind
     if q.prior is not None:
-        low = value - 5.0 * q.prior
-        return (max(low, 0.02 * value) if kind in _POSITIVE else low), value + 5.0 * q.prior
+        low, high = (q.prior_mean + sign * 5.0 * q.prior for sign in (-1.0, 1.0))
+        return (max(low, 0.02 * q.prior_mean) if kind in _POSITIVE else low), high
     if key in sizes:
         low, high = (sizes[key] * r for r in _REACH.get(kind, (-0.25, 1.0)))
     elif kind in _FIXED_BOUNDS:

@@ -33,6 +33,21 @@ def write_entry(document: Any, keys: Sequence[str], value: Any) -> None:
         table[last] = value
 
 
+def write_fields(document: Any, keys: Sequence[str], fields: Mapping[str, Any]) -> None:
+    """Write fields of a number that stands in a document, as itself or as a table; its other fields stay."""
+    table = document
+    for key in keys[:-1]:
+        table = table[key]
+    last: Any = "xyz".index(keys[-1]) if isinstance(table, list) else keys[-1]
+    if not isinstance(table[last], InlineTable | Table):
+        comment = getattr(getattr(table[last], "trivia", None), "comment", "")
+        table[last] = inline({"value": table[last]})
+        if comment:
+            table[last].comment(comment)
+    for name, field in fields.items():
+        table[last][name] = field
+
+
 def keys_of(vehicle: Vehicle, name: str) -> tuple[str, ...]:
     """Return where in a file a number of the vehicle stands."""
     owner = next((c for c in COEFFICIENTS if name in getattr(vehicle.file.aerodynamics, c)), None)
@@ -75,7 +90,7 @@ def with_entries(vehicle: Vehicle, entries: Mapping[tuple[str, ...], Any]) -> Ve
     written = {".".join(keys) for keys in entries} | {keys[-1] for keys in entries}
     known = dict(leaves(extended.file))
     kept = {
-        name: {"value": q.value, "bounds": q.bounds, "free": q.free, "prior": q.prior}
+        name: {"value": q.value, "bounds": q.bounds, "free": q.free, "prior": q.prior, "mean": q.mean}
         for name, q in leaves(vehicle.file)
         if q.tie is None and name in known and known[name].tie is None and name not in written
     }

@@ -36,7 +36,13 @@ class Quantity(BaseModel):
     prior: Annotated[Number, Field(gt=0.0)] | None = (
         None  #: standard deviation around the value; "guess": `GUESS`
     )
+    mean: Number | None = None  #: that the prior is about; the value when absent
     tie: str | None = None  #: name of the number that this one equals
+
+    @property
+    def prior_mean(self) -> float:
+        """Mean of the prior."""
+        return self.value if self.mean is None else self.mean
 
     @model_validator(mode="before")
     @classmethod
@@ -60,9 +66,11 @@ class Quantity(BaseModel):
 
     @model_validator(mode="after")
     def _consistent(self) -> Quantity:
-        others = self.model_fields_set & {"value", "bounds", "free", "prior"}
+        others = self.model_fields_set & {"value", "bounds", "free", "prior", "mean"}
         if self.tie is not None and others:
             raise ValueError(f"a tied number takes all from '{self.tie}'; remove {min(others)}")
+        if self.mean is not None and self.prior is None:
+            raise ValueError("mean is that of a prior; add prior = SIGMA, or remove mean")
         if self.bounds is not None:
             low, high = self.bounds
             if not low < high:

@@ -103,6 +103,12 @@ class Parameter:
     free: bool
     prior: float | None  #: standard deviation
     unit: str
+    mean: float | None = None  #: of the prior; the value when absent
+
+    @property
+    def prior_mean(self) -> float:
+        """Mean of the prior."""
+        return self.value if self.mean is None else self.mean
 
 
 def noise_input(axis: str) -> str:
@@ -223,7 +229,9 @@ class Vehicle:
             q = numbers[name]
             free = free_by_default(name, q, estimated) if q.free is None else q.free
             symbol = unit(name, q, file.controls, self.drive)
-            out.append(Parameter(name, q.value, low, high, free and name not in absent, q.prior, symbol))
+            out.append(
+                Parameter(name, q.value, low, high, free and name not in absent, q.prior, symbol, q.mean)
+            )
         return tuple(out)
 
     @functools.cached_property

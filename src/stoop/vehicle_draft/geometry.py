@@ -126,7 +126,7 @@ class Geometry(Part):
     tail: Tail | None = None
     fin: Fin | None = None
     fuselage: Fuselage = Fuselage()
-    spread: dict[str, float] = Field(default_factory=dict, exclude=True, init=False)
+    spread: dict[str, float] = Field(default_factory=dict, exclude=True)
 
     @classmethod
     def load(cls, path: Path | str) -> Geometry:

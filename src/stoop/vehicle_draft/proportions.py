@@ -1,9 +1,8 @@
 """Usual proportions of small airplanes, which complete a geometry, and the contradictions that a geometry may hold.
 
 Tail volumes are those of Raymer, Aircraft Design: A Conceptual Approach (6th ed., table 6.4: homebuilt 0.50 and 0.04, single
-engine 0.70 and 0.04, sailplane 0.50 and 0.02); arms, bodies and control surfaces are means over the airplanes of
-``stoop verify handbook`` and control surfaces by Raymer, section 6.6. Every entry has a standard deviation, since it is a habit
-and no rule.
+engine 0.70 and 0.04, sailplane 0.50 and 0.02) and of the airplanes of ``stoop verify handbook``; so are arms, bodies and control
+surfaces. Every entry has a standard deviation, since it is a habit and no rule.
 """
 
 from __future__ import annotations

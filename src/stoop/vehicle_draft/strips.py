@@ -198,12 +198,13 @@ def to_motion(own: Strips, motion: str, alpha: float, scale: float, area: float)
     steady_circulation = own.slopes[0] * own.load * own.loaded[0]
     lift = _lift(own, change, steady) + _lift(own, steady_circulation, at_quarter)
     width = own.chord * np.linalg.norm(own.along[:, 1:], axis=1)
-    drag = own.profile_drag * width[:, None] * (at_quarter + steady * (at_quarter @ steady)[:, None])
+    # lift and side force are across the flow, which turns with alpha and beta
+    resistance = 0.0 if motion in ("alpha", "beta") else own.profile_drag
+    drag = resistance * width[:, None] * (at_quarter + steady * (at_quarter @ steady)[:, None])
     force = own.pressure / area * (lift - drag)
     moment = np.cross(own.quarter, force).sum(axis=0)
-    if (
-        motion == "q"
-    ):  # apparent camber (Katz and Plotkin, section 5.5: -pi/8 of q c / V), reduced as the lift slope is
+    if motion == "q":
+        # apparent camber (Katz and Plotkin, section 5.5: -pi/8 of q c / V), reduced as the lift slope is
         camber = -0.0625 * own.slopes[0] * own.chord**3 / scale
         moment[1] += own.pressure / area * float(np.sum(camber * own.along[:, 1]))
     return Response(force.sum(axis=0), moment, _roll(own, change, area))

@@ -151,7 +151,7 @@ def _parameters(fit: Fit, bars: ErrorBars) -> dict[str, ParameterEstimate]:
             at_bound=at_bound,
             identifiable=identifiable,
             unit=p.unit,
-            prior_mean=p.value if p.prior is not None else np.nan,
+            prior_mean=p.prior_mean if p.prior is not None else np.nan,
             prior_std=p.prior if p.prior is not None else np.nan,
             start=p.value,
         )

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib import metadata
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import tomlkit
@@ -26,7 +26,8 @@ from stoop.problem.prepare import decoupled, prepare
 from stoop.problem.windows import Window
 from stoop.results.result import Result, read_result
 from stoop.vehicle import Vehicle, load_vehicle, parse_vehicle
-from stoop.vehicle.document import keys_of, write_entry
+from stoop.vehicle.document import keys_of, write_entry, write_fields
+from stoop.vehicle.vehicle import leaves
 from stoop.workflow.curves import baseline_maneuver
 
 if TYPE_CHECKING:
@@ -116,11 +117,26 @@ def place_outputs(job: Job, folder: Path, overwrite: bool = False) -> Path:
 
 
 def with_values(vehicle: Vehicle, values: dict[str, float]) -> str:
-    """Return the text of a vehicle file with some numbers replaced or added; comments and order stay."""
-    document = tomlkit.parse(vehicle.text)
-    for name, value in values.items():
-        write_entry(document, keys_of(vehicle, name), float(f"{value:.10g}"))
-    if parse_vehicle(vehicle.text, vehicle.where).reduce != vehicle.reduce:
+    """Return the text of a vehicle file with some numbers replaced or added; comments and order stay.
+
+    A fit that begins from it is of the same problem: priors stay about their own means, so that each counts once, and what was
+    set, freed or fixed since the file was read is written.
+    """
+    document, original = tomlkit.parse(vehicle.text), parse_vehicle(vehicle.text, vehicle.where)
+    written = dict(leaves(original.file))
+    for name, q in leaves(vehicle.file):
+        before = written.get(name)
+        if q.tie is not None or before is None or before.tie is not None:
+            continue
+        value, keys = values.get(name, q.value), keys_of(vehicle, name)
+        fields: dict[str, Any] = {} if q.free in (None, before.free) else {"free": q.free}
+        if name in values and q.prior is not None:
+            fields |= {"prior": q.prior, "mean": q.prior_mean}
+        if fields or name in values or value != before.value:
+            write_entry(document, keys, float(f"{value:.10g}"))
+        if fields:
+            write_fields(document, keys, fields)
+    if original.reduce != vehicle.reduce:
         write_entry(document, ["model", "reduce"], vehicle.reduce)
     return tomlkit.dumps(document)
 

@@ -113,7 +113,7 @@ def prior_conflicts(fit: Fit) -> list[Notice]:
     """
     layout = fit.problem.layout
     known = [
-        (p.name, "the fit", fit.estimates[p.name], p.value, p.prior)
+        (p.name, "the fit", fit.estimates[p.name], p.prior_mean, p.prior)
         for p in layout.parameters
         if p.prior is not None
     ]
@@ -252,7 +252,8 @@ def figures_table(maneuvers: Sequence[ManeuverResult]) -> str:
     """Return the figures of every channel and maneuver, one below the other; in brackets where the motion is below the noise."""
     lines = [
         "U: Theil's inequality coefficient (0 perfect, 1 worst; low-passed at 10 Hz); lag: that of a first-order lag;",
-        "fit: 100 (1 - rms error / rms motion); S/N: motion over noise; (U): motion below the noise, judges nothing",
+        "fit: 100 (1 - rms error / rms motion); S/N: motion over noise; (U): motion below the noise, judges nothing;",
+        "band %: share of readings within the 95 % band of a prediction",
     ]
     for m in maneuvers:
         channels = [m.channels[c] for c in SHOWN if c in m.channels]
@@ -265,6 +266,8 @@ def figures_table(maneuvers: Sequence[ManeuverResult]) -> str:
                 f"{one.signal_to_noise:.2g}" if one.signal_to_noise < 100.0 else ">100" for one in channels
             ],
         }
+        if any(math.isfinite(one.within) for one in channels):  # of a prediction: 95 % for a right model
+            rows["band %"] = [_decimals(100.0 * one.within, 0) for one in channels]
         lines.append(f"{m.window} ({m.role})")
         lines.append("  " + "".join(f"{c:>7}" for c in SHOWN if c in m.channels))
         lines += [

@@ -65,6 +65,7 @@ EXPERIMENTS: Final[Mapping[str, tuple[str, str]]] = {
             "forces of a real hexacopter predicted in sprints, beside its owners' model; reads --data DIR",
         ),
         ("propellers", "cut propellers and added weights on real quadrotors; reads --data DIR"),
+        ("handbook", "a priori derivatives beside those of published airplanes; reads --data DIR"),
         (
             "readers",
             "damaged logs over all readers: no crash, no hang, no excess of memory (29 runs of 250 each)",

@@ -9,12 +9,14 @@ import numpy as np
 import pytest
 
 from stoop.flight import load
+from stoop.flight.airborne import carried_by_rotors, flying
 from stoop.simulation import initial_states, parameter_rows
 from stoop.vehicle import parse_vehicle
 from stoop_studies.verify import instruments, pilots, truths
 from stoop_studies.verify.defaults import (
     FLIGHTS,
     drafted_file,
+    flight_of,
     fly,
     known_file,
     quick_file,
@@ -42,6 +44,13 @@ def test_vehicles_can_exist_and_are_as_drawn() -> None:
         assert abs(made.tape["mass"] / value("mass.mass") - 1.0) < 0.05
     made_up.cache_clear()
     assert made_up(3).vehicle.text == made_up(3).vehicle.text
+
+
+def test_seeds_fly_every_flight_once() -> None:
+    numbers = [flight_of(seed) for seed in range(FLIGHTS)]
+    assert sorted(numbers) == list(range(FLIGHTS))
+    assert sorted(n // 2 for n in numbers[: len(KINDS)]) == list(range(len(KINDS)))
+    assert {n % 2 for n in numbers[:2]} == {0, 1}
 
 
 def test_a_glider_is_steady_without_thrust() -> None:
@@ -186,3 +195,12 @@ def test_a_draft_frees_what_all_maneuvers_share(tmp_path: Path) -> None:
     other = {p.name: p.prior for p in measured.parameters if p.free}
     assert other["sensors.V.scale"] == 0.05
     assert "sensors.alpha.bias" not in other
+
+
+def test_a_glider_on_its_hill_does_not_hover(tmp_path: Path) -> None:
+    """It stands above the lowest point of its flight with four servos at their middle, which its parameters name."""
+    flown = fly(8, tmp_path)
+    flight = load(flown.path)
+    up = flight.time[flying(flight)]
+    assert not carried_by_rotors(flight)
+    assert up[0] > flown.time[0] + instruments.GROUND

@@ -107,6 +107,32 @@ def test_flights_with_right_error_bars_agree_in_19_parameters_of_20(prior: float
     assert found.scatter_ratio == pytest.approx(1.0, abs=0.05)
 
 
+def correlated(random: np.random.Generator, flight: str, truth: np.ndarray) -> Result:
+    """Return a result whose four estimates are off by errors of strong correlations, each with its own scale."""
+    scales, rho = np.array([1.0, 0.01, 30.0, 0.5]), 0.8
+    C = (rho + (1.0 - rho) * np.eye(4)) * np.outer(scales, scales)
+    drawn = random.multivariate_normal(truth, C)
+    known = {
+        n: ParameterEstimate(v, s) for n, v, s in zip("abcd", drawn.tolist(), scales.tolist(), strict=True)
+    }
+    return result({}, 0.1, flight, parameters=known, uncertainty={}, covariance=Covariance(tuple("abcd"), C))
+
+
+def test_the_joint_test_rejects_right_error_bars_as_often_as_promised_and_sees_what_none_shows_alone() -> (
+    None
+):
+    random, truth = np.random.default_rng(0), np.array([1.0, 2.0, -3.0, 0.0])
+    found = [agreement({n: correlated(random, n, truth) for n in "xyz"}).joint for _ in range(1000)]
+    assert {one.degrees for one in found} == {8}
+    assert 0.035 < np.mean([one.p_value < 0.05 for one in found]) < 0.065
+    # two that are off by less than two standard errors of their difference each, one up and one down
+    moved = truth + np.array([1.5, -0.015, 45.0, -0.75]) * np.sqrt(2.0) * 0.8
+    both = [{"x": correlated(random, "x", truth), "y": correlated(random, "y", moved)} for _ in range(50)]
+    assert np.mean([agreement(one).joint.p_value < 0.05 for one in both]) > 0.9
+    alone = [p.verdict for one in both for p in agreement(one).parameters.values()]
+    assert np.mean([verdict == "agree" for verdict in alone]) > 0.4
+
+
 def test_what_cannot_be_compared_is_refused_or_not_counted() -> None:
     one = result({"a": 1.0, "b": 1.0, "c": 0.0}, 0.1, "one")
     held = {"a": ParameterEstimate(2.0, 0.1), "b": ParameterEstimate(9.0, 0.1, at_bound=True)}

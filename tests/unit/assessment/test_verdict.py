@@ -31,7 +31,7 @@ from stoop.results.uncertainty import (
     ParameterRepeatability,
     Repeatability,
 )
-from stoop.results.verdict import Need, Use, Verdict
+from stoop.results.verdict import Need, Use, Verdict, grouped
 from stoop.vehicle.builtin import resolve_vehicle
 
 USES = (
@@ -226,6 +226,19 @@ def test_a_moment_is_judged_over_the_moment_of_inertia() -> None:
         assert (found.justified == ("control design",)) == good
 
 
+def test_a_ratio_that_the_flight_shows_is_known_though_its_parts_come_from_priors() -> None:
+    """Of Clp and of the inertia the flight adds nothing to priors of 10 %, of their ratio it knows 1 %, or nothing either."""
+    given = {
+        "Clp": ParameterEstimate(-0.5, 0.05, identifiable=False, prior_std=0.05),
+        "mass.inertia.xx": ParameterEstimate(1.0, 0.1, prior_std=0.1),
+    }
+    sigma = np.array([0.05, 0.1])
+    for correlation, good in ((-0.995, True), (0.0, False)):
+        matrix = np.outer(sigma, sigma) * np.array([[1.0, correlation], [correlation, 1.0]])
+        found = verdict(result(parameters=given, covariance=Covariance(tuple(given), matrix)), USES[:1])
+        assert (found.justified == ("control design",)) == good
+
+
 def test_a_derivative_near_zero_is_judged_by_what_matters_on_its_axis() -> None:
     """Clp is 0.001 of the value at which it would be the largest effect: its own error of 400 % is no doubt."""
     small = {**result().parameters, "Clp": ParameterEstimate(-0.001, 0.004)}
@@ -324,3 +337,37 @@ def test_json() -> None:
 def test_an_older_file_has_no_verdict() -> None:
     text = to_json(result()).replace('"verdict"', '"unknown"')
     assert from_json(text).verdict == Verdict()
+
+
+def test_findings_of_one_kind_are_told_together() -> None:
+    needs = [
+        notice(
+            "verdict-need-inaccurate", "damping in roll", use="control design", parameter="Clp", error=0.23
+        ),
+        notice(
+            "verdict-need-unknown", "inertia in roll", use="control design", parameters=("mass.inertia.xx",)
+        ),
+        notice("verdict-need-inaccurate", "thrust", use="performance", parameter="CT1", error=0.31),
+    ]
+    channels = [
+        notice("verdict-channels", use, channels=("V", "ax")) for use in ("simulation", "performance")
+    ]
+    lacks = [
+        notice("verdict-lacks", name, statistic=-5.0, line=f"{name} = 1") for name in ("CQalphar", "ClV")
+    ]
+    doubt = notice(
+        "contribution-in-doubt", effects=("p (...)",), parameters=("Clp",), variables=("p", "q"), aim=0.1
+    )
+    single = notice("verdict-no-held-back")
+    told = grouped([doubt, *needs, channels[0], single, channels[1], *lacks])
+    assert [one.code for one in told] == [
+        "verdict-contributions", "verdict-needs", "verdict-need-inaccurate", "verdict-channels-of-uses",
+        "verdict-no-held-back", "verdict-lacks-several",
+    ]  # fmt: skip
+    assert told[1].values["needs"] == (
+        "damping in roll (Clp +- 23%)",
+        "inertia in roll (mass.inertia.xx not identifiable or at a bound)",
+    )
+    assert told[2] is needs[2]
+    assert "simulation in V and ax and performance in V and ax" in str(told[3])
+    assert "CQalphar = 1; ClV = 1" in str(told[5])

@@ -141,4 +141,7 @@ def test_robustness_draws_from_what_is_known() -> None:
     assert told.ratios == pytest.approx([1.0] * 5), "the same maneuver as its own reference"
     unsure = Knowledge(("Cmalpha",), np.array([[8.0**-2.0]]))
     wild = robustness(replace(setup(), knowledge=unsure), MOVES, MOVES, 12, 0)
+    assert told.notice.code == "design-stays-inside"
+    assert wild.notice.code == "design-leaves-envelope"
+    assert wild.notice.values["outside"] == wild.outside
     assert wild.outside + wild.untrimmed > 0, "some of these are unstable"

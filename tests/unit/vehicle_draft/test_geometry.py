@@ -1,6 +1,8 @@
 import math
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from stoop.errors import VehicleError
 from stoop.vehicle_draft.geometry import WINGED, Geometry
@@ -71,3 +73,47 @@ def test_contradictions_are_one_line(old, new, message):
 def test_position_of_wing_off_the_plane():
     with pytest.raises(VehicleError, match=r"wing.position: y is 0.3"):
         Geometry.parse(GIVEN.replace("position = [0.0, 0.0, 0.0]", "position = [0.0, 0.3, 0.0]"), "g.toml")
+
+
+WORDS = st.sampled_from(
+    [
+        "0.0",
+        "-1.0",
+        "1e9",
+        "nan",
+        "inf",
+        '"x"',
+        "true",
+        "[]",
+        "[1.0]",
+        "[1.0, 2.0, 3.0]",
+        "{}",
+        "45.0",
+        "1e-9",
+    ]
+)
+
+
+@settings(max_examples=150, deadline=None)
+@given(line=st.integers(0, 30), value=WORDS)
+def test_a_mutated_file_ends_in_one_line_or_a_geometry(line, value):
+    lines = GIVEN.strip().splitlines()
+    at = line % len(lines)
+    if "=" in lines[at]:
+        lines[at] = f"{lines[at].split('=')[0]}= {value}"
+    else:
+        del lines[at]
+    found = parsed("\n".join(lines))
+    if isinstance(found, Geometry):
+        assert "NaN" not in found.model_dump_json()
+    else:
+        assert found.startswith("g.toml: ")
+        assert "\n" not in found
+
+
+def parsed(text):
+    """Return the geometry, or what is said of it."""
+    try:
+        return Geometry.parse(text, "g.toml")
+    except VehicleError as error:
+        return str(error)

@@ -95,7 +95,12 @@ def test_tables_say_estimate_and_truth(job: Job) -> None:
     table = estimates_table(job.identification.result, {"CLalpha": 4.78})
     assert "CLalpha" in table
     assert "4.78" in table
-    assert "0:20 (fit)" in figures_table(job.identification.result.maneuvers)
+    fitted, predicted = figures_table(job.identification.result.maneuvers).split("20:28 (validation)")
+    assert "0:20 (fit)" in fitted
+    channel = job.identification.result.maneuvers[1].channels["V"]
+    (band,) = (line.split() for line in predicted.splitlines() if line.endswith("band %"))
+    assert band[0] == f"{100.0 * channel.within:.0f}"
+    assert not any(line.endswith("band %") for line in fitted.splitlines())
 
 
 def test_identified_file_keeps_comments_and_adds_what_was_left_out() -> None:
@@ -136,6 +141,22 @@ CLalpha = 5.0
     }.items():
         assert again.value(name) == value
     assert tomllib.loads(new)["reference"]["span"] == 2.0
+
+
+def test_identified_file_keeps_priors_about_their_own_means(wrong: Vehicle, flight: Flight) -> None:
+    """A fit that begins from the identified file gives the same estimate: the prior is not about the estimate of before."""
+    prior = 0.05
+    tight = wrong.with_numbers({"CLalpha": {"value": 4.6, "prior": prior}})
+    first = identify(tight, flight, ["0:15"])
+    again = parse_vehicle(with_values(first.fit.problem.layout.vehicle, first.fit.estimates), "again.toml")
+    p = again.parameters[again.rows["CLalpha"]]
+    assert (p.prior, p.prior_mean) == (prior, 4.6)
+    assert p.value == pytest.approx(first.fit.estimates["CLalpha"], rel=1e-9)
+    assert abs(p.value - 4.6) > prior, "the data move it"
+    second = identify(again, flight, ["0:15"])
+    sigma = first.parameters["CLalpha"].std_error
+    assert second.fit.estimates["CLalpha"] == pytest.approx(first.fit.estimates["CLalpha"], abs=0.1 * sigma)
+    assert second.result.parameters["CLalpha"].prior_mean == 4.6
 
 
 def test_overlapping_windows_of_a_flight_are_refused(wrong: Vehicle, flight: Flight) -> None:

@@ -248,7 +248,7 @@ class Equations(ABC):
     def priors(self) -> Priors:
         """Those of the vehicle file, its bounds included (no bounds of the biases); the iteration starts from the means."""
         layout = self.layout
-        known = [(p.value, p.prior or np.inf, p.lower, p.upper) for p in layout.parameters]
+        known = [(p.prior_mean, p.prior or np.inf, p.lower, p.upper) for p in layout.parameters]
         known += [(n.center, n.scale, -np.inf, np.inf) for n in layout.nuisances]
         return Priors(*np.array([known[i] for i in self.places]).reshape(-1, 4).T)
 

@@ -1,0 +1,78 @@
+"""The page on a priori derivatives says what the committed table says, and the table what is claimed and what the code gives."""
+
+from __future__ import annotations
+
+import csv
+import json
+from functools import cache
+
+import pytest
+
+from docs.pages import DOCS, table
+from stoop.vehicle_draft import handbook as methods
+from stoop.vehicle_draft.geometry import Geometry
+from stoop.vehicle_draft.spread import METHOD
+from stoop_studies.findings import Findings, Setting
+from stoop_studies.verify import handbook
+
+PAGE = DOCS / "handbook.md"
+
+
+def records() -> list[dict[str, object]]:
+    texts = ("airplane", "kind", "derivative")
+    with (DOCS / "verify" / "handbook.csv").open(newline="") as file:
+        return [
+            {k: v if k in texts else (float(v) if v else None) for k, v in row.items()}
+            for row in csv.DictReader(file)
+        ]
+
+
+@cache
+def findings() -> Findings:
+    return handbook.show(Setting(runs=1), {"all": [{"rows": records()}]})
+
+
+def test_what_is_claimed_holds() -> None:
+    assert [c.verdict for c in findings().claims] == ["holds"] * 6
+    assert len({r["airplane"] for r in records()}) == len(handbook.airplanes())
+
+
+def test_the_tables_are_those_that_were_written() -> None:
+    pooled, each, per_airplane = findings().sections
+    assert [tuple(r) for r in table(PAGE, "What holds", "method").rows] == list(pooled.parts[0].rows)
+    assert [tuple(r) for r in table(PAGE, "Each airplane", "airplane").rows] == list(
+        per_airplane.parts[0].rows
+    )
+    shown = {row[0]: list(row[1:]) for row in table(PAGE, "Standard deviations", "term").rows}
+    assert set(shown) == set(METHOD)
+    written = [{row[0]: row[4] for row in t.rows} for t in each.parts]
+    for name, rule in METHOD.items():
+        assert shown[name] == [f"{rule.share:g}", f"{rule.floor:g}", *(w.get(name, "–") for w in written)]
+
+
+@pytest.mark.parametrize("key", [k for k, a in handbook.airplanes().items() if "derivatives" in a])
+def test_the_code_gives_what_the_table_says(key: str) -> None:
+    airplane = handbook.airplanes()[key]
+    rows = [r for r in records() if r["airplane"] == airplane["name"]]
+    assert {r["derivative"]: r["published"] for r in rows} == pytest.approx(airplane["derivatives"])
+    methods_run = ["sizes"] + (["measured"] if rows[0]["measured"] is not None else [])
+    for method in methods_run:
+        raw = handbook.sizes(airplane["geometry"]) if method == "sizes" else airplane["geometry"]
+        found = methods.derivatives(
+            Geometry.of(raw, key), airplane["airspeed"], airplane.get("alpha"), airplane["density"]
+        )
+        for r in rows:
+            a = found[str(r["derivative"])]
+            assert [a.value, a.std] == pytest.approx([r[method], r[f"{method}_std"]], rel=1e-6), r[
+                "derivative"
+            ]
+
+
+def test_numbers_in_the_text() -> None:
+    text = PAGE.read_text(encoding="utf-8")
+    counted = [r for r in records() if r["kind"] != handbook.UNCOUNTED]
+    airplanes = {r["airplane"] for r in counted}
+    measured = {r["airplane"] for r in counted if r["measured"] is not None}
+    assert f"{len(airplanes)} airplanes" in text
+    assert f"{len(measured)} of them" in text
+    assert json.dumps(handbook.RMS)[1:-1].replace(", ", " to ") in text
