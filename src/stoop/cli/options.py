@@ -172,11 +172,21 @@ def identify_command(arguments: argparse.Namespace, output: str | Path, **change
 def with_free(vehicle: Vehicle, free: Sequence[str], fix: Sequence[str]) -> Vehicle:
     """Return the vehicle with numbers freed and fixed by ``--free`` and ``--fix``.
 
+    A number to be freed that the file leaves out is added if the catalogue of extensions has it, and the line is printed.
+
     Raises `StoopError` for a number that does not exist, is tied to another, is not in the equations, or has no bounds.
     """
+    from stoop.vehicle.extensions import with_free_number
+
     both = set(free) & set(fix)
     if both:
         raise IdentificationError(f"--free and --fix both name '{min(both)}'; keep one of them")
+    added = []  # free as they are written; of several servos with one name
+    for name in (n for n in free if n not in vehicle.rows):
+        if (found := with_free_number(vehicle, name)) is not None:
+            vehicle, line = found
+            added.append(name)
+            print(f"stoop: --free {name}: {vehicle.where} does not hold it; added: {line}", file=sys.stderr)
     own = {p.name for p in vehicle.parameters}
     for option, name in (*(("--free", n) for n in free), *(("--fix", n) for n in fix)):
         row, (table, _, last) = vehicle.rows.get(name), name.rpartition(".")
@@ -193,7 +203,9 @@ def with_free(vehicle: Vehicle, free: Sequence[str], fix: Sequence[str]) -> Vehi
             raise IdentificationError(
                 f"{option} {name}: the equations of {vehicle.where} ({vehicle.reduce}) do not contain it; leave it out"
             )
-    changes = {name: {"free": True} for name in free} | {name: {"free": False} for name in fix}
+    changes = {name: {"free": True} for name in free if name not in added} | {
+        name: {"free": False} for name in fix
+    }
     changed = vehicle.with_numbers(changes) if changes else vehicle
     for p in changed.parameters:
         if p.name in free and not p.lower < p.upper:

@@ -61,9 +61,9 @@ class Limits:
     #: share of a command's power in a window that feedback leaves over, at least; a roll doublet in open loop leaves a third,
     #: as the roll rate follows the ailerons, an autopilot in gusts a twentieth
     commanded: float = 0.1
-    moved: float = (
-        0.25  #: share of an acceleration that such commands explain, where nothing usual is to compare with
-    )
+    #: share of a command's power that feedback leaves over, and of the acceleration that this explains, where a log is too
+    #: short to show what is usual; multisines and sweeps leave 0.4 and explain 0.3, gusts under an autopilot leave 0.13 at most
+    moved: float = 0.25
     edge: float = 0.5  #: of the threshold of a burst: activity that belongs to it, before and after
 
 

@@ -224,18 +224,20 @@ class Excitation:
         return {a: size for a, size in sizes.items() if a in real and size > LIMITS.min_excitation}
 
     def moves(self, flight: Flight) -> bool:
-        """Tell whether what feedback does not explain of the commands explains the angular acceleration about an axis."""
+        """Tell whether feedback leaves a good part of the command about an axis, which explains the angular acceleration."""
         count, out = self.own.shape[1], False
         rates = self.values[:, count:]
-        good = flying(flight) & np.isfinite(np.column_stack([self.own, rates])).all(axis=1)
+        changes = np.gradient(rates, axis=0)
+        good = flying(flight) & np.isfinite(np.column_stack([self.own, rates, changes])).all(axis=1)
         if good.sum() < COMMANDS.samples:
             return False
         for k, axis in enumerate(self.axes[count:]):
             columns = [i for i in range(count) if self.axes[i] == axis]
-            y = np.gradient(rates[:, k])[good]
+            y = changes[good, k]
             x = np.column_stack([self.own[good][:, columns], rates[good]])
             part = x[:, : len(columns)] @ np.linalg.lstsq(x, y, rcond=None)[0][: len(columns)]
-            out |= bool(part @ part > COMMANDS.moved * float(y @ y))
+            left, every = (float(np.sum(u[good][:, columns] ** 2)) for u in (self.own, self.values))
+            out |= bool(left > COMMANDS.moved * every and part @ part > COMMANDS.moved * float(y @ y))
         return out
 
     def condition(self, flight: Flight, one: Candidate) -> float:

@@ -15,6 +15,7 @@ import tomlkit
 
 from stoop.base.variables import EULER, VARIABLES
 from stoop.vehicle import terms
+from stoop.vehicle.assumptions import USUAL
 from stoop.vehicle.defaults import EQUATION_1, rotor_size, unit
 from stoop.vehicle.document import inline, keys_of, with_entries
 from stoop.vehicle.schema import WIND, Quantity, Term
@@ -102,17 +103,46 @@ class Extension:
 
     def line(self, change: float) -> str:
         """Return what to write for a change from the null value, in one line."""
-        parts = []
-        for keys, entry in self.entries(float(f"{self.value(change):.3g}")).items():
-            item = inline(entry) if isinstance(entry, Mapping) else tomlkit.item(entry)
-            parts.append(f"[{'.'.join(keys[:-1])}] {keys[-1]} = {item.as_string()}")
-        return "; ".join(parts)
+        return _written(self.entries(float(f"{self.value(change):.3g}")))
+
+
+def _written(entries: Entries) -> str:
+    """Return entries in one line."""
+    parts = []
+    for keys, entry in entries.items():
+        item = inline(entry) if isinstance(entry, Mapping) else tomlkit.item(entry)
+        parts.append(f"[{'.'.join(keys[:-1])}] {keys[-1]} = {item.as_string()}")
+    return "; ".join(parts)
+
+
+def with_free_number(vehicle: Vehicle, name: str) -> tuple[Vehicle, str] | None:
+    """Return the vehicle with a number that its file lacks, free, and the line that writes it.
+
+    Lags and delays of what commands move have their usual values with priors; others begin at what changes nothing, within what
+    is believed. None where the catalogue has no such number, or it changes nothing at no finite value.
+    """
+    one = next((e for e in _catalogue(vehicle) if e.name == name and not e.reciprocal), None)
+    if one is None or one.kind == "number":
+        return None
+    fields: dict[str, Any] = {"value": one.null, "free": True}
+    if one.inputs:
+        usual = (USUAL.lag, USUAL.lag_std) if one.kind == "lag" else (USUAL.delay, USUAL.delay_std)
+        fields = dict(zip(("value", "prior"), usual, strict=True))
+    elif one.kind != "term":
+        reach = one.probe.reach
+        fields["bounds"] = [one.null - (0.0 if one.positive else reach), one.null + reach]
+    entries = one.entries(fields)
+    return with_entries(vehicle, entries), _written(entries)
+
+
+def _catalogue(vehicle: Vehicle) -> tuple[Extension, ...]:
+    parts = (_controls, _masses, _thrust, _sensors, _terms, _rotors, _fixed)
+    return tuple(one for part in parts for one in part(vehicle))
 
 
 def extended(vehicle: Vehicle) -> tuple[Vehicle, tuple[Extension, ...]]:
     """Return a vehicle with every extension at its null value, and the extensions."""
-    parts = (_controls, _masses, _thrust, _sensors, _terms, _rotors, _fixed)
-    catalogue = tuple(one for part in parts for one in part(vehicle))
+    catalogue = _catalogue(vehicle)
     known, entries = {name for name, _ in leaves(vehicle.file)}, dict[tuple[str, ...], Any]()
     for one in catalogue:
         if not known.issuperset(one.numbers):

@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 
 from stoop.errors import FlightError
+from stoop.flight import from_columns
 from stoop.input_design.windows import find_windows
 from stoop_studies.findings import Setting
 from stoop_studies.verify.study import run_key
@@ -29,6 +30,21 @@ def test_gusts_are_no_maneuver(case: str) -> None:
     flown = CASES[case](7)
     with pytest.raises(FlightError, match="no maneuver here"):
         find_windows({flown.flight.name: flown.flight}, flown.start)
+
+
+@pytest.mark.parametrize(
+    "kind", ["multisine-moderate", "sweep-light", "gusts-light", "gusts-moderate", "gusts-severe"]
+)
+def test_a_log_that_is_all_maneuver(kind: str) -> None:
+    """Nothing usual is to compare with: what feedback leaves of the command decides."""
+    flight = CASES[f"aircraft-{kind}"](3).flight
+    inside = (flight.time >= 10.0) & (flight.time < 18.0)
+    cut = from_columns("cut", flight.time[inside], {n: flight.column(n)[inside] for n in flight.names})
+    if "gusts" in kind:
+        with pytest.raises(FlightError, match="no maneuver here"):
+            find_windows({"cut": cut})
+    else:
+        assert any(w.use == "fit" for w in find_windows({"cut": cut}).windows)
 
 
 @pytest.mark.slow

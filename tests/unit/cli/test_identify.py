@@ -19,11 +19,12 @@ import pytest
 from stoop.cli.main import main
 from stoop.cli.options import with_free
 from stoop.cli.progress import Watch
-from stoop.errors import IdentificationError
+from stoop.errors import IdentificationError, StoopError
 from stoop.flight import Flight, save
 from stoop.optimize import State
 from stoop.results.result import Identification
 from stoop.vehicle import Vehicle, parse_vehicle
+from stoop.vehicle.builtin import resolve_vehicle
 from stoop.workflow.checkpoint import Checkpoint
 from stoop.workflow.fit_result import identification
 
@@ -218,6 +219,26 @@ def test_a_control_that_the_equations_drop_is_not_freed(aircraft: Vehicle) -> No
         with_free(whole.reduced("longitudinal"), ["controls.aileron.lag"], [])
     with pytest.raises(IdentificationError, match="leave it out"):
         with_free(aircraft, ["Clp"], [])
+
+
+def test_a_number_that_the_file_lacks_is_added_with_its_usual_value(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    plane = resolve_vehicle("twin-boom")
+    late = with_free(plane, ["controls.aileron.lag", "sensors.V.scale"], [])
+    lag, scale = (late.parameters[late.rows[n]] for n in ("controls.aileron.lag", "sensors.V.scale"))
+    assert (lag.free, lag.value, lag.prior) == (True, 0.05, 0.03)
+    assert (scale.free, scale.value, scale.lower, scale.upper) == (True, 1.0, 0.5, 1.5)
+    err = capsys.readouterr().err
+    assert "added: [controls.aileron] lag = {value = 0.05, prior = 0.03}" in err
+    both = with_free(plane, ["controls.delay"], [])
+    assert both.rows["controls.rudder.delay"] == both.rows["controls.elevator.delay"]
+    for name, words in (
+        ("nonsense", "no number is called 'nonsense'"),
+        ("controls.aileron.rate_limit", "write"),
+    ):
+        with pytest.raises(StoopError, match=words):
+            with_free(plane, [name], [])
 
 
 def test_the_result_names_every_file_that_was_read(place: Path) -> None:
