@@ -36,16 +36,19 @@ class Model:
     ----------
     signals : variable -> its samples as recorded, SI as mapped
     data : variable -> (n,) on one grid of `rate` [Hz], SI as mapped, NaN on the ground; none where clocks are not trusted
+    controls : whether controls are compared with angular accelerations
     """
 
-    def __init__(self, signals: Mapping[str, Signal], data: Columns, rate: float) -> None:
+    def __init__(
+        self, signals: Mapping[str, Signal], data: Columns, rate: float, controls: bool = True
+    ) -> None:
         self.sizes = Sizes(signals)
         self.parts: list[Motion | Air | Controls] = []
         self.judged = {*signals, *data}
         if data:
             thin, rate = thinned(data, rate)
             self.motion = Motion(thin, rate)
-            self.parts = [self.motion, Air(thin, rate), Controls(thin, rate)]
+            self.parts = [self.motion, Air(thin, rate), *([Controls(thin, rate)] if controls else [])]
 
     def __call__(self, state: Assignment, changed: Collection[str] | None) -> Residuals:
         """Return all residuals in which some of the variables that changed take part."""
@@ -82,7 +85,9 @@ def check_mapping(signals: Mapping[str, Signal], data: Columns, rate: float, lin
     Signs and axes of body rates, sizes and the sign of gravity are examined in any log; all else only where the user wrote
     the line.
     """
-    model = Model(signals, data, rate)
+    # the filters cost half a second: not where no line of a control could be wrong
+    controls = any(VARIABLES[name].kind == "command" for name in lines)
+    model = Model(signals, data, rate, controls)
     start: Assignment = {}
     found, state = search(start, lambda now: model.edits(now, lines), model)
     notices = [_notice(one, model, lines) for one in found]
