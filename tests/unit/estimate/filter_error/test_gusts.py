@@ -179,5 +179,5 @@ def test_a_filter_that_diverges_is_replaced(gusty_start, gusty_flight, monkeypat
     fixed = gusty_start.with_numbers({f"turbulence.{a}.intensity": {"free": False} for a in "uw"})
     method, found = MethodChoice("filter-error", (), "output-error").fit(fixed, flights, WINDOWS, Options())
     assert method == "output-error"
-    assert [n.code for n in found.notices] == ["filter-diverges"]
+    assert {n.code for n in found.notices} - {"bounds-widened"} == {"filter-diverges"}
     assert methods.find(method).simulates
