@@ -193,6 +193,8 @@ class Aircraft:
         air = turn_alpha @ turn_beta @ (qS * np.array([-C["CD"], C["CQ"], -C["CL"]]))
         b, c = n("reference.span"), n("reference.chord")
         moment = qS * np.array([b * C["Cl"], c * C["Cm"], b * C["Cn"]])
+        if "inertia" in self.raw["reference"]:  # for which the coefficients hold
+            moment = moment * np.diag(self.inertia) / np.array([n(f"reference.inertia.{x}") for x in "xyz"])
         moment = moment + np.cross(self.arm("reference", "moment_point"), air)
         pitch = n("propulsion.pitch")
         push = self.thrust(V, rho, u) * np.array([math.cos(pitch), 0.0, -math.sin(pitch)])

@@ -43,10 +43,11 @@ def exported(root: Path, vehicle: Vehicle) -> str:
     return file_name(vehicle.name)
 
 
+@pytest.mark.parametrize("inertia", ["", "inertia = [90.0, 140.0, 180.0]\n"], ids=["", "for-stated-inertia"])
 @pytest.mark.parametrize("name", VEHICLES)
-def test_accelerations_at_random_states(name: str, tmp_path: Path) -> None:
+def test_accelerations_at_random_states(name: str, inertia: str, tmp_path: Path) -> None:
     """No time passes: forces, moments, the full inertia tensor and its inverse, arms, units, signs."""
-    vehicle = load(name)
+    vehicle = parse_vehicle(load(name).text.replace("[reference]\n", f"[reference]\n{inertia}"), name)
     aircraft = exported(tmp_path, vehicle)
     random = np.random.default_rng(11)
     rows = parameter_rows(vehicle)

@@ -105,6 +105,10 @@ def uses(vehicle: Vehicle, sizes: Mapping[str, float] | None = None) -> tuple[Us
         return [name for name in free if name.startswith(prefixes)]
 
     dynamics: list[tuple[str, Sequence[str]]] = []
+    over: dict[
+        str, str
+    ] = {}  # what a flight shows over a moment of inertia, unless coefficients hold for a stated one
+    stated = "reference.inertia.x" in vehicle.rows
     for coefficient, (axis, rate, angle) in MOMENTS.items():
         controls = [n for c in vehicle.file.controls for n in coefficients(coefficient, c)]
         about = [
@@ -115,6 +119,7 @@ def uses(vehicle: Vehicle, sizes: Mapping[str, float] | None = None) -> tuple[Us
         # moments of the air count over the moment of inertia, which is judged with each of them
         alone = [] if any(names for _, names in about) else begins(INERTIA[axis])
         dynamics += [*about, (f"inertia in {axis}", alone)]
+        over |= {} if stated else dict.fromkeys((what for what, _ in about), INERTIA[axis])
     thrust = begins("propulsion.", "rotors.T")
     dynamics += [
         ("thrust of the rotors", begins("rotors.T")),
@@ -131,8 +136,13 @@ def uses(vehicle: Vehicle, sizes: Mapping[str, float] | None = None) -> tuple[Us
         observed = tuple(c for c in channels if c in vehicle.outputs)
         wanted = ((what, tuple(names)) for what, names in needs if names)
         return Use(
-            name, observed, tuple(Need(what, names, tuple(of_effect.get(n, 0.0) for n in names)) for what, names in wanted)
-        )  # fmt: skip
+            name,
+            observed,
+            tuple(
+                Need(what, names, tuple(of_effect.get(n, 0.0) for n in names), over.get(what, ""))
+                for what, names in wanted
+            ),
+        )
 
     return (
         use("control design", RATES, dynamics),
@@ -234,9 +244,8 @@ def _share(result: Result, name: str, shift: float, size: float) -> float:
 
 def _inertia(result: Result, need: Need, name: str) -> str:
     """Return the estimated moment of inertia that a moment counts over; empty where there is none."""
-    inertia = INERTIA.get(need.subject.rpartition(" in ")[2], "")
-    known = {name, inertia} <= set(result.covariance.names) & set(result.parameters)
-    return inertia if known and inertia != name and result.parameters[name].estimate else ""
+    known = {name, need.inertia} <= set(result.covariance.names) & set(result.parameters)
+    return need.inertia if known and result.parameters[name].estimate else ""
 
 
 def _error(result: Result, need: Need, name: str, size: float) -> float:

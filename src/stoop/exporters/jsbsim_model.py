@@ -31,7 +31,7 @@ AIRSPEED: Final = "stoop/air/V-m_sec"
 DENSITY: Final = "stoop/air/density-kg_m3"
 PRESSURE_AREA: Final = "stoop/air/dynamic-pressure-area-lbs"
 THRUST: Final = "stoop/thrust-N"
-_LENGTHS: Final = {"Cl": "span", "Cm": "chord", "Cn": "span"}
+_LENGTHS: Final = {"Cl": ("span", "x"), "Cm": ("chord", "y"), "Cn": ("span", "z")}  #: with the body axis
 _FRAME: Final = "simulation/channel-dt"
 
 
@@ -178,9 +178,12 @@ def aerodynamics(vehicle: Vehicle) -> Element:
         if not group:
             continue
         axis = SubElement(out, "axis", {"name": AXES[name]})
-        length = _LENGTHS.get(name)
+        arms = []
+        if name in _LENGTHS:
+            length, about = _LENGTHS[name]
+            relative = forces.relative_inertia(vehicle, vehicle.value, about)
+            arms.append(value(relative * vehicle.value(f"reference.{length}") / FOOT))
         for parameter, text in group.items():  # pressure x area (x length) x coefficient x what it multiplies
-            arms = [] if length is None else [value(vehicle.value(f"reference.{length}") / FOOT)]
             tree = terms.parse(text, symbols, vehicle.where)
             factor = convert(terms.convert(tree, symbols), names)
             body = node("product", prop(PRESSURE_AREA), *arms, value(vehicle.value(parameter)), factor)

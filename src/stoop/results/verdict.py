@@ -20,6 +20,7 @@ class Need:
     parameters: tuple[str, ...]
     #: value of each at which its effect in the fitted maneuvers would be the largest on its axis, SI; empty where not known
     sizes: tuple[float, ...] = ()
+    inertia: str = ""  #: free moment of inertia over which they count; empty where they count by themselves
 
 
 @dataclass(frozen=True)

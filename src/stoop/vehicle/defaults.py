@@ -49,6 +49,7 @@ _GROUND_EFFECTS: Final = ("ground_effect.rotor", "ground_effect.lift")
 POSITIVE: Final = (
     "mass.mass", "mass.inertia.xx", "mass.inertia.yy", "mass.inertia.zz", "reference.area", "reference.chord",
     "reference.span", "reference.airspeed", "environment.gravity", "environment.density",
+    *(f"reference.inertia.{axis}" for axis in "xyz"),
     "propulsion.diameter", "propulsion.speed_gain", "ground_effect.radius",
     *(f"turbulence.{axis}.{number}" for axis in "uvw" for number in ("intensity", "length")),
     "rotors.gain", "rotors.nominal_voltage", "rotors.inertia", "rotors.radius", "turbulence.airspeed",

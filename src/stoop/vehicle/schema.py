@@ -122,6 +122,8 @@ class Reference(Table):
     airspeed: Quantity  #: V*, m/s
     alpha: Quantity = Quantity(value=0.0)  #: alpha*, rad
     moment_point: Point | None = None  #: m; the center of gravity when absent
+    #: moments of inertia (roll, pitch, yaw) for which the moment coefficients hold, kg m2; those of [mass] when absent
+    inertia: Point | None = None
     rate_normalization: Literal["reference", "actual"] = "actual"  #: qc/2V* (the paper) or qc/2V
 
 

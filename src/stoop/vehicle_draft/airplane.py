@@ -60,8 +60,9 @@ class Airplane(FileText):
         """Return the file."""
         wing = self.geometry.wing
         self.head(f"span {wing.span:g} m, chord {wing.chord:.4g} m")
-        self.mass_table(inertia.of_airplane(self.template, self.mass, wing.span))
-        self._reference()
+        moments = inertia.of_airplane(self.template, self.mass, wing.span)
+        self.mass_table(moments)
+        self._reference(moments)
         self.environment()
         self._propulsion()
         self.controls_table(self.controls)
@@ -75,7 +76,7 @@ class Airplane(FileText):
     def _hover(self) -> Steady:
         return steady_flight(self.seen.flights, wings=False)
 
-    def _reference(self) -> None:
+    def _reference(self, moments: Mapping[str, Apriori]) -> None:
         wing, sheet = self.geometry.wing, self.sheet
         sheet.table("reference")
         given = self.request.area is not None or self.request.geometry is not None
@@ -91,6 +92,12 @@ class Airplane(FileText):
         if math.isfinite(self.alpha):
             said = f"alpha*: rad ({self.alpha / DEGREE:.1f} deg), median of the same flight"
             sheet.entry("alpha", plain(self.alpha), said)
+        guess = ", ".join(plain(moments[axis].value) for axis in ("xx", "yy", "zz"))
+        sheet.entry(
+            "inertia",
+            f"[{guess}]",
+            "kg m2: Cl, Cm, Cn hold for these; times measured over these where you measure",
+        )
         sheet.word(
             "rate_normalization", "actual", "rates are made dimensionless with the airspeed of the moment"
         )

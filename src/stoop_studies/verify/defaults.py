@@ -288,7 +288,7 @@ def _compared(flown: Flown, job: Job) -> dict[str, Any]:
     ratios = truths.relative_to_inertia([*values], values, covariance.matrix, covariance.names, file)
     own = truths.aerodynamic(truth, file, moved, flown.airspeed, False) if flown.vehicle.winged else {}
     per_inertia = {
-        n: (value, sigma, own[n] / truth.value(truths.inertia_of(n)), numbers[n][3], 1.0)
+        n: (value, sigma, own[n] / truths.inertia_of(truth, file, n), numbers[n][3], 1.0)
         for n, (value, sigma) in ratios.items()
         if n in own and n in numbers
     }

@@ -85,7 +85,12 @@ def aerodynamic(
         size = ratio["area"] * _over(truth, file, "mass.mass", free, held)
         if coefficient in MOMENTS:
             length, axis = MOMENTS[coefficient]
-            size = ratio["area"] * ratio[length] * _over(truth, file, f"mass.inertia.{axis}", free, held)
+            over = _over(truth, file, f"mass.inertia.{axis}", free, held)
+            size = (
+                ratio["area"]
+                * ratio[length]
+                * (_stated(file, axis) / truth.value(f"mass.inertia.{axis}") or over)
+            )
 
         def true(text: str, coefficient: str = coefficient) -> float:
             return known.get((coefficient, text), 0.0)
@@ -107,9 +112,15 @@ def aerodynamic(
     return out
 
 
-def inertia_of(name: str) -> str:
-    """Return the moment of inertia about the axis of a moment term, by their names in a vehicle file."""
-    return f"mass.inertia.{MOMENTS[name[:2]][1]}"
+def _stated(file: Vehicle, axis: str) -> float:
+    """Return the moment of inertia for which the moment coefficients of a file hold; 0 where it states none."""
+    return file.value(f"reference.inertia.{axis[0]}", 0.0)
+
+
+def inertia_of(truth: Vehicle, file: Vehicle, name: str) -> float:
+    """Return the moment of inertia for which the true value of a moment term of a file holds."""
+    axis = MOMENTS[name[:2]][1]
+    return _stated(file, axis) or truth.value(f"mass.inertia.{axis}")
 
 
 def _over(truth: Vehicle, file: Vehicle, name: str, free: set[str], held: bool) -> float:
@@ -175,11 +186,12 @@ def relative_to_inertia(
         if coefficient not in MOMENTS:
             continue
         inertia = f"mass.inertia.{MOMENTS[coefficient][1]}"
-        size = values.get(inertia, file.value(inertia))
+        stated = _stated(file, MOMENTS[coefficient][1])
+        size = stated or values.get(inertia, file.value(inertia))
         for name in (n for n in group if n in names):
             gradient = np.zeros(len(order))
             gradient[order.index(name)] = 1.0 / size
-            if inertia in order:
+            if inertia in order and not stated:
                 gradient[order.index(inertia)] = -values[name] / size**2
             known = np.isfinite(np.diag(covariance)) | (gradient != 0.0)
             variance = gradient[known] @ covariance[np.ix_(known, known)] @ gradient[known]

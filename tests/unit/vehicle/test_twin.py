@@ -190,6 +190,11 @@ CASES = {
     "plain": Case(NAME + PLAIN + COEFFICIENTS, SURFACES, TURNED),
     "plain longitudinal": Case(f'{NAME}[model]\nreduce = "longitudinal"\n{PLAIN}{COEFFICIENTS}', SURFACES, LEVEL),
     "plain lateral": Case(f'{NAME}[model]\nreduce = "lateral"\n{PLAIN}{COEFFICIENTS}', SURFACES, TURNED | {"q": 0.0}),
+    "plain, for a stated inertia": Case(
+        NAME + PLAIN.replace("[environment]", "inertia = [80.0, 150.0, 190.0]\n[environment]") + COEFFICIENTS,
+        SURFACES,
+        TURNED,
+    ),
     "rich": Case(NAME + RICH + RICH_TERMS, PWM, SMALL, RICH_EXTRA),
     "rich longitudinal": Case(
         f'{NAME}[model]\nreduce = "longitudinal"\n{RICH}{RICH_TERMS}', PWM, LEVEL | {"V": 24.0}, RICH_EXTRA

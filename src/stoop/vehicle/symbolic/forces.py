@@ -34,7 +34,7 @@ of the ground on what trailing vortices induce.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final
 
@@ -56,7 +56,7 @@ from stoop.vehicle.symbolic.frames import (
     scale,
     subtract,
 )
-from stoop.vehicle.vehicle import slope_input
+from stoop.vehicle.vehicle import Vehicle, slope_input
 
 _STILL: Final = 0.05  #: m/s; keeps roots smooth at rest without thrust
 _STOPPED: Final = 1e-9  #: rad/s; separates rotors that turn from those at rest
@@ -122,8 +122,19 @@ def aerodynamics(s: Surroundings) -> Load:
         ),
     )
     span, chord = n["reference.span"], n["reference.chord"]
-    moment = scale(pressure_area, (span * c["Cl"], chord * c["Cm"], span * c["Cn"]))
+    roll, pitch, yaw = (relative_inertia(n.vehicle, n.__getitem__, axis) for axis in "xyz")
+    moment = scale(pressure_area, (roll * span * c["Cl"], pitch * chord * c["Cm"], yaw * span * c["Cn"]))
     return Load(force, add(moment, cross(n.arm("reference.moment_point"), force)))
+
+
+def relative_inertia(vehicle: Vehicle, number: Callable[[str], Any], axis: str) -> Any:
+    """Return the moment of inertia over that for which moment coefficients about an axis hold; 1 where the file names none.
+
+    A flight shows moments over moments of inertia. Coefficients that hold for a stated inertia are that ratio, so an inertia that
+    is only guessed leaves them alone, and their priors do not draw it.
+    """
+    reference = f"reference.inertia.{axis}"
+    return number(f"mass.inertia.{axis}{axis}") / number(reference) if reference in vehicle.rows else 1
 
 
 def thrust(s: Surroundings) -> Any:
