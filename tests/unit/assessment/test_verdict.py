@@ -35,7 +35,7 @@ from stoop.results.verdict import Need, Use, Verdict, grouped
 from stoop.vehicle.builtin import resolve_vehicle
 
 USES = (
-    Use("control design", ("p",), (Need("damping in roll", ("Clp",)),)),
+    Use("control design", ("p",), (Need("damping in roll", ("Clp",), inertia="mass.inertia.xx"),)),
     Use("simulation", ("p", "V")),
     Use("performance", ("V",), (Need("drag at the reference condition", ("CD0",)),)),
 )
@@ -261,7 +261,7 @@ def test_a_derivative_near_zero_is_judged_by_what_matters_on_its_axis() -> None:
 def test_the_strongest_of_several_effects_must_be_known() -> None:
     """Not the one whose number is largest: Cn1 acts on little motion."""
     parameters = {"Cn1": ParameterEstimate(2.0, 1.9), "Cn2": ParameterEstimate(0.1, 0.001)}
-    need = Need("control effectiveness in yaw", ("Cn1", "Cn2"), (100.0, 0.2))
+    need = Need("control effectiveness in yaw", ("Cn1", "Cn2"), (100.0, 0.2), "mass.inertia.zz")
     found = verdict(result(parameters=parameters), (Use("control design", ("p",), (need,)),))
     assert found.grade == "trusted"
 
