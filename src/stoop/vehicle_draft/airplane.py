@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Final
 
 from stoop.base.notices import Notice
@@ -30,6 +31,7 @@ _PAIRS: Final = {
     "v-tail": "rudder",
     "flying-wing": "aileron",
 }  #: template -> control that shares the elevator's servos
+_AXES: Final = {"Cl": "xx", "Cm": "yy", "Cn": "zz"}  #: moment of inertia over which a coefficient counts
 _RECONSTRUCTED: Final = "reconstructed"  #: source of alpha and beta without vanes
 
 
@@ -53,6 +55,7 @@ class Airplane(FileText):
         self.controls = (
             default_controls(wanted) if flight is None else find_controls(flight, seen.setup, wanted)
         )
+        self.moments = inertia.of_airplane(self.template, self.mass, self.geometry.wing.span)
         self.airspeed, self.airspeed_source = self.steady.airspeed()
         self.alpha = self.steady.median("alpha")
 
@@ -60,9 +63,8 @@ class Airplane(FileText):
         """Return the file."""
         wing = self.geometry.wing
         self.head(f"span {wing.span:g} m, chord {wing.chord:.4g} m")
-        moments = inertia.of_airplane(self.template, self.mass, wing.span)
-        self.mass_table(moments)
-        self._reference(moments)
+        self.mass_table(self.moments)
+        self._reference()
         self.environment()
         self._propulsion()
         self.controls_table(self.controls)
@@ -76,7 +78,7 @@ class Airplane(FileText):
     def _hover(self) -> Steady:
         return steady_flight(self.seen.flights, wings=False)
 
-    def _reference(self, moments: Mapping[str, Apriori]) -> None:
+    def _reference(self) -> None:
         wing, sheet = self.geometry.wing, self.sheet
         sheet.table("reference")
         given = self.request.area is not None or self.request.geometry is not None
@@ -92,7 +94,7 @@ class Airplane(FileText):
         if math.isfinite(self.alpha):
             said = f"alpha*: rad ({self.alpha / DEGREE:.1f} deg), median of the same flight"
             sheet.entry("alpha", plain(self.alpha), said)
-        guess = ", ".join(plain(moments[axis].value) for axis in ("xx", "yy", "zz"))
+        guess = ", ".join(plain(self.moments[axis].value) for axis in _AXES.values())
         sheet.entry(
             "inertia",
             f"[{guess}]",
@@ -222,7 +224,10 @@ class Airplane(FileText):
                 )
 
     def _derivatives(self) -> dict[str, Apriori]:
-        """Return the a priori derivatives; those of controls are less sure where the throw is assumed."""
+        """Return the a priori derivatives; those of controls are less sure where the throw is assumed.
+
+        Moments hold for an inertia that is itself a guess: an error of it is one of theirs.
+        """
         speed, density = self.airspeed, self.steady.density() if self.seen.flights else 1.225
         alpha = self.alpha if math.isfinite(self.alpha) else None
         pressure = 0.5 * density * speed**2 * self.geometry.wing.area
@@ -231,6 +236,10 @@ class Airplane(FileText):
         )
         found = derivatives(self.geometry, speed, alpha, density, lift)
         for name, one in found.items():
+            if name[:2] in _AXES:
+                about = self.moments[_AXES[name[:2]]]
+                one = replace(one, std=math.hypot(one.std, about.std / about.value * one.value))
+                found[name] = one
             control = next((c for c in AXES if name.endswith(c)), None)
             mixer = self.controls.mixers.get(control or "")
             if control is None or mixer is None:
