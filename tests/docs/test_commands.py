@@ -133,7 +133,11 @@ def test_first_mile_runs(workplace: Path) -> None:
     for command in first:
         run(command)
     result = read_result(workplace / "result" / "result.json")
-    truth = {p.name: p.value for p in resolve_vehicle(ROOT / "examples" / "vtail.toml").parameters}
+    flown, file = (resolve_vehicle(p) for p in (ROOT / "examples" / "vtail.toml", workplace / "my.toml"))
+    truth = {p.name: p.value for p in flown.parameters}
+    for coefficient, axis in (("Cl", "x"), ("Cm", "y"), ("Cn", "z")):  # for the inertia that the draft states
+        stated = file.value(f"reference.inertia.{axis}") / flown.value(f"mass.inertia.{axis}{axis}")
+        truth |= {n: stated * truth[n] for n in flown.terms[coefficient]}
     # constants and thrust stand for another working point and another propeller
     other = ("CL0", "Cm0", "CD0", "propulsion.CT0", "propulsion.CT1")
     known = {n: p for n, p in result.parameters.items() if n in truth and n not in other and p.std_error}

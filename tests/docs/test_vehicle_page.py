@@ -181,8 +181,8 @@ def inline(value: Any) -> str:
 
 
 def test_keys_of_a_number() -> None:
-    assert table(PAGE, "Numbers", "key").column("key") == ["value", "free", "bounds", "prior"]
-    assert set(Quantity.model_fields) == {"value", "free", "bounds", "prior", "tie"}
+    assert table(PAGE, "Numbers", "key").column("key") == ["value", "free", "bounds", "prior", "mean"]
+    assert set(Quantity.model_fields) == {"value", "free", "bounds", "prior", "mean", "tie"}
 
 
 def test_terms_of_equation_1() -> None:
