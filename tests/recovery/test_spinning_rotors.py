@@ -19,6 +19,7 @@ inertia = { xx = 0.019, yy = 0.019, zz = 0.03 }
 [rotors]
 drive = "speed"
 gain = 1000.0
+lag = 0.0
 delay = 0.013
 T2 = 1.3e-5
 inflow = 3e-4
