@@ -64,6 +64,8 @@ class Air:
         both = {"airspeed_pitot", "airspeed_equivalent"} <= there
         ratio = np.nanmedian(pitot / np.where(own > 1.0, own, np.nan)) if both and (own > 1.0).any() else 1.0
         self.equivalent = float(ratio)  #: true over equivalent airspeed
+        #: standard deviations of the wind, north and east, and of the offset of each channel before any data
+        self.std = np.array([LIMITS.wind, LIMITS.wind, *(LIMITS.offset[n in VANES] for n in self.names)])
 
     def __call__(self, state: Assignment, changed: Collection[str] | None) -> Residuals:
         """Return what air data disagree, where some of those that changed take part."""
@@ -85,7 +87,7 @@ class Air:
         return out
 
     def _levels(self, state: Assignment) -> Residuals:
-        measured, theta, predicted, _ = self._fit(state)
+        measured, theta, predicted = self._fit(state)
         samples = LIMITS.span * self.rate
         out: dict[Key, Evidence] = {}
         for i, name in enumerate(self.names):
@@ -94,14 +96,11 @@ class Air:
             known = measured[i][np.isfinite(measured[i])]
             size = measured[i] - float(known.mean()) if vane and known.size else measured[i]
             out["level", name] = Residual(left, size, samples, LIMITS.floor[vane] ** 2, level=not vane)
-        std = np.array([LIMITS.wind, LIMITS.wind, *(LIMITS.offset[n in VANES] for n in self.names)])
-        out["wind", *self.names] = Penalty(0.5 * float(np.sum((theta / std) ** 2)))
+        out["wind", *self.names] = Penalty(0.5 * float(np.sum((theta / self.std) ** 2)))
         return out
 
-    def _fit(
-        self, state: Assignment, scaled: str = ""
-    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Fit wind and offsets by Gauss-Newton steps: measured (k, n), theta, predicted (k, n), residual.
+    def _fit(self, state: Assignment, scaled: str = "") -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Fit wind and offsets by Gauss-Newton steps: measured (k, n), theta, predicted (k, n).
 
         theta = (w_n, w_e, an offset of each channel), and a scale of one channel last where one is named.
         """
@@ -113,7 +112,7 @@ class Air:
         measured = np.array([self._column(state, name) for name in self.names])
         theta, count = np.zeros(2 + len(self.names)), len(self.names)
         theta[:2] = self._start(state, q, velocity)
-        std = np.array([LIMITS.wind, LIMITS.wind, *(LIMITS.offset[n in VANES] for n in self.names)])
+        std = self.std
         if scaled:
             theta, std = np.append(theta, 1.0), np.append(std, 1.0)
         prior = np.zeros(theta.size)
@@ -135,7 +134,7 @@ class Air:
                 information += J.T @ (weight[:, None] * J)
                 gradient += J.T @ (weight * y)
             theta = theta + np.linalg.solve(information, gradient)
-        return measured, theta, predicted, left
+        return measured, theta, predicted
 
     def _predicted(
         self, theta: FloatArray, body: FloatArray, axes: list[FloatArray], scaled: str

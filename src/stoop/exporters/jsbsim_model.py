@@ -23,6 +23,7 @@ from stoop.simulation.delays import input_actuators, input_delays
 from stoop.simulation.initial import commanded
 from stoop.simulation.trim import neutral_inputs
 from stoop.vehicle import Vehicle, terms
+from stoop.vehicle.defaults import MOMENT_ARMS
 from stoop.vehicle.symbolic import forces
 from stoop.vehicle.symbolic.frames import Air, Numbers
 
@@ -31,7 +32,6 @@ AIRSPEED: Final = "stoop/air/V-m_sec"
 DENSITY: Final = "stoop/air/density-kg_m3"
 PRESSURE_AREA: Final = "stoop/air/dynamic-pressure-area-lbs"
 THRUST: Final = "stoop/thrust-N"
-_LENGTHS: Final = {"Cl": ("span", "x"), "Cm": ("chord", "y"), "Cn": ("span", "z")}  #: with the body axis
 _FRAME: Final = "simulation/channel-dt"
 
 
@@ -179,8 +179,8 @@ def aerodynamics(vehicle: Vehicle) -> Element:
             continue
         axis = SubElement(out, "axis", {"name": AXES[name]})
         arms = []
-        if name in _LENGTHS:
-            length, about = _LENGTHS[name]
+        if name in MOMENT_ARMS:
+            length, about = MOMENT_ARMS[name]
             relative = forces.relative_inertia(vehicle, vehicle.value, about)
             arms.append(value(relative * vehicle.value(f"reference.{length}") / FOOT))
         for parameter, text in group.items():  # pressure x area (x length) x coefficient x what it multiplies

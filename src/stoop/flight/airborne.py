@@ -54,8 +54,8 @@ class PulseLimits:
 
 FLYING: Final = FlyingLimits()
 PULSES: Final = PulseLimits()
-#: SERVOn_FUNCTION of motors 1 to 12, and 0: nothing is said
-MOTOR_FUNCTIONS: Final = frozenset({0.0, *map(float, (*range(33, 41), *range(82, 86)))})
+#: SERVOn_FUNCTION of ArduPilot -> number of the motor
+MOTOR_FUNCTIONS: Final = {**{33 + k: 1 + k for k in range(8)}, **{82 + k: 9 + k for k in range(4)}}
 ROTOR_KINDS: Final = (
     ("motor", MOTORS, 0.0, 1.0),
     ("rotor", ROTORS, 0.0, 1000.0),
@@ -158,7 +158,8 @@ def motors_ran(flight: Flight) -> bool:
 
 def _may_be_motor(flight: Flight, output: int) -> bool:
     """Tell whether an output may drive a motor, as far as ArduPilot's parameters in the log say what it does."""
-    return flight.parameters.get(f"SERVO{output}_FUNCTION", 0.0) in MOTOR_FUNCTIONS
+    function = flight.parameters.get(f"SERVO{output}_FUNCTION", 0.0)
+    return function == 0.0 or function in MOTOR_FUNCTIONS  # 0: nothing is said
 
 
 def hovered(flight: Flight) -> bool:

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 from typing import Final, Literal
 
@@ -121,8 +122,12 @@ class FlightSummary:
 
     flight: Flight
     rows: tuple[ChannelRow, ...]  #: one per channel, in the order of the registry
-    maneuvers: tuple[Maneuver, ...]  #: windows worth fitting
     notices: tuple[Notice, ...]  #: those of the flight, and what makes it useless whatever the vehicle
+
+    @cached_property
+    def maneuvers(self) -> tuple[Maneuver, ...]:
+        """Windows in which one control was commanded, of the flight as it was read."""
+        return tuple(find_maneuvers(self.flight))
 
 
 def describe(flight: Flight) -> FlightSummary:
@@ -140,7 +145,7 @@ def describe(flight: Flight) -> FlightSummary:
         useless.append(notice("no-body-rates", variables=missing))
     if not motors_ran(flight):
         useless.append(notice("motors-never-ran"))
-    return FlightSummary(flight, tuple(rows), tuple(find_maneuvers(flight)), (*flight.notices, *useless))
+    return FlightSummary(flight, tuple(rows), (*flight.notices, *useless))
 
 
 def commands(flight: Flight) -> list[Command]:

@@ -22,7 +22,7 @@ from stoop.base.variables import OUTPUT_PINS, VARIABLES
 from stoop.checks.lines import Signal
 from stoop.checks.units import PAIRS, STATISTICS, growth
 from stoop.errors import LogError, one_line
-from stoop.flight.airborne import rotor_pulses
+from stoop.flight.airborne import MOTOR_FUNCTIONS, rotor_pulses
 from stoop.flight.apply_mapping import apply_mapping
 from stoop.flight.column_guesses import DraftLine, recognized, with_units, without_unit
 from stoop.flight.flight import from_columns, with_other_form
@@ -38,8 +38,7 @@ CLOCK_STEPS: Final = (
     ("ns", 1.5e6, np.inf),
 )  #: unit -> least and largest steps of a clock per sample: logs are written at 0.5 Hz to 20 kHz
 FUNCTIONS: Final[dict[float, str]] = {
-    **{33 + k: f"motor_{1 + k}" for k in range(8)},
-    **{82 + k: f"motor_{9 + k}" for k in range(4)},
+    **{function: f"motor_{number}" for function, number in MOTOR_FUNCTIONS.items()},
     2: "flap",
     3: "flap",
     4: "aileron",

@@ -60,7 +60,7 @@ def check(vehicle: Vehicle) -> None:
 
 def _check_numbers(vehicle: Vehicle, where: str) -> None:
     """Check what a loading can change."""
-    servos = (f"controls.{c}.{n}" for c in vehicle.file.controls for n in ("rate_limit",))
+    servos = (f"controls.{c}.rate_limit" for c in vehicle.file.controls)
     for name in (*POSITIVE, *servos):
         if not vehicle.value(name, 1.0) > 0.0:
             kind = name.rpartition(".")[2].replace("_", " ")

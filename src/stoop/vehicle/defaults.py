@@ -43,6 +43,8 @@ EQUATION_1: Final[dict[str, dict[str, tuple[str, float, float]]]] = {
     },
 }  # fmt: skip
 """Coefficient -> parameter -> (term, lower bound, upper bound)."""
+#: moment coefficient -> reference length, and body axis
+MOMENT_ARMS: Final = {"Cl": ("span", "x"), "Cm": ("chord", "y"), "Cn": ("span", "z")}
 WIND_NUMBERS: Final = tuple(f"sensors.{c}.bias" for c in WIND)  #: the steady wind, m/s north, east, down
 _GROUND_EFFECTS: Final = ("ground_effect.rotor", "ground_effect.lift")
 #: numbers that are positive in every vehicle, as are rate limits of servos

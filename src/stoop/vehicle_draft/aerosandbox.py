@@ -14,6 +14,7 @@ from typing import Any, Final
 import numpy as np
 
 from stoop.base.arrays import FloatArray
+from stoop.base.atmosphere import SEA_LEVEL_DENSITY
 from stoop.errors import VehicleError
 from stoop.vehicle_draft import handbook
 from stoop.vehicle_draft.apriori import Apriori
@@ -31,7 +32,7 @@ def derivatives(
     geometry: Geometry,
     airspeed: float,
     alpha: float | None = None,
-    density: float = 1.225,
+    density: float = SEA_LEVEL_DENSITY,
     lift: float | None = None,
 ) -> dict[str, Apriori]:
     """Return the derivatives of eq. (1) at a working point; arguments as those of `handbook.derivatives`.

@@ -7,10 +7,11 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Final
 
+from stoop.base.atmosphere import SEA_LEVEL_DENSITY
 from stoop.base.notices import Notice
 from stoop.base.units import DEGREE, STANDARD_GRAVITY
 from stoop.flight import Flight
-from stoop.vehicle.defaults import COEFFICIENTS, EQUATION_1
+from stoop.vehicle.defaults import COEFFICIENTS, EQUATION_1, MOMENT_ARMS
 from stoop.vehicle.load import STANDARD_CONTROLS
 from stoop.vehicle_draft import inertia, plausibility
 from stoop.vehicle_draft.apriori import Apriori
@@ -31,7 +32,6 @@ _PAIRS: Final = {
     "v-tail": "rudder",
     "flying-wing": "aileron",
 }  #: template -> control that shares the elevator's servos
-_AXES: Final = {"Cl": "xx", "Cm": "yy", "Cn": "zz"}  #: moment of inertia over which a coefficient counts
 _RECONSTRUCTED: Final = "reconstructed"  #: source of alpha and beta without vanes
 
 
@@ -45,12 +45,8 @@ class Airplane(FileText):
             self.template, self.mass, r.span or 0.0, r.chord, r.area
         )
         self.steady = steady_flight(seen.flights)
-        wanted = (
-            STANDARD_CONTROLS
-            if self.template != "flying-wing" or _has_rudder(seen)
-            else STANDARD_CONTROLS[:2]
-        )
-        self.wanted = wanted
+        yaws = self.template != "flying-wing" or _has_rudder(seen)
+        self.wanted = wanted = STANDARD_CONTROLS if yaws else STANDARD_CONTROLS[:2]
         flight = seen.flight
         self.controls = (
             default_controls(wanted) if flight is None else find_controls(flight, seen.setup, wanted)
@@ -70,7 +66,7 @@ class Airplane(FileText):
         self.controls_table(self.controls)
         if self.lift is not None:
             rotor_tables(self.sheet, self.lift, self.mass, self._hover())
-            body_drag(self.sheet, self.mass, 0.5 * 1.225 * USUAL.flat * wing.area)
+            body_drag(self.sheet, self.mass, 0.5 * SEA_LEVEL_DENSITY * USUAL.flat * wing.area)
         self._sensors()
         self._aerodynamics()
         return self.sheet.text()
@@ -88,13 +84,15 @@ class Airplane(FileText):
         if math.isfinite(self.airspeed):
             said = f"m/s, median of {self.steady.duration:.0f} s of steady flight ({self.airspeed_source})"
         else:
-            self.airspeed = math.sqrt(2.0 * self.mass * STANDARD_GRAVITY / (1.225 * wing.area * CRUISE_LIFT))
+            self.airspeed = math.sqrt(
+                2.0 * self.mass * STANDARD_GRAVITY / (SEA_LEVEL_DENSITY * wing.area * CRUISE_LIFT)
+            )
             said = f"m/s, level flight at CL = {CRUISE_LIFT:g}: no log tells"
         sheet.entry("airspeed", plain(self.airspeed), f"V*: {said}")
         if math.isfinite(self.alpha):
             said = f"alpha*: rad ({self.alpha / DEGREE:.1f} deg), median of the same flight"
             sheet.entry("alpha", plain(self.alpha), said)
-        guess = ", ".join(plain(self.moments[axis].value) for axis in _AXES.values())
+        guess = ", ".join(plain(self.moments[axis].value) for axis in ("xx", "yy", "zz"))
         sheet.entry(
             "inertia",
             f"[{guess}]",
@@ -228,16 +226,14 @@ class Airplane(FileText):
 
         Moments hold for an inertia that is itself a guess: an error of it is one of theirs.
         """
-        speed, density = self.airspeed, self.steady.density() if self.seen.flights else 1.225
+        speed, density = self.airspeed, self.steady.density()
         alpha = self.alpha if math.isfinite(self.alpha) else None
         pressure = 0.5 * density * speed**2 * self.geometry.wing.area
-        lift = (
-            self.mass * (self.steady.lift_over_mass() if self.seen.flights else STANDARD_GRAVITY) / pressure
-        )
+        lift = self.mass * self.steady.lift_over_mass() / pressure
         found = derivatives(self.geometry, speed, alpha, density, lift)
         for name, one in found.items():
-            if name[:2] in _AXES:
-                about = self.moments[_AXES[name[:2]]]
+            if name[:2] in MOMENT_ARMS:
+                about = self.moments[2 * MOMENT_ARMS[name[:2]][1]]
                 one = replace(one, std=math.hypot(one.std, about.std / about.value * one.value))
                 found[name] = one
             control = next((c for c in AXES if name.endswith(c)), None)

@@ -20,6 +20,8 @@ from dataclasses import dataclass, field
 from typing import Final, Literal
 
 from stoop.base.variables import MOTORS, OUTPUT_PINS, SERVOS
+from stoop.flight.airborne import MOTOR_FUNCTIONS
+from stoop.flight.mapping_draft import RANGES
 
 Spin = Literal["ccw", "cw"]
 Point = tuple[float, float, float]
@@ -102,7 +104,6 @@ ARDUPILOT_SURFACES: Final[Mapping[int, tuple[str, Point]]] = {
 }  # fmt: skip
 ARDUPILOT_OTHERS: Final = {2: "flap", 3: "flap", 26: "steering wheel", 110: "airbrake"}
 THROTTLES: Final = (70, 73, 74)  #: SERVOn_FUNCTION: of a plane, its left and its right motor
-ARDUPILOT_MOTORS: Final = {**{33 + k: 1 + k for k in range(8)}, **{82 + k: 9 + k for k in range(4)}}
 CCW: Final[Spin] = "ccw"
 CW: Final[Spin] = "cw"
 #: (FRAME_CLASS, FRAME_TYPE) -> degrees clockwise from the nose and turning of motors 1, 2, ...
@@ -234,9 +235,9 @@ def _ardupilot(parameters: Mapping[str, float]) -> Setup:
         elif function in THROTTLES:
             scale = Scale(low, high - low) if sign > 0.0 else Scale(high, low - high)
             pushers.append(Motor(len(pushers) + 1, {pulse: scale}, axis=(1.0, 0.0, 0.0)))
-        elif function in ARDUPILOT_MOTORS:
-            number = ARDUPILOT_MOTORS[function]
-            for first, last in (("MOT_PWM_MIN", "MOT_PWM_MAX"), ("Q_M_PWM_MIN", "Q_M_PWM_MAX")):
+        elif function in MOTOR_FUNCTIONS:
+            number = MOTOR_FUNCTIONS[function]
+            for first, last in RANGES:
                 if PULSE_RANGE[0] <= _number(parameters, first) < _number(parameters, last) <= PULSE_RANGE[1]:
                     low, high = parameters[first], parameters[last]
             motors[number] = {f"motor_{number}": Scale(), pulse: Scale(low, high - low)}

@@ -15,6 +15,8 @@ from typing import Final
 import numpy as np
 
 from stoop.base.arrays import FloatArray
+from stoop.base.atmosphere import SEA_LEVEL_DENSITY
+from stoop.base.units import STANDARD_GRAVITY
 from stoop.vehicle.defaults import EQUATION_1
 from stoop.vehicle_draft.apriori import Apriori
 from stoop.vehicle_draft.geometry import Fin, Geometry, Surface, Tail
@@ -31,7 +33,6 @@ from stoop.vehicle_draft.strips import (
     to_motion,
 )
 
-GRAVITY: Final = 9.80665
 VISCOSITY: Final = 1.46e-5  #: kinematic, of air at sea level, m2/s
 SECTION: Final = (
     0.95 * 2.0 * math.pi
@@ -66,7 +67,7 @@ class WorkingPoint:
     ) -> WorkingPoint:
         """Return the working point of level flight, where lift or angle of attack are not given."""
         if lift is None:
-            lift = 2.0 * geometry.mass * GRAVITY / (density * airspeed**2 * geometry.wing.area)
+            lift = 2.0 * geometry.mass * STANDARD_GRAVITY / (density * airspeed**2 * geometry.wing.area)
         return cls(airspeed, attitude(geometry, lift) if alpha is None else alpha, lift, alpha is not None)
 
     def for_geometry(self, geometry: Geometry) -> WorkingPoint:
@@ -78,7 +79,7 @@ def derivatives(
     geometry: Geometry,
     airspeed: float,
     alpha: float | None = None,
-    density: float = 1.225,
+    density: float = SEA_LEVEL_DENSITY,
     lift: float | None = None,
 ) -> dict[str, Apriori]:
     """Return the derivatives of eq. (1) at a working point, body axes, as a vehicle file takes them.

@@ -26,17 +26,15 @@ class Multirotor(FileText):
         return self.sheet.text()
 
     def _known_lift(self) -> Lift:
-        if self.lift is None:
-            raise self._no_rotors()
-        return self.lift
-
-    def _no_rotors(self) -> Exception:
+        if self.lift is not None:
+            return self.lift
         flight, count = self.seen.flight, ROTORCRAFT[self.template]
         running = running_rotors(flight)[0] if flight is not None else []
         name = flight.name if flight is not None else "the log"
-        return VehicleError(
+        channels = f" ({', '.join(running)})" if running else ""
+        raise VehicleError(
             f"--template {self.template}: has {count} rotors, but {len(running)} motors run in {name}"
-            f"{f' ({chr(44).join(running)})' if running else ''}; choose another template, or check the mapping"
+            f"{channels}; choose another template, or check the mapping"
         )
 
     def notices(self) -> list[Notice]:

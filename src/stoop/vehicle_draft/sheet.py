@@ -31,10 +31,8 @@ def plain(value: float) -> str:
     return text if any(c in text for c in ".e") else f"{text}.0"
 
 
-def quantity(value: float, prior: float | None = None) -> str:
-    """Return a number as a vehicle file has it, a table where it has a prior."""
-    if prior is None:
-        return plain(value)
+def quantity(value: float, prior: float) -> str:
+    """Return a number with its prior as a vehicle file has it."""
     return f"{{ value = {plain(value)}, prior = {plain(float(f'{prior:.2g}'))} }}"
 
 

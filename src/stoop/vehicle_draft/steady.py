@@ -10,13 +10,13 @@ from typing import Final
 import numpy as np
 
 from stoop.base.arrays import BoolArray, FloatArray
+from stoop.base.atmosphere import SEA_LEVEL_DENSITY
 from stoop.base.units import STANDARD_GRAVITY
 from stoop.base.variables import RATES, VELOCITY
+from stoop.checks.lines import AIRSPEEDS
 from stoop.flight import Flight
 from stoop.flight.airborne import FLYING, airborne, flying
-from stoop.flight.maneuvers import moving_average
-
-AIRSPEEDS: Final = ("V", "airspeed_pitot", "airspeed_equivalent")  #: in the order in which they are trusted
+from stoop.flight.maneuvers import band_pass
 
 
 @dataclass(frozen=True)
@@ -27,8 +27,6 @@ class SteadyLimits:
     rate: float = 0.35  #: rad/s
     load: tuple[float, float] = (0.6, 1.5)  #: of gravity
     samples: int = 100  #: fewer are not enough: then all of the flight counts
-    fast: float = 0.2  #: s; quicker is noise
-    slow: float = 5.0  #: s; slower is trim
     correlation: float = 0.2  #: partial, of an angular acceleration with what turns about that axis
 
 
@@ -73,7 +71,7 @@ class Steady:
 
     def density(self) -> float:
         """Return the density of the air, kg/m3; that at sea level where the log has none."""
-        return self.median("density", 1.225)
+        return self.median("density", SEA_LEVEL_DENSITY)
 
     def lift_over_mass(self) -> float:
         """Return the median of the specific force across the airflow, upwards, m/s2."""
@@ -124,14 +122,9 @@ def turning(flight: Flight, u: FloatArray, rate: str) -> float:
     """
     if not set(RATES) <= flight.names or not np.isfinite(u).any():
         return 0.0
-    fast, slow = round(STEADY.fast * flight.rate), round(STEADY.slow * flight.rate)
-
-    def band_pass(x: FloatArray) -> FloatArray:
-        return moving_average(x, fast) - moving_average(x, slow, 0.5)
-
-    rates = band_pass(np.column_stack([flight.column(name) for name in RATES]))
+    rates = band_pass(flight, np.column_stack([flight.column(name) for name in RATES]))
     acceleration = np.gradient(rates[:, RATES.index(rate)]) * flight.rate
-    columns = np.column_stack([acceleration, band_pass(u[:, None])[:, 0], rates])
+    columns = np.column_stack([acceleration, band_pass(flight, u[:, None])[:, 0], rates])
     columns = columns[airborne(flight) & np.isfinite(columns).all(axis=1)]
     if len(columns) < STEADY.samples:
         return 0.0

@@ -18,9 +18,11 @@ from stoop.flight import Flight
 from stoop.simulation import parameter_rows
 from stoop.simulation.initial import commanded
 from stoop.vehicle import Vehicle
+from stoop.vehicle.defaults import MOMENT_ARMS
 from stoop_studies.verify.instruments import GROUPS, Defect
 
-MOMENTS: Final = {"Cl": ("span", "xx"), "Cm": ("chord", "yy"), "Cn": ("span", "zz")}
+#: moment coefficient -> reference length, and moment of inertia
+MOMENTS: Final = {name: (length, 2 * axis) for name, (length, axis) in MOMENT_ARMS.items()}
 RATES: Final = {"p": "span", "q": "chord", "r": "span"}
 ROTORS: Final = ("T0", "T1", "T2", "inflow", "drag", "torque_ratio", "lag", "delay")
 MIN_SWING: Final = 1e-3  #: rad; a surface of a file that moves less is none

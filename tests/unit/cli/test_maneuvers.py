@@ -195,8 +195,8 @@ def test_what_cannot_be_looked_for_is_said_before_the_search(
         ["identify", quad, "--vehicle", "quad-x", "--maneuver", "9:9.1", "-o", str(place / "bad")], capsys
     )
     assert "0.1 s are too short; choose another window, one that holds 0.5 s without a hole" in said
-    free = ["--free", "rotor.m3.factor", "-o", str(place / "bad")]
-    said = refused(["maneuvers", quad, "--vehicle", "quad-x", *free], capsys)
+    fixed = ["--fix", "rotor.m3.factor", "-o", str(place / "bad")]
+    said = refused(["maneuvers", quad, "--vehicle", "quad-x", *fixed], capsys)
     assert "write factor = { value = ..., bounds = [low, high] } into [rotor.m3]" in said
 
 

@@ -42,7 +42,7 @@ import sympy as sp
 
 from stoop.base.atmosphere import SEA_LEVEL_DENSITY
 from stoop.vehicle import terms
-from stoop.vehicle.defaults import COEFFICIENTS, SHORTEST_LAG
+from stoop.vehicle.defaults import COEFFICIENTS, MOMENT_ARMS, SHORTEST_LAG
 from stoop.vehicle.schema import Propeller
 from stoop.vehicle.symbolic.frames import (
     ZERO,
@@ -121,9 +121,11 @@ def aerodynamics(s: Surroundings) -> Load:
             -c["CL"] * a.cos_alpha - drag_and_side * a.sin_alpha,
         ),
     )
-    span, chord = n["reference.span"], n["reference.chord"]
-    roll, pitch, yaw = (relative_inertia(n.vehicle, n.__getitem__, axis) for axis in "xyz")
-    moment = scale(pressure_area, (roll * span * c["Cl"], pitch * chord * c["Cm"], yaw * span * c["Cn"]))
+    roll, pitch, yaw = (
+        relative_inertia(n.vehicle, n.__getitem__, axis) * n[f"reference.{length}"] * c[name]
+        for name, (length, axis) in MOMENT_ARMS.items()
+    )
+    moment = scale(pressure_area, (roll, pitch, yaw))
     return Load(force, add(moment, cross(n.arm("reference.moment_point"), force)))
 
 
