@@ -50,7 +50,8 @@ class SamplerSettings:
     min_sample_size: float = 400.0
     chains: int = 4  #: as R-hat's authors ask for
     tuning: int = 200  #: draws of every chain that find length and scale of steps, and are thrown away
-    draws: tuple[int, ...] = (600, 4000)  #: of every chain; a longer run where a shorter has not converged
+    draws: int = 600  #: of every chain
+    rounds: int = 7  #: of as many chains more, until all together have converged
     blend: float = 0.05  #: of the spread of a walkers' reference that stays when it is fitted to draws
     steps_per_round: int = 250  #: of walkers between looks at convergence
     max_steps: int = 8000  #: of walkers
@@ -214,7 +215,7 @@ def sample(target: Density, coordinates: Coordinates, seed: int, watch: Watch = 
 
 
 def hamiltonian(target: Density, coordinates: Coordinates, seed: int, watch: Watch) -> Iterator[Chains]:
-    """Yield longer and longer runs of NUTS; chains run side by side, and each depends on its number and the seed alone."""
+    """Yield more and more chains of NUTS; they run side by side, and each depends on its number and the seed alone."""
     nutpie, k = library("nutpie"), len(coordinates.center)
     evaluations = 0
 
@@ -235,18 +236,22 @@ def hamiltonian(target: Density, coordinates: Coordinates, seed: int, watch: Wat
         k, lambda: evaluate, lambda *_: lambda xi: {"xi": xi}, [np.dtype(np.float64)], [(k,)], ["xi"],
         make_initial_point_fn=begin,
     )  # fmt: skip
-    for draws in SAMPLER.draws:
+    drawn: list[Any] = []
+    for own in (seed, *np.random.SeedSequence(seed).generate_state(SAMPLER.rounds - 1).tolist()):
         run = nutpie.sample(
-            model, draws=draws, tune=SAMPLER.tuning, chains=SAMPLER.chains, seed=seed, blocking=False,
+            model, draws=SAMPLER.draws, tune=SAMPLER.tuning, chains=SAMPLER.chains, seed=own, blocking=False,
             cores=min(thread_count(), SAMPLER.chains), progress_bar=False, save_warmup=False,
         )  # fmt: skip
-        trace = _finished(run, lambda: watch(f"posterior: {evaluations} gradients"))
-        xi, stats = np.asarray(trace.posterior["xi"]), trace.sample_stats
+        drawn.append(_finished(run, lambda: watch(f"posterior: {evaluations} gradients")))
+        xi = np.concatenate([np.asarray(one.posterior["xi"]) for one in drawn])
+        height, accepted, diverging = (
+            np.concatenate([np.asarray(one.sample_stats[name]) for one in drawn])
+            for name in ("logp", "mean_tree_accept", "diverging")
+        )
         points, volume = coordinates.points(xi.reshape(-1, k))
-        density = np.asarray(stats["logp"]) - volume.reshape(xi.shape[:2])
-        more = {"acceptance": float(stats["mean_tree_accept"].mean())}
-        more |= {"divergences": float(stats["diverging"].sum()), "gradients": float(evaluations)}
-        yield Chains.of("nutpie", points.reshape(xi.shape), density, **more)
+        more = {"acceptance": float(accepted.mean()), "divergences": float(diverging.sum())}
+        density = height - volume.reshape(height.shape)
+        yield Chains.of("nutpie", points.reshape(xi.shape), density, **more, gradients=float(evaluations))
 
 
 def _finished(run: Any, watch: Callable[[], None]) -> Any:
