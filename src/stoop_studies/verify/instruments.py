@@ -279,10 +279,12 @@ def ardupilot_record(vehicle: MadeUp, columns: Columns) -> tuple[Columns, dict[s
         pulses = {f"pwm_{i + 1}": 1000.0 + 1000.0 * known.pop(n) for i, n in enumerate(motors)}
         return known | pulses, parameters
     commands, low, middle, high = normalized(vehicle, columns), *PULSES
-    parameters, outputs = {}, {}
+    parameters, outputs = (
+        {"MIXING_GAIN": 1.0},
+        {},
+    )  # a full command is the full throw of a tail in V and of elevons, too
     for i, (name, x) in enumerate(servo_commands(vehicle, commands).items(), 1):
-        share = 0.5 if "v-tail" in name or "elevon" in name else 1.0  # MIXING_GAIN
-        outputs[f"pwm_{i}"] = middle + (high - middle) * share * x
+        outputs[f"pwm_{i}"] = middle + (high - middle) * x
         parameters |= {f"SERVO{i}_FUNCTION": float(SERVOS[name][3]), f"SERVO{i}_REVERSED": 0.0}
         if name == "left aileron":  # both follow the same function; this one is mounted the other way around
             parameters[f"SERVO{i}_REVERSED"] = 1.0
