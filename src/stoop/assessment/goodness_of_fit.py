@@ -132,21 +132,29 @@ def unexplained(curves: Sequence[tuple[FloatArray, FloatArray]], rate: float) ->
 
 
 def noise_floor(
-    measured: FloatArray, rate: float, sigma: float, left: float = math.nan
+    measured: FloatArray,
+    rate: float,
+    sigma: float,
+    left: float = math.nan,
+    deviation: FloatArray | None = None,
 ) -> tuple[float, float]:
     """Return the noise of a channel (n,) below 10 Hz, in its unit, and the rms of its motion over that noise.
 
     White noise is no more than `sigma`, what the fit leaves, and no more than the record's own, by its third differences:
     those of smooth motion vanish, those of white noise have a variance of 1 + 9 + 9 + 1 = 20 of its own. Slow errors of the
     sensors, gusts and vibration are noise, too: `left`, what the better of model and lag leaves :func:`unexplained` in the
-    fitted maneuvers; by its own residuals alone, a model that explains nothing would call all motion noise. The motion is
-    about its mean, with the noise taken off.
+    fitted maneuvers; by its own residuals alone, a model that explains nothing would call all motion noise. So is what a
+    prediction does not know (initial state, biases, parameters, gusts): its `deviation` (n,) without the fit's noise. The
+    motion is about its mean, with the noise taken off.
     """
     differences = np.diff(measured, 3)
     differences = differences[np.isfinite(differences)]
     own = _rms(differences) / math.sqrt(20.0) if differences.size else math.nan
     white = float(np.fmin(sigma, own)) * math.sqrt(min(1.0, 2.0 * CUTOFF / rate))
-    noise = float(np.fmax(white, left))
+    unknown = np.empty(0) if deviation is None else deviation[np.isfinite(deviation)] ** 2 - sigma**2
+    noise = math.hypot(
+        np.fmax(white, left), math.sqrt(max(float(np.mean(unknown)), 0.0)) if unknown.size else 0.0
+    )
     slow = low_pass(measured, rate)
     motion = math.sqrt(max(float(np.nanvar(slow)) - noise**2, 0.0))
     return noise, motion / noise if noise > 0.0 else math.inf if motion > 0.0 else math.nan
@@ -189,7 +197,7 @@ def channel_figures(
                 "whiteness": whiteness(measured - match.simulated),
             }
         )
-    noise, ratio = noise_floor(measured, rate, sigma, left)
+    noise, ratio = noise_floor(measured, rate, sigma, left, deviation)
     found = GoodnessOfFit(
         theil=theil(measured, model.simulated, rate),
         **shared[0],

@@ -46,7 +46,6 @@ class Limits:
     inside: float = (
         0.75  #: share of readings within the 95 % band of a prediction that a trusted model has at least
     )
-    r2: float = 0.0  #: coefficient of determination below which a curve is worse than its mean
     size: float = 1e3  #: rms error over the noise of the fit, beyond which a simulation has diverged
     chance: float = (
         0.01  #: probability below which scatter of maneuvers, or color of innovations, is no chance
@@ -317,7 +316,7 @@ def _beaten(one: GoodnessOfFit) -> bool:
     """
     if one.innovations.known:
         return one.within < LIMITS.inside
-    return one.lost or (one.r2 < LIMITS.r2 and one.whiteness.verdict != "white")
+    return one.lost or one.worse_than_mean
 
 
 def _moving(maneuvers: Iterable[ManeuverResult]) -> dict[str, list[GoodnessOfFit]]:
@@ -377,9 +376,10 @@ def _doubts(result: Result) -> list[Notice]:
     unknown = _unknown(result)
     found += [_notice_of_unknown(result, unknown)] if unknown else []
     held_back, fitted = _by_role(result)
+    unseen = tuple(c for c in RATES if c in fitted and c not in held_back)  # axes that are not predicted
     if not any(m.role == "validation" for m in result.maneuvers):
         found.append(notice("verdict-no-held-back"))
-    elif unseen := tuple(c for c in fitted if c not in held_back):
+    elif unseen:
         found.append(notice("verdict-not-held-back", channels=unseen))
     for m in result.maneuvers:
         outside = tuple(c for c, one in m.channels.items() if one.within < LIMITS.inside)
