@@ -203,8 +203,8 @@ class Airplane(FileText):
         method = own["CLalpha"].source
         sheet.lines.append("")
         sheet.remark(
-            f"Derivatives by {method}, with the standard deviation of these against flight results, and that of",
-            "what is typical of the geometry rather than given. Terms of eq. (1): per rad, rates with b/2V and c/2V, about V*, alpha*.",
+            f"Derivatives by {method}, with the standard deviation of these against flight results, and that of what is",
+            "typical of the geometry rather than given. Terms of eq. (1): per rad, rates with b/2V and c/2V, about V*, alpha*.",
         )
         for coefficient in COEFFICIENTS:
             sheet.table(f"aerodynamics.{coefficient}")
