@@ -24,7 +24,14 @@ from stoop.flight.airborne import carried_by_rotors, in_flight
 from stoop.flight.airspeed import EQUIVALENT, TRUE, with_true_airspeed
 from stoop.flight.alignment import attitude_delay
 from stoop.flight.apply_mapping import read_mapped
-from stoop.flight.faults import INCONSISTENT, Fault, contradiction, recorded_faults, rest_faults, without_faulty
+from stoop.flight.faults import (
+    INCONSISTENT,
+    Fault,
+    contradiction,
+    recorded_faults,
+    rest_faults,
+    without_faulty,
+)
 from stoop.flight.flight import AirData, Flight, dataset, flight_name, on_circle, with_attitude
 from stoop.flight.gridding import MAX_VALUE, SourceRate, drop_outliers, grid_channels, interpolate_by_rates
 from stoop.logs import Recording
