@@ -93,6 +93,7 @@ def new_vehicle(
     engine: str | None = None,
     geometry: str | Path | None = None,
     name: str | None = None,
+    aerodynamics: str = "handbook",
 ) -> Drafted:
     """Draft a vehicle file; its ``text`` is to be saved, its ``vehicle`` to be used, its ``notices`` to be read.
 
@@ -115,18 +116,21 @@ def new_vehicle(
         Of a geometry file.
     name : str, optional
         Of the vehicle.
+    aerodynamics : str
+        Derivatives of the geometry file by "handbook" or "aerosandbox" (extra ``geometry``).
 
     Raises
     ------
     VehicleError
-        Something is missing, or contradicts itself.
+        Something is missing, contradicts itself, or AeroSandbox is not installed.
     """
     from stoop.vehicle_draft.draft import draft
     from stoop.vehicle_draft.geometry import Geometry
     from stoop.vehicle_draft.request import Request
 
     table = None if geometry is None else Geometry.load(geometry)
-    return draft(Request(template, mass, span, chord, area, engine, table, name), as_flights(flights))
+    request = Request(template, mass, span, chord, area, engine, table, name, aerodynamics)
+    return draft(request, as_flights(flights))
 
 
 def reconstruct(flight: OneFlight | xr.Dataset, windows: Windows = ()) -> tuple[Compatibility, Flight]:

@@ -22,7 +22,7 @@ NUMBERS = ("mass", "span", "chord", "area")
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments."""
     from stoop.vehicle_draft.power import ENGINES
-    from stoop.vehicle_draft.request import TEMPLATES
+    from stoop.vehicle_draft.request import AERODYNAMICS, TEMPLATES
 
     add = parser.add_argument
     add(
@@ -45,6 +45,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--area", metavar="M2", type=options.positive, help="of the wing, m2 (default: span times chord)")
     add("--engine", metavar="E", help=f"one of {', '.join(ENGINES)} (default: by the log)")
     add("--geometry", metavar="G.toml", type=Path, help="geometry file: wing, tails, fuselage, surfaces")
+    add(
+        "--aerodynamics",
+        metavar="A",
+        default="handbook",
+        help=f"derivatives of the geometry file by one of {', '.join(AERODYNAMICS)} (default: handbook)",
+    )
     add("--name", metavar="TEXT", help="name of the vehicle")
     options.add_output(parser, "file to write", metavar="V.toml")
 
@@ -59,7 +65,7 @@ def run(arguments: argparse.Namespace) -> int:
     output: Path = arguments.output
     check_target(output, arguments.overwrite)
     geometry = None if arguments.geometry is None else Geometry.load(arguments.geometry)
-    given = {key: getattr(arguments, key) for key in ("template", *NUMBERS, "engine", "name")}
+    given = {key: getattr(arguments, key) for key in ("template", *NUMBERS, "engine", "name", "aerodynamics")}
     request = with_geometry(Request(geometry=geometry, **given))
     with busy("reading the log"):
         flights = [load(path, arguments.mapping) for path in arguments.flight]

@@ -56,7 +56,7 @@ def _library() -> Any:
         return importlib.import_module("aerosandbox")
     except ImportError:
         raise VehicleError(
-            "aerosandbox: not installed; pip install 'stoop[geometry]', or take the derivatives of the handbook"
+            "--aerodynamics: AeroSandbox is not installed; pip install 'stoop[geometry]', or take the handbook"
         ) from None
 
 

@@ -18,10 +18,8 @@ from stoop.vehicle_draft.apriori import Apriori
 from stoop.vehicle_draft.autopilot import Scale
 from stoop.vehicle_draft.controls import AXES, Mixer, default_controls, find_controls, recorded
 from stoop.vehicle_draft.geometry import Geometry
-from stoop.vehicle_draft.handbook import SOURCE as HANDBOOK
-from stoop.vehicle_draft.handbook import derivatives
 from stoop.vehicle_draft.power import USUAL, Drive, find_drive, speed_gain
-from stoop.vehicle_draft.request import Evidence, Request
+from stoop.vehicle_draft.request import AERODYNAMICS, Evidence, Request
 from stoop.vehicle_draft.sheet import MEANINGS, plain, point, quantity
 from stoop.vehicle_draft.steady import Steady, steady_flight
 from stoop.vehicle_draft.tables import PRIORS, FileText, body_drag, rotor_tables
@@ -202,16 +200,17 @@ class Airplane(FileText):
 
     def _aerodynamics(self) -> None:
         sheet, own = self.sheet, self._derivatives()
+        method = own["CLalpha"].source
         sheet.lines.append("")
         sheet.remark(
-            "Derivatives by handbook formulas, with the standard deviation of these against flight results, and that of what is",
+            f"Derivatives by {method}, with the standard deviation of these against flight results, and that of what is",
             "typical of the geometry rather than given. Terms of eq. (1): per rad, rates with b/2V and c/2V, about V*, alpha*.",
         )
         for coefficient in COEFFICIENTS:
             sheet.table(f"aerodynamics.{coefficient}")
             for name in (n for n in EQUATION_1[coefficient] if n in own):
                 source = own[name].source
-                said = [MEANINGS[name], *([] if source == HANDBOOK else [source])]
+                said = [MEANINGS[name], *([] if source == method else [source])]
                 sheet.entry(name, quantity(own[name].value, own[name].std), "; ".join(said))
             pair = own.get(f"{coefficient}{_PAIRS.get(self.template, '')}")
             if coefficient in ("Cl", "Cn") and pair is not None and "elevator" in self.controls.mixers:
@@ -230,7 +229,7 @@ class Airplane(FileText):
         alpha = self.alpha if math.isfinite(self.alpha) else None
         pressure = 0.5 * density * speed**2 * self.geometry.wing.area
         lift = self.mass * self.steady.lift_over_mass() / pressure
-        found = derivatives(self.geometry, speed, alpha, density, lift)
+        found = AERODYNAMICS[self.request.aerodynamics](self.geometry, speed, alpha, density, lift)
         for name, one in found.items():
             if name[:2] in MOMENT_ARMS:
                 about = self.moments[2 * MOMENT_ARMS[name[:2]][1]]

@@ -49,7 +49,7 @@ END_PLATE: Final = (
 ROLL_SIDEWASH: Final = (
     0.5  #: share of the wash of a roll that arrives at a fin: DATCOM 7.1.2 has all in CQp, none in Cnp
 )
-SOURCE: Final = "handbook"
+SOURCE: Final = "handbook formulas"
 
 
 @dataclass(frozen=True)

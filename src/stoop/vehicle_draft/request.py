@@ -11,6 +11,7 @@ from stoop.errors import VehicleError
 from stoop.flight import Flight
 from stoop.flight.airborne import carried_by_rotors
 from stoop.vehicle.usual import ASPECT_RATIOS, MASS_BY_SPAN
+from stoop.vehicle_draft import aerosandbox, handbook
 from stoop.vehicle_draft.autopilot import Setup, read_setup
 from stoop.vehicle_draft.controls import recorded
 from stoop.vehicle_draft.geometry import WINGED, Geometry
@@ -18,6 +19,8 @@ from stoop.vehicle_draft.power import ENGINES, Lift, find_drive, find_rotors, ru
 
 ROTORCRAFT: Final = {"quad": 4, "hexa": 6, "octo": 8}  #: template -> rotors
 TEMPLATES: Final = (*WINGED, *ROTORCRAFT)
+#: method of a priori derivatives -> its function
+AERODYNAMICS: Final = {"handbook": handbook.derivatives, "aerosandbox": aerosandbox.derivatives}
 #: kg/m2, over the square of the largest distance between motors: 0.034 kg of 0.09 m to 7 kg of 1.05 m
 MASS_BY_FRAME: Final = (3.0, 12.0)
 
@@ -34,6 +37,7 @@ class Request:
     engine: str | None = None  #: of `ENGINES`
     geometry: Geometry | None = None
     name: str | None = None
+    aerodynamics: str = "handbook"  #: of `AERODYNAMICS`
 
 
 @dataclass(frozen=True)
@@ -154,10 +158,15 @@ def completed(request: Request, known: Evidence) -> Request:
         value = getattr(request, key)
         if value is not None and not 0.0 < value <= most:
             raise VehicleError(f"--{key}: {value:g} is not between 0 and {most:g}; write it in kg, m or m2")
-    for key, choices in (("template", TEMPLATES), ("engine", ENGINES)):
+    known_words = {"template": TEMPLATES, "engine": ENGINES, "aerodynamics": tuple(AERODYNAMICS)}
+    for key, choices in known_words.items():
         value = getattr(request, key)
         if value is not None and value not in choices:
             raise VehicleError(f"--{key}: there is no {value}; choose one of {', '.join(choices)}")
+    if request.aerodynamics != "handbook" and request.geometry is None:
+        raise VehicleError(
+            f"--aerodynamics: {request.aerodynamics} needs dimensions of the surfaces; write them to a file for --geometry"
+        )
     if request.template is None:
         request = replace(request, template=known.template())
     lacking = [one for one in questions(request, known) if one.default is None]

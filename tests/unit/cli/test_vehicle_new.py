@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import pytest
@@ -9,6 +10,8 @@ import pytest
 from stoop.cli.main import main
 from stoop.cli.vehicle_new import asked
 from stoop.vehicle.builtin import resolve_vehicle
+from stoop.vehicle_draft import aerosandbox, handbook
+from stoop.vehicle_draft.geometry import Geometry
 from stoop.vehicle_draft.request import Evidence, Request
 
 GIVEN = ["--template", "glider", "--mass", "2.1", "--span", "2.5", "--area", "0.4"]
@@ -43,6 +46,47 @@ def test_a_geometry_that_contradicts_the_options(tmp_path: Path, capsys: pytest.
     assert "--mass: is 9" in capsys.readouterr().err
     assert main(command) == 0
     assert resolve_vehicle(tmp_path / "v.toml").value("mass.mass") == 3.0
+
+
+def test_derivatives_of_a_geometry_by_the_vortex_lattice(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The file's derivatives are those of the method asked for, and it says so; without dimensions there are none."""
+    pytest.importorskip("aerosandbox")
+    path = tmp_path / "g.toml"
+    path.write_text('template = "conventional"\nmass = 3.0\n[wing]\nspan = 2.0\nchord = 0.25\n', "utf-8")
+    geometry = ["--geometry", str(path)]
+    command = ["vehicle", "new", "--overwrite", "-o", str(tmp_path / "v.toml"), "--aerodynamics"]
+    assert main([*command, "aerosandbox", *geometry]) == 0
+    text = (tmp_path / "v.toml").read_text("utf-8")
+    assert text.count(aerosandbox.SOURCE) == 1
+    vehicle = resolve_vehicle(tmp_path / "v.toml")
+    table = Geometry.load(path)
+    expected = aerosandbox.derivatives(table, vehicle.value("reference.airspeed"))
+    for name in ("CLalpha", "Cmq", "Clp", "Cnbeta"):
+        assert vehicle.value(name) == pytest.approx(expected[name].value, rel=1e-3)
+        assert vehicle.value(name) != pytest.approx(handbook.derivatives(table, 12.0)[name].value, rel=1e-3)
+    capsys.readouterr()
+    for options, said in (
+        (["aerosandbox", *GIVEN], "needs dimensions"),
+        (["wind-tunnel", *geometry], "choose one of handbook, aerosandbox"),
+    ):
+        assert main([*command, *options]) == 2
+        (line,) = capsys.readouterr().err.splitlines()
+        assert said in line
+
+
+def test_without_the_vortex_lattice(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "aerosandbox", None)
+    path = tmp_path / "g.toml"
+    path.write_text('template = "conventional"\nmass = 3.0\n[wing]\nspan = 2.0\nchord = 0.25\n', "utf-8")
+    target = tmp_path / "v.toml"
+    command = ["vehicle", "new", "--geometry", str(path), "--aerodynamics", "aerosandbox", "-o", str(target)]
+    assert main(command) == 2
+    assert "pip install 'stoop[geometry]'" in capsys.readouterr().err
+    assert not target.exists()
 
 
 def test_questions() -> None:
