@@ -182,9 +182,10 @@ def _units(
     si = VARIABLES[names[0]].unit
     usual = OF_VARIABLES.get(names[0], USUAL.get(KINDS.get(si, ""), ()))
     now = _factor(names[0], unit or si)
-    if "degC" in usual and unit != "degC" and signal is not None:
-        known = signal[1][np.isfinite(signal[1])]
-        warmer = multiplied(names, 1.0 + ZERO_CELSIUS / (float(np.median(known)) if known.size else 1.0))
+    known = np.empty(0) if signal is None else signal[1][np.isfinite(signal[1])]
+    level = float(np.median(known)) if known.size else 0.0  # of a sensor that reads nothing
+    if "degC" in usual and unit != "degC" and level != 0.0:
+        warmer = multiplied(names, 1.0 + ZERO_CELSIUS / level)
         yield Edit("unit", names, 'write unit = "degC"', warmer, True, prior, "degC")
     others = [[u for u in units.split() if u != "degC" and _factor(names[0], u) != now] for units in usual]
     for rank, units in enumerate(units for units in others if units):

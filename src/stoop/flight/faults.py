@@ -20,6 +20,11 @@ from stoop.flight.gridding import Channels, finite, stretches
 WATCHED: Final = frozenset(
     "V alpha beta p q r phi theta psi ax ay az vn ve vd q0 q1 q2 q3 airspeed_pitot airspeed_equivalent".split()  # noqa: SIM905
 )  #: channels that move whenever the vehicle does
+INCONSISTENT: Final = (
+    "mapping-",
+    "rate-",
+    "attitude-",
+)  #: codes of what contradicts a mapping as a whole begin so
 REST_OFFSETS: Final = {"airspeed_pitot": 1.0, "p": 0.02, "q": 0.02, "r": 0.02}  #: SI; less is usual
 
 
@@ -149,7 +154,7 @@ def without_faulty(time: FloatArray, x: FloatArray, faults: Sequence[Fault]) -> 
 def contradiction(found: Notice, start: float, stop: float) -> Fault:
     """Return what contradicts a mapping as a fault of the channel, over the record [s]."""
     kind: Kind = "wrong sign" if found.code == "force-points-up" else "wrong unit"
-    kind = "inconsistent" if found.code.startswith(("mapping-", "rate-")) else kind
+    kind = "inconsistent" if found.code.startswith(INCONSISTENT) else kind
     value = next((found.values[name] for name in ("gain", "size", "evidence") if name in found.values), 0.0)
     return Fault(kind, found.subject, float(str(value)), start, stop, found)
 

@@ -24,7 +24,14 @@ from stoop.flight.airborne import carried_by_rotors, in_flight
 from stoop.flight.airspeed import EQUIVALENT, TRUE, with_true_airspeed
 from stoop.flight.alignment import attitude_delay
 from stoop.flight.apply_mapping import read_mapped
-from stoop.flight.faults import Fault, contradiction, recorded_faults, rest_faults, without_faulty
+from stoop.flight.faults import (
+    INCONSISTENT,
+    Fault,
+    contradiction,
+    recorded_faults,
+    rest_faults,
+    without_faulty,
+)
 from stoop.flight.flight import AirData, Flight, dataset, flight_name, on_circle, with_attitude
 from stoop.flight.gridding import MAX_VALUE, SourceRate, drop_outliers, grid_channels, interpolate_by_rates
 from stoop.logs import Recording
@@ -94,12 +101,14 @@ def load(path: str | Path, mapping: str | Path | None = None, rate: float = 100.
     if found.refused:
         raise FlightError(f"{path}: {str(found.refused[0]).removesuffix('.')}")
     contradictions = [*found.notices, *check_rates(found.corrected(in_air), rate, lines)]
+    inconsistent = any(one.code.startswith(INCONSISTENT) for one in contradictions)
+    if inconsistent and (late := attitude_delay(channels)):  # which explains an attitude unlike its rates
+        contradictions = [*found.notices, *late]
     span = float(grid.time[0]), float(grid.time[-1])
     of_mapping = [contradiction(one, *span) for one in contradictions]
     faults = (*recorded, *rest_faults(grid.time, data, rate), *of_mapping)
-    if any(fault.kind == "inconsistent" for fault in faults):
-        attitude = attitude_delay(channels)
-    else:
+    attitude: list[Notice] = []
+    if not inconsistent:
         data, attitude = interpolate_by_rates(grid, data, sources, channels)
     # defects of topics that supply nothing do not matter to the user; a file's name writes a topic with _
     used = {name for s in sources.values() for name in (s.source, s.source.replace("/", "_"))}

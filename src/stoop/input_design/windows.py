@@ -7,7 +7,7 @@ the information at these estimates chooses, and the standard errors of the fit t
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Final, Literal
@@ -69,6 +69,11 @@ class CandidateInformation:
         """Return the information (D, D) with some candidates."""
         return np.asarray(self.prior + sum((self.matrices[i] for i in chosen), np.zeros_like(self.prior)))
 
+    def loss(self, fitted: Sequence[int], out: Sequence[int]) -> float:
+        """Return by how much the mean logarithm of the error bars of the fitted candidates grows without some of them."""
+        whole, rest = (self.total(chosen) for chosen in (fitted, [i for i in fitted if i not in out]))
+        return float(np.linalg.slogdet(whole)[1] - np.linalg.slogdet(rest)[1]) / (2.0 * len(whole))
+
     def gain_alone(self, index: int) -> float:
         """Return the gain of a candidate alone."""
         return self.gain(self.prior, index)
@@ -76,15 +81,15 @@ class CandidateInformation:
 
 @dataclass(frozen=True)
 class Selection:
-    """Candidates to fit in the order of selection, with the gain of each, and the one to validate with, if any."""
+    """Candidates to fit in the order of selection, with the gain of each, and those to validate with."""
 
     fitted: tuple[int, ...]
     gains: tuple[float, ...]
-    held_out: int | None
+    held_out: tuple[int, ...]
 
 
 def select(found: Sequence[Candidate], information: CandidateInformation) -> Selection:
-    """Select windows until one more adds little; hold one out.
+    """Select windows until one more adds little; hold some out.
 
     D-optimality: each step takes the window that shrinks the uncertainty ellipsoid most for its length. For a sum of
     information matrices log det is submodular, so the greedy selection is within 1 - 1/e of the best of its size.
@@ -112,16 +117,17 @@ def select(found: Sequence[Candidate], information: CandidateInformation) -> Sel
         gains.append(rated[best])
         base = base + information.matrices[best]
     held = _held_out(found, information, fitted)
-    left = [(i, g) for i, g in zip(fitted, gains, strict=True) if i != held]
+    left = [(i, g) for i, g in zip(fitted, gains, strict=True) if i not in held]
     return Selection(tuple(i for i, _ in left), tuple(g for _, g in left), held)
 
 
 def _held_out(
     found: Sequence[Candidate], information: CandidateInformation, fitted: Sequence[int]
-) -> int | None:
-    """Return the window to validate with: a maneuver that is left, else one whose axis is fitted twice, else the cheapest.
+) -> tuple[int, ...]:
+    """Return the windows to validate with: one of each fitted axis as far as the rest tells enough, else the cheapest one.
 
-    The most informative maneuver of an axis is never held out.
+    Of an axis it is a maneuver that is left, else one whose axis is fitted twice. The most informative maneuver of an axis is
+    never held out.
     """
     best_of: dict[Axis, int] = {}
     for i in sorted(range(len(found)), key=information.gain_alone):
@@ -132,19 +138,35 @@ def _held_out(
     free = [i for i in free if i not in kept]
     usual = float(np.median([information.gain_alone(i) for i in fitted])) if fitted else np.inf
     eligible = [i for i in free if information.gain_alone(i) >= LIMITS.validation_worth * usual]
-    losses = {i: information.gain(information.total([j for j in fitted if j != i]), i) for i in fitted}
-    spare = [i for i in fitted if losses[i] < LIMITS.redundant and i not in kept] if len(fitted) > 1 else []
-    flown = [i for i in eligible if found[i].maneuver is not None]
-    axes = [m.axis for i in fitted if (m := found[i].maneuver) is not None]
-    twice = [i for i in spare if (m := found[i].maneuver) is not None and axes.count(m.axis) > 1]
-    for group in (flown, eligible if not twice else []):
-        if group:
-            return max(group, key=information.gain_alone)
-    for group in (twice, spare):
-        if group:
-            return min(group, key=lambda i: losses[i])
-    best = max(free, key=information.gain_alone, default=None)
-    return best if best is not None and information.gain_alone(best) > LIMITS.min_gain else None
+
+    held: list[int] = []
+
+    def cheapest(among: Iterable[int]) -> int | None:
+        """Return the candidate whose absence from the fit costs least, then the most informative; None above the limit."""
+        losses = {i: information.loss(fitted, [*held, i]) for i in among if i not in kept}
+        losses = {i: x for i, x in losses.items() if x < LIMITS.redundant}
+        return min(losses, key=lambda i: (losses[i], -information.gain_alone(i)), default=None)
+
+    flown = [_axis(found[i]) for i in fitted]
+    axes = set(flown) - {None}
+    twice = [i for i, axis in zip(fitted, flown, strict=True) if flown.count(axis) > 1]
+    while True:
+        apart = [i for i in eligible if not any(found[i].meets(found[j]) for j in held)]
+        left = axes - {_axis(found[i]) for i in held}
+        one = cheapest(i for i in (*apart, *twice) if _axis(found[i]) in left)
+        if one is None:
+            break
+        held.append(one)
+    if held:
+        return tuple(held)
+    if (one := cheapest([*eligible, *(fitted if len(fitted) > 1 else ())])) is not None:
+        return (one,)
+    worth = [i for i in free if information.gain_alone(i) > LIMITS.min_gain]
+    return (max(worth, key=information.gain_alone),) if worth else ()
+
+
+def _axis(one: Candidate) -> Axis | None:
+    return None if one.maneuver is None else one.maneuver.axis
 
 
 def excitation_information(
@@ -293,7 +315,7 @@ def find_windows(
     if not selection.fitted:
         raise _nothing_found(flights, vehicle, unmeasured=True)
     report = _Report(flights, excitations, found, information, model)
-    if selection.held_out is None:
+    if not selection.held_out:
         notices.append(notice("no-validation-window"))
     return Found(tuple(report.windows(selection)), tuple(expected), tuple(notices))
 
@@ -381,14 +403,14 @@ class _Report:
     model: VehicleInformation | None
 
     def windows(self, selection: Selection) -> list[Proposed]:
-        """Return the windows to fit, the one to predict, and maneuvers that were declined, in order of time."""
+        """Return the windows to fit, those to predict, and maneuvers that were declined, in order of time."""
         rows: list[tuple[int, str, float, bool, Use]] = []
         for k, (index, gain) in enumerate(zip(selection.fitted, selection.gains, strict=True)):
             rows.append(
                 (index, self._why(index, self.information.total(selection.fitted[:k])), gain, True, "fit")
             )
-        if (held := selection.held_out) is not None:
-            rows.append((held, f"{self._excited(held)}; held out, to be predicted", 0.0, True, "validate"))
+        words = "held out, to be predicted"
+        rows += [(i, f"{self._excited(i)}; {words}", 0.0, True, "validate") for i in selection.held_out]
         taken = [index for index, *_ in rows]
         left = [i for i, one in enumerate(self.found) if one.maneuver is not None and i not in taken]
         for i in sorted(left, key=self.information.gain_alone, reverse=True)[: LIMITS.max_declined]:

@@ -135,6 +135,11 @@ def test_outputs_are_told_apart(tmp_path: Path) -> None:
     assert "# [calibration.pwm_2]" in text
 
 
+def test_a_thermometer_that_reads_nothing_is_drafted() -> None:
+    streams = {"IMU": Stream(T, {"GyrX": flown()["p"], "Temp": 0 * T})}
+    assert "temperature" in draft_of(Recording(Path("x.mat"), "mat", streams)).text
+
+
 def test_units_that_the_file_states_are_taken() -> None:
     streams = {
         "IMU": Stream(T, {"GyrX": flown()["p"], "Temp": 20.0 + 0 * T}),
