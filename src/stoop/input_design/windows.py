@@ -40,6 +40,9 @@ class SelectionLimits:
     window_cost: float = 2.0  #: s that a window costs besides its length
     maneuver_weight: float = 1.5  #: of a whole maneuver, over a window that may cut one
     redundant: float = 0.25  #: loss per parameter at which a fitted window may be held out instead
+    #: likewise of all together, where one is held out already: error bars 10 % larger. Two windows an axis show less of what
+    #: maneuvers disagree about (gusts), too: intervals of four windows are too narrow where those of six hold
+    further: float = 0.1
     validation_worth: float = 0.5  #: of the fitted windows' gain, at which a window that is left is held out
     max_candidates: int = 100  #: of a flight, the most excited ones
     sharper: float = 0.8  #: ratio of standard errors, below which a parameter is named as a reason
@@ -144,7 +147,7 @@ def _held_out(
     def cheapest(among: Iterable[int]) -> int | None:
         """Return the candidate whose absence from the fit costs least, then the most informative; None above the limit."""
         losses = {i: information.loss(fitted, [*held, i]) for i in among if i not in kept}
-        losses = {i: x for i, x in losses.items() if x < LIMITS.redundant}
+        losses = {i: x for i, x in losses.items() if x < (LIMITS.further if held else LIMITS.redundant)}
         return min(losses, key=lambda i: (losses[i], -information.gain_alone(i)), default=None)
 
     flown = [_axis(found[i]) for i in fitted]
