@@ -124,17 +124,37 @@ class Match:
     left_out: FloatArray | None = None  #: (n,), residuals by :func:`left_out`; None where nothing was fitted
 
 
-def noise_floor(measured: FloatArray, rate: float, sigma: float) -> tuple[float, float]:
+def unexplained(curves: Sequence[tuple[FloatArray, FloatArray]], rate: float) -> float:
+    """Return the rms of measured minus simulated curves (n_i,), below 10 Hz, over all of them; NaN without any sample."""
+    left = np.concatenate([low_pass(z - y, rate) for z, y in curves])
+    left = left[np.isfinite(left)]
+    return _rms(left) if left.size else math.nan
+
+
+def noise_floor(
+    measured: FloatArray,
+    rate: float,
+    sigma: float,
+    left: float = math.nan,
+    deviation: FloatArray | None = None,
+) -> tuple[float, float]:
     """Return the noise of a channel (n,) below 10 Hz, in its unit, and the rms of its motion over that noise.
 
-    The noise is no more than `sigma`, what the fit leaves, or else a model that explains nothing would call the motion
-    noise; and no more than the record's own white noise, by its third differences: those of smooth motion vanish, those of
-    white noise have a variance of 1 + 9 + 9 + 1 = 20 of its own. The motion is about its mean, with the noise taken off.
+    White noise is no more than `sigma`, what the fit leaves, and no more than the record's own, by its third differences:
+    those of smooth motion vanish, those of white noise have a variance of 1 + 9 + 9 + 1 = 20 of its own. Slow errors of the
+    sensors, gusts and vibration are noise, too: `left`, what the better of model and lag leaves :func:`unexplained` in the
+    fitted maneuvers; by its own residuals alone, a model that explains nothing would call all motion noise. So is what a
+    prediction does not know (initial state, biases, parameters, gusts): its `deviation` (n,) without the fit's noise. The
+    motion is about its mean, with the noise taken off.
     """
     differences = np.diff(measured, 3)
     differences = differences[np.isfinite(differences)]
     own = _rms(differences) / math.sqrt(20.0) if differences.size else math.nan
-    noise = float(np.fmin(sigma, own)) * math.sqrt(min(1.0, 2.0 * CUTOFF / rate))
+    white = float(np.fmin(sigma, own)) * math.sqrt(min(1.0, 2.0 * CUTOFF / rate))
+    unknown = np.empty(0) if deviation is None else deviation[np.isfinite(deviation)] ** 2 - sigma**2
+    noise = math.hypot(
+        np.fmax(white, left), math.sqrt(max(float(np.mean(unknown)), 0.0)) if unknown.size else 0.0
+    )
     slow = low_pass(measured, rate)
     motion = math.sqrt(max(float(np.nanvar(slow)) - noise**2, 0.0))
     return noise, motion / noise if noise > 0.0 else math.inf if motion > 0.0 else math.nan
@@ -153,14 +173,15 @@ def channel_figures(
     sigma: float = math.nan,
     deviation: FloatArray | None = None,
     innovations: FloatArray | None = None,
+    left: float = math.nan,
 ) -> GoodnessOfFit:
     """Return the figures of one channel of one maneuver, beside those of the trivial model where there is one.
 
     `measured` (n,), the channel's unit, are samples at `rate`, Hz, NaN where there is none and between segments; an angle
     that wraps is unwrapped as in the simulated curve. Theil's coefficients are of the curves low-passed at 10 Hz with zero
     phase, stretch by stretch; all else of the curves as they are. `sigma` is the standard deviation of the noise that the fit
-    leaves, `deviation` (n,) that of a prediction, noise included; `innovations` (n,) are over their standard deviation. A
-    reading that the simulation did not reach is an error.
+    leaves, `deviation` (n,) that of a prediction, noise included; `innovations` (n,) are over their standard deviation;
+    `left` is that of :func:`noise_floor`. A reading that the simulation did not reach is an error.
     """
     gone = np.isfinite(measured) & ~np.isfinite(model.simulated)
     model = replace(model, simulated=np.where(gone, DIVERGED, model.simulated))
@@ -176,7 +197,7 @@ def channel_figures(
                 "whiteness": whiteness(measured - match.simulated),
             }
         )
-    noise, ratio = noise_floor(measured, rate, sigma)
+    noise, ratio = noise_floor(measured, rate, sigma, left, deviation)
     found = GoodnessOfFit(
         theil=theil(measured, model.simulated, rate),
         **shared[0],

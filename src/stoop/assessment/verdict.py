@@ -46,7 +46,6 @@ class Limits:
     inside: float = (
         0.75  #: share of readings within the 95 % band of a prediction that a trusted model has at least
     )
-    r2: float = 0.0  #: coefficient of determination below which a curve is worse than its mean
     size: float = 1e3  #: rms error over the noise of the fit, beyond which a simulation has diverged
     chance: float = (
         0.01  #: probability below which scatter of maneuvers, or color of innovations, is no chance
@@ -101,6 +100,20 @@ def uses(vehicle: Vehicle, sizes: Mapping[str, float] | None = None) -> tuple[Us
     def coefficients(coefficient: str, variable: str = "") -> list[str]:
         return [name for name, part in parts.items() if part == (coefficient, variable)]
 
+    def turning(coefficient: str) -> list[str]:
+        """Return what controls do about an axis; none where each does more about the other lateral one (adverse yaw)."""
+        other = {"Cl": "Cn", "Cn": "Cl"}.get(coefficient, "")
+
+        def size(which: str, control: str) -> float:
+            return max((abs(vehicle.value(n)) for n in coefficients(which, control)), default=0.0)
+
+        meant = any(
+            size(coefficient, c) >= size(other, c)
+            for c in vehicle.file.controls
+            if coefficients(coefficient, c)
+        )
+        return [n for c in vehicle.file.controls for n in coefficients(coefficient, c)] if meant else []
+
     def begins(*prefixes: str) -> list[str]:
         return [name for name in free if name.startswith(prefixes)]
 
@@ -110,11 +123,10 @@ def uses(vehicle: Vehicle, sizes: Mapping[str, float] | None = None) -> tuple[Us
     ] = {}  # what a flight shows over a moment of inertia, unless coefficients hold for a stated one
     stated = "reference.inertia.x" in vehicle.rows
     for coefficient, (axis, rate, angle) in MOMENTS.items():
-        controls = [n for c in vehicle.file.controls for n in coefficients(coefficient, c)]
         about = [
             (f"damping in {axis}", coefficients(coefficient, rate)),
             (f"static stability in {axis}", coefficients(coefficient, angle)),
-            (f"control effectiveness in {axis}", controls),
+            (f"control effectiveness in {axis}", turning(coefficient)),
         ]
         # moments of the air count over the moment of inertia, which is judged with each of them
         alone = [] if any(names for _, names in about) else begins(INERTIA[axis])
@@ -167,7 +179,7 @@ def verdict(result: Result, needed: Sequence[Use]) -> Verdict:
     grade: Grade = "usable"
     if refusals or (needed and not any(use.justified for use in judged)):
         grade, judged = "do not use", tuple(replace(use, justified=False) for use in judged)
-    elif not doubts and not _lost(_judging(result), _channels(result)):
+    elif not doubts and not _lost(_judging(result)):
         grade = "trusted"
     said = {
         found.subject for found in refusals if found.code.startswith("verdict-form")
@@ -198,7 +210,8 @@ def _refusals(result: Result) -> Iterator[Notice]:
     unknown = _unknown(result)
     if len(unknown) > LIMITS.unknown * len(result.parameters):
         yield _notice_of_unknown(result, unknown)
-    figures = [(c, one) for m in _judging(result) for c, one in m.channels.items()]
+    held_back, fitted = _by_role(result)
+    figures = [(c, one) for c, several in (held_back or fitted).items() for one in several]
     beaten = [c for c, one in figures if _beaten(one)]
     if len(beaten) > LIMITS.not_predicted * len(figures):
         names = tuple(dict.fromkeys(beaten))
@@ -295,41 +308,56 @@ def _judged(result: Result, use: Use, sizes: Mapping[str, float]) -> Use:
             )
     if not needs and use.name != "simulation":
         against.append(notice("verdict-not-estimated", use.name))
-    lost = _lost(_judging(result), use.channels)
-    if lost:
+    judging = {c: own for c, own in _judging(result).items() if c in use.channels}
+    if lost := _lost(judging):
         against.append(notice("verdict-channels", use.name, channels=lost))
+    elif use.channels and not judging and not _filtered(result):
+        against.append(notice("verdict-still", use.name, channels=use.channels))
     return replace(use, justified=not against, against=tuple(against))
 
 
-def _lost(maneuvers: Sequence[ManeuverResult], channels: Iterable[str]) -> tuple[str, ...]:
-    """Return the channels that most of the maneuvers match no better than a lag or their mean does."""
-    found = {c: [_beaten(m.channels[c]) for m in maneuvers if c in m.channels] for c in channels}
-    return tuple(c for c, beaten in found.items() if sum(beaten) > LIMITS.not_predicted * len(beaten))
+def _lost(judging: Mapping[str, Sequence[GoodnessOfFit]]) -> tuple[str, ...]:
+    """Return the channels that most of their maneuvers match no better than a lag or their mean does."""
+    found = {c: sum(map(_beaten, own)) / len(own) for c, own in judging.items()}
+    return tuple(c for c, share in found.items() if share > LIMITS.not_predicted)
 
 
 def _beaten(one: GoodnessOfFit) -> bool:
-    """Whether a trivial model matches as well; not where only noise is left, or nothing but noise was flown.
+    """Whether a trivial model matches as well; not where only noise is left.
 
     A model in gusts predicts from sample to sample: there its innovations must be as small as it says.
     """
     if one.innovations.known:
         return one.within < LIMITS.inside
-    worse_than_mean = one.r2 < LIMITS.r2 and one.whiteness.verdict != "white" and not one.below_noise
-    return one.lost or worse_than_mean
+    return one.lost or one.worse_than_mean
 
 
-def _channels(result: Result) -> tuple[str, ...]:
-    return tuple(dict.fromkeys(c for m in _judging(result) for c in m.channels))
+def _moving(maneuvers: Iterable[ManeuverResult]) -> dict[str, list[GoodnessOfFit]]:
+    """Return the figures by channel that say something of a model: of those that move more than their noise.
 
-
-def _judging(result: Result) -> tuple[ManeuverResult, ...]:
-    """Return the maneuvers that judge: those held back, else those fitted.
-
-    None of a filter's fitted ones, see `FILTERED`.
+    So do innovations, of any motion.
     """
-    held_back = tuple(m for m in result.maneuvers if m.role == "validation")
-    filtered = any(found.code in FILTERED for found in result.notices)
-    return held_back if held_back or filtered else result.maneuvers
+    found: dict[str, list[GoodnessOfFit]] = {}
+    for c, one in (item for m in maneuvers for item in m.channels.items()):
+        if one.innovations.known or not one.below_noise:
+            found.setdefault(c, []).append(one)
+    return found
+
+
+def _filtered(result: Result) -> bool:
+    return any(found.code in FILTERED for found in result.notices)
+
+
+def _by_role(result: Result) -> tuple[dict[str, list[GoodnessOfFit]], dict[str, list[GoodnessOfFit]]]:
+    """Return what judges by channel, of maneuvers held back and of those fitted; none of a filter's, see `FILTERED`."""
+    held_back = _moving(m for m in result.maneuvers if m.role == "validation")
+    return held_back, {} if _filtered(result) else _moving(m for m in result.maneuvers if m.role == "fit")
+
+
+def _judging(result: Result) -> dict[str, list[GoodnessOfFit]]:
+    """Return what judges each channel: maneuvers held back in which it moves, else those fitted."""
+    held_back, fitted = _by_role(result)
+    return fitted | held_back
 
 
 def diverged(maneuver: ManeuverResult, noise: NoiseCovariance) -> tuple[str, ...]:
@@ -360,8 +388,12 @@ def _doubts(result: Result) -> list[Notice]:
     ]
     unknown = _unknown(result)
     found += [_notice_of_unknown(result, unknown)] if unknown else []
+    held_back, fitted = _by_role(result)
+    unseen = tuple(c for c in RATES if c in fitted and c not in held_back)  # axes that are not predicted
     if not any(m.role == "validation" for m in result.maneuvers):
         found.append(notice("verdict-no-held-back"))
+    elif unseen:
+        found.append(notice("verdict-not-held-back", channels=unseen))
     for m in result.maneuvers:
         outside = tuple(c for c, one in m.channels.items() if one.within < LIMITS.inside)
         if outside:
@@ -403,9 +435,9 @@ def _merits(result: Result) -> Iterator[Notice]:
     if result.extensions.unresolved:
         yield notice("verdict-unresolved", numbers=result.extensions.unresolved, share=LIMITS.moved_share)
     for m in result.maneuvers:
-        if m.role == "validation" and not _lost([m], m.channels):
-            moving = sum(not one.below_noise for one in m.channels.values())
-            yield notice("verdict-predicted", m.window, count=moving, channels=len(m.channels))
+        moving = _moving([m])
+        if m.role == "validation" and moving and not _lost(moving):
+            yield notice("verdict-predicted", m.window, count=len(moving), channels=len(m.channels))
     (compared, scatter), fitted = _compared(result), sum(m.role == "fit" for m in result.maneuvers)
     if compared:
         yield notice("verdict-agree-alone", compared=compared, scatter=scatter)

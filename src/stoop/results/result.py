@@ -213,8 +213,22 @@ class GoodnessOfFit:
 
     @property
     def lost(self) -> bool:
-        """Whether a first-order lag does as well; not where residuals are white: only noise is left, and chance decides."""
-        return self.compared and not self.better and self.whiteness.verdict != "white"
+        """Whether a first-order lag does as well, by more than the noise."""
+        behind = self.compared and not self.better
+        return behind and self._exceeds_noise(self.rmse * self.rmse - self.baseline.rmse * self.baseline.rmse)
+
+    @property
+    def worse_than_mean(self) -> bool:
+        """Whether the mean of the record does better, by more than the noise."""
+        excess = -self.r2 / (1.0 - self.r2) if self.r2 < 0.0 else 0.0
+        return self.r2 < 0.0 and not self.below_noise and self._exceeds_noise(self.rmse * self.rmse * excess)
+
+    def _exceeds_noise(self, excess: float) -> bool:
+        """Whether so much more squared error than a trivial model's, which has its bias from this very window, is no chance.
+
+        White residuals are noise alone.
+        """
+        return self.whiteness.verdict != "white" and not excess <= self.noise * self.noise
 
 
 @dataclass(frozen=True)

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from stoop.assessment.baseline import BaselineManeuver, BaselineSegment, baseline_matches
-from stoop.assessment.goodness_of_fit import Match, channel_figures, join
+from stoop.assessment.goodness_of_fit import Match, channel_figures, join, unexplained
 from stoop.base.arrays import FloatArray
 from stoop.base.variables import VARIABLES, WRAPPED
 from stoop.problem import Piece
@@ -41,42 +41,59 @@ def maneuver_curves(
     fitted: Sequence[BaselineManeuver] = (),
     *,
     noise: NoiseCovariance,
+    floors: Mapping[str, float] | None = None,
 ) -> tuple[tuple[ManeuverResult, ...], tuple[ManeuverTrace, ...]]:
     """Return figures and curves of all maneuvers, each beside the trivial lag.
 
-    The lag also learns from `fitted` maneuvers that are not among the groups. `noise` is that of the fit's measurements.
+    The lag also learns from `fitted` maneuvers that are not among the groups. `noise` is that of the fit's measurements;
+    `floors` are the noise of channels in fitted maneuvers, by name, where these are not among the groups.
     """
     flown = [(g, i, g.prepared.of_maneuver(i)) for g in groups for i in range(len(g.prepared.windows))]
     rate = 1.0 / flown[0][0].prepared.pieces[0].dt
     shown = [baseline_maneuver(vehicle, g.role, [g.prepared.pieces[i] for i in own]) for g, _, own in flown]
     lags = baseline_matches([*fitted, *shown], vehicle.outputs)[len(fitted) :]
-    results, traces = [], []
-    for (group, index, own), lag in zip(flown, lags, strict=True):
-        pieces, window = [group.prepared.pieces[i] for i in own], group.prepared.windows[index]
-        channels, figures = {}, {}
-        for i, name in enumerate(vehicle.outputs):
-            pairs = [
-                unwrapped(piece.measured[:, i], group.simulated[k][:, i], name in WRAPPED)
-                for piece, k in zip(pieces, own, strict=True)
-            ]
-            band = _joined(group.deviations, own, i)
-            curve = ChannelTrace(join([z for z, _ in pairs]), join([y for _, y in pairs]), band)
-            channels[name] = curve
-            left_out = _joined(group.left_out, own, i)
+    traces = tuple(_trace(vehicle, g, own, lag) for (g, _, own), lag in zip(flown, lags, strict=True))
+    learned = [trace for (g, *_), trace in zip(flown, traces, strict=True) if g.role == "fit"]
+    left = floors or {name: _left(name, learned, rate) for name in vehicle.outputs}
+    results = []
+    for (group, index, own), lag, trace in zip(flown, lags, traces, strict=True):
+        window, figures = group.prepared.windows[index], {}
+        for i, (name, curve) in enumerate(trace.channels.items()):
             if np.isfinite(curve.measured).any():
-                model = Match(curve.simulated, left_out)
+                model = Match(curve.simulated, _joined(group.left_out, own, i))
                 sigma = math.sqrt(noise.matrix[i, i])
                 figures[name] = channel_figures(
-                    curve.measured, model, rate, lag.get(name), sigma, band,
-                    _joined(group.innovations, own, i),
+                    curve.measured, model, rate, lag.get(name), sigma, curve.deviation,
+                    _joined(group.innovations, own, i), left.get(name, math.nan),
                 )  # fmt: skip
-        inputs = {name: join([p.inputs[:, i] for p in pieces]) for i, name in enumerate(vehicle.recorded)}
-        baseline = {name: match.simulated for name, match in lag.items()}
-        traces.append(ManeuverTrace(join([p.time for p in pieces]), channels, inputs, baseline))
-        spans = tuple((float(p.time[0]), float(p.time[-1])) for p in pieces)
+        spans = tuple((float(p.time[0]), float(p.time[-1])) for p in (group.prepared.pieces[k] for k in own))
         place = (window.flight, window.start, window.stop, group.role, spans)
         results.append(ManeuverResult(*place, figures, window.loading or ""))
-    return tuple(results), tuple(traces)
+    return tuple(results), traces
+
+
+def _trace(vehicle: Vehicle, group: Simulated, own: Sequence[int], lag: Mapping[str, Match]) -> ManeuverTrace:
+    """Return the curves of the pieces of one maneuver."""
+    pieces, channels = [group.prepared.pieces[k] for k in own], {}
+    for i, name in enumerate(vehicle.outputs):
+        pairs = [
+            unwrapped(piece.measured[:, i], group.simulated[k][:, i], name in WRAPPED)
+            for piece, k in zip(pieces, own, strict=True)
+        ]
+        band = _joined(group.deviations, own, i)
+        channels[name] = ChannelTrace(join([z for z, _ in pairs]), join([y for _, y in pairs]), band)
+    inputs = {name: join([p.inputs[:, i] for p in pieces]) for i, name in enumerate(vehicle.recorded)}
+    baseline = {name: match.simulated for name, match in lag.items()}
+    return ManeuverTrace(join([p.time for p in pieces]), channels, inputs, baseline)
+
+
+def _left(name: str, fitted: Sequence[ManeuverTrace], rate: float) -> float:
+    """Return what the better of model and lag leaves of a channel in the fitted maneuvers; NaN where one is missing."""
+    if not fitted or not all(name in trace.baseline for trace in fitted):
+        return math.nan
+    own = [(trace.channels[name], trace.baseline[name]) for trace in fitted]
+    model = unexplained([(curve.measured, curve.simulated) for curve, _ in own], rate)
+    return min(model, unexplained([(curve.measured, lag) for curve, lag in own], rate))
 
 
 def _joined(values: Sequence[FloatArray] | None, own: Sequence[int], column: int) -> FloatArray | None:

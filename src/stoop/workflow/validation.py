@@ -88,6 +88,7 @@ def validate(
     identified = outputs.read_identified(source)
     vehicle = identified.vehicle
     of = identified.result
+    floors = {c: one.noise for m in of.maneuvers if m.role == "fit" for c, one in m.channels.items()}
     found_by = filter_of_result(of.method, vehicle, of.noise_covariance, of.notices)
     model = FittedModel(vehicle, of.covariance, of.noise_covariance, found_by)
     for flight in flights:
@@ -116,7 +117,7 @@ def validate(
         group = Simulated(
             "validation", ahead.prepared, ahead.readings, None, ahead.deviations, ahead.innovations
         )
-        found, drawn = maneuver_curves(vehicle, [group], fitted, noise=model.noise)
+        found, drawn = maneuver_curves(vehicle, [group], fitted, noise=model.noise, floors=floors)
         used.append(flight)
         results += found
         traces += drawn

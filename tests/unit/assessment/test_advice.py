@@ -89,6 +89,9 @@ def test_a_control_that_a_controller_moves_asks_for_an_input_of_its_own() -> Non
 def test_an_inertia_that_trades_off_is_measured_on_the_ground() -> None:
     one = flown(term("Cmq", {"q"}, -10.0, RATE))
     assert codes(advice("Cmq", ("mass.inertia.yy",), one)) == ("advice-ratio-to-inertia",)
+    assert codes(advice("Cmq", ("mass.inertia.xx",), one))[0] == "advice-several", "of another axis"
+    drag = flown(term("CD0", set(), 0.03, np.ones(1000)))
+    assert codes(advice("CD0", ("mass.inertia.yy",), drag)) == ("advice-constant",), "a force"
     names = ("mass.inertia.yy", "propulsion.CT0", "controls.elevator.lag")
     found = {n: advice(n, (), one)[0] for n in names}
     assert [found[n].code for n in names] == ["advice-inertia", "advice-propulsion", "advice-controls"]

@@ -7,7 +7,14 @@ import math
 import numpy as np
 import pytest
 
-from stoop.assessment.goodness_of_fit import Match, channel_figures, fit_percent, inside_band, noise_floor
+from stoop.assessment.goodness_of_fit import (
+    Match,
+    channel_figures,
+    fit_percent,
+    inside_band,
+    noise_floor,
+    unexplained,
+)
 
 RATE = 200.0
 TIME = np.arange(4000) / RATE
@@ -48,6 +55,22 @@ def test_a_model_that_explains_nothing_does_not_hide_behind_its_own_residuals() 
     found = channel_figures(measured, Match(0.0 * motion), RATE, Match(0.9 * motion), left)
     assert not found.below_noise
     assert found.lost
+
+
+def test_slow_errors_that_the_better_of_model_and_lag_leaves_are_noise() -> None:
+    """A drift of the attitude is no motion, though it is far above the white noise."""
+    drift = 0.2 * np.sin(2.0 * np.pi * 0.2 * TIME)
+    motion = np.sin(2.0 * np.pi * 0.7 * TIME)
+    assert unexplained([(motion + drift + noise(7), motion)] * 2, RATE) == pytest.approx(
+        math.hypot(0.2 * math.sqrt(0.5), SIGMA * math.sqrt(20.0 / RATE)), rel=0.05
+    )
+    still, model = drift + noise(8), Match(0.0 * drift)
+    lag = Match(0.5 * drift)
+    assert channel_figures(still, model, RATE, lag, SIGMA).lost
+    found = channel_figures(still, model, RATE, lag, SIGMA, left=0.2 * math.sqrt(0.5))
+    assert found.below_noise
+    assert not found.lost
+    assert not channel_figures(motion + still, model, RATE, lag, SIGMA, left=0.2).below_noise
 
 
 def test_what_is_sampled_slowly_or_held_has_no_more_noise_than_the_fit_says() -> None:

@@ -275,6 +275,47 @@ def test_a_use_needs_its_channels() -> None:
     assert verdict(result(maneuvers=calm), USES).grade == "trusted", "only noise is left"
 
 
+STILL = dataclasses.replace(
+    LOST, r2=-3.0, signal_to_noise=0.7
+)  #: moves less than the noise, matched worse than by a lag
+
+
+def held_back(**channels: GoodnessOfFit) -> Result:
+    """Return a result of two fitted maneuvers in which all moves, and of one held back."""
+    return result(maneuvers=(*result().maneuvers[:2], maneuver(10.0, "validation", **channels)))
+
+
+def test_a_still_channel_of_a_window_held_back_judges_nothing() -> None:
+    """An elevator doublet is predicted: roll, which it does not move, is judged where it moved, by the fitted maneuvers."""
+    found = verdict(held_back(p=STILL), USES)
+    assert found.grade == "usable"
+    assert found.justified == ("control design", "simulation", "performance")
+    assert codes(found) == ["verdict-not-held-back"]
+    assert found.against[0].values["channels"] == ("p",)
+
+
+def test_a_model_that_fails_where_it_moved_is_refused() -> None:
+    """In the window held back, or, of channels that are still there, in those fitted."""
+    assert verdict(held_back(p=LOST, V=STILL), USES).grade == "do not use"
+    worse = tuple(dataclasses.replace(m, channels=m.channels | {"p": LOST}) for m in result().maneuvers[:2])
+    found = verdict(result(maneuvers=(*worse, maneuver(10.0, "validation", p=STILL))), USES)
+    assert found.justified == ("performance",)
+    assert [one.subject for one in found.against if one.code == "verdict-channels"] == [
+        "control design",
+        "simulation",
+    ]
+
+
+def test_a_model_whose_channels_nothing_moves_is_not_justified() -> None:
+    """Neither model nor lag explain what moves there: nothing shows that the model is right."""
+    calm = tuple(
+        dataclasses.replace(m, channels=dict.fromkeys(m.channels, STILL)) for m in result().maneuvers
+    )
+    found = verdict(result(maneuvers=calm), USES)
+    assert found.grade == "do not use"
+    assert codes(found) == ["verdict-still"] * 3
+
+
 def test_curves_without_the_gusts_that_a_filter_found_judge_nothing() -> None:
     fitted = (maneuver(0.0, "fit", p=LOST, V=LOST), maneuver(5.0, "fit", p=LOST, V=LOST))
     assert verdict(result(maneuvers=fitted), USES).grade == "do not use"
@@ -313,6 +354,16 @@ def test_needs_of_an_aircraft() -> None:
     assert control.channels == ("p", "q", "r")
     assert len(simulation.channels) == 12
     assert not simulation.needs
+
+
+def test_adverse_yaw_is_no_control_about_an_axis() -> None:
+    """Without a rudder's yawing moment only the ailerons' is left, which is smaller than their rolling moment."""
+    vehicle = resolve_vehicle("twin-boom")
+    held = vehicle.with_numbers({"Cnrudder": {"free": False}, "Clrudder": {"free": False}})
+    needs = {need.subject for need in uses(held)[0].needs}
+    assert "control effectiveness in roll" in needs
+    assert "control effectiveness in pitch" in needs
+    assert "control effectiveness in yaw" not in needs
 
 
 def test_needs_of_a_multirotor() -> None:

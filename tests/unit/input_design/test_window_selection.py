@@ -25,14 +25,14 @@ def test_windows_that_tell_different_things_are_taken_and_doubles_held_out() -> 
     first, second = np.diag([100.0, 0.0]), np.diag([0.0, 50.0])
     choice = chosen([at(0.0), at(20.0), at(40.0)], first, 1.02 * first, second)
     assert set(choice.fitted) == {1, 2}
-    assert choice.held_out == 0
+    assert choice.held_out == (0,)
     assert choice.gains[0] == pytest.approx(0.25 * np.log(103.0))
 
 
 def test_overlapping_windows_are_not_both_taken() -> None:
     choice = chosen([at(0.0), at(4.0)], np.diag([100.0, 0.0]), np.diag([0.0, 99.0]))
     assert choice.fitted == (0,)
-    assert choice.held_out is None
+    assert choice.held_out == ()
 
 
 def test_the_shorter_of_two_equals_is_better() -> None:
@@ -50,7 +50,7 @@ def test_a_maneuver_flown_twice_is_predicted_once() -> None:
     found = [at(0.0, 5.0, "roll"), at(10.0, 5.0, "pitch"), at(20.0, 5.0, "roll")]
     choice = chosen(found, *told)
     assert set(choice.fitted) == {0, 1}
-    assert choice.held_out == 2
+    assert choice.held_out == (2,)
 
 
 def test_what_tells_little_is_left() -> None:
@@ -100,5 +100,22 @@ def test_the_best_maneuver_of_an_axis_is_fitted() -> None:
     found = [at(0.0, 7.0, "roll"), at(10.0, 3.0, "roll"), at(20.0, 5.0, "yaw")]
     choice = chosen(found, *told)
     assert set(choice.fitted) == {0, 2}
-    assert choice.held_out == 1
-    assert chosen(found[:1] + found[2:], told[0], told[2]).held_out is None
+    assert choice.held_out == (1,)
+    assert chosen(found[:1] + found[2:], told[0], told[2]).held_out == ()
+
+
+def test_each_axis_flown_twice_is_predicted_once() -> None:
+    """Two sets of three maneuvers: one of each axis is fitted, the other one held out."""
+    axes = ("pitch", "yaw", "roll")
+    told = [np.diag([size if i == k else 0.0 for i in range(3)]) for size in (60.0, 10.0) for k in range(3)]
+    choice = chosen([at(10.0 * i, 5.0, axes[i % 3]) for i in range(6)], *told)
+    assert set(choice.fitted) == {0, 1, 2}
+    assert set(choice.held_out) == {3, 4, 5}
+
+
+def test_no_more_is_held_out_than_the_error_bars_allow() -> None:
+    """Doubled information shrinks error bars by log(2) / 2, each pair alone by half of that over two numbers: 0.17, then 0.35."""
+    told = [np.diag([1e6, 0.0]), np.diag([0.0, 1e6])] * 2
+    choice = chosen([at(10.0 * i, 5.0, ("pitch", "roll")[i % 2]) for i in range(4)], *told)
+    assert len(choice.held_out) == 1
+    assert len(choice.fitted) == 3
