@@ -100,6 +100,20 @@ def uses(vehicle: Vehicle, sizes: Mapping[str, float] | None = None) -> tuple[Us
     def coefficients(coefficient: str, variable: str = "") -> list[str]:
         return [name for name, part in parts.items() if part == (coefficient, variable)]
 
+    def turning(coefficient: str) -> list[str]:
+        """Return what controls do about an axis; none where each does more about the other lateral one (adverse yaw)."""
+        other = {"Cl": "Cn", "Cn": "Cl"}.get(coefficient, "")
+
+        def size(which: str, control: str) -> float:
+            return max((abs(vehicle.value(n)) for n in coefficients(which, control)), default=0.0)
+
+        meant = any(
+            size(coefficient, c) >= size(other, c)
+            for c in vehicle.file.controls
+            if coefficients(coefficient, c)
+        )
+        return [n for c in vehicle.file.controls for n in coefficients(coefficient, c)] if meant else []
+
     def begins(*prefixes: str) -> list[str]:
         return [name for name in free if name.startswith(prefixes)]
 
@@ -109,11 +123,10 @@ def uses(vehicle: Vehicle, sizes: Mapping[str, float] | None = None) -> tuple[Us
     ] = {}  # what a flight shows over a moment of inertia, unless coefficients hold for a stated one
     stated = "reference.inertia.x" in vehicle.rows
     for coefficient, (axis, rate, angle) in MOMENTS.items():
-        controls = [n for c in vehicle.file.controls for n in coefficients(coefficient, c)]
         about = [
             (f"damping in {axis}", coefficients(coefficient, rate)),
             (f"static stability in {axis}", coefficients(coefficient, angle)),
-            (f"control effectiveness in {axis}", controls),
+            (f"control effectiveness in {axis}", turning(coefficient)),
         ]
         # moments of the air count over the moment of inertia, which is judged with each of them
         alone = [] if any(names for _, names in about) else begins(INERTIA[axis])

@@ -356,6 +356,16 @@ def test_needs_of_an_aircraft() -> None:
     assert not simulation.needs
 
 
+def test_adverse_yaw_is_no_control_about_an_axis() -> None:
+    """Without a rudder's yawing moment only the ailerons' is left, which is smaller than their rolling moment."""
+    vehicle = resolve_vehicle("twin-boom")
+    held = vehicle.with_numbers({"Cnrudder": {"free": False}, "Clrudder": {"free": False}})
+    needs = {need.subject for need in uses(held)[0].needs}
+    assert "control effectiveness in roll" in needs
+    assert "control effectiveness in pitch" in needs
+    assert "control effectiveness in yaw" not in needs
+
+
 def test_needs_of_a_multirotor() -> None:
     control, _, performance = uses(resolve_vehicle("quad-x"))
     assert control.needs
