@@ -154,7 +154,7 @@ def _require_flight(vehicle: Vehicle, windows: Sequence[Window], pieces: Sequenc
                 "or lag; log the gyroscope, or name its columns in the mapping file ([variables] p = ..., see stoop map)"
             )
         off = _off(vehicle, piece)
-        if off.mean() > LIMITS.ground_share:
+        if off.mean() > LIMITS.ground_share and not any(vehicle.terms.values()):  # nothing else carries it
             raise IdentificationError(
                 f"{windows[piece.maneuver]}: the motors are off in {off.mean():.0%} of it, so it is no flight; choose "
                 "--maneuver START:STOP where they carry the vehicle (stoop maneuvers), and check rotors.idle and rotors.gain "
@@ -202,7 +202,7 @@ def rotor_notices(problem: Misfit) -> list[Notice]:
     for piece in pieces:
         off = _off(vehicle, piece)
         share = float(off.mean())
-        if share > LIMITS.off_share:
+        if share > LIMITS.off_share and not any(vehicle.terms.values()):
             start, stop, t = float(piece.time[0]), float(piece.time[-1]), piece.time[~off]
             span = {"start": start, "stop": stop, "first": float(t[0]), "last": float(t[-1])}
             out.append(notice("motors-off", f"{start:.1f}:{stop:.1f}", share=share, **span))

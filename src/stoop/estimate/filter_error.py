@@ -43,7 +43,7 @@ from stoop.problem.windows import Window
 from stoop.results.result import NoiseCovariance
 from stoop.vehicle import Vehicle
 
-FIRST_STEPS: Final = 60  #: at most, of the first ascents, of which the best goes on
+FIRST_STEPS: Final = 20  #: at most, of the first ascents, of which the best goes on
 MAX_LINEARIZATIONS: Final = 3  #: along the states that the filter finds
 
 

@@ -38,7 +38,7 @@ from stoop.kernels import filtering
 from stoop.optimize import forward_jacobian
 from stoop.optimize.normal_equations import gram
 from stoop.problem import Misfit
-from stoop.simulation.delays import late_inputs, late_outputs
+from stoop.simulation.delays import distinct_inputs, late_inputs, late_outputs
 from stoop.simulation.trajectories import readings_along
 
 STEP: Final = 1e-6
@@ -253,21 +253,18 @@ def run_filter(
 ) -> tuple[FloatArray, FloatArray]:
     """Run the filter of every candidate over one piece; those that differ in a delay have inputs of their own."""
     vehicle, piece = problem.layout.vehicle, problem.pieces[index]
-    inputs = late_inputs(vehicle, piece.inputs, rows, piece.dt)
-    kernel = vehicle.kernel()
-    if inputs.ndim == 2:
+    inputs, which = distinct_inputs(vehicle, piece.inputs, rows, piece.dt)
+
+    def run(own: Any, received: FloatArray) -> tuple[FloatArray, FloatArray]:
         return filtering.innovations(
-            kernel, rows, start, gains.gain, gains.which, inputs, piece.measured, piece.dt, states
-        )
-    _, group = np.unique(inputs.reshape(-1, inputs.shape[2]), axis=1, return_inverse=True)
-    alike = [np.flatnonzero(group.ravel() == g) for g in range(int(group.max()) + 1)]
-    parts = [
-        filtering.innovations(
-            kernel, rows[:, own], start[:, own], gains.gain[:, :, own], gains.which,
-            np.ascontiguousarray(inputs[:, :, own[0]]), piece.measured, piece.dt, states,
-        )
-        for own in alike
-    ]  # fmt: skip
+            vehicle.kernel(), rows[:, own], start[:, own], gains.gain[:, :, own], gains.which, received, piece.measured,
+            piece.dt, states,
+        )  # fmt: skip
+
+    if len(inputs) == 1:
+        return run(slice(None), inputs[0])
+    alike = [np.flatnonzero(which == i) for i in range(len(inputs))]
+    parts = [run(own, received) for own, received in zip(alike, inputs, strict=True)]
     order, (v, x) = np.argsort(np.concatenate(alike)), (list(part) for part in zip(*parts, strict=True))
     return np.concatenate(v)[order], np.concatenate(x)[order] if states else x[0]
 

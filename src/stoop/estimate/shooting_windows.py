@@ -33,7 +33,7 @@ from stoop.problem.observation import (
     true_values,
 )
 from stoop.simulation import initial_states, parameter_rows
-from stoop.simulation.delays import actuator_rows, late_inputs, late_outputs, output_delays
+from stoop.simulation.delays import distinct_inputs, late_outputs, output_delays
 from stoop.simulation.initial import commanded
 from stoop.vehicle import Vehicle
 from stoop.vehicle.schema import WIND
@@ -363,13 +363,8 @@ class Shots:
         going on into the next, and states (n_x, B) at the first sample of the next window (of the last one, at its last).
         """
         vehicle, inputs, dt = self.vehicle, self.piece.inputs, self.piece.dt
-        late, copy = rows[actuator_rows(vehicle)], np.zeros(rows.shape[1], dtype=np.int64)
-        if len(late) and np.ptp(late, axis=1).any():
-            _, at, copy = np.unique(late, axis=1, return_index=True, return_inverse=True)
-            lanes = late_inputs(vehicle, inputs, np.ascontiguousarray(rows[:, at]), dt)
-            record, copy = np.concatenate(list(np.moveaxis(lanes, 2, 0))), copy.ravel()
-        else:
-            record = late_inputs(vehicle, inputs, rows[:, :1], dt)
+        lanes, copy = distinct_inputs(vehicle, inputs, rows, dt)
+        record = lanes.reshape(-1, lanes.shape[2])
         n, edges = len(self.piece.time), np.array(self.edges)
         steps = np.minimum(edges[which + 1], n - 1) - edges[which]
         first, behind = copy * n + edges[which], (copy + 1) * n

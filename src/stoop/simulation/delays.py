@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stoop.base.arrays import FloatArray
+from stoop.base.arrays import FloatArray, IntArray
 from stoop.base.variables import WRAPPED
 from stoop.vehicle import Vehicle
 from stoop.vehicle.vehicle import slope_input
@@ -204,6 +204,16 @@ def late_inputs(vehicle: Vehicle, inputs: FloatArray, rows: FloatArray, dt: floa
             copies = [positions(inputs[:, actuator.column], *one) for one in distinct.T.tolist()]
             out[:, actuator.column] = np.stack(copies, axis=-1)[:, lane.ravel()]
     return with_slopes(vehicle, out, dt)
+
+
+def distinct_inputs(
+    vehicle: Vehicle, inputs: FloatArray, rows: FloatArray, dt: float
+) -> tuple[FloatArray, IntArray]:
+    """Return inputs (k, n, n_u) as different actuators receive them, and which of them each candidate (B,) has."""
+    late = rows[actuator_rows(vehicle)]
+    _, at, which = np.unique(late, axis=1, return_index=True, return_inverse=True)
+    lanes = [late_inputs(vehicle, inputs, rows[:, i : i + 1], dt) for i in (at if len(late) else (0,))]
+    return np.stack(lanes), which.ravel() if len(late) else np.zeros(rows.shape[1], dtype=np.int64)
 
 
 def with_slopes(vehicle: Vehicle, inputs: FloatArray, dt: float) -> FloatArray:

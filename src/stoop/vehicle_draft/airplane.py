@@ -62,15 +62,23 @@ class Airplane(FileText):
         self.environment()
         self._propulsion()
         self.controls_table(self.controls)
-        if self.lift is not None:
-            rotor_tables(self.sheet, self.lift, self.mass, self._hover())
-            body_drag(self.sheet, self.mass, 0.5 * SEA_LEVEL_DENSITY * USUAL.flat * wing.area)
+        self._rotors()
         self._sensors()
         self._aerodynamics()
         return self.sheet.text()
 
-    def _hover(self) -> Steady:
-        return steady_flight(self.seen.flights, wings=False)
+    def _rotors(self) -> None:
+        if self.lift is None:
+            return
+        flight, channels = self.seen.flight, [rotor.channel for rotor in self.lift.rotors]
+        if flight is not None and not any(recorded(flight, channel) for channel in channels):
+            self.sheet.remark(
+                f"Lifting rotors ({', '.join(channels)}) stand still in this log and are left out."
+            )
+            return
+        rotor_tables(self.sheet, self.lift, self.mass, steady_flight(self.seen.flights, wings=False))
+        down = 0.5 * SEA_LEVEL_DENSITY * USUAL.flat * self.geometry.wing.area
+        body_drag(self.sheet, self.mass, down)
 
     def _reference(self) -> None:
         wing, sheet = self.geometry.wing, self.sheet
