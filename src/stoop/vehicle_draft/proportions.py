@@ -325,16 +325,16 @@ def check(geometry: Geometry) -> None:
     for name, surface in (("tail", geometry.tail), ("fin", geometry.fin)):
         if surface is None:
             continue
-        if surface.area > wing.area:
-            raise VehicleError(
-                f"{name}.area: {surface.area:g} m2 is more than the {wing.area:g} m2 of the wing; check both"
-            )
         own = quarter_chord(surface)
         fins_of_wing = name == "fin" and geometry.tail is None
         if own >= (center if fins_of_wing else min(center, aft)):
             raise VehicleError(
                 f"{name}.position: the quarter chord is at x = {own:.3g} m, not behind the center of gravity "
                 f"({center:.3g}) and the wing ({aft:.3g}); x is positive forward, so what is aft is negative"
+            )
+        if surface.area > wing.area:
+            raise VehicleError(
+                f"{name}.area: {surface.area:.3g} m2 is more than the {wing.area:g} m2 of the wing; check both, and its position"
             )
 
 
