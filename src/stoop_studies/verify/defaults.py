@@ -311,14 +311,6 @@ def _compared(flown: Flown, job: Job) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _airspeed_scale(flown: Flown, flight: Flight, span: tuple[float, float]) -> float:
-    """Return by how much the airspeed of a flight is larger than the true one."""
-    used = (flight.time >= span[0]) & (flight.time <= span[1])
-    return float(
-        np.nanmedian(flight.column("V")[used] / np.interp(flight.time[used], flown.time, flown.true["V"]))
-    )
-
-
 # ---------------------------------------------------------------- what is right
 
 
