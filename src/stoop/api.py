@@ -186,7 +186,8 @@ def design(
     SimulationError
         No maneuver stays within the limits.
     """
-    from stoop.input_design import SHAPES, Limits
+    from stoop.input_design.information import Limits
+    from stoop.input_design.inputs import SHAPES
     from stoop.input_design.optimization import Plan, propose
     from stoop.simulation import trim
     from stoop.workflow.design import prior_model

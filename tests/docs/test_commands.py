@@ -88,6 +88,13 @@ def test_links_lead_somewhere(page: Path) -> None:
     assert not [target for target in links(page) if not (page.parent / target).exists()]
 
 
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.relative_to(ROOT).as_posix())
+def test_rows_of_tables_are_as_wide_as_their_heads(page: Path) -> None:
+    """Else a page shows bars and dashes: a bar within a cell begins another cell."""
+    for one in tables(page):
+        assert {len(row) for row in one.rows} == {len(one.head)}, one.head
+
+
 def test_version_is_one() -> None:
     """The package, its citation and its changelog name the same version."""
     version = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["version"]

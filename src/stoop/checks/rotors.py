@@ -12,9 +12,9 @@ from stoop.base.arrays import BoolArray, FloatArray
 from stoop.base.notices import Notice, notice
 from stoop.base.variables import RATES
 from stoop.checks.motors import check_motors
-from stoop.errors import FlightError, IdentificationError
+from stoop.errors import IdentificationError
 from stoop.flight import Flight
-from stoop.flight.airborne import flying, lift_command, motors_ran
+from stoop.flight.airborne import flying, lift_command, require_motors_ran
 from stoop.problem import Misfit, Piece
 from stoop.problem.windows import Window, within
 from stoop.simulation import parameter_rows
@@ -142,17 +142,6 @@ def _lift_differs(vehicle: Vehicle, carried: Mapping[str, Flight]) -> list[Notic
     if not levels or levels[high] - levels[low] <= LIMITS.lift * 0.5 * (levels[high] + levels[low]):
         return []
     return [notice("lift-differs", low, level=levels[low], other=high, other_level=levels[high])]
-
-
-def require_motors_ran(flight: Flight) -> None:
-    """Refuse a flight in which nothing flew: FlightError."""
-    if not motors_ran(flight):
-        command = lift_command(flight)
-        most = 0.0 if command is None else float(np.nanmax(np.append(command, 0.0)))
-        raise FlightError(
-            f"{flight.name}: the motors never ran (their commands reach {100.0 * most:.0f} % at most): nothing flew in this "
-            "log; give a log of a flight, or check the scale of the motor channels in the mapping"
-        )
 
 
 def _require_flight(vehicle: Vehicle, windows: Sequence[Window], pieces: Sequence[Piece]) -> None:

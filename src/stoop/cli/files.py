@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 from stoop.base.files import check_target, write_text_atomic
 from stoop.cli import options
 from stoop.cli.page import busy, page, words
-from stoop.errors import ManeuverError, VehicleError
+from stoop.errors import FlightError, ManeuverError, VehicleError
 
 if TYPE_CHECKING:
     from stoop.vehicle import Vehicle
@@ -127,7 +127,7 @@ def simulate(arguments: argparse.Namespace) -> int:
     from stoop.base.text import nearest
     from stoop.base.variables import VARIABLES
     from stoop.exporters.flight_logs import OWN, check_ending, save_flight_as
-    from stoop.input_design.candidates import STYLES, maneuver_windows
+    from stoop.input_design.windows import find_windows
     from stoop.logs.csv_tables import mapping_beside
     from stoop.simulation.fly import flown_trim, numbers_set, simulate_flight
     from stoop.simulation.maneuver import load_maneuver
@@ -159,13 +159,19 @@ def simulate(arguments: argparse.Namespace) -> int:
     if mapping is not None:
         out.line(f"wrote {mapping}: the mapping of what the autopilot has no place for, or calls otherwise")
     out.bullets(found for found in flight.notices if found.code != "simulated")
-    windows = maneuver_windows(maneuver, STYLES[vehicle.frame])
-    if not windows.fit:
-        out.line(f"no input moves the vehicle: to identify it, add [[input]] tables to {arguments.maneuver}")
+    try:
+        found = find_windows({flight.name: flight})
+    except FlightError as error:
+        if not maneuver.input:
+            out.line(
+                f"no input moves the vehicle: to identify it, add [[input]] tables to {arguments.maneuver}"
+            )
+        else:
+            out.line(str(error))
         out.command("next: ", ["stoop", "info", str(target)])
         return 0
     free = _freed(vehicle, flown)
-    chosen = {"flight": target, "maneuver": windows.fit, "validate": windows.validate, "free": free}
+    chosen = {"flight": target, "free": free} | options.windows_of(found)
     out.command("next: ", options.identify_command(arguments, f"{target.stem}-result", **chosen))
     return 0
 

@@ -6,6 +6,7 @@ import argparse
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
+from itertools import groupby
 from typing import TYPE_CHECKING, Any
 
 from stoop.cli import options
@@ -14,7 +15,7 @@ from stoop.errors import FlightError
 
 if TYPE_CHECKING:
     from stoop.flight import FlightSummary
-    from stoop.input_design.windows import Found, Proposed
+    from stoop.input_design.windows import Found
 
 MAX_STREAMS, MAX_NAMES = 12, 24  #: lines and names shown of what is not mapped; JSON holds all
 
@@ -29,7 +30,6 @@ def run(arguments: argparse.Namespace) -> int:
     """Read, describe, print."""
     from stoop.flight import describe, load, without_faults
     from stoop.input_design.windows import Found, find_windows
-    from stoop.report.design import use_of
 
     with busy("reading the log"):
         summary = describe(load(arguments.flight, arguments.mapping))
@@ -78,21 +78,18 @@ def run(arguments: argparse.Namespace) -> int:
     out.heading("Candidate maneuvers")
     if found.windows:
         known = [w.maneuver for w in found.windows]
-        times = [f"{m.strength:.1f}" if m and m.strength < 100.0 else ">100" if m else "" for m in known]
         out.table(
-            words("window s", map(_window, found.windows)),
-            words("use", map(use_of, found.windows)),
+            words("window s", [w.span for w in found.windows]),
+            words("use", [w.purpose for w in found.windows]),
             words("axis", [w.axis for w in found.windows]),
             words("by", [m.variable if m else "" for m in known]),
             numbers("amplitude", [m.amplitude if m else math.nan for m in known]),
             points("swings", [f"{m.swings}" if m else "" for m in known]),
-            points("times usual", times),
+            points("times usual", [f"{m.strength:.1f}" if m else "" for m in known]),
             words("recorded", [_percent(m.whole) if m else "" for m in known]),
         )
         out.line()
-        uses = {"maneuver": "fit", "validate": "predict"}
-        windows = {k: [_window(w) for w in found.windows if use_of(w) == use] for k, use in uses.items()}
-        out.command("next: ", options.identify_command(arguments, "result", **windows))
+        out.command("next: ", options.identify_command(arguments, "result", **options.windows_of(found)))
         source = options.source_arguments([arguments.flight], arguments.mapping)
         informed = ["stoop", "maneuvers", *source, "--vehicle", "V.toml", "-o", "windows"]
         out.command("or, chosen by their information: ", informed)
@@ -130,9 +127,10 @@ def info_document(summary: FlightSummary, found: Found) -> dict[str, Any]:
 
 
 def unmapped_lines(unmapped: Mapping[str, Sequence[str]]) -> list[str]:
-    """Say which columns no mapping names, and which streams were not looked into; long lists are cut."""
+    """Return which columns no mapping names, and which streams were not looked into; long lists are cut."""
 
     def some(names: Sequence[str]) -> str:
+        names = _as_arrays(names)
         more = f" and {len(names) - MAX_NAMES} more" if len(names) > MAX_NAMES else ""
         return " ".join(names[:MAX_NAMES]) + more
 
@@ -143,10 +141,19 @@ def unmapped_lines(unmapped: Mapping[str, Sequence[str]]) -> list[str]:
     return lines + ([f"not read: {some(whole)}"] if whole else [])
 
 
+def _as_arrays(names: Sequence[str]) -> list[str]:
+    """Write elements of an array that follow one another, a[0] a[1] a[2], as a[0..2]."""
+
+    def run(numbered: tuple[int, str]) -> tuple[str, int]:
+        array, _, index = numbered[1].removesuffix("]").rpartition("[")
+        return (array, int(index) - numbered[0]) if array and index.isdecimal() else numbered[::-1]
+
+    out = []
+    for _, group in groupby(enumerate(names), run):
+        (_, first), *rest = group
+        out.append(f"{first[:-1]}..{rest[-1][1].rpartition('[')[2]}" if rest else first)
+    return out
+
+
 def _percent(share: float) -> str:
     return f"{100.0 * share:5.1f} %" if share > 0.0 else ""
-
-
-def _window(window: Proposed) -> str:
-    """Return START:STOP as `stoop identify --maneuver` takes it."""
-    return f"{window.start:.1f}:{window.stop:.1f}"

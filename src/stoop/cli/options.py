@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Final
 from stoop.errors import FlightError, IdentificationError
 
 if TYPE_CHECKING:
+    from stoop.input_design.windows import Found
     from stoop.vehicle import Vehicle
 
 COMPILING: Final = "preparing the equations (some seconds the first time)"
@@ -167,6 +168,12 @@ def identify_command(arguments: argparse.Namespace, output: str | Path, **change
     for option in ("free", "fix"):
         command += [word for name in given.get(option) or () for word in (f"--{option}", name)]
     return [*command, "-o", str(output)]
+
+
+def windows_of(found: Found) -> dict[str, list[str]]:
+    """Return the proposed windows of one flight as the options of `stoop identify`."""
+    uses = {"maneuver": "fit", "validate": "predict"}
+    return {option: [w.span for w in found.windows if w.purpose == use] for option, use in uses.items()}
 
 
 def with_free(vehicle: Vehicle, free: Sequence[str], fix: Sequence[str]) -> Vehicle:

@@ -36,7 +36,7 @@ def maneuvers(arguments: argparse.Namespace) -> int:
     from stoop.flight import load, without_faults
     from stoop.input_design.windows import doubts, find_windows
     from stoop.problem.windows import NAME
-    from stoop.report.design import QUICK_FIT, percent, span_of, use_of
+    from stoop.report.design import QUICK_FIT, percent, span_of
     from stoop.vehicle.assumptions import with_assumptions
     from stoop.vehicle.builtin import resolve_vehicle
     from stoop.workflow.design import WINDOW_FILES, write_windows
@@ -68,7 +68,7 @@ def maneuvers(arguments: argparse.Namespace) -> int:
     out.table(
         fixed("", range(1, len(proposed) + 1), 0),
         words("window s", [span_of(w, found) for w in proposed]),
-        words("use", map(use_of, proposed)),
+        words("use", (w.purpose for w in proposed)),
         words("axis", [w.axis for w in proposed]),
         fixed("information", [w.information for w in proposed], 2),
         points("gain", [f"{w.gain:.2f}" if w.gain else "-" for w in proposed]),
@@ -122,7 +122,7 @@ def design(arguments: argparse.Namespace) -> int:
     """Design a maneuver, write it, and print the expected standard errors."""
     import numpy as np
 
-    from stoop.input_design import Limits
+    from stoop.input_design.information import Limits
     from stoop.input_design.optimization import Plan, propose
     from stoop.simulation import trim
     from stoop.workflow.design import DESIGN_FILES, prior_model, write_proposal

@@ -14,6 +14,7 @@ import numpy as np
 from stoop.base.arrays import BoolArray, FloatArray, run_slices
 from stoop.base.units import STANDARD_GRAVITY
 from stoop.base.variables import MOTORS, OUTPUT_PINS, ROTORS, SPECIFIC_FORCE, VELOCITY
+from stoop.errors import FlightError
 from stoop.flight.flight import Flight
 
 
@@ -154,6 +155,17 @@ def motors_ran(flight: Flight) -> bool:
         still = all(not _moving(flight, kind, size) for kind, size, *_ in ROTOR_KINDS[:2])
         return not still or max(map(len, known)) < FLYING.rotors
     return float(np.nanmax(np.append(command, 0.0))) > FLYING.command
+
+
+def require_motors_ran(flight: Flight) -> None:
+    """Refuse a flight in which nothing flew: FlightError."""
+    if not motors_ran(flight):
+        command = lift_command(flight)
+        most = 0.0 if command is None else float(np.nanmax(np.append(command, 0.0)))
+        raise FlightError(
+            f"{flight.name}: the motors never ran (their commands reach {100.0 * most:.0f} % at most): nothing flew in this "
+            "log; give a log of a flight, or check the scale of the motor channels in the mapping"
+        )
 
 
 def _may_be_motor(flight: Flight, output: int) -> bool:

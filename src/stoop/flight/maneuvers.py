@@ -52,7 +52,7 @@ class Limits:
     explained: float = 0.05  #: share of an acceleration's variance that its commands must explain
     window: float = 2.0  #: s over which the activity of a control is taken
     ratio: float = 4.0  #: of activity over the median of the flight
-    share: float = 0.25  #: of the strongest activity of this control
+    min_usual: float = 0.02  #: of the largest activity or excursion: the least usual size of a signal
     pause: float = 1.5  #: s between two bursts that make one maneuver
     lead: float = 0.5  #: s of calm kept before
     tail: float = 1.0  #: s of response kept after
@@ -282,12 +282,14 @@ def find_maneuvers(flight: Flight) -> list[Maneuver]:
 
 
 def apart(found: Sequence[Maneuver]) -> list[Maneuver]:
-    """Return maneuvers in order of time, cut in the middle where the calm end of one is the beginning of the next."""
+    """Return maneuvers in order of time that share no samples: the weaker of two is cut, but not into its input."""
     out = list(found)
     for i, (one, following) in enumerate(pairwise(found)):
         if following.start < one.stop:
-            middle = round(0.5 * (following.start + one.stop), 2)
-            out[i : i + 2] = [replace(out[i], stop=middle), replace(following, start=middle)]
+            first, last = following.start, one.stop
+            yields = one.strength < following.strength
+            cut = max(first, last - LIMITS.tail) if yields else min(last, first + LIMITS.lead)
+            out[i : i + 2] = [replace(out[i], stop=cut), replace(following, start=cut)]
     return out
 
 
@@ -305,8 +307,8 @@ def _bursts(flight: Flight, command: Command, up: BoolArray) -> Iterator[Maneuve
     in_flight = activity[up & np.isfinite(activity)]
     if not in_flight.size or in_flight.max() == 0.0:
         return
-    usual = float(np.median(in_flight))
-    threshold = max(LIMITS.ratio * usual, LIMITS.share * float(in_flight.max()))
+    usual = max(float(np.median(in_flight)), LIMITS.min_usual * float(in_flight.max()))
+    threshold = LIMITS.ratio * usual
     bursts: list[slice] = []
     active = np.nan_to_num(activity)
     for run in run_slices(up & (active > LIMITS.edge * threshold) & np.isfinite(u)):
@@ -336,6 +338,6 @@ def _bursts(flight: Flight, command: Command, up: BoolArray) -> Iterator[Maneuve
         stop = np.floor(min(float(t[moving[-1]]) + LIMITS.tail, last) * 10.0 + 1.0) / 10.0
         inside = (flight.time >= start) & (flight.time <= stop)
         whole = float(np.mean(np.isfinite(u[inside])))
-        strength = float(np.nanmax(activity[run])) / max(usual, 1e-3 * threshold)
+        strength = float(np.nanmax(activity[run])) / usual
         begin = float(max(start, first)) + 0.0  # no -0.0
         yield Maneuver(command.axis, command.variable, begin, float(stop), amplitude, swings, strength, whole)

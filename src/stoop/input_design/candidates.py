@@ -1,18 +1,16 @@
-"""Windows of a flight that could be fitted, what is excited in them, and windows of a planned maneuver."""
+"""Windows of a flight that could be fitted, and what is excited in them."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from stoop.base.arrays import BoolArray, FloatArray, run_slices
 from stoop.base.variables import RATES
-from stoop.estimate.shooting_windows import WINDOW_LENGTH
 from stoop.flight import Flight, Maneuver, find_maneuvers
 from stoop.flight.airborne import flying
 from stoop.flight.maneuvers import LIMITS as COMMANDS
@@ -25,11 +23,10 @@ from stoop.flight.maneuvers import (
     usual_deviation,
     without_feedback,
 )
-from stoop.problem import Piece
-from stoop.problem.observation import guess_start, state_channels
-from stoop.simulation.maneuver import Maneuver as PlannedManeuver
-from stoop.vehicle import Vehicle
-from stoop.vehicle.vehicle import AIR_FRAME, GROUND_FRAME
+
+if TYPE_CHECKING:
+    from stoop.problem.windows import Window
+    from stoop.vehicle import Vehicle
 
 LENGTHS: Final = (4.0, 8.0)  #: s, of windows that are tried all along the flight
 
@@ -39,17 +36,13 @@ class CandidateLimits:
     """Lengths and thresholds of the windows that are tried."""
 
     stride: float = 2.0  #: s from one such window to the next
-    shortest: float = 2.0  #: s
+    shortest: float = COMMANDS.lead + COMMANDS.tail  #: s, those of a maneuver about its input
     min_usable: float = 0.6  #: share of a window; pieces between holes are fitted separately
     limit_margin: float = 0.002  #: of its range, within which a command is at its limit
     min_saturated: int = 5  #: samples in a row at the limit
     max_levels: int = 20  #: different values of a switch, which has no limits
     min_motion: float = 0.05  #: of the strongest signal; weaker ones do not count for the condition number
-    min_usual: float = 0.02  #: of the largest excursion: the least usual size of a signal
     min_excitation: float = 2.0  #: times the usual; a command that moves less is none
-    before: float = 1.0  #: s of the steady flight before an input
-    min_stretches: int = 3  #: of which one can be left for validation
-    max_gap: float = 5.0  #: s of rest between two stretches that are fitted as one window
 
 
 LIMITS: Final = CandidateLimits()
@@ -71,6 +64,13 @@ class Candidate:
     def seconds(self) -> float:
         """Length."""
         return self.stop - self.start
+
+    @property
+    def window(self) -> Window:
+        """The same as a window to fit."""
+        from stoop.problem.windows import Window
+
+        return Window(self.flight, self.start, self.stop)
 
     def meets(self, other: Candidate) -> bool:
         """Whether they share samples."""
@@ -197,7 +197,7 @@ class Excitation:
         for column in x.T:  # where a signal usually rests, a share of its largest excursion
             seen = column[up & np.isfinite(column)]
             largest = float(np.max(np.abs(seen))) if seen.size else 0.0
-            sizes.append(max(usual_deviation(column, up), LIMITS.min_usual * largest) or 1.0)
+            sizes.append(max(usual_deviation(column, up), COMMANDS.min_usual * largest) or 1.0)
         x = x / np.array(sizes)
         return cls(names, (*by_command, *rates), x, without_feedback(flight, x[:, : len(by_command)]))
 
@@ -224,7 +224,12 @@ class Excitation:
         return {a: size for a, size in sizes.items() if a in real and size > LIMITS.min_excitation}
 
     def moves(self, flight: Flight) -> bool:
-        """Tell whether feedback leaves a good part of the command about an axis, which explains the angular acceleration."""
+        """Tell whether feedback leaves a good part of the command about an axis, which explains the angular acceleration.
+
+        Combinations of outputs are made by such a regression: that they explain an acceleration proves nothing.
+        """
+        if not any(command.variable in flight.data for command in commands(flight)):
+            return False
         count, out = self.own.shape[1], False
         rates = self.values[:, count:]
         changes = np.gradient(rates, axis=0)
@@ -251,76 +256,3 @@ class Excitation:
             return float("inf")
         values = np.linalg.svd(rows[:, moved] / size[moved], compute_uv=False)
         return float((values[0] / max(values[-1], 1e-12)) ** 2)
-
-
-@dataclass(frozen=True)
-class ManeuverWindows:
-    """Windows of a flight, as the command line takes them; empty where nothing moves."""
-
-    fit: tuple[str, ...] = ()
-    validate: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True)
-class FitStyle:
-    """How flights of a kind of vehicle are fitted.
-
-    ``rest`` is how long after an input the response is fitted, s; ``cut`` gives the pieces that each begin anew.
-    """
-
-    rest: float
-    cut: Callable[[Vehicle, Piece], list[Piece]]
-
-
-def _short_pieces(vehicle: Vehicle, piece: Piece) -> list[Piece]:
-    """Cut a piece into windows of about a second, of those that begin where the state was measured."""
-    out, count = [], max(1, round((piece.time[-1] - piece.time[0]) / WINDOW_LENGTH))
-    for a, b in pairwise(np.linspace(0, len(piece.time), count + 1).astype(int)):
-        columns = dict(zip(vehicle.outputs, piece.measured[a:b].T, strict=True))
-        readings = {c: columns[c] for c in state_channels(vehicle) if c in columns}
-        start, missing = guess_start(vehicle, piece.time[a:b], readings, "")
-        if not missing:
-            out.append(piece.part(a, b, {**start, "h": piece.start.get("h", 0.0)}))
-    return out
-
-
-STYLES: Final = {
-    AIR_FRAME: FitStyle(
-        20.0, lambda _, piece: [piece]
-    ),  # from one start, with the phugoid after the last input
-    GROUND_FRAME: FitStyle(WINDOW_LENGTH, _short_pieces),  # unstable: by short windows that restart
-}
-
-
-def maneuver_windows(maneuver: PlannedManeuver, style: FitStyle) -> ManeuverWindows:
-    """Return the stretches of a simulated flight in which controls move, from its maneuver file.
-
-    The shortest one whose controls move elsewhere too is for validation: by short windows that restart, one input less
-    costs little. Stretches near each other are one window, with one wind and one set of biases.
-    """
-    moves = np.array([signal != 0.0 for signal in maneuver.deflections().values()])
-    if not moves.any():
-        return ManeuverWindows()
-    rate, time, moving = maneuver.rate, maneuver.time, np.any(moves, axis=0)
-    inside = np.zeros(moving.size, dtype=bool)
-    for run in run_slices(moving):
-        inside[max(run.start - round(LIMITS.before * rate), 0) : run.stop + round(style.rest * rate)] = True
-    found, held_out = run_slices(inside), None
-    if len(found) >= LIMITS.min_stretches:
-        moved = np.array([moves[:, one].any(axis=1) for one in found])
-        spare = [i for i in range(len(found)) if (moved[i] <= np.delete(moved, i, axis=0).any(axis=0)).all()]
-        held_out = min(spare, key=lambda i: found[i].stop - found[i].start, default=None)
-    kept: list[slice] = []
-    for i, one in enumerate(found):
-        near = kept and held_out != i - 1 and one.start - kept[-1].stop <= round(LIMITS.max_gap * rate)
-        if i != held_out and near:
-            kept[-1] = slice(kept[-1].start, one.stop)
-        elif i != held_out:
-            kept.append(one)
-
-    def text(one: slice) -> str:
-        start, stop = time[one.start], time[min(one.stop, time.size - 1)]
-        return f"{round(float(start), 2):g}:{round(float(stop), 2):g}"
-
-    validate = () if held_out is None else (text(found[held_out]),)
-    return ManeuverWindows(tuple(map(text, kept)), validate)

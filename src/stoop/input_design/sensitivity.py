@@ -9,7 +9,7 @@ A vehicle with rotors is unstable: its windows are cut into short ones that each
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -20,13 +20,15 @@ import numpy as np
 from stoop.base.arrays import FloatArray
 from stoop.errors import FlightError, IdentificationError
 from stoop.estimate.noise import correlation_times
+from stoop.estimate.shooting_windows import WINDOW_LENGTH
 from stoop.flight import Flight
-from stoop.input_design.candidates import STYLES, Candidate
+from stoop.input_design.candidates import Candidate
 from stoop.input_design.information import BOX_INFORMATION, sensor_noise
-from stoop.problem import Layout, Misfit, Weights
+from stoop.problem import Layout, Misfit, Piece, Weights
+from stoop.problem.observation import guess_start, state_channels
 from stoop.problem.prepare import Prepared, nuisances, prepare, without_stuck_channels
-from stoop.problem.windows import Window
 from stoop.vehicle import Vehicle
+from stoop.vehicle.vehicle import AIR_FRAME, GROUND_FRAME, Frame
 
 NOISE_WINDOWS: Final = 8  #: from which the noise is estimated
 NOISE_ROUNDS: Final = 2  #: of linear step and noise
@@ -49,15 +51,33 @@ class CandidateProblem:
         return Misfit(layout, pieces, weights, (tuple(len(p.time) for p in pieces),))
 
 
+def _short_pieces(vehicle: Vehicle, piece: Piece) -> list[Piece]:
+    """Cut a piece into windows of about a second, of those that begin where the state was measured."""
+    out, count = [], max(1, round((piece.time[-1] - piece.time[0]) / WINDOW_LENGTH))
+    for a, b in pairwise(np.linspace(0, len(piece.time), count + 1).astype(int)):
+        columns = dict(zip(vehicle.outputs, piece.measured[a:b].T, strict=True))
+        readings = {c: columns[c] for c in state_channels(vehicle) if c in columns}
+        start, missing = guess_start(vehicle, piece.time[a:b], readings, "")
+        if not missing:
+            out.append(piece.part(a, b, {**start, "h": piece.start.get("h", 0.0)}))
+    return out
+
+
+#: what hovers is unstable: by short pieces that each begin anew
+PIECES: Final[Mapping[Frame, Callable[[Vehicle, Piece], list[Piece]]]] = {
+    AIR_FRAME: lambda _, piece: [piece],
+    GROUND_FRAME: _short_pieces,
+}
+
+
 def candidate_problem(vehicle: Vehicle, flight: Flight, one: Candidate) -> CandidateProblem | None:
     """Prepare a candidate as for a fit; None where the vehicle's state or its inputs were not measured."""
-    window = Window(one.flight, one.start, one.stop)
     try:
-        prepared = prepare(vehicle, {flight.name: flight}, [window])
+        prepared = prepare(vehicle, {flight.name: flight}, [one.window])
     except FlightError:
         return None
-    prepared, style = without_stuck_channels(vehicle, prepared), STYLES[vehicle.frame]
-    cut = [parts for piece in prepared.pieces if (parts := style.cut(vehicle, piece))]
+    prepared = without_stuck_channels(vehicle, prepared)
+    cut = [parts for piece in prepared.pieces if (parts := PIECES[vehicle.frame](vehicle, piece))]
     if not cut:
         return None
     pieces = tuple(p for parts in cut for p in parts)

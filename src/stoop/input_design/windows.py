@@ -10,30 +10,23 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Final, Literal
+from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
 
 from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice, notice
 from stoop.base.variables import RATES
-from stoop.checks.rotors import KINDS, require_motors_ran
-from stoop.checks.vehicle import check_vehicle, require_channels
 from stoop.errors import FlightError
 from stoop.flight import Flight, Maneuver
-from stoop.flight.airborne import flying
+from stoop.flight.airborne import flying, require_motors_ran
 from stoop.flight.maneuvers import Axis, commands, output_families
 from stoop.input_design.candidates import Candidate, Excitation, candidates, with_motors
-from stoop.input_design.information import BOX_INFORMATION
-from stoop.input_design.quick_fit import QuickFit, quick_fit
-from stoop.input_design.sensitivity import (
-    CandidateProblem,
-    VehicleInformation,
-    candidate_problem,
-    linearization_point,
-)
-from stoop.problem.windows import Window, whole
-from stoop.vehicle import Vehicle
+
+if TYPE_CHECKING:  # fits are imported where a vehicle is given: without one nothing is fitted
+    from stoop.input_design.quick_fit import QuickFit
+    from stoop.input_design.sensitivity import CandidateProblem, VehicleInformation
+    from stoop.vehicle import Vehicle
 
 
 @dataclass(frozen=True)
@@ -51,7 +44,6 @@ class SelectionLimits:
     #: maneuvers disagree about (gusts), too: intervals of four windows are too narrow where those of six hold
     further: float = 0.1
     validation_worth: float = 0.5  #: of the fitted windows' gain, at which a window that is left is held out
-    usual_span: float = 30.0  #: s of flight, from which on what is usual shows
     max_candidates: int = 100  #: of a flight, the most excited ones
     sharper: float = 0.8  #: ratio of standard errors, below which a parameter is named as a reason
     max_named: int = 3
@@ -220,6 +212,16 @@ class Proposed:
     use: Use
     maneuver: Maneuver | None = None
 
+    @property
+    def span(self) -> str:
+        """START:STOP, as the command line takes it."""
+        return f"{self.start:.1f}:{self.stop:.1f}"
+
+    @property
+    def purpose(self) -> Literal["fit", "predict", "not used"]:
+        """What it is proposed for."""
+        return "not used" if not self.accept else "fit" if self.use == "fit" else "predict"
+
 
 @dataclass(frozen=True)
 class Expected:
@@ -253,6 +255,9 @@ class Found:
 
 def doubts(flights: Mapping[str, Flight], vehicle: Vehicle) -> list[Notice]:
     """Return why a flight is hardly of this vehicle; a FlightError where it lacks an input of it."""
+    from stoop.checks.vehicle import check_vehicle
+    from stoop.problem.windows import whole
+
     for flight in flights.values():
         _check_inputs(flight, vehicle)
     return check_vehicle(vehicle, {n: with_motors(f, vehicle) for n, f in flights.items()}, whole(flights))
@@ -284,11 +289,14 @@ def find_windows(
     if not found:
         raise _nothing_found(flights, vehicle, unmeasured=not excitations)
     choose = partial(_by_excitation, flights, excitations)
-    model, fitted, notices = None, QuickFit(), list[Notice]()
+    model, expected, notices = None, list[Expected](), list[Notice]()
     if vehicle is None:
         information = choose(found)
         selection = select(found, information)
     else:
+        from stoop.input_design.quick_fit import quick_fit
+        from stoop.input_design.sensitivity import candidate_problem
+
         problems = [
             (c, p) for c in found if (p := candidate_problem(vehicle, flights[c.flight], c)) is not None
         ]
@@ -297,26 +305,22 @@ def find_windows(
         usable = [c for c, _ in problems]
         first = _first_windows(usable, choose(usable) if excitations else None)
         tell("first fit of the windows that stand out")
-        fitted = quick_fit(vehicle, flights, [_window(c) for c in first])
+        fitted = quick_fit(vehicle, flights, [c.window for c in first])
         found, information, model = _about_vehicle(vehicle, flights, problems, fitted, tell)
         selection = select(found, information)
         chosen = [found[i] for i in selection.fitted]
         if {(c.flight, c.start, c.stop) for c in chosen} != {(c.flight, c.start, c.stop) for c in first}:
             tell("fit of the proposed windows")
-            fitted = quick_fit(vehicle, flights, [_window(c) for c in chosen])
+            fitted = quick_fit(vehicle, flights, [c.window for c in chosen])
+        expected = [Expected(name, value, fitted.errors[name]) for name, value in fitted.values.items()]
         if fitted.failure:
             notices.append(notice("windows-not-fitted", reason=fitted.failure))
     if not selection.fitted:
         raise _nothing_found(flights, vehicle, unmeasured=True)
     report = _Report(flights, excitations, found, information, model)
-    expected = tuple(Expected(name, value, fitted.errors[name]) for name, value in fitted.values.items())
     if not selection.held_out:
         notices.append(notice("no-validation-window"))
-    return Found(tuple(report.windows(selection)), expected, tuple(notices))
-
-
-def _window(one: Candidate) -> Window:
-    return Window(one.flight, one.start, one.stop)
+    return Found(tuple(report.windows(selection)), tuple(expected), tuple(notices))
 
 
 def _by_excitation(
@@ -342,8 +346,8 @@ def _first_windows(found: Sequence[Candidate], information: CandidateInformation
 def _candidates(flight: Flight, vehicle: Vehicle | None, excitation: Excitation | None) -> list[Candidate]:
     """Return the maneuvers of a flight, the most excited first, and at most `LIMITS.max_candidates`.
 
-    A flight without commands (or rates) has windows all along, and so has one too short to show what is usual, whose commands
-    move it.
+    A flight without commands (or rates) has windows all along, and so has one in which no command stands out, as all are busy
+    throughout and move the vehicle.
     """
     if vehicle is not None:
         channels = list(vehicle.recorded)
@@ -354,8 +358,7 @@ def _candidates(flight: Flight, vehicle: Vehicle | None, excitation: Excitation 
     if excitation is None:
         return found[:: max(1, len(found) // LIMITS.max_candidates)]
     maneuvers = [c for c in found if c.maneuver is not None]
-    short = flying(flight).sum() < LIMITS.usual_span * flight.rate
-    found = maneuvers or (found if short and excitation.moves(flight) else [])
+    found = maneuvers or (found if excitation.moves(flight) else [])
     if not found:
         return []
     information = excitation_information({flight.name: flight}, {flight.name: excitation}, found)
@@ -371,6 +374,9 @@ def _about_vehicle(
     tell: Callable[[str], None],
 ) -> tuple[list[Candidate], CandidateInformation, VehicleInformation]:
     """Return the candidates that can be simulated, and their information about the vehicle's free numbers."""
+    from stoop.input_design.information import BOX_INFORMATION
+    from stoop.input_design.sensitivity import linearization_point
+
     disjoint: list[tuple[Candidate, CandidateProblem]] = []
     for one in problems:
         if not any(one[0].meets(other) for other, _ in disjoint):
@@ -433,7 +439,7 @@ class _Report:
 
     def _excited(self, index: int) -> str:
         axes = self.axes(index).items()
-        parts = [f"{a} command {f'{x:.1f}' if x < 100.0 else 'over 100'}" for a, x in axes]
+        parts = [f"{a} command {x:.1f}" for a, x in axes]
         return f"{', '.join(parts)} times the usual" if parts else "no command stands out"
 
     def _why(self, index: int, base: FloatArray) -> str:
@@ -454,15 +460,20 @@ def _check_inputs(flight: Flight, vehicle: Vehicle | None) -> None:
     """Refuse a flight that lacks an input of the vehicle's equations; without a vehicle, rates or commands of any kind."""
     missing = [r for r in RATES if r not in flight.data or not np.isfinite(flight.column(r)).any()]
     if vehicle is not None:
+        from stoop.checks.rotors import KINDS
+        from stoop.checks.vehicle import require_channels
+
         require_channels(vehicle, flight)
-    elif missing:
+        for require in KINDS[vehicle.frame].flight:
+            require(flight)
+        return
+    if missing:
         raise FlightError(
             f"{flight.name}: {', '.join(missing)} {'was' if len(missing) == 1 else 'were'} not recorded, and without "
             "body rates no maneuver shows; log the gyros, or name their columns in a mapping ([variables] p, q, r)"
         )
-    for require in (require_motors_ran,) if vehicle is None else KINDS[vehicle.frame].flight:
-        require(flight)
-    if vehicle is None and not commands(flight):
+    require_motors_ran(flight)
+    if not commands(flight):
         raise FlightError(
             f"{flight.name}: no command was recorded that moves (surfaces, control_roll/pitch/yaw, motor_n, servo_n, "
             "pwm_n); log them, or name their columns in a mapping (stoop map drafts one)"

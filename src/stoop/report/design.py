@@ -144,7 +144,7 @@ def windows_sheet(
     ]
     rows = tuple(
         (
-            str(i), span_of(w, found), use_of(w), w.axis, f"{w.information:.2f}", f"{w.gain:.2f}" if w.gain else NOTHING,
+            str(i), span_of(w, found), w.purpose, w.axis, f"{w.information:.2f}", f"{w.gain:.2f}" if w.gain else NOTHING,
             str(w.why),
         )
         for i, w in enumerate(found.windows, 1)
@@ -167,15 +167,10 @@ def windows_sheet(
     return Sheet("Windows worth fitting", lead, tuple(sections))
 
 
-def use_of(window: Proposed) -> str:
-    """Return the proposed use of a window."""
-    return "not used" if not window.accept else "fit" if window.use == "fit" else "predict"
-
-
 def span_of(window: Proposed, found: Found) -> str:
     """Return start and stop of a window, s, and its flight where there are several."""
     several = len({w.flight for w in found.windows}) > 1
-    return f"{window.flight}@" * several + f"{window.start:.1f}:{window.stop:.1f}"
+    return f"{window.flight}@" * several + window.span
 
 
 def percent(share: float) -> str:
@@ -188,7 +183,7 @@ def _flight_figure(found: Found, flight: Flight) -> Figure:
     """Draw commands, rates, speed and information over the whole flight, with the windows as shades."""
     own = [(i, w) for i, w in enumerate(found.windows, 1) if w.flight == flight.name]
     proposed = ", ".join(f"{w.start:g} to {w.stop:g} s" for _, w in own if w.accept)
-    shades = [Shade(w.start, w.stop, str(i), KINDS[use_of(w)]) for i, w in own]
+    shades = [Shade(w.start, w.stop, str(i), KINDS[w.purpose]) for i, w in own]
     description = f"Commands, rates and speed of the whole flight; proposed windows: {proposed}"
     strips = []
     for command in commands(flight):

@@ -15,8 +15,7 @@ from stoop.base.csv_text import csv_text
 from stoop.base.files import check_targets, make_folder, write_text_atomic
 from stoop.base.numbers import finite_or_none
 from stoop.flight import Flight
-from stoop.input_design import Knowledge
-from stoop.input_design.information import sensor_noise
+from stoop.input_design.information import Knowledge, sensor_noise
 from stoop.input_design.optimization import PriorModel, Proposal
 from stoop.input_design.windows import Found
 from stoop.problem.windows import NAME, Entry, written

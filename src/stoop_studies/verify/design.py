@@ -12,9 +12,8 @@ import pandas as pd
 
 from stoop.base.arrays import FloatArray
 from stoop.estimate.fit import Options, fit
-from stoop.input_design import Knowledge, Limits, Setup, design
-from stoop.input_design.information import sensor_noise
-from stoop.input_design.optimization import Plan, mean_ratio, textbook_maneuver
+from stoop.input_design.information import Knowledge, Limits, Setup, sensor_noise
+from stoop.input_design.optimization import Plan, design, mean_ratio, textbook_maneuver
 from stoop.problem.windows import Window
 from stoop.report.plots import Series, Strip, plot, stacked_plots
 from stoop.report.sheet import Figure, Prose, Section

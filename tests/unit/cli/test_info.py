@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from stoop.cli.info import unmapped_lines
 from stoop.cli.main import main, parser_for
 from stoop.flight import VARIABLES, Maneuver, from_columns, save
 from stoop.flight.maneuvers import apart
@@ -100,12 +101,21 @@ def test_real_flight(shared_data: Path, capsys: pytest.CaptureFixture[str]) -> N
     assert json.loads(capsys.readouterr().out)["air"]["wind_e"] < -2.0
 
 
+def test_elements_of_an_array_are_one_name() -> None:
+    """A topic of PX4 such as debug_array has 58 columns; those that were mapped break the run."""
+    names = ["id", *(f"data[{i}]" for i in (*range(2, 8), 9, *range(11, 58))), "name[0]", "a[b]", "[1]"]
+    assert unmapped_lines({"debug_array": names, "safety": []}) == [
+        "debug_array: id data[2..7] data[9] data[11..57] name[0] a[b] [1]",
+        "not read: safety",
+    ]
+
+
 def test_maneuvers_do_not_overlap() -> None:
-    """The calm end of one maneuver is the beginning of the next: identify takes it once."""
+    """The calm ends of two are taken once: the weaker is cut, but not into its input, 0.5 s after and 1 s before its ends."""
     found = [
-        Maneuver("roll", "aileron", 10.0, 15.0, 0.3, 4, 20.0, 1.0),
+        Maneuver("roll", "aileron", 10.0, 15.0, 0.3, 4, 10.0, 1.0),
         Maneuver("pitch", "elevator", 14.4, 20.0, 0.3, 4, 20.0, 1.0),
-        Maneuver("pitch", "elevator", 19.5, 25.0, 0.3, 4, 20.0, 0.8),
+        Maneuver("pitch", "elevator", 18.7, 25.0, 0.3, 4, 10.0, 0.8),
         Maneuver("yaw", "rudder", 25.0, 30.0, 0.3, 4, 20.0, 0.9),
     ]
-    assert [m.window for m in apart(found)] == ["10:14.7", "14.7:19.75", "19.75:25", "25:30"]
+    assert [m.window for m in apart(found)] == ["10:14.4", "14.4:19.2", "19.2:25", "25:30"]

@@ -64,7 +64,11 @@ def test_tells_what_it_wrote_and_what_to_do_next(
     assert start == "next:"
     parsed = parser_for(words[1:]).parse_args(words[1:])
     assert parsed.flight == [target]
-    assert parsed.maneuver == ["0:20"]
+    assert main(["info", str(target)]) == 0  # one window finder serves all verbs
+    (line,) = (line for line in capsys.readouterr().out.splitlines() if line.startswith("next: "))
+    informed = parser_for(words[1:]).parse_args(shlex.split(line)[2:])
+    assert (parsed.maneuver, parsed.validate) == (informed.maneuver, informed.validate)
+    assert [float(w.split(":")[0]) for w in parsed.maneuver] == pytest.approx([0.5, 9.5], abs=0.11)
 
 
 @pytest.mark.parametrize(
@@ -133,7 +137,7 @@ def test_a_quadrotor_hovers_and_is_to_be_identified(
     assert main(words) == 0
     wrote, after = capsys.readouterr().out.splitlines()
     assert wrote == f"wrote {target}: 60 s at 100 Hz, 24 channels, sensor noise of seed 0"
-    assert "--vehicle quad-x --maneuver 4:58 --validate 0:3.05 -o quad-result" in after
+    assert "--vehicle quad-x --maneuver 0.4:3.1 4.4:7.1 19.5:37.0 --validate 8.4:12.7 -o quad-result" in after
     flight = load(target)
     assert {"vn", "ve", "vd", "pn", "pe", "pd", "motor_1", "motor_4"} <= set(flight.data.data_vars)
 

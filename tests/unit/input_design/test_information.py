@@ -8,8 +8,14 @@ import pytest
 
 from stoop.errors import SimulationError
 from stoop.estimate.fit import Options, estimation_problem
-from stoop.input_design import Knowledge, Limits, Setup
-from stoop.input_design.information import information_errors, marginal, sensor_noise
+from stoop.input_design.information import (
+    Knowledge,
+    Limits,
+    Setup,
+    information_errors,
+    marginal,
+    sensor_noise,
+)
 from stoop.input_design.optimization import Plan, design, mean_ratio, robustness, textbook_maneuver
 from stoop.problem.windows import Window
 from stoop.simulation import trim

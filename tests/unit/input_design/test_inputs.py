@@ -8,8 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stoop.errors import SimulationError
-from stoop.input_design import SHAPES
-from stoop.input_design.inputs import Frame
+from stoop.input_design.inputs import SHAPES, Frame
 from stoop.simulation.maneuver import Maneuver
 
 FRAME = Frame({"elevator": 0.05, "rudder": 0.02}, math.radians(60.0), 12.0, 2.0, 0.1)
