@@ -8,10 +8,14 @@ from pathlib import Path
 import pytest
 
 import stoop
+from docs.by_defaults import PAGE as DRAFTS
+from docs.by_defaults import apart, check_rows, estimate, in_the_units_of, static_thrust
 from docs.pages import DOCS, ROOT, blocks, commands, run_python, table
 from stoop.assessment.uncertainty import agreement
 from stoop.cli.main import main
+from stoop.flight import load
 from stoop.results.result import Result, read_result
+from stoop.vehicle.builtin import resolve_vehicle
 
 PAGE = DOCS / "vtail.md"
 ROUNDING = 0.02  #: other processors round otherwise, and the optimum is flat
@@ -136,3 +140,35 @@ def modes(text: str) -> dict[str, float]:
     """Return the frequencies, rad/s, of a table of modes."""
     lines = text[text.index("Modes") :].split("\n\n")[0].splitlines()[2:]
     return {name: float(rest.split()[0]) for name, _, rest in (line.partition("  ") for line in lines)}
+
+
+def test_by_defaults(result: Result, workplace: Path) -> None:
+    """The table of drafted files: estimates of this page beside those by defaults, and both predictions."""
+    flight = load(workplace / "flight2")
+    drafted = stoop.new_vehicle(
+        flight, template="v-tail", mass=8.5, span=2.32, chord=0.285, area=0.66
+    ).vehicle
+    vehicle = resolve_vehicle(ROOT / "examples" / "vtail.toml")
+    proposed, held = ["146.1:151.5", "161.6:168.3", "188.1:195.3"], ["140.5:144.9"]
+    by_hand, by_defaults = (stoop.fit(v, flight, proposed, held).result for v in (vehicle, drafted))
+    for channel, *cells in table(DRAFTS, "The V-tail", "channel").rows:
+        one, other = (r.maneuvers[-1].channels[channel.split()[0]] for r in (by_hand, by_defaults))
+        found = (one.theil, other.theil, one.baseline_theil)
+        assert found == pytest.approx([float(cell) for cell in cells], abs=ROUNDING), channel
+    assert by_defaults.parameters["mass.inertia.zz"].at_bound, "as the page says"
+    assert {r.verdict.grade for r in (by_hand, by_defaults) if r.verdict} == {"do not use"}
+    common = [n for n in by_defaults.parameters if n in result.parameters and n.startswith("C")]
+    hand = {name: in_the_units_of(drafted, vehicle, result, name) for name in common}
+    own = {name: estimate(by_defaults, name) for name in common}
+    hand["static thrust, N"], own["static thrust, N"] = (
+        static_thrust(r, v) for r, v in ((result, vehicle), (by_defaults, drafted))
+    )
+    lag, both = "controls.elevator.lag", "lag and delay of the elevator, s"
+    hand[both], own[both] = estimate(result, lag), estimate(by_defaults, lag, "controls.elevator.delay")
+    check_rows("The V-tail", hand, own)
+    agree = sum(abs(apart(hand[name], own[name])) < 1.96 for name in hand)
+    text = " ".join(DRAFTS.read_text(encoding="utf-8").split())
+    said = re.search(r"Of the (\d+) numbers that both have, (\d+) lie within 1.96", text)
+    assert said is not None
+    assert len(hand) == int(said[1])
+    assert agree == pytest.approx(int(said[2]), abs=1)
