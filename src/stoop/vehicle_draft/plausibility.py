@@ -43,17 +43,10 @@ def of_wing(geometry: Geometry) -> list[Notice]:
     """Return what is unusual about a wing and its mass."""
     wing, out = geometry.wing, []
     if (ratio := wing.span**2 / wing.area) not in ASPECT:
-        values = {
-            "span": wing.span,
-            "area": wing.area,
-            "ratio": ratio,
-            "low": ASPECT.low,
-            "high": ASPECT.high,
-        }
+        values = {"span": wing.span, "area": wing.area, "ratio": ratio, **vars(ASPECT)}
         out.append(notice("draft-aspect-ratio", "reference.area", **values))
     if (loading := geometry.mass / wing.area) not in WING_LOADING:
-        limits = {"low": WING_LOADING.low, "high": WING_LOADING.high}
-        values = {"mass": geometry.mass, "area": wing.area, "loading": loading, **limits}
+        values = {"mass": geometry.mass, "area": wing.area, "loading": loading, **vars(WING_LOADING)}
         out.append(notice("draft-wing-loading", "mass.mass", **values))
     return out
 
@@ -70,14 +63,7 @@ def of_lift(mass: float, area: float, steady: Steady) -> list[Notice]:
     code, limits = ("draft-lift-unusual", USUAL_LIFT) if lift in LIFT else ("draft-lift", LIFT)
     force = pressure * area / STANDARD_GRAVITY
     masses = {"least": limits.low * force, "most": limits.high * force}
-    values = {
-        "mass": mass,
-        "area": area,
-        "airspeed": speed,
-        "lift": lift,
-        "low": limits.low,
-        "high": limits.high,
-    }
+    values = {"mass": mass, "area": area, "airspeed": speed, "lift": lift, **vars(limits)}
     return [notice(code, "mass.mass", **values, **masses)]
 
 
@@ -163,12 +149,8 @@ def of_flights(channels: Sequence[str], airspeeds: Mapping[str, float], known: E
             out.append(notice("draft-other-inputs", flight.name, channels=lacking))
     known_speeds = {name: v for name, v in airspeeds.items() if math.isfinite(v)}
     if len(known_speeds) > 1:
-        low, high = (
-            min(known_speeds, key=known_speeds.__getitem__),
-            max(known_speeds, key=known_speeds.__getitem__),
-        )
-        if known_speeds[high] > 2.0 * known_speeds[low]:
-            fast, slow = known_speeds[high], known_speeds[low]
+        (slow, low), *_, (fast, high) = sorted((v, name) for name, v in known_speeds.items())
+        if fast > 2.0 * slow:
             out.append(notice("draft-other-speed", high, speed=fast, other=low, slow=slow))
     return out
 
