@@ -121,6 +121,10 @@ def of_controls(controls: Controls, wanted: Sequence[str], known: Evidence) -> l
     lacking = tuple(name for name in wanted if name not in controls.mixers)
     if lacking:
         out.append(notice("draft-no-control", flight.name, controls=lacking))
+    if "rudder" not in wanted and {"control_roll", "control_yaw"} <= flight.names:
+        roll, yaw = (abs(turning(flight, flight.column(f"control_{axis}"), "r")) for axis in ("roll", "yaw"))
+        if yaw > max(roll, STEADY.correlation):  # more than the adverse yaw of what rolls it
+            out.append(notice("draft-rudder", flight.name, correlation=yaw))
     if controls.guessed:
         out.append(notice("draft-mixers-guessed", flight.name, controls=tuple(controls.mixers)))
     for control, mixer in controls.mixers.items():
