@@ -20,7 +20,7 @@ from stoop.base.variables import RATES
 from stoop.errors import FlightError
 from stoop.flight import Flight, Maneuver
 from stoop.flight.airborne import flying, require_motors_ran
-from stoop.flight.maneuvers import Axis, commands, output_families
+from stoop.flight.maneuvers import Axis, commands, moves, output_families
 from stoop.input_design.candidates import Candidate, Excitation, candidates, with_motors
 
 if TYPE_CHECKING:  # fits are imported where a vehicle is given: without one nothing is fitted
@@ -286,8 +286,8 @@ def find_windows(
     flights = {name: with_motors(flight, vehicle) for name, flight in flights.items()}
     excitations = {name: e for name, flight in flights.items() if (e := Excitation.of(flight)) is not None}
     found = [c for f in flights.values() for c in _candidates(f, vehicle, excitations.get(f.name))]
-    if not found:
-        raise _nothing_found(flights, vehicle, unmeasured=not excitations)
+    if not found or not (vehicle is None or excitations or _driven(flights, vehicle)):
+        raise _nothing_found(flights, vehicle, unmeasured=not found and not excitations)
     choose = partial(_by_excitation, flights, excitations)
     model, expected, notices = None, list[Expected](), list[Notice]()
     if vehicle is None:
@@ -321,6 +321,12 @@ def find_windows(
     if not selection.held_out:
         notices.append(notice("no-validation-window"))
     return Found(tuple(report.windows(selection)), tuple(expected), tuple(notices))
+
+
+def _driven(flights: Mapping[str, Flight], vehicle: Vehicle) -> bool:
+    """Tell whether an input of the vehicle moves in a flight, or it has none that could."""
+    inputs = [name for name in vehicle.recorded if name not in ("voltage", "density")]
+    return not inputs or any(moves(f.column(n)) for f in flights.values() for n in inputs if n in f.data)
 
 
 def _by_excitation(

@@ -15,7 +15,7 @@ from stoop.vehicle_draft.autopilot import Setup
 from stoop.vehicle_draft.controls import AXES, Controls
 from stoop.vehicle_draft.geometry import WINGED, Geometry
 from stoop.vehicle_draft.power import Lift, running_rotors
-from stoop.vehicle_draft.request import ROTORCRAFT, Evidence
+from stoop.vehicle_draft.request import MASS_BY_FRAME, ROTORCRAFT, Evidence
 from stoop.vehicle_draft.steady import STEADY, Steady, turning
 
 
@@ -72,7 +72,9 @@ def of_rotors(mass: float, lift: Lift) -> list[Notice]:
     disc = len(lift.rotors) * math.pi / 4.0 * lift.diameter() ** 2
     loading = mass * STANDARD_GRAVITY / disc
     if loading in DISC_LOADING:
-        return []
+        least, most = (share * lift.size() ** 2 for share in MASS_BY_FRAME)
+        values = {"mass": mass, "size": lift.size(), "least": least, "most": most}
+        return [] if least <= mass <= most else [notice("draft-mass-unusual", "mass.mass", **values)]
     masses = {
         "least": DISC_LOADING.low * disc / STANDARD_GRAVITY,
         "most": DISC_LOADING.high * disc / STANDARD_GRAVITY,
@@ -95,14 +97,18 @@ def of_template(template: str, given: bool, known: Evidence) -> list[Notice]:
     }
     if fitting and template in WINGED and template not in tails.get(fitting, (fitting, "quadplane")):
         out.append(notice("draft-surfaces", template, surfaces=names, fitting=fitting))
-    motors = tuple(running_rotors(flight)[0]) or tuple(f"motor_{m.number}" for m in setup.rotors)
     expected = ROTORCRAFT.get(template)
-    if expected is not None and motors and len(motors) != expected and len(motors) > 2:
-        out.append(notice("draft-motors", template, expected=expected, count=len(motors), channels=motors))
-    elif expected is not None and not motors and not carried_by_rotors(flight):
-        out.append(notice("draft-no-rotors", template, flight=flight.name, count=expected))
-    if expected is None and template != "quadplane" and len(motors) > 3 and carried_by_rotors(flight):
-        out.append(notice("draft-hovers", template, flight=flight.name, count=len(motors), channels=motors))
+    for one in known.flights:
+        named = tuple(f"motor_{m.number}" for m in setup.rotors) if one is flight else ()
+        motors, carried = tuple(running_rotors(one)[0]) or named, carried_by_rotors(one)
+        if expected is not None and motors and len(motors) != expected and len(motors) > 2:
+            out.append(
+                notice("draft-motors", template, expected=expected, count=len(motors), channels=motors)
+            )
+        elif expected is not None and not motors and not carried:
+            out.append(notice("draft-no-rotors", template, flight=one.name, count=expected))
+        if expected is None and template != "quadplane" and len(motors) > 3 and carried:
+            out.append(notice("draft-hovers", template, flight=one.name, count=len(motors), channels=motors))
     return out
 
 

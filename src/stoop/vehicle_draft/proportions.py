@@ -334,6 +334,10 @@ def check(geometry: Geometry) -> None:
                 f"{name}.position: the quarter chord is at x = {own:.3g} m, not behind the center of gravity "
                 f"({center:.3g}) and the wing ({aft:.3g}); x is positive forward, so what is aft is negative"
             )
+        if surface.area > wing.area:
+            raise VehicleError(
+                f"{name}.area: {surface.area:.3g} m2 is more than the {wing.area:g} m2 of the wing; check both, and its position"
+            )
 
 
 def _check_area(surface: Surface, name: str) -> None:
