@@ -31,9 +31,8 @@ class ControlLimits:
     order: int = 2  #: of the Butterworth filter, which runs forward and backward
     stretch: float = 3.0  #: s without a hole, at least
     motion: float = 0.05  #: rad/s2 rms; less is no motion
-    active: float = (
-        0.3  #: of the largest rms of a control over a second; where all move less, nothing is compared
-    )
+    #: of the largest rms of a control over a second; where all move less, nothing is compared
+    active: float = 0.3
     delays: tuple[float, ...] = (0.0, 0.04, 0.08)  #: s, of servos; the one that fits best is taken
 
 

@@ -155,7 +155,7 @@ def commands(flight: Flight) -> list[Command]:
         for name, axis in CONTROLS.items()
         if name in flight.data
         and (axis != "heave" or carried_by_rotors(flight))
-        and _moves(flight.column(name))
+        and moves(flight.column(name))
     ]
     if any(command.axis != "heave" for command in direct):
         return direct
@@ -175,11 +175,12 @@ def output_families(flight: Flight) -> list[list[str]]:
     """Return the outputs that move, motors first, then servos, pulses and measured rotor speeds."""
     families = (("motor", MOTORS), ("servo", SERVOS), ("pwm", OUTPUT_PINS), ("rotor", ROTORS))
     every = ([f"{kind}_{n}" for n in range(1, size + 1)] for kind, size in families)
-    moving = ([n for n in names if n in flight.data and _moves(flight.column(n))] for names in every)
+    moving = ([n for n in names if n in flight.data and moves(flight.column(n))] for names in every)
     return [names for names in moving if len(names) > 1]
 
 
-def _moves(x: FloatArray) -> bool:
+def moves(x: FloatArray) -> bool:
+    """Tell whether a channel changes by more than rounding."""
     known = x[np.isfinite(x)]
     return bool(known.size > 1 and np.ptp(known) > 1e-9 * max(1.0, float(np.abs(known).max())))
 

@@ -105,12 +105,13 @@ def candidates(flight: Flight, channels: Sequence[str]) -> list[Candidate]:
 
 def usable(flight: Flight, channels: Sequence[str]) -> BoolArray:
     """Tell at which samples (n,) a window may lie: flying, commands there, nothing stuck or at its limit."""
-    good = flying(flight)
+    up = flying(flight)
+    good = up.copy()
     for name in (*channels, *(rate for rate in RATES if rate in flight.data)):
         good &= np.isfinite(flight.column(name))
     for name in channels:
         if name.startswith(LIMITED):
-            good &= ~saturated(flight.column(name), flying(flight))
+            good &= ~saturated(flight.column(name), up)
     for fault in flight.faults:
         if fault.kind == "stuck" and fault.variable in (*SENSORS, *channels):
             good &= (flight.time < fault.start) | (flight.time > fault.stop)

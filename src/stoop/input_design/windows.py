@@ -20,7 +20,7 @@ from stoop.base.variables import RATES
 from stoop.errors import FlightError
 from stoop.flight import Flight, Maneuver
 from stoop.flight.airborne import flying, require_motors_ran
-from stoop.flight.maneuvers import Axis, commands, output_families
+from stoop.flight.maneuvers import Axis, commands, moves, output_families
 from stoop.input_design.candidates import Candidate, Excitation, candidates, with_motors
 
 if TYPE_CHECKING:  # fits are imported where a vehicle is given: without one nothing is fitted
@@ -40,9 +40,6 @@ class SelectionLimits:
     window_cost: float = 2.0  #: s that a window costs besides its length
     maneuver_weight: float = 1.5  #: of a whole maneuver, over a window that may cut one
     redundant: float = 0.25  #: loss per parameter at which a fitted window may be held out instead
-    #: likewise of all together, where one is held out already: error bars 10 % larger. Two windows an axis show less of what
-    #: maneuvers disagree about (gusts), too: intervals of four windows are too narrow where those of six hold
-    further: float = 0.1
     validation_worth: float = 0.5  #: of the fitted windows' gain, at which a window that is left is held out
     max_candidates: int = 100  #: of a flight, the most excited ones
     sharper: float = 0.8  #: ratio of standard errors, below which a parameter is named as a reason
@@ -127,10 +124,11 @@ def select(found: Sequence[Candidate], information: CandidateInformation) -> Sel
 def _held_out(
     found: Sequence[Candidate], information: CandidateInformation, fitted: Sequence[int]
 ) -> tuple[int, ...]:
-    """Return the windows to validate with: one of each fitted axis as far as the rest tells enough, else the cheapest one.
+    """Return the windows to validate with: of each fitted axis a maneuver that is left; where none is, one that is fitted.
 
-    Of an axis it is a maneuver that is left, else one whose axis is fitted twice. The most informative maneuver of an axis is
-    never held out.
+    That one is of an axis that is fitted twice, and the cheapest; a second one is not taken from the fit, since what
+    maneuvers disagree about (gusts) takes many to show: intervals of four windows are too narrow where those of six hold.
+    The most informative maneuver of an axis is never held out.
     """
     best_of: dict[Axis, int] = {}
     for i in sorted(range(len(found)), key=information.gain_alone):
@@ -147,7 +145,7 @@ def _held_out(
     def cheapest(among: Iterable[int]) -> int | None:
         """Return the candidate whose absence from the fit costs least, then the most informative; None above the limit."""
         losses = {i: information.loss(fitted, [*held, i]) for i in among if i not in kept}
-        losses = {i: x for i, x in losses.items() if x < (LIMITS.further if held else LIMITS.redundant)}
+        losses = {i: x for i, x in losses.items() if x < LIMITS.redundant}
         return min(losses, key=lambda i: (losses[i], -information.gain_alone(i)), default=None)
 
     flown = [_axis(found[i]) for i in fitted]
@@ -156,7 +154,7 @@ def _held_out(
     while True:
         apart = [i for i in eligible if not any(found[i].meets(found[j]) for j in held)]
         left = axes - {_axis(found[i]) for i in held}
-        one = cheapest(i for i in (*apart, *twice) if _axis(found[i]) in left)
+        one = cheapest(i for i in (apart if held else (*apart, *twice)) if _axis(found[i]) in left)
         if one is None:
             break
         held.append(one)
@@ -286,8 +284,8 @@ def find_windows(
     flights = {name: with_motors(flight, vehicle) for name, flight in flights.items()}
     excitations = {name: e for name, flight in flights.items() if (e := Excitation.of(flight)) is not None}
     found = [c for f in flights.values() for c in _candidates(f, vehicle, excitations.get(f.name))]
-    if not found:
-        raise _nothing_found(flights, vehicle, unmeasured=not excitations)
+    if not found or not (vehicle is None or excitations or _driven(flights, vehicle)):
+        raise _nothing_found(flights, vehicle, unmeasured=not found and not excitations)
     choose = partial(_by_excitation, flights, excitations)
     model, expected, notices = None, list[Expected](), list[Notice]()
     if vehicle is None:
@@ -321,6 +319,12 @@ def find_windows(
     if not selection.held_out:
         notices.append(notice("no-validation-window"))
     return Found(tuple(report.windows(selection)), tuple(expected), tuple(notices))
+
+
+def _driven(flights: Mapping[str, Flight], vehicle: Vehicle) -> bool:
+    """Tell whether an input of the vehicle moves in a flight, or it has none that could."""
+    inputs = [name for name in vehicle.recorded if name not in ("voltage", "density")]
+    return not inputs or any(moves(f.column(n)) for f in flights.values() for n in inputs if n in f.data)
 
 
 def _by_excitation(

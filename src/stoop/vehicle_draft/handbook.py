@@ -26,7 +26,6 @@ from stoop.vehicle_draft.strips import (
     MOTIONS,
     Response,
     Strips,
-    both,
     lift_slope,
     strips,
     to_flap,
@@ -181,7 +180,7 @@ def nominal(geometry: Geometry, point: WorkingPoint) -> dict[str, float]:
     values: dict[str, float] = {}
     for motion in MOTIONS:
         parts = {n: to_motion(s, motion, alpha, scale.get(motion, 1.0), area) for n, s in surfaces.items()}
-        total = both(iter(parts.values()))
+        total = sum(parts.values(), Response(np.zeros(3), np.zeros(3), 0.0))
         _write(values, motion, _coefficients(geometry, total, parts["wing"].roll, alpha, lift))
     for name, flap in flaps(geometry).items():
         table, kind = name.split(".")

@@ -53,14 +53,10 @@ RADII: Final[Mapping[str, tuple[float, float]]] = {
     "quadplane": (0.15, 0.14),
 }
 FLATNESS: Final = 0.95  #: zz over xx + yy
-SPREAD: Final = (
-    0.4  #: standard deviation of a moment over its value: radii of `PUBLISHED` scatter by half of that
-)
-MULTIROTORS: Final = (
-    0.66,
-    0.66,
-    0.65,
-)  #: radii over the root mean square distance of the rotors from an axis
+#: standard deviation of a moment over its value: radii of `PUBLISHED` scatter by half of that
+SPREAD: Final = 0.4
+#: radii over the root mean square distance of the rotors from an axis
+MULTIROTORS: Final = (0.66, 0.66, 0.65)
 MULTIROTOR_SPREAD: Final = 0.3
 PRODUCT_SPREAD: Final = 0.05  #: of xz, over the geometric mean of xx and zz
 

@@ -15,7 +15,7 @@ from stoop.vehicle_draft.autopilot import Setup
 from stoop.vehicle_draft.controls import AXES, Controls
 from stoop.vehicle_draft.geometry import WINGED, Geometry
 from stoop.vehicle_draft.power import Lift, running_rotors
-from stoop.vehicle_draft.request import ROTORCRAFT, Evidence
+from stoop.vehicle_draft.request import MASS_BY_FRAME, ROTORCRAFT, Evidence
 from stoop.vehicle_draft.steady import STEADY, Steady, turning
 
 
@@ -43,17 +43,10 @@ def of_wing(geometry: Geometry) -> list[Notice]:
     """Return what is unusual about a wing and its mass."""
     wing, out = geometry.wing, []
     if (ratio := wing.span**2 / wing.area) not in ASPECT:
-        values = {
-            "span": wing.span,
-            "area": wing.area,
-            "ratio": ratio,
-            "low": ASPECT.low,
-            "high": ASPECT.high,
-        }
+        values = {"span": wing.span, "area": wing.area, "ratio": ratio, **vars(ASPECT)}
         out.append(notice("draft-aspect-ratio", "reference.area", **values))
     if (loading := geometry.mass / wing.area) not in WING_LOADING:
-        limits = {"low": WING_LOADING.low, "high": WING_LOADING.high}
-        values = {"mass": geometry.mass, "area": wing.area, "loading": loading, **limits}
+        values = {"mass": geometry.mass, "area": wing.area, "loading": loading, **vars(WING_LOADING)}
         out.append(notice("draft-wing-loading", "mass.mass", **values))
     return out
 
@@ -70,14 +63,7 @@ def of_lift(mass: float, area: float, steady: Steady) -> list[Notice]:
     code, limits = ("draft-lift-unusual", USUAL_LIFT) if lift in LIFT else ("draft-lift", LIFT)
     force = pressure * area / STANDARD_GRAVITY
     masses = {"least": limits.low * force, "most": limits.high * force}
-    values = {
-        "mass": mass,
-        "area": area,
-        "airspeed": speed,
-        "lift": lift,
-        "low": limits.low,
-        "high": limits.high,
-    }
+    values = {"mass": mass, "area": area, "airspeed": speed, "lift": lift, **vars(limits)}
     return [notice(code, "mass.mass", **values, **masses)]
 
 
@@ -86,7 +72,9 @@ def of_rotors(mass: float, lift: Lift) -> list[Notice]:
     disc = len(lift.rotors) * math.pi / 4.0 * lift.diameter() ** 2
     loading = mass * STANDARD_GRAVITY / disc
     if loading in DISC_LOADING:
-        return []
+        least, most = (share * lift.size() ** 2 for share in MASS_BY_FRAME)
+        values = {"mass": mass, "size": lift.size(), "least": least, "most": most}
+        return [] if least <= mass <= most else [notice("draft-mass-unusual", "mass.mass", **values)]
     masses = {
         "least": DISC_LOADING.low * disc / STANDARD_GRAVITY,
         "most": DISC_LOADING.high * disc / STANDARD_GRAVITY,
@@ -109,14 +97,18 @@ def of_template(template: str, given: bool, known: Evidence) -> list[Notice]:
     }
     if fitting and template in WINGED and template not in tails.get(fitting, (fitting, "quadplane")):
         out.append(notice("draft-surfaces", template, surfaces=names, fitting=fitting))
-    motors = tuple(running_rotors(flight)[0]) or tuple(f"motor_{m.number}" for m in setup.rotors)
     expected = ROTORCRAFT.get(template)
-    if expected is not None and motors and len(motors) != expected and len(motors) > 2:
-        out.append(notice("draft-motors", template, expected=expected, count=len(motors), channels=motors))
-    elif expected is not None and not motors and not carried_by_rotors(flight):
-        out.append(notice("draft-no-rotors", template, flight=flight.name, count=expected))
-    if expected is None and template != "quadplane" and len(motors) > 3 and carried_by_rotors(flight):
-        out.append(notice("draft-hovers", template, flight=flight.name, count=len(motors), channels=motors))
+    for one in known.flights:
+        named = tuple(f"motor_{m.number}" for m in setup.rotors) if one is flight else ()
+        motors, carried = tuple(running_rotors(one)[0]) or named, carried_by_rotors(one)
+        if expected is not None and motors and len(motors) != expected and len(motors) > 2:
+            out.append(
+                notice("draft-motors", template, expected=expected, count=len(motors), channels=motors)
+            )
+        elif expected is not None and not motors and not carried:
+            out.append(notice("draft-no-rotors", template, flight=one.name, count=expected))
+        if expected is None and template != "quadplane" and len(motors) > 3 and carried:
+            out.append(notice("draft-hovers", template, flight=one.name, count=len(motors), channels=motors))
     return out
 
 
@@ -129,6 +121,10 @@ def of_controls(controls: Controls, wanted: Sequence[str], known: Evidence) -> l
     lacking = tuple(name for name in wanted if name not in controls.mixers)
     if lacking:
         out.append(notice("draft-no-control", flight.name, controls=lacking))
+    if "rudder" not in wanted and {"control_roll", "control_yaw"} <= flight.names:
+        roll, yaw = (abs(turning(flight, flight.column(f"control_{axis}"), "r")) for axis in ("roll", "yaw"))
+        if yaw > max(roll, STEADY.correlation):  # more than the adverse yaw of what rolls it
+            out.append(notice("draft-rudder", flight.name, correlation=yaw))
     if controls.guessed:
         out.append(notice("draft-mixers-guessed", flight.name, controls=tuple(controls.mixers)))
     for control, mixer in controls.mixers.items():
@@ -157,12 +153,8 @@ def of_flights(channels: Sequence[str], airspeeds: Mapping[str, float], known: E
             out.append(notice("draft-other-inputs", flight.name, channels=lacking))
     known_speeds = {name: v for name, v in airspeeds.items() if math.isfinite(v)}
     if len(known_speeds) > 1:
-        low, high = (
-            min(known_speeds, key=known_speeds.__getitem__),
-            max(known_speeds, key=known_speeds.__getitem__),
-        )
-        if known_speeds[high] > 2.0 * known_speeds[low]:
-            fast, slow = known_speeds[high], known_speeds[low]
+        (slow, low), *_, (fast, high) = sorted((v, name) for name, v in known_speeds.items())
+        if fast > 2.0 * slow:
             out.append(notice("draft-other-speed", high, speed=fast, other=low, slow=slow))
     return out
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
-from typing import Final, Literal
+from typing import Final
 
 import numpy as np
 
@@ -20,7 +20,6 @@ from stoop.vehicle_draft.autopilot import DEFAULT_PULSES, Motor, Point, Scale, S
 from stoop.vehicle_draft.controls import ENOUGH, recorded
 from stoop.vehicle_draft.steady import Steady
 
-Engine = Literal["electric", "piston", "jet", "none"]
 ENGINES: Final = ("electric", "piston", "jet", "none")
 FRAMES_BY_COUNT: Final = {4: "quad-x", 6: "hexa-x", 8: "octo-x"}
 
@@ -29,23 +28,18 @@ FRAMES_BY_COUNT: Final = {4: "quad-x", 6: "hexa-x", 8: "octo-x"}
 class Usual:
     """Usual sizes of propellers and rotors of small vehicles, fitted by eye to the built-in vehicles and the examples."""
 
-    diameter: float = (
-        0.19  #: m of a propeller over the cube root of kg: 0.40 m of 8.5 kg, 0.30 m of 5 kg, 0.5 m of 13.5 kg
-    )
-    CT0: tuple[float, float] = (
-        0.10,
-        0.06,
-    )  #: and standard deviation; UIUC propeller data site, pitch over diameter 0.5 to 0.8
+    #: m of a propeller over the cube root of kg: 0.40 m of 8.5 kg, 0.30 m of 5 kg, 0.5 m of 13.5 kg
+    diameter: float = 0.19
+    #: and standard deviation; UIUC propeller data site, pitch over diameter 0.5 to 0.8
+    CT0: tuple[float, float] = (0.10, 0.06)
     CT1: tuple[float, float] = (-0.10, 0.06)
     lift_over_drag: float = 8.0  #: of the whole airplane, within a factor of two
     throttle: float = 0.6  #: in steady flight, where there is no log
     jet: float = 0.4  #: static thrust over weight
-    rotor: float = (
-        0.85  #: diameter over the distance between neighbors: 0.72 to 0.95 of the built-in vehicles
-    )
-    frame: float = (
-        0.47  #: largest distance between the rotors of a quadplane over its span, as of the built-in one
-    )
+    #: diameter over the distance between neighbors: 0.72 to 0.95 of the built-in vehicles
+    rotor: float = 0.85
+    #: largest distance between the rotors of a quadplane over its span, as of the built-in one
+    frame: float = 0.47
     flat: float = 1.1  #: drag coefficient of a wing in the flow from below
     linear: float = 0.3  #: share of T1 in the thrust at full command
     hover: float = 0.6  #: command, where there is no log

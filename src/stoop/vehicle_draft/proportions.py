@@ -78,8 +78,27 @@ PROPORTIONS: Final[dict[str, Proportions]] = {
 class _Draft:
     """Numbers as they are completed: those of the file stand, others are typical and leave a spread."""
 
+    given: Geometry
+    usual: Proportions
+    center: tuple[float, float, float] = (math.nan,) * 3  #: of gravity, m
     tables: dict[str, Part] = field(default_factory=dict)
     spread: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def wing(self) -> Wing:
+        """The wing, complete."""
+        return self.tables["wing"]  # type: ignore[return-value]
+
+    @property
+    def body(self) -> Fuselage:
+        """The fuselage, complete."""
+        return self.tables["fuselage"]  # type: ignore[return-value]
+
+    @property
+    def quarter(self) -> Usual:
+        """Where the quarter chord of a tail usually lies, x, m."""
+        (arm, std), size = self.usual.arm, math.sqrt(self.wing.area)
+        return self.center[0] - arm * size, std * size
 
     def fill(self, name: str, **usual: Usual) -> Any:
         """Fill in what a table lacks, each with (value, standard deviation); return the table."""
@@ -127,29 +146,29 @@ def completed(given: Geometry) -> Geometry:
     """
     usual = PROPORTIONS[given.template]
     _check_kinds(given, usual)
-    draft = _Draft()
-    wing = _wing(draft, given, usual)
-    size = math.sqrt(wing.area)
-    center = given.center_of_gravity
-    if math.isnan(center[0]):
+    draft = _Draft(given, usual)
+    _wing(draft)
+    draft.center, wing = given.center_of_gravity, draft.wing
+    if math.isnan(draft.center[0]):
         x = quarter_chord(wing) + (0.25 - usual.balance[0]) * mean_chord(wing)
-        center = (x, 0.0, wing.position[2])
+        draft.center = (x, 0.0, wing.position[2])
         draft.spread["center_of_gravity.x"] = usual.balance[1] * wing.chord
-    body = _body(draft, given, usual, size, wing)
-    tail_x = center[0] - usual.arm[0] * size
+    _body(draft)
     if given.tail is not None or usual.has_tail:
-        _tail(draft, given, usual, (tail_x, usual.arm[1] * size), center, wing, body)
+        _tail(draft)
     if given.fin is not None or usual.has_fin:
-        _fin(draft, given, usual, (tail_x, usual.arm[1] * size), center, wing, body)
-    _flaps(draft, given, usual)
-    geometry = given.model_copy(update={**draft.tables, "center_of_gravity": center, "spread": draft.spread})
+        _fin(draft)
+    _flaps(draft)
+    more = {"center_of_gravity": draft.center, "spread": draft.spread}
+    geometry = given.model_copy(update={**draft.tables, **more})
     check(geometry)
     return geometry
 
 
-def _wing(draft: _Draft, given: Geometry, usual: Proportions) -> Wing:
+def _wing(draft: _Draft) -> None:
+    given, usual = draft.given, draft.usual
     draft.tables["wing"] = _sized(given.wing, "wing", given.mass)
-    wing: Wing = draft.fill(
+    draft.fill(
         "wing",
         taper=usual.taper,
         sweep=usual.sweep,
@@ -158,36 +177,27 @@ def _wing(draft: _Draft, given: Geometry, usual: Proportions) -> Wing:
         camber=usual.camber,
         thickness=usual.thickness,
     )
-    wing = draft.place("wing", (0.0, 0.0), (0.0, 0.0), (0.0, 0.0))
-    _check_area(wing, "wing")
-    return wing
+    _check_area(draft.place("wing", (0.0, 0.0), (0.0, 0.0), (0.0, 0.0)), "wing")
 
 
-def _body(draft: _Draft, given: Geometry, usual: Proportions, size: float, wing: Wing) -> Fuselage:
-    draft.tables["fuselage"] = given.fuselage
+def _body(draft: _Draft) -> None:
+    usual, wing, size = draft.usual, draft.wing, math.sqrt(draft.wing.area)
+    draft.tables["fuselage"] = draft.given.fuselage
     length, width = ((v * size, s * size) for v, s in (usual.body_length, usual.body_width))
     body: Fuselage = draft.fill("fuselage", length=length, width=width, height=width)
     ahead, std = usual.body_ahead
     nose = wing.position[0] - 0.25 * wing.root_chord + ahead * body.length
     height = (wing.position[2], 0.35 * body.height)
-    return draft.place("fuselage", (nose, std * body.length), (0.0, 0.0), height)  # type: ignore[no-any-return]
+    draft.place("fuselage", (nose, std * body.length), (0.0, 0.0), height)
 
 
-def _tail(
-    draft: _Draft,
-    given: Geometry,
-    usual: Proportions,
-    quarter: Usual,
-    center: Any,
-    wing: Wing,
-    body: Fuselage,
-) -> None:
-    own = given.tail or Tail()
+def _tail(draft: _Draft) -> None:
+    usual, wing, body, quarter = draft.usual, draft.wing, draft.body, draft.quarter
+    own = draft.given.tail or Tail()
     slope = usual.tail_dihedral if math.isnan(own.dihedral) else (own.dihedral, 0.0)
-    arm = center[0] - (quarter[0] if math.isnan(own.position[0]) else own.position[0])
+    arm = draft.center[0] - (quarter[0] if math.isnan(own.position[0]) else own.position[0])
     volume = usual.tail_volume
     factor = wing.area * wing.chord / max(arm, 0.1 * wing.chord) / math.cos(slope[0]) ** 2
-    draft.tables["tail"] = own
     draft.tables["tail"] = _with_area(
         draft, "tail", own, (volume[0] * factor, volume[1] * factor), (4.2, 0.8)
     )
@@ -200,16 +210,9 @@ def _tail(
     _check_area(tail, "tail")
 
 
-def _fin(
-    draft: _Draft,
-    given: Geometry,
-    usual: Proportions,
-    quarter: Usual,
-    center: Any,
-    wing: Wing,
-    body: Fuselage,
-) -> None:
-    own = given.fin or Fin()
+def _fin(draft: _Draft) -> None:
+    usual, wing, body, quarter = draft.usual, draft.wing, draft.body, draft.quarter
+    own = draft.given.fin or Fin()
     tips = not usual.has_tail
     if tips:  # fins at the tips of a flying wing
         half = 0.5 * wing.span * math.cos(wing.dihedral)
@@ -224,8 +227,7 @@ def _fin(
     place = spot[0][0] if math.isnan(own.position[0]) else own.position[0]
     count = 2 if (tips if math.isnan(own.position[0]) else own.position[1] != 0.0) else 1
     volume, std = usual.fin_volume
-    factor = wing.area * wing.span / max(center[0] - place, 0.3 * wing.chord) / count
-    draft.tables["fin"] = own
+    factor = wing.area * wing.span / max(draft.center[0] - place, 0.3 * wing.chord) / count
     draft.tables["fin"] = _with_area(draft, "fin", own, (volume * factor, std * factor), (1.5, 0.4))
     fin: Fin = draft.fill("fin", taper=(0.6, 0.2), sweep=(0.35, 0.2))
     shift = 0.0 if tips else 0.25 * fin.root_chord
@@ -233,9 +235,9 @@ def _fin(
     _check_area(fin, "fin")
 
 
-def _flaps(draft: _Draft, given: Geometry, usual: Proportions) -> None:
+def _flaps(draft: _Draft) -> None:
     """Fill in the control surfaces of the file; a surface without any has that of the template."""
-    v_tail = given.template == "v-tail"
+    usual, v_tail = draft.usual, draft.given.template == "v-tail"
     expected = {"wing": "aileron" if usual.has_tail else "elevon"}
     expected |= {"tail": "ruddervator" if v_tail else "elevator"} if usual.has_tail else {}
     expected |= {"fin": "rudder"} if usual.has_fin and usual.has_tail else {}
@@ -331,6 +333,10 @@ def check(geometry: Geometry) -> None:
             raise VehicleError(
                 f"{name}.position: the quarter chord is at x = {own:.3g} m, not behind the center of gravity "
                 f"({center:.3g}) and the wing ({aft:.3g}); x is positive forward, so what is aft is negative"
+            )
+        if surface.area > wing.area:
+            raise VehicleError(
+                f"{name}.area: {surface.area:.3g} m2 is more than the {wing.area:g} m2 of the wing; check both, and its position"
             )
 
 

@@ -11,7 +11,7 @@ sweep and V-tails need no formulas of their own.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
@@ -21,6 +21,9 @@ from stoop.base.arrays import FloatArray
 from stoop.vehicle_draft.geometry import Flap, Surface
 
 COUNT: Final = 24  #: strips of a half
+EDGES: Final = 0.5 * (
+    1.0 - np.cos(np.linspace(0.0, math.pi, COUNT + 1))
+)  #: of the strips of a half, over its length
 MOTIONS: Final = ("alpha", "beta", "p", "q", "r")
 
 
@@ -122,8 +125,7 @@ def strips(
         Whether there is a left half.
     """
     length = 0.5 * surface.span if dihedral != 0.5 * math.pi else surface.span
-    edges = 0.5 * (1.0 - np.cos(np.linspace(0.0, math.pi, COUNT + 1)))
-    station, width = 0.5 * (edges[1:] + edges[:-1]), np.diff(edges) * length
+    station, width = 0.5 * (EDGES[1:] + EDGES[:-1]), np.diff(EDGES) * length
     own = surface.root_chord * (1.0 - (1.0 - surface.taper) * station)
     if dihedral == 0.5 * math.pi:
         own = own * surface.area / np.sum(own * width)
@@ -239,11 +241,9 @@ def to_flap(
 
 def _covered(own: Strips, flap: Flap) -> FloatArray:
     """Return the share of each strip between the stations of a flap, (n,)."""
-    half = own.station[:COUNT]
-    edges = 0.5 * (1.0 - np.cos(np.linspace(0.0, math.pi, COUNT + 1)))
-    low, high = np.maximum(edges[:-1], flap.span[0]), np.minimum(edges[1:], flap.span[1])
-    share = np.clip(high - low, 0.0, None) / np.diff(edges)
-    return np.tile(share, len(own.station) // len(half))
+    low, high = np.maximum(EDGES[:-1], flap.span[0]), np.minimum(EDGES[1:], flap.span[1])
+    share = np.clip(high - low, 0.0, None) / np.diff(EDGES)
+    return np.tile(share, len(own.station) // COUNT)
 
 
 def _velocity(points: FloatArray, motion: str, alpha: float, scale: float) -> FloatArray:
@@ -254,11 +254,3 @@ def _velocity(points: FloatArray, motion: str, alpha: float, scale: float) -> Fl
         return np.tile([0.0, 1.0, 0.0], (len(points), 1))
     rate = np.array([motion == "p", motion == "q", motion == "r"], dtype=np.float64)
     return np.cross(rate, points) / scale
-
-
-def both(parts: Iterator[Response]) -> Response:
-    """Return the sum of what surfaces give."""
-    total = Response(np.zeros(3), np.zeros(3), 0.0)
-    for part in parts:
-        total = total + part
-    return total

@@ -278,8 +278,8 @@ def _compared(flown: Flown, job: Job) -> dict[str, Any]:
     known = truths.free_truths(
         truth, file, moved, flown.airspeed, flown.defect, scale * np.array(flown.defect.arm)
     )
-    if "V" in job.flights[0].data and flown.vehicle.winged:
-        known["sensors.V.scale"] = _airspeed_scale(flown, job.flights[0], span)
+    if "sensors.V.scale" in known:  # of what is left: a log is loaded with its pitot calibrated
+        known["sensors.V.scale"] = airspeed_scale(flown, job.flights[0], span)
     numbers = {
         n: (one.estimate, one.std_error, known[n], one.at_bound, one.identifiable)
         for n, one in result.parameters.items()
@@ -313,8 +313,8 @@ def _compared(flown: Flown, job: Job) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _airspeed_scale(flown: Flown, flight: Flight, span: tuple[float, float]) -> float:
-    """Return by how much the airspeed of a flight, of a pitot or of velocity less wind, is larger than the true one."""
+def airspeed_scale(flown: Flown, flight: Flight, span: tuple[float, float]) -> float:
+    """Return by how much the airspeed of a flight is larger than the true one."""
     used = (flight.time >= span[0]) & (flight.time <= span[1])
     return float(
         np.nanmedian(flight.column("V")[used] / np.interp(flight.time[used], flown.time, flown.true["V"]))

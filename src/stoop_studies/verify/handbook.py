@@ -201,7 +201,7 @@ def _claims(record: Mapping[str, Any]) -> Iterator[Claim]:
     for head, words in (("", ""), ("left_out_", ", each airplane by the errors of the others")):
         rms, share = record[f"{head}rms" if head else "rms_z"], record[f"{head}within_2"]
         yield holds(
-            f"By the {record['method']}{words}: rms z is {low:g} to {high:g}, and at least {100 * WITHIN_2:.0f} % are within 2",
+            f"By {record['method']}{words}: rms z is {low:g} to {high:g}, and at least {100 * WITHIN_2:.0f} % are within 2",
             low <= rms <= high and share >= 100.0 * WITHIN_2,
             f"{rms:.2f} and {share:.1f} % of {record['count']} derivatives of {record['airplanes']} airplanes",
         )

@@ -15,6 +15,7 @@ from stoop.vehicle import parse_vehicle
 from stoop_studies.verify import instruments, pilots, truths
 from stoop_studies.verify.defaults import (
     FLIGHTS,
+    airspeed_scale,
     drafted_file,
     flight_of,
     fly,
@@ -204,3 +205,12 @@ def test_a_glider_on_its_hill_does_not_hover(tmp_path: Path) -> None:
     up = flight.time[flying(flight)]
     assert not carried_by_rotors(flight)
     assert up[0] > flown.time[0] + instruments.GROUND
+
+
+@pytest.mark.slow
+def test_the_scale_of_the_airspeed_is_that_of_the_loaded_flight(tmp_path: Path) -> None:
+    """A pitot that reads 8 % low is calibrated when its log is loaded: what a model has to find is the rest, 1 %."""
+    flown = fly(32, tmp_path)
+    assert flown.defect.scale["V"] == pytest.approx(0.925, abs=0.001)
+    span = (flown.time[0] + instruments.GROUND + 2.0, float(flown.time[-1]))
+    assert airspeed_scale(flown, load(flown.path), span) == pytest.approx(0.99, abs=0.005)

@@ -9,6 +9,9 @@ from stoop.base.arrays import FloatArray
 from stoop.errors import FlightError
 from stoop.flight import Flight, from_columns
 from stoop.input_design.windows import find_windows
+from stoop.simulation.fly import simulate_flight
+from stoop.simulation.maneuver import parse_maneuver
+from stoop.vehicle.builtin import builtin_vehicle
 
 RATE = 50.0
 TIME = np.arange(0.0, 60.0, 1.0 / RATE)
@@ -56,3 +59,11 @@ def test_a_log_that_is_busy_throughout_has_windows_and_an_autopilot_in_gusts_has
     assert sum(w.stop - w.start for w in busy if w.purpose == "fit") > 10.0
     with pytest.raises(FlightError, match="no maneuver here"):
         find_windows({"f": rolled(CALM, 2.0 * noise(2, 0.4), feedback=0.1)})
+
+
+def test_a_flight_whose_inputs_stand_still_has_no_windows_for_a_vehicle_either() -> None:
+    vehicle = builtin_vehicle("twin-boom")
+    still = parse_maneuver("duration = 20.0\nrate = 50.0\nairspeed = 35.0\n", "m")
+    flight = simulate_flight(vehicle, still, seed=1, name="still")
+    with pytest.raises(FlightError, match="no maneuver here"):
+        find_windows({"still": flight}, vehicle)

@@ -144,6 +144,8 @@ def test_commands_without_parameters(flown: Flight) -> None:
     flight = without_surfaces(flown, added, {})
     found = drafted(flight)
     check_deflections(deflections(found, flight), flown, 1e-9)
+    wing = {n.code for n in drafted(flight, "flying-wing").notices}
+    assert "draft-rudder" in wing - {n.code for n in found.notices}
     wrong = without_surfaces(flown, {**added, "control_pitch": -added["control_pitch"]}, {})
     assert "controls.elevator" in {
         n.subject for n in drafted(wrong).notices if n.code == "draft-control-sign"

@@ -53,6 +53,7 @@ def test_what_a_file_has_stands_and_has_no_spread():
         ("span = 2.32", "span = 2.32\nchord = 0.4", "wing.area: 0.66 m2 is not span times chord, 2.32 x 0.4"),
         ("span = 2.32", "", "wing: needs two of area, span and chord, has area; with 8.5 kg"),
         ("position = [-1.0", "position = [1.0", "tail.position: the quarter chord is at x = "),
+        ("area = 0.12", "area = 0.7", "tail.area: 0.7 m2 is more than the 0.66 m2 of the wing"),
         ("[-0.09,", "[-1.9,", "center_of_gravity: x = -1.9 m is far from the wing"),
         ("span = [0.0, 1.0]", "span = [0.9, 0.1]", "tail.elevator.span: [0.9, 0.1] runs inward"),
         ('"conventional"', '"flying-wing"', "tail: a flying-wing has none"),

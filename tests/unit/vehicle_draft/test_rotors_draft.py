@@ -125,12 +125,19 @@ def test_a_template_with_other_rotors() -> None:
     assert "template hexa" in draft(Request(None, 2.4, 0.55), [flight]).text
     codes = {n.code for n in draft(Request("conventional", 2.4, 1.5, 0.2), [flight]).notices}
     assert "draft-hovers" in codes
+    both = draft(Request("hexa", 2.4, 0.55), [flight, hovering(4)]).notices
+    assert [n.values["count"] for n in both if n.code == "draft-motors"] == [4], (
+        "the second is of another vehicle"
+    )
 
 
 def test_a_mass_that_the_frame_cannot_have() -> None:
     codes = {mass: {n.code for n in draft(Request("quad", mass, 0.5)).notices} for mass in (0.3, 1.5, 12.0)}
     assert "draft-disc-loading" not in codes[1.5]
     assert "draft-disc-loading" in codes[0.3] & codes[12.0]
+    thrice = {mass: {n.code for n in draft(Request("quad", mass, 0.5)).notices} for mass in (0.5, 1.5, 4.5)}
+    unusual = {mass for mass, found in thrice.items() if {"draft-mass-unusual", "draft-disc-loading"} & found}
+    assert unusual == {0.5, 4.5}, "wrong by three times"
 
 
 PARAMETERS = [
