@@ -49,7 +49,7 @@ class SamplerSettings:
     #: independent draws' worth, in the middle and in the tails of every parameter (Vehtari et al. 2021, section 4)
     min_sample_size: float = 400.0
     chains: int = 4  #: as R-hat's authors ask for
-    tuning: int = 200  #: draws of every chain that find length and scale of steps, and are thrown away
+    tuning: int = 300  #: draws of every chain that find length and scale of steps, and are thrown away
     draws: int = 600  #: of every chain
     rounds: int = 7  #: of as many chains more, until all together have converged
     blend: float = 0.05  #: of the spread of a walkers' reference that stays when it is fitted to draws

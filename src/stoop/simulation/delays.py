@@ -211,9 +211,11 @@ def distinct_inputs(
 ) -> tuple[FloatArray, IntArray]:
     """Return inputs (k, n, n_u) as different actuators receive them, and which of them each candidate (B,) has."""
     late = rows[actuator_rows(vehicle)]
-    _, at, which = np.unique(late, axis=1, return_index=True, return_inverse=True)
-    lanes = [late_inputs(vehicle, inputs, rows[:, i : i + 1], dt) for i in (at if len(late) else (0,))]
-    return np.stack(lanes), which.ravel() if len(late) else np.zeros(rows.shape[1], dtype=np.int64)
+    at, which = np.zeros(1, dtype=np.int64), np.zeros(rows.shape[1], dtype=np.int64)
+    if len(late) and np.ptp(late, axis=1).any():
+        _, at, which = np.unique(late, axis=1, return_index=True, return_inverse=True)
+    lanes = [late_inputs(vehicle, inputs, rows[:, i : i + 1], dt) for i in at]
+    return np.stack(lanes), which.ravel()
 
 
 def with_slopes(vehicle: Vehicle, inputs: FloatArray, dt: float) -> FloatArray:
