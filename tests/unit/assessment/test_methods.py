@@ -93,7 +93,7 @@ def test_bootstrap_and_profile_agree_with_the_corrected_errors(job: Job) -> None
 
 @pytest.mark.slow
 def test_the_posterior_agrees_with_the_corrected_errors(job: Job, monkeypatch: pytest.MonkeyPatch) -> None:
-    few = dataclasses.replace(sampling.SAMPLER, tuning=200, draws=300)  # five parameters are no V-tail
+    few = dataclasses.replace(sampling.SAMPLER, tuning=100, draws=300)  # five parameters are no V-tail
     monkeypatch.setattr(sampling, "SAMPLER", few)
     uncertainty = job.assess(Posterior()).identification.result.uncertainty
     corrected, found = (uncertainty[m].parameters for m in ("corrected", "posterior"))
