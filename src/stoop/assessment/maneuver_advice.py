@@ -28,17 +28,13 @@ from stoop.results.result import Result
 from stoop.simulation import parameter_rows
 from stoop.simulation.initial import commanded
 from stoop.vehicle import Vehicle, terms
+from stoop.vehicle.defaults import MOMENT_ARMS
 
 MIN_VARIATION: Final = 0.1  #: of the coefficient's own variation, that a term must reach to show itself
 TIED: Final = 0.95  #: correlation from which two regressors cannot be told apart
 #: rad: a 3-2-1-1 of unit step T holds half of its greatest power or more from 0.3 / T to 2.6 / T rad/s; with this over
 #: the natural frequency as its step that frequency lies in the upper half of the band
 STEP_ANGLE: Final = 1.6
-INERTIA: Final = {
-    "Cl": ".xx",
-    "Cm": ".yy",
-    "Cn": ".zz",
-}  #: in ratio to which a flight shows moments; forces need none
 AXES: Final = {"pitch": ("Cm", "elevator"), "roll": ("Cl", "aileron"), "yaw": ("Cn", "rudder")}
 _ROTORS: Final = {
     **dict.fromkeys(("T0", "T1", "T2", "gain", "idle"), "advice-thrust"),
@@ -109,8 +105,9 @@ def advice(name: str, stand_ins: Sequence[str], flown: FlownModel) -> tuple[Noti
     if term is None:
         return (_of_vehicle(name, flown),)
     shared = [p for p in stand_ins if p not in flown.terms and not p.startswith("sensors.")]
-    axis = INERTIA.get(term.coefficient, "none")
-    shared = [n for n in shared if ".inertia." not in n or n.endswith(axis)]
+    # a flight shows moments over one inertia, forces over none
+    _, axis = MOMENT_ARMS.get(term.coefficient, ("", ""))
+    shared = [n for n in shared if ".inertia." not in n or n == f"mass.inertia.{2 * axis}"]
     inertia = tuple(n for n in shared if ".inertia." in n)
     mates = [t for t in flown.terms.values() if t.coefficient == term.coefficient]
     whole = sum((t.value * (t.flown - t.flown.mean()) for t in mates), np.zeros(len(term.flown)))

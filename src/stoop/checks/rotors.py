@@ -154,7 +154,7 @@ def _require_flight(vehicle: Vehicle, windows: Sequence[Window], pieces: Sequenc
                 "or lag; log the gyroscope, or name its columns in the mapping file ([variables] p = ..., see stoop map)"
             )
         off = _off(vehicle, piece)
-        if off.mean() > LIMITS.ground_share and not any(vehicle.terms.values()):  # nothing else carries it
+        if off.mean() > LIMITS.ground_share:
             raise IdentificationError(
                 f"{windows[piece.maneuver]}: the motors are off in {off.mean():.0%} of it, so it is no flight; choose "
                 "--maneuver START:STOP where they carry the vehicle (stoop maneuvers), and check rotors.idle and rotors.gain "
@@ -202,7 +202,7 @@ def rotor_notices(problem: Misfit) -> list[Notice]:
     for piece in pieces:
         off = _off(vehicle, piece)
         share = float(off.mean())
-        if share > LIMITS.off_share and not any(vehicle.terms.values()):
+        if share > LIMITS.off_share:
             start, stop, t = float(piece.time[0]), float(piece.time[-1]), piece.time[~off]
             span = {"start": start, "stop": stop, "first": float(t[0]), "last": float(t[-1])}
             out.append(notice("motors-off", f"{start:.1f}:{stop:.1f}", share=share, **span))
@@ -259,7 +259,9 @@ def _spins(vehicle: Vehicle, piece: Piece) -> FloatArray:
 
 
 def _off(vehicle: Vehicle, piece: Piece) -> BoolArray:
-    """Return where no rotor carries anything (n,)."""
+    """Return where no rotor carries anything (n,); nowhere of a vehicle with a wing, which does."""
+    if any(vehicle.terms.values()):
+        return np.zeros(len(piece.time), dtype=bool)
     spins = _spins(vehicle, piece)
     full = 1.0 if vehicle.drive == "command" else float(spins.max())
     return np.asarray(spins.max(axis=0) <= LIMITS.off * max(full, 1e-12))

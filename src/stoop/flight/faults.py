@@ -20,11 +20,8 @@ from stoop.flight.gridding import Channels, finite, stretches
 WATCHED: Final = frozenset(
     "V alpha beta p q r phi theta psi ax ay az vn ve vd q0 q1 q2 q3 airspeed_pitot airspeed_equivalent".split()  # noqa: SIM905
 )  #: channels that move whenever the vehicle does
-INCONSISTENT: Final = (
-    "mapping-",
-    "rate-",
-    "attitude-",
-)  #: codes of what contradicts a mapping as a whole begin so
+#: codes of what contradicts a mapping as a whole begin so
+INCONSISTENT: Final = ("mapping-", "rate-", "attitude-")
 REST_OFFSETS: Final = {"airspeed_pitot": 1.0, "p": 0.02, "q": 0.02, "r": 0.02}  #: SI; less is usual
 
 

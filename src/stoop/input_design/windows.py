@@ -7,7 +7,7 @@ the information at these estimates chooses, and the standard errors of the fit t
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Final, Literal
@@ -69,9 +69,9 @@ class CandidateInformation:
         """Return the information (D, D) with some candidates."""
         return np.asarray(self.prior + sum((self.matrices[i] for i in chosen), np.zeros_like(self.prior)))
 
-    def loss(self, fitted: Sequence[int], out: Sequence[int]) -> float:
-        """Return by how much the mean logarithm of the error bars of the fitted candidates grows without some of them."""
-        whole, rest = (self.total(chosen) for chosen in (fitted, [i for i in fitted if i not in out]))
+    def loss(self, fitted: Sequence[int], out: int) -> float:
+        """Return by how much the mean logarithm of the error bars of the fitted candidates grows without one of them."""
+        whole, rest = (self.total(chosen) for chosen in (fitted, [i for i in fitted if i != out]))
         return float(np.linalg.slogdet(whole)[1] - np.linalg.slogdet(rest)[1]) / (2.0 * len(whole))
 
     def gain_alone(self, index: int) -> float:
@@ -140,28 +140,21 @@ def _held_out(
     usual = float(np.median([information.gain_alone(i) for i in fitted])) if fitted else np.inf
     eligible = [i for i in free if information.gain_alone(i) >= LIMITS.validation_worth * usual]
 
-    held: list[int] = []
-
-    def cheapest(among: Iterable[int]) -> int | None:
-        """Return the candidate whose absence from the fit costs least, then the most informative; None above the limit."""
-        losses = {i: information.loss(fitted, [*held, i]) for i in among if i not in kept}
-        losses = {i: x for i, x in losses.items() if x < LIMITS.redundant}
-        return min(losses, key=lambda i: (losses[i], -information.gain_alone(i)), default=None)
-
     flown = [_axis(found[i]) for i in fitted]
-    axes = set(flown) - {None}
-    twice = [i for i, axis in zip(fitted, flown, strict=True) if flown.count(axis) > 1]
-    while True:
-        apart = [i for i in eligible if not any(found[i].meets(found[j]) for j in held)]
-        left = axes - {_axis(found[i]) for i in held}
-        one = cheapest(i for i in (apart if held else (*apart, *twice)) if _axis(found[i]) in left)
-        if one is None:
-            break
-        held.append(one)
+    held: list[int] = []
+    for i in sorted(eligible, key=information.gain_alone, reverse=True):
+        seen = {None, *(_axis(found[j]) for j in held)}
+        apart = not any(found[i].meets(found[j]) for j in held)
+        if apart and (axis := _axis(found[i])) in flown and axis not in seen:
+            held.append(i)
     if held:
         return tuple(held)
-    if (one := cheapest([*eligible, *(fitted if len(fitted) > 1 else ())])) is not None:
-        return (one,)
+    twice = [i for i, axis in zip(fitted, flown, strict=True) if axis is not None and flown.count(axis) > 1]
+    for among in (twice, [*eligible, *(fitted if len(fitted) > 1 else ())]):
+        losses = {i: information.loss(fitted, i) for i in among if i not in kept}
+        losses = {i: x for i, x in losses.items() if x < LIMITS.redundant}
+        if losses:  # whose absence costs least, then the most informative one
+            return (min(losses, key=lambda i: (losses[i], -information.gain_alone(i))),)
     worth = [i for i in free if information.gain_alone(i) > LIMITS.min_gain]
     return (max(worth, key=information.gain_alone),) if worth else ()
 

@@ -21,9 +21,8 @@ from stoop.base.arrays import FloatArray
 from stoop.vehicle_draft.geometry import Flap, Surface
 
 COUNT: Final = 24  #: strips of a half
-EDGES: Final = 0.5 * (
-    1.0 - np.cos(np.linspace(0.0, math.pi, COUNT + 1))
-)  #: of the strips of a half, over its length
+#: of the strips of a half, over its length
+EDGES: Final = 0.5 * (1.0 - np.cos(np.linspace(0.0, math.pi, COUNT + 1)))
 MOTIONS: Final = ("alpha", "beta", "p", "q", "r")
 
 

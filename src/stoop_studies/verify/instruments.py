@@ -279,10 +279,8 @@ def ardupilot_record(vehicle: MadeUp, columns: Columns) -> tuple[Columns, dict[s
         pulses = {f"pwm_{i + 1}": 1000.0 + 1000.0 * known.pop(n) for i, n in enumerate(motors)}
         return known | pulses, parameters
     commands, low, middle, high = normalized(vehicle, columns), *PULSES
-    parameters, outputs = (
-        {"MIXING_GAIN": 1.0},
-        {},
-    )  # a full command is the full throw of a tail in V and of elevons, too
+    # by this gain a full command is the full throw of a tail in V and of elevons, too
+    parameters, outputs = {"MIXING_GAIN": 1.0}, {}
     for i, (name, x) in enumerate(servo_commands(vehicle, commands).items(), 1):
         outputs[f"pwm_{i}"] = middle + (high - middle) * x
         parameters |= {f"SERVO{i}_FUNCTION": float(SERVOS[name][3]), f"SERVO{i}_REVERSED": 0.0}
