@@ -18,7 +18,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 OLDEST = (3, 11)
-PYTEST = ["pytest", "-q", "-n", "2", "--dist", "loadfile", "--no-loadscope-reorder"]
+PYTEST = ["pytest", "-q", "-n", "3", "--dist", "loadfile", "--no-loadscope-reorder"]
 CHECKS = {
     "lint": ["ruff", "check", "."],
     "format": ["ruff", "format", "--check", "."],
@@ -28,7 +28,7 @@ CHECKS = {
     "docs": ["sphinx-build", "-q", "-W", "--keep-going", "docs", "{scratch}/site"],
 }  #: name -> command of the environment; {scratch} is thrown away
 QUICK = {"lint": CHECKS["lint"], "format": CHECKS["format"], "quick tests": [*PYTEST, "--quick"]}
-# Two files of tests at a time, each with several GB of compiled kernels, and in order: the long ones come first.
+# Three files of tests at a time, for some wait; each takes several GB of compiled kernels. In order: the long ones come first.
 
 
 def main() -> int:

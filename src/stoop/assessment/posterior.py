@@ -32,6 +32,7 @@ from stoop.assessment.sampling import SAMPLER, Chains, Coordinates, libraries, l
 from stoop.assessment.uncertainty import MAX_RHAT
 from stoop.base.arrays import FloatArray
 from stoop.base.notices import notice
+from stoop.optimize.normal_equations import TallMatrix
 from stoop.problem import Misfit
 from stoop.results.uncertainty import Interval, MethodIntervals
 
@@ -73,8 +74,8 @@ class Target:
         r, ends = self.residuals_along(x, directions)
         density, taken = self._marginal(r[None, :])
         with np.errstate(invalid="ignore", over="ignore"):
-            left = r - self.optimum.jacobian[:, self.size :] @ taken[0]
-            return float(density[0]), (r - ends) @ left / STEP
+            left = r - self._nuisances.apply(taken[0])
+            return float(density[0]), (left @ r - ends @ left) / STEP
 
     def residuals_along(self, x: FloatArray, directions: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the residuals (n_r,) at a point, and (m, n_r) one step ahead along each of directions (k, m)."""
@@ -90,7 +91,7 @@ class Target:
         """Return the log density (W,) of residuals (W, n_r), and how far the nuisances go from where they stand, (W, E)."""
         k, information = self.size, self.optimum.information
         with np.errstate(invalid="ignore", over="ignore"):
-            gradient = residuals @ self.optimum.jacobian[:, k:]
+            gradient = np.array([self._nuisances.project(r) for r in residuals])
             # their priors make the matrix definite
             taken = np.linalg.solve(information[k:, k:], gradient.T).T
             density = -0.5 * (np.sum(residuals**2, axis=1) - np.sum(gradient * taken, axis=1))
@@ -103,6 +104,11 @@ class Target:
     def _followed(self, steps: FloatArray) -> FloatArray:
         """Return vectors (W, D + E) with the nuisances where the linear model puts them."""
         return self.optimum.z + np.hstack([steps, steps @ self._follow.T])
+
+    @cached_property
+    def _nuisances(self) -> TallMatrix:
+        """Derivatives (n_r, E) of the residuals by the nuisances, most of which belong to one maneuver each."""
+        return TallMatrix.of(self.optimum.jacobian[:, self.size :].T)
 
     @cached_property
     def _follow(self) -> FloatArray:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from naive.fitted import Fitted, line
 from numpy.testing import assert_allclose
 
+from stoop.assessment import sampling
 from stoop.assessment.assessment import linearize
 from stoop.assessment.posterior import Target, coordinates, stretch
 from stoop.assessment.sampling import Chains, sample
@@ -62,7 +65,9 @@ def test_the_stretch_turns_one_curvature_into_the_other() -> None:
     assert_allclose(stretch(information, np.linalg.inv(information)), np.eye(4), atol=1e-9)
 
 
-def test_a_curved_posterior_is_that_of_quadrature() -> None:
+def test_a_curved_posterior_is_that_of_quadrature(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The quantile of 8000 draws is known within 0.03 standard deviations, if they are independent."""
+    monkeypatch.setattr(sampling, "SAMPLER", replace(sampling.SAMPLER, draws=2000))
     t = np.linspace(0.0, 1.0, 12)
 
     def curve(Z: np.ndarray) -> np.ndarray:

@@ -90,7 +90,8 @@ def test_a_banana_in_48_dimensions_has_its_standard_deviations(monkeypatch: pyte
     assert_allclose((found.mean(axis=0) - 0.5) / spread(1.0), 0.0, atol=0.1)
 
 
-def test_a_map_that_does_not_fit_changes_the_steps_alone() -> None:
+def test_a_map_that_does_not_fit_changes_the_steps_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sampling, "SAMPLER", replace(SAMPLER, draws=1000))
     target = chained(0.5)
     bent = coordinates(target)
     wrong = replace(bent, bend=-0.5 * bent.bend, growth=0.02 * np.tril(np.ones((SIZE, SIZE)), -1))
