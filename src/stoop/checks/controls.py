@@ -33,6 +33,7 @@ class ControlLimits:
     motion: float = 0.05  #: rad/s2 rms; less is no motion
     #: of the largest rms of a control over a second; where all move less, nothing is compared
     active: float = 0.3
+    still: float = 1e-12  #: sum of squares of a column, any unit, that does not move
     delays: tuple[float, ...] = (0.0, 0.04, 0.08)  #: s, of servos; the one that fits best is taken
 
 
@@ -65,8 +66,11 @@ class Controls:
             turn = EFFECTS[axis][0]
             if changed is not None and not {turn, *(name for name, _ in controls)} & set(changed):
                 continue
-            beside = np.column_stack([self.columns[name] for name in self.beside])
             column, factor = reading(state, turn)
+            moved = {reading(state, name)[0] for name, _ in controls}
+            if column not in self.slopes or not moved <= self.columns.keys():
+                continue  # an edit took a column that no axis answers
+            beside = np.column_stack([self.columns[name] for name in self.beside])
             turning = _apart(factor * self.slopes[column], beside)
             tried = (self._left(state, turning, beside, controls, late) for late in range(len(LIMITS.delays)))
             left = min(tried, key=lambda x: float(x @ x))
@@ -87,7 +91,7 @@ class Controls:
             column, factor = reading(state, name)
             x = _apart(factor * self.late[late][column], beside)
             power = float(x @ x)
-            gain = float(x @ left) / power if power > 1e-12 else 0.0
+            gain = float(x @ left) / power if power > LIMITS.still else 0.0
             left = left - (gain if gain * sign >= 0.0 else 0.0) * x
         return left
 
@@ -118,12 +122,13 @@ class Controls:
             slow, turn, *late = (np.concatenate(own) for own in zip(*parts, strict=True))
             second = np.ones(round(self.rate))
             power = np.apply_along_axis(np.convolve, 0, late[0] ** 2, second, "same")
-            busy = (power > LIMITS.active**2 * np.maximum(power.max(axis=0), 1e-12)).any(axis=1)
+            busy = (power > LIMITS.active**2 * np.maximum(power.max(axis=0), LIMITS.still)).any(axis=1)
             self.columns = dict(zip(every, slow[busy].T, strict=True))
             self.slopes = dict(zip(self.beside, turn[busy].T, strict=True))
             self.late = [dict(zip(names, x[busy].T, strict=True)) for x in late]
 
 
 def _apart(y: FloatArray, beside: FloatArray) -> FloatArray:
-    """Return what is left of a column (n,) beside others (n, k)."""
+    """Return what is left of a column (n,) beside those of others (n, k) that move."""
+    beside = beside[:, np.sum(beside**2, axis=0) > LIMITS.still]
     return np.asarray(y - beside @ np.linalg.lstsq(beside, y, rcond=None)[0])

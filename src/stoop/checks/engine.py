@@ -271,7 +271,7 @@ def _best(
 
     def outcome(edit: Edit[State]) -> dict[Key, Evidence]:
         """Return all residuals with an edit."""
-        return {**before, **model(edit.apply(state), edit.lines)}
+        return {**before, **_changed(edit, state, before, model)}
 
     def over(worse: Residuals, better: Residuals) -> float:
         """Return the log-likelihood of one outcome over another."""
@@ -303,11 +303,16 @@ def _best(
     return Finding(tuple(sorted(kept or [first], key=lambda s: -s.evidence)))
 
 
+def _changed(edit: Edit[State], state: State, before: Residuals, model: Model[State]) -> Residuals:
+    """Return the residuals that an edit changes, of those there were: one that is new has nothing to be compared with."""
+    return {key: own for key, own in model(edit.apply(state), edit.lines).items() if key in before}
+
+
 def _score(
     edit: Edit[State], state: State, before: Residuals, model: Model[State], limits: Thresholds
 ) -> Scored[State]:
     """Return an edit with what it gains; nothing where no channel is convincing by itself."""
-    after = model(edit.apply(state), edit.lines)
+    after = _changed(edit, state, before, model)
     gains = {key: after[key].gain(before[key], limits, edit.complete) for key in after}
     channel = max(
         gains, key=lambda key: (isinstance(after[key], Range) and gains[key][1], gains[key][0]), default=()

@@ -57,6 +57,7 @@ class Statistics:
     size: float = 30.0  #: odds of a size
     growth: float = 15.0  #: odds of an angle against its rate
     turns: float = 12.0  #: odds of an angle that turns against its rate
+    no_noise: float = 1e-12  #: m/s2; a sensor that scatters less has no noise to compare
     noise: float = 10.0  #: odds of noise of an axis
     z_axis: float = 10.0  #: odds of the share along the vertical axis
 
@@ -136,7 +137,7 @@ class Sizes:
             apart = abs(math.log(abs(factor)))
             yield ("growth", angle, rate), apart, 0.0, limits.far, limits.growth
             yield ("turns", angle, rate), factor, 0.0, np.inf, limits.turns
-        if len(self.scatter) == len(SPECIFIC_FORCE) and min(self.scatter.values()) > 0.0:
+        if len(self.scatter) == len(SPECIFIC_FORCE) and min(self.scatter.values()) > limits.no_noise:
             ratio, band = self._odd_axis(state)[1], limits.noise_band
             yield ("noise", "az"), ratio, 1.0 / band, band, limits.noise
 

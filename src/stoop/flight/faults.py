@@ -144,7 +144,8 @@ def without_faulty(time: FloatArray, x: FloatArray, faults: Sequence[Fault]) -> 
             out[(time >= fault.start) & (time <= fault.stop)] = np.nan
         elif fault.kind == "clipped":
             edge, near = fault.value, LIMITS.near_limit * abs(fault.value)
-            out[x > edge - near if edge > np.nanmedian(x) else x < edge + near] = np.nan
+            middle = np.nanmedian(x) if np.isfinite(x).any() else edge
+            out[x > edge - near if edge > middle else x < edge + near] = np.nan
     return out
 
 

@@ -168,7 +168,13 @@ def make_grid(start: float, stop: float, rate: float, width: int, place: str) ->
             "cut the log, or choose a lower rate"
         )
     first = int(np.ceil((start - TIME_TOLERANCE) * rate))
-    return Grid(first, int(np.floor((stop + TIME_TOLERANCE) * rate)) - first + 1, rate)
+    count = int(np.floor((stop + TIME_TOLERANCE) * rate)) - first + 1
+    if count < 2:
+        raise FlightError(
+            f"{place}: the record lasts {stop - start:.2g} s, less than two samples of {rate:g} Hz; "
+            "check the unit of the time, or choose a higher rate"
+        )
+    return Grid(first, count, rate)
 
 
 def grid_channels(

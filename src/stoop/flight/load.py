@@ -84,7 +84,11 @@ def load(path: str | Path, mapping: str | Path | None = None, rate: float = 100.
     body_rates = {name: sources[name].rate for name in RATES if name in sources}
     # a mapping is judged in flight: on the ground estimators hold zeros, and sensors stand still
     up = in_flight(Flight(flight_name(path), path, dataset(grid.time, data), rate, sources))
-    recorded = [fault for fault in recorded if fault.kind != "stuck" or _within(fault, grid.time[up])]
+    recorded = [
+        fault
+        for fault in recorded
+        if fault.variable in data and (fault.kind != "stuck" or _within(fault, grid.time[up]))
+    ]
     by_name: dict[str, list[Fault]] = {}
     for fault in recorded:
         by_name.setdefault(fault.variable, []).append(fault)

@@ -9,7 +9,7 @@ import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -19,6 +19,9 @@ from stoop.base.units import FACTORS, MICROSECOND
 from stoop.errors import LogError
 from stoop.logs.arrays import MIN_RISING, max_values
 from stoop.logs.recording import Defect, Recording, Stream, clean_stream, reason, unreadable
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 MAX_BYTES: Final = 256 * 2**20  #: text of one file, unpacked; a fast topic of an hour takes 100 MiB
 MAX_ROWS: Final = 5_000_000  #: three hours at 400 Hz
@@ -203,15 +206,20 @@ def read_table(path: Path) -> tuple[dict[str, FloatArray], tuple[Defect, ...]]:
         ) from None
     columns: dict[str, FloatArray] = {}
     for name, label in zip(header, table.columns, strict=False):
-        series = table[label]
-        if series.dtype.kind not in "iufb":
-            numbers = pd.to_numeric(series, errors="coerce")
-            lost = int(numbers.isna().sum() - series.isna().sum())
-            message = f"{lost} of {len(series)} cells hold no number"
+        columns.setdefault(name, values := numbers(table[label]))
+        if lost := int(np.isnan(values).sum() - table[label].isna().sum()):
+            message = f"{lost} of {len(values)} cells hold no number"
             defects.append(Defect("text", f"{path.name} {name}", message))
-            series = numbers
-        columns.setdefault(name, np.asarray(series, dtype=np.float64))
     return columns, tuple(defects)
+
+
+def numbers(cells: pd.Series[Any]) -> FloatArray:
+    """Return the cells of a column as numbers (n,): NaN what is none, infinite what is beyond float64."""
+    import pandas as pd
+
+    if cells.dtype.kind == "O":  # whole numbers beyond 64 bits, which pandas takes for objects
+        cells = cells.astype(str)
+    return np.asarray(pd.to_numeric(cells, errors="coerce"), dtype=np.float64)
 
 
 def _unpack(path: Path) -> tuple[bytes, tuple[Defect, ...]]:

@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from stoop.errors import LogError, one_line
+from stoop.logs.csv_tables import numbers
 from stoop.logs.dataflash import TEXTS, Layout, Messages, assemble, is_wanted, make_layout
 from stoop.logs.recording import Defect, Recording, read_bounded
 
@@ -155,9 +156,8 @@ def _fill(rows: npt.NDArray[Any], lines: _Lines) -> int:
         if len(table) == rows.size:  # else some byte ends a line for pandas only
             worst = 0
             for i in range(len(layout.columns)):
-                numbers = pd.to_numeric(table[i], errors="coerce")
-                worst = max(worst, int(numbers.isna().sum() - table[i].isna().sum()))
-                rows[str(i)] = np.asarray(numbers, dtype=np.float64)
+                rows[str(i)] = values = numbers(table[i])
+                worst = max(worst, int(np.isnan(values).sum() - table[i].isna().sum()))
             return worst
     lost = 0
     for row, line in zip(rows, cells, strict=True):

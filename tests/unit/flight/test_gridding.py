@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from stoop.base.arrays import FloatArray
@@ -39,6 +39,7 @@ def in_gap_naively(point: float, time: FloatArray, limit: float) -> bool:
 @given(steps)
 def test_no_value_in_a_gap_and_a_value_everywhere_else(gaps: list[float]) -> None:
     time = times(gaps)
+    assume(time[-1] - time[0] > 0.02)  # else it has less than two points
     grid = make_grid(time[0], time[-1], 100.0, 1, "f")
     out = resample(grid, time, np.sin(time)[:, None], smooth=False)[:, 0]
     limit = max(0.05, 2.5 * float(np.median(np.diff(time))))
@@ -167,3 +168,8 @@ def test_bursts_are_not_filled_with_samples_that_are_not_there() -> None:
     time = np.concatenate([k * 0.04 + 2e-5 * np.arange(20) for k in range(50)])
     out = resample(make_grid(0.0, 1.9, 100.0, 1, "here"), time, np.full((time.size, 1), 2.0), smooth=True)
     np.testing.assert_array_equal(out, 2.0)
+
+
+def test_a_record_shorter_than_two_points_is_refused() -> None:
+    with pytest.raises(FlightError, match="less than two samples of 100 Hz"):
+        make_grid(0.012, 0.016, 100.0, 1, "f")

@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from stoop.errors import LogError
 from stoop.logs import csv_tables
 from stoop.logs.csv_tables import read_table
+from stoop.logs.dataflash_text import read_dataflash_text
 
 any_file = settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 
@@ -146,6 +147,21 @@ def test_cells_without_a_number_become_nan_and_are_counted(tmp_path: Path) -> No
     columns, defects = read_table(path)
     assert np.array_equal(columns["x"], [1.0, np.nan, np.nan, 4.0], equal_nan=True)
     assert [str(d) for d in defects] == ["a.csv x: 1 of 4 cells hold no number"]
+
+
+@pytest.mark.parametrize("sign", ["", "-"])
+def test_whole_numbers_beyond_float64_are_infinite(tmp_path: Path, sign: str) -> None:
+    """pandas keeps them as Python integers, which numpy cannot hold."""
+    path, large = tmp_path / "a.csv", f"{sign}1{400 * '0'}"
+    path.write_text(f"t,x\n0,1\n1,{large}\n2,3\n")
+    columns, defects = read_table(path)
+    assert columns["x"].tolist() == [1.0, float(f"{sign}inf"), 3.0]
+    assert [str(d) for d in defects] == []
+    log = tmp_path / "a.log"
+    rows = "".join(f"IMU, {1000 * i}, {large if i == 7 else i}\n" for i in range(60))
+    log.write_text(f"FMT, 130, 19, IMU, Qf, TimeUS,GyrX\n{rows}")
+    gyro = read_dataflash_text(log).streams["IMU"].columns["GyrX"]
+    assert gyro[6:9].tolist() == [6.0, float(f"{sign}inf"), 8.0]
 
 
 def test_header_is_stripped(tmp_path: Path) -> None:
