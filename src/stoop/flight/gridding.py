@@ -197,10 +197,11 @@ def grid_channels(
             values = {**dict(zip(QUATERNION, q.T, strict=True)), **values}
         groups.append(Channels(group.source, group.time, values))
     clocks = [group.time for group in groups if group.time.size > 1]
+    empty = FlightError(
+        f"{place}: no variable of the registry has two samples; check the topics or the mapping"
+    )
     if not clocks:
-        raise FlightError(
-            f"{place}: no variable of the registry has two samples; check the topics or the mapping"
-        )
+        raise empty
     start, stop = float(min(t[0] for t in clocks)), float(max(t[-1] for t in clocks))
     grid = make_grid(start, stop, rate, sum(len(group.values) for group in groups) + len(EULER), place)
     samples = sum(t.size for t in clocks)
@@ -215,6 +216,8 @@ def grid_channels(
         data.update(_grid_group(grid, group))
         known = {n: source_rate(group.source, group.time[np.isfinite(x)]) for n, x in group.values.items()}
         sources.update({angle: known["q0"] for angle in EULER if "q0" in known} | known)
+    if not data:  # no number is finite
+        raise empty
     return grid, {name: np.ascontiguousarray(data[name]) for name in VARIABLES if name in data}, sources
 
 
