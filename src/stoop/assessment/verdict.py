@@ -242,6 +242,12 @@ def _contradictions(result: Result, sizes: Mapping[str, float]) -> Iterator[Noti
         far = [n for n in shares if abs(moves[n]) > LIMITS.moved_errors and shares[n] > LIMITS.moved_share]
         if far:
             name = max(far, key=lambda n: abs(moves[n]))
+            if name == test.name:  # a number of the file, which may have been measured
+                yield notice(
+                    "verdict-form-number", name, statistic=test.statistic, value=test.value, present=present,
+                    line=test.line,
+                )  # fmt: skip
+                return
             code = "verdict-form-one-of" if test.rivals else "verdict-form"
             yield notice(
                 code, test.name, statistic=test.statistic, parameter=name, shift=moves[name], share=shares[name],

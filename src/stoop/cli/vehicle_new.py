@@ -125,7 +125,10 @@ def _answer(question: Question, ask: Callable[[str], str], tell: Callable[[str],
     usual = f" (usual: {question.usual})" if question.usual else ""
     default = f" [{question.default}]" if question.default is not None else ""
     while True:
-        text = ask(f"{question.key}, {question.what}{usual}{default}: ").strip()
+        try:
+            text = ask(f"{question.key}, {question.what}{usual}{default}: ").strip()
+        except EOFError:  # Ctrl-D
+            raise KeyboardInterrupt from None
         if not text and question.default is not None:
             return question.default
         if choices is not None:

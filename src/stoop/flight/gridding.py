@@ -165,7 +165,7 @@ def make_grid(start: float, stop: float, rate: float, width: int, place: str) ->
     if (stop - start) * rate * width > LIMITS.cells:
         raise FlightError(
             f"{place}: the record lasts {stop - start:.0f} s, too long for a grid of {rate:g} Hz; "
-            "cut the log, or choose a lower rate"
+            "check the unit of the time, cut the log, or choose a lower rate"
         )
     first = int(np.ceil((start - TIME_TOLERANCE) * rate))
     count = int(np.floor((stop + TIME_TOLERANCE) * rate)) - first + 1

@@ -151,7 +151,7 @@ def test_a_filter_is_judged_by_its_innovations_and_not_by_a_simulation_in_gusts(
         ({"cost": math.nan}, "verdict-no-cost"),
         ({"notices": (notice("sensor-fault", "f", fault="p has the wrong sign"),)}, "sensor-fault"),
         ({"extensions": lacking(-11.8)}, "verdict-form"),
-        ({"extensions": contradicted("mass.inertia.xx", 0.3)}, "verdict-form"),
+        ({"extensions": contradicted("mass.inertia.xx", 0.3)}, "verdict-form-number"),
         (
             {"maneuvers": (*result().maneuvers[:2], maneuver(10.0, "validation", p=LOST, V=LOST))},
             "verdict-trivial",

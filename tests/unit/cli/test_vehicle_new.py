@@ -105,3 +105,13 @@ def test_questions() -> None:
     assert len(told) == 2
     assert "usual" in shown[4]  # a span for this mass
     assert list(answers) == []
+
+
+def test_the_end_of_the_answers_is_an_interruption() -> None:
+    """Ctrl-D."""
+
+    def ask(_: str) -> str:
+        raise EOFError
+
+    with pytest.raises(KeyboardInterrupt):
+        asked(Request(), Evidence(), ask, print)
