@@ -54,6 +54,7 @@ class Controls:
         self.beside = [name for name in RATES if name in there] if moved else []
         self.columns: dict[str, FloatArray] = {}
         self.slopes: dict[str, FloatArray] = {}
+        self.turned = np.empty((0, 0))  #: (n, k), the rates that move
         self.late: list[dict[str, FloatArray]] = []
         self.rate = rate
         if moved:
@@ -70,9 +71,8 @@ class Controls:
             moved = {reading(state, name)[0] for name, _ in controls}
             if column not in self.slopes or not moved <= self.columns.keys():
                 continue  # an edit took a column that no axis answers
-            beside = np.column_stack([self.columns[name] for name in self.beside])
-            turning = _apart(factor * self.slopes[column], beside)
-            tried = (self._left(state, turning, beside, controls, late) for late in range(len(LIMITS.delays)))
+            turning = self._apart(factor * self.slopes[column])
+            tried = (self._left(state, turning, controls, late) for late in range(len(LIMITS.delays)))
             left = min(tried, key=lambda x: float(x @ x))
             low, high = LIMITS.band
             out["moment", axis] = Residual(left, turning, self.rate / (2.0 * (high - low)), LIMITS.motion**2)
@@ -82,14 +82,13 @@ class Controls:
         self,
         state: Assignment,
         left: FloatArray,
-        beside: FloatArray,
         controls: tuple[tuple[str, float], ...],
         late: int,
     ) -> FloatArray:
         """Return what controls, each with an effect of its sign, leave of an acceleration (n,)."""
         for name, sign in controls:
             column, factor = reading(state, name)
-            x = _apart(factor * self.late[late][column], beside)
+            x = self._apart(factor * self.late[late][column])
             power = float(x @ x)
             gain = float(x @ left) / power if power > LIMITS.still else 0.0
             left = left - (gain if gain * sign >= 0.0 else 0.0) * x
@@ -125,10 +124,10 @@ class Controls:
             busy = (power > LIMITS.active**2 * np.maximum(power.max(axis=0), LIMITS.still)).any(axis=1)
             self.columns = dict(zip(every, slow[busy].T, strict=True))
             self.slopes = dict(zip(self.beside, turn[busy].T, strict=True))
+            turned = np.column_stack([self.columns[name] for name in self.beside])
+            self.turned = turned[:, np.sum(turned**2, axis=0) > LIMITS.still]
             self.late = [dict(zip(names, x[busy].T, strict=True)) for x in late]
 
-
-def _apart(y: FloatArray, beside: FloatArray) -> FloatArray:
-    """Return what is left of a column (n,) beside those of others (n, k) that move."""
-    beside = beside[:, np.sum(beside**2, axis=0) > LIMITS.still]
-    return np.asarray(y - beside @ np.linalg.lstsq(beside, y, rcond=None)[0])
+    def _apart(self, y: FloatArray) -> FloatArray:
+        """Return what is left of a column (n,) beside the rates."""
+        return np.asarray(y - self.turned @ np.linalg.lstsq(self.turned, y, rcond=None)[0])

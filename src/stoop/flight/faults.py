@@ -142,10 +142,9 @@ def without_faulty(time: FloatArray, x: FloatArray, faults: Sequence[Fault]) -> 
     for fault in faults:
         if fault.kind == "stuck":
             out[(time >= fault.start) & (time <= fault.stop)] = np.nan
-        elif fault.kind == "clipped":
+        elif fault.kind == "clipped" and np.isfinite(x).any():
             edge, near = fault.value, LIMITS.near_limit * abs(fault.value)
-            middle = np.nanmedian(x) if np.isfinite(x).any() else edge
-            out[x > edge - near if edge > middle else x < edge + near] = np.nan
+            out[x > edge - near if edge > np.nanmedian(x) else x < edge + near] = np.nan
     return out
 
 

@@ -102,9 +102,8 @@ def test_bootstrap_and_profile_agree_with_the_corrected_errors(job: Job) -> None
 @pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS)
 def test_the_posterior_agrees_with_the_corrected_errors(method: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    few = dataclasses.replace(
-        sampling.SAMPLER, tuning=100, draws=200
-    )  # two parameters and a delay are no V-tail
+    # two parameters and a delay are no V-tail
+    few = dataclasses.replace(sampling.SAMPLER, tuning=100, draws=200)
     monkeypatch.setattr(sampling, "SAMPLER", few)
     free = ("Cmalpha", "Cmq")
     uncertainty = fitted(method, "0:5", free).assess(Posterior()).identification.result.uncertainty

@@ -41,10 +41,8 @@ def column(random: np.random.Generator, t: FloatArray, size: float) -> FloatArra
 
 
 def write(random: np.random.Generator, folder: Path) -> Path:
-    n, dt = (
-        int(random.choice([1, 2, 3, 7, 20, 100, 600, 3000])),
-        float(random.choice([1e-6, 1e-4, 0.01, 0.1, 100.0])),
-    )
+    n = int(random.choice([1, 2, 3, 7, 20, 100, 600, 3000]))
+    dt = float(random.choice([1e-6, 1e-4, 0.01, 0.1, 100.0]))
     t = np.arange(n) * dt + float(random.choice([0.0, 1.7e9]))
     if random.random() < 0.2:
         t[n // 2 :] += float(random.choice([1.0, 3600.0, 1e6]))
