@@ -11,6 +11,8 @@ from pathlib import Path
 
 import pytest
 
+from stoop.base import notices
+
 SHARED = Path(os.environ.get("STOOP_SHARED", Path(__file__).parents[2] / "shared"))
 LONG_TESTS = Path(__file__).parent / "long_tests.txt"  #: test and seconds; written by scripts/durations.py
 seconds: Counter[str] = Counter()  #: test -> time of its call, set-up and clean-up
@@ -18,6 +20,16 @@ seconds: Counter[str] = Counter()  #: test -> time of its call, set-up and clean
 
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:  # started in the background of a script
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+@pytest.fixture(autouse=True)
+def _failures_of_detectors(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let the error of a detector pass, of which a user has a notice."""
+
+    def raised(detector: str, error: Exception) -> notices.Notice:
+        raise error
+
+    monkeypatch.setattr(notices, "detector_failed", raised)
 
 
 @pytest.fixture(scope="session")

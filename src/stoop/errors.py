@@ -19,6 +19,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+MAX_LENGTH = 4000  #: of a message
+
 
 def one_line(text: str) -> str:
     """Return a text on one line that steers no terminal, ends no comment and fits into any file: names in logs hold anything."""
@@ -35,8 +37,11 @@ class StoopError(Exception):
     """Base of all errors that the user can mend; the message is one line with the fix."""
 
     def __str__(self) -> str:
-        """Return the message on one line, whatever keys and file names are quoted in it."""
-        return one_line(super().__str__())
+        """Return the message on one line, whatever keys and file names are quoted in it; of a very long one both ends."""
+        text = one_line(super().__str__())
+        return (
+            text if len(text) <= MAX_LENGTH else f"{text[: MAX_LENGTH // 2]} ... {text[-MAX_LENGTH // 2 :]}"
+        )
 
 
 class LogError(StoopError):

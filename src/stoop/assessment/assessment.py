@@ -26,6 +26,7 @@ import numpy as np
 from stoop.assessment.error_bars import ErrorBars, error_bars
 from stoop.assessment.uncertainty import method_agreement
 from stoop.base.arrays import FloatArray, IntArray
+from stoop.base.npz import read_arrays
 from stoop.errors import IdentificationError
 from stoop.estimate import methods
 from stoop.estimate.filter_likelihood import FrozenFilter
@@ -44,6 +45,7 @@ from stoop.vehicle.schema import VehicleFile
 Watch = Callable[[str], None]  #: receives the progress of an assessment
 Refittable = Misfit | FrozenFilter | FollowingWindows | LinearProblem
 Ending = Literal["converged", "refined", "failed"]
+MAX_BYTES: Final = 2**31  #: to which a packed problem may unfold
 PIECE_ARRAYS: Final = ("time", "inputs", "measured")
 SHARED_STEPS: Final = 6  #: at most, with the derivatives at the optimum
 SHARED_TOLERANCE: Final = 0.5  #: standard errors left to go when the shared derivatives have done their work
@@ -182,8 +184,7 @@ def pack(problem: Refittable, more: Mapping[str, Any]) -> str:
 
 def unpack(text: str) -> tuple[Refittable, dict[str, Any]]:
     """Return the problem that was packed, and all arrays."""
-    with np.load(io.BytesIO(base64.b64decode(text)), allow_pickle=False) as file:
-        arrays = {name: file[name] for name in file.files}
+    arrays = read_arrays(io.BytesIO(base64.b64decode(text)), MAX_BYTES)
     head = json.loads(arrays.pop("head").tobytes())
     vehicle = Vehicle(VehicleFile.model_validate(head["vehicle"]), "", head["where"], tuple(head["measured"]))
     parameters = tuple(Parameter(**p) for p in head["parameters"])

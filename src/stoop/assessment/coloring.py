@@ -24,6 +24,7 @@ H. White, "Maximum likelihood estimation of misspecified models", *Econometrica*
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -309,7 +310,7 @@ class _Block:
     def separate_middle(self, power: FloatArray) -> FloatArray:
         """Return S' V S (a, a) over this segment for noise with spectra (ny, f) that is independent between channels."""
         root = np.sqrt(power).astype(self.parts.dtype)
-        rows = (self.parts * root[:, :, None]).reshape(-1, self.parts.shape[-1])
+        rows = (self.parts * root[:, :, None]).reshape(math.prod(self.parts.shape[:-1]), self.parts.shape[-1])
         return np.asarray(rows.T @ rows)
 
     @cached_property
@@ -319,7 +320,8 @@ class _Block:
 
     def lagged(self, power: FloatArray, spread: FloatArray, order: int) -> tuple[FloatArray, FloatArray]:
         """Return the lagged products (ny, order + 1) of S d with v, both ways, and of S d with itself."""
-        rows = self.parts.reshape(-1, self.parts.shape[-1])  # one large product, not one per frequency
+        # one large product, not one per frequency
+        rows = self.parts.reshape(math.prod(self.parts.shape[:-1]), self.parts.shape[-1])
         inner = (self.basis @ spread @ self.basis.T).astype(rows.dtype)
         squares = np.einsum("na,na->n", rows @ inner, rows)
         squared = squares.reshape(self.parts.shape[:3]).sum(axis=0, dtype=np.float64)
@@ -366,7 +368,7 @@ class _Whitened:
         for colored, root in zip(self.colored, roots, strict=True):
             a, b = root.real.T, -root.imag.T
             mixing = np.block([[a, -b], [b, a]]).astype(colored.dtype)
-            rows = (mixing @ colored).reshape(-1, len(total))
+            rows = (mixing @ colored).reshape(colored.size // max(len(total), 1), len(total))
             total += rows.T @ rows
         return total
 
@@ -381,7 +383,10 @@ class _Whitened:
         `powers` (b, ny, ny) is the covariance of the innovations, `spread` (r, r) that of the scores.
         """
         inner = (self.basis @ spread @ self.basis.T).astype(self.white[0].dtype)
-        turned = ((white.reshape(-1, len(inner)) @ inner).reshape(white.shape) for white in self.white)
+        turned = (
+            (white.reshape(white.size // max(len(inner), 1), len(inner)) @ inner).reshape(white.shape)
+            for white in self.white
+        )
         squared = np.stack([_hermitian(a @ b.T) for a, b in zip(turned, self.white, strict=True)])
         crossed = self.crossed @ powers
         return np.asarray(crossed + crossed.conj().transpose(0, 2, 1) - squared)

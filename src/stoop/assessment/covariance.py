@@ -68,7 +68,7 @@ def correlation(covariance: FloatArray) -> FloatArray:
     """Return the correlation matrix (k, k); NaN for unknowns without a finite, positive variance."""
     sigma = standard_errors(covariance)
     sigma = np.where(np.isfinite(sigma) & (sigma > 0.0), sigma, np.nan)
-    matrix = np.clip(covariance / np.outer(sigma, sigma), -1.0, 1.0)
+    matrix = np.clip(covariance / sigma[:, None] / sigma, -1.0, 1.0)
     np.fill_diagonal(matrix, 1.0)
     return matrix
 

@@ -333,7 +333,8 @@ def joint_test(results: Sequence[Result], singles: Mapping[str, Sequence[SingleE
     chi-square with (m - 1) k degrees of freedom; of two results it is that of their difference. Directions that a result's
     correlations leave without variance are not compared.
     """
-    names = [n for n in singles if all(n in result.covariance.names for result in results)]
+    variances = [dict(zip(r.covariance.names, np.diag(r.covariance.matrix), strict=True)) for r in results]
+    names = [n for n in singles if all(0.0 < known.get(n, 0.0) < np.inf for known in variances)]
     if not names:
         return JointTest()
     estimates, weights = list[FloatArray](), list[FloatArray]()
@@ -376,7 +377,8 @@ def _alone(result: Result, name: str, std_error: float | None = None) -> SingleE
     """Return an estimate of a result without its prior, with its corrected or another standard error."""
     p, plain = result.parameters[name], result.uncertainty.get("cramer_rao")
     std = plain.parameters[name].std_error if plain is not None else p.std_error
-    share = float(np.nan_to_num((std / p.prior_std) ** 2))
+    ratio = std / p.prior_std
+    share = float(np.nan_to_num(ratio * ratio))  # a power raises where a product is infinite
     error = p.std_error if std_error is None else std_error
     one = without_prior(p.estimate, error, share, p.prior_mean, p.prior_std)
     return replace(one, counted=one.counted and p.identifiable and not p.at_bound)

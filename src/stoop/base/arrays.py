@@ -2,16 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
+
+from stoop.base.numbers import MAX_NUMBER
 
 FloatArray: TypeAlias = NDArray[np.float64]
 IntArray: TypeAlias = NDArray[np.intp]
 BoolArray: TypeAlias = NDArray[np.bool_]
 ComplexArray: TypeAlias = NDArray[np.complex128]
 Factor: TypeAlias = float | FloatArray  #: one for all parents, or one for each, (n, 1)
+
+
+def within_range(x: FloatArray) -> FloatArray:
+    """Return an array with NaN in place of numbers that are implausibly large."""
+    large = np.abs(x) > MAX_NUMBER
+    return np.where(large, np.nan, x) if large.any() else x
+
+
+def empty_columns(columns: Mapping[str, FloatArray]) -> set[str]:
+    """Return the names of the columns without a finite number, which show nothing to any detector."""
+    return {name for name, x in columns.items() if not np.isfinite(x).any()}
 
 
 def runs(mask: BoolArray) -> IntArray:

@@ -2,47 +2,111 @@
 
 from __future__ import annotations
 
-import contextlib
+import errno
 import os
-import secrets
-from collections.abc import Sequence
+import shutil
+import tempfile
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Final
 
 from stoop.errors import OutputError
 
+SCRATCH: Final = ".stoop-"  #: beginning of the names of hidden folders in which files are made
 
-def write_bytes_atomic(path: Path, content: bytes) -> None:
-    """Write `content` to `path`; a reader sees the old file or the whole new one, never a part.
+
+@contextmanager
+def scratch(folder: Path) -> Iterator[Path]:
+    """Make a hidden folder in another one, for files that are then moved out of it, and remove it at the end.
+
+    Those of processes that were killed are removed first: a lock, which ends with its process, tells them from those in use.
+    """
+    for old in folder.glob(f"{SCRATCH}*"):
+        if (lock := _lock(old)) is not None:
+            shutil.rmtree(old, ignore_errors=True)
+            os.close(lock)
+    place, lock = _locked_folder(folder)
+    try:
+        yield place
+    finally:
+        shutil.rmtree(place, ignore_errors=True)
+        if lock is not None:
+            os.close(lock)
+
+
+def _locked_folder(folder: Path) -> tuple[Path, int | None]:
+    place = Path(tempfile.mkdtemp(prefix=SCRATCH, dir=folder))
+    lock = _lock(place, wait=True)
+    if place.exists():
+        return place, lock
+    if lock is not None:  # another process was faster, and took it for that of one that was killed
+        os.close(lock)
+    return _locked_folder(folder)
+
+
+def _lock(folder: Path, wait: bool = False) -> int | None:
+    """Return the open folder, locked; None if it is in use, no folder, or on a system or a disk without such locks."""
+    try:
+        import fcntl
+
+        handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
+    except (ImportError, OSError):
+        return None
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
+    except OSError:
+        os.close(handle)
+        return None
+    return handle
+
+
+def write_files(folder: Path, files: Mapping[str, bytes | str], obsolete: Iterable[str] = ()) -> None:
+    """Write files that belong together: all of them, or none.
 
     Parameters
     ----------
-    path : Path
-        The file; its folder must exist.
-    content : bytes
-        What the file holds afterwards.
+    folder : Path
+        It must exist.
+    files : mapping of str to bytes or str
+        Place in the folder to content, text as UTF-8; moved into place in this order.
+    obsolete : iterable of str
+        Older files that must not stand beside new ones; they are removed before the first is moved.
 
     Raises
     ------
     OutputError
-        When the folder is missing or not writable, or the disk is full; nothing is left behind.
+        The folder is missing or not writable, or the disk is full; what was there stays, and nothing is left behind.
     """
-    target = Path(path)
-    temporary = target.with_name(f".{target.name[:100]}.{secrets.token_hex(6)}.tmp")
+    target = folder.joinpath(*[*files][:1])
     try:
-        _write_through(temporary, content)
-        temporary.replace(target)
+        with scratch(folder) as made:
+            for i, (place, content) in enumerate(files.items()):
+                target = folder / place
+                data = content if isinstance(content, bytes) else content.encode("utf-8", errors="replace")
+                _write_through(made / str(i), data)
+            for target in map(folder.joinpath, files):
+                target.parent.mkdir(parents=True, exist_ok=True)
+                if target.is_dir():
+                    raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+            for target in map(folder.joinpath, obsolete):
+                target.unlink(missing_ok=True)
+            for i, target in enumerate(map(folder.joinpath, files)):
+                (made / str(i)).replace(target)
     except OSError as error:
         raise OutputError(
             f"{target}: cannot be written ({error.strerror or error}); choose another output folder"
         ) from error
-    finally:
-        with contextlib.suppress(OSError):
-            temporary.unlink(missing_ok=True)
+
+
+def write_bytes_atomic(path: Path, content: bytes) -> None:
+    """Write `content` to `path`; a reader sees the old file or the whole new one, never a part. See `write_files`."""
+    write_files(Path(path).parent, {Path(path).name: content})
 
 
 def write_text_atomic(path: Path, text: str) -> None:
-    """Write `text` as UTF-8 to `path`, all or nothing; see `write_bytes_atomic`."""
-    write_bytes_atomic(path, text.encode("utf-8", errors="replace"))
+    """Write `text` as UTF-8 to `path`, all or nothing; see `write_files`."""
+    write_files(Path(path).parent, {Path(path).name: text})
 
 
 def _write_through(path: Path, content: bytes) -> None:

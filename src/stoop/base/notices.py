@@ -7,18 +7,22 @@ page, ``result.json``), by the one table ``data/notices.toml``, which ``docs/not
 from __future__ import annotations
 
 import functools
+import math
 import string
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from importlib.resources import files
+from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Literal, TypeAlias
+from typing import Any, Literal, ParamSpec, TypeAlias, TypeVar, get_args
 
 from stoop.base.text import enumerated
 from stoop.base.units import DEGREE
-from stoop.errors import one_line
+from stoop.errors import StoopError, one_line
 
+Given = ParamSpec("Given")
+Found = TypeVar("Found")
 Severity = Literal["info", "warning"]
 Value: TypeAlias = "str | float | int | bool | tuple[str, ...] | tuple[float, ...] | Notice"
 
@@ -113,14 +117,29 @@ def as_notice(found: Notice | str, severity: Severity = "warning", topic: str = 
 
 
 def from_dict(content: Mapping[str, Any]) -> Notice:
-    """Return the notice that `Notice.to_dict` gave; of a code that this version does not know its sentence is kept."""
+    """Return the notice that `Notice.to_dict` gave; of a code that this version does not know its sentence is kept.
+
+    Raises ValueError, LookupError, TypeError or AttributeError where there is no sentence: every notice can be shown.
+    """
+    if content["severity"] not in get_args(Severity):
+        raise ValueError(f"{content['severity']!r} is no severity")
     if content["code"] not in table():
         return as_notice(str(content["message"]), content["severity"])
     values = {
-        name: from_dict(v) if isinstance(v, dict) else tuple(v) if isinstance(v, list) else v
+        name: from_dict(v)
+        if isinstance(v, dict)
+        else tuple(map(_number, v))
+        if isinstance(v, list)
+        else _number(v)
         for name, v in content["values"].items()
     }
-    return Notice(content["code"], content["severity"], content["subject"], MappingProxyType(values))
+    found = Notice(content["code"], content["severity"], str(content["subject"]), MappingProxyType(values))
+    message(found)
+    return found
+
+
+def _number(value: Any) -> Any:
+    return math.nan if value is None else value  # JSON has no NaN
 
 
 def message(found: Notice) -> str:
@@ -128,6 +147,35 @@ def message(found: Notice) -> str:
     return one_line(
         _FORMATTER.vformat(table()[found.code].text, (), {"subject": found.subject, **found.values})
     )
+
+
+def attempt(
+    failed: list[Notice],
+    nothing: Found,
+    detector: Callable[Given, Found],
+    *given: Given.args,
+    **options: Given.kwargs,
+) -> Found:
+    """Return what a detector finds; one that fails finds nothing, which costs its notice among `failed`, never the flight.
+
+    An error that the user can mend is no failure, and passes.
+    """
+    try:
+        return detector(*given, **options)
+    except (StoopError, MemoryError):
+        raise
+    except Exception as error:
+        failed.append(detector_failed(f"{detector.__module__}.{detector.__qualname__}", error))
+        return nothing
+
+
+def detector_failed(detector: str, error: Exception) -> Notice:
+    """Return the notice of a detector that failed; tests and trials raise the error instead."""
+    place = error.__traceback__
+    while place is not None and place.tb_next is not None:
+        place = place.tb_next
+    line = "" if place is None else f"{Path(place.tb_frame.f_code.co_filename).name}:{place.tb_lineno}"
+    return notice("detector-failed", detector, error=f"{type(error).__name__}: {error}", place=line)
 
 
 def distinct(found: Iterable[Notice]) -> tuple[Notice, ...]:

@@ -8,6 +8,7 @@ from typing import Final
 
 from stoop.base.units import DEGREE
 
+MAX_NUMBER: Final = 1e30  #: in any unit; powers and products of larger numbers leave float64
 NOTHING: Final = "–"
 RAISED: Final = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 SHOWN_IN_DEGREES: Final = {"rad": "deg", "rad/s": "deg/s", "rad/s2": "deg/s2"}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable
+from typing import TextIO
 
 MOST_LISTED = 12  #: names in a message
 
@@ -46,3 +47,13 @@ def printable(text: str) -> str:
         c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in text.replace("\n", " ")
     )
     return "".join(shown)
+
+
+def printable_lines(text: str) -> str:
+    """Return lines, each `printable`."""
+    return "\n".join(map(printable, text.split("\n")))
+
+
+def show(text: str, stream: TextIO | None = None) -> None:
+    """Print lines on stdout or another stream: with `stoop.cli.page`, the only way by which text reaches a terminal."""
+    print(printable_lines(text), file=stream, flush=stream is not None)

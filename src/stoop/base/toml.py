@@ -1,7 +1,12 @@
-"""Read a small TOML file whole, or say in one line why not; texts and keys as TOML writes them."""
+"""Read a small TOML or JSON file whole, or say in one line why not; texts and keys as TOML writes them.
+
+Whoever wrote it: its size, its depth and its numbers have bounds, so that nothing that reads it must expect more.
+"""
 
 from __future__ import annotations
 
+import json
+import re
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -9,9 +14,15 @@ from typing import Any
 from stoop.errors import StoopError
 
 MAX_BYTES = 1_000_000
+MAX_DEPTH = 64  #: of tables and lists in each other
+_APART = re.compile(  # comments and texts; those without an end go on to the end of the line or file
+    r'#[^\n]*|"""(?:[^\\]|\\[\s\S])*?(?:"""|\Z)|\'\'\'[\s\S]*?(?:\'\'\'|\Z)'
+    r'|"(?:[^"\\\n]|\\.)*(?:"|$)|\'[^\'\n]*(?:\'|$)',
+    re.MULTILINE,
+)
 
 
-def read_source(path: Path | str, what: str, error: type[StoopError]) -> str:
+def read_source(path: Path | str, what: str, error: type[StoopError], max_bytes: int = MAX_BYTES) -> str:
     """Return the text of a file.
 
     Parameters
@@ -21,10 +32,12 @@ def read_source(path: Path | str, what: str, error: type[StoopError]) -> str:
         Kind of file, for the message.
     error : type of StoopError
         What to raise.
+    max_bytes : int
+        Size from which a file is refused.
     """
     try:
-        if Path(path).stat().st_size > MAX_BYTES:
-            raise error(f"{path}: larger than {MAX_BYTES} bytes; this is no {what} file, check the path")
+        if Path(path).stat().st_size > max_bytes:
+            raise error(f"{path}: larger than {max_bytes} bytes; this is no {what} file, check the path")
         return Path(path).read_text(encoding="utf-8")
     except IsADirectoryError:
         inside = sorted(p.name for p in Path(path).glob("*.toml"))
@@ -38,9 +51,46 @@ def read_source(path: Path | str, what: str, error: type[StoopError]) -> str:
 def parse_source(text: str, where: str, error: type[StoopError]) -> dict[str, Any]:
     """Return the tables of a TOML text; ``where`` names it in messages."""
     try:
-        return tomllib.loads(text)
+        keys = re.split(r"[,=\[\]{}\n]", _APART.sub("s", text))
+        if any(key.count(".") > MAX_DEPTH for key in keys):  # tomllib takes minutes for a key of many parts
+            raise ValueError(f"a key of more than {MAX_DEPTH} parts")
+        content = tomllib.loads(text)
     except (ValueError, RecursionError) as fault:
         raise error(f"{where}: not valid TOML: {fault}; mend that line") from None
+    try:
+        check_bounds(content)
+    except ValueError as fault:
+        raise error(f"{where}: {fault}; mend that line") from None
+    return content
+
+
+def parse_json(text: str | bytes) -> Any:
+    """Return what a JSON text holds; raises ValueError where it holds none, or more than `check_bounds` allows."""
+    try:
+        content = json.loads(text)
+    except RecursionError:
+        raise ValueError(f"nested more than {MAX_DEPTH} deep") from None
+    check_bounds(content)
+    return content
+
+
+def check_bounds(content: Any) -> None:
+    """Raise ValueError where a document is nested too deep, or has an integer that no float can hold."""
+    level, depth = [("", content)], 0
+    while level:
+        if depth > MAX_DEPTH:
+            raise ValueError(f"nested more than {MAX_DEPTH} deep")
+        for key, one in level:
+            if isinstance(one, int) and one.bit_length() > 1023:
+                raise ValueError(f"{key}: an integer of more than 308 digits")
+        tables = [
+            (f"{key}.{k}".lstrip("."), x)
+            for key, one in level
+            if isinstance(one, dict)
+            for k, x in one.items()
+        ]
+        lists = [(key, inner) for key, one in level if isinstance(one, list) for inner in one]
+        level, depth = tables + lists, depth + 1
 
 
 def quoted(text: str) -> str:

@@ -197,9 +197,13 @@ class Air:
             x, y = x[known], y[known]
             low, high = LIMITS.slope if kind == "lift" else (0.0, np.inf)
             value = np.nan
-            moves = x.size >= LIMITS.least and np.std(x) > 0.0 and np.std(y) > 0.0
-            if moves and abs(float(np.corrcoef(x, y)[0, 1])) > LIMITS.likeness:
-                slope = float(np.polyfit(x, y, 1)[0])
+            # no slope is known of what moves by rounding alone
+            moves = x.size >= LIMITS.least and all(
+                np.std(v) > v.size * np.finfo(float).eps * np.abs(v).max() for v in (x, y)
+            )
+            likeness = float(np.corrcoef(x, y)[0, 1]) if moves else 0.0
+            if abs(likeness) > LIMITS.likeness:
+                slope = likeness * float(np.std(y) / np.std(x))
                 value = slope / float(np.mean(y)) if kind == "lift" else slope
             out[kind, vane, force] = Range(value, low, high, LIMITS.odds)
         return out

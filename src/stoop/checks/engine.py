@@ -257,7 +257,7 @@ def not_excluded(
     before = model(state, None)
     out = []
     for edit in edits:
-        after = model(edit.apply(state), edit.lines)
+        after = _changed(edit, state, before, model)
         if sum(after[key].gain(before[key], limits, complete=False)[0] for key in after) > -limits.tie:
             out.append(edit)
     return out

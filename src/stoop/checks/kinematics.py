@@ -68,7 +68,7 @@ class Motion:
 
     def __init__(self, data: Columns, rate: float) -> None:
         self.data, self.rate = data, rate
-        self.steps = round(LIMITS.move * rate)
+        self.steps = max(2, round(LIMITS.move * rate))
         there = data.keys()
         self.turned = {*RATES, *EULER} <= there
         self.felt = {*SPECIFIC_FORCE, *EULER} <= there
@@ -151,7 +151,7 @@ class Motion:
         return factor * self._keep(("slope", column), lambda: (x[steps:] - x[:-steps]) * self.rate / steps)
 
     def _mean(self, state: Assignment, name: str, steps: int) -> FloatArray:
-        (column, factor), steps = reading(state, name), max(2, steps)
+        column, factor = reading(state, name)
         return factor * self._keep(("mean", column, steps), lambda: _means(self.data[column], steps))
 
     def _implied(self, state: Assignment) -> FloatArray:

@@ -8,9 +8,10 @@ from typing import Final
 
 import numpy as np
 
-from stoop.base.notices import Notice, notice
+from stoop.base.arrays import empty_columns
+from stoop.base.notices import Notice, attempt, notice
 from stoop.checks.kinematics import check_rates
-from stoop.checks.mapping import check_mapping
+from stoop.checks.mapping import Judgment, check_mapping
 from stoop.checks.rotors import KINDS
 from stoop.errors import FlightError
 from stoop.flight import Flight
@@ -42,16 +43,18 @@ def check(flight: Flight, vehicle: Vehicle | None = None) -> tuple[Notice, ...]:
         The flight lacks what drives the vehicle.
     """
     up = in_flight(flight)
-    data = {str(name): np.where(up, flight.column(str(name)), np.nan) for name in flight.data.data_vars}
-    judged = check_mapping({}, data, flight.rate, {})
+    columns = {str(name): np.where(up, flight.column(str(name)), np.nan) for name in flight.data.data_vars}
+    empty, failed = empty_columns(columns), list[Notice]()
+    data = {name: x for name, x in columns.items() if name not in empty}
+    judged = attempt(failed, Judgment((), (), {}), check_mapping, {}, data, flight.rate, {})
     known = {fault.variable for fault in flight.faults}
-    rates = check_rates(judged.corrected(data), flight.rate, {})
+    rates = attempt(failed, [], check_rates, judged.corrected(data), flight.rate, {})
     found = [one for one in (*judged.notices, *rates) if one.subject not in known]
-    out = [*(fault.notice for fault in flight.faults), *found]
+    out = [*(fault.notice for fault in flight.faults), *found, *failed]
     if vehicle is not None:
         flights = {flight.name: flight}
         out += [one for one in check_vehicle(vehicle, flights, whole(flights)) if one not in out]
-        out += inertia_notices(vehicle)
+        out += attempt(out, [], inertia_notices, vehicle)
     return tuple(out)
 
 
@@ -69,14 +72,20 @@ def check_vehicle(vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequ
         for fault in flight.faults
         if fault.kind in ("wrong unit", "wrong sign") and fault.variable in used
     ]
-    return [*check_rotors(vehicle, flights, windows), *mapping, *check_lift(vehicle, flights)]
+    failed: list[Notice] = []
+    lift = attempt(failed, [], check_lift, vehicle, flights)
+    return [*check_rotors(vehicle, flights, windows), *mapping, *lift, *failed]
 
 
 def check_rotors(vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence[Window]) -> list[Notice]:
     """Return what the motors of flights say against the rotors of a vehicle file."""
     by_flight = {w.flight: [x for x in windows if x.flight == w.flight] for w in windows}
     checks = KINDS[vehicle.frame].motors
-    return [n for of in checks for name, own in by_flight.items() for n in of(vehicle, flights[name], own)]
+    found: list[Notice] = []
+    for detector in checks:
+        for name, own in by_flight.items():
+            found += attempt(found, [], detector, vehicle, flights[name], own)
+    return found
 
 
 def check_lift(vehicle: Vehicle, flights: Mapping[str, Flight]) -> list[Notice]:

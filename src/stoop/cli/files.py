@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from stoop.base.files import check_target, write_text_atomic
+from stoop.base.text import show
 from stoop.cli import options
 from stoop.cli.page import busy, page, words
 from stoop.errors import FlightError, ManeuverError, VehicleError
@@ -36,7 +37,7 @@ def vehicle(arguments: argparse.Namespace) -> int:
         out.command("a draft of your own, by its log: ", ["stoop", "vehicle", "new", "LOG", "-o", "my.toml"])
         out.command("a copy to edit: ", ["stoop", "vehicle", "quad-x", "-o", "my.toml"])
     elif output is None:
-        print(builtin_text(name), end="")
+        show(builtin_text(name).removesuffix("\n"))
     else:
         text = builtin_text(name)
         check_target(output, arguments.overwrite)
@@ -62,7 +63,7 @@ def map_log(arguments: argparse.Namespace) -> int:
     with busy("reading the log"):
         made = draft(arguments.flight)
     if output is None:
-        print(made.text, end="")
+        show(made.text.removesuffix("\n"))
         return 0
     write_text_atomic(output, made.text)
     out = page()

@@ -5,10 +5,11 @@ from __future__ import annotations
 import argparse
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from itertools import groupby
 from typing import TYPE_CHECKING, Any
 
+from stoop.base.text import show
 from stoop.cli import options
 from stoop.cli.page import alike, busy, fixed, numbers, page, points, shown_unit, to_json, words
 from stoop.errors import FlightError
@@ -28,18 +29,21 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Read, describe, print."""
+    from stoop.base.notices import Notice, attempt
     from stoop.flight import describe, load, without_faults
     from stoop.input_design.windows import Found, find_windows
 
     with busy("reading the log"):
         summary = describe(load(arguments.flight, arguments.mapping))
+        failed: list[Notice] = []
         try:
             used = without_faults(summary.flight)
-            found, why = find_windows({used.name: used}), ""
+            found, why = attempt(failed, Found(()), find_windows, {used.name: used}), ""
         except FlightError as error:
             found, why = Found(()), str(error)
+        summary = replace(summary, notices=(*summary.notices, *failed))
     if arguments.json:
-        print(to_json(info_document(summary, found)))
+        show(to_json(info_document(summary, found)))
         return 0
     flight, out = summary.flight, page()
     start, stop = float(flight.time[0]), float(flight.time[-1])

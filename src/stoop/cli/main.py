@@ -1,7 +1,7 @@
 """The entry point: find the verb, import only its module, turn errors into one line and a code.
 
-Exit codes: 0 done, 1 a bug in stoop, 2 an error that the user can correct, 130 interrupted, 141 nobody reads the
-output any more.
+Exit codes: 0 done, 1 a bug in stoop, 2 an error that the user can correct, 130 interrupted (Ctrl-C or SIGTERM), 141 nobody
+reads the output any more.
 """
 
 from __future__ import annotations
@@ -12,13 +12,14 @@ import importlib
 import io
 import os
 import re
+import signal
 import sys
 import warnings
 from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any, Final, NoReturn
 
-from stoop.base.text import printable
+from stoop.base.text import printable, show
 from stoop.errors import StoopError
 
 VERBS: Final[dict[str, tuple[str, str]]] = {
@@ -99,7 +100,7 @@ class _Version(argparse.Action):
     def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> NoReturn:
         from importlib.metadata import version
 
-        print(f"stoop {version('stoop')}")
+        show(f"stoop {version('stoop')}")
         parser.exit()
 
 
@@ -110,6 +111,8 @@ def main(given: Sequence[str] | None = None) -> int:
         for stream in (sys.stdout, sys.stderr):
             if isinstance(stream, io.TextIOWrapper):  # an output that takes any character
                 stream.reconfigure(errors="backslashreplace")
+        if signal.getsignal(signal.SIGTERM) is signal.SIG_DFL:  # of a system that goes down: as Ctrl-C
+            signal.signal(signal.SIGTERM, signal.default_int_handler)
         if not sys.warnoptions and "--debug" not in given:
             warnings.simplefilter("ignore")  # of libraries
     debug = "--debug" in given or bool(os.environ.get("STOOP_DEBUG"))
@@ -150,7 +153,7 @@ def _guarded(given: Sequence[str], debug: bool) -> int:
         message, *attached = "".join(map(str, error.args)).splitlines() or [type(error).__name__]
         code = _complain(f"error: {message}", USER_ERROR)
         for line in attached:
-            print(printable(line))
+            show(line)
     sys.stdout.flush()
     return code
 
@@ -206,14 +209,14 @@ def all_verbs() -> dict[str, tuple[str, str]]:
 
 
 def _complain(message: str, code: int) -> int:
-    print(f"stoop: {printable(message)}", file=sys.stderr)
+    show(f"stoop: {printable(message)}", sys.stderr)
     return code
 
 
 def _print_traceback() -> None:
     import traceback
 
-    traceback.print_exc()
+    show(traceback.format_exc(), sys.stderr)
 
 
 def _close_output(code: int) -> int:

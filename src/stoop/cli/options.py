@@ -11,6 +11,8 @@ from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+from stoop.base.numbers import MAX_NUMBER
+from stoop.base.text import show
 from stoop.errors import FlightError, IdentificationError
 
 if TYPE_CHECKING:
@@ -43,8 +45,8 @@ def _reader(allowed: Callable[[Any], bool], what: str, whole: bool = False) -> C
 
 count = _reader(lambda n: n >= 0, "a whole number, zero or above", whole=True)
 at_least_one = _reader(lambda n: n >= 1, "a whole number, one or above", whole=True)
-positive = _reader(lambda x: 0.0 < x < math.inf, "a positive number")
-finite = _reader(math.isfinite, "a number")
+positive = _reader(lambda x: 1.0 / MAX_NUMBER <= x <= MAX_NUMBER, "a positive number from 1e-30 to 1e30")
+finite = _reader(lambda x: abs(x) <= MAX_NUMBER, "a number up to 1e30")
 
 
 def within(low: float, high: float, unit: str, factor: float = 1.0) -> Callable[[str], float]:
@@ -193,7 +195,7 @@ def with_free(vehicle: Vehicle, free: Sequence[str], fix: Sequence[str]) -> Vehi
         if (found := with_free_number(vehicle, name)) is not None:
             vehicle, line = found
             added.append(name)
-            print(f"stoop: --free {name}: {vehicle.where} does not hold it; added: {line}", file=sys.stderr)
+            show(f"stoop: --free {name}: {vehicle.where} does not hold it; added: {line}", sys.stderr)
     own = {p.name for p in vehicle.parameters}
     for option, name in (*(("--free", n) for n in free), *(("--fix", n) for n in fix)):
         row, (table, _, last) = vehicle.rows.get(name), name.rpartition(".")

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from itertools import chain
 from typing import TYPE_CHECKING, Any, Final
 
-from stoop.base.text import printable
+from stoop.base.text import printable, printable_lines, show
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -164,7 +164,7 @@ class Page:
             self.heading(heading)
         if self._console is None:
             for text in texts:
-                print(f"- {text}")
+                show(f"- {text}")
             return
         from rich.table import Table
         from rich.text import Text
@@ -183,15 +183,15 @@ class Page:
 
     def text(self, lines: str) -> None:
         """Print lines that are laid out already."""
-        self._print("\n".join(map(printable, lines.split("\n"))), whole=True)
+        self._print(lines, whole=True)
 
     def _print(self, text: str, style: str = "", whole: bool = False) -> None:
         if self._console is None:
-            print(text)
+            show(text)
             return
         from rich.text import Text
 
-        self._console.print(Text(text, style=style), soft_wrap=whole)
+        self._console.print(Text(printable_lines(text), style=style), soft_wrap=whole)
 
 
 def page() -> Page:

@@ -12,6 +12,7 @@ from typing import Any, Final
 
 from stoop.base.files import check_targets
 from stoop.base.notices import as_notice
+from stoop.base.text import show
 from stoop.base.variables import EULER, RATES
 from stoop.cli import options
 from stoop.cli.page import busy, fixed, numbers, page, points, words
@@ -159,7 +160,7 @@ def design(arguments: argparse.Namespace) -> int:
     def see(family: str, _: Any) -> None:
         if family not in families:
             families.append(family)
-            print(f"stoop: designing: {family}", file=sys.stderr, flush=True)
+            show(f"stoop: designing: {family}", sys.stderr)
 
     proposal = propose(model, steady, limits, plan, arguments.shape, see)
     write_proposal(proposal, folder, _command(arguments), arguments.overwrite)

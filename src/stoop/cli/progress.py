@@ -8,7 +8,7 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
-from stoop.base.text import printable
+from stoop.base.text import printable, show
 from stoop.cli.options import at_least_one
 
 if TYPE_CHECKING:
@@ -55,7 +55,7 @@ class LiveLine:
         self.turn_to(text)
         if self._status is None and (news or now - self._printed > QUIET):
             self._printed = now
-            print(printable(text), file=sys.stderr, flush=True)
+            show(printable(text), sys.stderr)
 
     def warn(self, text: str) -> None:
         """Print a line that stays."""
@@ -63,7 +63,7 @@ class LiveLine:
         if self._status is not None:
             self._status.console.print(line, markup=False, highlight=False, soft_wrap=True)
         else:
-            print(line, file=sys.stderr)
+            show(line, sys.stderr)
 
 
 class Watch(LiveLine):

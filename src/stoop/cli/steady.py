@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from stoop.base.files import check_target, write_text_atomic
+from stoop.base.text import show
 from stoop.cli import options
 from stoop.cli.page import blocks, busy, fixed, numbers, page, shown_unit, to_json, words
 from stoop.errors import SimulationError
@@ -103,7 +104,7 @@ def trim(arguments: argparse.Namespace) -> int:
     """Trim and print."""
     vehicle, point, where = _trimmed(arguments)
     if arguments.json:
-        print(to_json(trim_document(vehicle, point, arguments.climb_angle)))
+        show(to_json(trim_document(vehicle, point, arguments.climb_angle)))
         return 0
     out = page()
     out.line(vehicle.name)
@@ -189,7 +190,7 @@ def linearize(arguments: argparse.Namespace) -> int:
         return 0
     text = to_json(linear_document(vehicle, point, model, arguments.climb_angle))
     if target == STDOUT:
-        print(text)
+        show(text)
         return 0
     write_text_atomic(target, text + "\n")
     out.line(f"wrote {target}: A, B, C, D, modes and trim (SI units, rad)")

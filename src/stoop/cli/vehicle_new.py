@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stoop.base.files import check_target, write_text_atomic
+from stoop.base.text import printable, show
 from stoop.cli import options
 from stoop.cli.page import busy, page
 
@@ -70,7 +71,7 @@ def run(arguments: argparse.Namespace) -> int:
     with busy("reading the log"):
         flights = [load(path, arguments.mapping) for path in arguments.flight]
     if sys.stdin.isatty() and sys.stdout.isatty():
-        request = asked(request, evidence(flights), input, print)
+        request = asked(request, evidence(flights), lambda question: input(printable(question)), show)
     with busy("drafting"):
         drafted = draft(request, flights, str(output))
     write_text_atomic(output, drafted.text)

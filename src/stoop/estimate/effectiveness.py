@@ -379,7 +379,13 @@ class Assessment:
 def assess(hover: Hover, reference: Reference) -> Assessment:
     """Compare a flight with the healthy ones: the least-squares size of each rotor's loss, and of a mass near it."""
     units, rotors = reference.units, reference.balance.vehicle.rotors
-    whiten = np.linalg.inv(np.linalg.cholesky(reference.covariance(hover)))
+    try:
+        whiten = np.linalg.inv(np.linalg.cholesky(reference.covariance(hover)))
+    except np.linalg.LinAlgError:
+        raise FlightError(
+            f"{hover.name}: commands or thrust of this flight, or of the healthy ones, are implausibly large; check unit and "
+            "scale of the motor channels in the mapping"
+        ) from None
     d = whiten @ (reference.sums(hover) - reference.level)
 
     def explained(columns: FloatArray) -> tuple[Explanation, ...]:

@@ -6,6 +6,7 @@ changes the weights (Klein and Morelli, *Aircraft System Identification*, 2nd ed
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
@@ -114,6 +115,12 @@ def lagged_products(
     return np.asarray(sums), np.maximum(np.rint(np.asarray(counts)), 0.0)
 
 
+def is_covariance(matrix: FloatArray) -> bool:
+    """Tell whether a square matrix is symmetric and positive definite, of one channel at least."""
+    sound = matrix.size > 0 and np.isfinite(matrix).all() and np.allclose(matrix, matrix.T)
+    return bool(sound and np.linalg.eigvalsh(matrix)[0] > 0.0)
+
+
 def read_covariance(path: Path, channels: Sequence[str]) -> FloatArray:
     """Read variances (n_y,) or a covariance (n_y, n_y), the inverse of eq. (3)'s Q, from a small CSV.
 
@@ -126,16 +133,17 @@ def read_covariance(path: Path, channels: Sequence[str]) -> FloatArray:
     try:
         if path.stat().st_size > MAX_BYTES:
             raise IdentificationError(f"{path}: too large for a covariance; write {wanted}")
-        matrix = np.loadtxt(path, delimiter=",", ndmin=2, dtype=np.float64)
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")  # that it is empty
+            matrix = np.loadtxt(path, delimiter=",", ndmin=2, dtype=np.float64)
     except FileNotFoundError:
         raise IdentificationError(f"{path}: no such file; check the name") from None
-    except (OSError, ValueError, UnicodeDecodeError):
+    except (OSError, ValueError, UserWarning):
         raise IdentificationError(f"{path}: cannot be read as numbers; write {wanted}") from None
     if matrix.shape == (1, len(channels)):
         matrix = np.diag(matrix[0])
     if matrix.shape != (len(channels), len(channels)):
         raise IdentificationError(f"{path}: has shape {matrix.shape}; write {wanted}")
-    finite = np.isfinite(matrix).all() and np.allclose(matrix, matrix.T)
-    if not (finite and np.linalg.eigvalsh(matrix)[0] > 0.0):
+    if not is_covariance(matrix):
         raise IdentificationError(f"{path}: is not symmetric positive definite; a covariance must be")
     return matrix

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from stoop.base.arrays import FloatArray
-from stoop.base.files import write_bytes_atomic
+from stoop.base.files import write_files
 from stoop.base.units import DEGREE, MICROSECOND
 from stoop.base.variables import EULER, QUATERNION
 from stoop.errors import OutputError
@@ -29,6 +29,7 @@ from stoop.logs.csv_tables import mapping_beside
 
 OWN: Final = ".nc"
 CLOCK: Final = "t"  #: name of the column of time of a table, s
+MAX_CLOCK: Final = 2**63 * MICROSECOND  #: s
 Columns: TypeAlias = dict[str, FloatArray]
 Writer: TypeAlias = Callable[[Flight], tuple[bytes, str]]
 
@@ -61,14 +62,17 @@ def save_flight_as(flight: Flight, target: Path) -> Path | None:
     if target.suffix.lower() == OWN:
         save(flight, target)
         return None
-    content, mapping = WRITERS[target.suffix.lower()](flight)
+    ending, time = target.suffix.lower(), flight.time
+    if ending not in TABLES and time.size and not (time[0] >= 0.0 and time[-1] < MAX_CLOCK):
+        raise OutputError(
+            f"{target}: clocks of autopilots begin at zero and count microseconds, this one goes from {time[0]:g} s to "
+            f"{time[-1]:g} s; end the name in {OWN} or {', '.join(TABLES)}"
+        )
+    content, mapping = WRITERS[ending](flight)
     place = mapping_beside(target)
-    write_bytes_atomic(target, content)
-    if mapping:
-        write_bytes_atomic(place, mapping.encode())
-        return place
-    place.unlink(missing_ok=True)
-    return None
+    beside = {place.name: mapping} if mapping else {}
+    write_files(target.parent, {target.name: content, **beside}, () if mapping else [place.name])
+    return place if mapping else None
 
 
 def lay_out(
@@ -361,13 +365,14 @@ CRAZYFLIE_VARIABLES: Final = frozenset(
 def crazyflie_log(flight: Flight) -> tuple[bytes, str]:
     """Return a micro-SD log and its mapping.
 
-    Motor commands have 16 bits. What the firmware has no variable for, such as a fifth motor, stands in a group "sim".
+    Motor commands have 16 bits, unless some are missing. What the firmware has no variable for, such as a fifth motor, stands
+    in a group "sim".
     """
     streams, unmapped = lay_out(flight, ready("crazyflie"), {"": CRAZYFLIE_VARIABLES})
     mapping, columns = MappingFile("crazyflie"), dict[str, npt.NDArray[Any]]()
     for name, x in sorted(streams.get("", {}).items()):
-        motor = name.startswith("motor.")
-        columns[name] = np.rint(np.clip(x, 0, 65535)).astype(np.uint16) if motor else x.astype(np.float32)
+        whole = name.startswith("motor.") and bool(np.isfinite(x).all())
+        columns[name] = np.rint(np.clip(x, 0, 65535)).astype(np.uint16) if whole else x.astype(np.float32)
     for name, x in unmapped.items():
         columns[f"sim.{name}"] = x.astype(np.float32)
         mapping.add(name, f"sim.{name}", VARIABLES[name].unit)
@@ -378,7 +383,9 @@ def csv_table(flight: Flight) -> tuple[bytes, str]:
     """Return a table of text, and the mapping that names its columns."""
     columns, mapping = _table(flight)
     lines, rows = io.StringIO(), np.column_stack([*columns.values()])
-    np.savetxt(lines, rows, fmt="%.9g", delimiter=",", header=",".join(columns), comments="")
+    # a clock that counts from 1970 needs more digits than a sensor has
+    formats = ["%.16g", *["%.9g"] * (len(columns) - 1)]
+    np.savetxt(lines, rows, fmt=formats, delimiter=",", header=",".join(columns), comments="")
     return lines.getvalue().encode(), mapping
 
 

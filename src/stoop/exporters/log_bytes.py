@@ -108,8 +108,10 @@ def ulog_definitions(
             kind = f"char[{len(content)}]"
         else:
             whole = isinstance(value, int)
-            kind, content = "int32_t" if whole else "float", struct.pack("<i" if whole else "<f", value)
-        name = f"{kind} {key}".encode()
+            with np.errstate(over="ignore"):  # beyond 32 bits a float is infinite
+                content = struct.pack("<i", value) if whole else np.float32(value).tobytes()
+            kind = "int32_t" if whole else "float"
+        name = f"{kind} {key}".encode()[:255]
         return bytes([len(name)]) + name + content
 
     start = min((round(t.time[0] / MICROSECOND) for t in topics if t.time.size), default=0)
@@ -279,7 +281,8 @@ def _rows(layout: Layout, table: Table) -> Bytes:
                 if kind.itemsize == 8:  # 2**63 is no int64
                     most = int(np.nextafter(float(most), 0.0))
             numbers = np.clip(numbers, least, most).astype(kind)
-        rows["body"][str(i)] = numbers
+        with np.errstate(over="ignore"):  # what is beyond a type of floating numbers is infinite
+            rows["body"][str(i)] = numbers
     return rows.view(np.uint8).reshape(len(rows), rows.itemsize)
 
 

@@ -5,7 +5,7 @@ from stoop.flight.air_data import without
 from stoop.flight.faults import Fault
 from stoop.flight.flight import Flight, Segment, from_columns, segments
 from stoop.flight.gridding import SourceRate
-from stoop.flight.load import load, save, without_faults
+from stoop.flight.load import flight_bytes, load, save, without_faults
 from stoop.flight.maneuvers import ChannelRow, FlightSummary, Maneuver, describe, find_maneuvers
 
 __all__ = [
@@ -21,6 +21,7 @@ __all__ = [
     "Variable",
     "describe",
     "find_maneuvers",
+    "flight_bytes",
     "from_columns",
     "load",
     "save",

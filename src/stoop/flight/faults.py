@@ -137,8 +137,11 @@ def _stuck(name: str, t: FloatArray, x: FloatArray) -> list[Fault]:
 
 
 def without_faulty(time: FloatArray, x: FloatArray, faults: Sequence[Fault]) -> FloatArray:
-    """Return a gridded channel (n,) with NaN where its faults say stuck or clipped: a limit is no measurement."""
-    out = x.copy()
+    """Return a gridded channel (n,) with NaN where its faults say stuck or clipped: a limit is no measurement.
+
+    Without faults it is the channel itself.
+    """
+    out = x.copy() if faults else x
     for fault in faults:
         if fault.kind == "stuck":
             out[(time >= fault.start) & (time <= fault.stop)] = np.nan

@@ -13,10 +13,11 @@ from stoop.base.arrays import FloatArray, run_slices
 from stoop.base.html import table
 from stoop.base.notices import Notice, notice
 from stoop.base.rotations import continuous, euler_angles, normalized, quaternions_of, wrap
+from stoop.base.text import printable
 from stoop.base.variables import EULER, QUATERNION, VARIABLES, WRAPPED, variable
 from stoop.errors import FlightError
 from stoop.flight.faults import Fault
-from stoop.flight.gridding import MAX_GAP, TIME_TOLERANCE, SourceRate, complete, source_rate
+from stoop.flight.gridding import MAX_GAP, TIME_TOLERANCE, SourceRate, complete, drop_impossible, source_rate
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -104,7 +105,9 @@ class Flight:
     def __repr__(self) -> str:
         """Return name, length and number of channels on one line."""
         length = float(self.time[-1] - self.time[0]) if self.time.size else 0.0
-        return f"<Flight {self.name}: {length:.1f} s at {self.rate:g} Hz, {len(self.data)} channels>"
+        return printable(
+            f"<Flight {self.name}: {length:.1f} s at {self.rate:g} Hz, {len(self.data)} channels>"
+        )
 
     def _repr_html_(self) -> str:
         columns = self.data.items()
@@ -126,7 +129,8 @@ def from_columns(
     name : as in FLIGHT@START:STOP
     time : (n,) s, uniform
     columns : registry variable -> (n,) SI, NaN where there is no data; from Euler angles the quaternion
-        is added, and the other way around; phi and psi of any number of turns are brought into (-pi, pi]
+        is added, and the other way around; phi and psi of any number of turns are brought into (-pi, pi], and
+        values that are impossibly large are taken as missing
     notices : for the user
     source : where the channels come from
 
@@ -152,10 +156,11 @@ def from_columns(
             raise FlightError(
                 f"{name}: '{key}' has {values.size} samples, the time {time.size}; give as many"
             )
+    data, found = drop_impossible(source, data)
     data = with_attitude(on_circle(data))
     ordered = {key: data[key] for key in VARIABLES if key in data}
     sources = {key: source_rate(source, time[np.isfinite(values)]) for key, values in ordered.items()}
-    return Flight(name, None, dataset(time, ordered), rate, sources, notices)
+    return Flight(name, None, dataset(time, ordered), rate, sources, (*notices, *found))
 
 
 def on_circle(data: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
@@ -195,8 +200,11 @@ def dataset(time: FloatArray, data: Mapping[str, FloatArray]) -> xr.Dataset:
 
 
 def flight_name(path: Path) -> str:
-    """Return the name by which a maneuver refers to a flight: the path's last part without endings."""
-    stem = path.resolve().name
+    """Return the name by which a maneuver refers to a flight: the path's last part without endings.
+
+    It is text, which any file can hold: bytes of a path that are none become question marks.
+    """
+    stem = path.resolve().name.encode("utf-8", "replace").decode()
     for ending in ENDINGS:
         stem = stem.removesuffix(ending)
     return stem

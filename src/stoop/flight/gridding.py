@@ -101,7 +101,7 @@ def drop_outliers(group: Channels) -> tuple[Channels, list[Notice]]:
 
     One damaged time stamp would make a flight of hours, nearly all of it a gap.
     """
-    time, values, notices = group.time, dict(group.values), []
+    time, values, notices = group.time, dict(group.values), list[Notice]()
     if time.size > LIMITS.strays:
         steps = np.diff(time)
         far = max(LIMITS.stray_distance, LIMITS.stray_periods * float(np.median(steps)))
@@ -112,12 +112,21 @@ def drop_outliers(group: Channels) -> tuple[Channels, list[Notice]]:
         if lost:
             notices.append(notice("stray-samples", group.source, count=lost, distance=LIMITS.stray_distance))
             time, values = time[kept], {name: x[kept] for name, x in values.items()}
-    for name, x in values.items():
-        large = int(np.sum(np.abs(x) > MAX_VALUE))
-        if large:
-            values[name] = np.where(np.abs(x) <= MAX_VALUE, x, np.nan)
-            notices.append(notice("impossible-values", group.source, variable=name, count=large))
+    values, found = drop_impossible(group.source, values)
+    notices += found
     return (Channels(group.source, time, values) if notices else group), notices
+
+
+def drop_impossible(
+    source: str, values: Mapping[str, FloatArray]
+) -> tuple[dict[str, FloatArray], list[Notice]]:
+    """Take impossibly large values as missing, in channels (n,) of one source, and say so."""
+    kept, notices = dict(values), []
+    for name, x in values.items():
+        if large := int(np.sum(np.abs(x) > MAX_VALUE)):
+            kept[name] = np.where(np.abs(x) <= MAX_VALUE, x, np.nan)
+            notices.append(notice("impossible-values", source, variable=name, count=large))
+    return kept, notices
 
 
 def longest_allowed(time: FloatArray) -> float:

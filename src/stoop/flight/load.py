@@ -4,20 +4,21 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, fields, replace
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
-from stoop.base.arrays import FloatArray
+from stoop.base.arrays import BoolArray, FloatArray, empty_columns
 from stoop.base.files import write_bytes_atomic
-from stoop.base.notices import Notice, from_dict, notice
+from stoop.base.notices import Notice, attempt, from_dict, notice
 from stoop.base.variables import EULER, QUATERNION, RATES, VARIABLES
 from stoop.checks.engine import read_lines
 from stoop.checks.kinematics import check_rates
-from stoop.checks.mapping import check_mapping
+from stoop.checks.lines import Signal
+from stoop.checks.mapping import Judgment, check_mapping
 from stoop.errors import FlightError, LogError
 from stoop.flight.air_data import with_air
 from stoop.flight.airborne import carried_by_rotors, in_flight
@@ -33,7 +34,14 @@ from stoop.flight.faults import (
     without_faulty,
 )
 from stoop.flight.flight import AirData, Flight, dataset, flight_name, on_circle, with_attitude
-from stoop.flight.gridding import MAX_VALUE, SourceRate, drop_outliers, grid_channels, interpolate_by_rates
+from stoop.flight.gridding import (
+    Channels,
+    SourceRate,
+    drop_impossible,
+    drop_outliers,
+    grid_channels,
+    interpolate_by_rates,
+)
 from stoop.logs import Recording
 from stoop.logs.netcdf import AIR, FORMAT, STREAM
 
@@ -74,7 +82,8 @@ def load(path: str | Path, mapping: str | Path | None = None, rate: float = 100.
     whole = with_attitude(data)
     sources |= {name: min(parts, key=lambda part: part.rate) for name in whole.keys() - data.keys()}
     data = {name: whole[name] for name in VARIABLES if name in whole}
-    recorded = recorded_faults(channels)
+    failed: list[Notice] = []  # of detectors
+    recorded = attempt(failed, [], recorded_faults, channels)
     airspeed: list[Notice] = []
     if EQUIVALENT in data and not {TRUE, "V"} & data.keys():
         data, airspeed = with_true_airspeed(data, sources[EQUIVALENT].source)
@@ -83,7 +92,8 @@ def load(path: str | Path, mapping: str | Path | None = None, rate: float = 100.
         recorded = [replace(f, variable=TRUE) if f.variable == EQUIVALENT else f for f in recorded]
     body_rates = {name: sources[name].rate for name in RATES if name in sources}
     # a mapping is judged in flight: on the ground estimators hold zeros, and sensors stand still
-    up = in_flight(Flight(flight_name(path), path, dataset(grid.time, data), rate, sources))
+    gridded = Flight(flight_name(path), path, dataset(grid.time, data), rate, sources)
+    up = attempt(failed, np.ones(grid.time.size, dtype=bool), in_flight, gridded)
     recorded = [
         fault
         for fault in recorded
@@ -93,24 +103,20 @@ def load(path: str | Path, mapping: str | Path | None = None, rate: float = 100.
     for fault in recorded:
         by_name.setdefault(fault.variable, []).append(fault)
     sound = not any(0.0 < known < SUSPECT_CLOCK for known in body_rates.values())
-    in_air = {name: np.where(up, x, np.nan) for name, x in data.items()}
-    judged = {name: without_faulty(grid.time, x, by_name.get(name, ())) for name, x in in_air.items()}
-    signals = {
-        name: (group.time, np.where(np.interp(group.time, grid.time, up) > 0.5, x, np.nan))
-        for group in channels
-        for name, x in group.values.items()
-    }
+    in_air, judged, signals = _in_air(channels, grid.time, data, up, by_name)
     lines = read_lines(mapped.places)
-    found = check_mapping(signals, judged if sound else {}, rate, lines)
+    nothing = Judgment((), (), {})
+    found = attempt(failed, nothing, check_mapping, signals, judged if sound else {}, rate, lines)
     if found.refused:
         raise FlightError(f"{path}: {str(found.refused[0]).removesuffix('.')}")
-    contradictions = [*found.notices, *check_rates(found.corrected(in_air), rate, lines)]
+    contradictions = [*found.notices, *attempt(failed, [], check_rates, found.corrected(in_air), rate, lines)]
     inconsistent = any(one.code.startswith(INCONSISTENT) for one in contradictions)
-    if inconsistent and (late := attitude_delay(channels)):  # which explains an attitude unlike its rates
+    late = attempt(failed, [], attitude_delay, channels) if inconsistent else []
+    if late:  # which explains an attitude unlike its rates
         contradictions = [*found.notices, *late]
     span = float(grid.time[0]), float(grid.time[-1])
     of_mapping = [contradiction(one, *span) for one in contradictions]
-    faults = (*recorded, *rest_faults(grid.time, data, rate), *of_mapping)
+    faults = (*recorded, *attempt(failed, [], rest_faults, grid.time, data, rate), *of_mapping)
     attitude: list[Notice] = []
     if not inconsistent:
         data, attitude = interpolate_by_rates(grid, data, sources, channels)
@@ -141,7 +147,7 @@ def load(path: str | Path, mapping: str | Path | None = None, rate: float = 100.
         mapped.unmapped,
         recording.parameters,
     )
-    flight = with_air(flight)
+    flight = attempt(failed, flight, with_air, flight)
     # what this record cannot show, whatever is fitted to it
     limits = []
     slow = {name: known for name, known in body_rates.items() if 0.0 < known < SLOW_RATES}
@@ -152,7 +158,34 @@ def load(path: str | Path, mapping: str | Path | None = None, rate: float = 100.
     explained = flight.air is not None and bool(flight.air.notices)  # the reconstruction knows better why
     if not {"V", "alpha", "beta"} & flight.names and not carried_by_rotors(flight) and not explained:
         limits.append(notice("no-air-data"))
-    return replace(flight, notices=(*flight.notices, *limits))
+    return replace(flight, notices=(*flight.notices, *limits, *failed))
+
+
+def _in_air(
+    channels: Sequence[Channels],
+    time: FloatArray,
+    data: Mapping[str, FloatArray],
+    up: BoolArray,
+    faults: Mapping[str, Sequence[Fault]],
+) -> tuple[dict[str, FloatArray], dict[str, FloatArray], dict[str, Signal]]:
+    """Return what is known of the flight, for detectors: channels that hold no number are not among it.
+
+    These are columns on the grid, the same without what was clipped or stuck, and the samples as recorded; NaN on the ground.
+    """
+    # copies count: a sparse log may be gigabytes on its grid
+    in_air = dict(data) if up.all() else {name: np.where(up, x, np.nan) for name, x in data.items()}
+    judged = {name: without_faulty(time, x, faults.get(name, ())) for name, x in in_air.items()}
+    signals = {
+        name: (group.time, np.where(np.interp(group.time, time, up) > 0.5, x, np.nan))
+        for group in channels
+        for name, x in group.values.items()
+    }
+    empty = empty_columns(in_air) | empty_columns({name: x for name, (_, x) in signals.items()})
+    return (
+        {name: x for name, x in in_air.items() if name not in empty},
+        {name: x for name, x in judged.items() if name not in empty},
+        {name: one for name, one in signals.items() if name not in empty},
+    )
 
 
 def _within(fault: Fault, times: FloatArray) -> bool:
@@ -189,6 +222,11 @@ def save(flight: Flight, path: str | Path) -> None:
     OutputError
         When it cannot be written; an older file of that name is then still whole.
     """
+    write_bytes_atomic(Path(path), flight_bytes(flight))
+
+
+def flight_bytes(flight: Flight) -> bytes:
+    """Return the content of the file that `save` writes."""
     faults = [{**fault.to_dict(), "notice": fault.notice.to_dict()} for fault in flight.faults]
     data = flight.data.assign_attrs(
         stoop_format=FORMAT,
@@ -203,8 +241,7 @@ def save(flight: Flight, path: str | Path) -> None:
         air[NOTICES] = [found.to_dict() for found in flight.air.notices]
         data = data.assign_attrs(air=json.dumps(air))
         data = data.assign({f"{AIR}_{name}": (AIR, trace) for name, trace in flight.air.traces.items()})
-    content = data.to_netcdf(engine="scipy", format="NETCDF3_64BIT")
-    write_bytes_atomic(Path(path), bytes(content))
+    return bytes(data.to_netcdf(engine="scipy", format="NETCDF3_64BIT"))
 
 
 def _restore(recording: Recording, name: str) -> Flight:
@@ -237,11 +274,12 @@ def _restore(recording: Recording, name: str) -> Flight:
         raise LogError(foreign) from None
     uniform = rate > 0.0 and math.isfinite(rate)
     uniform = uniform and bool(np.all(np.abs(np.diff(stream.time) * rate - 1.0) < 1e-2))
-    possible = bool(data) and not any((np.abs(values) > MAX_VALUE).any() for values in data.values())
-    if not (uniform and possible and set(data) <= set(sources)):
+    if not (uniform and data and set(data) <= set(sources)):
         raise LogError(foreign)
+    # a filter may have gone beyond what was recorded
+    data, dropped = drop_impossible(recording.path.name, data)
     columns = dataset(stream.time, on_circle(data))
-    return Flight(name, recording.path, columns, rate, sources, notices, air, tuple(faults))
+    return Flight(name, recording.path, columns, rate, sources, (*notices, *dropped), air, tuple(faults))
 
 
 def _notices(content: Mapping[str, Any]) -> tuple[Notice, ...]:

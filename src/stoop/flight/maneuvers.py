@@ -20,7 +20,7 @@ from typing import Final, Literal
 import numpy as np
 
 from stoop.base.arrays import BoolArray, FloatArray, run_slices
-from stoop.base.notices import Notice, notice
+from stoop.base.notices import Notice, attempt, notice
 from stoop.base.robust import robust_std
 from stoop.base.variables import MOTORS, OUTPUT_PINS, RATES, ROTORS, SERVOS, VARIABLES
 from stoop.flight.airborne import carried_by_rotors, flying, motors_ran
@@ -139,11 +139,11 @@ def describe(flight: Flight) -> FlightSummary:
         low, middle, high = np.quantile(finite, [0.0, 0.5, 1.0]).tolist() if finite.size else [np.nan] * 3
         numbers = (source.gaps, source.longest_gap, low, middle, high, 1.0 - finite.size / x.size)
         rows.append(ChannelRow(name, one.unit, one.meaning, source.source, source.rate, *numbers))
-    useless = []
+    useless: list[Notice] = []
     missing = tuple(n for n in RATES if n not in flight.data or not np.isfinite(flight.column(n)).any())
     if missing:
         useless.append(notice("no-body-rates", variables=missing))
-    if not motors_ran(flight):
+    if not attempt(useless, True, motors_ran, flight):
         useless.append(notice("motors-never-ran"))
     return FlightSummary(flight, tuple(rows), (*flight.notices, *useless))
 

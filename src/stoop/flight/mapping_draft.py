@@ -16,6 +16,7 @@ from typing import Final
 import numpy as np
 
 from stoop import logs
+from stoop.base.arrays import within_range
 from stoop.base.toml import quoted, quoted_key
 from stoop.base.units import FACTORS
 from stoop.base.variables import OUTPUT_PINS, VARIABLES
@@ -96,6 +97,11 @@ def draft(path: Path) -> Draft:
 
 def draft_of(recording: Recording) -> Draft:
     """Draft a mapping for a log that was read, with all its columns as they stand there."""
+    streams = {
+        name: replace(stream, columns={n: within_range(x) for n, x in stream.columns.items()})
+        for name, stream in recording.streams.items()
+    }
+    recording = replace(recording, streams=streams)
     return _of_ready(recording) if recording.format in READY else _of_any(recording)
 
 

@@ -8,11 +8,13 @@ from functools import partial
 from typing import Any, Final
 
 import numpy as np
+from pydantic import ValidationError
 from threadpoolctl import threadpool_limits
 
 from stoop import optimize
 from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice, notice
+from stoop.base.schema_errors import first_complaint
 from stoop.errors import SimulationError
 from stoop.input_design.information import Forecast, Knowledge, Limits, Setup
 from stoop.input_design.inputs import LEAD, SHAPES, Frame, Shape
@@ -78,7 +80,13 @@ class InformationCost(ScalarProblem):
         """Return the maneuver of a point, from the trim of the setup."""
         start = self.setup.trim.start
         flight = {"duration": self.plan.duration, "airspeed": start["V"], "altitude": start["h"]}
-        return Maneuver.model_validate({**flight, "rate": rate, "input": self.shape.inputs(x)})
+        document = {**flight, "rate": rate, "input": self.shape.inputs(x)}
+        try:
+            return Maneuver.model_validate(document)
+        except ValidationError as error:
+            raise SimulationError(
+                f"design: no maneuver can be made of this: {first_complaint(error, document, Maneuver)}"
+            ) from None
 
 
 def design(

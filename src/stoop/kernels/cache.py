@@ -23,17 +23,56 @@ from pathlib import Path
 MANIFEST = "manifest.json"
 BUILDING = ".building-"
 STALE = 86400.0  #: s
+MAX_BYTES = 2**26  #: of a file; those of the largest models have some megabytes
 
 
 def cache_folder() -> Path:
-    """Return where compiled modules are kept: ``STOOP_CACHE_DIR``, else the user's cache folder."""
-    if folder := os.environ.get("STOOP_CACHE_DIR"):
-        return Path(folder)
-    base = os.environ.get("XDG_CACHE_HOME")
+    """Return where compiled modules are kept: ``STOOP_CACHE_DIR``, else the user's cache folder.
+
+    Where there is none, or others could put folders of theirs in its place, they are kept for this process only.
+    """
     try:
-        return Path(base or Path.home() / ".cache") / "stoop" / "kernels"
-    except RuntimeError:  # a user without a home, as containers have them
-        return _for_this_process()
+        folder = Path(os.environ.get("STOOP_CACHE_DIR", ""))
+        if folder == Path():
+            folder = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "stoop" / "kernels"
+        if _ours_alone(folder):
+            return folder
+    except (RuntimeError, OSError):  # a user without a home, as containers have them; a link to itself
+        pass
+    return _for_this_process()
+
+
+def _ours_alone(folder: Path) -> bool:
+    """Return whether nobody but this user and root can replace what lies in a folder, made or to be made.
+
+    Each folder on the way to it, and to where links lead, belongs to one of these, and others cannot write there, except
+    where they can only add (sticky, as /tmp) or the group has no other member (as many systems give each user one).
+    """
+    if not hasattr(os, "getuid"):
+        return True
+    ways = (Path(os.path.abspath(folder)), folder.resolve())  # noqa: PTH100  resolve() follows links
+    places = {place for way in ways for place in (way, *way.parents)}
+    return all(_replaceable_by_none(place.lstat()) for place in places if os.path.lexists(place))
+
+
+def _replaceable_by_none(status: os.stat_result) -> bool:
+    if status.st_uid not in (os.getuid(), 0):
+        return False
+    if stat.S_ISLNK(status.st_mode) or status.st_mode & stat.S_ISVTX:
+        return True
+    others = stat.S_IWOTH if _has_no_other_member(status.st_gid) else stat.S_IWOTH | stat.S_IWGRP
+    return not status.st_mode & others
+
+
+def _has_no_other_member(group: int) -> bool:
+    import grp
+    import pwd
+
+    try:
+        found, user = grp.getgrgid(group), pwd.getpwuid(os.getuid()).pw_name
+    except KeyError:
+        return group == 0
+    return group == 0 or (found.gr_name == user and not set(found.gr_mem) - {user})
 
 
 @functools.cache
@@ -50,7 +89,7 @@ def checksums(folder: Path) -> dict[str, str]:
 
 
 def _private(folder: Path) -> bool:
-    """Return whether nobody but this user and root can write there (a checksum proves nothing otherwise).
+    """Return whether nobody but this user and root can write there (a checksum proves nothing otherwise), and files are small.
 
     Where others cannot enter the folder, what lies in it may have any mode.
     """
@@ -59,7 +98,8 @@ def _private(folder: Path) -> bool:
     closed = not folder.stat().st_mode & (stat.S_IRWXG | stat.S_IRWXO)
     for status in (p.lstat() for p in (folder, *folder.rglob("*"))):
         writable = status.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
-        if status.st_uid not in (os.getuid(), 0) or stat.S_ISLNK(status.st_mode) or (writable and not closed):
+        foreign = status.st_uid not in (os.getuid(), 0) or stat.S_ISLNK(status.st_mode)
+        if foreign or (writable and not closed) or status.st_size > MAX_BYTES:
             return False
     return True
 
@@ -124,7 +164,7 @@ def seal(building: Path, final: Path) -> Path:
 def discard(folder: Path) -> None:
     """Remove a folder as far as the disk allows."""
     with contextlib.suppress(OSError):
-        doomed = Path(tempfile.mkdtemp(prefix=".discarded-", dir=folder.parent))
+        doomed = Path(tempfile.mkdtemp(prefix=BUILDING, dir=folder.parent))
         folder.rename(doomed / folder.name)
         folder = doomed
     shutil.rmtree(folder, ignore_errors=True)

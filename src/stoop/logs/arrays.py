@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from itertools import chain, count
 from pathlib import Path
 from typing import Any, Final
 
@@ -90,12 +91,17 @@ def assemble(
     streams: dict[str, Stream] = {}
     units: dict[str, dict[str, str]] = {}
     info: dict[str, str] = {}
+    # a dimension of one is none: Simulink saves vectors as 3 x 1 x n
+    arrays = [replace(a, values=a.values.squeeze()) if a.values.ndim > 2 else a for a in arrays]
+    cubes = [".".join(a.place) for a in arrays if a.values.ndim > 2]
+    found += left_out(path, cubes, "neither vectors nor matrices")
     groups = _groups(arrays)
     unread: dict[str, tuple[str, ...]] = {n: () for n in groups if topics is not None and n not in topics}
     for name, group in groups.items():
         if name in unread:
             continue
-        columns, stated = _columns(group)
+        columns, stated, lost = _columns(group)
+        found += left_out(path, lost, f"of another's name, or beyond column {MAX_WIDTH}")
         time = np.arange(group.samples, dtype=np.float64) if group.time is None else group.time
         streams[name], dropped = clean_stream(name, time, columns)
         found.extend(dropped)
@@ -108,14 +114,15 @@ def assemble(
         units |= {name: stated} if stated else {}
         info[f"clock of {name}"] = group.description
     if not streams:
-        raise LogError(f"{path}: no array holds samples; name a file with recorded channels")
+        because = f" ({found[0]})" if found else ""
+        raise LogError(f"{path}: no array holds samples{because}; name a file with recorded channels")
     parameters = {".".join(a.place): float(a.values.flat[0]) for a in arrays if a.values.size == 1}
     return Recording(path, kind, streams, tuple(found), {}, parameters, info, units, unread)
 
 
 def _groups(arrays: Sequence[Array]) -> dict[str, _Group]:
     """Group arrays by their clock; the name is that of the structure, else of the clock, else with the length."""
-    vectors = [a for a in arrays if a.values.ndim in (1, 2) and max(a.values.shape) > 1]
+    vectors = [a for a in arrays if a.values.ndim in (1, 2) and a.values.size > 1]
     clocks = [clock for array in vectors if (clock := _clock(array)) is not None]
     groups: dict[tuple[tuple[str, ...], int], _Group] = {}
     for array in vectors:
@@ -133,9 +140,8 @@ def _groups(arrays: Sequence[Array]) -> dict[str, _Group]:
     named: dict[str, _Group] = {}
     for group in groups.values():
         home, own = ".".join(group.home) or WHOLE, ".".join(group.clock)
-        sized = [f"{own or home}[{group.samples}]{n or ''}" for n in range(9)]
-        names = [home, *([own] if own else []), *sized]
-        named.setdefault(next((name for name in names if name not in named), names[-1]), group)
+        sized = (f"{own or home}[{group.samples}]{n or ''}" for n in count())
+        named[next(name for name in chain([home], filter(None, [own]), sized) if name not in named)] = group
     return named
 
 
@@ -159,18 +165,21 @@ def _clock(array: Array) -> _Group | None:
     return _Group(array.place, array.place[:-1], values * period, values.size, description)
 
 
-def _columns(group: _Group) -> tuple[dict[str, npt.NDArray[Any]], dict[str, str]]:
-    """Return the columns of a group, a matrix as "name[0]", "name[1]"; and the stated units."""
+def _columns(group: _Group) -> tuple[dict[str, npt.NDArray[Any]], dict[str, str], list[str]]:
+    """Return the columns of a group, a matrix as "name[0]", "name[1]"; the stated units; and arrays not read whole."""
     columns: dict[str, npt.NDArray[Any]] = {}
     units: dict[str, str] = {}
+    lost: list[str] = []
     for array in group.members:
         within = array.place[: len(group.home)] == group.home
         name = ".".join(array.place[len(group.home) :] if within else array.place)
         rows = array.values if array.values.shape[0] == group.samples else array.values.T
         rows = rows.reshape(group.samples, -1)
-        for k in range(min(rows.shape[1], MAX_WIDTH)):
-            column = name if rows.shape[1] == 1 else f"{name}[{k}]"
+        labels = [name] if rows.shape[1] == 1 else [f"{name}[{k}]" for k in range(rows.shape[1])]
+        if len(labels) > MAX_WIDTH or labels[0] in columns:
+            lost.append(name)
+        for k, column in enumerate(labels[:MAX_WIDTH]):
             columns.setdefault(column, rows[:, k])
             if array.unit:
                 units.setdefault(column, array.unit)
-    return columns, units
+    return columns, units, lost

@@ -180,12 +180,8 @@ def read_table(path: Path) -> tuple[dict[str, FloatArray], tuple[Defect, ...]]:
         When there is no header, no line of numbers, or more text than `MAX_BYTES`.
     """
     text, found = _unpack(path)
-    defects = list(found)
-    end = text.rfind(b"\n") + 1
-    if 0 < end < len(text):  # whether the last number is whole cannot be known
-        text = text[:end]
-        message = "the last line has no end, is perhaps cut, and was dropped"
-        defects.append(Defect("truncated", path.name, message))
+    text, cut = whole_lines(text, path.name)
+    defects = [*found, *cut]
     header = _header(path, text)
     if text.count(b"\n") > MAX_ROWS:
         raise LogError(f"{path}: more than {MAX_ROWS} lines; cut the log to the flight of interest")
@@ -204,6 +200,12 @@ def read_table(path: Path) -> tuple[dict[str, FloatArray], tuple[Defect, ...]]:
         raise LogError(
             f"{path}: not a table of numbers{why}; record again, correct or replace the file"
         ) from None
+    named, filled = len(header), len(table.columns)
+    if any(header[filled:]) or table.iloc[:, named:].notna().to_numpy().any():
+        message = (
+            f"the header names {named} columns, and the lines have {filled}; those that both have are read"
+        )
+        defects.append(Defect("corrupt", path.name, message))
     columns: dict[str, FloatArray] = {}
     for name, label in zip(header, table.columns, strict=False):
         columns.setdefault(name, values := numbers(table[label]))
@@ -211,6 +213,15 @@ def read_table(path: Path) -> tuple[dict[str, FloatArray], tuple[Defect, ...]]:
             message = f"{lost} of {len(values)} cells hold no number"
             defects.append(Defect("text", f"{path.name} {name}", message))
     return columns, tuple(defects)
+
+
+def whole_lines(text: bytes, place: str) -> tuple[bytes, list[Defect]]:
+    """Return a text without its last line where that has no end: whether its last number is whole cannot be known."""
+    end = text.rfind(b"\n") + 1
+    if not 0 < end < len(text):
+        return text, []
+    message = "the last line has no end, is perhaps cut, and was dropped"
+    return text[:end], [Defect("truncated", place, message)]
 
 
 def numbers(cells: pd.Series[Any]) -> FloatArray:

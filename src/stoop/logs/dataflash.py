@@ -51,8 +51,10 @@ FIRMWARE: Final = re.compile(r"\b(Ardu\w+|APM:?\w+|Blimp|AntennaTracker)\b.*\d+\
 
 @dataclass(frozen=True)
 class Limits:
-    """What is kept of a log."""
+    """What is read of a log, and kept."""
 
+    #: bytes, one more than the largest file of FAT32, the file system of an autopilot's card
+    size: int = 2**32
     instances: int = 64  #: of one kind of messages; ArduPilot numbers 32 actuators at most
     parameters: int = 20_000  #: a vehicle has some 1500
     texts: int = 500  #: messages of the autopilot
@@ -149,29 +151,41 @@ def read_dataflash(path: Path, topics: frozenset[str] | None = None) -> Recordin
     LogError
         When it is empty, no DataFlash log, or holds no sample.
     """
+    return parse_dataflash(path, _copy_private(path), topics)
+
+
+def _copy_private(path: Path) -> memoryview:
+    """Return a copy of a file in memory of this process alone.
+
+    A mapped file would end the process when another one truncates it, and would not be the same in both walks when it is
+    written. The pages of the copy are given back one by one (`_page_release`).
+    """
     try:
         with path.open("rb") as file:
             size = file.seek(0, 2)
+            file.seek(0)
             if not size:
                 raise LogError(f"{path}: the log is empty; copy it again from the autopilot")
-            content = mmap.mmap(
-                file.fileno(), 0, access=mmap.ACCESS_READ
-            )  # lives as long as an array over it
+            if size > LIMITS.size:
+                raise LogError(
+                    f"{path}: larger than {LIMITS.size >> 30} GiB; cut the log to the flight of interest"
+                )
+            private = {"flags": mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS} if hasattr(mmap, "MAP_PRIVATE") else {}
+            content = memoryview(mmap.mmap(-1, size, **private))  # lives as long as an array over it
+            return content[: file.readinto(content)]
     except OSError as error:
         raise unreadable(path, error) from None
-    return parse_dataflash(path, content, topics)
 
 
 def parse_dataflash(
-    path: Path, content: bytes | mmap.mmap, topics: frozenset[str] | None = None
+    path: Path, content: bytes | memoryview, topics: frozenset[str] | None = None
 ) -> Recording:
     """Read a log from memory; see `read_dataflash`."""
     data = np.frombuffer(content, np.uint8)
-    release = _page_release(content)
-    found = survey(data, release)
+    found = survey(data)
     layouts, defects = _layouts(found.definitions, found.count, path.name)
     wanted = [k for k, layout in sorted(layouts.items()) if is_wanted(layout.name, topics)]
-    blocks = gather(data, found, wanted, release)
+    blocks = gather(data, found, wanted, _page_release(content))
     kinds = [Messages(layouts[k], block.reshape(-1).view(layouts[k].row)) for k, block in blocks.items()]
     for start, end in found.gaps[: LIMITS.places].tolist():
         message = f"{end - start} bytes are no message and were skipped"
@@ -189,15 +203,15 @@ def parse_dataflash(
     return replace(assemble(path, kinds, defects), unread=dict.fromkeys(names, ()))
 
 
-def _page_release(content: bytes | mmap.mmap) -> Callable[[int], None]:
-    """Return what releases the pages of a mapped file once they were read, so that a log is not in memory twice."""
-    if not isinstance(content, mmap.mmap) or not hasattr(mmap, "MADV_DONTNEED"):
+def _page_release(content: bytes | memoryview) -> Callable[[int], None]:
+    """Return what gives back the pages of a private copy that were gathered, so that a log is not in memory twice."""
+    memory = content.obj if isinstance(content, memoryview) else None
+    if not isinstance(memory, mmap.mmap) or not hasattr(mmap, "MADV_DONTNEED"):
         return ignore
-    mapped = content
 
     def release(at: int) -> None:
         if whole := at // mmap.PAGESIZE * mmap.PAGESIZE:
-            mapped.madvise(mmap.MADV_DONTNEED, 0, whole)
+            memory.madvise(mmap.MADV_DONTNEED, 0, whole)
 
     return release
 
@@ -282,7 +296,10 @@ def _streams(kind: Messages, numbered: str | None, defects: list[Defect]) -> Ite
         numbers = rows[str(layout.columns.index(numbered))]
         marks, count = np.unique(numbers, return_counts=True)
         kept = np.sort(np.argsort(-count, kind="stable")[: LIMITS.instances])
-        instances = {_instance_name(marks[k]): _part(rows, numbers == marks[k]) for k in kept}
+        instances = {
+            _instance_name(m): _part(rows, numbers == m if m == m else numbers != numbers)  # NaN is one, too
+            for m in marks[kept]
+        }
         if marks.size > LIMITS.instances:
             message = f"{marks.size} instances; the {LIMITS.instances} with the most samples are kept"
             defects.append(Defect("skipped", layout.name, message))

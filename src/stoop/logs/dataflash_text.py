@@ -16,8 +16,8 @@ import numpy as np
 import numpy.typing as npt
 
 from stoop.errors import LogError, one_line
-from stoop.logs.csv_tables import numbers
-from stoop.logs.dataflash import TEXTS, Layout, Messages, assemble, is_wanted, make_layout
+from stoop.logs.csv_tables import numbers, whole_lines
+from stoop.logs.dataflash import TEXTS, Layout, Messages, assemble, decoded, is_wanted, make_layout
 from stoop.logs.recording import Defect, Recording, read_bounded
 
 MAX_BYTES: Final = 256 * 2**20  #: of text, twenty minutes of a busy log
@@ -68,6 +68,7 @@ def parse_dataflash_text(path: Path, content: bytes, topics: frozenset[str] | No
     """Read a log from memory; see `read_dataflash_text`."""
     if not content:
         raise LogError(f"{path}: the log is empty; {_EMPTY}")
+    content, cut = whole_lines(content, path.name)
     kinds, defects = _by_name(path.name, content, topics)
     messages = []
     for name, lines in kinds.items():
@@ -81,6 +82,7 @@ def parse_dataflash_text(path: Path, content: bytes, topics: frozenset[str] | No
             defects.append(Defect("corrupt", name, message))
         if lost:
             defects.append(Defect("text", name, f"{lost} of {rows.size} cells of a column hold no number"))
+    defects += cut
     names = sorted(name for name, lines in kinds.items() if lines.unread)
     return replace(assemble(path, messages, defects), unread=dict.fromkeys(names, ()))
 
@@ -132,7 +134,7 @@ def _lines(content: bytes) -> Iterator[tuple[int, bytes]]:
 
 def _definition(rest: bytes) -> Layout | None:
     """Return the layout of a definition (id, length, name, letters, columns), whose numbers are all kept as double."""
-    cells = [cell.decode("latin-1").strip() for cell in rest.split(b",", 4)]
+    cells = [decoded(cell).strip() for cell in rest.split(b",", 4)]
     if len(cells) < 5 or not cells[0].isdecimal() or cells[2] == "FMT":
         return None
     columns = ",".join(column.strip() for column in cells[4].split(","))
@@ -166,7 +168,7 @@ def _fill(rows: npt.NDArray[Any], lines: _Lines) -> int:
             value: bytes | float = part.strip()
             if letter != "Z":
                 try:
-                    value = float(value)
+                    value = float(part.replace(b"_", b"x"))  # which Python skips, and pandas does not
                 except ValueError:
                     value, lost = np.nan, lost + 1
             row[str(i)] = value

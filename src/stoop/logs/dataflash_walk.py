@@ -127,16 +127,16 @@ def ignore(at: int) -> None:
     """Do nothing with the progress of a walk."""
 
 
-def survey(data: Bytes, passed: Callable[[int], None] = ignore) -> Survey:
-    """Walk over a log, (size,) bytes, and count; `passed` is called with the place up to which it has been read."""
+def survey(data: Bytes) -> Survey:
+    """Walk over a log, (size,) bytes, and count."""
     nothing = np.zeros(MAX_LAYOUTS, np.int64)
-    return _walk(data, nothing, nothing, np.empty(0, np.uint8), passed)
+    return _walk(data, nothing, nothing, np.empty(0, np.uint8), ignore)
 
 
 def gather(
     data: Bytes, found: Survey, kept: Sequence[int], passed: Callable[[int], None] = ignore
 ) -> dict[int, Bytes]:
-    """Walk over a surveyed log again and copy the bodies of some layouts.
+    """Walk over a surveyed log again and copy the bodies of some layouts; `passed` is called with each place reached.
 
     Returns
     -------

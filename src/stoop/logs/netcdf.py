@@ -93,7 +93,7 @@ def parse_foreign_netcdf(path: Path, topics: frozenset[str] | None = None) -> Re
             raise LogError(f"{path}: more than {MAX_ARRAYS} arrays; save only the flight")
         for name, variable in file.variables.items():
             values = np.array(variable.data)
-            if values.dtype.kind in "biuf" and values.ndim <= 2:
+            if values.dtype.kind in "biuf":
                 native = np.atleast_1d(values.astype(values.dtype.newbyteorder("=")))
                 packing = [getattr(variable, key, None) for key in _PACKING]
                 unit = getattr(variable, "units", b"")
@@ -134,7 +134,7 @@ def read_hdf5(path: Path, matlab: bool) -> tuple[list[Array], list[Defect]]:
     defects: list[Defect] = []
     total, most = 0, max_values(path)
     with h5py.File(path, "r") as file:
-        for place, dataset in _datasets(h5py, file, (), defects):
+        for place, dataset in _datasets(h5py, file, (), defects, {_address(h5py, file)}):
             total += int(dataset.size or 0)
             if len(arrays) == MAX_ARRAYS or total > most:
                 raise LogError(
@@ -147,8 +147,8 @@ def read_hdf5(path: Path, matlab: bool) -> tuple[list[Array], list[Defect]]:
                 bare = _attribute(dataset, "NAME").startswith(
                     "This is a netCDF dimension but not a netCDF var"
                 )
-                empty = "MATLAB_empty" in dataset.attrs
-                numeric = dataset.dtype.kind in "biuf" and dataset.ndim <= 2
+                empty = "MATLAB_empty" in dataset.attrs or dataset.shape is None
+                numeric = dataset.dtype.kind in "biuf"
                 if elsewhere or empty or bare or text or not numeric:
                     skipped += [] if text else [".".join(place)]
                     continue
@@ -160,13 +160,13 @@ def read_hdf5(path: Path, matlab: bool) -> tuple[list[Array], list[Defect]]:
                     arrays.append(Array(place, _unpacked(values, *packing), _attribute(dataset, "units")))
             except _DAMAGE as error:
                 defects.append(_damaged(place, error))
-    return arrays, [*defects, *left_out(path, skipped, "no vectors or matrices of numbers")]
+    return arrays, [*defects, *left_out(path, skipped, "no arrays of numbers")]
 
 
 def _datasets(
-    h5py: Any, group: Any, place: tuple[str, ...], defects: list[Defect]
+    h5py: Any, group: Any, place: tuple[str, ...], defects: list[Defect], visited: set[int]
 ) -> Iterator[tuple[tuple[str, ...], Any]]:
-    """Descend into groups, along links within the file only; list the members that cannot be opened."""
+    """Descend into groups, into each once, along links within the file only; list the members that cannot be opened."""
     for name in group:
         within = isinstance(group.get(name, getlink=True), h5py.HardLink)
         if len(place) > MAX_DEPTH or name.startswith("#") or not within:
@@ -177,9 +177,15 @@ def _datasets(
             defects.append(_damaged((*place, name), error))
             continue
         if isinstance(item, h5py.Group):
-            yield from _datasets(h5py, item, (*place, name), defects)
+            if (address := _address(h5py, item)) not in visited:  # links may form circles
+                visited.add(address)
+                yield from _datasets(h5py, item, (*place, name), defects, visited)
         elif isinstance(item, h5py.Dataset):
             yield (*place, name), item
+
+
+def _address(h5py: Any, group: Any) -> int:
+    return int(h5py.h5o.get_info(group.id).addr)
 
 
 def _damaged(place: tuple[str, ...], error: Exception) -> Defect:

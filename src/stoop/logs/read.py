@@ -70,7 +70,8 @@ def read(path: Path, mapping: Path | None = None, topics: frozenset[str] | None 
     try:
         exists, folder = path.exists(), path.is_dir()
     except (OSError, ValueError) as error:
-        raise LogError(f"{path}: cannot be read ({error}); check the name and its permissions") from None
+        why = getattr(error, "strerror", None) or error
+        raise LogError(f"{path}: cannot be read ({why}); check the name and its permissions") from None
     if not exists:
         raise LogError(f"{path}: no such file or folder; check the name")
     mapped = mapping is not None or mapping_beside(path).is_file()

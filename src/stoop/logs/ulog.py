@@ -99,8 +99,9 @@ def read_ulog(path: Path, topics: frozenset[str] | None = None) -> Recording:
     streams, skipped = _streams(path, found)
     if not streams:
         if found.streams or not found.topics or topics is None:
+            first = next((f" ({defect})" for defect in (*_file_defects(path, found), *skipped)), "")
             raise LogError(
-                f"{path}: no topic holds data; the log was cut before the first sample, record again"
+                f"{path}: no topic holds data{first}; the log was cut before the first sample, record again"
             )
         raise LogError(
             f"{path}: the log holds none of the topics wanted, but {listed(sorted(found.topics), 12)}; "

@@ -103,6 +103,7 @@ def minimize(
     """
     starts = _checked(optimizer, problem, state, starts)
     evaluations = Evaluations.none(problem) if state is None else state.evaluations
+    resumed = state is not None
     ledger = Ledger(problem, evaluations, stop.budget, stop.target_cost)
     try:
         if state is None:
@@ -115,6 +116,13 @@ def minimize(
         status = halt.status
     except KeyboardInterrupt:
         status = "interrupted"
+    except (TypeError, ValueError, LookupError, ArithmeticError) as error:
+        if not resumed:
+            raise
+        what = " ".join(str(error).split())
+        raise IdentificationError(
+            f"optimize: the search cannot go on from the saved state ({what}); start anew"
+        ) from error
     evaluations = ledger.evaluations
     return Outcome(
         z=evaluations.best,

@@ -7,21 +7,24 @@ registered are ever built from a file, and from their fields alone.
 from __future__ import annotations
 
 import importlib
+import io
 import json
-import os
 import struct
-import tempfile
 import zipfile
 import zlib
 from collections.abc import Callable
 from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
-from typing import Any, Final, Literal, Protocol, TypeVar
+from types import UnionType
+from typing import Any, Final, Literal, Protocol, TypeVar, get_args, get_origin, get_type_hints
 
 import numpy as np
 
 from stoop.base.arrays import FloatArray
-from stoop.errors import IdentificationError, OutputError
+from stoop.base.files import write_bytes_atomic
+from stoop.base.npz import read_arrays
+from stoop.base.toml import parse_json
+from stoop.errors import IdentificationError
 from stoop.optimize.ledger import Evaluations
 from stoop.optimize.problem import Problem
 
@@ -104,6 +107,7 @@ class Optimizer(Protocol[S]):
 
 SCHEMA: Final = "stoop-state/1"
 HEADER: Final = "header"
+MAX_BYTES: Final = 2**28  #: to which a saved state may unfold
 CLASSES: Final = {
     "PsGdeLmState": "stoop.optimize.ps_gde_lm",
     "LibraryState": "stoop.optimize.libraries",
@@ -150,19 +154,8 @@ def save_state(path: Path, state: State, tag: str = "") -> None:
     header = json.dumps({"schema": SCHEMA, "tag": tag, "state": _encode(state, arrays)})
     arrays[HEADER] = np.frombuffer(header.encode(), dtype=np.uint8)
     write: Callable[..., None] = np.savez
-    try:
-        handle, name = tempfile.mkstemp(dir=path.parent, prefix=path.name, suffix=".tmp")
-        try:
-            with os.fdopen(handle, "wb") as file:
-                write(file, **arrays)
-            Path(name).replace(path)
-        except BaseException:
-            Path(name).unlink(missing_ok=True)
-            raise
-    except OSError as error:
-        raise OutputError(
-            f"{path}: the state cannot be written ({error}); free the folder or choose another"
-        ) from None
+    write(content := io.BytesIO(), **arrays)
+    write_bytes_atomic(path, content.getvalue())
 
 
 def load_state(path: Path) -> State:
@@ -179,10 +172,9 @@ def load_tagged(path: Path) -> tuple[State, str]:
         If the file is missing, damaged or of another version.
     """
     try:
-        # opened here: np.load leaves a damaged file open
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
-            arrays = {name: archive[name] for name in archive.files}
-        header = json.loads(arrays[HEADER].tobytes())
+        with path.open("rb") as file:
+            arrays = read_arrays(file, MAX_BYTES)
+        header = parse_json(arrays[HEADER].tobytes())
         if header["schema"] != SCHEMA:
             raise ValueError(f"schema {header['schema']}, not {SCHEMA}")
         state, tag = _decode(header["state"], arrays), str(header.get("tag", ""))
@@ -231,4 +223,20 @@ def _decode(value: Any, arrays: dict[str, np.ndarray[Any, Any]]) -> Any:
         field if field in known else FORMER_FIELDS.get(field, field): _decode(item, arrays)
         for field, item in value["fields"].items()
     }
-    return kind(**content)
+    hints = get_type_hints(kind)
+    return kind(**{field: _checked(hints[field], item, f"{name}.{field}") for field, item in content.items()})
+
+
+def _checked(kind: Any, value: Any, place: str) -> Any:
+    """Return the value of a field; raise TypeError where it is not what the class says: the file may come from anywhere."""
+    for one in get_args(kind) if isinstance(kind, UnionType) else (kind,):
+        if one is Any:
+            return value
+        if get_origin(one) is np.ndarray:
+            if isinstance(value, np.ndarray) and value.dtype.type in get_args(get_args(one)[-1]):
+                return value
+        elif isinstance(value, int | float if one is float else one) and (
+            one is bool or not isinstance(value, bool)
+        ):
+            return float(value) if one is float else value
+    raise TypeError(f"{place} is no {getattr(kind, '__name__', kind)}")

@@ -20,6 +20,7 @@ from stoop.parallel.worker import differences
 
 SCHEMA: Final = "stoop-campaign/1"
 APPLICATION: Final = 0x73746F6F  #: "stoo", where SQLite keeps the name of a file's owner
+MAX_BYTES: Final = 2**27  #: of one result
 _PATIENCE = 2.0  #: s to wait for a lock: that of a driver just killed is about to go
 _TABLES: Final = (
     "CREATE TABLE meta (name TEXT PRIMARY KEY, value TEXT NOT NULL, checksum TEXT NOT NULL) WITHOUT ROWID",
@@ -125,6 +126,7 @@ def open_store(path: Path, plan: Plan, environment: Mapping[str, str]) -> Iterat
         _explained(path),
         closing(sqlite3.connect(path.resolve(), timeout=_PATIENCE, isolation_level=None)) as connection,
     ):
+        connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, MAX_BYTES)
         connection.execute("PRAGMA synchronous = FULL")
         # the lock stays from one transaction to the next
         connection.execute("PRAGMA locking_mode = EXCLUSIVE")
@@ -132,13 +134,16 @@ def open_store(path: Path, plan: Plan, environment: Mapping[str, str]) -> Iterat
             connection.execute("BEGIN EXCLUSIVE")
             if _is_foreign(connection):
                 raise OutputError(f"{path}: {_FOREIGN}")
+            kinds = {kind for (kind,) in connection.execute("SELECT type FROM sqlite_master")}
+            if kinds & {"view", "trigger"}:  # a store has none: a view may be without end, a trigger delete
+                raise OutputError(f"{path}: {_DAMAGED}")
             meta = {
                 "schema": SCHEMA,
                 "plan": plan.name,
                 "settings": to_text(dict(plan.settings), f"plan {plan.name}: settings"),
                 "environment": to_text(dict(environment), "environment"),
             }
-            if not connection.execute("SELECT count(*) FROM sqlite_master").fetchone()[0]:
+            if not kinds:
                 for statement in _TABLES:
                     connection.execute(statement)
                 _write_meta(connection, meta)
@@ -197,6 +202,8 @@ def _explained(path: Path, failed: str = "") -> Iterator[None]:
     """Turn SQLite's errors into one line; `failed` begins it."""
     try:
         yield
+    except UnicodeDecodeError as error:
+        raise OutputError(f"{path}: {failed}{_DAMAGED}") from error
     except sqlite3.Error as error:
         name = getattr(error, "sqlite_errorname", "")
         message = next((m for start, m in _MESSAGES.items() if name.startswith(start)), f"{error}; {_SAFE}")

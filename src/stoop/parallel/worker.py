@@ -20,6 +20,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Final, TypedDict
 
+from stoop.base.interrupts import undivided
 from stoop.errors import CampaignError, StoopError
 from stoop.parallel.plan import from_text, to_text
 
@@ -56,7 +57,8 @@ def perform(work: str, text: str, stops: Sequence[int | None]) -> Report:
 
     try:
         module, _, function = work.partition(":")
-        results = getattr(importlib.import_module(module), function)(from_text(text), list(stops))
+        with undivided():  # a search that was interrupted returns its best: no result of this task
+            results = getattr(importlib.import_module(module), function)(from_text(text), list(stops))
         if not isinstance(results, list) or len(results) != len(stops):
             raise CampaignError(f"{work} must return a list of {len(stops)} results, one for each stop")
         report["results"] = [to_text(result, f"result {i}") for i, result in enumerate(results)]

@@ -68,6 +68,9 @@ CHANNELS: Final = {
     **dict.fromkeys(POSITION, ChannelNoise(0.02, 2.0, 2.0, "position-inconsistent")),
 }
 _SETTINGS: Final = optimize.Settings(iterations=60, gain=1e-8, predicted=1e-6, stall=0, stall_damping=np.inf)
+#: trial steps of all searches together, times pieces: sound flights take 12 to 560; a record that no errors of instruments
+#: explain would go on for minutes
+MAX_STEPS: Final = 900
 
 
 @dataclass(frozen=True, eq=False)
@@ -242,8 +245,10 @@ def _estimate(pieces: Pieces) -> Estimate:
     for i, unknown in enumerate(problem.unknowns):
         if air is not None and np.isfinite(air.wind_n) and unknown.name in ("wind.n", "wind.e"):
             z[i] = ((air.wind_n if unknown.name == "wind.n" else air.wind_e) - unknown.mean) / unknown.std
+    left = MAX_STEPS // len(pieces.pieces)
     for _ in range(12):
-        end = optimize.refine(problem, z, 0, _SETTINGS)
+        end = optimize.refine(problem, z, 0, replace(_SETTINGS, iterations=min(_SETTINGS.iterations, left)))
+        left -= end.iterations
         if not np.isfinite(end.cost):
             raise IdentificationError(
                 f"{pieces.flight.name}: the recorded rates and accelerations cannot be integrated; "
@@ -254,8 +259,8 @@ def _estimate(pieces: Pieces) -> Estimate:
         change = np.abs(end.z - z)[: problem.shared] / error
         z = end.z
         # new weights may still change an estimate by so many standard errors
-        converged = float(np.max(change, initial=0.0)) < 0.2
-        if converged:
+        converged = left > 0 and float(np.max(change, initial=0.0)) < 0.2
+        if converged or left <= 0:
             break
         # half of the way, or channels take turns in being believed
         problem = replace(problem, sigma=np.sqrt(problem.sigma * _sigma(problem, z)))
@@ -389,7 +394,8 @@ def corrected_flight(found: Estimate) -> Flight:
         if f"wind.{axis}" in values and f"wind_{axis}" in columns:
             columns[f"wind_{axis}"] = np.full(flight.time.size, values[f"wind.{axis}"])
     whole = with_attitude(on_circle({name: x for name, x in columns.items() if name not in QUATERNION}))
-    ordered = {name: whole[name] for name in VARIABLES if name in whole}
+    # an attitude that was logged in part keeps its parts
+    ordered = {name: whole[name] for name in VARIABLES if name in whole and name in flight.sources}
     of_air = () if flight.air is None else flight.air.notices
     made = replace(
         flight,

@@ -211,7 +211,10 @@ class Polar:
         return out
 
     def level_power(self, speed: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the electric power of steady level flight and its standard error, W, at airspeeds (n,) m/s."""
+        """Return the electric power of steady level flight and its standard error, W, at airspeeds (n,) m/s.
+
+        NaN where none balances the drag: it is far below zero.
+        """
         rho = float(np.median(self.blocks.density))
 
         def power(values: FloatArray) -> FloatArray:
@@ -221,7 +224,8 @@ class Polar:
             CL = float(np.median(self.blocks.lift)) / pressure_area
             drag = pressure_area * (named["c0"] + named["c1"] * CL + named["c2"] * CL**2)
             disc = 0.25 * np.pi * np.exp(2.0 * named["diameter"])
-            induced = 0.5 * (np.sqrt(speed**2 + 2.0 * drag / (rho * disc)) - speed)
+            with np.errstate(invalid="ignore"):
+                induced = 0.5 * (np.sqrt(speed**2 + 2.0 * drag / (rho * disc)) - speed)
             return np.asarray(drag * (speed + induced) / named["efficiency"])
 
         value, slopes = self._slopes(power)

@@ -36,11 +36,16 @@ class PieceLimits:
     """How a flight is cut."""
 
     longest: float = 10.0  #: s of one piece: integrated rates drift, and a new initial state stops that
-    shortest: float = 3.0  #: s; less tells nothing beside its own initial state
+    shortest: float = 3.0  #: s; less tells nothing beside its own initial state ...
+    least: int = 15  #: samples: nor do fewer of a slow record
     pieces: int = 12  #: more hardly narrow what is alike in all of them
     rate: float = 50.0  #: Hz at which channels are compared; integration runs at the rate of the grid
     #: s at both ends of a piece that are not compared, so that a delay finds what it needs
     margin: float = 0.3
+
+    def fewest(self, rate: float) -> float:
+        """Return how many samples at a rate, Hz, a piece has at least."""
+        return max(self.shortest * rate, self.least)
 
 
 PIECES: Final = PieceLimits()
@@ -59,7 +64,7 @@ class Piece:
     inputs: FloatArray  #: (n, 6), as read: ax ay az [m/s2], p q r [rad/s]
     readings: FloatArray  #: (n, 13), in the order of `OUTPUTS`; NaN where nothing was logged, or nothing is compared
     start: Mapping[str, float]  #: names of the initial state -> guess, SI
-    every: int = 1  #: each so-manieth sample is compared
+    every: int = 1  #: interval of the samples compared
 
     @cached_property
     def measured(self) -> FloatArray:
@@ -96,7 +101,7 @@ def cut_pieces(flight: Flight, windows: Sequence[tuple[float, float]] = ()) -> P
     spans = windows or [
         (float(flight.time[run.start]), float(flight.time[run.stop - 1]))
         for run in run_slices(flying(flight))
-        if run.stop - run.start > PIECES.shortest * flight.rate
+        if run.stop - run.start > PIECES.fewest(flight.rate)
     ]
     for start, stop in spans:
         cut, found = _cut_window(flight, logged, start, stop)
@@ -104,8 +109,9 @@ def cut_pieces(flight: Flight, windows: Sequence[tuple[float, float]] = ()) -> P
         notices += found
     if not pieces:
         inputs = ", ".join(name for name in INPUTS if name in logged)
-        holes = f"no {PIECES.shortest:g} s without a hole in {inputs}; choose another window"
-        grounded = f"by speed and lift it is in the air for no {PIECES.shortest:g} s; choose a window"
+        shortest = PIECES.fewest(flight.rate) / flight.rate
+        holes = f"no {shortest:.3g} s without a hole in {inputs}; choose another window"
+        grounded = f"by speed and lift it is in the air for no {shortest:.3g} s; choose a window"
         raise FlightError(f"{flight.name}: {holes if spans else grounded}")
     notices = [*distinct(notices)]
     if len(pieces) > PIECES.pieces:  # the others tell next to nothing more
@@ -155,7 +161,7 @@ def _cut_window(
         columns = dict(zip(inputs, segment.u.T, strict=True)) | dict(zip(outputs, segment.z.T, strict=True))
         parts = max(1, int(np.ceil(len(segment.t) / (PIECES.longest * flight.rate))))
         for a, b in pairwise(np.linspace(0, len(segment.t), parts + 1).astype(int)):
-            if b - a >= PIECES.shortest * flight.rate:
+            if b - a >= PIECES.fewest(flight.rate):
                 piece = _piece(flight, segment.t[a:b], {name: x[a:b] for name, x in columns.items()})
                 out += [piece] if piece is not None else []
     return out, notices
@@ -179,11 +185,11 @@ def _piece(flight: Flight, time: FloatArray, columns: Mapping[str, FloatArray]) 
         u, v, w = (float(moving[name][0]) for name in "uvw")
     place = {name: float(np.nan_to_num(at.get(name, 0.0))) for name in POSITION}
     start = {"u": float(u), "v": float(v), "w": float(w), **angles, **place}
-    if len(time) < PIECES.shortest * flight.rate or not np.isfinite(list(start.values())).all():
+    if len(time) < PIECES.fewest(flight.rate) or not np.isfinite(list(start.values())).all():
         return None
     blank = np.full(len(time), np.nan)
     measured = np.column_stack([columns.get(name, blank) for name in OUTPUTS])
-    edge = round(PIECES.margin * flight.rate)
+    edge = max(1, round(PIECES.margin * flight.rate))
     measured[:edge], measured[-edge:] = np.nan, np.nan
     inputs = np.column_stack([columns.get(name, np.zeros(len(time))) for name in INPUTS])
     return Piece(time, inputs, measured, start, max(1, round(flight.rate / PIECES.rate)))
@@ -252,15 +258,16 @@ class Problem:
 
     def outputs(self, z: FloatArray, index: int) -> FloatArray:
         """Return what the sensors of one piece would have read where it is compared (m, 13)."""
-        return np.asarray(self.trajectories(z[None, :], index)[0, :: self.pieces[index].every])
+        return np.asarray(self.trajectories(z[None, :], index)[0])
 
     def errors(self, z: FloatArray) -> list[FloatArray]:
         """Return measured minus reconstructed (m, 13) of every piece, NaN where nothing was measured."""
         pieces = enumerate(self.pieces)
         return [on_circle(piece.measured - self.outputs(z, i), OUTPUTS) for i, piece in pieces]
 
+    @np.errstate(invalid="ignore", over="ignore")  # about to diverge: large numbers overflow
     def trajectories(self, Z: FloatArray, index: int) -> FloatArray:
-        """Return the readings (B, n, 13) of one piece; gyros of the same delay are integrated together."""
+        """Return what is read (B, m, 13) where one piece is compared; gyros of the same delay are integrated together."""
         piece = self.pieces[index]
         values = dict(zip((u.name for u in self.unknowns), self.values(Z).T, strict=True))
         scales = {f"{name}.scale" for name in SCALED}
@@ -271,28 +278,30 @@ class Problem:
         turned = quaternions_of(np.column_stack([at[name] for name in EULER])).T
         start = np.array([*(at[name] for name in "uvw"), *turned, *(at[name] for name in POSITION)])
         late = values.get(RATES_DELAY, np.zeros(len(Z)))
-        out = np.empty((len(Z), len(piece.time), len(OUTPUTS)))
+        whole = np.empty((len(Z), len(piece.time), len(OUTPUTS)))
         for delay in np.unique(late):
             lanes, inputs = late == delay, piece.inputs
             if delay != 0.0:  # the gyros are read as much earlier as they are late
                 gyro, inputs = INPUTS.index("p"), inputs.copy()
                 inputs[:, gyro:] = delayed(piece.inputs[:, gyro:], -float(delay) / piece.dt)
-            out[lanes] = kernel().trajectories(rows[:, lanes], start[:, lanes], inputs, piece.dt)
+            whole[lanes] = kernel().trajectories(rows[:, lanes], start[:, lanes], inputs, piece.dt)
+        out = whole[:, :: piece.every].copy()
         for column, channel in enumerate(OUTPUTS):  # as late as each sensor delivers them
             delays = values.get(LATE[channel], np.zeros(len(out)))
             for delay in np.unique(delays[delays != 0.0]):
                 lanes = delays == delay
-                readings = out[lanes, :, column].T
-                readings = np.unwrap(readings, axis=0) if channel in WRAPPED else readings
-                out[lanes, :, column] = delayed(readings, float(delay) / piece.dt).T
+                readings = np.ascontiguousarray(whole[lanes, :, column].T)
+                if channel in WRAPPED and (np.abs(np.diff(readings, axis=0)) >= np.pi).any():
+                    readings = np.unwrap(readings, axis=0)
+                out[lanes, :, column] = delayed(readings, float(delay) / piece.dt, piece.every).T
         return out
 
     def _block(self, Z: FloatArray, index: int) -> FloatArray:
         measured = self.pieces[index].measured
         seen = np.isfinite(measured)
-        simulated = self.trajectories(Z, index)[:, :: self.pieces[index].every]
         with np.errstate(invalid="ignore", over="ignore"):
-            error = on_circle((simulated - np.where(seen, measured, 0.0)) * seen, OUTPUTS)
+            error = self.trajectories(Z, index)
+            error = on_circle((error - np.where(seen, measured, 0.0)) * seen, OUTPUTS)
             return np.asarray((error / self.sigma).reshape(len(Z), -1))
 
     def _own(self, index: int) -> range:

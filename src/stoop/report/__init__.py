@@ -1,5 +1,5 @@
 """A result as a page: verdict, estimates, curves, and where everything came from."""
 
-from stoop.report.identification import render, write_report, write_validation
+from stoop.report.identification import render, render_validation
 
-__all__ = ["render", "write_report", "write_validation"]
+__all__ = ["render", "render_validation"]

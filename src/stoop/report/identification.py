@@ -60,16 +60,8 @@ VALIDATION_LEAD: Final = (
 SAME_AGAIN: Final = "With the same versions and CPU features, this seed gives the same numbers again."
 
 
-def write_report(identification: Identification, path: Path) -> None:
-    """Write the report whole or not at all, into a folder that exists; raises `OutputError`."""
-    sheet.write_sheet(identification_sheet(identification), path)
-
-
-def write_validation(identification: Identification, path: Path) -> None:
-    """Write the page of a validation: the result that was validated, with the maneuvers that were predicted.
-
-    Whole or not at all, into a folder that exists; raises `OutputError`.
-    """
+def render_validation(identification: Identification) -> str:
+    """Return the page of a validation as HTML: the result that was validated, with the maneuvers that were predicted."""
     result, maneuvers = identification.result, identification.result.maneuvers
     lead = f"A fitted model predicts {count(len(maneuvers), 'maneuver')} that it was not fitted to"
     sentences = tuple(filter(None, (_match(result, "validation"), *result.warnings)))
@@ -85,8 +77,7 @@ def write_validation(identification: Identification, path: Path) -> None:
     provenance = _provenance_section(identification, validation=True)
     sections = (sheet.Section("Overview", overview), *pages, provenance)
     verdict = prediction_verdict(maneuvers, sentences, refused=result.verdict.grade == "do not use")
-    page = sheet.Sheet(identification.vehicle, lead, sections, "validation", verdict)
-    sheet.write_sheet(page, path)
+    return sheet.render_sheet(sheet.Sheet(identification.vehicle, lead, sections, "validation", verdict))
 
 
 def render(identification: Identification) -> str:

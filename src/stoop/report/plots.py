@@ -16,7 +16,7 @@ import numpy.typing as npt
 from markupsafe import Markup
 
 from stoop.base.arrays import FloatArray, runs
-from stoop.base.numbers import RAISED
+from stoop.base.numbers import MAX_NUMBER, RAISED
 
 COLUMNS: Final = 330  #: a denser curve is drawn as the least and the greatest value in so many columns
 TENTHS: Final = 10.0  #: paths are whole tenths of a pixel: short text, and finer than the eye
@@ -51,7 +51,8 @@ class Scale:
         if self.log:
             given = np.log10(np.where(given > 0.0, given, np.nan))
             low, high = math.log10(low), math.log10(high)
-        return np.asarray(self.start + (given - low) / (high - low) * (self.stop - self.start))
+        with np.errstate(over="ignore"):  # what lies far outside is clipped
+            return np.asarray(self.start + (given - low) / (high - low) * (self.stop - self.start))
 
     def at(self, value: float) -> float:
         """Return the pixel of one value."""
@@ -147,7 +148,7 @@ class Axes:
 def spanning(curves: Sequence[npt.ArrayLike], margin: float = 0.06) -> Range:
     """Return the least and greatest finite value with a margin; what varies by rounding alone counts as constant."""
     values = np.concatenate([np.ravel(np.asarray(c, dtype=np.float64)) for c in curves] or [np.zeros(1)])
-    values = values[np.isfinite(values)]
+    values = values[np.abs(values) <= MAX_NUMBER]
     low, high = (float(values.min()), float(values.max())) if values.size else (0.0, 1.0)
     size = max(abs(low), abs(high))
     room = margin * (high - low) if high - low > MIN_VARIATION * size else max(margin * size, 1e-6)
@@ -298,7 +299,7 @@ def plot(
     Parameters
     ----------
     log_x, log_y : bool, logarithmic axes; what is not positive is left out
-    x_range, y_range : (low, high), data units; by default what the series span
+    x_range, y_range : (low, high), data units; by default, or where those are no interval, what the series span
     looks : mapping of name to number, optional
         Gives series the same color and dash, in several drawings or in one; by default in order of appearance.
     x_ticks : sequence of float, optional
@@ -306,8 +307,8 @@ def plot(
     """
     looks = looks or _looks([one.name for one in series])
     box = Box(LEFT, TOP, WIDTH - LEFT - RIGHT, HEIGHT)
-    x_range = x_range or _range([s.x for s in series], log_x)
-    y_range = y_range or _range([s.y for s in series], log_y)
+    x_range = _proper(x_range) or _range([s.x for s in series], log_x)
+    y_range = _proper(y_range) or _range([s.y for s in series], log_y)
     axes = Axes.around(box, x_range, y_range, log_x, log_y)
     marked = [(value, f"{value:g}") for value in x_ticks] or axes.x.labels(8, _label)
     parts = [*axes.levels(6, _label), *axes.columns(marked), *_titles(box, x_label, y_label)]
@@ -406,6 +407,11 @@ def _looks(names: Sequence[str]) -> dict[str, int]:
 
 def _classes(look: int) -> str:
     return f"hue{look % HUES} dash{look // HUES % DASHES}"
+
+
+def _proper(wished: Range | None) -> Range | None:
+    """Return a range where it is an interval between numbers that can be drawn."""
+    return wished if wished and -MAX_NUMBER <= wished[0] < wished[1] <= MAX_NUMBER else None
 
 
 def _range(curves: Sequence[FloatArray], log: bool) -> Range:

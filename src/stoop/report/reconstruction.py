@@ -161,6 +161,9 @@ def polar_sheet(name: str, polar: Polar, notices: Sequence[Notice], command: str
         low, high = np.quantile(polar.blocks.speed, [0.05, 0.95])
         speed = np.linspace(low, high, 61)
         power, std = polar.level_power(speed)
+        balanced = np.isfinite(power + std)
+        speed, power, std = speed[balanced], power[balanced], std[balanced]
+    if polar.blocks.powered and power.size:
         series = [
             Series("electric power", speed, power),
             Series("95 % interval, low", speed, power - NORMAL_95 * std),

@@ -19,6 +19,8 @@ import numpy as np
 from stoop.base.arrays import FloatArray
 from stoop.base.files import write_text_atomic
 from stoop.base.notices import AS_SENTENCES, Notice, as_notice, from_dict, of_severity
+from stoop.base.text import printable
+from stoop.base.toml import parse_json, read_source
 from stoop.errors import StoopError
 from stoop.results.extensions import ExtensionTests
 from stoop.results.modes import ConditionModes
@@ -32,6 +34,7 @@ Role: TypeAlias = Literal["fit", "validation"]
 
 SCHEMA: Final = "stoop-result/1"
 NAN: Final = math.nan
+MAX_BYTES: Final = 2**24  #: of a file
 MIN_SIGNAL_TO_NOISE: Final = 1.0  #: of a channel's motion; below it chance decides between models
 
 
@@ -311,7 +314,7 @@ class Result:
 
     def __repr__(self) -> str:
         """Return the size and status on one line."""
-        return f"<Result: {len(self.parameters)} parameters, {self.method}, {self.status}>"
+        return printable(f"<Result: {len(self.parameters)} parameters, {self.method}, {self.status}>")
 
     def _repr_html_(self) -> str:
         from stoop.results.labelled import html_table
@@ -408,8 +411,8 @@ def from_json(text: str, where: str = "result") -> Result:
         When the text is no JSON, has another schema, or lacks a key.
     """
     try:
-        document = json.loads(text)
-    except (ValueError, RecursionError) as error:
+        document = parse_json(text)
+    except ValueError as error:
         raise StoopError(f"{where}: is no JSON; name the result.json of stoop identify") from error
     schema = document.get("schema") if isinstance(document, dict) else None
     if schema != SCHEMA:
@@ -418,7 +421,7 @@ def from_json(text: str, where: str = "result") -> Result:
         if "notices" not in document:  # written before notices had codes
             document["notices"] = [as_notice(str(one)).to_dict() for one in document.get("warnings", ())]
         return cast("Result", _decode(Result, document))
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
         what = f"lacks the key {error}" if isinstance(error, KeyError) else f"is malformed ({error})"
         raise StoopError(f"{where}: {what}; write it again with stoop identify") from error
 
@@ -431,11 +434,7 @@ def read_result(path: Path) -> Result:
     StoopError
         When there is no such file or it holds no result.
     """
-    try:
-        text = Path(path).read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise StoopError(f"{path}: cannot be read; name the result.json of stoop identify") from error
-    return from_json(text, str(path))
+    return from_json(read_source(path, "result", StoopError, MAX_BYTES), str(path))
 
 
 def plain(value: Any) -> Any:
@@ -488,7 +487,7 @@ def _decode(kind: Any, value: Any, default: Any = NAN) -> Any:
         kinds = [arguments[0]] * len(value) if arguments[-1] is Ellipsis else arguments
         return tuple(_decode(one, entry) for one, entry in zip(kinds, value, strict=True))
     if origin is np.ndarray:
-        numbers = [[NAN if entry is None else float(entry) for entry in row] for row in value]
+        numbers = [[_decode(float, entry) for entry in row] for row in value]
         return np.array(numbers, dtype=np.float64).reshape(len(value), len(value))
     if origin is Literal:
         if value not in arguments:
@@ -496,4 +495,8 @@ def _decode(kind: Any, value: Any, default: Any = NAN) -> Any:
         return value
     if kind is float and value is None:
         return default if isinstance(default, float) and math.isinf(default) else NAN
+    if not isinstance(value, int | float if kind is float else kind) or (
+        isinstance(value, bool) and kind is not bool
+    ):
+        raise ValueError(f"{str(value)[:40]!r} where a {kind.__name__} is expected")
     return kind(value)

@@ -30,7 +30,7 @@ def lagrange(f: float) -> tuple[float, float, float, float]:
     )
 
 
-def delayed(signal: FloatArray, samples: float) -> FloatArray:
+def delayed(signal: FloatArray, samples: float, every: int = 1) -> FloatArray:
     """Return a signal as it was `samples` earlier; before the record it holds its first value.
 
     Parameters
@@ -38,14 +38,18 @@ def delayed(signal: FloatArray, samples: float) -> FloatArray:
     signal : (n, ...) array
     samples : float
         Delay in samples; negative looks ahead.
+    every : int
+        Interval of the samples that are returned.
     """
     if samples == 0.0:
-        return signal
-    whole = int(np.floor(samples))
-    index = np.arange(len(signal)) - whole
-    out = np.zeros_like(signal, dtype=float)
+        return signal[::every]
+    count, whole = len(signal), int(np.floor(samples))
+    # what all four offsets read, once
+    around = signal[np.clip(np.arange(min(OFFSETS), count + max(OFFSETS)) - whole, 0, count - 1)]
+    out = np.zeros((-(-count // every), *signal.shape[1:]))
     for offset, weight in zip(OFFSETS, lagrange(samples - whole), strict=True):
-        out += weight * signal[np.clip(index + offset, 0, len(signal) - 1)]
+        first = offset - min(OFFSETS)
+        out += weight * around[first : first + count : every]
     return out
 
 

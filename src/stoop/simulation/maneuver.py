@@ -43,6 +43,7 @@ from stoop.vehicle.schema import Number, Table
 
 MAX_SAMPLES, MAX_ROTOR_SAMPLES = 5_000_000, 500_000  #: on rotors an autopilot takes them one by one
 MAX_HARMONICS = MAX_LEVELS = 2000
+MAX_WAVES = 200_000_000  #: samples of all inputs and their harmonics together; some seconds
 MAX_VALUE = 1e6  #: of any unit
 _EDGE = 1e-9  #: s, so that a step falls on the sample it names
 PATTERNS = {"3-2-1-1": (3, 2, 1, 1), "doublet": (1, 1), "1-1": (1, 1), "2-1-1": (2, 1, 1)}
@@ -66,7 +67,7 @@ def _plausible(value: float, info: ValidationInfo) -> float:
             f"{others if control and control not in SETPOINTS else ''}"
         )
     if abs(value) > MAX_VALUE:
-        raise ValueError(f"{value:g} is beyond any size; write it in {unit_of(control) or 'its unit'}")
+        raise ValueError(f"{value:g} is out of range; write it in {unit_of(control) or 'its unit'}")
     return value
 
 
@@ -82,6 +83,11 @@ class _Signal(Table):
     control: str
     shape: str
     start: Instant
+
+    @property
+    def waves(self) -> int:
+        """How many signals it is the sum of."""
+        return 1
 
 
 class _LevelSignal(_Signal):
@@ -188,12 +194,20 @@ class Multisine(_TimedSignal):
             raise ValueError(f"more than {MAX_HARMONICS} harmonics; lower band or duration, or raise stride")
         return self
 
+    @property
+    def _harmonics(self) -> range:
+        return range(self.first, int(self.band * self.duration) + 1, self.stride)
+
+    @property
+    def waves(self) -> int:
+        """How many harmonics it has."""
+        return len(self._harmonics)
+
     def signal(self, t: FloatArray) -> FloatArray:
         """Return the change from the trim (n,) at times (n,), s."""
-        harmonics = range(self.first, int(self.band * self.duration) + 1, self.stride)
         waves = np.zeros_like(t)
-        for k, harmonic in enumerate(harmonics):
-            phase = -np.pi * k * (k + 1) / len(harmonics)
+        for k, harmonic in enumerate(self._harmonics):
+            phase = -np.pi * k * (k + 1) / self.waves
             waves += np.sin(2.0 * np.pi * harmonic * (t - self.start) / self.duration + phase)
         return self._inside(t, self.amplitude * waves / max(float(np.max(np.abs(waves))), 1e-12))
 
@@ -213,6 +227,11 @@ class Harmonics(_TimedSignal):
                 "harmonics, amplitudes and phases differ in length; give one of each per harmonic"
             )
         return self
+
+    @property
+    def waves(self) -> int:
+        """How many harmonics it has."""
+        return len(self.harmonics)
 
     @property
     def band(self) -> float:
@@ -259,6 +278,10 @@ class Maneuver(Table):
             raise ValueError(f"duration times rate exceeds {MAX_SAMPLES} samples; lower one of them")
         if self.duration * self.rate < 1.0:
             raise ValueError("duration is shorter than one sample; raise duration or rate")
+        if self.duration * self.rate * sum(spec.waves for spec in self.input) > MAX_WAVES:
+            raise ValueError(
+                f"inputs and their harmonics, times samples, exceed {MAX_WAVES}; lower duration, rate or bands, or remove some"
+            )
         if self.airspeed is not None and self.velocity is not None:
             raise ValueError("airspeed and velocity: one flies on wings, the other on rotors; remove one")
         bands = [spec.band for spec in self.input if isinstance(spec, Multisine | Harmonics)]

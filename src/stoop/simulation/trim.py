@@ -195,13 +195,14 @@ class SteadyFlight(ABC):
         from scipy.optimize import least_squares
 
         tight = 1e-15
-        for start in starts:
-            x = least_squares(
-                self.residuals, np.array(start), ftol=tight, xtol=tight, gtol=tight, max_nfev=evaluations
-            ).x
-            residual = float(np.max(np.abs(self.residuals(x))))
-            if residual < TOLERANCE:
-                break
+        with np.errstate(all="ignore"):  # of a vehicle that cannot fly residuals overflow
+            for start in starts:
+                x = least_squares(
+                    self.residuals, np.array(start), ftol=tight, xtol=tight, gtol=tight, max_nfev=evaluations
+                ).x
+                residual = float(np.max(np.abs(self.residuals(x))))
+                if residual < TOLERANCE:
+                    break
         return replace(self.point(x), residual=residual, solution=(self, x))
 
 

@@ -8,14 +8,26 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, field_validator, model_validator
+
+from stoop.base.numbers import MAX_NUMBER
 
 CHANNELS = ("V", "alpha", "beta", "p", "q", "r", "phi", "theta", "psi", "ax", "ay", "az")
 WIND = ("vn", "ve", "vd")  #: velocity over ground, north, east, down
 GUESS = 0.3  #: standard deviation of a guess, in parts of the value
 
 Switch = Annotated[bool, Field(strict=True)]  #: true or false, not "no" or 0
-Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]  #: no text, no true or false, no nan
+
+
+def _within_range(value: float) -> float:
+    """Return a number, zero for one so small that its inverse is out of range."""
+    if abs(value) > MAX_NUMBER:
+        raise ValueError(f"{value:g} is out of range (1e30); write it in SI units")
+    return value if abs(value) >= 1.0 / MAX_NUMBER else 0.0
+
+
+#: no text, no true or false, no nan
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False), AfterValidator(_within_range)]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$", max_length=40)]
 
 
@@ -374,7 +386,8 @@ class VehicleFile(Table):
     controls: dict[Name, Control] = Field(default_factory=dict)
     sensors: Sensors = Sensors()
     turbulence: Turbulence | None = None
-    loadings: dict[Name, dict[str, Number]] = Field(default_factory=dict)  #: numbers that differ per maneuver
+    #: numbers that differ per maneuver
+    loadings: Annotated[dict[Name, dict[str, Number]], Field(max_length=64)] = Field(default_factory=dict)
     rotors: Rotors | None = None
     rotor: Annotated[dict[Name, Rotor], Field(max_length=16)] = Field(default_factory=dict)
     body_drag: BodyDrag | None = None

@@ -16,7 +16,7 @@ from pydantic import BaseModel
 from stoop.base.arrays import FloatArray
 from stoop.base.html import table
 from stoop.base.numbers import number
-from stoop.base.text import nearest
+from stoop.base.text import nearest, printable
 from stoop.errors import VehicleError
 from stoop.kernels import Kernel, load_kernel
 from stoop.vehicle import terms
@@ -195,7 +195,7 @@ class Vehicle:
     def __repr__(self) -> str:
         """Return name and size on one line."""
         free = sum(p.free for p in self.parameters)
-        return f"<Vehicle {self.name}: {free} of {len(self.parameters)} numbers free>"
+        return printable(f"<Vehicle {self.name}: {free} of {len(self.parameters)} numbers free>")
 
     def _repr_html_(self) -> str:
         units = {"1": ""}

@@ -21,8 +21,8 @@ from stoop.vehicle.schema import Number
 
 UNKNOWN: Final = math.nan  #: of a number that a file leaves out
 MAX_ANGLE: Final = 1.2  #: of sweep, dihedral and incidence; above, degrees were meant
-Length = Annotated[Number, Field(gt=0.0, le=200.0)]
-Area = Annotated[Number, Field(gt=0.0, le=2000.0)]
+Length = Annotated[Number, Field(ge=1e-4, le=200.0)]
+Area = Annotated[Number, Field(ge=1e-8, le=2000.0)]
 
 
 def _radians(value: float) -> float:

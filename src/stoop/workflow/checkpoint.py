@@ -1,13 +1,11 @@
-"""Ctrl-C: the state of a search is kept, so that it can be resumed, and a finished one is written first."""
+"""Ctrl-C, or SIGTERM: the state of a search is kept, so that it can be resumed, and a finished one is written first."""
 
 from __future__ import annotations
 
 import hashlib
 import json
 import os
-import signal
 import sys
-import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
@@ -16,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from stoop.assessment.verdict import CONFIRMED
+from stoop.base.interrupts import answered
 from stoop.errors import OutputError, StoopError
 from stoop.estimate.fit import Options
 from stoop.optimize import Outcome, State, load_tagged, save_state
@@ -120,17 +119,7 @@ class Deferred:
 
 @contextmanager
 def deferred_interrupt() -> Iterator[Deferred]:
-    """Let Ctrl-C wait until the end of the block.
-
-    Only the main thread can do so; elsewhere, and where the process ignores Ctrl-C, nothing is changed.
-    """
-    deferred, before = Deferred(), signal.getsignal(signal.SIGINT)
-    ours = threading.current_thread() is threading.main_thread()
-    if not ours or before in (signal.SIG_IGN, None):  # None: a handler that Python could not put back
+    """Let Ctrl-C and SIGTERM wait until the end of the block, where they can; see :func:`stoop.base.interrupts.answered`."""
+    deferred = Deferred()
+    with answered(lambda _: deferred.take):
         yield deferred
-        return
-    signal.signal(signal.SIGINT, deferred.take)
-    try:
-        yield deferred
-    finally:
-        signal.signal(signal.SIGINT, before)

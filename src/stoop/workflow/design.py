@@ -12,7 +12,7 @@ import numpy as np
 import tomlkit
 
 from stoop.base.csv_text import csv_text
-from stoop.base.files import check_targets, make_folder, write_text_atomic
+from stoop.base.files import check_targets, make_folder, write_files
 from stoop.base.numbers import finite_or_none
 from stoop.flight import Flight
 from stoop.input_design.information import Knowledge, sensor_noise
@@ -63,27 +63,28 @@ def prior_model(name_or_path: str | Path) -> PriorModel:
 
 
 def write_proposal(proposal: Proposal, folder: Path, command: str, overwrite: bool = False) -> None:
-    """Write maneuver files, a table of deflections, the page and the numbers; each file whole or not at all.
+    """Write maneuver files, a table of deflections, the page and the numbers; all or none.
 
     Raises `OutputError`: the folder cannot be made, or holds a design already; or a file cannot be written.
     """
     from stoop.report.design import design_sheet
-    from stoop.report.sheet import write_sheet
+    from stoop.report.sheet import render_sheet
 
     check_targets(folder, DESIGN_FILES, overwrite)
     make_folder(folder)
     best = proposal.best.maneuver
-    write_text_atomic(folder / "maneuver.toml", maneuver_toml(best, f"designed: {command}"))
-    reference = maneuver_toml(proposal.reference, "what the design is compared with")
-    write_text_atomic(folder / "reference.toml", reference)
     deflections = best.deflections()  # from the trim, rad
     head = ("time_s", *(f"{control}_rad" for control in deflections))
     rows = zip(best.time, *deflections.values(), strict=True)
     table = csv_text(head, ([f"{t:.6g}", *(f"{value:.9g}" for value in values)] for t, *values in rows))
-    write_text_atomic(folder / "maneuver.csv", table.replace("\r\n", "\n"))
-    write_sheet(design_sheet(proposal, command), folder / "design.html")
-    text = json.dumps(design_document(proposal), indent=1, allow_nan=False) + "\n"
-    write_text_atomic(folder / "design.json", text)
+    files = {
+        "maneuver.toml": maneuver_toml(best, f"designed: {command}"),
+        "reference.toml": maneuver_toml(proposal.reference, "what the design is compared with"),
+        "maneuver.csv": table.replace("\r\n", "\n"),
+        "design.html": render_sheet(design_sheet(proposal, command)),
+        "design.json": json.dumps(design_document(proposal), indent=1, allow_nan=False) + "\n",
+    }
+    write_files(folder, files)
 
 
 def maneuver_toml(maneuver: Maneuver, comment: str) -> str:
@@ -160,12 +161,12 @@ def write_windows(
     command: str,
     following: Sequence[str],
 ) -> None:
-    """Write `windows.toml` and `windows.html` into a folder; each whole or not at all.
+    """Write `windows.toml` and `windows.html` into a folder; both or none.
 
     `vehicle` is its name or empty; `following` are the words of the command that takes the file.
     """
     from stoop.report.design import windows_sheet
-    from stoop.report.sheet import write_sheet
+    from stoop.report.sheet import render_sheet
 
     make_folder(folder)
     entries = [
@@ -175,5 +176,6 @@ def write_windows(
         )
         for w in found.windows
     ]  # fmt: skip
-    write_text_atomic(folder / NAME, written(entries, shlex.join(following), tuple(map(str, found.notices))))
-    write_sheet(windows_sheet(found, flights, vehicle, command, following), folder / "windows.html")
+    text = written(entries, shlex.join(following), tuple(map(str, found.notices)))
+    page = render_sheet(windows_sheet(found, flights, vehicle, command, following))
+    write_files(folder, {NAME: text, "windows.html": page})

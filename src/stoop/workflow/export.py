@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from stoop.base.files import check_targets, make_folder, write_bytes_atomic
+from stoop.base.files import check_targets, make_folder, write_files
 from stoop.base.notices import notice
 from stoop.base.variables import VARIABLES
 from stoop.errors import SimulationError, StoopError
@@ -139,18 +139,13 @@ def export(subject: Subject, target: str, condition: Condition = DEFAULT) -> Exp
 
 
 def write(exported: Exported, folder: Path, overwrite: bool = False) -> None:
-    """Write the files, each whole or not at all.
+    """Write the files, all or none.
 
     Raises `OutputError`: a file is there already, or the folder cannot be written.
     """
     check_targets(folder, tuple(exported.files), overwrite)
-    _place(folder, exported.files)
-
-
-def _place(folder: Path, files: Mapping[str, bytes]) -> None:
-    for name, content in files.items():
-        make_folder((folder / name).parent)
-        write_bytes_atomic(folder / name, content)
+    make_folder(folder)
+    write_files(folder, exported.files)
 
 
 def _steady(subject: Subject, condition: Condition) -> Trim:
@@ -187,7 +182,7 @@ def _jsbsim(subject: Subject, condition: Condition) -> Exported:
     for maneuver in maneuvers:
         loaded = jsbsim_aircraft.folder(maneuver.vehicle, None) if maneuver.loaded else texts
         with tempfile.TemporaryDirectory(prefix="stoop-export-") as root:
-            _place(Path(root), _encoded(loaded))
+            write_files(Path(root), loaded)
             try:
                 flown.append(compare(Path(root), maneuver))
             except SimulationError as error:  # the model cannot hold it open loop; the others are flown

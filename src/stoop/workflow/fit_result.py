@@ -17,13 +17,15 @@ from stoop.assessment.maneuver_advice import flown_model
 from stoop.assessment.modes import modes
 from stoop.assessment.uncertainty import with_uncertainty
 from stoop.assessment.verdict import uses, verdict
-from stoop.base.notices import as_notice, notice, of_severity
+from stoop.base.notices import Notice, as_notice, attempt, notice, of_severity
 from stoop.base.variables import VARIABLES
+from stoop.errors import VehicleError
 from stoop.estimate.excitation import ratios, too_few
 from stoop.estimate.fit import Fit, Options
 from stoop.estimate.predict import expected_biases, fitted_model, predict
 from stoop.flight import Flight
 from stoop.problem.windows import Window
+from stoop.results.extensions import ExtensionTests
 from stoop.results.result import (
     AirDataTrace,
     Identification,
@@ -34,10 +36,10 @@ from stoop.results.result import (
     SensorBiases,
     WindEstimate,
 )
-from stoop.vehicle import Vehicle
+from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.notation import symbols
 from stoop.workflow.curves import Simulated, channel_units, maneuver_curves
-from stoop.workflow.outputs import versions
+from stoop.workflow.outputs import versions, with_values
 from stoop.workflow.summary import basis_notices, data_notices, fit_warnings, slowest_rate
 
 START_UNITS: Final = {"V": "m/s", "p": "rad/s", "q": "rad/s", "r": "rad/s"}  #: of initial states; others rad
@@ -90,8 +92,10 @@ def identification(
         inputs=inputs,
         method=options.method,
     )
-    result = replace(result, modes=modes(fit, result.covariance.names, result.covariance.matrix))
-    result = replace(with_uncertainty(result, fit, bars), extensions=extension_tests(fit, bars))
+    failed: list[Notice] = []  # of detectors
+    found = attempt(failed, (), modes, fit, result.covariance.names, result.covariance.matrix)
+    tests = attempt(failed, ExtensionTests(), extension_tests, fit, bars)
+    result = replace(with_uncertainty(replace(result, modes=found), fit, bars), extensions=tests)
 
     prepared = [one for group in groups for one in group.prepared.notices]
     of_flights = [one for flight in flights.values() for one in flight.notices]
@@ -101,10 +105,12 @@ def identification(
         *result.notices,
         *dict.fromkeys(of_severity(prepared, "warning")),
         *of_severity(fit.notices, "info"),
-        *press_notices(fit),
+        *attempt(failed, [], press_notices, fit),
+        *_refused_by_file(vehicle, fit.estimates),
         *([as_notice(per_mass, "info")] if per_mass else []),
         *basis_notices(vehicle, flights, color),
         *data_notices([*of_flights, *of_severity(prepared, "info")]),
+        *failed,
     ]
     result = replace(result, notices=tuple(notices), seconds=time.perf_counter() - began)
     return Identification(
@@ -123,6 +129,15 @@ def identification(
         command=command,
         body=_body(vehicle, parameters),
     )
+
+
+def _refused_by_file(vehicle: Vehicle, estimates: dict[str, float]) -> list[Notice]:
+    """Return why no vehicle file may hold the estimates, if one may not."""
+    try:
+        parse_vehicle(with_values(vehicle, estimates), "vehicle.toml")
+    except VehicleError as error:
+        return [notice("estimates-refused", text=str(error))]
+    return []
 
 
 def _body(vehicle: Vehicle, parameters: Mapping[str, ParameterEstimate]) -> dict[str, Quantity]:

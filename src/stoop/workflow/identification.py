@@ -12,6 +12,7 @@ from stoop import optimize
 from stoop.assessment.assessment import Assessment
 from stoop.assessment.verdict import verdict
 from stoop.base.notices import Notice
+from stoop.base.text import printable, printable_lines
 from stoop.checks.vehicle import require_channels
 from stoop.errors import FlightError
 from stoop.estimate import methods
@@ -138,7 +139,7 @@ class Job:
         """Return vehicle, size and status on one line."""
         r = self.result
         vehicle = self.identification.vehicle
-        return f"<Fit of {vehicle}: {len(r.parameters)} parameters, {r.method}, {r.status}>"
+        return printable(f"<Fit of {vehicle}: {len(r.parameters)} parameters, {r.method}, {r.status}>")
 
     def _repr_html_(self) -> str:
         return self.result._repr_html_()
@@ -147,7 +148,7 @@ class Job:
         """Return the estimates as a table, and the verdict."""
         from stoop.workflow.summary import estimates_table
 
-        return f"{estimates_table(self.result)}\n\nverdict: {self.result.verdict.headline}"
+        return printable_lines(f"{estimates_table(self.result)}\n\nverdict: {self.result.verdict.headline}")
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import platform
-import shutil
 import tempfile
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -13,18 +12,21 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
+import numpy.typing as npt
 import tomlkit
 
 from stoop.assessment.baseline import BaselineManeuver
-from stoop.base.files import check_targets
+from stoop.base.files import check_targets, make_folder, scratch, write_files
+from stoop.base.numbers import MAX_NUMBER
 from stoop.errors import FlightError, OutputError, StoopError
 from stoop.estimate.initial_state import BiasPrior, bias_priors
-from stoop.flight import Flight, load, save
+from stoop.estimate.noise import is_covariance
+from stoop.flight import Flight, flight_bytes, load
 from stoop.flight.flight import flight_name
 from stoop.logs.csv_tables import mapping_beside
 from stoop.problem.prepare import decoupled, prepare
 from stoop.problem.windows import Window
-from stoop.results.result import Result, read_result
+from stoop.results.result import Result, read_result, to_json
 from stoop.vehicle import Vehicle, load_vehicle, parse_vehicle
 from stoop.vehicle.document import keys_of, write_entry, write_fields
 from stoop.vehicle.vehicle import leaves
@@ -65,7 +67,7 @@ def check_folder(
     check_targets(folder, (RESULT, *output_names(flights), *more), overwrite, inputs)
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(prefix=".stoop-", dir=folder):
+        with scratch(folder):
             pass
     except OSError as error:
         raise OutputError(
@@ -78,41 +80,23 @@ def place_outputs(job: Job, folder: Path, overwrite: bool = False) -> Path:
 
     Raises `OutputError`: the folder cannot be written; or another run has written there since, and this one's lies beside it.
     """
-    from stoop import report
+    from stoop.report import render
 
-    flights = job.flights
-    names = (*job.attachments, *output_names([flight.name for flight in flights]))
-    working = folder
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        working = Path(tempfile.mkdtemp(prefix=".stoop-", dir=folder))
-        text = with_values(job.fit.problem.layout.vehicle, job.fit.estimates)
-        (working / "vehicle.toml").write_text(text, encoding="utf-8")
-        for flight in flights:
-            save(flight, working / flight_file(flight.name, len(flights)))
-        for name, content in job.attachments.items():
-            (working / name).write_bytes(content)
-        report.write_report(job.identification, working / "report.html")
-        job.result.save(working / RESULT)
-        if not overwrite and any((folder / name).exists() for name in names):
-            # Hours may lie in either: the result is put beside that of the other run.
-            aside = working.with_name(working.name.removeprefix("."))
-            working.replace(aside)
-            raise OutputError(
-                f"{folder}: another run has written there meanwhile; this one's result is in {aside}"
-            )
-        if (folder / RESULT).exists():
-            (folder / RESULT).unlink()  # an old mark must not stand beside new files
-            for name in set(ATTACHED) - set(names):
-                (folder / name).unlink(missing_ok=True)  # nor an old posterior beside a new result
-        for name in names:
-            (working / name).replace(folder / name)
-    except OSError as error:
-        why = f"cannot be written ({error.strerror}); free some space or name another folder"
-        raise OutputError(f"{folder}: {why}") from None
-    finally:
-        if working != folder:
-            shutil.rmtree(working, ignore_errors=True)
+    files: dict[str, bytes | str] = dict(job.attachments)
+    files["vehicle.toml"] = with_values(job.fit.problem.layout.vehicle, job.fit.estimates)
+    files |= {flight_file(flight.name, len(job.flights)): flight_bytes(flight) for flight in job.flights}
+    files |= {"report.html": render(job.identification), RESULT: to_json(job.result)}
+    make_folder(folder)
+    if not overwrite and any((folder / name).exists() for name in files):
+        # Hours may lie in either: the result is put beside that of the other run.
+        aside = Path(tempfile.mkdtemp(prefix="stoop-", dir=folder))
+        write_files(aside, files)
+        raise OutputError(
+            f"{folder}: another run has written there meanwhile; this one's result is in {aside}"
+        )
+    # an old mark must not stand beside new files, nor an old posterior beside a new result
+    obsolete = [RESULT, *(set(ATTACHED) - set(files))] if (folder / RESULT).exists() else []
+    write_files(folder, files, obsolete)
     return folder
 
 
@@ -133,7 +117,9 @@ def with_values(vehicle: Vehicle, values: dict[str, float]) -> str:
         if name in values and q.prior is not None:
             fields |= {"prior": q.prior, "mean": q.prior_mean}
         if fields or name in values or value != before.value:
-            write_entry(document, keys, float(f"{value:.10g}"))
+            low, high = q.bounds or (-MAX_NUMBER, MAX_NUMBER)
+            rounded = float(f"{value:.10g}")
+            write_entry(document, keys, min(max(rounded, low), high))
         if fields:
             write_fields(document, keys, fields)
     if original.reduce != vehicle.reduce:
@@ -245,7 +231,16 @@ def read_identified(path: Path) -> Identified:
     # What stoop identify does not write: a file that was edited, or cut and mended.
     lost = next((name for name, p in result.parameters.items() if not np.isfinite(p.estimate)), None)
     covariance, noise = result.covariance, result.noise_covariance
+    of_parameters = [[p.estimate, p.std_error, p.prior_mean, p.prior_std] for p in result.parameters.values()]
+    of_parameters += [[1.0 / p.std_error] for p in result.parameters.values() if p.std_error]
+    numbers: tuple[npt.ArrayLike, ...] = (
+        *of_parameters,
+        np.sqrt(np.abs(covariance.matrix)),
+        np.sqrt(np.abs(noise.matrix)),
+    )
+    apart = covariance.matrix[np.ix_(*[np.isfinite(np.diag(covariance.matrix))] * 2)]
     sizes = ((len(covariance.matrix), len(covariance.names)), (len(noise.matrix), len(noise.channels)))
+    plain = result.uncertainty.get("cramer_rao")
     places = {b.maneuver for b in result.biases} | {i.maneuver for i in result.initial_states}
     checks = (
         (lost is not None, f"has no estimate of {lost}"),
@@ -254,6 +249,17 @@ def read_identified(path: Path) -> Identified:
             "has a covariance of other parameters than its estimates",
         ),
         *((rows != names, f"has a covariance of {rows} rows for {names} names") for rows, names in sizes),
+        (any(_size(some) > MAX_NUMBER for some in numbers), "has numbers out of range (1e-30 to 1e30)"),
+        (not np.allclose(apart, apart.T), "has a covariance that is not symmetric, or has holes"),
+        (not is_covariance(noise.matrix), "has a noise covariance that is not positive definite"),
+        (
+            any(p.prior_std <= 0.0 for p in result.parameters.values()),
+            "has a prior without a standard deviation",
+        ),
+        (
+            not set(result.parameters) <= set(plain.parameters if plain else result.parameters),
+            "lacks the intervals of some of its estimates",
+        ),
         (all(m.role != "fit" for m in result.maneuvers), "names no maneuver that was fitted"),
         (
             not places <= set(range(len(result.maneuvers))),
@@ -277,6 +283,12 @@ def read_identified(path: Path) -> Identified:
     hashes = {digest: name for digest, name in hashes.items() if name in copies}
     hashes |= {next(iter(file_hashes([p]).values())): name for name, p in copies.items() if p.exists()}
     return Identified(folder, result, vehicle, hashes)
+
+
+def _size(numbers: npt.ArrayLike) -> float:
+    """Return the size of the largest number that is finite."""
+    values = np.abs(np.asarray(numbers, dtype=np.float64))
+    return float(np.max(values, initial=0.0, where=np.isfinite(values)))
 
 
 def _copies(folder: Path, result: Result) -> dict[str, Path]:

@@ -10,11 +10,11 @@ from typing import Any, Final
 import numpy as np
 
 from stoop.assessment.covariance import NORMAL_95
-from stoop.base.files import make_folder, write_text_atomic
+from stoop.base.files import make_folder, write_files
 from stoop.base.notices import Notice, notice
 from stoop.base.numbers import finite_or_none
 from stoop.errors import FlightError
-from stoop.flight import Flight, save
+from stoop.flight import Flight, flight_bytes
 from stoop.flight.air_data import RECONSTRUCTED
 from stoop.reconstruction.compatibility import Compatibility, check, corrected_flight
 from stoop.reconstruction.polar import DISC, DISC_SPREAD, Polar, Propulsion, blocks, fit_polar
@@ -56,16 +56,15 @@ def write_compatibility(
     command: str,
     others: Sequence[Path] = (),
 ) -> None:
-    """Write page, corrected flight and result into a folder, the result last."""
+    """Write page, corrected flight and result into a folder, all or none."""
     from stoop.report.reconstruction import compatibility_sheet
-    from stoop.report.sheet import write_sheet
+    from stoop.report.sheet import render_sheet
 
     make_folder(folder)
     hashes = file_hashes([*flight_files([original]), *others])
-    page, flight, document = (folder / name for name in COMPATIBILITY)
-    write_sheet(compatibility_sheet(result, command), page)
-    save(corrected, flight)
-    write_text_atomic(document, result.document(versions(), hashes))
+    page = render_sheet(compatibility_sheet(result, command))
+    contents = page, flight_bytes(corrected), result.document(versions(), hashes)
+    write_files(folder, dict(zip(COMPATIBILITY, contents, strict=True)))
 
 
 def drag_polar(
@@ -133,13 +132,11 @@ def write_polar(
     command: str,
     others: Sequence[Path] = (),
 ) -> None:
-    """Write page and result into a folder, the result last; what is not a finite number is null."""
+    """Write page and result into a folder, both or none; what is not a finite number is null."""
     from stoop.report.reconstruction import polar_sheet
-    from stoop.report.sheet import write_sheet
+    from stoop.report.sheet import render_sheet
 
     make_folder(folder)
-    page, document = (folder / name for name in POLAR)
-    write_sheet(polar_sheet(flight.name, polar, notices, command), page)
     CL = np.linspace(*polar.valid, 25)
     value, std = polar.drag(CL)
     columns = {"time": polar.blocks.time, "CL": polar.CL, "CD": polar.CD, "alpha": polar.blocks.alpha}
@@ -162,4 +159,6 @@ def write_polar(
         "versions": versions(),
         "inputs": file_hashes([*flight_files([flight]), *others]),
     }
-    write_text_atomic(document, json.dumps(content, indent=1, allow_nan=False) + "\n")
+    page = render_sheet(polar_sheet(flight.name, polar, notices, command))
+    texts = page, json.dumps(content, indent=1, allow_nan=False) + "\n"
+    write_files(folder, dict(zip(POLAR, texts, strict=True)))

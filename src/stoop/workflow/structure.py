@@ -11,7 +11,7 @@ import numpy as np
 import tomlkit
 
 from stoop.base.csv_text import csv_text
-from stoop.base.files import make_folder, write_text_atomic
+from stoop.base.files import make_folder, write_files
 from stoop.errors import IdentificationError
 from stoop.estimate.regression import kind_of
 from stoop.estimate.regression.aircraft import AircraftEquations
@@ -137,9 +137,9 @@ def _put(table: Any, name: str, term: str, value: float | None) -> None:
 
 
 def write_structure(found: Determined, folder: Path, command: str) -> None:
-    """Write vehicle, table of steps and page into a folder; each whole or not at all."""
+    """Write vehicle, table of steps and page into a folder; all or none."""
     from stoop.report.models import structure_sheet
-    from stoop.report.sheet import write_sheet
+    from stoop.report.sheet import render_sheet
 
     make_folder(folder)
     rows = [
@@ -150,7 +150,12 @@ def write_structure(found: Determined, folder: Path, command: str) -> None:
         for c, chosen in found.structure.chosen.items()
         for i, s in enumerate(chosen.selection.steps, 1)
     ]  # fmt: skip
-    write_text_atomic(folder / "vehicle.toml", found.vehicle.text)
-    write_text_atomic(folder / "structure.csv", csv_text(HEAD, rows))
-    page = structure_sheet(found.structure, found.vehicle, found.names, found.estimates, command)
-    write_sheet(page, folder / "structure.html")
+    page = render_sheet(
+        structure_sheet(found.structure, found.vehicle, found.names, found.estimates, command)
+    )
+    texts = {
+        "vehicle.toml": found.vehicle.text,
+        "structure.csv": csv_text(HEAD, rows),
+        "structure.html": page,
+    }
+    write_files(folder, texts)

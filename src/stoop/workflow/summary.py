@@ -12,7 +12,7 @@ import numpy as np
 from stoop.assessment.contributions import contribution_notices
 from stoop.assessment.error_bars import ErrorBars
 from stoop.assessment.verdict import CONFIRMED
-from stoop.base.notices import Notice, as_notice, notice, of_severity, paragraph
+from stoop.base.notices import Notice, as_notice, attempt, notice, of_severity, paragraph
 from stoop.base.variables import EULER, RATES, SPECIFIC_FORCE, VELOCITY
 from stoop.checks.vehicle import check_lift, check_rotors, inertia_notices
 from stoop.estimate.excitation import excitation_notices
@@ -64,13 +64,10 @@ def fit_warnings(
         if fault.variable in read and fault.kind in SENSOR_FAULTS
         if any(name == flight.name and a < fault.stop and fault.start < b for name, a, b in spans)
     ]
-    found: list[Notice | str] = [
-        *search_notices(fit.outcome.status, fit.outcome.advice),
-        *sensor_faults,
-        *check_lift(vehicle, flights),
-        *inertia_notices(vehicle, fit.estimates),
-        *prior_conflicts(fit),
-    ]
+    found = [*search_notices(fit.outcome.status, fit.outcome.advice), *sensor_faults]
+    found += attempt(found, [], check_lift, vehicle, flights)
+    found += attempt(found, [], inertia_notices, vehicle, fit.estimates)
+    found += attempt(found, [], prior_conflicts, fit)
     # Missing rates, and a missing airspeed, by whose square every coefficient is divided.
     recorded = np.any([np.isfinite(p.measured).any(axis=0) for p in fit.problem.pieces], axis=0)
     missing = {name for name, there in zip(vehicle.outputs, recorded, strict=True) if not there}
@@ -79,8 +76,8 @@ def fit_warnings(
     if "V" in missing:
         found.append(notice("airspeed-not-measured", airspeed=vehicle.value("reference.airspeed")))
     found += check_rotors(vehicle, flights, windows)
-    found += excitation_notices(fit.problem, fit.z, slowest_rate(fit, flights))
-    found += contribution_notices(fit, bars.contributions)
+    found += attempt(found, [], excitation_notices, fit.problem, fit.z, slowest_rate(fit, flights))
+    found += attempt(found, [], contribution_notices, fit, bars.contributions)
     # Parameters at a bound, those that rest on it, and those not identifiable, of one reason together.
     at_bound = tuple(name for name, p in parameters.items() if p.at_bound)
     absent = tuple(
@@ -101,7 +98,7 @@ def fit_warnings(
     for reason, names in reasons.items():
         found.append(notice("not-identifiable", parameters=tuple(names), count=len(names), reason=reason))
     found += [*lag_notices(maneuvers), *of_severity((*fit.prepared.notices, *fit.notices), "warning")]
-    return tuple(as_notice(one) for one in found)
+    return tuple(found)
 
 
 def prior_conflicts(fit: Fit) -> list[Notice]:

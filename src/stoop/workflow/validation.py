@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from stoop.assessment.verdict import diverged
-from stoop.base.files import write_text_atomic
+from stoop.base.files import make_folder, write_files
 from stoop.base.notices import Notice, as_notice, notice, of_severity
 from stoop.checks.vehicle import require_channels
 from stoop.errors import FlightError, StoopError
@@ -59,16 +59,15 @@ class Validated:
     identification: Identification
 
     def save(self, folder: Path) -> None:
-        """Write ``validation.html`` and ``validation.json`` into a folder, each whole or not at all.
+        """Write ``validation.html`` and ``validation.json`` into a folder, both or none.
 
         Raises `OutputError`: they cannot be written.
         """
-        from stoop.report import write_validation
+        from stoop.report import render_validation
 
-        folder.mkdir(parents=True, exist_ok=True)
-        page, data = (folder / name for name in NAMES)
-        write_validation(self.identification, page)
-        write_text_atomic(data, self.record.to_json())
+        make_folder(folder)
+        texts = render_validation(self.identification), self.record.to_json()
+        write_files(folder, dict(zip(NAMES, texts, strict=True)))
 
 
 def validate(

@@ -199,3 +199,15 @@ def test_short_records(size: int) -> None:
     found = estimate_uncertainty([PieceEvidence(residual, jacobian)], np.zeros((2, 2)))
     assert np.isfinite(found.corrected).all()
     assert (standard_errors(found.corrected) > 0.0).all()
+
+
+def test_a_segment_that_sees_no_direction_adds_nothing() -> None:
+    """Inputs at rest: its residuals count as noise, its sensitivities are zero."""
+    random = np.random.default_rng(3)
+    seen, unseen = (
+        PieceEvidence(noise(60, 0.5, random), sensitivities(60) * factor) for factor in (1.0, 0.0)
+    )
+    prior = np.eye(PARAMETERS + 2 * CHANNELS)
+    both = estimate_uncertainty([seen, unseen], prior)
+    assert_allclose(both.cramer_rao, estimate_uncertainty([seen], prior).cramer_rao)
+    assert_allclose(estimate_uncertainty([unseen], prior).cramer_rao, prior)

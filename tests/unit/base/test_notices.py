@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 import runpy
 from pathlib import Path
@@ -19,6 +20,13 @@ def test_a_notice_survives_json() -> None:
     assert from_dict(one.to_dict()) == one
     assert str(one) == "f 1:2 (fit): no better than a first-order lag in p and q"
     assert (one.topic, one.severity) == ("fit", "warning")
+
+
+def test_a_number_that_is_none_survives_json() -> None:
+    """JSON has no NaN: results write null."""
+    content = notice("stray-samples", "imu", count=2, distance=math.nan).to_dict()
+    content["values"]["distance"] = None
+    assert "more than nan s" in str(from_dict(content))
 
 
 def test_a_code_of_another_version_keeps_its_sentence() -> None:

@@ -235,7 +235,7 @@ def test_save_and_read(tmp_path: Path) -> None:
 
 
 def test_read_of_a_missing_file(tmp_path: Path) -> None:
-    with pytest.raises(StoopError, match="cannot be read"):
+    with pytest.raises(StoopError, match="cannot read the result file"):
         read_result(tmp_path / "none.json")
 
 

@@ -220,6 +220,79 @@ class TestTrust:
         assert folder.stat().st_mode & 0o777 == 0o700
 
 
+@pytest.mark.skipif(not hasattr(os, "getuid"), reason="no file modes on this system")
+class TestPlace:
+    """Whoever can replace a sealed folder can have it loaded after it was checked: such a cache is not used at all."""
+
+    def used(self, folder: Path, monkeypatch: pytest.MonkeyPatch) -> bool:
+        monkeypatch.setenv("STOOP_CACHE_DIR", str(folder))
+        found = cache_folder()
+        assert found == folder or found.stat().st_mode & 0o777 == 0o700, "one of this process"
+        return found == folder
+
+    def test_a_place_where_others_can_write(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        (tmp_path / "a" / "b").mkdir(parents=True)
+        monkeypatch.setattr(cache, "_has_no_other_member", lambda _: False)
+        for mode in (0o777, 0o757, 0o775, 0o1777, 0o755):
+            (tmp_path / "a").chmod(mode)
+            for inner in ("a", "a/b", "a/b/new"):
+                assert self.used(tmp_path / inner, monkeypatch) == (mode in (0o1777, 0o755)), (
+                    oct(mode),
+                    inner,
+                )
+
+    def test_a_place_of_somebody_else(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        if os.getuid() != 0:
+            pytest.skip("only root can give files away")
+        (tmp_path / "a" / "b").mkdir(parents=True)
+        os.chown(tmp_path / "a", 12345, 12345)
+        assert not self.used(tmp_path / "a", monkeypatch)
+        assert not self.used(tmp_path / "a" / "b", monkeypatch)
+        assert self.used(tmp_path / "c", monkeypatch)
+
+    def test_a_group_of_ones_own(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        import grp
+        import pwd
+
+        status = os.stat_result((0o40775, 0, 0, 1, os.getuid(), 777, 0, 0, 0, 0))
+        user = pwd.getpwuid(os.getuid()).pw_name
+        for name, members, expected in (
+            (user, [], True),
+            (user, [user], True),
+            (user, ["eve"], False),
+            ("lab", [], False),
+        ):
+            monkeypatch.setattr(
+                grp, "getgrgid", lambda _, n=name, m=members: grp.struct_group((n, "x", 777, m))
+            )
+            assert cache._replaceable_by_none(status) == expected
+
+    def test_a_link_on_the_way(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        for name in ("open", "closed"):
+            (tmp_path / name / "in").mkdir(parents=True)
+        (tmp_path / "closed" / "link").symlink_to(tmp_path / "open" / "in")
+        (tmp_path / "open" / "link").symlink_to(tmp_path / "closed" / "in")
+        assert self.used(tmp_path / "closed" / "link", monkeypatch)
+        (tmp_path / "open").chmod(0o777)
+        assert not self.used(tmp_path / "closed" / "link", monkeypatch), "it leads to where others can write"
+        assert not self.used(tmp_path / "open" / "link", monkeypatch), "others can lead it elsewhere"
+        (tmp_path / "round").symlink_to(tmp_path / "round")
+        assert not self.used(tmp_path / "round", monkeypatch)
+
+    def test_code_of_somebody_else_is_not_loaded(self, filled: Path, expected: float) -> None:
+        """A whole folder with a sound manifest, in a cache where others can write."""
+        (folder,) = sealed(filled)
+        source = folder / "sizes.txt"
+        source.write_text("0 0 0 0 0 0")
+        (folder / "manifest.json").write_text(json.dumps(cache.checksums(folder)))
+        assert cache.intact(folder), "of itself it is sound"
+        filled.chmod(0o777)
+        built, model = count_builds()
+        k = load_kernel("pendulum", model)
+        assert (built, value(k)) == ([1], expected)
+        assert filled not in k.folder.parents
+
+
 def test_a_read_only_cache_is_used(filled: Path, expected: float, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(cache, "writable", lambda _: False)  # the tests may run as root, whom no mode stops
     built, model = count_builds()

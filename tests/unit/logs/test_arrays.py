@@ -262,3 +262,17 @@ def test_damage_to_one_array_of_hdf5_costs_no_other(tmp_path: Path) -> None:
     recording = parse("matlab", path)
     assert [str(defect)[:4] for defect in recording.defects if defect.kind == "corrupt"] == ["bad:"]
     assert recording.streams["data"].columns["good"][50] == np.sin(50.0)
+
+
+def test_groups_in_circles_are_entered_once(tmp_path: Path) -> None:
+    """Two circles double the ways with every step: sixteen steps would be 65,536 groups."""
+    path = tmp_path / "a.nc"
+    with h5py.File(path, "w") as file:
+        file["motion/time"] = np.arange(50) / 10.0
+        file["motion/q"] = np.sin(np.arange(50.0))
+        for name in ("one", "two", "three"):
+            file["motion"][name] = file["motion"]
+            file[name] = file
+    recording = parse("foreign-netcdf", path)
+    assert list(recording.streams) == ["motion"]
+    assert sorted(recording.streams["motion"].columns) == ["q", "time"]

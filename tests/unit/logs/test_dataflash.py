@@ -106,6 +106,30 @@ def test_text_with_units_parameters_and_commas() -> None:
     }  # fmt: skip
 
 
+@pytest.mark.parametrize("number", [b"nan", b"inf", b"x", b"", b"1e400", b"9" * 400])
+def test_instances_that_no_number_counts(number: bytes) -> None:
+    """NaN is equal to nothing, not even to itself."""
+    text = (
+        b"FMT,1,2,UNIT,QbZ,TimeUS,Id,Label\nFMT,3,2,FMTU,QBNN,TimeUS,FmtType,UnitIds,MultIds\n"
+        b"FMT,7,2,GYR,QBf,TimeUS,I,GyrX\nUNIT, 0, 35, instance\nFMTU, 0, 7, s#E, F-0\n"
+    )
+    text += b"".join(b"GYR, %d, %s, %d\n" % (k, number if k % 3 == 0 else b"0", k) for k in range(1, 10))
+    streams = parse_dataflash_text(Path("a.log"), text).streams
+    assert streams["GYR"].columns["GyrX"].tolist() == [1.0, 2.0, 4.0, 5.0, 7.0, 8.0]
+    name = "GYR/inf" if number in (b"inf", b"1e400", b"9" * 400) else "GYR/nan"
+    assert streams[name].columns["GyrX"].tolist() == [3.0, 6.0, 9.0]
+
+
+@pytest.mark.parametrize("number", [np.nan, np.inf, -np.inf])
+def test_instances_that_no_number_counts_in_binary(number: float) -> None:
+    kinds = np.where(np.arange(9) % 3, 0.0, number)
+    table = Table("IMU", "TimeUS,I,GyrX", "Qff", "s#E", "F-0",
+                  {"TimeUS": 1000 * np.arange(1, 10), "I": kinds, "GyrX": np.arange(9)})  # fmt: skip
+    streams = parse_dataflash(Path("a.bin"), dataflash_bytes([table], {}, [])).streams
+    assert streams["IMU"].time.size == 6
+    assert streams[f"IMU/{number:g}"].columns["GyrX"].tolist() == [0.0, 3.0, 6.0]
+
+
 def test_damage_is_listed_by_its_place() -> None:
     whole = small_log()
     first = whole.index(b"\xa3\x95", len(whole) // 2)
@@ -172,8 +196,8 @@ def test_windows_leave_no_seams() -> None:
     data[3000:3100] = 0
     whole, ends = scan.survey(data), []
     with mock.patch.object(scan, "WINDOW", 97):
-        parts = scan.survey(data, ends.append)
-        block = scan.gather(data, parts, [6])[6]
+        parts = scan.survey(data)
+        block = scan.gather(data, parts, [6], ends.append)[6]
     np.testing.assert_array_equal(whole.count, parts.count)
     np.testing.assert_array_equal(whole.gaps, parts.gaps)
     np.testing.assert_array_equal(block, scan.gather(data, whole, [6])[6])

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import ast
 import importlib.util
 import json
 import os
 import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +15,9 @@ import pytest
 from scipy.io import savemat
 
 from stoop.errors import LogError
+from stoop.logs import guard
 from stoop.logs.guard import Limits, read_guarded, read_in_child, read_result
+from stoop.logs.read import FORMATS
 
 READER = "matlab"
 
@@ -81,3 +85,55 @@ def test_pickled_arrays_are_refused(tmp_path: Path) -> None:
     np.save(tmp_path / "0.npy", np.array([{}, {}], dtype=object))
     with pytest.raises(LogError, match="returned an invalid result"):
         read_result(Path("a.mat"), tmp_path)
+
+
+#: a matrix of doubles whose list of dimensions is empty: SciPy 1.17 reads beyond it and the process dies
+DEADLY = b"MATLAB 5.0 MAT-file".ljust(124) + bytes.fromhex(
+    "0001494d0e0000003800000000000000000000000600000000000000050000000000000001000000010000000000000000000000"
+    "0000000000000000"
+)
+MAPPING = '[variables]\np = { column = "p", unit = "rad/s" }\n'
+CALLS = """
+import sys
+from pathlib import Path
+import stoop, stoop.logs
+from stoop.flight import load
+from stoop.flight.mapping_draft import draft
+path = Path("a.mat")
+calls = (
+    stoop.logs.read, load, draft, stoop.load_flight, stoop.check, stoop.reconstruct, stoop.new_vehicle,
+    lambda log: stoop.fit("twin-boom", log, ["0:5"]), lambda log: stoop.predict("nowhere", log, ["0:5"]),
+)
+for call in calls:
+    try:
+        call(path)
+    except stoop.errors.StoopError as error:
+        print(error)
+"""
+
+
+def test_a_file_that_ends_the_process_does_not_end_that_of_the_api(tmp_path: Path) -> None:
+    (tmp_path / "a.mat").write_bytes(DEADLY)
+    (tmp_path / "a.mat.toml").write_text(MAPPING)
+    plain = "import io, scipy.io; scipy.io.loadmat('a.mat')"
+    if subprocess.run([sys.executable, "-c", plain], cwd=tmp_path, check=False).returncode >= 0:
+        pytest.skip("this SciPy reads it")
+    done = subprocess.run(
+        [sys.executable, "-c", CALLS], cwd=tmp_path, check=False, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    lines = done.stdout.splitlines()
+    assert len(lines) == 9
+    assert all("a.mat: the reading process died (signal" in line for line in lines)
+
+
+def test_readers_that_end_in_a_library_are_called_by_the_child_only() -> None:
+    """They are named in the table of formats, and by nothing else in the package."""
+    guarded = {form.reader for form in FORMATS.values() if form.name}
+    assert {reader.partition(":")[0] for reader in guarded} == {"matlab", "parquet", "netcdf", "rosbag"}
+    functions = {reader.partition(":")[2] for reader in guarded}
+    for path in Path(guard.__file__).parents[1].rglob("*.py"):
+        names = {
+            getattr(node, "attr", getattr(node, "id", "")) for node in ast.walk(ast.parse(path.read_text()))
+        }
+        assert not names & functions, path

@@ -164,6 +164,23 @@ def test_whole_numbers_beyond_float64_are_infinite(tmp_path: Path, sign: str) ->
     assert gyro[6:9].tolist() == [6.0, float(f"{sign}inf"), 8.0]
 
 
+CELLS = ["nan", "inf", "-inf", "Infinity", "1e400", "-1e400", "1e-400", "9" * 400, "-" + "9" * 900, "9" * 20, "x", "1_0",
+         "0x10", "", "True", "NA", "null", "+5", "1.", ".5", "1d5", "\u00b2",
+         "18446744073709551616", "- 1", "--1", "\t3"]  # fmt: skip
+
+
+@pytest.mark.parametrize("cell", CELLS, ids=[cell[:8] for cell in CELLS])
+def test_a_number_is_read_alike_by_all_readers_of_text(cell: str, tmp_path: Path) -> None:
+    """A CSV file, a DataFlash text of few lines (read by Python), and one of many (by pandas)."""
+    (tmp_path / "a.csv").write_text("t,x\n0,1\n1," + cell + "\n2,3\n", encoding="utf-8")
+    found = [read_table(tmp_path / "a.csv")[0]["x"][1]]
+    for lines in (5, 60):
+        rows = "".join(f"IMU, {1000 * i}, {cell if i == 3 else 1}\n" for i in range(lines))
+        (tmp_path / "a.log").write_text(f"FMT, 130, 19, IMU, Qf, TimeUS,GyrX\n{rows}", encoding="utf-8")
+        found.append(read_dataflash_text(tmp_path / "a.log").streams["IMU"].columns["GyrX"][3])
+    np.testing.assert_array_equal(found, found[0])
+
+
 def test_header_is_stripped(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     path.write_bytes(b'\xef\xbb\xbft, "x" ,y\r\n0,1,2\r\n')

@@ -123,7 +123,7 @@ def test_a_failed_write_leaves_the_old_file(
     def full(*_: object, **__: object) -> None:
         raise OSError("No space left on device")
 
-    monkeypatch.setattr(np, "savez", full)
+    monkeypatch.setattr("stoop.base.files._write_through", full)
     with pytest.raises(OutputError, match="No space left"):
         optimize.save_state(path, replace(state, generation=99))
     assert path.read_bytes() == before

@@ -7,7 +7,7 @@ import sqlite3
 import threading
 from collections.abc import Callable
 from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
-from contextlib import contextmanager, suppress
+from contextlib import closing, contextmanager, suppress
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -123,6 +123,20 @@ def test_tallies(tmp_path: Path, log: Path) -> None:
     assert (seen[0].done, seen[0].total, seen[0].restored, seen[0].seconds_left) == (2, 5, 2, None)
     assert (seen[-1].done, seen[-1].seconds_left) == (5, 0.0)
     assert all(a.done <= b.done and a.seconds <= b.seconds for a, b in pairwise(seen))
+
+
+@pytest.mark.parametrize("kind", [signal.SIGINT, signal.SIGTERM])
+def test_a_task_that_answers_an_interrupt_with_its_best_has_no_result(kind: int, tmp_path: Path) -> None:
+    """A search does so, and half of it must not count as one that came to its end."""
+    before = signal.signal(kind, signal.default_int_handler)
+    plan = Plan("p", {}, (Run("1", f"{HERE}:interrupted", {"signal": int(kind)}),))
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            execute(plan, tmp_path / "s.sqlite", Here())
+    finally:
+        signal.signal(kind, before)
+    with closing(sqlite3.connect(tmp_path / "s.sqlite")) as store:
+        assert store.execute("SELECT count(*) FROM runs").fetchone() == (0,)
 
 
 def test_ctrl_c_keeps_what_was_done(tmp_path: Path, log: Path) -> None:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import os
+import signal
 import sys
 import time
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -94,3 +96,31 @@ def failing(how: str, log: Path, others: int = 0) -> Plan:
 def sleep(arguments: Mapping[str, Any], stops: Sequence[int | None]) -> list[Any]:
     time.sleep(arguments["seconds"])
     return [None for _ in stops]
+
+
+def sockets(arguments: Mapping[str, Any], stops: Sequence[int | None]) -> list[Any]:
+    """Return the internet sockets of this process, and the named ones that listen."""
+    own = []
+    for entry in Path("/proc/self/fd").iterdir():
+        with suppress(OSError):
+            own.append(str(entry.readlink()))
+    inodes = {name[8:-1] for name in own if name.startswith("socket:[")}
+    found = []
+    for kind in ("tcp", "tcp6", "udp", "udp6", "raw"):
+        table = Path(f"/proc/net/{kind}")
+        lines = table.read_text().splitlines()[1:] if table.exists() else []
+        found += [kind for line in lines if line.split()[9] in inodes]
+    for line in Path("/proc/net/unix").read_text().splitlines()[1:]:
+        parts = line.split()
+        if parts[6] in inodes and parts[3] == "00010000":  # __SO_ACCEPTCON
+            found.append("unix")
+    return [found for _ in stops]
+
+
+def interrupted(arguments: Mapping[str, Any], stops: Sequence[int | None]) -> list[Any]:
+    """Get a signal and answer it with the best so far, as a search does."""
+    try:
+        signal.raise_signal(arguments["signal"])
+    except KeyboardInterrupt:
+        return ["best so far" for _ in stops]
+    return ["whole" for _ in stops]

@@ -4,20 +4,27 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import warnings
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from stoop import optimize
 from stoop.assessment.contributions import systematic_shifts
 from stoop.assessment.error_bars import estimate_uncertainty
+from stoop.base.variables import POSITION, SPECIFIC_FORCE, VELOCITY
 from stoop.errors import FlightError
 from stoop.flight import from_columns
+from stoop.flight.instrument_errors import instrument_errors
+from stoop.optimize import Refinement, refine
 from stoop.problem.evidence import PieceEvidence
+from stoop.reconstruction import compatibility
 from stoop.reconstruction.compatibility import check, corrected_flight
 from stoop.reconstruction.kinematics import INPUTS, OUTPUTS, PARAMETERS, SCALED, STATES, kernel
-from stoop.reconstruction.problem import cut_pieces
+from stoop.reconstruction.problem import PIECES, START, Problem, cut_pieces
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle import load_vehicle
@@ -123,6 +130,69 @@ def test_what_hovers_is_in_the_air_at_any_speed() -> None:
     grounded = from_columns("f", time, {**columns, "az": still - 9.8})
     with pytest.raises(FlightError, match="in the air for no 3 s; choose a window"):
         cut_pieces(grounded)
+
+
+def turning(time: np.ndarray) -> dict[str, np.ndarray]:
+    """Return rates and an attitude that agree."""
+    still = 0.0 * time
+    return {
+        "phi": 0.5 * np.sin(time), "theta": still, "psi": still, "p": 0.5 * np.cos(time), "q": still, "r": still,
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("period", [0.5, 4.0, 20.0])
+def test_a_slow_record_has_no_piece_of_a_few_samples(period: float) -> None:
+    """At 0.05 Hz one sample lasts for longer than the shortest piece."""
+    least = PIECES.least * period
+    time = period * np.arange(PIECES.least - 1)
+    with pytest.raises(FlightError, match=f"no {least:.3g} s without a hole"):
+        cut_pieces(from_columns("slow", time, turning(time)), [(0.0, 1e4)])
+
+
+def test_a_reading_that_the_kinematics_leave_is_no_warning() -> None:
+    """Beyond the largest number the difference of two samples is none; a search goes elsewhere."""
+    time = 0.01 * np.arange(600)
+    others = dict.fromkeys((*SPECIFIC_FORCE, *VELOCITY, *POSITION), 0.0 * time)
+    pieces = cut_pieces(from_columns("f", time, {**turning(time), **others}), [(0.0, 6.0)])
+    problem = Problem(instrument_errors(pieces.logged), pieces.pieces, np.ones(len(OUTPUTS)))
+    z = np.zeros(problem.extra)
+    z[[one.name for one in problem.unknowns].index("position.delay")] = 0.5
+    z[problem.shared + list(START).index("pn")] = 1e308
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert not np.isfinite(problem.residuals(z[None, :], 0)).all()
+        assert np.isnan(problem.outputs(z, 0)[:, OUTPUTS.index("pn")]).all()
+
+
+def test_a_search_ends_when_its_steps_are_used_up_and_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    rng, time = np.random.default_rng(0), 0.01 * np.arange(1000)
+    columns = {name: x + 1e-3 * rng.standard_normal(time.size) for name, x in turning(time).items()}
+    flight = from_columns("f", time, columns)
+    tried: list[int] = []
+
+    def counted(*arguments: Any) -> Refinement:
+        found = refine(*arguments)
+        tried.append(found.iterations)
+        return found
+
+    monkeypatch.setattr(optimize, "refine", counted)
+    whole, _ = check(flight, [(0.0, 10.0)])
+    enough = sum(tried)
+    assert "channel-weights-not-converged" not in {one.code for one in whole.notices}
+    monkeypatch.setattr(compatibility, "MAX_STEPS", enough - 1)
+    tried.clear()
+    short, _ = check(flight, [(0.0, 10.0)])
+    assert sum(tried) <= enough - 1
+    assert "channel-weights-not-converged" in {one.code for one in short.notices}
+
+
+def test_an_attitude_that_was_logged_in_part_keeps_its_parts() -> None:
+    time = 0.01 * np.arange(500)
+    whole = from_columns("f", time, turning(time))
+    sources = {name: one for name, one in whole.sources.items() if name != "q1"}
+    part = dataclasses.replace(whole, data=whole.data.drop_vars("q1", errors="ignore"), sources=sources)
+    _, found = check(part, [(0.0, 5.0)])
+    assert corrected_flight(found).names == part.names
 
 
 @pytest.mark.slow

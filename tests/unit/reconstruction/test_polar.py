@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import warnings
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
 from stoop.reconstruction.polar import Blocks, Propulsion, fit_polar, useful_power
+from stoop.report.reconstruction import polar_sheet
+from stoop.report.sheet import render_sheet
 
 AREA, MASS, GRAVITY, DENSITY = 1.5, 9.4, 9.81, 1.2
 EFFICIENCY, DIAMETER = 0.72, 0.4
@@ -54,6 +59,17 @@ def test_with_next_to_no_gusts_the_polar_and_the_efficiency_come_back() -> None:
     assert found.summary["K"][0] == pytest.approx(TRUTH[1], rel=0.02)
     assert found.summary["CL0"][0] == pytest.approx(TRUTH[2], rel=0.02)
     assert found.summary["efficiency"][0] == pytest.approx(EFFICIENCY, rel=0.02)
+
+
+def test_no_power_balances_a_drag_far_below_zero() -> None:
+    found = replace(fit_polar(flown(0), MASS, AREA, 0.01), values=np.array([-50.0, 0.0, 0.0, 1.0, 0.7, -1.0]))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        power, std = found.level_power(np.array([5.0, 20.0]))
+    assert np.isnan(power).all()
+    assert np.isnan(std).all()
+    sheet = polar_sheet("f", found, [], "stoop polar f")
+    assert "level flight" not in render_sheet(sheet)
 
 
 def test_momentum_theory_against_its_closed_form() -> None:

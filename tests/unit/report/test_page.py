@@ -5,14 +5,12 @@ from __future__ import annotations
 import dataclasses
 import re
 from html.parser import HTMLParser
-from pathlib import Path
 from types import ModuleType
 
 import numpy as np
 import pytest
 
-from stoop.errors import OutputError
-from stoop.report import render, write_report
+from stoop.report import render
 from stoop.report.estimates import method_figures
 from stoop.results.result import ChannelTrace, Identification, ManeuverTrace
 from stoop.results.uncertainty import MethodIntervals
@@ -186,14 +184,6 @@ def test_one_sample_maneuver(examples: ModuleType) -> None:
     )
     page = Page(render(dataclasses.replace(whole, traces=(one, *whole.traces[1:]))))
     assert page.open == []
-
-
-def test_written_whole_or_not_at_all(examples: ModuleType, tmp_path: Path) -> None:
-    path = tmp_path / "report.html"
-    write_report(bare(examples), path)
-    assert path.read_text(encoding="utf-8").startswith("<!doctype html>")
-    with pytest.raises(OutputError, match="cannot be written"):
-        write_report(bare(examples), tmp_path / "none" / "report.html")
 
 
 def test_mass_and_the_linear_model_stand_there_with_their_errors(examples: ModuleType) -> None:

@@ -201,3 +201,11 @@ def test_the_name_of_a_window_that_is_used_goes_before_one_that_is_declined() ->
     ]
     html = stacked_plots([Strip("a", (Series("s", x, x),))], "x", "d", shades)
     assert re.findall(r'class="shade-name mid">(\d)<', html) == ["7", "8"]
+
+
+@pytest.mark.parametrize("wished", [(0.0, -1.0), (0.0, 0.0), (0.0, np.nan), (0.0, np.inf), (-1e308, 1e308)])
+def test_a_range_that_is_no_interval_is_that_of_the_series(wished: tuple[float, float]) -> None:
+    x = np.linspace(0.0, 1.0, 5)
+    series = [Series("power", x, x**2)]
+    usual = plot(series, "x", "y", "d")
+    assert plot(series, "x", "y", "d", x_range=wished, y_range=wished) == usual

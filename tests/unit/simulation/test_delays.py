@@ -61,6 +61,12 @@ def test_a_smooth_signal() -> None:
     assert out[10:-5] == pytest.approx(np.sin(3.0 * (t - 0.024))[10:-5], abs=1e-7)
 
 
+@given(st.floats(-50.0, 50.0), st.integers(1, 7))
+def test_of_a_part_of_the_samples_none_differs(samples: float, every: int) -> None:
+    y = np.random.default_rng(2).standard_normal((30, 2))
+    assert np.array_equal(delayed(y, samples, every), delayed(y, samples)[::every])
+
+
 @given(st.floats(-5.0, 5.0))
 def test_delays_are_continuous(samples: float) -> None:
     y = np.random.default_rng(1).standard_normal(40)

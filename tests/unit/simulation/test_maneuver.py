@@ -117,7 +117,7 @@ SINE = {"shape": "multisine", "start": 0.0, "duration": 5.0, "amplitude": 0.1, "
         ("duration = -1.0", "duration: it must be greater than 0"),
         ("duration = nan", "duration: it must be a finite number"),
         ("duration = inf", "duration: it must be a finite number"),
-        (f"duration = 1{'0' * 400}", "duration: it must be a valid number"),
+        (f"duration = 1{'0' * 400}", "duration: an integer of more than 308 digits"),
         ("duration = '9'", "duration: it must be a valid number"),
         ("duration = 1e9", "duration: it must be less than or equal to 36000"),
         ("duration = 36000.0\nrate = 10000.0", "exceeds 5000000 samples; lower one of them"),
@@ -145,7 +145,7 @@ SINE = {"shape": "multisine", "start": 0.0, "duration": 5.0, "amplitude": 0.1, "
         (shape(**SINE | {"band": 80.0}), "above half the rate"),
         (shape(**SINE | {"duration": 1e6, "band": 40.0}), "more than 2000 harmonics"),
         (shape(**SINE | {"first": 0}), "input.0.first: it must be greater than or equal to 1"),
-        (shape(**SINE | {"first": 10**400}), "input.0.first: "),
+        (shape(**SINE | {"first": 10**400}), "first: an integer of more than 308 digits"),
         (shape(shape="doublet", start=1.0, step=0.1, amplitude=0.1, slew=1.0), "a slew of 1 rad/s does not get"),
         (shape(shape="levels", start=1.0, levels=[0.1, 0.2], lengths=[1.0]), "differ in length"),
         (shape(shape="levels", start=1.0, levels=[0.1, -0.2], lengths=[1.0, 0.2], slew=1.0), "from 0.1 to -0.2 rad within 0.2 s"),
@@ -221,9 +221,7 @@ def test_units_follow_the_control() -> None:
         ManeuverError, match=r"input.0.amplitude: 90 looks like degrees; write radians \(1.571\)"
     ):
         parse_maneuver(of("heading", 90.0), WHERE)
-    with pytest.raises(
-        ManeuverError, match=r"input.0.amplitude: 1e\+09 is beyond any size; write it in rad/s2"
-    ):
+    with pytest.raises(ManeuverError, match=r"input.0.amplitude: 1e\+09 is out of range; write it in rad/s2"):
         parse_maneuver(of("pitch", 1e9), WHERE)
     slow = shape(control="yaw", shape="doublet", start=1.0, step=0.1, amplitude=9.0, slew=1.0)
     with pytest.raises(ManeuverError, match="a slew of 1 rad/s2/s does not get from 0 to 9 rad/s2"):

@@ -45,9 +45,29 @@ def _far_bias(result: dict[str, Any]) -> None:
     result["biases"] = [{"maneuver": 9, "values": {}}]
 
 
+def _no_covariance(result: dict[str, Any]) -> None:
+    result["noise_covariance"]["matrix"][0][0] = -1.0
+
+
+def _large(result: dict[str, Any]) -> None:
+    result["parameters"]["CLalpha"]["estimate"] = 1e200
+
+
+def _precise(result: dict[str, Any]) -> None:
+    result["parameters"]["CLalpha"]["std_error"] = 1e-300
+
+
+def _hole(result: dict[str, Any]) -> None:
+    result["covariance"]["matrix"][0][1] = None
+
+
 @pytest.mark.parametrize(
     ("edit", "says"),
     [
+        (_no_covariance, "noise covariance that is not positive definite"),
+        (_large, "numbers out of range"),
+        (_precise, "numbers out of range"),
+        (_hole, "not symmetric, or has holes"),
         (_no_estimate, "has no estimate of CLalpha"),
         (_other_name, "covariance of other parameters"),
         (_name_missing, "rows for"),

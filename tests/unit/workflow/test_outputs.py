@@ -25,13 +25,15 @@ def test_an_existing_result_is_not_overwritten(job: Job, tmp_path: Path) -> None
     job.save(tmp_path, overwrite=True)
 
 
-def test_a_failing_report_leaves_nothing_behind(
+def test_a_disk_that_is_full_at_the_last_file_leaves_nothing_behind(
     job: Job, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def full(*_: object) -> None:
-        raise OSError(28, "No space left on device")
+    def full(path: Path, content: bytes) -> None:
+        path.write_bytes(content[:100])
+        if path.name == "3":
+            raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("stoop.report.write_report", full)
+    monkeypatch.setattr("stoop.base.files._write_through", full)
     with pytest.raises(OutputError, match="No space left"):
         job.save(tmp_path)
     assert list(tmp_path.iterdir()) == []
@@ -119,7 +121,7 @@ def test_an_old_mark_does_not_stand_beside_new_files(
     move = Path.replace
 
     def stopped(self: Path, target: Path) -> Path:
-        if self.name == "report.html":
+        if target.name == "report.html":
             raise KeyboardInterrupt
         return move(self, target)
 

@@ -168,8 +168,11 @@ def coefficients(vehicle: Vehicle, motion: Motion, angular: FloatArray) -> dict[
     base, gains = balance(vehicle, motion)
     felt = [motion.readings[c] for c in SPECIFIC_FORCE if c in vehicle.outputs]
     wanted = (np.concatenate([angular, felt]) - base).T
-    solved, known = np.full_like(wanted, np.nan), np.isfinite(wanted).all(axis=1)
-    solved[known] = np.linalg.solve(gains.transpose(2, 0, 1)[known], wanted[known, :, None])[:, :, 0]
+    gains, solved = gains.transpose(2, 0, 1), np.full_like(wanted, np.nan)
+    # where the air has no pressure, no coefficient explains anything
+    known = np.asarray(np.isfinite(wanted).all(axis=1) & np.isfinite(gains).all(axis=(1, 2)))
+    known[known] = np.linalg.det(gains[known]) != 0.0
+    solved[known] = np.linalg.solve(gains[known], wanted[known, :, None])[:, :, 0]
     return dict(zip(COEFFICIENTS[vehicle.reduce], solved.T, strict=True))
 
 

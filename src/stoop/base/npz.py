@@ -1,0 +1,62 @@
+"""Archives of arrays (.npz) that may come from anywhere: nothing is allocated that the file does not hold."""
+
+from __future__ import annotations
+
+import io
+import math
+import warnings
+import zipfile
+from typing import IO, Any
+
+import numpy as np
+import numpy.typing as npt
+
+
+def read_arrays(file: IO[bytes], max_bytes: int) -> dict[str, npt.NDArray[Any]]:
+    """Return the arrays of an archive by name.
+
+    Parameters
+    ----------
+    file : binary file
+    max_bytes : int
+        To which all of it may unfold.
+
+    Raises
+    ------
+    ValueError, EOFError, OSError, RuntimeError, zipfile.BadZipFile, zlib.error
+        It is damaged, unfolds to more, or holds no plain numbers.
+    """
+    arrays = {}
+    with zipfile.ZipFile(file) as archive:
+        members = archive.infolist()
+        if sum(one.file_size for one in members) > max_bytes:  # zipfile unpacks no more than is stated
+            raise ValueError(f"unfolds to more than {max_bytes >> 20} MiB")
+        for one in members:
+            arrays[one.filename.removesuffix(".npy")] = _array(archive.read(one))
+    return arrays
+
+
+def _array(content: bytes) -> npt.NDArray[Any]:
+    """Return the array of a .npy file of version 1 or 2, as NumPy writes them."""
+    stream = io.BytesIO(content)
+    versions = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
+    read_header = versions.get(np.lib.format.read_magic(stream))
+    if read_header is None:
+        raise ValueError("an array of an unknown version")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # about types that are refused
+        try:
+            shape, fortran, dtype = read_header(stream)
+        except (SyntaxError, ValueError):  # NumPy reads it as Python, and quotes addresses
+            raise ValueError("an array without a readable head") from None
+    if dtype.kind not in "biufU":
+        raise ValueError(f"an array of {dtype}")
+    size = math.prod(shape)
+    if (
+        min(shape, default=0) < 0
+        or dtype.itemsize == 0
+        or size * dtype.itemsize != len(content) - stream.tell()
+    ):
+        raise ValueError(f"an array of another size than {shape}")
+    values = np.frombuffer(content, dtype, size, stream.tell()) if size else np.empty(0, dtype)
+    return values.reshape(shape, order="F" if fortran else "C").copy(order="K")

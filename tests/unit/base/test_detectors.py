@@ -1,0 +1,110 @@
+"""Detectors that fail: the flight, the fit and the page stay, and a notice says which detector, where and what to do."""
+
+from __future__ import annotations
+
+import importlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stoop.base import notices
+from stoop.base.arrays import empty_columns, within_range
+from stoop.base.notices import Notice, attempt, detector_failed
+from stoop.errors import FlightError
+from stoop.flight import describe, load
+
+FAILED = detector_failed  # before tests replace it
+
+
+@pytest.fixture(autouse=True)
+def _as_users_have_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(notices, "detector_failed", FAILED)
+
+
+def _empty(*_: object) -> list[Notice]:
+    values: list[Notice] = []
+    return [values[3]]
+
+
+def _refusing() -> int:
+    raise FlightError("no flight; give one")
+
+
+def test_a_failure_is_a_notice_that_names_detector_place_and_remedy() -> None:
+    failed: list[Notice] = []
+    assert attempt(failed, [], _empty) == []
+    (found,) = failed
+    assert (found.code, found.severity) == ("detector-failed", "warning")
+    assert found.subject.endswith("test_detectors._empty")
+    assert str(found.values["error"]).startswith("IndexError")
+    assert str(found.values["place"]).startswith("test_detectors.py:")
+    assert "please report it" in str(found)
+
+
+def test_errors_of_the_user_and_of_memory_pass() -> None:
+    def hungry() -> int:
+        raise MemoryError
+
+    failed: list[Notice] = []
+    with pytest.raises(FlightError):
+        attempt(failed, 0, _refusing)
+    with pytest.raises(MemoryError):
+        attempt(failed, 0, hungry)
+    assert not failed
+
+
+def _flight_file(folder: Path) -> Path:
+    t = np.arange(200) / 50.0
+    rows = np.column_stack([t, np.sin(t), np.cos(t), 0.1 * t, np.full(t.size, np.nan)]).tolist()
+    lines = ["t,p,q,r,ax", *(",".join(map(repr, row)).replace("nan", "") for row in rows)]
+    (folder / "flight.csv").write_text("\n".join(lines))
+    units = {"p": "rad/s", "q": "rad/s", "r": "rad/s", "ax": "m/s2"}
+    (folder / "flight.csv.toml").write_text(
+        "[time]\ncolumn = 't'\nunit = 's'\n[variables]\n"
+        + "".join(f"{name} = {{column = '{name}', unit = '{unit}'}}\n" for name, unit in units.items())
+    )
+    return folder / "flight.csv"
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["recorded_faults", "in_flight", "check_mapping", "check_rates", "rest_faults", "with_air"],
+)
+def test_a_flight_is_read_whatever_detector_fails(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = _flight_file(tmp_path)
+    sound = load(path)
+    monkeypatch.setattr(importlib.import_module("stoop.flight.load"), name, _empty)
+    flight = load(path)
+    assert [one.code for one in flight.notices].count("detector-failed") == 1
+    assert sorted(flight.names) == sorted(sound.names)
+    np.testing.assert_array_equal(flight.column("p"), sound.column("p"))
+
+
+def test_a_summary_is_made_though_a_detector_fails(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    flight = load(_flight_file(tmp_path))
+    monkeypatch.setattr(importlib.import_module("stoop.flight.maneuvers"), "motors_ran", _empty)
+    assert "detector-failed" in {one.code for one in describe(flight).notices}
+
+
+def test_detectors_get_no_channel_without_numbers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    given: list[set[str]] = []
+    module = importlib.import_module("stoop.flight.load")
+    judge = module.check_mapping
+
+    def seen(signals: dict[str, object], data: dict[str, object], *rest: object) -> object:
+        given.extend([set(signals), set(data)])
+        return judge(signals, data, *rest)
+
+    monkeypatch.setattr(module, "check_mapping", seen)
+    load(_flight_file(tmp_path))
+    assert given == [{"p", "q", "r"}] * 2
+
+
+def test_empty_columns_and_numbers_beyond_any_size() -> None:
+    nothing, something = np.array([np.nan, np.inf]), np.array([np.nan, 1.0])
+    assert empty_columns({"a": nothing, "b": something, "c": np.empty(0)}) == {"a", "c"}
+    assert within_range(something) is something
+    np.testing.assert_array_equal(within_range(np.array([1.0, 1e300, -np.inf])), [1.0, np.nan, np.nan])

@@ -1,0 +1,103 @@
+"""Files that belong together are written all or none, and what a killed process left is swept away by the next one."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from stoop.base.files import scratch, write_files, write_text_atomic
+from stoop.errors import OutputError
+
+
+def contents(folder: Path) -> dict[str, str]:
+    return {p.relative_to(folder).as_posix(): p.read_text() for p in folder.rglob("*") if p.is_file()}
+
+
+def test_all_are_written_in_folders_of_their_own(tmp_path: Path) -> None:
+    write_files(tmp_path, {"a.txt": "one", "deep/down/b.bin": b"two", "c.txt": "\udcff"})
+    assert contents(tmp_path) == {"a.txt": "one", "deep/down/b.bin": "two", "c.txt": "?"}
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.txt", "c.txt", "deep"]
+
+
+@pytest.mark.parametrize("full_at", range(3))
+def test_none_is_replaced_on_a_full_disk(
+    full_at: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_files(tmp_path, {"0": "old", "1": "old", "beside": "old"})
+
+    def full(path: Path, content: bytes) -> None:
+        path.write_bytes(content[:1])
+        if path.name == str(full_at):
+            raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("stoop.base.files._write_through", full)
+    with pytest.raises(OutputError, match=f"{full_at}: cannot be written .No space left on device"):
+        write_files(tmp_path, {"0": "new", "1": "new", "2": "new"}, ["beside"])
+    assert contents(tmp_path) == {"0": "old", "1": "old", "beside": "old"}
+    assert len(list(tmp_path.iterdir())) == 3
+
+
+def test_a_folder_in_the_way_is_seen_before_anything_is_replaced(tmp_path: Path) -> None:
+    write_text_atomic(tmp_path / "a", "old")
+    (tmp_path / "b").mkdir()
+    with pytest.raises(OutputError, match="b: cannot be written"):
+        write_files(tmp_path, {"a": "new", "b": "new"})
+    assert contents(tmp_path) == {"a": "old"}
+
+
+def test_what_is_obsolete_goes_before_the_new_come(tmp_path: Path) -> None:
+    write_text_atomic(tmp_path / "mapping", "old")
+    write_files(tmp_path, {"log": "new"}, ["mapping", "never there"])
+    assert contents(tmp_path) == {"log": "new"}
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no locks of folders")
+def test_what_a_killed_process_left_is_swept_and_what_is_in_use_stays(tmp_path: Path) -> None:
+    """Many are killed while they write, one after the other; each sweeps what the last one left."""
+    code = (
+        "import os, signal, pathlib; from stoop.base.files import scratch\n"
+        f"with scratch(pathlib.Path({str(tmp_path)!r})) as made:\n"
+        "    (made / 'part').write_text('x'); os.kill(os.getpid(), signal.SIGKILL)"
+    )
+    for _ in range(3):
+        assert subprocess.run([sys.executable, "-c", code]).returncode == -signal.SIGKILL
+        assert len(list(tmp_path.iterdir())) == 1
+    with scratch(tmp_path) as mine:
+        assert list(tmp_path.iterdir()) == [mine]
+        with scratch(tmp_path) as other:
+            assert set(tmp_path.iterdir()) == {mine, other}
+        assert list(tmp_path.iterdir()) == [mine]
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_that_another_process_took_for_a_dead_ones_is_made_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    taken: list[Path] = []
+
+    def lock(folder: Path, wait: bool = False) -> int | None:
+        if not taken:
+            taken.append(folder)
+            shutil.rmtree(folder)
+            return None
+        return os.open(folder, os.O_RDONLY)
+
+    monkeypatch.setattr("stoop.base.files._lock", lock)
+    with scratch(tmp_path) as made:
+        assert made.is_dir()
+        assert made != taken[0]
+
+
+def test_nothing_is_swept_through_a_link(tmp_path: Path) -> None:
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "file").write_text("mine")
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / ".stoop-link").symlink_to(tmp_path / "mine")
+    write_text_atomic(tmp_path / "out" / "a", "new")
+    assert (tmp_path / "mine" / "file").read_text() == "mine"
