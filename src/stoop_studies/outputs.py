@@ -9,11 +9,11 @@ from typing import Final
 
 from markupsafe import Markup
 
-from stoop.base.files import make_folder, write_text_atomic
+from stoop.base.files import make_folder, write_files
 from stoop.errors import OutputError
 from stoop.parallel import Plan
 from stoop.parallel.store import forget
-from stoop.report.sheet import Code, Prose, Section, Sheet, Table, write_sheet
+from stoop.report.sheet import Code, Prose, Section, Sheet, Table, render_sheet, write_sheet
 from stoop_studies.findings import CLAIMS_HEAD, Experiment, Findings, Results, Setting, claim_rows
 
 INDEX: Final = "index.html"
@@ -86,9 +86,9 @@ def carry_out(
     results = {} if plan is None else execute(plan, store)
     findings = experiment.findings(setting, results)
     # the page first: a table without a page would not be known as ours when the command is given again
-    write_sheet(findings.sheet(suite.command(name, setting), suite.notes), page)
-    for part, table in tables.items():
-        write_text_atomic(folder / table, findings.part(part) if part else findings.csv)
+    texts = {page.name: render_sheet(findings.sheet(suite.command(name, setting), suite.notes))}
+    texts |= {table: findings.part(part) if part else findings.csv for part, table in tables.items()}
+    write_files(folder, texts)
     return findings
 
 

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from stoop.base.text import printable
+from stoop.base.text import printable, show
 from stoop.cli.options import at_least_one, count
 from stoop.cli.page import page
 from stoop.cli.progress import add_campaign_arguments, run_campaign
@@ -76,7 +76,7 @@ def run_experiments(
         except StoopError as error:
             if not (everything and skip_failed):
                 raise
-            print(printable(f"stoop: error: {error}"), file=sys.stderr)
+            show(printable(f"stoop: error: {error}"), sys.stderr)
             continue
         settings.append(setting)
         out.heading(found[name].title)

@@ -21,13 +21,13 @@ import numpy as np
 from markupsafe import Markup
 
 from stoop.base.csv_text import csv_text
-from stoop.base.files import write_text_atomic
+from stoop.base.files import write_files
 from stoop.base.numbers import count, number
 from stoop.base.text import enumerated
 from stoop.errors import OutputError
 from stoop.parallel.store import forget
 from stoop.report.plots import Series, plot
-from stoop.report.sheet import Code, Figure, Prose, Section, Sheet, Table, write_sheet
+from stoop.report.sheet import Code, Figure, Prose, Section, Sheet, Table, render_sheet
 from stoop_studies.compare.field import FLIGHT, Field
 from stoop_studies.compare.measures import Score, duel, score
 from stoop_studies.compare.race import Race
@@ -120,9 +120,12 @@ def conclude(field: Field, results: Mapping[str, Any], folder: Path, command: st
         )
         for s in scores
     ]  # fmt: skip
-    write_text_atomic(folder / SCORES, csv_text(SCORE_COLUMNS, rows))
-    write_text_atomic(folder / RUNS, races_text(race for found in races.values() for race in found))
-    write_sheet(page(field, races, scores, command), folder / PAGE)
+    texts = {
+        SCORES: csv_text(SCORE_COLUMNS, rows),
+        RUNS: races_text(race for found in races.values() for race in found),
+        PAGE: render_sheet(page(field, races, scores, command)),
+    }
+    write_files(folder, texts)
     return scores
 
 

@@ -67,8 +67,8 @@ EXPERIMENTS: Final[Mapping[str, tuple[str, str]]] = {
         ("propellers", "cut propellers and added weights on real quadrotors; reads --data DIR"),
         ("handbook", "a priori derivatives beside those of published airplanes; reads --data DIR"),
         (
-            "readers",
-            "damaged logs over all readers: no crash, no hang, no excess of memory (29 runs of 250 each)",
+            "robustness",
+            "hostile inputs over everything that reads them, kills, full disks (100 slices of 10,000); reads --data DIR",
         ),
     )
 }  #: name -> module with an ``EXPERIMENT``, one line of help; in the order in which ``all`` runs them

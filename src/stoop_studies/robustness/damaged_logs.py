@@ -17,6 +17,8 @@ from pathlib import Path
 from random import Random
 from typing import Final
 
+from stoop_studies.robustness.trials import lay_out
+
 Span = tuple[int, int]  #: first byte, and first after it
 ULOG_HEAD: Final = 16
 MAT_HEAD: Final = 128
@@ -154,8 +156,7 @@ class Sample:
 
     def write(self, folder: Path) -> tuple[Path, Path | None]:
         """Write all files; return what is to be read, and the mapping."""
-        for name, content in self.files.items():
-            (folder / name).write_bytes(content)
+        lay_out(folder, self.files)
         return folder / self.entry, folder / self.mapping if self.mapping else None
 
 

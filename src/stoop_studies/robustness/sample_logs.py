@@ -31,7 +31,7 @@ from stoop.exporters.log_bytes import (
     ulog_text,
 )
 from stoop.flight import load, save
-from stoop_studies.verify.damaged_logs import ULOG_HEAD, Sample, single, ulog_messages
+from stoop_studies.robustness.damaged_logs import ULOG_HEAD, Sample, single, ulog_messages
 
 CSV_MAPPING, RICH_MAPPING, ALIGNED, ARRAY_MAPPING, BAG_MAPPING = (
     files(__package__).joinpath("mappings", f"{name}.toml").read_bytes()
@@ -234,7 +234,7 @@ def real_sample(reader: str, data: Path) -> list[Sample]:
             return [single("a.csv", content, "lines", MOCAP_MAPPING)]
     except OSError as error:
         raise StoopError(
-            f"verify readers: {data}: {error.strerror}: {error.filename}; name the folder of the published data"
+            f"verify robustness: {data}: {error.strerror}: {error.filename}; name the folder of the published data"
         ) from None
     return []
 

@@ -1,0 +1,121 @@
+"""A file that another process truncates or overwrites while it is read: an error of ours or a recording, never a signal."""
+
+from __future__ import annotations
+
+import os
+import sys
+import threading
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from types import FrameType
+
+import pytest
+
+from stoop import logs
+from stoop.errors import LogError, StoopError
+from stoop.logs import dataflash
+from stoop_studies.robustness.readers import GUARDED, READER, ask, prepare
+from stoop_studies.robustness.sample_logs import SAMPLES, samples
+from stoop_studies.robustness.trials import BAD, READ, Bounds, Case, try_all
+
+OURS = [form for form in SAMPLES if form not in GUARDED]
+MOMENTS = 40
+PACKAGE = str(Path(logs.__file__).parent)
+
+
+class Stopwatch:
+    """Counts calls and returns of functions while a log is read, those in C among them, and acts once at one of them."""
+
+    def __init__(self, at: int, act: Callable[[], None]) -> None:
+        self.count, self._at, self._act = 0, at, act
+
+    def __call__(self, frame: FrameType, event: str, argument: object) -> None:
+        if frame.f_code.co_filename.startswith(PACKAGE):
+            self.count += 1
+            if self.count == self._at:
+                self._act()
+
+    def __enter__(self) -> Stopwatch:
+        sys.setprofile(self)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        sys.setprofile(None)
+
+
+def cut(path: Path) -> None:
+    for file in path.iterdir() if path.is_dir() else [path]:
+        os.truncate(file, 0)
+
+
+def overwrite(path: Path) -> None:
+    for file in path.iterdir() if path.is_dir() else [path]:
+        with file.open("r+b") as handle:
+            handle.write(b"\xa3\x95\x80\xff" * (file.stat().st_size // 4))
+
+
+@pytest.mark.parametrize("act", [cut, overwrite])
+@pytest.mark.parametrize("form", OURS)
+def test_a_file_that_changes_at_any_moment(form: str, act: Callable[[Path], None], tmp_path: Path) -> None:
+    """The file changes at forty moments between the first call of the reader and its last."""
+    prepare("")
+    path, mapping = samples(form, "")[0].write(tmp_path)
+    with Stopwatch(-1, lambda: None) as whole:
+        ask(path, mapping, READER)
+
+    def case(number: int) -> Case:
+        def run(folder: Path) -> str:
+            path, mapping = samples(form, "")[0].write(folder)
+            with Stopwatch(1 + number * whole.count // MOMENTS, lambda: act(path)):
+                ask(path, mapping, READER)
+            return READ
+
+        return Case(number, form, act.__name__, run)
+
+    tried = list(try_all(case, range(MOMENTS), Bounds()))
+    assert [t for t in tried if t.outcome in BAD] == []
+    assert {t.outcome for t in tried} >= {READ}, "the last moments are too late to matter"
+
+
+@pytest.mark.parametrize("form", GUARDED)
+def test_a_file_that_is_cut_while_a_child_reads_it(form: str, tmp_path: Path) -> None:
+    """What libraries do with such a file is the matter of the child."""
+    path, mapping = samples(form, "")[0].write(tmp_path)
+
+    def soon() -> None:
+        time.sleep(0.3)
+        cut(path)
+
+    thread = threading.Thread(target=soon)
+    thread.start()
+    with suppress(StoopError):
+        ask(path, mapping, READER)
+    thread.join()
+
+
+def test_the_copy_of_a_log_is_given_back_as_it_is_gathered(tmp_path: Path) -> None:
+    """A log is read into memory once: pages that were gathered are zeros again, those after them are not."""
+    import mmap
+
+    path = tmp_path / "a.bin"
+    path.write_bytes(b"\xa3" * (3 * mmap.PAGESIZE))
+    content = dataflash._copy_private(path)
+    path.write_bytes(b"")
+    assert bytes(content) == b"\xa3" * (3 * mmap.PAGESIZE), "not what lies on the disk now"
+    dataflash._page_release(content)(2 * mmap.PAGESIZE + 5)
+    assert bytes(content[: 2 * mmap.PAGESIZE]) == bytes(2 * mmap.PAGESIZE)
+    assert bytes(content[2 * mmap.PAGESIZE :]) == b"\xa3" * mmap.PAGESIZE
+
+
+def test_a_sparse_log_is_refused_before_it_takes_memory(tmp_path: Path) -> None:
+    path = tmp_path / "a.bin"
+    path.write_bytes(dataflash_head())
+    os.truncate(path, 2**40)
+    with pytest.raises(LogError, match="larger than 4 GiB"):
+        logs.read(path)
+
+
+def dataflash_head() -> bytes:
+    return samples("dataflash", "")[0].files["a.bin"][:200]
