@@ -70,7 +70,7 @@ class Choices:
     tame: bool = False
 
     def flight(self, *names: str, stem: str = "flight", most: int = 4) -> tuple[str, str]:
-        """Choices a flight of one of some vehicles; return its first edit, and its path."""
+        """Draw a flight of one of some vehicles; return its first edit, and its path."""
         edit, found = hostile.hostile_record(self.rng, self.rng.choice(names), 0 if self.tame else most)
         files = hostile.as_files(self.rng, found, stem, 0.0 if self.tame else 0.01)
         self.files.update(files)
@@ -82,14 +82,14 @@ class Choices:
         return name
 
     def vehicle(self, name: str, most: int = 3) -> tuple[str, str]:
-        """Choices a vehicle file; return its first edit, and its path."""
+        """Draw a vehicle file; return its first edit, and its path."""
         if self.tame or not most:
             return "sound", self.text("vehicle.toml", hostile.vehicle(name).text)
         edit, text = hostile.hostile_vehicle(self.rng, name, most)
         return edit, self.text("vehicle.toml", text)
 
     def identified(self, name: str, hostile_share: float = 1.0) -> tuple[str, str]:
-        """Choices an identification with hostile numbers in its result or vehicle; return its first edit, and its folder."""
+        """Draw an identification with hostile numbers in its result or vehicle; return its first edit, and its folder."""
         edit, files = "sound", dict(identified(name))
         if not self.tame and self.rng.random() < hostile_share:
             document = json.loads(files["result.json"])
@@ -102,12 +102,12 @@ class Choices:
         return edit, "result"
 
     def options(self, *names: str, share: float = 0.3, words: tuple[str, ...] = WORDS) -> list[str]:
-        """Choices some options with hostile values."""
+        """Draw some options with hostile values."""
         drawn = [f"{name}={self.rng.choice(words)}" for name in names if self.rng.random() < share]
         return [] if self.tame else drawn
 
     def one(self, usual: str, words: tuple[str, ...] = WORDS, share: float = 0.5) -> str:
-        """Choices the usual word, or a hostile one."""
+        """Draw the usual word, or a hostile one."""
         return self.rng.choice(words) if not self.tame and self.rng.random() < share else usual
 
 
