@@ -24,7 +24,7 @@ napoleon_use_rtype = False
 html_theme = "furo"
 html_title = f"stoop {version}"
 html_static_path = ["_static"]
-html_css_files = ["formula.css"]
+html_css_files = ["pages.css"]
 html_math_renderer = "mathml"
 
 

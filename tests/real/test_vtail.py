@@ -84,8 +84,8 @@ def test_says_that_plain_cramer_rao_is_too_small(job: Job) -> None:
 
 @pytest.mark.slow
 def test_the_posterior_mixes(shared_data: Path) -> None:
-    """48 parameters, at half the usual rate: R-hat at most 1.01, and widths within 1.5 of the corrected errors."""
-    uncertainty = fitted(shared_data, 50.0).assess(Posterior()).identification.result.uncertainty
+    """48 parameters, at a quarter of the usual rate: R-hat at most 1.01, and widths within 1.5 of the corrected errors."""
+    uncertainty = fitted(shared_data, 25.0).assess(Posterior()).identification.result.uncertainty
     found, corrected = (uncertainty[k] for k in ("posterior", "corrected"))
     assert found.figures["rhat"] <= 1.01
     assert min(found.figures["ess_bulk"], found.figures["ess_tail"]) >= 400.0

@@ -37,8 +37,8 @@ def test_table_1(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_more_seeds_extend_a_store_to_the_same_bytes(tmp_path: Path) -> None:
     reproduce(tmp_path / "grown", "noise", 1)
-    reproduce(tmp_path / "grown", "noise", 3, workers=2)
-    reproduce(tmp_path / "fresh", "noise", 3)
+    reproduce(tmp_path / "grown", "noise", 2, workers=2)
+    reproduce(tmp_path / "fresh", "noise", 2)
     for ending in ("csv", "html"):
         grown, fresh = (tmp_path / f / f"noise.{ending}" for f in ("grown", "fresh"))
         assert grown.read_bytes() == fresh.read_bytes()
@@ -89,7 +89,7 @@ def test_the_claims_of_the_text(
 
 
 def test_ablation_and_sweep(tmp_path: Path) -> None:
-    rows = {r["variant"]: r for r in reproduce(tmp_path, "ablation", 3)}
+    rows = {r["variant"]: r for r in reproduce(tmp_path, "ablation", 2)}
     assert rows["schedule as printed"]["reached"] == "0"
     times = {name: float(r["expected_running_time"] or "inf") for name, r in rows.items()}
     assert times["Levenberg-Marquardt search"] < 0.5 * times["PS-GDE"]

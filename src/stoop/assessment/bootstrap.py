@@ -33,7 +33,6 @@ from typing import Any, Final
 import numpy as np
 from scipy.signal import lfilter
 from scipy.special import ndtr, ndtri
-from threadpoolctl import threadpool_limits
 
 from stoop.assessment.assessment import (
     AssessedFit,
@@ -49,6 +48,7 @@ from stoop.assessment.assessment import (
 from stoop.assessment.coloring import ColoredNoise
 from stoop.assessment.covariance import MIN_WINDOWS, NORMAL_95, leave_window_out
 from stoop.base.arrays import BoolArray, FloatArray
+from stoop.base.blas import on_one_blas_thread
 from stoop.base.notices import Notice, notice
 from stoop.estimate.multiple_shooting import FollowingWindows
 from stoop.estimate.noise import lagged_products
@@ -285,6 +285,7 @@ def bootstrap_plan(fit: AssessedFit, count: int) -> Plan:
     return Plan("bootstrap of a fit", {"problem": digest, "seed": fit.seed}, runs)
 
 
+@on_one_blas_thread
 def refit_chunk(arguments: Mapping[str, Json], stops: Sequence[int | None]) -> list[Json]:
     """Refit one chunk of replicates, `first` and `count`, of a packed problem: the work of a run.
 
@@ -292,9 +293,8 @@ def refit_chunk(arguments: Mapping[str, Json], stops: Sequence[int | None]) -> l
     """
     given: Any = arguments
     first, count, seed = (int(given[name]) for name in ("first", "count", "seed"))
-    with threadpool_limits(limits=1, user_api="blas"):  # more threads would round differently
-        problem, optimum, noise = _unpacked(str(given["problem"]))
-        found = refit(optimum, shifts(optimum, noise, range(first, first + count), seed))
+    problem, optimum, noise = _unpacked(str(given["problem"]))
+    found = refit(optimum, shifts(optimum, noise, range(first, first + count), seed))
     values = simulated(problem).layout.physical(found.z)  # NaN for those that failed
     done: dict[str, Json] = {"values": values.tolist(), "endings": list(found.endings)}
     return [done for _ in stops]

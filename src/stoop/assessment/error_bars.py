@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from stoop.assessment.clusters import Scatter, cluster_scatter
 from stoop.assessment.coloring import ColoredNoise, Coloring, autocorrelation
@@ -26,6 +25,7 @@ from stoop.assessment.covariance import (
     windowed_covariance,
 )
 from stoop.base.arrays import BoolArray, FloatArray, IntArray
+from stoop.base.blas import on_one_blas_thread
 from stoop.base.notices import Notice, notice
 from stoop.estimate.fit import Fit
 from stoop.problem.evidence import PieceEvidence, Unknown, invert
@@ -123,71 +123,69 @@ class ErrorBars:
         return replace(self, identifiability=doubted)
 
 
+@on_one_blas_thread
 def error_bars(fit: Fit) -> ErrorBars:
     """Return the error bars of a fit, whatever its method; on one BLAS thread, as more would round differently.
 
     Noise intensities take part and are not returned.
     """
-    with threadpool_limits(limits=1, user_api="blas"):
-        evidence = fit.evidence
-        unknowns, free = evidence.unknowns, evidence.free
-        pieces, prior = [piece.of(free) for piece in evidence.pieces], evidence.prior[np.ix_(free, free)]
-        found = estimate_uncertainty(pieces, prior, evidence.white, fit.observed_information())
-        corrected, cramer_rao = found.corrected, found.cramer_rao
-        gaps = [(p.gaps, p.gap_jacobian) for p in pieces if p.gaps is not None and p.gap_jacobian is not None]
-        if gaps:
-            windowed = windowed_covariance(pieces, [p.edges for p in pieces], gaps, prior)
-            corrected = corrected if windowed is None else widened(windowed, corrected)
-        if evidence.inflation != 1.0:
-            plain = invert((found.information - prior) * evidence.inflation + prior)
-            cramer_rao = marked(plain.matrix, plain.determined)
-        at_bound, conditional = np.array([u.fixed == "bound" for u in unknowns]), tuple[str, ...]()
-        if at_bound.any():  # what is known only as long as the parameters at a bound are right there
-            every = np.flatnonzero([u.fixed != "method" for u in unknowns])
-            whole = invert(
-                data_information([p.of(every) for p in evidence.pieces])
-                + evidence.prior[np.ix_(every, every)]
-            )
-            wide = standard_errors(marked(whole.matrix, whole.determined))[np.isin(every, free)]
-            leaning = free[wide > LIMITS.conditional_ratio * standard_errors(found.cramer_rao)]
-            conditional = tuple(unknowns[i].name for i in leaning if unknowns[i].kind == "parameter")
-        known, k = [unknowns[i] for i in free], sum(u.kind != "noise" for u in unknowns)
-        conditional_std = np.zeros(len(unknowns))
-        conditional_std[free] = standard_errors(corrected)
-        told = identifiability(
-            known, found.information, corrected
-        )  # what is not known, however alike maneuvers are
-        each = contributions(fit.problem.layout.vehicle, evidence, found.information, found.noise)
-        doubtful = {n: c.variable for c in each if c.systematic > EXCITATION.refused for n in c.parameters}
-        scatter = _scatter(fit, found, sum(u.kind == "parameter" for u in known))
-        if scatter is not None:
-            stretch = np.ones(len(free))
-            stretch[: len(scatter.stretch)] = scatter.stretch
-            corrected = corrected * np.outer(stretch, stretch)
-        own = {u.name: j for u, j in zip(known, told, strict=True) if u.kind == "parameter"}
-        for name in (n for n in doubtful if own[n].identifiable):
-            reason = notice("systematic-residuals", doubtful[name])
-            own[name] = replace(own[name], identifiable=False, reason=reason)
-        idle_reason = notice("not-estimated")
-        idle = [u.name for u in unknowns if u.kind == "parameter" and u.fixed == "method"]
-        covariance = np.zeros((len(unknowns),) * 2)
-        covariance[np.ix_(free, free)] = corrected
-        white = np.full(len(unknowns), np.nan if evidence.white else 0.0)  # what is assumed is no finding
-        white[free] = np.nan if evidence.white else standard_errors(cramer_rao)
-        return ErrorBars(
-            covariance=covariance[:k, :k],
-            std=standard_errors(covariance)[:k],
-            conditional_std=conditional_std[:k],
-            cramer_rao_std=white[:k],
-            at_bound=at_bound[:k],
-            identifiability=own
-            | {n: Identifiability(n, False, idle_reason, np.inf, np.inf, 0.0) for n in idle},
-            conditional=conditional,
-            uncertainty=found,
-            free=free,
-            contributions=each,
-            scatter=scatter,
+    evidence = fit.evidence
+    unknowns, free = evidence.unknowns, evidence.free
+    pieces, prior = [piece.of(free) for piece in evidence.pieces], evidence.prior[np.ix_(free, free)]
+    found = estimate_uncertainty(pieces, prior, evidence.white, fit.observed_information())
+    corrected, cramer_rao = found.corrected, found.cramer_rao
+    gaps = [(p.gaps, p.gap_jacobian) for p in pieces if p.gaps is not None and p.gap_jacobian is not None]
+    if gaps:
+        windowed = windowed_covariance(pieces, [p.edges for p in pieces], gaps, prior)
+        corrected = corrected if windowed is None else widened(windowed, corrected)
+    if evidence.inflation != 1.0:
+        plain = invert((found.information - prior) * evidence.inflation + prior)
+        cramer_rao = marked(plain.matrix, plain.determined)
+    at_bound, conditional = np.array([u.fixed == "bound" for u in unknowns]), tuple[str, ...]()
+    if at_bound.any():  # what is known only as long as the parameters at a bound are right there
+        every = np.flatnonzero([u.fixed != "method" for u in unknowns])
+        whole = invert(
+            data_information([p.of(every) for p in evidence.pieces]) + evidence.prior[np.ix_(every, every)]
         )
+        wide = standard_errors(marked(whole.matrix, whole.determined))[np.isin(every, free)]
+        leaning = free[wide > LIMITS.conditional_ratio * standard_errors(found.cramer_rao)]
+        conditional = tuple(unknowns[i].name for i in leaning if unknowns[i].kind == "parameter")
+    known, k = [unknowns[i] for i in free], sum(u.kind != "noise" for u in unknowns)
+    conditional_std = np.zeros(len(unknowns))
+    conditional_std[free] = standard_errors(corrected)
+    told = identifiability(
+        known, found.information, corrected
+    )  # what is not known, however alike maneuvers are
+    each = contributions(fit.problem.layout.vehicle, evidence, found.information, found.noise)
+    doubtful = {n: c.variable for c in each if c.systematic > EXCITATION.refused for n in c.parameters}
+    scatter = _scatter(fit, found, sum(u.kind == "parameter" for u in known))
+    if scatter is not None:
+        stretch = np.ones(len(free))
+        stretch[: len(scatter.stretch)] = scatter.stretch
+        corrected = corrected * np.outer(stretch, stretch)
+    own = {u.name: j for u, j in zip(known, told, strict=True) if u.kind == "parameter"}
+    for name in (n for n in doubtful if own[n].identifiable):
+        reason = notice("systematic-residuals", doubtful[name])
+        own[name] = replace(own[name], identifiable=False, reason=reason)
+    idle_reason = notice("not-estimated")
+    idle = [u.name for u in unknowns if u.kind == "parameter" and u.fixed == "method"]
+    covariance = np.zeros((len(unknowns),) * 2)
+    covariance[np.ix_(free, free)] = corrected
+    white = np.full(len(unknowns), np.nan if evidence.white else 0.0)  # what is assumed is no finding
+    white[free] = np.nan if evidence.white else standard_errors(cramer_rao)
+    return ErrorBars(
+        covariance=covariance[:k, :k],
+        std=standard_errors(covariance)[:k],
+        conditional_std=conditional_std[:k],
+        cramer_rao_std=white[:k],
+        at_bound=at_bound[:k],
+        identifiability=own | {n: Identifiability(n, False, idle_reason, np.inf, np.inf, 0.0) for n in idle},
+        conditional=conditional,
+        uncertainty=found,
+        free=free,
+        contributions=each,
+        scatter=scatter,
+    )
 
 
 def _scatter(fit: Fit, found: Uncertainty, count: int) -> Scatter | None:

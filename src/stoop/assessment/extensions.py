@@ -30,7 +30,6 @@ from typing import Final
 
 import numpy as np
 from scipy.stats import norm
-from threadpoolctl import threadpool_limits
 
 from stoop.assessment.coloring import ColoredNoise, Coloring
 from stoop.assessment.covariance import MIN_WINDOWS, by_window, leave_windows_out, window_scatter
@@ -38,6 +37,7 @@ from stoop.assessment.error_bars import ErrorBars
 from stoop.assessment.verdict import CONFIRMED
 from stoop.assessment.verdict import LIMITS as VERDICT
 from stoop.base.arrays import BoolArray, FloatArray, IntArray
+from stoop.base.blas import on_one_blas_thread
 from stoop.base.notices import Notice, notice
 from stoop.estimate.fit import Fit
 from stoop.estimate.response import Responses
@@ -169,6 +169,7 @@ def _noise_variance(
     return np.asarray(np.maximum(variance, windowed), dtype=np.float64)
 
 
+@on_one_blas_thread
 def extension_tests(fit: Fit, bars: ErrorBars) -> ExtensionTests:
     """Return what the data of a fit ask for beside its model.
 
@@ -176,60 +177,59 @@ def extension_tests(fit: Fit, bars: ErrorBars) -> ExtensionTests:
     """
     if fit.outcome.status not in CONFIRMED:
         return ExtensionTests()
-    with threadpool_limits(limits=1, user_api="blas"):
-        found = fit.responses()
-        if not found.extensions:
-            return ExtensionTests()
-        evidence = fit.evidence
-        free = evidence.free
-        coloring = bars.uncertainty.coloring
-        segments = coloring.segments
-        gaps = found.gaps or [None] * len(segments)
-        responses = [
-            replace(segment, jacobian=readings, gap_jacobian=gap)
-            for segment, readings, gap in zip(segments, found.pieces, gaps, strict=True)
-        ]
+    found = fit.responses()
+    if not found.extensions:
+        return ExtensionTests()
+    evidence = fit.evidence
+    free = evidence.free
+    coloring = bars.uncertainty.coloring
+    segments = coloring.segments
+    gaps = found.gaps or [None] * len(segments)
+    responses = [
+        replace(segment, jacobian=readings, gap_jacobian=gap)
+        for segment, readings, gap in zip(segments, found.pieces, gaps, strict=True)
+    ]
 
-        def strongest(of: Scores) -> list[int]:
-            """Return the extensions that make sense, the strongest first."""
-            changes = of.change.tolist()
-            sense = [one.believes(change) for one, change in zip(found.extensions, changes, strict=True)]
-            return [j for j in np.argsort(-of.gain, kind="stable") if sense[j]]
+    def strongest(of: Scores) -> list[int]:
+        """Return the extensions that make sense, the strongest first."""
+        changes = of.change.tolist()
+        sense = [one.believes(change) for one, change in zip(found.extensions, changes, strict=True)]
+        return [j for j in np.argsort(-of.gain, kind="stable") if sense[j]]
 
-        def significant(of: Scores) -> list[int]:
-            """Return those of them that are significant."""
-            return [j for j in strongest(of) if of.p_value[j] < LIMITS.level]
+    def significant(of: Scores) -> list[int]:
+        """Return those of them that are significant."""
+        return [j for j in strongest(of) if of.p_value[j] < LIMITS.level]
 
-        first = scores(coloring, responses, lambda of: strongest(of)[: LIMITS.leaders])
-        each, order = list(zip(found.extensions, first.change.tolist(), strict=True)), significant(first)
-        beside, others = np.full(len(each), np.nan), order[1 : LIMITS.shown]
-        if others:
-            parts = zip(segments, responses, first.own, strict=True)
-            joined = [_joined(segment, one, v, first, order[0]) for segment, one, v in parts]
-            prior = coloring.prior - sum(piece.gap_information for piece in segments)
-            again = Coloring.of(joined, np.pad(prior, (0, 1)) + sum(one.gap_information for one in joined))
-            beside[others] = scores(again, [one.of(np.array(others)) for one in responses]).statistic
-        tests = []
-        for j in order[: LIMITS.shown]:
-            (one, change), std = each[j], float(first.std[j])
-            error = std / change**2 if one.reciprocal else std
-            tests.append(
-                ExtensionTest(
-                    name=one.name,
-                    kind=one.kind,
-                    value=one.value(change),
-                    std_error=error,
-                    unit=one.unit,
-                    statistic=float(first.statistic[j]),
-                    p_value=float(first.p_value[j]),
-                    gain=float(first.gain[j]),
-                    line=one.line(change),
-                    change=change,
-                    beside=float(beside[j]),
-                    rivals=_rivals(first, found, j, order),
-                    moves=_moves(first, j, bars, evidence.unknowns, free),
-                )
+    first = scores(coloring, responses, lambda of: strongest(of)[: LIMITS.leaders])
+    each, order = list(zip(found.extensions, first.change.tolist(), strict=True)), significant(first)
+    beside, others = np.full(len(each), np.nan), order[1 : LIMITS.shown]
+    if others:
+        parts = zip(segments, responses, first.own, strict=True)
+        joined = [_joined(segment, one, v, first, order[0]) for segment, one, v in parts]
+        prior = coloring.prior - sum(piece.gap_information for piece in segments)
+        again = Coloring.of(joined, np.pad(prior, (0, 1)) + sum(one.gap_information for one in joined))
+        beside[others] = scores(again, [one.of(np.array(others)) for one in responses]).statistic
+    tests = []
+    for j in order[: LIMITS.shown]:
+        (one, change), std = each[j], float(first.std[j])
+        error = std / change**2 if one.reciprocal else std
+        tests.append(
+            ExtensionTest(
+                name=one.name,
+                kind=one.kind,
+                value=one.value(change),
+                std_error=error,
+                unit=one.unit,
+                statistic=float(first.statistic[j]),
+                p_value=float(first.p_value[j]),
+                gain=float(first.gain[j]),
+                line=one.line(change),
+                change=change,
+                beside=float(beside[j]),
+                rivals=_rivals(first, found, j, order),
+                moves=_moves(first, j, bars, evidence.unknowns, free),
             )
+        )
     unresolved = tuple(
         one.name
         for one, std in zip(found.extensions, first.std.tolist(), strict=True)

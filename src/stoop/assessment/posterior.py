@@ -25,12 +25,12 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from stoop.assessment.assessment import AssessedFit, Finding, Optimum, Watch, linearize, stationary
 from stoop.assessment.sampling import SAMPLER, Chains, Coordinates, libraries, library, sample
 from stoop.assessment.uncertainty import MAX_RHAT
 from stoop.base.arrays import FloatArray
+from stoop.base.blas import on_one_blas_thread
 from stoop.base.notices import notice
 from stoop.optimize.normal_equations import TallMatrix
 from stoop.problem import Misfit
@@ -189,15 +189,15 @@ class Posterior:
 
     name: str = field(default="posterior", init=False)
 
+    @on_one_blas_thread
     def __call__(self, fit: AssessedFit, watch: Watch) -> Finding:
         """Return standard deviations and equal-tailed intervals, and the draws as ``posterior.nc``."""
         libraries()
-        with threadpool_limits(limits=1, user_api="blas"):  # more threads would round differently
-            target = posterior_target(fit)
-            chains = sample(target, coordinates(target), fit.seed, watch)
-            every = chains.draws.reshape(-1, target.size)
-            checked = every[np.linspace(0, len(every) - 1, CHECKED_DRAWS).astype(int)]
-            error = float(np.max(np.abs(target.error(checked))))
+        target = posterior_target(fit)
+        chains = sample(target, coordinates(target), fit.seed, watch)
+        every = chains.draws.reshape(-1, target.size)
+        checked = every[np.linspace(0, len(every) - 1, CHECKED_DRAWS).astype(int)]
+        error = float(np.max(np.abs(target.error(checked))))
         chains = replace(chains, figures={**chains.figures, "marginalization_error": error})
         layout, figures = fit.fit.problem.layout, chains.figures
         values = layout.physical(every)

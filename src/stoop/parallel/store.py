@@ -193,7 +193,8 @@ def _is_truncated(path: Path) -> bool:
     The file is not opened for this: closing it would drop the locks that this process may hold on it.
     """
     with suppress(OSError):
-        return 0 < path.stat().st_size < 512 and not path.with_name(f"{path.name}-journal").exists()
+        short = path.is_file() and 0 < path.stat().st_size < 512
+        return short and not path.with_name(f"{path.name}-journal").exists()
     return False
 
 

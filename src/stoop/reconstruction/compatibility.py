@@ -13,7 +13,6 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any, Final
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from stoop import optimize
 from stoop.assessment.contributions import systematic_shifts
@@ -25,6 +24,7 @@ from stoop.assessment.error_bars import (
     identifiability,
 )
 from stoop.base.arrays import FloatArray
+from stoop.base.blas import on_one_blas_thread
 from stoop.base.notices import Notice, distinct, notice, of_severity
 from stoop.base.numbers import finite_or_none
 from stoop.base.units import DEGREE
@@ -172,6 +172,7 @@ class Compatibility:
         return json.dumps(content, indent=1, allow_nan=False) + "\n"
 
 
+@on_one_blas_thread
 def check(flight: Flight, windows: Sequence[tuple[float, float]] = ()) -> tuple[Compatibility, Estimate]:
     """Estimate what the sensors of a flight do to its channels, and find what contradicts.
 
@@ -187,8 +188,7 @@ def check(flight: Flight, windows: Sequence[tuple[float, float]] = ()) -> tuple[
     IdentificationError
         The kinematics cannot be integrated from the recorded inputs.
     """
-    with threadpool_limits(limits=1, user_api="blas"):  # more threads would round differently
-        found = _estimate(cut_pieces(without_faults(flight), windows))
+    found = _estimate(cut_pieces(without_faults(flight), windows))
     problem, values, errors = found.problem, found.values, found.errors
     white = standard_errors(found.uncertainty.cramer_rao)[: problem.shared] * problem.scales
     findings = {}

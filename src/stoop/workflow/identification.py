@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from stoop import optimize
 from stoop.assessment.assessment import Assessment
 from stoop.assessment.verdict import verdict
+from stoop.base.blas import on_one_blas_thread
 from stoop.base.notices import Notice
 from stoop.base.text import printable, printable_lines
 from stoop.checks.vehicle import require_channels
@@ -223,6 +224,7 @@ def identify(
     return finish(search(vehicle, flights, maneuvers, validate, options, callback, extend=extend))
 
 
+@on_one_blas_thread
 def search(
     vehicle: Vehicle | str | Path,
     flights: Flights,
@@ -286,6 +288,7 @@ def search(
     return Search(found, known, predicted, options, inputs, read, began, command)
 
 
+@on_one_blas_thread
 def finish(done: Search) -> Job:
     """Add error bars, predictions and goodness of fit to a finished search."""
     fit, flights, predicted = done.fit, done.flights, done.predicted

@@ -151,7 +151,6 @@ def test_help_on_a_terminal_of_one_column(
 
 SURROUNDINGS = {
     "no home": {"HOME": None, "XDG_CACHE_HOME": "/proc/nowhere", "STOOP_CACHE_DIR": None, "TMPDIR": None},
-    "C": {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"},
     "ASCII": {"LC_ALL": "POSIX", "PYTHONUTF8": "0", "PYTHONIOENCODING": "ascii:strict"},
     "Turkish": {"LC_ALL": "tr_TR.UTF-8", "PYTHONIOENCODING": "iso8859-9:strict"},
 }

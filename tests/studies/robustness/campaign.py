@@ -1,0 +1,21 @@
+"""The campaign in little, in parts that run side by side: twenty thousand inputs, 20 kills and a slice of commands."""
+
+from __future__ import annotations
+
+from stoop_studies.robustness.trials import BAD
+from stoop_studies.verify.robustness import SURFACES
+
+SEED = 78
+
+
+def surfaces(*families: str) -> list[str]:
+    """Return the names of the surfaces of some families."""
+    return [name for name, surface in SURFACES.items() if surface.family in families]
+
+
+def check_surface(name: str, slices: int = 2) -> None:
+    """Try what some slices of the campaign try of a surface; none of it may fail."""
+    surface = SURFACES[name]
+    tried = list(surface.trials(SEED, slices * surface.count, ""))
+    assert [t.number for t in tried] == list(range(slices * surface.count))
+    assert [t for t in tried if t.outcome in BAD] == []

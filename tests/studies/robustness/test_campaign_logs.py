@@ -1,0 +1,14 @@
+"""Damaged and drawn logs, as the campaign tries them."""
+
+from __future__ import annotations
+
+import pytest
+from studies.robustness.campaign import check_surface, surfaces
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "surface", surfaces("damaged logs", "drawn logs", "readers in a child", "other readers", "round trips")
+)
+def test_hostile_inputs_end_well(surface: str) -> None:
+    check_surface(surface)
