@@ -75,7 +75,10 @@ def _run(name: str, command: Sequence[str], folder: Path) -> bool:
     """Run a command with the environment's programs first; return whether it succeeded."""
     programs = folder / ("Scripts" if os.name == "nt" else "bin")
     path = os.pathsep.join([str(programs), os.environ.get("PATH", "")])
-    kernels = {"STOOP_CACHE_DIR": str(folder / "kernels")}  # what another version compiled proves nothing
+    own = {
+        "STOOP_CACHE_DIR": str(folder / "kernels"),  # what another version compiled proves nothing
+        "OPENBLAS_NUM_THREADS": "1",  # threads of three processes would wait for each other
+    }
     print(f"\n=== {name}: {' '.join(command)}", flush=True)
     began = time.monotonic()
     found = programs / command[0]
@@ -83,7 +86,7 @@ def _run(name: str, command: Sequence[str], folder: Path) -> bool:
     code = subprocess.run(
         [program, *command[1:]],
         cwd=ROOT,
-        env={**os.environ, "PATH": path, **kernels},
+        env={**os.environ, "PATH": path, **own},
         stdin=subprocess.DEVNULL,
         check=False,
     ).returncode
