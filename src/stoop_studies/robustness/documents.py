@@ -62,6 +62,7 @@ from stoop_studies.robustness.trials import (
     Tried,
     try_all,
 )
+from stoop_studies.robustness.vehicle_grammar import VEHICLE
 
 DRAWN, TREE, BYTES = "drawn", "tree", "bytes"
 WAYS: Final = {DRAWN: 0.4, TREE: 0.4, BYTES: 0.2}  #: how a document was made -> share of the cases
@@ -246,7 +247,7 @@ def _of_kept(kind: kept_files.Kind) -> Document:
 
 
 DOCUMENTS: Final[Mapping[str, Document]] = {
-    "vehicle": Document(grammars.VEHICLE, ask_vehicle, to_toml, _toml(kept_vehicles)),
+    "vehicle": Document(VEHICLE, ask_vehicle, to_toml, _toml(kept_vehicles)),
     "mapping table": Document(grammars.MAPPING, ask_mapping, to_toml, _toml(lambda: (CSV_MAPPING.decode(),))),
     "maneuver": Document(grammars.MANEUVER, ask_maneuver, to_toml),
     "windows": Document(grammars.WINDOWS, ask_windows, to_toml),

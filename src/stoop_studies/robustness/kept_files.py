@@ -11,62 +11,33 @@ import io
 import json
 import os
 import sqlite3
-import struct
-import warnings
-import zipfile
-import zlib
 from collections.abc import Callable
 from contextlib import closing, suppress
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from random import Random
-from tempfile import TemporaryDirectory
 from typing import Any, Final
 
 import numpy as np
 from scipy.io import netcdf_file
 
-from stoop.base.arrays import FloatArray
 from stoop.flight import describe, load, save
 from stoop.kernels import cache as kernel_cache
-from stoop.optimize import State, create, load_tagged, minimize, save_state
-from stoop.optimize.minimize import Stop
 from stoop.parallel.plan import Plan, Run, to_text
 from stoop.parallel.store import _TABLES, SCHEMA, _seal, forget, open_store
 from stoop_studies.robustness.document_trees import (
     Branch,
     Node,
-    Raw,
     Writer,
-    hostile,
     to_json,
     tree_of,
 )
 from stoop_studies.robustness.log_grammars import Draw
 from stoop_studies.robustness.sample_logs import samples
+from stoop_studies.robustness.search_states import ask_state, draw_state, kept_states, spoiled, write_state
 from stoop_studies.robustness.trials import READ, BrokenPromiseError
 
-DESCRS: Final = (
-    "<f8",
-    ">f8",
-    "<f4",
-    "<i8",
-    "|b1",
-    "|O",
-    "<U8",
-    "|V8",
-    "|S0",
-    "<U0",
-    "<c16",
-    "<M8[s]",
-    "[('a', '<f8')]",
-    "|V0",
-    "<f16",
-)
-EXTENTS: Final = (0, 1, 2, 3, 7, 1000, 2**31, 2**40, 2**62, -1)
-BLOCK: Final = 2**20  #: bytes of zeros that a packed member repeats
-BOMB: Final = 1200  #: such blocks, which unfold to more than a gigabyte
 ENVIRONMENT: Final = {"numpy": "2.0", "stoop": "1.0"}
 STATEMENTS: Final = (
     "DROP TABLE runs",
@@ -107,184 +78,6 @@ class Kind:
     form: str
 
 
-# states of searches
-
-
-class Bowl:
-    """A cheap problem: a bowl with a nuisance and two rungs."""
-
-    dimension, extra, prices = 3, 1, (0.25, 1.0)
-
-    def residuals(self, Z: FloatArray, rung: int) -> FloatArray:
-        """Return residuals (B, 5)."""
-        return np.column_stack([Z - 0.3, np.sin(3.0 * Z[:, 0])])
-
-    def costs(self, X: FloatArray, rung: int) -> FloatArray:
-        """Return costs (B,)."""
-        Z = np.column_stack([X, np.zeros(len(X))])
-        return np.asarray(np.sum(self.residuals(Z, rung) ** 2, axis=1))
-
-    def jacobian(self, z: FloatArray, rung: int, r: FloatArray) -> tuple[FloatArray, float]:
-        """Return derivatives (5, 4)."""
-        return np.vstack([np.eye(4), [3.0 * np.cos(3.0 * z[0]), 0.0, 0.0, 0.0]]), 1.0
-
-    def reference(self, rung: int) -> float:
-        """Return the cost of the trivial model."""
-        return 1.0
-
-
-def _npy(node: Node) -> bytes:
-    """Return an array as a file holds it, whatever its head says."""
-    parts: dict[str, Any] = dict(node.pairs) if isinstance(node, Branch) else {"data": node}
-    shape = parts.get("shape", 0)
-    extents = (
-        f"({' '.join(f'{_literal(n)},' for n in shape)})" if isinstance(shape, list) else _literal(shape)
-    )
-    descr, order = _literal(parts.get("descr")), _literal(parts.get("fortran_order"))
-    head = f"{{'descr': {descr}, 'fortran_order': {order}, 'shape': {extents}, }}"
-    text = head.encode("utf-8", "replace")[:60_000] + b"\n"
-    data = parts.get("data")
-    try:
-        content = (
-            bytes.fromhex(data) if isinstance(data, str) else repr(data).encode("utf-8", "replace")[:10_000]
-        )
-    except ValueError:
-        content = str(data).encode("utf-8", "replace")
-    return b"\x93NUMPY\x01\x00" + struct.pack("<H", len(text)) + text + content
-
-
-def _literal(node: Node) -> str:
-    """Return a node as Python writes it; raw text as it is."""
-    return node.text if isinstance(node, Raw) else repr(node)[:20_000]
-
-
-@cache
-def _zeros() -> tuple[bytes, bytes]:
-    """Return a packed block of zeros that can be repeated, and the end of such a stream."""
-    packer = zlib.compressobj(9, zlib.DEFLATED, -15)
-    packer.compress(bytes(BLOCK))
-    packer.flush(zlib.Z_FULL_FLUSH)
-    return packer.compress(bytes(BLOCK)) + packer.flush(zlib.Z_FULL_FLUSH), packer.flush()
-
-
-def bomb(name: str, blocks: int = BOMB) -> bytes:
-    """Return a zip with one member of zeros that unfolds to so many megabytes."""
-    block, end = _zeros()
-    packed, size = block * blocks + end, BLOCK * blocks
-    head = struct.pack("<HHHHHIII", 20, 0, 8, 0, 33, 0, len(packed), size)
-    local = b"PK\x03\x04" + head + struct.pack("<HH", len(name), 0) + name.encode()
-    central = (
-        b"PK\x01\x02\x14\x00" + head + struct.pack("<HHHHHII", len(name), 0, 0, 0, 0, 0, 0) + name.encode()
-    )
-    start = len(local) + len(packed)
-    tail = b"PK\x05\x06" + struct.pack("<HHHHIIH", 0, 0, 1, 1, len(central), start, 0)
-    return local + packed + central + tail
-
-
-def write_state(node: Node, rng: Random) -> bytes:
-    """Write an archive of arrays; now and then one that unfolds to gigabytes."""
-    parts: dict[str, Any] = dict(node.pairs) if isinstance(node, Branch) else {}
-    if rng.random() < 0.01:
-        return bomb(rng.choice(("header.npy", "a0.npy", "x")))
-    header = to_json(parts.get("header"), rng)
-    sink = io.BytesIO()
-    arrays = parts.get("arrays")
-    members = list(arrays.pairs) if isinstance(arrays, Branch) else []
-    packing = zipfile.ZIP_DEFLATED if rng.random() < 0.2 else zipfile.ZIP_STORED
-    with warnings.catch_warnings(), zipfile.ZipFile(sink, "w", packing) as archive:
-        warnings.simplefilter("ignore")  # two members may have one name
-        for name, one in members:
-            archive.writestr(
-                zipfile.ZipInfo(f"{name[:200]}.npy".encode("ascii", "replace").decode()), _npy(one)
-            )
-        whole = Branch(
-            [("descr", "|u1"), ("fortran_order", False), ("shape", [len(header)]), ("data", header.hex())]
-        )
-        archive.writestr(zipfile.ZipInfo("header.npy"), _npy(whole))
-    return sink.getvalue()
-
-
-@cache
-def kept_states() -> tuple[Node, ...]:
-    """Return states of the searches at several steps."""
-    found: list[Node] = []
-    with TemporaryDirectory(prefix="stoop-") as folder:
-        for name, steps in (("ps-gde-lm", 0), ("ps-gde-lm", 3), ("ps-gde-lm", 9), ("scipy-least-squares", 1)):
-            state = minimize(create(name), Bowl(), seed=1, stop=Stop(generations=steps)).state
-            if state is None:
-                continue
-            path = Path(folder) / "s.npz"
-            save_state(path, state, "tag")
-            with np.load(path) as file:
-                header = tree_of(json.loads(file["header"].tobytes()))
-                arrays = [(n, _array(file[n])) for n in file.files if n != "header"]
-            found.append(Branch([("header", header), ("arrays", Branch(arrays))]))
-    return tuple(found)
-
-
-def _array(values: Any) -> Node:
-    """Return the tree of an array."""
-    return Branch(
-        [
-            ("descr", values.dtype.str),
-            ("fortran_order", False),
-            ("shape", list(values.shape)),
-            ("data", values.tobytes().hex()),
-        ]
-    )
-
-
-def draw_state(draw: Draw) -> Node:
-    """Draw a state: one of the sound ones with other arrays, types, shapes and numbers."""
-    sound = draw.rng.choice(kept_states())
-    parts: dict[str, Any] = dict(sound.pairs) if isinstance(sound, Branch) else {}
-    arrays: list[tuple[str, Node]] = []
-    for name, one in parts["arrays"].pairs:
-        if draw.bad():
-            shape: Node = [draw.rng.choice(EXTENTS) for _ in range(draw.rng.randrange(4))]
-            data = np.array([draw.number("d") for _ in range(draw.rng.choice((0, 1, 4, 12)))]).tobytes().hex()
-            one = Branch(
-                [
-                    ("descr", draw.rng.choice(DESCRS)),
-                    ("fortran_order", draw.rng.random() < 0.5),
-                    ("shape", shape),
-                    ("data", data),
-                ]
-            )
-        arrays.append((draw.word(name), one))
-    return Branch([("header", _spoiled(draw, parts["header"])), ("arrays", Branch(arrays))])
-
-
-def _spoiled(draw: Draw, node: Node) -> Node:
-    """Return a tree in which some leaves are hostile."""
-    if isinstance(node, Branch):
-        return Branch([(key, _spoiled(draw, one)) for key, one in node.pairs])
-    if isinstance(node, list):
-        return [_spoiled(draw, one) for one in node]
-    return hostile(draw.rng) if draw.rng.random() < 0.3 * draw.hostile else node
-
-
-def ask_state(folder: Path, content: bytes, rng: Random) -> str:
-    """Read a state; write it and read it again; go on from it for a few steps."""
-    path = folder / "search.npz"
-    path.write_bytes(content)
-    state, tag = load_tagged(path)
-    save_state(path, state, tag)
-    again, tag_again = load_tagged(path)
-    if repr(again) != repr(state) or tag_again != tag:
-        raise BrokenPromiseError("written and read differ")
-    _go_on(state)
-    return READ
-
-
-def _go_on(state: State) -> None:
-    optimizer = create(state.optimizer)
-    with np.errstate(all="ignore"):
-        minimize(
-            optimizer, Bowl(), seed=1, state=state, stop=Stop(generations=state.generation + 2, budget=300.0)
-        )
-
-
 # stores of campaigns
 
 PLAN: Final = Plan("table", {"n": 1}, tuple(Run(f"run {i}", "math:sin", {"x": i}) for i in range(3)))
@@ -306,8 +99,8 @@ def kept_stores() -> tuple[Node, ...]:
 
 def draw_store(draw: Draw) -> Node:
     """Draw a store with hostile cells whose checksums fit, and hostile statements."""
-    spoiled = _spoiled(draw, draw.rng.choice(kept_stores()))
-    parts: dict[str, Any] = dict(spoiled.pairs) if isinstance(spoiled, Branch) else {}
+    store = spoiled(draw, draw.rng.choice(kept_stores()))
+    parts: dict[str, Any] = dict(store.pairs) if isinstance(store, Branch) else {}
     return Branch(
         [
             *((k, v) for k, v in parts.items() if k != "sql"),
@@ -492,9 +285,9 @@ KINDS: Final = {
     "state": Kind(draw_state, ask_state, write_state, kept_states, "words"),
     "store": Kind(draw_store, ask_store, write_store, kept_stores, "pages"),
     "kernel cache": Kind(
-        lambda draw: _spoiled(draw, kept_manifests()[0]), ask_cache, to_json, kept_manifests, "lines"
+        lambda draw: spoiled(draw, kept_manifests()[0]), ask_cache, to_json, kept_manifests, "lines"
     ),
     "flight": Kind(
-        lambda draw: _spoiled(draw, kept_flights()[0]), ask_flight, write_flight, kept_flights, "words"
+        lambda draw: spoiled(draw, kept_flights()[0]), ask_flight, write_flight, kept_flights, "words"
     ),
 }  #: name -> kind of file

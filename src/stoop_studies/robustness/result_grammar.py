@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final
 
-from stoop_studies.robustness.document_grammars import (
+from stoop_studies.robustness.document_trees import Node
+from stoop_studies.robustness.log_grammars import Draw
+from stoop_studies.robustness.node_makers import (
     Maker,
     either,
     flag,
@@ -19,8 +21,6 @@ from stoop_studies.robustness.document_grammars import (
     table,
     text,
 )
-from stoop_studies.robustness.document_trees import Node
-from stoop_studies.robustness.log_grammars import Draw
 
 PARAMETERS: Final = ("CLalpha", "Cmalpha", "Cmq", "Cmelevator", "Clp")
 FIELD: Final = either(number(1.0), number(-0.3), number(1.0), nothing())

@@ -10,21 +10,16 @@ import contextlib
 import io
 import json
 import re
-import xml.etree.ElementTree as ET
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from random import Random
 from tempfile import TemporaryDirectory
-from typing import Any, Final
+from typing import Final
 
-from stoop.base.toml import parse_source
 from stoop.cli.main import USER_ERROR, main
 from stoop.errors import StoopError
-from stoop.flight import load
-from stoop.results.result import from_json, to_json
-from stoop.vehicle import load_vehicle
 from stoop_studies.robustness import hostile_numbers as hostile
 from stoop_studies.robustness.small_runs import OUT, TO
 from stoop_studies.robustness.trials import (
@@ -37,6 +32,7 @@ from stoop_studies.robustness.trials import (
     lay_out,
     try_all,
 )
+from stoop_studies.robustness.verb_outputs import check_outputs, strict_json
 
 COMPILING: Final = 7  #: s, of equations that no command has had before
 BOUNDS: Final = Bounds(seconds=10 + COMPILING, wall=300.0, room=2**30, swell=2**29)
@@ -372,73 +368,8 @@ def try_command(verb: Verb, words: list[str], files: Mapping[str, bytes], folder
         raise BrokenPromiseError(f"ends with {code}, and prints {errors[-200:]!r}")
     if words[-1] == "--json":
         strict_json(out, "what was printed")
-    check_outputs(verb, folder)
+    check_outputs(verb.written, folder)
     return READ
-
-
-def check_outputs(verb: Verb, folder: Path) -> None:
-    """Look for what a verb writes, and read it."""
-    for name in verb.written:
-        if not any(folder.glob(name)):
-            raise BrokenPromiseError(f"{name} was not written")
-    results = [path.read_text("utf-8") for path in folder.glob("out/result.json")]
-    refused = any('"estimates-refused"' in text for text in results)  # what is said need not hold
-    for pattern in ("out/**/*", "[mv].toml", "simulated.*", "linear.json"):
-        for path in filter(Path.is_file, folder.glob(pattern)):
-            if not (refused and path.name == "vehicle.toml"):
-                check_file(path)
-
-
-def strict_json(text: str, name: str) -> Any:
-    """Read JSON without NaN and infinities."""
-
-    def refuse(word: str) -> float:
-        raise BrokenPromiseError(f"{name} holds {word}")
-
-    try:
-        return json.loads(text, parse_constant=refuse)
-    except ValueError as error:
-        raise BrokenPromiseError(f"{name} is no JSON: {error}") from error
-
-
-def check_file(path: Path) -> None:
-    """Read an output by its own reader."""
-    if path.name.startswith(".") or not path.stat().st_size:
-        raise BrokenPromiseError(f"{path.name} was left behind or is empty")
-    reader = READERS.get(path.name) or READERS.get(path.suffix)
-    if reader is not None:
-        try:
-            reader(path)
-        except (StoopError, ET.ParseError, UnicodeDecodeError) as error:
-            raise BrokenPromiseError(f"{path.name} cannot be read: {error}") from error
-
-
-def _read_json(path: Path) -> None:
-    strict_json(path.read_text("utf-8"), path.name)
-
-
-def _read_result(path: Path) -> None:
-    _read_json(path)
-    if to_json(from_json(path.read_text("utf-8"))) != path.read_text("utf-8"):
-        raise BrokenPromiseError("result.json reads as another result")
-
-
-def _read_page(path: Path) -> None:
-    text = path.read_text("utf-8").strip().lower()
-    if not (text.startswith("<!doctype html") and text.endswith("</html>")):
-        raise BrokenPromiseError(f"{path.name} is cut off")
-
-
-READERS: Final[Mapping[str, Callable[[Path], Any]]] = {
-    "result.json": _read_result,
-    ".json": _read_json,
-    ".html": _read_page,
-    "vehicle.toml": load_vehicle,
-    "v.toml": load_vehicle,
-    ".toml": lambda path: parse_source(path.read_text("utf-8"), path.name, StoopError),
-    ".nc": load,
-    ".xml": ET.parse,
-}  #: name or ending -> how it is read
 
 
 @cache

@@ -30,7 +30,7 @@ from stoop.parallel.store import open_store
 from stoop.results.result import MAX_BYTES, from_json, read_result
 from stoop.vehicle import parse_vehicle
 from stoop.vehicle.builtin import builtin_text
-from stoop_studies.robustness import documents, kept_files
+from stoop_studies.robustness import documents, kept_files, search_states
 from stoop_studies.robustness.document_trees import (
     TREE_DAMAGES,
     Branch,
@@ -196,7 +196,7 @@ def test_a_result_of_many_megabytes_is_not_read(tmp_path: Path) -> None:
 
 def test_a_packed_bomb_does_not_unfold(tmp_path: Path) -> None:
     path = tmp_path / "search.npz"
-    path.write_bytes(kept_files.bomb("header.npy"))
+    path.write_bytes(search_states.bomb("header.npy"))
     assert path.stat().st_size < 2**22
     with pytest.raises(IdentificationError, match="unfolds to more than 256 MiB"):
         load_tagged(path)
@@ -253,7 +253,7 @@ def test_arrays_come_back_as_numpy_wrote_them() -> None:
 )
 def test_a_state_of_other_types_is_refused(tmp_path: Path, field: str, value: object) -> None:
     path = tmp_path / "s.npz"
-    state = create().init(kept_files.Bowl(), 1, np.empty((0, 3)))
+    state = create().init(search_states.Bowl(), 1, np.empty((0, 3)))
     save_state(path, state)
     with np.load(path) as file:
         arrays = dict(file)
@@ -268,10 +268,10 @@ def test_a_state_of_other_types_is_refused(tmp_path: Path, field: str, value: ob
 def test_a_state_from_which_no_search_can_go_on_is_one_error() -> None:
     from dataclasses import replace
 
-    state = create().init(kept_files.Bowl(), 1, np.empty((0, 3)))
+    state = create().init(search_states.Bowl(), 1, np.empty((0, 3)))
     broken = replace(state, starts=np.zeros((1, 9)))
     with pytest.raises(IdentificationError, match="cannot go on from the saved state"):
-        minimize(create(), kept_files.Bowl(), seed=1, state=broken, stop=Stop(generations=3))
+        minimize(create(), search_states.Bowl(), seed=1, state=broken, stop=Stop(generations=3))
 
 
 @pytest.mark.parametrize("statement", [s for s in kept_files.STATEMENTS if "TRIGGER" in s or "VIEW" in s])

@@ -14,7 +14,8 @@ import pytest
 from stoop.errors import StoopError
 from stoop_studies.robustness import hostile_numbers, verbs
 from stoop_studies.robustness.trials import READ, BrokenPromiseError
-from stoop_studies.robustness.verbs import VERBS, Choices, Verb, check_outputs, try_command
+from stoop_studies.robustness.verb_outputs import check_outputs
+from stoop_studies.robustness.verbs import VERBS, Choices, Verb, try_command
 
 
 def choices(seed: int | str) -> Random:
@@ -104,7 +105,7 @@ def test_an_output_that_is_not_whole_is_seen(name: str, content: str, says: str,
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / name).write_text(content)
     with pytest.raises(BrokenPromiseError, match=says):
-        check_outputs(VERBS["trim"], tmp_path)
+        check_outputs(VERBS["trim"].written, tmp_path)
 
 
 def test_estimates_that_no_file_may_hold_are_said_in_the_result(tmp_path: Path) -> None:
@@ -118,4 +119,4 @@ def test_estimates_that_no_file_may_hold_are_said_in_the_result(tmp_path: Path) 
             )  # fmt: skip
             (tmp_path / "out" / path).write_text(json.dumps(document, indent=1, ensure_ascii=False) + "\n")
     with pytest.raises(BrokenPromiseError, match=r"result\.json reads as another"):
-        check_outputs(VERBS["trim"], tmp_path)  # what is said is read, but not the vehicle
+        check_outputs(VERBS["trim"].written, tmp_path)  # what is said is read, but not the vehicle
