@@ -231,7 +231,7 @@ def grid_channels(
 
 
 def _grid_group(grid: Grid, group: Channels) -> dict[str, FloatArray]:
-    """Resample a group: the attitude as a quaternion, the rest in blocks of one kind and the same missing samples."""
+    """Resample a group: the attitude as a quaternion, the rest one by one."""
     data: dict[str, FloatArray] = {}
     names = list(group.values)
     if set(QUATERNION) <= set(names):
@@ -241,19 +241,13 @@ def _grid_group(grid: Grid, group: Channels) -> dict[str, FloatArray]:
             q = normalized(resample(grid, group.time[good], continuous(parts[good]), smooth=True))
             data |= dict(zip((*QUATERNION, *EULER), [*q.T, *euler_angles(q).T], strict=True))
         names = [name for name in names if name not in QUATERNION]
-    blocks: dict[tuple[str, bytes], list[str]] = {}
-    for name in names:
-        kind = name if name in WRAPPED else VARIABLES[name].kind
-        blocks.setdefault((kind, np.packbits(np.isfinite(group.values[name])).tobytes()), []).append(name)
-    for block in blocks.values():
-        values = np.column_stack([group.values[name] for name in block])
-        good = complete(values)
-        t, x = group.time[good], values[good]
-        circular = block[0] in WRAPPED
-        for part in stretches(t) if circular else ():
+    for name in names:  # one by one: splines of all at once would fill the memory with a long record
+        known = np.isfinite(group.values[name])
+        t, x = group.time[known], group.values[name][known, None]
+        for part in stretches(t) if name in WRAPPED else ():
             x[part] = np.unwrap(x[part], axis=0)
-        out = resample(grid, t, x, smooth=VARIABLES[block[0]].kind == "measurement")
-        data |= dict(zip(block, (wrap(out) if circular else out).T, strict=True))
+        out = resample(grid, t, x, smooth=VARIABLES[name].kind == "measurement")[:, 0]
+        data[name] = wrap(out) if name in WRAPPED else out
     return data
 
 
