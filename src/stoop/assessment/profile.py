@@ -22,7 +22,6 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from stoop.assessment.assessment import (
     AssessedFit,
@@ -35,6 +34,7 @@ from stoop.assessment.assessment import (
 )
 from stoop.assessment.covariance import NORMAL_95
 from stoop.base.arrays import FloatArray
+from stoop.base.blas import on_one_blas_thread
 from stoop.base.notices import Notice, notice
 from stoop.base.text import nearest
 from stoop.errors import IdentificationError
@@ -248,12 +248,12 @@ def profile_plan(fit: AssessedFit, names: Sequence[str]) -> Plan:
     return Plan("profile likelihoods of a fit", {"problem": digest}, tuple(runs))
 
 
+@on_one_blas_thread
 def profile_one(arguments: Mapping[str, Json], stops: Sequence[int | None]) -> list[Json]:
     """Return the profile of one parameter, in the unit box: the work of a run."""
     given: Any = arguments
-    with threadpool_limits(limits=1, user_api="blas"):  # more threads would round differently
-        optimum = _unpacked(str(given["problem"]))
-        found = ProfileLikelihood(optimum, int(given["entry"]), float(given["factor"]))
+    optimum = _unpacked(str(given["problem"]))
+    found = ProfileLikelihood(optimum, int(given["entry"]), float(given["factor"]))
     done: dict[str, Json] = {
         "ends": [found.lower, found.upper],
         "points": [list(point) for point in found.points],

@@ -13,7 +13,7 @@ from typing import Final
 
 from stoop.errors import OutputError
 
-SCRATCH: Final = ".stoop-"  #: beginning of the names of hidden folders in which files are made
+SCRATCH: Final = ".stoop-unfinished-"  #: beginning of the names of hidden folders in which files are made
 
 
 @contextmanager
@@ -62,7 +62,7 @@ def _lock(folder: Path, wait: bool = False) -> int | None:
 
 
 def write_files(folder: Path, files: Mapping[str, bytes | str], obsolete: Iterable[str] = ()) -> None:
-    """Write files that belong together: all of them, or none.
+    """Write files that belong together: all are made before the first is moved into place.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ def write_files(folder: Path, files: Mapping[str, bytes | str], obsolete: Iterab
     Raises
     ------
     OutputError
-        The folder is missing or not writable, or the disk is full; what was there stays, and nothing is left behind.
+        The folder is missing or not writable, or the disk is full; the files that were there stay, and none is left half-written.
     """
     target = folder.joinpath(*[*files][:1])
     try:

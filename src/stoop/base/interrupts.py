@@ -21,9 +21,9 @@ def answered(answer: Callable[[Handler], Handler]) -> Iterator[None]:
     if threading.current_thread() is threading.main_thread():
         handlers = {one: signal.getsignal(one) for one in (signal.SIGINT, signal.SIGTERM)}
         before = {one: handler for one, handler in handlers.items() if callable(handler)}
-    for one, handler in before.items():
-        signal.signal(one, answer(handler))
     try:
+        for one, handler in before.items():
+            signal.signal(one, answer(handler))
         yield
     finally:
         for one, handler in before.items():

@@ -119,7 +119,8 @@ def as_notice(found: Notice | str, severity: Severity = "warning", topic: str = 
 def from_dict(content: Mapping[str, Any]) -> Notice:
     """Return the notice that `Notice.to_dict` gave; of a code that this version does not know its sentence is kept.
 
-    Raises ValueError, LookupError, TypeError or AttributeError where there is no sentence: every notice can be shown.
+    Every notice can be shown: where there is no sentence, it raises ValueError, LookupError, TypeError, AttributeError or
+    OverflowError.
     """
     if content["severity"] not in get_args(Severity):
         raise ValueError(f"{content['severity']!r} is no severity")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import math
+import tokenize
 import warnings
 import zipfile
 from typing import IO, Any
@@ -29,10 +30,16 @@ def read_arrays(file: IO[bytes], max_bytes: int) -> dict[str, npt.NDArray[Any]]:
     arrays = {}
     with zipfile.ZipFile(file) as archive:
         members = archive.infolist()
-        if sum(one.file_size for one in members) > max_bytes:  # zipfile unpacks no more than is stated
+        if any(one.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED) for one in members):
+            raise ValueError("packed in a way that NumPy does not use")
+        if sum(one.file_size for one in members) > max_bytes:
             raise ValueError(f"unfolds to more than {max_bytes >> 20} MiB")
         for one in members:
-            arrays[one.filename.removesuffix(".npy")] = _array(archive.read(one))
+            with archive.open(
+                one
+            ) as member:  # of which no more than is stated is unpacked, unlike by archive.read
+                content = member.read(one.file_size)
+            arrays[one.filename.removesuffix(".npy")] = _array(content)
     return arrays
 
 
@@ -47,8 +54,9 @@ def _array(content: bytes) -> npt.NDArray[Any]:
         warnings.simplefilter("ignore")  # about types that are refused
         try:
             shape, fortran, dtype = read_header(stream)
-        except (SyntaxError, ValueError):  # NumPy reads it as Python, and quotes addresses
-            raise ValueError("an array without a readable head") from None
+        except (SyntaxError, ValueError, TypeError, RecursionError, tokenize.TokenError):
+            # NumPy reads it as Python, and quotes addresses
+            raise ValueError("an array without a readable header") from None
     if dtype.kind not in "biufU":
         raise ValueError(f"an array of {dtype}")
     size = math.prod(shape)

@@ -15,14 +15,17 @@ from stoop.errors import StoopError
 
 MAX_BYTES = 1_000_000
 MAX_DEPTH = 64  #: of tables and lists in each other
-_APART = re.compile(  # comments and texts; those without an end go on to the end of the line or file
-    r'#[^\n]*|"""(?:[^\\]|\\[\s\S])*?(?:"""|\Z)|\'\'\'[\s\S]*?(?:\'\'\'|\Z)'
+# comments and texts, whose last characters may be quotes; those without an end go on to the end of the line or file
+_APART = re.compile(
+    r'#[^\n]*|"""(?:[^\\]|\\[\s\S])*?(?:"{3,5}|\Z)|\'\'\'[\s\S]*?(?:\'{3,5}|\Z)'
     r'|"(?:[^"\\\n]|\\.)*(?:"|$)|\'[^\'\n]*(?:\'|$)',
     re.MULTILINE,
 )
 
 
-def read_source(path: Path | str, what: str, error: type[StoopError], max_bytes: int = MAX_BYTES) -> str:
+def read_source(
+    path: Path | str, what: str, error: type[StoopError], max_bytes: int = MAX_BYTES, ending: str = ".toml"
+) -> str:
     """Return the text of a file.
 
     Parameters
@@ -34,13 +37,15 @@ def read_source(path: Path | str, what: str, error: type[StoopError], max_bytes:
         What to raise.
     max_bytes : int
         Size from which a file is refused.
+    ending : str
+        Of such files, for the advice where a folder is named.
     """
     try:
         if Path(path).stat().st_size > max_bytes:
             raise error(f"{path}: larger than {max_bytes} bytes; this is no {what} file, check the path")
         return Path(path).read_text(encoding="utf-8")
     except IsADirectoryError:
-        inside = sorted(p.name for p in Path(path).glob("*.toml"))
+        inside = sorted(p.name for p in Path(path).glob(f"*{ending}"))
         advice = f"name {' or '.join(inside[:3])} in it" if inside else "check the path"
         raise error(f"{path}: is a folder, no {what} file; {advice}") from None
     except (OSError, ValueError) as fault:

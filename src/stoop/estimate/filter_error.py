@@ -20,10 +20,10 @@ from functools import partial
 from typing import Final
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from stoop import optimize
 from stoop.base.arrays import FloatArray
+from stoop.base.blas import on_one_blas_thread
 from stoop.base.notices import Notice, notice
 from stoop.errors import IdentificationError
 from stoop.estimate import methods
@@ -150,6 +150,7 @@ class FilterError:
     gain: Gain
     stated: float | None = None  #: process noise that is not estimated, see :class:`Noise`
 
+    @on_one_blas_thread
     def __call__(
         self,
         vehicle: Vehicle,
@@ -161,42 +162,41 @@ class FilterError:
     ) -> Fit:
         """Maximize the likelihood of the innovations, see :mod:`stoop.estimate.methods`."""
         problem, prepared = estimation_problem(vehicle, flights, windows, options)
-        with threadpool_limits(limits=1, user_api="blas"):  # more threads would round differently
-            problem = with_gusts(problem)
-            given = options.covariance
-            variances = np.diag(given) if given is not None and given.ndim == 2 else given
-            noise, shifted = (
-                Noise(vehicle, first_guess(vehicle, problem.pieces), variances, self.stated),
-                undelayed(problem),
+        problem = with_gusts(problem)
+        given = options.covariance
+        variances = np.diag(given) if given is not None and given.ndim == 2 else given
+        noise, shifted = (
+            Noise(vehicle, first_guess(vehicle, problem.pieces), variances, self.stated),
+            undelayed(problem),
+        )
+        price, ascents = float(problem.dimension + problem.extra + noise.size + 2), []
+        stages = Stages(methods.SCORING, price, options.generations, options.budget, callback, state)
+        for x in starts(problem):
+            z = np.concatenate([x, np.zeros(problem.extra), noise.start])
+            likelihood = Likelihood.of(shifted, noise, self.gain, z)
+            best = ascend(stages, likelihood, z, TOLERANCES.first, FIRST_STEPS)
+            if best.usable:  # once more with gains that suit where that led
+                likelihood = best.likelihood.along(best.z)
+                best = ascend(stages, likelihood, best.z, TOLERANCES.first, FIRST_STEPS)
+            ascents.append(best)
+            if best.status == "interrupted":
+                break
+        best = min(ascents, key=lambda a: a.cost)
+        if ascents[-1].status == "interrupted":
+            best.status = "interrupted"
+        for _ in range(MAX_LINEARIZATIONS):
+            if not best.usable:
+                break
+            before = best.cost
+            best = ascend(stages, best.likelihood.along(best.z), best.z, TOLERANCES.last)
+            if 0.5 * abs(before - best.cost) < TOLERANCES.linearization:
+                break
+        if not np.isfinite(best.cost):
+            raise IdentificationError(
+                f"{vehicle.where}: the filter diverges from every start; check values, bounds and units, or shorten "
+                "the maneuver"
             )
-            price, ascents = float(problem.dimension + problem.extra + noise.size + 2), []
-            stages = Stages(methods.SCORING, price, options.generations, options.budget, callback, state)
-            for x in starts(problem):
-                z = np.concatenate([x, np.zeros(problem.extra), noise.start])
-                likelihood = Likelihood.of(shifted, noise, self.gain, z)
-                best = ascend(stages, likelihood, z, TOLERANCES.first, FIRST_STEPS)
-                if best.usable:  # once more with gains that suit where that led
-                    likelihood = best.likelihood.along(best.z)
-                    best = ascend(stages, likelihood, best.z, TOLERANCES.first, FIRST_STEPS)
-                ascents.append(best)
-                if best.status == "interrupted":
-                    break
-            best = min(ascents, key=lambda a: a.cost)
-            if ascents[-1].status == "interrupted":
-                best.status = "interrupted"
-            for _ in range(MAX_LINEARIZATIONS):
-                if not best.usable:
-                    break
-                before = best.cost
-                best = ascend(stages, best.likelihood.along(best.z), best.z, TOLERANCES.last)
-                if 0.5 * abs(before - best.cost) < TOLERANCES.linearization:
-                    break
-            if not np.isfinite(best.cost):
-                raise IdentificationError(
-                    f"{vehicle.where}: the filter diverges from every start; check values, bounds and units, or shorten "
-                    "the maneuver"
-                )
-            return _fit(problem, prepared, best, sorted(a.cost for a in ascents), stages)
+        return _fit(problem, prepared, best, sorted(a.cost for a in ascents), stages)
 
 
 def filter_of_result(

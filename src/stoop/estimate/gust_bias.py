@@ -10,8 +10,8 @@ from collections.abc import Mapping
 from typing import Final
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
+from stoop.base.blas import on_one_blas_thread
 from stoop.base.notices import Notice, notice
 from stoop.errors import IdentificationError
 from stoop.estimate.filter_error import ScoringModel
@@ -42,6 +42,7 @@ def gust_bias(fit: Fit, flights: Mapping[str, Flight]) -> tuple[Notice, ...]:
     return (notice("gusts-bias", parameters=told, count=len(named)),) if named else ()
 
 
+@on_one_blas_thread
 def gust_biases(fit: Fit, flights: Mapping[str, Flight]) -> dict[str, tuple[float, float]]:
     """Return the bias of each parameter, SI and in standard errors of filter error; none where no filter can tell."""
     own, vehicle = fit.problem.layout, with_turbulence(fit.problem.layout.vehicle)
@@ -56,12 +57,11 @@ def gust_biases(fit: Fit, flights: Mapping[str, Flight]) -> dict[str, tuple[floa
     start = [found.get(p.name, float(x)) for p, x in zip(layout.parameters, layout.start, strict=True)]
     noise = Noise(vehicle, first_guess(vehicle, problem.pieces))
     z = np.array([*start, *(begun.get(_key(n), 0.0) for n in layout.nuisances), *noise.start])
-    with threadpool_limits(limits=1, user_api="blas"):
-        model = ScoringModel(Likelihood.of(shifted, noise, Steady(), z), z, 0.0)
-        if not np.isfinite(model.cost):
-            return {}
-        Stages(SCORING, 1.0).search(model, TenfoldDamping(1e-6, growth=4.0, smallest=1e-9), STEPS)
-        model.linearize()
+    model = ScoringModel(Likelihood.of(shifted, noise, Steady(), z), z, 0.0)
+    if not np.isfinite(model.cost):
+        return {}
+    Stages(SCORING, 1.0).search(model, TenfoldDamping(1e-6, growth=4.0, smallest=1e-9), STEPS)
+    model.linearize()
     errors = np.full(len(z), np.nan)
     errors[model.free] = np.sqrt(np.diag(invert(model.information).matrix))
     rows = [(p.name, i) for i, p in enumerate(layout.parameters) if p.name in found]

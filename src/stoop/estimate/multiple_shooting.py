@@ -26,10 +26,10 @@ from itertools import pairwise
 from typing import Any, ClassVar, Final
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from stoop import optimize
 from stoop.base.arrays import FloatArray
+from stoop.base.blas import on_one_blas_thread
 from stoop.base.notices import notice
 from stoop.errors import IdentificationError
 from stoop.estimate.fit import ALTERNATION, DEFAULTS, Fit, LocalProblem, Options, estimation_problem, starts
@@ -239,6 +239,7 @@ class MultipleShooting:
 
     length: float = WINDOW_LENGTH
 
+    @on_one_blas_thread
     def __call__(
         self,
         vehicle: Vehicle,
@@ -251,41 +252,40 @@ class MultipleShooting:
         """Fit windows, see :mod:`stoop.estimate.methods`."""
         problem, prepared = estimation_problem(vehicle, flights, windows, options)
         shifted, model = aligned(problem, problem.layout.start), window_model(vehicle)
-        with threadpool_limits(limits=1, user_api="blas"):  # more threads would round differently
-            if options.covariance is None:
-                shifted = shifted.weighted(Weights.of(first_variance(shifted)))
-            shooting, guesses = ShootingProblem.of(shifted, self.length), starts(shifted)
-            price = float(problem.dimension + problem.extra + 2)
-            stages = Stages("gauss-newton", price, options.generations, options.budget, callback, state)
-            padded, start = list(np.pad(guesses, [(0, 0), (0, problem.extra)])), None
+        if options.covariance is None:
+            shifted = shifted.weighted(Weights.of(first_variance(shifted)))
+        shooting, guesses = ShootingProblem.of(shifted, self.length), starts(shifted)
+        price = float(problem.dimension + problem.extra + 2)
+        stages = Stages("gauss-newton", price, options.generations, options.budget, callback, state)
+        padded, start = list(np.pad(guesses, [(0, 0), (0, problem.extra)])), None
 
-            def search(budget: float) -> optimize.Outcome:
-                """Return how a global search ended, its vector that of the whole problem."""
-                stop = replace(options, budget=budget).stop(0.0, len(guesses))
-                found = optimize.minimize(
-                    optimize.create(options.optimizer, stop.budget), windowed, seed=options.seed, starts=guesses,
-                    stop=stop, callback=stages.started, state=stages.start,
-                )  # fmt: skip
-                stages.start = found.state
-                if not np.isfinite(found.cost):
-                    raise IdentificationError(f"{vehicle.where}: {found.advice}")
-                d, extra = problem.dimension, problem.extra - windowed.extra
-                return replace(found, z=np.concatenate([found.z[:d], np.zeros(extra), found.z[d:]]))
+        def search(budget: float) -> optimize.Outcome:
+            """Return how a global search ended, its vector that of the whole problem."""
+            stop = replace(options, budget=budget).stop(0.0, len(guesses))
+            found = optimize.minimize(
+                optimize.create(options.optimizer, stop.budget), windowed, seed=options.seed, starts=guesses,
+                stop=stop, callback=stages.started, state=stages.start,
+            )  # fmt: skip
+            stages.start = found.state
+            if not np.isfinite(found.cost):
+                raise IdentificationError(f"{vehicle.where}: {found.advice}")
+            d, extra = problem.dimension, problem.extra - windowed.extra
+            return replace(found, z=np.concatenate([found.z[:d], np.zeros(extra), found.z[d:]]))
 
-            if model.global_start:  # where no start explains more than constant readings do
-                windowed = windowed_problem(shooting)
-                poor = POOR * windowed.reference(0)
-                begun = state is not None and not isinstance(state, StagesState)
-                if begun or not float(np.min(windowed.costs(guesses, 0))) < poor:
-                    start = search(options.budget)
-            cut = start is not None and start.status == "interrupted"
-            found = refined(shooting, padded if start is None else [start.z], options, stages, cut)
-            if start is None and found.status == "stalled" and model.global_start:
-                start = search(min(SECOND_BUDGET, options.budget - stages.spent[1]))
-                again = refined(shooting, [start.z], options, stages, start.status == "interrupted")
-                if again.status in ("converged", "interrupted"):
-                    found = again if again.status == "converged" else replace(found, status="interrupted")
-            return self._fit(problem, prepared, found, start, stages.state)
+        if model.global_start:  # where no start explains more than constant readings do
+            windowed = windowed_problem(shooting)
+            poor = POOR * windowed.reference(0)
+            begun = state is not None and not isinstance(state, StagesState)
+            if begun or not float(np.min(windowed.costs(guesses, 0))) < poor:
+                start = search(options.budget)
+        cut = start is not None and start.status == "interrupted"
+        found = refined(shooting, padded if start is None else [start.z], options, stages, cut)
+        if start is None and found.status == "stalled" and model.global_start:
+            start = search(min(SECOND_BUDGET, options.budget - stages.spent[1]))
+            again = refined(shooting, [start.z], options, stages, start.status == "interrupted")
+            if again.status in ("converged", "interrupted"):
+                found = again if again.status == "converged" else replace(found, status="interrupted")
+        return self._fit(problem, prepared, found, start, stages.state)
 
     def _fit(
         self,

@@ -65,7 +65,7 @@ def save_flight_as(flight: Flight, target: Path) -> Path | None:
     ending, time = target.suffix.lower(), flight.time
     if ending not in TABLES and time.size and not (time[0] >= 0.0 and time[-1] < MAX_CLOCK):
         raise OutputError(
-            f"{target}: clocks of autopilots begin at zero and count microseconds, this one goes from {time[0]:g} s to "
+            f"{target}: autopilot logs count microseconds from zero, and this clock runs from {time[0]:g} s to "
             f"{time[-1]:g} s; end the name in {OWN} or {', '.join(TABLES)}"
         )
     content, mapping = WRITERS[ending](flight)

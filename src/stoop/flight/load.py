@@ -14,6 +14,7 @@ import numpy as np
 from stoop.base.arrays import BoolArray, FloatArray, empty_columns
 from stoop.base.files import write_bytes_atomic
 from stoop.base.notices import Notice, attempt, from_dict, notice
+from stoop.base.toml import parse_json
 from stoop.base.variables import EULER, QUATERNION, RATES, VARIABLES
 from stoop.checks.engine import read_lines
 from stoop.checks.kinematics import check_rates
@@ -252,17 +253,17 @@ def _restore(recording: Recording, name: str) -> Flight:
     content: Mapping[str, Any] = recording.attributes
     try:
         rate = float(content["rate"])
-        sources = {key: SourceRate(**entry) for key, entry in json.loads(content["sources"]).items()}
-        notices = _notices({key: json.loads(content[key]) for key in (NOTICES, "notes") if key in content})
+        sources = {key: SourceRate(**entry) for key, entry in parse_json(content["sources"]).items()}
+        notices = _notices({key: parse_json(content[key]) for key in (NOTICES, "notes") if key in content})
         faults = []
-        for entry in json.loads(content["faults"]):
+        for entry in parse_json(content["faults"]):
             sentence, known = str(entry.pop("message")), entry.pop("notice", None)
             of_file = notice("described-fault", entry["variable"], text=sentence)  # of an older version
             (found,) = _notices({NOTICES: [known]}) if known is not None else (of_file,)
             faults.append(Fault(**entry, notice=found))
         air = None
         if "air" in content:
-            entries = json.loads(content["air"])
+            entries = parse_json(content["air"])
             told = _notices({key: entries.pop(key) for key in (NOTICES, "notes") if key in entries})
             numbers: dict[str, Any] = {
                 key: tuple(x) if isinstance(x, list) else x for key, x in entries.items()
@@ -270,7 +271,7 @@ def _restore(recording: Recording, name: str) -> Flight:
             traces = recording.streams.get(AIR)
             curves = {} if traces is None else {"time": traces.time, **traces.columns}
             air = AirData(**numbers, notices=told, traces=curves)
-    except (KeyError, TypeError, ValueError, AttributeError, RecursionError):
+    except (LookupError, TypeError, ValueError, AttributeError, OverflowError):
         raise LogError(foreign) from None
     uniform = rate > 0.0 and math.isfinite(rate)
     uniform = uniform and bool(np.all(np.abs(np.diff(stream.time) * rate - 1.0) < 1e-2))
@@ -285,7 +286,5 @@ def _restore(recording: Recording, name: str) -> Flight:
 def _notices(content: Mapping[str, Any]) -> tuple[Notice, ...]:
     """Read notices, or the sentences that older versions wrote."""
     if NOTICES in content:
-        found = tuple(from_dict(entry) for entry in content[NOTICES])
-        _ = [str(one) for one in found]  # raises where a value that the sentence needs is missing
-        return found
+        return tuple(from_dict(entry) for entry in content[NOTICES])
     return tuple(notice("untyped-flight-note", text=str(sentence)) for sentence in content["notes"])

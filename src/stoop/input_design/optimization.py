@@ -9,10 +9,10 @@ from typing import Any, Final
 
 import numpy as np
 from pydantic import ValidationError
-from threadpoolctl import threadpool_limits
 
 from stoop import optimize
 from stoop.base.arrays import FloatArray
+from stoop.base.blas import on_one_blas_thread
 from stoop.base.notices import Notice, notice
 from stoop.base.schema_errors import first_complaint
 from stoop.errors import SimulationError
@@ -89,6 +89,7 @@ class InformationCost(ScalarProblem):
             ) from None
 
 
+@on_one_blas_thread
 def design(
     setup: Setup,
     plan: Plan,
@@ -110,10 +111,9 @@ def design(
     problem = InformationCost(searched, SHAPES[shape](_frame(setup, plan)), plan)
     stop = optimize.Stop(budget=float(plan.evaluations))
     optimizer = optimize.create(plan.optimizer, stop.budget)
-    with threadpool_limits(limits=1, user_api="blas"):  # more threads would round differently
-        outcome = optimize.minimize(
-            optimizer, problem, seed=plan.seed, starts=problem.shape.starts, stop=stop, callback=callback
-        )
+    outcome = optimize.minimize(
+        optimizer, problem, seed=plan.seed, starts=problem.shape.starts, stop=stop, callback=callback
+    )
     if outcome.status == "interrupted":
         raise KeyboardInterrupt  # half a search is no design, and the families after it are not wanted either
     if not outcome.cost < OUTSIDE:

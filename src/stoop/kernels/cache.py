@@ -32,9 +32,11 @@ def cache_folder() -> Path:
     Where there is none, or others could put folders of theirs in its place, they are kept for this process only.
     """
     try:
-        folder = Path(os.environ.get("STOOP_CACHE_DIR", ""))
-        if folder == Path():
+        if given := os.environ.get("STOOP_CACHE_DIR"):
+            folder = Path(given)
+        else:
             folder = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "stoop" / "kernels"
+        folder = folder.resolve()  # nobody can lead it elsewhere afterwards
         if _ours_alone(folder):
             return folder
     except (RuntimeError, OSError):  # a user without a home, as containers have them; a link to itself
@@ -43,22 +45,20 @@ def cache_folder() -> Path:
 
 
 def _ours_alone(folder: Path) -> bool:
-    """Return whether nobody but this user and root can replace what lies in a folder, made or to be made.
+    """Return whether nobody but this user and root can replace what lies in a folder without links, made or to be made.
 
-    Each folder on the way to it, and to where links lead, belongs to one of these, and others cannot write there, except
-    where they can only add (sticky, as /tmp) or the group has no other member (as many systems give each user one).
+    Each folder on the way to it belongs to one of these, and others cannot write there, except where they can only add
+    (sticky, as /tmp) or the group has no other member (as many systems give each user one).
     """
     if not hasattr(os, "getuid"):
         return True
-    ways = (Path(os.path.abspath(folder)), folder.resolve())  # noqa: PTH100  resolve() follows links
-    places = {place for way in ways for place in (way, *way.parents)}
-    return all(_replaceable_by_none(place.lstat()) for place in places if os.path.lexists(place))
+    return all(_replaceable_by_none(place.lstat()) for place in (folder, *folder.parents) if place.exists())
 
 
 def _replaceable_by_none(status: os.stat_result) -> bool:
     if status.st_uid not in (os.getuid(), 0):
         return False
-    if stat.S_ISLNK(status.st_mode) or status.st_mode & stat.S_ISVTX:
+    if status.st_mode & stat.S_ISVTX:
         return True
     others = stat.S_IWOTH if _has_no_other_member(status.st_gid) else stat.S_IWOTH | stat.S_IWGRP
     return not status.st_mode & others

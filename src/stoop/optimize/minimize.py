@@ -121,7 +121,7 @@ def minimize(
             raise
         what = " ".join(str(error).split())
         raise IdentificationError(
-            f"optimize: the search cannot go on from the saved state ({what}); start anew"
+            f"optimize: the search cannot continue from the saved state ({what}); start anew"
         ) from error
     evaluations = ledger.evaluations
     return Outcome(

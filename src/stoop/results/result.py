@@ -413,7 +413,9 @@ def from_json(text: str, where: str = "result") -> Result:
     try:
         document = parse_json(text)
     except ValueError as error:
-        raise StoopError(f"{where}: is no JSON; name the result.json of stoop identify") from error
+        raise StoopError(
+            f"{where}: no JSON that can be read ({error}); name the result.json of stoop identify"
+        ) from error
     schema = document.get("schema") if isinstance(document, dict) else None
     if schema != SCHEMA:
         raise StoopError(f"{where}: has schema {schema!r}; this version reads {SCHEMA!r}")
@@ -434,7 +436,7 @@ def read_result(path: Path) -> Result:
     StoopError
         When there is no such file or it holds no result.
     """
-    return from_json(read_source(path, "result", StoopError, MAX_BYTES), str(path))
+    return from_json(read_source(path, "result", StoopError, MAX_BYTES, ".json"), str(path))
 
 
 def plain(value: Any) -> Any:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import platform
-import tempfile
+import uuid
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib import metadata
@@ -89,8 +89,8 @@ def place_outputs(job: Job, folder: Path, overwrite: bool = False) -> Path:
     make_folder(folder)
     if not overwrite and any((folder / name).exists() for name in files):
         # Hours may lie in either: the result is put beside that of the other run.
-        aside = Path(tempfile.mkdtemp(prefix="stoop-", dir=folder))
-        write_files(aside, files)
+        aside = folder / f"run-{uuid.uuid4().hex[:8]}"
+        write_files(folder, {f"{aside.name}/{name}": content for name, content in files.items()})
         raise OutputError(
             f"{folder}: another run has written there meanwhile; this one's result is in {aside}"
         )
@@ -232,7 +232,6 @@ def read_identified(path: Path) -> Identified:
     lost = next((name for name, p in result.parameters.items() if not np.isfinite(p.estimate)), None)
     covariance, noise = result.covariance, result.noise_covariance
     of_parameters = [[p.estimate, p.std_error, p.prior_mean, p.prior_std] for p in result.parameters.values()]
-    of_parameters += [[1.0 / p.std_error] for p in result.parameters.values() if p.std_error]
     numbers: tuple[npt.ArrayLike, ...] = (
         *of_parameters,
         np.sqrt(np.abs(covariance.matrix)),
@@ -249,7 +248,11 @@ def read_identified(path: Path) -> Identified:
             "has a covariance of other parameters than its estimates",
         ),
         *((rows != names, f"has a covariance of {rows} rows for {names} names") for rows, names in sizes),
-        (any(_size(some) > MAX_NUMBER for some in numbers), "has numbers out of range (1e-30 to 1e30)"),
+        (
+            any(_size(some) > MAX_NUMBER for some in numbers)
+            or any(0.0 < p.std_error < 1.0 / MAX_NUMBER for p in result.parameters.values()),
+            "has numbers out of range (1e-30 to 1e30)",
+        ),
         (not np.allclose(apart, apart.T), "has a covariance that is not symmetric, or has holes"),
         (not is_covariance(noise.matrix), "has a noise covariance that is not positive definite"),
         (

@@ -107,7 +107,7 @@ def test_toml_within_its_bounds_is_read(text: str) -> None:
 def test_json_beyond_its_bounds_is_refused(text: str) -> None:
     with pytest.raises(ValueError, match=r"deep|digits|Expecting"):
         parse_json(text)
-    with pytest.raises(StoopError, match="is no JSON"):
+    with pytest.raises(StoopError, match="no JSON that can be read"):
         from_json(text)
 
 
@@ -270,7 +270,7 @@ def test_a_state_from_which_no_search_can_go_on_is_one_error() -> None:
 
     state = create().init(search_states.Bowl(), 1, np.empty((0, 3)))
     broken = replace(state, starts=np.zeros((1, 9)))
-    with pytest.raises(IdentificationError, match="cannot go on from the saved state"):
+    with pytest.raises(IdentificationError, match="cannot continue from the saved state"):
         minimize(create(), search_states.Bowl(), seed=1, state=broken, stop=Stop(generations=3))
 
 

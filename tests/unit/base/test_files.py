@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from stoop.base.files import scratch, write_files, write_text_atomic
+from stoop.base.files import SCRATCH, scratch, write_files, write_text_atomic
 from stoop.errors import OutputError
 
 
@@ -98,6 +98,14 @@ def test_nothing_is_swept_through_a_link(tmp_path: Path) -> None:
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "file").write_text("mine")
     (tmp_path / "out").mkdir()
-    (tmp_path / "out" / ".stoop-link").symlink_to(tmp_path / "mine")
+    (tmp_path / "out" / f"{SCRATCH}link").symlink_to(tmp_path / "mine")
     write_text_atomic(tmp_path / "out" / "a", "new")
     assert (tmp_path / "mine" / "file").read_text() == "mine"
+
+
+def test_hidden_folders_of_others_stay(tmp_path: Path) -> None:
+    for name in (".stoop", ".stoop-cache", ".stoop-kernels"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "file").write_text("mine")
+    write_text_atomic(tmp_path / "a", "new")
+    assert len(list(tmp_path.glob(".stoop*/file"))) == 3

@@ -106,6 +106,32 @@ def test_sentences_of_older_files_come_back(tmp_path: Path) -> None:
     assert [str(found) for found in back.air.notices] == sentences
 
 
+@pytest.mark.parametrize("number", ["1" * 400, "[" * 100 + "]" * 100, '"x"'])
+def test_notices_that_make_no_sentence(tmp_path: Path, number: str) -> None:
+    save(flight(np.arange(40.0)), tmp_path / "g.nc")
+    text = json.dumps(
+        [
+            notice(
+                "clock-aligned",
+                "log",
+                shift=0.5,
+                std=0.1,
+                reference="b",
+                using="p",
+                correlation=0.9,
+                overlap=9.0,
+            ).to_dict()
+        ]
+    ).replace("0.5", number)
+    path = tmp_path / "h.nc"
+    import xarray as xr
+
+    with xr.open_dataset(tmp_path / "g.nc", engine="scipy", decode_timedelta=False) as opened:
+        opened.load().assign_attrs(notices=text).to_netcdf(path, engine="scipy", format="NETCDF3_64BIT")
+    with pytest.raises(LogError, match="write the flight again"):
+        load(path)
+
+
 def test_cut_at_many_places(tmp_path: Path) -> None:
     save(flight(np.arange(40.0)), tmp_path / "g.nc")
     whole = (tmp_path / "g.nc").read_bytes()

@@ -1,0 +1,60 @@
+"""Archives of arrays that say something else than they hold."""
+
+from __future__ import annotations
+
+import io
+import struct
+import tracemalloc
+import zipfile
+
+import numpy as np
+import pytest
+
+from stoop.base.npz import read_arrays
+
+UNFOLDED = 50 * 2**20
+
+
+def _understated(method: int) -> io.BytesIO:
+    """Return an archive whose member unfolds to more than it states: 128 bytes."""
+    sink = io.BytesIO()
+    with zipfile.ZipFile(sink, "w") as archive:
+        archive.writestr("a.npy", bytes(UNFOLDED), compress_type=method)
+    content = bytearray(sink.getvalue())
+    central = content.index(b"PK\x01\x02")
+    for place in (22, central + 24):  # of the size, in both headers
+        content[place : place + 4] = struct.pack("<I", 128)
+    return io.BytesIO(bytes(content))
+
+
+@pytest.mark.parametrize("method", [zipfile.ZIP_DEFLATED, zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA])
+def test_no_more_is_unpacked_than_is_stated(method: int) -> None:
+    archive = _understated(method)
+    assert len(archive.getvalue()) < 2**17
+    tracemalloc.start()
+    with pytest.raises((ValueError, zipfile.BadZipFile)):
+        read_arrays(archive, 2**20)
+    assert tracemalloc.get_traced_memory()[1] < 2**21
+    tracemalloc.stop()
+
+
+@pytest.mark.parametrize(
+    "head",
+    ["{'descr': '<f8', 'fortran_order': False, 'shape': (3,", "{[]: 1}", "-" * 50_000 + "1", "(" * 300],
+)
+def test_a_header_that_is_no_python_is_a_value_error(head: str) -> None:
+    sink = io.BytesIO()
+    text = head.encode() + b"\n"
+    with zipfile.ZipFile(sink, "w") as archive:
+        archive.writestr("a.npy", b"\x93NUMPY\x01\x00" + len(text).to_bytes(2, "little") + text + bytes(8))
+    with pytest.raises(ValueError, match=r"header|Header"):
+        read_arrays(sink, 2**20)
+
+
+def test_arrays_at_the_bound_are_read() -> None:
+    sink = io.BytesIO()
+    np.savez_compressed(sink, a=np.zeros(2**10))
+    size = sum(one.file_size for one in zipfile.ZipFile(sink).infolist())
+    assert read_arrays(sink, size)["a"].size == 2**10
+    with pytest.raises(ValueError, match="unfolds"):
+        read_arrays(sink, size - 1)
