@@ -6,7 +6,7 @@ import csv
 from pathlib import Path
 from typing import Final
 
-from stoop_studies.verify.robustness import FAILED, FAMILIES
+from stoop_studies.verify.robustness import FAILED, FAMILIES, SURFACES
 
 DOCS: Final = Path(__file__).parents[1] / "docs"
 BEGIN, END = "<!-- counts: written by scripts/robustness.py -->", "<!-- end of counts -->"
@@ -15,13 +15,16 @@ COLUMNS: Final = {
     "same": "the same as undamaged", "read": "read", "limit": "refused for its memory",
     "contained": "third-party code crashed or hung", FAILED: "failed",
 }  #: column of the table -> heading on the page  # fmt: skip
+FIRST: Final = next(iter(SURFACES))
 
 
 def tables(counts: Path) -> str:
     """Return the counts as Markdown, a table for each family; columns without a case are left out."""
     with counts.open(newline="", encoding="utf-8") as file:
         records = list(csv.DictReader(file))
-    parts = []
+    total, failed = (sum(int(record[key]) for record in records) for key in ("cases", FAILED))
+    slices = sum(int(one["cases"]) for one in records if one["surface"] == FIRST) // SURFACES[FIRST].count
+    parts = [f"The counts of {slices} slices: {total:,} cases, of which {failed} failed."]
     for family, described in FAMILIES.items():
         rows: dict[str, list[int]] = {}
         for record in records:
