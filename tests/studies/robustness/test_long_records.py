@@ -1,0 +1,42 @@
+"""Records of a million samples: they take the memory of what is kept, and little more."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from stoop_studies.robustness.trials import BAD, READ, Bounds, Case, try_all
+from stoop_studies.robustness.verbs import run_quietly
+
+SAMPLES = 1_000_000
+RATE = 25.0  #: Hz; the grid has four times as many
+MAPPING = """time = {column = "t", unit = "s"}
+[variables]
+p = {column = "p", unit = "rad/s"}
+q = {column = "q", unit = "rad/s"}
+r = {column = "r", unit = "rad/s"}
+ax = {column = "ax", unit = "m/s2"}
+az = {column = "az", unit = "m/s2"}
+"""
+KEPT = 6 * 8 * 4 * SAMPLES  #: bytes of the flight: time and five channels
+
+
+@pytest.mark.slow
+def test_a_table_of_a_million_samples(tmp_path: Path) -> None:
+    random = np.random.default_rng(3)
+    columns = {name: random.standard_normal(SAMPLES).round(4) for name in ("p", "q", "r", "ax", "az")}
+    pd.DataFrame({"t": np.arange(SAMPLES) / RATE, **columns}).to_csv(tmp_path / "long.csv", index=False)
+    (tmp_path / "long.csv.toml").write_text(MAPPING)
+
+    def describe(folder: Path) -> str:
+        code, out, errors = run_quietly(["info", str(tmp_path / "long.csv")], {}, folder)
+        assert code == 0, errors
+        assert "100 Hz" in out
+        return READ
+
+    bounds = Bounds(seconds=30, wall=300.0, room=2**31, swell=KEPT + 2**29)
+    (tried,) = try_all(lambda number: Case(number, "info", "long", describe), range(1), bounds)
+    assert tried.outcome not in BAD, tried.message
