@@ -64,7 +64,7 @@ def try_differential(name: str, seed: int, count: int) -> Iterator[Tried]:
     )
     if name in DAMAGED:
         samples(name)
-    yield from try_all(differential_cases(name, seed), range(count), replace(BOUNDS, swell=2**40))
+    yield from try_all(differential_cases(name, seed), range(count), replace(BOUNDS, memory=2**40))
 
 
 def differential_cases(name: str, seed: int) -> Cases:
@@ -225,12 +225,12 @@ def compare_arrays(recording: Recording, theirs: Found) -> None:
             if not fits:
                 raise BrokenPromiseError(f"{name} {column}: the numbers are not in the file")
             seen |= fits
-    told = " ".join(map(str, recording.defects))
+    message = " ".join(map(str, recording.defects))
     for place, values in theirs.arrays.items():
         around = [
             place[: match.start()] for match in re.finditer(r"[.\[']|$", place)
         ]  # structures, and itself
-        listed = " more" in told or any(re.search(rf"\b{re.escape(word)}\b", told) for word in around)
+        listed = " more" in message or any(re.search(rf"\b{re.escape(word)}\b", message) for word in around)
         if values.size > 1 and place not in seen and not listed:
             raise BrokenPromiseError(f"the array {place} of {values.shape} is lost")
 

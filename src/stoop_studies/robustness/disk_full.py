@@ -93,14 +93,14 @@ def on_full_disk(name: str, folder: Path, how: str, room: int, old: bool) -> str
         outcome = SAME
     else:
         outcome = REFUSED
-        errors = [line for line in ended.said if "error" in line or "Traceback" in line]
+        errors = [line for line in ended.stderr_lines if "error" in line or "Traceback" in line]
         if ended.code != 2 or len(errors) != 1 or not errors[0].startswith("stoop: error: "):
-            raise BrokenPromiseError(f"exit code {ended.code}: {' | '.join(ended.said[-3:])}")
+            raise BrokenPromiseError(f"exit code {ended.code}: {' | '.join(ended.stderr_lines[-3:])}")
         _check_rest(before, folder)
         again = ("--resume",) if (out / SEARCH).exists() else again
         ended = run((*words, *again))
         if ended.code:
-            raise BrokenPromiseError(f"with space again {ended.code}: {' | '.join(ended.said[-3:])}")
+            raise BrokenPromiseError(f"with space again {ended.code}: {' | '.join(ended.stderr_lines[-3:])}")
     if unlike := differences(undisturbed(words), out):
         raise BrokenPromiseError(unlike)
     return outcome
@@ -178,11 +178,11 @@ def in_a_copy(work: Callable[[], str]) -> str:
     if child == 0:
         try:
             try:
-                said = ["", work()]
+                message = ["", work()]
             except BaseException as error:
                 kind = type(error).__name__ if not isinstance(error, BrokenPromiseError) else ""
-                said = [f"{kind}: {error}".removeprefix(": ")]
-            os.write(target, json.dumps(said).encode()[: 2**15])
+                message = [f"{kind}: {error}".removeprefix(": ")]
+            os.write(target, json.dumps(message).encode()[: 2**15])
         finally:
             os._exit(0)
     os.close(target)

@@ -10,6 +10,7 @@ import json
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from random import Random
 from typing import Any, Final, TypeAlias
 
@@ -39,7 +40,18 @@ class Branch:
 
 Node: TypeAlias = "Branch | list[Any] | str | int | float | bool | Raw | None"
 Place: TypeAlias = "tuple[Branch | list[Any], int]"  #: of a node: what holds it, and its index there
-Writer: TypeAlias = Callable[[Node, Random], bytes]
+
+
+@dataclass(frozen=True)
+class Document:
+    """A kind of document: its grammar, those that are sound, how trees of it are written, and what is asked of it."""
+
+    draw: Callable[[Draw], Node]
+    ask: Callable[[Path, bytes, Random], str]  #: folder, content -> outcome; refused by an error of ours
+    write: Callable[[Node, Random], bytes]
+    kept: Callable[[], tuple[Node, ...]] = tuple  #: sound ones beside those of the grammar
+    form: str = "lines"  #: of `damaged_logs.FORMS`, by which its bytes are damaged
+
 
 INTEGERS: Final = (
     0,
@@ -376,8 +388,3 @@ def to_toml(node: Node, rng: Random) -> bytes:
         if left:
             lines.append(f"[{left[0][0]}]")
     return "\n".join(lines).encode("utf-8", "surrogatepass")
-
-
-def from_draw(draw: Draw, usual: Node) -> Node:
-    """Return the usual value, or a hostile one where the next choice is."""
-    return hostile(draw.rng) if draw.bad() else usual

@@ -11,7 +11,7 @@ import math
 import tomllib
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from random import Random
@@ -44,9 +44,10 @@ from stoop.workflow.summary import (
     repeatability_lines,
 )
 from stoop_studies.robustness import document_grammars as grammars
-from stoop_studies.robustness import kept_files, readers
+from stoop_studies.robustness import readers
 from stoop_studies.robustness.damaged_logs import damaged
-from stoop_studies.robustness.document_trees import Node, Writer, damaged_tree, to_json, to_toml, tree_of
+from stoop_studies.robustness.document_trees import Document, Node, damaged_tree, to_json, to_toml, tree_of
+from stoop_studies.robustness.kept_files import KEPT_FILES
 from stoop_studies.robustness.log_grammars import SHARES, Draw
 from stoop_studies.robustness.readers import FLIGHT, READER
 from stoop_studies.robustness.result_grammar import RESULT as RESULT_GRAMMAR
@@ -75,20 +76,6 @@ DRAFT_SHARE: Final = 0.02  #: of the geometries from which a vehicle is drafted
 PAGE_SHARE: Final = 0.05  #: of the results of which a page is made
 CHANNELS: Final = ("p", "q", "r")  #: of a covariance
 BOUNDS: Final = Bounds()
-Ask = Callable[
-    [Path, bytes, Random], str
-]  #: folder, content -> outcome; an error of ours where it is refused
-
-
-@dataclass(frozen=True)
-class Document:
-    """A kind of document: its grammar, those that are sound, how trees of it are written, and what is asked of it."""
-
-    draw: Callable[[Draw], Node]
-    ask: Ask
-    write: Writer
-    kept: Callable[[], tuple[Node, ...]] = tuple  #: sound ones beside those of the grammar
-    form: str = "lines"  #: of `damaged_logs.FORMS`, by which its bytes are damaged
 
 
 def promise(kept: bool, what: str) -> None:
@@ -242,10 +229,6 @@ def kept_results() -> tuple[Node, ...]:
     return (tree_of(json.loads(inputs()["model/result.json"])),)
 
 
-def _of_kept(kind: kept_files.Kind) -> Document:
-    return Document(kind.draw, kind.ask, kind.write, kind.kept, kind.form)
-
-
 DOCUMENTS: Final[Mapping[str, Document]] = {
     "vehicle": Document(VEHICLE, ask_vehicle, to_toml, _toml(kept_vehicles)),
     "mapping table": Document(grammars.MAPPING, ask_mapping, to_toml, _toml(lambda: (CSV_MAPPING.decode(),))),
@@ -255,7 +238,7 @@ DOCUMENTS: Final[Mapping[str, Document]] = {
     "covariance": Document(grammars.COVARIANCE, ask_covariance, write_rows),
     "result": Document(RESULT_GRAMMAR, ask_result, to_json, kept_results),
     "identification": Document(RESULT_GRAMMAR, ask_identification, to_json, kept_results),
-    **{name: _of_kept(kind) for name, kind in kept_files.KINDS.items()},
+    **KEPT_FILES,
 }  #: name -> kind of document
 
 

@@ -51,7 +51,6 @@ NAMES: Final = (
 COUNTS: Final = (0, 1, 2, 3, 4, 7, 13, 20, 51)  #: samples of a flight that is cut short
 LEAPS: Final = (1e-9, 0.5, 60.0, 3600.0, 1e6, 1e12, -1.0)  #: s of a clock
 RATES: Final = (1e-3, 0.2, 1.0, 1e3, 1e5, 1e9)  #: Hz
-#: the flown vehicles, their maneuvers and how long they last, s
 WINGED: Final = """
 duration = 6.0
 rate = 25.0
@@ -93,7 +92,7 @@ MANEUVERS: Final = {
     "long": WINGED.replace("duration = 6.0", "duration = 24.0").replace("start = 3.0", "start = 12.0"),
     "glide": WINGED.replace("duration = 6.0", "duration = 65.0").replace("rate = 25.0", "rate = 10.0"),
     "long hover": ON_ROTORS.replace("duration = 4.0", "duration = 45.0"),
-}
+}  #: name of a flight and its vehicle -> maneuver file
 FREED: Final = {"short": ("CLalpha", "Cmalpha", "Cmelevator"), "hover": ("rotors.T2",)}
 MANY: Final = 170  #: further terms of the vehicle "many", which then has 200 free numbers
 Document: TypeAlias = dict[str, Any]
@@ -346,7 +345,7 @@ def leaves(document: Any) -> list[Leaf]:
 
 def hostile_numbers(rng: Random, document: Document, most: int, numbers: tuple[float, ...] = HOSTILE) -> str:
     """Put up to so many hostile numbers into a document; return what the first of them is."""
-    told = "sound"
+    edit = "sound"
     for number in range(rng.randint(0, most)):
         places = leaves(document)
         if not places:
@@ -356,14 +355,14 @@ def hostile_numbers(rng: Random, document: Document, most: int, numbers: tuple[f
             rng.choice(numbers) if rng.random() < 0.7 else table[key] * rng.choice((-1, 0, 1e-9, 1e9, 1e300))
         )
         table[key] = value
-        told = "hostile number" if number == 0 else told
-    return told
+        edit = "hostile number" if number == 0 else edit
+    return edit
 
 
 def hostile_vehicle(rng: Random, name: str, most: int = 3) -> tuple[str, str]:
     """Draw a vehicle file with hostile numbers, bounds and priors; return the first edit, and its text."""
     document = tomllib.loads(vehicle(name).text)
-    told = hostile_numbers(rng, document, most)
+    edit = hostile_numbers(rng, document, most)
     if rng.random() < 0.4:
         tables = [*document.get("aerodynamics", {}).values(), document["mass"]]
         places = [
@@ -372,8 +371,8 @@ def hostile_vehicle(rng: Random, name: str, most: int = 3) -> tuple[str, str]:
         for table, key in rng.sample(places, min(len(places), rng.choice((1, 2, 30)))):
             known = table[key] if isinstance(table[key], dict) else {"value": table[key]}
             table[key] = {**known, **_liberties(rng, float(known["value"]))}
-        told = "bounds and priors" if told == "sound" else told
-    return told, toml_text(document)
+        edit = "bounds and priors" if edit == "sound" else edit
+    return edit, toml_text(document)
 
 
 def _liberties(rng: Random, value: float) -> Document:
@@ -393,10 +392,10 @@ def _liberties(rng: Random, value: float) -> Document:
 def hostile_maneuver(rng: Random, name: str, most: int = 3) -> tuple[str, str]:
     """Draw a maneuver file; return the first edit, and its text."""
     document = tomllib.loads(MANEUVERS[name])
-    told = hostile_numbers(rng, document, most, (*HOSTILE, 0.04, 0.1, 3.0, 1e-6))
+    edit = hostile_numbers(rng, document, most, (*HOSTILE, 0.04, 0.1, 3.0, 1e-6))
     if most and rng.random() < 0.3:
         document["noise"] = {
             channel: rng.choice(HOSTILE) for channel in rng.sample(("V", "alpha", "q", "az"), 2)
         }
-        told = "noise" if told == "sound" else told
-    return told, toml_text(document)
+        edit = "noise" if edit == "sound" else edit
+    return edit, toml_text(document)

@@ -10,13 +10,11 @@ from __future__ import annotations
 import contextlib
 import csv
 import io
-import json
 import os
 import signal
 import sqlite3
 import sys
 import time
-import tomllib
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -28,19 +26,19 @@ from unittest import mock
 
 from stoop.base.files import SCRATCH
 from stoop.cli.main import INTERRUPTED, main
-from stoop.flight import load
 from stoop.optimize import load_state
 from stoop_studies.robustness.small_runs import (
     COMMANDS,
     OUT,
     SEARCH,
     STORES,
-    alike,
     inputs,
+    reproducible_outputs,
     undisturbed,
     written,
 )
 from stoop_studies.robustness.trials import SAME, Tried, lay_out
+from stoop_studies.robustness.verb_outputs import check_file
 
 INTERRUPTIONS: Final = ("identify", "search", "bootstrap", "compare", "reproduce")
 MOST: Final = 4  #: kills of one run from its beginning to its end
@@ -70,7 +68,7 @@ class Kill:
 
 
 @dataclass(frozen=True)
-class Usual:
+class Baseline:
     """A run in a copy of this process: its length, s, and its changes of files."""
 
     seconds: float
@@ -80,13 +78,14 @@ class Usual:
 def try_interruptions(name: str, seed: int, count: int) -> Iterator[Tried]:
     """Kill a verb of `INTERRUPTIONS` so many times; each run from beginning to end may be killed several times."""
     undisturbed(COMMANDS[name])
-    usual(name)
+    baseline(name)
     number, rng = 0, Random(f"interruptions {name} {seed}")  # noqa: S311  no secret
     while number < count:
         kills, problem = _one_run(name, rng, min(MOST, count - number))
-        for i, kill in enumerate(kills):
-            outcome = "fault" if problem and i == len(kills) - 1 else SAME
-            yield Tried(number, name, str(kill), outcome, problem if outcome != SAME else "")
+        damages = list(map(str, kills)) or ["no kill"] * bool(problem)
+        for i, damage in enumerate(damages):
+            outcome = "fault" if problem and i == len(damages) - 1 else SAME
+            yield Tried(number, name, damage, outcome, problem if outcome != SAME else "")
             number += 1
 
 
@@ -98,23 +97,23 @@ def _one_run(name: str, rng: Random, most: int) -> tuple[list[Kill], str]:
         lay_out(folder, inputs())
         (folder / OUT).mkdir()
         while len(kills) < most:
-            kill = drawn(usual(name), rng)
+            kill = drawn(baseline(name), rng)
             ending = run_and_kill((*words, *resumed(folder / OUT)), folder, kill)
             if ending == 0:
                 break
             kills.append(kill)
             expected = (-kill.kind, INTERRUPTED) if kill.kind == signal.SIGTERM else (-kill.kind,)
-            problem = broken(folder) if ending in expected else f"{ending}: {_said(folder)}"
+            problem = broken(folder) if ending in expected else f"{ending}: {_message(folder)}"
             if problem:
                 return kills, problem
         else:
             ending = run_and_kill((*words, *resumed(folder / OUT)), folder)
         if ending:
-            return kills, f"{ending} in the end: {_said(folder)}"
+            return kills, f"{ending} in the end: {_message(folder)}"
         return kills, differences(undisturbed(words), folder / OUT)
 
 
-def drawn(one: Usual, rng: Random) -> Kill:
+def drawn(one: Baseline, rng: Random) -> Kill:
     """Draw a kill."""
     kind = signal.SIGTERM if rng.random() < TERMINATED else signal.SIGKILL
     if rng.random() < BY_CHANGE:
@@ -130,7 +129,7 @@ def resumed(out: Path) -> tuple[str, ...]:
 
 
 @cache
-def usual(name: str) -> Usual:
+def baseline(name: str) -> Baseline:
     """Return how long a verb takes in a copy of this process, and how many files it changes."""
     with TemporaryDirectory(prefix="stoop-") as place:
         folder = Path(place)
@@ -140,28 +139,33 @@ def usual(name: str) -> Usual:
         ending = run_and_kill(COMMANDS[name], folder)
         seconds = time.monotonic() - began
         if ending or (problem := differences(undisturbed(COMMANDS[name]), folder / OUT)):
-            raise RuntimeError(f"{name}: {ending}: {_said(folder) if ending else problem}")
-        return Usual(seconds, int((folder / "changes").read_text()))
+            raise RuntimeError(f"{name}: {ending}: {_message(folder) if ending else problem}")
+        return Baseline(seconds, int((folder / "changes").read_text()))
 
 
 def run_and_kill(words: tuple[str, ...], folder: Path, kill: Kill | None = None) -> int:
-    """Run a verb in a copy of this process, in a folder; return its exit code, or minus the signal that it died of."""
+    """Run a verb in a copy of this process, in a folder; return its exit code, or minus the signal that it died of.
+
+    A verb that hangs is ended, and returns minus SIGALRM.
+    """
     child = os.fork()
     if child == 0:
         _work(words, folder, kill)  # never comes back
-    end = time.monotonic() + (kill.after if kill and not kill.change else PATIENCE)
-    if (ending := _wait(child, end)) is None:
-        os.kill(child, kill.kind if kill else signal.SIGKILL)
-        ending = _wait(child, time.monotonic() + PATIENCE)
+    timed = kill if kill and not kill.change else None  # others act in the child itself
+    ending = _wait(child, timed.after if timed else PATIENCE)
+    if ending is None and timed:
+        os.kill(child, timed.kind)
+        ending = _wait(child, PATIENCE)
     if ending is None:
         os.kill(child, signal.SIGKILL)
-        ending = os.waitpid(child, 0)[1]
-        return -signal.SIGALRM  # a hang
+        os.waitpid(child, 0)
+        return -signal.SIGALRM
     return ending
 
 
-def _wait(child: int, end: float) -> int | None:
-    """Return how a child has ended until a time; None if it has not."""
+def _wait(child: int, seconds: float) -> int | None:
+    """Return how a child has ended within so many seconds; None if it has not."""
+    end = time.monotonic() + seconds
     while True:
         done, status = os.waitpid(child, os.WNOHANG)
         if done:
@@ -176,13 +180,13 @@ def _work(words: tuple[str, ...], folder: Path, kill: Kill | None) -> None:
     code = 1
     try:
         os.chdir(folder)
-        sys.stdout = (folder / "told").open("w", encoding="utf-8")
-        sys.stderr = (folder / "said").open("w", encoding="utf-8")
+        sys.stdout = (folder / "stdout").open("w", encoding="utf-8")
+        sys.stderr = (folder / "stderr").open("w", encoding="utf-8")
         os.dup2(sys.stderr.fileno(), 2)
         for one, handler in ((signal.SIGINT, signal.default_int_handler), (signal.SIGTERM, signal.SIG_DFL)):
             signal.signal(one, handler)
         changes = count_changes(kill)
-        with alike(), mock.patch.object(sys, "argv", ["stoop", *words]):
+        with reproducible_outputs(), mock.patch.object(sys, "argv", ["stoop", *words]):
             code = main()
         for stream in (sys.stdout, sys.stderr):
             stream.flush()
@@ -206,9 +210,9 @@ def count_changes(kill: Kill | None) -> list[int]:
     return count
 
 
-def _said(folder: Path) -> str:
+def _message(folder: Path) -> str:
     with contextlib.suppress(OSError):
-        return " | ".join((folder / "said").read_text(encoding="utf-8").splitlines()[-3:])
+        return " | ".join((folder / "stderr").read_text(encoding="utf-8").splitlines()[-3:])
     return ""
 
 
@@ -224,23 +228,24 @@ def differences(expected: Mapping[str, bytes], out: Path) -> str:
     return "; ".join(f"{what}: {', '.join(names)}" for what, names in parts.items() if names)
 
 
-def _table(content: bytes) -> None:
-    rows = list(csv.reader(io.StringIO(content.decode())))
-    if len({len(row) for row in rows}) != 1 or not content.endswith(b"\n"):
+def _check_table(path: Path) -> None:
+    text = path.read_text(encoding="utf-8")
+    if len({len(row) for row in csv.reader(io.StringIO(text))}) != 1 or not text.endswith("\n"):
         raise ValueError("cut")
 
 
-def _page(content: bytes) -> None:
-    if not content.rstrip().endswith(b"</html>"):
-        raise ValueError("cut")
+def _check_store(path: Path) -> None:
+    with contextlib.closing(sqlite3.connect(path)) as store:
+        if store.execute("PRAGMA integrity_check").fetchall() != [("ok",)]:
+            raise ValueError("damaged")
 
 
-READERS: Final[Mapping[str, Callable[[bytes], object]]] = {
-    ".json": json.loads,
-    ".toml": lambda content: tomllib.loads(content.decode()),
-    ".html": _page,
-    ".csv": _table,
-}  #: ending -> reads the whole content, or fails
+CHECKS: Final[Mapping[str, Callable[[Path], object]]] = {
+    **dict.fromkeys((".json", ".toml", ".html", ".nc"), check_file),
+    ".csv": _check_table,
+    ".npz": load_state,
+    STORES: _check_store,
+}  #: ending -> reads the whole file, or fails
 
 
 def broken(folder: Path) -> str:
@@ -253,22 +258,10 @@ def broken(folder: Path) -> str:
         if path.name in hidden:
             continue
         try:
-            if path.suffix in READERS:
-                READERS[path.suffix](path.read_bytes())
-            elif path.suffix == ".nc":
-                load(path)
-            elif path.suffix == ".npz":
-                load_state(path)
-            elif path.suffix == STORES:
-                _check_store(path)
+            if path.suffix in CHECKS:
+                CHECKS[path.suffix](path)
             elif not path.name.endswith("-journal"):
                 return f"{path.name}: nobody knows what this is"
         except Exception as error:
             return f"{path.name} is not whole: {type(error).__name__}: {error}"
     return ""
-
-
-def _check_store(path: Path) -> None:
-    with contextlib.closing(sqlite3.connect(path)) as store:
-        if store.execute("PRAGMA integrity_check").fetchall() != [("ok",)]:
-            raise ValueError("damaged")

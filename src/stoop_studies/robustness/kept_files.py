@@ -11,9 +11,7 @@ import io
 import json
 import os
 import sqlite3
-from collections.abc import Callable
 from contextlib import closing, suppress
-from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from random import Random
@@ -28,14 +26,20 @@ from stoop.parallel.plan import Plan, Run, to_text
 from stoop.parallel.store import _TABLES, SCHEMA, _seal, forget, open_store
 from stoop_studies.robustness.document_trees import (
     Branch,
+    Document,
     Node,
-    Writer,
     to_json,
     tree_of,
 )
 from stoop_studies.robustness.log_grammars import Draw
 from stoop_studies.robustness.sample_logs import samples
-from stoop_studies.robustness.search_states import ask_state, draw_state, kept_states, spoiled, write_state
+from stoop_studies.robustness.search_states import (
+    ask_state,
+    draw_state,
+    kept_states,
+    with_hostile_leaves,
+    write_state,
+)
 from stoop_studies.robustness.trials import READ, BrokenPromiseError
 
 ENVIRONMENT: Final = {"numpy": "2.0", "stoop": "1.0"}
@@ -59,23 +63,10 @@ STATEMENTS: Final = (
     "UPDATE runs SET result = CAST(x'ff80' AS TEXT)",
     "INSERT INTO runs SELECT key || 'x', identity, zeroblob(300000000), checksum FROM runs",
 )
-
-
 INSERTS: Final = {
     "meta": "INSERT OR REPLACE INTO meta VALUES (?, ?, ?)",
     "runs": "INSERT OR REPLACE INTO runs VALUES (?, ?, ?, ?)",
 }
-
-
-@dataclass(frozen=True)
-class Kind:
-    """A kind of file: its grammar, what is asked of it, how it is written, sound ones, and how its bytes are damaged."""
-
-    draw: Callable[[Draw], Node]
-    ask: Callable[[Path, bytes, Random], str]
-    write: Writer
-    kept: Callable[[], tuple[Node, ...]]
-    form: str
 
 
 # stores of campaigns
@@ -99,7 +90,7 @@ def kept_stores() -> tuple[Node, ...]:
 
 def draw_store(draw: Draw) -> Node:
     """Draw a store with hostile cells whose checksums fit, and hostile statements."""
-    store = spoiled(draw, draw.rng.choice(kept_stores()))
+    store = with_hostile_leaves(draw, draw.rng.choice(kept_stores()))
     parts: dict[str, Any] = dict(store.pairs) if isinstance(store, Branch) else {}
     return Branch(
         [
@@ -281,13 +272,21 @@ def ask_flight(folder: Path, content: bytes, rng: Random) -> str:
     return READ
 
 
-KINDS: Final = {
-    "state": Kind(draw_state, ask_state, write_state, kept_states, "words"),
-    "store": Kind(draw_store, ask_store, write_store, kept_stores, "pages"),
-    "kernel cache": Kind(
-        lambda draw: spoiled(draw, kept_manifests()[0]), ask_cache, to_json, kept_manifests, "lines"
+KEPT_FILES: Final = {
+    "state": Document(draw_state, ask_state, write_state, kept_states, "words"),
+    "store": Document(draw_store, ask_store, write_store, kept_stores, "pages"),
+    "kernel cache": Document(
+        lambda draw: with_hostile_leaves(draw, kept_manifests()[0]),
+        ask_cache,
+        to_json,
+        kept_manifests,
+        "lines",
     ),
-    "flight": Kind(
-        lambda draw: spoiled(draw, kept_flights()[0]), ask_flight, write_flight, kept_flights, "words"
+    "flight": Document(
+        lambda draw: with_hostile_leaves(draw, kept_flights()[0]),
+        ask_flight,
+        write_flight,
+        kept_flights,
+        "words",
     ),
 }  #: name -> kind of file

@@ -73,7 +73,7 @@ DESCRIPTIONS: Final = {
 
 @dataclass(frozen=True)
 class Draw:
-    """Random choices of a log; of one seed the same."""
+    """Random choices for a log; equal seeds give equal choices."""
 
     rng: Random
     hostile: float  #: share of numbers and words that are hostile
@@ -327,8 +327,3 @@ GRAMMARS: Final[Mapping[str, Callable[[Draw], Sample]]] = {
     "csv": table,
 }  #: format -> its logs
 SHARES: Final = (0.0, 0.02, 0.1, 0.4)  #: shares of hostile choices of a log
-
-
-def drawn(kind: str, rng: Random) -> Sample:
-    """Return a log of a format (key of `GRAMMARS`)."""
-    return GRAMMARS[kind](Draw(rng, rng.choice(SHARES)))

@@ -75,11 +75,6 @@ def several(maker: Maker, least: int, most: int) -> Maker:
 
 
 def row(*makers: Maker) -> Maker:
-    """Return a maker of lists with one entry of each."""
-    return several_of(makers)
-
-
-def several_of(makers: tuple[Maker, ...]) -> Maker:
     """Return a maker of lists with one entry of each maker; a hostile one lacks the last or repeats it."""
 
     def make(draw: Draw) -> Node:

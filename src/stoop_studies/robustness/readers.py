@@ -257,9 +257,7 @@ def try_logs(series: Series, count: int) -> Iterator[Tried]:
     prepare(series.library)
     if not series.drawn:
         samples(series.form, series.data)
-    bounds = replace(BOUNDS, hangs_again=not series.library)  # the child is another trial
-    if series.guarded:
-        bounds = replace(bounds, swell=2**40)  # not of this process
+    bounds = replace(BOUNDS, memory=2**40) if series.guarded else BOUNDS  # not of this process
     for tried in try_all(log_cases(series), range(count), bounds):
         if series.library and not series.guarded and tried.outcome in BAD:
             guarded, number = replace(series, guarded=True), tried.number

@@ -184,9 +184,9 @@ def _flight(ending: str, draw: Draw, folder: Path) -> str:
     columns = {str(name): flight.column(str(name)) for name in flight.data.data_vars}
     if ending == OWN:
         back = load(path)
-        told, known = ((x.rate, repr(x.sources), x.notices) for x in (back, flight))
-        if told != known:
-            raise BrokenPromiseError(f"rate, sources or notices are {told}, not {known}")
+        found, known = ((x.rate, repr(x.sources), x.notices) for x in (back, flight))
+        if found != known:
+            raise BrokenPromiseError(f"rate, sources or notices are {found}, not {known}")
         return _check(logs.read(path), {"flight": (flight.time, columns)})
     if ending in TABLES:
         return _check_table(logs.read(path), path.name, flight.time, columns, ending == ".csv")

@@ -84,8 +84,8 @@ def px4_topics(n: int = N) -> list[Topic]:
 
 
 def _ulogs() -> list[Sample]:
-    said = [(2.0, "INFO", "armed"), (2.1, "WARNING", "wind")]
-    whole = ulog(px4_topics(), {"SYS_AUTOSTART": 4001, "MC_ROLL_P": 6.5}, {"ver_sw": "abc", "n": 3}, said)
+    texts = [(2.0, "INFO", "armed"), (2.1, "WARNING", "wind")]
+    whole = ulog(px4_topics(), {"SYS_AUTOSTART": 4001, "MC_ROLL_P": 6.5}, {"ver_sw": "abc", "n": 3}, texts)
     inner = ulog_message("F", b"vec:float x;float y;uint8_t[2] _padding0;")
     outer = ulog_message("F", b"twin:uint64_t timestamp;vec[3] esc;char[4] tag;bool ok;uint8_t[7] _padding0;")
     body = b"".join(
@@ -124,8 +124,8 @@ def _tables() -> list[Table]:
 
 
 def _dataflashes() -> list[Sample]:
-    told = {"ARSPD_RATIO": 2.0, "INS_POS1_X": -0.05}
-    whole = dataflash_bytes(_tables(), told, ["ArduPlane V4.5.7 (1a2b)", "Hi"])
+    numbers = {"ARSPD_RATIO": 2.0, "INS_POS1_X": -0.05}
+    whole = dataflash_bytes(_tables(), numbers, ["ArduPlane V4.5.7 (1a2b)", "Hi"])
     short = dataflash_bytes(_tables()[:2], {"A": 1.0})
     return [single("a.bin", content, "dataflash") for content in (whole, short)]
 

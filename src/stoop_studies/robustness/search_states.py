@@ -50,6 +50,12 @@ DESCRS: Final = (
 EXTENTS: Final = (0, 1, 2, 3, 7, 1000, 2**31, 2**40, 2**62, -1)
 BLOCK: Final = 2**20  #: bytes of zeros that a packed member repeats
 BOMB: Final = 1200  #: such blocks, which unfold to more than a gigabyte
+PACKINGS: Final = {
+    zipfile.ZIP_STORED: 0.79,
+    zipfile.ZIP_DEFLATED: 0.2,
+    zipfile.ZIP_BZIP2: 0.01,
+}  #: how an archive is packed -> share
+UNDERSTATED: Final = 0.02  #: share of the archives with a member that states half of its size
 
 
 class Bowl:
@@ -109,11 +115,11 @@ def _zeros() -> tuple[bytes, bytes]:
     return packer.compress(bytes(BLOCK)) + packer.flush(zlib.Z_FULL_FLUSH), packer.flush()
 
 
-def bomb(name: str, blocks: int = BOMB) -> bytes:
-    """Return a zip with one member of zeros that unfolds to so many megabytes."""
+def bomb(name: str, stated: int = BLOCK * BOMB) -> bytes:
+    """Return a zip with one member of zeros that unfolds to a gigabyte, and states a size."""
     block, end = _zeros()
-    packed, size = block * blocks + end, BLOCK * blocks
-    head = struct.pack("<HHHHHIII", 20, 0, 8, 0, 33, 0, len(packed), size)
+    packed = block * BOMB + end
+    head = struct.pack("<HHHHHIII", 20, 0, 8, 0, 33, 0, len(packed), stated)
     local = b"PK\x03\x04" + head + struct.pack("<HH", len(name), 0) + name.encode()
     central = (
         b"PK\x01\x02\x14\x00" + head + struct.pack("<HHHHHII", len(name), 0, 0, 0, 0, 0, 0) + name.encode()
@@ -124,25 +130,26 @@ def bomb(name: str, blocks: int = BOMB) -> bytes:
 
 
 def write_state(node: Node, rng: Random) -> bytes:
-    """Write an archive of arrays; now and then one that unfolds to gigabytes."""
+    """Write an archive of arrays; now and then one that unfolds to more than it states, or to a gigabyte."""
     parts: dict[str, Any] = dict(node.pairs) if isinstance(node, Branch) else {}
     if rng.random() < 0.01:
-        return bomb(rng.choice(("header.npy", "a0.npy", "x")))
+        return bomb(rng.choice(("header.npy", "a0.npy", "x")), rng.choice((BLOCK * BOMB, BLOCK)))
     header = to_json(parts.get("header"), rng)
     sink = io.BytesIO()
     arrays = parts.get("arrays")
     members = list(arrays.pairs) if isinstance(arrays, Branch) else []
-    packing = zipfile.ZIP_DEFLATED if rng.random() < 0.2 else zipfile.ZIP_STORED
-    with warnings.catch_warnings(), zipfile.ZipFile(sink, "w", packing) as archive:
+    (packing,) = rng.choices(tuple(PACKINGS), tuple(PACKINGS.values()))
+    with warnings.catch_warnings(), zipfile.ZipFile(sink, "w") as archive:
         warnings.simplefilter("ignore")  # two members may have one name
         for name, one in members:
-            archive.writestr(
-                zipfile.ZipInfo(f"{name[:200]}.npy".encode("ascii", "replace").decode()), _npy(one)
-            )
+            info = zipfile.ZipInfo(f"{name[:200]}.npy".encode("ascii", "replace").decode())
+            archive.writestr(info, _npy(one), packing)
         whole = Branch(
             [("descr", "|u1"), ("fortran_order", False), ("shape", [len(header)]), ("data", header.hex())]
         )
-        archive.writestr(zipfile.ZipInfo("header.npy"), _npy(whole))
+        archive.writestr(zipfile.ZipInfo("header.npy"), _npy(whole), packing)
+        if rng.random() < UNDERSTATED:  # in the directory, which is written at the end
+            rng.choice(archive.infolist()).file_size //= 2
     return sink.getvalue()
 
 
@@ -194,15 +201,15 @@ def draw_state(draw: Draw) -> Node:
                 ]
             )
         arrays.append((draw.word(name), one))
-    return Branch([("header", spoiled(draw, parts["header"])), ("arrays", Branch(arrays))])
+    return Branch([("header", with_hostile_leaves(draw, parts["header"])), ("arrays", Branch(arrays))])
 
 
-def spoiled(draw: Draw, node: Node) -> Node:
+def with_hostile_leaves(draw: Draw, node: Node) -> Node:
     """Return a tree in which some leaves are hostile."""
     if isinstance(node, Branch):
-        return Branch([(key, spoiled(draw, one)) for key, one in node.pairs])
+        return Branch([(key, with_hostile_leaves(draw, one)) for key, one in node.pairs])
     if isinstance(node, list):
-        return [spoiled(draw, one) for one in node]
+        return [with_hostile_leaves(draw, one) for one in node]
     return hostile(draw.rng) if draw.rng.random() < 0.3 * draw.hostile else node
 
 

@@ -106,7 +106,7 @@ def _here(_: object) -> AbstractContextManager[Workers]:
 
 
 @contextmanager
-def alike(threads: int = 1) -> Iterator[None]:
+def reproducible_outputs(threads: int = 1) -> Iterator[None]:
     """Hold what differs by nature between runs: elapsed time and command; states are saved at each step, campaigns run here."""
     with ExitStack() as held:
         held.enter_context(mock.patch("stoop.workflow.fit_result.time", SimpleNamespace(perf_counter=float)))
@@ -125,25 +125,25 @@ class Ended:
     """How a verb ended: its exit code, and the lines on stderr."""
 
     code: int
-    said: tuple[str, ...]
+    stderr_lines: tuple[str, ...]
 
 
 def run(words: tuple[str, ...], threads: int = 1) -> Ended:
     """Run a verb in this process and its folder."""
     with (
-        alike(threads),
+        reproducible_outputs(threads),
         contextlib.redirect_stdout(io.StringIO()),
-        contextlib.redirect_stderr(io.StringIO()) as said,
+        contextlib.redirect_stderr(io.StringIO()) as stderr,
     ):
         code = main(words)
-    return Ended(code, tuple(said.getvalue().splitlines()))
+    return Ended(code, tuple(stderr.getvalue().splitlines()))
 
 
 def done(words: tuple[str, ...]) -> None:
     """Run a verb that cannot fail."""
     ended = run(words)
     if ended.code:
-        raise RuntimeError(f"{' '.join(words)}: {ended.said[-1:]}")
+        raise RuntimeError(f"{' '.join(words)}: {ended.stderr_lines[-1:]}")
 
 
 def written(folder: Path) -> dict[str, bytes]:

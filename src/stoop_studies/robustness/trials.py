@@ -47,6 +47,7 @@ BAD: Final = {
     "hang": "more processor time than a case may take",
     "memory": "more memory than a case may take",
 }  #: the same, of failures
+STATM: Final = Path("/proc/self/statm")  #: pages of memory of this process
 PAGE: Final = 4096  #: bytes of memory
 MAX_FILE: Final = 2**28  #: bytes of a file that may be written
 
@@ -57,11 +58,8 @@ class Bounds:
 
     seconds: int = 3  #: of processor time
     wall: float = 120.0  #: s without an answer after which the process is ended
-    room: int = 2**30  #: bytes of address space beyond what the process has at its beginning
-    swell: int = 2**28  #: bytes of memory
-    hangs_again: bool = (
-        True  #: a case that hangs is tried again by itself: a machine may stand still for a while
-    )
+    address_space: int = 2**30  #: bytes beyond what the process has at its beginning
+    memory: int = 2**28  #: bytes
 
 
 @dataclass(frozen=True)
@@ -118,13 +116,13 @@ def try_case(case: Case, folder: Path) -> Tried:
     except BrokenPromiseError as error:
         return case.ended("fault", f"broken promise: {error}")
     except Exception as error:
-        return case.ended("fault", _told(error))
+        return case.ended("fault", _message(error))
     finally:
         _empty(folder)
     return case.ended(outcome)
 
 
-def _told(error: Exception) -> str:
+def _message(error: Exception) -> str:
     """Return an exception in one line, with the place in our own code."""
     frames = traceback.extract_tb(error.__traceback__)
     own = [frame for frame in frames if "stoop" in frame.filename] or frames
@@ -157,12 +155,10 @@ def try_all(cases: Cases, numbers: range, bounds: Bounds) -> Iterator[Tried]:
     Raises
     ------
     StoopError
-        The system cannot copy processes.
+        The system does not say how much memory a process has.
     """
-    if not hasattr(os, "fork"):
-        raise StoopError(
-            "verify robustness: needs a system that can copy processes; run it on Linux or macOS"
-        )
+    if not STATM.exists():
+        raise StoopError(f"verify robustness: needs {STATM}; run it on Linux")
     while numbers:
         for tried in _until_death(cases, numbers, bounds):
             number = tried.number
@@ -219,7 +215,7 @@ def _work(
             os.dup2(nowhere, stream)
         signal.signal(signal.SIGINT, signal.SIG_DFL)
         signal.signal(signal.SIGXCPU, signal.SIG_DFL)
-        size = int(Path("/proc/self/statm").read_text().split()[0]) * PAGE + bounds.room
+        size = int(STATM.read_text().split()[0]) * PAGE + bounds.address_space
         for limit, most in (
             (resource.RLIMIT_AS, size),
             (resource.RLIMIT_CORE, 0),
@@ -234,7 +230,7 @@ def _work(
             resource.setrlimit(resource.RLIMIT_CPU, (soft, resource.RLIM_INFINITY))
             case, before_run = cases(number), peak()
             tried = try_case(case, folder)
-            if (more := peak() - before_run) > bounds.swell:
+            if (more := peak() - before_run) > bounds.memory:
                 tried = case.ended("memory", f"{more >> 20} MiB; {tried.message}")
             reports.send_bytes(json.dumps(asdict(tried)).encode())
     finally:

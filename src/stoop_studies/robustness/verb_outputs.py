@@ -13,9 +13,7 @@ from stoop.errors import StoopError
 from stoop.flight import load
 from stoop.results.result import from_json, to_json
 from stoop.vehicle import load_vehicle
-from stoop_studies.robustness.trials import (
-    BrokenPromiseError,
-)
+from stoop_studies.robustness.trials import BrokenPromiseError
 
 
 def check_outputs(written: Iterable[str], folder: Path) -> None:

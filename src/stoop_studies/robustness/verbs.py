@@ -35,7 +35,7 @@ from stoop_studies.robustness.trials import (
 from stoop_studies.robustness.verb_outputs import check_outputs, strict_json
 
 COMPILING: Final = 7  #: s, of equations that no command has had before
-BOUNDS: Final = Bounds(seconds=10 + COMPILING, wall=300.0, room=2**30, swell=2**29)
+BOUNDS: Final = Bounds(seconds=10 + COMPILING, wall=300.0, memory=2**29)
 SHORT: Final = ("short", "twin-boom", "quad-x")  #: flights of a few seconds
 TAME: Final = 8  #: sound commands of each verb, which load what it needs before this process is copied
 METHODS: Final = (
@@ -192,7 +192,8 @@ def _validate(draw: Choices) -> Command:
 def _agreement(draw: Choices) -> Command:
     edit, first = draw.identified("short")
     other = json.loads(identified("short")["result.json"])
-    hostile.hostile_numbers(draw.rng, other, 2)
+    if not draw.tame:
+        hostile.hostile_numbers(draw.rng, other, 2)
     for maneuver in other["maneuvers"]:
         maneuver["flight"] = "other"
     draw.text("other/vehicle.toml", hostile.vehicle("short").text)
@@ -267,7 +268,8 @@ CONDITION: Final = ("--airspeed", "--altitude", "--climb-angle")
 def _trim(draw: Choices) -> Command:
     edit, vehicle = draw.vehicle(draw.rng.choice(("twin-boom", "short", "quad-x")))
     words = ["trim", vehicle, *draw.options(*CONDITION, "--density", "--heading", share=0.15)]
-    words += ["--velocity", *draw.rng.choices(WORDS, k=3)] if draw.rng.random() < 0.1 else []
+    if not draw.tame and draw.rng.random() < 0.1:
+        words += ["--velocity", *draw.rng.choices(WORDS, k=3)]
     return edit, [*words, *(["--json"] if draw.rng.random() < 0.5 else [])]
 
 
@@ -359,8 +361,8 @@ def try_command(verb: Verb, words: list[str], files: Mapping[str, bytes], folder
         raise BrokenPromiseError(f"prints {odd!r}")
     if "Traceback" in errors:
         place = (PLACE.findall(errors) or [("", "")])[-1]
-        told = errors.rstrip().splitlines()[:-1]  # the last says that this is a bug
-        error = next((line for line in reversed(told) if line), "")
+        lines = errors.rstrip().splitlines()[:-1]  # the last says that this is a bug
+        error = next((line for line in reversed(lines) if line), "")
         raise BrokenPromiseError(f"{error[:160]} at {':'.join(place)}")
     if code == USER_ERROR and len(complaints) == 1:
         raise StoopError(complaints[0].removeprefix(ERROR))

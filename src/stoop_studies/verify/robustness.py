@@ -102,9 +102,9 @@ FAMILIES: Final[Mapping[str, Family]] = {
         "Complete commands on hostile inputs do their work, or end in an error of one line",
     ),
     "full disks": Family(
-        "Every verb that writes, on a small file system that is full at some point, half of the time with old files in place. It "
-        "must end in an error of one line that leaves the old files and nothing half-written, and must succeed when there is "
-        "space again.",
+        "Verbs that write, one in each run in turn, on a small file system that is full at some point, half of the time with old "
+        "files in place. A verb must end in an error of one line that leaves the old files and nothing half-written, and must "
+        "succeed when there is space again.",
         "A full disk costs no file",
     ),
     "kills": Family(

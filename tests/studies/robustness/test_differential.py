@@ -26,7 +26,6 @@ from stoop_studies.robustness.other_readers import Samples, TooSlowError, limite
 from stoop_studies.robustness.readers import in_this_process
 from stoop_studies.robustness.trials import BrokenPromiseError
 
-CASES = 40  #: of a format, and half as many round trips
 FMT = "FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns\nFMT, 130, 25, IMU, Qff, TimeUS,GyrX,GyrY\n"
 
 

@@ -42,8 +42,6 @@ from stoop_studies.robustness.document_trees import (
 )
 from stoop_studies.robustness.documents import DOCUMENTS
 
-SMOKE = 200  #: cases of each kind of document
-
 
 @pytest.mark.parametrize("name", DOCUMENTS)
 def test_a_number_makes_a_case_and_another_another(name: str) -> None:
@@ -200,6 +198,19 @@ def test_a_packed_bomb_does_not_unfold(tmp_path: Path) -> None:
     assert path.stat().st_size < 2**22
     with pytest.raises(IdentificationError, match="unfolds to more than 256 MiB"):
         load_tagged(path)
+
+
+def test_states_are_packed_in_several_ways_and_understated() -> None:
+    packings, sizes = set(), set()
+    for seed in range(200):
+        content = search_states.write_state(search_states.kept_states()[0], Random(seed))
+        with zipfile.ZipFile(io.BytesIO(content)) as archive:
+            members = archive.infolist()
+        packings |= {one.compress_type for one in members}
+        if len(members) > 1:  # not of a bomb
+            sizes |= {(one.filename, one.file_size) for one in members}
+    assert packings == set(search_states.PACKINGS)
+    assert len(sizes) > len({name for name, _ in sizes}), "of some members another size is stated"
 
 
 def _archive(head: str, data: bytes = b"") -> io.BytesIO:

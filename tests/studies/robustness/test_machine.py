@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import signal
+import time
 from collections import Counter
 from pathlib import Path
 from unittest import mock
@@ -11,10 +13,9 @@ import pytest
 from stoop.base import files
 from stoop.errors import OutputError
 from stoop_studies.robustness import disk_full, interruptions
+from stoop_studies.robustness.interruptions import Kill
 from stoop_studies.robustness.small_runs import COMMANDS, OUT, inputs, undisturbed
 from stoop_studies.robustness.trials import REFUSED, SAME
-
-KILLS = 6  #: of each of five verbs: 30, beside the 40 of tests/recovery/test_campaign_kills.py
 
 
 @pytest.mark.parametrize("name", ["maneuvers", "table", "compare"])
@@ -34,6 +35,28 @@ def test_leftovers_that_pile_up_are_seen(monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setattr(files, "_lock", lambda folder, wait=False: None)
     tried = list(interruptions.try_interruptions("compare", 4, 12))
     assert any("piles up" in one.message or "left" in one.message for one in tried)
+
+
+@pytest.mark.parametrize("kill", [None, Kill(signal.SIGKILL, change=9), Kill(signal.SIGTERM, after=0.1)])
+def test_a_verb_that_hangs_is_no_kill(
+    kill: Kill | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def hang() -> None:
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)
+        time.sleep(60.0)
+
+    monkeypatch.setattr(interruptions, "PATIENCE", 0.3)
+    monkeypatch.setattr(interruptions, "main", hang)
+    assert interruptions.run_and_kill(("a",), tmp_path, kill) == -signal.SIGALRM
+
+
+def test_a_run_that_fails_before_its_first_kill_is_a_fault(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(interruptions, "_one_run", lambda *_: ([], "left: a"))
+    monkeypatch.setattr(interruptions, "baseline", lambda _: None)
+    tried = list(interruptions.try_interruptions("compare", 1, 2))
+    assert [(one.number, one.damage, one.outcome) for one in tried] == [
+        (n, "no kill", "fault") for n in (0, 1)
+    ]
 
 
 def test_half_written_files_are_seen(tmp_path: Path) -> None:

@@ -24,7 +24,15 @@ from stoop.flight.flight import flight_name
 from stoop.parallel import pools
 from stoop_studies.robustness import disk_full
 from stoop_studies.robustness.interruptions import Kill, differences, run_and_kill
-from stoop_studies.robustness.small_runs import COMMANDS, OUT, Ended, alike, inputs, run, undisturbed
+from stoop_studies.robustness.small_runs import (
+    COMMANDS,
+    OUT,
+    Ended,
+    inputs,
+    reproducible_outputs,
+    run,
+    undisturbed,
+)
 from stoop_studies.robustness.trials import PAGE, lay_out
 
 QUICK = ("maneuvers", "simulink", "flight", "table", "linearize", "map", "vehicle", "figure")
@@ -41,7 +49,7 @@ def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def complaint(ended: Ended) -> str:
     """Return the line of an error of ours, the only one."""
-    (line,) = (line for line in ended.said if "rror" in line)
+    (line,) = (line for line in ended.stderr_lines if "rror" in line)
     assert ended.code == 2
     assert line.startswith("stoop: error: ")
     return line
@@ -117,9 +125,9 @@ def test_little_memory(name: str, more: int, place: Path) -> None:
         resource.setrlimit(resource.RLIMIT_AS, (resource.RLIM_INFINITY, resource.RLIM_INFINITY))
         return complaint(ended) if ended.code else ""
 
-    said = disk_full.in_a_copy(tried)
-    assert said == "" or "memory" in said
-    if name != "info" and not said:
+    message = disk_full.in_a_copy(tried)
+    assert message == "" or "memory" in message
+    if name != "info" and not message:
         assert differences(undisturbed(words), place / OUT) == ""
 
 
@@ -134,10 +142,14 @@ def test_a_terminal_of_one_column(name: str, place: Path, monkeypatch: pytest.Mo
     monkeypatch.setenv("COLUMNS", "1")
     monkeypatch.setenv("TERM", "xterm")
     (place / OUT).mkdir()
-    said = Terminal()
-    with alike(), contextlib.redirect_stdout(Terminal()) as told, contextlib.redirect_stderr(said):
-        assert main(shown.get(name) or COMMANDS[name]) == 0, said.getvalue()
-    assert told.getvalue()
+    stderr = Terminal()
+    with (
+        reproducible_outputs(),
+        contextlib.redirect_stdout(Terminal()) as stdout,
+        contextlib.redirect_stderr(stderr),
+    ):
+        assert main(shown.get(name) or COMMANDS[name]) == 0, stderr.getvalue()
+    assert stdout.getvalue()
 
 
 def test_help_on_a_terminal_of_one_column(
@@ -220,8 +232,8 @@ def test_names_of_files(name: str, place: Path) -> None:
     )
     for words in commands:
         ended = run(words)
-        assert ended.code == 0, ended.said
-        assert all(line.isprintable() for line in ended.said)
+        assert ended.code == 0, ended.stderr_lines
+        assert all(line.isprintable() for line in ended.stderr_lines)
     document = json.loads((place / out / "result.json").read_text("utf-8"))
     assert document["maneuvers"][0]["flight"] == name.replace("\udcff", "?")
     assert (place / out / "report.html").read_text("utf-8").rstrip().endswith("</html>")

@@ -70,8 +70,8 @@ def test_silence_is_seen() -> None:
 
 
 def test_hunger_is_seen() -> None:
-    assert _tried(lambda: np.ones(2**23), Bounds(swell=2**25))[1].outcome == "memory"
-    assert _tried(lambda: np.ones(2**28), Bounds(room=2**29))[1].outcome == "memory"
+    assert _tried(lambda: np.ones(2**23), Bounds(memory=2**25))[1].outcome == "memory"
+    assert _tried(lambda: np.ones(2**28), Bounds(address_space=2**29))[1].outcome == "memory"
 
 
 @pytest.mark.parametrize(
