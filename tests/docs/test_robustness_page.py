@@ -77,7 +77,7 @@ def test_the_limits_are_those_of_the_code() -> None:
         "MATLAB, netCDF": [f"{matlab.MAX_BYTES >> 30} GiB", f"{arrays.MAX_ARRAYS} arrays", f"{netcdf.MAX_DEPTH} deep"],
         "Parquet": [f"{arrays.MAX_ARRAYS} columns"],
         "ROS bag": [f"{rosbag.MAX_WIDTH} numbers", f"{rosbag.MAX_PARTS // 1000} 000 parts"],
-        "all of the last three rows": [f"{guard.Limits.memory >> 30} GiB", f"{guard.Limits.seconds} s of"],
+        "MATLAB, netCDF, Parquet, ROS bag": [f"{guard.Limits.memory >> 30} GiB", f"{guard.Limits.seconds} s of"],
         "the grid of a flight": [f"{gridding.LIMITS.cells // 10**6} million", f"{gridding.LIMITS.emptiness:.0f} points",
                                  f"{gridding.LIMITS.emptiness * gridding.LIMITS.counted / 1000:.0f} 000 are"],
     }  # fmt: skip

@@ -195,8 +195,13 @@ def read_table(path: Path) -> tuple[dict[str, FloatArray], tuple[Defect, ...]]:
             skip_blank_lines=True, low_memory=False, index_col=False, engine="c",
         )  # fmt: skip
     except (ValueError, OverflowError, MemoryError) as error:  # pandas.errors derive from ValueError
-        empty = isinstance(error, pd.errors.EmptyDataError)
-        why = ", nothing stands below its header" if empty else f" ({reason(error)})"
+        cells = re.search(r"Expected (\d+) fields in line (\d+), saw (\d+)", str(error))
+        if isinstance(error, pd.errors.EmptyDataError):
+            why = ", nothing stands below its header"
+        elif cells is not None:
+            why = f", line {cells[2]} has {cells[3]} cells, those before have {cells[1]}"
+        else:
+            why = f" ({reason(error)})"
         raise LogError(
             f"{path}: not a table of numbers{why}; record again, correct or replace the file"
         ) from None
@@ -270,6 +275,10 @@ def _header(path: Path, text: bytes) -> list[str]:
         raise LogError(f"{path}: the log is empty; record again or name another file")
     line = text[: MAX_HEADER + 1].split(b"\n", 1)[0].rstrip(b"\r")
     names = line.split(b",")
+    if len(names) == 1 and (b";" in line or b"\t" in line):
+        raise LogError(
+            f"{path}: its columns are not separated by commas; save it with commas and decimal points"
+        )
     if len(line) > MAX_HEADER or len(names) > MAX_COLUMNS:
         raise LogError(
             f"{path}: the header has more than {MAX_COLUMNS} columns; is this a comma-separated table?"

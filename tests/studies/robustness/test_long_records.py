@@ -37,6 +37,6 @@ def test_a_table_of_a_million_samples(tmp_path: Path) -> None:
         assert "100 Hz" in out
         return READ
 
-    bounds = Bounds(seconds=30, wall=300.0, room=2**31, swell=KEPT + 2**29)
+    bounds = Bounds(seconds=30, wall=300.0, address_space=2**31, memory=KEPT + 2**29)
     (tried,) = try_all(lambda number: Case(number, "info", "long", describe), range(1), bounds)
     assert tried.outcome not in BAD, tried.message
