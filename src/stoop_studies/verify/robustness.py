@@ -109,8 +109,8 @@ FAMILIES: Final[Mapping[str, Family]] = {
     ),
     "kills": Family(
         "Verbs that take long are killed (a fifth by SIGTERM) at random moments or right before the change of a file, and "
-        "started again by the same command (an identification with --resume). Files must be whole after each kill, and in the end those of an undisturbed run to "
-        "the byte.",
+        "started again by the same command (an identification with --resume). Files must be whole after each kill, and in the "
+        "end those of an undisturbed run to the byte.",
         "A verb that was killed and started again leaves the very files of an undisturbed run",
     ),
 }  #: name -> what its cases are; in the order of the page
