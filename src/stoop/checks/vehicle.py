@@ -151,7 +151,7 @@ def inertia_notices(vehicle: Vehicle, estimates: Mapping[str, float] | None = No
         length = max((math.dist(a, b) for a in places for b in places), default=0.0)
         unit, usual_radii = "of the largest distance between rotors", ROTORS_ONLY
     mass, out = value("mass.mass"), []
-    for axis, known in usual_radii.items() if length > 0.0 else ():
+    for axis, known in usual_radii.items() if length > 0.0 and mass > 0.0 else ():
         name = f"mass.inertia.{axis}"
         moment = value(name)
         radius = math.sqrt(max(moment, 0.0) / mass) / length

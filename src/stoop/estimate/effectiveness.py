@@ -23,6 +23,7 @@ Crassidis and Junkins, Optimal Estimation of Dynamic Systems, 2nd ed., section 2
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -474,7 +475,8 @@ def advice(
         columns = reference.columns(hover)
         squares = np.einsum("ik,ij,jk->k", columns, np.linalg.inv(covariance), columns)
         sigmas = _detectable_sigmas(reference.degrees + more, columns.shape[1], chance)
-        return sigmas * float(squares.max() ** -0.5)
+        most = float(squares.max())
+        return sigmas / math.sqrt(most) if most > 0.0 else math.inf
 
     now, worst = max(((detectable(h, reference.covariance(h)), h) for h in flights), key=lambda pair: pair[0])
     count, out = len(reference.flights), []

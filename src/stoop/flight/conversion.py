@@ -202,7 +202,9 @@ class Calibration:
                 raise LogError(
                     f"{at}.degree is to be a whole number from 1 to {x.size - 1} for {x.size} points"
                 )
-            fitted = np.polynomial.Polynomial.fit(x, y, table.degree)
+            fitted, (_, rank, *_) = np.polynomial.Polynomial.fit(x, y, table.degree, full=True)
+            if rank <= table.degree:
+                raise LogError(f"{at}.points lie too close for a curve of degree {table.degree}; lower it")
             if not monotonic(fitted.deriv()(np.linspace(x[0], x[-1], 200))):
                 raise LogError(f"{at}: the fitted curve turns back between the points; lower its degree")
             curve = tuple(float(c) for c in fitted.coef)

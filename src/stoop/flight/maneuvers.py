@@ -296,7 +296,7 @@ def apart(found: Sequence[Maneuver]) -> list[Maneuver]:
 
 def _bursts(flight: Flight, command: Command, up: BoolArray) -> Iterator[Maneuver]:
     """Yield the bursts of one control that swing to both sides."""
-    u, width = command.u, round(LIMITS.window * flight.rate)
+    u, width = command.u, max(round(LIMITS.window * flight.rate), 1)
     # activity: the running standard deviation over the samples that are there
     good = np.isfinite(u).astype(np.float64)
     x = np.where(good > 0.0, u - np.nanmean(u) if good.any() else 0.0, 0.0)

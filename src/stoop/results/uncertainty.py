@@ -155,4 +155,5 @@ class Repeatability:
         """Scatter of the maneuvers over their error bars, over all parameters; NaN where nothing is compared."""
         compared = [one for one in self.parameters.values() if one.verdict]
         degrees = sum(one.degrees for one in compared)
-        return math.sqrt(sum(one.chi_square for one in compared) / degrees) if degrees else NAN
+        square = sum(one.chi_square for one in compared)
+        return math.sqrt(square / degrees) if degrees > 0 and square >= 0.0 else NAN

@@ -129,6 +129,7 @@ def turning(flight: Flight, u: FloatArray, rate: str) -> float:
     if len(columns) < STEADY.samples:
         return 0.0
     fixed = columns[:, 2:]
-    y, x = (a - fixed @ np.linalg.lstsq(fixed, a, rcond=None)[0] for a in columns[:, :2].T)
-    sizes = math.sqrt(float(y @ y) * float(x @ x))
-    return float(x @ y) / sizes if sizes > 0.0 else 0.0
+    with np.errstate(over="ignore", invalid="ignore"):  # numbers that no vehicle has
+        y, x = (a - fixed @ np.linalg.lstsq(fixed, a, rcond=None)[0] for a in columns[:, :2].T)
+        sizes = np.sqrt((y @ y) * (x @ x))
+    return float(x @ y / sizes) if 0.0 < sizes < np.inf else 0.0

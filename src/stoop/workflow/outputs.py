@@ -253,7 +253,10 @@ def read_identified(path: Path) -> Identified:
             or any(0.0 < p.std_error < 1.0 / MAX_NUMBER for p in result.parameters.values()),
             "has numbers out of range (1e-30 to 1e30)",
         ),
-        (not np.allclose(apart, apart.T), "has a covariance that is not symmetric, or has holes"),
+        (
+            not np.allclose(apart, apart.T) or bool((np.diag(apart) < 0.0).any()),
+            "has a covariance that is not symmetric, has holes or negative variances",
+        ),
         (not is_covariance(noise.matrix), "has a noise covariance that is not positive definite"),
         (
             any(p.prior_std <= 0.0 for p in result.parameters.values()),

@@ -237,9 +237,13 @@ def table(path: Path, mapping: Path | None) -> Found:
 
 def _number(cell: str) -> float:
     """Return the number in a cell: ASCII digits without marks between them, as other readers of tables have it."""
-    cell = cell.strip()
+    cell = cell.strip(" \t")
     try:
-        return math.nan if cell in EMPTY_CELLS or "_" in cell or not cell.isascii() else float(cell)
+        return (
+            math.nan
+            if cell in EMPTY_CELLS or "_" in cell or not (cell.isascii() and cell.isprintable())
+            else float(cell)
+        )
     except ValueError:
         return math.nan
 

@@ -67,7 +67,7 @@ def _hole(result: dict[str, Any]) -> None:
         (_no_covariance, "noise covariance that is not positive definite"),
         (_large, "numbers out of range"),
         (_precise, "numbers out of range"),
-        (_hole, "not symmetric, or has holes"),
+        (_hole, "not symmetric, has holes or negative variances"),
         (_no_estimate, "has no estimate of CLalpha"),
         (_other_name, "covariance of other parameters"),
         (_name_missing, "rows for"),

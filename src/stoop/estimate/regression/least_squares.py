@@ -115,7 +115,7 @@ class FrequencyDomain:
         from scipy.signal.windows import tukey
 
         f = self.frequencies(len(signals), dt)
-        if len(f) < MIN_FREQUENCIES:
+        if len(f) < MIN_FREQUENCIES or not np.isfinite(signals).all():  # products of huge numbers
             return np.empty((0, signals.shape[1]))
         window = tukey(len(signals), 2.0 * TAPER)
         tapered = detrend(signals, axis=0) * window[:, None]
