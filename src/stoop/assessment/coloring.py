@@ -236,6 +236,8 @@ class Coloring:
             for block, power in own:
                 crossed, squared = block.lagged(power, spread, order)
                 absorbed += crossed * share - squared
+            if not (np.abs(sums + absorbed)[:, 0] <= pairs[:, 0] * np.abs(sums[:, 0])).all():
+                break  # more than any fit can absorb: what it depends on is not determined well enough to tell
             autocovariance = (sums + absorbed) / pairs
         return self._coherent(fit_noise(autocovariance, residuals), residuals)
 
