@@ -14,7 +14,6 @@ from stoop_studies.robustness.verbs import BOUNDS, VERBS, verb_cases
 from stoop_studies.verify.robustness import SURFACES
 
 COLD = replace(BOUNDS, seconds=60)  #: equations may have to be compiled
-OPEN = {("stoop identify", 39, 11)}  #: not mended, see docs/robustness.md
 
 
 def _failed() -> list[tuple[str, int, int]]:
@@ -31,7 +30,7 @@ def _once_more(surface: str, seed: int, number: int, data: Path) -> Tried:
     return list(SURFACES[surface].trials(seed, number + 1, str(data)))[-1]
 
 
-@pytest.mark.parametrize(("surface", "seed", "number"), sorted(set(_failed()) - OPEN))
+@pytest.mark.parametrize(("surface", "seed", "number"), _failed())
 def test_what_failed_ends_well(surface: str, seed: int, number: int, shared_data: Path) -> None:
     tried = _once_more(surface, seed, number, shared_data)
     assert tried.number == number
