@@ -31,7 +31,7 @@ def tables(counts: Path) -> str:
             if record["family"] == family:
                 sums = rows.setdefault(record["surface"], [0] * len(COLUMNS))
                 rows[record["surface"]] = [
-                    total + int(record[key]) for total, key in zip(sums, COLUMNS, strict=True)
+                    so_far + int(record[key]) for so_far, key in zip(sums, COLUMNS, strict=True)
                 ]
         if rows:
             parts.append(f"### {family[0].upper()}{family[1:]}\n\n{described.procedure}\n\n{_table(rows)}")

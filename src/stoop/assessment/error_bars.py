@@ -125,7 +125,7 @@ class ErrorBars:
 
 @on_one_blas_thread
 def error_bars(fit: Fit) -> ErrorBars:
-    """Return the error bars of a fit, whatever its method; on one BLAS thread, as more would round differently.
+    """Return the error bars of a fit, whatever its method.
 
     Noise intensities take part and are not returned.
     """

@@ -17,9 +17,9 @@ ComplexArray: TypeAlias = NDArray[np.complex128]
 Factor: TypeAlias = float | FloatArray  #: one for all parents, or one for each, (n, 1)
 
 
-def within_range(x: FloatArray) -> FloatArray:
+def within_range(x: FloatArray, most: float = MAX_NUMBER) -> FloatArray:
     """Return an array with NaN in place of numbers that are implausibly large."""
-    large = np.abs(x) > MAX_NUMBER
+    large = np.abs(x) > most
     return np.where(large, np.nan, x) if large.any() else x
 
 

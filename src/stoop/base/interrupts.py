@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM: who answers them for a while."""
+"""Ctrl-C and SIGTERM: other handlers for a while."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ Handler = Callable[[int, Any], Any]
 
 
 @contextmanager
-def answered(answer: Callable[[Handler], Handler]) -> Iterator[None]:
-    """Answer Ctrl-C and SIGTERM otherwise until the end of the block, from the handler that each has.
+def handle_signals(replaced: Callable[[Handler], Handler]) -> Iterator[None]:
+    """Handle Ctrl-C and SIGTERM otherwise until the end of the block: by what is made of the handler that each has.
 
     Only the main thread can do so; elsewhere, and where no function of Python's handles a signal, nothing is changed.
     """
@@ -23,7 +23,7 @@ def answered(answer: Callable[[Handler], Handler]) -> Iterator[None]:
         before = {one: handler for one, handler in handlers.items() if callable(handler)}
     try:
         for one, handler in before.items():
-            signal.signal(one, answer(handler))
+            signal.signal(one, replaced(handler))
         yield
     finally:
         for one, handler in before.items():
@@ -31,8 +31,8 @@ def answered(answer: Callable[[Handler], Handler]) -> Iterator[None]:
 
 
 @contextmanager
-def undivided() -> Iterator[None]:
-    """Let a block that was interrupted end so, also where what is in it has an answer of its own: half a search is no result."""
+def reraise_interrupt() -> Iterator[None]:
+    """Raise KeyboardInterrupt at the end of a block in which an interrupt was caught: a partial search is no result."""
     came = False
 
     def noting(handler: Handler) -> Handler:
@@ -43,7 +43,7 @@ def undivided() -> Iterator[None]:
 
         return note
 
-    with answered(noting):
+    with handle_signals(noting):
         yield
     if came:
         raise KeyboardInterrupt

@@ -35,9 +35,7 @@ def read_arrays(file: IO[bytes], max_bytes: int) -> dict[str, npt.NDArray[Any]]:
         if sum(one.file_size for one in members) > max_bytes:
             raise ValueError(f"unfolds to more than {max_bytes >> 20} MiB")
         for one in members:
-            with archive.open(
-                one
-            ) as member:  # of which no more than is stated is unpacked, unlike by archive.read
+            with archive.open(one) as member:  # archive.read unpacks all of it first
                 content = member.read(one.file_size)
             arrays[one.filename.removesuffix(".npy")] = _array(content)
     return arrays

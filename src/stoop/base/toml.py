@@ -79,6 +79,13 @@ def parse_json(text: str | bytes) -> Any:
     return content
 
 
+def is_of_type(value: Any, kind: type) -> bool:
+    """Tell whether a value of a document is of a type: a whole number is a float, too, and true and false are no numbers."""
+    if isinstance(value, bool):
+        return kind is bool
+    return isinstance(value, int | float if kind is float else kind)
+
+
 def check_bounds(content: Any) -> None:
     """Raise ValueError where a document is nested too deep, or has an integer that no float can hold."""
     level, depth = [("", content)], 0

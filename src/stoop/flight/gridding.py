@@ -14,7 +14,7 @@ from typing import Final
 
 import numpy as np
 
-from stoop.base.arrays import BoolArray, FloatArray, run_slices
+from stoop.base.arrays import BoolArray, FloatArray, run_slices, within_range
 from stoop.base.notices import Notice, notice
 from stoop.base.rotations import (
     conjugate,
@@ -124,7 +124,7 @@ def drop_impossible(
     kept, notices = dict(values), []
     for name, x in values.items():
         if large := int(np.sum(np.abs(x) > MAX_VALUE)):
-            kept[name] = np.where(np.abs(x) <= MAX_VALUE, x, np.nan)
+            kept[name] = within_range(x, MAX_VALUE)
             notices.append(notice("impossible-values", source, variable=name, count=large))
     return kept, notices
 

@@ -23,7 +23,7 @@ import numpy as np
 from stoop.base.arrays import FloatArray
 from stoop.base.files import write_bytes_atomic
 from stoop.base.npz import read_arrays
-from stoop.base.toml import parse_json
+from stoop.base.toml import is_of_type, parse_json
 from stoop.errors import IdentificationError
 from stoop.optimize.ledger import Evaluations
 from stoop.optimize.problem import Problem
@@ -235,8 +235,6 @@ def _checked(kind: Any, value: Any, place: str) -> Any:
         if get_origin(one) is np.ndarray:
             if isinstance(value, np.ndarray) and value.dtype.type in get_args(get_args(one)[-1]):
                 return value
-        elif isinstance(value, int | float if one is float else one) and (
-            one is bool or not isinstance(value, bool)
-        ):
+        elif is_of_type(value, one):
             return float(value) if one is float else value
     raise TypeError(f"{place} is no {getattr(kind, '__name__', kind)}")

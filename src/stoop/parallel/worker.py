@@ -20,7 +20,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Final, TypedDict
 
-from stoop.base.interrupts import undivided
+from stoop.base.interrupts import reraise_interrupt
 from stoop.errors import CampaignError, StoopError
 from stoop.parallel.plan import from_text, to_text
 
@@ -57,7 +57,7 @@ def perform(work: str, text: str, stops: Sequence[int | None]) -> Report:
 
     try:
         module, _, function = work.partition(":")
-        with undivided():  # a search that was interrupted returns its best: no result of this task
+        with reraise_interrupt():  # a search that was interrupted returns its best: no result of this task
             results = getattr(importlib.import_module(module), function)(from_text(text), list(stops))
         if not isinstance(results, list) or len(results) != len(stops):
             raise CampaignError(f"{work} must return a list of {len(stops)} results, one for each stop")

@@ -20,7 +20,7 @@ from stoop.base.arrays import FloatArray
 from stoop.base.files import write_text_atomic
 from stoop.base.notices import AS_SENTENCES, Notice, as_notice, from_dict, of_severity
 from stoop.base.text import printable
-from stoop.base.toml import parse_json, read_source
+from stoop.base.toml import is_of_type, parse_json, read_source
 from stoop.errors import StoopError
 from stoop.results.extensions import ExtensionTests
 from stoop.results.modes import ConditionModes
@@ -497,8 +497,6 @@ def _decode(kind: Any, value: Any, default: Any = NAN) -> Any:
         return value
     if kind is float and value is None:
         return default if isinstance(default, float) and math.isinf(default) else NAN
-    if not isinstance(value, int | float if kind is float else kind) or (
-        isinstance(value, bool) and kind is not bool
-    ):
+    if not is_of_type(value, kind):
         raise ValueError(f"{str(value)[:40]!r} where a {kind.__name__} is expected")
     return kind(value)

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from stoop.assessment.verdict import CONFIRMED
-from stoop.base.interrupts import answered
+from stoop.base.interrupts import handle_signals
 from stoop.errors import OutputError, StoopError
 from stoop.estimate.fit import Options
 from stoop.optimize import Outcome, State, load_tagged, save_state
@@ -119,7 +119,7 @@ class Deferred:
 
 @contextmanager
 def deferred_interrupt() -> Iterator[Deferred]:
-    """Let Ctrl-C and SIGTERM wait until the end of the block, where they can; see :func:`stoop.base.interrupts.answered`."""
+    """Let Ctrl-C and SIGTERM wait for the end of the block, where they can; see :func:`stoop.base.interrupts.handle_signals`."""
     deferred = Deferred()
-    with answered(lambda _: deferred.take):
+    with handle_signals(lambda _: deferred.take):
         yield deferred

@@ -231,9 +231,8 @@ def read_identified(path: Path) -> Identified:
     # What stoop identify does not write: a file that was edited, or cut and mended.
     lost = next((name for name, p in result.parameters.items() if not np.isfinite(p.estimate)), None)
     covariance, noise = result.covariance, result.noise_covariance
-    of_parameters = [[p.estimate, p.std_error, p.prior_mean, p.prior_std] for p in result.parameters.values()]
     numbers: tuple[npt.ArrayLike, ...] = (
-        *of_parameters,
+        *([p.estimate, p.std_error, p.prior_mean, p.prior_std] for p in result.parameters.values()),
         np.sqrt(np.abs(covariance.matrix)),
         np.sqrt(np.abs(noise.matrix)),
     )
