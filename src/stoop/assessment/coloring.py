@@ -236,9 +236,11 @@ class Coloring:
             for block, power in own:
                 crossed, squared = block.lagged(power, spread, order)
                 absorbed += crossed * share - squared
-            if not (np.abs(sums + absorbed)[:, 0] <= pairs[:, 0] * np.abs(sums[:, 0])).all():
-                break  # more than any fit can absorb: what it depends on is not determined well enough to tell
-            autocovariance = (sums + absorbed) / pairs
+            corrected = sums + absorbed
+            # A fit leaves at least one of n numbers: more cannot have been absorbed.
+            power, most = np.abs(corrected[:, :1]), pairs[:, :1] * np.abs(sums[:, :1])
+            limit = np.divide(most, power, out=np.ones_like(power), where=power > most)
+            autocovariance = limit * corrected / pairs
         return self._coherent(fit_noise(autocovariance, residuals), residuals)
 
     def _coherent(self, noise: ColoredNoise, residuals: Sequence[FloatArray]) -> ColoredNoise:
