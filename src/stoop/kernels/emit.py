@@ -129,6 +129,7 @@ class Emitted:
     held: tuple[int, ...] = ()  #: inputs that keep a sample's value until the next
     moves: int = 0
     correction: str = ""  #: source of the move of a state; empty for a model that no filter takes
+    latex: tuple[str, ...] = ()
 
 
 _KNOWN = (sp.Symbol, sp.Float, sp.Rational, sp.Add, sp.Mul, sp.Pow, sp.atan2, sp.atan, sp.Abs)
@@ -175,5 +176,5 @@ def emit(model: SymbolicModel) -> Emitted:
         correction = function_source("correct", arguments, after)
     return Emitted(
         source, nx, len(u), len(p), len(names), len(model.outputs), model.wrapped, groups(source, "derive"),
-        model.held, len(model.moves), correction,
+        model.held, len(model.moves), correction, model.latex,
     )  # fmt: skip

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from importlib.machinery import SourceFileLoader
 from pathlib import Path
 from types import CodeType, ModuleType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,9 @@ from stoop.kernels import cache
 from stoop.kernels.fingerprint import environment
 from stoop.kernels.lanes import LOOPS
 from stoop.kernels.symbolic import SymbolicModel
+
+if TYPE_CHECKING:
+    from stoop.kernels.emit import Emitted
 
 
 def thread_count() -> int:
@@ -288,13 +291,24 @@ def _open(folder: Path, key: str, name: str) -> ModuleType:
     return module
 
 
-def _write_sources(folder: Path, model: SymbolicModel) -> None:
+_emitted: dict[
+    str, Emitted
+] = {}  #: by key: the compiled modules and those that take arrays have the same functions
+
+
+def _emit(key: str, model: Callable[[], SymbolicModel]) -> Emitted:
     from stoop.kernels.emit import emit
+
+    if key not in _emitted:
+        _emitted[key] = emit(model())
+    return _emitted[key]
+
+
+def _write_sources(folder: Path, emitted: Emitted) -> None:
     from stoop.kernels.filter import filter_source, step_source
     from stoop.kernels.lanes import SIGNATURES, lanes, loop_source
     from stoop.kernels.windows import windows_source
 
-    emitted = emit(model)
     for name in SIGNATURES:
         (folder / f"{name}.py").write_text(loop_source(emitted, name))
     for name, source in (("filtering", filter_source), ("steps", step_source)):
@@ -304,7 +318,7 @@ def _write_sources(folder: Path, model: SymbolicModel) -> None:
         emitted.states, emitted.inputs, emitted.parameters, emitted.outputs, lanes(emitted), emitted.moves,
     )  # fmt: skip
     (folder / "sizes.txt").write_text(" ".join(map(str, sizes)))
-    (folder / "equations.tex").write_text("\n".join(model.latex))
+    (folder / "equations.tex").write_text("\n".join(emitted.latex))
 
 
 def _build(final: Path, key: str, name: str, write: Callable[[Path], None]) -> Path:
@@ -402,9 +416,7 @@ def array_functions(structure: str, model: Callable[[], SymbolicModel]) -> Modul
         return _arrays[key]
 
     def write(folder: Path) -> None:
-        from stoop.kernels.emit import emit
-
-        (folder / "arrays.py").write_text(ARRAYS + emit(model()).source)
+        (folder / "arrays.py").write_text(ARRAYS + _emit(key, model).source)
 
     folder = _build(cache.cache_folder() / f"{key}-arrays", key, "arrays", write)
     _arrays[key] = _open(folder, key, "arrays")
@@ -428,7 +440,7 @@ def _load(key: str, model: Callable[[], SymbolicModel]) -> Kernel:
     if key in _loaded:
         return _loaded[key]
     root = cache.cache_folder()
-    folder = _build(root / key, key, "shared", lambda f: _write_sources(f, model()))
+    folder = _build(root / key, key, "shared", lambda f: _write_sources(f, _emit(key, model)))
     nx, nu, np_, ny, lanes, moves = (int(v) for v in (folder / "sizes.txt").read_text().split())
     suffixes = {
         "per_lane": "lanes", "costs": "costs", "costs_per_lane": "lane-costs", "filtering": "filter", "steps": "steps",

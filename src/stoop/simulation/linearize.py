@@ -7,18 +7,21 @@ unit sphere of quaternions.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from stoop.base.arrays import FloatArray
+from stoop.base.dual import Dual
 from stoop.base.notices import Notice, notice
+from stoop.base.variables import EULER
 from stoop.simulation.delays import input_delays, output_delays
 from stoop.simulation.initial import initial_states, mixed_inputs, parameter_rows
 from stoop.simulation.trim import Trim, neutral_inputs
 from stoop.vehicle import Vehicle
+from stoop.vehicle.arrays import array_equations, euler_angles, flow_angles
 
 _MINIMAL = {
     "full": ("V", "alpha", "beta", "p", "q", "r", "phi", "theta", "psi", "h"),
@@ -162,11 +165,6 @@ def _mode_name(weights: dict[str, float], oscillates: bool) -> str:
     return "roll" if share("p") > share("phi", "r", "beta") else "spiral"
 
 
-_FUNCTIONS: dict[
-    tuple[str, ...], Any
-] = {}  #: by structure: values do not enter, and making one takes a second
-
-
 def _jacobians(vehicle: Vehicle, point: Trim) -> tuple[tuple[str, ...], list[FloatArray]]:
     """Return the minimal state; and G, and the derivatives of G f and of the readings by states and by inputs, at a trim.
 
@@ -174,36 +172,32 @@ def _jacobians(vehicle: Vehicle, point: Trim) -> tuple[tuple[str, ...], list[Flo
     """
     rigid = _MINIMAL[vehicle.reduce] if "V" in point.start else ("u", "v", "w", *_MINIMAL["full"][3:])
     names = (*rigid, *(s for s in vehicle.states if s.endswith(".lag")))
-    key = (vehicle.structure, *names)
-    if key not in _FUNCTIONS:
-        _FUNCTIONS[key] = _jacobian_function(vehicle, names)
     rows = parameter_rows(vehicle, point.changes)
     inputs = point.inputs[
         : len(vehicle.inputs)
     ]  # a lateral model lacks noise, zero, of the gusts of its trim
-    states = initial_states(vehicle, point.start, rows, inputs)
-    values = _FUNCTIONS[key](*states[:, 0], *inputs, *rows[:, 0])
-    return names, [np.atleast_2d(np.asarray(v, dtype=float)) for v in values]
+    values = [*initial_states(vehicle, point.start, rows, inputs)[:, 0], *inputs]
+    n, variables = len(vehicle.states), [Dual(x, e) for x, e in zip(values, np.eye(len(values)), strict=True)]
+    equations = array_equations(vehicle)
+    found = equations.functions.observe(variables[:n], variables[n:], equations.constants(rows[:, 0]))
 
+    def minimal(states: Sequence[Any]) -> list[Any]:
+        named = dict.fromkeys(("v", "p", "r", "e1", "e3"), 0.0) | dict(
+            zip(vehicle.states, states, strict=True)
+        )
+        named |= dict(zip(EULER, euler_angles([named[e] for e in ("e0", "e1", "e2", "e3")]), strict=True))
+        if "V" in point.start:
+            named |= dict(zip(("V", "alpha", "beta"), flow_angles([named[a] for a in "uvw"]), strict=True))
+        return [named[name] for name in names]
 
-def _jacobian_function(vehicle: Vehicle, names: tuple[str, ...]) -> Any:
-    import sympy as sp
+    def slopes(of: Iterable[Any]) -> FloatArray:
+        return np.array([x.slope if isinstance(x, Dual) else np.zeros(len(values)) for x in of])
 
-    from stoop.vehicle.symbolic import build_model
-    from stoop.vehicle.symbolic.frames import air, attitude
-
-    model = build_model(vehicle)
-    x = dict.fromkeys(("v", "p", "r", "e1", "e3"), sp.Integer(0))
-    x |= dict(zip(vehicle.states, model.states, strict=True))
-    flow, turned = air((x["u"], x["v"], x["w"])), attitude((x["e0"], x["e1"], x["e2"], x["e3"]))
-    x |= {"V": flow.V, "alpha": flow.alpha, "beta": flow.beta}
-    x |= {"phi": turned.phi, "theta": turned.theta, "psi": turned.psi}
-    G = sp.Matrix([x[name] for name in names]).jacobian(list(model.states))
-    rates, outputs = G * sp.Matrix(model.derivatives), sp.Matrix(model.outputs)
-    blocks = [G, *(of.jacobian(by) for of in (rates, outputs) for by in (list(model.states), model.inputs))]
-    smooth = {"DiracDelta": np.zeros_like}  # the second derivative of abs(), away from its kink
-    arguments = [*model.states, *model.inputs, *model.parameters]
-    return sp.lambdify(arguments, blocks, [smooth, "numpy"], cse=True)
+    moving = [Dual(x, f) for x, f in zip(variables[:n], found[:n], strict=True)]
+    G, rates, outputs = (
+        slopes(of) for of in (minimal(variables[:n]), (z.slope for z in minimal(moving)), found[n:])
+    )
+    return names, [G[:, :n], rates[:, :n], rates[:, n:], outputs[:, :n], outputs[:, n:]]
 
 
 def _input_mixing(vehicle: Vehicle) -> tuple[tuple[str, ...], FloatArray]:

@@ -52,6 +52,28 @@ def array_equations(vehicle: Vehicle) -> Equations:
     return Equations(array_functions(vehicle.structure, build))
 
 
+def flow_angles(velocity: Sequence[Any]) -> tuple[Any, ...]:
+    """Return airspeed, angle of attack and sideslip of the velocity along the body axes."""
+
+    def build() -> Any:
+        from stoop.vehicle.symbolic import flow_angles
+
+        return flow_angles()
+
+    return tuple(array_functions("flow angles", build).observe(velocity, (), ()))
+
+
+def euler_angles(quaternion: Sequence[Any]) -> tuple[Any, ...]:
+    """Return roll, pitch and yaw of a quaternion."""
+
+    def build() -> Any:
+        from stoop.vehicle.symbolic import euler_angles
+
+        return euler_angles()
+
+    return tuple(array_functions("Euler angles", build).observe(quaternion, (), ()))
+
+
 @dataclass(eq=False)
 class _Tape:
     """Every operation of an evaluation with its value, so that a change repeats only what depends on it."""

@@ -38,5 +38,6 @@ def forget(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     """Give the test an empty cache and a process that has loaded nothing yet; return the cache's folder."""
     folder = tmp_path / "cache"
     monkeypatch.setenv("STOOP_CACHE_DIR", str(folder))
-    monkeypatch.setattr(kernel, "_loaded", {})
+    for kept in ("_loaded", "_emitted"):
+        monkeypatch.setattr(kernel, kept, {})
     return folder

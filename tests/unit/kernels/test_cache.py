@@ -310,7 +310,8 @@ def test_an_unwritable_cache_still_compiles(
     blocked = tmp_path / "file"
     blocked.write_text("a file stands where the folder should be")
     monkeypatch.setenv("STOOP_CACHE_DIR", str(blocked / "cache"))
-    monkeypatch.setattr(kernel, "_loaded", {})
+    for kept in ("_loaded", "_emitted"):
+        monkeypatch.setattr(kernel, kept, {})
     k = load_kernel("pendulum", oscillator.equations)
     assert value(k) == expected
     assert blocked not in k.folder.parents

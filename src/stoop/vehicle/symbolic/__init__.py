@@ -86,6 +86,24 @@ def build_model(vehicle: Vehicle) -> SymbolicModel:
     )
 
 
+def flow_angles() -> SymbolicModel:
+    """Return airspeed, angle of attack and sideslip as readings of the velocity along the body axes."""
+    velocity = sp.symbols("u v w", real=True)
+    flow = frames.air(velocity)
+    return _readings(velocity, {"V": flow.V, "alpha": flow.alpha, "beta": flow.beta})
+
+
+def euler_angles() -> SymbolicModel:
+    """Return the Euler angles as readings of the quaternion."""
+    quaternion = sp.symbols("e0 e1 e2 e3", real=True)
+    turned = frames.attitude(quaternion)
+    return _readings(quaternion, {"phi": turned.phi, "theta": turned.theta, "psi": turned.psi})
+
+
+def _readings(states: tuple[Any, ...], outputs: Mapping[str, Any]) -> SymbolicModel:
+    return SymbolicModel(states, (), (), (), tuple(outputs.values()), tuple(outputs), (False,) * len(outputs))
+
+
 def _motion(n: Numbers, x: Mapping[str, Any], u: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
     """Return the rates of the states and the readings of the instruments, eqs. (1) and (2)."""
     vehicle, frame = n.vehicle, _FRAMES[n.vehicle.frame]
