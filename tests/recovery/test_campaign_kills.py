@@ -22,7 +22,7 @@ from recovery.campaign_case import LOG, STOPS, TASKS
 import stoop
 
 CASE = Path(__file__).with_name("campaign_case.py")
-KILLS = 20
+KILLS = 15
 AGAIN = 5  #: executions that one kill may cost: what is under way or on its way to the store
 PATIENCE = 60.0  #: s
 pytestmark = pytest.mark.slow

@@ -27,7 +27,7 @@ NAMES = ("quad-x", "twin-boom", "hexa-x", "twin-boom", "octo-x", "quadplane")
 
 
 def accused(seed: int) -> list[str]:
-    """Return what is said of one clean flight, as if every line of its mapping were the user's."""
+    """Return what is said of one clean flight, as if every line of its mapping were the user's; the file knows no gusts."""
     rng = np.random.default_rng(seed)
     name = NAMES[seed % len(NAMES)]
     winged = name == "twin-boom"
@@ -53,20 +53,21 @@ def accused(seed: int) -> list[str]:
                 f"step = {step * rng.uniform(0.7, 1.4):.3f}",
                 f"amplitude = {size * rng.uniform(-1.0, 1.0):.4f}",
             ]
-    vehicle = parse_vehicle(text, name)
-    flight = simulate_flight(vehicle, parse_maneuver("\n".join(lines), "m"), seed=seed, name="sim")
+    flight = simulate_flight(
+        parse_vehicle(text, name), parse_maneuver("\n".join(lines), "m"), seed=seed, name="sim"
+    )
     data = {str(channel): flight.column(str(channel)) for channel in flight.data.data_vars}
     signals = {channel: (flight.time, x) for channel, x in data.items()}
     judged = check_mapping(signals, data, flight.rate, OWN)
-    return [str(one) for one in (*judged.refused, *judged.notices, *check(flight, vehicle))]
+    return [str(one) for one in (*judged.refused, *judged.notices, *check(flight, resolve_vehicle(name)))]
 
 
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", range(6))
 def test_a_clean_flight_is_not_accused(seed: int) -> None:
     assert accused(seed) == []
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(12, 72))
+@pytest.mark.parametrize("seed", range(6, 66))
 def test_none_of_many_clean_flights_is_accused(seed: int) -> None:
     assert accused(seed) == []

@@ -18,7 +18,7 @@ from naive.texts import V_TAIL_LATERAL, V_TAIL_MIXERS
 from stoop.simulation import initial_states, parameter_rows
 from stoop.vehicle import Vehicle, parse_vehicle
 
-DT, SECONDS = 0.003, 1.8
+DT, SECONDS = 0.003, 0.9
 N = round(SECONDS / DT) + 1
 RTOL = 1e-9
 
