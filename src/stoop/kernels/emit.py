@@ -68,9 +68,13 @@ class _Hoister:
         self.parameters = frozenset(parameters)
         self.names: dict[Any, Any] = {}
         self.memo: dict[Any, Any] = {}
+        self.fixed: dict[Any, bool] = {}
 
     def constant(self, expr: Any) -> bool:
-        return bool(expr.free_symbols <= self.parameters)
+        if expr not in self.fixed:
+            own = expr in self.parameters if expr.is_Symbol else all(map(self.constant, expr.args))
+            self.fixed[expr] = own
+        return self.fixed[expr]
 
     def name(self, expr: Any) -> Any:
         """Give a parameter-only expression a name, unless it is as cheap as one."""
