@@ -56,7 +56,7 @@ def lacking(truth: str, fitted: str, seed: int) -> ExtensionTests:
     return extension_tests(done, error_bars(done))
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", [1, 2])
 def test_right_quadrotor_lacks_nothing(seed: int) -> None:
     found = lacking(TEXT, TEXT, seed)
     assert found.tested > 30
