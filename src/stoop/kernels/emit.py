@@ -15,6 +15,7 @@ import sympy as sp
 from sympy.printing.pycode import PythonCodePrinter
 
 from stoop.kernels.balance import groups
+from stoop.kernels.lanes import straight_line
 from stoop.kernels.symbolic import SymbolicModel
 
 
@@ -108,14 +109,13 @@ def hoist(expressions: Sequence[Any], parameters: Iterable[Any]) -> Hoisted:
 
 def function_source(name: str, arguments: dict[str, Sequence[Any]], expressions: Sequence[Any]) -> str:
     """Write one inlined function of tuples that returns the tuple of the expressions."""
-    lines = [f"@inline\ndef {name}({', '.join(arguments)}):"]
+    lines = []
     used = set().union(*(e.free_symbols for e in expressions)) if expressions else set()
     for argument, symbols in arguments.items():
-        lines += [f"    {s} = {argument}[{i}]" for i, s in enumerate(symbols) if s in used]
+        lines += [f"{s} = {argument}[{i}]" for i, s in enumerate(symbols) if s in used]
     steps, results = sp.cse(list(expressions), sp.numbered_symbols("t"), order="none")
-    lines += [f"    {symbol} = {_PRINTER.doprint(expr)}" for symbol, expr in steps]
-    lines.append(f"    return ({''.join(_PRINTER.doprint(e) + ', ' for e in results)})")
-    return "\n".join(lines) + "\n"
+    lines += [f"{symbol} = {_PRINTER.doprint(expr)}" for symbol, expr in steps]
+    return straight_line(name, ", ".join(arguments), lines, [_PRINTER.doprint(e) for e in results])
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from stoop.kernels.lanes import input_tuples, model_source, next_inputs
+from stoop.kernels.lanes import input_tuples, model_source, next_inputs, straight_line
 
 if TYPE_CHECKING:
     from stoop.kernels.emit import Emitted
@@ -73,15 +73,13 @@ def _helpers(e: Emitted) -> str:
     ]
     moves = [" + ".join(f"g[{m * e.outputs + i}] * v[{i}]" for i in range(e.outputs)) for m in range(e.moves)]
     return f"""
-@inline
-def innovate(y, z, m):
-    return ({"".join(f"{v}, " for v in innovations)})
+{straight_line("innovate", "y, z, m", (), innovations)}
 
+{straight_line("weigh", "g, v", (), moves)}
 
 @inline
 def gained(S, j, v):
-    g = load_rows(S, {gains * WIDTH}, {WIDTH}, {e.moves * e.outputs}, j)
-    return ({"".join(f"{m}, " for m in moves)})
+    return weigh(load_rows(S, {gains * WIDTH}, {WIDTH}, {e.moves * e.outputs}, j), v)
 """
 
 

@@ -17,6 +17,7 @@ for the vector registers of a CPU. A GPU would have one thread per candidate and
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -31,6 +32,10 @@ from numpy import absolute as fabs, arctan2 as atan2, sqrt
 
 def inline(function):
     return function
+
+
+def straight_line(count):
+    return inline
 
 
 """  #: header of the model's functions where they take arrays
@@ -53,6 +58,12 @@ def tuple_of(pattern: str, count: int) -> str:
     return "(" + "".join(pattern.format(i=i) + ", " for i in range(count)) + ")"
 
 
+def straight_line(name: str, arguments: str, lines: Sequence[str], results: Sequence[str]) -> str:
+    """Write one inlined function that returns the tuple of the results."""
+    body = "".join(f"    {line}\n" for line in (*lines, f"return ({''.join(f'{one}, ' for one in results)})"))
+    return f"@straight_line({len(results)})\ndef {name}({arguments}):\n{body}"
+
+
 def next_inputs(e: Emitted, here: str, there: str) -> list[str]:
     """Write each input at the end of a step: its value there, or here where it is held; ``{i}`` is the index."""
     return [(here if i in e.held else there).format(i=i) for i in range(e.inputs)]
@@ -64,18 +75,14 @@ def _rows(e: Emitted, first: int, count: int) -> str:
 
 def _stages(e: Emitted) -> str:
     """Write a step of Runge-Kutta of order four; each stage is taken by all groups before the next begins."""
-    combined = "x[{i}] + h6 * (k1[{i}] + 2.0 * (k2[{i}] + k3[{i}]) + k4[{i}])"
+    states = range(e.states)
+    ahead = [f"x[{i}] + a * k[{i}]" for i in states]
+    combined = [f"x[{i}] + h6 * (k1[{i}] + 2.0 * (k2[{i}] + k3[{i}]) + k4[{i}])" for i in states]
     stage = "derive(axpy(x[{{i}}], {h}, {k}[{{i}}]), {u}[{{i}}], c[{{i}}])"
     return f"""
-@inline
-def axpy(x, a, k):
-    return {tuple_of("x[{i}] + a * k[{i}]", e.states)}
+{straight_line("axpy", "x, a, k", (), ahead)}
 
-
-@inline
-def combine(x, k1, k2, k3, k4, h6):
-    return {tuple_of(combined, e.states)}
-
+{straight_line("combine", "x, k1, k2, k3, k4, h6", (), combined)}
 
 @inline
 def advance(x, k1, c, um, ub, hh, h, h6):
