@@ -22,6 +22,7 @@ def functions() -> numba.core.dispatcher.Dispatcher:
             out[0, i] = runtime.atan2(y[i], x[i])
             out[1, i] = runtime.wrap(y[i])
 
+    apply(np.zeros(1), np.ones(1), np.empty((2, 1)))  # compiled here: an example of hypothesis has a deadline
     return apply
 
 
