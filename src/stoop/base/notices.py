@@ -17,6 +17,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Literal, ParamSpec, TypeAlias, TypeVar, get_args
 
+from stoop.base.numbers import MAX_NUMBER
 from stoop.base.text import enumerated
 from stoop.base.units import DEGREE
 from stoop.errors import StoopError, one_line
@@ -104,8 +105,12 @@ def table() -> Mapping[str, Kind]:
 
 
 def notice(code: str, subject: str = "", **values: Value) -> Notice:
-    """Return a notice with the severity that the table gives its code."""
-    return Notice(code, table()[code].severity, subject, MappingProxyType(values))
+    """Return a notice with the severity that the table gives its code; of infinite numbers, which JSON lacks, the sign stays."""
+    finite = {
+        name: math.copysign(MAX_NUMBER, v) if isinstance(v, float) and math.isinf(v) else v
+        for name, v in values.items()
+    }
+    return Notice(code, table()[code].severity, subject, MappingProxyType(finite))
 
 
 def as_notice(found: Notice | str, severity: Severity = "warning", topic: str = "fit") -> Notice:

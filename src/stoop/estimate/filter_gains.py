@@ -229,7 +229,7 @@ def steady_covariance(
             W = one + G @ P
             lost = ~np.isfinite(W).all(axis=(1, 2))  # such a candidate becomes NaN
             W[lost] = one
-            solved = np.linalg.solve(W, np.concatenate([A, G], axis=2))
+            solved = _solved(W, np.concatenate([A, G], axis=2))
             solved[lost] = np.nan
             V, U, before = solved[:, :, :n], solved[:, :, n:], P
             P = _symmetric(P + np.swapaxes(A, 1, 2) @ P @ V)
@@ -237,6 +237,15 @@ def steady_covariance(
             if np.all(~(np.abs(P - before).max(axis=(1, 2)) > TOLERANCE * np.abs(P).max(axis=(1, 2)))):
                 break
     return P
+
+
+def _solved(matrices: FloatArray, right: FloatArray) -> FloatArray:
+    """Return the solutions (B, n, m) of linear systems, NaN where the matrix is singular."""
+    try:
+        return np.asarray(np.linalg.solve(matrices, right))
+    except np.linalg.LinAlgError:
+        singular = np.linalg.slogdet(matrices)[0] == 0.0
+        return np.asarray(np.linalg.solve(np.where(singular[:, None, None], np.nan, matrices), right))
 
 
 def _symmetric(M: FloatArray) -> FloatArray:

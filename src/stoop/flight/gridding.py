@@ -32,6 +32,7 @@ from stoop.errors import FlightError
 MAX_GAP: Final = 0.05  #: s; a longer hole in an input ends a segment
 MAX_VALUE: Final = 1e9  #: SI; no quantity of the registry is that large
 TIME_TOLERANCE: Final = 1e-6  #: s; a grid point this close to the end of a stretch still belongs to it
+TIME_RESOLUTION: Final = 0.1  #: of the step of a grid; a coarser clock makes two samples of one
 #: of the grid rate: 30 Hz at 100 Hz; -35 dB at 50 Hz, -76 dB at 90 Hz, 0.02 % lost at 10 Hz
 CUTOFF: Final = 0.3
 ORDER: Final = 4  #: of the Butterworth filter, which runs forward and backward
@@ -175,6 +176,11 @@ def make_grid(start: float, stop: float, rate: float, width: int, place: str) ->
         raise FlightError(
             f"{place}: the record lasts {stop - start:.0f} s, too long for a grid of {rate:g} Hz; "
             "check the unit of the time, cut the log, or choose a lower rate"
+        )
+    if np.spacing(max(abs(start), abs(stop))) * rate > TIME_RESOLUTION:
+        raise FlightError(
+            f"{place}: its clock begins at {start:g} s, where numbers of 64 bits do not tell the samples of {rate:g} Hz apart; "
+            "check the unit of the time"
         )
     first = int(np.ceil((start - TIME_TOLERANCE) * rate))
     count = int(np.floor((stop + TIME_TOLERANCE) * rate)) - first + 1

@@ -300,7 +300,9 @@ def find_windows(
         found, information, model = _about_vehicle(vehicle, flights, problems, fitted, tell)
         selection = select(found, information)
         chosen = [found[i] for i in selection.fitted]
-        if {(c.flight, c.start, c.stop) for c in chosen} != {(c.flight, c.start, c.stop) for c in first}:
+        if chosen and {(c.flight, c.start, c.stop) for c in chosen} != {
+            (c.flight, c.start, c.stop) for c in first
+        }:
             tell("fit of the proposed windows")
             fitted = quick_fit(vehicle, flights, [c.window for c in chosen])
         expected = [Expected(name, value, fitted.errors[name]) for name, value in fitted.values.items()]

@@ -18,6 +18,7 @@ import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import chain, repeat
 from pathlib import Path
 from typing import Any, Final
 
@@ -349,11 +350,11 @@ def _units(named: Mapping[str, Messages]) -> tuple[dict[str, dict[str, str]], di
     if (kind := named.get("FMTU")) is None:
         return units, numbered
     layouts = {float(other.layout.kind): other.layout for other in named.values()}
-    marks = kind.texts("UnitIds"), kind.texts("MultIds")
+    marks = kind.texts("UnitIds"), chain(kind.texts("MultIds"), repeat(None))
     for number, unit_marks, multiplier_marks in zip(kind.numbers("FmtType").tolist(), *marks, strict=False):
         if (layout := layouts.get(number)) is None:
             continue
-        padded = multiplier_marks.ljust(len(unit_marks), "-")
+        padded = (multiplier_marks or "").ljust(len(unit_marks), "-")
         for column, mark, times in zip(layout.columns, unit_marks, padded, strict=False):
             label = labels.get(mark, "")
             unit = SPELLINGS.get(label, label)
@@ -361,7 +362,7 @@ def _units(named: Mapping[str, Messages]) -> tuple[dict[str, dict[str, str]], di
             factor = float(f"{factor:.7g}")  # written as float, kept as double
             if unit and factor not in (0.0, 1.0):  # 0 and 1 mean none
                 unit = PREFIXES[factor] + unit if factor in PREFIXES else f"{factor:.4g} {unit}"
-            if unit:
+            if unit and multiplier_marks is not None:  # of an unknown multiple it tells nothing
                 units.setdefault(layout.name, {})[column] = unit
             if mark == "#":
                 numbered.setdefault(layout.name, column)

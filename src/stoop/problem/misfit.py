@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stoop.base.arrays import BoolArray, FloatArray
+from stoop.base.arrays import BoolArray, FloatArray, within_range
 from stoop.base.variables import WRAPPED
 from stoop.problem.layout import Layout, Nuisance
 from stoop.simulation import parameter_rows
@@ -202,8 +202,8 @@ class Misfit:
         return total
 
     def outputs(self, z: FloatArray, index: int) -> FloatArray:
-        """Return the simulated readings (n, n_y) of one piece for a vector (D + E,)."""
-        return np.asarray(self._trajectories(z[None, :], index, len(self.pieces[index].time))[0])
+        """Return the simulated readings (n, n_y) of one piece for a vector (D + E,), NaN once they are implausibly large."""
+        return within_range(self._trajectories(z[None, :], index, len(self.pieces[index].time))[0])
 
     def slopes(self, z: FloatArray, index: int) -> tuple[FloatArray, FloatArray]:
         """Return the simulated readings (n, n_y) of one piece and their derivatives (n, n_y, D + E) by differences."""

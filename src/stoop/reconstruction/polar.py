@@ -109,7 +109,7 @@ def blocks(
     good = airborne(flight) & np.isfinite(np.column_stack([power, *column.values()])).all(axis=1)
     if windows:
         good &= np.logical_or.reduce([(flight.time >= a) & (flight.time <= b) for a, b in windows])
-    size = round(length * flight.rate)
+    size = max(1, round(length * flight.rate))
     starts = [
         (number, at)
         for number, run in enumerate(run_slices(good))

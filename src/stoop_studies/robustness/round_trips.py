@@ -229,8 +229,10 @@ def compare_rates(name: str, flight: Flight, back: Flight) -> None:
     whole = flight.column(name)
     wanted, found = whole[at], back.column(name)
     there = (np.abs(flight.time[at] - back.time) < 2e-6) & np.isfinite(wanted) & np.isfinite(found)
-    padded = np.abs(np.pad(np.nan_to_num(whole), 1, mode="edge"))
-    around = np.max([padded[:-2], padded[1:-1], padded[2:]], axis=0)[at]
+    size, around = np.abs(whole[np.isfinite(whole)]), np.zeros(whole.size)
+    padded = np.pad(size, 1, mode="edge") if size.size else np.zeros(1)
+    around[np.isfinite(whole)] = np.max([padded[:-2], size, padded[2:]], axis=0)  # gaps are bridged
+    around = around[at]
     filtered = EPSILON * padded.max()  # where a filter ran over all samples
     wrong = np.abs(found - wanted) > (SINGLE + 4e-6 * flight.rate) * around + filtered + 1e-37
     if (there & wrong).any():

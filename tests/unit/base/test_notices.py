@@ -29,6 +29,12 @@ def test_a_number_that_is_none_survives_json() -> None:
     assert "more than nan s" in str(from_dict(content))
 
 
+def test_an_infinite_number_survives_json() -> None:
+    """JSON has no infinity either: the sentence is the same when it is read back."""
+    one = notice("stray-samples", "imu", count=2, distance=-math.inf)
+    assert str(from_dict(json.loads(json.dumps(one.to_dict(), allow_nan=False)))) == str(one)
+
+
 def test_a_code_of_another_version_keeps_its_sentence() -> None:
     content = {
         "code": "of-tomorrow",

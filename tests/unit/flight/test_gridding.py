@@ -156,6 +156,12 @@ def test_a_record_of_years() -> None:
         make_grid(0.0, 1e9, 100.0, 1, "f")
 
 
+@pytest.mark.parametrize("start", [-1e15, 1e15])
+def test_a_clock_too_coarse_for_the_grid(start: float) -> None:
+    with pytest.raises(FlightError, match="check the unit of the time"):
+        make_grid(start, start + 1.0, 100.0, 1, "f")
+
+
 @pytest.mark.parametrize("step", [5e-324, 1e-300, 1e-12, 1e-8])
 def test_a_clock_that_no_sensor_has(step: float) -> None:
     """Its median period says billions of samples a second, which neither memory nor filters can hold."""

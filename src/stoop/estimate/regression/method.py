@@ -125,10 +125,11 @@ def _from_start(fit: Fit) -> Fit:
             end = optimize.refine(ledger, z[d:], len(states.prices) - 1, SHORT)
             z = np.concatenate([z[:d], end.z]) if np.isfinite(end.cost) else z
         spent = ledger.spent
-    cost = float(np.sum(problem.residuals(z[None, :], rung) ** 2))
-    if np.isfinite(cost):
-        problem = problem.weighted(Weights.of(noise_variance(problem, channel_residuals(problem, z))))
+    with np.errstate(over="ignore"):  # of a simulation about to diverge
         cost = float(np.sum(problem.residuals(z[None, :], rung) ** 2))
+        if np.isfinite(cost):
+            problem = problem.weighted(Weights.of(noise_variance(problem, channel_residuals(problem, z))))
+            cost = float(np.sum(problem.residuals(z[None, :], rung) ** 2))
     return replace(fit, problem=problem, z=z, cost=cost, trajectories=spent)
 
 

@@ -47,7 +47,10 @@ def test_an_unmeasured_channel_informs_of_nothing() -> None:
 def test_a_candidate_without_a_solution_leaves_the_others_alone() -> None:
     F, H, Q, R = system(4)
     alone = steady_covariance(F[1:], H[1:], Q[1:], 1.0 / R[1:])
-    F[0], H[0] = 1.5 * np.eye(5), 0.0  # grows and is not seen
-    together = steady_covariance(F, H, Q, 1.0 / R)
-    assert not np.isfinite(together[0]).all()
-    assert together[1:] == pytest.approx(alone)
+    grown, rounded = (F.copy(), H.copy(), Q.copy()), (F.copy(), H.copy(), Q.copy())
+    grown[0][0], grown[1][0] = 1.5 * np.eye(5), 0.0  # grows and is not seen
+    rounded[1][0], rounded[2][0] = 1.0, 1e40  # beside which the identity is lost: a singular matrix
+    for system_ in (grown, rounded):
+        together = steady_covariance(*system_, 1.0 / R)
+        assert not np.isfinite(together[0]).all()
+        assert together[1:] == pytest.approx(alone)
