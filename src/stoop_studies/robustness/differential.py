@@ -128,8 +128,8 @@ def compare(name: str, path: Path, mapping: Path | None) -> str:
 
 
 def _is_readable(found: Found) -> bool:
-    """Return whether there is something that stoop should have read: two samples, a vector or a matrix."""
-    return any(longest_run(x.time) > 1 for x in found.streams.values()) or any(
+    """Return whether there is something that stoop should have read: two samples of a number, a vector or a matrix."""
+    return any(x.columns and longest_run(x.time) > 1 for x in found.streams.values()) or any(
         x.size > 1 and x.squeeze().ndim < 3 for x in found.arrays.values()
     )
 
