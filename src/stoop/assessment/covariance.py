@@ -29,6 +29,7 @@ from typing import Final
 import numpy as np
 
 from stoop.base.arrays import BoolArray, FloatArray
+from stoop.errors import IdentificationError
 from stoop.problem.evidence import PieceEvidence, invert
 
 NORMAL_95: Final = 1.959963984540054  #: two-sided 95 % quantile of the normal distribution
@@ -39,14 +40,26 @@ MAX_SHARE: Final = 0.5
 
 
 def data_information(pieces: Sequence[PieceEvidence]) -> FloatArray:
-    """Return Fisher's information (k, k) of the measurements alone, for white noise."""
+    """Return Fisher's information (k, k) of the measurements alone, for white noise.
+
+    Raises
+    ------
+    IdentificationError
+        It is larger than numbers of 64 bits are.
+    """
     count = pieces[0].jacobian.shape[2]
     total = np.zeros((count, count))
     for piece in pieces:
         rows = piece.filled()[1].reshape(-1, count)
         own = np.flatnonzero(rows.any(axis=0))  # not the initial states and biases of other maneuvers
         part = rows[:, own]
-        total[np.ix_(own, own)] += part.T @ part
+        with np.errstate(over="ignore"):
+            total[np.ix_(own, own)] += part.T @ part
+    if not np.isfinite(total).all():
+        raise IdentificationError(
+            "the simulation is all but divergent: its derivatives by the parameters are too large for error bars; "
+            "check values, bounds and units, or shorten the maneuver"
+        )
     return total
 
 

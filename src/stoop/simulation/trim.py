@@ -197,9 +197,11 @@ class SteadyFlight(ABC):
         tight = 1e-15
         with np.errstate(all="ignore"):  # of a vehicle that cannot fly residuals overflow
             for start in starts:
-                x = least_squares(
-                    self.residuals, np.array(start), ftol=tight, xtol=tight, gtol=tight, max_nfev=evaluations
-                ).x
+                x = np.array(start)
+                if np.isfinite(self.residuals(x)).all():
+                    x = least_squares(
+                        self.residuals, x, ftol=tight, xtol=tight, gtol=tight, max_nfev=evaluations
+                    ).x
                 residual = float(np.max(np.abs(self.residuals(x))))
                 if residual < TOLERANCE:
                     break

@@ -253,10 +253,13 @@ def read_identified(path: Path) -> Identified:
             "has numbers out of range (1e-30 to 1e30)",
         ),
         (
-            not np.allclose(apart, apart.T) or bool((np.diag(apart) < 0.0).any()),
+            not np.allclose(apart, apart.T) or bool((np.diag(covariance.matrix) < 0.0).any()),
             "has a covariance that is not symmetric, has holes or negative variances",
         ),
-        (not is_covariance(noise.matrix), "has a noise covariance that is not positive definite"),
+        (
+            not is_covariance(noise.matrix * noise.inflation),
+            "has a noise covariance that is not positive definite",
+        ),
         (
             any(p.prior_std <= 0.0 for p in result.parameters.values()),
             "has a prior without a standard deviation",

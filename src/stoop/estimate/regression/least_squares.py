@@ -375,8 +375,10 @@ def _weighted(rows: Sequence[Rows], priors: Priors, sigma: dict[str, float]) -> 
     y = np.concatenate([*(r.y / sigma[r.equation] for r in rows), (priors.mean / priors.sigma)[stated]])
     size = np.linalg.norm(A, axis=0)
     free = size > ZERO_COLUMN * size.max(initial=0.0)
+    bounds = np.stack([np.full_like(size, side) for side in (priors.lower, priors.upper)])
+    free[free] = np.less(*(bounds[:, free] * size[free]))  # rounding can make one of both
     scale = size[free]
-    lower, upper = (np.full_like(size, side)[free] * scale for side in (priors.lower, priors.upper))
+    lower, upper = bounds[:, free] * scale
     scaled = A[:, free] / scale
     null = np.empty((0, len(scale)))
     if scaled.size:
