@@ -106,11 +106,14 @@ def table() -> Mapping[str, Kind]:
 
 def notice(code: str, subject: str = "", **values: Value) -> Notice:
     """Return a notice with the severity that the table gives its code; of infinite numbers, which JSON lacks, the sign stays."""
-    finite = {
-        name: math.copysign(MAX_NUMBER, v) if isinstance(v, float) and math.isinf(v) else v
-        for name, v in values.items()
-    }
+    finite = {name: _finite(value) for name, value in values.items()}
     return Notice(code, table()[code].severity, subject, MappingProxyType(finite))
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, tuple):
+        return tuple(map(_finite, value))
+    return math.copysign(MAX_NUMBER, value) if isinstance(value, float) and math.isinf(value) else value
 
 
 def as_notice(found: Notice | str, severity: Severity = "warning", topic: str = "fit") -> Notice:

@@ -54,7 +54,7 @@ def riccati_source() -> str:
     """Write the module of the covariance recursion, which is the same for every model."""
     here = Path(__file__).parent
     recursion = (here / "recursion.py").read_text().split("# Copied from here.\n")[1]
-    return "\n\n".join([(here / "runtime.py").read_text(), "import numpy as np", recursion])
+    return "\n\n".join([(here / "runtime.py").read_text(), recursion])
 
 
 def _rows(e: Emitted) -> tuple[int, int, int]:

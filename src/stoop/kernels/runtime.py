@@ -14,9 +14,11 @@ from types import FunctionType
 from typing import Any
 
 import numba as nb
+import numpy as np
 from llvmlite import ir
 from numba.core import cgutils
 from numba.extending import intrinsic
+from numpy.lib.mixins import NDArrayOperatorsMixin
 
 FASTMATH = {"contract", "nsz", "arcp", "afn", "reassoc"}
 # Nothing but the entry points is called from Python: without wrappers Numba takes a third less time.
@@ -187,42 +189,20 @@ def atan2(y: float, x: float) -> float:
 # operation of which writes its instruction. Numba, which would infer the type of each, takes a quarter less for a model.
 
 
-class _Term:
+_INSTRUCTIONS = {np.add: "fadd", np.subtract: "fsub", np.multiply: "fmul", np.true_divide: "fdiv"}
+
+
+class _Term(NDArrayOperatorsMixin):
     """A double of the code that is being written."""
 
     def __init__(self, builder: Any, value: Any) -> None:
         self.builder, self.value = builder, value
 
-    def combined(self, instruction: str, *terms: Any) -> Any:
-        """Write an instruction."""
-        return _Term(self.builder, getattr(self.builder, instruction)(*map(_value, terms)))
-
-    def __add__(self, other: Any) -> Any:
-        return self.combined("fadd", self, other)
-
-    def __radd__(self, other: Any) -> Any:
-        return self.combined("fadd", other, self)
-
-    def __sub__(self, other: Any) -> Any:
-        return self.combined("fsub", self, other)
-
-    def __rsub__(self, other: Any) -> Any:
-        return self.combined("fsub", other, self)
-
-    def __mul__(self, other: Any) -> Any:
-        return self.combined("fmul", self, other)
-
-    def __rmul__(self, other: Any) -> Any:
-        return self.combined("fmul", other, self)
-
-    def __truediv__(self, other: Any) -> Any:
-        return self.combined("fdiv", self, other)
-
-    def __rtruediv__(self, other: Any) -> Any:
-        return self.combined("fdiv", other, self)
-
-    def __neg__(self) -> Any:
-        return self.combined("fsub", -0.0, self)
+    def __array_ufunc__(self, operation: Any, method: str, *terms: Any) -> Any:
+        if operation is np.negative:
+            return -0.0 - self
+        write = getattr(self.builder, _INSTRUCTIONS[operation])
+        return _Term(self.builder, write(*map(_value, terms)))
 
 
 def _value(term: Any) -> Any:

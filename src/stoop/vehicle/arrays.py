@@ -12,7 +12,7 @@ from numpy.lib.mixins import NDArrayOperatorsMixin
 
 from stoop.base.arrays import FloatArray
 from stoop.kernels.kernel import array_functions
-from stoop.vehicle.vehicle import Vehicle
+from stoop.vehicle.vehicle import Vehicle, equations_version
 
 Rows = Any  #: (n_p,) or (n_p, n), or a sequence of numbers and (n,)
 
@@ -52,26 +52,23 @@ def array_equations(vehicle: Vehicle) -> Equations:
     return Equations(array_functions(vehicle.structure, build))
 
 
-def flow_angles(velocity: Sequence[Any]) -> tuple[Any, ...]:
+def flow_angles(velocity: Sequence[Any]) -> Sequence[Any]:
     """Return airspeed, angle of attack and sideslip of the velocity along the body axes."""
-
-    def build() -> Any:
-        from stoop.vehicle.symbolic import flow_angles
-
-        return flow_angles()
-
-    return tuple(array_functions("flow angles", build).observe(velocity, (), ()))
+    return _kinematics("flow_angles", velocity)
 
 
-def euler_angles(quaternion: Sequence[Any]) -> tuple[Any, ...]:
+def euler_angles(quaternion: Sequence[Any]) -> Sequence[Any]:
     """Return roll, pitch and yaw of a quaternion."""
+    return _kinematics("euler_angles", quaternion)
 
+
+def _kinematics(name: str, states: Sequence[Any]) -> Sequence[Any]:
     def build() -> Any:
-        from stoop.vehicle.symbolic import euler_angles
+        from stoop.vehicle import symbolic
 
-        return euler_angles()
+        return getattr(symbolic, name)()
 
-    return tuple(array_functions("Euler angles", build).observe(quaternion, (), ()))
+    return array_functions(f"{name} {equations_version()}", build).observe(states, (), ())  # type: ignore[no-any-return]
 
 
 @dataclass(eq=False)

@@ -173,7 +173,8 @@ def _structure(node: Any) -> Any:
 
 
 @functools.cache
-def _equations_version() -> str:
+def equations_version() -> str:
+    """Return a digest of the sources that decide the equations, for the keys of caches."""
     here = Path(__file__).parent
     sources = [*sorted((here / "symbolic").glob("*.py")), *(here / name for name in _EQUATION_SOURCES)]
     return hashlib.sha256(b"".join(p.read_bytes() for p in sources)).hexdigest()
@@ -397,7 +398,7 @@ class Vehicle:
     def structure(self) -> str:
         """What decides the equations, as text without the value of any number."""
         measured = [self.measured] if self.measured else []
-        return json.dumps([_structure(self.file), _equations_version(), *measured], sort_keys=False)
+        return json.dumps([_structure(self.file), equations_version(), *measured], sort_keys=False)
 
     def kernel(self) -> Kernel:
         """Return the compiled equations (SymPy is imported only when they are not in the cache)."""
