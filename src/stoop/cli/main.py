@@ -28,6 +28,7 @@ VERBS: Final[dict[str, tuple[str, str]]] = {
         "simulate a flight, identify it, compare with the truth; needs no file",
     ),
     "info": ("stoop.cli.info", "show what a flight log contains: channels, gaps, faults, maneuvers"),
+    "look": ("stoop.cli.info:look", "write a page of a flight log: curves, path, spectra, windows"),
     "map": ("stoop.cli.files:map_log", "draft a mapping from the columns of a log to variables and units"),
     "maneuvers": (
         "stoop.cli.planning:maneuvers",
@@ -143,6 +144,7 @@ def _guarded(given: Sequence[str], debug: bool) -> int:
         arguments, unknown = parser_for(words).parse_known_args(words)
         if unknown:
             arguments.complain(f"unrecognized arguments: {' '.join(unknown)}")
+        _keep_fonts_in_cache()
         code = int(arguments.run(arguments))
     except SystemExit as leaving:  # argparse leaves this way after --help and after errors
         code = leaving.code if isinstance(leaving.code, int) else 0
@@ -156,6 +158,13 @@ def _guarded(given: Sequence[str], debug: bool) -> int:
             show(line)
     sys.stdout.flush()
     return code
+
+
+def _keep_fonts_in_cache() -> None:
+    """Let Matplotlib keep its list of fonts where stoop keeps compiled code: a verb writes nowhere else."""
+    from stoop.kernels.cache import cache_folder
+
+    os.environ.setdefault("MPLCONFIGDIR", str(cache_folder() / "matplotlib"))
 
 
 def one_verb(given: Sequence[str]) -> list[str]:

@@ -177,6 +177,7 @@ def run(capsys: pytest.CaptureFixture[str], folder: Path, command: str) -> tuple
 @pytest.mark.parametrize(
     ("command", "expected"),
     [
+        ("look @f.nc -o @look.html", 0),
         ("info @f.nc", 0),
         ("info @log.bin", 0),
         ("info @log.bin --json", 0),
