@@ -15,7 +15,7 @@ import re
 import signal
 import sys
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise, takewhile
 from typing import Any, Final, NoReturn
 
@@ -71,6 +71,7 @@ VERBS: Final[dict[str, tuple[str, str]]] = {
     ),
     "export": ("stoop.cli.files:export", "export a vehicle to JSBSim, MATLAB or Simulink, or as A, B, C, D"),
     "design": ("stoop.cli.planning:design", "design the next maneuver, for small standard errors"),
+    "completion": ("stoop.cli.completion", "print a script that completes commands in bash, zsh or fish"),
 }  #: verb -> its module (and function, beside FUNCTION_arguments, where it holds several), one line of help
 GROUP: Final = "stoop.verbs"  #: entry points of other packages, each a mapping as `VERBS`
 
@@ -197,11 +198,10 @@ def parser_for(given: Sequence[str]) -> Parser:
     for name, (place, purpose) in known.items():
         verb = verbs.add_parser(name, description=f"{purpose[0].upper()}{purpose[1:]}.", allow_abbrev=False)
         if name == chosen:
-            module, _, function = place.partition(":")
-            found = importlib.import_module(module)
-            getattr(found, f"{function}_arguments" if function else "add_arguments")(verb)
+            add_arguments, run = load_verb(place)
+            add_arguments(verb)
             verb.add_argument("--debug", action="store_true", default=argparse.SUPPRESS, help=DEBUG_HELP)
-            verb.set_defaults(run=getattr(found, function or "run"), complain=verb.error)
+            verb.set_defaults(run=run, complain=verb.error)
     parser.verbs = verbs.choices
     return parser
 
@@ -230,6 +230,16 @@ def _check_options(parser: Parser, words: Sequence[str]) -> None:
         option = word.partition("=")[0]
         if option.startswith("--") and " " not in word and option not in known:  # no value, for argparse
             parser.error(f"there is no option {option}; {nearest(option, known, OPTION_CUTOFF)}")
+
+
+def load_verb(
+    place: str,
+) -> tuple[Callable[[argparse.ArgumentParser], None], Callable[[argparse.Namespace], int]]:
+    """Import a verb from its place in `VERBS`; return what adds its arguments, and what runs it."""
+    module, _, function = place.partition(":")
+    found = importlib.import_module(module)
+    names = f"{function}_arguments" if function else "add_arguments", function or "run"
+    return getattr(found, names[0]), getattr(found, names[1])
 
 
 def all_verbs() -> dict[str, tuple[str, str]]:
