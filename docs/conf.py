@@ -1,16 +1,23 @@
-"""How the documentation is built: ``python3 scripts/test.py docs``, any warning is an error."""
+"""How the documentation is built: ``python3 scripts/test.py docs``, any warning is an error.
+
+Pictures are drawn, and the pages of the Python reference written, when it is built; neither is part of the repository.
+"""
 
 from __future__ import annotations
 
 import builtins
 import os
+import sys
 from importlib.metadata import version as installed_version
+from pathlib import Path
 from typing import Any
 
 from docutils import nodes
 from latex2mathml.converter import convert
 from sphinx import addnodes
 from sphinx.application import Sphinx
+
+sys.path.insert(0, str(Path(__file__).parent))  # the pictures
 
 project = "stoop"
 author = "The stoop developers"
@@ -19,13 +26,16 @@ version = release = installed_version("stoop")
 
 extensions = [
     "myst_parser",
+    "sphinx_design",
     "sphinx.ext.autodoc",
     "sphinx.ext.autosummary",
     "sphinx.ext.napoleon",
     "sphinx.ext.viewcode",
+    "pictures.directives",
 ]
+exclude_patterns = ["_pictures", "pictures"]
 templates_path = ["_templates"]
-myst_enable_extensions = ["dollarmath"]
+myst_enable_extensions = ["dollarmath", "colon_fence"]
 myst_heading_anchors = 3
 autosummary_generate = True
 autodoc_member_order = "bysource"
