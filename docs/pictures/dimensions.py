@@ -40,14 +40,14 @@ def planform() -> Figure:
     drawing.line([(0.0, 0.55), (4.6, 0.55)], SOFT, 0.9)
     slope = float(np.degrees(np.arctan2(quarter[1][1] - quarter[0][1], half)))
     drawing.arc((0.0, 0.55), 4.2, 0.0, slope, color=RED, width=1.5)
-    drawing.text((4.85, 0.25), "sweep", RED, ha="left")
+    drawing.text((4.9, 1.1), "sweep", RED)
     inner, outer, share = 0.55, 0.95, 0.28
     flap = []
     for s in (inner, outer):
         lead, chord = 1.2 - back * s, root + (tip - root) * s
         flap.append([(half * s, lead - (1.0 - share) * chord), (half * s, lead - chord)])
     drawing.shape([flap[0][0], flap[1][0], flap[1][1], flap[0][1]], PALE_ORANGE, ORANGE)
-    drawing.text((half * 0.76, -2.0), "aileron, 0.55 to 0.95\nof the half span", ORANGE, fontsize=9.0)
+    drawing.text((half * 0.76, -2.25), "aileron, 0.55 to 0.95\nof the half span", ORANGE, fontsize=9.0)
     drawing.arrow((-half, 2.7), (half, 2.7), color=BLUE, both=True, width=1.3)
     drawing.line([(-half, 0.0), (-half, 3.0)], SOFT, 0.8)
     drawing.line([(half, 0.0), (half, 3.0)], SOFT, 0.8)
@@ -58,7 +58,7 @@ def planform() -> Figure:
         (-half - 0.4, 1.2 - back), (-half - 0.4, 1.2 - back - tip), color=INK, both=True, width=1.2, head=9.0
     )
     drawing.text((-half - 0.4, -2.0), "tip", INK)
-    drawing.text((-4.6, -2.0), "taper = tip / root\narea = both halves", SOFT, fontsize=9.0)
+    drawing.text((-4.6, -2.25), "taper = tip / root\narea = both halves", SOFT, fontsize=9.0)
     for side in (1.0, -1.0):
         drawing.shape([(0.0, -4.6), (half * side, -4.6 + 0.9), (half * side, -4.5 + 0.9), (0.0, -4.3)])
     drawing.line([(0.0, -4.5), (4.6, -4.5)], SOFT, 0.9)
