@@ -48,6 +48,8 @@ class PictureDirective(SphinxDirective):
         found = pictures().get(self.arguments[0])
         if found is None:
             raise self.error(f"there is no picture '{self.arguments[0]}' in docs/pictures")
+        for file in found.files():
+            self.env.note_dependency(f"{FOLDER}/{file}")
         files = drawings(found, Path(self.env.srcdir, FOLDER))
         figure = nodes.figure("", *files, classes=["picture"])
         if self.content:
@@ -65,6 +67,7 @@ class PicturesDirective(SphinxDirective):
 
     def run(self) -> list[nodes.Node]:
         """Return a place for them, which is filled when all pages have been read."""
+        self.env.note_reread()  # other pages change what stands here
         return [AllPictures()]
 
 
