@@ -78,7 +78,15 @@ def predict(
 
 
 def assess(fitted: Job, *assessments: Assessment, watch: Callable[[str], None] | None = None) -> Job:
-    """Return a fit with the uncertainty by further methods, such as ``stoop.Bootstrap()`` or ``stoop.Profile()``."""
+    """Return a fit with the uncertainty by further methods, such as ``stoop.Bootstrap()`` or ``stoop.Profile()``.
+
+    Parameters
+    ----------
+    fitted : Job
+    *assessments : Bootstrap, Profile, Posterior, or one of your own
+    watch : callable, optional
+        Gets a line of progress now and then.
+    """
     return fitted.assess(*assessments, watch=watch)
 
 
