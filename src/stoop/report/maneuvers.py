@@ -253,7 +253,7 @@ def _channel(
         lag = finite_part(factor * trace.baseline[name])
         curves.append(Series("first-order lag", trace.time, lag, role="lag", width=1.2))
     curves.append(Series("simulated", trace.time, simulated, role=role, half_width=half))
-    strips = with_residual(curves, "measured − simulated", measured - simulated, _response_range(curves))
+    strips = with_residual(curves, "residual", measured - simulated, _response_range(curves))
     description, note = f"{name}, {_meaning(name)}: measured, simulated and their difference", ""
     description += f", {maneuver_title(maneuver)}"
     if one is not None:
