@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import shlex
 from collections.abc import Mapping, Sequence
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -13,12 +13,13 @@ from stoop.base.numbers import NOTHING, factor_and_unit, number
 from stoop.base.variables import RATES, VARIABLES, VELOCITY
 from stoop.flight import Flight
 from stoop.flight.maneuvers import commands
-from stoop.input_design.optimization import Proposal
-from stoop.input_design.windows import Found, Proposed
-from stoop.problem.windows import NAME
 from stoop.report.plots import Series, Shade, ShadeKind, Strip, plot
 from stoop.report.sheet import Bullets, Code, Figure, Prose, Section, Sheet, Table
 from stoop.report.time_history import HistoryPanel, TimeHistory
+
+if TYPE_CHECKING:  # the page of a flight takes colors and commands from here, and needs no optimization
+    from stoop.input_design.optimization import Proposal
+    from stoop.input_design.windows import Found, Proposed
 
 DESIGN_LEAD: Final = """\
 The input below is the one, of those tried, whose flight makes the error bars of the parameters of {vehicle} smallest \
@@ -143,6 +144,8 @@ def windows_sheet(
     found: Found, flights: Mapping[str, Flight], vehicle: str, command: str, following: Sequence[str]
 ) -> Sheet:
     """Return the page; `vehicle` is its name or empty, `following` the words of the command that takes the file."""
+    from stoop.problem.windows import NAME
+
     criterion = BY_VEHICLE.format(vehicle=vehicle) if vehicle else BY_COMMAND
     sections = [
         Section(f"The flight {name}" if len(flights) > 1 else "The flight", (flight_history(found, flight),))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Sequence
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from markupsafe import Markup
@@ -20,13 +20,15 @@ from stoop.flight.spectra import (
     power_spectra,
     spectrogram,
 )
-from stoop.input_design.overview import Overview
-from stoop.input_design.windows import Found
 from stoop.report.design import KINDS
 from stoop.report.plots import HUES, Series, Shade, Strip, heat_map, looks_of, plot, strip_pictures
 from stoop.report.sheet import Bullets, Code, Details, Panel, Panels, Part, Prose, Section, Sheet, Table
 from stoop.report.time_history import HistoryPanel, TimeHistory
 from stoop.report.track import Track
+
+if TYPE_CHECKING:
+    from stoop.input_design.overview import Overview
+    from stoop.input_design.windows import Found
 
 ACCELERATIONS: Final = ("ax", "ay", "az")
 GROUPS: Final = (
