@@ -7,8 +7,10 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from itertools import groupby
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from stoop.base.files import check_target, write_bytes_atomic
 from stoop.base.text import show
 from stoop.cli import options
 from stoop.cli.page import alike, busy, fixed, numbers, page, points, shown_unit, to_json, words
@@ -25,14 +27,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of this verb."""
     options.add_flight(parser, "flight log", several=False)
     parser.add_argument("--json", action="store_true", help="print JSON (SI units, rad) instead of tables")
+    saved = "also write the flight as it was read (one grid, SI, body axes), for other verbs and tools"
+    parser.add_argument("--save", metavar="FLIGHT.nc", type=Path, help=saved)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Read, describe, print."""
     from stoop.base.notices import Notice, attempt
-    from stoop.flight import describe, load, without_faults
+    from stoop.flight import describe, flight_bytes, load, without_faults
     from stoop.input_design.windows import Found, find_windows
 
+    if arguments.save is not None:
+        check_target(arguments.save, overwrite=False)
     with busy("reading the log"):
         summary = describe(load(arguments.flight, arguments.mapping))
         failed: list[Notice] = []
@@ -42,6 +48,8 @@ def run(arguments: argparse.Namespace) -> int:
         except FlightError as error:
             found, why = Found(()), str(error)
         summary = replace(summary, notices=(*summary.notices, *failed))
+    if arguments.save is not None:
+        write_bytes_atomic(arguments.save, flight_bytes(summary.flight))
     if arguments.json:
         show(to_json(info_document(summary, found)))
         return 0

@@ -32,6 +32,7 @@ from stoop.base.arrays import FloatArray
 from stoop.base.blas import on_one_blas_thread
 from stoop.base.notices import notice
 from stoop.errors import IdentificationError
+from stoop.estimate import iterates
 from stoop.estimate.fit import ALTERNATION, DEFAULTS, Fit, LocalProblem, Options, estimation_problem, starts
 from stoop.estimate.linearization import aligned, as_recorded
 from stoop.estimate.noise import effective_variance, first_variance, noise_covariance
@@ -91,6 +92,12 @@ class GaussNewtonModel(StagedModel):
             self.problem.weigh(shots) for shots in self.problem.linearize(self.at)
         ]
         self.current = self.exact = True
+
+    def stopped(self, damping: Damping) -> Ending | None:
+        """Show the windows as they are; see :class:`StagedModel`."""
+        problem = self.problem
+        iterates.show(problem.problem, self.at.z, self.cost, lambda: problem.simulated(self.at))
+        return super().stopped(damping)
 
     @property
     def optimal(self) -> bool:
@@ -264,7 +271,7 @@ class MultipleShooting:
             stop = replace(options, budget=budget).stop(0.0, len(guesses))
             found = optimize.minimize(
                 optimize.create(options.optimizer, stop.budget), windowed, seed=options.seed, starts=guesses,
-                stop=stop, callback=stages.started, state=stages.start,
+                stop=stop, callback=iterates.shown(windowed, stages.started), state=stages.start,
             )  # fmt: skip
             stages.start = found.state
             if not np.isfinite(found.cost):

@@ -1,0 +1,241 @@
+"""Time histories of a flight: strips over one time axis, a cursor across them, and windows that are marked or brushed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from bokeh.events import SelectionGeometry
+from bokeh.layouts import gridplot
+from bokeh.models import (
+    BoxAnnotation,
+    BoxSelectTool,
+    ColumnDataSource,
+    CrosshairTool,
+    HoverTool,
+    Range1d,
+    Span,
+)
+from bokeh.plotting import figure
+
+from stoop.base.arrays import FloatArray
+from stoop.base.numbers import factor_and_unit
+from stoop.base.variables import VARIABLES
+from stoop.flight import Flight, load
+
+COLORS: Final = ("#1f77b4", "#d9822b", "#2e9e6b", "#b0489b", "#8c6d31", "#7f7f7f", "#17a2b8", "#c0392b")
+MARKS: Final = {"fit": "#1f77b4", "validate": "#d9822b", "": "#808080"}
+SOFT: Final = "#808891"  #: of axes, readable on white and on black
+BUCKETS: Final = 1200  #: of which each keeps its smallest and its largest sample
+HEIGHT, FIRST = 118, 24
+GROUPS: Final = (
+    ("controls", ("elevator", "aileron", "rudder", "flap", "control_pitch", "control_roll", "control_yaw", "control_throttle",
+                  "thrust")),
+    ("motors", tuple(f"motor_{n}" for n in range(1, 9))),
+    ("rotors", tuple(f"rotor_{n}" for n in range(1, 9))),
+    ("rates", ("p", "q", "r")),
+    ("attitude", ("phi", "theta")),
+    ("specific force", ("ax", "ay", "az")),
+    ("flow angles", ("alpha", "beta")),
+    ("airspeed", ("V", "airspeed_pitot")),
+    ("velocity", ("vn", "ve", "vd")),
+    ("altitude", ("altitude",)),
+)  # fmt: skip
+
+
+@lru_cache(maxsize=4)
+def read_flight(path: Path, changed: int) -> Flight:
+    """Return a flight that stoop wrote; `changed` is the file's time, so that a new one is read again."""
+    return load(path)
+
+
+@dataclass(frozen=True)
+class Strip:
+    """Channels of one unit over one axis."""
+
+    title: str
+    unit: str
+    curves: dict[str, FloatArray]
+
+
+def strips_of(flight: Flight) -> list[Strip]:
+    """Return the strips of a flight: inputs above responses; servos and pulses only where nothing else shows the inputs."""
+    held = {str(name) for name in flight.data.data_vars}
+    groups = list(GROUPS)
+    if not held & {*GROUPS[0][1], *GROUPS[1][1]}:
+        numbered = [f"{kind}_{n}" for kind in ("servo", "pwm") for n in range(1, 9)]
+        groups.insert(0, ("outputs", tuple(numbered)))
+    found = []
+    for title, names in groups:
+        curves: dict[str, FloatArray] = {}
+        unit = ""
+        for name in names:
+            if name in held:
+                factor, unit = factor_and_unit(VARIABLES[name].unit)
+                values = factor * flight.data[name].to_numpy()
+                if np.isfinite(values).any():
+                    curves[name] = values
+        if curves:
+            found.append(Strip(title, unit, curves))
+    return found
+
+
+def thinned(time: FloatArray, strip: Strip, start: float, stop: float) -> dict[str, FloatArray]:
+    """Return the samples between two times, of each bucket the smallest and the largest, so that no peak is lost."""
+    first, behind = np.searchsorted(time, [start, stop], side="left")
+    first, behind = max(int(first) - 1, 0), min(int(behind) + 1, len(time))
+    size = math.ceil((behind - first) / BUCKETS)
+    if size <= 2:
+        return {"time": time[first:behind], **{n: v[first:behind] for n, v in strip.curves.items()}}
+    many = (behind - first) // size
+    shape = (many, size)
+    out = {"time": np.repeat(time[first : first + many * size].reshape(shape)[:, 0], 2)}
+    out["time"][1::2] += 0.5 * size * (time[1] - time[0])
+    for name, values in strip.curves.items():
+        part = values[first : first + many * size].reshape(shape)
+        present = np.isfinite(part)
+        low = np.where(present, part, np.inf).min(axis=1)
+        high = np.where(present, part, -np.inf).max(axis=1)
+        pairs = np.column_stack([low, high])
+        pairs[~present.any(axis=1)] = np.nan
+        out[name] = pairs.ravel()
+    return out
+
+
+def calm(plot: Any) -> None:
+    """Give a figure colors that suit light and dark pages."""
+    plot.background_fill_alpha = plot.border_fill_alpha = 0.0
+    plot.outline_line_color = None
+    for axis in (*plot.xaxis, *plot.yaxis):
+        axis.axis_line_color = axis.major_tick_line_color = SOFT
+        axis.minor_tick_line_color = None
+        axis.major_label_text_color = axis.axis_label_text_color = SOFT
+        axis.axis_label_text_font_style = "normal"
+    plot.grid.grid_line_color, plot.grid.grid_line_alpha = SOFT, 0.18
+    plot.yaxis.ticker.desired_num_ticks = 4
+    plot.min_border_left = 58
+    for legend in plot.legend:
+        legend.background_fill_alpha, legend.border_line_color = 0.0, None
+        legend.label_text_color, legend.click_policy = SOFT, "hide"
+        legend.label_text_font_size, legend.spacing, legend.padding, legend.margin = "11px", 0, 2, 2
+        legend.glyph_width = 14
+
+
+class Strips:
+    """The strips of one flight as Bokeh figures, with windows marked; `brushed` is told the span that was drawn."""
+
+    def __init__(self, flight: Flight, brushed: Callable[[float, float], None] | None = None) -> None:
+        self._time = flight.time
+        self._strips = strips_of(flight)
+        start, stop = float(self._time[0]), float(self._time[-1])
+        self._range = Range1d(start, stop, bounds=(start, stop))
+        self._cursor = Span(dimension="height", line_color=SOFT, line_dash="dashed", line_width=1)
+        self._sources, self._figures = [], []
+        self._marks: list[BoxAnnotation] = []
+        for strip in self._strips:
+            self._figures.append(self._figure(strip, strip is self._strips[-1], brushed))
+        self._range.on_change("start", self._zoomed)
+        self._range.on_change("end", self._zoomed)
+        options: Any = {"ncols": 1, "merge_tools": True, "toolbar_location": "above", "sizing_mode": "stretch_width"}
+        self.layout = gridplot(self._figures, **options)
+        self.layout.toolbar.logo = None
+
+    def mark(self, windows: Iterable[tuple[float, float, str]]) -> None:
+        """Mark windows: start, stop and use ("fit", "validate" or "")."""
+        spans = list(windows)
+        for plot in self._figures:
+            plot.center = [r for r in plot.center if r not in self._marks]
+        self._marks = []
+        for plot in self._figures:
+            for start, stop, use in spans:
+                box = BoxAnnotation(left=start, right=stop, fill_color=MARKS[use], fill_alpha=0.16, line_color=MARKS[use],
+                                    line_alpha=0.5, level="underlay")  # fmt: skip
+                plot.add_layout(box)
+                self._marks.append(box)
+
+    def _figure(self, strip: Strip, last: bool, brushed: Callable[[float, float], None] | None) -> Any:
+        drag = "xbox_select" if brushed is not None else "xpan"
+        select: list[Any] = [BoxSelectTool(dimensions="width", persistent=True)] if brushed is not None else []
+        plot = figure(
+            height=HEIGHT + (FIRST if last else 0), sizing_mode="stretch_width", x_range=self._range,
+            tools="xpan,xwheel_zoom,xzoom_in,xzoom_out,reset,save", y_axis_label=strip.unit, min_border=2,
+            output_backend="canvas",
+        )  # fmt: skip
+        plot.add_tools(CrosshairTool(overlay=self._cursor), *select)
+        source = ColumnDataSource(thinned(self._time, strip, self._range.start, self._range.end))
+        self._sources.append(source)
+        first = None
+        for (name, _), color in zip(strip.curves.items(), COLORS, strict=False):
+            line = plot.line("time", name, source=source, color=color, line_width=1.2, legend_label=name)
+            first = first or line
+        tips = [("t", "@time{0.00} s"), *((name, f"@{{{name}}}{{0.000}} {strip.unit}") for name in strip.curves)]
+        plot.add_tools(HoverTool(tooltips=tips, mode="vline", renderers=[first], point_policy="follow_mouse"))
+        if brushed is not None:
+            plot.toolbar.active_drag = select[0]
+
+            def drawn(event: Any) -> None:
+                if event.final and "x0" in event.geometry:
+                    a, b = sorted((float(event.geometry["x0"]), float(event.geometry["x1"])))
+                    brushed(max(a, float(self._time[0])), min(b, float(self._time[-1])))
+
+            plot.on_event(SelectionGeometry, drawn)
+        else:
+            plot.toolbar.active_drag = next(t for t in plot.tools if type(t).__name__ == "PanTool")
+        plot.legend.location, plot.legend.orientation = "top_left", "horizontal"
+        calm(plot)
+        plot.xaxis.visible = last
+        if last:
+            plot.xaxis.axis_label = "s, the log's own clock"
+        return plot
+
+    def _zoomed(self, attr: str, old: Any, new: Any) -> None:
+        start, stop = float(self._range.start), float(self._range.end)
+        for strip, source in zip(self._strips, self._sources, strict=True):
+            source.data = thinned(self._time, strip, start, stop)
+
+
+class Curves:
+    """Measured and simulated curves of a running fit, channel by channel, which move."""
+
+    def __init__(self) -> None:
+        self.figures: list[Any] = []
+        self._sources: dict[str, ColumnDataSource] = {}
+
+    def show(self, pieces: Sequence[dict[str, Any]]) -> bool:
+        """Show the curves of a progress file; return whether the figures are new."""
+        names = list(pieces[0]["channels"]) if pieces else []
+        fresh = names != list(self._sources)
+        if fresh:
+            self._sources = {name: ColumnDataSource({"i": [], "time": [], "measured": [], "simulated": []}) for name in names}
+            self.figures = [self._figure(name, source) for name, source in self._sources.items()]
+        for name, source in self._sources.items():
+            factor = factor_and_unit(VARIABLES[name].unit)[0] if name in VARIABLES else 1.0
+            columns: dict[str, list[float]] = {"i": [], "time": [], "measured": [], "simulated": []}
+            for piece in pieces:
+                own = piece["channels"][name]
+                columns["time"] += [*piece["time"], math.nan]
+                for kind in ("measured", "simulated"):
+                    columns[kind] += [*(math.nan if v is None else factor * v for v in own[kind]), math.nan]
+            columns["i"] = list(map(float, range(len(columns["time"]))))
+            source.data = columns
+        return fresh
+
+    def _figure(self, name: str, source: ColumnDataSource) -> Any:
+        unit = factor_and_unit(VARIABLES[name].unit)[1] if name in VARIABLES else ""
+        plot = figure(height=130, width=290, tools="", toolbar_location=None, title=f"{name}, {unit}" if unit else name,
+                      min_border=2)  # fmt: skip
+        plot.line("i", "measured", source=source, color=SOFT, line_width=1.0)
+        plot.line("i", "simulated", source=source, color=COLORS[0], line_width=1.4)
+        plot.title.text_font_size, plot.title.text_color, plot.title.text_font_style = "11px", SOFT, "normal"
+        calm(plot)
+        plot.min_border_left = 40
+        plot.xaxis.visible = False
+        return plot
+
+
+__all__ = ["Curves", "Strip", "Strips", "read_flight", "strips_of", "thinned"]
