@@ -23,12 +23,15 @@ from stoop.problem.windows import Entry, read_windows, written
 
 FILE: Final = "app.toml"  #: names the log
 VEHICLE, WINDOWS, MAPPING = "vehicle.toml", "windows.toml", "mapping.toml"
-START, PROGRESS = "start.toml", "progress.json"  #: of a run: the vehicle from which it begins, and how far it is
+START, PROGRESS = (
+    "start.toml",
+    "progress.json",
+)  #: of a run: the vehicle from which it begins, and how far it is
 OWN_FORMAT: Final = "netcdf"  #: of flights of stoop, which need no mapping
 FIT: Final = "stoop identify LOG --vehicle vehicle.toml --maneuver windows.toml -o DIR"
 
 
-class Changed(StoopError):
+class ChangedError(StoopError):
     """A file was changed by another page since it was read."""
 
 
@@ -85,6 +88,12 @@ class Project:
         """The words by which a command reads the log."""
         return [self.log, *(["--mapping", MAPPING] if (self.root / MAPPING).exists() else [])]
 
+    @property
+    def reading(self) -> Step | None:
+        """The last step that reads the log, or drafts its mapping."""
+        found = [s for s in (self.latest("map"), self.latest("info")) if s is not None]
+        return max(found, key=lambda s: _modified(s.file(steps.COMMAND)), default=None)
+
     def draft_mapping(self) -> Step:
         """Draft the mapping of the log."""
         return self.start("map", lambda at: ["map", self.log, "-o", f"{at}/{MAPPING}"])
@@ -129,13 +138,13 @@ class Project:
 
         Raises
         ------
-        Changed
+        ChangedError
             The file is not the one from which the change began, ``before`` its `version`; None replaces any.
         OutputError
             It cannot be written.
         """
         if before is not None and before != version(self.vehicle):
-            raise Changed(
+            raise ChangedError(
                 "The vehicle was changed in another tab or editor since this form was filled. Your edits are kept in the form: "
                 "reload the file to see the other changes, or save again to replace them"
             )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 from typing import Any, Final
 
@@ -15,7 +16,7 @@ from stoop.app.log_view import LogView
 from stoop.app.steps import COMMANDS
 from stoop.app.use_view import UseView
 from stoop.app.vehicle_view import VehicleView
-from stoop.app.view import View
+from stoop.app.view import BUG, View
 from stoop.app.windows_view import WindowsView
 from stoop.errors import StoopError
 
@@ -30,7 +31,7 @@ class Page:
         self.project = project
         self.views: dict[str, View] = {kind.title: kind(project, self.go) for kind in VIEWS}
         self.buttons = {
-            title: parts.button(f"{i} {title}", lambda title=title: self.go(title), css_classes=["step"])
+            title: parts.button(f"{i} {title}", self._goer(title), css_classes=["step"])
             for i, title in enumerate(self.views, 1)
         }
         self.shown = ""
@@ -41,7 +42,13 @@ class Page:
         head = f"<header><h1>stoop</h1><span class='soft'>{parts.escaped(project.root)}</span></header>"
         bar = pn.FlexBox(*self.buttons.values(), sizing_mode="stretch_width", margin=(6, 0))
         self.panel = pn.Column(
-            parts.html(head), bar, self.stage, self.commands, sizing_mode="stretch_width", margin=(12, 20), max_width=1400
+            parts.html(head),
+            bar,
+            self.stage,
+            self.commands,
+            sizing_mode="stretch_width",
+            margin=(12, 20),
+            max_width=1400,
         )
         self.tick()
         self.go(self.start)
@@ -65,6 +72,9 @@ class Page:
             self._refresh(title)
         self.stage[:] = [self.views[title].panel]
 
+    def _goer(self, title: str) -> Callable[[], None]:
+        return lambda: self.go(title)
+
     def tick(self) -> None:
         """Show what has changed in the folder."""
         self.project.tend()
@@ -85,6 +95,9 @@ class Page:
             view.refresh()
         except (StoopError, OSError) as error:  # a file that was edited, or went away
             view.body[:] = [parts.html(parts.error(error))]
+        except Exception:
+            logging.getLogger("stoop.app").exception(title)
+            view.body[:] = [parts.html(parts.error(BUG))]
 
     def _all_commands(self) -> str:
         try:
@@ -98,7 +111,7 @@ class Page:
 
 def page_of(project: Project) -> Callable[[], Any]:
     """Return what makes the page of a browser tab."""
-    pn.extension("tabulator", raw_css=[parts.style("style.css")], sizing_mode="stretch_width", inline=False)
+    pn.extension("tabulator", raw_css=[parts.style("style.css")], inline=False)
 
     def made() -> Any:
         page = Page(project)
@@ -106,5 +119,3 @@ def page_of(project: Project) -> Callable[[], Any]:
         return page.panel
 
     return made
-
-

@@ -13,6 +13,11 @@ import panel as pn
 from stoop.app.steps import Step
 from stoop.base.text import printable, printable_lines
 
+BAR: Final = "<div class='bar'><i></i></div>"  #: work goes on
+CODE: Final[dict[str, Any]] = {
+    "sizing_mode": "stretch_width",
+    "stylesheets": ["textarea { font: 12px/1.5 ui-monospace, Menlo, Consolas, monospace; }"],
+}  #: options of a field for a file
 STATES: Final = {"running": "running", "done": "done", "failed": "not done"}
 
 
@@ -43,6 +48,21 @@ def note(text: object) -> str:
     return f'<div class="note">{escaped(text)}</div>' if text else ""
 
 
+def soft(text: object) -> str:
+    """Return a remark in small."""
+    return f"<p class='soft'>{escaped(text)}</p>" if text else ""
+
+
+def fold(summary: object, inside: str, is_open: bool = False) -> str:
+    """Return markup that is folded below a line."""
+    return f"<details{' open' if is_open else ''}><summary>{escaped(summary)}</summary>{inside}</details>"
+
+
+def printed(text: str, summary: str = "what it printed") -> str:
+    """Return what a command has printed, folded."""
+    return fold(summary, f"<pre>{escaped(text)}</pre>") if text else ""
+
+
 def bullets(items: Iterable[object]) -> str:
     """Return a list."""
     rows = "".join(f"<li>{escaped(item)}</li>" for item in items)
@@ -57,12 +77,12 @@ def chip(step: Step) -> str:
 
 def busy(step: Step, doing: str) -> str:
     """Return that a step goes on."""
-    return f'<p class="soft">{escaped(doing)}</p><div class="bar"><i></i></div>{command(step)}'
+    return f"{soft(doing)}{BAR}{command(step)}"
 
 
 def command(step: Step) -> str:
     """Return the command of a step, folded."""
-    return f"<details><summary>command of {escaped(step.name)}</summary><pre>{escaped(step.command)}</pre></details>"
+    return printed(step.command, f"command of {step.name}")
 
 
 def table(heads: Sequence[str], rows: Iterable[Sequence[object]], wide: Sequence[int] = ()) -> str:
@@ -70,12 +90,17 @@ def table(heads: Sequence[str], rows: Iterable[Sequence[object]], wide: Sequence
     body = list(rows)
     numeric = {i for i in range(len(heads)) if body and all(_is_number(str(row[i])) for row in body)}
     kinds = ["number" if i in numeric else "wide" if i in wide else "" for i in range(len(heads))]
-    head = "".join(f'<th class="{kind}">{escaped(text)}</th>' for kind, text in zip(kinds, heads, strict=True))
+    head = "".join(
+        f'<th class="{kind}">{escaped(text)}</th>' for kind, text in zip(kinds, heads, strict=True)
+    )
     cells = (
         "".join(f'<td class="{kind}">{escaped(cell)}</td>' for kind, cell in zip(kinds, row, strict=True))
         for row in body
     )
-    return f'<div class="scroll"><table><thead><tr>{head}</tr></thead><tbody>{"".join(f"<tr>{c}</tr>" for c in cells)}</tbody></table></div>'
+    rows_text = "".join(f"<tr>{row}</tr>" for row in cells)
+    return (
+        f'<div class="scroll"><table><thead><tr>{head}</tr></thead><tbody>{rows_text}</tbody></table></div>'
+    )
 
 
 def _is_number(text: str) -> bool:

@@ -10,19 +10,23 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+import panel as pn
 from bokeh.events import SelectionGeometry
-from bokeh.layouts import gridplot
 from bokeh.models import (
     BoxAnnotation,
     BoxSelectTool,
     ColumnDataSource,
     CrosshairTool,
+    DataRange1d,
     HoverTool,
+    PanTool,
     Range1d,
     Span,
+    WheelZoomTool,
 )
 from bokeh.plotting import figure
 
+from stoop.app.parts import button
 from stoop.base.arrays import FloatArray
 from stoop.base.numbers import factor_and_unit
 from stoop.base.variables import VARIABLES
@@ -117,7 +121,8 @@ def calm(plot: Any) -> None:
         axis.major_label_text_color = axis.axis_label_text_color = SOFT
         axis.axis_label_text_font_style = "normal"
     plot.grid.grid_line_color, plot.grid.grid_line_alpha = SOFT, 0.18
-    plot.yaxis.ticker.desired_num_ticks = 4
+    if isinstance(plot.y_range, DataRange1d):
+        plot.yaxis.ticker.desired_num_ticks = 4
     plot.min_border_left = 58
     for legend in plot.legend:
         legend.background_fill_alpha, legend.border_line_color = 0.0, None
@@ -135,48 +140,64 @@ class Strips:
         start, stop = float(self._time[0]), float(self._time[-1])
         self._range = Range1d(start, stop, bounds=(start, stop))
         self._cursor = Span(dimension="height", line_color=SOFT, line_dash="dashed", line_width=1)
-        self._sources, self._figures = [], []
-        self._marks: list[BoxAnnotation] = []
+        self._sources: list[Any] = []
+        self._figures: list[Any] = []
+        self._marks: list[list[BoxAnnotation]] = []  #: of each window, one in each figure
         for strip in self._strips:
             self._figures.append(self._figure(strip, strip is self._strips[-1], brushed))
         self._range.on_change("start", self._zoomed)
         self._range.on_change("end", self._zoomed)
-        options: Any = {"ncols": 1, "merge_tools": True, "toolbar_location": "above", "sizing_mode": "stretch_width"}
-        self.layout = gridplot(self._figures, **options)
-        self.layout.toolbar.logo = None
+        panes = [pn.pane.Bokeh(plot, sizing_mode="stretch_width", margin=0) for plot in self._figures]
+        steer = {
+            "◀": (-0.3, 1.0),
+            "▶": (0.3, 1.0),
+            "+": (0.0, 0.5),
+            "−": (0.0, 2.0),
+            "whole flight": (0.0, math.inf),
+        }
+        buttons = [button(name, self._mover(*move), margin=(0, 4, 4, 0)) for name, move in steer.items()]
+        self.panel = pn.Column(pn.FlexBox(*buttons), *panes, sizing_mode="stretch_width", margin=0)
 
     def mark(self, windows: Iterable[tuple[float, float, str]]) -> None:
         """Mark windows: start, stop and use ("fit", "validate" or "")."""
         spans = list(windows)
-        for plot in self._figures:
-            plot.center = [r for r in plot.center if r not in self._marks]
-        self._marks = []
-        for plot in self._figures:
-            for start, stop, use in spans:
-                box = BoxAnnotation(left=start, right=stop, fill_color=MARKS[use], fill_alpha=0.16, line_color=MARKS[use],
-                                    line_alpha=0.5, level="underlay")  # fmt: skip
+        while len(self._marks) < len(spans):
+            row = [BoxAnnotation(fill_alpha=0.16, line_alpha=0.5, level="underlay") for _ in self._figures]
+            for plot, box in zip(self._figures, row, strict=True):
                 plot.add_layout(box)
-                self._marks.append(box)
+            self._marks.append(row)
+        for i, row in enumerate(self._marks):  # one that is no longer needed is hidden
+            start, stop, use = spans[i] if i < len(spans) else (0.0, 0.0, "")
+            for box in row:
+                color = MARKS[use]
+                box.update(left=start, right=stop, fill_color=color, line_color=color, visible=i < len(spans))
 
     def _figure(self, strip: Strip, last: bool, brushed: Callable[[float, float], None] | None) -> Any:
-        drag = "xbox_select" if brushed is not None else "xpan"
-        select: list[Any] = [BoxSelectTool(dimensions="width", persistent=True)] if brushed is not None else []
+        drag = (
+            PanTool(dimensions="width")
+            if brushed is None
+            else BoxSelectTool(dimensions="width", persistent=True)
+        )
+        wheel = WheelZoomTool(dimensions="width", modifiers="ctrl")  # without it the page scrolls
         plot = figure(
             height=HEIGHT + (FIRST if last else 0), sizing_mode="stretch_width", x_range=self._range,
-            tools="xpan,xwheel_zoom,xzoom_in,xzoom_out,reset,save", y_axis_label=strip.unit, min_border=2,
-            output_backend="canvas",
+            tools=[], y_axis_label=strip.unit, min_border=2,
+            toolbar_location=None,
         )  # fmt: skip
-        plot.add_tools(CrosshairTool(overlay=self._cursor), *select)
+        plot.add_tools(CrosshairTool(overlay=self._cursor), drag, wheel)
+        plot.toolbar.active_drag, plot.toolbar.active_scroll = drag, wheel
         source = ColumnDataSource(thinned(self._time, strip, self._range.start, self._range.end))
         self._sources.append(source)
         first = None
         for (name, _), color in zip(strip.curves.items(), COLORS, strict=False):
             line = plot.line("time", name, source=source, color=color, line_width=1.2, legend_label=name)
             first = first or line
-        tips = [("t", "@time{0.00} s"), *((name, f"@{{{name}}}{{0.000}} {strip.unit}") for name in strip.curves)]
+        tips = [
+            ("t", "@time{0.00} s"),
+            *((name, f"@{{{name}}}{{0.000}} {strip.unit}") for name in strip.curves),
+        ]
         plot.add_tools(HoverTool(tooltips=tips, mode="vline", renderers=[first], point_policy="follow_mouse"))
         if brushed is not None:
-            plot.toolbar.active_drag = select[0]
 
             def drawn(event: Any) -> None:
                 if event.final and "x0" in event.geometry:
@@ -184,14 +205,25 @@ class Strips:
                     brushed(max(a, float(self._time[0])), min(b, float(self._time[-1])))
 
             plot.on_event(SelectionGeometry, drawn)
-        else:
-            plot.toolbar.active_drag = next(t for t in plot.tools if type(t).__name__ == "PanTool")
         plot.legend.location, plot.legend.orientation = "top_left", "horizontal"
         calm(plot)
         plot.xaxis.visible = last
         if last:
             plot.xaxis.axis_label = "s, the log's own clock"
         return plot
+
+    def _mover(self, shift: float, factor: float) -> Callable[[], None]:
+        """Return what moves the view by a share of its width, and widens it."""
+
+        def moved() -> None:
+            low, high = float(self._time[0]), float(self._time[-1])
+            width = self._range.end - self._range.start
+            middle = 0.5 * (self._range.start + self._range.end) + shift * width
+            half = 0.5 * min(width * factor, high - low)
+            middle = min(max(middle, low + half), high - half)
+            self._range.update(start=middle - half, end=middle + half)
+
+        return moved
 
     def _zoomed(self, attr: str, old: Any, new: Any) -> None:
         start, stop = float(self._range.start), float(self._range.end)
@@ -211,7 +243,10 @@ class Curves:
         names = list(pieces[0]["channels"]) if pieces else []
         fresh = names != list(self._sources)
         if fresh:
-            self._sources = {name: ColumnDataSource({"i": [], "time": [], "measured": [], "simulated": []}) for name in names}
+            self._sources = {
+                name: ColumnDataSource({"i": [], "time": [], "measured": [], "simulated": []})
+                for name in names
+            }
             self.figures = [self._figure(name, source) for name, source in self._sources.items()]
         for name, source in self._sources.items():
             factor = factor_and_unit(VARIABLES[name].unit)[0] if name in VARIABLES else 1.0
@@ -236,6 +271,3 @@ class Curves:
         plot.min_border_left = 40
         plot.xaxis.visible = False
         return plot
-
-
-__all__ = ["Curves", "Strip", "Strips", "read_flight", "strips_of", "thinned"]

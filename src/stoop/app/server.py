@@ -31,6 +31,10 @@ FILE_POLICY: Final = (
     "sandbox allow-scripts allow-downloads; default-src 'unsafe-inline' 'unsafe-eval' data: blob:; "
     "connect-src 'none'; form-action 'none'; base-uri 'none'; frame-ancestors 'self'"
 )
+ICON: Final = (
+    '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 16 16">'
+    '<path d="M2 2 L14 6 L8 8 L6 14 Z" fill="#1f5fa8"/></svg>'
+)
 SHOWN: Final = (".html",)  #: endings of files that the browser shows; others are downloaded
 
 
@@ -75,7 +79,9 @@ class _Gated(httputil.HTTPMessageDelegate):
         self._inside: httputil.HTTPMessageDelegate | None = None
 
     def headers_received(
-        self, start_line: httputil.RequestStartLine | httputil.ResponseStartLine, headers: httputil.HTTPHeaders
+        self,
+        start_line: httputil.RequestStartLine | httputil.ResponseStartLine,
+        headers: httputil.HTTPHeaders,
     ) -> Any:
         """Answer 403, or let the application read on."""
         path = start_line.path if isinstance(start_line, httputil.RequestStartLine) else ""
@@ -85,7 +91,11 @@ class _Gated(httputil.HTTPMessageDelegate):
             return self._inside.headers_received(start_line, headers)
         body = f"403: {why}\n".encode()
         answer = httputil.HTTPHeaders(
-            {"Content-Type": "text/plain; charset=utf-8", "Content-Length": str(len(body)), "Connection": "close"}
+            {
+                "Content-Type": "text/plain; charset=utf-8",
+                "Content-Length": str(len(body)),
+                "Connection": "close",
+            }
         )
         self._connection.write_headers(httputil.ResponseStartLine("HTTP/1.1", 403, "Forbidden"), answer, body)
         self._connection.finish()
@@ -125,6 +135,15 @@ class Files(tornado.web.StaticFileHandler):
             self.set_header("Content-Type", "application/octet-stream")
 
 
+class Icon(tornado.web.RequestHandler):
+    """The mark in the browser's tab."""
+
+    def get(self) -> None:
+        """Answer with a small drawing."""
+        self.set_header("Content-Type", "image/svg+xml")
+        self.finish(ICON)
+
+
 class _Headers(tornado.web.OutputTransform):
     """Headers of every answer."""
 
@@ -158,6 +177,7 @@ class Server:
         self.token = secrets.token_urlsafe(TOKEN_BYTES)
         patterns = [
             (r"/files/(.*)", Files, {"path": str(folder)}),
+            (r"/favicon.ico", Icon),
             (r"/upload", Upload, {"folder": folder / "logs", "limit": max_upload}),
         ]
         candidates = [port] if port is not None else [*range(FIRST_PORT, FIRST_PORT + TRIED)]

@@ -1,7 +1,7 @@
 """Steps: commands of stoop that run as processes of their own and leave all that is known of them in a folder.
 
-A step's folder, such as ``runs/001``, holds its command, its process, its inputs as they were, and what it wrote. Its lock is held
-by the process alone, so that any server, also one that was started later, knows whether it still runs.
+A step's folder, such as ``runs/001``, holds its command, its process, its inputs as they were, and what it wrote. Its lock is
+held by the process alone, so that any server, also one that was started later, knows whether it still runs.
 """
 
 from __future__ import annotations
@@ -33,6 +33,7 @@ PRODUCTS: Final = {
     "map": "mapping.toml",
     "drafts": "vehicle.toml",
     "trims": "",
+    "equations": "",
     "maneuvers": "windows.toml",
     "runs": "result.json",
     "exports": "",
@@ -98,7 +99,11 @@ class Step:
             return "this is a bug in stoop; the step's errors.txt has the details"
         if product and not (self.folder / product).exists():
             interrupted = "stoop: interrupted" in text
-            return "stopped before there was a result" if interrupted else "ended without a result: it was killed, or the disk is full"
+            return (
+                "stopped before there was a result"
+                if interrupted
+                else "ended without a result: it was killed, or the disk is full"
+            )
         return ""
 
     @property

@@ -52,7 +52,9 @@ class Upload(tornado.web.RequestHandler):
             self.folder.mkdir(parents=True, exist_ok=True)
             left = shutil.disk_usage(self.folder).free - RESERVE
             if announced > left:
-                self.refuse(507, f"the disk has room for {size(max(left, 0))}, the log holds {size(announced)}")
+                self.refuse(
+                    507, f"the disk has room for {size(max(left, 0))}, the log holds {size(announced)}"
+                )
                 return
             self.file = tempfile.NamedTemporaryFile(dir=self.folder, prefix=".part-", delete=False)  # noqa: SIM115
         except OSError as error:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import logging
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from typing import ClassVar
+from typing import ClassVar, Final
 
 import panel as pn
 
@@ -12,6 +13,8 @@ from stoop.app import parts
 from stoop.app.folder import Project
 from stoop.app.steps import Step
 from stoop.errors import StoopError
+
+BUG: Final = "this is a bug in stoop: please report it with what the terminal shows, where stoop app was started"
 
 
 class View(ABC):
@@ -48,6 +51,9 @@ class View(ABC):
                 self.say(error)
             except OSError as error:
                 self.say(f"{error.filename or 'the folder'}: {error.strerror or error}")
+            except Exception:
+                logging.getLogger("stoop.app").exception(self.title)
+                self.say(BUG)
 
         return done
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import importlib
 from pathlib import Path
 from typing import Final
 
@@ -23,7 +24,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     folder = f"folder of all that is made, also of an earlier time (default: {FOLDER}-LOG, or {FOLDER})"
     add("log", metavar="LOG", type=Path, nargs="?", help=f"flight log: {options.LOG_HELP}")
     add("--folder", metavar="DIR", type=Path, help=folder)
-    add("--port", metavar="N", type=_port, help="port on this machine (default: the first free one from 5010)")
+    add(
+        "--port", metavar="N", type=_port, help="port on this machine (default: the first free one from 5010)"
+    )
     add("--no-browser", action="store_true", help="only print the address")
     upload = "largest log that a browser may send (default: %(default)g)"
     add("--max-upload", metavar="GB", type=options.positive, default=MAX_UPLOAD, help=upload)
@@ -32,7 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Open the folder, take a port, print the address, serve until Ctrl-C."""
     try:
-        import panel  # noqa: F401
+        importlib.import_module("panel")
     except ModuleNotFoundError as error:
         if error.name not in ("panel", "bokeh", "param", "tornado"):
             raise

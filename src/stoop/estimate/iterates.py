@@ -59,9 +59,7 @@ def show(
     see(Candidate(problem, z, float(cost), own))
 
 
-def shown(
-    problem: Misfit, callback: Callable[[Progress], None] | None
-) -> Callable[[Progress], None] | None:
+def shown(problem: Misfit, callback: Callable[[Progress], None] | None) -> Callable[[Progress], None] | None:
     """Return the callback of a search that also shows the best point of each step."""
     if _watcher.get() is None:
         return callback

@@ -42,6 +42,8 @@ from stoop.estimate.shooting_windows import WINDOW_LENGTH, Shots, window_model
 from stoop.flight import Flight
 from stoop.optimize.levenberg_marquardt import (
     ADVICE,
+    Damping,
+    Ending,
     StagedModel,
     Stages,
     StagesState,
