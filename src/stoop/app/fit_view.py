@@ -170,23 +170,30 @@ class FitView(View):
             ("the model lacks, by the data: free", lacking, self._free),
         ):
             if names:
-                acts = [(name, self.act(partial(change, name))) for name in names[:MAX_CHIPS]]
-                chips = [parts.button(name, act, button_style="outline") for name, act in acts]
-                out += [parts.html(parts.soft(what)), pn.FlexBox(*chips)]
+                chips = pn.FlexBox(margin=0)
+                for i, name in enumerate(names[:MAX_CHIPS]):
+                    act = self.act(partial(change, name, chips, i))
+                    chips.append(parts.button(name, act, button_style="outline"))
+                out += [parts.html(parts.soft(what)), chips]
         return out
 
-    def _fix(self, name: str) -> None:
+    def _fix(self, name: str, chips: Any, i: int) -> None:
         self._change(numbers.edited(self.project.vehicle, {name: {"free": False}}), f"{name} is fixed")
+        chips[i].disabled = True
 
-    def _free(self, name: str) -> None:
+    def _free(self, name: str, chips: Any, i: int) -> None:
         self._change(numbers.freed(self.project.vehicle, name), f"{name} is free")
+        chips[i].disabled = True
 
     def _change(self, text: str, done: str) -> None:
         self.project.save_vehicle(text, None)
         self.say(f"{done} in {VEHICLE}; run the fit again to see what it changes", good=True)
 
     def _continue(self, step: Step) -> None:
-        self._change(step.file(VEHICLE).read_text("utf-8"), f"the estimates of {step.name} stand")
+        self.project.take_vehicle(step.file(VEHICLE).read_text("utf-8"))
+        self.say(
+            f"The estimates of {step.name} stand in {VEHICLE}; the file before is kept beside it", good=True
+        )
 
     def _run(self) -> None:
         if not self.project.vehicle:

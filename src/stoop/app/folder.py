@@ -12,7 +12,7 @@ from typing import Any, Final
 
 from stoop.app import steps
 from stoop.app.steps import Step
-from stoop.base.files import make_folder, write_files, write_text_atomic
+from stoop.base.files import make_folder, write_bytes_atomic, write_text_atomic
 from stoop.base.toml import parse_source, quoted, read_source
 from stoop.errors import OutputError, StoopError
 from stoop.flight.flight import flight_name
@@ -66,7 +66,8 @@ class Project:
         name = str(place.relative_to(self.root)) if place.is_relative_to(self.root) else str(place)
         if self.log not in ("", name):
             for other in (WINDOWS, MAPPING):
-                self._set_aside(other)
+                self._keep_copy(other)
+                (self.root / other).unlink(missing_ok=True)
         write_text_atomic(self.root / FILE, f"# what stoop app shows in this folder\nlog = {quoted(name)}\n")
         if self.needs_mapping:
             self.draft_mapping()
@@ -150,6 +151,11 @@ class Project:
             )
         write_text_atomic(self.root / VEHICLE, text)
 
+    def take_vehicle(self, text: str) -> None:
+        """Use another vehicle; the one that was there is kept under another name."""
+        self._keep_copy(VEHICLE)
+        write_text_atomic(self.root / VEHICLE, text)
+
     # The windows.
 
     @property
@@ -169,7 +175,7 @@ class Project:
 
     def take_proposal(self, step: Step) -> None:
         """Use proposed windows; those that were there are kept under another name."""
-        self._set_aside(WINDOWS)
+        self._keep_copy(WINDOWS)
         write_text_atomic(self.root / WINDOWS, step.file(WINDOWS).read_text("utf-8"))
 
     def tend(self) -> None:
@@ -209,12 +215,13 @@ class Project:
         times = tuple(_modified(self.root / name) for name in own)
         return times, tuple((s.name, s.state) for kind in steps.PRODUCTS for s in self.steps(kind))
 
-    def _set_aside(self, name: str) -> None:
+    def _keep_copy(self, name: str) -> None:
+        """Keep a file under another name, before it is replaced."""
         path = self.root / name
         if path.exists():
             stem, ending = Path(name).stem, Path(name).suffix
             number = next(n for n in range(1, 10_000) if not (self.root / f"{stem}-{n}{ending}").exists())
-            write_files(self.root, {f"{stem}-{number}{ending}": path.read_bytes()}, obsolete=[name])
+            write_bytes_atomic(self.root / f"{stem}-{number}{ending}", path.read_bytes())
 
 
 def version(text: str) -> str:

@@ -14,6 +14,7 @@ import tomlkit
 from pydantic import BaseModel
 
 from stoop.base.numbers import MAX_NUMBER
+from stoop.base.units import FACTORS
 from stoop.errors import VehicleError
 from stoop.vehicle import Vehicle, schema
 from stoop.vehicle.document import keys_of, write_entry, write_fields
@@ -77,13 +78,18 @@ def _help(vehicle: Vehicle, name: str, keys: Sequence[str], quantity: Quantity |
             text = comments(type(node).__name__).get(key, "")
             summary = (type(node).__doc__ or "").partition("\n")[0].rstrip(".")
             if i == len(keys) - 1:
-                return text or f"{summary}: {key}"
+                return f"{summary}: {key}" if _is_unit(text) else text
             node = getattr(node, key, None)
             if text and not isinstance(node, BaseModel | Mapping):
                 return f"{text}: {'.'.join(keys[i + 1 :])}"
         elif isinstance(node, Mapping):
             node = node.get(key)
     return ""
+
+
+def _is_unit(text: str) -> bool:
+    """Whether a comment says no more than a unit."""
+    return not text or text in FACTORS or text.replace(" ", "") in FACTORS
 
 
 @cache

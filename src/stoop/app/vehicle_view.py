@@ -21,9 +21,11 @@ from stoop.vehicle_draft.power import ENGINES
 from stoop.vehicle_draft.request import TEMPLATES
 
 BY_LOG: Final = "by the log"
-ELSEWHERE: Final = "The file was changed in another tab. Your edits are kept in the form; saving puts them on top."
-HEADS: Final = {"name": "number", "value": "value", "unit": "unit", "free": "free", "prior": "prior ±", "low": "lower bound",
-                "high": "upper bound", "help": "what it is"}  # fmt: skip
+ELSEWHERE: Final = (
+    "The file was changed in another tab. Your edits are kept in the form; saving puts them on top."
+)
+HEADS: Final = {"name": "number", "value": "value", "unit": "unit", "free": "free", "prior": "prior ±", "low": "lower",
+                "high": "upper", "help": "what it is"}  # fmt: skip
 WIDTHS: Final = {
     "name": 190,
     "value": 92,
@@ -101,7 +103,7 @@ class VehicleView(View):
 
     def take(self, text: str) -> None:
         """Use a vehicle; where a log was read, windows are proposed for it."""
-        self.project.save_vehicle(parse_vehicle(text, WHERE).text, None)
+        self.project.take_vehicle(parse_vehicle(text, WHERE).text)
         if self.project.info and not self.project.windows:
             self.project.propose_windows()
             self.go("Windows")
@@ -196,19 +198,19 @@ class VehicleView(View):
             self.body[:] = [parts.html(parts.error(error)), self._text_editor(text)]
             return
         self._before = numbers.rows_of(vehicle)
-        frame = pd.DataFrame([{"group": r.group, **{k: getattr(r, k) for k in HEADS}} for r in self._before])
+        frame = pd.DataFrame([{"part": r.group, **{k: getattr(r, k) for k in HEADS}} for r in self._before])
         for column in ("prior", "low", "high"):
             frame[column] = [
                 v if v is not None and math.isfinite(v) else None for v in frame[column].astype(object)
             ]
         number = {"type": "number"}
         self._form = pn.widgets.Tabulator(
-            frame, groupby=["group"], hidden_columns=["group"], show_index=False, titles=HEADS, widths=WIDTHS, layout="fit_data",
+            frame, groupby=["part"], hidden_columns=["part"], show_index=False, titles=HEADS, widths=WIDTHS, layout="fit_data",
             editors={"name": None, "unit": None, "help": None, "value": number, "prior": number, "low": number, "high": number,
                      "free": {"type": "tickCross"}},
             formatters={"free": {"type": "tickCross", "crossElement": False}}, text_align={"value": "right", "prior": "right",
                      "low": "right", "high": "right", "free": "center"},
-            sortable=False, height=520, sizing_mode="stretch_width", stylesheets=[parts.style("form.css")],
+            sortable=False, height=520, sizing_mode="stretch_width", margin=(4, 0), stylesheets=[parts.style("form.css")],
         )  # fmt: skip
         self._form.frozen_columns = ["name"]
         free = sum(r.free for r in self._before)

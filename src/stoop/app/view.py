@@ -14,7 +14,9 @@ from stoop.app.folder import Project
 from stoop.app.steps import Step
 from stoop.errors import StoopError
 
-BUG: Final = "this is a bug in stoop: please report it with what the terminal shows, where stoop app was started"
+BUG: Final = (
+    "this is a bug in stoop: please report it with what the terminal shows, where stoop app was started"
+)
 
 
 class View(ABC):

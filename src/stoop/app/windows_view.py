@@ -19,7 +19,7 @@ USES: Final = {
     "predict": "validate",
     "not used": "",
 }  #: as shown -> as in the file; empty: not accepted
-HINT: Final = "Drag across the strips to brush a window; Ctrl and the wheel zoom. Blue: fitted; orange: predicted; grey: not used."
+HINT: Final = "Drag across the strips to brush a window; Ctrl and the wheel zoom. Blue is fitted, orange predicted, grey unused."
 WHY: Final = "why these windows, and what to expect of them"
 BRUSHED: Final = "brushed"  #: why such a window is there
 
@@ -112,7 +112,12 @@ class WindowsView(View):
             for text in (entry.axis, entry.why, f"loading {entry.loading}" if entry.loading else "")
             if text
         )
-        text = parts.html(f"<span class='soft'>{parts.escaped(why)}</span>", margin=(7, 0), min_width=180)
+        text = parts.html(
+            f"<span class='soft'>{parts.escaped(why)}</span>",
+            margin=(7, 0),
+            styles={"flex": "1 1 280px"},
+            width=280,
+        )
         return pn.FlexBox(*ends, use, remove, text, sizing_mode="stretch_width", margin=0)
 
     def _change(self, entry: Entry, **fields: Any) -> None:

@@ -85,6 +85,11 @@ class Watch(LiveLine):
         if self._file is not None:
             self._file.turn_to(work)
 
+    def _update(self, work: str) -> None:
+        super()._update(work)
+        if self._file is not None:
+            self._file.note(work)
+
     def count_from(self, trajectories: float) -> None:
         """Leave out of the speed what an earlier run has spent."""
         self._before = trajectories

@@ -40,6 +40,10 @@ class ProgressFile:
         self._content["work"] = work
         self._write()
 
+    def note(self, work: str) -> None:
+        """Note what is done now, to be written with the next point."""
+        self._content["work"] = work
+
     def see(self, candidate: Candidate) -> None:
         """Note a point of the search, unless the last was noted a moment ago."""
         if self._due:
