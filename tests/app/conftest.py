@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from playwright.sync_api import Browser, Page, sync_playwright
+from playwright.sync_api import Browser, Locator, Page, sync_playwright
 
 CHROMIUM = ("chromium", "chromium-browser", "google-chrome")
 QUIET = (
@@ -23,7 +23,7 @@ QUIET = (
 )  # fmt: skip
 #: a resize while figures are laid out, of Bokeh 3.9: it measures again
 HARMLESS = "Cannot read properties of undefined (reading 'top_panel')"
-PATIENCE = 120_000  #: ms until something must be there
+PATIENCE = 15_000  #: ms until something must be there
 
 
 @dataclass
@@ -122,6 +122,14 @@ class Tab:
         self.page.get_by_label(label).first.fill(text)
         self.clicks += 1
 
+    def settled(self, what: Locator) -> dict[str, float]:
+        """Return where something is, once it stays there."""
+        before: Any = None
+        while (box := what.bounding_box()) != before or box is None:
+            before = box
+            self.page.wait_for_timeout(300)
+        return dict(box)
+
     def picture(self, name: str) -> None:
         if self.pictures is not None:
             self.pictures.mkdir(parents=True, exist_ok=True)
@@ -158,6 +166,8 @@ def tab(browser: Browser, request: pytest.FixtureRequest) -> Iterator[Callable[[
 
     yield open_tab
     for one in opened:
+        if (folder := os.environ.get("STOOP_TEST_PICTURES")) and not one.page.is_closed():
+            one.page.screenshot(path=Path(folder) / f"{request.node.name}.png", full_page=True)
         one.page.context.close()
     assert [one.elsewhere for one in opened if one.elsewhere] == [], "nothing comes from the network"
     assert [one.errors for one in opened if one.errors] == []

@@ -85,6 +85,7 @@ def test_without_its_packages_one_line_says_what_to_install(
     assert capsys.readouterr().err == "stoop: error: app: the package panel is not installed; pip install 'stoop[app]'\n"
 
 
+@pytest.mark.filterwarnings("ignore::PendingDeprecationWarning")  # of Panel: names of options in its next version
 def test_a_full_disk_is_said_and_loses_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from stoop.base import files
     from stoop.vehicle.builtin import builtin_text

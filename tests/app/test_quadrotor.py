@@ -19,17 +19,18 @@ def test_from_a_sent_log_to_an_export(app, tab, hover: Path) -> None:
 
     # Windows are brushed on the plot.
     page.click("3 Windows")
+    page.wait("Drag across the strips")
     strip = page.page.locator(".bk-Figure").first
     strip.wait_for()
-    for first, last, use in ((0.10, 0.30, "Fit"), (0.40, 0.62, "Fit"), (0.72, 0.95, "Predict")):
-        box = strip.bounding_box()
+    for number, (first, last, use) in enumerate(((0.10, 0.30, "Fit"), (0.40, 0.62, "Fit"), (0.72, 0.95, "Predict"))):
+        box = page.settled(strip)
         y = box["y"] + 60
         page.page.mouse.move(box["x"] + first * box["width"], y)
         page.page.mouse.down()
         page.page.mouse.move(box["x"] + last * box["width"], y, steps=8)
         page.page.mouse.up()
         page.click(use)
-        page.wait("brushed")
+        page.page.get_by_text("brushed").nth(number).wait_for()
     page.picture("6_brushed")
     page.page.wait_for_timeout(300)
     windows = read_windows(running.folder / "windows.toml")

@@ -65,7 +65,7 @@ class FitView(View):
         self._stage = pn.Column(margin=0, sizing_mode="stretch_width")
         self._detail: tuple[str, str] = ("", "")
         self._method = pn.widgets.Select(
-            name="method", options=[USUAL, *methods.names()], width=190, margin=(0, 8, 0, 0)
+            label="method", options=[USUAL, *methods.names()], width=190, margin=(0, 8, 0, 0)
         )
         self._start = parts.button("Run the fit", self.act(self._run), "primary", align="end")
         self.body[:] = [

@@ -88,7 +88,7 @@ class LogView(View):
         zone = DropZone(sizing_mode="stretch_width", margin=(8, 0))
         zone.param.watch(lambda e: e.new and self.act(lambda: self.project.open_log(e.new))(), "placed")
         zone.param.watch(lambda e: self.say(e.new), "failed")
-        path = pn.widgets.TextInput(name="or the path of a log on this machine", placeholder="/home/me/flights/log_5.ulg",
+        path = pn.widgets.TextInput(label="or the path of a log on this machine", placeholder="/home/me/flights/log_5.ulg",
                                     sizing_mode="stretch_width", margin=(4, 8, 4, 0))  # fmt: skip
 
         def opened() -> None:
@@ -127,7 +127,7 @@ class LogView(View):
         found = {i: match for i, line in enumerate(lines) if (match := UNSURE.match(line))}
         wide = {"sizing_mode": "stretch_width", "margin": (2, 0)}
         asked = {
-            i: pn.widgets.TextInput(name=f"unsure: {match['doubt']}", value=match["line"], **wide)
+            i: pn.widgets.TextInput(label=f"unsure: {match['doubt']}", value=match["line"], **wide)
             for i, match in found.items()
         }
         text = pn.widgets.TextAreaInput(value="\n".join(lines), rows=14, max_length=1_000_000, **parts.CODE)

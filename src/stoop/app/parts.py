@@ -109,7 +109,7 @@ def _is_number(text: str) -> bool:
 
 def button(name: str, act: Callable[[], Any], kind: str = "default", **options: Any) -> pn.widgets.Button:
     """Return a button."""
-    made = pn.widgets.Button(name=printable(name), button_type=kind, **{"margin": (4, 8, 4, 0), **options})
+    made = pn.widgets.Button(label=printable(name), button_type=kind, **{"margin": (4, 8, 4, 0), **options})
     made.on_click(lambda _: act())
     return made
 

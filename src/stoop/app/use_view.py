@@ -28,14 +28,14 @@ class UseView(View):
 
     def __init__(self, project: Any, go: Any) -> None:
         super().__init__(project, go)
-        self._subject = pn.widgets.Select(name="model", width=420, max_width=420, margin=(0, 12, 4, 0))
+        self._subject = pn.widgets.Select(label="model", width=420, max_width=420, margin=(0, 12, 4, 0))
         self._target = pn.widgets.Select(
-            name="export to", options=list(TARGETS), width=190, margin=(0, 12, 4, 0)
+            label="export to", options=list(TARGETS), width=190, margin=(0, 12, 4, 0)
         )
         self._duration = pn.widgets.FloatInput(
-            name="duration, s", value=20.0, start=1.0, width=110, margin=(0, 12, 4, 0)
+            label="duration, s", value=20.0, start=1.0, width=110, margin=(0, 12, 4, 0)
         )
-        self._amplitude = pn.widgets.FloatInput(name="largest deflection, deg", value=3.0, start=0.1, end=89.0, width=150,
+        self._amplitude = pn.widgets.FloatInput(label="largest deflection, deg", value=3.0, start=0.1, end=89.0, width=150,
                                                 margin=(0, 12, 4, 0))  # fmt: skip
         self._shown: Any = None
 

@@ -111,7 +111,7 @@ class VehicleView(View):
     # Where there is none.
 
     def _choice(self) -> Any:
-        path = pn.widgets.TextInput(name="path of a vehicle file on this machine", placeholder="/home/me/vtail.toml",
+        path = pn.widgets.TextInput(label="path of a vehicle file on this machine", placeholder="/home/me/vtail.toml",
                                     sizing_mode="stretch_width", margin=(4, 8, 4, 0))  # fmt: skip
 
         def opened() -> None:
@@ -146,15 +146,15 @@ class VehicleView(View):
 
     def _request(self) -> Any:
         """Return the form of `stoop vehicle new`."""
-        kind = pn.widgets.Select(name="kind", options=[BY_LOG, *TEMPLATES], width=150)
-        engine = pn.widgets.Select(name="engine", options=[BY_LOG, *ENGINES], width=120)
+        kind = pn.widgets.Select(label="kind", options=[BY_LOG, *TEMPLATES], width=150)
+        engine = pn.widgets.Select(label="engine", options=[BY_LOG, *ENGINES], width=120)
         asked = {
             "mass": "mass as flown, kg",
             "span": "span, m",
             "chord": "mean chord, m",
         }
         fields = {
-            key: pn.widgets.FloatInput(name=label, value=None, start=0.0, width=130, step=0.01)
+            key: pn.widgets.FloatInput(label=label, value=None, start=0.0, width=130, step=0.01)
             for key, label in asked.items()
         }
 
@@ -226,7 +226,7 @@ class VehicleView(View):
         )  # fmt: skip
         buttons = pn.FlexBox(
             parts.button("Save", self.act(self.save), "primary"),
-            parts.button("Discard edits", self.act(lambda: self._fill(self.project.vehicle))),
+            parts.button("Discard edits", self.act(self._discard)),
             parts.button("Check by trim", self.act(self._trim)),
             parts.button("Next: the windows", self.act(self._onward)),
         )
@@ -241,6 +241,10 @@ class VehicleView(View):
         return pn.Column(
             parts.button("Save the text", self.act(saved)), self._text, sizing_mode="stretch_width"
         )
+
+    def _discard(self) -> None:
+        self._fill(self.project.vehicle)
+        self.say("The form shows the file again", good=True)
 
     def save(self) -> None:
         """Write the edits into the file, unless it was changed meanwhile: then say so, once."""

@@ -365,7 +365,11 @@ def settle(problem: Misfit, guesses: FloatArray) -> Settled:
     for _ in range(SETTLING.rounds):
         z, more, cut_short = _refined(problem, z, SHORT)
         spent, before = spent + more, problem.weights.logdet
-        problem = problem.weighted(Weights.of(effective_variance(problem, channel_residuals(problem, z))))
+        try:
+            variance = effective_variance(problem, channel_residuals(problem, z))
+        except KeyboardInterrupt:
+            return Settled(problem, z, spent, True)
+        problem = problem.weighted(Weights.of(variance))
         if cut_short or SETTLING.converged(before, problem.weights):
             return Settled(problem, z, spent, bool(cut_short))
     return Settled(problem, z, spent)

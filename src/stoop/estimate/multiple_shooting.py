@@ -173,8 +173,11 @@ def refined(
         raise IdentificationError(
             f"{vehicle.where}: not even windows of {length:.2g} s can be flown from the start; check values and units"
         )
-    joined = as_one_flight(problem, at, schedule)
-    if joined.cost < POOR * problem.problem.reference(len(problem.problem.prices) - 1):
+    try:
+        joined = as_one_flight(problem, at, schedule)
+    except KeyboardInterrupt:
+        joined, interrupted = at, True
+    if not interrupted and joined.cost < POOR * problem.problem.reference(len(problem.problem.prices) - 1):
         at, schedule = joined, schedule[-1:]  # windows that need not meet would let a good start go
     iterations, before = 0, np.inf
     status: Status = "interrupted" if interrupted else "stalled"
