@@ -23,7 +23,7 @@ QUIET = (
 )  # fmt: skip
 #: a resize while figures are laid out, of Bokeh 3.9: it measures again
 HARMLESS = "Cannot read properties of undefined (reading 'top_panel')"
-PATIENCE = 15_000  #: ms until something must be there
+PATIENCE = 60_000  #: ms until something must be there
 
 
 @dataclass
@@ -152,7 +152,9 @@ def tab(browser: Browser, request: pytest.FixtureRequest) -> Iterator[Callable[[
         one = Tab(page, app.port, Path(given) if given else None)
 
         def asked(url: str) -> None:
-            if not url.startswith((f"http://127.0.0.1:{app.port}/", f"ws://127.0.0.1:{app.port}/", "blob:", "data:")):
+            if not url.startswith(
+                (f"http://127.0.0.1:{app.port}/", f"ws://127.0.0.1:{app.port}/", "blob:", "data:")
+            ):
                 one.elsewhere.append(url)
 
         page.on("request", lambda r: asked(r.url))

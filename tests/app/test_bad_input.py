@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stoop.app.folder import Project
 from stoop.app.fit_view import FitView
+from stoop.app.folder import Project
 from stoop.cli.main import main
 
 
@@ -39,11 +39,15 @@ def test_logs_that_cannot_be_read(app, tab, tmp_path: Path) -> None:
     # A table needs a mapping, whose unsure lines are asked.
     time = np.arange(0.0, 20.0, 0.02)
     columns = np.column_stack([time, np.sin(time), 20.0 + np.cos(time), 9.8 + 0.0 * time])
-    np.savetxt(tmp_path / "t.csv", columns, delimiter=",", header="time_s,roll_rate,airspeed,accel_z", comments="")
+    np.savetxt(
+        tmp_path / "t.csv", columns, delimiter=",", header="time_s,roll_rate,airspeed,accel_z", comments=""
+    )
     page.fill(label, str(tmp_path / "t.csv"))
     page.click("Open")
     page.wait("2 lines are unsure")
-    page.page.get_by_label("unsure: m/s by its name only").fill('airspeed_pitot = {column = "airspeed", unit = "kt"}')
+    page.page.get_by_label("unsure: m/s by its name only").fill(
+        'airspeed_pitot = {column = "airspeed", unit = "kt"}'
+    )
     page.picture("mapping")
     page.click("Use this mapping")
     page.wait("Next: the vehicle")
@@ -70,7 +74,9 @@ def test_a_port_in_use(app, tmp_path: Path) -> None:
         taken.listen()
         port = taken.getsockname()[1]
         words = ["-m", "stoop", "app", "--folder", str(tmp_path / "p"), "--no-browser", "--port", str(port)]
-        done = subprocess.run([sys.executable, *words], capture_output=True, text=True, check=False, timeout=60)
+        done = subprocess.run(
+            [sys.executable, *words], capture_output=True, text=True, check=False, timeout=60
+        )
     assert done.returncode == 2
     assert done.stderr == f"stoop: error: app: port {port} is in use; give another with --port N\n"
     first, second = app(folder=tmp_path / "a"), app(folder=tmp_path / "b")
@@ -82,10 +88,15 @@ def test_without_its_packages_one_line_says_what_to_install(
 ) -> None:
     monkeypatch.setitem(__import__("sys").modules, "panel", None)
     assert main(["app", "--folder", str(tmp_path)]) == 2
-    assert capsys.readouterr().err == "stoop: error: app: the package panel is not installed; pip install 'stoop[app]'\n"
+    assert (
+        capsys.readouterr().err
+        == "stoop: error: app: the package panel is not installed; pip install 'stoop[app]'\n"
+    )
 
 
-@pytest.mark.filterwarnings("ignore::PendingDeprecationWarning")  # of Panel: names of options in its next version
+@pytest.mark.filterwarnings(
+    "ignore::PendingDeprecationWarning"
+)  # of Panel: names of options in its next version
 def test_a_full_disk_is_said_and_loses_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from stoop.base import files
     from stoop.vehicle.builtin import builtin_text

@@ -22,7 +22,9 @@ def test_from_a_sent_log_to_an_export(app, tab, hover: Path) -> None:
     page.wait("Drag across the strips")
     strip = page.page.locator(".bk-Figure").first
     strip.wait_for()
-    for number, (first, last, use) in enumerate(((0.10, 0.30, "Fit"), (0.40, 0.62, "Fit"), (0.72, 0.95, "Predict"))):
+    for number, (first, last, use) in enumerate(
+        ((0.10, 0.30, "Fit"), (0.40, 0.62, "Fit"), (0.72, 0.95, "Predict"))
+    ):
         box = page.settled(strip)
         y = box["y"] + 60
         page.page.mouse.move(box["x"] + first * box["width"], y)
@@ -51,7 +53,7 @@ def test_from_a_sent_log_to_an_export(app, tab, hover: Path) -> None:
     page.page.get_by_label("method").select_option("multiple-shooting")
     page.click("Run the fit")
     page.wait("cost ")
-    page.page.locator(".bk-Figure").first.wait_for()
+    page.page.locator(".curves path.simulated").first.wait_for()
     page.picture("7_moving")
     page.click("Stop")
     page.wait("multiple-shooting, interrupted")
@@ -63,9 +65,9 @@ def test_from_a_sent_log_to_an_export(app, tab, hover: Path) -> None:
     page.click("5 Compare")
     page.wait("apart, σ")
     page.wait("Theil's inequality coefficient")
-    rows = page.page.get_by_role("row", name="mass.inertia.xx")
-    rows.first.wait_for()
-    assert rows.first.inner_text().count("±") == 2
+    page.wait("rotors.")
+    rows = page.page.locator("tr").all_inner_texts()
+    assert any(row.count("±") == 2 for row in rows)
     page.picture("8_compare")
 
     page.click("6 Use")

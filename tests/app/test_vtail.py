@@ -29,7 +29,9 @@ def test_from_the_log_to_the_report(app, tab, shared_data: Path, capsys: pytest.
     report.get_by_text("48 parameters from 3 fitted maneuvers, 1 predicted").first.wait_for()
     seconds = time.monotonic() - began
     with capsys.disabled():
-        print(f"\nfrom stoop app LOG to the first report of the V-tail: {page.clicks} clicks, {seconds:.0f} s")
+        print(
+            f"\nfrom stoop app LOG to the first report of the V-tail: {page.clicks} clicks, {seconds:.0f} s"
+        )
     assert page.clicks <= MAX_CLICKS
     page.picture("5_report")
 

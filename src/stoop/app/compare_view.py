@@ -67,7 +67,7 @@ class CompareView(View):
         self._shown[:] = [
             parts.html(verdicts + "<h3>Estimates</h3>"),
             pn.FlexBox(
-                parts.html(estimates(a, b), sizing_mode="fixed", width=620),
+                parts.html(estimates(a, b), sizing_mode=None, styles={"max-width": "100%"}),
                 pn.pane.Bokeh(intervals(a, b), margin=(0, 0, 0, 8)),
             ),
             parts.html(f"<h3>Fit and prediction</h3>{parts.soft(THEIL)}{predictions(a, b)}"),
@@ -107,7 +107,7 @@ def intervals(a: Result, b: Result) -> Any:
     names = [*dict.fromkeys([*a.parameters, *b.parameters])][::-1]
     plot = figure(
         y_range=names, x_range=(-2.6, 2.6), height=80 + ROW * len(names), width=430, tools="save", toolbar_location=None,
-        x_axis_label="95 % intervals, each parameter on its own scale",
+        x_axis_label="95 % intervals, each on its own scale",
     )  # fmt: skip
     scales: dict[str, tuple[float, float]] = {}
     for name in names:

@@ -11,7 +11,6 @@ import panel as pn
 
 from stoop.app import numbers, parts
 from stoop.app.folder import PROGRESS, VEHICLE, Project
-from stoop.app.plots import Curves
 from stoop.app.steps import Step
 from stoop.app.view import View
 from stoop.base.numbers import number
@@ -21,7 +20,7 @@ from stoop.results.result import Result, read_result
 
 MAX_CHIPS: Final = 12  #: of one kind
 USUAL: Final = "chosen by the data"
-RUNNING: Final = "Stop keeps the best so far. The run goes on when this page, or the app, is closed. Grey: measured, blue: fitted."
+RUNNING: Final = "Stop keeps the best so far. The run goes on when this page or the app is closed. Grey is measured, blue fitted."
 
 
 @lru_cache(maxsize=16)
@@ -57,9 +56,8 @@ class FitView(View):
         self._chosen = ""  #: name of the run that is shown
         self._known: list[str] = []
         self._seen: Any = None
-        self._curves = Curves()
+        self._curves = parts.html()
         self._work = parts.html()
-        self._figures = pn.FlexBox(margin=0, sizing_mode="stretch_width")
         self._values = parts.html()
         self._head = pn.Column(margin=0, sizing_mode="stretch_width")
         self._stage = pn.Column(margin=0, sizing_mode="stretch_width")
@@ -128,20 +126,17 @@ class FitView(View):
         ]
         shown = parts.table(("", "now", "unit"), rows)
         self._values.object = parts.fold(f"{len(rows)} parameters", shown, is_open=True) if rows else ""
-        if progress.get("curves") and self._curves.show(progress["curves"]):
-            panes = [pn.pane.Bokeh(f, margin=(0, 6, 6, 0)) for f in self._curves.figures]
-            self._figures[:] = panes
+        self._curves.object = drawn_curves(progress.get("curves", ()))
 
     def _running(self, step: Step) -> list[Any]:
-        self._seen, self._curves = None, Curves()
-        self._figures[:] = []
-        self._work.object, self._values.object = "<div class='bar'><i></i></div>", ""
+        self._seen = None
+        self._work.object, self._curves.object, self._values.object = parts.BAR, "", ""
         stop = parts.button("Stop", self.act(step.stop))
         return [
             self._work,
             stop,
             parts.html(parts.soft(RUNNING)),
-            self._figures,
+            self._curves,
             self._values,
             parts.html(parts.command(step)),
         ]

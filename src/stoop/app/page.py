@@ -85,7 +85,7 @@ class Page:
             if self.shown:
                 self._refresh(self.shown)
             self.commands.object = self._all_commands()
-        if self.shown:
+        elif self.shown:  # what was just put on the page is changed at the next look: a browser takes one step after the other
             self.views[self.shown].tick()
 
     def _refresh(self, title: str) -> None:

@@ -26,9 +26,9 @@ from bokeh.models import (
 )
 from bokeh.plotting import figure
 
-from stoop.app.parts import button
+from stoop.app.parts import button, escaped
 from stoop.base.arrays import FloatArray
-from stoop.base.numbers import factor_and_unit
+from stoop.base.numbers import factor_and_unit, number
 from stoop.base.variables import VARIABLES
 from stoop.flight import Flight, load
 
@@ -37,6 +37,7 @@ MARKS: Final = {"fit": "#1f77b4", "validate": "#d9822b", "": "#808080"}
 SOFT: Final = "#808891"  #: of axes, readable on white and on black
 BUCKETS: Final = 1200  #: of which each keeps its smallest and its largest sample
 HEIGHT, FIRST = 118, 24
+DRAWN: Final = (280, 84)  #: width and height of a drawing of a running fit
 GROUPS: Final = (
     ("controls", ("elevator", "aileron", "rudder", "flap", "control_pitch", "control_roll", "control_yaw", "control_throttle",
                   "thrust")),
@@ -231,43 +232,42 @@ class Strips:
             source.data = thinned(self._time, strip, start, stop)
 
 
-class Curves:
-    """Measured and simulated curves of a running fit, channel by channel, which move."""
+def drawn_curves(pieces: Sequence[dict[str, Any]]) -> str:
+    """Return small drawings of measured and fitted curves, channel by channel, of the pieces of a progress file.
 
-    def __init__(self) -> None:
-        self.figures: list[Any] = []
-        self._sources: dict[str, ColumnDataSource] = {}
+    They are markup, not figures: a page redraws them whole, twice a second, whatever the order in which its messages arrive.
+    """
+    out = []
+    for name in pieces[0]["channels"] if pieces else ():
+        own = [piece["channels"][name] for piece in pieces]
+        lines = {kind: [piece[kind] for piece in own] for kind in ("measured", "simulated")}
+        values = np.array([v for kind in lines.values() for part in kind for v in part if v is not None])
+        if not values.size:
+            continue
+        low, high = float(values.min()), float(values.max())
+        scale = (DRAWN[1] - 4) / (high - low or 1.0)
+        step = DRAWN[0] / max(sum(len(part) for part in lines["measured"]), 1)
+        paths = [
+            f'<path class="{kind}" d="{_path(parts, step, low, scale)}"/>' for kind, parts in lines.items()
+        ]
+        factor, unit = factor_and_unit(VARIABLES[name].unit) if name in VARIABLES else (1.0, "")
+        span = f"{number(factor * low, 3)} to {number(factor * high, 3)} {unit}"
+        label = f"<figcaption>{escaped(name)} <span>{escaped(span)}</span></figcaption>"
+        size = f'viewBox="0 0 {DRAWN[0]} {DRAWN[1]}" preserveAspectRatio="none" aria-hidden="true"'
+        out.append(f"<figure>{label}<svg {size}>{''.join(paths)}</svg></figure>")
+    return f'<div class="curves">{"".join(out)}</div>'
 
-    def show(self, pieces: Sequence[dict[str, Any]]) -> bool:
-        """Show the curves of a progress file; return whether the figures are new."""
-        names = list(pieces[0]["channels"]) if pieces else []
-        fresh = names != list(self._sources)
-        if fresh:
-            self._sources = {
-                name: ColumnDataSource({"i": [], "time": [], "measured": [], "simulated": []})
-                for name in names
-            }
-            self.figures = [self._figure(name, source) for name, source in self._sources.items()]
-        for name, source in self._sources.items():
-            factor = factor_and_unit(VARIABLES[name].unit)[0] if name in VARIABLES else 1.0
-            columns: dict[str, list[float]] = {"i": [], "time": [], "measured": [], "simulated": []}
-            for piece in pieces:
-                own = piece["channels"][name]
-                columns["time"] += [*piece["time"], math.nan]
-                for kind in ("measured", "simulated"):
-                    columns[kind] += [*(math.nan if v is None else factor * v for v in own[kind]), math.nan]
-            columns["i"] = list(map(float, range(len(columns["time"]))))
-            source.data = columns
-        return fresh
 
-    def _figure(self, name: str, source: ColumnDataSource) -> Any:
-        unit = factor_and_unit(VARIABLES[name].unit)[1] if name in VARIABLES else ""
-        plot = figure(height=130, width=290, tools="", toolbar_location=None, title=f"{name}, {unit}" if unit else name,
-                      min_border=2)  # fmt: skip
-        plot.line("i", "measured", source=source, color=SOFT, line_width=1.0)
-        plot.line("i", "simulated", source=source, color=COLORS[0], line_width=1.4)
-        plot.title.text_font_size, plot.title.text_color, plot.title.text_font_style = "11px", SOFT, "normal"
-        calm(plot)
-        plot.min_border_left = 40
-        plot.xaxis.visible = False
-        return plot
+def _path(pieces: Sequence[Sequence[float | None]], step: float, low: float, scale: float) -> str:
+    """Return the path of a curve with gaps, `low` at the bottom; of what is no number nothing is drawn."""
+    words, i = [], 0
+    for piece in pieces:
+        pen = "M"
+        for value in piece:
+            if value is None:
+                pen = "M"
+            else:
+                words.append(f"{pen}{step * i:.1f} {DRAWN[1] - 2 - scale * (value - low):.1f}")
+                pen = "L"
+            i += 1
+    return "".join(words)

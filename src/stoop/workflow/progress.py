@@ -18,7 +18,7 @@ from stoop.estimate.iterates import Candidate
 
 FORMAT: Final = "stoop-progress/1"
 INTERVAL: Final = 0.5  #: s between two writes
-MAX_SAMPLES: Final = 300  #: of a curve
+MAX_SAMPLES: Final = 200  #: of a curve
 MAX_COSTS: Final = 2000  #: in the history
 
 
