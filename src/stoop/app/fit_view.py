@@ -11,6 +11,7 @@ import panel as pn
 
 from stoop.app import numbers, parts
 from stoop.app.folder import PROGRESS, VEHICLE, Project
+from stoop.app.plots import drawn_curves
 from stoop.app.steps import Step
 from stoop.app.view import View
 from stoop.base.numbers import number
