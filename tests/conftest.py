@@ -68,6 +68,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption(
         "--quick", action="store_true", help=f"leave out the tests of {LONG_TESTS.name} and slow ones"
     )
+    parser.addoption("--screenshots", metavar="DIR", help="keep pictures of the app, at 1280 and 420 px")
     parser.addoption(
         "--durations-file", metavar="FILE", help="write how many seconds each test took, as JSON"
     )

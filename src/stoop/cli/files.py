@@ -22,6 +22,10 @@ def vehicle_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `stoop vehicle`."""
     name = "name of a built-in vehicle; without it all are listed"
     parser.add_argument("name", metavar="TEMPLATE", nargs="?", help=name)
+    equations = (
+        "print the equations of motion of a vehicle file, or of a built-in vehicle, as LaTeX, one a line"
+    )
+    parser.add_argument("--equations", action="store_true", help=equations)
     options.add_output(parser, "file to write", metavar="FILE.toml", required=False)
 
 
@@ -30,7 +34,17 @@ def vehicle(arguments: argparse.Namespace) -> int:
     from stoop.vehicle.builtin import BUILT_IN, builtin_text, builtin_title
 
     name, output, out = arguments.name, arguments.output, page()
-    if name is None:
+    if arguments.equations:
+        if name is None or output is not None:
+            arguments.complain("--equations needs the name of a vehicle or its file, and no -o")
+        from stoop.vehicle.builtin import resolve_vehicle
+        from stoop.vehicle.symbolic import build_model
+
+        with busy(options.COMPILING):
+            lines = build_model(resolve_vehicle(name)).latex
+        for line in lines:
+            show(line)
+    elif name is None:
         if output is not None:
             arguments.complain("-o needs the name of a vehicle")
         out.table(words("name", BUILT_IN), words("what it is", map(builtin_title, BUILT_IN), wraps=True))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -80,18 +81,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="add to the model what the data ask for, if a held-back window confirms it",
     )
     add("--resume", action="store_true", help="continue the unfinished search in DIR")
+    state = "keep the latest state of the search in this file (JSON: cost, parameters, curves), for other programs"
+    add("--progress", metavar="FILE", type=Path, help=state)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Identify, write, and print what was found."""
     from stoop.assessment.profile import DOUBTFUL
     from stoop.checks.vehicle import check_vehicle
+    from stoop.estimate.iterates import watched
     from stoop.estimate.methods import choose_method
     from stoop.flight.flight import flight_name
     from stoop.problem.windows import expanded, files_among, parse_window
     from stoop.workflow import Bootstrap, Posterior, Profile
     from stoop.workflow.checkpoint import Checkpoint, identity
     from stoop.workflow.outputs import check_folder, file_hashes, flight_files
+    from stoop.workflow.progress import ProgressFile
 
     windows = files_among([*arguments.maneuver, *arguments.validate])
     others = options.given_paths(arguments.mapping, arguments.noise)
@@ -111,7 +116,9 @@ def run(arguments: argparse.Namespace) -> int:
         assessments.append(Posterior())
     if arguments.profile is not None:
         assessments.append(Profile(tuple(arguments.profile) or (DOUBTFUL,), store=stores[1]))
-    with Watch() as watch:
+    state = None if arguments.progress is None else ProgressFile(arguments.progress)
+    seen = nullcontext() if state is None else watched(state.see)
+    with seen, Watch(file=state) as watch:
         # What contradicts the vehicle comes before a search that may be long; the report holds it too.
         for doubt in check_vehicle(vehicle, known, fitted):
             watch.warn(str(doubt))

@@ -10,7 +10,7 @@ from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from stoop.base.files import check_target
+from stoop.base.files import check_target, write_bytes_atomic
 from stoop.base.text import show
 from stoop.cli import options
 from stoop.cli.page import alike, busy, fixed, numbers, page, points, shown_unit, to_json, words
@@ -31,16 +31,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     options.add_output(
         parser, "a page of the flight, as stoop look writes it", metavar="FILE", required=False
     )
+    saved = "also write the flight as it was read (one grid, SI, body axes), for other verbs and tools"
+    parser.add_argument("--save", metavar="FLIGHT.nc", type=Path, help=saved)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Read, describe, print."""
     if arguments.output is not None:
         check_target(arguments.output, arguments.overwrite)
+    if arguments.save is not None:
+        check_target(arguments.save, overwrite=False)
     seen = _overview(arguments)
     summary, found, why = seen.summary, seen.found, seen.why
     if arguments.output is not None:
         _write_page(arguments, seen)
+    if arguments.save is not None:
+        from stoop.flight import flight_bytes
+
+        write_bytes_atomic(arguments.save, flight_bytes(summary.flight))
     if arguments.json:
         show(to_json(info_document(summary, found)))
         return 0

@@ -27,6 +27,7 @@ VERBS: Final[dict[str, tuple[str, str]]] = {
         "stoop.cli.models:demo",
         "simulate a flight, identify it, compare with the truth; needs no file",
     ),
+    "app": ("stoop.cli.app", "open the local app in a browser: from a log to a report, step by step"),
     "info": ("stoop.cli.info", "show what a flight log contains: channels, gaps, faults, maneuvers"),
     "look": ("stoop.cli.info:look", "write a page of a flight log: curves, path, spectra, windows"),
     "map": ("stoop.cli.files:map_log", "draft a mapping from the columns of a log to variables and units"),

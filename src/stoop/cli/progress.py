@@ -14,6 +14,7 @@ from stoop.cli.options import at_least_one
 if TYPE_CHECKING:
     from stoop.optimize import Progress
     from stoop.parallel import Json, Plan, Pool, Tally
+    from stoop.workflow.progress import ProgressFile
 
 QUIET = 5.0  #: s between lines of a plain log
 INTERRUPTED = 130  #: exit code
@@ -45,6 +46,9 @@ class LiveLine:
 
     def turn_to(self, work: str) -> None:
         """Show what is done now, on a terminal only."""
+        self._update(work)
+
+    def _update(self, work: str) -> None:
         if self._status is not None:
             from rich.text import Text
 
@@ -52,7 +56,7 @@ class LiveLine:
 
     def show(self, text: str, now: float, news: bool = False) -> None:
         """Show how far it is; in a log a line where there is news, or none was printed for some seconds."""
-        self.turn_to(text)
+        self._update(text)
         if self._status is None and (news or now - self._printed > QUIET):
             self._printed = now
             show(printable(text), sys.stderr)
@@ -69,9 +73,22 @@ class LiveLine:
 class Watch(LiveLine):
     """Shows generation, cost and speed of a search."""
 
-    def __init__(self, first: str = "estimating the weights") -> None:
+    def __init__(self, first: str = "estimating the weights", file: ProgressFile | None = None) -> None:
         super().__init__(first)
-        self._before = 0.0
+        self._before, self._file = 0.0, file
+        if file is not None:
+            file.turn_to(first)
+
+    def turn_to(self, work: str) -> None:
+        """Show what is done now, in the file too."""
+        super().turn_to(work)
+        if self._file is not None:
+            self._file.turn_to(work)
+
+    def _update(self, work: str) -> None:
+        super()._update(work)
+        if self._file is not None:
+            self._file.note(work)
 
     def count_from(self, trajectories: float) -> None:
         """Leave out of the speed what an earlier run has spent."""

@@ -26,7 +26,7 @@ from stoop.base.arrays import FloatArray
 from stoop.base.blas import on_one_blas_thread
 from stoop.base.notices import Notice, notice
 from stoop.errors import IdentificationError
-from stoop.estimate import methods
+from stoop.estimate import iterates, methods
 from stoop.estimate.filter_gains import STATED, Gain, Noise, Steady, Varying, first_guess
 from stoop.estimate.filter_likelihood import FrozenFilter, Likelihood, Score
 from stoop.estimate.fit import DEFAULTS, Fit, Options, estimation_problem, starts
@@ -34,7 +34,15 @@ from stoop.estimate.fitted_filter import FittedFilter, with_gusts
 from stoop.estimate.instability import largest_growth
 from stoop.estimate.linearization import undelayed
 from stoop.flight import Flight
-from stoop.optimize.levenberg_marquardt import ADVICE, StagedModel, Stages, TenfoldDamping, Trial
+from stoop.optimize.levenberg_marquardt import (
+    ADVICE,
+    Damping,
+    Ending,
+    StagedModel,
+    Stages,
+    TenfoldDamping,
+    Trial,
+)
 from stoop.optimize.minimize import Status
 from stoop.problem import Misfit
 from stoop.problem.evidence import Evidence, PieceEvidence, Unknown, unknowns_of
@@ -82,6 +90,11 @@ class ScoringModel(StagedModel):
     def go_to(self, point: FloatArray) -> None:
         """Go to a point."""
         self.z, self.cost, self.current = point, self.likelihood.cost(point), False
+
+    def stopped(self, damping: Damping) -> Ending | None:
+        """Show the simulation at this point; see :class:`StagedModel`."""
+        iterates.show(self.likelihood.problem, self.z, self.cost)
+        return super().stopped(damping)
 
     @property
     def usable(self) -> bool:

@@ -22,6 +22,7 @@ from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice, notice
 from stoop.checks.vehicle import require_channels, require_data
 from stoop.errors import IdentificationError
+from stoop.estimate import iterates
 from stoop.estimate.excitation import with_mass_held
 from stoop.estimate.noise import (
     channel_residuals,
@@ -332,7 +333,7 @@ def fit(
     stop = options.stop(spent, len(guesses))
     outcome = optimize.minimize(
         optimize.create(options.optimizer, stop.budget), problem, seed=options.seed, starts=guesses,
-        stop=stop, callback=callback, state=state,
+        stop=stop, callback=iterates.shown(problem, callback), state=state,
     )  # fmt: skip
     if not np.isfinite(outcome.cost):
         raise IdentificationError(f"{vehicle.where}: {outcome.advice}")
@@ -364,7 +365,11 @@ def settle(problem: Misfit, guesses: FloatArray) -> Settled:
     for _ in range(SETTLING.rounds):
         z, more, cut_short = _refined(problem, z, SHORT)
         spent, before = spent + more, problem.weights.logdet
-        problem = problem.weighted(Weights.of(effective_variance(problem, channel_residuals(problem, z))))
+        try:
+            variance = effective_variance(problem, channel_residuals(problem, z))
+        except KeyboardInterrupt:
+            return Settled(problem, z, spent, True)
+        problem = problem.weighted(Weights.of(variance))
         if cut_short or SETTLING.converged(before, problem.weights):
             return Settled(problem, z, spent, bool(cut_short))
     return Settled(problem, z, spent)
@@ -416,6 +421,7 @@ def _refined(
     ledger = optimize.Ledger(problem, Evaluations.none(problem), budget)
     try:
         end = optimize.refine(ledger, z, len(problem.prices) - 1, settings)
+        iterates.show(problem, end.z, end.cost)
     except (KeyboardInterrupt, Halt) as reason:
         done = ledger.evaluations
         best = done.best if np.isfinite(done.cost) else z

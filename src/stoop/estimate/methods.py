@@ -54,6 +54,7 @@ Hz, 0.13 at 100 Hz and 0.05 at 125 Hz; equation error 0.24, 0.06 and 0.03. Above
 #: with rotors where neither velocity nor attitude was recorded: rates are then all that regressors hold of the motion, their
 #: noise hardly biases, and a simulation would have to estimate the states of every window from nothing
 STATELESS: Final = "equation-error"
+NOT_WIDENED: Final = "stopped by the user while default bounds that an estimate reached were widened"
 MAX_WIDENINGS: Final = 3  #: of default bounds that an estimate reaches; each doubles a box
 GRID_SHARE: Final = 0.98  #: of the grid's rate: what was logged faster than that is used as it was logged
 
@@ -244,10 +245,14 @@ def run(
         boxes = {p.name: boxes[p.name] for p in at if boxes[p.name] != (p.lower, p.upper)}
         if not boxes or found.outcome.status == "interrupted":
             break
+        vehicle = vehicle.with_numbers({name: {"bounds": box} for name, box in boxes.items()})
+        before = found
+        try:
+            found = fitter(vehicle, flights, windows, options, None, None)
+        except KeyboardInterrupt:  # what was found within the narrower bounds stands
+            return replace(found, outcome=replace(found.outcome, status="interrupted", advice=NOT_WIDENED))
         for name, (low, high) in boxes.items():
             remarks[name] = notice("bounds-widened", name, bound=held[name], low=low, high=high)
-        vehicle = vehicle.with_numbers({name: {"bounds": box} for name, box in boxes.items()})
-        before, found = found, fitter(vehicle, flights, windows, options, None, None)
         found = replace(found, trajectories=before.trajectories + found.trajectories)
     return replace(found, notices=(*remarks.values(), *found.notices)) if remarks else found
 

@@ -32,6 +32,7 @@ from stoop.base.arrays import FloatArray
 from stoop.base.blas import on_one_blas_thread
 from stoop.base.notices import notice
 from stoop.errors import IdentificationError
+from stoop.estimate import iterates
 from stoop.estimate.fit import ALTERNATION, DEFAULTS, Fit, LocalProblem, Options, estimation_problem, starts
 from stoop.estimate.linearization import aligned, as_recorded
 from stoop.estimate.noise import effective_variance, first_variance, noise_covariance
@@ -41,6 +42,8 @@ from stoop.estimate.shooting_windows import WINDOW_LENGTH, Shots, window_model
 from stoop.flight import Flight
 from stoop.optimize.levenberg_marquardt import (
     ADVICE,
+    Damping,
+    Ending,
     StagedModel,
     Stages,
     StagesState,
@@ -91,6 +94,12 @@ class GaussNewtonModel(StagedModel):
             self.problem.weigh(shots) for shots in self.problem.linearize(self.at)
         ]
         self.current = self.exact = True
+
+    def stopped(self, damping: Damping) -> Ending | None:
+        """Show the windows as they are; see :class:`StagedModel`."""
+        problem = self.problem
+        iterates.show(problem.problem, self.at.z, self.cost, lambda: problem.simulated(self.at))
+        return super().stopped(damping)
 
     @property
     def optimal(self) -> bool:
@@ -164,8 +173,11 @@ def refined(
         raise IdentificationError(
             f"{vehicle.where}: not even windows of {length:.2g} s can be flown from the start; check values and units"
         )
-    joined = as_one_flight(problem, at, schedule)
-    if joined.cost < POOR * problem.problem.reference(len(problem.problem.prices) - 1):
+    try:
+        joined = as_one_flight(problem, at, schedule)
+    except KeyboardInterrupt:
+        joined, interrupted = at, True
+    if not interrupted and joined.cost < POOR * problem.problem.reference(len(problem.problem.prices) - 1):
         at, schedule = joined, schedule[-1:]  # windows that need not meet would let a good start go
     iterations, before = 0, np.inf
     status: Status = "interrupted" if interrupted else "stalled"
@@ -264,7 +276,7 @@ class MultipleShooting:
             stop = replace(options, budget=budget).stop(0.0, len(guesses))
             found = optimize.minimize(
                 optimize.create(options.optimizer, stop.budget), windowed, seed=options.seed, starts=guesses,
-                stop=stop, callback=stages.started, state=stages.start,
+                stop=stop, callback=iterates.shown(windowed, stages.started), state=stages.start,
             )  # fmt: skip
             stages.start = found.state
             if not np.isfinite(found.cost):

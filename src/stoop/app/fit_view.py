@@ -1,0 +1,199 @@
+"""The fits: several side by side, each with its progress, its report, and what its notices suggest to change."""
+
+from __future__ import annotations
+
+import json
+from functools import lru_cache, partial
+from pathlib import Path
+from typing import Any, Final
+
+import panel as pn
+
+from stoop.app import numbers, parts
+from stoop.app.folder import PROGRESS, VEHICLE, Project
+from stoop.app.plots import drawn_curves
+from stoop.app.steps import Step
+from stoop.app.view import View
+from stoop.base.numbers import number
+from stoop.errors import StoopError
+from stoop.estimate import methods
+from stoop.results.result import Result, read_result
+
+MAX_CHIPS: Final = 12  #: of one kind
+USUAL: Final = "chosen by the data"
+RUNNING: Final = "Stop keeps the best so far. The run goes on when this page or the app is closed. Grey is measured, blue fitted."
+
+
+@lru_cache(maxsize=16)
+def result_of(path: Path, changed: int) -> Result:
+    """Return a result; `changed` is the file's time."""
+    return read_result(path)
+
+
+def result(step: Step) -> Result:
+    """Return the result of a run that is done."""
+    file = step.file("result.json")
+    return result_of(file, file.stat().st_mtime_ns)
+
+
+def finished(project: Project) -> dict[str, Step]:
+    """Return the runs that have a result, by a name that tells them apart."""
+    return {f"{s.name}: {describe(result(s))}": s for s in project.steps("runs") if s.state == "done"}
+
+
+def describe(found: Result) -> str:
+    """Return a result in a few words."""
+    windows = sum(m.role == "fit" for m in found.maneuvers)
+    return f"{len(found.parameters)} parameters, {windows} windows, {found.method}, {found.status}"
+
+
+class FitView(View):
+    """Run, watch, stop, read, change."""
+
+    title = "Fit"
+
+    def __init__(self, project: Any, go: Any) -> None:
+        super().__init__(project, go)
+        self._chosen = ""  #: name of the run that is shown
+        self._known: list[str] = []
+        self._seen: Any = None
+        self._curves = parts.html()
+        self._work = parts.html()
+        self._values = parts.html()
+        self._head = pn.Column(margin=0, sizing_mode="stretch_width")
+        self._stage = pn.Column(margin=0, sizing_mode="stretch_width")
+        self._detail: tuple[str, str] = ("", "")
+        self._method = pn.widgets.Select(
+            label="method", options=[USUAL, *methods.names()], width=190, margin=(0, 8, 0, 0)
+        )
+        self._start = parts.button("Run the fit", self.act(self._run), "primary", align="end")
+        self.body[:] = [
+            pn.FlexBox(self._method, self._start, align_items="flex-end"),
+            self._head,
+            self._stage,
+        ]
+
+    def refresh(self) -> None:
+        """Show the runs, and the one that is chosen; a new run is chosen when it begins."""
+        runs = self.project.steps("runs")
+        names = [s.name for s in runs]
+        fresh = [name for name in names if name not in self._known]
+        self._known = names
+        if fresh or self._chosen not in names:
+            self._chosen = names[-1] if names else ""
+        self._show_runs(runs)
+
+    def _show_runs(self, runs: list[Step]) -> None:
+        self._head[:] = [pn.FlexBox(*(self._choice(s) for s in runs))] if runs else []
+        step = next((s for s in runs if s.name == self._chosen), None)
+        if step is None:
+            self._detail = ("", "")
+            text = "No fit was run yet. It takes the vehicle and the windows as they are, and keeps copies of both."
+            self._stage[:] = [parts.html(f"<p class='soft'>{text}</p>")]
+        elif self._detail != (step.name, step.state):
+            self._detail = (step.name, step.state)
+            show = {"running": self._running, "failed": self._failed, "done": self._done}
+            self._stage[:] = show[step.state](step)
+
+    def _choice(self, step: Step) -> pn.widgets.Button:
+        def chosen() -> None:
+            self._chosen = step.name
+            self._show_runs(self.project.steps("runs"))
+
+        name = f"{step.name} · {parts.STATES[step.state]}"
+        return parts.button(
+            name, chosen, "primary" if step.name == self._chosen else "default", button_style="outline"
+        )
+
+    def tick(self) -> None:
+        """Show the progress of the run that is shown."""
+        if self._detail[1] != "running":
+            return
+        file = self.project.root / self._chosen / PROGRESS
+        try:
+            changed = file.stat().st_mtime_ns
+            if (self._chosen, changed) == self._seen:
+                return
+            progress = json.loads(file.read_text("utf-8"))
+        except (OSError, ValueError):
+            return
+        self._seen = (self._chosen, changed)
+        cost = f"cost {progress['cost']:g}" if progress.get("cost") is not None else ""
+        told = " · ".join(t for t in (progress["work"], cost, f"{progress.get('seconds', 0):.0f} s") if t)
+        self._work.object = f"<p><b>{parts.escaped(told)}</b></p><div class='bar'><i></i></div>"
+        rows = [
+            (n, number(p["value"]), p["unit"] if p["unit"] != "1" else "")
+            for n, p in progress.get("parameters", {}).items()
+        ]
+        shown = parts.table(("", "now", "unit"), rows)
+        self._values.object = parts.fold(f"{len(rows)} parameters", shown, is_open=True) if rows else ""
+        self._curves.object = drawn_curves(progress.get("curves", ()))
+
+    def _running(self, step: Step) -> list[Any]:
+        self._seen = None
+        self._work.object, self._curves.object, self._values.object = parts.BAR, "", ""
+        stop = parts.button("Stop", self.act(step.stop))
+        return [
+            self._work,
+            stop,
+            parts.html(parts.soft(RUNNING)),
+            self._curves,
+            self._values,
+            parts.html(parts.command(step)),
+        ]
+
+    def _failed(self, step: Step) -> list[Any]:
+        return [parts.html(parts.error(step.error) + parts.printed(step.output) + parts.command(step))]
+
+    def _done(self, step: Step) -> list[Any]:
+        found = result(step)
+        about = parts.soft(f"{describe(found)}, {found.seconds:.0f} s")
+        head = f"<h2>{parts.escaped(found.verdict.headline)}</h2>{about}"
+        onward = pn.FlexBox(
+            parts.button("Begin from these estimates", self.act(lambda: self._continue(step))),
+            parts.button("Export or design", lambda: self.go("Use")),
+        )
+        return [parts.html(head), *self._suggestions(found), onward, parts.html(parts.command(step)),
+                parts.html(parts.frame(f"{step.name}/report.html", f"report of {step.name}"))]  # fmt: skip
+
+    def _suggestions(self, found: Result) -> list[Any]:
+        """Return buttons that fix what the data do not tell, and free or add what they ask for."""
+        doubtful = [name for name, p in found.parameters.items() if not p.identifiable or p.at_bound]
+        lacking = [test.name for test in found.extensions.standing]
+        out: list[Any] = []
+        for what, names, change in (
+            ("at a bound or not identifiable: fix at the value of the file", doubtful, self._fix),
+            ("the model lacks, by the data: free", lacking, self._free),
+        ):
+            if names:
+                chips = pn.FlexBox(margin=0)
+                for i, name in enumerate(names[:MAX_CHIPS]):
+                    act = self.act(partial(change, name, chips, i))
+                    chips.append(parts.button(name, act, button_style="outline"))
+                out += [parts.html(parts.soft(what)), chips]
+        return out
+
+    def _fix(self, name: str, chips: Any, i: int) -> None:
+        self._change(numbers.edited(self.project.vehicle, {name: {"free": False}}), f"{name} is fixed")
+        chips[i].disabled = True
+
+    def _free(self, name: str, chips: Any, i: int) -> None:
+        self._change(numbers.freed(self.project.vehicle, name), f"{name} is free")
+        chips[i].disabled = True
+
+    def _change(self, text: str, done: str) -> None:
+        self.project.save_vehicle(text, None)
+        self.say(f"{done} in {VEHICLE}; run the fit again to see what it changes", good=True)
+
+    def _continue(self, step: Step) -> None:
+        self.project.take_vehicle(step.file(VEHICLE).read_text("utf-8"))
+        self.say(
+            f"The estimates of {step.name} stand in {VEHICLE}; the file before is kept beside it", good=True
+        )
+
+    def _run(self) -> None:
+        if not self.project.vehicle:
+            raise StoopError("Choose a vehicle first")
+        if not any(e.accept and e.use == "fit" for e in self.project.windows):
+            raise StoopError("Choose a window to fit first")
+        self.project.identify([] if self._method.value == USUAL else ["--method", str(self._method.value)])

@@ -1,0 +1,235 @@
+"""The project's folder: ordinary files of stoop, and the steps that made them. What the app shows is read from here."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Final
+
+from stoop.app import steps
+from stoop.app.steps import Step
+from stoop.base.files import make_folder, write_bytes_atomic, write_text_atomic
+from stoop.base.toml import parse_source, quoted, read_source
+from stoop.errors import OutputError, StoopError
+from stoop.flight.flight import flight_name
+from stoop.flight.mapping import READY
+from stoop.logs.csv_tables import mapping_beside
+from stoop.logs.read import kind as log_kind
+from stoop.problem.windows import Entry, read_windows, written
+
+FILE: Final = "app.toml"  #: names the log
+VEHICLE, WINDOWS, MAPPING = "vehicle.toml", "windows.toml", "mapping.toml"
+START, PROGRESS = (
+    "start.toml",
+    "progress.json",
+)  #: of a run: the vehicle from which it begins, and how far it is
+OWN_FORMAT: Final = "netcdf"  #: of flights of stoop, which need no mapping
+FIT: Final = "stoop identify LOG --vehicle vehicle.toml --maneuver windows.toml -o DIR"
+
+
+class ChangedError(StoopError):
+    """A file was changed by another page since it was read."""
+
+
+class Project:
+    """One log, one vehicle, windows, and the steps."""
+
+    def __init__(self, root: Path) -> None:
+        """Take a folder, made if it is not there; raises `OutputError` if it cannot be written."""
+        self.root = root.absolute()
+        make_folder(self.root)
+        if not os.access(self.root, os.W_OK):
+            raise OutputError(f"{root}: cannot be written; name another folder with --folder")
+
+    # The log.
+
+    @property
+    def log(self) -> str:
+        """The log as the commands name it; empty where none was chosen."""
+        if not (self.root / FILE).exists():
+            return ""
+        text = read_source(self.root / FILE, "app", OutputError)
+        return str(parse_source(text, FILE, OutputError).get("log", ""))
+
+    def open_log(self, path: str | Path) -> None:
+        """Take a log, and begin to read it; windows of another log are kept under another name.
+
+        Raises `StoopError`: there is no such file.
+        """
+        place = Path(self.root, Path(path).expanduser()).absolute()
+        if not place.exists():
+            raise StoopError(f"{place}: there is no such log; check the path")
+        name = str(place.relative_to(self.root)) if place.is_relative_to(self.root) else str(place)
+        if self.log not in ("", name):
+            for other in (WINDOWS, MAPPING):
+                self._keep_copy(other)
+                (self.root / other).unlink(missing_ok=True)
+        write_text_atomic(self.root / FILE, f"# what stoop app shows in this folder\nlog = {quoted(name)}\n")
+        if self.needs_mapping:
+            self.draft_mapping()
+        else:
+            self.read_log()
+
+    @property
+    def needs_mapping(self) -> bool:
+        """Whether the columns of the log have no known meaning, and nobody has given it."""
+        path = self.root / self.log
+        if (self.root / MAPPING).exists() or mapping_beside(path).is_file() or path.is_dir():
+            return False
+        with contextlib.suppress(OSError):
+            return log_kind(path) not in (*READY, OWN_FORMAT)
+        return False
+
+    @property
+    def source(self) -> list[str]:
+        """The words by which a command reads the log."""
+        return [self.log, *(["--mapping", MAPPING] if (self.root / MAPPING).exists() else [])]
+
+    @property
+    def reading(self) -> Step | None:
+        """The last step that reads the log, or drafts its mapping."""
+        found = [s for s in (self.latest("map"), self.latest("info")) if s is not None]
+        return max(found, key=lambda s: _modified(s.file(steps.COMMAND)), default=None)
+
+    def draft_mapping(self) -> Step:
+        """Draft the mapping of the log."""
+        return self.start("map", lambda at: ["map", self.log, "-o", f"{at}/{MAPPING}"])
+
+    def take_mapping(self, text: str) -> None:
+        """Keep a mapping, and read the log by it."""
+        write_text_atomic(self.root / MAPPING, text)
+        self.read_log()
+
+    def read_log(self) -> Step:
+        """Read the log."""
+        words = ["info", *self.source, "--json", "--save"]
+        return self.start("info", lambda at: [*words, f"{at}/flight.nc"])
+
+    @property
+    def info(self) -> dict[str, Any]:
+        """What `stoop info` found in the log; empty where it has not."""
+        step = self.latest("info")
+        if step is None or step.state != "done":
+            return {}
+        with contextlib.suppress(ValueError, OSError):
+            found: dict[str, Any] = json.loads(step.file(steps.OUTPUT).read_text("utf-8"))
+            return found
+        return {}
+
+    @property
+    def flight_name(self) -> str:
+        """Name of the flight in windows."""
+        return flight_name(Path(self.log))
+
+    # The vehicle.
+
+    @property
+    def vehicle(self) -> str:
+        """Text of the vehicle file; empty where there is none."""
+        with contextlib.suppress(OSError):
+            return (self.root / VEHICLE).read_text("utf-8")
+        return ""
+
+    def save_vehicle(self, text: str, before: str | None) -> None:
+        """Keep a vehicle.
+
+        Raises
+        ------
+        ChangedError
+            The file is not the one from which the change began, ``before`` its `version`; None replaces any.
+        OutputError
+            It cannot be written.
+        """
+        if before is not None and before != version(self.vehicle):
+            raise ChangedError(
+                "The vehicle was changed in another tab or editor since this form was filled. Your edits are kept in the form: "
+                "reload the file to see the other changes, or save again to replace them"
+            )
+        write_text_atomic(self.root / VEHICLE, text)
+
+    def take_vehicle(self, text: str) -> None:
+        """Use another vehicle; the one that was there is kept under another name."""
+        self._keep_copy(VEHICLE)
+        write_text_atomic(self.root / VEHICLE, text)
+
+    # The windows.
+
+    @property
+    def windows(self) -> tuple[Entry, ...]:
+        """The windows; raises `StoopError` for a file that was edited and cannot be read."""
+        return read_windows(self.root / WINDOWS) if (self.root / WINDOWS).exists() else ()
+
+    def save_windows(self, entries: Sequence[Entry]) -> None:
+        """Keep windows, in the order of time."""
+        ordered = sorted(entries, key=lambda e: (e.flight, e.start))
+        write_text_atomic(self.root / WINDOWS, written(ordered, FIT))
+
+    def propose_windows(self) -> Step:
+        """Select windows by their information for the vehicle."""
+        words = ["maneuvers", *self.source, "--vehicle", VEHICLE, "-o"]
+        return self.start("maneuvers", lambda at: [*words, at])
+
+    def take_proposal(self, step: Step) -> None:
+        """Use proposed windows; those that were there are kept under another name."""
+        self._keep_copy(WINDOWS)
+        write_text_atomic(self.root / WINDOWS, step.file(WINDOWS).read_text("utf-8"))
+
+    def tend(self) -> None:
+        """Use the first proposal of windows where nobody has chosen any."""
+        step = self.latest("maneuvers")
+        if step is not None and not (self.root / WINDOWS).exists() and step.state == "done":
+            self.take_proposal(step)
+
+    # The runs.
+
+    def identify(self, options: Sequence[str] = ()) -> Step:
+        """Start a fit with the vehicle and the windows as they are now, of which the run keeps copies."""
+        inputs = {START: self.vehicle, WINDOWS: written([e for e in self.windows if e.accept], FIT)}
+
+        def words(at: str) -> list[str]:
+            files = ["--vehicle", f"{at}/{START}", "--maneuver", f"{at}/{WINDOWS}"]
+            return ["identify", *self.source, *files, *options, "-o", at, "--progress", f"{at}/{PROGRESS}"]
+
+        return self.start("runs", words, inputs)
+
+    def start(self, kind: str, words: Any, inputs: dict[str, str] | None = None) -> Step:
+        """Start a step, see `steps.start`."""
+        return steps.start(self.root, kind, words, inputs)
+
+    def steps(self, kind: str) -> list[Step]:
+        """Return the steps of a kind, the oldest first."""
+        return steps.steps(self.root, kind)
+
+    def latest(self, kind: str) -> Step | None:
+        """Return the last step of a kind."""
+        return next(reversed(self.steps(kind)), None)
+
+    @property
+    def signature(self) -> tuple[Any, ...]:
+        """What changes whenever the page has something else to show, except within a running step."""
+        own = (FILE, VEHICLE, WINDOWS, MAPPING)
+        times = tuple(_modified(self.root / name) for name in own)
+        return times, tuple((s.name, s.state) for kind in steps.PRODUCTS for s in self.steps(kind))
+
+    def _keep_copy(self, name: str) -> None:
+        """Keep a file under another name, before it is replaced."""
+        path = self.root / name
+        if path.exists():
+            stem, ending = Path(name).stem, Path(name).suffix
+            number = next(n for n in range(1, 10_000) if not (self.root / f"{stem}-{n}{ending}").exists())
+            write_bytes_atomic(self.root / f"{stem}-{number}{ending}", path.read_bytes())
+
+
+def version(text: str) -> str:
+    """Return what tells one text from another."""
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _modified(path: Path) -> int:
+    with contextlib.suppress(OSError):
+        return path.stat().st_mtime_ns
+    return 0

@@ -1,0 +1,186 @@
+"""The log: dropped or picked, its mapping asked where its columns have no known meaning, and seen."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any, ClassVar, Final
+
+import panel as pn
+import param
+
+from stoop.app import parts, steps
+from stoop.app.folder import MAPPING
+from stoop.app.plots import Strips, read_flight
+from stoop.app.steps import Step
+from stoop.app.uploads import size
+from stoop.app.view import View
+from stoop.errors import StoopError
+
+ENDINGS: Final = (
+    ".ulg",
+    ".bin",
+    ".log",
+    ".usd",
+    ".mat",
+    ".parquet",
+    ".bag",
+    ".mcap",
+    ".csv",
+    ".csv.gz",
+    ".nc",
+)
+MAX_FOUND: Final = 12  #: logs of the folder around that are offered
+MARKED: Final = (
+    "Marked are candidate maneuvers: blue to fit, orange to predict. Drag to pan, Ctrl and the wheel to zoom, click a name to "
+    "hide it."
+)
+UNSURE: Final = re.compile(r"^(?P<line>[^#]*\S)\s*#\s*unsure:\s*(?P<doubt>.*)$")
+
+
+class DropZone(pn.custom.JSComponent):
+    """A place to drop a log on, or a folder of tables; the browser streams it to the app."""
+
+    placed = param.String(doc="place of the log in the project's folder")
+    failed = param.String(doc="why it was not kept")
+
+    _esm = parts.style("drop.js")
+    _stylesheets: ClassVar = [parts.style("content.css")]
+
+
+class LogView(View):
+    """Choose a log, answer what is unsure in its mapping, see it."""
+
+    title = "Log"
+
+    def refresh(self) -> None:
+        """Show the choice, the mapping, or the flight."""
+        project, shown = self.project, self.body
+        step = project.reading
+        if not project.log:
+            shown[:] = self._choice()
+        elif step is None:
+            shown[:] = [self._head(), parts.button("Read the log", self.act(project.read_log), "primary")]
+        elif step.running:
+            shown[:] = [self._head(), *self.waiting(step, "reading the log")]
+        elif step.state == "failed":
+            again = parts.button("Read again", self.act(project.read_log))
+            mapping = parts.button("Draft a mapping", self.act(project.draft_mapping))
+            shown[:] = [
+                self._head(),
+                parts.html(parts.error(step.error) + parts.command(step)),
+                pn.Row(again, mapping),
+                *self._choice(),
+            ]
+        elif step.kind == "map":
+            shown[:] = [self._head(), *self._mapping(step)]
+        else:
+            shown[:] = [self._head(), *self._flight(step)]
+
+    def _head(self) -> pn.pane.HTML:
+        path = self.project.root / self.project.log
+        amount = f", {size(path.stat().st_size)}" if path.is_file() else ""
+        return parts.html(
+            f"<h2>{parts.escaped(path.name)}</h2><p class='soft'>{parts.escaped(self.project.log)}{amount}</p>"
+        )
+
+    def _choice(self) -> list[Any]:
+        zone = DropZone(sizing_mode="stretch_width", margin=(8, 0))
+        zone.param.watch(lambda e: e.new and self.act(lambda: self.project.open_log(e.new))(), "placed")
+        zone.param.watch(lambda e: self.say(e.new), "failed")
+        path = pn.widgets.TextInput(label="or the path of a log on this machine", placeholder="/home/me/flights/log_5.ulg",
+                                    sizing_mode="stretch_width", margin=(4, 8, 4, 0))  # fmt: skip
+
+        def opened() -> None:
+            if not path.value.strip():
+                raise StoopError("Write the path of a log, or drop one")
+            self.project.open_log(path.value.strip())
+
+        path.param.watch(lambda e: self.act(opened)(), "enter_pressed")
+        found = [self._offer(p) for p in self._near()]
+        near = (
+            [
+                parts.html("<p class='soft'>logs in the folder where the app was started</p>"),
+                pn.FlexBox(*found),
+            ]
+            if found
+            else []
+        )
+        return [zone, pn.Row(path, parts.button("Open", self.act(opened), align="end")), *near]
+
+    def _offer(self, path: Path) -> pn.widgets.Button:
+        return parts.button(path.name, self.act(lambda: self.project.open_log(path.absolute())))
+
+    def _near(self) -> list[Path]:
+        try:
+            every = sorted(
+                p
+                for p in Path.cwd().iterdir()
+                if p.name.lower().endswith(ENDINGS) and not p.name.startswith(".")
+            )
+        except OSError:
+            return []
+        return every[:MAX_FOUND]
+
+    def _mapping(self, step: Step) -> list[Any]:
+        lines = step.file(MAPPING).read_text("utf-8").splitlines()
+        found = {i: match for i, line in enumerate(lines) if (match := UNSURE.match(line))}
+        wide = {"sizing_mode": "stretch_width", "margin": (2, 0)}
+        asked = {
+            i: pn.widgets.TextInput(label=f"unsure: {match['doubt']}", value=match["line"], **wide)
+            for i, match in found.items()
+        }
+        text = pn.widgets.TextAreaInput(value="\n".join(lines), rows=14, max_length=1_000_000, **parts.CODE)
+        before = text.value
+
+        def taken() -> None:
+            answers = {i: field.value.strip() for i, field in asked.items()}
+            kept = "\n".join([*(answers.get(i, line) for i, line in enumerate(lines)), ""])
+            self.project.take_mapping(kept if text.value == before else text.value)
+
+        lead = (
+            "Nothing in this kind of log says what its columns mean; this was drafted by names, units and the size of the "
+            f"numbers. {len(asked)} lines are unsure: correct them, or empty a line to leave the column out."
+        )
+        return [
+            parts.html(f"<h2>What the columns mean</h2><p>{lead}</p>"),
+            *asked.values(),
+            parts.button("Use this mapping", self.act(taken), "primary"),
+            parts.html(parts.soft("or edit the whole draft")),
+            text,
+            parts.html(parts.command(step)),
+        ]
+
+    def _flight(self, step: Step) -> list[Any]:
+        info, file = self.project.info, step.file(steps.PRODUCTS["info"])
+        plot = Strips(read_flight(file, file.stat().st_mtime_ns))
+        plot.mark((w["start"], w["stop"], w["use"] if w["accept"] else "") for w in info["windows"])
+        size = f"{info['rate']:g} Hz grid, {len(info['channels'])} channels"
+        span = f"{info['start']:.1f} to {info['stop']:.1f} s on the log's own clock, {size}"
+        faults = [fault["message"] for fault in info["faults"] if "message" in fault]
+        findings = f"<h3>Suspected faults</h3>{parts.bullets(faults)}" if faults else ""
+        notes = parts.fold(f"{len(info['notes'])} notes on the log", parts.bullets(info["notes"]))
+        return [
+            parts.html(f"<p>{parts.escaped(span)}</p>"),
+            parts.button("Next: the vehicle", lambda: self.go("Vehicle"), "primary"),
+            parts.html(findings + notes + parts.soft(MARKED)),
+            plot.panel,
+            parts.html(self._channels(info) + parts.command(step)),
+            pn.Card(
+                *self._choice(),
+                title="Another log",
+                collapsed=True,
+                sizing_mode="stretch_width",
+                margin=(8, 0),
+            ),
+        ]
+
+    @staticmethod
+    def _channels(info: dict[str, Any]) -> str:
+        rows = [
+            (c["variable"], c["unit"], *(f"{c[k]:.4g}" if c[k] is not None else "-" for k in ("minimum", "median", "maximum")),
+             f"{100 * c['missing']:.0f} %" if c["missing"] else "", c["source"], c["meaning"])
+            for c in info["channels"]
+        ]  # fmt: skip
+        heads = ("", "unit", "lowest", "median", "highest", "missing", "source", "meaning")
+        return parts.fold(f"all {len(rows)} channels", parts.table(heads, rows))

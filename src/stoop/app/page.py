@@ -1,0 +1,121 @@
+"""The page: a bar of steps above, below it the step that is shown; one page a browser tab, all of one folder."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from typing import Any, Final
+
+import panel as pn
+
+from stoop.app import parts
+from stoop.app.compare_view import CompareView
+from stoop.app.fit_view import FitView
+from stoop.app.folder import Project
+from stoop.app.log_view import LogView
+from stoop.app.steps import COMMANDS
+from stoop.app.use_view import UseView
+from stoop.app.vehicle_view import VehicleView
+from stoop.app.view import BUG, View
+from stoop.app.windows_view import WindowsView
+from stoop.errors import StoopError
+
+PERIOD: Final = 500  #: ms between two looks at the folder
+VIEWS: Final = (LogView, VehicleView, WindowsView, FitView, CompareView, UseView)
+
+
+class Page:
+    """One browser tab."""
+
+    def __init__(self, project: Project) -> None:
+        self.project = project
+        self.views: dict[str, View] = {kind.title: kind(project, self.go) for kind in VIEWS}
+        self.buttons = {
+            title: parts.button(f"{i} {title}", self._goer(title), css_classes=["step"])
+            for i, title in enumerate(self.views, 1)
+        }
+        self.shown = ""
+        self._signature: Any = None
+        self._stale: set[str] = set()
+        self.stage = pn.Column(sizing_mode="stretch_width", margin=0)
+        self.commands = parts.html(margin=(24, 0, 8, 0))
+        head = f"<header><h1>stoop</h1><span class='soft'>{parts.escaped(project.root)}</span></header>"
+        bar = pn.FlexBox(*self.buttons.values(), sizing_mode="stretch_width", margin=(6, 0))
+        self.panel = pn.Column(
+            parts.html(head),
+            bar,
+            self.stage,
+            self.commands,
+            sizing_mode="stretch_width",
+            margin=(12, 20),
+            max_width=1400,
+        )
+        self.tick()
+        self.go(self.start)
+
+    @property
+    def start(self) -> str:
+        """The step to begin with: the last that has something to show."""
+        project = self.project
+        if project.steps("runs"):
+            return "Fit"
+        if project.vehicle and project.info:
+            return "Windows"
+        return "Log"
+
+    def go(self, title: str) -> None:
+        """Show a step."""
+        self.shown = title
+        for name, one in self.buttons.items():
+            one.button_type = "primary" if name == title else "default"
+        if title in self._stale:
+            self._refresh(title)
+        self.stage[:] = [self.views[title].panel]
+
+    def _goer(self, title: str) -> Callable[[], None]:
+        return lambda: self.go(title)
+
+    def tick(self) -> None:
+        """Show what has changed in the folder."""
+        self.project.tend()
+        signature = self.project.signature
+        if signature != self._signature:
+            self._signature = signature
+            self._stale = set(self.views)
+            if self.shown:
+                self._refresh(self.shown)
+            self.commands.object = self._all_commands()
+        elif self.shown:  # what was just put on the page is changed at the next look: a browser takes one step after the other
+            self.views[self.shown].tick()
+
+    def _refresh(self, title: str) -> None:
+        self._stale.discard(title)
+        view = self.views[title]
+        try:
+            view.refresh()
+        except (StoopError, OSError) as error:  # a file that was edited, or went away
+            view.body[:] = [parts.html(parts.error(error))]
+        except Exception:
+            logging.getLogger("stoop.app").exception(title)
+            view.body[:] = [parts.html(parts.error(BUG))]
+
+    def _all_commands(self) -> str:
+        try:
+            text = (self.project.root / COMMANDS).read_text("utf-8")
+        except OSError:
+            return ""
+        folder = parts.escaped(self.project.root)
+        lead = f"<p class='soft'>In {folder}, where {COMMANDS} holds them too:</p>"
+        return f"<details><summary>all commands of this folder</summary>{lead}<pre>{parts.escaped(text)}</pre></details>"
+
+
+def page_of(project: Project) -> Callable[[], Any]:
+    """Return what makes the page of a browser tab."""
+    pn.extension("tabulator", raw_css=[parts.style("style.css")], inline=False)
+
+    def made() -> Any:
+        page = Page(project)
+        pn.state.add_periodic_callback(page.tick, PERIOD)
+        return page.panel
+
+    return made

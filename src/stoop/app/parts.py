@@ -1,0 +1,119 @@
+"""Parts of the page: text that is always escaped, buttons, commands, tables."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from functools import cache
+from html import escape
+from importlib.resources import files
+from typing import Any, Final
+
+import panel as pn
+
+from stoop.app.steps import Step
+from stoop.base.text import printable, printable_lines
+
+BAR: Final = "<div class='bar'><i></i></div>"  #: work goes on
+CODE: Final[dict[str, Any]] = {
+    "sizing_mode": "stretch_width",
+    "stylesheets": ["textarea { font: 12px/1.5 ui-monospace, Menlo, Consolas, monospace; }"],
+}  #: options of a field for a file
+STATES: Final = {"running": "running", "done": "done", "failed": "not done"}
+
+
+@cache
+def style(name: str) -> str:
+    """Return a style sheet of the app."""
+    return (files("stoop.app") / name).read_text("utf-8")
+
+
+def html(text: str = "", **options: Any) -> pn.pane.HTML:
+    """Return a pane of markup that was made by this module; see `escaped`."""
+    options = {"sizing_mode": "stretch_width", "margin": (0, 0), **options}
+    return pn.pane.HTML(text, stylesheets=[style("content.css")], **options)
+
+
+def escaped(text: object) -> str:
+    """Return text of anybody as markup that shows it."""
+    return escape(printable_lines(str(text)))
+
+
+def error(text: object) -> str:
+    """Return an error in words."""
+    return f'<div class="error" role="alert">{escaped(text)}</div>' if text else ""
+
+
+def note(text: object) -> str:
+    """Return a remark."""
+    return f'<div class="note">{escaped(text)}</div>' if text else ""
+
+
+def soft(text: object) -> str:
+    """Return a remark in small."""
+    return f"<p class='soft'>{escaped(text)}</p>" if text else ""
+
+
+def fold(summary: object, inside: str, is_open: bool = False) -> str:
+    """Return markup that is folded below a line."""
+    return f"<details{' open' if is_open else ''}><summary>{escaped(summary)}</summary>{inside}</details>"
+
+
+def printed(text: str, summary: str = "what it printed") -> str:
+    """Return what a command has printed, folded."""
+    return fold(summary, f"<pre>{escaped(text)}</pre>") if text else ""
+
+
+def bullets(items: Iterable[object]) -> str:
+    """Return a list."""
+    rows = "".join(f"<li>{escaped(item)}</li>" for item in items)
+    return f"<ul>{rows}</ul>" if rows else ""
+
+
+def chip(step: Step) -> str:
+    """Return the state of a step in a word."""
+    state = step.state
+    return f'<span class="chip {state}">{STATES[state]}</span>'
+
+
+def busy(step: Step, doing: str) -> str:
+    """Return that a step goes on."""
+    return f"{soft(doing)}{BAR}{command(step)}"
+
+
+def command(step: Step) -> str:
+    """Return the command of a step, folded."""
+    return printed(step.command, f"command of {step.name}")
+
+
+def table(heads: Sequence[str], rows: Iterable[Sequence[object]], wide: Sequence[int] = ()) -> str:
+    """Return a table; columns of numbers are flush right, those named by `wide` may wrap."""
+    body = list(rows)
+    numeric = {i for i in range(len(heads)) if body and all(_is_number(str(row[i])) for row in body)}
+    kinds = ["number" if i in numeric else "wide" if i in wide else "" for i in range(len(heads))]
+    head = "".join(
+        f'<th class="{kind}">{escaped(text)}</th>' for kind, text in zip(kinds, heads, strict=True)
+    )
+    cells = (
+        "".join(f'<td class="{kind}">{escaped(cell)}</td>' for kind, cell in zip(kinds, row, strict=True))
+        for row in body
+    )
+    rows_text = "".join(f"<tr>{row}</tr>" for row in cells)
+    return (
+        f'<div class="scroll"><table><thead><tr>{head}</tr></thead><tbody>{rows_text}</tbody></table></div>'
+    )
+
+
+def _is_number(text: str) -> bool:
+    return text in ("", "-") or text.strip()[:1].isdigit() or text.strip()[:1] in "-−.±"
+
+
+def button(name: str, act: Callable[[], Any], kind: str = "default", **options: Any) -> pn.widgets.Button:
+    """Return a button."""
+    made = pn.widgets.Button(label=printable(name), button_type=kind, **{"margin": (4, 8, 4, 0), **options})
+    made.on_click(lambda _: act())
+    return made
+
+
+def frame(place: str, title: str) -> str:
+    """Return a page that a verb wrote, shown apart from the app."""
+    return f'<iframe src="files/{escape(place)}" title="{escaped(title)}" sandbox="allow-scripts allow-downloads"></iframe>'

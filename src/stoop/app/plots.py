@@ -1,0 +1,273 @@
+"""Time histories of a flight: strips over one time axis, a cursor across them, and windows that are marked or brushed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import panel as pn
+from bokeh.events import SelectionGeometry
+from bokeh.models import (
+    BoxAnnotation,
+    BoxSelectTool,
+    ColumnDataSource,
+    CrosshairTool,
+    DataRange1d,
+    HoverTool,
+    PanTool,
+    Range1d,
+    Span,
+    WheelZoomTool,
+)
+from bokeh.plotting import figure
+
+from stoop.app.parts import button, escaped
+from stoop.base.arrays import FloatArray
+from stoop.base.numbers import factor_and_unit, number
+from stoop.base.variables import VARIABLES
+from stoop.flight import Flight, load
+
+COLORS: Final = ("#1f77b4", "#d9822b", "#2e9e6b", "#b0489b", "#8c6d31", "#7f7f7f", "#17a2b8", "#c0392b")
+MARKS: Final = {"fit": "#1f77b4", "validate": "#d9822b", "": "#808080"}
+SOFT: Final = "#808891"  #: of axes, readable on white and on black
+BUCKETS: Final = 1200  #: of which each keeps its smallest and its largest sample
+HEIGHT, FIRST = 118, 24
+DRAWN: Final = (280, 84)  #: width and height of a drawing of a running fit
+GROUPS: Final = (
+    ("controls", ("elevator", "aileron", "rudder", "flap", "control_pitch", "control_roll", "control_yaw", "control_throttle",
+                  "thrust")),
+    ("motors", tuple(f"motor_{n}" for n in range(1, 9))),
+    ("rotors", tuple(f"rotor_{n}" for n in range(1, 9))),
+    ("rates", ("p", "q", "r")),
+    ("attitude", ("phi", "theta")),
+    ("specific force", ("ax", "ay", "az")),
+    ("flow angles", ("alpha", "beta")),
+    ("airspeed", ("V", "airspeed_pitot")),
+    ("velocity", ("vn", "ve", "vd")),
+    ("altitude", ("altitude",)),
+)  # fmt: skip
+
+
+@lru_cache(maxsize=4)
+def read_flight(path: Path, changed: int) -> Flight:
+    """Return a flight that stoop wrote; `changed` is the file's time, so that a new one is read again."""
+    return load(path)
+
+
+@dataclass(frozen=True)
+class Strip:
+    """Channels of one unit over one axis."""
+
+    title: str
+    unit: str
+    curves: dict[str, FloatArray]
+
+
+def strips_of(flight: Flight) -> list[Strip]:
+    """Return the strips of a flight: inputs above responses; servos and pulses only where nothing else shows the inputs."""
+    held = {str(name) for name in flight.data.data_vars}
+    groups = list(GROUPS)
+    if not held & {*GROUPS[0][1], *GROUPS[1][1]}:
+        numbered = [f"{kind}_{n}" for kind in ("servo", "pwm") for n in range(1, 9)]
+        groups.insert(0, ("outputs", tuple(numbered)))
+    found = []
+    for title, names in groups:
+        curves: dict[str, FloatArray] = {}
+        unit = ""
+        for name in names:
+            if name in held:
+                factor, unit = factor_and_unit(VARIABLES[name].unit)
+                values = factor * flight.data[name].to_numpy()
+                if np.isfinite(values).any():
+                    curves[name] = values
+        if curves:
+            found.append(Strip(title, unit, curves))
+    return found
+
+
+def thinned(time: FloatArray, strip: Strip, start: float, stop: float) -> dict[str, FloatArray]:
+    """Return the samples between two times, of each bucket the smallest and the largest, so that no peak is lost."""
+    first, behind = np.searchsorted(time, [start, stop], side="left")
+    first, behind = max(int(first) - 1, 0), min(int(behind) + 1, len(time))
+    size = math.ceil((behind - first) / BUCKETS)
+    if size <= 2:
+        return {"time": time[first:behind], **{n: v[first:behind] for n, v in strip.curves.items()}}
+    many = (behind - first) // size
+    shape = (many, size)
+    out = {"time": np.repeat(time[first : first + many * size].reshape(shape)[:, 0], 2)}
+    out["time"][1::2] += 0.5 * size * (time[1] - time[0])
+    for name, values in strip.curves.items():
+        part = values[first : first + many * size].reshape(shape)
+        present = np.isfinite(part)
+        low = np.where(present, part, np.inf).min(axis=1)
+        high = np.where(present, part, -np.inf).max(axis=1)
+        pairs = np.column_stack([low, high])
+        pairs[~present.any(axis=1)] = np.nan
+        out[name] = pairs.ravel()
+    return out
+
+
+def calm(plot: Any) -> None:
+    """Give a figure colors that suit light and dark pages."""
+    plot.background_fill_alpha = plot.border_fill_alpha = 0.0
+    plot.outline_line_color = None
+    for axis in (*plot.xaxis, *plot.yaxis):
+        axis.axis_line_color = axis.major_tick_line_color = SOFT
+        axis.minor_tick_line_color = None
+        axis.major_label_text_color = axis.axis_label_text_color = SOFT
+        axis.axis_label_text_font_style = "normal"
+    plot.grid.grid_line_color, plot.grid.grid_line_alpha = SOFT, 0.18
+    if isinstance(plot.y_range, DataRange1d):
+        plot.yaxis.ticker.desired_num_ticks = 4
+    plot.min_border_left = 58
+    for legend in plot.legend:
+        legend.background_fill_alpha, legend.border_line_color = 0.0, None
+        legend.label_text_color, legend.click_policy = SOFT, "hide"
+        legend.label_text_font_size, legend.spacing, legend.padding, legend.margin = "11px", 0, 2, 2
+        legend.glyph_width = 14
+
+
+class Strips:
+    """The strips of one flight as Bokeh figures, with windows marked; `brushed` is told the span that was drawn."""
+
+    def __init__(self, flight: Flight, brushed: Callable[[float, float], None] | None = None) -> None:
+        self._time = flight.time
+        self._strips = strips_of(flight)
+        start, stop = float(self._time[0]), float(self._time[-1])
+        self._range = Range1d(start, stop, bounds=(start, stop))
+        self._cursor = Span(dimension="height", line_color=SOFT, line_dash="dashed", line_width=1)
+        self._sources: list[Any] = []
+        self._figures: list[Any] = []
+        self._marks: list[list[BoxAnnotation]] = []  #: of each window, one in each figure
+        for strip in self._strips:
+            self._figures.append(self._figure(strip, strip is self._strips[-1], brushed))
+        self._range.on_change("start", self._zoomed)
+        self._range.on_change("end", self._zoomed)
+        panes = [pn.pane.Bokeh(plot, sizing_mode="stretch_width", margin=0) for plot in self._figures]
+        steer = {
+            "◀": (-0.3, 1.0),
+            "▶": (0.3, 1.0),
+            "+": (0.0, 0.5),
+            "−": (0.0, 2.0),
+            "whole flight": (0.0, math.inf),
+        }
+        buttons = [button(name, self._mover(*move), margin=(0, 4, 4, 0)) for name, move in steer.items()]
+        self.panel = pn.Column(pn.FlexBox(*buttons), *panes, sizing_mode="stretch_width", margin=0)
+
+    def mark(self, windows: Iterable[tuple[float, float, str]]) -> None:
+        """Mark windows: start, stop and use ("fit", "validate" or "")."""
+        spans = list(windows)
+        while len(self._marks) < len(spans):
+            row = [BoxAnnotation(fill_alpha=0.16, line_alpha=0.5, level="underlay") for _ in self._figures]
+            for plot, box in zip(self._figures, row, strict=True):
+                plot.add_layout(box)
+            self._marks.append(row)
+        for i, row in enumerate(self._marks):  # one that is no longer needed is hidden
+            start, stop, use = spans[i] if i < len(spans) else (0.0, 0.0, "")
+            for box in row:
+                color = MARKS[use]
+                box.update(left=start, right=stop, fill_color=color, line_color=color, visible=i < len(spans))
+
+    def _figure(self, strip: Strip, last: bool, brushed: Callable[[float, float], None] | None) -> Any:
+        drag = (
+            PanTool(dimensions="width")
+            if brushed is None
+            else BoxSelectTool(dimensions="width", persistent=True)
+        )
+        wheel = WheelZoomTool(dimensions="width", modifiers="ctrl")  # without it the page scrolls
+        plot = figure(
+            height=HEIGHT + (FIRST if last else 0), sizing_mode="stretch_width", x_range=self._range,
+            tools=[], y_axis_label=strip.unit, min_border=2,
+            toolbar_location=None,
+        )  # fmt: skip
+        plot.add_tools(CrosshairTool(overlay=self._cursor), drag, wheel)
+        plot.toolbar.active_drag, plot.toolbar.active_scroll = drag, wheel
+        source = ColumnDataSource(thinned(self._time, strip, self._range.start, self._range.end))
+        self._sources.append(source)
+        first = None
+        for (name, _), color in zip(strip.curves.items(), COLORS, strict=False):
+            line = plot.line("time", name, source=source, color=color, line_width=1.2, legend_label=name)
+            first = first or line
+        tips = [
+            ("t", "@time{0.00} s"),
+            *((name, f"@{{{name}}}{{0.000}} {strip.unit}") for name in strip.curves),
+        ]
+        plot.add_tools(HoverTool(tooltips=tips, mode="vline", renderers=[first], point_policy="follow_mouse"))
+        if brushed is not None:
+
+            def drawn(event: Any) -> None:
+                if event.final and "x0" in event.geometry:
+                    a, b = sorted((float(event.geometry["x0"]), float(event.geometry["x1"])))
+                    brushed(max(a, float(self._time[0])), min(b, float(self._time[-1])))
+
+            plot.on_event(SelectionGeometry, drawn)
+        plot.legend.location, plot.legend.orientation = "top_left", "horizontal"
+        calm(plot)
+        plot.xaxis.visible = last
+        if last:
+            plot.xaxis.axis_label = "s, the log's own clock"
+        return plot
+
+    def _mover(self, shift: float, factor: float) -> Callable[[], None]:
+        """Return what moves the view by a share of its width, and widens it."""
+
+        def moved() -> None:
+            low, high = float(self._time[0]), float(self._time[-1])
+            width = self._range.end - self._range.start
+            middle = 0.5 * (self._range.start + self._range.end) + shift * width
+            half = 0.5 * min(width * factor, high - low)
+            middle = min(max(middle, low + half), high - half)
+            self._range.update(start=middle - half, end=middle + half)
+
+        return moved
+
+    def _zoomed(self, attr: str, old: Any, new: Any) -> None:
+        start, stop = float(self._range.start), float(self._range.end)
+        for strip, source in zip(self._strips, self._sources, strict=True):
+            source.data = thinned(self._time, strip, start, stop)
+
+
+def drawn_curves(pieces: Sequence[dict[str, Any]]) -> str:
+    """Return small drawings of measured and fitted curves, channel by channel, of the pieces of a progress file.
+
+    They are markup, not figures: a page redraws them whole, twice a second, whatever the order in which its messages arrive.
+    """
+    out = []
+    for name in pieces[0]["channels"] if pieces else ():
+        own = [piece["channels"][name] for piece in pieces]
+        lines = {kind: [piece[kind] for piece in own] for kind in ("measured", "simulated")}
+        values = np.array([v for kind in lines.values() for part in kind for v in part if v is not None])
+        if not values.size:
+            continue
+        low, high = float(values.min()), float(values.max())
+        scale = (DRAWN[1] - 4) / (high - low or 1.0)
+        step = DRAWN[0] / max(sum(len(part) for part in lines["measured"]), 1)
+        paths = [
+            f'<path class="{kind}" d="{_path(parts, step, low, scale)}"/>' for kind, parts in lines.items()
+        ]
+        factor, unit = factor_and_unit(VARIABLES[name].unit) if name in VARIABLES else (1.0, "")
+        span = f"{number(factor * low, 3)} to {number(factor * high, 3)} {unit}"
+        label = f"<figcaption>{escaped(name)} <span>{escaped(span)}</span></figcaption>"
+        size = f'viewBox="0 0 {DRAWN[0]} {DRAWN[1]}" preserveAspectRatio="none" aria-hidden="true"'
+        out.append(f"<figure>{label}<svg {size}>{''.join(paths)}</svg></figure>")
+    return f'<div class="curves">{"".join(out)}</div>'
+
+
+def _path(pieces: Sequence[Sequence[float | None]], step: float, low: float, scale: float) -> str:
+    """Return the path of a curve with gaps, `low` at the bottom; of what is no number nothing is drawn."""
+    words, i = [], 0
+    for piece in pieces:
+        pen = "M"
+        for value in piece:
+            if value is None:
+                pen = "M"
+            else:
+                words.append(f"{pen}{step * i:.1f} {DRAWN[1] - 2 - scale * (value - low):.1f}")
+                pen = "L"
+            i += 1
+    return "".join(words)

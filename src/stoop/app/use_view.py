@@ -1,0 +1,117 @@
+"""What to do with a result: files for another tool, and the next maneuver to fly."""
+
+from __future__ import annotations
+
+from html import escape
+from typing import Any, Final
+
+import panel as pn
+
+from stoop.app import parts
+from stoop.app.fit_view import finished
+from stoop.app.folder import VEHICLE
+from stoop.app.steps import Step
+from stoop.app.view import View
+from stoop.errors import StoopError
+
+TARGETS: Final = {"JSBSim": "jsbsim", "state space (A, B, C, D)": "state-space", "Simulink": "simulink"}
+DESIGN: Final = (
+    "Inputs for which the standard errors of the free numbers are the smallest, within the limits."
+)
+THE_FILE: Final = "vehicle.toml, as it is"
+
+
+class UseView(View):
+    """Export a model, design a maneuver."""
+
+    title = "Use"
+
+    def __init__(self, project: Any, go: Any) -> None:
+        super().__init__(project, go)
+        self._subject = pn.widgets.Select(label="model", width=420, max_width=420, margin=(0, 12, 4, 0))
+        self._target = pn.widgets.Select(
+            label="export to", options=list(TARGETS), width=190, margin=(0, 12, 4, 0)
+        )
+        self._duration = pn.widgets.FloatInput(
+            label="duration, s", value=20.0, start=1.0, width=110, margin=(0, 12, 4, 0)
+        )
+        self._amplitude = pn.widgets.FloatInput(label="largest deflection, deg", value=3.0, start=0.1, end=89.0, width=150,
+                                                margin=(0, 12, 4, 0))  # fmt: skip
+        self._shown: Any = None
+
+    def refresh(self) -> None:
+        """Show what can be done, and what was done."""
+        project = self.project
+        self._runs = {name: step.name for name, step in finished(project).items()}
+        if project.vehicle:
+            self._runs[THE_FILE] = VEHICLE
+        if not self._runs:
+            self.body[:] = [parts.html("<p class='soft'>A result or a vehicle is needed first.</p>")]
+            return
+        names = [
+            *reversed([n for n in self._runs if n != THE_FILE]),
+            *([THE_FILE] if THE_FILE in self._runs else []),
+        ]
+        self._subject.param.update(
+            options=names, value=self._subject.value if self._subject.value in names else names[0]
+        )
+        export = pn.FlexBox(
+            self._target,
+            parts.button("Export", self.act(self._export), "primary", align="end"),
+            align_items="flex-end",
+        )
+        design_button = parts.button("Design the next maneuver", self.act(self._design), "primary")
+        design = pn.FlexBox(self._duration, self._amplitude, design_button, align_items="flex-end")
+        self.body[:] = [
+            self._subject,
+            parts.html("<h2>For another tool</h2>"),
+            export,
+            *self._steps("exports", "exporting"),
+            parts.html(f"<h2>The next maneuver</h2>{parts.soft(DESIGN)}"),
+            design,
+            *self._steps("designs", "designing; this takes a minute or more"),
+        ]
+
+    def _export(self) -> None:
+        words = ["export", self._model(), "--to", TARGETS[self._target.value], "-o"]
+        self.project.start("exports", lambda at: [*words, at])
+
+    def _design(self) -> None:
+        if not (self._duration.value and self._amplitude.value):
+            raise StoopError("Write duration and deflection")
+        words = [
+            "design",
+            self._model(),
+            "--duration",
+            f"{self._duration.value:g}",
+            "--amplitude",
+            f"{self._amplitude.value:g}",
+            "-o",
+        ]
+        self.project.start("designs", lambda at: [*words, at])
+
+    def _model(self) -> str:
+        return self._runs[self._subject.value]
+
+    def _steps(self, kind: str, doing: str) -> list[Any]:
+        return [
+            pn.Column(*self._step(s, doing), margin=0, sizing_mode="stretch_width")
+            for s in reversed(self.project.steps(kind))
+        ]
+
+    def _step(self, step: Step, doing: str) -> list[Any]:
+        head = f"<h3>{parts.escaped(step.name)} {parts.chip(step)}</h3>"
+        if step.running:
+            return [parts.html(head), *self.waiting(step, doing)]
+        if step.state == "failed":
+            return [parts.html(head + parts.error(step.error) + parts.command(step))]
+        places = [str(p.relative_to(self.project.root)) for p in step.files]
+        links = "".join(
+            f'<li><a href="files/{escape(p)}" download>{parts.escaped(p)}</a></li>' for p in places
+        )
+        printed = (
+            f"<details><summary>what it printed</summary><pre>{parts.escaped(step.output)}</pre></details>"
+        )
+        page = next((p for p in places if p.endswith(".html")), "")
+        shown = f"<details><summary>page</summary>{parts.frame(page, step.name)}</details>" if page else ""
+        return [parts.html(f"{head}<ul>{links}</ul>{printed}{shown}{parts.command(step)}")]

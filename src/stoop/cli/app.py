@@ -1,0 +1,70 @@
+"""`stoop app`: the local app in a browser."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+from pathlib import Path
+from typing import Final
+
+from stoop.base.text import show
+from stoop.cli import options
+from stoop.cli.page import page
+from stoop.errors import StoopError
+from stoop.flight.flight import flight_name
+
+FOLDER: Final = "stoop-app"
+MAX_UPLOAD: Final = 4.0  #: GB
+NEEDED: Final = "app: the package panel is not installed; pip install 'stoop[app]'"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of this verb."""
+    add = parser.add_argument
+    folder = f"folder of all that is made, also of an earlier time (default: {FOLDER}-LOG, or {FOLDER})"
+    add("log", metavar="LOG", type=Path, nargs="?", help=f"flight log: {options.LOG_HELP}")
+    add("--folder", metavar="DIR", type=Path, help=folder)
+    add(
+        "--port", metavar="N", type=_port, help="port on this machine (default: the first free one from 5010)"
+    )
+    add("--no-browser", action="store_true", help="only print the address")
+    upload = "largest log that a browser may send (default: %(default)g)"
+    add("--max-upload", metavar="GB", type=options.positive, default=MAX_UPLOAD, help=upload)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Open the folder, take a port, print the address, serve until Ctrl-C."""
+    try:
+        importlib.import_module("panel")
+    except ModuleNotFoundError as error:
+        if error.name not in ("panel", "bokeh", "param", "tornado"):
+            raise
+        raise StoopError(NEEDED) from None
+    from stoop.app import browser
+    from stoop.app.folder import Project
+    from stoop.app.page import page_of
+    from stoop.app.server import Server
+
+    log: Path | None = arguments.log
+    name = FOLDER if log is None else f"{FOLDER}-{flight_name(log)}"
+    if log is not None and not log.exists():
+        raise StoopError(f"{log}: there is no such log; check the path")
+    project = Project(arguments.folder or Path(name))
+    server = Server(project.root, page_of(project), arguments.port, round(arguments.max_upload * 1e9))
+    if log is not None:
+        project.open_log(log.absolute())
+    out = page()
+    out.line(f"folder: {project.root}")
+    show(f"open: {server.address}")
+    if not arguments.no_browser and not browser.open_address(server.address):
+        out.line("no browser was found: copy the address above into one on this machine")
+    out.line("Ctrl-C ends the app; runs go on, and the same command shows them again")
+    server.run()
+    return 0
+
+
+def _port(text: str) -> int:
+    value: int = options.at_least_one(text)
+    if value > 65_535:
+        raise argparse.ArgumentTypeError(f"{text} is no port; write 1 to 65535")
+    return value

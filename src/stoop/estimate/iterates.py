@@ -1,0 +1,72 @@
+"""Who watches a fit sees its iterates: the problem, the point, and the simulated readings there.
+
+A watcher is set for a block, not passed on, so that every method shows what it does where it does it. It decides how often it
+looks: the readings are simulated only when it asks for them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass
+
+import numpy as np
+
+from stoop.base.arrays import FloatArray
+from stoop.optimize import Progress
+from stoop.problem import Misfit
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """A point that a fit has reached, the best with the weights that count there."""
+
+    problem: Misfit
+    z: FloatArray  #: (D + E,)
+    cost: float
+    simulate: Callable[[], Sequence[FloatArray]]  #: readings (n, n_y) of each piece of the problem
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Free parameters, SI."""
+        values = self.problem.layout.physical(self.z[None, :])[0]
+        return {p.name: float(v) for p, v in zip(self.problem.layout.parameters, values, strict=True)}
+
+
+_watcher: ContextVar[Callable[[Candidate], None] | None] = ContextVar("watcher", default=None)
+
+
+@contextmanager
+def watched(see: Callable[[Candidate], None]) -> Iterator[None]:
+    """Let `see` be shown the iterates of fits in the block."""
+    token = _watcher.set(see)
+    try:
+        yield
+    finally:
+        _watcher.reset(token)
+
+
+def show(
+    problem: Misfit, z: FloatArray, cost: float, simulate: Callable[[], Sequence[FloatArray]] | None = None
+) -> None:
+    """Show a point (at least (D + E,), more is left out) to who watches, if anybody does."""
+    see = _watcher.get()
+    if see is None or not np.isfinite(cost):
+        return
+    z = z[: problem.dimension + problem.extra]
+    own = simulate or (lambda: [problem.outputs(z, i) for i in range(len(problem.pieces))])
+    see(Candidate(problem, z, float(cost), own))
+
+
+def shown(problem: Misfit, callback: Callable[[Progress], None] | None) -> Callable[[Progress], None] | None:
+    """Return the callback of a search that also shows the best point of each step."""
+    if _watcher.get() is None:
+        return callback
+
+    def see(progress: Progress) -> None:
+        show(problem, progress.state.evaluations.best, progress.cost)
+        if callback is not None:
+            callback(progress)
+
+    return see

@@ -1,0 +1,97 @@
+"""How far a fit is, in a file that another program reads while it goes on."""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from stoop.base.arrays import FloatArray
+from stoop.base.files import write_text_atomic
+from stoop.errors import OutputError
+from stoop.estimate.iterates import Candidate
+
+FORMAT: Final = "stoop-progress/1"
+INTERVAL: Final = 0.5  #: s between two writes
+MAX_SAMPLES: Final = 200  #: of a curve
+MAX_COSTS: Final = 2000  #: in the history
+
+
+class ProgressFile:
+    """Keeps the latest state of a fit in a JSON file, written whole; a file that cannot be written ends no fit.
+
+    It holds ``work`` (what is done now), ``seconds``, ``cost``, ``costs`` (seconds and cost of each improvement), ``parameters``
+    (name to value, unit and bounds, SI) and ``curves``: of each piece its maneuver, time, s, and measured and simulated
+    readings of each channel, SI, at most `MAX_SAMPLES` of them.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path, self._began = path, time.monotonic()
+        self._written = -math.inf
+        self._content: dict[str, Any] = {"format": FORMAT, "work": "", "costs": []}
+
+    def turn_to(self, work: str) -> None:
+        """Note what is done now."""
+        self._content["work"] = work
+        self._write()
+
+    def note(self, work: str) -> None:
+        """Note what is done now, to be written with the next point."""
+        self._content["work"] = work
+
+    def see(self, candidate: Candidate) -> None:
+        """Note a point of the search, unless the last was noted a moment ago."""
+        if self._due:
+            cost, costs = candidate.cost, self._content["costs"]
+            if not costs or costs[-1][1] != cost:
+                costs.append([round(time.monotonic() - self._began, 2), _rounded(cost)])
+                del costs[: max(0, len(costs) - MAX_COSTS)]
+            self._content |= {
+                "cost": _rounded(cost),
+                "parameters": _parameters(candidate),
+                "curves": _curves(candidate),
+            }
+            self._write()
+
+    @property
+    def _due(self) -> bool:
+        return time.monotonic() - self._written >= INTERVAL
+
+    def _write(self) -> None:
+        self._written = time.monotonic()
+        self._content["seconds"] = round(self._written - self._began, 2)
+        with suppress(OutputError):
+            write_text_atomic(self._path, json.dumps(self._content, allow_nan=False))
+
+
+def _parameters(candidate: Candidate) -> dict[str, dict[str, Any]]:
+    values, layout = candidate.parameters, candidate.problem.layout
+    return {
+        p.name: {"value": _rounded(values[p.name], 8), "unit": p.unit, "bounds": [p.lower, p.upper]}
+        for p in layout.parameters
+    }
+
+
+def _curves(candidate: Candidate) -> list[dict[str, Any]]:
+    out, names = [], candidate.problem.layout.vehicle.outputs
+    for piece, simulated in zip(candidate.problem.pieces, candidate.simulate(), strict=True):
+        every = slice(None, None, max(1, math.ceil(len(piece.time) / MAX_SAMPLES)))
+        channels = {
+            name: {"measured": _listed(piece.measured[every, i]), "simulated": _listed(simulated[every, i])}
+            for i, name in enumerate(names)
+        }
+        out.append({"maneuver": piece.maneuver, "time": _listed(piece.time[every], 8), "channels": channels})
+    return out
+
+
+def _listed(values: FloatArray, digits: int = 5) -> list[float | None]:
+    return [_rounded(v, digits) for v in np.asarray(values).tolist()]
+
+
+def _rounded(value: float, digits: int = 6) -> float | None:
+    return float(f"{value:.{digits}g}") if math.isfinite(value) else None

@@ -1,0 +1,202 @@
+"""The app as a process of its own, and a real browser, both ended with the tests."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pytest
+from playwright.sync_api import Browser, Locator, Page, sync_playwright
+
+CHROMIUM = ("chromium", "chromium-browser", "google-chrome")
+QUIET = (
+    "--headless=new", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
+    "--disable-component-update", "--disable-sync",
+)  # fmt: skip
+#: a resize while figures are laid out, of Bokeh 3.9: it measures again
+HARMLESS = "Cannot read properties of undefined (reading 'top_panel')"
+PATIENCE = 60_000  #: ms until something must be there
+
+
+@dataclass
+class App:
+    """A running app."""
+
+    folder: Path
+    process: subprocess.Popen[str]
+    address: str
+
+    @property
+    def port(self) -> int:
+        return int(self.address.split(":")[2].split("/")[0])
+
+    @property
+    def token(self) -> str:
+        return self.address.rstrip("/").rpartition("/")[2]
+
+    def kill(self) -> None:
+        self.process.kill()
+        self.process.wait()
+
+
+def start_app(folder: Path, *words: str, cwd: Path | None = None) -> App:
+    process = subprocess.Popen(
+        [sys.executable, "-m", "stoop", "app", *words, "--folder", str(folder), "--no-browser"],
+        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=cwd,
+    )  # fmt: skip
+    assert process.stdout is not None
+    lines = []
+    for line in process.stdout:
+        lines.append(line)
+        if line.startswith("open: "):
+            return App(folder, process, line.removeprefix("open: ").strip())
+    pytest.fail("".join(lines))
+
+
+def end_steps(folder: Path) -> None:
+    """End what the app has started and nobody waits for."""
+    from stoop.app.steps import PRODUCTS, steps
+
+    for step in (s for kind in PRODUCTS for s in steps(folder, kind)):
+        if step.running:
+            os.killpg(int(step.file("process.txt").read_text()), signal.SIGKILL)
+
+
+@pytest.fixture
+def app(tmp_path: Path) -> Iterator[Callable[..., App]]:
+    """Return what starts an app in a folder of the test."""
+    started: list[App] = []
+
+    def start(*words: str, folder: Path | None = None) -> App:
+        started.append(start_app(folder or tmp_path / "project", *words, cwd=tmp_path))
+        return started[-1]
+
+    yield start
+    for one in started:
+        one.kill()
+        assert one.process.stdout is not None
+        one.process.stdout.close()
+        end_steps(one.folder)
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator[Browser]:
+    program = next((found for name in CHROMIUM if (found := shutil.which(name))), None)
+    if program is None:
+        if os.environ.get("CI"):
+            pytest.fail(f"none of {', '.join(CHROMIUM)} is installed: in CI the app is tested in a browser")
+        pytest.skip(f"none of {', '.join(CHROMIUM)} is installed")
+    with sync_playwright() as playwright:
+        opened = playwright.chromium.launch(executable_path=program, args=[*QUIET])
+        yield opened
+        opened.close()
+
+
+@dataclass
+class Tab:
+    """A browser tab that notes what goes wrong, what it asks for, and how often the user clicks."""
+
+    page: Page
+    port: int
+    pictures: Path | None
+    clicks: int = 0
+    elsewhere: list[str] = field(default_factory=list)
+    errors: list[str] = field(default_factory=list)
+
+    def click(self, name: str, exact: bool = True) -> None:
+        self.page.locator("button:not([disabled])").get_by_text(name, exact=exact).first.click()
+        self.clicks += 1
+
+    def wait(self, text: str) -> None:
+        self.page.get_by_text(text).first.wait_for()
+
+    def fill(self, label: str, text: str) -> None:
+        self.page.get_by_label(label).first.fill(text)
+        self.clicks += 1
+
+    def settled(self, what: Locator) -> dict[str, float]:
+        """Return where something is, once it stays there."""
+        before: Any = None
+        while (box := what.bounding_box()) != before or box is None:
+            before = box
+            self.page.wait_for_timeout(300)
+        return dict(box)
+
+    def picture(self, name: str) -> None:
+        if self.pictures is not None:
+            self.pictures.mkdir(parents=True, exist_ok=True)
+            for width in (420, 1280):
+                self.page.set_viewport_size({"width": width, "height": 900})
+                time.sleep(1.0)
+                self.page.screenshot(path=self.pictures / f"{name}_{width}.png")
+
+
+@pytest.fixture
+def tab(browser: Browser, request: pytest.FixtureRequest) -> Iterator[Callable[[App], Tab]]:
+    """Return what opens an app in a browser of its own; at the end nothing was asked for elsewhere, and no script failed."""
+    given: Any = request.config.getoption("--screenshots")
+    opened: list[Tab] = []
+
+    def open_tab(app: App) -> Tab:
+        context = browser.new_context(viewport={"width": 1280, "height": 900})
+        page = context.new_page()
+        page.set_default_timeout(PATIENCE)
+        one = Tab(page, app.port, Path(given) if given else None)
+
+        def asked(url: str) -> None:
+            if not url.startswith(
+                (f"http://127.0.0.1:{app.port}/", f"ws://127.0.0.1:{app.port}/", "blob:", "data:")
+            ):
+                one.elsewhere.append(url)
+
+        page.on("request", lambda r: asked(r.url))
+        page.on("websocket", lambda w: asked(w.url))
+        page.on("pageerror", lambda e: None if HARMLESS in str(e) else one.errors.append(str(e)))
+        page.on("dialog", lambda d: one.errors.append(f"dialog: {d.message}"))
+        page.goto(app.address)
+        page.get_by_text("1 Log").wait_for()
+        opened.append(one)
+        return one
+
+    yield open_tab
+    for one in opened:
+        if (folder := os.environ.get("STOOP_TEST_PICTURES")) and not one.page.is_closed():
+            one.page.screenshot(path=Path(folder) / f"{request.node.name}.png", full_page=True)
+        one.page.context.close()
+    assert [one.elsewhere for one in opened if one.elsewhere] == [], "nothing comes from the network"
+    assert [one.errors for one in opened if one.errors] == []
+
+
+@pytest.fixture(scope="session")
+def hover(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the log of a simulated quadrotor: 12 s, 3-2-1-1 about each axis."""
+    from stoop.cli.main import main
+
+    log = tmp_path_factory.mktemp("hover") / "hover.ulg"
+    maneuver = Path(__file__).parent / "maneuver_short.toml"
+    assert main(["simulate", "quad-x", "--maneuver", str(maneuver), "-o", str(log)]) == 0
+    return log
+
+
+@pytest.fixture
+def quadrotor(tmp_path: Path, hover: Path) -> Path:
+    """Return the folder of an app with the log of a quadrotor, its vehicle, and two windows."""
+    from stoop.app.folder import Project
+    from stoop.problem.windows import Entry
+    from stoop.vehicle.builtin import builtin_text
+
+    project = Project(tmp_path / "project")
+    project.open_log(hover)
+    project.take_vehicle(builtin_text("quad-x"))
+    project.save_windows([Entry(flight="hover", start=a, stop=b) for a, b in ((0.5, 3.0), (4.5, 7.0))])
+    while (step := project.latest("info")) is not None and step.running:
+        time.sleep(0.05)
+    return project.root

@@ -1,0 +1,121 @@
+"""What goes wrong is said in words, on the page or in one line, and nothing is lost."""
+
+from __future__ import annotations
+
+import errno
+import http.client
+import os
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stoop.app.fit_view import FitView
+from stoop.app.folder import Project
+from stoop.cli.main import main
+
+
+def test_logs_that_cannot_be_read(app, tab, tmp_path: Path) -> None:
+    bad = tmp_path / "<img src=x onerror=alert(1)>.ulg"
+    bad.write_bytes(b"junk" * 100)
+    large = tmp_path / "large.ulg"
+    large.write_bytes(b"ULog\x01\x12\x35" + bytes(3_000_000))
+    page = tab(app("--max-upload", "0.002"))
+    label = "or the path of a log on this machine"
+    page.fill(label, str(tmp_path / "none.ulg"))
+    page.click("Open")
+    page.wait("there is no such log")
+    page.page.locator("input[type=file]").first.set_input_files(large)
+    page.wait("the log holds 3 MB, more than the limit of 2 MB")
+    page.fill(label, str(bad))
+    page.click("Open")
+    page.wait("its first bytes are wrong")
+    page.wait("<img src=x onerror=alert(1)>.ulg")
+    assert page.page.locator("img").count() == 0
+    page.picture("bad_log")
+    # A table needs a mapping, whose unsure lines are asked.
+    time = np.arange(0.0, 20.0, 0.02)
+    columns = np.column_stack([time, np.sin(time), 20.0 + np.cos(time), 9.8 + 0.0 * time])
+    np.savetxt(
+        tmp_path / "t.csv", columns, delimiter=",", header="time_s,roll_rate,airspeed,accel_z", comments=""
+    )
+    page.fill(label, str(tmp_path / "t.csv"))
+    page.click("Open")
+    page.wait("2 lines are unsure")
+    page.page.get_by_label("unsure: m/s by its name only").fill(
+        'airspeed_pitot = {column = "airspeed", unit = "kt"}'
+    )
+    page.picture("mapping")
+    page.click("Use this mapping")
+    page.wait("Next: the vehicle")
+    folder = next(tmp_path.glob("project"))
+    assert 'unit = "kt"' in (folder / "mapping.toml").read_text("utf-8")
+    assert Project(folder).info["channels"]
+
+
+def test_a_log_of_two_gigabytes_is_refused_before_it_is_sent(app) -> None:
+    running = app("--max-upload", "1")
+    connection = http.client.HTTPConnection("127.0.0.1", running.port, timeout=20)
+    connection.putrequest("POST", f"/{running.token}/upload?name=a.ulg")
+    connection.putheader("Content-Length", str(2 * 10**9))
+    connection.endheaders()
+    answer = connection.getresponse()
+    assert (answer.status, answer.read()[:24]) == (413, b"the log holds 2 GB, more")
+    connection.close()
+    assert not list((running.folder / "logs").glob("*")) if (running.folder / "logs").exists() else True
+
+
+def test_a_port_in_use(app, tmp_path: Path) -> None:
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        words = ["-m", "stoop", "app", "--folder", str(tmp_path / "p"), "--no-browser", "--port", str(port)]
+        done = subprocess.run(
+            [sys.executable, *words], capture_output=True, text=True, check=False, timeout=60
+        )
+    assert done.returncode == 2
+    assert done.stderr == f"stoop: error: app: port {port} is in use; give another with --port N\n"
+    first, second = app(folder=tmp_path / "a"), app(folder=tmp_path / "b")
+    assert first.port != second.port, "without --port the next free one is taken"
+
+
+def test_without_its_packages_one_line_says_what_to_install(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(__import__("sys").modules, "panel", None)
+    assert main(["app", "--folder", str(tmp_path)]) == 2
+    assert (
+        capsys.readouterr().err
+        == "stoop: error: app: the package panel is not installed; pip install 'stoop[app]'\n"
+    )
+
+
+@pytest.mark.filterwarnings(
+    "ignore::PendingDeprecationWarning"
+)  # of Panel: names of options in its next version
+def test_a_full_disk_is_said_and_loses_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from stoop.base import files
+    from stoop.vehicle.builtin import builtin_text
+
+    project = Project(tmp_path)
+    project.take_vehicle(builtin_text("quad-x"))
+    before = project.vehicle
+
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(files, "_write_through", full)
+    view = FitView(project, lambda title: None)
+    view.act(lambda: project.save_vehicle("other", None))()
+    assert "No space left on device" in view.said.object
+    assert project.vehicle == before
+
+
+def test_a_folder_that_cannot_be_made(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "file").write_text("")
+    assert main(["app", "--folder", str(tmp_path / "file"), "--no-browser"]) == 2
+    assert "is a file" in capsys.readouterr().err

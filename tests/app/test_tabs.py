@@ -1,0 +1,89 @@
+"""Two tabs, a closed browser, a killed server: nothing that was shown as saved is lost."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from stoop.app.folder import Project
+from stoop.vehicle.builtin import builtin_text
+from stoop.vehicle.load import load_vehicle
+
+
+def edit(page, number: str, value: str, field: str = "value") -> None:
+    row = page.page.locator(".tabulator-row", has=page.page.get_by_text(number, exact=True)).first
+    row.locator(f'.tabulator-cell[tabulator-field="{field}"]').click()
+    entry = row.locator("input").first
+    entry.fill(value)
+    entry.press("Enter")
+
+
+def test_two_tabs_edit_one_vehicle(app, tab, quadrotor: Path) -> None:
+    running = app(folder=quadrotor)
+    one, other = tab(running), tab(running)
+    for page in (one, other):
+        page.click("2 Vehicle")
+        page.wait("mass.inertia.xx")
+    edit(one, "mass.mass", "1.75")
+    edit(other, "mass.inertia.zz", "0.0456")
+    one.click("Save")
+    one.wait("vehicle.toml is saved")
+    other.wait("The file was changed in another tab")
+    other.click("Save")
+    other.wait("Your edits are kept in the form")
+    assert load_vehicle(quadrotor / "vehicle.toml").value("mass.inertia.zz") != 0.0456
+    other.click("Save")
+    other.wait("vehicle.toml is saved")
+    vehicle = load_vehicle(quadrotor / "vehicle.toml")
+    assert (vehicle.value("mass.mass"), vehicle.value("mass.inertia.zz")) == (1.75, 0.0456)
+    one.page.locator(".tabulator-cell", has_text="0.0456").first.wait_for()
+
+
+def test_a_value_out_of_bounds_and_a_vehicle_that_cannot_be_trimmed(app, tab, quadrotor: Path) -> None:
+    page = tab(app(folder=quadrotor))
+    page.click("2 Vehicle")
+    page.wait("mass.inertia.xx")
+    edit(page, "mass.mass", "9", field="low")
+    page.click("Save")
+    page.wait("are reversed or empty")
+    page.click("Discard edits")
+    page.wait("The form shows the file again")
+    page.page.wait_for_timeout(500)
+    edit(page, "mass.mass", "2.2")
+    page.click("Save")
+    page.wait("vehicle.toml is saved")
+    page.click("Check by trim")
+    page.wait("largest acceleration left over")
+    text = (quadrotor / "vehicle.toml").read_text("utf-8")
+    Project(quadrotor).take_vehicle(text.replace("mass = 2.2", "mass = 900.0"))
+    page.wait("at full command the rotors lift")  # a file that was edited elsewhere, and cannot be used
+    slow = re.sub(r"^airspeed = .*$", "airspeed = 4.0", builtin_text("twin-boom"), flags=re.MULTILINE)
+    Project(quadrotor).take_vehicle(slow)
+    page.wait("Twin-boom UAV")
+    page.click("Check by trim")
+    page.wait("no steady flight")
+    page.picture("bad_trim")
+
+
+def test_a_killed_server_and_a_closed_browser_lose_no_run(app, tab, quadrotor: Path) -> None:
+    first = app(folder=quadrotor)
+    page = tab(first)
+    page.click("4 Fit")
+    page.click("Run the fit")
+    page.wait("cost ")
+    page.page.close()
+    first.kill()
+    run = Project(quadrotor).latest("runs")
+    assert run.running, "it is a process of its own"
+    again = app(folder=quadrotor)
+    page = tab(again)
+    page.wait("runs/001 · running")
+    page.page.get_by_label("method").select_option("equation-error")
+    page.click("Run the fit")  # several at once
+    page.wait("runs/002 · running")
+    page.wait("runs/002 · done")
+    page.click("runs/001 · running")
+    page.click("Stop")
+    page.wait("runs/001 · done")
+    page.wait("interrupted")
+    assert {step.state for step in Project(quadrotor).steps("runs")} == {"done"}

@@ -1,0 +1,53 @@
+"""From ``stoop app LOG`` to the first report of the V-tail, and what its notices suggest."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import pytest
+
+EXAMPLE = Path(__file__).parents[2] / "examples" / "vtail.toml"
+MAX_CLICKS = 8
+
+
+def test_from_the_log_to_the_report(app, tab, shared_data: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    began = time.monotonic()
+    running = app(str(shared_data / "altlnt-vtail-8kg-px4" / "flight2"))
+    page = tab(running)
+    page.wait("airspeed_pitot reads -2.97 m/s at rest")
+    page.picture("1_log")
+    page.click("Next: the vehicle")
+    page.fill("path of a vehicle file", str(EXAMPLE))
+    page.click("Use")
+    page.wait("held out, to be predicted")
+    page.picture("3_windows")
+    page.click("Run the fit")
+    page.wait("cost ")
+    page.picture("4_running")
+    report = page.page.frame_locator("iframe")
+    report.get_by_text("48 parameters from 3 fitted maneuvers, 1 predicted").first.wait_for()
+    seconds = time.monotonic() - began
+    with capsys.disabled():
+        print(
+            f"\nfrom stoop app LOG to the first report of the V-tail: {page.clicks} clicks, {seconds:.0f} s"
+        )
+    assert page.clicks <= MAX_CLICKS
+    page.picture("5_report")
+
+    # What the notices name is fixed or freed by one click.
+    page.click("Clp")
+    page.wait("Clp is fixed in vehicle.toml")
+    page.click("Cmalpharudder")
+    page.wait("Cmalpharudder is free in vehicle.toml")
+    page.click("2 Vehicle")
+    page.wait("V-tail 8.5 kg")
+    page.page.locator("math").first.wait_for()
+    page.picture("2_vehicle")
+    text = (running.folder / "vehicle.toml").read_text("utf-8")
+    assert 'Cmalpharudder = {term = "alpha*rudder"' in text
+    assert "free = false" in text
+    assert "# 8.5 kg V-tail aeroplane" in text, "comments stay"
+    # What was done can be done again without the app.
+    commands = (running.folder / "commands.sh").read_text("utf-8").splitlines()
+    assert [line.split()[1] for line in commands] == ["info", "maneuvers", "identify", "vehicle"]
