@@ -71,12 +71,13 @@ def fitted_deviations(fit: Fit, covariance: FloatArray) -> tuple[FloatArray, ...
     """Return standard deviations (n, n_y) of the fitted readings of each piece, measurement noise included.
 
     The unknowns' `covariance` (k, k), SI, is propagated linearly, through the windows where these begin anew (NaN where
-    nothing was measured then). None for the predictions of a filter, whose deviations are those of its innovations, and
+    nothing was measured then). Those of a filter, which predicts from sample to sample, are those of its innovations. None
     for windows of a method whose evidence is not of readings.
     """
+    if fit.filter is not None and fit.local_problem is not None:
+        return fit.local_problem().deviations  # type: ignore[no-any-return]
     shapes = [piece.measured.shape for piece in fit.problem.pieces]
-    of_readings = fit.simulated is None or [p.residual.shape for p in fit.evidence.pieces] == shapes
-    if fit.filter is not None or not of_readings:
+    if fit.simulated is not None and [p.residual.shape for p in fit.evidence.pieces] != shapes:
         return None
     problem, noise = fit.problem, np.nan_to_num(np.diag(fit.measurement_noise))
     k, found = len(covariance), []
