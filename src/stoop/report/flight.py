@@ -96,20 +96,23 @@ def flight_sheet(seen: Overview, command: str = "", following: Sequence[str] = (
 
 def flight_history(flight: Flight, found: Found) -> TimeHistory:
     """Return all channels, those alike in one panel, with windows and faults as shades."""
-    names = [str(name) for name in flight.data.data_vars if name not in UNSHOWN]
-    panels, shown = [], set[str]()
-    for title, members in GROUPS:
-        own = [n for n in names if (n.startswith(members) if isinstance(members, str) else n in members)]
-        own = [n for n in own if np.isfinite(flight.column(n)).any()]
-        panels += [_panel(flight, title, own)] if own else []
-        shown.update(own)
-    others = (n for n in names if n not in shown and np.isfinite(flight.column(n)).any())
-    panels += [_panel(flight, name, [name]) for name in others]
+    panels = channel_panels(flight, [str(name) for name in flight.data.data_vars if name not in UNSHOWN])
     shades = [Shade(w.start, w.stop, str(i), KINDS[w.purpose]) for i, w in enumerate(found.windows, 1)]
     length = float(flight.time[-1] - flight.time[0])
     faults = (one for one in flight.faults if one.stop - one.start < LONG * length)
     shades += [Shade(one.start, one.stop, "", "fault") for one in faults]
     return TimeHistory(panels, "--maneuver ", shades, wide=True, each=True)
+
+
+def channel_panels(flight: Flight, names: Sequence[str]) -> list[HistoryPanel]:
+    """Return panels of those of the channels that hold a value, those alike in one."""
+    names = [name for name in names if np.isfinite(flight.column(name)).any()]
+    panels, shown = [], set[str]()
+    for title, members in GROUPS:
+        own = [n for n in names if (n.startswith(members) if isinstance(members, str) else n in members)]
+        panels += [_panel(flight, title, own)] if own else []
+        shown.update(own)
+    return [*panels, *(_panel(flight, name, [name]) for name in names if name not in shown)]
 
 
 def _panel(flight: Flight, title: str, names: Sequence[str]) -> HistoryPanel:
