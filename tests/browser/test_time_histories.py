@@ -85,6 +85,10 @@ def opened(browser: Browser, made: tuple[Path, Identification], **options: Any) 
 def seen(browser: Browser, made: tuple[Path, Identification]) -> Iterator[Seen]:
     seen = opened(browser, made)
     seen.page.wait_for_selector(".history.live canvas")
+    strips = seen.page.locator(".history").first.locator(".strips")
+    for i in range(strips.count()):  # figures are made when they come into sight
+        strips.nth(i).scroll_into_view_if_needed()
+        strips.nth(i).locator("canvas").first.wait_for(state="attached")
     yield seen
     assert seen.troubles == []
     seen.page.close()

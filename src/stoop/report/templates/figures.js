@@ -21,22 +21,48 @@
     show() {
       const content = JSON.parse(dark.matches ? this.text.replace(recolored, (c) => colors.get(c)) : this.text);
       const [start, end] = this.whole = content.span;
-      const tables = content.tables.map(({ t, ...columns }) => new Bokeh.ColumnDataSource({
+      this.content = content;
+      this.tables = content.tables.map(({ t, ...columns }) => new Bokeh.ColumnDataSource({
         data: { t: unpacked(t, Float64Array), ...mapped(columns, (text) => unpacked(text, Float32Array)) },
       }));
       this.time = new Bokeh.Range1d({ start, end });
       this.cursor = new Bokeh.Span({ dimension: "height", line_color: style("--tick"), line_width: 1 });
       this.box = new Bokeh.BoxAnnotation({ fill_color: style("--fitted-edge"), fill_alpha: 0.25, line_color: null, visible: false });
-      this.figures = content.panels.map((strips) => strips.map((strip, i) => this.figure(strip, i === strips.length - 1, tables, content.shades)));
+      this.panels = all(this.element, ".strips");
+      this.figures = this.panels.map(() => []);
+      this.hidden = new Set();
       this.element.classList.add("live");
-      const page = new Bokeh.Document();
-      const places = all(this.element, ".strips").flatMap((panel, i) => {
-        panel.replaceChildren(...this.figures[i].map(() => document.createElement("div")));
-        return [...panel.children];
-      });
-      for (const figure of this.figures.flat()) page.add_root(figure);
-      Bokeh.embed.add_document_standalone(page, this.element, places);
+      this.page = new Bokeh.Document();
+      this.places = []; // of the roots, in their order: Bokeh looks there when one is added
+      Bokeh.embed.add_document_standalone(this.page, this.element, this.places);
       this.connect();
+      this.watcher?.disconnect();
+      this.watcher = new IntersectionObserver((entries) => {
+        for (const { isIntersecting, target } of entries)
+          if (isIntersecting) { this.watcher.unobserve(target); this.fill(this.panels.indexOf(target)); }
+      }, { rootMargin: "300px" });
+      this.panels.forEach((panel, i) => {
+        const height = content.panels[i].reduce((sum, strip) => sum + strip.height + 6, 20);
+        panel.replaceChildren();
+        panel.style.minHeight = `${height}px`;
+        this.watcher.observe(panel);
+      });
+    }
+
+    // Put the figures of a panel into their places.
+    fill(i) {
+      const strips = this.content.panels[i];
+      this.figures[i] = strips.map((strip, k) => this.figure(strip, k === strips.length - 1, this.tables, this.content.shades));
+      for (const figure of this.figures[i]) {
+        const place = document.createElement("div");
+        this.panels[i].append(place);
+        this.places.push(place);
+        this.hide(figure);
+        this.drag(figure);
+        figure.on_event("doubletap", () => this.reset());
+        figure.on_event("selectiongeometry", (event) => event.final && this.mark(event.geometry.x0, event.geometry.x1));
+        this.page.add_root(figure);
+      }
     }
 
     figure(strip, last, tables, shades) {
@@ -71,31 +97,34 @@
 
     connect() {
       const { element } = this;
-      const flat = this.figures.flat();
       for (const button of all(element, "[data-series]")) button.onclick = () => this.toggle(button);
       for (const button of all(element, "[data-tool]")) button.onclick = () => this.use(button.dataset.tool);
       for (const button of all(element, "[data-action]")) button.onclick = () => this[button.dataset.action](button);
-      if (!element.dataset.window) element.querySelector('[data-tool="window"]').remove();
+      if (!element.dataset.window) element.querySelector('[data-tool="window"]')?.remove();
       this.cursor.properties.location.change.connect(() => this.read());
-      for (const figure of flat) {
-        figure.on_event("doubletap", () => this.reset());
-        figure.on_event("selectiongeometry", (event) => event.final && this.mark(event.geometry.x0, event.geometry.x1));
-      }
       // A finger scrolls the page until a tool is chosen.
       if (!matchMedia("(pointer: coarse)").matches) this.use("zoom");
     }
 
     toggle(button) {
-      const shown = button.getAttribute("aria-pressed") !== "true";
+      const { series } = button.dataset;
+      const shown = this.hidden.delete(series) || !this.hidden.add(series);
       button.setAttribute("aria-pressed", String(shown));
-      for (const figure of this.figures.flat())
-        for (const renderer of figure.renderers) if (renderer.name === button.dataset.series) renderer.visible = shown;
+      this.figures.flat().forEach((figure) => this.hide(figure));
+    }
+
+    hide(figure) {
+      for (const renderer of figure.renderers) renderer.visible = !this.hidden.has(renderer.name);
     }
 
     use(name) {
+      this.tool = name;
       for (const button of all(this.element, "[data-tool]")) button.setAttribute("aria-pressed", String(button.dataset.tool === name));
-      for (const figure of this.figures.flat())
-        figure.toolbar.active_drag = figure.toolbar.tools.find((tool) => tool.name === name);
+      this.figures.flat().forEach((figure) => this.drag(figure));
+    }
+
+    drag(figure) {
+      figure.toolbar.active_drag = figure.toolbar.tools.find((tool) => tool.name === this.tool) ?? null;
     }
 
     reset() {
@@ -146,10 +175,9 @@
     // The table of all curves, of the marked window if there is one; time axes that differ are joined.
     csv() {
       const [low, high] = this.marked ?? [-Infinity, Infinity];
-      const sources = [...new Set(this.figures.flat().flatMap((f) => f.renderers).map((r) => r.data_source))];
       const rows = new Map();
       const head = ["time [s]"];
-      for (const source of sources) {
+      for (const source of this.tables) {
         const columns = source.columns().filter((name) => name !== "t");
         const time = source.get_array("t");
         const values = columns.map((name) => source.get_array(name));
