@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from html import escape
 from typing import Any, Final
 
 import panel as pn
@@ -109,7 +108,7 @@ class UseView(View):
             return [parts.html(head + parts.error(step.error) + parts.command(step))]
         places = [str(p.relative_to(self.project.root)) for p in step.files]
         links = "".join(
-            f'<li><a href="files/{escape(p)}" download>{parts.escaped(p)}</a></li>' for p in places
+            f'<li><a href="{parts.address(p)}" download>{parts.escaped(p)}</a></li>' for p in places
         )
         printed = (
             f"<details><summary>what it printed</summary><pre>{parts.escaped(step.output)}</pre></details>"
