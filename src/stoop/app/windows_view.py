@@ -121,7 +121,7 @@ class WindowsView(View):
             f"<span class='soft'>{parts.escaped(why)}</span>",
             margin=(7, 0),
             styles={"flex": "1 1 280px"},
-            width=280,
+            sizing_mode=None,
         )
         return pn.FlexBox(*ends, use, remove, text, sizing_mode="stretch_width", margin=0)
 
