@@ -14,11 +14,16 @@ from stoop.app import numbers, parts, steps
 from stoop.app.folder import ChangedError, Project, version
 from stoop.app.plots import Strip, drawn_curves, thinned
 from stoop.app.uploads import safe_name
-from stoop.cli.main import main
 from stoop.errors import StoopError, VehicleError
+from stoop.estimate.iterates import watched
 from stoop.problem.windows import Entry
-from stoop.vehicle.builtin import BUILT_IN, builtin_text
+from stoop.simulation.fly import simulate_flight
+from stoop.simulation.maneuver import parse_maneuver
+from stoop.vehicle.builtin import BUILT_IN, builtin_text, resolve_vehicle
 from stoop.vehicle.load import parse_vehicle
+from stoop.workflow.demo import MANEUVER, NAME, misled
+from stoop.workflow.identification import search
+from stoop.workflow.progress import ProgressFile
 
 VTAIL = (Path(__file__).parents[2] / "examples" / "vtail.toml").read_text("utf-8")
 
@@ -135,30 +140,27 @@ def test_a_log_that_is_not_there(tmp_path: Path) -> None:
         Project(tmp_path / "p").open_log("none.ulg")
 
 
-def test_progress_of_a_fit(tmp_path: Path, hover: Path) -> None:
+def test_progress_of_a_fit(tmp_path: Path) -> None:
+    vehicle = resolve_vehicle("twin-boom").reduced("longitudinal")
+    flight = simulate_flight(vehicle, parse_maneuver(MANEUVER, NAME), 0, name=NAME)
     file = tmp_path / "progress.json"
-    words = [
-        "identify",
-        str(hover),
-        "--vehicle",
-        "quad-x",
-        "--maneuver",
-        "0.5:3",
-        "--fix",
-        "rotors.T1",
-        "--progress",
-        str(file),
-    ]
-    assert main([*words, "--generations", "3", "-o", str(tmp_path / "r")]) == 0
-    progress = json.loads(file.read_text("utf-8"))
-    assert progress["format"] == "stoop-progress/1"
-    assert progress["work"] == "error bars, predictions and report"
-    result = json.loads((tmp_path / "r" / "result.json").read_text("utf-8"))
-    assert set(progress["parameters"]) == set(result["parameters"])
-    assert math.isfinite(progress["cost"])
-    piece = progress["curves"][0]
-    assert len(piece["time"]) == len(piece["channels"]["p"]["simulated"]) <= 250
-    assert piece["time"][0] == pytest.approx(0.5)
+    progress = ProgressFile(file)
+    progress.turn_to("searching")
+    assert json.loads(file.read_text("utf-8"))["work"] == "searching"
+    with watched(progress.see):
+        progress._written = -math.inf  # a moment later
+        done = search(misled(vehicle, 0), flight, ["0:30"])
+    found = json.loads(file.read_text("utf-8"))
+    assert found["format"] == "stoop-progress/1"
+    assert set(found["parameters"]) == set(done.fit.estimates)
+    assert found["parameters"]["CLalpha"]["unit"] == "1/rad"
+    assert math.isfinite(found["cost"])
+    piece = found["curves"][0]
+    q = piece["channels"]["q"]
+    assert len(piece["time"]) == len(q["simulated"]) <= 200
+    assert q["measured"][0] == pytest.approx(float(flight.data["q"][0]), rel=1e-4)
+    progress = ProgressFile(tmp_path / "none" / "progress.json")
+    progress.turn_to("a folder that went away ends no fit")
 
 
 def test_a_fit_stopped_while_bounds_are_widened_keeps_what_it_has(monkeypatch: pytest.MonkeyPatch) -> None:
