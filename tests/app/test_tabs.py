@@ -72,8 +72,9 @@ def test_a_killed_server_and_a_closed_browser_lose_no_run(app, tab, quadrotor: P
     page.wait("No fit was run yet")
     page.click("Run the fit")
     page.wait("cost ")
-    page.page.close()
     first.kill()
+    page.wait("The app has ended or cannot be reached")
+    page.page.close()
     run = Project(quadrotor).latest("runs")
     assert run.running, "it is a process of its own"
     again = app(folder=quadrotor)
