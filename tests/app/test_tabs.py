@@ -69,10 +69,12 @@ def test_a_killed_server_and_a_closed_browser_lose_no_run(app, tab, quadrotor: P
     first = app(folder=quadrotor)
     page = tab(first)
     page.click("4 Fit")
+    page.wait("No fit was run yet")
     page.click("Run the fit")
     page.wait("cost ")
-    page.page.close()
     first.kill()
+    page.wait("The app has ended or cannot be reached")
+    page.page.close()
     run = Project(quadrotor).latest("runs")
     assert run.running, "it is a process of its own"
     again = app(folder=quadrotor)

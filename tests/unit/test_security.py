@@ -114,12 +114,16 @@ def test_nothing_is_unpickled() -> None:
 
 
 def test_programs_are_started_in_one_place() -> None:
-    """The child that reads formats of others; it is given no shell."""
+    """The child that reads formats of others, the steps of the app, and its browser; none is given a shell."""
     starters = re.compile(
         r"(subprocess\.\w+|os\.(system|popen|exec\w*|spawn\w*|posix_spawn\w*)|webbrowser\.\w+|pty\.\w+)$"
     )
     found = {(place, name) for place, name, _ in calls() if starters.match(name)}
-    assert found == {("logs/guard.py", "subprocess.run")}
+    assert found == {
+        ("logs/guard.py", "subprocess.run"),
+        ("app/steps.py", "subprocess.Popen"),
+        ("app/browser.py", "webbrowser.open"),
+    }
     assert all("shell" not in {k.arg for k in call.keywords} for _, _, call in calls())
 
 
@@ -147,6 +151,18 @@ def test_one_place_connects_and_none_listens() -> None:
         ("parallel/pools.py", "socket.create_connection"),
         ("parallel/worker.py", "socket.gethostname"),
     }
+
+
+def test_the_app_alone_serves() -> None:
+    """Its server is bound to this machine; no other module imports what listens."""
+    modules = {"tornado", "bokeh", "panel"}
+    places = {place for place, name in imports() if name.partition(".")[0] in modules}
+    assert all(place.startswith("app/") for place in places)
+    servers = [c for place, name, c in calls() if name == "get_server"]
+    assert [ast.unparse(k.value) for c in servers for k in c.keywords if k.arg == "address"] == ["ADDRESS"]
+    from stoop.app.server import ADDRESS
+
+    assert ADDRESS == "127.0.0.1"
 
 
 def test_environment_variables_are_those_of_the_page() -> None:

@@ -30,7 +30,7 @@ class CompareView(View):
     def __init__(self, project: Any, go: Any) -> None:
         super().__init__(project, go)
         self._picks = [
-            pn.widgets.Select(label=name, margin=(0, 12, 8, 0), width=380)
+            pn.widgets.Select(label=name, margin=(0, 12, 8, 0), sizing_mode="stretch_width", max_width=440)
             for name in ("run A (blue)", "run B (orange)")
         ]
         self._shown = pn.Column(margin=0, sizing_mode="stretch_width")

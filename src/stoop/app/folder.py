@@ -93,7 +93,7 @@ class Project:
     def reading(self) -> Step | None:
         """The last step that reads the log, or drafts its mapping."""
         found = [s for s in (self.latest("map"), self.latest("info")) if s is not None]
-        return max(found, key=lambda s: _modified(s.file(steps.COMMAND)), default=None)
+        return max(found, key=lambda s: modified(s.file(steps.COMMAND)), default=None)
 
     def draft_mapping(self) -> Step:
         """Draft the mapping of the log."""
@@ -212,7 +212,7 @@ class Project:
     def signature(self) -> tuple[Any, ...]:
         """What changes whenever the page has something else to show, except within a running step."""
         own = (FILE, VEHICLE, WINDOWS, MAPPING)
-        times = tuple(_modified(self.root / name) for name in own)
+        times = tuple(modified(self.root / name) for name in own)
         return times, tuple((s.name, s.state) for kind in steps.PRODUCTS for s in self.steps(kind))
 
     def _keep_copy(self, name: str) -> None:
@@ -229,7 +229,8 @@ def version(text: str) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def _modified(path: Path) -> int:
+def modified(path: Path) -> int:
+    """Return when a file was changed, ns; 0 where there is none."""
     with contextlib.suppress(OSError):
         return path.stat().st_mtime_ns
     return 0

@@ -14,7 +14,6 @@ import tomlkit
 from pydantic import BaseModel
 
 from stoop.base.numbers import MAX_NUMBER
-from stoop.base.units import FACTORS
 from stoop.errors import VehicleError
 from stoop.vehicle import Vehicle, schema
 from stoop.vehicle.document import keys_of, write_entry, write_fields
@@ -75,21 +74,15 @@ def _help(vehicle: Vehicle, name: str, keys: Sequence[str], quantity: Quantity |
     node: Any = vehicle.file
     for i, key in enumerate(keys):
         if isinstance(node, BaseModel):
+            words = " ".join(keys[i:]).replace("_", " ")
             text = comments(type(node).__name__).get(key, "")
             summary = (type(node).__doc__ or "").partition("\n")[0].rstrip(".")
-            if i == len(keys) - 1:
-                return f"{summary}: {key}" if _is_unit(text) else text
             node = getattr(node, key, None)
-            if text and not isinstance(node, BaseModel | Mapping):
-                return f"{text}: {'.'.join(keys[i + 1 :])}"
+            if i == len(keys) - 1 or (text and not isinstance(node, BaseModel)):
+                return f"{words}, {text}" if text else f"{words}: {summary}"
         elif isinstance(node, Mapping):
             node = node.get(key)
-    return ""
-
-
-def _is_unit(text: str) -> bool:
-    """Whether a comment says no more than a unit."""
-    return not text or text in FACTORS or text.replace(" ", "") in FACTORS
+    return name
 
 
 @cache

@@ -20,6 +20,7 @@ from stoop.app.view import BUG, View
 from stoop.app.windows_view import WindowsView
 from stoop.errors import StoopError
 
+ENDED: Final = "The app has ended or cannot be reached. Runs go on; start it again with the same command."
 PERIOD: Final = 500  #: ms between two looks at the folder
 VIEWS: Final = (LogView, VehicleView, WindowsView, FitView, CompareView, UseView)
 
@@ -111,7 +112,13 @@ class Page:
 
 def page_of(project: Project) -> Callable[[], Any]:
     """Return what makes the page of a browser tab."""
-    pn.extension("tabulator", raw_css=[parts.style("style.css")], inline=False)
+    pn.extension(
+        "tabulator",
+        raw_css=[parts.style("style.css")],
+        inline=False,
+        notifications=True,
+        disconnect_notification=ENDED,
+    )
 
     def made() -> Any:
         page = Page(project)

@@ -9,6 +9,7 @@ from importlib.resources import files
 from typing import Any, Final
 
 import panel as pn
+from tornado.escape import url_escape
 
 from stoop.app.steps import Step
 from stoop.base.text import printable, printable_lines
@@ -114,6 +115,11 @@ def button(name: str, act: Callable[[], Any], kind: str = "default", **options: 
     return made
 
 
+def address(place: str) -> str:
+    """Return where the page finds a file of the folder."""
+    return f"files/{url_escape(place, plus=False)}"
+
+
 def frame(place: str, title: str) -> str:
     """Return a page that a verb wrote, shown apart from the app."""
-    return f'<iframe src="files/{escape(place)}" title="{escaped(title)}" sandbox="allow-scripts allow-downloads"></iframe>'
+    return f'<iframe src="{address(place)}" title="{escaped(title)}" sandbox="allow-scripts allow-downloads"></iframe>'

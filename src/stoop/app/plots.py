@@ -174,11 +174,7 @@ class Strips:
                 box.update(left=start, right=stop, fill_color=color, line_color=color, visible=i < len(spans))
 
     def _figure(self, strip: Strip, last: bool, brushed: Callable[[float, float], None] | None) -> Any:
-        drag = (
-            PanTool(dimensions="width")
-            if brushed is None
-            else BoxSelectTool(dimensions="width", persistent=True)
-        )
+        drag = PanTool(dimensions="width") if brushed is None else BoxSelectTool(dimensions="width")
         wheel = WheelZoomTool(dimensions="width", modifiers="ctrl")  # without it the page scrolls
         plot = figure(
             height=HEIGHT + (FIRST if last else 0), sizing_mode="stretch_width", x_range=self._range,

@@ -6,11 +6,13 @@ import errno
 import hmac
 import logging
 import secrets
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final
 
 import tornado.web
+from bokeh.util.warnings import BokehUserWarning
 from tornado import httputil
 
 from stoop.app.uploads import Upload
@@ -172,8 +174,9 @@ class Server:
         """
         from panel.io.server import get_server
 
-        for name in ("bokeh", "panel", "tornado"):  # refused requests are no news; bugs are
+        for name in ("bokeh", "panel", "param", "tornado"):  # refused requests are no news; bugs are
             logging.getLogger(name).setLevel(logging.ERROR)
+        warnings.filterwarnings("ignore", category=BokehUserWarning)
         self.token = secrets.token_urlsafe(TOKEN_BYTES)
         patterns = [
             (r"/files/(.*)", Files, {"path": str(folder)}),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from html import escape
 from typing import Any, Final
 
 import panel as pn
@@ -28,7 +27,9 @@ class UseView(View):
 
     def __init__(self, project: Any, go: Any) -> None:
         super().__init__(project, go)
-        self._subject = pn.widgets.Select(label="model", width=420, max_width=420, margin=(0, 12, 4, 0))
+        self._subject = pn.widgets.Select(
+            label="model", sizing_mode="stretch_width", max_width=440, margin=(0, 12, 4, 0)
+        )
         self._target = pn.widgets.Select(
             label="export to", options=list(TARGETS), width=190, margin=(0, 12, 4, 0)
         )
@@ -107,7 +108,7 @@ class UseView(View):
             return [parts.html(head + parts.error(step.error) + parts.command(step))]
         places = [str(p.relative_to(self.project.root)) for p in step.files]
         links = "".join(
-            f'<li><a href="files/{escape(p)}" download>{parts.escaped(p)}</a></li>' for p in places
+            f'<li><a href="{parts.address(p)}" download>{parts.escaped(p)}</a></li>' for p in places
         )
         printed = (
             f"<details><summary>what it printed</summary><pre>{parts.escaped(step.output)}</pre></details>"

@@ -10,8 +10,9 @@ import pandas as pd
 import panel as pn
 
 from stoop.app import numbers, parts
-from stoop.app.folder import VEHICLE, ChangedError, version
+from stoop.app.folder import VEHICLE, ChangedError, modified, version
 from stoop.app.numbers import WHERE, Row
+from stoop.app.steps import COMMAND
 from stoop.app.view import View
 from stoop.errors import StoopError
 from stoop.report.sheet import mathml
@@ -276,6 +277,9 @@ class VehicleView(View):
     def _show_checks(self) -> None:
         """Show the trim and the equations."""
         shown: list[Any] = []
+        draft = self.project.latest("drafts")
+        if draft is not None and modified(draft.file(COMMAND)) > modified(self.project.root / VEHICLE):
+            shown.append(self._draft(draft))
         trim, written = self.project.latest("trims"), self._equations()
         if trim is not None:
             done = (

@@ -53,8 +53,7 @@ class WindowsView(View):
             self._plot = Strips(read_flight(*self._plotted), self._brushed)
             self._pane = self._plot.panel
         entries = project.windows
-        if self._plot is not None:
-            self._plot.mark((e.start, e.stop, e.use if e.accept else "") for e in entries)
+        self._mark()
         rows = [self._row(e) for e in entries]
         fitted = any(e.accept and e.use == "fit" for e in entries)
         run = parts.button(
@@ -73,6 +72,12 @@ class WindowsView(View):
             parts.html(hint),
             self._pane,
         ]
+
+    def _mark(self, *pending: tuple[float, float, str]) -> None:
+        """Mark the windows on the plot, and one whose use is not chosen yet."""
+        if self._plot is not None:
+            known = [(e.start, e.stop, e.use if e.accept else "") for e in self.project.windows]
+            self._plot.mark([*known, *pending])
 
     def _proposals(self) -> list[Any]:
         step = self.project.latest("maneuvers")
@@ -116,7 +121,7 @@ class WindowsView(View):
             f"<span class='soft'>{parts.escaped(why)}</span>",
             margin=(7, 0),
             styles={"flex": "1 1 280px"},
-            width=280,
+            sizing_mode=None,
         )
         return pn.FlexBox(*ends, use, remove, text, sizing_mode="stretch_width", margin=0)
 
@@ -142,6 +147,7 @@ class WindowsView(View):
         start, stop = round(start, 2), round(stop, 2)
         if not start < stop:
             return
+        self._mark((start, stop, ""))
 
         def add(use: str) -> Callable[[], None]:
             def added() -> None:
@@ -158,7 +164,11 @@ class WindowsView(View):
             margin=(9, 0),
         )
         fit, predict = parts.button("Fit", add("fit"), "primary"), parts.button("Predict", add("validate"))
-        self._new[:] = [text, fit, predict, parts.button("Discard", lambda: self._new.clear())]
+        self._new[:] = [text, fit, predict, parts.button("Discard", self._discard)]
+
+    def _discard(self) -> None:
+        self._new[:] = []
+        self._mark()
 
     def _propose(self) -> None:
         if not self.project.vehicle:

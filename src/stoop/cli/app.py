@@ -22,7 +22,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of this verb."""
     add = parser.add_argument
     folder = f"folder of all that is made, also of an earlier time (default: {FOLDER}-LOG, or {FOLDER})"
-    add("log", metavar="LOG", type=Path, nargs="?", help=f"flight log: {options.LOG_HELP}")
+    add("log", metavar="FLIGHT", type=Path, nargs="?", help=f"flight log: {options.LOG_HELP}")
     add("--folder", metavar="DIR", type=Path, help=folder)
     add(
         "--port", metavar="N", type=_port, help="port on this machine (default: the first free one from 5010)"
