@@ -1,4 +1,4 @@
-"""Execute the notebooks of `examples` and keep their outputs: ``python scripts/notebooks.py [NAME ...]``.
+"""Execute the notebooks of `examples` and keep their outputs: ``python scripts/execute_notebooks.py [NAME ...]``.
 
 Without names those are executed whose outputs are not those of their code and files (a checksum tells). With ``--into
 DIR`` the executed notebooks are written there, and those of `examples` stay as they are. Flights of ``../shared/data``
@@ -139,8 +139,12 @@ def _outputs(outputs: list[Any]) -> Iterator[dict[str, Any]]:
 
 def main() -> int:
     """Execute notebooks, and write them."""
-    parser = argparse.ArgumentParser(description="Execute the notebooks of `examples` and keep their outputs.")
-    parser.add_argument("names", metavar="NAME", nargs="*", help="default: those whose outputs are out of date")
+    parser = argparse.ArgumentParser(
+        description="Execute the notebooks of `examples` and keep their outputs."
+    )
+    parser.add_argument(
+        "names", metavar="NAME", nargs="*", help="default: those whose outputs are out of date"
+    )
     parser.add_argument("--into", metavar="DIR", type=Path, default=EXAMPLES, help="folder to write them to")
     arguments = parser.parse_args()
     known = index()
