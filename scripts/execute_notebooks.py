@@ -81,6 +81,7 @@ def execute(name: str) -> dict[str, Any]:
     """Execute a notebook in an empty folder that holds its files only; return it with its outputs and its checksum."""
     import nbformat
     from jupyter_client import AsyncKernelManager
+    from jupyter_core.utils import run_sync
     from nbclient import NotebookClient
 
     notebook = nbformat.read(place(name), as_version=4)
@@ -98,7 +99,10 @@ def execute(name: str) -> dict[str, Any]:
         if os.name != "nt":
             kernel.transport, kernel.ip = "ipc", str(Path(sockets) / "socket")
         settings = {"metadata": {"path": folder}}
-        NotebookClient(notebook, km=kernel, timeout=TIMEOUT, resources=settings).execute()
+        try:
+            NotebookClient(notebook, km=kernel, timeout=TIMEOUT, resources=settings).execute()
+        finally:
+            run_sync(kernel.shutdown_kernel)(now=True)
     for cell in notebook.cells:
         cell.metadata = nbformat.NotebookNode()
         if cell.cell_type == "code":

@@ -12,8 +12,8 @@ from stoop.cli.page import page, words
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of this verb."""
     name = "name of an example; without it all are listed"
-    parser.add_argument("name", metavar="NAME", nargs="?", help=name)
-    options.add_output(parser, "the files (default: NAME)", "files in DIR", required=False)
+    parser.add_argument("name", metavar="EXAMPLE", nargs="?", help=name)
+    options.add_output(parser, "the files (default: its name)", "files in DIR", required=False)
 
 
 def run(arguments: argparse.Namespace) -> int:
