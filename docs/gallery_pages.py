@@ -55,13 +55,10 @@ def title(content: Mapping[str, Any]) -> str:
 
 
 def card(name: str, content: Mapping[str, Any], entry: Mapping[str, Any]) -> str:
-    """Return a card: the first sentence of a notebook, and the picture that its entry names (the last otherwise)."""
-    text = "".join(content["cells"][0]["source"]).split("\n\n", 1)[1]
-    sentence = re.split(r"(?<=[.?!:])\s", text, maxsplit=1)[0].rstrip(":") or text
-    shown = entry.get("picture", sum(1 for _ in drawings(content)))
+    """Return a card: what a notebook shows, and the picture of it that its entry names."""
     return (
         f":::{{grid-item-card}} {title(content)}\n:link: {FOLDER}/{name}\n:link-type: doc\n"
-        f":img-bottom: {FOLDER}/{name}-{shown}.png\n\n{sentence.rstrip('.')}.\n:::"
+        f":img-bottom: {FOLDER}/{name}-{entry['picture']}.png\n\n{entry['summary']}\n:::"
     )
 
 
