@@ -1,6 +1,7 @@
 """How the documentation is built: ``python3 scripts/test.py docs``, any warning is an error.
 
-Pictures are drawn, and the pages of the Python reference written, when it is built; neither is part of the repository.
+Pictures are drawn, and the pages of the Python reference and of the notebooks written, when it is built; none of them is part of
+the repository.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from latex2mathml.converter import convert
 from sphinx import addnodes
 from sphinx.application import Sphinx
 
-sys.path.insert(0, str(Path(__file__).parent))  # the pictures
+sys.path.insert(0, str(Path(__file__).parent))  # pictures and notebooks
 
 project = "stoop"
 author = "The stoop developers"
@@ -32,8 +33,9 @@ extensions = [
     "sphinx.ext.napoleon",
     "sphinx.ext.viewcode",
     "pictures.directives",
+    "gallery_pages",
 ]
-exclude_patterns = ["_pictures", "pictures"]
+exclude_patterns = ["_pictures", "pictures", "gallery/cards.txt"]
 templates_path = ["_templates"]
 myst_enable_extensions = ["dollarmath", "colon_fence"]
 myst_heading_anchors = 3

@@ -73,6 +73,7 @@ VERBS: Final[dict[str, tuple[str, str]]] = {
     ),
     "export": ("stoop.cli.files:export", "export a vehicle to JSBSim, MATLAB or Simulink, or as A, B, C, D"),
     "design": ("stoop.cli.planning:design", "design the next maneuver, for small standard errors"),
+    "example": ("stoop.cli.example", "list the examples, or copy the notebook and the files of one"),
     "completion": ("stoop.cli.completion", "print a script that completes commands in bash, zsh or fish"),
 }  #: verb -> its module (and function, beside FUNCTION_arguments, where it holds several), one line of help
 GROUP: Final = "stoop.verbs"  #: entry points of other packages, each a mapping as `VERBS`
