@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.table import Row
-from stoop.report.plots import Series, Strip
+from stoop.report.series import Series, Strip
 from stoop.report.sheet import Section, Sheet, write_sheet
 from stoop.report.time_history import HistoryPanel, TimeHistory
 

@@ -12,7 +12,8 @@ from markupsafe import Markup
 from stoop.assessment.covariance import NORMAL_95
 from stoop.base.arrays import FloatArray
 from stoop.report.palette import light
-from stoop.report.plots import Series, canvas, plot, spanning, svg
+from stoop.report.plots import canvas, plot, svg
+from stoop.report.series import Series, spanning
 from stoop.report.svg import Scale, drawing, element
 from stoop.results.result import ParameterEstimate
 from stoop.results.uncertainty import Interval, ParameterRepeatability

@@ -13,7 +13,8 @@ from stoop.base.numbers import NOTHING, factor_and_unit, number
 from stoop.base.variables import RATES, VARIABLES, VELOCITY
 from stoop.flight import Flight
 from stoop.flight.maneuvers import commands
-from stoop.report.plots import Series, Shade, ShadeKind, Strip, plot
+from stoop.report.plots import plot
+from stoop.report.series import Series, Shade, ShadeKind, Strip
 from stoop.report.sheet import Bullets, Code, Figure, Prose, Section, Sheet, Table
 from stoop.report.time_history import HistoryPanel, TimeHistory
 

@@ -21,7 +21,8 @@ from stoop.flight.spectra import (
     spectrogram,
 )
 from stoop.report.design import KINDS
-from stoop.report.plots import HUES, Series, Shade, Strip, heat_map, looks_of, plot, strip_pictures
+from stoop.report.plots import heat_map, plot, strip_pictures
+from stoop.report.series import HUES, Series, Shade, Strip, looks_of
 from stoop.report.sheet import Bullets, Code, Details, Panel, Panels, Part, Prose, Section, Sheet, Table
 from stoop.report.time_history import HistoryPanel, TimeHistory
 from stoop.report.track import Track

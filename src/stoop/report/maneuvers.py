@@ -18,7 +18,7 @@ from stoop.base.variables import VARIABLES
 from stoop.report import sheet
 from stoop.report.charts import autocorrelation_panel
 from stoop.report.estimates import label, quantity_table
-from stoop.report.plots import Range, Series, Shade, Strip, spanning
+from stoop.report.series import Range, Series, Shade, Strip, spanning
 from stoop.report.time_history import HistoryPanel, TimeHistory, holes, with_residual
 from stoop.results.result import (
     AirDataTrace,

@@ -15,7 +15,7 @@ from stoop.estimate.regression.structure import Structure
 from stoop.exporters.jsbsim_aircraft import relative_errors
 from stoop.exporters.jsbsim_flight import FRAME_RATE, PLANET, Comparison, differences, relative_differences
 from stoop.exporters.jsbsim_model import actuators
-from stoop.report.plots import Series
+from stoop.report.series import Series
 from stoop.report.sheet import Bullets, Code, Part, Prose, Section, Sheet, Table, render_sheet
 from stoop.report.time_history import HistoryPanel, TimeHistory, with_residual
 from stoop.vehicle import Vehicle

@@ -15,7 +15,8 @@ from stoop.base.units import DEGREE
 from stoop.base.variables import VARIABLES, WRAPPED
 from stoop.reconstruction.compatibility import Compatibility
 from stoop.reconstruction.polar import Polar
-from stoop.report.plots import Series, Shade, plot
+from stoop.report.plots import plot
+from stoop.report.series import Series, Shade
 from stoop.report.sheet import Bullets, Code, Figure, Prose, Section, Sheet, Table
 from stoop.report.time_history import HistoryPanel, TimeHistory, holes, with_residual
 

@@ -20,20 +20,8 @@ from markupsafe import Markup
 
 from stoop.base.arrays import FloatArray, IntArray
 from stoop.report.palette import light
-from stoop.report.plots import (
-    DASHES,
-    MARKERS,
-    NARROW,
-    Look,
-    Range,
-    Series,
-    Shade,
-    Strip,
-    looks_of,
-    spanning,
-    strip_pictures,
-    swatch,
-)
+from stoop.report.plots import MARKERS, NARROW, strip_pictures, swatch
+from stoop.report.series import DASHES, Look, Range, Series, Shade, Strip, looks_of, spanning
 
 BAND: Final = "95 % band"  #: name of the bands in the legend
 MAX_SAMPLES: Final = 25_000  #: of a time axis; a longer one is kept in blocks, whole within shades

@@ -14,7 +14,8 @@ from stoop.base.arrays import FloatArray
 from stoop.base.rotations import to_ground
 from stoop.flight import Flight
 from stoop.report.palette import light
-from stoop.report.plots import HEIGHT, LEFT, RIGHT, WIDTH, Range, Series, canvas, plot, svg
+from stoop.report.plots import HEIGHT, LEFT, RIGHT, WIDTH, canvas, plot, svg
+from stoop.report.series import Range, Series
 
 MAX_POINTS: Final = 3000
 GLYPHS: Final = 40  #: attitudes drawn along the path

@@ -15,7 +15,7 @@ from stoop.cli.main import main
 from stoop.flight import Flight, from_columns
 from stoop.input_design.overview import overview
 from stoop.report.flight import flight_history, flight_sheet
-from stoop.report.plots import Shade
+from stoop.report.series import Shade
 from stoop.report.sheet import render_sheet
 from stoop.report.time_history import MAX_SAMPLES, blocks, coarse, in_blocks
 from stoop.report.track import Track, projected

@@ -29,7 +29,7 @@ from stoop.report.estimates import TITLES
 from stoop.report.extensions import as_toml
 from stoop.report.identification import verdict
 from stoop.report.maneuvers import air_history, prediction_verdict
-from stoop.report.plots import spanning
+from stoop.report.series import spanning
 from stoop.report.sheet import mathml
 from stoop.report.svg import Scale
 from stoop.report.time_history import holes

@@ -19,16 +19,12 @@ from stoop.report.plots import (
     RIGHT,
     TOP,
     WIDTH,
-    Mark,
-    Series,
-    Shade,
-    Strip,
     contour_levels,
     contour_plot,
     plot,
     stacked_plots,
-    thinned,
 )
+from stoop.report.series import Mark, Series, Shade, Strip, thinned
 
 BOX = WIDTH - LEFT - RIGHT
 SVG = "{http://www.w3.org/2000/svg}"
