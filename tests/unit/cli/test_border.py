@@ -226,7 +226,9 @@ def test_the_verbs_of_a_fit_print_nasty_texts(folder: Path, capsys: pytest.Captu
 
 def test_every_verb_is_among_these() -> None:
     text = Path(__file__).read_text(encoding="utf-8")
-    assert [verb for verb in VERBS if f'"{verb} ' not in text] == ["demo", "example", "completion"], "which read no file"
+    assert [verb for verb in VERBS if f'"{verb} ' not in text] == ["demo", "example", "completion"], (
+        "which read no file"
+    )
 
 
 def test_objects_say_of_themselves_what_is_printable(folder: Path) -> None:
