@@ -81,9 +81,10 @@ def test_wheel_holds_the_packages_and_nothing_else(wheel: dict[str, bytes]) -> N
     assert "stoop = stoop.cli.main:main" in entry_points
 
 
-def test_a_wheel_copies_its_examples(built: Path, tmp_path: Path) -> None:
-    with zipfile.ZipFile(next(built.glob("*.whl"))) as archive:
-        archive.extractall(tmp_path / "installed")
+def test_a_wheel_copies_its_examples(wheel: dict[str, bytes], tmp_path: Path) -> None:
+    for name, content in wheel.items():
+        (tmp_path / "installed" / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / "installed" / name).write_bytes(content)
     command = [sys.executable, "-m", "stoop", "example", "vtail", "-o", "copied"]
     environment = {**os.environ, "PYTHONPATH": str(tmp_path / "installed")}
     done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
