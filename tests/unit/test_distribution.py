@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 import tarfile
@@ -78,6 +79,18 @@ def test_wheel_holds_the_packages_and_nothing_else(wheel: dict[str, bytes]) -> N
     assert "stoop/py.typed" in wheel
     entry_points = wheel[f"{dist_info}entry_points.txt"].decode()
     assert "stoop = stoop.cli.main:main" in entry_points
+
+
+def test_a_wheel_copies_its_examples(wheel: dict[str, bytes], tmp_path: Path) -> None:
+    for name, content in wheel.items():
+        (tmp_path / "installed" / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / "installed" / name).write_bytes(content)
+    command = [sys.executable, "-m", "stoop", "example", "vtail", "-o", "copied"]
+    environment = {**os.environ, "PYTHONPATH": str(tmp_path / "installed")}
+    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    for name in ("vtail.ipynb", "vtail.toml"):
+        assert (tmp_path / "copied" / name).read_bytes() == (ROOT / "examples" / name).read_bytes()
 
 
 def test_page_of_the_package_has_no_relative_links(metadata: Message) -> None:
