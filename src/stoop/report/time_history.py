@@ -1,8 +1,8 @@
 """Time histories that a reader can zoom, read and cut windows from: Bokeh figures over stills for print and no scripts.
 
-Data in: panels of strips (`plots.Strip`) over one time axis. Data out: the markup of all panels, each a still picture and
+Data in: panels of strips (`series.Strip`) over one time axis. Data out: the markup of all panels, each a still picture and
 a place for its figures; and their data as JSON, from which the page's script makes Bokeh figures when they are seen. Bokeh
-is what PX4's Flight Review uses; `benchmarks/plotting.py` compares it with plotly. Its models are made by BokehJS: in
+is what PX4's Flight Review uses; `benchmarks/pages.py` compares it with plotly. Its models are made by BokehJS: in
 Python a report of 120 strips takes 7 s.
 """
 
@@ -24,7 +24,9 @@ from stoop.report.plots import MARKERS, NARROW, strip_pictures, swatch
 from stoop.report.series import DASHES, Look, Range, Series, Shade, Strip, looks_of, spanning
 
 BAND: Final = "95 % band"  #: name of the bands in the legend
-MAX_SAMPLES: Final = 25_000  #: of a time axis; a longer one is kept in blocks, whole within shades
+MAX_SAMPLES: Final = (
+    25_000  #: of a time axis; a longer one is kept in blocks, whole within as many samples of shades
+)
 MAX_BLOCKS: Final = 5_000
 STILL_COLUMNS: Final = 240  #: of a still picture
 RESPONSE_HEIGHT, RESIDUAL_HEIGHT = 128.0, 44.0  #: px of strips
@@ -58,7 +60,6 @@ class TimeHistory:
     shades: Sequence[Shade] = ()
     wide: bool = False  #: one panel a row
     each: bool = False  #: whether each panel has a legend of its own: its curves are in no other
-    x_range: Range | None = None
 
     @cached_property
     def series(self) -> list[Series]:
@@ -75,7 +76,7 @@ class TimeHistory:
         """The time axis without margins."""
         ends = [one.x[np.isfinite(one.x)] for one in self.series]
         ends = [x[[0, -1]] for x in ends if len(x)]
-        return self.x_range or spanning(ends, 0.0)
+        return spanning(ends, 0.0)
 
     @property
     def keys(self) -> list[tuple[str, Markup]]:
@@ -195,6 +196,7 @@ def blocks(x: FloatArray, shades: Sequence[Shade]) -> IntArray:
     full = np.zeros(len(x), dtype=bool)
     for one in shades:
         full |= (x >= one.start) & (x <= one.stop)
+    full &= np.count_nonzero(full) <= MAX_SAMPLES
     full[:: -(-len(x) // MAX_BLOCKS)] = True
     return np.flatnonzero(full | np.roll(full, 1))
 

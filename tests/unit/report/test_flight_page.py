@@ -88,6 +88,11 @@ def test_a_long_record_keeps_every_peak_and_all_samples_of_its_windows() -> None
     assert np.isnan(values[gap]).all()
 
 
+def test_a_fault_that_lasts_for_hours_does_not_fill_the_page() -> None:
+    x = np.arange(40 * MAX_SAMPLES) / 100.0
+    assert len(blocks(x, [Shade(0.0, 8000.0, "", "fault")])) <= MAX_SAMPLES
+
+
 def test_a_short_record_is_on_the_page_as_it_is() -> None:
     flight = flown(20.0)
     history = flight_history(flight, overview(flight).found)
