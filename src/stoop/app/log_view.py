@@ -166,13 +166,7 @@ class LogView(View):
             parts.html(findings + notes + parts.soft(MARKED)),
             plot.panel,
             parts.html(self._channels(info) + parts.command(step)),
-            pn.Card(
-                *self._choice(),
-                title="Another log",
-                collapsed=True,
-                sizing_mode="stretch_width",
-                margin=(8, 0),
-            ),
+            parts.card("Another log", *self._choice()),
         ]
 
     @staticmethod
