@@ -12,7 +12,15 @@ from benchmarks.clock import machine
 from benchmarks.table import Row, markdown
 
 QUICK = ("engine", "accuracy", "startup", "overhead", "paper", "joint")
-PARTS = (*QUICK, "ulog", "dataflash", "shooting", "bootstrap", "bbob")  #: the last takes many minutes
+PARTS = (
+    *QUICK,
+    "ulog",
+    "dataflash",
+    "shooting",
+    "bootstrap",
+    "pages",
+    "bbob",
+)  #: the last takes many minutes
 
 
 def main() -> int:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -81,8 +82,7 @@ def _run(name: str, command: Sequence[str], folder: Path) -> bool:
     }
     print(f"\n=== {name}: {' '.join(command)}", flush=True)
     began = time.monotonic()
-    found = programs / command[0]
-    program = str(found) if found.exists() else command[0]
+    program = shutil.which(command[0], path=path) or command[0]
     code = subprocess.run(
         [program, *command[1:]],
         cwd=ROOT,

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from stoop import errors
-    from stoop.api import assess, check, design, export, fit, new_vehicle, predict, reconstruct
+    from stoop.api import assess, check, design, export, fit, look, new_vehicle, predict, reconstruct
     from stoop.base.notices import Notice
     from stoop.estimate.fit import Options
     from stoop.flight import Flight
@@ -32,7 +32,8 @@ if TYPE_CHECKING:
 
 _PLACES = {
     **dict.fromkeys(
-        ("assess", "check", "design", "export", "fit", "new_vehicle", "predict", "reconstruct"), "stoop.api"
+        ("assess", "check", "design", "export", "fit", "look", "new_vehicle", "predict", "reconstruct"),
+        "stoop.api",
     ),
     **dict.fromkeys(("linearize", "trim"), "stoop.simulation"),
     **dict.fromkeys(("simulate", "simulate_flight"), "stoop.simulation.fly"),
@@ -67,6 +68,7 @@ __all__ = [
     "load_flight",
     "load_maneuver",
     "load_vehicle",
+    "look",
     "new_vehicle",
     "predict",
     "read_result",

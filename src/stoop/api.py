@@ -22,12 +22,32 @@ if TYPE_CHECKING:
     from stoop.base.notices import Notice
     from stoop.input_design.optimization import Proposal
     from stoop.reconstruction.compatibility import Compatibility
+    from stoop.report.sheet import Page
     from stoop.vehicle_draft.draft import Drafted
     from stoop.workflow.export import Exported
     from stoop.workflow.validation import Validated
 
 OneFlight = Flight | str | Path
 fit = identify
+
+
+def look(flight: OneFlight) -> Page:
+    """Return a page of a flight: its channels, path, spectra, frequency responses, and the windows worth fitting.
+
+    Parameters
+    ----------
+    flight : Flight, or path of a log
+
+    Returns
+    -------
+    Page
+        With a method ``save(path)``; a notebook shows it.
+    """
+    from stoop.input_design.overview import overview
+    from stoop.report.flight import flight_sheet
+    from stoop.report.sheet import Page
+
+    return Page(flight_sheet(overview(as_flight(flight))))
 
 
 def predict(
@@ -58,7 +78,15 @@ def predict(
 
 
 def assess(fitted: Job, *assessments: Assessment, watch: Callable[[str], None] | None = None) -> Job:
-    """Return a fit with the uncertainty by further methods, such as ``stoop.Bootstrap()`` or ``stoop.Profile()``."""
+    """Return a fit with the uncertainty by further methods, such as ``stoop.Bootstrap()`` or ``stoop.Profile()``.
+
+    Parameters
+    ----------
+    fitted : Job
+    *assessments : Bootstrap, Profile, Posterior, or one of your own
+    watch : callable, optional
+        Gets a line of progress now and then.
+    """
     return fitted.assess(*assessments, watch=watch)
 
 

@@ -14,7 +14,7 @@ from stoop.cli.main import main
 from stoop.flight import load
 from stoop.flight.mapping import read_flight_mapping
 
-LOG_PAGES = ("px4", "ardupilot", "crazyflie", "other-logs")
+LOG_PAGES = ("px4", "px4-fixed-wing", "ardupilot", "crazyflie", "other-logs")
 NAMED = re.compile(r"# (\S+\.toml)\n")
 ROUNDING = 0.03  #: other processors round otherwise
 STEPS = ("0. A log", "1. Look", "2. Write down", "3. Choose", "4. Identify", "5. Judge")
@@ -95,3 +95,25 @@ def test_mappings_beside_the_practice_flights(tmp_path: Path, monkeypatch: pytes
         Path("m.toml").write_text(maneuver, encoding="utf-8")
         assert main(["simulate", vehicle, "--maneuver", "m.toml", "-o", f"{vehicle}.bin"]) == 0
         assert Path(f"{vehicle}.bin.toml").read_text(encoding="utf-8") == mapping
+
+
+def test_a_turn_tells_wind_from_pitot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What px4-fixed-wing.md says of the flight without its turn."""
+    monkeypatch.chdir(tmp_path)
+    page = DOCS / "px4-fixed-wing.md"
+    practice, mapping = (b for kind, b in fences(page) if kind == "toml")
+    straight = practice.partition("[[input]] # into a turn")[0].replace("110.0", "80.0")
+    Path("straight.toml").write_text(straight, encoding="utf-8")
+    vehicle = str(ROOT / "examples" / "vtail.toml")
+    assert main(["simulate", vehicle, "--maneuver", "straight.toml", "-o", "flight.ulg"]) == 0
+    Path("flight.ulg.toml").write_text(mapping, encoding="utf-8")
+    air = load(Path("flight.ulg")).air
+    said = re.search(
+        r"gives\s+([\d.]+) ± ([\d.]+) and (-[\d.]+) ± ([\d.]+) m/s and a pitot error of ([\d.]+) ± ([\d.]+)",
+        page.read_text(encoding="utf-8"),
+    )
+    assert air is not None
+    assert said is not None
+    north, _, east, _, pitot, _ = map(float, said.groups())
+    assert (air.wind_n, air.wind_e) == pytest.approx((north, east), abs=0.06)
+    assert air.pitot_offset == pytest.approx(pitot, abs=0.06)

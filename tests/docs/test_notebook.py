@@ -1,30 +1,136 @@
-"""The notebook runs from its first cell to its last, in one process of its own."""
+"""The notebooks of the gallery: short ones run, outputs of all are those of their code and files, and each has a page."""
 
 from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
-NOTEBOOK = Path(__file__).parents[2] / "examples" / "identify.ipynb"
+import pytest
+
+from docs.pages import DOCS, ROOT
+
+sys.path[:0] = [str(ROOT / "scripts"), str(DOCS)]
+import execute_notebooks  # noqa: E402
+import gallery_pages  # noqa: E402
+
+INDEX = execute_notebooks.index()
+SHORT = [name for name, one in INDEX.items() if one["run"] == "short"]
+MAX_SIZE = 300_000  #: bytes
 
 
-def test_notebook_runs(tmp_path: Path) -> None:
-    cells = json.loads(NOTEBOOK.read_text("utf-8"))["cells"]
-    code = ["".join(cell["source"]) for cell in cells if cell["cell_type"] == "code"]
-    assert not any(cell.get("outputs") for cell in cells), "commit the notebook without outputs"
-    script = tmp_path / "notebook.py"
-    script.write_text("\n\n".join(code), encoding="utf-8")
-    run = subprocess.run(
-        [sys.executable, "-W", "error", str(script)],
-        capture_output=True,
-        text=True,
-        env={**os.environ, "TMPDIR": str(tmp_path)},
+def notebook(path: Path) -> dict[str, Any]:
+    content: dict[str, Any] = json.loads(path.read_text("utf-8"))
+    return content
+
+
+def printed(content: dict[str, Any]) -> list[str]:
+    """Return the lines that the cells print."""
+    outputs = [o for c in content["cells"] for o in c.get("outputs", ()) if o["output_type"] == "stream"]
+    return "".join("".join(o["text"]) for o in outputs).splitlines()
+
+
+def kinds(content: dict[str, Any]) -> list[list[list[str]]]:
+    """Return what each cell puts out."""
+    cells = [c for c in content["cells"] if c["cell_type"] == "code"]
+    return [[sorted(o.get("data", {"text": ""})) for o in c["outputs"]] for c in cells]
+
+
+def test_a_gallery_of_notebooks() -> None:
+    assert {path.stem for path in (ROOT / "examples").glob("*.ipynb")} == set(INDEX)
+    assert len(INDEX) >= 12
+    assert {one["run"] for one in INDEX.values()} == {"short", "long"}
+    assert all("data" not in INDEX[name] for name in SHORT)
+    assert all(
+        (ROOT / "examples" / file).is_file() for one in INDEX.values() for file in one.get("files", ())
     )
+
+
+@pytest.mark.parametrize("name", INDEX)
+def test_a_notebook_is_small_and_shows_what_it_finds(name: str) -> None:
+    path = execute_notebooks.place(name)
+    content = notebook(path)
+    assert path.stat().st_size < MAX_SIZE
+    assert "".join(content["cells"][0]["source"]).startswith("# ")
+    assert sum(1 for _ in gallery_pages.drawings(content)) >= 1
+    code = [c for c in content["cells"] if c["cell_type"] == "code"]
+    assert any(c["outputs"] for c in code)
+    assert not [o for c in code for o in c["outputs"] if o["output_type"] == "error"]
+    assert not re.search(r"/(home|root|tmp|work|Users)/", path.read_text("utf-8"))  # places of one machine
+
+
+@pytest.mark.parametrize("name", INDEX)
+def test_outputs_are_those_of_the_code_and_the_files(name: str) -> None:
+    """Else run ``python scripts/execute_notebooks.py``."""
+    if not execute_notebooks.has_data(name):
+        pytest.skip("the public flights are not here")
+    assert not execute_notebooks.stale(name)
+
+
+def test_a_change_of_code_or_of_a_file_is_noticed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    name = "error_bars"
+    content = notebook(execute_notebooks.place(name))
+    before = execute_notebooks.checksum(name, content)
+    assert content["metadata"]["stoop"]["checksum"] == before
+    text = json.loads(json.dumps(content))
+    text["cells"][0]["source"] = "# Another title"
+    assert execute_notebooks.checksum(name, text) == before
+    cell = next(c for c in text["cells"] if c["cell_type"] == "code")
+    cell["source"] = [*cell["source"], "\n# more"]
+    assert execute_notebooks.checksum(name, text) != before
+    for file in ("index.toml", "maneuver_3211.toml"):
+        (tmp_path / file).write_bytes((ROOT / "examples" / file).read_bytes())
+    monkeypatch.setattr(execute_notebooks, "EXAMPLES", tmp_path)
+    assert execute_notebooks.checksum(name, content) == before
+    with (tmp_path / "maneuver_3211.toml").open("a") as file:
+        file.write("# another flight\n")
+    assert execute_notebooks.checksum(name, content) != before
+
+
+@pytest.mark.parametrize("name", SHORT)
+def test_short_notebooks_run(name: str, tmp_path: Path) -> None:
+    """They print what is committed, but for figures, and draw as many pictures."""
+    command = [sys.executable, str(ROOT / "scripts" / "execute_notebooks.py"), name, "--into", str(tmp_path)]
+    environment = {**os.environ, "TMPDIR": str(tmp_path), "IPYTHONDIR": str(tmp_path / "ipython")}
+    run = subprocess.run(command, capture_output=True, text=True, env=environment)
     assert run.returncode == 0, run.stderr[-3000:]
-    rows = [line.split() for line in run.stdout.splitlines()]
-    assert [row[0] for row in rows] == ["CLalpha", "Cmalpha", "Cmq", "Cmelevator"]
-    for _, estimate, _, error, _, true in rows:
-        assert abs(float(estimate) - float(true.rstrip(")"))) < 4.0 * float(error) + 0.001
+    found, committed = notebook(tmp_path / f"{name}.ipynb"), notebook(execute_notebooks.place(name))
+    assert kinds(found) == kinds(committed)
+    assert len(printed(found)) == len(printed(committed))
+    if name == "identify":
+        rows = [line.split() for line in printed(found) if "truth" in line]
+        assert [row[0] for row in rows] == ["CLalpha", "Cmalpha", "Cmq", "Cmelevator"]
+        for _, estimate, _, error, _, true in rows:
+            assert abs(float(estimate) - float(true.rstrip(")"))) < 4.0 * float(error) + 0.001
+
+
+def test_a_cell_that_writes_to_stderr_is_refused() -> None:
+    from types import SimpleNamespace
+
+    warned = SimpleNamespace(output_type="stream", name="stderr", text="a warning")
+    with pytest.raises(ValueError, match="a warning"):
+        list(execute_notebooks._outputs([warned]))
+
+
+def test_pages_show_text_code_and_outputs(tmp_path: Path) -> None:
+    gallery_pages.write(tmp_path / "gallery")
+    cards = (tmp_path / "gallery" / "cards.txt").read_text("utf-8")
+    for name in INDEX:
+        content = notebook(execute_notebooks.place(name))
+        page = (tmp_path / "gallery" / f"{name}.md").read_text("utf-8")
+        for cell in content["cells"]:
+            if cell["cell_type"] == "code":
+                assert "".join(cell["source"]) in page
+        pictures = re.findall(r"\{image\} (\S+)", page)
+        assert len(pictures) == sum(1 for _ in gallery_pages.drawings(content))
+        assert all((tmp_path / "gallery" / file).stat().st_size > 1000 for file in pictures)
+        assert f"<{name}.ipynb>" in page
+        assert (tmp_path / "gallery" / f"{name}.ipynb").is_file()
+        assert f":link: gallery/{name}\n" in cards
+        assert (tmp_path / re.findall(rf":img-bottom: (gallery/{name}-\d+\.png)", cards)[0]).is_file()
+        for other in re.findall(r"\]\((\w+)\.md\)", page):
+            assert other in INDEX

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from stoop.cli.main import main
 from stoop.errors import StoopError
 from stoop.logs import read
 from stoop_studies.findings import Findings, Setting
@@ -52,3 +53,21 @@ def test_the_firmware_corrects_for_the_battery_as_the_example_says(shared_data: 
 def test_a_folder_without_the_flights_is_said(tmp_path: Path) -> None:
     with pytest.raises(StoopError, match="holds none of its flights"):
         read_flights(tmp_path)
+
+
+def test_the_page_shows_the_loss_and_the_flights(shared_data: Path, tmp_path: Path) -> None:
+    logs = shared_data / "crazypad-propeller-damage"
+    cut, *healthy = (
+        str(logs / f"{n}.usd")
+        for n in (
+            "cut_propeller_M3_2mm_2mm_43mm__E8_log03",
+            *(f"normal_flight__E8_log0{i}" for i in range(3)),
+        )
+    )
+    page = tmp_path / "rotors.html"
+    vehicle = Path(__file__).parents[2] / "examples" / "crazyflie.toml"
+    assert main(["rotors", cut, "--healthy", *healthy, "--vehicle", str(vehicle), "-o", str(page)]) == 0
+    text = page.read_text("utf-8")
+    assert "propeller or mass near M3" in text
+    assert text.count("Time histories of") == 4
+    assert text.index("Time histories of cut_") < text.index("Time histories of normal_")

@@ -23,6 +23,7 @@ from stoop.problem.windows import Entry, read_windows, written
 
 FILE: Final = "app.toml"  #: names the log
 VEHICLE, WINDOWS, MAPPING = "vehicle.toml", "windows.toml", "mapping.toml"
+LOOK = "look.html"  #: page of the flight, beside what was read
 START, PROGRESS = (
     "start.toml",
     "progress.json",
@@ -107,7 +108,7 @@ class Project:
     def read_log(self) -> Step:
         """Read the log."""
         words = ["info", *self.source, "--json", "--save"]
-        return self.start("info", lambda at: [*words, f"{at}/flight.nc"])
+        return self.start("info", lambda at: [*words, f"{at}/flight.nc", "-o", f"{at}/{LOOK}"])
 
     @property
     def info(self) -> dict[str, Any]:

@@ -9,9 +9,8 @@ from typing import Any, ClassVar, Final
 import panel as pn
 import param
 
-from stoop.app import parts, steps
-from stoop.app.folder import MAPPING
-from stoop.app.plots import Strips, read_flight
+from stoop.app import parts
+from stoop.app.folder import LOOK, MAPPING
 from stoop.app.steps import Step
 from stoop.app.uploads import size
 from stoop.app.view import View
@@ -31,10 +30,6 @@ ENDINGS: Final = (
     ".nc",
 )
 MAX_FOUND: Final = 12  #: logs of the folder around that are offered
-MARKED: Final = (
-    "Marked are candidate maneuvers: blue to fit, orange to predict. Drag to pan, Ctrl and the wheel to zoom, click a name to "
-    "hide it."
-)
 UNSURE: Final = re.compile(r"^(?P<line>[^#]*\S)\s*#\s*unsure:\s*(?P<doubt>.*)$")
 
 
@@ -152,29 +147,15 @@ class LogView(View):
         ]
 
     def _flight(self, step: Step) -> list[Any]:
-        info, file = self.project.info, step.file(steps.PRODUCTS["info"])
-        plot = Strips(read_flight(file, file.stat().st_mtime_ns))
-        plot.mark((w["start"], w["stop"], w["use"] if w["accept"] else "") for w in info["windows"])
+        info = self.project.info
         size = f"{info['rate']:g} Hz grid, {len(info['channels'])} channels"
         span = f"{info['start']:.1f} to {info['stop']:.1f} s on the log's own clock, {size}"
         faults = [fault["message"] for fault in info["faults"] if "message" in fault]
         findings = f"<h3>Suspected faults</h3>{parts.bullets(faults)}" if faults else ""
-        notes = parts.fold(f"{len(info['notes'])} notes on the log", parts.bullets(info["notes"]))
         return [
             parts.html(f"<p>{parts.escaped(span)}</p>"),
             parts.button("Next: the vehicle", lambda: self.go("Vehicle"), "primary"),
-            parts.html(findings + notes + parts.soft(MARKED)),
-            plot.panel,
-            parts.html(self._channels(info) + parts.command(step)),
+            parts.html(findings + parts.frame(f"{step.name}/{LOOK}", "the flight")),
+            parts.html(parts.command(step)),
             parts.card("Another log", *self._choice()),
         ]
-
-    @staticmethod
-    def _channels(info: dict[str, Any]) -> str:
-        rows = [
-            (c["variable"], c["unit"], *(f"{c[k]:.4g}" if c[k] is not None else "-" for k in ("minimum", "median", "maximum")),
-             f"{100 * c['missing']:.0f} %" if c["missing"] else "", c["source"], c["meaning"])
-            for c in info["channels"]
-        ]  # fmt: skip
-        heads = ("", "unit", "lowest", "median", "highest", "missing", "source", "meaning")
-        return parts.fold(f"all {len(rows)} channels", parts.table(heads, rows))

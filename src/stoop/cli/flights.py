@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from stoop.base.files import check_targets
+from stoop.base.files import check_target, check_targets
 from stoop.cli import options
 from stoop.cli.page import busy, fixed, numbers, page, words
 from stoop.cli.progress import Watch
@@ -16,6 +16,7 @@ from stoop.errors import FlightError
 
 if TYPE_CHECKING:
     from stoop.estimate.effectiveness import Assessment, Hover, Reference
+    from stoop.flight import Flight
 
 CHANCE = 0.05
 MAX_VOLTAGE_DIFFERENCE = 0.05  #: relative; beyond it a flight is named
@@ -132,6 +133,9 @@ def rotors_arguments(parser: argparse.ArgumentParser) -> None:
     chance = "probability of a false alarm on a healthy flight (default: 0.05)"
     add("--chance", metavar="P", type=options.positive, default=CHANCE, help=chance)
     options.add_mapping(parser)
+    options.add_output(
+        parser, "a page with the factors of all rotors and the flights", metavar="FILE", required=False
+    )
 
 
 def rotors(arguments: argparse.Namespace) -> int:
@@ -152,13 +156,17 @@ def rotors(arguments: argparse.Namespace) -> int:
     for path in paths:  # it would be compared with itself, or count twice
         if known.count(path.resolve()) > 1:
             raise FlightError(f"{path}: given twice; name each flight once, in question or under --healthy")
+    if arguments.output is not None:
+        check_target(arguments.output, arguments.overwrite)
     balance = effectiveness.Balance(resolve_vehicle(arguments.vehicle))
+    flights: dict[str, Flight] = {}
 
     def read_hover(paths: Sequence[Path], watch: Watch) -> tuple[Hover, ...]:
         out = []
         for path in paths:
             flight = load(path, arguments.mapping)
             out.append(effectiveness.hover(flight, balance))
+            flights[flight.name] = flight
             for found in foreign_motors(balance.vehicle, flight, whole({flight.name: flight})):
                 watch.warn(str(found))
         return tuple(out)
@@ -168,16 +176,29 @@ def rotors(arguments: argparse.Namespace) -> int:
         flown = read_hover(arguments.flight, watch)
     one = arguments.together and len(flown) > 1
     reference = effectiveness.Reference(balance, healthy, repeats=(flown,) if one else ())
-    out = page()
-    _compare("Healthy flights, each against the others", effectiveness.leave_one_out(reference), chance)
+    out, alike = page(), effectiveness.leave_one_out(reference)
+    _compare("Healthy flights, each against the others", alike, chance)
     found = [effectiveness.assess(h, reference) for h in flown]
     _compare("Flights in question", found, chance)
     if one:
         together = effectiveness.assess(effectiveness.pooled(flown), reference)
         _compare("All in question as one", [together], chance)
-    out.bullets(_notes(reference, flown, chance), "What it rests on")
     judged = [effectiveness.judge(f, chance) for f in found]
-    out.bullets(effectiveness.advice(reference, flown, judged, chance), "What would make it sharper")
+    notes = {
+        "What it rests on": _notes(reference, flown, chance),
+        "What would make it sharper": [
+            str(one) for one in effectiveness.advice(reference, flown, judged, chance)
+        ],
+    }
+    for title, items in notes.items():
+        out.bullets(items, title)
+    if arguments.output is not None:
+        from stoop.report.rotors import rotors_sheet
+        from stoop.report.sheet import write_sheet
+
+        sheet = rotors_sheet(alike, found, flights, notes, chance, options.command_line())
+        write_sheet(sheet, arguments.output)
+        out.line(f"wrote {arguments.output}")
     return 0
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,12 +14,13 @@ from stoop.base.files import check_target, write_bytes_atomic
 from stoop.base.text import show
 from stoop.cli import options
 from stoop.cli.page import alike, busy, fixed, numbers, page, points, shown_unit, to_json, words
-from stoop.errors import FlightError
 
 if TYPE_CHECKING:
     from stoop.flight import FlightSummary
+    from stoop.input_design.overview import Overview
     from stoop.input_design.windows import Found
 
+PAGE = "look.html"
 MAX_STREAMS, MAX_NAMES = 12, 24  #: lines and names shown of what is not mapped; JSON holds all
 
 
@@ -27,33 +28,33 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of this verb."""
     options.add_flight(parser, "flight log", several=False)
     parser.add_argument("--json", action="store_true", help="print JSON (SI units, rad) instead of tables")
+    options.add_output(
+        parser, "a page of the flight, as stoop look writes it", metavar="FILE", required=False
+    )
     saved = "also write the flight as it was read (one grid, SI, body axes), for other verbs and tools"
     parser.add_argument("--save", metavar="FLIGHT.nc", type=Path, help=saved)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Read, describe, print."""
-    from stoop.base.notices import Notice, attempt
-    from stoop.flight import describe, flight_bytes, load, without_faults
-    from stoop.input_design.windows import Found, find_windows
-
+    if arguments.output is not None:
+        check_target(arguments.output, arguments.overwrite)
     if arguments.save is not None:
         check_target(arguments.save, overwrite=False)
-    with busy("reading the log"):
-        summary = describe(load(arguments.flight, arguments.mapping))
-        failed: list[Notice] = []
-        try:
-            used = without_faults(summary.flight)
-            found, why = attempt(failed, Found(()), find_windows, {used.name: used}), ""
-        except FlightError as error:
-            found, why = Found(()), str(error)
-        summary = replace(summary, notices=(*summary.notices, *failed))
+    seen = _overview(arguments)
+    summary, found, why = seen.summary, seen.found, seen.why
+    if arguments.output is not None:
+        _write_page(arguments, seen)
     if arguments.save is not None:
+        from stoop.flight import flight_bytes
+
         write_bytes_atomic(arguments.save, flight_bytes(summary.flight))
     if arguments.json:
         show(to_json(info_document(summary, found)))
         return 0
     flight, out = summary.flight, page()
+    if arguments.output is not None:
+        out.line(f"wrote {arguments.output}")
     start, stop = float(flight.time[0]), float(flight.time[-1])
     out.line(str(arguments.flight))
     span = f"{start:.2f} to {stop:.2f} s on the log's own clock ({stop - start:.2f} s)"
@@ -101,7 +102,7 @@ def run(arguments: argparse.Namespace) -> int:
             words("recorded", [_percent(m.whole) if m else "" for m in known]),
         )
         out.line()
-        out.command("next: ", options.identify_command(arguments, "result", **options.windows_of(found)))
+        out.command("next: ", _following(arguments, found))
         source = options.source_arguments([arguments.flight], arguments.mapping)
         informed = ["stoop", "maneuvers", *source, "--vehicle", "V.toml", "-o", "windows"]
         out.command("or, chosen by their information: ", informed)
@@ -111,6 +112,50 @@ def run(arguments: argparse.Namespace) -> int:
     out.bullets([one for one in summary.notices if one not in faults], "Notes")
     out.bullets(unmapped_lines(flight.unmapped), "Not mapped")
     return 0
+
+
+def look_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `stoop look`."""
+    options.add_flight(parser, "flight log", several=False)
+    options.add_output(parser, f"the page (default: {PAGE})", metavar="FILE", required=False)
+    parser.set_defaults(output=Path(PAGE))
+
+
+def look(arguments: argparse.Namespace) -> int:
+    """Write the page of a flight."""
+    check_target(arguments.output, arguments.overwrite)
+    seen = _overview(arguments)
+    _write_page(arguments, seen)
+    out = page()
+    out.line(f"wrote {arguments.output}")
+    out.bullets([fault.notice for fault in seen.summary.flight.faults], "Suspected faults")
+    if seen.found.windows:
+        out.line()
+        out.command("next: ", _following(arguments, seen.found))
+    return 0
+
+
+def _overview(arguments: argparse.Namespace) -> Overview:
+    from stoop.flight import load
+    from stoop.input_design.overview import overview
+
+    with busy("reading the log"):
+        return overview(load(arguments.flight, arguments.mapping))
+
+
+def _write_page(arguments: argparse.Namespace, seen: Overview) -> None:
+    from stoop.report.flight import flight_sheet
+    from stoop.report.sheet import write_sheet
+
+    with busy("drawing"):
+        write_sheet(
+            flight_sheet(seen, options.command_line(), _following(arguments, seen.found)), arguments.output
+        )
+
+
+def _following(arguments: argparse.Namespace, found: Found) -> list[str]:
+    """Return the command that fits the windows."""
+    return options.identify_command(arguments, "result", **options.windows_of(found))
 
 
 def info_document(summary: FlightSummary, found: Found) -> dict[str, Any]:

@@ -15,11 +15,11 @@ import re
 import signal
 import sys
 import warnings
-from collections.abc import Sequence
-from itertools import pairwise
+from collections.abc import Callable, Mapping, Sequence
+from itertools import pairwise, takewhile
 from typing import Any, Final, NoReturn
 
-from stoop.base.text import printable, show
+from stoop.base.text import nearest, printable, show
 from stoop.errors import StoopError
 
 VERBS: Final[dict[str, tuple[str, str]]] = {
@@ -29,6 +29,7 @@ VERBS: Final[dict[str, tuple[str, str]]] = {
     ),
     "app": ("stoop.cli.app", "open the local app in a browser: from a log to a report, step by step"),
     "info": ("stoop.cli.info", "show what a flight log contains: channels, gaps, faults, maneuvers"),
+    "look": ("stoop.cli.info:look", "write a page of a flight log: curves, path, spectra, windows"),
     "map": ("stoop.cli.files:map_log", "draft a mapping from the columns of a log to variables and units"),
     "maneuvers": (
         "stoop.cli.planning:maneuvers",
@@ -72,11 +73,16 @@ VERBS: Final[dict[str, tuple[str, str]]] = {
     ),
     "export": ("stoop.cli.files:export", "export a vehicle to JSBSim, MATLAB or Simulink, or as A, B, C, D"),
     "design": ("stoop.cli.planning:design", "design the next maneuver, for small standard errors"),
+    "example": ("stoop.cli.example", "list the examples, or copy the notebook and the files of one"),
+    "completion": ("stoop.cli.completion", "print a script that completes commands in bash, zsh or fish"),
 }  #: verb -> its module (and function, beside FUNCTION_arguments, where it holds several), one line of help
 GROUP: Final = "stoop.verbs"  #: entry points of other packages, each a mapping as `VERBS`
 
 BUG, USER_ERROR, INTERRUPTED, UNREAD = 1, 2, 130, 141
 BUG_MESSAGE = "this is a bug in stoop: please report it with the lines above and your command"
+OPTION_CUTOFF: Final = (
+    0.7  #: least resemblance of options; names resemble each other by their two dashes already
+)
 DEBUG_HELP = "show the traceback of every error (or set STOOP_DEBUG=1)"
 EXAMPLES: Final = """\
 examples:
@@ -89,6 +95,8 @@ Help on a verb: stoop VERB --help"""
 
 class Parser(argparse.ArgumentParser):
     """A parser that complains in one line, as the rest of stoop does."""
+
+    verbs: Mapping[str, Parser]  #: name -> parser of a verb; of the whole command only
 
     def error(self, message: str) -> NoReturn:
         """Print one line and leave with code 2 (the hook that argparse documents for this)."""
@@ -141,9 +149,12 @@ def _guarded(given: Sequence[str], debug: bool) -> int:
     try:
         # A window that begins before zero (-5:5) is protected by a blank, so that argparse takes it for no option.
         words = one_verb([f" {word}" if re.match(r"-[\d.]+:", word) else word for word in given])
-        arguments, unknown = parser_for(words).parse_known_args(words)
+        parser = parser_for(words)
+        _check_names(parser, words)
+        arguments, unknown = parser.parse_known_args(words)
         if unknown:
             arguments.complain(f"unrecognized arguments: {' '.join(unknown)}")
+        _keep_fonts_in_cache()
         code = int(arguments.run(arguments))
     except SystemExit as leaving:  # argparse leaves this way after --help and after errors
         code = leaving.code if isinstance(leaving.code, int) else 0
@@ -159,6 +170,13 @@ def _guarded(given: Sequence[str], debug: bool) -> int:
     return code
 
 
+def _keep_fonts_in_cache() -> None:
+    """Let Matplotlib keep its list of fonts where stoop keeps compiled code: a verb writes nowhere else."""
+    from stoop.kernels.cache import cache_folder
+
+    os.environ.setdefault("MPLCONFIGDIR", str(cache_folder() / "matplotlib"))
+
+
 def one_verb(given: Sequence[str]) -> list[str]:
     """Join the two words of a verb such as ``vehicle new``."""
     for i, pair in enumerate(pairwise(given)):
@@ -171,7 +189,7 @@ def one_verb(given: Sequence[str]) -> list[str]:
 def parser_for(given: Sequence[str]) -> Parser:
     """Return a parser that knows every verb by name and the arguments of the chosen one."""
     given = one_verb(given)
-    chosen = next((word for word in given if not word.startswith("-")), None)
+    chosen = _verb(given)
     known = VERBS if chosen in VERBS else all_verbs()
     parser = Parser(
         prog="stoop",
@@ -191,12 +209,48 @@ def parser_for(given: Sequence[str]) -> Parser:
     for name, (place, purpose) in known.items():
         verb = verbs.add_parser(name, description=f"{purpose[0].upper()}{purpose[1:]}.", allow_abbrev=False)
         if name == chosen:
-            module, _, function = place.partition(":")
-            found = importlib.import_module(module)
-            getattr(found, f"{function}_arguments" if function else "add_arguments")(verb)
+            add_arguments, run = load_verb(place)
+            add_arguments(verb)
             verb.add_argument("--debug", action="store_true", default=argparse.SUPPRESS, help=DEBUG_HELP)
-            verb.set_defaults(run=getattr(found, function or "run"), complain=verb.error)
+            verb.set_defaults(run=run, complain=verb.error)
+    parser.verbs = verbs.choices
     return parser
+
+
+def _verb(words: Sequence[str]) -> str | None:
+    return next((word for word in words if not word.startswith("-")), None)
+
+
+def _check_names(parser: Parser, words: Sequence[str]) -> None:
+    """Leave with an error that suggests another name if the verb or a long option is unknown.
+
+    argparse lists all verbs, and of a mistyped option it says first that the right one is required.
+    """
+    name = _verb(words)
+    if name is not None and name not in parser.verbs:
+        parser.error(f"there is no verb '{name}'; {nearest(name, parser.verbs)}")
+    at = len(words) if name is None else words.index(name)
+    _check_options(parser, words[:at])
+    if name is not None:
+        _check_options(parser.verbs[name], words[at:])
+
+
+def _check_options(parser: Parser, words: Sequence[str]) -> None:
+    known = [option for option in parser._option_string_actions if option.startswith("--")]
+    for word in takewhile("--".__ne__, words):
+        option = word.partition("=")[0]
+        if option.startswith("--") and " " not in word and option not in known:  # no value, for argparse
+            parser.error(f"there is no option {option}; {nearest(option, known, OPTION_CUTOFF)}")
+
+
+def load_verb(
+    place: str,
+) -> tuple[Callable[[argparse.ArgumentParser], None], Callable[[argparse.Namespace], int]]:
+    """Import a verb from its place in `VERBS`; return what adds its arguments, and what runs it."""
+    module, _, function = place.partition(":")
+    found = importlib.import_module(module)
+    names = f"{function}_arguments" if function else "add_arguments", function or "run"
+    return getattr(found, names[0]), getattr(found, names[1])
 
 
 def all_verbs() -> dict[str, tuple[str, str]]:

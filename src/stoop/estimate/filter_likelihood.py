@@ -309,6 +309,15 @@ class FrozenFilter(LocalProblem):
         return cls(problem, tuple(Gains(*(arrays[f"gains.{n}.{i}"] for n in names)) for i in each))
 
     @property
+    def deviations(self) -> tuple[FloatArray, ...]:
+        """Standard deviations (n, n_y) of the innovations of each piece, NaN where nothing was measured."""
+        found = []
+        for piece, gains in zip(self.problem.pieces, self.gains, strict=True):
+            variance = np.diagonal(gains.covariance[0], axis1=1, axis2=2)[gains.which]
+            found.append(np.where(np.isfinite(piece.measured), np.sqrt(variance), np.nan))
+        return tuple(found)
+
+    @property
     def arrays(self) -> dict[str, Any]:
         """What :meth:`restored` needs beside `problem`."""
         names = ("gain", "covariance", "which")

@@ -67,6 +67,37 @@ def fitted_model(fit: Fit, covariance: FloatArray) -> FittedModel:
     )
 
 
+def fitted_deviations(fit: Fit, covariance: FloatArray) -> tuple[FloatArray, ...] | None:
+    """Return standard deviations (n, n_y) of the fitted readings of each piece, measurement noise included.
+
+    The unknowns' `covariance` (k, k), SI, is propagated linearly, through the windows where these begin anew (NaN where
+    nothing was measured then). Those of a filter, which predicts from sample to sample, are those of its innovations. None
+    for windows of a method whose evidence is not of readings.
+    """
+    if fit.filter is not None and fit.local_problem is not None:
+        return fit.local_problem().deviations  # type: ignore[no-any-return]
+    shapes = [piece.measured.shape for piece in fit.problem.pieces]
+    if fit.simulated is not None and [p.residual.shape for p in fit.evidence.pieces] != shapes:
+        return None
+    problem, noise = fit.problem, np.nan_to_num(np.diag(fit.measurement_noise))
+    k, found = len(covariance), []
+    for i in range(len(problem.pieces)):
+        if fit.simulated is None:
+            slopes = problem.slopes(fit.z, i)[1] / problem.layout.scales
+        else:
+            evidence = fit.evidence.pieces[i]
+            columns = [
+                problem.weights.colored(one, evidence.present) for one in np.moveaxis(evidence.jacobian, 2, 0)
+            ]
+            slopes = np.where(evidence.present[:, :, None], np.stack(columns, axis=2), np.nan)
+        with np.errstate(invalid="ignore", over="ignore"):
+            variance = np.einsum(
+                "nyj,jk,nyk->ny", slopes[:, :, :k], covariance, slopes[:, :, :k], optimize=True
+            )
+            found.append(np.sqrt(np.maximum(variance, 0.0) + noise))
+    return tuple(found)
+
+
 def expected_biases(fit: Fit, flight: str) -> dict[str, BiasPrior]:
     """Return what the fitted maneuvers tell of each bias in a window of a flight."""
     of_maneuver: list[dict[str, float]] = [{} for _ in fit.prepared.windows]

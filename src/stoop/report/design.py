@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import shlex
 from collections.abc import Mapping, Sequence
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -13,11 +13,14 @@ from stoop.base.numbers import NOTHING, factor_and_unit, number
 from stoop.base.variables import RATES, VARIABLES, VELOCITY
 from stoop.flight import Flight
 from stoop.flight.maneuvers import commands
-from stoop.input_design.optimization import Proposal
-from stoop.input_design.windows import Found, Proposed
-from stoop.problem.windows import NAME
-from stoop.report.plots import Series, Shade, ShadeKind, Strip, plot, stacked_plots
+from stoop.report.plots import plot
+from stoop.report.series import Series, Shade, ShadeKind, Strip
 from stoop.report.sheet import Bullets, Code, Figure, Prose, Section, Sheet, Table
+from stoop.report.time_history import HistoryPanel, TimeHistory
+
+if TYPE_CHECKING:  # the page of a flight takes colors and commands from here, and needs no optimization
+    from stoop.input_design.optimization import Proposal
+    from stoop.input_design.windows import Found, Proposed
 
 DESIGN_LEAD: Final = """\
 The input below is the one, of those tried, whose flight makes the error bars of the parameters of {vehicle} smallest \
@@ -28,6 +31,9 @@ DESIGN_EXPECTED: Final = """\
 Standard errors before the flight, after the textbook's flight, and after the designed one. They are predictions: the \
 Cramer-Rao bound for the noise of the sensors, with the initial state and the sensor biases unknown. Colored residuals widen \
 all of them alike; a model that is wrong in kind is not in them."""
+FLOWN: Final = (
+    "Deflections from the trim, and the readings to expect between their limits, against time in s."
+)
 ROBUSTNESS: Final = """\
 The model is what is to be measured, so it is wrong. Flown with {draws} models drawn from what is known: {outside} left the \
 envelope{most}, {untrimmed} did not fly straight at this speed. In those that stayed inside, the mean standard error was \
@@ -63,10 +69,11 @@ def design_sheet(proposal: Proposal, command: str) -> Sheet:
     best, setup = proposal.best, proposal.setup
     limits, time, outputs = setup.limits, best.maneuver.time, setup.vehicle.outputs
     deflections = [
-        Strip(f"{control}, deg", (Series(control, time, np.degrees(move)),))
+        HistoryPanel(
+            control, (Strip("", (Series("deflection", time, np.degrees(move), role="input"),)),), "deg"
+        )
         for control, move in best.maneuver.deflections().items()
     ]
-    inputs = stacked_plots(deflections, "time, s", "Deflection of every control")
     families = tuple(
         (one.shape, f"{one.gain:.2f} per parameter", f"{proposal.ratio(one):.2f} of the textbook's")
         for one in proposal.designs
@@ -74,10 +81,12 @@ def design_sheet(proposal: Proposal, command: str) -> Sheet:
     responses = []
     for channel, span in limits.envelope.items():
         factor, unit = factor_and_unit(VARIABLES[channel].unit)
-        edges = (Series("limits", time[[0, -1]], np.full(2, factor * edge)) for edge in span)
-        reading = Series("reading", time, factor * best.forecast.readings[:, outputs.index(channel)])
-        responses.append(Strip(f"{channel}, {unit}", (reading, *edges)))
-    description = "Readings of the designed flight between their limits"
+        edges = (Series("limits", time[[0, -1]], np.full(2, factor * edge), role="lag") for edge in span)
+        reading = Series(
+            "reading", time, factor * best.forecast.readings[:, outputs.index(channel)], role="fit"
+        )
+        meaning = VARIABLES[channel].meaning
+        responses.append(HistoryPanel(channel, (Strip("", (reading, *edges)),), unit, meaning))
     controls = tuple(
         (c, f"±{math.degrees(a):.3g} deg", f"{math.degrees(limits.slew):.3g} deg/s")
         for c, a in limits.amplitude.items()
@@ -85,11 +94,10 @@ def design_sheet(proposal: Proposal, command: str) -> Sheet:
     files = "maneuver.toml is what stoop simulate flies; maneuver.csv has the deflections from the trim, in rad, against time."
     head = ("family", "information gained", "mean standard error")
     tried = Table("The families that were tried", head, families)
-    readings = Figure("Readings and their limits", stacked_plots(responses, "time, s", description))
     limited = Table("Limits of the controls", ("control", "amplitude", "slew"), controls)
     sections = (
-        Section("What to fly", (Figure("Deflections from the trim", inputs), Prose(files), tried)),
-        Section("Response", (readings, limited)),
+        Section("What to fly", (Prose(FLOWN), TimeHistory([*deflections, *responses]), Prose(files), tried)),
+        Section("Limits", (limited,)),
         Section("Expected standard errors", (Prose(DESIGN_EXPECTED), *_standard_errors(proposal))),
         Section("If the model is wrong", (Prose(_robustness(proposal)),)),
         Section("Made by", (Code(command),)),
@@ -137,9 +145,11 @@ def windows_sheet(
     found: Found, flights: Mapping[str, Flight], vehicle: str, command: str, following: Sequence[str]
 ) -> Sheet:
     """Return the page; `vehicle` is its name or empty, `following` the words of the command that takes the file."""
+    from stoop.problem.windows import NAME
+
     criterion = BY_VEHICLE.format(vehicle=vehicle) if vehicle else BY_COMMAND
     sections = [
-        Section(f"The flight {name}" if len(flights) > 1 else "The flight", (_flight_figure(found, flight),))
+        Section(f"The flight {name}" if len(flights) > 1 else "The flight", (flight_history(found, flight),))
         for name, flight in flights.items()
     ]
     rows = tuple(
@@ -179,33 +189,34 @@ def percent(share: float) -> str:
     return f"{100.0 * share:.1f} %" if share < 10.0 else large
 
 
-def _flight_figure(found: Found, flight: Flight) -> Figure:
-    """Draw commands, rates, speed and information over the whole flight, with the windows as shades."""
+def flight_history(found: Found, flight: Flight) -> TimeHistory:
+    """Return commands, rates, speed and information over the whole flight, with the windows as shades."""
     own = [(i, w) for i, w in enumerate(found.windows, 1) if w.flight == flight.name]
-    proposed = ", ".join(f"{w.start:g} to {w.stop:g} s" for _, w in own if w.accept)
     shades = [Shade(w.start, w.stop, str(i), KINDS[w.purpose]) for i, w in own]
-    description = f"Commands, rates and speed of the whole flight; proposed windows: {proposed}"
-    strips = []
+    panels = []
     for command in commands(flight):
         known = VARIABLES.get(command.variable)
         combined = "m/s2" if command.axis == "heave" else "rad/s2"  # of several channels
         factor, unit = factor_and_unit(known.unit if known else combined)
-        label = f"{command.axis} command ({command.variable})" + (f", {unit}" if unit else "")
-        strips.append(Strip(label, (Series("command", flight.time, factor * command.u),)))
+        series = Series("command", flight.time, factor * command.u, role="input")
+        panels.append(
+            HistoryPanel(f"{command.axis} command", (Strip("", (series,)),), unit, command.variable)
+        )
     rates = [name for name in RATES if name in flight.data]
     if rates:
-        series = (Series(n, flight.time, np.degrees(flight.column(n))) for n in rates)
-        strips.append(Strip("rates, deg/s", tuple(series)))
+        curves = (Series(n, flight.time, np.degrees(flight.column(n))) for n in rates)
+        panels.append(HistoryPanel("rates", (Strip("", tuple(curves)),), "deg/s"))
     if set(VELOCITY) <= set(flight.data):
         speed = np.linalg.norm([flight.column(name) for name in VELOCITY], axis=0)
-        strips.append(Strip("speed over ground, m/s", (Series("speed", flight.time, speed),)))
-    strips.append(information_strip([w for _, w in own]))
-    drawing = stacked_plots(strips, "time, s of the log's clock", description, shades)
-    return Figure("Commands and motion over the whole flight, windows shaded and numbered", drawing)
+        series = Series("speed", flight.time, speed, role="validation")
+        panels.append(HistoryPanel("speed over ground", (Strip("", (series,)),), "m/s"))
+    panels.append(HistoryPanel("information", (information_strip([w for _, w in own]),)))
+    prefix = f"{flight.name}@" if len({w.flight for w in found.windows}) > 1 else ""
+    return TimeHistory(panels, f"--maneuver {prefix}", shades, wide=True)
 
 
 def information_strip(windows: Sequence[Proposed]) -> Strip:
     """Return the information of each window as a level over its stretch, and nothing between them."""
     x = np.array([v for w in windows for v in (w.start, w.stop, np.nan)])
     y = np.array([v for w in windows for v in (w.information, w.information, np.nan)])
-    return Strip("information", (Series("information", x, y),), zero=True)
+    return Strip("", (Series("information", x, y, role="fit", width=3.0),), zero=True)

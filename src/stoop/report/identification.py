@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from html import escape
-from pathlib import Path
 from typing import Final
 
 import numpy as np
@@ -223,57 +221,41 @@ def _lost(result: Result, role: Role) -> list[str]:
     ]
 
 
-@dataclass(frozen=True)
-class Page:
-    """A page that works offline; a notebook shows it in a frame of its own."""
-
-    content: sheet.Sheet
-
-    def save(self, path: str | Path) -> Path:
-        """Write the page as HTML, whole or not at all."""
-        sheet.write_sheet(self.content, Path(path))
-        return Path(path)
-
-    def _repr_html_(self) -> str:
-        content = escape(sheet.render_sheet(self.content), quote=True)
-        return f'<iframe srcdoc="{content}" width="100%" height="640" style="border:0"></iframe>'
-
-
 @dataclass(frozen=True, eq=False)
 class Plots:
     """Plots of an identification, such as ``result.plot.maneuvers()``."""
 
     identification: Identification
 
-    def maneuvers(self, role: Role = "fit") -> Page:
+    def maneuvers(self, role: Role = "fit") -> sheet.Page:
         """Return measured and simulated readings of the fitted maneuvers, or of those of ``"validation"``."""
         return self._page(role_section(self.identification, role), f"no maneuver of role {role}")
 
-    def residuals(self) -> Page:
+    def residuals(self) -> sheet.Page:
         """Return the autocorrelation of the residuals of each channel."""
         return self._page(residuals_section(self.identification), "no residuals")
 
-    def estimates(self) -> Page:
+    def estimates(self) -> sheet.Page:
         """Return the estimates with their 95 % intervals."""
         return self._page(estimates_section(self.identification), "no estimates")
 
-    def uncertainty(self) -> Page:
+    def uncertainty(self) -> sheet.Page:
         """Return standard errors by method, and which parameters the data identify."""
         return self._page(uncertainty_section(self.identification), "no uncertainty analysis")
 
-    def correlation(self) -> Page:
+    def correlation(self) -> sheet.Page:
         """Return the correlation of the estimates."""
         return self._page(correlation_section(self.identification), "no correlation")
 
-    def modes(self) -> Page:
+    def modes(self) -> sheet.Page:
         """Return the natural modes of the identified vehicle."""
         return self._page(modes_section(self.identification), "no modes")
 
-    def report(self) -> Page:
+    def report(self) -> sheet.Page:
         """Return the whole report."""
-        return Page(identification_sheet(self.identification))
+        return sheet.Page(identification_sheet(self.identification))
 
-    def _page(self, section: sheet.Section | None, missing: str) -> Page:
+    def _page(self, section: sheet.Section | None, missing: str) -> sheet.Page:
         if section is None:
             raise StoopError(f"plot: {missing} in this result")
-        return Page(sheet.Sheet(self.identification.vehicle, "", (section,), "plot"))
+        return sheet.Page(sheet.Sheet(self.identification.vehicle, "", (section,), "plot"))

@@ -4,18 +4,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import cycle
 from typing import Final
 
 import numpy as np
 from markupsafe import Markup
 
 from stoop.assessment.coloring import autocorrelation
+from stoop.assessment.covariance import NORMAL_95
 from stoop.base.arrays import FloatArray, runs
 from stoop.base.numbers import NOTHING, count, factor_and_unit, number, share, window
 from stoop.base.variables import VARIABLES
 from stoop.report import sheet
-from stoop.report.charts import LARGE, Curves, autocorrelation_panel, channel_panel, plain_panel
+from stoop.report.charts import autocorrelation_panel
 from stoop.report.estimates import label, quantity_table
+from stoop.report.series import Range, Series, Shade, Strip, spanning
+from stoop.report.time_history import HistoryPanel, TimeHistory, holes, with_residual
 from stoop.results.result import (
     AirDataTrace,
     GoodnessOfFit,
@@ -32,8 +36,10 @@ MAX_LAGS: Final = 100  #: samples over which autocorrelations are drawn
 PREDICTS, PREDICTS_SOME = 0.75, 0.4  #: share of the comparisons with the lag that a predicting model wins
 MAX_RATIO: Final = 100.0  #: of motion to noise; what is greater is not told apart
 AIR_HEIGHT: Final = 150.0  #: px
+INPUT_HEIGHT: Final = 70.0  #: px
+MAX_REACH: Final = 3.0  #: a simulated curve may widen the axis to so many times the measured range
 MIN_PAUSE: Final = 0.3  #: s without a sample break a curve
-AIR_COLORS: Final = 4  #: classes air0, air1, ... of the style sheet
+AIR_ROLES: Final = ("fit", "measured", "lag", "validation")
 LEADS: Final = {
     "fit": (
         "The model was fitted to these maneuvers. Theil’s inequality coefficient U is 0 for a perfect match and 1 at worst; "
@@ -73,6 +79,9 @@ INNOVATIONS_LEAD: Final = (
 AIR_LEAD: Final = (
     "Estimated for each flight from attitude, ground velocity and accelerations (flight-path reconstruction). Wind is the "
     "velocity of the air over ground; true airspeed = pitot_scale × (reading − pitot_offset)."
+)
+HISTORY_LEAD: Final = (
+    "Time in s of the log’s own clock; grey: no data. Below each response measured minus simulated."
 )
 AIRSPEEDS: Final = {
     "speed_inertial": "ground velocity minus wind",
@@ -117,28 +126,14 @@ def maneuver_parts(
     """Return what a maneuver shows: segments, goodness of fit, curves and inputs."""
     segments = segments_text(maneuver)
     each = " Each piece has its own initial state." if ", " in segments else ""
-    keys = (
-        ("key measured", "measured"),
-        (f"key {maneuver.role}", "simulated"),
-        *((("key bandkey", "95 % band"),) if maneuver.role == "validation" else ()),
-        ("key baseline", "first-order lag"),
-        ("key residual", "measured − simulated (lower strip)"),
-        ("", "time in s of the log’s own clock; shaded: no data"),
-    )
     names = [name for name in trace.channels if name in maneuver.channels]
     parts: list[sheet.Part] = [sheet.Prose(f"Data used: {segments}.{each}", muted=True)] if segments else []
     parts += [_goodness(identification, maneuver, names)]
     if any(one.innovations.known for one in maneuver.channels.values()):
         parts += [sheet.Prose(INNOVATIONS_LEAD, muted=True), _innovations(identification, maneuver)]
     parts.append(_more_goodness(identification, maneuver))
-    panels = [_channel(identification, name, maneuver, trace) for name in trace.channels]
-    parts += [sheet.Legend(keys), sheet.Panels(panels)]
-    inputs = []
-    for name, values in trace.inputs.items():
-        factor, unit = _shown_unit(identification, name)
-        drawn = plain_panel(trace.time, [("input", finite_part(factor * values))], f"Input {name}.")
-        inputs.append(sheet.Panel(label(identification, name), drawn, unit, _meaning(name)))
-    return [*parts, sheet.Details("Inputs", (sheet.Panels(inputs),), open=True)] if inputs else parts
+    history = _history(identification, maneuver, trace)
+    return [*parts, sheet.Prose(HISTORY_LEAD, muted=True), history] if history.panels else parts
 
 
 def _goodness(identification: Identification, maneuver: ManeuverResult, names: Sequence[str]) -> sheet.Table:
@@ -226,28 +221,59 @@ def _more_goodness(identification: Identification, maneuver: ManeuverResult) -> 
     return sheet.Details("More figures, each beside the lag’s", (sheet.Prose(MORE_LEAD, muted=True), table))
 
 
+def _history(identification: Identification, maneuver: ManeuverResult, trace: ManeuverTrace) -> TimeHistory:
+    """Return inputs above responses, each response with its residual below."""
+    panels = []
+    for name, values in trace.inputs.items():
+        factor, unit = _shown_unit(identification, name)
+        series = Series("input", trace.time, finite_part(factor * values), role="input", width=1.3)
+        strip = Strip("", (series,), height=INPUT_HEIGHT)
+        title, meaning = label(identification, name), _meaning(name)
+        panels.append(HistoryPanel(title, (strip,), unit, meaning, name=name, description=f"Input {name}."))
+    panels += [_channel(identification, name, maneuver, trace) for name in trace.channels]
+    window = f"--maneuver {maneuver.flight}@" if len(flights(identification)) > 1 else "--maneuver "
+    return TimeHistory(panels, window, [Shade(*gap, "", "hole") for gap in holes(trace.time)])
+
+
+def flights(identification: Identification) -> set[str]:
+    """Return the names of the flights of an identification."""
+    return {one.flight for one in identification.result.maneuvers}
+
+
 def _channel(
     identification: Identification, name: str, maneuver: ManeuverResult, trace: ManeuverTrace
-) -> sheet.Panel:
+) -> HistoryPanel:
+    """Return measured against simulated, over the 95 % band, and their difference below."""
     factor, unit = _shown_unit(identification, name)
-    channel, baseline, one = trace.channels[name], trace.baseline.get(name), maneuver.channels.get(name)
-    curves = Curves(
-        trace.time,
-        finite_part(factor * channel.measured),
-        finite_part(factor * channel.simulated),
-        None if baseline is None else finite_part(factor * baseline),
-        None if channel.deviation is None else finite_part(factor * channel.deviation),
-    )
+    channel, one, role = trace.channels[name], maneuver.channels.get(name), maneuver.role
+    measured, simulated = (finite_part(factor * v) for v in (channel.measured, channel.simulated))
+    half = None if channel.deviation is None else finite_part(NORMAL_95 * factor * channel.deviation)
+    curves = [Series("measured", trace.time, measured, role="measured", width=2.8)]
+    if name in trace.baseline:
+        lag = finite_part(factor * trace.baseline[name])
+        curves.append(Series("first-order lag", trace.time, lag, role="lag", width=1.2))
+    curves.append(Series("simulated", trace.time, simulated, role=role, half_width=half))
+    strips = with_residual(curves, "residual", measured - simulated, _response_range(curves))
     description, note = f"{name}, {_meaning(name)}: measured, simulated and their difference", ""
     description += f", {maneuver_title(maneuver)}"
     if one is not None:
         description += f"; Theil's coefficient {_decimals(one.theil)}"
         mark = {"better": " ✓", "worse": " ▲"}.get(_against_lag(one), "")
-        lag = f" · lag {_decimals(one.baseline_theil)}{mark}" if mark else ""
-        note = f"U {_decimals(one.theil)}{lag} · R² {_decimals(one.r2)} · fit {number(one.fit_percent, 3)} %"
+        lag_note = f" · lag {_decimals(one.baseline_theil)}{mark}" if mark else ""
+        note = f"U {_decimals(one.theil)}{lag_note} · R² {_decimals(one.r2)} · fit {number(one.fit_percent, 3)} %"
         note += " · below its noise" if one.below_noise else ""
-    drawn = channel_panel(curves, maneuver.role, f"{description}.")
-    return sheet.Panel(label(identification, name), drawn, unit, _meaning(name), note)
+    title, meaning = label(identification, name), _meaning(name)
+    return HistoryPanel(title, strips, unit, meaning, note, name, f"{description}.")
+
+
+def _response_range(curves: Sequence[Series]) -> Range:
+    """Return the range of a response: a diverged simulation may not flatten the measurements to a line."""
+    known = curves[0].y if np.isfinite(curves[0].y).any() else curves[-1].y
+    low, high = spanning([known])
+    room = MAX_REACH * (high - low)
+    return spanning(
+        [np.array([low, high]), *(np.clip(one.y, low - room, high + room) for one in curves)], 0.02
+    )
 
 
 def residuals_section(identification: Identification) -> sheet.Section | None:
@@ -341,12 +367,13 @@ def air_section(identification: Identification) -> sheet.Section | None:
     if winds:
         parts.append(quantity_table(identification, "Wind and pitot calibration", "Flight", winds))
     for air in identification.air_data:
-        parts += [sheet.Heading(air.flight), sheet.Panels(air_panels(identification, air), "large")]
+        history = air_history(identification, air)
+        parts += [sheet.Heading(air.flight), history] if history.panels else []
     return sheet.Section("Wind and pitot", parts) if len(parts) > 1 else None
 
 
-def air_panels(identification: Identification, air: AirDataTrace) -> list[sheet.Panel]:
-    """Return the drawings of the air data of a flight; curves of no known kind get one each."""
+def air_history(identification: Identification, air: AirDataTrace) -> TimeHistory:
+    """Return the air data of a flight; curves of no known kind get a panel each."""
     known = {name for _, _, curves in AIR_GROUPS for name in curves}
     others = [(n, identification.units.get(n, ""), {n: n}) for n in air.curves if n not in known]
     steps, panels = np.diff(air.time), []
@@ -354,19 +381,17 @@ def air_panels(identification: Identification, air: AirDataTrace) -> list[sheet.
     pauses = np.flatnonzero(steps > pause) + 1
     time = np.insert(air.time, pauses, np.nan)
     for title, unit, curves in (*AIR_GROUPS, *others):
-        legend = {name: text for name, text in curves.items() if name in air.curves}
-        if not legend:
-            continue
         factor, shown_unit = factor_and_unit(unit)
-        drawn, keys = [], []
-        for i, (name, text) in enumerate(legend.items()):
-            kind = f"air{i % AIR_COLORS}"
-            drawn.append((kind, np.insert(finite_part(factor * air.curves[name]), pauses, np.nan)))
-            keys.append(Markup('<span class="key {}">{}</span>').format(kind, text))
+        series = [
+            Series(text, time, np.insert(finite_part(factor * air.curves[name]), pauses, np.nan), role=role)
+            for (name, text), role in zip(curves.items(), cycle(AIR_ROLES), strict=False)
+            if name in air.curves
+        ]
         # Later curves are drawn over earlier ones: the reconstructed one comes first and is drawn last.
-        panel = plain_panel(time, drawn[::-1], f"{title} over the flight.", LARGE, AIR_HEIGHT)
-        panels.append(sheet.Panel(title, panel, shown_unit, Markup(" ").join(keys)))
-    return panels
+        strip = Strip("", tuple(series[::-1]), height=AIR_HEIGHT)
+        description = f"{title} over the flight."
+        panels += [HistoryPanel(title, (strip,), shown_unit, description=description)] if series else []
+    return TimeHistory(panels)
 
 
 def finite_part(values: FloatArray) -> FloatArray:

@@ -15,8 +15,9 @@ from stoop.estimate.regression.structure import Structure
 from stoop.exporters.jsbsim_aircraft import relative_errors
 from stoop.exporters.jsbsim_flight import FRAME_RATE, PLANET, Comparison, differences, relative_differences
 from stoop.exporters.jsbsim_model import actuators
-from stoop.report.plots import Series, Strip, plot, stacked_plots
-from stoop.report.sheet import Bullets, Code, Figure, Prose, Section, Sheet, Table, render_sheet
+from stoop.report.series import Series
+from stoop.report.sheet import Bullets, Code, Part, Prose, Section, Sheet, Table, render_sheet
+from stoop.report.time_history import HistoryPanel, TimeHistory, with_residual
 from stoop.vehicle import Vehicle
 
 STRUCTURE_LEAD: Final = """\
@@ -24,6 +25,8 @@ Nondimensional coefficients were computed sample by sample from measured acceler
 properties and the thrust of the vehicle file; terms were then chosen among candidates. A constant is always there. \
 The estimates are those of a regression: a start for stoop identify, not its result."""
 EXPORT_PAGE: Final = "export.html"
+ROLES: Final = {"flight": "measured", "stoop": "fit", "JSBSim": "lag"}
+WIDTHS: Final = {"flight": 2.8, "stoop": 2.2, "JSBSim": 1.2}  #: px: the later lie on the earlier
 EXPLANATION: Final = """\
 What is left on the flat planet is integration and rounding:
 - our Runge-Kutta takes one step per sample, JSBSim {rate:g} Adams-Bashforth steps a second or a few more, and a surface's \
@@ -79,17 +82,22 @@ def structure_sheet(
             for i, s in enumerate(chosen.selection.steps, 1)
         )  # fmt: skip
         caption = "Steps; F of the term, R², PRESS and PSE of the model after the step"
-        smooth, curves = TimeDomain(), list[Series]()
-        for history in structure.histories:
+        smooth, panels = TimeDomain(), []
+        for number, history in enumerate(structure.histories, 1):
             terms, nothing = vehicle.terms[coefficient].items(), np.zeros(len(history.time))
             modeled = sum((vehicle.value(n) * history.regressor(t) for n, t in terms), nothing)
             columns = np.column_stack([history.coefficients[coefficient], modeled, history.time])
             measured, modeled, time = smooth.rows(columns, history.dt).T
             if len(time):
-                curves += [Series("measured", time, measured), Series("chosen terms", time, modeled)]
-        title = f"{coefficient} as it was flown, smoothed over {smooth.span:g} s, and the chosen terms"
-        figure = Figure(title, plot(curves, "time, s", coefficient, title))
-        parts = (Prose(summary), table, figure, Table(caption, steps_head, steps))
+                curves = (
+                    Series("measured", time, measured, role="measured", width=2.8),
+                    Series("chosen terms", time, modeled, role="fit"),
+                )
+                strips = with_residual(curves, "measured − chosen terms", measured - modeled)
+                panels.append(HistoryPanel(coefficient, strips, meaning=f"stretch {number}"))
+        title = f"{coefficient} as it was flown, smoothed over {smooth.span:g} s, and the chosen terms, against time in s."
+        drawn = [TimeHistory([panel]) for panel in panels]
+        parts: list[Part] = [Prose(summary), table, Prose(title), *drawn, Table(caption, steps_head, steps)]
         sections.append(Section(coefficient, parts))
     notes = [n for chosen in structure.chosen.values() for n in chosen.notices] + list(structure.notices)
     first = [Section("Notes", (Bullets(notes),))] if notes else []
@@ -109,10 +117,9 @@ def export_page(
     sections = []
     for one in flown:
         title = one.record.title
-        drawing = stacked_plots(_strips(one), "time, s", f"{title}: every channel as flown and simulated")
         measured = "Measured, by" if one.record.measured is not None else "By"
-        figure = Figure(f"{measured} our simulation and by JSBSim", drawing)
-        sections.append(Section(title, (_differences(one), figure)))
+        caption = Prose(f"{measured} our simulation and by JSBSim, against time in s, and their difference.")
+        sections.append(Section(title, (_differences(one), caption, _history(one))))
     sections.append(Section("Why they differ at all", (Prose(EXPLANATION.format(rate=FRAME_RATE)),)))
     sections += [Section("Notes", (Bullets(notes),))] if notes else []
     sections.append(Section("Fly it", (Code(SCRIPT.format(planet=PLANET, name=name)),)))
@@ -143,21 +150,23 @@ def _differences(flown: Comparison) -> Table:
     return Table(caption, tuple(head), tuple(rows))
 
 
-def _strips(flown: Comparison) -> list[Strip]:
-    record, measured = flown.record, flown.record.measured
-    out = []
+def _history(flown: Comparison) -> TimeHistory:
+    """Return every channel as flown and simulated, and the difference between the simulations below."""
+    record, measured, panels = flown.record, flown.record.measured, []
     for i, channel in enumerate(record.vehicle.outputs):
         factor, unit = factor_and_unit(VARIABLES[channel].unit)
         curves = {"stoop": flown.own[:, i], "JSBSim": flown.flat[:, i]}
         if measured is not None:
             curves = {"flight": measured[:, i], **curves}
-        series = []
+        series = {}
         for name, y in curves.items():
             known = np.isfinite(y)
             if channel in WRAPPED and known.any():  # an angle without jumps, near zero where it begins
                 y = y.copy()
                 y[known] = np.unwrap(y[known])
                 y -= 2.0 * np.pi * np.round(y[known][0] / (2.0 * np.pi))
-            series.append(Series(name, record.time, factor * y))
-        out.append(Strip(f"{channel}, {unit}", tuple(series)))
-    return out
+            series[name] = Series(name, record.time, factor * y, role=ROLES[name], width=WIDTHS[name])
+        difference = series["JSBSim"].y - series["stoop"].y
+        strips = with_residual(list(series.values()), "JSBSim − stoop", difference)
+        panels.append(HistoryPanel(channel, strips, unit, VARIABLES[channel].meaning))
+    return TimeHistory(panels)

@@ -10,19 +10,16 @@ import numpy as np
 from stoop.assessment.covariance import NORMAL_95
 from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice, of_severity
-from stoop.base.numbers import NOTHING, factor_and_unit, number, rounded_to_error, window
+from stoop.base.numbers import NOTHING, factor_and_unit, number, rounded_to_error
 from stoop.base.units import DEGREE
+from stoop.base.variables import VARIABLES, WRAPPED
 from stoop.reconstruction.compatibility import Compatibility
 from stoop.reconstruction.polar import Polar
-from stoop.report.plots import Series, Strip, plot, stacked_plots
+from stoop.report.plots import plot
+from stoop.report.series import Series, Shade
 from stoop.report.sheet import Bullets, Code, Figure, Prose, Section, Sheet, Table
+from stoop.report.time_history import HistoryPanel, TimeHistory, holes, with_residual
 
-GROUPS: Final = (
-    ("Attitude", ("phi", "theta", "psi")),
-    ("Velocity over ground", ("vn", "ve", "vd")),
-    ("Position", ("pn", "pe", "pd")),
-    ("Air data", ("V", "airspeed_pitot", "alpha", "beta")),
-)
 COMPATIBILITY_LEAD: Final = """\
 Accelerations and rates were integrated from one initial state per piece; the readings of the other sensors were compared
 with that. Biases, scales, delays, positions and a steady wind were estimated such that all agree as well as they can; the
@@ -30,6 +27,8 @@ standard errors count the color of what is left."""
 READING: Final = """\
 An unknown that is not identifiable keeps its prior: it is listed with the reason, and says nothing about the sensor.
 Delays are against the accelerometers; positions are relative to the point whose velocity over ground was logged."""
+TRACES: Final = """\
+Reconstructed from rates and accelerations, against time in s; below each channel what is left. Grey: not used."""
 MEANINGS: Final = {
     "CD0": "least drag coefficient",
     "K": "CD = CD0 + K (CL - CL0)²",
@@ -72,8 +71,7 @@ def compatibility_sheet(result: Compatibility, command: str) -> Sheet:
     sections = [
         Section("What is inconsistent", (inconsistent,)),
         Section("Sensors", sensors),
-        Section("Measured and reconstructed", _figures(result, residual=False)),
-        Section("What is left", _figures(result, residual=True)),
+        Section("Measured and reconstructed", (Prose(TRACES), compatibility_history(result))),
     ]
     notes = of_severity(result.notices, "info")
     sections += [Section("Notes", (Bullets(notes),))] if notes else []
@@ -81,39 +79,34 @@ def compatibility_sheet(result: Compatibility, command: str) -> Sheet:
     return Sheet(f"Data compatibility of {result.flight}", COMPATIBILITY_LEAD, tuple(sections))
 
 
-def _figures(result: Compatibility, *, residual: bool) -> list[Figure]:
-    what = "measured (first) and reconstructed from rates and accelerations"
-    what = "measured minus reconstructed" if residual else what
-    spans = ", ".join(window(float(t.time[0]), float(t.time[-1])) for t in result.traces)
-    out = []
-    for title, names in GROUPS:
-        strips = [_strip(result, name, residual) for name in names if name in result.channels]
-        if strips:
-            caption = f"{title}: {what}."
-            out.append(Figure(f"{caption} Pieces: {spans}.", stacked_plots(strips, "time, s", caption)))
-    return out
+def compatibility_history(result: Compatibility) -> TimeHistory:
+    """Return measured and reconstructed channels, and their difference below.
 
-
-def _strip(result: Compatibility, name: str, residual: bool) -> Strip:
-    """Return a channel, pieces joined; the reconstruction where it was compared: outside, a delayed reading has no past."""
+    The reconstruction is drawn where it was compared: outside, a delayed reading has no past.
+    """
 
     def joined(parts: list[FloatArray]) -> FloatArray:
         """Join pieces with a NaN between them, which breaks the curve."""
         return np.concatenate([np.append(part, np.nan) for part in parts])
 
-    factor, unit = factor_and_unit(result.channels[name].unit)
-    time = joined([t.time for t in result.traces])
-    measured = factor * joined([t.measured[name] for t in result.traces])
-    compared = [np.where(np.isfinite(t.measured[name]), t.reconstructed[name], np.nan) for t in result.traces]
-    simulated = factor * joined(compared)
-    series = (Series("measured", time, measured), Series("reconstructed", time, simulated))
-    if residual:
-        left = measured - simulated
-        if name in ("phi", "psi"):
+    panels, time = [], joined([t.time for t in result.traces])
+    for name, left in result.channels.items():
+        factor, unit = factor_and_unit(left.unit)
+        pieces = [(t.measured[name], t.reconstructed[name]) for t in result.traces]
+        measured = factor * joined([z for z, _ in pieces])
+        simulated = factor * joined([np.where(np.isfinite(z), y, np.nan) for z, y in pieces])
+        difference = measured - simulated
+        if name in WRAPPED:
             turn = factor * 2.0 * np.pi
-            left = left - turn * np.round(left / turn)
-        return Strip(f"{name}, {unit}", (Series("measured minus reconstructed", time, left),))
-    return Strip(f"{name}, {unit}", series)
+            difference -= turn * np.round(difference / turn)
+        curves = (
+            Series("measured", time, measured, role="measured", width=2.8),
+            Series("reconstructed", time, simulated, role="fit"),
+        )
+        strips = with_residual(curves, "measured − reconstructed", difference)
+        panels.append(HistoryPanel(name, strips, unit, VARIABLES[name].meaning if name in VARIABLES else ""))
+    gaps = [Shade(*gap, "", "hole") for gap in holes(time)]
+    return TimeHistory(panels, "--maneuver ", gaps)
 
 
 def polar_sheet(name: str, polar: Polar, notices: Sequence[Notice], command: str) -> Sheet:

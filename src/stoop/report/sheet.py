@@ -1,14 +1,17 @@
-"""Pages: sections of prose, tables and figures -> one HTML file that needs nothing else: no network, no scripts.
+"""Pages: sections of prose, tables and figures -> one HTML file that needs nothing else from the network or the disk.
 
 Reports and studies are written in these parts. All text is shown as text: nothing in it becomes markup.
 """
 
 from __future__ import annotations
 
+import base64
+import hashlib
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
+from importlib.resources import files
 from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Final, Literal
@@ -17,6 +20,9 @@ from xml.etree import ElementTree as ET
 from markupsafe import Markup, escape
 
 from stoop.base.files import write_text_atomic
+from stoop.report.palette import COLORS, variables
+from stoop.report.time_history import TimeHistory
+from stoop.report.track import Track
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -196,7 +202,20 @@ class Details:
     open: bool = False
 
 
-Part = Prose | Bullets | Code | Table | Figure | Panels | Legend | Heading | Drawing | Details
+Part = (
+    Prose
+    | Bullets
+    | Code
+    | Table
+    | Figure
+    | Panels
+    | Legend
+    | Heading
+    | Drawing
+    | Details
+    | TimeHistory
+    | Track
+)
 
 
 @dataclass(frozen=True)
@@ -228,13 +247,32 @@ class Sheet:
     verdict: Verdict | None = None
 
 
+@dataclass(frozen=True)
+class Page:
+    """A page that works offline; a notebook shows it, still, in a frame of its own."""
+
+    content: Sheet
+
+    def save(self, path: str | Path) -> Path:
+        """Write the page as HTML, whole or not at all."""
+        write_sheet(self.content, Path(path))
+        return Path(path)
+
+    def _repr_html_(self) -> str:
+        content = escape(render_sheet(self.content, scripts=False))
+        return f'<iframe srcdoc="{content}" width="100%" height="640" style="border:0"></iframe>'
+
+
 def write_sheet(sheet: Sheet, path: Path) -> None:
     """Write the page whole or not at all; raises `OutputError`."""
     write_text_atomic(path, render_sheet(sheet))
 
 
-def render_sheet(sheet: Sheet) -> str:
-    """Return the page as HTML; each section has a name that a link can point at, no two alike."""
+def render_sheet(sheet: Sheet, scripts: bool = True) -> str:
+    """Return the page as HTML; each section has a name that a link can point at, no two alike.
+
+    Time histories are interactive with `scripts`; without, they are the still pictures that are printed.
+    """
     names: list[str] = []
     for i, section in enumerate(sheet.sections):
         name = "-".join(re.findall(r"[a-z0-9]+", (section.short or section.title).lower()))
@@ -243,8 +281,36 @@ def render_sheet(sheet: Sheet) -> str:
             name += f"-{i + 1}"
         names.append(name)
     sections = list(zip(sheet.sections, names, strict=True))
-    template = _environment().get_template("page.html")
-    return template.render(sheet=sheet, lead=Prose(sheet.lead), sections=sections)
+    live = scripts and any(_runs_scripts(section.parts) for section in sheet.sections)
+    page = {
+        "sheet": sheet,
+        "lead": Prose(sheet.lead),
+        "sections": sections,
+        "scripts": _scripts() if live else [],
+    }
+    return _environment().get_template("page.html").render(page, light=variables(False), dark=variables(True))
+
+
+def _runs_scripts(parts: Sequence[Part]) -> bool:
+    return any(
+        isinstance(one, TimeHistory | Track) or (isinstance(one, Details) and _runs_scripts(one.parts))
+        for one in parts
+    )
+
+
+@cache
+def _scripts() -> list[tuple[Markup, str]]:
+    """Return the scripts of interactive plots, each with the digest by which the page allows it."""
+    own = (Path(__file__).parent / "templates" / "figures.js").read_text("utf-8")
+    colors = "|".join(f"{light}>{dark}" for light, dark in COLORS.values())
+    scripts = files("bokeh") / "server" / "static" / "js"  # bokeh.resources takes long to import
+    bokeh = [(scripts / name).read_text("utf-8") for name in ("bokeh.min.js", "bokeh-api.min.js")]
+    texts = [*bokeh, own.replace("COLORS", colors)]
+    found = []
+    for text in texts:
+        digest = base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
+        found.append((Markup(text), f"'sha256-{digest}'"))  # noqa: S704 (Bokeh's and ours)
+    return found
 
 
 @cache

@@ -429,7 +429,12 @@ def from_json(text: str, where: str = "result") -> Result:
 
 
 def read_result(path: Path) -> Result:
-    """Return the result in the file `path`.
+    """Return the result that ``stoop identify`` or :meth:`stoop.workflow.Job.save` wrote.
+
+    Parameters
+    ----------
+    path : Path
+        Of ``result.json``.
 
     Raises
     ------

@@ -49,6 +49,7 @@ def simulate(
 
     Parameters
     ----------
+    vehicle : Vehicle
     inputs : Maneuver, path of a maneuver file, mapping of str to (n,) array, xarray.Dataset, or Flight
         Arrays by recorded channel, as a log holds them, or by control: deflection, rad. Absent inputs keep their
         trimmed values. Open loop; only a maneuver is flown by the autopilot that flight on rotors needs.
@@ -61,6 +62,8 @@ def simulate(
         Of gusts and sensor noise.
     noise : bool
         Of the sensors, with the standard deviations of the vehicle file.
+    name : str
+        As in ``FLIGHT@START:STOP``.
 
     Returns
     -------
@@ -97,11 +100,26 @@ def simulate_flight(
 
     Parameters
     ----------
+    vehicle : Vehicle
+    maneuver : Maneuver
+        As of :func:`stoop.load_maneuver`.
     seed : int
         Of the measurement noise and of the gusts.
     noise : bool
         Of the sensors; there are gusts without it too.
+    name : str
         As in ``FLIGHT@START:STOP``.
+
+    Returns
+    -------
+    Flight
+
+    Raises
+    ------
+    ManeuverError
+        A control, or noise of a channel, that the vehicle does not have.
+    SimulationError
+        No trim, or the flight diverges.
     """
     flown = fly(vehicle, maneuver, seed)
     known = dict.fromkeys((*vehicle.outputs, *(WIND if maneuver.wind is not None else ())))

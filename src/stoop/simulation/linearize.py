@@ -62,6 +62,18 @@ def linearize(vehicle: Vehicle, point: Trim) -> LinearModel:
 
     Inputs are control deflections in rad (the mixer is undone) and the channels of thrust and rotors, if any. On rotors
     the states are velocities along the body axes in place of airspeed and flow angles.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+    point : Trim
+        As of :func:`stoop.trim`.
+
+    Returns
+    -------
+    LinearModel
+        ``states``, ``inputs`` and ``outputs`` (names), ``A``, ``B``, ``C``, ``D``, ``modes``, ``input_delays`` and
+        ``output_delays``, s; SI and rad.
     """
     names, (G, Fx, Fu, Hx, Hu) = _jacobians(vehicle, point)
     right = np.linalg.pinv(G)

@@ -306,6 +306,10 @@ class Maneuver(Table):
 def load_maneuver(path: Path | str) -> Maneuver:
     """Read a maneuver file.
 
+    Parameters
+    ----------
+    path : path
+
     Raises
     ------
     ManeuverError

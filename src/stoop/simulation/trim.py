@@ -64,6 +64,7 @@ def trim(
 
     Parameters
     ----------
+    vehicle : Vehicle
     airspeed : float, m/s, optional
         The vehicle's V* when absent.
     altitude : float, m

@@ -19,10 +19,19 @@ BUILT_IN: Final = {
 
 
 def resolve_vehicle(name_or_path: str | Path) -> Vehicle:
-    """Return a vehicle of the package by its name in :data:`BUILT_IN`, or read a vehicle file.
+    """Return a vehicle of the package by its name, or read a vehicle file.
 
-    A name of the package wins over a file of the same name; write ``./twin-boom`` for the file. A
-    :class:`~stoop.errors.VehicleError` says that there is no such vehicle, or what is wrong in its file.
+    A name of the package wins over a file of the same name; write ``./twin-boom`` for the file.
+
+    Parameters
+    ----------
+    name_or_path : str or Path
+        "twin-boom", "quad-x", "quad-plus", "hexa-x", "octo-x" or "quadplane", or where the file is.
+
+    Raises
+    ------
+    VehicleError
+        There is no such vehicle, or what is wrong in its file.
     """
     name = str(name_or_path)
     if name in BUILT_IN:

@@ -23,7 +23,7 @@ class Simulated:
     """Maneuvers of one role with what was simulated for each piece.
 
     `left_out` are the residuals (n, n_y) of each piece with each second left out of the fit, where that is known;
-    `deviations` (n, n_y) the standard deviations of what was predicted, measurement noise included; `innovations` (n, n_y)
+    `deviations` (n, n_y) the standard deviations of what was simulated, measurement noise included; `innovations` (n, n_y)
     those of a filter over their standard deviations.
     """
 
@@ -63,7 +63,8 @@ def maneuver_curves(
                 model = Match(curve.simulated, _joined(group.left_out, own, i))
                 sigma = math.sqrt(noise.matrix[i, i])
                 figures[name] = channel_figures(
-                    curve.measured, model, rate, lag.get(name), sigma, curve.deviation,
+                    curve.measured, model, rate, lag.get(name), sigma,
+                    curve.deviation if group.role == "validation" else None,
                     _joined(group.innovations, own, i), left.get(name, math.nan),
                 )  # fmt: skip
         spans = tuple((float(p.time[0]), float(p.time[-1])) for p in (group.prepared.pieces[k] for k in own))

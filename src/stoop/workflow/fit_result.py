@@ -22,7 +22,7 @@ from stoop.base.variables import VARIABLES
 from stoop.errors import VehicleError
 from stoop.estimate.excitation import ratios, too_few
 from stoop.estimate.fit import Fit, Options
-from stoop.estimate.predict import expected_biases, fitted_model, predict
+from stoop.estimate.predict import expected_biases, fitted_deviations, fitted_model, predict
 from stoop.flight import Flight
 from stoop.problem.windows import Window
 from stoop.results.extensions import ExtensionTests
@@ -63,7 +63,8 @@ def identification(
     if too_few(fit.problem, slowest_rate(fit, flights)):
         bars = bars.rejected(notice("error-bars-of-few-samples"))
     parameters, model = _parameters(fit, bars), fitted_model(fit, bars.covariance)
-    groups = [Simulated("fit", fit.prepared, fit.readings, left_out_residuals(fit))]
+    bands = fitted_deviations(fit, bars.covariance)
+    groups = [Simulated("fit", fit.prepared, fit.readings, left_out_residuals(fit), bands)]
     if predicted:
         own_biases = [expected_biases(fit, window.flight) for window in predicted]
         ahead = predict(model, flights, predicted, own_biases)

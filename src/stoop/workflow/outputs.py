@@ -80,7 +80,7 @@ def place_outputs(job: Job, folder: Path, overwrite: bool = False) -> Path:
 
     Raises `OutputError`: the folder cannot be written; or another run has written there since, and this one's lies beside it.
     """
-    from stoop.report import render
+    from stoop.report.identification import render
 
     files: dict[str, bytes | str] = dict(job.attachments)
     files["vehicle.toml"] = with_values(job.fit.problem.layout.vehicle, job.fit.estimates)

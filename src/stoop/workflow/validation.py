@@ -63,7 +63,7 @@ class Validated:
 
         Raises `OutputError`: they cannot be written.
         """
-        from stoop.report import render_validation
+        from stoop.report.identification import render_validation
 
         make_folder(folder)
         texts = render_validation(self.identification), self.record.to_json()

@@ -26,7 +26,8 @@ from stoop.base.numbers import count, number
 from stoop.base.text import enumerated
 from stoop.errors import OutputError
 from stoop.parallel.store import forget
-from stoop.report.plots import Series, plot
+from stoop.report.plots import plot
+from stoop.report.series import Series
 from stoop.report.sheet import Code, Figure, Prose, Section, Sheet, Table, render_sheet
 from stoop_studies.compare.field import FLIGHT, Field
 from stoop_studies.compare.measures import Score, duel, score

@@ -11,7 +11,8 @@ import numpy as np
 from stoop.base.arrays import FloatArray
 from stoop.optimize import Ledger, ScalarProblem
 from stoop.optimize.ledger import Evaluations
-from stoop.report.plots import Mark, Series, contour_plot, plot
+from stoop.report.plots import contour_plot, plot
+from stoop.report.series import Mark, Series
 from stoop.report.sheet import Code, Figure, Prose, Section, Table
 from stoop_studies.findings import Claim, Findings, Results, Setting, holds, number, tabulated
 from stoop_studies.optimizers.local_search import BETA, SteepestDescent, golden_section, steepest_line

@@ -9,7 +9,8 @@ import numpy as np
 
 from stoop.base.arrays import FloatArray
 from stoop.optimize.population import MEMBERS, latin_hypercube
-from stoop.report.plots import Series, Strip, plot, stacked_plots
+from stoop.report.plots import plot, stacked_plots
+from stoop.report.series import Series, Strip
 from stoop.report.sheet import Figure, Prose, Section, Table
 from stoop.simulation import Mode, linearize
 from stoop.simulation.trajectories import Flown

@@ -16,7 +16,7 @@ from stoop.estimate.fit import Options
 from stoop.estimate.multiple_shooting import MultipleShooting
 from stoop.parallel import Run
 from stoop.problem.windows import Window
-from stoop.report.plots import HUES
+from stoop.report.series import HUES
 from stoop.report.sheet import Code, Figure, Prose, Section, Table
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import parse_maneuver

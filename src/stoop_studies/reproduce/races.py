@@ -12,7 +12,8 @@ from stoop.base.arrays import FloatArray
 from stoop.base.csv_text import Cell
 from stoop.base.numbers import finite_or_none
 from stoop.parallel import Run
-from stoop.report.plots import Series, plot
+from stoop.report.plots import plot
+from stoop.report.series import Series
 from stoop.report.sheet import Figure, Prose, Section, Table
 from stoop_studies.findings import (
     Claim,

@@ -15,7 +15,8 @@ from stoop.estimate.fit import Options, fit
 from stoop.input_design.information import Knowledge, Limits, Setup, sensor_noise
 from stoop.input_design.optimization import Plan, design, mean_ratio, textbook_maneuver
 from stoop.problem.windows import Window
-from stoop.report.plots import Series, Strip, plot, stacked_plots
+from stoop.report.plots import plot, stacked_plots
+from stoop.report.series import Series, Strip
 from stoop.report.sheet import Figure, Prose, Section
 from stoop.simulation import trim
 from stoop.simulation.fly import simulate_flight

@@ -28,7 +28,8 @@ from stoop.estimate import predict
 from stoop.estimate.fit import Options
 from stoop.flight import Flight, load
 from stoop.problem.windows import Window
-from stoop.report.plots import Series, plot
+from stoop.report.plots import plot
+from stoop.report.series import Series
 from stoop.report.sheet import Figure, Prose, Section
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.workflow.identification import Search, search

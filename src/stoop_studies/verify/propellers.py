@@ -16,7 +16,8 @@ import numpy as np
 from stoop.errors import StoopError
 from stoop.estimate import effectiveness
 from stoop.flight import load
-from stoop.report.plots import Series, plot
+from stoop.report.plots import plot
+from stoop.report.series import Series
 from stoop.report.sheet import Figure, Prose, Section
 from stoop.vehicle import parse_vehicle
 from stoop_studies.findings import Claim, Findings, Setting, counted, holds, number

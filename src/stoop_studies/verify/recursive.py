@@ -14,7 +14,8 @@ from stoop.estimate.regression.least_squares import FrequencyDomain, estimate
 from stoop.estimate.regression.recursive import RealTime
 from stoop.flight import Flight
 from stoop.problem.windows import Window
-from stoop.report.plots import Series, Strip, stacked_plots
+from stoop.report.plots import stacked_plots
+from stoop.report.series import Series, Strip
 from stoop.report.sheet import Figure, Prose, Section
 from stoop.simulation.fly import simulate_flight
 from stoop.vehicle import Vehicle

@@ -177,6 +177,7 @@ def run(capsys: pytest.CaptureFixture[str], folder: Path, command: str) -> tuple
 @pytest.mark.parametrize(
     ("command", "expected"),
     [
+        ("look @f.nc -o @look.html", 0),
         ("info @f.nc", 0),
         ("info @log.bin", 0),
         ("info @log.bin --json", 0),
@@ -225,9 +226,8 @@ def test_the_verbs_of_a_fit_print_nasty_texts(folder: Path, capsys: pytest.Captu
 
 def test_every_verb_is_among_these() -> None:
     text = Path(__file__).read_text(encoding="utf-8")
-    assert [verb for verb in VERBS if f'"{verb} ' not in text] == ["demo", "app"], (
-        "which read no file themselves"
-    )
+    others = ["demo", "app", "completion"]  # which read no file themselves
+    assert [verb for verb in VERBS if f'"{verb} ' not in text] == others
 
 
 def test_objects_say_of_themselves_what_is_printable(folder: Path) -> None:

@@ -106,6 +106,38 @@ def test_wrong_arguments_are_told_in_one_line(words: list[str], capsys: pytest.C
     assert err.count("\n") == 1
 
 
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ("identfy", "there is no verb 'identfy'; did you mean identify? (see stoop --help)"),
+        ("Trim", "there is no verb 'Trim'; did you mean trim? (see stoop --help)"),
+        ("reprodce", "there is no verb 'reprodce'; did you mean reproduce? (see stoop --help)"),
+        ("vehcle new", "there is no verb 'vehcle'; did you mean vehicle or vehicle new? (see stoop --help)"),
+        ("--debgu trim", "there is no option --debgu; did you mean --debug? (see stoop --help)"),
+        (
+            "identify a.ulg --vehicel=v.toml --maneuver 1:2 -o out",
+            "there is no option --vehicel; did you mean --vehicle? (see stoop identify --help)",
+        ),
+        (
+            "vehicle new --masss 3 -o v.toml",
+            "there is no option --masss; did you mean --mass? (see stoop vehicle new --help)",
+        ),
+    ],
+)
+def test_mistyped_names_are_told_with_the_nearest(
+    words: str, message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(words.split()) == 2
+    assert capsys.readouterr().err == f"stoop: error: {message}\n"
+
+
+@pytest.mark.parametrize("words", [["trim", "--", "--vehicel"], ["trim", "--vehicel of mine"]])
+def test_what_is_a_value_is_taken_for_no_option(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    """As argparse reads them: after two dashes, or with a blank. Here they name a vehicle that does not exist."""
+    assert main(words) == 2
+    assert "there is no option" not in capsys.readouterr().err
+
+
 def test_verb_decides_the_exit_code(monkeypatch: pytest.MonkeyPatch) -> None:
     verb(monkeypatch, lambda _: 7)
     assert main(["fake"]) == 7

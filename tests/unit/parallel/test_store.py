@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import re
-import resource
 import sqlite3
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
@@ -285,6 +284,7 @@ def pages_limited(store: Store) -> Iterator[None]:
 
 @contextmanager
 def file_size_limited(store: Store) -> Iterator[None]:
+    resource = pytest.importorskip("resource", reason="no limits of processes on this system")
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (store._path.stat().st_size + 8192, before[1]))
     try:

@@ -25,13 +25,14 @@ from stoop.base.numbers import (
     rounded_to_error,
     window,
 )
-from stoop.report.charts import holes
 from stoop.report.estimates import TITLES
 from stoop.report.extensions import as_toml
 from stoop.report.identification import verdict
-from stoop.report.maneuvers import air_panels, prediction_verdict
-from stoop.report.plots import COLUMNS, Scale, path, plain_text, spanning, tick_text, ticks
+from stoop.report.maneuvers import air_history, prediction_verdict
+from stoop.report.series import spanning
 from stoop.report.sheet import mathml
+from stoop.report.svg import Scale
+from stoop.report.time_history import holes
 from stoop.results.extensions import ExtensionTests
 from stoop.results.result import (
     AirDataTrace,
@@ -128,57 +129,6 @@ def test_mathml_holds_nothing_but_mathematics(latex: str) -> None:
         assert forbidden not in made.replace("&lt;", "")
 
 
-@given(st.floats(-1e6, 1e6), st.floats(1e-6, 1e6), st.integers(1, 8))
-def test_ticks_are_round_few_and_inside(low: float, width: float, most: int) -> None:
-    high = low + width
-    if high - low < 1e-9 * max(abs(low), 1.0):
-        return
-    found = ticks(low, high, most)
-    assert len(found) <= most + 1
-    assert all(low - 1e-6 * width <= level <= high + 1e-6 * width for level in found)
-    if len(found) > 1:
-        step = found[1] - found[0]
-        mantissa = step / 10 ** math.floor(math.log10(step) + 1e-9)
-        assert min(abs(mantissa - n) for n in (1, 2, 5, 10)) < 1e-3
-
-
-@pytest.mark.parametrize(
-    ("value", "step", "text"),
-    [(0.0, 0.5, "0"), (-2.0, 2.0, "−2"), (0.25, 0.05, "0.25"), (140.0, 1.0, "140"), (3e-6, 1e-6, "3e−6"), (2e7, 1e7, "2e7")],
-)  # fmt: skip
-def test_tick_text(value: float, step: float, text: str) -> None:
-    assert tick_text(value, step) == text
-
-
-@pytest.mark.parametrize(
-    ("low", "high", "labels"),
-    [
-        (1.7e9, 1.7e9 + 10, [str(1700000000 + n) for n in range(0, 11, 2)]),
-        (101000.0, 101900.0, ["101000", "101200", "101400", "101600", "101800"]),
-        (1.2e7, 1.7e7, ["1.2e7", "1.3e7", "1.4e7", "1.5e7", "1.6e7", "1.7e7"]),
-        (9e-5, 9.9e-5, ["9.0e−5", "9.2e−5", "9.4e−5", "9.6e−5", "9.8e−5"]),
-        (-2e12, 2e12, ["−2e12", "−1e12", "0", "1e12", "2e12"]),
-    ],
-)
-def test_ticks_of_large_and_small_values_differ(low: float, high: float, labels: list[str]) -> None:
-    found = ticks(low, high, 5)
-    assert [tick_text(level, found[1] - found[0]) for level in found] == labels
-
-
-@given(st.floats(-1e12, 1e12), st.floats(1e-6, 1e12))
-def test_labels_say_where_the_tick_is(low: float, width: float) -> None:
-    if width < 1e-9 * abs(low):
-        return
-    found = ticks(low, low + width, 5)
-    step = found[1] - found[0]
-    said = [float(tick_text(level, step).replace("−", "-")) for level in found]
-    assert said == pytest.approx(found, rel=1e-12, abs=1e-6 * step + 1e-14 * abs(low))
-
-
-def test_the_time_of_a_maneuver_is_plain_digits() -> None:
-    assert [plain_text(t, 1e5) for t in (0.0, 1e5, 2e5)] == ["0", "100000", "200000"]
-
-
 @given(st.lists(st.floats(), max_size=5))
 def test_an_axis_is_never_empty(values: list[float]) -> None:
     if any(abs(value) > 1e15 for value in values if math.isfinite(value)):
@@ -188,26 +138,21 @@ def test_an_axis_is_never_empty(values: list[float]) -> None:
     assert math.isfinite(Scale(low, high, 0.0, 100.0).at(low))
 
 
-def test_paths_break_at_holes_and_keep_their_peaks() -> None:
-    x = np.arange(6.0)
-    assert path(x, np.array([0, 1, np.nan, 3, 4, 5.0]), "k").count("M") == 2
-    assert path(np.zeros(1), np.zeros(1), "k").count("M") == 1
-    long = np.zeros(10_000)
-    long[5_678] = 7.0
-    drawn = str(path(np.linspace(0, 300, 10_000), long, "k"))
-    assert " 70 " in drawn
-    assert drawn.count(" ") < 5 * COLUMNS
-
-
 def test_air_data_share_drawings_and_break_at_pauses(examples: ModuleType) -> None:
     whole = examples.example(("CL0",))
     time = np.concatenate([np.arange(0.0, 5.0, 0.1), np.arange(9.0, 12.0, 0.1)])
     names = ("speed_inertial", "pitot", "pitot_corrected", "V", "beta", "beta_from_force", "strange<b>")
     trace = AirDataTrace("f", time, {name: time + n for n, name in enumerate(names)})
-    panels = air_panels(whole, trace)
+    panels = air_history(whole, trace).panels
     assert [panel.title for panel in panels] == ["Airspeed", "Sideslip", "strange<b>"]
-    assert panels[0].drawing.count("<path") == 4
-    assert panels[0].drawing.count("hole") == 1
+    ((airspeed,),) = [panel.strips for panel in panels[:1]]
+    assert [one.name for one in airspeed.series] == [
+        "V",
+        "pitot, corrected",
+        "pitot as logged",
+        "ground velocity minus wind",
+    ]
+    assert all(np.isnan(one.x).sum() == 1 for one in airspeed.series)
     assert [panel.unit for panel in panels] == ["m/s", "deg", ""]
 
 

@@ -1,143 +1,133 @@
-"""Plots: data at the right pixels, ticks that can be read, contours where the values are."""
+"""Plots: data at the right pixels, names in the legend, contours where the values are."""
 
 from __future__ import annotations
 
 import re
 import xml.etree.ElementTree as ET
-from itertools import pairwise
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 
 from stoop.base.arrays import FloatArray
 from stoop.report.plots import (
+    FLOOR,
     HEIGHT,
     LEFT,
     RIGHT,
+    TOP,
     WIDTH,
-    Mark,
-    Scale,
-    Series,
-    Shade,
-    Strip,
     contour_levels,
-    contour_path,
     contour_plot,
-    decade_ticks,
     plot,
     stacked_plots,
 )
+from stoop.report.series import Mark, Series, Shade, Strip, thinned
 
 BOX = WIDTH - LEFT - RIGHT
+SVG = "{http://www.w3.org/2000/svg}"
 
 
 def tree(html: str) -> ET.Element:
-    return ET.fromstring(f"<div>{html}</div>")  # noqa: S314 - our own
+    return ET.fromstring(f'<div xmlns="http://www.w3.org/2000/svg">{html}</div>')  # noqa: S314 - our own
 
 
-def curves(html: str) -> list[FloatArray]:
-    """Return the points (k, 2) of each drawn series, px within the box."""
-    paths = [e for e in tree(html).iter("path") if "series" in e.get("class", "")]
-    return [np.array(re.findall(r"-?\d+", e.get("d", "")), dtype=float).reshape(-1, 2) / 10.0 for e in paths]
+def paths(html: str, color: str) -> list[FloatArray]:
+    """Return the points (k, 2) of each path of a color, px from the upper left corner of the box."""
+    found = [e for e in tree(html).iter(f"{SVG}path") if f"stroke: var(--{color})" in e.get("style", "")]
+    points = (np.array(re.findall(r"-?[\d.]+", e.get("d", "")), dtype=float).reshape(-1, 2) for e in found)
+    return [at - (LEFT, TOP) for at in points]
 
 
-def texts(html: str, kind: str) -> list[str]:
-    return [e.text or "" for e in tree(html).iter("text") if kind in e.get("class", "").split()]
+def texts(html: str) -> list[str]:
+    return [e.text or "" for e in tree(html).iter(f"{SVG}text")]
+
+
+def keys(html: str) -> list[str]:
+    return ["".join(e.itertext()) for e in tree(html).iter(f"{SVG}li")]
 
 
 def test_points_are_where_the_axes_say() -> None:
-    one = Series("a", np.array([0.0, 5.0, 10.0]), np.array([0.0, 1.0, 2.0]))
-    (drawn,) = curves(plot([one], "x", "y", "d", x_range=(0.0, 10.0), y_range=(0.0, 4.0)))
-    assert drawn == pytest.approx(
-        np.array([[0.0, HEIGHT], [BOX / 2, 0.75 * HEIGHT], [BOX, HEIGHT / 2]]), abs=0.06
-    )
+    one = Series("a", np.array([0.0, 5.0, 10.0]), np.array([0.0, 1.0, 3.0]))
+    (drawn,) = paths(plot([one], "x", "y", "d", x_range=(0.0, 10.0), y_range=(0.0, 4.0)), "hue0")
+    expected = np.array([[0.0, HEIGHT], [BOX / 2, 0.75 * HEIGHT], [BOX, HEIGHT / 4]])
+    assert drawn == pytest.approx(expected, abs=0.11)
 
 
 def test_logarithmic_axes_give_every_decade_the_same_room() -> None:
-    one = Series("a", np.array([1.0, 10.0, 100.0, -1.0]), np.array([1e-6, 1e-3, 1.0, 1.0]))
-    (drawn,) = curves(
-        plot([one], "x", "y", "d", log_x=True, log_y=True, x_range=(1.0, 100.0), y_range=(1e-6, 1.0))
-    )
-    assert drawn == pytest.approx(np.array([[0.0, HEIGHT], [BOX / 2, HEIGHT / 2], [BOX, 0.0]]), abs=0.06)
+    one = Series("a", np.array([1.0, 10.0, 100.0, -1.0]), np.array([1e-6, 1e-3, 2.0, 1.0]))
+    html = plot([one], "x", "y", "d", log_x=True, log_y=True, x_range=(1.0, 100.0), y_range=(1e-6, 1.0))
+    (drawn,) = paths(html, "hue0")
+    assert drawn[:2] == pytest.approx(np.array([[0.0, HEIGHT], [BOX / 2, HEIGHT / 2]]), abs=0.11)
+    assert {"1", "10", "100", "10⁻³", "10⁻⁶"} <= set(texts(html))
 
 
 def test_steps_hold_until_the_next() -> None:
     one = Series("a", np.array([0.0, 1.0, 2.0]), np.array([0.0, 1.0, 1.0]), "steps")
-    (drawn,) = curves(plot([one], "x", "y", "d", x_range=(0.0, 2.0), y_range=(0.0, 1.0)))
-    assert drawn.tolist() == [[0, HEIGHT], [BOX / 2, HEIGHT], [BOX / 2, 0], [BOX, 0]]
-
-
-@pytest.mark.parametrize(
-    ("low", "high", "most", "expected"),
-    [
-        (1.0, 1e5, 8, [1.0, 10.0, 100.0, 1e3, 1e4, 1e5]),
-        (0.5, 60.0, 8, [0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0]),
-        (1e-12, 1e12, 6, [1e-12, 1e-8, 1e-4, 1.0, 1e4, 1e8, 1e12]),
-        (2.5, 3.5, 4, [2.5, 3.0, 3.5]),
-    ],
-)
-def test_ticks_of_logarithmic_axes(low: float, high: float, most: int, expected: list[float]) -> None:
-    assert decade_ticks(low, high, most) == pytest.approx(expected)
-
-
-def test_what_has_no_logarithm_has_no_pixel() -> None:
-    assert np.isnan(Scale(1.0, 10.0, 0.0, 1.0, log=True)(np.array([0.0, -1.0, np.nan]))).all()
+    (drawn,) = paths(plot([one], "x", "y", "d", x_range=(0.0, 2.0), y_range=(0.0, 1.0)), "hue0")
+    corners = [[0, HEIGHT], [BOX / 2, HEIGHT], [BOX / 2, 0], [BOX, 0]]
+    assert list(dict.fromkeys(map(tuple, drawn.tolist()))) == list(map(tuple, corners))
 
 
 def test_twenty_series_all_look_different_and_are_named() -> None:
     some = [Series(f"s{i}", np.arange(4.0), np.arange(4.0) + i) for i in range(20)]
     html = plot(some, "x", "y", "twenty")
-    keys = list(tree(html).iter("li"))
-    looks = [next(e.iter("line")).get("class") for e in keys]
+    looks = [e.get("style") for e in tree(html).iter(f"{SVG}line")]
     assert len(set(looks)) == 20
-    assert ["".join(e.itertext()) for e in keys] == [f"s{i}" for i in range(20)]
+    assert keys(html) == [f"s{i}" for i in range(20)]
+    dashes = {e.get("style", "") for e in tree(html).iter(f"{SVG}path") if "var(--hue" in e.get("style", "")}
+    assert len({re.sub("-0", "", dash) for dash in dashes}) == 20
 
 
 def test_points_of_different_rounds_differ_in_shape() -> None:
-    some = [Series(f"s{i}", np.ones(1), np.ones(1), "points") for i in (*range(17),)]
-    spots = [e for e in tree(plot(some, "x", "y", "d")).iter() if "spot" in e.get("class", "")]
-    assert len({(e.tag, e.get("class")) for e in spots}) == 17
+    some = [Series(f"s{i}", np.ones(1), np.ones(1), "points") for i in range(17)]
+    html = plot(some, "x", "y", "d")
+    spots = {
+        (e.tag, e.get("style")) for e in tree(html).iter() if e.get("r") == "3.5" or e.get("width") == "7"
+    }
+    assert len(spots) == 17
 
 
-@pytest.mark.parametrize("values", [[], [np.nan], [np.inf, 1.0], [3.0], [0.0, 0.0], [-1.0, 0.0]])
+@pytest.mark.parametrize(
+    "values", [[], [np.nan], [np.inf, 1.0], [3.0], [0.0, 0.0], [-1.0, 0.0], [1e300, 0.0]]
+)
 @pytest.mark.parametrize("log", [False, True])
 def test_hardly_any_data_still_make_a_drawing(values: list[float], log: bool) -> None:
     array = np.array(values)
     html = plot([Series("a", array, array, "steps")], "x", "y", "d", log_x=log, log_y=log)
-    assert "NaN" not in html
-    assert "nan" not in html
+    assert "nan" not in html.lower()
+    assert "inf" not in html.lower()
 
 
-def test_tick_labels_never_overlap() -> None:
-    for high in (3.0, 40.0, 1e3, 1e5, 1e7, 1e12):
-        one = Series("a", np.array([1.0, high]), np.array([1.0, high]))
-        for log in (False, True):
-            html = plot([one], "x", "y", "d", log_x=log)
-            marks = [e for e in tree(html).iter("text") if e.get("class") == "tick mid"]
-            places = [(float(e.get("x", "")), 6.0 * len(e.text or "")) for e in marks]
-            assert len(places) > 1
-            for (x, width), (after, wide) in pairwise(places):
-                assert x + width / 2 < after - wide / 2
+def test_no_text_becomes_markup_or_mathematics() -> None:
+    hostile = '<b>"$\\frac{$&amp;\x1b'
+    one = (Series(hostile, np.arange(3.0), np.arange(3.0)), Series("b", np.arange(3.0), np.arange(3.0)))
+    html = stacked_plots([Strip(hostile, one)], hostile, hostile, [Shade(0.0, 1.0, hostile, "fitted")])
+    assert "<b>" not in html
+    assert "\x1b" not in html
+    assert any("\\frac" in text for text in texts(html))
 
 
 def test_strips_share_one_axis_and_one_legend() -> None:
     time = np.linspace(0.0, 30.0, 301)
     both = (Series("measured", time, np.sin(time)), Series("simulated", time, np.cos(time)))
     html = stacked_plots([Strip("V, m/s", both), Strip("q, deg/s", both[:1])], "time, s", "two strips")
-    assert sorted(filter(None, texts(html, "label"))) == ["V, m/s", "q, deg/s", "time, s"]
-    assert len(curves(html)) == 3
-    assert len(list(tree(html).iter("li"))) == 2
+    assert {"V, m/s", "q, deg/s", "time, s"} <= set(texts(html))
+    assert len(paths(html, "hue0")) == 2
+    assert len(paths(html, "hue1")) == 1
+    assert keys(html) == ["measured", "simulated"]
 
 
 def test_a_contour_of_a_cone_is_a_circle() -> None:
-    axis = np.linspace(-2.0, 2.0, 81)
-    X, Y = np.meshgrid(axis, axis)
-    found = contour_path(100 * axis, 100 * axis, np.hypot(X, Y), 1.5, "contour")
-    points = np.array(re.findall(r"-?\d+", found.split('d="')[1].split('"')[0]), dtype=float).reshape(-1, 2)
-    assert np.hypot(*points.T) / 1000.0 == pytest.approx(1.5, abs=2e-3)
-    # all around, and nothing left out: the pieces add up to the circumference
-    pieces = np.diff(points, axis=0)
-    assert np.hypot(*pieces.T).sum() / 1000.0 == pytest.approx(3.0 * np.pi, rel=2e-3)
+    x, y = np.linspace(-2.0, 2.0, 81), np.linspace(-1.7, 1.7, 81)
+    X, Y = np.meshgrid(x, y)
+    html = contour_plot(x, y, np.hypot(X, Y), None, (), "x", "y", "d", levels=np.array([1.5]))
+    (circle,) = paths(html, "contour")
+    at = np.column_stack([circle[:, 0] / BOX * 4.0 - 2.0, 1.7 - circle[:, 1] / (1.3 * HEIGHT) * 3.4])
+    assert np.hypot(*at.T) == pytest.approx(1.5, abs=2e-3)
+    assert np.hypot(*np.diff(at, axis=0).T).sum() == pytest.approx(3.0 * np.pi, rel=3e-3)  # all around
 
 
 def test_levels_part_the_grid_evenly_and_none_lie_in_a_plane() -> None:
@@ -153,54 +143,47 @@ def test_a_contour_plot_names_its_marks() -> None:
     values = np.add.outer(axis, axis)
     marks = (Mark("start", 0.1, 0.2), Mark("end", 0.9, 0.8))
     html = contour_plot(axis, axis, values, np.array([[0.1, 0.2], [0.9, 0.8]]), marks, "a", "b", "d")
-    assert ["".join(e.itertext()) for e in tree(html).iter("li")] == ["start", "end"]
+    assert keys(html) == ["start", "end"]
 
 
-def test_what_is_declined_lies_behind_and_every_stretch_has_its_edges() -> None:
+def test_every_stretch_has_its_edges() -> None:
     one = Series("a", np.array([0.0, 10.0]), np.array([0.0, 1.0]))
-    shades = [
-        Shade(0.0, 4.0, "1", "fitted"),
-        Shade(2.0, 6.0, "2", "declined"),
-        Shade(4.0, 8.0, "3", "fitted"),
-    ]
+    shades = [Shade(0.0, 4.0, "1", "fitted"), Shade(2.0, 6.0, "2", "declined")]
     html = stacked_plots([Strip("a", (one,))], "x", "d", shades)
-    kinds = [e.get("class") for e in tree(html).iter("rect")]
-    assert kinds == ["shade declined", "shade fitted", "shade fitted"]
-    brinks = [e for e in tree(html).iter("line") if "brink" in e.get("class", "")]
-    at = {
-        kind: [float(e.get("x1", "")) for e in brinks if kind in e.get("class", "")]
-        for kind in ("fitted", "declined")
-    }
-    assert at["fitted"] == pytest.approx([BOX * s for s in _shares(0.0, 4.0, 4.0, 8.0)], abs=0.01)
-    assert at["declined"] == pytest.approx([BOX * s for s in _shares(2.0, 6.0)], abs=0.01)
+    assert [p[0, 0] for p in paths(html, "fitted-edge")] == pytest.approx(_places(0.0, 4.0), abs=0.11)
+    assert [p[0, 0] for p in paths(html, "declined-edge")] == pytest.approx(_places(2.0, 6.0), abs=0.11)
 
 
-def _shares(*values: float) -> list[float]:
-    """Return places on an axis of 0 to 10 with its margins of 4 %."""
-    return [(v + 0.4) / 10.8 for v in values]
+def _places(*values: float) -> list[float]:
+    """Return places on an axis of 0 to 10 with its margins of 4 %, px."""
+    return [BOX * (v + 0.4) / 10.8 for v in values]
 
 
 def test_zero_is_in_sight_where_it_is_asked_for() -> None:
     one = (Series("a", np.array([0.0, 1.0]), np.array([4.0, 5.0])),)
-    assert "0" in texts(stacked_plots([Strip("a", one, zero=True)], "x, s", "d"), "end")
-    assert "0" not in texts(stacked_plots([Strip("a", one)], "x, s", "d"), "end")
+    assert "0" in texts(stacked_plots([Strip("a", one, zero=True)], "x, s", "d"))
+    assert "0" not in texts(stacked_plots([Strip("a", one)], "x, s", "d"))
 
 
 def test_ticks_stand_where_values_are() -> None:
     lengths = np.array([39.0, 41.0, 47.0])
     html = plot([Series("a", lengths, lengths)], "x", "y", "d", x_ticks=[39.0, 41.0, 47.0])
-    assert [t for t in texts(html, "tick") if t in texts(html, "mid")][-3:] == ["39", "41", "47"]
+    floor = TOP + HEIGHT
+    below = [
+        e.text for e in tree(html).iter(f"{SVG}text") if floor < float(e.get("y", 0)) < floor + FLOOR - 15
+    ]
+    assert below == ["39", "41", "47"]
 
 
 def test_the_name_of_a_window_that_is_used_goes_before_one_that_is_declined() -> None:
     x = np.linspace(0.0, 100.0, 5)
     shades = [
-        Shade(30.0, 52.0, "6", "declined"),
-        Shade(40.0, 42.0, "7", "fitted"),
-        Shade(70.0, 80.0, "8", "fitted"),
+        Shade(30.0, 52.0, "six", "declined"),
+        Shade(40.0, 42.0, "seven", "fitted"),
+        Shade(70.0, 80.0, "eight", "fitted"),
     ]
     html = stacked_plots([Strip("a", (Series("s", x, x),))], "x", "d", shades)
-    assert re.findall(r'class="shade-name mid">(\d)<', html) == ["7", "8"]
+    assert set(texts(html)) & {"six", "seven", "eight"} == {"seven", "eight"}
 
 
 @pytest.mark.parametrize("wished", [(0.0, -1.0), (0.0, 0.0), (0.0, np.nan), (0.0, np.inf), (-1e308, 1e308)])
@@ -209,3 +192,20 @@ def test_a_range_that_is_no_interval_is_that_of_the_series(wished: tuple[float, 
     series = [Series("power", x, x**2)]
     usual = plot(series, "x", "y", "d")
     assert plot(series, "x", "y", "d", x_range=wished, y_range=wished) == usual
+
+
+VALUES = st.floats(-1e6, 1e6) | st.just(float("nan"))
+
+
+@given(arrays(np.float64, st.integers(0, 400), elements=VALUES), st.integers(5, 50))
+def test_a_thinned_curve_keeps_its_extremes_its_ends_and_its_breaks(y: FloatArray, columns: int) -> None:
+    x = np.arange(len(y), dtype=np.float64)
+    kept, values, _ = thinned(Series("a", x, y), columns)
+    there = np.isfinite(y)
+    assert np.array_equal(values, y[kept.astype(int)], equal_nan=True)
+    assert len(np.flatnonzero(np.diff(np.isfinite(values)))) == len(np.flatnonzero(np.diff(there)))
+    pieces = 1 + np.count_nonzero(np.diff(there))
+    assert len(kept) <= max(2 * columns, 2 * columns + 6 * pieces + len(y) // columns * pieces)
+    if there.any():
+        assert np.nanmax(values) == y[there].max()
+        assert np.nanmin(values) == y[there].min()

@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from stoop.errors import OutputError
-from stoop.report.plots import Series, plot
+from stoop.report.plots import plot
+from stoop.report.series import Series
 from stoop.report.sheet import Code, Figure, Prose, Section, Sheet, Table, render_sheet, write_sheet
 
 HOSTILE = '<script>alert("x")</script>&amp;'

@@ -1,0 +1,150 @@
+"""Spectra of a flight: power of accelerations and rates, spectrograms, and frequency responses of rates to commands.
+
+Everything is averaged over half-overlapping windows that hold no gap, each less its mean and tapered by Hann's window.
+
+References
+----------
+P. D. Welch, "The use of fast Fourier transform for the estimation of power spectra", *IEEE Transactions on Audio and
+Electroacoustics* 15(2), 1967. J. S. Bendat and A. G. Piersol, *Random Data*, 4th ed., Wiley, 2010, chapters 9 and 11.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from scipy.special import stdtrit
+
+from stoop.base.arrays import BoolArray, ComplexArray, FloatArray, run_slices
+from stoop.flight.flight import Flight
+from stoop.flight.maneuvers import MOTION, Axis, commands
+
+POWER_WINDOW: Final = 10.0  #: s, of a power spectrum
+RESPONSE_WINDOW: Final = 20.0  #: s, of a frequency response
+SPECTROGRAM_WINDOW: Final = 2.0  #: s
+MIN_WINDOWS: Final = 4  #: a flight that holds fewer gets shorter ones
+MIN_SAMPLES: Final = 16  #: of a window
+MAX_COLUMNS: Final = 400  #: of a spectrogram
+OVERLAP_CORRELATION: Final = 1.0 / 6.0  #: of Hann windows that overlap by half (Welch, for white noise)
+
+
+@dataclass(frozen=True, eq=False)
+class PowerSpectrum:
+    """One-sided power spectral density of a channel."""
+
+    name: str
+    frequency: FloatArray  #: (m,) Hz, without zero
+    density: FloatArray  #: (m,), the channel's unit squared per Hz
+    averages: float  #: effective number of independent windows
+
+
+@dataclass(frozen=True, eq=False)
+class Spectrogram:
+    """Power spectral density over time."""
+
+    name: str
+    time: FloatArray  #: (k,) s, middle of each window
+    frequency: FloatArray  #: (m,) Hz
+    density: FloatArray  #: (m, k), NaN where there is a gap
+
+
+@dataclass(frozen=True, eq=False)
+class FrequencyResponse:
+    """Response of a rate to the command of its axis, H1, with coherence and random error.
+
+    Under feedback, which answers gusts and noise too, it lies between the response of the vehicle and the inverse of the
+    feedback; a coherence near one says that commands dominate.
+    """
+
+    axis: Axis
+    command: str
+    rate: str
+    frequency: FloatArray  #: (m,) Hz, without zero
+    response: ComplexArray  #: (m,), unit of the rate over that of the command
+    coherence: FloatArray  #: (m,), 0 to 1
+    bound: FloatArray  #: (m,), 95 % random error of the magnitude over the magnitude, and of the phase, rad
+
+
+def power_spectra(flight: Flight, names: Sequence[str]) -> list[PowerSpectrum]:
+    """Return the power spectra of those of the channels that hold a window without a gap."""
+    found = []
+    for name in names:
+        windows = _windows(flight.column(name)[:, None], flight.rate, POWER_WINDOW)
+        if windows is not None:
+            density = np.mean(np.abs(windows[:, :, 0]) ** 2, axis=0)[1:]
+            found.append(PowerSpectrum(name, _frequency(flight, windows), density, _averages(len(windows))))
+    return found
+
+
+def spectrogram(flight: Flight, name: str) -> Spectrogram:
+    """Return the spectrogram of a channel in at most `MAX_COLUMNS` windows."""
+    values, length = flight.column(name), max(MIN_SAMPLES, round(SPECTROGRAM_WINDOW * flight.rate))
+    length = min(length, len(values))
+    starts = np.linspace(0, len(values) - length, min(MAX_COLUMNS, 1 + 2 * (len(values) // length))).astype(
+        int
+    )
+    density = np.abs(_transformed(values[starts[:, None] + np.arange(length)], flight.rate)) ** 2
+    frequency = np.arange(density.shape[1]) * flight.rate / length
+    return Spectrogram(name, flight.time[starts] + 0.5 * length / flight.rate, frequency, density.T)
+
+
+def frequency_responses(flight: Flight) -> list[FrequencyResponse]:
+    """Return the responses of roll, pitch and yaw rate to the command of their axis, where both were recorded.
+
+    The random error is that of Bendat and Piersol, section 9.2.4, for the effective number of windows n: real and imaginary
+    part of the relative error have variance (1 - coherence) / (coherence (2 n - 2)) and Student's distribution.
+    """
+    found = []
+    for command in commands(flight):
+        rate = MOTION[command.axis]
+        if rate not in flight.data:
+            continue
+        windows = _windows(np.column_stack([command.u, flight.column(rate)]), flight.rate, RESPONSE_WINDOW)
+        if windows is None or len(windows) < MIN_WINDOWS:
+            continue
+        u, y = windows[:, 1:, 0], windows[:, 1:, 1]
+        power_u, power_y = np.mean(np.abs(u) ** 2, axis=0), np.mean(np.abs(y) ** 2, axis=0)
+        cross = np.mean(np.conj(u) * y, axis=0)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            response = cross / power_u
+            coherence = np.abs(cross) ** 2 / (power_u * power_y)
+            free = 2.0 * _averages(len(windows)) - 2.0
+            bound = stdtrit(free, 0.975) * np.sqrt((1.0 - coherence) / (free * coherence))
+        frequency = _frequency(flight, windows)
+        found.append(
+            FrequencyResponse(command.axis, command.variable, rate, frequency, response, coherence, bound)
+        )
+    return found
+
+
+def _windows(values: FloatArray, rate: float, seconds: float) -> ComplexArray | None:
+    """Return the transforms (w, m, k) of windows of k channels `values` (n, k) without gaps; None if there is none."""
+    present: BoolArray = np.asarray(np.isfinite(values).all(axis=1))
+    stretches = run_slices(present)
+    longest = max((one.stop - one.start for one in stretches), default=0)
+    length = min(round(seconds * rate), 2 * longest // (MIN_WINDOWS + 1)) // 2 * 2
+    if length < MIN_SAMPLES:
+        return None
+    starts = np.concatenate([np.arange(one.start, one.stop - length + 1, length // 2) for one in stretches])
+    return _transformed(values[starts[:, None] + np.arange(length)], rate)
+
+
+def _transformed(windows: FloatArray, rate: float) -> ComplexArray:
+    """Return the transforms (w, m, ...) of windows (w, n, ...); their squared magnitudes are one-sided densities."""
+    length = windows.shape[1]
+    taper = np.hanning(length + 1)[:-1].reshape(-1, *[1] * (windows.ndim - 2))
+    left = windows - windows.mean(axis=1, keepdims=True)
+    return np.asarray(np.fft.rfft(left * taper, axis=1) * np.sqrt(2.0 / (rate * np.sum(taper**2))))
+
+
+def _frequency(flight: Flight, windows: ComplexArray) -> FloatArray:
+    """Return the frequencies of transforms without zero, Hz; the windows have an even number of samples."""
+    count = windows.shape[1] - 1
+    return np.asarray(flight.rate * np.arange(1, count + 1) / (2.0 * count))
+
+
+def _averages(count: int) -> float:
+    """Return how many independent windows as many half-overlapping ones are worth (Welch 1967)."""
+    return count / (1.0 + 2.0 * OVERLAP_CORRELATION**2 * (count - 1) / count)

@@ -1,0 +1,250 @@
+"""The page of a flight: its channels over time with gaps, faults and windows, its path, spectra, and frequency responses."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from markupsafe import Markup
+
+from stoop.base.numbers import NOTHING, factor_and_unit, number
+from stoop.base.units import DEGREE
+from stoop.base.variables import RATES, VARIABLES, WRAPPED
+from stoop.flight import Flight, FlightSummary
+from stoop.flight.spectra import (
+    FrequencyResponse,
+    PowerSpectrum,
+    frequency_responses,
+    power_spectra,
+    spectrogram,
+)
+from stoop.report.design import KINDS
+from stoop.report.plots import heat_map, plot, strip_pictures
+from stoop.report.series import HUES, Series, Shade, Strip, looks_of
+from stoop.report.sheet import Bullets, Code, Details, Panel, Panels, Part, Prose, Section, Sheet, Table
+from stoop.report.time_history import HistoryPanel, TimeHistory
+from stoop.report.track import Track
+
+if TYPE_CHECKING:
+    from stoop.input_design.overview import Overview
+    from stoop.input_design.windows import Found
+
+ACCELERATIONS: Final = ("ax", "ay", "az")
+GROUPS: Final = (
+    ("surfaces", ("elevator", "aileron", "rudder", "flap")),
+    (
+        "commands",
+        ("control_roll", "control_pitch", "control_yaw", "control_throttle", "throttle", "injected"),
+    ),
+    ("rates", RATES),
+    ("attitude", ("phi", "theta", "psi")),
+    ("specific force", ACCELERATIONS),
+    ("velocity over ground", ("vn", "ve", "vd")),
+    ("height", ("altitude", "height")),
+    ("airspeed", ("V", "airspeed_pitot", "airspeed_equivalent")),
+    ("flow angles", ("alpha", "beta")),
+    ("wind as logged", ("wind_n", "wind_e")),
+    ("position", ("pn", "pe", "pd")),
+    ("servos", "servo_"),
+    ("motors", "motor_"),
+    ("rotor speeds", "rotor_"),
+    ("output pulses", "pwm_"),
+)  #: variables that share a panel, or the beginning of their names
+UNSHOWN: Final = frozenset(
+    ("q0", "q1", "q2", "q3", "vn_smooth", "ve_smooth", "vd_smooth")
+)  #: shown otherwise
+LONG: Final = 0.9  #: share of the flight; a fault of it all is listed and not shaded
+MAX_ERROR: Final = 0.7  #: of a response's magnitude, beyond which it is not drawn
+LEAD: Final = """\
+{span} at {rate:g} Hz, {channels} channels. Blue: windows worth fitting; orange: worth predicting; grey with dashed edges: other \
+maneuvers; red: suspected faults. Where a curve is interrupted nothing was recorded. Drag to zoom; choose "window" and drag to \
+cut a window of your own."""
+SPECTRA_LEAD: Final = """\
+One-sided power spectral densities of the whole record, windows of {window:g} s with half overlap. Peaks above some 10 Hz are \
+vibration, most often of propellers; what is filtered on board is missing."""
+RESPONSES_LEAD: Final = """\
+Rate over command of the same axis, with coherence; the bands are 95 % random error. Where the coherence is low the rate does \
+not answer the command alone, and under an autopilot the response is also that of its feedback: for models, use windows."""
+
+
+def flight_sheet(seen: Overview, command: str = "", following: Sequence[str] = ()) -> Sheet:
+    """Return the page; `command` made it, `following` is the command that fits the windows."""
+    summary, found, flight = seen.summary, seen.found, seen.summary.flight
+    start, stop = float(flight.time[0]), float(flight.time[-1])
+    notices = [one for one in summary.notices if one not in [fault.notice for fault in flight.faults]]
+    defects = Bullets([fault.notice for fault in flight.faults] or ["none found"])
+    sections = [
+        Section("Suspected faults", (defects,), "Faults"),
+        Section("Time histories", (flight_history(flight, found),)),
+    ]
+    track = Track.of(flight)
+    sections += [Section("Path", (track,))] if track else []
+    sections += [one for one in (_spectra(flight), _responses(frequency_responses(flight))) if one]
+    sections.append(_windows(found, seen.why, following))
+    sections.append(_channels(summary))
+    sections += [Section("Notes", (Bullets(notices, "notes"),))] if notices else []
+    if flight.parameters:
+        rows = tuple((name, number(value, 7)) for name, value in sorted(flight.parameters.items()))
+        table = Table("", ("parameter", "value"), rows, label="Parameters of the autopilot")
+        sections.append(Section("Autopilot", (Details(f"{len(rows)} parameters", (table,)),)))
+    sections += [Section("Made by", (Code(command),))] if command else []
+    span = f"{start:.2f} to {stop:.2f} s on the log's own clock ({stop - start:.1f} s)"
+    lead = LEAD.format(span=span, rate=flight.rate, channels=len(summary.rows))
+    return Sheet(flight.name, lead, tuple(sections), "flight")
+
+
+def flight_history(flight: Flight, found: Found) -> TimeHistory:
+    """Return all channels, those alike in one panel, with windows and faults as shades."""
+    panels = channel_panels(flight, [str(name) for name in flight.data.data_vars if name not in UNSHOWN])
+    shades = [Shade(w.start, w.stop, str(i), KINDS[w.purpose]) for i, w in enumerate(found.windows, 1)]
+    length = float(flight.time[-1] - flight.time[0])
+    faults = (one for one in flight.faults if one.stop - one.start < LONG * length)
+    shades += [Shade(one.start, one.stop, "", "fault") for one in faults]
+    return TimeHistory(panels, "--maneuver ", shades, wide=True, each=True)
+
+
+def channel_panels(flight: Flight, names: Sequence[str]) -> list[HistoryPanel]:
+    """Return panels of those of the channels that hold a value, those alike in one."""
+    names = [name for name in names if np.isfinite(flight.column(name)).any()]
+    panels, shown = [], set[str]()
+    for title, members in GROUPS:
+        own = [n for n in names if (n.startswith(members) if isinstance(members, str) else n in members)]
+        panels += [_panel(flight, title, own)] if own else []
+        shown.update(own)
+    return [*panels, *(_panel(flight, name, [name]) for name in names if name not in shown)]
+
+
+def _panel(flight: Flight, title: str, names: Sequence[str]) -> HistoryPanel:
+    factor, unit = factor_and_unit(VARIABLES[names[0]].unit if names[0] in VARIABLES else "")
+    curves = []
+    for i, name in enumerate(names):
+        values = factor * flight.column(name)
+        if name in WRAPPED:  # a turn is a jump, not a curve
+            values = np.where(np.abs(np.diff(values, prepend=values[:1])) > factor * np.pi, np.nan, values)
+        curves.append(Series(name, flight.time, values, role=f"hue{i % HUES}", width=1.2))
+    meaning = VARIABLES[names[0]].meaning if len(names) == 1 and names[0] in VARIABLES else ""
+    return HistoryPanel(title, (Strip("", tuple(curves), height=96.0),), unit, meaning, name=title)
+
+
+def _spectra(flight: Flight) -> Section | None:
+    panels: list[Panel] = []
+    for title, names in (("Rates", RATES), ("Specific force", ACCELERATIONS)):
+        found = power_spectra(flight, [n for n in names if n in flight.data])
+        if found:
+            unit = VARIABLES[names[0]].unit
+            panels.append(Panel(title, _densities(found, title, unit)))
+    if not panels:
+        return None
+    maps = []
+    for name in (*RATES, *ACCELERATIONS):
+        if name in flight.data and np.isfinite(flight.column(name)).any():
+            one = spectrogram(flight, name)
+            drawn = heat_map(one.time, one.frequency, one.density, "time, s", "Hz", f"Spectrogram of {name}")
+            maps.append(Panel(name, drawn, meaning=VARIABLES[name].meaning))
+    parts: list[Part] = [Prose(SPECTRA_LEAD.format(window=10.0), muted=True), Panels(panels, "large")]
+    parts += [Prose("Over time, brighter is stronger by decades:", muted=True), Panels(maps)] if maps else []
+    return Section("Spectra", parts)
+
+
+def _densities(found: Sequence[PowerSpectrum], title: str, unit: str) -> Markup:
+    curves = [Series(one.name, one.frequency, one.density) for one in found]
+    return plot(curves, "Hz", f"({unit})²/Hz", f"Power spectra: {title}", log_x=True, log_y=True)
+
+
+def _responses(found: Sequence[FrequencyResponse]) -> Section | None:
+    panels = []
+    for one in found:
+        known = one.bound < MAX_ERROR
+        if not known.any():
+            continue
+
+        with np.errstate(divide="ignore"):
+            gain = 20.0 * np.log10(np.abs(one.response))
+        phase = np.full(len(known), np.nan)
+        phase[known] = np.unwrap(np.angle(one.response[known])) / DEGREE
+        band = one.bound
+        strips = (
+            Strip(
+                "dB",
+                (
+                    Series(
+                        "response",
+                        one.frequency,
+                        np.where(known, gain, np.nan),
+                        role="fit",
+                        half_width=20.0 * np.log10(1.0 + band),
+                    ),
+                ),
+            ),
+            Strip(
+                "phase, deg",
+                (
+                    Series(
+                        "response",
+                        one.frequency,
+                        phase,
+                        role="fit",
+                        half_width=band / DEGREE,
+                    ),
+                ),
+            ),
+            Strip(
+                "coherence",
+                (Series("coherence", one.frequency, one.coherence, role="residual"),),
+                y_range=(0.0, 1.0),
+            ),
+        )
+        looks = looks_of([series for strip in strips for series in strip.series])
+        text = f"Response of {one.rate} to {one.command}"
+        ends = (float(one.frequency[0]), float(one.frequency[-1]))
+        (drawn,) = strip_pictures([(strips, text)], looks, ends, "Hz", log_x=True)
+        panels.append(Panel(one.axis, drawn, meaning=f"{one.rate} over {one.command}"))
+    if not panels:
+        return None
+    return Section("Frequency responses", (Prose(RESPONSES_LEAD, muted=True), Panels(panels, "large")))
+
+
+def _windows(found: Found, why: str, following: Sequence[str]) -> Section:
+    if not found.windows:
+        return Section("Windows", (Bullets([f"none found: {why}"]),))
+    rows = tuple(
+        (
+            str(i),
+            w.span,
+            w.purpose,
+            w.axis,
+            number(w.maneuver.strength, 3) if w.maneuver else NOTHING,
+            str(w.why),
+        )
+        for i, w in enumerate(found.windows, 1)
+    )
+    table = Table("", ("number", "window s", "use", "axis", "times usual", "why"), rows, label="Windows")
+    next_step = (Code(shlex.join(following)),) if following else ()
+    return Section("Windows worth fitting", (table, *next_step), "Windows")
+
+
+def _channels(summary: FlightSummary) -> Section:
+    rows = tuple(
+        (
+            row.variable, row.unit, number(row.minimum), number(row.median), number(row.maximum), row.source,
+            number(row.rate, 3), str(row.gaps), number(row.longest_gap, 3), f"{100.0 * row.missing:.1f} %", row.meaning,
+        )
+        for row in summary.rows
+    )  # fmt: skip
+    head = (
+        "channel",
+        "unit",
+        "lowest",
+        "median",
+        "highest",
+        "source",
+        "Hz",
+        "gaps",
+        "longest, s",
+        "missing",
+        "meaning",
+    )
+    kinds = ("", "", "n", "n", "n", "", "n", "n", "n", "n", "wrap")
+    return Section("Channels", (Table("", head, rows, kinds, label="Channels"),))

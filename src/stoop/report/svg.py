@@ -1,0 +1,44 @@
+"""Small drawings as SVG text: elements, and a scale. Colors are classes of the style sheet."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from markupsafe import Markup
+
+
+@dataclass(frozen=True)
+class Scale:
+    """Map from data `low`..`high` to pixels `start`..`stop`."""
+
+    low: float
+    high: float
+    start: float
+    stop: float
+
+    def at(self, value: float) -> float:
+        """Return the pixel of one value."""
+        return self.start + (value - self.low) / (self.high - self.low) * (self.stop - self.start)
+
+
+def element(name: str, content: str = "", **attributes: str | float) -> Markup:
+    """Return one element; numbers are rounded, text is escaped, ``class_`` is class, ``_`` is ``-``."""
+    written = Markup("").join(
+        Markup(' {}="{}"').format(key.rstrip("_").replace("_", "-"), _short(value))
+        for key, value in attributes.items()
+    )
+    if not content and name != "text":
+        return Markup("<{}{}/>").format(Markup(name), written)  # noqa: S704 (names are ours)
+    return Markup("<{0}{1}>{2}</{0}>").format(Markup(name), written, content)  # noqa: S704 (names are ours)
+
+
+def drawing(width: float, height: float, description: str, parts: Sequence[Markup]) -> Markup:
+    """Return the whole drawing, with its description."""
+    return Markup('<svg viewBox="0 0 {} {}" role="img" aria-label="{}">{}</svg>').format(
+        _short(width), _short(height), description, Markup("").join(parts)
+    )
+
+
+def _short(value: str | float) -> str:
+    return value if isinstance(value, str) else f"{value:.2f}".rstrip("0").rstrip(".")

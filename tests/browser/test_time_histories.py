@@ -1,0 +1,192 @@
+"""Time histories in a real browser: zoom, cursor, legend, windows, tables; print, dark, and no scripts."""
+
+from __future__ import annotations
+
+import csv
+import importlib.util
+import io
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from playwright.sync_api import Browser, Page
+
+from stoop.report.identification import render
+from stoop.results.result import Identification
+
+EXAMPLES = Path(__file__).parents[1] / "unit" / "report" / "examples.py"
+PLACES = "Bokeh.documents[0].roots().map((one) => [one.x_range.start, one.x_range.end])"
+
+
+@dataclass
+class Seen:
+    page: Page
+    identification: Identification
+    troubles: list[str] = field(default_factory=list)
+
+    def run(self, script: str) -> Any:
+        return self.page.evaluate(script)
+
+    def box(self, panel: int, strip: int = 0) -> dict[str, float]:
+        """Return where a strip lies on the screen."""
+        place = self.page.locator(".history").first.locator(".strips").nth(panel).locator("> div").nth(strip)
+        place.scroll_into_view_if_needed()
+        found = place.bounding_box()
+        assert found is not None
+        return dict(found)
+
+    def drag(self, panel: int, start: float, stop: float) -> None:
+        """Drag over a strip between shares of its width."""
+        at = self.box(panel)
+        y = at["y"] + at["height"] / 2
+        self.page.mouse.move(at["x"] + 70 + start * (at["width"] - 78), y)
+        self.page.mouse.down()
+        for share in np.linspace(start, stop, 5)[1:]:
+            self.page.mouse.move(at["x"] + 70 + share * (at["width"] - 78), y)
+        self.page.mouse.up()
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Identification]:
+    spec = importlib.util.spec_from_file_location("report_examples", EXAMPLES)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    identification = module.example(("CL0", "CLalpha"))
+    path = tmp_path_factory.mktemp("page") / "report.html"
+    path.write_text(render(identification), "utf-8")
+    return path, identification
+
+
+def opened(browser: Browser, made: tuple[Path, Identification], **options: Any) -> Seen:
+    page = browser.new_page(viewport={"width": 1280, "height": 900}, **options)
+    seen = Seen(page, made[1])
+    page.on(
+        "console", lambda message: seen.troubles.append(message.text) if message.type == "error" else None
+    )
+    page.on("pageerror", lambda error: seen.troubles.append(str(error)))
+    page.on(
+        "request",
+        lambda one: (
+            seen.troubles.append(one.url) if not one.url.startswith(("file:", "data:", "blob:")) else None
+        ),
+    )
+    page.goto(made[0].as_uri())
+    page.locator(".history").first.scroll_into_view_if_needed()
+    return seen
+
+
+@pytest.fixture
+def seen(browser: Browser, made: tuple[Path, Identification]) -> Iterator[Seen]:
+    seen = opened(browser, made)
+    seen.page.wait_for_selector(".history.live canvas")
+    strips = seen.page.locator(".history").first.locator(".strips")
+    for i in range(strips.count()):  # figures are made when they come into sight
+        strips.nth(i).scroll_into_view_if_needed()
+        strips.nth(i).locator("canvas").first.wait_for(state="attached")
+    yield seen
+    assert seen.troubles == []
+    seen.page.close()
+
+
+def test_a_drag_zooms_all_channels_alike_and_a_double_click_shows_everything(seen: Seen) -> None:
+    whole = seen.run(PLACES)
+    seen.drag(0, 0.25, 0.5)
+    seen.page.wait_for_function(f"({PLACES})[0][0] > {whole[0][0] + 0.5}")
+    zoomed = seen.run(PLACES)
+    assert len(zoomed) > 20
+    assert all(one == zoomed[0] for one in zoomed)
+    span = whole[0][1] - whole[0][0]
+    assert zoomed[0] == pytest.approx([whole[0][0] + 0.25 * span, whole[0][0] + 0.5 * span], abs=0.03 * span)
+    seen.page.get_by_role("button", name="reset").first.click()
+    assert seen.run(PLACES) == whole
+
+
+def test_the_cursor_reads_every_channel_at_one_time(seen: Seen) -> None:
+    at = seen.box(6)
+    seen.page.mouse.move(at["x"] + at["width"] / 3, at["y"] + at["height"] / 2)
+    seen.page.wait_for_function("document.querySelectorAll('.history .values')[6].textContent !== ''")
+    texts = seen.page.locator(".history").first.locator(".values").all_text_contents()
+    times = {text.partition(" s:")[0] for text in texts}
+    assert len(times) == 1
+    trace, channels = seen.identification.traces[0], list(seen.identification.traces[0].channels)
+    time = float(times.pop())
+    inputs = len(trace.inputs)
+    k = int(np.flatnonzero(np.nan_to_num(trace.time, nan=np.inf) <= time + 5e-4)[-1])
+    for i in (0, 3, 11):
+        name = channels[i]
+        factor = 1.0 if seen.identification.units[name].startswith("m") else 180.0 / np.pi
+        (read,) = re.findall(r"measured (−?[\d.e-]+)", texts[inputs + i])
+        values = factor * trace.channels[name].measured[k - 1 : k + 1]
+        assert np.isclose(float(read.replace("−", "-")), values, rtol=1e-3).any()
+
+
+def test_the_legend_hides_and_shows_a_curve_everywhere(seen: Seen) -> None:
+    shown = """Bokeh.documents[0].roots().flatMap((f) => f.renderers).filter((r) => r.name === "measured" && r.visible).length"""
+    before = seen.run(shown)
+    key = seen.page.locator(".history").first.get_by_role("button", name="measured", exact=True)
+    key.click()
+    assert before == len(seen.identification.traces[0].channels)
+    assert seen.run(shown) == 0
+    key.click()
+    assert seen.run(shown) == before
+
+
+def test_a_marked_window_stands_there_to_be_copied_and_its_table_holds_the_data(seen: Seen) -> None:
+    history = seen.page.locator(".history").first
+    history.get_by_role("button", name="window").click()
+    seen.drag(4, 0.2, 0.6)
+    words = history.locator(".marked code").text_content()
+    assert words is not None
+    found = re.fullmatch(r"--maneuver (?:\w+@)?([\d.]+):([\d.]+)", words)
+    assert found is not None
+    start, stop = map(float, found.groups())
+    assert stop > start
+    with seen.page.expect_download() as download:
+        history.get_by_role("button", name="CSV").click()
+    rows = list(csv.reader(io.StringIO(Path(download.value.path()).read_text("utf-8"))))
+    head, table = rows[0], np.array([[float(x or "nan") for x in row] for row in rows[1:]])
+    trace = seen.identification.traces[0]
+    inside = (trace.time >= start - 5e-4) & (trace.time <= stop + 5e-4)
+    assert head[0] == "time [s]"
+    assert table[:, 0] == pytest.approx(trace.time[inside], abs=1e-9)
+    for name, factor, unit in (("p", 180.0 / np.pi, "deg/s"), ("az", 1.0, "m/s²")):
+        column = table[:, head.index(f"simulated {name} [{unit}]")]
+        assert column == pytest.approx(
+            factor * trace.channels[name].simulated[inside], rel=1e-6, abs=1e-6, nan_ok=True
+        )
+
+
+def test_print_and_a_browser_without_scripts_show_stills(
+    browser: Browser, made: tuple[Path, Identification], seen: Seen
+) -> None:
+    seen.page.emulate_media(media="print")
+    still, strips = seen.page.locator(".still").first, seen.page.locator(".strips").first
+    assert still.is_visible()
+    assert not strips.is_visible()
+    plain = opened(browser, made, java_script_enabled=False)
+    assert plain.page.locator(".still svg").first.is_visible()
+    assert not plain.page.get_by_role("button", name="zoom").first.is_visible()
+    plain.page.close()
+
+
+@pytest.mark.parametrize("width", [420, 1280])
+def test_a_page_is_no_wider_than_the_screen_and_dark_where_that_is_wished(
+    browser: Browser, made: tuple[Path, Identification], width: int
+) -> None:
+    seen = opened(browser, made, color_scheme="dark")
+    seen.page.set_viewport_size({"width": width, "height": 900})
+    seen.page.wait_for_selector(".history.live canvas")
+    assert seen.run("document.documentElement.scrollWidth") <= width
+    colors = seen.run(
+        "Bokeh.documents[0].roots().flatMap((f) => f.renderers).map((r) => r.glyph.line_color?.value)"
+    )
+    assert "#7aa2ff" in colors
+    assert "#1d4ed8" not in colors
+    assert seen.troubles == []
+    seen.page.close()

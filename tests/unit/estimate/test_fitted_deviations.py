@@ -1,0 +1,40 @@
+"""The 95 % band of a fitted response holds 95 % of the readings when the model is right, by every method that has one."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import stoop
+from stoop.simulation.fly import simulate_flight
+from stoop.simulation.maneuver import parse_maneuver
+
+MANEUVER = """
+duration = 12.0
+rate = 50.0
+[[input]]
+control = "elevator"
+shape = "3-2-1-1"
+start = 1.0
+step = 0.3
+amplitude = 0.1
+"""
+
+
+@pytest.mark.parametrize("method", ["output-error", "filter-error", "multiple-shooting", "equation-error"])
+def test_the_band_of_a_right_model_holds_the_readings(method: str) -> None:
+    vehicle = stoop.load_vehicle("twin-boom").reduced("longitudinal")
+    flight = simulate_flight(vehicle, parse_maneuver(MANEUVER, "m"), 3, name="f")
+    fit = stoop.fit(vehicle, flight, ["0:12"], options=stoop.Options(method=method))
+    (trace,) = fit.plot.identification.traces
+    if method == "equation-error":
+        assert all(one.deviation is not None for one in trace.channels.values()), (
+            "its parameters are simulated"
+        )
+        return
+    inside = []
+    for one in trace.channels.values():
+        assert one.deviation is not None
+        errors = (one.measured - one.simulated) / one.deviation
+        inside.append(np.abs(errors[np.isfinite(errors)]) < 1.96)
+    assert np.mean(np.concatenate(inside)) == pytest.approx(0.95, abs=0.03)

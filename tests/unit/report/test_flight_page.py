@@ -1,0 +1,136 @@
+"""The page of a flight: everything in sight, whatever the log lacks."""
+
+from __future__ import annotations
+
+import base64
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stoop.base.arrays import FloatArray
+from stoop.cli.main import main
+from stoop.flight import Flight, from_columns
+from stoop.input_design.overview import overview
+from stoop.report.flight import flight_history, flight_sheet
+from stoop.report.series import Shade
+from stoop.report.sheet import render_sheet
+from stoop.report.time_history import MAX_SAMPLES, blocks, coarse, in_blocks
+from stoop.report.track import Track, projected
+
+
+def flown(seconds: float = 120.0, rate: float = 50.0) -> Flight:
+    """Return circles with three aileron doublets; psi turns."""
+    time = np.arange(round(seconds * rate)) / rate
+    turn, rng = 0.2 * time, np.random.default_rng(3)
+    aileron = np.zeros(len(time))
+    for t in (20, 50, 80):
+        aileron += 0.1 * ((time > t) & (time < t + 0.5)) - 0.1 * ((time > t + 0.5) & (time < t + 1))
+    columns = {
+        "aileron": aileron, "p": np.convolve(aileron, np.ones(20), "same") + 1e-3 * rng.standard_normal(len(time)),
+        "phi": 0.4 + 0 * time, "theta": 0 * time, "psi": (turn + np.pi) % (2 * np.pi) - np.pi,
+        "pn": 100 * np.sin(turn), "pe": -100 * np.cos(turn), "altitude": 200 + 0.1 * time, "voltage": 12 - time / 100,
+        "ax": rng.standard_normal(len(time)),
+    }  # fmt: skip
+    columns["ax"][1000:1200] = np.nan
+    return from_columns("<b>circles</b>", time, columns)
+
+
+def test_all_that_was_recorded_is_on_the_page() -> None:
+    page = render_sheet(flight_sheet(overview(flown()), "stoop look x.ulg", ["stoop", "identify"]))
+    for words in ("Suspected faults", "attitude", "voltage of the main battery", "In space", "Spectrogram of ax",
+                  "p over aileron", "Windows", "stoop look x.ulg"):  # fmt: skip
+        assert words in page, words
+    assert "<b>circles" not in page
+
+
+def test_a_turn_is_no_stroke_across_the_panel() -> None:
+    history = flight_history(flown(), overview(flown()).found)
+    (attitude,) = [panel for panel in history.panels if panel.title == "attitude"]
+    psi = next(one for one in attitude.strips[0].series if one.name == "psi")
+    assert np.nanmax(np.abs(np.diff(psi.y))) < 180.0
+
+
+@pytest.mark.parametrize(
+    "lacks", [("pn", "pe"), ("p",), ("aileron", "p"), ("phi", "theta", "psi"), ("ax", "p")]
+)
+def test_what_a_log_lacks_is_left_out(lacks: tuple[str, ...]) -> None:
+    whole = flown(40.0)
+    kept = {str(n): whole.column(str(n)) for n in whole.data.data_vars if str(n) not in lacks}
+    page = render_sheet(flight_sheet(overview(from_columns("f", whole.time, kept))))
+    assert "Time histories" in page
+    assert ("In space" in page) == ("pn" not in lacks)
+
+
+@pytest.mark.parametrize("n", [2, 3, 30])
+def test_hardly_any_samples_are_still_a_page(n: int) -> None:
+    time = np.arange(n) / 50.0
+    flight = from_columns("f", time, {"p": np.zeros(n), "q": np.full(n, np.nan)})
+    assert "Channels" in render_sheet(flight_sheet(overview(flight)))
+
+
+def test_a_long_record_keeps_every_peak_and_all_samples_of_its_windows() -> None:
+    rng = np.random.default_rng(0)
+    x, y = np.arange(4 * MAX_SAMPLES) / 100.0, rng.standard_normal(4 * MAX_SAMPLES)
+    y[777:1888] = np.nan
+    y[54321] = 50.0
+    starts = blocks(x, [Shade(300.0, 310.0, "1", "fitted")])
+    time, values = in_blocks(x, starts), coarse(y, starts)
+    assert len(time) == len(values) < MAX_SAMPLES
+    assert np.nanmax(values) == 50.0
+    assert np.nanmin(values) == np.nanmin(y)
+    assert np.all(np.diff(time) >= 0.0)
+    inside = (time > 300.0) & (time < 310.0)
+    assert set(values[inside]) == set(y[(x > 300.0) & (x < 310.0)])
+    gap = (time > x[777] + 0.5) & (time < x[1888] - 0.5)
+    assert np.isnan(values[gap]).all()
+
+
+def test_a_short_record_is_on_the_page_as_it_is() -> None:
+    flight = flown(20.0)
+    history = flight_history(flight, overview(flight).found)
+    content = json.loads(history.document())
+    for strip, panel in zip((s for p in content["panels"] for s in p), history.panels, strict=True):
+        for drawn, series in zip(strip["series"], panel.strips[0].series, strict=True):
+            packed = base64.b64decode(content["tables"][drawn["table"]][drawn["column"]])
+            assert np.array_equal(np.frombuffer(packed, "<f4"), series.y.astype("f4"), equal_nan=True)
+
+
+def test_the_track_is_seen_from_where_it_says() -> None:
+    track = Track.of(flown())
+    assert track is not None
+    east_up: FloatArray = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
+    (right, _), (none, up), (left, away) = projected(east_up)
+    assert right > 0
+    assert none == 0
+    assert up > 0
+    assert left < 0 < away
+    nose, tail, *_, fin = track.glyphs()[0]
+    assert np.linalg.norm(nose - tail) == pytest.approx(1.7 * 0.03 * 200.0, rel=0.01)
+    assert fin[2] > tail[2], "the fin is on top"
+
+
+def test_look_writes_a_page_and_info_the_same_beside_its_tables(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    flight = flown(40.0)
+    log = tmp_path / "flight.csv"
+    names = ("p", "ax", "phi", "theta", "psi")
+    table = np.column_stack([flight.time, *(flight.column(n) for n in names)])
+    log.write_text(
+        "\n".join([",".join(["time", *names]), *(",".join(map(repr, map(float, row))) for row in table)])
+    )
+    mapping = tmp_path / "map.toml"
+    assert main(["map", str(log), "-o", str(mapping)]) == 0
+    one, two = tmp_path / "one.html", tmp_path / "two.html"
+    capsys.readouterr()
+    assert main(["look", str(log), "--mapping", str(mapping), "-o", str(one)]) == 0
+    assert f"wrote {one}" in capsys.readouterr().out
+    assert main(["info", str(log), "--mapping", str(mapping), "-o", str(two)]) == 0
+    assert "Channels" in capsys.readouterr().out
+    made = [re.sub(r"<pre.*?</pre>", "", page.read_text("utf-8"), flags=re.DOTALL) for page in (one, two)]
+    assert made[0] == made[1]
+    assert main(["look", str(log), "--mapping", str(mapping), "-o", str(one)]) == 2
+    assert "exists already" in capsys.readouterr().err

@@ -1,0 +1,114 @@
+"""What is published: the content of sdist and wheel, the page that a package index shows, and one address everywhere."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tarfile
+import tomllib
+import zipfile
+from email import message_from_bytes
+from email.message import Message
+from pathlib import Path
+
+import pytest
+from markdown_it import MarkdownIt
+
+ROOT = Path(__file__).parents[2]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+URLS = PROJECT["urls"]
+AT_TOP = {
+    *("src", "tests", "docs", "examples", "benchmarks", "scripts", "README.md", "LICENSE", "CHANGELOG.md"),
+    *("CITATION.cff", "CONTRIBUTING.md", "pyproject.toml", "PKG-INFO", ".gitignore"),
+}
+CACHES = ("__pycache__", ".pyc", ".pytest_cache", ".mypy_cache", ".ruff_cache", ".hypothesis", ".DS_Store")
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the folder of an sdist, and of the wheel that was built from it."""
+    folder = tmp_path_factory.mktemp("dist")
+    command = [sys.executable, "-m", "build", "--no-isolation", "--outdir", str(folder), str(ROOT)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return folder
+
+
+@pytest.fixture(scope="module")
+def wheel(built: Path) -> dict[str, bytes]:
+    """Return the files of the wheel."""
+    with zipfile.ZipFile(next(built.glob("*.whl"))) as archive:
+        return {name: archive.read(name) for name in archive.namelist()}
+
+
+@pytest.fixture(scope="module")
+def metadata(wheel: dict[str, bytes]) -> Message:
+    """Return the metadata of the wheel; the payload is the page of the package."""
+    return message_from_bytes(wheel[f"stoop-{PROJECT['version']}.dist-info/METADATA"])
+
+
+def sources() -> set[str]:
+    """Return the files of the packages in this folder, as a wheel names them."""
+    files = (p for p in (ROOT / "src").rglob("*") if p.is_file() and "__pycache__" not in p.parts)
+    return {p.relative_to(ROOT / "src").as_posix() for p in files if ".egg-info" not in str(p)}
+
+
+def targets(text: str) -> list[tuple[str, str]]:
+    """Return the links and pictures of a Markdown text, as a CommonMark parser reads them."""
+    tokens = MarkdownIt("commonmark").enable("table").parse(text)
+    parts = [part for token in tokens for part in token.children or ()]
+    kinds = {"link_open": "href", "image": "src"}
+    return [(p.type, str(p.attrs[kinds[p.type]])) for p in parts if p.type in kinds]
+
+
+def test_sdist_holds_what_the_checks_need_and_nothing_else(built: Path) -> None:
+    with tarfile.open(next(built.glob("*.tar.gz"))) as archive:
+        names = [name.split("/", 1)[1] for name in archive.getnames()]
+    assert {name.split("/", 1)[0] for name in names} == AT_TOP
+    assert not [name for name in names if any(part in name for part in CACHES)]
+    assert {n.removeprefix("src/") for n in names if n.startswith("src/")} == sources()
+
+
+def test_wheel_holds_the_packages_and_nothing_else(wheel: dict[str, bytes]) -> None:
+    dist_info = f"stoop-{PROJECT['version']}.dist-info/"
+    examples = {
+        f"stoop/data/examples/{path.name}" for path in (ROOT / "examples").iterdir() if path.is_file()
+    }
+    assert {name for name in wheel if not name.startswith(dist_info)} == sources() | examples
+    assert "stoop/py.typed" in wheel
+    entry_points = wheel[f"{dist_info}entry_points.txt"].decode()
+    assert "stoop = stoop.cli.main:main" in entry_points
+
+
+def test_page_of_the_package_has_no_relative_links(metadata: Message) -> None:
+    """What the README links in the repository is linked, and shown, under the tag of the version."""
+    assert metadata["Description-Content-Type"] == "text/markdown"
+    payload = metadata.get_payload(decode=True)
+    assert isinstance(payload, bytes)
+    tag = f"v{PROJECT['version']}"
+    pages, pictures = (
+        f"{URLS['Source']}/blob/{tag}/",
+        f"{URLS['Source']}/{tag}/".replace("github.com", "raw.githubusercontent.com"),
+    )
+    here = targets((ROOT / "README.md").read_text(encoding="utf-8"))
+    absolute = {"link_open": pages, "image": pictures}
+    assert targets(payload.decode("utf-8")) == [
+        (kind, target if target.startswith(("https://", "#")) else absolute[kind] + target)
+        for kind, target in here
+    ]
+    assert {kind for kind, target in here if "://" not in target} == set(absolute)
+
+
+def test_metadata(metadata: Message) -> None:
+    assert metadata["License-Expression"] == "MIT"
+    assert "Typing :: Typed" in metadata.get_all("Classifier", [])
+    assert not [c for c in metadata.get_all("Classifier", []) if c.startswith("License")]
+    assert {u.split(", ")[0] for u in metadata.get_all("Project-URL", [])} == set(URLS)
+
+
+def test_address_is_one() -> None:
+    """The citation and the build of the page name the addresses of pyproject.toml."""
+    citation = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    assert f"\nrepository-code: {URLS['Source']}\n" in citation
+    assert f"\nurl: {URLS['Documentation']}\n" in citation
+    assert all(URLS[name].startswith(URLS["Source"]) for name in ("Homepage", "Issues", "Changelog"))
