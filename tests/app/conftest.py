@@ -23,7 +23,7 @@ QUIET = (
 )  # fmt: skip
 #: a resize while figures are laid out, of Bokeh 3.9: it measures again
 HARMLESS = "Cannot read properties of undefined (reading 'top_panel')"
-PATIENCE = 60_000  #: ms until something must be there
+PATIENCE = 240_000  #: ms until something must be there, on the busiest machine
 
 
 @dataclass
