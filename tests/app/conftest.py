@@ -23,7 +23,7 @@ QUIET = (
 )  # fmt: skip
 #: a resize while figures are laid out, of Bokeh 3.9: it measures again
 HARMLESS = "Cannot read properties of undefined (reading 'top_panel')"
-PATIENCE = 60_000  #: ms until something must be there
+PATIENCE = 240_000  #: ms until something must be there, on the busiest machine
 
 
 @dataclass
@@ -45,6 +45,8 @@ class App:
     def kill(self) -> None:
         self.process.kill()
         self.process.wait()
+        assert self.process.stdout is not None
+        self.process.stdout.close()
 
 
 def start_app(folder: Path, *words: str, cwd: Path | None = None) -> App:
@@ -82,8 +84,6 @@ def app(tmp_path: Path) -> Iterator[Callable[..., App]]:
     yield start
     for one in started:
         one.kill()
-        assert one.process.stdout is not None
-        one.process.stdout.close()
         end_steps(one.folder)
 
 

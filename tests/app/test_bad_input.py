@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import errno
-import http.client
 import os
 import socket
 import subprocess
@@ -54,18 +53,6 @@ def test_logs_that_cannot_be_read(app, tab, tmp_path: Path) -> None:
     folder = next(tmp_path.glob("project"))
     assert 'unit = "kt"' in (folder / "mapping.toml").read_text("utf-8")
     assert Project(folder).info["channels"]
-
-
-def test_a_log_of_two_gigabytes_is_refused_before_it_is_sent(app) -> None:
-    running = app("--max-upload", "1")
-    connection = http.client.HTTPConnection("127.0.0.1", running.port, timeout=20)
-    connection.putrequest("POST", f"/{running.token}/upload?name=a.ulg")
-    connection.putheader("Content-Length", str(2 * 10**9))
-    connection.endheaders()
-    answer = connection.getresponse()
-    assert (answer.status, answer.read()[:24]) == (413, b"the log holds 2 GB, more")
-    connection.close()
-    assert not list((running.folder / "logs").glob("*")) if (running.folder / "logs").exists() else True
 
 
 def test_a_port_in_use(app, tmp_path: Path) -> None:

@@ -3,7 +3,19 @@
 from __future__ import annotations
 
 import http.client
-from pathlib import Path
+from collections.abc import Iterator
+
+import pytest
+
+from app.conftest import App, start_app
+
+
+@pytest.fixture(scope="module")
+def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[App]:
+    """Return one app for these tests."""
+    one = start_app(tmp_path_factory.mktemp("gate") / "project", "--max-upload", "1")
+    yield one
+    one.kill()
 
 
 def ask(port: int, path: str, method: str = "GET", **headers: str) -> tuple[int, dict[str, str], bytes]:
@@ -15,8 +27,7 @@ def ask(port: int, path: str, method: str = "GET", **headers: str) -> tuple[int,
     return found
 
 
-def test_who_and_what_is_refused(app, tmp_path: Path) -> None:
-    running = app()
+def test_who_and_what_is_refused(running: App) -> None:
     port, own = running.port, f"/{running.token}"
     assert len(running.token) >= 32
     status, headers, page = ask(port, f"{own}/")
@@ -61,8 +72,8 @@ def test_who_and_what_is_refused(app, tmp_path: Path) -> None:
     # files of the folder only
     (running.folder / "a.html").write_text("<script>1</script>")
     (running.folder / "a.svg").write_text("<svg/>")
-    (tmp_path / "secret.txt").write_text("secret")
-    (running.folder / "link.txt").symlink_to(tmp_path / "secret.txt")
+    (running.folder.parent / "secret.txt").write_text("secret")
+    (running.folder / "link.txt").symlink_to(running.folder.parent / "secret.txt")
     status, headers, _ = ask(port, f"{own}/files/a.html")
     assert status == 200
     assert headers["Content-Security-Policy"].startswith("sandbox allow-scripts")
@@ -81,8 +92,7 @@ def test_who_and_what_is_refused(app, tmp_path: Path) -> None:
         assert body != b"secret"
 
 
-def test_a_websocket_of_another_page_is_refused(app) -> None:
-    running = app()
+def test_a_websocket_of_another_page_is_refused(running: App) -> None:
     upgrade = {
         "Upgrade": "websocket",
         "Connection": "Upgrade",
@@ -94,15 +104,25 @@ def test_a_websocket_of_another_page_is_refused(app) -> None:
     assert ask(running.port, "/ws", Origin=page, **upgrade)[0] == 403
 
 
-def test_an_upload_stays_in_the_folder(app) -> None:
-    running = app()
+def test_an_upload_stays_in_the_folder(running: App) -> None:
+    before = set(running.folder.parent.rglob("*"))
     for name in ("../../x.ulg", "/etc/x.ulg", "..", ".hidden", "a%00b", "con\\x.ulg"):
         connection = http.client.HTTPConnection("127.0.0.1", running.port, timeout=20)
         connection.request("POST", f"/{running.token}/upload?name={name}&into=../..", body=b"abc")
         answer = connection.getresponse()
         assert answer.status == 200, (name, answer.read())
         connection.close()
-    kept = [p.relative_to(running.folder).parts for p in running.folder.rglob("*") if p.is_file()]
-    assert {parts[0] for parts in kept} == {"logs"}
-    assert not any(p.name.startswith(".") for p in running.folder.rglob("*"))
-    assert [p.name for p in running.folder.parent.iterdir()] == [running.folder.name]
+    kept = set(running.folder.parent.rglob("*")) - before
+    assert all(p.is_relative_to(running.folder / "logs") for p in kept)
+    assert not any(p.name.startswith(".") for p in kept)
+
+
+def test_a_log_of_two_gigabytes_is_refused_before_it_is_sent(running: App) -> None:
+    connection = http.client.HTTPConnection("127.0.0.1", running.port, timeout=20)
+    connection.putrequest("POST", f"/{running.token}/upload?name=large.ulg")
+    connection.putheader("Content-Length", str(2 * 10**9))
+    connection.endheaders()
+    answer = connection.getresponse()
+    assert (answer.status, answer.read()[:24]) == (413, b"the log holds 2 GB, more")
+    connection.close()
+    assert not list(running.folder.rglob("large*"))

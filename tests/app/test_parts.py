@@ -12,7 +12,7 @@ import pytest
 
 from stoop.app import numbers, parts, steps
 from stoop.app.folder import ChangedError, Project, version
-from stoop.app.plots import Strip, drawn_curves, thinned
+from stoop.app.plots import Strip, drawn_costs, drawn_curves, thinned
 from stoop.app.uploads import safe_name
 from stoop.errors import StoopError, VehicleError
 from stoop.estimate.iterates import watched
@@ -96,6 +96,7 @@ def test_what_is_shown_is_escaped() -> None:
     for text in (*simple, *others, drawn_curves([piece])):
         assert "<script" not in text
         assert "\x1b" not in text
+    assert drawn_costs([[0.0, 100.0], [1.0, 10.0]]).count("<path") == 1
     assert drawn_curves([]) == '<div class="curves"></div>'
 
 

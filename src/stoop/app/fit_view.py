@@ -11,7 +11,7 @@ import panel as pn
 
 from stoop.app import numbers, parts
 from stoop.app.folder import PROGRESS, VEHICLE, Project
-from stoop.app.plots import drawn_curves
+from stoop.app.plots import drawn_costs, drawn_curves
 from stoop.app.steps import Step
 from stoop.app.view import View
 from stoop.base.numbers import number
@@ -118,7 +118,8 @@ class FitView(View):
         except (OSError, ValueError):
             return
         self._seen = (self._chosen, changed)
-        cost = f"cost {progress['cost']:g}" if progress.get("cost") is not None else ""
+        known = progress.get("cost") is not None and "cost" not in progress["work"]
+        cost = f"cost {progress['cost']:g}" if known else ""
         told = " · ".join(t for t in (progress["work"], cost, f"{progress.get('seconds', 0):.0f} s") if t)
         self._work.object = f"<p><b>{parts.escaped(told)}</b></p><div class='bar'><i></i></div>"
         rows = [
@@ -127,7 +128,7 @@ class FitView(View):
         ]
         shown = parts.table(("", "now", "unit"), rows)
         self._values.object = parts.fold(f"{len(rows)} parameters", shown, is_open=True) if rows else ""
-        self._curves.object = drawn_curves(progress.get("curves", ()))
+        self._curves.object = drawn_costs(progress["costs"]) + drawn_curves(progress.get("curves", ()))
 
     def _running(self, step: Step) -> list[Any]:
         self._seen = None

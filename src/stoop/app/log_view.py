@@ -157,11 +157,5 @@ class LogView(View):
             parts.button("Next: the vehicle", lambda: self.go("Vehicle"), "primary"),
             parts.html(findings + parts.frame(f"{step.name}/{LOOK}", "the flight")),
             parts.html(parts.command(step)),
-            pn.Card(
-                *self._choice(),
-                title="Another log",
-                collapsed=True,
-                sizing_mode="stretch_width",
-                margin=(8, 0),
-            ),
+            parts.card("Another log", *self._choice()),
         ]

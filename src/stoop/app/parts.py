@@ -115,6 +115,13 @@ def button(name: str, act: Callable[[], Any], kind: str = "default", **options: 
     return made
 
 
+def card(title: str, *inside: Any) -> pn.Card:
+    """Return what is folded below a title."""
+    frame = {"border": "1px solid var(--line)", "border-radius": "6px", "box-shadow": "none"}
+    return pn.Card(*inside, title=title, collapsed=True, sizing_mode="stretch_width", margin=(8, 0), styles=frame,
+                   header_background="var(--card)", header_color="var(--ink)", title_css_classes=["title"])  # fmt: skip
+
+
 def address(place: str) -> str:
     """Return where the page finds a file of the folder."""
     return f"files/{url_escape(place, plus=False)}"

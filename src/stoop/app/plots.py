@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any, Final
 
@@ -235,23 +235,44 @@ def drawn_curves(pieces: Sequence[dict[str, Any]]) -> str:
     """
     out = []
     for name in pieces[0]["channels"] if pieces else ():
+        factor, unit = factor_and_unit(VARIABLES[name].unit) if name in VARIABLES else (1.0, "")
         own = [piece["channels"][name] for piece in pieces]
         lines = {kind: [piece[kind] for piece in own] for kind in ("measured", "simulated")}
-        values = np.array([v for kind in lines.values() for part in kind for v in part if v is not None])
-        if not values.size:
-            continue
-        low, high = float(values.min()), float(values.max())
-        scale = (DRAWN[1] - 4) / (high - low or 1.0)
-        step = DRAWN[0] / max(sum(len(part) for part in lines["measured"]), 1)
-        paths = [
-            f'<path class="{kind}" d="{_path(parts, step, low, scale)}"/>' for kind, parts in lines.items()
-        ]
-        factor, unit = factor_and_unit(VARIABLES[name].unit) if name in VARIABLES else (1.0, "")
-        span = f"{number(factor * low, 3)} to {number(factor * high, 3)} {unit}"
-        label = f"<figcaption>{escaped(name)} <span>{escaped(span)}</span></figcaption>"
-        size = f'viewBox="0 0 {DRAWN[0]} {DRAWN[1]}" preserveAspectRatio="none" aria-hidden="true"'
-        out.append(f"<figure>{label}<svg {size}>{''.join(paths)}</svg></figure>")
+        out.append(_drawing(name, lines, partial(_amount, factor, unit)))
     return f'<div class="curves">{"".join(out)}</div>'
+
+
+def drawn_costs(costs: Sequence[Sequence[float]]) -> str:
+    """Return a small drawing of the cost of each improvement, on a logarithmic scale; it begins anew with new weights."""
+    falling = [math.log10(cost) for _, cost in costs if cost > 0.0]
+    shown = (
+        _drawing("cost", {"simulated": [falling]}, lambda v: f"{number(10.0**v, 3)}")
+        if len(falling) > 1
+        else ""
+    )
+    return f'<div class="curves">{shown}</div>'
+
+
+def _amount(factor: float, unit: str, value: float) -> str:
+    return f"{number(factor * value, 3)} {unit}"
+
+
+def _drawing(
+    name: str, lines: Mapping[str, Sequence[Sequence[float | None]]], shown: Callable[[float], str]
+) -> str:
+    """Return curves of several kinds, each in pieces, over the numbers of their samples, with their span in words."""
+    values = [v for kind in lines.values() for part in kind for v in part if v is not None]
+    if not values:
+        return ""
+    low, high = min(values), max(values)
+    scale = (DRAWN[1] - 4) / (high - low or 1.0)
+    paths = ""
+    for kind, parts in lines.items():
+        step = DRAWN[0] / max(sum(map(len, parts)) - 1, 1)
+        paths += f'<path class="{kind}" d="{_path(parts, step, low, scale)}"/>'
+    label = f"<figcaption>{escaped(name)} <span>{escaped(shown(low))} to {escaped(shown(high))}</span></figcaption>"
+    size = f'viewBox="0 0 {DRAWN[0]} {DRAWN[1]}" preserveAspectRatio="none" aria-hidden="true"'
+    return f"<figure>{label}<svg {size}>{paths}</svg></figure>"
 
 
 def _path(pieces: Sequence[Sequence[float | None]], step: float, low: float, scale: float) -> str:

@@ -220,18 +220,17 @@ class VehicleView(View):
             f"<p>{len(self._before)} numbers, SI units and radians; {free} are free: a fit estimates them. "
             "Click a cell to edit it, the tick to free or fix a number.</p>"
         )
-        rest = pn.Accordion(
-            ("The file as text", self._text_editor(text)),
-            ("Another vehicle", self._choice()),
-            sizing_mode="stretch_width", margin=(8, 0),
-        )  # fmt: skip
+        rest = [
+            parts.card("The file as text", self._text_editor(text)),
+            parts.card("Another vehicle", self._choice()),
+        ]
         buttons = pn.FlexBox(
             parts.button("Save", self.act(self.save), "primary"),
             parts.button("Discard edits", self.act(self._discard)),
             parts.button("Check by trim", self.act(self._trim)),
             parts.button("Next: the windows", self.act(self._onward)),
         )
-        self.body[:] = [parts.html(lead), buttons, self._form, self._checks, rest]
+        self.body[:] = [parts.html(lead), buttons, self._form, self._checks, *rest]
 
     def _text_editor(self, text: str) -> Any:
         self._text = pn.widgets.TextAreaInput(value=text, rows=24, max_length=1_000_000, **parts.CODE)

@@ -35,6 +35,8 @@ class WindowsView(View):
         self._plotted: Any = None
         self._pane: Any = None
         self._new = pn.FlexBox(margin=0)
+        self._above = pn.Column(margin=0, sizing_mode="stretch_width")
+        self._hint = parts.html(parts.soft(HINT))
 
     def refresh(self) -> None:
         """Show the flight, the windows on it, and what may be done with them."""
@@ -61,17 +63,11 @@ class WindowsView(View):
         )
         why = parts.soft("" if project.vehicle else "A fit needs a vehicle; windows can be brushed without.")
         head = pn.FlexBox(run, parts.button("Propose windows", self.act(self._propose)))
-        hint = parts.soft(HINT)
         table = [pn.Column(*rows, margin=(8, 0), sizing_mode="stretch_width")] if rows else []
-        self.body[:] = [
-            head,
-            parts.html(why),
-            *self._proposals(),
-            *table,
-            self._new,
-            parts.html(hint),
-            self._pane,
-        ]
+        self._above[:] = [head, parts.html(why), *self._proposals(), *table]
+        shown = [self._above, self._new, self._hint, self._pane]
+        if self.body.objects != shown:  # figures stay where they are while what is above them changes
+            self.body[:] = shown
 
     def _mark(self, *pending: tuple[float, float, str]) -> None:
         """Mark the windows on the plot, and one whose use is not chosen yet."""
