@@ -4,17 +4,27 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import signal
 from collections import Counter
-from collections.abc import Generator
+from collections.abc import Generator, Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 
 from stoop.base import notices
 
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser
+
 SHARED = Path(os.environ.get("STOOP_SHARED", Path(__file__).parents[2] / "shared"))
 LONG_TESTS = Path(__file__).parent / "long_tests.txt"  #: test and seconds; written by scripts/durations.py
+BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+BROWSER_ARGUMENTS = [
+    "--headless=new", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
+    "--disable-background-networking", "--disable-component-update", "--disable-sync",
+]  # fmt: skip
 seconds: Counter[str] = Counter()  #: test -> time of its call, set-up and clean-up
 
 
@@ -41,6 +51,23 @@ def shared_data() -> Path:
             pytest.fail(f"{folder} is missing: in CI the tests on real data must run")
         pytest.skip(f"{folder} is missing: set STOOP_SHARED to the folder that holds data/")
     return folder
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator[Browser]:
+    """Return Chromium, Debian's or another, that asks for nothing by itself; skip without one, unless in CI."""
+    from playwright.sync_api import sync_playwright
+
+    program = next(filter(None, map(shutil.which, BROWSERS)), None)
+    if program is None:
+        missing = f"none of {', '.join(BROWSERS)} is installed"
+        if os.environ.get("CI"):
+            pytest.fail(f"{missing}: in CI pages and app are tested in a browser")
+        pytest.skip(missing)
+    with sync_playwright() as playwright:
+        opened = playwright.chromium.launch(executable_path=program, args=BROWSER_ARGUMENTS)
+        yield opened
+        opened.close()
 
 
 @pytest.hookimpl(wrapper=True)

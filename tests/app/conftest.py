@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import shutil
 import signal
 import subprocess
 import sys
@@ -14,13 +13,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from playwright.sync_api import Browser, Locator, Page, sync_playwright
+from playwright.sync_api import Browser, Locator, Page
 
-CHROMIUM = ("chromium", "chromium-browser", "google-chrome")
-QUIET = (
-    "--headless=new", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
-    "--disable-component-update", "--disable-sync",
-)  # fmt: skip
 #: a resize while figures are laid out, of Bokeh 3.9: it measures again
 HARMLESS = "Cannot read properties of undefined (reading 'top_panel')"
 PATIENCE = 240_000  #: ms until something must be there, on the busiest machine
@@ -85,19 +79,6 @@ def app(tmp_path: Path) -> Iterator[Callable[..., App]]:
     for one in started:
         one.kill()
         end_steps(one.folder)
-
-
-@pytest.fixture(scope="session")
-def browser() -> Iterator[Browser]:
-    program = next((found for name in CHROMIUM if (found := shutil.which(name))), None)
-    if program is None:
-        if os.environ.get("CI"):
-            pytest.fail(f"none of {', '.join(CHROMIUM)} is installed: in CI the app is tested in a browser")
-        pytest.skip(f"none of {', '.join(CHROMIUM)} is installed")
-    with sync_playwright() as playwright:
-        opened = playwright.chromium.launch(executable_path=program, args=[*QUIET])
-        yield opened
-        opened.close()
 
 
 @dataclass
