@@ -1,4 +1,4 @@
-"""Make the screenshots of pages in docs/images from the V-tail flight: ``python scripts/screenshots.py FLIGHT2``.
+"""Make the screenshots of pages and app in docs/images from the V-tail flight: ``python scripts/screenshots.py FLIGHT2``.
 
 Needs Chromium; the pages are written into a folder of temporary files.
 """
@@ -35,7 +35,42 @@ def main(flight: str) -> None:
         take(page, folder / "result" / "report.html", "#prediction .history", 6, "report.png")
         take(page, folder / "look.html", "#time-histories .history", 1, "look.png")
         take(page, folder / "look.html", "#path", 0, "look-path.png", whole=True)
+        app(page, flight, vehicle)
         browser.close()
+
+
+def app(page: Page, flight: str, vehicle: str) -> None:
+    """Go from the log to a report in the app, taking pictures; its folder and the flight stand where a user's would."""
+    place = Path(tempfile.gettempdir()) / "flights"
+    shutil.rmtree(place, ignore_errors=True)
+    shutil.copytree(flight, place / "flight2")
+    words = [sys.executable, "-m", "stoop", "app", "flight2", "--no-browser"]
+    with subprocess.Popen(words, cwd=place, stdout=subprocess.PIPE, text=True) as running:
+        assert running.stdout is not None  # noqa: S101 - asked for
+        address = (
+            next(line for line in running.stdout if line.startswith("open: ")).removeprefix("open: ").strip()
+        )
+        page.set_default_timeout(240_000)
+        page.goto(address)
+        page.get_by_text("Next: the vehicle").first.click()
+        page.get_by_label("path of a vehicle file").fill(vehicle)
+        page.locator("button:not([disabled])").get_by_text("Use", exact=True).first.click()
+        page.get_by_text("held out, to be predicted").first.wait_for()
+        page.wait_for_timeout(3000)
+        page.screenshot(path=IMAGES / "app-windows.png")
+        page.get_by_text("Run the fit").first.click()
+        page.get_by_text("parameters", exact=False).first.wait_for()
+        page.wait_for_timeout(2500)
+        page.screenshot(path=IMAGES / "app-fit.png")
+        page.frame_locator("iframe").get_by_text("48 parameters from 3 fitted maneuvers").first.wait_for()
+        page.wait_for_timeout(1500)
+        page.screenshot(path=IMAGES / "app-report.png")
+        page.get_by_text("2 Vehicle").first.click()
+        page.locator("math").first.wait_for()
+        page.wait_for_timeout(1500)
+        page.screenshot(path=IMAGES / "app-vehicle.png")
+        running.terminate()
+    shutil.rmtree(place)
 
 
 def take(page: Page, path: Path, selector: str, panel: int, name: str, whole: bool = False) -> None:
