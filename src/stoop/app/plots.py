@@ -31,9 +31,11 @@ from stoop.base.arrays import FloatArray
 from stoop.base.numbers import factor_and_unit, number
 from stoop.base.variables import VARIABLES
 from stoop.flight import Flight, load
+from stoop.report.palette import light
+from stoop.report.series import HUES
 
-COLORS: Final = ("#1f77b4", "#d9822b", "#2e9e6b", "#b0489b", "#8c6d31", "#7f7f7f", "#17a2b8", "#c0392b")
-MARKS: Final = {"fit": "#1f77b4", "validate": "#d9822b", "": "#808080"}
+COLORS: Final = tuple(light(f"hue{i}") for i in range(HUES))
+MARKS: Final = {"fit": light("fit"), "validate": light("hue1"), "": light("residual")}
 SOFT: Final = "#808891"  #: of axes, readable on white and on black
 BUCKETS: Final = 1200  #: of which each keeps its smallest and its largest sample
 HEIGHT, FIRST = 118, 24

@@ -109,7 +109,8 @@ def identification_sheet(identification: Identification) -> sheet.Sheet:
     search = None
     drawn = convergence_panel(np.asarray(identification.convergence, dtype=np.float64).reshape(-1, 2))
     if drawn is not None:
-        text = f"Best cost against simulated trajectories. It ended at {number(result.cost, 6)}."
+        ended = number(result.cost, 6)
+        text = f"Best cost against simulated trajectories, by the first estimate of the noise; by the final one it is {ended}."
         panel = sheet.Panel("Cost", drawn, meaning="against whole-trajectory equivalents")
         search = sheet.Section("Search", (sheet.Prose(text, muted=True), sheet.Panels((panel,), "large")))
 

@@ -30,7 +30,7 @@
       this.box = new Bokeh.BoxAnnotation({ fill_color: style("--fitted-edge"), fill_alpha: 0.25, line_color: null, visible: false });
       this.panels = all(this.element, ".strips");
       this.figures = this.panels.map(() => []);
-      this.hidden = new Set();
+      this.hidden ??= new Set();
       this.element.classList.add("live");
       this.page = new Bokeh.Document();
       this.places = []; // of the roots, in their order: Bokeh looks there when one is added
@@ -103,7 +103,8 @@
       if (!element.dataset.window) element.querySelector('[data-tool="window"]')?.remove();
       this.cursor.properties.location.change.connect(() => this.read());
       // A finger scrolls the page until a tool is chosen.
-      if (!matchMedia("(pointer: coarse)").matches) this.use("zoom");
+      const first = matchMedia("(pointer: coarse)").matches ? "" : "zoom";
+      this.use(this.tool ?? first);
     }
 
     toggle(button) {
