@@ -135,11 +135,6 @@ def _info(draw: Choices) -> Command:
     return edit, ["info", path, *(["--json"] if draw.rng.random() < 0.5 else [])]
 
 
-def _look(draw: Choices) -> Command:
-    edit, path = draw.flight(*SHORT)
-    return edit, ["look", path, "-o", "look.html"]
-
-
 def _map(draw: Choices) -> Command:
     edit, path = draw.flight(*SHORT)
     return edit, ["map", path, "-o", "m.toml"]
@@ -315,7 +310,6 @@ class Verb:
 
 VERBS: Final[Mapping[str, Verb]] = {
     "info": Verb(_info, 40),
-    "look": Verb(_look, 15, ("look.html",)),
     "map": Verb(_map, 10, ("m.toml",)),
     "maneuvers": Verb(_maneuvers, 15, ("out/windows.toml", "out/windows.html")),
     "compatibility": Verb(
