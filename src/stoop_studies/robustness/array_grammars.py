@@ -100,6 +100,9 @@ def _value(draw: Draw, count: int, depth: int) -> Any:
     return numbers(draw, count)
 
 
+DESCRIPTION: Final = b"MATLAB 5.0 MAT-file"  #: 116 bytes of text begin such a file
+
+
 def matlab(draw: Draw) -> Sample:
     """Draw a MATLAB file of version 5."""
     from scipy.io import savemat
@@ -112,7 +115,8 @@ def matlab(draw: Draw) -> Sample:
     tree |= {"time": known["time"], "gyro": {k: known["gyro"][:, i] for i, k in enumerate("xyz")}}
     sink: Any = io.BytesIO()  # SciPy's types know paths only
     savemat(sink, tree, do_compression=draw.rng.random() < 0.5, oned_as=draw.rng.choice(("row", "column")))
-    return single("a.mat", sink.getvalue(), "matlab", ARRAY_MAPPING)
+    dated = sink.getvalue()  # its first line says when it was written
+    return single("a.mat", DESCRIPTION.ljust(116) + dated[116:], "matlab", ARRAY_MAPPING)
 
 
 def _grow(draw: Draw, group: Any, count: int, depth: int) -> None:
