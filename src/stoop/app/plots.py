@@ -33,6 +33,7 @@ from stoop.base.variables import VARIABLES
 from stoop.flight import Flight, load
 from stoop.report.palette import light
 from stoop.report.series import HUES
+from stoop.report.time_history import coarse, in_blocks
 
 COLORS: Final = tuple(light(f"hue{i}") for i in range(HUES))
 MARKS: Final = {"fit": light("fit"), "validate": light("hue1"), "": light("residual")}
@@ -97,21 +98,9 @@ def thinned(time: FloatArray, strip: Strip, start: float, stop: float) -> dict[s
     first, behind = np.searchsorted(time, [start, stop], side="left")
     first, behind = max(int(first) - 1, 0), min(int(behind) + 1, len(time))
     size = math.ceil((behind - first) / BUCKETS)
-    if size <= 2:
-        return {"time": time[first:behind], **{n: v[first:behind] for n, v in strip.curves.items()}}
-    many = (behind - first) // size
-    shape = (many, size)
-    out = {"time": np.repeat(time[first : first + many * size].reshape(shape)[:, 0], 2)}
-    out["time"][1::2] += 0.5 * size * (time[1] - time[0])
-    for name, values in strip.curves.items():
-        part = values[first : first + many * size].reshape(shape)
-        present = np.isfinite(part)
-        low = np.where(present, part, np.inf).min(axis=1)
-        high = np.where(present, part, -np.inf).max(axis=1)
-        pairs = np.column_stack([low, high])
-        pairs[~present.any(axis=1)] = np.nan
-        out[name] = pairs.ravel()
-    return out
+    starts = np.arange(0, behind - first, size if size > 2 else 1)  # two samples need no bucket
+    curves = {name: coarse(values[first:behind], starts) for name, values in strip.curves.items()}
+    return {"time": in_blocks(time[first:behind], starts), **curves}
 
 
 def calm(plot: Any) -> None:

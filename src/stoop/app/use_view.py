@@ -110,7 +110,7 @@ class UseView(View):
         links = "".join(
             f'<li><a href="{parts.address(p)}" download>{parts.escaped(p)}</a></li>' for p in places
         )
-        printed = f"<details open><summary>what it printed</summary><pre>{parts.escaped(step.output)}</pre></details>"
+        printed = parts.fold("what it printed", f"<pre>{parts.escaped(step.output)}</pre>", is_open=True)
         page = next((p for p in places if p.endswith(".html")), "")
         shown = f"<details><summary>page</summary>{parts.frame(page, step.name)}</details>" if page else ""
         return [parts.html(f"{head}<ul>{links}</ul>{printed}{shown}{parts.command(step)}")]
