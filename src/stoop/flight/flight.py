@@ -102,6 +102,11 @@ class Flight:
         """Return a variable, shape (n,), SI, NaN where there is no data."""
         return self.data[name].to_numpy()
 
+    def between(self, start: float, stop: float) -> slice:
+        """Return which samples lie between two times [s], both included."""
+        time = self.time
+        return slice(int(np.searchsorted(time, start)), int(np.searchsorted(time, stop, "right")))
+
     def __repr__(self) -> str:
         """Return name, length and number of channels on one line."""
         length = float(self.time[-1] - self.time[0]) if self.time.size else 0.0

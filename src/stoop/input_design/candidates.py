@@ -17,11 +17,11 @@ from stoop.flight.maneuvers import LIMITS as COMMANDS
 from stoop.flight.maneuvers import (
     MOTION,
     Axis,
+    Feedback,
     band_pass,
     by_axis,
     commands,
     usual_deviation,
-    without_feedback,
 )
 
 if TYPE_CHECKING:
@@ -91,7 +91,8 @@ def candidates(flight: Flight, channels: Sequence[str]) -> list[Candidate]:
             spans += [(float(start), float(start + length), None) for start in tiles]
     out: dict[tuple[float, float], Candidate] = {}
     for start, stop, maneuver in spans:
-        inside = np.flatnonzero(good & (time >= start - 1e-9) & (time <= stop + 1e-9))
+        part = flight.between(start - 1e-9, stop + 1e-9)
+        inside = part.start + np.flatnonzero(good[part])
         if not inside.size:
             continue
         first, last = float(time[inside[0]]), float(time[inside[-1]])
@@ -200,11 +201,13 @@ class Excitation:
             largest = float(np.max(np.abs(seen))) if seen.size else 0.0
             sizes.append(max(usual_deviation(column, up), COMMANDS.min_usual * largest) or 1.0)
         x = x / np.array(sizes)
-        return cls(names, (*by_command, *rates), x, without_feedback(flight, x[:, : len(by_command)]))
+        return cls(
+            names, (*by_command, *rates), x, Feedback.of(flight, up).taken_off(x[:, : len(by_command)])
+        )
 
     def inside(self, flight: Flight, one: Candidate) -> FloatArray:
         """Return the complete samples (k, m) of a window, about their mean."""
-        rows = self.values[(flight.time >= one.start) & (flight.time <= one.stop)]
+        rows = self.values[flight.between(one.start, one.stop)]
         rows = rows[np.isfinite(rows).all(axis=1)]
         return rows - rows.mean(axis=0) if len(rows) else rows
 
@@ -217,7 +220,7 @@ class Excitation:
 
     def commanded(self, flight: Flight, one: Candidate) -> dict[Axis, float]:
         """Return how many times the usual each command moves in a window that stands out there, and is no feedback's."""
-        inside = (flight.time >= one.start) & (flight.time <= one.stop)
+        inside = flight.between(one.start, one.stop)
         moved, own = (np.nansum(x[inside] ** 2, axis=0) for x in (self.values, self.own))
         sizes = self.strengths(flight, one)
         shares = zip(self.axes, moved, own, strict=False)
