@@ -34,7 +34,7 @@ from stoop.flight.faults import (
     rest_faults,
     without_faulty,
 )
-from stoop.flight.flight import AirData, Flight, dataset, flight_name, on_circle, with_attitude
+from stoop.flight.flight import AirData, Flight, Gridded, flight_name, on_circle, with_attitude
 from stoop.flight.gridding import (
     Channels,
     SourceRate,
@@ -93,7 +93,7 @@ def load(path: str | Path, mapping: str | Path | None = None, rate: float = 100.
         recorded = [replace(f, variable=TRUE) if f.variable == EQUIVALENT else f for f in recorded]
     body_rates = {name: sources[name].rate for name in RATES if name in sources}
     # a mapping is judged in flight: on the ground estimators hold zeros, and sensors stand still
-    gridded = Flight(flight_name(path), path, dataset(grid.time, data), rate, sources)
+    gridded = Flight(flight_name(path), path, Gridded(grid.time, data), rate, sources)
     up = attempt(failed, np.ones(grid.time.size, dtype=bool), in_flight, gridded)
     recorded = [
         fault
@@ -135,7 +135,7 @@ def load(path: str | Path, mapping: str | Path | None = None, rate: float = 100.
         counts = tuple(f"{name} {source.gaps}" for name, source in gaps.items())
         notices.append(notice("gaps", longest=max(s.longest_gap for s in gaps.values()), counts=counts))
     notices += [fault.notice for fault in faults]
-    columns = dataset(grid.time, data)
+    columns = Gridded(grid.time, data)
     flight = Flight(
         flight_name(path),
         path,
@@ -159,7 +159,7 @@ def load(path: str | Path, mapping: str | Path | None = None, rate: float = 100.
     explained = flight.air is not None and bool(flight.air.notices)  # the reconstruction knows better why
     if not {"V", "alpha", "beta"} & flight.names and not carried_by_rotors(flight) and not explained:
         limits.append(notice("no-air-data"))
-    return replace(flight, notices=(*flight.notices, *limits, *failed))
+    return flight.with_notices((*limits, *failed))
 
 
 def _in_air(
@@ -279,7 +279,7 @@ def _restore(recording: Recording, name: str) -> Flight:
         raise LogError(foreign)
     # a filter may have gone beyond what was recorded
     data, dropped = drop_impossible(recording.path.name, data)
-    columns = dataset(stream.time, on_circle(data))
+    columns = Gridded(stream.time, on_circle(data))
     return Flight(name, recording.path, columns, rate, sources, (*notices, *dropped), air, tuple(faults))
 
 

@@ -133,14 +133,14 @@ class FlightSummary:
 def describe(flight: Flight) -> FlightSummary:
     """Summarize a flight."""
     rows = []
-    for name in map(str, flight.data.data_vars):
+    for name in flight.channels:
         one, source, x = VARIABLES[name], flight.sources[name], flight.column(name)
         finite = x[np.isfinite(x)]
         low, middle, high = np.quantile(finite, [0.0, 0.5, 1.0]).tolist() if finite.size else [np.nan] * 3
         numbers = (source.gaps, source.longest_gap, low, middle, high, 1.0 - finite.size / x.size)
         rows.append(ChannelRow(name, one.unit, one.meaning, source.source, source.rate, *numbers))
     useless: list[Notice] = []
-    missing = tuple(n for n in RATES if n not in flight.data or not np.isfinite(flight.column(n)).any())
+    missing = tuple(n for n in RATES if n not in flight.names or not np.isfinite(flight.column(n)).any())
     if missing:
         useless.append(notice("no-body-rates", variables=missing))
     if not attempt(useless, True, motors_ran, flight):
@@ -153,7 +153,7 @@ def commands(flight: Flight) -> list[Command]:
     direct = [
         Command(axis, name, flight.column(name))
         for name, axis in CONTROLS.items()
-        if name in flight.data
+        if name in flight.names
         and (axis != "heave" or carried_by_rotors(flight))
         and moves(flight.column(name))
     ]
@@ -175,7 +175,7 @@ def output_families(flight: Flight) -> list[list[str]]:
     """Return the outputs that move, motors first, then servos, pulses and measured rotor speeds."""
     families = (("motor", MOTORS), ("servo", SERVOS), ("pwm", OUTPUT_PINS), ("rotor", ROTORS))
     every = ([f"{kind}_{n}" for n in range(1, size + 1)] for kind, size in families)
-    moving = ([n for n in names if n in flight.data and moves(flight.column(n))] for names in every)
+    moving = ([n for n in names if n in flight.names and moves(flight.column(n))] for names in every)
     return [names for names in moving if len(names) > 1]
 
 
@@ -195,7 +195,7 @@ def directions(flight: Flight, names: list[str]) -> list[Command]:
     x = band_pass(flight, outputs, 0.5)
     accelerations: dict[Axis, FloatArray] = {}
     for axis, name in MOTION.items():
-        if name in flight.data:
+        if name in flight.names:
             y = band_pass(flight, flight.column(name)[:, None], 0.5)[:, 0]
             accelerations[axis] = -y if axis == "heave" else np.asarray(np.gradient(y) * flight.rate)
     good = flying(flight) & np.isfinite(x).all(axis=1) & np.isfinite(rates).all(axis=1)
@@ -277,7 +277,7 @@ class Feedback:
     @classmethod
     def of(cls, flight: Flight, up: BoolArray) -> Feedback:
         """Return that of a flight, airborne where `up` (n,) says."""
-        names = [n for n in FEEDBACK if n in flight.data and np.isfinite(flight.column(n)).any()]
+        names = [n for n in FEEDBACK if n in flight.names and np.isfinite(flight.column(n)).any()]
         if not names:
             return cls(np.empty((flight.time.size, 0)), np.zeros(flight.time.size, dtype=bool))
         motion = band_pass(flight, np.column_stack([flight.column(name) for name in names]))

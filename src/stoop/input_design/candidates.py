@@ -108,7 +108,7 @@ def usable(flight: Flight, channels: Sequence[str]) -> BoolArray:
     """Tell at which samples (n,) a window may lie: flying, commands there, nothing stuck or at its limit."""
     up = flying(flight)
     good = up.copy()
-    for name in (*channels, *(rate for rate in RATES if rate in flight.data)):
+    for name in (*channels, *(rate for rate in RATES if rate in flight.names)):
         good &= np.isfinite(flight.column(name))
     for name in channels:
         if name.startswith(LIMITED):
@@ -147,7 +147,7 @@ def with_motors(flight: Flight, vehicle: Vehicle | None) -> Flight:
     if vehicle is None:
         return flight
     kind = {"command": "motor"}.get(vehicle.drive, "rotor")
-    if any(str(name).startswith(f"{kind}_") for name in flight.data):
+    if any(str(name).startswith(f"{kind}_") for name in flight.names):
         return flight
     made = {}
     for rotor in vehicle.file.rotor.values():
@@ -155,7 +155,7 @@ def with_motors(flight: Flight, vehicle: Vehicle | None) -> Flight:
             (0.0, 0.0, -1.0) if rotor.axis is None else (number.value for number in rotor.axis)
         )
         lifts, channel = -down > math.hypot(forward, right), rotor.channel
-        if lifts and channel.startswith("pwm_") and channel in flight.data:
+        if lifts and channel.startswith("pwm_") and channel in flight.names:
             gain, idle = vehicle.value("rotors.gain"), vehicle.value("rotors.idle")
             command = np.maximum(gain * (flight.column(channel) - idle), 0.0)
             made[channel.replace("pwm", kind)] = ("time", command)
@@ -188,7 +188,7 @@ class Excitation:
     def of(cls, flight: Flight) -> Excitation | None:
         """Return those of a flight; None where no command or no rate was recorded."""
         by_command = by_axis(commands(flight))
-        rates = {axis: name for axis, name in MOTION.items() if name in RATES and name in flight.data}
+        rates = {axis: name for axis, name in MOTION.items() if name in RATES and name in flight.names}
         if not by_command or not rates:
             return None
         columns = [*(c.u for c in by_command.values()), *(flight.column(name) for name in rates.values())]
@@ -232,7 +232,7 @@ class Excitation:
 
         Combinations of outputs are made by such a regression: that they explain an acceleration proves nothing.
         """
-        if not any(command.variable in flight.data for command in commands(flight)):
+        if not any(command.variable in flight.names for command in commands(flight)):
             return False
         count, out = self.own.shape[1], False
         rates = self.values[:, count:]

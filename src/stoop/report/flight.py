@@ -98,7 +98,7 @@ def flight_sheet(seen: Overview, command: str = "", following: Sequence[str] = (
 
 def flight_history(flight: Flight, found: Found) -> TimeHistory:
     """Return all channels, those alike in one panel, with windows and faults as shades."""
-    panels = channel_panels(flight, [str(name) for name in flight.data.data_vars if name not in UNSHOWN])
+    panels = channel_panels(flight, [str(name) for name in flight.channels if name not in UNSHOWN])
     shades = [Shade(w.start, w.stop, str(i), KINDS[w.purpose]) for i, w in enumerate(found.windows, 1)]
     length = float(flight.time[-1] - flight.time[0])
     faults = (one for one in flight.faults if one.stop - one.start < LONG * length)
@@ -132,13 +132,13 @@ def _panel(flight: Flight, title: str, names: Sequence[str]) -> HistoryPanel:
 def _spectra(flight: Flight) -> Section | None:
     panels: list[Panel] = []
     for title, names in (("Rates", RATES), ("Specific force", ACCELERATIONS)):
-        found = power_spectra(flight, [n for n in names if n in flight.data])
+        found = power_spectra(flight, [n for n in names if n in flight.names])
         if found:
             unit = VARIABLES[names[0]].unit
             panels.append(Panel(title, _densities(found, title, unit)))
     if not panels:
         return None
-    known = [n for n in (*RATES, *ACCELERATIONS) if n in flight.data and np.isfinite(flight.column(n)).any()]
+    known = [n for n in (*RATES, *ACCELERATIONS) if n in flight.names and np.isfinite(flight.column(n)).any()]
     maps = _spectrograms([spectrogram(flight, name) for name in known])
     parts: list[Part] = [Prose(SPECTRA_LEAD.format(window=10.0), muted=True), Panels(panels, "large")]
     parts += [Prose("Over time, brighter is stronger by decades:", muted=True), Panels(maps)] if maps else []
