@@ -7,6 +7,7 @@ reads the output any more.
 from __future__ import annotations
 
 import argparse
+import atexit
 import contextlib
 import gc
 import importlib
@@ -120,6 +121,9 @@ def main(given: Sequence[str] | None = None) -> int:
     if given is None:
         given = sys.argv[1:]
         gc.set_threshold(GARBAGE)
+        atexit.register(
+            gc.freeze
+        )  # the interpreter would look through all objects, half a second, before it leaves
         for stream in (sys.stdout, sys.stderr):
             if isinstance(stream, io.TextIOWrapper):  # an output that takes any character
                 stream.reconfigure(errors="backslashreplace")
