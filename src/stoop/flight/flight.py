@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -76,6 +76,7 @@ class Gridded:
 
     time: FloatArray  #: (n,) s
     columns: Mapping[str, FloatArray]  #: variable -> (n,) SI, NaN where there is no data
+    attributes: Mapping[str, str] = field(default_factory=dict)
 
 
 class _AsDataset:
@@ -86,7 +87,8 @@ class _AsDataset:
             raise AttributeError  # there is no default
         kept: xr.Dataset | Gridded = vars(flight)["data"]
         if isinstance(kept, Gridded):
-            kept = vars(flight)["data"] = dataset(kept.time, kept.columns)
+            made = dataset(kept.time, kept.columns).assign_attrs(kept.attributes)
+            kept = vars(flight)["data"] = made
         return kept
 
     def __set__(self, flight: Flight, given: xr.Dataset | Gridded) -> None:
@@ -135,6 +137,17 @@ class Flight:
         kept = vars(self)["data"]
         return kept.columns[name] if isinstance(kept, Gridded) else kept[name].to_numpy()
 
+    def texts(self, name: str) -> dict[str, str]:
+        """Return what is said of a variable, or of the time: units, long_name, frame, positive."""
+        kept = vars(self)["data"]
+        return _texts(name) if isinstance(kept, Gridded) else dict(kept[name].attrs)
+
+    @property
+    def attributes(self) -> dict[str, Any]:
+        """What stands with the variables, such as the truth of a simulated flight."""
+        kept = vars(self)["data"]
+        return dict(kept.attributes if isinstance(kept, Gridded) else kept.attrs)
+
     def with_notices(self, found: Iterable[Notice]) -> Flight:
         """Return the flight with more notices."""
         return replace(self, data=vars(self)["data"], notices=(*self.notices, *found))
@@ -152,9 +165,8 @@ class Flight:
         )
 
     def _repr_html_(self) -> str:
-        rows = [
-            (n, *(str(self.data[n].attrs.get(k, "")) for k in ("units", "long_name"))) for n in self.channels
-        ]
+        texts = {name: self.texts(name) for name in self.channels}
+        rows = [(name, *(known.get(k, "") for k in ("units", "long_name"))) for name, known in texts.items()]
         return table(repr(self).strip("<>"), ("channel", "unit", "meaning"), rows)
 
 
@@ -164,6 +176,7 @@ def from_columns(
     columns: Mapping[str, FloatArray],
     notices: tuple[Notice, ...] = (),
     source: str = "simulation",
+    attributes: Mapping[str, str] | None = None,
 ) -> Flight:
     """Make a flight of channels that already lie on one uniform grid; nothing is filtered.
 
@@ -176,6 +189,7 @@ def from_columns(
         values that are impossibly large are taken as missing
     notices : for the user
     source : where the channels come from
+    attributes : texts that stand with the channels
 
     Raises
     ------
@@ -203,7 +217,7 @@ def from_columns(
     data = with_attitude(on_circle(data))
     ordered = {key: data[key] for key in VARIABLES if key in data}
     sources = {key: source_rate(source, time[np.isfinite(values)]) for key, values in ordered.items()}
-    return Flight(name, None, Gridded(time, ordered), rate, sources, (*notices, *found))
+    return Flight(name, None, Gridded(time, ordered, attributes or {}), rate, sources, (*notices, *found))
 
 
 def on_circle(data: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
@@ -233,13 +247,16 @@ def dataset(time: FloatArray, data: Mapping[str, FloatArray]) -> xr.Dataset:
     """Make a data set of gridded variables, with units and meanings from the registry."""
     import xarray as xr  # heavy, and only here
 
-    columns = {}
-    for name, x in data.items():
-        one = VARIABLES[name]
-        texts = {"units": one.unit, "long_name": one.meaning, "frame": one.frame, "positive": one.sign}
-        columns[name] = ("time", x, {key: value for key, value in texts.items() if value})
-    clock = ("time", time, {"units": "s", "long_name": "time on the log's own clock"})
-    return xr.Dataset(columns, coords={"time": clock})
+    columns = {name: ("time", x, _texts(name)) for name, x in data.items()}
+    return xr.Dataset(columns, coords={"time": ("time", time, _texts("time"))})
+
+
+def _texts(name: str) -> dict[str, str]:
+    if name == "time":
+        return {"units": "s", "long_name": "time on the log's own clock"}
+    one = VARIABLES[name]
+    texts = {"units": one.unit, "long_name": one.meaning, "frame": one.frame, "positive": one.sign}
+    return {key: value for key, value in texts.items() if value}
 
 
 def flight_name(path: Path) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import math
 from collections.abc import Mapping, Sequence
@@ -228,21 +229,49 @@ def save(flight: Flight, path: str | Path) -> None:
 
 def flight_bytes(flight: Flight) -> bytes:
     """Return the content of the file that `save` writes."""
+    from scipy.io import netcdf_file  # heavy, and only here
+
     faults = [{**fault.to_dict(), "notice": fault.notice.to_dict()} for fault in flight.faults]
-    data = flight.data.assign_attrs(
-        stoop_format=FORMAT,
-        name=flight.name,
-        rate=flight.rate,
-        sources=json.dumps({name: asdict(source) for name, source in flight.sources.items()}),
-        notices=json.dumps([found.to_dict() for found in flight.notices]),
-        faults=json.dumps(faults),
-    )
+    attributes = flight.attributes | {
+        "stoop_format": FORMAT,
+        "name": flight.name,
+        "rate": flight.rate,
+        "sources": json.dumps({name: asdict(source) for name, source in flight.sources.items()}),
+        "notices": json.dumps([found.to_dict() for found in flight.notices]),
+        "faults": json.dumps(faults),
+    }
+    traces: Mapping[str, FloatArray] = {}
     if flight.air is not None:
         air = {item.name: getattr(flight.air, item.name) for item in fields(AirData) if item.name != "traces"}
         air[NOTICES] = [found.to_dict() for found in flight.air.notices]
-        data = data.assign_attrs(air=json.dumps(air))
-        data = data.assign({f"{AIR}_{name}": (AIR, trace) for name, trace in flight.air.traces.items()})
-    return bytes(data.to_netcdf(engine="scipy", format="NETCDF3_64BIT"))
+        attributes["air"] = json.dumps(air)
+        traces = flight.air.traces
+    content = io.BytesIO()
+    file = netcdf_file(content, "w", version=2)
+
+    def written(value: Any) -> Any:
+        """Return an attribute as netCDF-3 has it."""
+        return value.encode() if isinstance(value, str) else np.atleast_1d(np.asarray(value, np.float64))
+
+    def add(name: str, dimension: str, values: FloatArray, said: Mapping[str, Any]) -> None:
+        """Add a column with what is said of it."""
+        variable = file.createVariable(name, np.dtype(np.float64), (dimension,))
+        variable[:] = values
+        for key, value in {**said, "_FillValue": np.nan}.items():
+            setattr(variable, key, written(value))
+
+    for key, value in attributes.items():
+        setattr(file, key, written(value))
+    file.createDimension("time", flight.time.size)
+    for name in flight.channels:
+        add(name, "time", flight.column(name), flight.texts(name))
+    add("time", "time", flight.time, flight.texts("time"))
+    if traces:
+        file.createDimension(AIR, next(iter(traces.values())).size)
+    for name, trace in traces.items():
+        add(f"{AIR}_{name}", AIR, trace, {})
+    file.flush()
+    return content.getvalue()
 
 
 def _restore(recording: Recording, name: str) -> Flight:
