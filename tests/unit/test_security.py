@@ -15,9 +15,8 @@ import pytest
 from unit.parallel.works import HERE, sockets
 
 import stoop
-from stoop.base import files
+from stoop.base import cache, files
 from stoop.errors import LogError
-from stoop.kernels import cache
 from stoop.logs import guard
 from stoop.parallel import LocalProcesses, Plan, Run, execute
 

@@ -73,7 +73,7 @@ class Strip:
 
 def strips_of(flight: Flight) -> list[Strip]:
     """Return the strips of a flight: inputs above responses; servos and pulses only where nothing else shows the inputs."""
-    held = {str(name) for name in flight.data.data_vars}
+    held = set(flight.names)
     groups = list(GROUPS)
     if not held & {*GROUPS[0][1], *GROUPS[1][1]}:
         numbered = [f"{kind}_{n}" for kind in ("servo", "pwm") for n in range(1, 9)]

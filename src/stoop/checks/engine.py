@@ -22,7 +22,7 @@ from typing import Final, Generic, Protocol, TypeAlias, TypeVar
 
 import numpy as np
 
-from stoop.base.arrays import FloatArray
+from stoop.base.arrays import FloatArray, IntArray
 from stoop.base.text import enumerated
 
 State = TypeVar("State")
@@ -145,7 +145,7 @@ class Residual:
         many = min(count, max(least, round(limits.busiest * count)))
         if many < least:
             return 0.0, False
-        most = np.flatnonzero(known)[np.argsort(-apart[known], kind="stable")[:many]]
+        most = np.flatnonzero(known)[_largest(apart[known], many)]
         was, now = (float(np.mean(r.left[most] ** 2)) + 1e-3 * self.floor for r in (before, self))
         if float(np.mean(apart[most] ** 2)) < max(self.floor, limits.visible * min(was, now)):
             return 0.0, False
@@ -157,6 +157,15 @@ class Residual:
         whole = self.level or now < min(limits.unexplained, was - limits.margin)
         clear = now < limits.improvement * was and (whole or not complete)
         return 0.5 * many / self.samples * float(np.log(was / now)), clear
+
+
+def _largest(x: FloatArray, count: int) -> IntArray:
+    """Return the places (count,) of the largest numbers; of those equal to the least of them, the first ones."""
+    least = np.partition(x, x.size - count)[x.size - count]
+    taken = x > least
+    equal = np.flatnonzero(x == least)
+    taken[equal[: count - np.count_nonzero(taken)]] = True
+    return np.flatnonzero(taken)
 
 
 @dataclass(frozen=True)

@@ -87,7 +87,7 @@ def check_motors(vehicle: Vehicle, flight: Flight, windows: Sequence[Window]) ->
         return []
     up, level = flying(flight), np.zeros(len(vehicle.inputs))  # the median of every input in flight
     for i, name in enumerate(vehicle.inputs):
-        x = flight.column(name)[up] if name in flight.data else np.zeros(0)
+        x = flight.column(name)[up] if name in flight.names else np.zeros(0)
         x = x[np.isfinite(x)]
         level[i] = float(np.median(x)) if x.size else 0.0
     moments = effects(vehicle, {}, level, {})[:3]

@@ -67,7 +67,7 @@ def foreign_motors(vehicle: Vehicle, flight: Flight, windows: Sequence[Window]) 
         return float(np.median(known)), float(np.std(known))
 
     own = {rotor.channel for rotor in vehicle.file.rotor.values()}
-    there = [str(name) for name in flight.data.data_vars]
+    there = list(flight.channels)
     kinds = {channel.rpartition("_")[0] for channel in own}
     usual = np.array([level(c) for c in own if c in there]).reshape(-1, 2)
     channels = []
@@ -93,7 +93,7 @@ def thrust_missing(vehicle: Vehicle, flight: Flight, windows: Sequence[Window]) 
     if vehicle.file.propulsion is not None:
         return []
     inside, running = within(flight, windows), []
-    for channel in (str(name) for name in flight.data.data_vars):
+    for channel in (str(name) for name in flight.channels):
         full = POWER.get(channel.rpartition("_")[0] if channel[-1].isdigit() else channel)
         if full is not None and channel not in vehicle.recorded:
             x = flight.column(channel)[inside]

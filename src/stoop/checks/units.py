@@ -6,7 +6,7 @@ The channels may be on clocks of their own: only statistics of single columns, o
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Final
 
@@ -15,7 +15,7 @@ import numpy as np
 from stoop.base.arrays import FloatArray
 from stoop.base.units import DEGREE
 from stoop.base.variables import SPECIFIC_FORCE, VARIABLES
-from stoop.checks.engine import Evidence, Key, Range, Residuals
+from stoop.checks.engine import Key, Range, Residuals
 from stoop.checks.lines import Assignment, Signal, reading
 
 #: rad, rad/s: sizes that no flight exceeds; gyros of drones end at 35 rad/s
@@ -90,12 +90,14 @@ class Sizes:
 
     def __call__(self, state: Assignment, changed: Collection[str] | None) -> Residuals:
         """Return the statistics of edited columns, where some of those that changed take part."""
-        out: dict[Key, Evidence] = {}
-        for key, value, low, high, odds in self._statistics(state):
-            concerned = SPECIFIC_FORCE if key[0] in ("weight", "noise", "z-axis", "up") else key[1:]
-            if changed is None or set(concerned) & set(changed):
-                out[key] = Range(value, low, high, odds)
-        return out
+
+        def concerned(*names: str) -> bool:
+            return changed is None or bool(set(names) & set(changed))
+
+        return {
+            key: Range(value, low, high, odds)
+            for key, value, low, high, odds in self._statistics(state, concerned)
+        }
 
     def growth(self, state: Assignment, angle: str, rate: str) -> float:
         """Return how many times faster an angle changes than a rate says; zero where they are unlike."""
@@ -104,15 +106,17 @@ class Sizes:
             self._growth[one, other] = growth(self.signals[one], self.signals[other])[0]
         return self._growth[one, other] * f / g
 
-    def _statistics(self, state: Assignment) -> Iterator[tuple[Key, float, float, float, float]]:
-        """Yield each statistic with its bounds, and the odds of one outside."""
+    def _statistics(
+        self, state: Assignment, concerned: Callable[..., bool]
+    ) -> Iterator[tuple[Key, float, float, float, float]]:
+        """Yield each statistic of variables that are concerned with its bounds, and the odds of one outside."""
         limits = STATISTICS
 
         def size(name: str, sizes: Mapping[str, float]) -> float:
             column, factor = reading(state, name)
             return sizes[column] * abs(factor)
 
-        for name in self.largest:
+        for name in filter(concerned, self.largest):
             # a heading that was counted through several turns turns as the yaw rate says
             turned = self.turns * reading(state, "psi")[1] / reading(state, "r")[1]
             counted = name == "psi" and 0.2 < turned < 5.0
@@ -123,21 +127,26 @@ class Sizes:
                 LARGEST[name],
                 limits.size,
             )
-        for name in self.median:
+        for name in filter(concerned, self.median):
             if name != "az" and (median := size(name, self.median)):
                 yield ("median", name), median, *MEDIANS[name], limits.size
-        if self.median.get("az") and (weight := self.weight(state)) > 0.0:
+        force = concerned(*SPECIFIC_FORCE)
+        if force and self.median.get("az") and (weight := self.weight(state)) > 0.0:
             level = self.level * reading(state, "az")[1]
             yield ("weight", "az"), weight, *MEDIANS["az"], limits.size
             yield ("up", "az"), level / weight, -np.inf, limits.upright, limits.size
             yield ("z-axis", "az"), abs(level) / weight, limits.upright, np.inf, limits.z_axis
-        for angle, rate in self.pairs:
+        for angle, rate in (pair for pair in self.pairs if concerned(*pair)):
             factor = self.growth(state, angle, rate)
             factor = factor or np.nan
             apart = abs(math.log(abs(factor)))
             yield ("growth", angle, rate), apart, 0.0, limits.far, limits.growth
             yield ("turns", angle, rate), factor, 0.0, np.inf, limits.turns
-        if len(self.scatter) == len(SPECIFIC_FORCE) and min(self.scatter.values()) > limits.no_noise:
+        if (
+            force
+            and len(self.scatter) == len(SPECIFIC_FORCE)
+            and min(self.scatter.values()) > limits.no_noise
+        ):
             ratio, band = self._odd_axis(state)[1], limits.noise_band
             yield ("noise", "az"), ratio, 1.0 / band, band, limits.noise
 

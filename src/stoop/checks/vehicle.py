@@ -43,7 +43,7 @@ def check(flight: Flight, vehicle: Vehicle | None = None) -> tuple[Notice, ...]:
         The flight lacks what drives the vehicle.
     """
     up = in_flight(flight)
-    columns = {str(name): np.where(up, flight.column(str(name)), np.nan) for name in flight.data.data_vars}
+    columns = {str(name): np.where(up, flight.column(str(name)), np.nan) for name in flight.channels}
     empty, failed = empty_columns(columns), list[Notice]()
     data = {name: x for name, x in columns.items() if name not in empty}
     judged = attempt(failed, Judgment((), (), {}), check_mapping, {}, data, flight.rate, {})
@@ -109,9 +109,9 @@ def require_channels(vehicle: Vehicle, flight: Flight, named_by: str = "--vehicl
     FlightError
         Names the channels, what the flight has instead, and what to change.
     """
-    missing = [name for name in vehicle.recorded if name not in flight.data]
+    missing = [name for name in vehicle.recorded if name not in flight.names]
     if missing:
-        there = [str(name) for name in flight.data.data_vars if str(name).startswith(DRIVES)]
+        there = [str(name) for name in flight.channels if str(name).startswith(DRIVES)]
         other = KINDS[vehicle.frame].other_vehicle(vehicle, missing, carried_by_rotors(flight))
         raise FlightError(
             f"{flight.name}: input {', '.join(repr(name) for name in missing)} is not in this flight, whose inputs are "

@@ -169,7 +169,7 @@ def simulate(arguments: argparse.Namespace) -> int:
 
     out, duration = page(), float(flight.time[-1]) - float(flight.time[0])
     noise = "no sensor noise" if arguments.no_noise else f"sensor noise of seed {arguments.seed}"
-    size = f"{duration:g} s at {flight.rate:g} Hz, {len(flight.data.data_vars)} channels"
+    size = f"{duration:g} s at {flight.rate:g} Hz, {len(flight.channels)} channels"
     out.line(f"wrote {target}: {size}, {noise}")
     if mapping is not None:
         out.line(f"wrote {mapping}: the mapping of what the autopilot has no place for, or calls otherwise")

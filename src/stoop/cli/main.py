@@ -7,7 +7,9 @@ reads the output any more.
 from __future__ import annotations
 
 import argparse
+import atexit
 import contextlib
+import gc
 import importlib
 import io
 import os
@@ -78,6 +80,7 @@ VERBS: Final[dict[str, tuple[str, str]]] = {
 }  #: verb -> its module (and function, beside FUNCTION_arguments, where it holds several), one line of help
 GROUP: Final = "stoop.verbs"  #: entry points of other packages, each a mapping as `VERBS`
 
+GARBAGE: Final = 50_000  #: new objects until cycles are looked for; with 700 it took a tenth of the time
 BUG, USER_ERROR, INTERRUPTED, UNREAD = 1, 2, 130, 141
 BUG_MESSAGE = "this is a bug in stoop: please report it with the lines above and your command"
 OPTION_CUTOFF: Final = (
@@ -117,6 +120,10 @@ def main(given: Sequence[str] | None = None) -> int:
     """Run the command line with the arguments `given`, by default those of the process; return the exit code."""
     if given is None:
         given = sys.argv[1:]
+        gc.set_threshold(GARBAGE)
+        atexit.register(
+            gc.freeze
+        )  # the interpreter would look through all objects, half a second, before it leaves
         for stream in (sys.stdout, sys.stderr):
             if isinstance(stream, io.TextIOWrapper):  # an output that takes any character
                 stream.reconfigure(errors="backslashreplace")
@@ -172,7 +179,7 @@ def _guarded(given: Sequence[str], debug: bool) -> int:
 
 def _keep_fonts_in_cache() -> None:
     """Let Matplotlib keep its list of fonts where stoop keeps compiled code: a verb writes nowhere else."""
-    from stoop.kernels.cache import cache_folder
+    from stoop.base.cache import cache_folder
 
     os.environ.setdefault("MPLCONFIGDIR", str(cache_folder() / "matplotlib"))
 

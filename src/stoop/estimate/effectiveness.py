@@ -159,7 +159,7 @@ def hover(flight: Flight, balance: Balance) -> Hover:
     Between start and end of a stretch near hover the velocity hardly changes, so mean forces and moments are those of rest,
     whatever the motion in between. A FlightError says that a command is missing, the flight too short or too fast.
     """
-    recorded = {str(name) for name in flight.data.data_vars}
+    recorded = set(flight.names)
     needed = [rotor.channel for rotor in balance.vehicle.file.rotor.values()]
     needed += ["voltage"] if balance.needs_voltage else []
     if missing := [name for name in needed if name not in recorded]:

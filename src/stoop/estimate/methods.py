@@ -168,7 +168,7 @@ def choose_method(
             rate = flight.sources[channel].rate
             if VARIABLES[channel].kind != "measurement" and 0.0 < rate < GRID_SHARE * flight.rate:
                 rates.append(rate)
-    recorded = [set(map(str, flight.data.data_vars)) for flight in flights]
+    recorded = [set(flight.channels) for flight in flights]
     sensed = all({*RATES, *SPECIFIC_FORCE} <= own and not own & {*WIND, *EULER} for own in recorded)
     if flights and sensed and vehicle.frame == GROUND_FRAME:
         return MethodChoice(STATELESS, (notice("no-states-recorded", method=STATELESS, other=usual),))

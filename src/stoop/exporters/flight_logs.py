@@ -91,7 +91,7 @@ def lay_out(
     streams : stream -> column -> (n,) in the unit and the axes of the log
     unmapped : variable -> (n,) SI, of those that the mapping has no column for
     """
-    known = {str(name): flight.column(str(name)) for name in flight.data.data_vars}
+    known = {str(name): flight.column(str(name)) for name in flight.channels}
     streams: dict[str, Columns] = {}
     placed: set[tuple[str, str]] = set()  # a variable stands once in a stream
     for source in mapping.sources:
@@ -413,7 +413,7 @@ def parquet_table(flight: Flight) -> tuple[bytes, str]:
 
 def _table(flight: Flight) -> tuple[Columns, str]:
     """Return time and variables by stoop's names and units, the attitude as angles where there are any; and the mapping."""
-    names = [str(name) for name in flight.data.data_vars]
+    names = list(flight.channels)
     angles = set(EULER) <= set(names)
     kept = [name for name in names if not (angles and name in QUATERNION)]
     mapping = MappingFile(clock=CLOCK)

@@ -32,7 +32,7 @@ from stoop.base.units import DEGREE
 from stoop.base.variables import EULER, QUATERNION, RATES, SPECIFIC_FORCE, VARIABLES, VELOCITY
 from stoop.flight import airspeed
 from stoop.flight.airborne import carried_by_rotors, hovered
-from stoop.flight.flight import NAN, AirData, Flight, dataset
+from stoop.flight.flight import NAN, AirData, Flight, Gridded
 from stoop.flight.gridding import complete
 from stoop.flight.instrument_errors import prior_std
 from stoop.flight.velocity_smoother import Smoothed, smooth_velocity
@@ -92,7 +92,7 @@ def with_air(flight: Flight) -> Flight:
     replaced = [fault.notice for fault in flight.faults if fault.variable == "airspeed_pitot"]
     return replace(
         flight,
-        data=dataset(flight.time, columns),
+        data=Gridded(flight.time, columns),
         air=air,
         sources={**flight.sources, **sources},
         notices=(*(one for one in flight.notices if one not in replaced), *air.notices),
@@ -101,13 +101,13 @@ def with_air(flight: Flight) -> Flight:
 
 def _with_pitot(flight: Flight) -> Flight:
     """Take the pitot's airspeed as V where none was measured and none can be reconstructed."""
-    if "V" in flight.data or "airspeed_pitot" not in flight.data:
+    if "V" in flight.names or "airspeed_pitot" not in flight.names:
         return flight
-    columns = {name: flight.column(name) for name in VARIABLES if name in flight.data}
+    columns = {name: flight.column(name) for name in VARIABLES if name in flight.names}
     columns["V"] = columns["airspeed_pitot"]
     return replace(
         flight,
-        data=dataset(flight.time, {name: columns[name] for name in VARIABLES if name in columns}),
+        data=Gridded(flight.time, {name: columns[name] for name in VARIABLES if name in columns}),
         sources={**flight.sources, "V": flight.sources["airspeed_pitot"]},
         notices=(*flight.notices, notice("airspeed-of-pitot", "V")),
     )
@@ -122,16 +122,16 @@ def without(flight: Flight, windows: Sequence[tuple[float, float]]) -> Flight:
         return flight
     columns, air = _columns_with_air(flight, windows)
     if air.method == "none":
-        return replace(flight, notices=(*flight.notices, notice("wind-of-predicted-windows", flight.name)))
+        return flight.with_notices([notice("wind-of-predicted-windows", flight.name)])
     kept = tuple(one for one in flight.notices if one not in flight.air.notices)
-    return replace(flight, data=dataset(flight.time, columns), air=air, notices=(*kept, *air.notices))
+    return replace(flight, data=Gridded(flight.time, columns), air=air, notices=(*kept, *air.notices))
 
 
 def _columns_with_air(
     flight: Flight, exclude: Sequence[tuple[float, float]] = ()
 ) -> tuple[dict[str, FloatArray], AirData]:
     """Return all columns with reconstructed air data; a measured V stays, and is a pitot where there is none."""
-    columns = {name: flight.column(name) for name in VARIABLES if name in flight.data}
+    columns = {name: flight.column(name) for name in VARIABLES if name in flight.names}
     measured = _measured_speed(flight)
     as_pitot = measured is not None and "airspeed_pitot" not in columns
     given = {**columns, "airspeed_pitot": measured} if measured is not None and as_pitot else columns

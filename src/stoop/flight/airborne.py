@@ -95,7 +95,7 @@ def airborne(flight: Flight) -> BoolArray:
     if flight.names >= set(VELOCITY):
         speed = np.sqrt(np.sum([flight.column(name) ** 2 for name in VELOCITY], axis=0))
     else:
-        name = next((name for name in ("V", "airspeed_pitot") if name in flight.data), None)
+        name = next((name for name in ("V", "airspeed_pitot") if name in flight.names), None)
         speed = flight.column(name) if name else speed
     known = np.isfinite(speed)
     if known.sum() < 2:
@@ -124,7 +124,7 @@ def carried_by_rotors(flight: Flight) -> bool:
 
 def lift_command(flight: Flight) -> FloatArray | None:
     """Return the mean command of the rotors (n,), zero at idle, about one at full; None where none is recorded."""
-    throttle = flight.column("control_throttle") if "control_throttle" in flight.data else np.zeros(1)
+    throttle = flight.column("control_throttle") if "control_throttle" in flight.names else np.zeros(1)
     if np.nanmax(np.append(np.abs(throttle), 0.0)) > 0.0:
         return throttle
     for kind, size, idle, full in ROTOR_KINDS:
@@ -137,7 +137,7 @@ def lift_command(flight: Flight) -> FloatArray | None:
 def _moving(flight: Flight, kind: str, size: int) -> list[str]:
     """Return the channels of a kind that are not still at zero."""
     outputs = [n for n in range(1, size + 1) if kind != "pwm" or _may_be_motor(flight, n)]
-    there = [name for name in (f"{kind}_{n}" for n in outputs) if name in flight.data]
+    there = [name for name in (f"{kind}_{n}" for n in outputs) if name in flight.names]
     return [name for name in there if np.nanmax(np.abs(np.append(flight.column(name), 0.0))) > 0.0]
 
 
@@ -150,7 +150,7 @@ def motors_ran(flight: Flight) -> bool:
     if command is None:
         every = [[f"{kind}_{n}" for n in range(1, size + 1)] for kind, size, *_ in ROTOR_KINDS[:2]]
         known = [
-            [n for n in own if n in flight.data and np.isfinite(flight.column(n)).any()] for own in every
+            [n for n in own if n in flight.names and np.isfinite(flight.column(n)).any()] for own in every
         ]
         still = all(not _moving(flight, kind, size) for kind, size, *_ in ROTOR_KINDS[:2])
         return not still or max(map(len, known)) < FLYING.rotors
@@ -198,7 +198,7 @@ def rotor_pulses(flight: Flight) -> list[str]:
     """
     running: dict[str, float] = {}
     for name in (f"pwm_{n}" for n in range(1, OUTPUT_PINS + 1)):
-        x = flight.column(name) if name in flight.data else np.empty(0)
+        x = flight.column(name) if name in flight.names else np.empty(0)
         x = x[np.isfinite(x)]
         if x.size and np.ptp(x) > 0.0 and PULSES.running[0] < float(np.median(x)) < PULSES.running[1]:
             running[name] = float(np.median(x))

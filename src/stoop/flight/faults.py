@@ -84,23 +84,34 @@ def recorded_faults(channels: Sequence[Channels]) -> list[Fault]:
 def _shared_limits(group: Channels) -> Iterator[Fault]:
     """Yield limits at which several of three alike channels end, to the last digit: that is no chance."""
     for names in (RATES, SPECIFIC_FORCE):
-        ends: list[tuple[str, float]] = []
-        for name in names:
-            x = group.values.get(name, np.empty(0))
-            known = x[np.isfinite(x)]
-            if known.size > LIMITS.stuck_samples and np.unique(known).size > LIMITS.distinct * known.size:
-                ends += [(name, float(known.min())), (name, float(known.max()))]
-        sizes = [abs(value) for _, value in ends]
+        known = {name: x[np.isfinite(x)] for name, x in group.values.items() if name in names}
+        ends = [
+            (name, float(end))
+            for name in names
+            if name in known and known[name].size > LIMITS.stuck_samples
+            for end in (known[name].min(), known[name].max())
+        ]
+        alike = {name for name, value in ends if _shared(value, ends)}
+        # of those alone, as it takes a sort
+        fine = {n for n in alike if np.unique(known[n]).size > LIMITS.distinct * known[n].size}
+        ends = [(name, value) for name, value in ends if name in fine]
         for name, value in ends:
-            if sizes.count(abs(value)) > 1 and value != 0.0:
+            if _shared(value, ends):
                 at = group.time[group.values[name] == value]
                 unit = VARIABLES[name].unit
                 found = notice("shared-limit", name, value=value, unit=unit, count=int(at.size))
                 yield Fault("clipped", name, value, float(at[0]), float(at[-1]), found)
 
 
+def _shared(value: float, ends: Sequence[tuple[str, float]]) -> bool:
+    """Tell whether several channels end at a size that is not zero."""
+    return value != 0.0 and [abs(end) for _, end in ends].count(abs(value)) > 1
+
+
 def _clipped(name: str, t: FloatArray, x: FloatArray) -> Iterator[Fault]:
     """Yield the limits at which samples pile up far more than at the values next to them."""
+    if max(np.count_nonzero(x == end) for end in (x.min(), x.max())) < LIMITS.clipped_samples:
+        return  # before all are sorted
     values, counts = np.unique(x, return_counts=True)
     if values.size < LIMITS.clipped_samples:
         return

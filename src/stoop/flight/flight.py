@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence, Set
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping, Sequence, Set
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -70,6 +70,31 @@ class AirData:
         return speed / self.pitot_scale + self.pitot_offset - speed
 
 
+@dataclass(frozen=True, eq=False)
+class Gridded:
+    """Registry variables over one uniform time axis."""
+
+    time: FloatArray  #: (n,) s
+    columns: Mapping[str, FloatArray]  #: variable -> (n,) SI, NaN where there is no data
+    attributes: Mapping[str, str] = field(default_factory=dict)
+
+
+class _AsDataset:
+    """Keeps the variables of a flight as arrays until the data set is asked for: to import xarray takes half a second."""
+
+    def __get__(self, flight: Flight | None, owner: type[Flight] | None = None) -> xr.Dataset:
+        if flight is None:
+            raise AttributeError  # there is no default
+        kept: xr.Dataset | Gridded = vars(flight)["data"]
+        if isinstance(kept, Gridded):
+            made = dataset(kept.time, kept.columns).assign_attrs(kept.attributes)
+            kept = vars(flight)["data"] = made
+        return kept
+
+    def __set__(self, flight: Flight, given: xr.Dataset | Gridded) -> None:
+        vars(flight)["data"] = given
+
+
 @dataclass(frozen=True, repr=False)
 class Flight:
     """One flight, ready to be cut into maneuvers."""
@@ -78,9 +103,11 @@ class Flight:
     path: Path | None  #: where it was read from, if anywhere
     #: registry variables (SI, body axes forward-right-down) over "time" [s, log's own clock], uniform, NaN where there
     #: is no data
-    data: xr.Dataset
-    rate: float  #: Hz, of the grid
-    sources: Mapping[str, SourceRate]  #: variable -> how it was recorded
+    data: _AsDataset = _AsDataset()
+    #: Hz, of the grid
+    rate: float  # type: ignore[misc] # mypy takes the line above for a default
+    #: variable -> how it was recorded
+    sources: Mapping[str, SourceRate]  # type: ignore[misc]
     notices: tuple[Notice, ...] = ()  #: what was found: gaps, faults, defects, what was reconstructed
     air: AirData | None = None  #: result of the air data reconstruction, where there was one
     faults: tuple[Fault, ...] = ()  #: suspected faults of sensors; each has a notice too
@@ -91,27 +118,55 @@ class Flight:
     @property
     def time(self) -> FloatArray:
         """Grid, shape (n,) [s, log's own clock]."""
-        return self.data["time"].to_numpy()
+        kept = vars(self)["data"]
+        return kept.time if isinstance(kept, Gridded) else kept["time"].to_numpy()
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Variables of the flight, in order."""
+        kept = vars(self)["data"]
+        return tuple(kept.columns) if isinstance(kept, Gridded) else tuple(map(str, kept.data_vars))
 
     @property
     def names(self) -> frozenset[str]:
         """Variables of the flight."""
-        return frozenset(str(name) for name in self.data.data_vars)
+        return frozenset(self.channels)
 
     def column(self, name: str) -> FloatArray:
         """Return a variable, shape (n,), SI, NaN where there is no data."""
-        return self.data[name].to_numpy()
+        kept = vars(self)["data"]
+        return kept.columns[name] if isinstance(kept, Gridded) else kept[name].to_numpy()
+
+    def texts(self, name: str) -> dict[str, str]:
+        """Return what is said of a variable, or of the time: units, long_name, frame, positive."""
+        kept = vars(self)["data"]
+        return _texts(name) if isinstance(kept, Gridded) else dict(kept[name].attrs)
+
+    @property
+    def attributes(self) -> dict[str, Any]:
+        """What stands with the variables, such as the truth of a simulated flight."""
+        kept = vars(self)["data"]
+        return dict(kept.attributes if isinstance(kept, Gridded) else kept.attrs)
+
+    def with_notices(self, found: Iterable[Notice]) -> Flight:
+        """Return the flight with more notices."""
+        return replace(self, data=vars(self)["data"], notices=(*self.notices, *found))
+
+    def between(self, start: float, stop: float) -> slice:
+        """Return which samples lie between two times [s], both included."""
+        time = self.time
+        return slice(int(np.searchsorted(time, start)), int(np.searchsorted(time, stop, "right")))
 
     def __repr__(self) -> str:
         """Return name, length and number of channels on one line."""
         length = float(self.time[-1] - self.time[0]) if self.time.size else 0.0
         return printable(
-            f"<Flight {self.name}: {length:.1f} s at {self.rate:g} Hz, {len(self.data)} channels>"
+            f"<Flight {self.name}: {length:.1f} s at {self.rate:g} Hz, {len(self.channels)} channels>"
         )
 
     def _repr_html_(self) -> str:
-        columns = self.data.items()
-        rows = [(str(n), *(str(x.attrs.get(key, "")) for key in ("units", "long_name"))) for n, x in columns]
+        texts = {name: self.texts(name) for name in self.channels}
+        rows = [(name, *(known.get(k, "") for k in ("units", "long_name"))) for name, known in texts.items()]
         return table(repr(self).strip("<>"), ("channel", "unit", "meaning"), rows)
 
 
@@ -121,6 +176,7 @@ def from_columns(
     columns: Mapping[str, FloatArray],
     notices: tuple[Notice, ...] = (),
     source: str = "simulation",
+    attributes: Mapping[str, str] | None = None,
 ) -> Flight:
     """Make a flight of channels that already lie on one uniform grid; nothing is filtered.
 
@@ -133,6 +189,7 @@ def from_columns(
         values that are impossibly large are taken as missing
     notices : for the user
     source : where the channels come from
+    attributes : texts that stand with the channels
 
     Raises
     ------
@@ -160,7 +217,7 @@ def from_columns(
     data = with_attitude(on_circle(data))
     ordered = {key: data[key] for key in VARIABLES if key in data}
     sources = {key: source_rate(source, time[np.isfinite(values)]) for key, values in ordered.items()}
-    return Flight(name, None, dataset(time, ordered), rate, sources, (*notices, *found))
+    return Flight(name, None, Gridded(time, ordered, attributes or {}), rate, sources, (*notices, *found))
 
 
 def on_circle(data: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
@@ -190,13 +247,16 @@ def dataset(time: FloatArray, data: Mapping[str, FloatArray]) -> xr.Dataset:
     """Make a data set of gridded variables, with units and meanings from the registry."""
     import xarray as xr  # heavy, and only here
 
-    columns = {}
-    for name, x in data.items():
-        one = VARIABLES[name]
-        texts = {"units": one.unit, "long_name": one.meaning, "frame": one.frame, "positive": one.sign}
-        columns[name] = ("time", x, {key: value for key, value in texts.items() if value})
-    clock = ("time", time, {"units": "s", "long_name": "time on the log's own clock"})
-    return xr.Dataset(columns, coords={"time": clock})
+    columns = {name: ("time", x, _texts(name)) for name, x in data.items()}
+    return xr.Dataset(columns, coords={"time": ("time", time, _texts("time"))})
+
+
+def _texts(name: str) -> dict[str, str]:
+    if name == "time":
+        return {"units": "s", "long_name": "time on the log's own clock"}
+    one = VARIABLES[name]
+    texts = {"units": one.unit, "long_name": one.meaning, "frame": one.frame, "positive": one.sign}
+    return {key: value for key, value in texts.items() if value}
 
 
 def flight_name(path: Path) -> str:
@@ -271,9 +331,9 @@ def segments(
         ends, or nothing is left of it.
     """
     for name in inputs:
-        if name not in flight.data:
+        if name not in flight.names:
             variable(name, flight.name)
-            there = ", ".join(str(known) for known in flight.data.data_vars)
+            there = ", ".join(flight.channels)
             raise FlightError(f"{flight.name}: input '{name}' is not in this flight; it has {there}")
     where, t = f"{flight.name} {start:g}:{stop:g}", flight.time
     notices = _check_span(where, t, start, stop)
@@ -282,7 +342,7 @@ def segments(
     inside = {}
     for name in (*inputs, *outputs, *extras):
         variable(name, flight.name)
-        inside[name] = flight.column(name)[low:high] if name in flight.data else np.full(t.size, np.nan)
+        inside[name] = flight.column(name)[low:high] if name in flight.names else np.full(t.size, np.nan)
     u, z = (
         np.column_stack([inside[name] for name in names]) if names else np.empty((t.size, 0))
         for names in (inputs, outputs)

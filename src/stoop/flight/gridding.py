@@ -91,10 +91,9 @@ def source_rate(source: str, time: FloatArray) -> SourceRate:
         start = float(time[0]) if time.size else float("nan")
         return SourceRate(source, 0.0, 0.0, 0, start, start)
     steps = np.diff(time)
-    gaps = int(np.sum(steps > longest_allowed(time)))
-    return SourceRate(
-        source, 1.0 / float(np.median(steps)), float(steps.max()), gaps, float(time[0]), float(time[-1])
-    )
+    period = float(np.median(steps))
+    gaps = int(np.sum(steps > _longest_step(period)))
+    return SourceRate(source, 1.0 / period, float(steps.max()), gaps, float(time[0]), float(time[-1]))
 
 
 def drop_outliers(group: Channels) -> tuple[Channels, list[Notice]]:
@@ -132,7 +131,11 @@ def drop_impossible(
 
 def longest_allowed(time: FloatArray) -> float:
     """Return the longest distance between samples [s] that may be interpolated across."""
-    return max(MAX_GAP, LIMITS.gap_periods * float(np.median(np.diff(time)))) if time.size > 1 else MAX_GAP
+    return _longest_step(float(np.median(np.diff(time)))) if time.size > 1 else MAX_GAP
+
+
+def _longest_step(period: float) -> float:
+    return max(MAX_GAP, LIMITS.gap_periods * period)
 
 
 def stretches(time: FloatArray) -> list[slice]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import math
 from collections.abc import Mapping, Sequence
@@ -34,7 +35,7 @@ from stoop.flight.faults import (
     rest_faults,
     without_faulty,
 )
-from stoop.flight.flight import AirData, Flight, dataset, flight_name, on_circle, with_attitude
+from stoop.flight.flight import AirData, Flight, Gridded, flight_name, on_circle, with_attitude
 from stoop.flight.gridding import (
     Channels,
     SourceRate,
@@ -93,7 +94,7 @@ def load(path: str | Path, mapping: str | Path | None = None, rate: float = 100.
         recorded = [replace(f, variable=TRUE) if f.variable == EQUIVALENT else f for f in recorded]
     body_rates = {name: sources[name].rate for name in RATES if name in sources}
     # a mapping is judged in flight: on the ground estimators hold zeros, and sensors stand still
-    gridded = Flight(flight_name(path), path, dataset(grid.time, data), rate, sources)
+    gridded = Flight(flight_name(path), path, Gridded(grid.time, data), rate, sources)
     up = attempt(failed, np.ones(grid.time.size, dtype=bool), in_flight, gridded)
     recorded = [
         fault
@@ -135,7 +136,7 @@ def load(path: str | Path, mapping: str | Path | None = None, rate: float = 100.
         counts = tuple(f"{name} {source.gaps}" for name, source in gaps.items())
         notices.append(notice("gaps", longest=max(s.longest_gap for s in gaps.values()), counts=counts))
     notices += [fault.notice for fault in faults]
-    columns = dataset(grid.time, data)
+    columns = Gridded(grid.time, data)
     flight = Flight(
         flight_name(path),
         path,
@@ -159,7 +160,7 @@ def load(path: str | Path, mapping: str | Path | None = None, rate: float = 100.
     explained = flight.air is not None and bool(flight.air.notices)  # the reconstruction knows better why
     if not {"V", "alpha", "beta"} & flight.names and not carried_by_rotors(flight) and not explained:
         limits.append(notice("no-air-data"))
-    return replace(flight, notices=(*flight.notices, *limits, *failed))
+    return flight.with_notices((*limits, *failed))
 
 
 def _in_air(
@@ -228,21 +229,49 @@ def save(flight: Flight, path: str | Path) -> None:
 
 def flight_bytes(flight: Flight) -> bytes:
     """Return the content of the file that `save` writes."""
+    from scipy.io import netcdf_file  # heavy, and only here
+
     faults = [{**fault.to_dict(), "notice": fault.notice.to_dict()} for fault in flight.faults]
-    data = flight.data.assign_attrs(
-        stoop_format=FORMAT,
-        name=flight.name,
-        rate=flight.rate,
-        sources=json.dumps({name: asdict(source) for name, source in flight.sources.items()}),
-        notices=json.dumps([found.to_dict() for found in flight.notices]),
-        faults=json.dumps(faults),
-    )
+    attributes = flight.attributes | {
+        "stoop_format": FORMAT,
+        "name": flight.name,
+        "rate": flight.rate,
+        "sources": json.dumps({name: asdict(source) for name, source in flight.sources.items()}),
+        "notices": json.dumps([found.to_dict() for found in flight.notices]),
+        "faults": json.dumps(faults),
+    }
+    traces: Mapping[str, FloatArray] = {}
     if flight.air is not None:
         air = {item.name: getattr(flight.air, item.name) for item in fields(AirData) if item.name != "traces"}
         air[NOTICES] = [found.to_dict() for found in flight.air.notices]
-        data = data.assign_attrs(air=json.dumps(air))
-        data = data.assign({f"{AIR}_{name}": (AIR, trace) for name, trace in flight.air.traces.items()})
-    return bytes(data.to_netcdf(engine="scipy", format="NETCDF3_64BIT"))
+        attributes["air"] = json.dumps(air)
+        traces = flight.air.traces
+    content = io.BytesIO()
+    file = netcdf_file(content, "w", version=2)
+
+    def written(value: Any) -> Any:
+        """Return an attribute as netCDF-3 has it."""
+        return value.encode() if isinstance(value, str) else np.atleast_1d(np.asarray(value, np.float64))
+
+    def add(name: str, dimension: str, values: FloatArray, said: Mapping[str, Any]) -> None:
+        """Add a column with what is said of it."""
+        variable = file.createVariable(name, np.dtype(np.float64), (dimension,))
+        variable[:] = values
+        for key, value in {**said, "_FillValue": np.nan}.items():
+            setattr(variable, key, written(value))
+
+    for key, value in attributes.items():
+        setattr(file, key, written(value))
+    file.createDimension("time", flight.time.size)
+    for name in flight.channels:
+        add(name, "time", flight.column(name), flight.texts(name))
+    add("time", "time", flight.time, flight.texts("time"))
+    if traces:
+        file.createDimension(AIR, next(iter(traces.values())).size)
+    for name, trace in traces.items():
+        add(f"{AIR}_{name}", AIR, trace, {})
+    file.flush()
+    return content.getvalue()
 
 
 def _restore(recording: Recording, name: str) -> Flight:
@@ -279,7 +308,7 @@ def _restore(recording: Recording, name: str) -> Flight:
         raise LogError(foreign)
     # a filter may have gone beyond what was recorded
     data, dropped = drop_impossible(recording.path.name, data)
-    columns = dataset(stream.time, on_circle(data))
+    columns = Gridded(stream.time, on_circle(data))
     return Flight(name, recording.path, columns, rate, sources, (*notices, *dropped), air, tuple(faults))
 
 

@@ -133,14 +133,14 @@ class FlightSummary:
 def describe(flight: Flight) -> FlightSummary:
     """Summarize a flight."""
     rows = []
-    for name in map(str, flight.data.data_vars):
+    for name in flight.channels:
         one, source, x = VARIABLES[name], flight.sources[name], flight.column(name)
         finite = x[np.isfinite(x)]
         low, middle, high = np.quantile(finite, [0.0, 0.5, 1.0]).tolist() if finite.size else [np.nan] * 3
         numbers = (source.gaps, source.longest_gap, low, middle, high, 1.0 - finite.size / x.size)
         rows.append(ChannelRow(name, one.unit, one.meaning, source.source, source.rate, *numbers))
     useless: list[Notice] = []
-    missing = tuple(n for n in RATES if n not in flight.data or not np.isfinite(flight.column(n)).any())
+    missing = tuple(n for n in RATES if n not in flight.names or not np.isfinite(flight.column(n)).any())
     if missing:
         useless.append(notice("no-body-rates", variables=missing))
     if not attempt(useless, True, motors_ran, flight):
@@ -153,7 +153,7 @@ def commands(flight: Flight) -> list[Command]:
     direct = [
         Command(axis, name, flight.column(name))
         for name, axis in CONTROLS.items()
-        if name in flight.data
+        if name in flight.names
         and (axis != "heave" or carried_by_rotors(flight))
         and moves(flight.column(name))
     ]
@@ -175,7 +175,7 @@ def output_families(flight: Flight) -> list[list[str]]:
     """Return the outputs that move, motors first, then servos, pulses and measured rotor speeds."""
     families = (("motor", MOTORS), ("servo", SERVOS), ("pwm", OUTPUT_PINS), ("rotor", ROTORS))
     every = ([f"{kind}_{n}" for n in range(1, size + 1)] for kind, size in families)
-    moving = ([n for n in names if n in flight.data and moves(flight.column(n))] for names in every)
+    moving = ([n for n in names if n in flight.names and moves(flight.column(n))] for names in every)
     return [names for names in moving if len(names) > 1]
 
 
@@ -190,18 +190,13 @@ def directions(flight: Flight, names: list[str]) -> list[Command]:
     if not set(RATES) <= flight.names:
         return []
 
-    def band_pass(x: FloatArray) -> FloatArray:
-        """Return columns (n, m) smoothed, less their slow part; NaN where any of the window is missing."""
-        fast, slow = round(LIMITS.fast * flight.rate), round(LIMITS.slow * flight.rate)
-        return moving_average(x, fast) - moving_average(x, slow, 0.5)
-
     outputs = np.column_stack([flight.column(name) for name in names])
-    rates = band_pass(np.column_stack([flight.column(name) for name in RATES]))
-    x = band_pass(outputs)
+    rates = band_pass(flight, np.column_stack([flight.column(name) for name in RATES]), 0.5)
+    x = band_pass(flight, outputs, 0.5)
     accelerations: dict[Axis, FloatArray] = {}
     for axis, name in MOTION.items():
-        if name in flight.data:
-            y = band_pass(flight.column(name)[:, None])[:, 0]
+        if name in flight.names:
+            y = band_pass(flight, flight.column(name)[:, None], 0.5)[:, 0]
             accelerations[axis] = -y if axis == "heave" else np.asarray(np.gradient(y) * flight.rate)
     good = flying(flight) & np.isfinite(x).all(axis=1) & np.isfinite(rates).all(axis=1)
     good &= np.isfinite(np.column_stack(list(accelerations.values()))).all(axis=1)
@@ -223,18 +218,38 @@ def directions(flight: Flight, names: list[str]) -> list[Command]:
     return out
 
 
-def moving_average(x: FloatArray, width: int, least: float = 1.0) -> FloatArray:
-    """Return running means (n, m) over `width` samples, NaN where less than a share of them is there."""
-    width = max(1, min(width, len(x)))
+def _running_sums(x: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the sum and the number (n + 1, m) of the finite ones of the first 0, 1, ... n samples."""
     good = np.isfinite(x)
-    total = np.cumsum(np.pad(np.where(good, x, 0.0), [(1, 0), (0, 0)]), axis=0)
-    count = np.cumsum(np.pad(good.astype(np.float64), [(1, 0), (0, 0)]), axis=0)
-    first = np.clip(np.arange(len(x)) - width // 2, 0, len(x))
-    last = np.clip(first + width, 0, len(x))
-    known = count[last] - count[first]
+    total, count = np.zeros((2, len(x) + 1, x.shape[1]))
+    np.cumsum(np.where(good, x, 0.0), axis=0, out=total[1:])
+    np.cumsum(good, axis=0, out=count[1:])
+    return total, count
+
+
+def _running_means(sums: tuple[FloatArray, FloatArray], width: int, least: float) -> FloatArray:
+    """Return the means (n, m) over `width` samples, NaN where less than a share of them is there."""
+    size = len(sums[0]) - 1
+    width = max(1, min(width, size))
+    lead = (
+        width // 2
+    )  # the window of a sample begins so much before it, that of the first ones with the record
+    last = np.minimum(np.arange(size - lead) + width, size)
+    many = least * (last - np.arange(size - lead))[:, None]
+
+    def within(running: FloatArray) -> FloatArray:
+        """Return what lies in each window, without the first ones, which are alike."""
+        whole = running[width:] - running[: size + 1 - width]
+        rest = running[size] - running[size + 1 - width : size - lead]
+        return np.concatenate([whole[: size - lead], rest])
+
+    total, known = map(within, sums)
+    out = np.empty((size, total.shape[1]))
     with np.errstate(invalid="ignore", divide="ignore"):
-        mean = (total[last] - total[first]) / known
-    return np.where(known >= least * (last - first)[:, None], mean, np.nan)
+        np.divide(total, known, out=out[lead:])
+    out[lead:][known < many] = np.nan
+    out[:lead] = out[lead : lead + 1]
+    return out
 
 
 def usual_deviation(x: FloatArray, mask: BoolArray) -> float:
@@ -243,26 +258,41 @@ def usual_deviation(x: FloatArray, mask: BoolArray) -> float:
     return robust_std(known - np.median(known)) if known.size else 0.0
 
 
-def band_pass(flight: Flight, x: FloatArray) -> FloatArray:
-    """Return columns (n, m) smoothed, less their slow part."""
+def band_pass(flight: Flight, x: FloatArray, least: float = 0.3) -> FloatArray:
+    """Return columns (n, m) smoothed, less their slow part; NaN where less than a share of that is there."""
     fast, slow = round(LIMITS.fast * flight.rate), round(LIMITS.slow * flight.rate)
-    return moving_average(x, fast) - moving_average(x, slow, 0.3)
-
-
-def without_feedback(flight: Flight, u: FloatArray) -> FloatArray:
-    """Return what feedback of the motion does not explain of commands (n, m) that :func:`band_pass` left; NaN where unknown.
-
-    Feedback is the regression on rates, attitude, altitude and its rate at the same instant, over the airborne part.
-    """
-    names = [n for n in FEEDBACK if n in flight.data and np.isfinite(flight.column(n)).any()]
-    out = u.copy()
-    if not names:
-        return out
-    motion = band_pass(flight, np.column_stack([flight.column(name) for name in names]))
-    good = flying(flight) & np.isfinite(motion).all(axis=1) & np.isfinite(u).all(axis=1)
-    if good.sum() >= LIMITS.samples:
-        out[good] -= motion[good] @ np.linalg.lstsq(motion[good], u[good], rcond=None)[0]
+    sums = _running_sums(x)
+    out = _running_means(sums, fast, 1.0)
+    out -= _running_means(sums, slow, least)
     return out
+
+
+@dataclass(frozen=True, eq=False)
+class Feedback:
+    """The motion of a flight (n, k) of which an autopilot makes its commands, as :func:`band_pass` left it, in the air."""
+
+    motion: FloatArray
+    known: BoolArray  #: (n,) complete, airborne
+
+    @classmethod
+    def of(cls, flight: Flight, up: BoolArray) -> Feedback:
+        """Return that of a flight, airborne where `up` (n,) says."""
+        names = [n for n in FEEDBACK if n in flight.names and np.isfinite(flight.column(n)).any()]
+        if not names:
+            return cls(np.empty((flight.time.size, 0)), np.zeros(flight.time.size, dtype=bool))
+        motion = band_pass(flight, np.column_stack([flight.column(name) for name in names]))
+        return cls(motion, up & np.isfinite(motion).all(axis=1))
+
+    def taken_off(self, u: FloatArray) -> FloatArray:
+        """Return what it does not explain of commands (n, m) that :func:`band_pass` left; NaN where unknown.
+
+        It is the regression on rates, attitude, altitude and its rate at the same instant, over the airborne part.
+        """
+        out, good = u.copy(), self.known & np.isfinite(u).all(axis=1)
+        if good.sum() >= LIMITS.samples:
+            motion = self.motion[good]
+            out[good] -= motion @ np.linalg.lstsq(motion, u[good], rcond=None)[0]
+        return out
 
 
 def find_maneuvers(flight: Flight) -> list[Maneuver]:
@@ -272,7 +302,8 @@ def find_maneuvers(flight: Flight) -> list[Maneuver]:
     the axis.
     """
     up = flying(flight)
-    found = [m for command in commands(flight) for m in _bursts(flight, command, up)]
+    feedback = Feedback.of(flight, up)
+    found = [m for command in commands(flight) for m in _bursts(flight, command, up, feedback)]
     kept: list[Maneuver] = []
     for one in sorted(found, key=lambda m: -m.strength):
         shared = [max(min(one.stop, m.stop) - max(one.start, m.start), 0.0) for m in kept]
@@ -294,7 +325,7 @@ def apart(found: Sequence[Maneuver]) -> list[Maneuver]:
     return out
 
 
-def _bursts(flight: Flight, command: Command, up: BoolArray) -> Iterator[Maneuver]:
+def _bursts(flight: Flight, command: Command, up: BoolArray, feedback: Feedback) -> Iterator[Maneuver]:
     """Yield the bursts of one control that swing to both sides."""
     u, width = command.u, max(round(LIMITS.window * flight.rate), 1)
     # activity: the running standard deviation over the samples that are there
@@ -319,9 +350,11 @@ def _bursts(flight: Flight, command: Command, up: BoolArray) -> Iterator[Maneuve
             bursts[-1] = slice(bursts[-1].start, run.stop)
         else:
             bursts.append(run)
+    if not bursts:
+        return
     around = round(LIMITS.rest * flight.rate)
     moved = band_pass(flight, u[:, None])
-    own = without_feedback(flight, moved)
+    own = feedback.taken_off(moved)
     first, last = float(flight.time[0]), float(flight.time[-1])
     for run in bursts:
         # the window is narrowed to where the control moves
@@ -337,8 +370,7 @@ def _bursts(flight: Flight, command: Command, up: BoolArray) -> Iterator[Maneuve
             continue
         start = np.ceil(max(float(t[moving[0]]) - LIMITS.lead, first) * 10.0 - 1.0) / 10.0
         stop = np.floor(min(float(t[moving[-1]]) + LIMITS.tail, last) * 10.0 + 1.0) / 10.0
-        inside = (flight.time >= start) & (flight.time <= stop)
-        whole = float(np.mean(np.isfinite(u[inside])))
+        whole = float(np.mean(np.isfinite(u[flight.between(float(start), float(stop))])))
         strength = float(np.nanmax(activity[run])) / usual
         begin = float(max(start, first)) + 0.0  # no -0.0
         yield Maneuver(command.axis, command.variable, begin, float(stop), amplitude, swings, strength, whole)

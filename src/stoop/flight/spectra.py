@@ -99,7 +99,7 @@ def frequency_responses(flight: Flight) -> list[FrequencyResponse]:
     found = []
     for command in commands(flight):
         rate = MOTION[command.axis]
-        if rate not in flight.data:
+        if rate not in flight.names:
             continue
         windows = _windows(np.column_stack([command.u, flight.column(rate)]), flight.rate, RESPONSE_WINDOW)
         if windows is None or len(windows) < MIN_WINDOWS:

@@ -17,11 +17,11 @@ from stoop.flight.maneuvers import LIMITS as COMMANDS
 from stoop.flight.maneuvers import (
     MOTION,
     Axis,
+    Feedback,
     band_pass,
     by_axis,
     commands,
     usual_deviation,
-    without_feedback,
 )
 
 if TYPE_CHECKING:
@@ -91,7 +91,8 @@ def candidates(flight: Flight, channels: Sequence[str]) -> list[Candidate]:
             spans += [(float(start), float(start + length), None) for start in tiles]
     out: dict[tuple[float, float], Candidate] = {}
     for start, stop, maneuver in spans:
-        inside = np.flatnonzero(good & (time >= start - 1e-9) & (time <= stop + 1e-9))
+        part = flight.between(start - 1e-9, stop + 1e-9)
+        inside = part.start + np.flatnonzero(good[part])
         if not inside.size:
             continue
         first, last = float(time[inside[0]]), float(time[inside[-1]])
@@ -107,7 +108,7 @@ def usable(flight: Flight, channels: Sequence[str]) -> BoolArray:
     """Tell at which samples (n,) a window may lie: flying, commands there, nothing stuck or at its limit."""
     up = flying(flight)
     good = up.copy()
-    for name in (*channels, *(rate for rate in RATES if rate in flight.data)):
+    for name in (*channels, *(rate for rate in RATES if rate in flight.names)):
         good &= np.isfinite(flight.column(name))
     for name in channels:
         if name.startswith(LIMITED):
@@ -146,7 +147,7 @@ def with_motors(flight: Flight, vehicle: Vehicle | None) -> Flight:
     if vehicle is None:
         return flight
     kind = {"command": "motor"}.get(vehicle.drive, "rotor")
-    if any(str(name).startswith(f"{kind}_") for name in flight.data):
+    if any(str(name).startswith(f"{kind}_") for name in flight.names):
         return flight
     made = {}
     for rotor in vehicle.file.rotor.values():
@@ -154,7 +155,7 @@ def with_motors(flight: Flight, vehicle: Vehicle | None) -> Flight:
             (0.0, 0.0, -1.0) if rotor.axis is None else (number.value for number in rotor.axis)
         )
         lifts, channel = -down > math.hypot(forward, right), rotor.channel
-        if lifts and channel.startswith("pwm_") and channel in flight.data:
+        if lifts and channel.startswith("pwm_") and channel in flight.names:
             gain, idle = vehicle.value("rotors.gain"), vehicle.value("rotors.idle")
             command = np.maximum(gain * (flight.column(channel) - idle), 0.0)
             made[channel.replace("pwm", kind)] = ("time", command)
@@ -187,7 +188,7 @@ class Excitation:
     def of(cls, flight: Flight) -> Excitation | None:
         """Return those of a flight; None where no command or no rate was recorded."""
         by_command = by_axis(commands(flight))
-        rates = {axis: name for axis, name in MOTION.items() if name in RATES and name in flight.data}
+        rates = {axis: name for axis, name in MOTION.items() if name in RATES and name in flight.names}
         if not by_command or not rates:
             return None
         columns = [*(c.u for c in by_command.values()), *(flight.column(name) for name in rates.values())]
@@ -200,11 +201,13 @@ class Excitation:
             largest = float(np.max(np.abs(seen))) if seen.size else 0.0
             sizes.append(max(usual_deviation(column, up), COMMANDS.min_usual * largest) or 1.0)
         x = x / np.array(sizes)
-        return cls(names, (*by_command, *rates), x, without_feedback(flight, x[:, : len(by_command)]))
+        return cls(
+            names, (*by_command, *rates), x, Feedback.of(flight, up).taken_off(x[:, : len(by_command)])
+        )
 
     def inside(self, flight: Flight, one: Candidate) -> FloatArray:
         """Return the complete samples (k, m) of a window, about their mean."""
-        rows = self.values[(flight.time >= one.start) & (flight.time <= one.stop)]
+        rows = self.values[flight.between(one.start, one.stop)]
         rows = rows[np.isfinite(rows).all(axis=1)]
         return rows - rows.mean(axis=0) if len(rows) else rows
 
@@ -217,7 +220,7 @@ class Excitation:
 
     def commanded(self, flight: Flight, one: Candidate) -> dict[Axis, float]:
         """Return how many times the usual each command moves in a window that stands out there, and is no feedback's."""
-        inside = (flight.time >= one.start) & (flight.time <= one.stop)
+        inside = flight.between(one.start, one.stop)
         moved, own = (np.nansum(x[inside] ** 2, axis=0) for x in (self.values, self.own))
         sizes = self.strengths(flight, one)
         shares = zip(self.axes, moved, own, strict=False)
@@ -229,7 +232,7 @@ class Excitation:
 
         Combinations of outputs are made by such a regression: that they explain an acceleration proves nothing.
         """
-        if not any(command.variable in flight.data for command in commands(flight)):
+        if not any(command.variable in flight.names for command in commands(flight)):
             return False
         count, out = self.own.shape[1], False
         rates = self.values[:, count:]

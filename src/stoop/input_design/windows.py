@@ -319,7 +319,7 @@ def find_windows(
 def _driven(flights: Mapping[str, Flight], vehicle: Vehicle) -> bool:
     """Tell whether an input of the vehicle moves in a flight, or it has none that could."""
     inputs = [name for name in vehicle.recorded if name not in ("voltage", "density")]
-    return not inputs or any(moves(f.column(n)) for f in flights.values() for n in inputs if n in f.data)
+    return not inputs or any(moves(f.column(n)) for f in flights.values() for n in inputs if n in f.names)
 
 
 def _by_excitation(
@@ -351,7 +351,7 @@ def _candidates(flight: Flight, vehicle: Vehicle | None, excitation: Excitation 
     if vehicle is not None:
         channels = list(vehicle.recorded)
     else:
-        direct = [c.variable for c in commands(flight) if c.variable in flight.data]
+        direct = [c.variable for c in commands(flight) if c.variable in flight.names]
         channels = direct or next(iter(output_families(flight)), [])
     found = candidates(flight, channels)
     if excitation is None:
@@ -457,7 +457,7 @@ class _Report:
 
 def _check_inputs(flight: Flight, vehicle: Vehicle | None) -> None:
     """Refuse a flight that lacks an input of the vehicle's equations; without a vehicle, rates or commands of any kind."""
-    missing = [r for r in RATES if r not in flight.data or not np.isfinite(flight.column(r)).any()]
+    missing = [r for r in RATES if r not in flight.names or not np.isfinite(flight.column(r)).any()]
     if vehicle is not None:
         from stoop.checks.rotors import KINDS
         from stoop.checks.vehicle import require_channels

@@ -1,6 +1,6 @@
 """Symbolic vehicle -> one flat generated module -> SIMD lanes; the only room that imports Numba."""
 
-from stoop.kernels.cache import cache_folder
+from stoop.base.cache import cache_folder
 from stoop.kernels.fingerprint import environment
 from stoop.kernels.kernel import Kernel, load_kernel
 from stoop.kernels.symbolic import SymbolicModel

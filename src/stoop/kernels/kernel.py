@@ -18,9 +18,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from stoop.base import cache
 from stoop.base.arrays import FloatArray
 from stoop.errors import KernelError
-from stoop.kernels import cache
 from stoop.kernels.fingerprint import environment
 from stoop.kernels.lanes import LOOPS
 from stoop.kernels.symbolic import SymbolicModel

@@ -1,6 +1,6 @@
 """The walks over binary logs, compiled: a flight of an hour holds twenty million messages, Python does half a million a second.
 
-Compiled code is cached as that of kernels (`stoop.kernels.cache`): in a folder of its own with checksums, so that a damaged
+Compiled code is cached as that of kernels (`stoop.base.cache`): in a folder of its own with checksums, so that a damaged
 file is compiled anew and never run. Bounds are checked in compiled code too: a mistake in a walk would be an IndexError,
 not a read elsewhere.
 """
@@ -15,7 +15,8 @@ from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Any, Final
 
-from stoop.kernels import cache, environment
+from stoop.base import cache
+from stoop.kernels import environment
 from stoop.kernels.kernel import import_generated
 from stoop.logs import dataflash_walk, ulog_walk
 

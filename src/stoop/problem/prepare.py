@@ -53,7 +53,7 @@ def prepare(vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence[W
     needed = ("altitude", *(c for c in state_channels(vehicle) if c not in vehicle.outputs))
     for index, window in enumerate(windows):
         flight = with_average_voltage(vehicle, flights[window.flight])
-        extras = tuple(name for name in needed if name in flight.data)
+        extras = tuple(name for name in needed if name in flight.names)
         here = decoupled(vehicle, flights, [window]).measured
         moving = [c for c in here if c in vehicle.measured]
         cut, found = segments(
@@ -82,7 +82,7 @@ def decoupled(vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence
     def recorded(channel: str, window: Window) -> bool:
         flight = flights[window.flight]
         inside = (flight.time >= window.start) & (flight.time <= window.stop)
-        return channel in flight.data and bool(np.isfinite(flight.column(channel)[inside]).any())
+        return channel in flight.names and bool(np.isfinite(flight.column(channel)[inside]).any())
 
     there = {c for c in vehicle.held_channels for w in windows if recorded(c, w)}
     return vehicle.coupled_to(there if there >= set(REQUIRED.get(vehicle.reduce, ())) else ())
@@ -107,7 +107,7 @@ def with_average_voltage(vehicle: Vehicle, flight: Flight) -> Flight:
     quicker than most logs hold the voltage. What is left over many seconds is how far the battery is drained.
     """
     rotors = vehicle.file.rotors
-    if rotors is None or rotors.voltage_average is None or "voltage" not in flight.data:
+    if rotors is None or rotors.voltage_average is None or "voltage" not in flight.names:
         return flight
     volts = flight.column("voltage")
     there = np.isfinite(volts)

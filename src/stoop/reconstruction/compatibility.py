@@ -33,7 +33,7 @@ from stoop.errors import IdentificationError
 from stoop.estimate.noise import correlation_times
 from stoop.flight import VARIABLES, Flight, without_faults
 from stoop.flight.air_data import RECONSTRUCTED, flow, with_air
-from stoop.flight.flight import dataset, on_circle, with_attitude
+from stoop.flight.flight import Gridded, on_circle, with_attitude
 from stoop.flight.instrument_errors import RATES_DELAY, instrument_errors
 from stoop.problem.evidence import PieceEvidence, Unknown
 from stoop.reconstruction.kinematics import INPUTS, OUTPUTS
@@ -372,7 +372,7 @@ def corrected_flight(found: Estimate) -> Flight:
     delays = {n: values[n] for n in evident if abs(values[n]) > 2.0 * found.errors[n]}
     columns = {}
     for name in VARIABLES:
-        if name not in flight.data or flight.sources[name].source == RECONSTRUCTED:
+        if name not in flight.names or flight.sources[name].source == RECONSTRUCTED:
             continue
         late = RATES_DELAY if name in ("p", "q", "r") else LATE.get(name, "")
         x, samples = flight.column(name), -delays.get(late, 0.0) * flight.rate
@@ -399,7 +399,7 @@ def corrected_flight(found: Estimate) -> Flight:
     of_air = () if flight.air is None else flight.air.notices
     made = replace(
         flight,
-        data=dataset(flight.time, ordered),
+        data=Gridded(flight.time, ordered),
         sources={name: flight.sources[name] for name in ordered},
         air=None,
         notices=(*(one for one in flight.notices if one not in of_air), notice("corrected", flight.name)),

@@ -87,14 +87,14 @@ def blocks(
     FlightError
         A channel is missing, nothing tells the power, or too little is left.
     """
-    column = {name: flight.column(name) for name in NEEDED if name in flight.data}
+    column = {name: flight.column(name) for name in NEEDED if name in flight.names}
     lacking = [name for name in NEEDED if name not in column or not np.isfinite(column[name]).any()]
     if lacking:
         raise FlightError(
             f"{flight.name}: a drag polar needs {', '.join(NEEDED)}; this flight lacks {', '.join(lacking)}"
         )
     # zero where the throttle is closed, and NaN where nothing is known
-    throttles = [flight.column(name) for name in ("throttle", "control_throttle") if name in flight.data]
+    throttles = [flight.column(name) for name in ("throttle", "control_throttle") if name in flight.names]
     throttle = next((x for x in throttles if np.nanmax(x, initial=0.0) > SWITCHED_OFF), None)
     powered = {"voltage", "current"} <= flight.names
     if powered:
@@ -123,7 +123,7 @@ def blocks(
     stretch, first = np.array(starts).T
     V, alpha = column["V"], column["alpha"]
     lift = mass * (column["ax"] * np.sin(alpha) - column["az"] * np.cos(alpha))
-    logged = flight.column("density") if "density" in flight.data else np.full(V.size, np.nan)
+    logged = flight.column("density") if "density" in flight.names else np.full(V.size, np.nan)
     if np.isfinite(logged).any():
         density = np.where(np.isfinite(logged), logged, np.nanmedian(logged))
     else:

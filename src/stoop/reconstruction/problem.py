@@ -131,7 +131,7 @@ def _comparable(flight: Flight) -> tuple[str, ...]:
     Without accelerometers those are attitude and rates alone.
     """
     names = dict.fromkeys((*INPUTS, *OUTPUTS))
-    there = [n for n in names if n in flight.data and np.isfinite(flight.column(n)).any()]
+    there = [n for n in names if n in flight.names and np.isfinite(flight.column(n)).any()]
     measured = tuple(n for n in there if flight.sources[n].source != RECONSTRUCTED)
     lacking = [name for name in RATES if name not in measured]
     if lacking:

@@ -202,11 +202,11 @@ def flight_history(found: Found, flight: Flight) -> TimeHistory:
         panels.append(
             HistoryPanel(f"{command.axis} command", (Strip("", (series,)),), unit, command.variable)
         )
-    rates = [name for name in RATES if name in flight.data]
+    rates = [name for name in RATES if name in flight.names]
     if rates:
         curves = (Series(n, flight.time, np.degrees(flight.column(n))) for n in rates)
         panels.append(HistoryPanel("rates", (Strip("", tuple(curves)),), "deg/s"))
-    if set(VELOCITY) <= set(flight.data):
+    if set(VELOCITY) <= flight.names:
         speed = np.linalg.norm([flight.column(name) for name in VELOCITY], axis=0)
         series = Series("speed", flight.time, speed, role="validation")
         panels.append(HistoryPanel("speed over ground", (Strip("", (series,)),), "m/s"))

@@ -16,12 +16,13 @@ from stoop.flight import Flight, FlightSummary
 from stoop.flight.spectra import (
     FrequencyResponse,
     PowerSpectrum,
+    Spectrogram,
     frequency_responses,
     power_spectra,
     spectrogram,
 )
 from stoop.report.design import KINDS
-from stoop.report.plots import heat_map, plot, strip_pictures
+from stoop.report.plots import heat_maps, plot, strip_pictures
 from stoop.report.series import HUES, Series, Shade, Strip, looks_of
 from stoop.report.sheet import Bullets, Code, Details, Panel, Panels, Part, Prose, Section, Sheet, Table
 from stoop.report.time_history import HistoryPanel, TimeHistory
@@ -97,7 +98,7 @@ def flight_sheet(seen: Overview, command: str = "", following: Sequence[str] = (
 
 def flight_history(flight: Flight, found: Found) -> TimeHistory:
     """Return all channels, those alike in one panel, with windows and faults as shades."""
-    panels = channel_panels(flight, [str(name) for name in flight.data.data_vars if name not in UNSHOWN])
+    panels = channel_panels(flight, [str(name) for name in flight.channels if name not in UNSHOWN])
     shades = [Shade(w.start, w.stop, str(i), KINDS[w.purpose]) for i, w in enumerate(found.windows, 1)]
     length = float(flight.time[-1] - flight.time[0])
     faults = (one for one in flight.faults if one.stop - one.start < LONG * length)
@@ -131,21 +132,26 @@ def _panel(flight: Flight, title: str, names: Sequence[str]) -> HistoryPanel:
 def _spectra(flight: Flight) -> Section | None:
     panels: list[Panel] = []
     for title, names in (("Rates", RATES), ("Specific force", ACCELERATIONS)):
-        found = power_spectra(flight, [n for n in names if n in flight.data])
+        found = power_spectra(flight, [n for n in names if n in flight.names])
         if found:
             unit = VARIABLES[names[0]].unit
             panels.append(Panel(title, _densities(found, title, unit)))
     if not panels:
         return None
-    maps = []
-    for name in (*RATES, *ACCELERATIONS):
-        if name in flight.data and np.isfinite(flight.column(name)).any():
-            one = spectrogram(flight, name)
-            drawn = heat_map(one.time, one.frequency, one.density, "time, s", "Hz", f"Spectrogram of {name}")
-            maps.append(Panel(name, drawn, meaning=VARIABLES[name].meaning))
+    known = [n for n in (*RATES, *ACCELERATIONS) if n in flight.names and np.isfinite(flight.column(n)).any()]
+    maps = _spectrograms([spectrogram(flight, name) for name in known])
     parts: list[Part] = [Prose(SPECTRA_LEAD.format(window=10.0), muted=True), Panels(panels, "large")]
     parts += [Prose("Over time, brighter is stronger by decades:", muted=True), Panels(maps)] if maps else []
     return Section("Spectra", parts)
+
+
+def _spectrograms(found: Sequence[Spectrogram]) -> list[Panel]:
+    """Return the pictures of spectrograms of one flight, which have the same axes."""
+    if not found:
+        return []
+    densities = {f"Spectrogram of {one.name}": one.density for one in found}
+    drawn = heat_maps(found[0].time, found[0].frequency, densities, "time, s", "Hz")
+    return [Panel(o.name, d, meaning=VARIABLES[o.name].meaning) for o, d in zip(found, drawn, strict=True)]
 
 
 def _densities(found: Sequence[PowerSpectrum], title: str, unit: str) -> Markup:
@@ -154,56 +160,34 @@ def _densities(found: Sequence[PowerSpectrum], title: str, unit: str) -> Markup:
 
 
 def _responses(found: Sequence[FrequencyResponse]) -> Section | None:
-    panels = []
-    for one in found:
-        known = one.bound < MAX_ERROR
-        if not known.any():
-            continue
-
-        with np.errstate(divide="ignore"):
-            gain = 20.0 * np.log10(np.abs(one.response))
-        phase = np.full(len(known), np.nan)
-        phase[known] = np.unwrap(np.angle(one.response[known])) / DEGREE
-        band = one.bound
-        strips = (
-            Strip(
-                "dB",
-                (
-                    Series(
-                        "response",
-                        one.frequency,
-                        np.where(known, gain, np.nan),
-                        role="fit",
-                        half_width=20.0 * np.log10(1.0 + band),
-                    ),
-                ),
-            ),
-            Strip(
-                "phase, deg",
-                (
-                    Series(
-                        "response",
-                        one.frequency,
-                        phase,
-                        role="fit",
-                        half_width=band / DEGREE,
-                    ),
-                ),
-            ),
-            Strip(
-                "coherence",
-                (Series("coherence", one.frequency, one.coherence, role="residual"),),
-                y_range=(0.0, 1.0),
-            ),
-        )
-        looks = looks_of([series for strip in strips for series in strip.series])
-        text = f"Response of {one.rate} to {one.command}"
-        ends = (float(one.frequency[0]), float(one.frequency[-1]))
-        (drawn,) = strip_pictures([(strips, text)], looks, ends, "Hz", log_x=True)
-        panels.append(Panel(one.axis, drawn, meaning=f"{one.rate} over {one.command}"))
-    if not panels:
+    found = [one for one in found if (one.bound < MAX_ERROR).any()]
+    if not found:
         return None
+    groups = [(_response_strips(one), f"Response of {one.rate} to {one.command}") for one in found]
+    looks = looks_of([series for strip in groups[0][0] for series in strip.series])
+    ends = min(float(one.frequency[0]) for one in found), max(float(one.frequency[-1]) for one in found)
+    drawn = strip_pictures(groups, looks, ends, "Hz", log_x=True)
+    panels = [
+        Panel(o.axis, d, meaning=f"{o.rate} over {o.command}") for o, d in zip(found, drawn, strict=True)
+    ]
     return Section("Frequency responses", (Prose(RESPONSES_LEAD, muted=True), Panels(panels, "large")))
+
+
+def _response_strips(one: FrequencyResponse) -> tuple[Strip, ...]:
+    """Return magnitude and phase where they are known, and coherence."""
+    known, band, x = one.bound < MAX_ERROR, one.bound, one.frequency
+    with np.errstate(divide="ignore"):
+        gain = np.where(known, 20.0 * np.log10(np.abs(one.response)), np.nan)
+    phase = np.full(len(known), np.nan)
+    phase[known] = np.unwrap(np.angle(one.response[known])) / DEGREE
+    magnitude = Series("response", x, gain, role="fit", half_width=20.0 * np.log10(1.0 + band))
+    angle = Series("response", x, phase, role="fit", half_width=band / DEGREE)
+    coherence = Series("coherence", x, one.coherence, role="residual")
+    return (
+        Strip("dB", (magnitude,)),
+        Strip("phase, deg", (angle,)),
+        Strip("coherence", (coherence,), y_range=(0.0, 1.0)),
+    )
 
 
 def _windows(found: Found, why: str, following: Sequence[str]) -> Section:

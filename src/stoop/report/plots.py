@@ -44,6 +44,7 @@ HEIGHT: Final = 300.0  #: px of its box
 MARGIN: Final = 7.0  #: px around boxes without titles
 BETWEEN: Final = 30.0  #: px between strips, so that the lowest tick of one is clear of the name of the next
 LEFT, RIGHT, TOP, FLOOR = 58.0, 14.0, 24.0, 40.0  #: px around the boxes
+NAMED: Final = 18.0  #: px from the lowest box to the name of the x axis, below its numbers
 NARROW: Final = 420.0  #: px of a plot of which two or three lie side by side
 MAP_QUANTILES: Final = (0.05, 0.995)  #: of what a heat map shows, which are darkest and brightest
 LEVELS: Final = 14  #: of a contour plot
@@ -62,6 +63,7 @@ SURPLUS: Final = re.compile(
     r"| transform=\"rotate\(-0 [^\"]*\"|; stroke-linecap: round"
 )  #: what Matplotlib writes and a page need not hold
 PLACES: Final = re.compile(r' (?:d|x|y)="[^"]*"')  #: attributes of which tenths of a pixel are enough
+HUNDREDTHS: Final = re.compile(r"(?<=\.\d)\d+")
 
 
 def plot(
@@ -202,28 +204,37 @@ def contour_plot(
         return _with_legend(svg(figure, description), points, chosen, fewest=1)
 
 
-def heat_map(
-    x: FloatArray, y: FloatArray, density: FloatArray, x_label: str, y_label: str, description: str
-) -> Markup:
-    """Return a picture of a positive `density` (ny, nx) over evenly spaced `x` (nx,) and `y` (ny,), brighter by decades."""
+def heat_maps(
+    x: FloatArray, y: FloatArray, densities: Mapping[str, FloatArray], x_label: str, y_label: str
+) -> list[Markup]:
+    """Return a picture of each density, brighter by decades, all drawn on the same axes.
+
+    Parameters
+    ----------
+    x, y : (nx,) and (ny,), evenly spaced
+    densities : description of the picture -> (ny, nx), positive
+    """
+    ends, pictures = (float(x[0]), float(x[-1]), float(y[0]), float(y[-1])), list[Markup]()
     with np.errstate(divide="ignore", invalid="ignore"), canvas(NARROW, [130.0]) as (figure, (axes,)):
-        level = np.log10(density)
-        known = level[np.isfinite(level)]
-        low, high = np.quantile(known, MAP_QUANTILES) if known.size else (0.0, 1.0)
-        ends = (float(x[0]), float(x[-1]), float(y[0]), float(y[-1]))
-        axes.imshow(
-            level,
-            "cividis",
-            vmin=low,
-            vmax=high,
-            aspect="auto",
-            origin="lower",
-            extent=ends,
-            interpolation="nearest",
-        )
         axes.grid(visible=False)
         _label(axes, x_label, y_label)
-        return svg(figure, description)
+        for description, density in densities.items():
+            level = np.log10(density)
+            known = level[np.isfinite(level)]
+            low, high = np.quantile(known, MAP_QUANTILES) if known.size else (0.0, 1.0)
+            image = axes.imshow(
+                level,
+                "cividis",
+                vmin=low,
+                vmax=high,
+                aspect="auto",
+                origin="lower",
+                extent=ends,
+                interpolation="nearest",
+            )
+            pictures.append(svg(figure, description))
+            image.remove()
+    return pictures
 
 
 def contour_levels(values: FloatArray, count: int = LEVELS) -> FloatArray:
@@ -259,7 +270,11 @@ def canvas(
                 (width - LEFT - RIGHT) / width,
                 height / whole,
             )
-            made.append(figure.add_axes(place))
+            axes = figure.add_axes(place)
+            # where Matplotlib finds a place itself, it lays out all ticks once more
+            axes.xaxis.set_label_coords(0.5, -NAMED / height)
+            axes.yaxis.set_label_coords(0.0, 0.5)
+            made.append(axes)
             at += height + between
         yield figure, made
 
@@ -277,7 +292,7 @@ def svg(figure: Figure, description: str) -> Markup:
     )
     box, content = re.search(r'viewBox="([^"]*)"[^>]*>(.*)', text.getvalue(), re.DOTALL).groups()  # type: ignore[union-attr]
     content = SURPLUS.sub("", re.sub(r"\s*\n\s*", " ", content))
-    content = PLACES.sub(lambda found: re.sub(r"(\.\d)\d+", r"\1", found.group()), content)
+    content = PLACES.sub(lambda found: HUNDREDTHS.sub("", found.group()), content)
     label = escape(printable(description))
     head = f'<svg viewBox="{box}" xmlns:xlink="http://www.w3.org/1999/xlink" role="img" aria-label="{label}">'
     return Markup(head + as_variables(content).strip())  # noqa: S704 (Matplotlib escapes the texts in it)

@@ -47,9 +47,7 @@ def rotors_sheet(
         sections += [Section(title, parts)] if some else []
     asked = {one.name for one in found}
     for name, flight in sorted(flights.items(), key=lambda pair: pair[0] not in asked):
-        shown = [
-            n for n in map(str, flight.data.data_vars) if n in SHOWN or n.startswith(("motor_", "rotor_"))
-        ]
+        shown = [n for n in flight.channels if n in SHOWN or n.startswith(("motor_", "rotor_"))]
         history = TimeHistory(channel_panels(flight, shown), wide=True, each=True)
         sections.append(
             Section(f"Time histories of {name}", (Prose("Against time in s.", muted=True), history), name)

@@ -48,8 +48,8 @@ class Track:
     @classmethod
     def of(cls, flight: Flight) -> Track | None:
         """Return the track of a flight; None where no position was recorded."""
-        up = next((flight.column(name) for name in ("altitude", "height") if name in flight.data), None)
-        if up is None and "pd" in flight.data:
+        up = next((flight.column(name) for name in ("altitude", "height") if name in flight.names), None)
+        if up is None and "pd" in flight.names:
             up = -flight.column("pd")
         if up is None or not {"pn", "pe"} <= flight.names:
             return None

@@ -299,7 +299,6 @@ def _record(
         shares = dict(zip(channel_range(vehicle).names, flown.clipped.mean(axis=0).tolist(), strict=True))
         saturated = tuple(channel for channel, share in shares.items() if share > 0.0)
         notices.append(notice("rotors-saturated", rotors=saturated, share=max(shares.values())))
-    flight = from_columns(name, flown.time, columns, tuple(notices))
     numbers = {p.name: flown.trim.changes.get(p.name, p.value) for p in vehicle.parameters if p.free}
-    flight.data.attrs["truth"] = json.dumps(numbers)
-    return flight
+    truth = {"truth": json.dumps(numbers)}
+    return from_columns(name, flown.time, columns, tuple(notices), attributes=truth)

@@ -97,7 +97,7 @@ def default_controls(wanted: tuple[str, ...]) -> Controls:
 
 def recorded(flight: Flight, name: str) -> bool:
     """Tell whether a channel was recorded and moved."""
-    if name not in flight.data:
+    if name not in flight.names:
         return False
     x = flight.column(name)
     x = x[np.isfinite(x)]
@@ -124,7 +124,7 @@ def _of_outputs(flight: Flight, setup: Setup, kind: str) -> Controls:
     outputs = []
     for surface in setup.surfaces:
         channel = next((n for n in surface.channels if n.startswith(kind)), None)
-        if channel is None or channel not in flight.data or not np.isfinite(flight.column(channel)).any():
+        if channel is None or channel not in flight.names or not np.isfinite(flight.column(channel)).any():
             continue
         outputs.append((surface, channel, surface.channels[channel]))
     mixers = {}

@@ -148,7 +148,7 @@ def of_flights(channels: Sequence[str], airspeeds: Mapping[str, float], known: E
     """Return which logs are hardly of the vehicle of the first one: they lack its inputs, or fly at another speed."""
     out = []
     for flight in known.flights:
-        lacking = tuple(name for name in channels if name not in flight.data)
+        lacking = tuple(name for name in channels if name not in flight.names)
         if lacking:
             out.append(notice("draft-other-inputs", flight.name, channels=lacking))
     known_speeds = {name: v for name, v in airspeeds.items() if math.isfinite(v)}

@@ -137,7 +137,7 @@ def find_drive(flight: Flight, setup: Setup, lifting: Sequence[str] = ()) -> Dri
         o
         for o in options
         if o.channel not in lifting
-        and o.channel in flight.data
+        and o.channel in flight.names
         and float(np.nanmax(np.append(command(flight, o), 0.0))) > FLYING.command
     ]
     rates = {o.channel: flight.sources[o.channel].rate for o in there}
@@ -152,7 +152,7 @@ def speed_gain(mass: float, diameter: float, drive: Drive, steady: Steady) -> tu
     airspeed = steady.airspeed()[0]
     level = USUAL.throttle
     for flight, mask in zip(steady.flights, steady.masks, strict=True):
-        if drive.channel in flight.data:
+        if drive.channel in flight.names:
             x = command(flight, drive)[mask]
             x = x[x > 0.1]  # with power
             level = float(np.median(x)) if x.size else level
@@ -242,7 +242,7 @@ def running_rotors(flight: Flight) -> tuple[list[str], Scale]:
     """Return the channels of motors that run in flight, and their scale."""
     for kind, size in (("motor", MOTORS), ("rotor", ROTORS)):
         names = [f"{kind}_{n}" for n in range(1, size + 1)]
-        run = [n for n in names if n in flight.data and _mean_in_flight(flight, n) > FLYING.command]
+        run = [n for n in names if n in flight.names and _mean_in_flight(flight, n) > FLYING.command]
         if len(run) > FLYING.rotors:
             return run, Scale()
     names = [n for n in rotor_pulses(flight) if n in (f"pwm_{k}" for k in range(1, OUTPUT_PINS + 1))]

@@ -98,7 +98,7 @@ def evidence(flights: Sequence[Flight]) -> Evidence:
     found = Evidence(tuple(flights))
     if found.flight is None:
         return found
-    moving = [str(name) for name in found.flight.data.data_vars if recorded(found.flight, str(name))]
+    moving = [str(name) for name in found.flight.channels if recorded(found.flight, str(name))]
     return replace(found, setup=read_setup(found.flight.parameters, moving))
 
 

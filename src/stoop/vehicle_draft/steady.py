@@ -100,7 +100,7 @@ def _calm(flight: Flight, wings: bool) -> BoolArray:
     good = np.ones(flight.time.size, dtype=bool)
 
     def limit(name: str, low: float, high: float) -> None:
-        if name in flight.data:
+        if name in flight.names:
             x = flight.column(name)
             good[~((x >= low) & (x <= high))] = False
 

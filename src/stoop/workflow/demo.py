@@ -43,7 +43,7 @@ def identify_demo(seed: int) -> tuple[Job, dict[str, float]]:
     """Return the finished job and the truth."""
     vehicle = resolve_vehicle("twin-boom").reduced("longitudinal")
     flight = simulate_flight(vehicle, parse_maneuver(MANEUVER, NAME), seed, name=NAME)
-    truth = {k: v for k, v in json.loads(flight.data.attrs["truth"]).items() if k in TABLE_1}
+    truth = {k: v for k, v in json.loads(flight.attributes["truth"]).items() if k in TABLE_1}
     options = Options(seed=seed)
     job = finish(search(misled(vehicle, seed), flight, ["0:30"], options=options, command="stoop demo"))
     return job, truth

@@ -20,8 +20,8 @@ from typing import Any, Final
 import numpy as np
 from scipy.io import netcdf_file
 
+from stoop.base import cache as kernel_cache
 from stoop.flight import describe, load, save
-from stoop.kernels import cache as kernel_cache
 from stoop.parallel.plan import Plan, Run, to_text
 from stoop.parallel.store import _TABLES, SCHEMA, _seal, forget, open_store
 from stoop_studies.robustness.document_trees import (

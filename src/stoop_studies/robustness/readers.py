@@ -173,7 +173,7 @@ def ask(path: Path, mapping: Path | None, way: str) -> tuple[str, frozenset[str]
         flight = load(path, mapping)
         describe(flight)
         add_clock("time", flight.time)
-        for name in sorted(map(str, flight.data.data_vars)):
+        for name in sorted(flight.channels):
             add(name, flight.data[name].to_numpy())
         defects = frozenset(map(str, flight.notices))
     else:

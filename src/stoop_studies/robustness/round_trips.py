@@ -181,7 +181,7 @@ def draw_flight(draw: Draw) -> Flight:
 def _flight(ending: str, draw: Draw, folder: Path) -> str:
     flight, path = draw_flight(draw), folder / f"a{ending}"
     save_flight_as(flight, path)
-    columns = {str(name): flight.column(str(name)) for name in flight.data.data_vars}
+    columns = {str(name): flight.column(str(name)) for name in flight.channels}
     if ending == OWN:
         back = load(path)
         found, known = ((x.rate, repr(x.sources), x.notices) for x in (back, flight))

@@ -257,7 +257,7 @@ def examine(case: str, seed: int) -> dict[str, Any]:
 
 def moving(flown: Flown, flight: Flight, channel: str, span: tuple[float, float]) -> bool:
     """Whether a channel truly moved within a span (s): more than the slow error of what was recorded of it."""
-    if channel not in flown.true or channel not in flight.data:
+    if channel not in flown.true or channel not in flight.names:
         return False
     used = (flight.time >= span[0]) & (flight.time <= span[1])
     true = np.interp(flight.time[used], flown.time, flown.true[channel])

@@ -110,7 +110,7 @@ def late_vehicle(seed: int) -> scenes.Scene:
     flights = {}
     for name, planned in maneuvers().items():
         flown = simulate_flight(scenes.with_biases(truth, rng), planned, noise=False, name=name)
-        columns = {str(c): flown.column(str(c)) for c in flown.data.data_vars}
+        columns = {str(c): flown.column(str(c)) for c in flown.channels}
         flights[name] = recorded(name, flown.time, columns, rng)
     unknown = {name: {"value": START, "bounds": BOX} for name in delays}
     start = scenes.wrong_start(aircraft(), rng).with_numbers(unknown)

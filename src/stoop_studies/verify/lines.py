@@ -182,9 +182,7 @@ def _rotor_inputs(rng: np.random.Generator) -> list[dict[str, Any]]:
 def _with_ground(flight: Flight, rng: np.random.Generator) -> tuple[FloatArray, dict[str, FloatArray]]:
     """Put time on the ground before a flight: sensors at rest, an estimator that holds zeros and then stands."""
     size, zeros = round(GROUND * RATE), round(ZEROS * RATE)
-    data = {
-        str(n): flight.column(str(n)) for n in flight.data.data_vars if not str(n).startswith("q") or n == "q"
-    }
+    data = {str(n): flight.column(str(n)) for n in flight.channels if not str(n).startswith("q") or n == "q"}
     data["altitude"] = data["altitude"] - data["altitude"][0] + 150.0
     out = {}
     for name, x in data.items():

@@ -70,7 +70,7 @@ def scene(seed: int) -> tuple[Vehicle, Flight]:
 def replay(vehicle: Vehicle, flight: Flight) -> Iterator[tuple[int, RealTime]]:
     """Give a flight to a recursive estimator sample by sample; yield the count and the estimator after each."""
     online = RealTime(vehicle, 1.0 / RATE, BAND.frequencies(len(flight.time), 1.0 / RATE))
-    names = [c for c in (*vehicle.outputs, *vehicle.inputs, "altitude") if c in flight.data]
+    names = [c for c in (*vehicle.outputs, *vehicle.inputs, "altitude") if c in flight.names]
     table = np.column_stack([flight.column(c) for c in names])
     for k, row in enumerate(table, 1):
         online.update(dict(zip(names, row.tolist(), strict=True)))

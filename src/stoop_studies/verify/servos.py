@@ -145,7 +145,7 @@ def flights(servos: Servos, seed: int) -> tuple[dict[str, Flight], dict[str, flo
     for name, maneuver in maneuvers().items():
         one = simulate_flight(scenes.with_biases(truth, rng), maneuver, noise=False, name=name)
         sigma = dict(zip(truth.outputs, scenes.sensor_noise(truth), strict=True))
-        columns = {str(c): one.column(str(c))[::SUBSTEPS] for c in one.data.data_vars}
+        columns = {str(c): one.column(str(c))[::SUBSTEPS] for c in one.channels}
         noisy = {c: x + sigma.get(c, 0.0) * rng.standard_normal(len(x)) for c, x in columns.items()}
         flown[name] = from_columns(name, one.time[::SUBSTEPS], noisy)
     return flown, {**TRUTH, **thrust, LAG: servos.lag, DELAY: servos.delay}

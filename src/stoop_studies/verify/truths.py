@@ -47,7 +47,7 @@ def deflections(
     used = (flight.time > span[0]) & (flight.time < span[1])
     rows = parameter_rows(file)
     channels = np.array([
-        flight.column(c) if c in flight.data else np.zeros(len(flight.time)) for c in file.inputs
+        flight.column(c) if c in flight.names else np.zeros(len(flight.time)) for c in file.inputs
     ])  # fmt: skip
     out = {}
     for name in file.controls:

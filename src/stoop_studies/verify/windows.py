@@ -149,7 +149,7 @@ def planned(inputs: Inputs, rate: float) -> tuple[Maneuver, tuple[Span, ...]]:
 def settled(flight: Flight) -> Flight:
     """Return a flight without its first `SETTLED` seconds."""
     kept = flight.time >= SETTLED
-    names = [str(n) for n in flight.data.data_vars if n not in ("q0", "q1", "q2", "q3")]
+    names = [str(n) for n in flight.channels if n not in ("q0", "q1", "q2", "q3")]
     return from_columns(flight.name, flight.time[kept], {n: flight.column(n)[kept] for n in names})
 
 

@@ -19,11 +19,11 @@ import numpy as np
 import pytest
 
 from stoop.assessment.uncertainty import agreement
+from stoop.base import cache
 from stoop.base.npz import read_arrays
 from stoop.base.toml import MAX_DEPTH, check_bounds, parse_json, parse_source
 from stoop.errors import IdentificationError, OutputError, StoopError, VehicleError
 from stoop.estimate.noise import read_covariance
-from stoop.kernels import cache
 from stoop.optimize import create, load_tagged, minimize, save_state
 from stoop.optimize.minimize import Stop
 from stoop.parallel.store import open_store

@@ -8,6 +8,7 @@ import pytest
 from stoop.base.arrays import FloatArray
 from stoop.flight import Flight, describe, find_maneuvers, from_columns
 from stoop.flight.airborne import airborne, motors_ran
+from stoop.flight.maneuvers import _running_means, _running_sums
 
 TIME = 60.0 + np.arange(12000) / 100.0
 STEPS = {"3211": ((3, 1), (2, -1), (1, 1), (1, -1)), "doublet": ((1, 1), (1, -1))}
@@ -115,3 +116,17 @@ def test_what_an_autopilot_answers_to_a_gust_is_no_maneuver() -> None:
     rate = 0.02 * np.sin(TIME) + calm
     assert len(find_maneuvers(flight(elevator=burst, q=rate))) == 1
     assert find_maneuvers(flight(elevator=burst, q=-2.0 * burst + 0.1 * calm)) == []
+
+
+@pytest.mark.parametrize("width", [1, 2, 5, 6, 29, 30, 99])
+def test_running_means_are_those_of_each_window(width: int) -> None:
+    rng = np.random.default_rng(width)
+    x = rng.standard_normal((30, 2))
+    x[rng.random(x.shape) < 0.3] = np.nan
+    found, used = _running_means(_running_sums(x), width, 0.5), min(width, 30)
+    for k in range(30):
+        first = max(k - used // 2, 0)
+        for column, mean in zip(x[first : first + used].T, found[k], strict=True):
+            known = column[np.isfinite(column)]
+            expected = known.mean() if known.size and known.size >= 0.5 * column.size else np.nan
+            np.testing.assert_allclose(mean, expected, atol=1e-12)

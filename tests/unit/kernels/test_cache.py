@@ -15,8 +15,9 @@ import numpy as np
 import pytest
 from naive import oscillator
 
+from stoop.base import cache
 from stoop.errors import KernelError
-from stoop.kernels import Kernel, SymbolicModel, cache, cache_folder, environment, kernel, load_kernel
+from stoop.kernels import Kernel, SymbolicModel, cache_folder, environment, kernel, load_kernel
 
 TESTS = Path(__file__).parents[2]
 CHILD = """

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from stoop.kernels import cache
+from stoop.base import cache
 from stoop.logs import compiled
 from stoop.logs import dataflash_walk as plain
 
