@@ -141,6 +141,45 @@ def test_a_log_that_is_not_there(tmp_path: Path) -> None:
         Project(tmp_path / "p").open_log("none.ulg")
 
 
+def settled(project: Project) -> None:
+    while any(step.running for step in project.readings):
+        time.sleep(0.05)
+    project.tend()
+
+
+def test_a_log_that_cannot_be_read_leaves_the_present_one_in_place(quadrotor: Path, tmp_path: Path) -> None:
+    project = Project(quadrotor)
+    good, windows = project.log, project.windows
+    assert project.lacking == ""
+    bad, other = tmp_path / "bad.ulg", tmp_path / "other.ulg"
+    bad.write_bytes(b"junk" * 100)
+    other.write_bytes(Path(good).read_bytes())
+    project.open_log(bad)
+    assert project.lacking
+    settled(project)
+    assert (project.log, project.windows, project.lacking) == (good, windows, "")
+    assert project.refused is not None
+    assert "its first bytes are wrong" in project.refused.error
+    assert project.former == [], "what cannot be read is not offered"
+    # another log has windows of its own; the former one comes back with its own, and is not read again
+    project.open_log(other)
+    settled(project)
+    assert (project.log, project.windows, project.former) == (str(other), (), [good])
+    assert project.lacking == "Choose a window to fit first"
+    project.save_windows([Entry(flight="other", start=1.0, stop=2.0)])
+    count = len(project.readings)
+    project.open_log(good)
+    assert (project.log, project.windows, project.former) == (good, windows, [str(other)])
+    assert (len(project.readings), project.lacking, project.refused) == (count, "", None)
+    project.open_log(other)
+    assert [w.flight for w in project.windows] == ["other"]
+
+
+def test_what_a_fit_lacks(tmp_path: Path) -> None:
+    project = Project(tmp_path / "p")
+    assert project.lacking == "Open a log first"
+
+
 def test_progress_of_a_fit(tmp_path: Path) -> None:
     vehicle = resolve_vehicle("twin-boom").reduced("longitudinal")
     flight = simulate_flight(vehicle, parse_maneuver(MANEUVER, NAME), 0, name=NAME)
