@@ -37,8 +37,8 @@ def result(step: Step) -> Result:
 
 
 def finished(project: Project) -> dict[str, Step]:
-    """Return the runs that have a result, by a name that tells them apart."""
-    return {f"{s.name}: {describe(result(s))}": s for s in project.steps("runs") if s.state == "done"}
+    """Return the runs that have a result, by name."""
+    return {s.name: s for s in project.steps("runs") if s.state == "done"}
 
 
 def describe(found: Result) -> str:
@@ -65,7 +65,7 @@ class FitView(View):
         self._stage = pn.Column(margin=0, sizing_mode="stretch_width")
         self._detail: tuple[str, str] = ("", "")
         self._method = pn.widgets.Select(
-            label="method", options=[USUAL, *methods.names()], width=190, margin=(0, 8, 0, 0)
+            label="method", options=[USUAL, *methods.names()], width=190, margin=(0, 8, 4, 0)
         )
         self._why = parts.html()
         self._start = parts.button("Run the fit", self.act(self._run), "primary", align="end")

@@ -30,10 +30,10 @@ ELSEWHERE: Final = (
 HEADS: Final = {"name": "number", "value": "value", "unit": "unit", "free": "free", "prior": "prior ±", "low": "lower",
                 "high": "upper", "help": "what it is"}  # fmt: skip
 WIDTHS: Final = {
-    "name": 190,
-    "value": 92,
-    "unit": 64,
-    "free": 54,
+    "name": 165,
+    "value": 84,
+    "unit": 60,
+    "free": 48,
     "prior": 80,
     "low": 100,
     "high": 100,
@@ -208,7 +208,8 @@ class VehicleView(View):
             ]
         number = {"type": "number"}
         self._form = pn.widgets.Tabulator(
-            frame, groupby=["part"], hidden_columns=["part"], show_index=False, titles=HEADS, widths=WIDTHS, layout="fit_data",
+            frame, groupby=["part"], hidden_columns=["part"], show_index=False, titles=HEADS, widths=WIDTHS,
+            layout="fit_data_stretch",
             editors={"name": None, "unit": None, "help": None, "value": number, "prior": number, "low": number, "high": number,
                      "free": {"type": "tickCross"}},
             formatters={"free": {"type": "tickCross", "crossElement": False}}, text_align={"value": "right", "prior": "right",
@@ -301,10 +302,9 @@ class VehicleView(View):
         if written is not None and written.running:
             shown.append(parts.html(parts.busy(written, "writing the equations")))
         elif written is not None:
-            lines = "".join(
-                f"<div class='equation'>{mathml(line, 'block')}</div>" for line in written.output.splitlines()
-            )
-            shown.append(parts.html(f"<h3>Equations</h3>{parts.error(written.error) or lines}"))
+            lines = "".join(map(str, (mathml(line, "block") for line in written.output.splitlines())))
+            box = f"<div class='scroll equations' tabindex='0'><div>{lines}</div></div>"
+            shown.append(parts.html(f"<h3>Equations</h3>{parts.error(written.error) or box}"))
         self._checks[:] = shown
 
     def _equations(self) -> Any:

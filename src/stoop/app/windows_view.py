@@ -94,7 +94,7 @@ class WindowsView(View):
 
     def _row(self, entry: Entry) -> Any:
         shown = next(name for name, use in USES.items() if use == (entry.use if entry.accept else ""))
-        use = pn.widgets.Select(options=list(USES), value=shown, width=100, margin=(2, 8, 2, 0))
+        use = pn.widgets.Select(options=list(USES), value=shown, width=115, margin=(2, 8, 2, 0))
         use.param.watch(
             lambda e: self._change(entry, accept=bool(USES[e.new]), use=USES[e.new] or "fit"), "value"
         )
