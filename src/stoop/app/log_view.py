@@ -77,10 +77,10 @@ class LogView(View):
     def _refused(self, step: Step) -> list[Any]:
         name = log_of(step)
         draft = self.act(lambda: self.project.open_log(name, draft=True))
-        text = f"{name} was not taken, {self.project.log} stays: {step.error}"
+        text = f"{Path(name).name} was not taken, {Path(self.project.log).name} stays: {step.error}"
         return [
             parts.html(parts.error(text) + parts.command(step)),
-            parts.button(f"Draft a mapping for {Path(name).name}", draft),
+            parts.button("Draft a mapping for it", draft),
         ]
 
     def _head(self) -> pn.pane.HTML:

@@ -174,7 +174,7 @@ class VehicleView(View):
                     else [f"--{key}", f"{value:g}" if isinstance(value, float) else str(value)]
                 )
             self.project.start("drafts", lambda at: [*words, "-o", f"{at}/{VEHICLE}"])
-            self.say("The draft is shown here when it is made", good=True)
+            self.say("The draft is shown below as soon as it is made", good=True)
 
         help_text = "<p class='soft'>Of a multirotor the span is the largest distance between motors; it has no chord.</p>"
         return pn.Column(pn.FlexBox(kind, *fields.values(), engine), parts.html(help_text),
