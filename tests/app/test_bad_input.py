@@ -21,14 +21,25 @@ def test_logs_that_cannot_be_read(app, tab, tmp_path: Path) -> None:
     bad = tmp_path / "<img src=x onerror=alert(1)>.ulg"
     bad.write_bytes(b"junk" * 100)
     large = tmp_path / "large.ulg"
-    large.write_bytes(b"ULog\x01\x12\x35" + bytes(3_000_000))
-    page = tab(app("--max-upload", "0.002"))
+    with large.open("wb") as file:  # sparse: the disk holds none of the zeros
+        file.write(b"ULog\x01\x12\x35\x01" + bytes(8))
+        file.truncate(2_100_000_000)
+    running = app("--max-upload", "2")
+    page = tab(running)
     label = "or the path of a log on this machine"
     page.fill(label, str(tmp_path / "none.ulg"))
     page.click("Open")
     page.wait("there is no such log")
     page.page.locator("input[type=file]").first.set_input_files(large)
-    page.wait("the log holds 3 MB, more than the limit of 2 MB")
+    page.wait("the log holds 2.1 GB, more than the limit of 2 GB; give its path instead")
+    assert not list(running.folder.rglob("large*"))
+    page.fill(label, str(large))
+    page.click("Open")
+    page.wait("no topic holds data")
+    status = Path(f"/proc/{running.process.pid}/status")
+    if status.exists():
+        peak = next(line for line in status.read_text().splitlines() if line.startswith("VmHWM"))
+        assert int(peak.split()[1]) < 1_000_000, "kB; a log is read by another process, and sent in pieces"
     page.fill(label, str(bad))
     page.click("Open")
     page.wait("its first bytes are wrong")
@@ -53,6 +64,15 @@ def test_logs_that_cannot_be_read(app, tab, tmp_path: Path) -> None:
     folder = next(tmp_path.glob("project"))
     assert 'unit = "kt"' in (folder / "mapping.toml").read_text("utf-8")
     assert Project(folder).info["channels"]
+    # One that cannot be read leaves it in place, and says so.
+    page.click("Another log")
+    page.fill(label, str(bad))
+    page.click("Open")
+    page.wait("was not taken, ")
+    page.wait("Next: the vehicle")
+    page.picture("refused")
+    assert Project(folder).log == str(tmp_path / "t.csv")
+    assert 'unit = "kt"' in (folder / "mapping.toml").read_text("utf-8")
 
 
 def test_a_port_in_use(app, tmp_path: Path) -> None:

@@ -117,6 +117,24 @@ def test_an_upload_stays_in_the_folder(running: App) -> None:
     assert not any(p.name.startswith(".") for p in kept)
 
 
+def test_another_log_of_the_same_name_replaces_none(running: App) -> None:
+    def sent(query: str, body: bytes) -> tuple[int, str]:
+        connection = http.client.HTTPConnection("127.0.0.1", running.port, timeout=20)
+        connection.request("POST", f"/{running.token}/upload?{query}", body=body)
+        answer = connection.getresponse()
+        found = answer.status, answer.read().decode()
+        connection.close()
+        return found
+
+    assert [sent("name=same.ulg", body)[1] for body in (b"one", b"one", b"two")] == [
+        "logs/same.ulg", "logs/same.ulg", "logs/1-same.ulg",
+    ]  # fmt: skip
+    assert (running.folder / "logs" / "same.ulg").read_bytes() == b"one"
+    assert sent("name=t.csv&into=tables", b"one") == (200, "logs/tables")
+    status, why = sent("name=t.csv&into=tables", b"two")
+    assert (status, "rename the folder" in why) == (409, True)
+
+
 def test_a_log_of_two_gigabytes_is_refused_before_it_is_sent(running: App) -> None:
     connection = http.client.HTTPConnection("127.0.0.1", running.port, timeout=20)
     connection.putrequest("POST", f"/{running.token}/upload?name=large.ulg")
@@ -125,4 +143,8 @@ def test_a_log_of_two_gigabytes_is_refused_before_it_is_sent(running: App) -> No
     answer = connection.getresponse()
     assert (answer.status, answer.read()[:24]) == (413, b"the log holds 2 GB, more")
     connection.close()
+    # a browser asks before it sends
+    own = f"/{running.token}/upload?size="
+    assert ask(running.port, f"{own}{2 * 10**9}")[0] == 413
+    assert ask(running.port, f"{own}1000")[0] == 200
     assert not list(running.folder.rglob("large*"))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,18 +13,20 @@ import pytest
 
 from stoop.app import numbers, parts, steps
 from stoop.app.folder import ChangedError, Project, version
-from stoop.app.plots import Strip, drawn_costs, drawn_curves, thinned
+from stoop.app.plots import drawn_costs, drawn_curves, thinned
 from stoop.app.uploads import safe_name
 from stoop.errors import StoopError, VehicleError
 from stoop.estimate.iterates import watched
 from stoop.problem.windows import Entry
+from stoop.report.comparison import Compared, comparison_sheet
+from stoop.report.series import Series
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle.builtin import BUILT_IN, builtin_text, resolve_vehicle
 from stoop.vehicle.load import parse_vehicle
 from stoop.workflow.demo import MANEUVER, NAME, misled
-from stoop.workflow.identification import search
-from stoop.workflow.progress import ProgressFile
+from stoop.workflow.identification import finish, search
+from stoop.workflow.progress import ProgressFile, read_curves
 
 VTAIL = (Path(__file__).parents[2] / "examples" / "vtail.toml").read_text("utf-8")
 
@@ -78,12 +81,12 @@ def test_no_peak_is_lost_where_samples_are_left_out() -> None:
     values = np.zeros(time.size)
     values[123_456], values[77_777] = 5.0, -3.0
     values[50_000:60_000] = np.nan
-    shown = thinned(time, Strip("s", "", {"p": values}), 0.0, float(time[-1]))
+    shown = thinned(time, [Series("p", time, values)], 0.0, float(time[-1]))
     assert len(shown["time"]) < 5000
     assert (np.nanmax(shown["p"]), np.nanmin(shown["p"])) == (5.0, -3.0)
     assert np.isnan(shown["p"]).any()
     assert np.all(np.diff(shown["time"]) > 0.0)
-    near = thinned(time, Strip("s", "", {"p": values}), 1234.0, 1235.0)
+    near = thinned(time, [Series("p", time, values)], 1234.0, 1235.0)
     assert len(near["time"]) < 110
     assert np.nanmax(near["p"]) == 5.0
 
@@ -141,7 +144,46 @@ def test_a_log_that_is_not_there(tmp_path: Path) -> None:
         Project(tmp_path / "p").open_log("none.ulg")
 
 
-def test_progress_of_a_fit(tmp_path: Path) -> None:
+def settled(project: Project) -> None:
+    while any(step.running for step in project.readings):
+        time.sleep(0.05)
+    project.tend()
+
+
+def test_a_log_that_cannot_be_read_leaves_the_present_one_in_place(quadrotor: Path, tmp_path: Path) -> None:
+    project = Project(quadrotor)
+    good, windows = project.log, project.windows
+    assert project.lacking == ""
+    bad, other = tmp_path / "bad.ulg", tmp_path / "other.ulg"
+    bad.write_bytes(b"junk" * 100)
+    other.write_bytes(Path(good).read_bytes())
+    project.open_log(bad)
+    assert project.lacking
+    settled(project)
+    assert (project.log, project.windows, project.lacking) == (good, windows, "")
+    assert project.refused is not None
+    assert "its first bytes are wrong" in project.refused.error
+    assert project.former == [], "what cannot be read is not offered"
+    # another log has windows of its own; the former one comes back with its own, and is not read again
+    project.open_log(other)
+    settled(project)
+    assert (project.log, project.windows, project.former) == (str(other), (), [good])
+    assert project.lacking == "Choose a window to fit first"
+    project.save_windows([Entry(flight="other", start=1.0, stop=2.0)])
+    count = len(project.readings)
+    project.open_log(good)
+    assert (project.log, project.windows, project.former) == (good, windows, [str(other)])
+    assert (len(project.readings), project.lacking, project.refused) == (count, "", None)
+    project.open_log(other)
+    assert [w.flight for w in project.windows] == ["other"]
+
+
+def test_what_a_fit_lacks(tmp_path: Path) -> None:
+    project = Project(tmp_path / "p")
+    assert project.lacking == "Open a log first"
+
+
+def test_progress_and_comparison_of_fits(tmp_path: Path) -> None:
     vehicle = resolve_vehicle("twin-boom").reduced("longitudinal")
     flight = simulate_flight(vehicle, parse_maneuver(MANEUVER, NAME), 0, name=NAME)
     file = tmp_path / "progress.json"
@@ -160,6 +202,33 @@ def test_progress_of_a_fit(tmp_path: Path) -> None:
     q = piece["channels"]["q"]
     assert len(piece["time"]) == len(q["simulated"]) <= 200
     assert q["measured"][0] == pytest.approx(float(flight.data["q"][0]), rel=1e-4)
+    assert read_curves(file) == ()
+
+    # The curves of the result are kept, and drawn beside those of another.
+    job = finish(done)
+    progress.keep(job.identification.traces)
+    (trace,), (kept,) = job.identification.traces, read_curves(file)
+    assert set(kept.channels) == set(trace.channels)
+    np.testing.assert_allclose(kept.channels["q"].simulated, trace.channels["q"].simulated, rtol=1e-4)
+    values = {p.name: p.value for p in vehicle.parameters}
+    lacking = {n: v for n, v in job.result.parameters.items() if n not in ("CLalpha", "Cmq")}
+    a = Compared("runs/001", job.result, values, (kept,))
+    b = Compared(
+        "runs/002",
+        replace(job.result, parameters=lacking),
+        {"CLalpha": 4.5} | dict.fromkeys(lacking, 1.0),
+        (kept,),
+    )
+    assert "±" in a.cell("CLalpha")
+    assert (b.cell("CLalpha"), b.cell("Cmq")) == ("fixed at 4.5", "absent")
+    estimates, goodness, curves = comparison_sheet(a, b).sections
+    rows = {row[0]: row for row in estimates.parts[-1].rows}
+    assert rows["CLalpha"][3] == "–"
+    assert float(rows["Cmalpha"][3]) == 0.0
+    assert len(goodness.parts[-1].rows) == 2
+    panel = next(p for p in curves.parts[-1].panels if p.name == "q")
+    assert [one.name for one in panel.strips[0].series] == ["measured", "A", "B"]
+    assert len(comparison_sheet(a, replace(b, traces=())).sections[-1].parts) == 1, "curves were not kept"
     progress = ProgressFile(tmp_path / "none" / "progress.json")
     progress.turn_to("a folder that went away ends no fit")
 

@@ -17,11 +17,18 @@ def test_from_a_sent_log_to_an_export(app, tab, hover: Path) -> None:
     page.wait("Next: the vehicle")
     assert (running.folder / "logs" / "hover.ulg").read_bytes() == hover.read_bytes()
 
+    # What a fit lacks is said, and it cannot be run.
+    page.click("4 Fit")
+    page.wait("Choose a vehicle first")
+    assert page.page.locator("button", has_text="Run the fit").first.is_disabled()
+
     # Windows are brushed on the plot.
     page.click("3 Windows")
     page.wait("Drag across the strips")
     strip = page.page.locator(".bk-Figure").first
     strip.wait_for()
+    page.click("theta")  # hides a curve
+    page.page.locator("button:not(.bk-active)").get_by_text("theta", exact=True).wait_for()
     for number, (first, last, use) in enumerate(
         ((0.10, 0.30, "Fit"), (0.40, 0.62, "Fit"), (0.72, 0.95, "Predict"))
     ):
@@ -43,7 +50,9 @@ def test_from_a_sent_log_to_an_export(app, tab, hover: Path) -> None:
     # A vehicle of the package, one number edited in the form.
     page.click("2 Vehicle")
     page.click("quad-x")
-    page.wait("Quadrotor X, 1.5 kg")
+    page.wait("Quadrotor X, 1.5 kg is now vehicle.toml: look at its numbers")
+    page.page.locator(".tabulator-row").first.wait_for()
+    page.page.wait_for_function("window.scrollY === 0")
     page.click("4 Fit")
     page.page.get_by_label("method").select_option("equation-error")
     page.click("Run the fit")
@@ -63,11 +72,12 @@ def test_from_a_sent_log_to_an_export(app, tab, hover: Path) -> None:
 
     # Side by side.
     page.click("5 Compare")
-    page.wait("apart, σ")
-    page.wait("Theil's inequality coefficient")
-    page.wait("rotors.")
-    rows = page.page.locator("tr").all_inner_texts()
+    compared = page.page.frame_locator("iframe")
+    for text in ("Apart, σ", "Theil's inequality coefficient", "Windows and channels that both runs hold"):
+        compared.get_by_text(text).first.wait_for()
+    rows = compared.locator("tr").all_inner_texts()
     assert any(row.count("±") == 2 for row in rows)
+    assert compared.locator(".strips").count() > 9
     page.picture("8_compare")
 
     page.click("6 Use")

@@ -21,6 +21,8 @@ export function render({ model }) {
     for (const [i, file] of list.entries()) {
       text.textContent = `sending ${file.name} (${i + 1} of ${list.length}, ${(file.size / 1e6).toFixed(1)} MB)`
       try {
+        const asked = await fetch("upload?" + new URLSearchParams({ size: file.size }))
+        if (!asked.ok) { text.textContent = "Drop a flight log here"; model.failed = file.name + ": " + await asked.text(); return }
         const query = new URLSearchParams({ name: file.name, into })
         const answer = await fetch("upload?" + query, { method: "POST", body: file })
         const said = await answer.text()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import time
 from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any, Final
@@ -10,12 +11,12 @@ from typing import Any, Final
 import panel as pn
 
 from stoop.app import numbers, parts
-from stoop.app.folder import PROGRESS, VEHICLE, Project
+from stoop.app.folder import PROGRESS, VEHICLE, Project, modified
 from stoop.app.plots import drawn_costs, drawn_curves
-from stoop.app.steps import Step
+from stoop.app.steps import COMMAND, Step
 from stoop.app.view import View
+from stoop.assessment.extensions import GIVEN
 from stoop.base.numbers import number
-from stoop.errors import StoopError
 from stoop.estimate import methods
 from stoop.results.result import Result, read_result
 
@@ -37,8 +38,8 @@ def result(step: Step) -> Result:
 
 
 def finished(project: Project) -> dict[str, Step]:
-    """Return the runs that have a result, by a name that tells them apart."""
-    return {f"{s.name}: {describe(result(s))}": s for s in project.steps("runs") if s.state == "done"}
+    """Return the runs that have a result, by name."""
+    return {s.name: s for s in project.steps("runs") if s.state == "done"}
 
 
 def describe(found: Result) -> str:
@@ -58,23 +59,28 @@ class FitView(View):
         self._known: list[str] = []
         self._seen: Any = None
         self._curves = parts.html()
-        self._work = parts.html()
+        self._clock = parts.html()
+        self._told = ""  #: what the run does
         self._values = parts.html()
         self._head = pn.Column(margin=0, sizing_mode="stretch_width")
         self._stage = pn.Column(margin=0, sizing_mode="stretch_width")
         self._detail: tuple[str, str] = ("", "")
         self._method = pn.widgets.Select(
-            label="method", options=[USUAL, *methods.names()], width=190, margin=(0, 8, 0, 0)
+            label="method", options=[USUAL, *methods.names()], width=190, margin=(0, 8, 4, 0)
         )
+        self._why = parts.html()
         self._start = parts.button("Run the fit", self.act(self._run), "primary", align="end")
         self.body[:] = [
             pn.FlexBox(self._method, self._start, align_items="flex-end"),
+            self._why,
             self._head,
             self._stage,
         ]
 
     def refresh(self) -> None:
         """Show the runs, and the one that is chosen; a new run is chosen when it begins."""
+        lacking = self.project.lacking
+        self._start.disabled, self._why.object = bool(lacking), parts.soft(lacking)
         runs = self.project.steps("runs")
         names = [s.name for s in runs]
         fresh = [name for name in names if name not in self._known]
@@ -109,19 +115,19 @@ class FitView(View):
         """Show the progress of the run that is shown."""
         if self._detail[1] != "running":
             return
-        file = self.project.root / self._chosen / PROGRESS
+        folder = self.project.root / self._chosen
+        seconds = max(time.time() - 1e-9 * modified(folder / COMMAND), 0.0)
+        self._clock.object = f"<p><b>{parts.escaped(self._told)} · {seconds:.0f} s</b></p>"
         try:
-            changed = file.stat().st_mtime_ns
+            changed = modified(folder / PROGRESS)
             if (self._chosen, changed) == self._seen:
                 return
-            progress = json.loads(file.read_text("utf-8"))
+            progress = json.loads((folder / PROGRESS).read_text("utf-8"))
         except (OSError, ValueError):
             return
         self._seen = (self._chosen, changed)
         known = progress.get("cost") is not None and "cost" not in progress["work"]
-        cost = f"cost {progress['cost']:g}" if known else ""
-        told = " · ".join(t for t in (progress["work"], cost, f"{progress.get('seconds', 0):.0f} s") if t)
-        self._work.object = f"<p><b>{parts.escaped(told)}</b></p><div class='bar'><i></i></div>"
+        self._told = " · ".join([progress["work"], *([f"cost {progress['cost']:g}"] if known else [])])
         rows = [
             (n, number(p["value"]), p["unit"] if p["unit"] != "1" else "")
             for n, p in progress.get("parameters", {}).items()
@@ -132,10 +138,11 @@ class FitView(View):
 
     def _running(self, step: Step) -> list[Any]:
         self._seen = None
-        self._work.object, self._curves.object, self._values.object = parts.BAR, "", ""
+        self._told, self._curves.object, self._values.object = "reading", "", ""
         stop = parts.button("Stop", self.act(step.stop))
         return [
-            self._work,
+            self._clock,
+            parts.html(parts.BAR),
             stop,
             parts.html(parts.soft(RUNNING)),
             self._curves,
@@ -160,11 +167,14 @@ class FitView(View):
     def _suggestions(self, found: Result) -> list[Any]:
         """Return buttons that fix what the data do not tell, and free or add what they ask for."""
         doubtful = [name for name, p in found.parameters.items() if not p.identifiable or p.at_bound]
-        lacking = [test.name for test in found.extensions.standing]
+        standing = found.extensions.standing
+        lacking = [test.name for test in standing if test.kind not in GIVEN]
+        contradicted = [test.name for test in standing if test.kind in GIVEN]
         out: list[Any] = []
         for what, names, change in (
             ("at a bound or not identifiable: fix at the value of the file", doubtful, self._fix),
             ("the model lacks, by the data: free", lacking, self._free),
+            ("contradicted by the data: measure again, or free", contradicted, self._free),
         ):
             if names:
                 chips = pn.FlexBox(margin=0)
@@ -193,8 +203,4 @@ class FitView(View):
         )
 
     def _run(self) -> None:
-        if not self.project.vehicle:
-            raise StoopError("Choose a vehicle first")
-        if not any(e.accept and e.use == "fit" for e in self.project.windows):
-            raise StoopError("Choose a window to fit first")
         self.project.identify([] if self._method.value == USUAL else ["--method", str(self._method.value)])

@@ -6,20 +6,24 @@ import contextlib
 import hashlib
 import json
 import os
+import shlex
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
+import tomlkit
+
 from stoop.app import steps
 from stoop.app.steps import Step
 from stoop.base.files import make_folder, write_bytes_atomic, write_text_atomic
-from stoop.base.toml import parse_source, quoted, read_source
+from stoop.base.toml import parse_source, read_source
 from stoop.errors import OutputError, StoopError
 from stoop.flight.flight import flight_name
 from stoop.flight.mapping import READY
 from stoop.logs.csv_tables import mapping_beside
 from stoop.logs.read import kind as log_kind
 from stoop.problem.windows import Entry, read_windows, written
+from stoop.vehicle.load import parse_vehicle
 
 FILE: Final = "app.toml"  #: names the log
 VEHICLE, WINDOWS, MAPPING = "vehicle.toml", "windows.toml", "mapping.toml"
@@ -51,13 +55,15 @@ class Project:
     @property
     def log(self) -> str:
         """The log as the commands name it; empty where none was chosen."""
-        if not (self.root / FILE).exists():
-            return ""
-        text = read_source(self.root / FILE, "app", OutputError)
-        return str(parse_source(text, FILE, OutputError).get("log", ""))
+        return self._logs()[0]
 
-    def open_log(self, path: str | Path) -> None:
-        """Take a log, and begin to read it; windows of another log are kept under another name.
+    @property
+    def former(self) -> list[str]:
+        """Other logs that were used in this folder, the last one first."""
+        return [*reversed(self._logs()[1])]
+
+    def open_log(self, path: str | Path, draft: bool = False) -> None:
+        """Take a log, and read it, or draft its mapping, unless that was done; each log has windows and a mapping of its own.
 
         Raises `StoopError`: there is no such file.
         """
@@ -65,15 +71,34 @@ class Project:
         if not place.exists():
             raise StoopError(f"{place}: there is no such log; check the path")
         name = str(place.relative_to(self.root)) if place.is_relative_to(self.root) else str(place)
-        if self.log not in ("", name):
-            for other in (WINDOWS, MAPPING):
-                self._keep_copy(other)
-                (self.root / other).unlink(missing_ok=True)
-        write_text_atomic(self.root / FILE, f"# what stoop app shows in this folder\nlog = {quoted(name)}\n")
-        if self.needs_mapping:
+        known = name in self.former
+        self._turn_to(name)
+        if draft or self.needs_mapping:
             self.draft_mapping()
-        else:
+        elif not (known and self.info):
             self.read_log()
+
+    def _logs(self) -> tuple[str, dict[str, dict[str, str]]]:
+        """Return the log, and of each former one where its windows and mapping are kept."""
+        if not (self.root / FILE).exists():
+            return "", {}
+        found = parse_source(read_source(self.root / FILE, "app", OutputError), FILE, OutputError)
+        return str(found.get("log", "")), dict(found.get("former", {}))
+
+    def _turn_to(self, name: str, keep: bool = True) -> None:
+        """Put a log in the place of the present one, which is kept among the former ones with its windows and mapping."""
+        log, former = self._logs()
+        if log and log != name:
+            held = [file for file in (WINDOWS, MAPPING) if (self.root / file).exists()]
+            copies = {file: self._keep_copy(file) for file in held}
+            former |= {log: copies} if keep else {}
+            for file in held:
+                (self.root / file).unlink()
+        for file, kept in former.pop(name, {}).items():
+            with contextlib.suppress(FileNotFoundError):
+                (self.root / Path(kept).name).replace(self.root / file)
+        lead = "# what stoop app shows in this folder\n"
+        write_text_atomic(self.root / FILE, lead + tomlkit.dumps({"log": name, "former": former}))
 
     @property
     def needs_mapping(self) -> bool:
@@ -91,10 +116,28 @@ class Project:
         return [self.log, *(["--mapping", MAPPING] if (self.root / MAPPING).exists() else [])]
 
     @property
+    def readings(self) -> list[Step]:
+        """The steps that read a log or draft its mapping, the oldest first."""
+        found = [*self.steps("map"), *self.steps("info")]
+        return sorted(found, key=lambda s: modified(s.file(steps.COMMAND)))
+
+    @property
     def reading(self) -> Step | None:
-        """The last step that reads the log, or drafts its mapping."""
-        found = [s for s in (self.latest("map"), self.latest("info")) if s is not None]
-        return max(found, key=lambda s: modified(s.file(steps.COMMAND)), default=None)
+        """The last of them for the present log."""
+        log = self.log
+        return next((s for s in reversed(self.readings) if log_of(s) == log), None)
+
+    @property
+    def flight(self) -> Step | None:
+        """The step that has read the present log; None where its last reading has not ended well."""
+        step = self.reading
+        return step if step is not None and (step.kind, step.state) == ("info", "done") else None
+
+    @property
+    def refused(self) -> Step | None:
+        """The last reading, where it is of another log and failed: that log was not taken."""
+        step = next(reversed(self.readings), None)
+        return step if step is not None and log_of(step) != self.log and step.state == "failed" else None
 
     def draft_mapping(self) -> Step:
         """Draft the mapping of the log."""
@@ -113,8 +156,8 @@ class Project:
     @property
     def info(self) -> dict[str, Any]:
         """What `stoop info` found in the log; empty where it has not."""
-        step = self.latest("info")
-        if step is None or step.state != "done":
+        step = self.flight
+        if step is None:
             return {}
         with contextlib.suppress(ValueError, OSError):
             found: dict[str, Any] = json.loads(step.file(steps.OUTPUT).read_text("utf-8"))
@@ -180,12 +223,32 @@ class Project:
         write_text_atomic(self.root / WINDOWS, step.file(WINDOWS).read_text("utf-8"))
 
     def tend(self) -> None:
-        """Use the first proposal of windows where nobody has chosen any."""
+        """Use the first proposal of windows where nobody has chosen any; go back to the log before one that cannot be read."""
+        own = [s.state for s in self.readings if log_of(s) == self.log]
+        unread = own[-1:] == ["failed"] and "done" not in own
+        if unread and self.former and not (self.root / MAPPING).exists():
+            self._turn_to(self.former[0], keep=False)
         step = self.latest("maneuvers")
         if step is not None and not (self.root / WINDOWS).exists() and step.state == "done":
             self.take_proposal(step)
 
     # The runs.
+
+    @property
+    def lacking(self) -> str:
+        """What a fit lacks, in words; empty where it can be run."""
+        if not self.log:
+            return "Open a log first"
+        if not self.info:
+            return "The log is not read yet"
+        if not self.vehicle:
+            return "Choose a vehicle first"
+        try:
+            parse_vehicle(self.vehicle, VEHICLE)
+            fitted = any(e.accept and e.use == "fit" for e in self.windows)
+        except StoopError as error:
+            return str(error)
+        return "" if fitted else "Choose a window to fit first"
 
     def identify(self, options: Sequence[str] = ()) -> Step:
         """Start a fit with the vehicle and the windows as they are now, of which the run keeps copies."""
@@ -216,13 +279,19 @@ class Project:
         times = tuple(modified(self.root / name) for name in own)
         return times, tuple((s.name, s.state) for kind in steps.PRODUCTS for s in self.steps(kind))
 
-    def _keep_copy(self, name: str) -> None:
-        """Keep a file under another name, before it is replaced."""
-        path = self.root / name
-        if path.exists():
-            stem, ending = Path(name).stem, Path(name).suffix
-            number = next(n for n in range(1, 10_000) if not (self.root / f"{stem}-{n}{ending}").exists())
-            write_bytes_atomic(self.root / f"{stem}-{number}{ending}", path.read_bytes())
+    def _keep_copy(self, name: str) -> str:
+        """Keep a file, if there is one, under another name before it is replaced; return that name."""
+        stem, ending = Path(name).stem, Path(name).suffix
+        names = (f"{stem}-{n}{ending}" for n in range(1, 10_000))
+        kept = next(other for other in names if not (self.root / other).exists())
+        if (self.root / name).exists():
+            write_bytes_atomic(self.root / kept, (self.root / name).read_bytes())
+        return kept
+
+
+def log_of(step: Step) -> str:
+    """Return the log that a step reads."""
+    return next(iter(shlex.split(step.command)[2:]), "")
 
 
 def version(text: str) -> str:

@@ -10,7 +10,7 @@ import panel as pn
 import param
 
 from stoop.app import parts
-from stoop.app.folder import LOOK, MAPPING
+from stoop.app.folder import LOOK, MAPPING, log_of
 from stoop.app.steps import Step
 from stoop.app.uploads import size
 from stoop.app.view import View
@@ -51,7 +51,7 @@ class LogView(View):
     def refresh(self) -> None:
         """Show the choice, the mapping, or the flight."""
         project, shown = self.project, self.body
-        step = project.reading
+        step, refused = project.reading, project.refused
         if not project.log:
             shown[:] = self._choice()
         elif step is None:
@@ -71,6 +71,17 @@ class LogView(View):
             shown[:] = [self._head(), *self._mapping(step)]
         else:
             shown[:] = [self._head(), *self._flight(step)]
+        if refused is not None:
+            shown[:] = [*self._refused(refused), *shown]
+
+    def _refused(self, step: Step) -> list[Any]:
+        name = log_of(step)
+        draft = self.act(lambda: self.project.open_log(name, draft=True))
+        text = f"{Path(name).name} was not taken, {Path(self.project.log).name} stays: {step.error}"
+        return [
+            parts.html(parts.error(text) + parts.command(step)),
+            parts.button("Draft a mapping for it", draft),
+        ]
 
     def _head(self) -> pn.pane.HTML:
         path = self.project.root / self.project.log
@@ -92,25 +103,26 @@ class LogView(View):
             self.project.open_log(path.value.strip())
 
         path.param.watch(lambda e: self.act(opened)(), "enter_pressed")
-        found = [self._offer(p) for p in self._near()]
-        near = (
-            [
-                parts.html("<p class='soft'>logs in the folder where the app was started</p>"),
-                pn.FlexBox(*found),
-            ]
-            if found
-            else []
-        )
-        return [zone, pn.Row(path, parts.button("Open", self.act(opened), align="end")), *near]
+        offers = {
+            "logs of this folder: use": [Path(name) for name in self.project.former],
+            "logs in the folder where the app was started": self._near(),
+        }
+        found = [
+            one
+            for title, paths in offers.items()
+            if paths
+            for one in (parts.html(parts.soft(title)), pn.FlexBox(*map(self._offer, paths)))
+        ]
+        return [zone, pn.Row(path, parts.button("Open", self.act(opened), align="end")), *found]
 
     def _offer(self, path: Path) -> pn.widgets.Button:
-        return parts.button(path.name, self.act(lambda: self.project.open_log(path.absolute())))
+        return parts.button(path.name, self.act(lambda: self.project.open_log(path)), description=str(path))
 
     def _near(self) -> list[Path]:
         try:
             every = sorted(
                 p
-                for p in Path.cwd().iterdir()
+                for p in Path.cwd().absolute().iterdir()
                 if p.name.lower().endswith(ENDINGS) and not p.name.startswith(".")
             )
         except OSError:

@@ -119,6 +119,9 @@ def page_of(project: Project) -> Callable[[], Any]:
         notifications=True,
         disconnect_notification=ENDED,
     )
+    pn.widgets.Select.stylesheets = [
+        "select.bk-input.bk-input { appearance: auto; background-image: none; padding-right: 4px; }"
+    ]
 
     def made() -> Any:
         page = Page(project)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any, Final
@@ -17,7 +16,6 @@ from bokeh.models import (
     BoxSelectTool,
     ColumnDataSource,
     CrosshairTool,
-    DataRange1d,
     HoverTool,
     PanTool,
     Range1d,
@@ -26,34 +24,28 @@ from bokeh.models import (
 )
 from bokeh.plotting import figure
 
-from stoop.app.parts import button, escaped
+from stoop.app.parts import button, escaped, html
 from stoop.base.arrays import FloatArray
 from stoop.base.numbers import factor_and_unit, number
 from stoop.base.variables import VARIABLES
 from stoop.flight import Flight, load
+from stoop.report.flight import GROUPS, UNSHOWN, channel_panels
 from stoop.report.palette import light
-from stoop.report.series import HUES
-from stoop.report.time_history import coarse, in_blocks
+from stoop.report.series import Series
+from stoop.report.time_history import HistoryPanel, coarse, in_blocks
 
-COLORS: Final = tuple(light(f"hue{i}") for i in range(HUES))
-MARKS: Final = {"fit": light("fit"), "validate": light("hue1"), "": light("residual")}
-SOFT: Final = "#808891"  #: of axes, readable on white and on black
+MARKS: Final = {"fit": "fitted", "validate": "predicted", "": "declined"}  #: use of a window -> color
+TEXT: Final = light("tick")
+#: figures are drawn for light paper; on dark paper their lightness is turned round, and hues stay
+DARK: Final = "@media (prefers-color-scheme: dark) { :host { filter: invert(1) hue-rotate(180deg); } }"
+NAMES: Final = (
+    ".bk-btn-group { flex-wrap: wrap; } .bk-btn-group .bk-btn.bk-btn { border: 0; padding: 0 6px; font-size: 12px; "
+    "background: none !important; box-shadow: none !important; } "
+    ".bk-btn:not(.bk-active) { text-decoration: line-through; opacity: 0.5; }"
+)  #: of the names above a strip
 BUCKETS: Final = 1200  #: of which each keeps its smallest and its largest sample
 HEIGHT, FIRST = 118, 24
 DRAWN: Final = (280, 84)  #: width and height of a drawing of a running fit
-GROUPS: Final = (
-    ("controls", ("elevator", "aileron", "rudder", "flap", "control_pitch", "control_roll", "control_yaw", "control_throttle",
-                  "thrust")),
-    ("motors", tuple(f"motor_{n}" for n in range(1, 9))),
-    ("rotors", tuple(f"rotor_{n}" for n in range(1, 9))),
-    ("rates", ("p", "q", "r")),
-    ("attitude", ("phi", "theta")),
-    ("specific force", ("ax", "ay", "az")),
-    ("flow angles", ("alpha", "beta")),
-    ("airspeed", ("V", "airspeed_pitot")),
-    ("velocity", ("vn", "ve", "vd")),
-    ("altitude", ("altitude",)),
-)  # fmt: skip
 
 
 @lru_cache(maxsize=4)
@@ -62,65 +54,34 @@ def read_flight(path: Path, changed: int) -> Flight:
     return load(path)
 
 
-@dataclass(frozen=True)
-class Strip:
-    """Channels of one unit over one axis."""
-
-    title: str
-    unit: str
-    curves: dict[str, FloatArray]
+def strips_of(flight: Flight) -> list[HistoryPanel]:
+    """Return the strips of a flight, those of its page but for channels that are alike to no other."""
+    names = [name for name in flight.channels if name not in UNSHOWN]
+    titles = {title for title, _ in GROUPS}
+    return [panel for panel in channel_panels(flight, names) if panel.title in titles]
 
 
-def strips_of(flight: Flight) -> list[Strip]:
-    """Return the strips of a flight: inputs above responses; servos and pulses only where nothing else shows the inputs."""
-    held = set(flight.names)
-    groups = list(GROUPS)
-    if not held & {*GROUPS[0][1], *GROUPS[1][1]}:
-        numbered = [f"{kind}_{n}" for kind in ("servo", "pwm") for n in range(1, 9)]
-        groups.insert(0, ("outputs", tuple(numbered)))
-    found = []
-    for title, names in groups:
-        curves: dict[str, FloatArray] = {}
-        unit = ""
-        for name in names:
-            if name in held:
-                factor, unit = factor_and_unit(VARIABLES[name].unit)
-                values = factor * flight.data[name].to_numpy()
-                if np.isfinite(values).any():
-                    curves[name] = values
-        if curves:
-            found.append(Strip(title, unit, curves))
-    return found
-
-
-def thinned(time: FloatArray, strip: Strip, start: float, stop: float) -> dict[str, FloatArray]:
+def thinned(time: FloatArray, curves: Sequence[Series], start: float, stop: float) -> dict[str, FloatArray]:
     """Return the samples between two times, of each bucket the smallest and the largest, so that no peak is lost."""
     first, behind = np.searchsorted(time, [start, stop], side="left")
     first, behind = max(int(first) - 1, 0), min(int(behind) + 1, len(time))
     size = math.ceil((behind - first) / BUCKETS)
     starts = np.arange(0, behind - first, size if size > 2 else 1)  # two samples need no bucket
-    curves = {name: coarse(values[first:behind], starts) for name, values in strip.curves.items()}
-    return {"time": in_blocks(time[first:behind], starts), **curves}
+    shown = {one.name: coarse(one.y[first:behind], starts) for one in curves}
+    return {"time": in_blocks(time[first:behind], starts), **shown}
 
 
 def calm(plot: Any) -> None:
-    """Give a figure colors that suit light and dark pages."""
+    """Give a figure the looks of the pages' time histories."""
     plot.background_fill_alpha = plot.border_fill_alpha = 0.0
     plot.outline_line_color = None
     for axis in (*plot.xaxis, *plot.yaxis):
-        axis.axis_line_color = axis.major_tick_line_color = SOFT
-        axis.minor_tick_line_color = None
-        axis.major_label_text_color = axis.axis_label_text_color = SOFT
+        axis.axis_line_color = axis.major_tick_line_color = axis.minor_tick_line_color = None
+        axis.major_label_text_color = axis.axis_label_text_color = TEXT
         axis.axis_label_text_font_style = "normal"
-    plot.grid.grid_line_color, plot.grid.grid_line_alpha = SOFT, 0.18
-    if isinstance(plot.y_range, DataRange1d):
-        plot.yaxis.ticker.desired_num_ticks = 4
-    plot.min_border_left = 58
-    for legend in plot.legend:
-        legend.background_fill_alpha, legend.border_line_color = 0.0, None
-        legend.label_text_color, legend.click_policy = SOFT, "hide"
-        legend.label_text_font_size, legend.spacing, legend.padding, legend.margin = "11px", 0, 2, 2
-        legend.glyph_width = 14
+    plot.grid.grid_line_color = light("grid")
+    plot.yaxis.ticker.desired_num_ticks = 4
+    plot.min_border_left, plot.min_border_right = 58, 8
 
 
 class Strips:
@@ -128,18 +89,22 @@ class Strips:
 
     def __init__(self, flight: Flight, brushed: Callable[[float, float], None] | None = None) -> None:
         self._time = flight.time
-        self._strips = strips_of(flight)
+        found = strips_of(flight)
+        self._curves = [panel.strips[0].series for panel in found]
         start, stop = float(self._time[0]), float(self._time[-1])
         self._range = Range1d(start, stop, bounds=(start, stop))
-        self._cursor = Span(dimension="height", line_color=SOFT, line_dash="dashed", line_width=1)
+        self._cursor = Span(dimension="height", line_color=TEXT, line_width=1)
         self._sources: list[Any] = []
         self._figures: list[Any] = []
         self._marks: list[list[BoxAnnotation]] = []  #: of each window, one in each figure
-        for strip in self._strips:
-            self._figures.append(self._figure(strip, strip is self._strips[-1], brushed))
+        shown: list[Any] = []
+        for panel, curves in zip(found, self._curves, strict=True):
+            plot = self._figure(panel, panel is found[-1], brushed)
+            self._figures.append(plot)
+            shown += [named(panel, dict(zip((one.name for one in curves), plot.renderers, strict=False)))]
+            shown += [pn.pane.Bokeh(plot, sizing_mode="stretch_width", margin=0)]
         self._range.on_change("start", self._zoomed)
         self._range.on_change("end", self._zoomed)
-        panes = [pn.pane.Bokeh(plot, sizing_mode="stretch_width", margin=0) for plot in self._figures]
         steer = {
             "◀": (-0.3, 1.0),
             "▶": (0.3, 1.0),
@@ -148,43 +113,45 @@ class Strips:
             "whole flight": (0.0, math.inf),
         }
         buttons = [button(name, self._mover(*move), margin=(0, 4, 4, 0)) for name, move in steer.items()]
-        self.panel = pn.Column(pn.FlexBox(*buttons), *panes, sizing_mode="stretch_width", margin=0)
+        self.panel = pn.Column(pn.FlexBox(*buttons), *shown, sizing_mode="stretch_width", margin=0)
 
     def mark(self, windows: Iterable[tuple[float, float, str]]) -> None:
         """Mark windows: start, stop and use ("fit", "validate" or "")."""
         spans = list(windows)
         while len(self._marks) < len(spans):
-            row = [BoxAnnotation(fill_alpha=0.16, line_alpha=0.5, level="underlay") for _ in self._figures]
+            row = [BoxAnnotation(fill_alpha=1.0, level="underlay") for _ in self._figures]
             for plot, box in zip(self._figures, row, strict=True):
                 plot.add_layout(box)
             self._marks.append(row)
         for i, row in enumerate(self._marks):  # one that is no longer needed is hidden
             start, stop, use = spans[i] if i < len(spans) else (0.0, 0.0, "")
             for box in row:
-                color = MARKS[use]
-                box.update(left=start, right=stop, fill_color=color, line_color=color, visible=i < len(spans))
+                fill, edge = light(MARKS[use]), light(f"{MARKS[use]}-edge")
+                box.update(left=start, right=stop, fill_color=fill, line_color=edge, visible=i < len(spans))
 
-    def _figure(self, strip: Strip, last: bool, brushed: Callable[[float, float], None] | None) -> Any:
+    def _figure(self, panel: HistoryPanel, last: bool, brushed: Callable[[float, float], None] | None) -> Any:
+        curves = panel.strips[0].series
         drag = PanTool(dimensions="width") if brushed is None else BoxSelectTool(dimensions="width")
         wheel = WheelZoomTool(dimensions="width", modifiers="ctrl")  # without it the page scrolls
         plot = figure(
             height=HEIGHT + (FIRST if last else 0), sizing_mode="stretch_width", x_range=self._range,
-            tools=[], y_axis_label=strip.unit, min_border=2,
-            toolbar_location=None,
+            tools=[], min_border=2, toolbar_location=None, stylesheets=[DARK],
         )  # fmt: skip
         plot.add_tools(CrosshairTool(overlay=self._cursor), drag, wheel)
         plot.toolbar.active_drag, plot.toolbar.active_scroll = drag, wheel
-        source = ColumnDataSource(thinned(self._time, strip, self._range.start, self._range.end))
+        source = ColumnDataSource(thinned(self._time, curves, self._range.start, self._range.end))
         self._sources.append(source)
-        first = None
-        for (name, _), color in zip(strip.curves.items(), COLORS, strict=False):
-            line = plot.line("time", name, source=source, color=color, line_width=1.2, legend_label=name)
-            first = first or line
+        lines = [
+            plot.line("time", one.name, source=source, color=light(one.role), line_width=one.width)
+            for one in curves
+        ]
         tips = [
             ("t", "@time{0.00} s"),
-            *((name, f"@{{{name}}}{{0.000}} {strip.unit}") for name in strip.curves),
+            *((one.name, f"@{{{one.name}}}{{0.000}} {panel.unit}") for one in curves),
         ]
-        plot.add_tools(HoverTool(tooltips=tips, mode="vline", renderers=[first], point_policy="follow_mouse"))
+        plot.add_tools(
+            HoverTool(tooltips=tips, mode="vline", renderers=lines[:1], point_policy="follow_mouse")
+        )
         if brushed is not None:
 
             def drawn(event: Any) -> None:
@@ -193,7 +160,6 @@ class Strips:
                     brushed(max(a, float(self._time[0])), min(b, float(self._time[-1])))
 
             plot.on_event(SelectionGeometry, drawn)
-        plot.legend.location, plot.legend.orientation = "top_left", "horizontal"
         calm(plot)
         plot.xaxis.visible = last
         if last:
@@ -215,8 +181,28 @@ class Strips:
 
     def _zoomed(self, attr: str, old: Any, new: Any) -> None:
         start, stop = float(self._range.start), float(self._range.end)
-        for strip, source in zip(self._strips, self._sources, strict=True):
-            source.data = thinned(self._time, strip, start, stop)
+        for curves, source in zip(self._curves, self._sources, strict=True):
+            source.data = thinned(self._time, curves, start, stop)
+
+
+def named(panel: HistoryPanel, lines: Mapping[str, Any]) -> Any:
+    """Return the line above a strip: what it shows, and the names of its curves, which a click hides."""
+    colors = (
+        f".bk-btn-group .bk-btn.bk-btn:nth-child({i}) {{ color: {light(one.role)}; }}"
+        for i, one in enumerate(panel.strips[0].series, 1)
+    )
+    names = pn.widgets.CheckButtonGroup(
+        options=[*lines], value=[*lines], stylesheets=[NAMES, *colors, DARK], margin=0
+    )
+
+    def chosen(event: Any) -> None:
+        for name, line in lines.items():
+            line.visible = name in event.new
+
+    names.param.watch(chosen, "value")
+    unit = f" [{escaped(panel.unit)}]" if panel.unit else ""
+    title = html(f"<b>{escaped(panel.title)}</b>{unit}", sizing_mode=None, margin=(0, 8, 0, 4))
+    return pn.FlexBox(title, names, align_items="baseline", margin=(6, 0, 0, 0))
 
 
 def drawn_curves(pieces: Sequence[dict[str, Any]]) -> str:

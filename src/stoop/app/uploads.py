@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import filecmp
 import re
 import shutil
 import tempfile
@@ -31,7 +32,11 @@ def size(count: float) -> str:
 
 @tornado.web.stream_request_body
 class Upload(tornado.web.RequestHandler):
-    """Takes one file: ``POST upload?name=NAME[&into=FOLDER]``; answers with its place in the folder, or why not."""
+    """Takes one file: ``POST upload?name=NAME[&into=FOLDER]``; answers with its place in the folder, or why not.
+
+    ``GET upload?size=BYTES`` answers whether so large a file would be taken: a browser that sends one that is refused meanwhile
+    learns no more than that the connection ended.
+    """
 
     def initialize(self, folder: Path, limit: int) -> None:
         """Keep where files go and how large they may be."""
@@ -43,7 +48,8 @@ class Upload(tornado.web.RequestHandler):
         """Refuse what is too large before it is sent."""
         connection: Any = self.request.connection
         connection.set_max_body_size(self.limit + 1)
-        announced = int(self.request.headers.get("Content-Length") or 0)
+        asked = self.get_query_argument("size", "") or self.request.headers.get("Content-Length", "")
+        announced = int(asked) if asked.isdecimal() else 0
         if announced > self.limit:
             self.refuse(413, f"the log holds {size(announced)}, more than the limit of {size(self.limit)}; "
                              "give its path instead, or a larger --max-upload")  # fmt: skip
@@ -56,7 +62,8 @@ class Upload(tornado.web.RequestHandler):
                     507, f"the disk has room for {size(max(left, 0))}, the log holds {size(announced)}"
                 )
                 return
-            self.file = tempfile.NamedTemporaryFile(dir=self.folder, prefix=".part-", delete=False)  # noqa: SIM115
+            if self.request.method == "POST":
+                self.file = tempfile.NamedTemporaryFile(dir=self.folder, prefix=".part-", delete=False)  # noqa: SIM115
         except OSError as error:
             self.refuse(507, f"the log cannot be kept ({error.strerror})")
 
@@ -80,6 +87,9 @@ class Upload(tornado.web.RequestHandler):
         except OSError as error:
             self.refuse(507, f"the log cannot be kept ({error.strerror})")
 
+    def get(self) -> None:
+        """Answer that such a file would be taken."""
+
     def post(self) -> None:
         """Move the whole file to its place."""
         if self.file is None:
@@ -90,6 +100,12 @@ class Upload(tornado.web.RequestHandler):
             self.file.close()
             place.mkdir(exist_ok=True)
             target = place / safe_name(name)
+            if target.exists() and not filecmp.cmp(self.file.name, target, shallow=False):
+                if into:
+                    self.refuse(409, f"{place.name} holds another table {target.name}; rename the folder")
+                    return
+                names = (target.with_name(f"{n}-{target.name}") for n in range(1, 10_000))
+                target = next(other for other in names if not other.exists())
             Path(self.file.name).replace(target)
         except OSError as error:
             self.refuse(507, f"the log cannot be kept ({error.strerror})")

@@ -27,9 +27,7 @@ class UseView(View):
 
     def __init__(self, project: Any, go: Any) -> None:
         super().__init__(project, go)
-        self._subject = pn.widgets.Select(
-            label="model", sizing_mode="stretch_width", max_width=440, margin=(0, 12, 4, 0)
-        )
+        self._subject = pn.widgets.Select(label="model", width=220, margin=(0, 12, 4, 0))
         self._target = pn.widgets.Select(
             label="export to", options=list(TARGETS), width=190, margin=(0, 12, 4, 0)
         )

@@ -14,7 +14,9 @@ from stoop.app.folder import VEHICLE, ChangedError, modified, version
 from stoop.app.numbers import WHERE, Row
 from stoop.app.steps import COMMAND
 from stoop.app.view import View
+from stoop.base.numbers import count
 from stoop.errors import StoopError
+from stoop.problem.layout import Layout
 from stoop.report.sheet import mathml
 from stoop.vehicle.builtin import BUILT_IN, builtin_text, builtin_title
 from stoop.vehicle.load import load_vehicle, parse_vehicle
@@ -28,10 +30,10 @@ ELSEWHERE: Final = (
 HEADS: Final = {"name": "number", "value": "value", "unit": "unit", "free": "free", "prior": "prior ±", "low": "lower",
                 "high": "upper", "help": "what it is"}  # fmt: skip
 WIDTHS: Final = {
-    "name": 190,
-    "value": 92,
-    "unit": 64,
-    "free": 54,
+    "name": 165,
+    "value": 84,
+    "unit": 60,
+    "free": 48,
     "prior": 80,
     "low": 100,
     "high": 100,
@@ -103,11 +105,10 @@ class VehicleView(View):
         )
 
     def take(self, text: str) -> None:
-        """Use a vehicle; where a log was read, windows are proposed for it."""
-        self.project.take_vehicle(parse_vehicle(text, WHERE).text)
-        if self.project.info and not self.project.windows:
-            self.project.propose_windows()
-            self.go("Windows")
+        """Use a vehicle; its numbers are shown before the work goes on."""
+        vehicle = parse_vehicle(text, WHERE)
+        self.project.take_vehicle(vehicle.text)
+        self.say(f"{vehicle.name} is now {VEHICLE}: look at its numbers, then go on", good=True)
 
     # Where there is none.
 
@@ -173,6 +174,7 @@ class VehicleView(View):
                     else [f"--{key}", f"{value:g}" if isinstance(value, float) else str(value)]
                 )
             self.project.start("drafts", lambda at: [*words, "-o", f"{at}/{VEHICLE}"])
+            self.say("The draft is shown below as soon as it is made", good=True)
 
         help_text = "<p class='soft'>Of a multirotor the span is the largest distance between motors; it has no chord.</p>"
         return pn.Column(pn.FlexBox(kind, *fields.values(), engine), parts.html(help_text),
@@ -206,7 +208,8 @@ class VehicleView(View):
             ]
         number = {"type": "number"}
         self._form = pn.widgets.Tabulator(
-            frame, groupby=["part"], hidden_columns=["part"], show_index=False, titles=HEADS, widths=WIDTHS, layout="fit_data",
+            frame, groupby=["part"], hidden_columns=["part"], show_index=False, titles=HEADS, widths=WIDTHS,
+            layout="fit_data_stretch",
             editors={"name": None, "unit": None, "help": None, "value": number, "prior": number, "low": number, "high": number,
                      "free": {"type": "tickCross"}},
             formatters={"free": {"type": "tickCross", "crossElement": False}}, text_align={"value": "right", "prior": "right",
@@ -214,10 +217,14 @@ class VehicleView(View):
             sortable=False, height=520, sizing_mode="stretch_width", margin=(4, 0), stylesheets=[parts.style("form.css")],
         )  # fmt: skip
         self._form.frozen_columns = ["name"]
-        free = sum(r.free for r in self._before)
+        free = Layout.of(
+            vehicle, ()
+        ).dimension  # as reports count: biases of sensors are of a window, not of the vehicle
+        biases = sum(r.free for r in self._before) - free
+        anew = f", and {count(biases, 'bias', 'biases')} of sensors anew for each window" if biases else ""
         lead = (
             f"<h2>{parts.escaped(vehicle.name)}</h2>"
-            f"<p>{len(self._before)} numbers, SI units and radians; {free} are free: a fit estimates them. "
+            f"<p>{len(self._before)} numbers, SI units and radians. A fit estimates {free} free parameters of the vehicle{anew}. "
             "Click a cell to edit it, the tick to free or fix a number.</p>"
         )
         rest = [
@@ -295,10 +302,9 @@ class VehicleView(View):
         if written is not None and written.running:
             shown.append(parts.html(parts.busy(written, "writing the equations")))
         elif written is not None:
-            lines = "".join(
-                f"<div class='equation'>{mathml(line, 'block')}</div>" for line in written.output.splitlines()
-            )
-            shown.append(parts.html(f"<h3>Equations</h3>{parts.error(written.error) or lines}"))
+            lines = "".join(map(str, (mathml(line, "block") for line in written.output.splitlines())))
+            box = f"<div class='scroll equations' tabindex='0'><div>{lines}</div></div>"
+            shown.append(parts.html(f"<h3>Equations</h3>{parts.error(written.error) or box}"))
         self._checks[:] = shown
 
     def _equations(self) -> Any:

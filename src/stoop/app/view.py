@@ -28,6 +28,7 @@ class View(ABC):
         """Make an empty view; `go` shows another, by its title."""
         self.project, self.go = project, go
         self.said = parts.html()
+        self.said.jscallback(text="if (cb_obj.text) window.scrollTo({ top: 0, behavior: 'smooth' })")
         self.body = pn.Column(sizing_mode="stretch_width", margin=0)
         self.panel = pn.Column(self.said, self.body, sizing_mode="stretch_width", margin=0)
 

@@ -48,7 +48,7 @@ class WindowsView(View):
                 parts.button("Go to the log", lambda: self.go("Log")),
             ]
             return
-        step = project.latest("info")
+        step = project.flight
         file = step.file(steps.PRODUCTS["info"]) if step is not None else None
         if file is not None and self._plotted != (file, file.stat().st_mtime_ns):
             self._plotted = (file, file.stat().st_mtime_ns)
@@ -57,11 +57,9 @@ class WindowsView(View):
         entries = project.windows
         self._mark()
         rows = [self._row(e) for e in entries]
-        fitted = any(e.accept and e.use == "fit" for e in entries)
-        run = parts.button(
-            "Run the fit", self.act(self._run), "primary", disabled=not (fitted and project.vehicle)
-        )
-        why = parts.soft("" if project.vehicle else "A fit needs a vehicle; windows can be brushed without.")
+        lacking = project.lacking
+        run = parts.button("Run the fit", self.act(self._run), "primary", disabled=bool(lacking))
+        why = parts.soft(lacking)
         head = pn.FlexBox(run, parts.button("Propose windows", self.act(self._propose)))
         table = [pn.Column(*rows, margin=(8, 0), sizing_mode="stretch_width")] if rows else []
         self._above[:] = [head, parts.html(why), *self._proposals(), *table]
@@ -96,7 +94,7 @@ class WindowsView(View):
 
     def _row(self, entry: Entry) -> Any:
         shown = next(name for name, use in USES.items() if use == (entry.use if entry.accept else ""))
-        use = pn.widgets.Select(options=list(USES), value=shown, width=100, margin=(2, 8, 2, 0))
+        use = pn.widgets.Select(options=list(USES), value=shown, width=115, margin=(2, 8, 2, 0))
         use.param.watch(
             lambda e: self._change(entry, accept=bool(USES[e.new]), use=USES[e.new] or "fit"), "value"
         )

@@ -208,6 +208,7 @@ def _identify(
         checkpoint.keep_last(done.fit.outcome)
         watch.turn_to("error bars, predictions and report")
         job = finish(done)
+        watch.keep(job.identification.traces)
         job = job.with_result(with_repeatability(job.result, repeated)) if repeated else job
         place_outputs(job, arguments.output, arguments.overwrite or arguments.resume)
     return job, ctrl_c.came or done.fit.outcome.status == "interrupted"

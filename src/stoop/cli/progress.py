@@ -12,8 +12,11 @@ from stoop.base.text import printable, show
 from stoop.cli.options import at_least_one
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from stoop.optimize import Progress
     from stoop.parallel import Json, Plan, Pool, Tally
+    from stoop.results.result import ManeuverTrace
     from stoop.workflow.progress import ProgressFile
 
 QUIET = 5.0  #: s between lines of a plain log
@@ -84,6 +87,11 @@ class Watch(LiveLine):
         super().turn_to(work)
         if self._file is not None:
             self._file.turn_to(work)
+
+    def keep(self, traces: Sequence[ManeuverTrace]) -> None:
+        """Keep the curves of a result in the file."""
+        if self._file is not None:
+            self._file.keep(traces)
 
     def _update(self, work: str) -> None:
         super()._update(work)

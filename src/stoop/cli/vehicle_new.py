@@ -59,6 +59,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Draft, print what speaks against it and what comes next."""
     from stoop.flight import load
+    from stoop.problem.layout import Layout
     from stoop.vehicle_draft.draft import draft
     from stoop.vehicle_draft.geometry import Geometry
     from stoop.vehicle_draft.request import Request, evidence, with_geometry
@@ -76,8 +77,8 @@ def run(arguments: argparse.Namespace) -> int:
         drafted = draft(request, flights, str(output))
     write_text_atomic(output, drafted.text)
     out = page()
-    free = sum(p.free for p in drafted.vehicle.parameters)
-    out.line(f"{output}: {len(drafted.text.splitlines())} lines, {free} free numbers; read its comments")
+    free = Layout.of(drafted.vehicle, ()).dimension  # as reports count: without biases of sensors
+    out.line(f"{output}: {len(drafted.text.splitlines())} lines, {free} free parameters; read its comments")
     out.bullets(drafted.notices, "What speaks against it")
     out.line()
     if flights:

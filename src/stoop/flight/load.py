@@ -133,8 +133,8 @@ def load(path: str | Path, mapping: str | Path | None = None, rate: float = 100.
     notices += [*mapped.notices, *attitude, *airspeed]
     gaps = {source.source: source for source in sources.values() if source.gaps}
     if gaps:
-        counts = tuple(f"{name} {source.gaps}" for name, source in gaps.items())
-        notices.append(notice("gaps", longest=max(s.longest_gap for s in gaps.values()), counts=counts))
+        counts = tuple(f"{name} {s.gaps} (up to {s.longest_gap:.2f} s)" for name, s in gaps.items())
+        notices.append(notice("gaps", counts=counts))
     notices += [fault.notice for fault in faults]
     columns = Gridded(grid.time, data)
     flight = Flight(

@@ -99,18 +99,21 @@ def forest_row(one: ParameterEstimate, drawn: Ends, kind: str, description: str)
     return drawing(width, height, description, parts)
 
 
-def method_intervals(
-    estimate: float, intervals: Sequence[tuple[str, Interval | None]], description: str
-) -> Markup:
-    """Return the estimate as a line and one interval per method, with its class; an open end runs to the edge."""
+def interval_rows(intervals: Sequence[tuple[str, float, Interval | None]], description: str) -> Markup:
+    """Return estimates with their intervals, one below the other, by class; a line marks an estimate that all have.
+
+    An open end runs to the edge.
+    """
     width, step = 340.0, 9.0
-    ends = [e for _, s in intervals if s is not None for e in (s.ci95_lower, s.ci95_upper)]
-    scale = Scale(*spanning([np.array([estimate, *ends])], 0.08), 4.0, width - 4.0)
+    estimates = [estimate for _, estimate, s in intervals if s is not None]
+    ends = [e for _, _, s in intervals if s is not None for e in (s.ci95_lower, s.ci95_upper)]
+    scale = Scale(*spanning([np.array([*estimates, *ends])], 0.08), 4.0, width - 4.0)
     height = step * len(intervals) + 4.0
-    parts = [_tick(scale.at(estimate), 1.0, height - 1.0, "zeroline")]
+    common = estimates[:1] if len(set(estimates)) == 1 else []
+    parts = [_tick(scale.at(estimate), 1.0, height - 1.0, "zeroline") for estimate in common]
     if scale.low < 0.0 < scale.high:
         parts.append(_tick(scale.at(0.0), 0.0, height, "grid zero"))
-    for i, (kind, one) in enumerate(intervals):
+    for i, (kind, estimate, one) in enumerate(intervals):
         if one is None:
             continue
         y = 2.0 + step * (i + 0.5)

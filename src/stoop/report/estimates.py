@@ -12,7 +12,7 @@ from markupsafe import Markup, escape
 from stoop.assessment.covariance import NORMAL_95, correlation
 from stoop.base.notices import paragraph
 from stoop.base.numbers import NOTHING, clock, compact, number, readable_unit, rounded_to_error, window
-from stoop.report.charts import correlation_map, forest_row, method_intervals, repeatability_panel
+from stoop.report.charts import correlation_map, forest_row, interval_rows, repeatability_panel
 from stoop.report.sheet import (
     Bullets,
     Details,
@@ -254,8 +254,8 @@ def uncertainty_section(identification: Identification) -> Section | None:
                 shown = rounded_to_error(one.estimate, interval.std_error)[1]
                 known = np.isfinite(interval.std_error)
                 errors[-1] = NOTHING if not known else shown if sure else f"({shown})"
-        intervals = [(classes[key], interval) for key, interval in found.items()]
-        drawn = method_intervals(one.estimate, intervals, f"{name}: {'; '.join(texts)}")
+        intervals = [(classes[key], one.estimate, interval) for key, interval in found.items()]
+        drawn = interval_rows(intervals, f"{name}: {'; '.join(texts)}")
         rows.append((label(identification, name), drawn, *errors, readable_unit(one.unit)))
         kinds.append("sure" if sure else "unsure")
     columns = ("", "methods", *("n" for _ in methods), "")

@@ -253,7 +253,7 @@ def _channel(
         lag = finite_part(factor * trace.baseline[name])
         curves.append(Series("first-order lag", trace.time, lag, role="lag", width=1.2))
     curves.append(Series("simulated", trace.time, simulated, role=role, half_width=half))
-    strips = with_residual(curves, "residual", measured - simulated, _response_range(curves))
+    strips = with_residual(curves, "residual", measured - simulated, response_range(curves))
     description, note = f"{name}, {_meaning(name)}: measured, simulated and their difference", ""
     description += f", {maneuver_title(maneuver)}"
     if one is not None:
@@ -266,7 +266,7 @@ def _channel(
     return HistoryPanel(title, strips, unit, meaning, note, name, f"{description}.")
 
 
-def _response_range(curves: Sequence[Series]) -> Range:
+def response_range(curves: Sequence[Series]) -> Range:
     """Return the range of a response: a diverged simulation may not flatten the measurements to a line."""
     known = curves[0].y if np.isfinite(curves[0].y).any() else curves[-1].y
     low, high = spanning([known])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import time
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final
@@ -15,10 +16,13 @@ from stoop.base.arrays import FloatArray
 from stoop.base.files import write_text_atomic
 from stoop.errors import OutputError
 from stoop.estimate.iterates import Candidate
+from stoop.results.result import ChannelTrace, ManeuverTrace
 
 FORMAT: Final = "stoop-progress/1"
 INTERVAL: Final = 0.5  #: s between two writes
 MAX_SAMPLES: Final = 200  #: of a curve
+MAX_KEPT: Final = 2000  #: likewise, of a result
+CURVES: Final = ("measured", "simulated")
 MAX_COSTS: Final = 2000  #: in the history
 
 
@@ -27,7 +31,8 @@ class ProgressFile:
 
     It holds ``work`` (what is done now), ``seconds``, ``cost``, ``costs`` (seconds and cost of each improvement), ``parameters``
     (name to value, unit and bounds, SI) and ``curves``: of each piece its maneuver, time, s, and measured and simulated
-    readings of each channel, SI, at most `MAX_SAMPLES` of them.
+    readings of each channel, SI, at most `MAX_SAMPLES` of them. At the end ``maneuvers`` holds the curves of the result's
+    maneuvers, in their order, fitted or predicted, see `read_curves`.
     """
 
     def __init__(self, path: Path) -> None:
@@ -38,6 +43,11 @@ class ProgressFile:
     def turn_to(self, work: str) -> None:
         """Note what is done now."""
         self._content["work"] = work
+        self._write()
+
+    def keep(self, traces: Sequence[ManeuverTrace]) -> None:
+        """Keep the curves of a result."""
+        self._content["maneuvers"] = [_trace(trace) for trace in traces]
         self._write()
 
     def note(self, work: str) -> None:
@@ -67,6 +77,32 @@ class ProgressFile:
         self._content["seconds"] = round(self._written - self._began, 2)
         with suppress(OutputError):
             write_text_atomic(self._path, json.dumps(self._content, allow_nan=False))
+
+
+def read_curves(path: Path) -> tuple[ManeuverTrace, ...]:
+    """Return the curves of a result that a progress file holds; none where the fit has not ended."""
+    with suppress(OSError, ValueError):
+        found = json.loads(path.read_text("utf-8")).get("maneuvers", ())
+        return tuple(
+            ManeuverTrace(
+                np.array(one["time"], dtype=np.float64),
+                {
+                    name: ChannelTrace(*(np.array(c[kind], dtype=np.float64) for kind in CURVES))
+                    for name, c in one["channels"].items()
+                },
+            )
+            for one in found
+        )
+    return ()
+
+
+def _trace(trace: ManeuverTrace) -> dict[str, Any]:
+    every = slice(None, None, max(1, math.ceil(len(trace.time) / MAX_KEPT)))
+    channels = {
+        name: {kind: _listed(getattr(one, kind)[every]) for kind in CURVES}
+        for name, one in trace.channels.items()
+    }
+    return {"time": _listed(trace.time[every], 8), "channels": channels}
 
 
 def _parameters(candidate: Candidate) -> dict[str, dict[str, Any]]:

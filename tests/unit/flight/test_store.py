@@ -22,7 +22,7 @@ from stoop.flight.flight import AirData
 any_file = settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 NOTICES = (
     notice("untyped-flight-note", text="a note: ±1 °C"),
-    notice("gaps", longest=0.3, counts=("imu 2", "gps 1")),
+    notice("gaps", counts=("imu 2", "gps 1")),
 )
 finite = st.floats(-1e6, 1e6) | st.just(float("nan"))
 
