@@ -55,6 +55,7 @@ def app(page: Page, flight: str, vehicle: str) -> None:
         page.get_by_text("Next: the vehicle").first.click()
         page.get_by_label("path of a vehicle file").fill(vehicle)
         page.locator("button:not([disabled])").get_by_text("Use", exact=True).first.click()
+        page.get_by_text("Next: the windows").first.click()
         page.get_by_text("held out, to be predicted").first.wait_for()
         page.wait_for_timeout(3000)
         page.screenshot(path=IMAGES / "app-windows.png")

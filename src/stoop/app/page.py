@@ -119,9 +119,8 @@ def page_of(project: Project) -> Callable[[], Any]:
         notifications=True,
         disconnect_notification=ENDED,
     )
-    pn.widgets.Select.stylesheets = [
-        "select.bk-input.bk-input { appearance: auto; background-image: none; padding-right: 4px; }"
-    ]
+    for kind in (pn.widgets.Button, pn.widgets.Select):
+        kind.stylesheets = [parts.style("widgets.css")]
 
     def made() -> Any:
         page = Page(project)
