@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 SHARED = Path(os.environ.get("STOOP_SHARED", Path(__file__).parents[2] / "shared"))
 LONG_TESTS = Path(__file__).parent / "long_tests.txt"  #: test and seconds; written by scripts/durations.py
+LONG_TEXT = 4000  #: characters
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 BROWSER_ARGUMENTS = [
     "--headless=new", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
@@ -68,6 +69,13 @@ def browser() -> Iterator[Browser]:
         opened = playwright.chromium.launch(executable_path=program, args=BROWSER_ARGUMENTS)
         yield opened
         opened.close()
+
+
+def pytest_assertrepr_compare(op: str, left: object, right: object) -> list[str] | None:
+    """Name the size of a page in which something is missing or too much: whole, it hides which test failed."""
+    if op in ("in", "not in") and isinstance(right, str) and len(right) > LONG_TEXT:
+        return [f"{left!r} {op} a text of {len(right)} characters that begins with {right[:40]!r}"]
+    return None
 
 
 @pytest.hookimpl(wrapper=True)

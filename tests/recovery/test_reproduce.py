@@ -21,12 +21,12 @@ def reproduce(folder: Path, name: str, runs: int, workers: int = 1) -> list[dict
 
 
 def test_table_1(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    rows = {(r["method"], int(r["iterations"])): r for r in reproduce(tmp_path, "table1", 2)}
+    rows = {(r["method"], int(r["iterations"])): r for r in reproduce(tmp_path, "table1", 1)}
     said = capsys.readouterr().out
     assert len(rows) == 16
     for iterations in (500, 1000, 1500, 2000):
-        assert rows["ps-gde", iterations]["within_1e-6"] == "2"
-        assert rows["ps-gde-lm", iterations]["within_1e-6"] == "2"
+        assert rows["ps-gde", iterations]["within_1e-6"] == "1"
+        assert rows["ps-gde-lm", iterations]["within_1e-6"] == "1"
         errors = [float(rows[m, iterations]["mean_error"]) for m in ("ga", "pso", "ps-gde")]
         assert errors == sorted(errors, reverse=True), "the paper's order"
     assert float(rows["ps-gde", 2000]["median_evaluations_to_target"]) == pytest.approx(5752, rel=0.2)
@@ -89,7 +89,7 @@ def test_the_claims_of_the_text(
 
 
 def test_ablation_and_sweep(tmp_path: Path) -> None:
-    rows = {r["variant"]: r for r in reproduce(tmp_path, "ablation", 2)}
+    rows = {r["variant"]: r for r in reproduce(tmp_path, "ablation", 1)}
     assert rows["schedule as printed"]["reached"] == "0"
     times = {name: float(r["expected_running_time"] or "inf") for name, r in rows.items()}
     assert times["Levenberg-Marquardt search"] < 0.5 * times["PS-GDE"]

@@ -120,8 +120,9 @@ class Lag:
 
     def respond(self, commands: FloatArray, bias: float, initial: float) -> FloatArray:
         """Return the answer (n,) to `commands` (n, m), starting at `initial`."""
-        forced, decay = _answers(commands, self.time_constant, round(self.dead_time * self.rate), self.rate)
-        return np.asarray(forced @ self.gains + bias * (1.0 - decay) + initial * decay)
+        answers, forced = _answers(commands, self.time_constant, self.rate), np.empty(commands.shape)
+        answers.write(forced, round(self.dead_time * self.rate))
+        return np.asarray(forced @ self.gains + bias * (1.0 - answers.decay) + initial * answers.decay)
 
     def matched(self, records: Sequence[LagRecord]) -> tuple[FloatArray, ...]:
         """Return the fitted curves (n_i,) of the very records that the lag was fitted to."""
@@ -151,13 +152,16 @@ class Lag:
 
         Those by tau and the delay are differences.
         """
-        delay, tau, rate = round(self.dead_time * self.rate), self.time_constant, self.rate
+        delay, tau = round(self.dead_time * self.rate), self.time_constant
+        slow, usual, fast = (
+            [_answers(record.commands, t, self.rate) for record in records]
+            for t in (tau * 1.001, tau, tau / 1.001)
+        )
         solution = np.array([*self.gains, *self.biases.values(), *self.initial])
-        later, sooner = (_design(records, rate, tau, d) for d in (delay + 1, max(delay - 1, 0)))
+        later, sooner = (_design(records, usual, d) for d in (delay + 1, max(delay - 1, 0)))
         by_delay = (later - sooner) @ solution / (delay + 1 - max(delay - 1, 0))
-        slower, faster = (_design(records, rate, t, delay) for t in (tau * 1.001, tau / 1.001))
-        by_tau = (slower - faster) @ solution / np.log(1.001**2)
-        return np.column_stack([_design(records, rate, tau, delay)[:, : -len(records)], by_tau, by_delay])
+        by_tau = (_design(records, slow, delay) - _design(records, fast, delay)) @ solution / np.log(1.001**2)
+        return np.column_stack([_design(records, usual, delay)[:, : -len(records)], by_tau, by_delay])
 
     def left_out(self, records: Sequence[LagRecord]) -> tuple[FloatArray, ...]:
         """Return the residuals (n_i,) of the very records that the lag was fitted to, each second left out in turn."""
@@ -182,61 +186,91 @@ def fit_lag(records: Sequence[LagRecord], rate: float) -> Lag | None:
     measured = sum(int(np.isfinite(record.measured).sum()) for record in records)
     if measured <= count + len(maneuvers) + len(records) + 2:
         return None
+    problem = _Regression(records, rate)
     delays = sorted({round(delay * rate) for delay in DEAD_TIMES})
-    costs: dict[int, list[float]] = {}  # over the coarse grid of time constants
-    for d in delays:
-        costs[d] = [_solve(records, rate, tau, d)[0] for tau in TIME_CONSTANTS.tolist()]
-    best = min(delays, key=lambda d: min(costs[d]))
+    costs = problem.grid(delays)
+    best = delays[int(np.argmin(np.min(costs, axis=1)))]
+    near = range(max(0, best - delays[1] + 1), best + delays[1])
+    costs = np.concatenate([costs, problem.grid([d for d in near if d not in delays])])
+    rows = [*delays, *(d for d in near if d not in delays)]
     found = []
-    for d in range(max(0, best - delays[1] + 1), best + delays[1]):
-        if d not in costs:
-            costs[d] = [_solve(records, rate, tau, d)[0] for tau in TIME_CONSTANTS.tolist()]
-        place = int(np.argmin(costs[d]))
+    for d in near:
+        place = int(np.argmin(costs[rows.index(d)]))
         bracket = np.log(TIME_CONSTANTS[[max(place - 1, 0), min(place + 1, len(TIME_CONSTANTS) - 1)]])
         end = minimize_scalar(
-            lambda log_tau, d=d: _solve(records, rate, float(np.exp(log_tau)), d)[0],
+            lambda log_tau, d=d: problem.solve(float(np.exp(log_tau)), d)[0],
             bounds=(float(bracket[0]), float(bracket[1])),
             method="bounded",
             options={"xatol": 1e-3},
         )
         found.append((float(end.fun), float(np.exp(end.x)), d))
     _, tau, delay = min(found)
-    gains, biases, initial = np.split(_solve(records, rate, tau, delay)[1], [count, count + len(maneuvers)])
+    gains, biases, initial = np.split(problem.solve(tau, delay)[1], [count, count + len(maneuvers)])
     shared = dict(zip(maneuvers, biases.tolist(), strict=True))
     return Lag(tau, delay / rate, gains, shared, tuple(initial.tolist()), rate)
 
 
-def _solve(records: Sequence[LagRecord], rate: float, tau: float, delay: int) -> tuple[float, FloatArray]:
-    """Return the sum of squares and the linear unknowns for one tau and delay."""
-    measured = np.concatenate([record.measured for record in records])
-    there = np.isfinite(measured)
-    design, measured = _design(records, rate, tau, delay)[there], measured[there]
-    solution = np.linalg.lstsq(design.T @ design, design.T @ measured, rcond=1e-13)[0]
-    return float(np.sum((measured - design @ solution) ** 2)), solution
+class _Regression:
+    """Least squares of a channel's records for any time constant and delay; what delays have in common is made once."""
+
+    def __init__(self, records: Sequence[LagRecord], rate: float) -> None:
+        self._records, self._rate = records, rate
+        measured = np.concatenate([record.measured for record in records])
+        self._there = np.isfinite(measured)
+        self._measured = measured[self._there]
+
+    def grid(self, delays: Sequence[int]) -> FloatArray:
+        """Return the least sums of squares (delays, time constants) over the coarse grid of time constants."""
+        costs = np.empty((len(delays), len(TIME_CONSTANTS)))
+        for j, tau in enumerate(TIME_CONSTANTS.tolist()):
+            answers = [_answers(record.commands, tau, self._rate) for record in self._records]
+            for i, delay in enumerate(delays):
+                costs[i, j] = self._least(answers, delay)[0]
+        return costs
+
+    def solve(self, tau: float, delay: int) -> tuple[float, FloatArray]:
+        """Return the sum of squares and the linear unknowns."""
+        return self._least([_answers(record.commands, tau, self._rate) for record in self._records], delay)
+
+    def _least(self, answers: Sequence[_Answers], delay: int) -> tuple[float, FloatArray]:
+        design, measured = _design(self._records, answers, delay)[self._there], self._measured
+        solution = np.linalg.lstsq(design.T @ design, design.T @ measured, rcond=1e-13)[0]
+        return float(np.sum((measured - design @ solution) ** 2)), solution
 
 
-def _design(records: Sequence[LagRecord], rate: float, tau: float, delay: int) -> FloatArray:
-    """Return the linear unknowns' effect (N, m + maneuvers + records): gains, biases, initial values."""
-    maneuvers, blocks = sorted({record.maneuver for record in records}), []
-    for number, record in enumerate(records):
-        forced, decay = _answers(record.commands, tau, delay, rate)
-        rest = np.zeros((len(forced), len(maneuvers) + len(records)))
-        rest[:, maneuvers.index(record.maneuver)] = 1.0 - decay
-        rest[:, len(maneuvers) + number] = decay
-        blocks.append(np.hstack([forced, rest]))
-    return np.concatenate(blocks)
+@dataclass(frozen=True, eq=False)
+class _Answers:
+    """Answers of a unit lag to the commands of a record.
 
-
-def _answers(commands: FloatArray, tau: float, delay: int, rate: float) -> tuple[FloatArray, FloatArray]:
-    """Return the answers of a unit lag from zero (n, m) to each command, linear between samples, and its decay (n,).
-
-    Before the first sample, where the delayed command would come from, it is taken to have stood still. The decay is the
+    Before the first sample, where a delayed command would come from, it is taken to have stood still. The decay is the
     answer to a unit initial value; one minus it that to a unit bias.
     """
-    change = commands - commands[0]
+
+    change: FloatArray  #: (n, m), to what commands change from their first sample, linear between samples
+    first: FloatArray  #: (m,), commands at the first sample
+    decay: FloatArray  #: (n,)
+
+    def write(self, out: FloatArray, delay: int) -> None:
+        """Write the answers (n, m) to the commands from zero, so many samples late."""
+        np.multiply((1.0 - self.decay)[:, None], self.first, out=out)
+        out[delay:] += self.change[: max(0, len(out) - delay)]
+
+
+def _answers(commands: FloatArray, tau: float, rate: float) -> _Answers:
     ratio, decay = np.exp(-1.0 / (rate * tau)), np.exp(-np.arange(len(commands)) / (rate * tau))
     late = 1.0 - rate * tau * (1.0 - ratio)
-    response = lfilter([late, 1.0 - ratio - late], [1.0, -ratio], change, axis=0)
-    answer = (1.0 - decay)[:, None] * commands[0]
-    answer[delay:] += response[: max(0, len(response) - delay)]
-    return np.asarray(answer, dtype=np.float64), decay
+    change = lfilter([late, 1.0 - ratio - late], [1.0, -ratio], commands - commands[0], axis=0)
+    return _Answers(change, commands[0], decay)
+
+
+def _design(records: Sequence[LagRecord], answers: Sequence[_Answers], delay: int) -> FloatArray:
+    """Return the linear unknowns' effect (N, m + maneuvers + records): gains, biases, initial values."""
+    maneuvers, count = sorted({record.maneuver for record in records}), records[0].commands.shape[1]
+    out = np.zeros((sum(len(a.decay) for a in answers), count + len(maneuvers) + len(records)))
+    end = 0
+    for number, (record, one) in enumerate(zip(records, answers, strict=True)):
+        rows = out[end : (end := end + len(one.decay))]
+        one.write(rows[:, :count], delay)
+        rows[:, count + maneuvers.index(record.maneuver)] = 1.0 - one.decay
+        rows[:, count + len(maneuvers) + number] = one.decay
+    return out

@@ -298,16 +298,12 @@ def _judged(result: Result, use: Use, sizes: Mapping[str, float]) -> Use:
     estimated = [(need, [n for n in need.parameters if n in result.parameters]) for need in use.needs]
     needs = [(need, names) for need, names in estimated if names]
     for need, names in needs:
-        known = [n for n in names if _seen(result, need, n)]
         effect = dict(zip(need.parameters, need.sizes, strict=False))
-        largest = max(
-            known, key=lambda n: abs(result.parameters[n].estimate) / (effect.get(n) or 1.0), default=""
-        )
-        error = _error(result, need, largest, sizes[largest]) if largest else math.inf
-        if not largest:
-            against.append(
-                notice("verdict-need-unknown", need.subject, use=use.name, parameters=tuple(names))
-            )
+        largest = max(names, key=lambda n: abs(result.parameters[n].estimate) / (effect.get(n) or 1.0))
+        error = _error(result, need, largest, sizes[largest])
+        if not _seen(result, need, largest):
+            unseen = tuple(n for n in names if not _seen(result, need, n))
+            against.append(notice("verdict-need-unknown", need.subject, use=use.name, parameters=unseen))
         elif not error <= LIMITS.error:
             against.append(
                 notice("verdict-need-inaccurate", need.subject, use=use.name, parameter=largest, error=error)

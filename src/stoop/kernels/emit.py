@@ -147,11 +147,16 @@ def _renamed(
     What the runtime header has no function for is refused here, rather than deep inside the compiler.
     """
     new = {p: [sp.Symbol(f"{p}{i}", real=True) for i in range(len(old))] for p, old in symbols.items()}
-    table = {old: s for p, many in symbols.items() for old, s in zip(many, new[p], strict=True)}
-    renamed = [sp.sympify(e).xreplace(table) for e in expressions]
-    for node in (node for expr in renamed for node in sp.preorder_traversal(expr)):
-        if not isinstance(node, _KNOWN):
-            raise NotImplementedError(f"{type(node).__name__} has no vector form")
+    done = {old: s for p, many in symbols.items() for old, s in zip(many, new[p], strict=True)}
+
+    def rename(expr: Any) -> Any:
+        if expr not in done:  # once each: written out as trees, expressions have many times as many nodes
+            if not isinstance(expr, _KNOWN):
+                raise NotImplementedError(f"{type(expr).__name__} has no vector form")
+            done[expr] = expr.func(*map(rename, expr.args)) if expr.args else expr
+        return done[expr]
+
+    renamed = [rename(sp.sympify(e)) for e in expressions]
     return renamed, dict(new)
 
 

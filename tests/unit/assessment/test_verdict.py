@@ -376,6 +376,18 @@ def test_needs_of_a_multirotor() -> None:
     assert performance.channels == ("vn", "ve", "vd", "ax", "ay", "az")
 
 
+def test_of_several_the_one_with_the_largest_effect_must_be_known() -> None:
+    """A well-known small effect does not stand in for a large one that the flight does not tell."""
+    roll = Need("control effectiveness in roll", ("Claileron", "Clelevator"))
+    given = {
+        "Claileron": ParameterEstimate(0.3, 0.3, identifiable=False),
+        "Clelevator": ParameterEstimate(0.06, 0.003),
+    }
+    whole = result(parameters=given, covariance=Covariance(tuple(given), np.diag([0.09, 9e-6])))
+    (unknown,) = verdict(whole, (Use("control design", ("p",), (roll,)),)).uses[0].against
+    assert (unknown.code, unknown.values["parameters"]) == ("verdict-need-unknown", ("Claileron",))
+
+
 def test_json() -> None:
     given = result(extensions=lacking(-11.8))
     whole = dataclasses.replace(given, verdict=verdict(given, USES))

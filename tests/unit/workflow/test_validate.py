@@ -156,6 +156,6 @@ def test_the_verb_writes_page_and_figures(
     assert document["maneuvers"][0]["channels"]["q"]["whiteness"]["verdict"] in ("white", "colored")
     page = (tmp_path / "check" / "validation.html").read_text()
     assert "next" in page
-    assert "<script" not in page
+    assert page.count("Content-Security-Policy") == 1
     assert main(words) == 2
     assert "add --overwrite" in capsys.readouterr().err
