@@ -176,12 +176,16 @@ class Motion:
 
     def _air_slopes(self, state: Assignment) -> FloatArray:
         """Return the mean change (m, 3) of the velocity through the air, north, east, down."""
-        speed, alpha, beta = (self._column(state, name) for name in (self.speed, *VANES))
-        body = np.column_stack(
-            [speed * np.cos(alpha) * np.cos(beta), speed * np.sin(beta), speed * np.sin(alpha) * np.cos(beta)]
-        )
-        through, steps = to_ground(self.attitude(state), body), self.steps
-        return np.asarray((through[steps:] - through[:-steps]) * self.rate / steps)
+        measured, steps = (self.speed, *VANES), self.steps
+
+        def make() -> FloatArray:
+            speed, alpha, beta = (self._column(state, name) for name in measured)
+            side, ahead = speed * np.sin(beta), speed * np.cos(beta)
+            body = np.column_stack([ahead * np.cos(alpha), side, ahead * np.sin(alpha)])
+            through = to_ground(self.attitude(state), body)
+            return np.asarray((through[steps:] - through[:-steps]) * self.rate / steps)
+
+        return self._keep(("air", *self._readings(state, (*EULER, *measured))), make)
 
     def _column(self, state: Assignment, name: str) -> FloatArray:
         column, factor = reading(state, name)
