@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+from playwright.sync_api import expect
+
 from stoop.app.folder import Project
 from stoop.vehicle.builtin import builtin_text
 from stoop.vehicle.load import load_vehicle
@@ -37,6 +39,21 @@ def test_two_tabs_edit_one_vehicle(app, tab, quadrotor: Path) -> None:
     vehicle = load_vehicle(quadrotor / "vehicle.toml")
     assert (vehicle.value("mass.mass"), vehicle.value("mass.inertia.zz")) == (1.75, 0.0456)
     one.page.locator(".tabulator-cell", has_text="0.0456").first.wait_for()
+
+
+def test_a_window_that_ends_before_it_begins(app, tab, quadrotor: Path) -> None:
+    page = tab(app(folder=quadrotor))
+    page.click("3 Windows")
+    page.wait("Propose windows")
+    before = (quadrotor / "windows.toml").read_text("utf-8")
+    stop = page.page.locator("input:visible").nth(1)
+    kept = stop.input_value()
+    assert float(kept) == 3.0
+    stop.fill("0.5")
+    stop.press("Enter")
+    page.wait("is not before stop = 0.5")
+    expect(page.page.locator("input:visible").nth(1)).to_have_value(kept)
+    assert (quadrotor / "windows.toml").read_text("utf-8") == before
 
 
 def test_a_value_out_of_bounds_and_a_vehicle_that_cannot_be_trimmed(app, tab, quadrotor: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from typing import Any, Final
 
 import panel as pn
@@ -11,6 +12,7 @@ from stoop.app.fit_view import finished
 from stoop.app.folder import VEHICLE
 from stoop.app.steps import Step
 from stoop.app.view import View
+from stoop.base.notices import from_dict, of_severity
 from stoop.errors import StoopError
 
 TARGETS: Final = {"JSBSim": "jsbsim", "state space (A, B, C, D)": "state-space", "Simulink": "simulink"}
@@ -111,4 +113,12 @@ class UseView(View):
         printed = parts.fold("what it printed", f"<pre>{parts.escaped(step.output)}</pre>", is_open=True)
         page = next((p for p in places if p.endswith(".html")), "")
         shown = f"<details><summary>page</summary>{parts.frame(page, step.name)}</details>" if page else ""
-        return [parts.html(f"{head}<ul>{links}</ul>{printed}{shown}{parts.command(step)}")]
+        return [parts.html(f"{head}{_warnings(step)}<ul>{links}</ul>{printed}{shown}{parts.command(step)}")]
+
+
+def _warnings(step: Step) -> str:
+    """Return what a design warns of: models that are as likely may leave the envelope."""
+    file = step.file("design.json")
+    content = json.loads(file.read_text("utf-8")) if file.exists() else {}
+    found = [from_dict(one) for one in content.get("notices", ())]
+    return "".join(parts.note(one) for one in of_severity(found, "warning"))

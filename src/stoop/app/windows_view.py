@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Any, Final
 
 import panel as pn
+from pydantic import ValidationError
 
 from stoop.app import parts, steps
 from stoop.app.folder import WINDOWS
@@ -123,7 +124,12 @@ class WindowsView(View):
         def changed() -> None:
             if any(value is None for value in fields.values()):
                 raise StoopError("Write a time in seconds")
-            self._replace(entry, Entry.model_validate({**entry.model_dump(), **fields}))
+            try:
+                by = Entry.model_validate({**entry.model_dump(), **fields})
+            except ValidationError as error:
+                self.refresh()  # the field shows what the file has
+                raise StoopError(error.errors()[0]["msg"].removeprefix("Value error, ")) from None
+            self._replace(entry, by)
 
         self.act(changed)()
 

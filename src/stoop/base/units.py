@@ -28,7 +28,7 @@ FACTORS: Final[dict[str, float]] = {
     "kg": 1.0, "slug": SLUG, "N": 1.0, "lbf": POUND_FORCE, "N m": 1.0,
     "kg/m3": 1.0, "Pa": 1.0, "hPa": 100.0, "kPa": 1e3, "mbar": 100.0, "K": 1.0, "degC": 1.0,
     "V": 1.0, "mV": 1e-3, "A": 1.0, "mA": 1e-3, "cA": 1e-2,
-    "percent": 0.01, "pwm": 1.0,
+    "percent": 0.01, "%": 0.01, "pwm": 1.0,
 }  #: unit written in a file -> factor to SI  # fmt: skip
 
 #: unit -> SI value of its zero, where that is not zero
@@ -53,7 +53,7 @@ _OF_KIND: Final[dict[str, str]] = {
     "a temperature": "K degC",
     "a voltage": "V mV",
     "a current": "A mA cA",
-    "a plain number": "1 percent",
+    "a plain number": "1 percent %",
 }
 #: unit -> what it measures
 KINDS: Final[dict[str, str]] = {

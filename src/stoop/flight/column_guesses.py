@@ -351,8 +351,9 @@ def _command(line: DraftLine, x: FloatArray) -> DraftLine:
 def _surface(line: DraftLine, size: float) -> DraftLine:
     if line.unit and KINDS[line.unit] == "an angle":
         return line
-    if line.unit == "1" or 0.8 < size <= 1.01:
-        return replace(line, unit="1").doubted("normalized, no angle: name it servo_N and add a calibration")
+    if line.unit or 0.8 < size <= 1.01:
+        plain = replace(line, unit=line.unit or "1")
+        return plain.doubted("normalized, no angle: name it servo_N and add a calibration")
     if size > LARGEST.get(line.variable, math.inf):
         return replace(line, unit="deg").remarked(f"up to {size:.3g}: degrees")
     return replace(line, unit="rad").doubted(f"up to {size:.3g}: rad, or a normalized command?")

@@ -147,6 +147,7 @@ def design_document(proposal: Proposal) -> dict[str, Any]:
             "draws": robust.draws, "untrimmed": robust.untrimmed, "outside": robust.outside,
             "largest_excess": robust.largest_excess, "ratios": list(robust.ratios),
         },
+        "notices": [robust.notice.to_dict()] if np.any(setup.known) else [],
         "optimizer": plan.optimizer,
         "seed": plan.seed,
         "versions": versions(),
