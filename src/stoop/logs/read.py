@@ -34,6 +34,7 @@ FORMATS: Final = {
     "dataflash": Format("dataflash:read_dataflash", (PULSE,)),
     "dataflash-text": Format("dataflash_text:read_dataflash_text", (b"FMT,",)),
     "crazyflie": Format("crazyflie:read_crazyflie", (b"\xbc\x01", b"\xbc\x02"), (".usd",)),
+    "blackbox": Format("blackbox:read_blackbox", (b"H Product:Blackbox",), (".bbl", ".bfl")),
     "matlab": Format("matlab:parse_matlab", (b"MATLAB 5.0 MAT-file", b"MATLAB 7.3 MAT-file"), (".mat",),
                      "MATLAB file", "h5py", "matlab", hdf5_only=True),
     "parquet": Format("parquet:parse_parquet", (b"PAR1",), (".parquet", ".pq"), "Parquet file", "pyarrow", "parquet"),
@@ -50,7 +51,7 @@ def read(path: Path, mapping: Path | None = None, topics: frozenset[str] | None 
     Parameters
     ----------
     path : a PX4 .ulg file, a folder of PX4 topic CSVs (plain or .gz), an ArduPilot .bin or .log file, a Crazyflie
-        .usd file, a .mat, .parquet or netCDF file, a ROS bag, a .csv (or .csv.gz) file, or a folder of such files,
+        .usd file, a blackbox log (.bbl, .bfl, .txt), a .mat, .parquet or netCDF file, a ROS bag, a .csv (or .csv.gz) file, or a folder of such files,
         with a mapping
     mapping : TOML file that names the columns of time of CSV files, see `stoop.flight.mapping`; None looks
         beside the log
