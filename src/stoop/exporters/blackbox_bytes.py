@@ -21,9 +21,20 @@ GOODBYE: Final = b"E\xffEnd of log\0"
 SIGNED_VB, UNSIGNED_VB, NEG_14BIT, TAG8_8SVB, TAG2_3S32, TAG8_4S16, NULL, TAG2_3SVARIABLE = (
     0, 1, 3, 6, 7, 8, 9, 10,
 )  # fmt: skip
-ZERO, PREVIOUS, STRAIGHT_LINE, AVERAGE_2, MINTHROTTLE, MOTOR_0, INC, HOME_COORD, P_1500, VBATREF, LAST_TIME, MINMOTOR = (
-    range(12)
-)
+(
+    ZERO,
+    PREVIOUS,
+    STRAIGHT_LINE,
+    AVERAGE_2,
+    MINTHROTTLE,
+    MOTOR_0,
+    INC,
+    HOME_COORD,
+    P_1500,
+    VBATREF,
+    LAST_TIME,
+    MINMOTOR,
+) = range(12)
 INTERVAL: Final = 32  #: frames from one I frame to the next
 
 
@@ -87,7 +98,7 @@ def tag2_3s32(values: Sequence[int]) -> bytes:
     if all(_fits(x, 2) for x in values):
         return _packed([(0, 2), *((x, 2) for x in values)])
     if all(_fits(x, 4) for x in values):
-        return _packed([(1, 4), *((x, 4) for x in values)])
+        return _packed([(1, 2), (0, 2), *((x, 4) for x in values)])
     if all(_fits(x, 6) for x in values):
         return _packed([(2, 2), (values[0], 6), (0, 2), (values[1], 6), (0, 2), (values[2], 6)])
     return _wide(values)
@@ -218,7 +229,9 @@ def _main_frames(
         MINMOTOR: int(str(settings.get("motorOutput", "0")).split(",")[0]),
     }
     for k, f in enumerate(fields):
-        base[:, k] = table[:, names.index("motor[0]")] if f.predictor == MOTOR_0 else constants.get(f.predictor, 0)
+        base[:, k] = (
+            table[:, names.index("motor[0]")] if f.predictor == MOTOR_0 else constants.get(f.predictor, 0)
+        )
     whole = (table - base).tolist()
     iterations, stamps = table[:, names.index("loopIteration")], table[:, names.index("time")].tolist()
     jumps = np.flatnonzero(np.diff(iterations, prepend=iterations[:1] - 1) != 1)

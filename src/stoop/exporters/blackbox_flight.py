@@ -45,13 +45,15 @@ _SMOOTH: Final = (blackbox.ZERO, blackbox.SIGNED_VB, blackbox.AVERAGE_2, blackbo
 def betaflight_log(flight: Flight) -> tuple[bytes, str]:
     """Return a blackbox log and its mapping.
 
-    A missing value is the one before it, as a firmware logs the last reading; rows without any value are a gap. Position and velocity
-    are GPS frames, ten a second. What the firmware has no field for is a field "sim.NAME", in steps of a power of ten.
+    A missing value is the one before it, as a firmware logs the last reading; rows without any value are a gap. Position and
+    velocity are GPS frames, ten a second. What the firmware has no field for is a field "sim.NAME", in steps of a power of ten.
     """
     wanted = {"main": ("imuQuaternion[w]", *SCALES), "gps": GPS_FIELDS}
     (streams, unmapped), time = lay_out(flight, ready("betaflight"), wanted), flight.time
     mapping, main = MappingFile("betaflight"), streams.get("main", {})
-    kept = np.flatnonzero(np.any([np.isfinite(x) for x in (*main.values(), *unmapped.values())] or [[]], axis=0))
+    kept = np.flatnonzero(
+        np.any([np.isfinite(x) for x in (*main.values(), *unmapped.values())] or [[]], axis=0)
+    )
     if not main and not unmapped:
         kept = np.arange(time.size)
     numbers: dict[str, npt.NDArray[np.int64]] = {}
@@ -62,14 +64,14 @@ def betaflight_log(flight: Flight) -> tuple[bytes, str]:
         if name in main:
             numbers[name] = _whole(scale * main[name][kept])
     for name in [name for name in numbers if name.startswith("motor")]:
-        numbers[name] = np.clip(numbers[name] + round(DSHOT[0]), *(round(x) for x in DSHOT))
+        numbers[name] = np.clip(numbers[name] + round(DSHOT[0]), round(DSHOT[0]), round(DSHOT[1]))
     extra = {}
     for name, x in unmapped.items():
         largest = float(np.max(np.abs(x[np.isfinite(x)]), initial=1e-30))
         power = math.floor(math.log10(RESOLUTION / largest)) if largest < 1e300 else -300
         extra[f"sim.{name}"] = _whole(x[kept] * 10.0 ** min(power, 9))
-        scale = f", scale = {10.0 ** -min(power, 9):g}"
-        mapping.add(name, f"sim.{name}", VARIABLES[name].unit, "main", scale)
+        step = f", scale = {10.0 ** -min(power, 9):g}"
+        mapping.add(name, f"sim.{name}", VARIABLES[name].unit, "main", step)
     period = float(np.median(np.diff(time))) if time.size > 1 else 1.0
     stamps = np.rint(time[kept] / MICROSECOND).astype(np.int64)
     clock = {"loopIteration": np.rint((time[kept] - time[0]) / period).astype(np.int64), "time": stamps}

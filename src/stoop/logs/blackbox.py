@@ -1,10 +1,10 @@
 """Blackbox logs of Betaflight, INAV and Cleanflight: raw, from flash or card (.bbl, .bfl, .txt).
 
-A file holds one log after another, one for each arming: lines of text (``H name:value``) that define the fields of its frames and hold
-settings, then frames (`stoop.logs.blackbox_walk`). The logs of a file are put on one clock, in their order.
+A file holds one log after another, one for each arming: lines of text (``H name:value``) that define the fields of its frames
+and hold settings, then frames (`stoop.logs.blackbox_walk`). The logs of a file are put on one clock, in their order.
 
-Streams are ``main`` (I and P frames), ``gps``, ``slow`` and ``home``; columns are called as in the log. What needs a setting to be a
-physical quantity is converted here (`stoop.logs.blackbox_units`); the rest stays as it was logged.
+Streams are ``main`` (I and P frames), ``gps``, ``slow`` and ``home``; columns are called as in the log. What needs a setting to
+be a physical quantity is converted (`stoop.logs.blackbox_units`); the rest stays as it was logged.
 
 References
 ----------
@@ -141,16 +141,16 @@ def assemble(path: Path, form: str, sessions: list[Session], defects: list[Defec
             }
             raw.pop("time", None)
             columns, known, assumed = physical(raw, one.settings, STREAMS[kind])
-            time = rows[:, 0] * MICROSECOND + shift
+            time = np.asarray(rows[:, 0] * MICROSECOND + shift, dtype=np.float64)
             parts.setdefault(STREAMS[kind], []).append((time, columns))
             units.setdefault(STREAMS[kind], {}).update(known)
             defects += [Defect("assumed", f"{path.name} {STREAMS[kind]}", text) for text in assumed]
     streams: dict[str, Stream] = {}
     for name, found in parts.items():
-        time = np.concatenate([time for time, _ in found])
-        if not time.size:
+        clock_of_all: FloatArray = np.concatenate([time for time, _ in found])
+        if not clock_of_all.size:
             continue
-        stream, dropped = clean_stream(name, time, _joined(found))
+        stream, dropped = clean_stream(name, clock_of_all, _joined(found))
         defects += dropped
         if stream.time.size:
             streams[name] = stream
@@ -178,7 +178,9 @@ def _joined(parts: list[tuple[FloatArray, Columns]]) -> Columns:
         return parts[0][1]
     names = dict.fromkeys(name for _, columns in parts for name in columns)
     return {
-        name: np.concatenate([columns.get(name, np.full(time.size, np.nan, np.float32)) for time, columns in parts])
+        name: np.concatenate(
+            [columns.get(name, np.full(time.size, np.nan, np.float32)) for time, columns in parts]
+        )
         for name in names
     }
 
@@ -213,31 +215,21 @@ class Definition:
 def define(lines: Mapping[str, str]) -> Definition | str:
     """Return the fields that a header defines, or what is wrong with it."""
     names: dict[int, tuple[str, ...]] = {}
-    width = 1
-    for kind in (frames.I, frames.S, frames.G, frames.H):
+    for kind in STREAMS:
         listed = lines.get(f"Field {LETTERS[kind]} name", "")
         names[kind] = tuple(x.strip() for x in listed.split(",")) if listed else ()
-        width = max(width, len(names[kind]))
         if len(set(names[kind])) < len(names[kind]) or not all(names[kind]):
             return f"fields of {LETTERS[kind]} frames without a name, or with the same"
+    width = max(len(own) for own in names.values())
     if "time" not in names[frames.I]:
         return "no field 'time' is defined"
     if width > frames.MAX_FIELDS:
         return f"more than {frames.MAX_FIELDS} fields"
     fields = np.zeros((5, 4, width), np.int64)
     for kind in range(5):
-        own = names[frames.I if kind == frames.P else kind]
-        fields[kind, 0, 0] = len(own)
-        for row, key in ((1, "predictor"), (2, "encoding"), (3, "signed")):
-            letter = "I" if key == "signed" and kind == frames.P else LETTERS[kind]
-            numbers = _whole_numbers(lines.get(f"Field {letter} {key}", ""))
-            if len(numbers) != len(own):
-                return f"{len(own)} fields of {letter} frames, but {len(numbers)} values of {key}"
-            fields[kind, row, : len(own)] = numbers
-        if not set(fields[kind, 1, : len(own)].tolist()) <= frames.PREDICTORS:
-            return f"a predictor of {LETTERS[kind]} frames is unknown"
-        if not set(fields[kind, 2, : len(own)].tolist()) <= frames.ENCODINGS:
-            return f"an encoding of {LETTERS[kind]} frames is unknown"
+        wrong = _fill(fields[kind], kind, len(names[frames.I if kind == frames.P else kind]), lines)
+        if wrong:
+            return wrong
     predictors = fields[frames.G, 1]
     for k in range(1, width):  # of a pair of coordinates the second is longitude
         if predictors[k] == 7 and predictors[k - 1] == 7:
@@ -246,6 +238,24 @@ def define(lines: Mapping[str, str]) -> Definition | str:
     if home + 1 >= len(names[frames.H]):
         home = -1
     return Definition(names, fields, _setup(lines, names, home))
+
+
+def _fill(own: Integers, kind: int, count: int, lines: Mapping[str, str]) -> str:
+    """Set number, predictors, encodings and signs (4, fields) of a kind of frames; return what is wrong with them."""
+    own[0, 0] = count
+    for row, key, known in (
+        (1, "predictor", frames.PREDICTORS),
+        (2, "encoding", frames.ENCODINGS),
+        (3, "signed", None),
+    ):
+        letter = "I" if key == "signed" and kind == frames.P else LETTERS[kind]
+        numbers = _whole_numbers(lines.get(f"Field {letter} {key}", ""))
+        if len(numbers) != count:
+            return f"{count} fields of {letter} frames, but {len(numbers)} values of {key}"
+        if known is not None and not set(numbers) <= known:
+            return f"an unknown {key} of {letter} frames"
+        own[row, :count] = numbers
+    return ""
 
 
 def _setup(lines: Mapping[str, str], names: Mapping[int, tuple[str, ...]], home: int) -> Integers:
@@ -318,7 +328,9 @@ def _session(data: bytes, begin: int, end: int, place: str, room: int) -> Sessio
         full = room < 0
     defects = _defects(place, state, gaps, start, content.size)
     if full:
-        defects.append(Defect("skipped", place, "more numbers than a log of this size holds; the rest was left out"))
+        defects.append(
+            Defect("skipped", place, "more numbers than a log of this size holds; the rest was left out")
+        )
     found = {kind: np.concatenate(blocks) for kind, blocks in kept.items() if blocks and known.names[kind]}
     signs = {kind: tuple(map(bool, known.fields[kind, 3].tolist())) for kind in STREAMS}
     return Session(Settings(lines), known.names, signs, found, tuple(defects))
@@ -341,5 +353,7 @@ def _defects(place: str, state: Integers, gaps: Integers, start: int, size: int)
         message = f"{lost} frames dropped: they build on a damaged one, or their time does not go on"
         defects.append(Defect("dropout", place, message))
     if lost := int(state[frames.NO_HOME]):
-        defects.append(Defect("skipped", place, f"{lost} GPS frames dropped: they come before the home position"))
+        defects.append(
+            Defect("skipped", place, f"{lost} GPS frames dropped: they come before the home position")
+        )
     return defects

@@ -70,12 +70,12 @@ class Settings:
     @property
     def gyro_scale(self) -> float:
         """Return deg/s of one."""
-        text = self.text("gyro_scale") or self.text("gyro.scale")
-        scale = 1.0
+        name = next((x for x in ("gyro_scale", "gyro.scale", "gyroScale") if self.text(x)), "")
+        text, scale = self.text(name), 1.0
         if re.fullmatch(r"0x[0-9a-fA-F]{1,8}", text):
             scale = float(struct.unpack(">f", bytes.fromhex(text[2:].rjust(8, "0")))[0])
         elif text:
-            scale = self.number("gyro_scale")
+            scale = self.number(name)
         if not (math.isfinite(scale) and 0.0 < scale < 1e3):
             scale = 1.0
         if scale < 1e-6:  # rad/us, as the first firmwares and exporters have it
@@ -88,16 +88,18 @@ class Settings:
         return 10.0 if self.number("blackbox_high_resolution") == 1.0 else 1.0
 
     @property
-    def motor_range(self) -> tuple[float, float] | None:
-        """Commands to a motor from stop to full; None where the header does not tell."""
+    def motor_range(self) -> tuple[float, float]:
+        """Commands to a motor from stop to full; (0, 0) where the header does not tell."""
         high = self.number("motorOutput", 1)
         if self.firmware[0] != INAV and high > 2000.0:
             return DSHOT
-        low, full = self.number("minthrottle"), self.number("maxthrottle")
-        if 0.0 <= low < full:
-            return low, full
-        low = self.number("motorOutput")
-        return (low, high) if 0.0 <= low < high else None
+        for low, full in (
+            (self.number("minthrottle"), self.number("maxthrottle")),
+            (self.number("motorOutput"), high),
+        ):
+            if 0.0 <= low < full:
+                return low, full
+        return 0.0, 0.0
 
 
 def physical(raw: Columns, settings: Settings, stream: str) -> tuple[Columns, dict[str, str], list[str]]:
@@ -117,53 +119,57 @@ def physical(raw: Columns, settings: Settings, stream: str) -> tuple[Columns, di
     """
     if stream == "gps":
         return _position(raw, settings)
-    columns, units, assumed = dict(raw), dict[str, str](), list[str]()
     if stream != "main":
-        return columns, units, assumed
-
-    def scale(pattern: str, factor: float, unit: str) -> None:
+        return dict(raw), {}, []
+    columns = dict(raw)
+    factors, assumed = _factors(raw, settings)
+    units: dict[str, str] = {}
+    for pattern, factor, unit in factors:
         for name in [name for name in raw if re.fullmatch(pattern, name)]:
             columns[name] = (raw[name] * factor).astype(np.float32)
-            units[name] = unit
-
-    fine = settings.fine
-    scale(r"(gyroADC|gyroUnfilt|gyroRaw2?)\[\d\]", settings.gyro_scale / fine, "deg/s")
-    scale(r"setpoint\[[012]\]", 1.0 / fine, "deg/s")
-    scale(r"rcCommand\[\d\]", 1.0 / fine, "")
-    if "accSmooth[2]" in raw:
-        one = settings.number("acc_1G")
-        if not one >= 1.0:
-            one = ACC_1G
-            assumed.append(f"acc_1G is not told; {ACC_1G:g} is assumed for 1 g")
-        scale(r"accSmooth\[\d\]", 1.0 / one, "g")
-    if "motor[0]" in raw:
-        limits = settings.motor_range
-        if limits is None:
-            limits = DSHOT if raw["motor[0]"].size and np.nanmax(raw["motor[0]"]) > 2000.0 else PULSES
-            assumed.append(f"the range of motors is not told; {limits[0]:g} to {limits[1]:g} is assumed")
-        low, high = limits
-        for name in [name for name in raw if re.fullmatch(r"motor\[\d\]", name)]:
+            units |= {name: unit} if unit else {}
+    motors = [name for name in raw if re.fullmatch(r"motor\[\d\]", name)]
+    if motors:
+        (low, high), told = settings.motor_range, True
+        if not low < high:
+            full = max(float(np.nanmax(raw[name], initial=0.0)) for name in motors)
+            (low, high), told = DSHOT if full > 2000.0 else PULSES, False
+        for name in motors:
             share = (raw[name].astype(np.float64) - low) / (high - low)
             columns[name] = np.maximum(share, 0.0).astype(np.float32)  # 0 of DSHOT is a stopped motor
             units[name] = "1"
-    if "eRPM[0]" in raw:  # a hundredth of the electrical speed
-        poles = settings.number("motor_poles")
-        if not poles >= 2.0:
-            poles = POLES
-            assumed.append(f"motor_poles is not told; {POLES:g} is assumed")
-        scale(r"eRPM\[\d\]", 200.0 / poles, "rpm")
-    scale(r"vbat(Latest)?", _volts(settings), "V")
-    scale(r"amperage(Latest)?", 0.01, "A")
-    scale(r"imuQuaternion\[\d\]", 1.0 / QUATERNION_ONE, "")
-    vector = [columns.get(f"imuQuaternion[{k}]") for k in range(3)]
-    if vector[0] is not None and vector[1] is not None and vector[2] is not None:
-        norm = sum(np.square(x, dtype=np.float64) for x in vector if x is not None)
+        if not told:
+            assumed.append(f"the range of motors is not told; {low:g} to {high:g} is assumed")
+    if all(f"imuQuaternion[{k}]" in raw for k in range(3)):
+        norm = np.sum([np.square(columns[f"imuQuaternion[{k}]"], dtype=np.float64) for k in range(3)], axis=0)
         columns["imuQuaternion[w]"] = np.sqrt(np.maximum(1.0 - norm, 0.0))  # never negative, as it is logged
     for axis in range(3):
         parts = [raw[f"axis{term}[{axis}]"] for term in "PIDFS" if f"axis{term}[{axis}]" in raw]
         if parts:
-            columns[f"axisSum[{axis}]"] = np.sum(parts, axis=0, dtype=np.float32)
+            columns[f"axisSum[{axis}]"] = np.asarray(np.sum(parts, axis=0), dtype=np.float32)
     return columns, units, assumed
+
+
+def _factors(raw: Columns, settings: Settings) -> tuple[list[tuple[str, float, str]], list[str]]:
+    """Return pattern of names, factor and unit of what is proportional to a quantity; and what the header does not tell."""
+    assumed = []
+    fine, one, poles = settings.fine, settings.number("acc_1G"), settings.number("motor_poles")
+    if not one >= 1.0:
+        one = ACC_1G
+        assumed += [f"acc_1G is not told; {one:g} is assumed for 1 g"] if "accSmooth[2]" in raw else []
+    if not poles >= 2.0:
+        poles = POLES
+        assumed += [f"motor_poles is not told; {poles:g} is assumed"] if "eRPM[0]" in raw else []
+    return [
+        (r"(gyroADC|gyroUnfilt|gyroRaw2?)\[\d\]", settings.gyro_scale / fine, "deg/s"),
+        (r"setpoint\[[012]\]", 1.0 / fine, "deg/s"),
+        (r"rcCommand\[\d\]", 1.0 / fine, ""),
+        (r"accSmooth\[\d\]", 1.0 / one, "g"),
+        (r"eRPM\[\d\]", 200.0 / poles, "rpm"),  # a hundredth of the electrical speed
+        (r"vbat(Latest)?", _volts(settings), "V"),
+        (r"amperage(Latest)?", 0.01, "A"),
+        (r"imuQuaternion\[\d\]", 1.0 / QUATERNION_ONE, ""),
+    ], assumed
 
 
 def _volts(settings: Settings) -> float:

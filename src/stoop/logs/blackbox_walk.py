@@ -1,8 +1,8 @@
 """The walk over the frames of a blackbox log: bytes to whole numbers, past damage.
 
-A frame is a letter and its fields; neither its length nor a checksum is stored. A frame is whole if the letter of another one, or the
-end, follows it. A P frame holds differences from the frames before it: after damage all are lost up to the next I frame
-whose loop iteration and time go on.
+A frame is a letter and its fields; neither its length nor a checksum is stored. A frame is whole if the letter of another one,
+or the end, follows it. A P frame holds differences from the frames before it: after damage all are lost up to the next I
+frame whose loop iteration and time go on.
 
 The walk advances with every step, and each byte is read by a bounded number of frames: time is linear in the size of the file.
 
@@ -32,10 +32,25 @@ MAX_MICROSECONDS: Final = 10_000_000
 ENCODINGS: Final = frozenset({0, 1, 3, 6, 7, 8, 9, 10})
 PREDICTORS: Final = frozenset(range(12))
 # places in `setup`, which holds what the header says
-VERSION, MIN_THROTTLE, VBAT_REF, MIN_MOTOR, MOTOR, ITERATION, TIME, GPS_TIME, HOME, I_STEP, P_COUNT, P_STEP = range(12)
+(
+    VERSION,
+    MIN_THROTTLE,
+    VBAT_REF,
+    MIN_MOTOR,
+    MOTOR,
+    ITERATION,
+    TIME,
+    GPS_TIME,
+    HOME,
+    I_STEP,
+    P_COUNT,
+    P_STEP,
+) = range(12)
 SETUP: Final = 12
 # places in `state`
-VALID, STARTED, LAST_ITERATION, LAST_TIME, ROLLED, HAS_CANDIDATE, NEXT_ITERATION, NEXT_TIME, HAS_HOME = range(9)
+VALID, STARTED, LAST_ITERATION, LAST_TIME, ROLLED, HAS_CANDIDATE, NEXT_ITERATION, NEXT_TIME, HAS_HOME = range(
+    9
+)
 GAPS, GAP_BYTES, UNUSABLE, NO_HOME, CUT, ENDED = range(9, 15)
 STATE: Final = 15
 
@@ -192,6 +207,34 @@ def predicted(
     return 0
 
 
+def read_group(
+    data: Bytes, at: int, end: int, encoding: int, size: int, version: int, part: Integers
+) -> int:  # fmt: skip
+    """Read a group of `size` numbers, which is one for most encodings, into `part`; return the place after it."""
+    if encoding == 1:
+        part[0], at = unsigned(data, at, end)
+    elif encoding == 3:
+        value, at = unsigned(data, at, end)
+        part[0] = -extended(value, 14)
+    elif encoding in (7, 10):
+        at = three(data, at, end, encoding == 10, part)
+    elif encoding == 8:
+        at = four(data, at, end, version, part)
+    elif encoding == 9:
+        part[0] = 0
+    elif size == 1:
+        part[0], at = signed_vb(data, at, end)
+    elif at >= end:
+        at = end + 1
+    else:  # behind a byte that tells which are not zero
+        there, at = int(data[at]), at + 1
+        for i in range(size):
+            part[i] = 0
+            if there >> i & 1:
+                part[i], at = signed_vb(data, at, end)
+    return at
+
+
 def decode(
     data: Bytes, at: int, end: int, kind: int, fields: Integers, setup: Integers, state: Integers, now: Integers,
     before: Integers, earlier: Integers, home: Integers, part: Integers,
@@ -209,32 +252,14 @@ def decode(
             now[k] = wrapped(before[k] + 1 + left_out, signs[k])
             k += 1
             continue
-        if encoding == 0:
-            part[0], at = signed_vb(data, at, end)
-        elif encoding == 1:
-            part[0], at = unsigned(data, at, end)
-        elif encoding == 3:
-            value, at = unsigned(data, at, end)
-            part[0] = -extended(value, 14)
-        elif encoding == 6:
-            while size < 8 and k + size < count and encodings[k + size] == 6:
-                size += 1
-            if size == 1:
-                part[0], at = signed_vb(data, at, end)
-            elif at >= end:
-                at = end + 1
-            else:
-                there, at = int(data[at]), at + 1
-                for i in range(size):
-                    part[i] = 0
-                    if there >> i & 1:
-                        part[i], at = signed_vb(data, at, end)
-        elif encoding in (7, 10):
-            size, at = 3, three(data, at, end, encoding == 10, part)
+        most = 8 if encoding == 6 else 1
+        while size < most and k + size < count and encodings[k + size] == encoding:
+            size += 1
+        if encoding in (7, 10):
+            size = 3
         elif encoding == 8:
-            size, at = 4, four(data, at, end, setup[VERSION], part)
-        else:
-            part[0] = 0
+            size = 4
+        at = read_group(data, at, end, encoding, size, setup[VERSION], part)
         for i in range(min(size, count - k)):
             guess = predicted(predictors[k + i], k + i, kind, setup, state, now, before, earlier, home)
             now[k + i] = wrapped(part[i] + guess, signs[k + i])
@@ -323,6 +348,53 @@ def event(data: Bytes, at: int, end: int, state: Integers, goodbye: Bytes) -> in
     return end + 1
 
 
+def skip(start: int, data: Bytes, state: Integers, gaps: Integers) -> int:
+    """Return the place of the next letter of a frame, and note the damage before it."""
+    at = start + 1
+    while at < data.size and kind_of(int(data[at])) < 0:
+        at += 1
+    last = min(state[GAPS], gaps.shape[0]) - 1
+    if last >= 0 and gaps[last, 1] == start:
+        gaps[last, 1] = at
+    else:
+        if last + 1 < gaps.shape[0]:
+            gaps[last + 1, 0], gaps[last + 1, 1] = start, at
+        state[GAPS] += 1
+    state[GAP_BYTES] += at - start
+    state[VALID] = 0
+    return at
+
+
+def keep(
+    kind: int, setup: Integers, state: Integers, history: Integers, rows: Integers, out: Integers
+) -> None:
+    """Add a whole frame to the rows, and to what the next ones are predicted by."""
+    now, before, earlier, home = history[0], history[1], history[2], history[3]
+    place = I if kind == P else kind
+    if place == I:
+        if not accept(kind, now, setup, state):
+            return
+        for i in range(now.size):
+            earlier[i] = before[i] if kind == P else now[i]
+            before[i] = now[i]
+    if kind == H:
+        for i in range(now.size):
+            home[i] = now[i]
+        state[HAS_HOME] = 1
+    if not state[VALID]:  # its time is that of the main frame before it
+        state[UNUSABLE] += 1
+        return
+    if kind == G and setup[HOME] >= 0 and not state[HAS_HOME]:
+        state[NO_HOME] += 1
+        return
+    for i in range(now.size):
+        out[place, rows[place], i + 1] = now[i]
+    out[place, rows[place], 0] = state[LAST_TIME]
+    if kind == G and setup[GPS_TIME] >= 0:
+        out[place, rows[place], 0] = unrolled(now[setup[GPS_TIME]] & 0xFFFFFFFF, state)
+    rows[place] += 1
+
+
 def walk(
     at: int, data: Bytes, fields: Integers, setup: Integers, state: Integers, history: Integers, part: Integers,
     goodbye: Bytes, gaps: Integers, rows: Integers, out: Integers,
@@ -332,58 +404,21 @@ def walk(
     history = what is read, main frame before, the one before that, home; rows = rows of each kind that are filled
     """
     now, before, earlier, home = history[0], history[1], history[2], history[3]
-    while at < data.size and not state[ENDED]:
-        if max(rows[0], rows[2], rows[3], rows[4]) == out.shape[1]:
-            return at
-        kind, start = kind_of(int(data[at])), at
-        after = data.size + 1
+    while at < data.size and not state[ENDED] and np.max(rows) < out.shape[1]:
+        kind, start, after = kind_of(int(data[at])), at, data.size + 1
         limit = min(data.size, start + 1 + MAX_FRAME)
         if kind == 5:
             after = event(data, start + 1, limit, state, goodbye)
-        elif kind == P:
-            after = decode(data, start + 1, limit, P, fields, setup, state, now, before, earlier, home, part)
         elif kind >= 0 and fields[kind, 0, 0] > 0:
-            after = decode(data, start + 1, limit, kind, fields, setup, state, now, before, earlier, home, part)
-        whole = after <= limit and (after == data.size or state[ENDED] or kind_of(int(data[after])) >= 0)
-        if not whole:
-            if kind >= 0 and limit == data.size and after > limit:
-                state[CUT] = start
-            state[VALID] = 0
-            at = start + 1
-            while at < data.size and kind_of(int(data[at])) < 0:
-                at += 1
-            if state[GAPS] and gaps[min(state[GAPS], gaps.shape[0]) - 1, 1] == start:
-                gaps[min(state[GAPS], gaps.shape[0]) - 1, 1] = at
-            else:
-                if state[GAPS] < gaps.shape[0]:
-                    gaps[state[GAPS], 0] = start
-                    gaps[state[GAPS], 1] = at
-                state[GAPS] += 1
-            state[GAP_BYTES] += at - start
+            after = decode(
+                data, start + 1, limit, kind, fields, setup, state, now, before, earlier, home, part
+            )
+        if after <= limit and (after == data.size or state[ENDED] or kind_of(int(data[after])) >= 0):
+            at = after
+            if kind < 5:
+                keep(kind, setup, state, history, rows, out)
             continue
-        at = after
-        if kind in (I, P):
-            if not accept(kind, now, setup, state):
-                continue
-            out[I, rows[I], 1 : now.size + 1] = now
-            out[I, rows[I], 0] = now[setup[TIME]]
-            rows[I] += 1
-            earlier[:] = before if kind == P else now
-            before[:] = now
-        elif kind == H:
-            home[:] = now
-            state[HAS_HOME] = 1
-        if kind in (S, H) and state[STARTED]:
-            out[kind, rows[kind], 1 : now.size + 1] = now
-            out[kind, rows[kind], 0] = state[LAST_TIME]
-            rows[kind] += 1
-        if kind == G and state[STARTED]:
-            if setup[HOME] >= 0 and not state[HAS_HOME]:
-                state[NO_HOME] += 1
-                continue
-            out[G, rows[G], 1 : now.size + 1] = now
-            out[G, rows[G], 0] = state[LAST_TIME]
-            if setup[GPS_TIME] >= 0:
-                out[G, rows[G], 0] = unrolled(now[setup[GPS_TIME]] & 0xFFFFFFFF, state)
-            rows[G] += 1
+        if kind >= 0 and limit == data.size and after > limit and state[CUT] < 0:
+            state[CUT] = start
+        at = skip(start, data, state, gaps)
     return at

@@ -44,8 +44,8 @@ _CALLED: Final = {
     ),
     "dataflash": ("is_mark", "find", "define", "add_gap"),
     "blackbox": (
-        "extended", "unsigned", "signed_vb", "little", "wrapped", "three", "four", "skipped", "predicted", "decode",
-        "follows", "unrolled", "accept", "kind_of", "event",
+        "extended", "unsigned", "signed_vb", "little", "wrapped", "three", "four", "skipped", "predicted", "read_group",
+        "decode", "follows", "unrolled", "accept", "kind_of", "event", "skip", "keep",
     ),
 }  #: functions that the entries call  # fmt: skip
 _FOOT: Final = """

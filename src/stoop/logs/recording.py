@@ -49,7 +49,8 @@ class Recording:
     """A log as it was written."""
 
     path: Path  #: the file or folder
-    #: "ulog", "px4-csv", "dataflash", "crazyflie", "blackbox", "blackbox-csv", "mat", "parquet", "netcdf", "rosbag", "table" or "stoop-netcdf"
+    #: "ulog", "px4-csv", "dataflash", "crazyflie", "blackbox", "blackbox-csv", "mat", "parquet", "netcdf", "rosbag",
+    #: "table" or "stoop-netcdf"
     format: str
     #: topic or file -> Stream; further instances of a topic are called "topic/1", "topic/2"
     streams: Mapping[str, Stream]
