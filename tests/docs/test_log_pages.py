@@ -14,7 +14,7 @@ from stoop.cli.main import main
 from stoop.flight import load
 from stoop.flight.mapping import read_flight_mapping
 
-LOG_PAGES = ("px4", "px4-fixed-wing", "ardupilot", "crazyflie", "other-logs")
+LOG_PAGES = ("px4", "px4-fixed-wing", "ardupilot", "crazyflie", "betaflight", "other-logs")
 NAMED = re.compile(r"# (\S+\.toml)\n")
 ROUNDING = 0.03  #: other processors round otherwise
 STEPS = ("0. A log", "1. Look", "2. Write down", "3. Choose", "4. Identify", "5. Judge")

@@ -10,6 +10,8 @@ from stoop.base import toml
 from stoop.flight import gridding
 from stoop.logs import (
     arrays,
+    blackbox,
+    blackbox_walk,
     crazyflie,
     csv_tables,
     dataflash,
@@ -69,6 +71,8 @@ def test_the_limits_are_those_of_the_code() -> None:
         "DataFlash `.log`": [f"{dataflash_text.MAX_BYTES >> 20} MiB", f"{dataflash_text.MAX_KINDS} kinds",
                              f"{dataflash_text.MAX_LINE >> 10} KiB"],
         "Crazyflie": [f"{crazyflie.MAX_BYTES >> 20} MiB", f"{crazyflie.MAX_VARIABLES} variables"],
+        "blackbox": [f"{blackbox.LIMITS.size >> 20} MiB", f"{blackbox.LIMITS.logs} logs",
+                     f"{blackbox_walk.MAX_FIELDS} fields"],
         "CSV, plain or packed": [f"{csv_tables.MAX_BYTES >> 20} MiB", f"{csv_tables.MAX_ROWS // 10**6} million lines",
                                  f"{csv_tables.MAX_COLUMNS} columns"],
         "mapping, vehicle, maneuver, windows, geometry": [f"{toml.MAX_BYTES // 10**6} MB", f"tables {toml.MAX_DEPTH} deep",
