@@ -180,7 +180,8 @@ def test_betaflight_and_inav() -> None:
         "gyroADC[0]": 180.0, "gyroADC[1]": 180.0, "gyroADC[2]": 180.0, "accSmooth[0]": 0.1, "accSmooth[1]": 0.5,
         "accSmooth[2]": 1.0, "attitude[0]": 100.0, "attitude[1]": -50.0, "attitude[2]": 900.0, "motor[0]": 0.6,
         "navVel[0]": 100.0, "navVel[1]": 200.0, "navVel[2]": 300.0, "navPos[2]": 500.0, "navPos[0]": 0.0,
-        "navPos[1]": 0.0, "AirSpeed": 1500.0, "eRPM[1]": 60.0, "servo[2]": 1400.0, "axisSum[0]": 0.0, "axisSum[1]": 500.0, "axisSum[2]": 0.0,
+        "navPos[1]": 0.0, "AirSpeed": 1500.0, "eRPM[1]": 60.0, "servo[2]": 1400.0,
+        "axisSum[0]": 0.0, "axisSum[1]": 500.0, "axisSum[2]": 0.0,
         "vbat": 15.5,
     })  # fmt: skip
     log = Recording(Path("l"), "blackbox", {"main": main})
