@@ -35,7 +35,7 @@ GOODBYE: Final = np.frombuffer(b"End of log\0", np.uint8)
 STREAMS: Final = {frames.I: "main", frames.S: "slow", frames.G: "gps", frames.H: "home"}
 LETTERS: Final = "IPSGH"  #: of the kinds of frames
 ROWS: Final = 4096  #: that are decoded before they are put aside
-SMALL: Final = 2**16  #: bytes; a smaller file is read before the compiled walk is even loaded
+SMALL: Final = 2**20  #: bytes times fields; a smaller log is read before the compiled walk is even loaded
 PAUSE: Final = 10.0  #: s between two logs of a file, where their clocks do not tell
 
 
@@ -312,7 +312,7 @@ def _session(data: bytes, begin: int, end: int, place: str, room: int) -> Sessio
     gaps, out = np.zeros((LIMITS.places, 2), np.int64), np.zeros((5, ROWS, width + 1), np.int64)
     kept: dict[int, list[Integers]] = {kind: [] for kind in STREAMS}
     step: Callable[..., int] = walk
-    if len(data) >= SMALL:
+    if content.size * width >= SMALL:  # a frame may be one letter
         from stoop.logs.compiled import blackbox
 
         step = blackbox().walk
