@@ -157,12 +157,9 @@ def _crazyflies() -> list[Sample]:
 
 def _blackboxes() -> list[Sample]:
     t, m = clock(), motion()
-    flight = from_columns(
-        "a",
-        t,
-        {"motor_1": 0.5 + 0.01 * np.arange(N), "motor_2": np.full(N, 0.5), "pn": 0.1 * np.arange(N), "pe": np.zeros(N),
-         "vn": np.full(N, 2.0), "ve": np.zeros(N), "vd": np.zeros(N), "voltage": np.full(N, 16.0), **m},
-    )  # fmt: skip
+    columns = {name: np.asarray(x, dtype=np.float64) for name, x in m.items()}
+    columns |= {name: np.full(N, 0.5) for name in ("motor_1", "motor_2", "pn", "pe", "vn", "ve", "vd")}
+    flight = from_columns("a", t, {**columns, "motor_3": 0.01 * clock(), "voltage": np.full(N, 16.0)})
     one = betaflight_log(flight)[0]
     return [single("a.bbl", one, "blackbox"), single("b.bfl", one + one, "blackbox")]
 
