@@ -21,6 +21,8 @@ ENDINGS: Final = (
     ".bin",
     ".log",
     ".usd",
+    ".bbl",
+    ".bfl",
     ".mat",
     ".parquet",
     ".bag",

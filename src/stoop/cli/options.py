@@ -22,7 +22,9 @@ if TYPE_CHECKING:
 COMPILING: Final = "preparing the equations (some seconds the first time)"
 BUILT_IN_HELP: Final = "a built-in vehicle: twin-boom, quad-x, quad-plus, hexa-x, octo-x, quadplane"
 VEHICLE_HELP: Final = f"vehicle file (TOML), or {BUILT_IN_HELP}"
-LOG_HELP: Final = ".ulg, .bin, .log, .usd, .nc, .mat, .parquet, .csv, a ROS bag, or a folder of CSV files"
+LOG_HELP: Final = (
+    ".ulg, .bin, .log, .usd, .bbl, .nc, .mat, .parquet, .csv, a ROS bag, or a folder of CSV files"
+)
 WINDOW: Final = "[FLIGHT@]START:STOP[#LOADING]"
 HOVERING: Final = "the vehicle's reference; hover for a vehicle with rotors"
 SEVERAL: Final[dict[str, Any]] = {"nargs": "+", "action": "extend", "default": []}

@@ -422,8 +422,15 @@ def _table(flight: Flight) -> tuple[Columns, str]:
     return {CLOCK: flight.time, **{name: flight.column(name) for name in kept}}, mapping.text()
 
 
+def blackbox_log(flight: Flight) -> tuple[bytes, str]:
+    """Return a blackbox log of Betaflight and its mapping."""
+    from stoop.exporters.blackbox_flight import betaflight_log  # which builds on this module
+
+    return betaflight_log(flight)
+
+
 TABLES: Final[dict[str, Writer]] = {".csv": csv_table, ".mat": matlab_table, ".parquet": parquet_table}
 WRITERS: Final[dict[str, Writer]] = {
-    ".ulg": px4_log, ".bin": ardupilot_log, ".usd": crazyflie_log, **TABLES,
+    ".ulg": px4_log, ".bin": ardupilot_log, ".usd": crazyflie_log, ".bbl": blackbox_log, **TABLES,
 }  # fmt: skip  #: ending -> log and mapping
 ENDINGS: Final = (OWN, *WRITERS)

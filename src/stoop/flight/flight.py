@@ -23,7 +23,8 @@ if TYPE_CHECKING:
     import xarray as xr
 
 ENDINGS: Final = (
-    ".gz", ".csv", ".ulg", ".ulog", ".nc", ".cdf", ".bin", ".log", ".usd", ".mat", ".parquet", ".pq", ".bag", ".mcap", ".db3",
+    ".gz", ".csv", ".ulg", ".ulog", ".nc", ".cdf", ".bin", ".log", ".usd", ".bbl", ".bfl", ".mat", ".parquet", ".pq",
+    ".bag", ".mcap", ".db3",
 )  #: of logs; what stands before them is the name of the flight  # fmt: skip
 MAX_TRIM: Final = (
     0.05  #: of a window, that may lie beyond the record: rounded times; more is another clock or a wrong log

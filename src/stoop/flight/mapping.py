@@ -44,6 +44,8 @@ READY: Final[dict[str, str]] = {
     "dataflash": "ardupilot",
     "dataflash-text": "ardupilot",
     "crazyflie": "crazyflie",
+    "blackbox": "betaflight",
+    "blackbox-csv": "betaflight",
 }  #: format of a recording -> the mapping that comes with the package
 MAX_EXPANSION: Final = 64  #: names that one pair of braces may stand for
 _BRACES: Final = re.compile(r"\{(\d{1,3})\.\.(\d{1,3})\}")

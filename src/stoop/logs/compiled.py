@@ -18,7 +18,7 @@ from typing import Any, Final
 from stoop.base import cache
 from stoop.kernels import environment
 from stoop.kernels.kernel import import_generated
-from stoop.logs import dataflash_walk, ulog_walk
+from stoop.logs import blackbox_walk, dataflash_walk, ulog_walk
 
 _BYTES, _READ, _WIDE, _NARROW = (
     "uint8[::1]", "Array(uint8, 1, 'C', readonly=True)", "int64[::1]", "int32[::1]",
@@ -33,11 +33,20 @@ _DATAFLASH: Final = {
     "walk": f"(int64, int64, {_READ}, {_WIDE}, {_WIDE}, uint8[:, ::1], {_WIDE}, {_WIDE}, int64[:, ::1], {_WIDE}, {_WIDE}, "
     f"{_WIDE}, {_BYTES})",
 }
+_TABLE: Final = "int64[:, ::1]"
+_BLACKBOX: Final = {
+    "walk": f"(int64, {_READ}, int64[:, :, ::1], {_WIDE}, {_WIDE}, {_TABLE}, {_WIDE}, {_READ}, {_TABLE}, {_WIDE}, "
+    "int64[:, :, ::1])",
+}
 _CALLED: Final = {
     "ulog": (
         "is_name", "is_time", "data_level", "sync_level", "key_level", "level", "is_chain", "seek", "classify", "count",
     ),
     "dataflash": ("is_mark", "find", "define", "add_gap"),
+    "blackbox": (
+        "extended", "unsigned", "signed_vb", "little", "wrapped", "three", "four", "skipped", "predicted", "read_group",
+        "decode", "follows", "unrolled", "accept", "kind_of", "event", "skip", "keep",
+    ),
 }  #: functions that the entries call  # fmt: skip
 _FOOT: Final = """
 
@@ -60,6 +69,12 @@ def ulog() -> Any:
 def dataflash() -> Any:
     """Return what has `walk` of `stoop.logs.dataflash_walk`, compiled."""
     return _compiled("dataflash", dataflash_walk, _DATAFLASH)
+
+
+@functools.cache
+def blackbox() -> Any:
+    """Return what has `walk` of `stoop.logs.blackbox_walk`, compiled."""
+    return _compiled("blackbox", blackbox_walk, _BLACKBOX)
 
 
 def _compiled(name: str, plain: ModuleType, entries: Mapping[str, str]) -> Any:

@@ -61,6 +61,11 @@ def mapping_beside(path: Path) -> Path:
     return path / FOLDER_MAPPING if path.is_dir() else path.with_name(path.name + ".toml")
 
 
+def names_clock(mapping: Path) -> bool:
+    """Return whether a mapping names the column of the time itself."""
+    return "time" in parse_source(read_source(mapping, "mapping", LogError), str(mapping), LogError)
+
+
 def read_csv(path: Path, mapping: Path | None = None, topics: frozenset[str] | None = None) -> Recording:
     """Read one CSV file, or a folder of them, with the columns of time that a mapping names.
 
@@ -77,7 +82,7 @@ def read_csv(path: Path, mapping: Path | None = None, topics: frozenset[str] | N
     """
     place = mapping or mapping_beside(path)
     if mapping is None and not place.is_file():
-        header = _header(path, _unpack(path)[0])
+        header = _header(path, unpack(path)[0])
         raise LogError(
             f"{path}: a CSV log needs a mapping of its columns; save the lines below as {place.name} beside it, keep "
             f"and correct what applies (or let stoop map draft one)\n{template(header)}"
@@ -179,7 +184,14 @@ def read_table(path: Path) -> tuple[dict[str, FloatArray], tuple[Defect, ...]]:
     LogError
         When there is no header, no line of numbers, or more text than `MAX_BYTES`.
     """
-    text, found = _unpack(path)
+    text, found = unpack(path)
+    return parse_table(path, text, found)
+
+
+def parse_table(
+    path: Path, text: bytes, found: tuple[Defect, ...] = ()
+) -> tuple[dict[str, FloatArray], tuple[Defect, ...]]:
+    """Read the text of a table, with the defects `found` so far; see `read_table`."""
     text, cut = whole_lines(text, path.name)
     defects = [*found, *cut]
     header = _header(path, text)
@@ -238,7 +250,7 @@ def numbers(cells: pd.Series[Any]) -> FloatArray:
     return np.asarray(pd.to_numeric(cells, errors="coerce"), dtype=np.float64)
 
 
-def _unpack(path: Path) -> tuple[bytes, tuple[Defect, ...]]:
+def unpack(path: Path) -> tuple[bytes, tuple[Defect, ...]]:
     """Return the text of a file; a cut or damaged archive yields what it still holds."""
     text = bytearray()
     defects: tuple[Defect, ...] = ()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -12,6 +13,7 @@ from stoop.logs.recording import Recording, unreadable
 
 HEAD: Final = 2**16  #: bytes that are examined; the attributes of a netCDF file stand there
 HDF5: Final = b"\x89HDF\r\n\x1a\n"
+DECODED: Final = re.compile(rb'(^|\n)"?loopIteration"?, *"?time')  #: the fields of a decoded blackbox log
 PULSE: Final = b"\xa3\x95"  #: begins each message of a DataFlash log
 
 
@@ -34,6 +36,8 @@ FORMATS: Final = {
     "dataflash": Format("dataflash:read_dataflash", (PULSE,)),
     "dataflash-text": Format("dataflash_text:read_dataflash_text", (b"FMT,",)),
     "crazyflie": Format("crazyflie:read_crazyflie", (b"\xbc\x01", b"\xbc\x02"), (".usd",)),
+    "blackbox": Format("blackbox:read_blackbox", (b"H Product:Blackbox",), (".bbl", ".bfl")),
+    "blackbox-csv": Format("blackbox_csv:read_blackbox_csv"),
     "matlab": Format("matlab:parse_matlab", (b"MATLAB 5.0 MAT-file", b"MATLAB 7.3 MAT-file"), (".mat",),
                      "MATLAB file", "h5py", "matlab", hdf5_only=True),
     "parquet": Format("parquet:parse_parquet", (b"PAR1",), (".parquet", ".pq"), "Parquet file", "pyarrow", "parquet"),
@@ -50,8 +54,8 @@ def read(path: Path, mapping: Path | None = None, topics: frozenset[str] | None 
     Parameters
     ----------
     path : a PX4 .ulg file, a folder of PX4 topic CSVs (plain or .gz), an ArduPilot .bin or .log file, a Crazyflie
-        .usd file, a .mat, .parquet or netCDF file, a ROS bag, a .csv (or .csv.gz) file, or a folder of such files,
-        with a mapping
+        .usd file, a blackbox log of Betaflight or INAV (.bbl, .bfl, .txt, or its .csv), a .mat, .parquet or netCDF
+        file, a ROS bag, a .csv (or .csv.gz) file, or a folder of such files, with a mapping
     mapping : TOML file that names the columns of time of CSV files, see `stoop.flight.mapping`; None looks
         beside the log
     topics : names of the streams wanted, without instance; None means all. A reader may return more.
@@ -65,7 +69,7 @@ def read(path: Path, mapping: Path | None = None, topics: frozenset[str] | None 
     LogError
         When the file is missing, empty, of unknown format or so damaged that nothing can be read.
     """
-    from stoop.logs.csv_tables import mapping_beside, read_csv, read_px4_folder
+    from stoop.logs.csv_tables import mapping_beside, names_clock, read_csv, read_px4_folder
 
     try:
         exists, folder = path.exists(), path.is_dir()
@@ -82,6 +86,8 @@ def read(path: Path, mapping: Path | None = None, topics: frozenset[str] | None 
     known = kind(path)
     if known == "foreign-netcdf" and not mapped and not _head(path).startswith(HDF5):
         known = "netcdf"  # whose reader reports what is wrong with a flight of stoop that lost its attributes
+    if known == "blackbox-csv" and mapped and names_clock(mapping or mapping_beside(path)):
+        known = ""  # a table like any other, as its mapping says
     if known:
         return read_as(known, path, topics)
     if path.name.lower().endswith((".csv", ".csv.gz")) or mapping is not None:
@@ -120,6 +126,8 @@ def kind(path: Path) -> str:
     for known, form in FORMATS.items():
         if head.startswith(form.magic):
             return known
+    if name.endswith((".csv", ".csv.gz")) and DECODED.search(head):
+        return "blackbox-csv"
     # a .bin or .log file can be anything, and must hold ArduPilot's marks somewhere
     if name.endswith(".bin") and PULSE in head:
         return "dataflash"

@@ -35,7 +35,7 @@ class Stream:
 class Defect:
     """A fault in a log in spite of which the rest was read."""
 
-    kind: str  #: "time order", "truncated", "corrupt", "dropout", "text", "skipped" or "no clock"
+    kind: str  #: "time order", "truncated", "corrupt", "dropout", "text", "skipped", "assumed" or "no clock"
     place: str  #: file, topic or column
     message: str  #: one plain sentence
 
@@ -49,7 +49,8 @@ class Recording:
     """A log as it was written."""
 
     path: Path  #: the file or folder
-    #: "ulog", "px4-csv", "dataflash", "crazyflie", "mat", "parquet", "netcdf", "rosbag", "table" or "stoop-netcdf"
+    #: "ulog", "px4-csv", "dataflash", "crazyflie", "blackbox", "blackbox-csv", "mat", "parquet", "netcdf", "rosbag",
+    #: "table" or "stoop-netcdf"
     format: str
     #: topic or file -> Stream; further instances of a topic are called "topic/1", "topic/2"
     streams: Mapping[str, Stream]

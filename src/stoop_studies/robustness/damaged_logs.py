@@ -24,6 +24,7 @@ ULOG_HEAD: Final = 16
 MAT_HEAD: Final = 128
 PAGE: Final = 512
 HDF5_MARKS: Final = re.compile(b"TREE|SNOD|HEAP|OHDR|OCHK|FRHP|BTHD|FSHD|GCOL")
+BLACKBOX_PARTS: Final = re.compile(b"(?<=\n)H |[IPGSE]")
 MAX_BYTES: Final = 2**17  #: of a damaged file
 EXTREMES: Final = (0, 1, 2, 0x7F, 0x80, 0xFF, 0x7FFF, 0x8000, 0xFFFF, 2**24, 2**31 - 1, 2**31, 2**32 - 1, 2**53, 2**63 - 1,
                    2**63, 2**64 - 1)  # fmt: skip
@@ -91,6 +92,13 @@ def crazyflie_events(data: bytes) -> list[Span]:
     return [*texts, *equal(data, begin=at)]
 
 
+def blackbox_frames(data: bytes) -> list[Span]:
+    """Return the lines of the headers of a blackbox log, and what lies between letters of frames."""
+    return _between(
+        [0, *(match.start() for match in BLACKBOX_PARTS.finditer(data) if match.start())], len(data)
+    )
+
+
 def hdf5_blocks(data: bytes) -> list[Span]:
     """Return the pieces between the marks of HDF5, those without one in halves of a kilobyte."""
     found = (match.start() for match in HDF5_MARKS.finditer(data))
@@ -132,6 +140,7 @@ FORMS: Final[Mapping[str, Form]] = {
         3,
         close=lambda data: data[:-4] + struct.pack("<I", zlib.crc32(data[:-4])) if len(data) > 4 else data,
     ),
+    "blackbox": Form(blackbox_frames, 18),
     "matlab": Form(equal, MAT_HEAD, _open_matlab, _close_matlab),
     "hdf5": Form(hdf5_blocks, 8),
     "parquet": Form(parquet_parts, 4),

@@ -26,7 +26,7 @@ from stoop import logs
 from stoop.base.arrays import FloatArray
 from stoop.errors import StoopError
 from stoop.flight import describe, load
-from stoop.logs import guard
+from stoop.logs import compiled, guard
 from stoop.logs.recording import reason
 from stoop_studies.robustness.array_grammars import ARRAY_GRAMMARS
 from stoop_studies.robustness.damaged_logs import damaged
@@ -255,6 +255,8 @@ def prepare(library: str) -> None:
 def try_logs(series: Series, count: int) -> Iterator[Tried]:
     """Try the first cases of a series; a failure of others' code once more as users read it, in a process of its own."""
     prepare(series.library)
+    if series.form == "blackbox":
+        compiled.blackbox()  # once, and in no case's time
     if not series.drawn:
         samples(series.form, series.data)
     bounds = replace(BOUNDS, memory=2**40) if series.guarded else BOUNDS  # not of this process

