@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stoop.base.files import check_target
@@ -26,10 +25,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--maneuver", metavar=options.WINDOW, help=window, **options.SEVERAL)
     several: Any = {"metavar": "NAME", **options.SEVERAL}
     add("--input", help="control or channel, such as elevator (default: those that move)", **several)
-    add("--output", dest="outputs", help="channel, such as q (default: p q r ax ay az)", **several)
+    add("--channel", help="output, such as q (default: p q r ax ay az)", **several)
     add("--band", metavar="LOW:HIGH", help="rad/s (default: what the windows resolve, to 10 Hz at most)")
-    add("-o", dest="output", metavar="PAGE.html", type=Path, help="a page with Bode plots")
-    add("--overwrite", action="store_true", help="replace the page if it exists")
+    options.add_output(parser, "a page with Bode plots", metavar="PAGE.html", required=False)
     add("--json", action="store_true", help="print JSON (SI units, rad, rad/s) instead of tables")
 
 
@@ -46,7 +44,7 @@ def run(arguments: argparse.Namespace) -> int:
         flights = [load(path, arguments.mapping) for path in arguments.flight]
     with busy("estimating frequency responses"):
         found = analyze_frequency(
-            flights, arguments.maneuver, arguments.vehicle, arguments.input, arguments.outputs, band
+            flights, arguments.maneuver, arguments.vehicle, arguments.input, arguments.channel, band
         )
     if target is not None:
         from stoop.report.frequency import frequency_sheet

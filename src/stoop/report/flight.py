@@ -67,7 +67,7 @@ One-sided power spectral densities of the whole record, windows of {window:g} s 
 vibration, most often of propellers; what is filtered on board is missing."""
 RESPONSES_LEAD: Final = """\
 Rate over command of the same axis over rad/s, with coherence; the bands are 95 % random error. Where the coherence is low the \
-rate does not answer the command alone, and under an autopilot the response is also that of its feedback: for models, use windows."""
+rate does not answer the command alone, and under an autopilot the response is also that of its feedback: use windows."""
 
 
 def flight_sheet(seen: Overview, command: str = "", following: Sequence[str] = ()) -> Sheet:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
@@ -21,7 +20,7 @@ from stoop.errors import FlightError, SimulationError
 from stoop.flight import Flight
 from stoop.flight.airborne import flying
 from stoop.flight.frequency import CYCLES, FrequencyResponse, Stretch, estimate_responses, window_lengths
-from stoop.flight.maneuvers import commands, moves
+from stoop.flight.maneuvers import CONTROLS, MOTION, commands, moves
 from stoop.problem.windows import Window, parse_window, within
 from stoop.results.result import Result
 from stoop.simulation import trim
@@ -34,7 +33,10 @@ ATTITUDES: Final = {"q": "theta", "p": "phi"}  #: attitude of which a rate is ne
 MIN_MOVEMENT: Final = 0.02  #: standard deviation of an input, of that of the largest
 MODEL_BAND: Final = (0.1, 60.0)  #: rad/s
 MODEL_POINTS: Final = 300
-FIT_BAND: Final = (1.0, 10.0)  #: rad/s, of an equivalent system of a model beside which no flight is known
+FIT_BAND: Final = (
+    1.0,
+    10.0,
+)  #: rad/s, of a model's equivalent system if no flight is known; bandwidths lie above its low end
 
 
 def analyze_frequency(
@@ -169,7 +171,7 @@ def _outputs(flights: Sequence[Flight], outputs: Sequence[str]) -> list[str]:
     shared = [n for n in flights[0].channels if all(n in f.names for f in flights)]
     for name in outputs:
         if name not in shared:
-            raise FlightError(f"--output {name}: no such channel of the flights; {nearest(name, shared)}")
+            raise FlightError(f"--channel {name}: no such channel of the flights; {nearest(name, shared)}")
     return list(outputs) or [n for n in OUTPUTS if n in shared]
 
 
@@ -263,7 +265,7 @@ def _figures(
     """Return the figures of each rate by the input that drives it most, of flight and model."""
     out = []
     for output in FORMS:
-        own = [r for r in responses if r.output == output]
+        own = [r for r in responses if r.output == output and _drives(r.input, output)]
         if not own:
             continue
         one = max(own, key=lambda r: (int(known(r).sum()), r.input == AXES[output]))
@@ -279,16 +281,21 @@ def _figures(
         if model is not None:
             span = FIT_BAND if flown is None else (flown.frequency[0], flown.frequency[-1])
             within_band = (model.frequency >= span[0]) & (model.frequency <= span[1])
-            whole = Known(model.frequency, model.response, np.ones(len(model.frequency)), model.draws)
-            part = replace(
-                whole,
-                frequency=model.frequency[within_band],
-                response=model.response[within_band],
-                coherence=whole.coherence[within_band],
-                draws=model.draws[:, within_band],
+            above = model.frequency >= FIT_BAND[0]  # the phugoid lies below
+            out.append(
+                _figures_of("model", one.input, output, _part(model, above), _part(model, within_band))
             )
-            out.append(_figures_of("model", one.input, output, whole, part))
     return out
+
+
+def _part(model: ModelResponse, chosen: BoolArray) -> Known:
+    frequency = model.frequency[chosen]
+    return Known(frequency, model.response[chosen], np.ones(len(frequency)), model.draws[:, chosen])
+
+
+def _drives(name: str, output: str) -> bool:
+    """Tell whether an input may be that of the axis of a rate: not one known to be of another axis."""
+    return name not in CONTROLS or MOTION[CONTROLS[name]] == output
 
 
 def _figures_of(source: str, input_name: str, output: str, whole: Known, part: Known) -> Figures:

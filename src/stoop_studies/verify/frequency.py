@@ -26,6 +26,7 @@ FREQUENCY, DAMPING, ZERO, GAIN = 5.0, 0.5, 1.5, 20.0  #: of the short period: ra
 LAG: Final = 0.2  #: s, of the response to the second input
 EXCITATION: Final = 4.0  #: Hz, to which the inputs reach
 MIN_COHERENCE: Final = 0.6
+SYSTEM_BAND: Final = 20.0  #: rad/s, of the equivalent systems: above it a sampled system is no continuous one
 POLE: Final = 0.9  #: of noise of low frequency, from sample to sample
 Coefficients = tuple[FloatArray, FloatArray]
 
@@ -58,8 +59,8 @@ POOLED: Final = (0.93, 0.97)
 SYSTEMS: Final = (0.90, 0.99)
 LEAD: Final = f"""\
 A short period of {FREQUENCY:g} rad/s and damping {DAMPING:g}, sampled at {RATE:.0f} Hz, is excited up to {EXCITATION:g} Hz; the \
-second input acts through a lag of {LAG:g} s. Its responses are estimated as stoop frequency does; counted is every frequency with \
-a coherence of {MIN_COHERENCE:g} and more."""
+second input acts through a lag of {LAG:g} s. Its responses are estimated as stoop frequency does; counted is every frequency \
+with a coherence of {MIN_COHERENCE:g} and more."""
 SHOWN: Final[study.Columns] = {
     "flown": ("flown", str),
     "flights": ("flights", "d"),
@@ -78,8 +79,8 @@ def systems() -> list[Coefficients]:
     short_period = ([GAIN, GAIN * ZERO], [1.0, 2.0 * DAMPING * FREQUENCY, FREQUENCY**2])
     lag = ([1.0], [LAG, 1.0])
     found = []
-    for continuous in (short_period, lag):
-        b, a, _ = signal.cont2discrete(continuous, 1.0 / RATE, "zoh")
+    for top, bottom in (short_period, lag):
+        b, a, _ = signal.cont2discrete((np.array(top), np.array(bottom)), 1.0 / RATE, "zoh")
         found.append((np.ravel(b), np.ravel(a)))
     return found
 
@@ -142,7 +143,7 @@ def _holds(one: FrequencyResponse, exact: ComplexArray) -> Any:
 
 def _system(one: FrequencyResponse) -> dict[str, bool | None]:
     """Return whether the intervals of the equivalent system hold natural frequency and damping; None without an interval."""
-    good = (one.coherence >= MIN_COHERENCE) & (one.frequency < 0.5 * np.pi * RATE)
+    good = (one.coherence >= MIN_COHERENCE) & (one.frequency < SYSTEM_BAND)
     known = Known(
         one.frequency[good], one.response[good], one.coherence[good], np.zeros((0, int(good.sum())), dtype=complex),
         one.bound[good] / NORMAL_95, one.window[good],
@@ -186,7 +187,10 @@ def show(setting: Setting, samples: study.Samples) -> Findings:
         ),
     ]
     table = study.page_table("Share of 95 % bands and intervals that hold the truth", SHOWN, records)
-    words = "Without conditioning, the second input of the last two cases counts as noise, and its share that moves with the first as response."
+    words = (
+        "Without conditioning, the second input of the last two cases counts as noise, and its share that moves with the first "
+        "as response."
+    )
     return Findings.tabulated(
         "Bands of frequency responses",
         LEAD,
