@@ -56,7 +56,7 @@ CASES: Final = {
     ),
 }
 POOLED: Final = (0.93, 0.97)
-SYSTEMS: Final = (0.90, 0.99)
+MIN_SYSTEMS: Final = 0.90
 LEAD: Final = f"""\
 A short period of {FREQUENCY:g} rad/s and damping {DAMPING:g}, sampled at {RATE:.0f} Hz, is excited up to {EXCITATION:g} Hz; the \
 second input acts through a lag of {LAG:g} s. Its responses are estimated as stoop frequency does; counted is every frequency \
@@ -181,8 +181,8 @@ def show(setting: Setting, samples: study.Samples) -> Findings:
             ),
         ),
         holds(
-            "Intervals of natural frequency and damping of the equivalent system hold the truth in 90 to 99 %",
-            all(SYSTEMS[0] <= x <= SYSTEMS[1] for x in intervals),
+            "Intervals of natural frequency and damping of the equivalent system hold the truth in 90 % and more",
+            all(x >= MIN_SYSTEMS for x in intervals),
             f"{100 * intervals[0]:.1f} % and {100 * intervals[1]:.1f} %",
         ),
     ]
