@@ -15,7 +15,18 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from stoop import errors
-    from stoop.api import assess, check, design, export, fit, look, new_vehicle, predict, reconstruct
+    from stoop.api import (
+        assess,
+        check,
+        design,
+        export,
+        fit,
+        frequency_responses,
+        look,
+        new_vehicle,
+        predict,
+        reconstruct,
+    )
     from stoop.base.notices import Notice
     from stoop.estimate.fit import Options
     from stoop.flight import Flight
@@ -32,7 +43,18 @@ if TYPE_CHECKING:
 
 _PLACES = {
     **dict.fromkeys(
-        ("assess", "check", "design", "export", "fit", "look", "new_vehicle", "predict", "reconstruct"),
+        (
+            "assess",
+            "check",
+            "design",
+            "export",
+            "fit",
+            "frequency_responses",
+            "look",
+            "new_vehicle",
+            "predict",
+            "reconstruct",
+        ),
         "stoop.api",
     ),
     **dict.fromkeys(("linearize", "trim"), "stoop.simulation"),
@@ -64,6 +86,7 @@ __all__ = [
     "errors",
     "export",
     "fit",
+    "frequency_responses",
     "linearize",
     "load_flight",
     "load_maneuver",

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from stoop.assessment.assessment import Assessment
+    from stoop.assessment.frequency_analysis import FrequencyAnalysis
     from stoop.base.notices import Notice
     from stoop.input_design.optimization import Proposal
     from stoop.reconstruction.compatibility import Compatibility
@@ -48,6 +49,50 @@ def look(flight: OneFlight) -> Page:
     from stoop.report.sheet import Page
 
     return Page(flight_sheet(overview(as_flight(flight))))
+
+
+def frequency_responses(
+    flights: OneFlight | xr.Dataset | Sequence[OneFlight | xr.Dataset],
+    maneuvers: Windows = (),
+    model: Job | Vehicle | str | Path | None = None,
+    inputs: Sequence[str] = (),
+    outputs: Sequence[str] = (),
+    band: tuple[float, float] | None = None,
+) -> FrequencyAnalysis:
+    """Estimate frequency responses of outputs to inputs that may move together, beside those of a model.
+
+    Parameters
+    ----------
+    flights : Flight, path of a log, xarray.Dataset, or a sequence of them
+    maneuvers : windows, optional
+        Those that the model was fitted to when absent, else the airborne part; nothing is estimated across their ends.
+    model : Job, folder of a saved one, Vehicle, built-in vehicle or vehicle file, optional
+        Of an identification the responses of the model have a 95 % band.
+    inputs : sequence of str, optional
+        Controls of the model (deflections, rad) or channels; those that move when absent.
+    outputs : sequence of str, optional
+        Channels; rates and specific forces when absent.
+    band : (low, high), rad/s, optional
+
+    Returns
+    -------
+    FrequencyAnalysis
+        ``responses`` (with ``frequency``, ``response``, ``coherence``, ``bound``), ``model``, ``figures`` (bandwidth, phase
+        delay, low-order equivalent systems), ``notices``; ``to_xarray()`` gives labelled arrays.
+
+    Raises
+    ------
+    FlightError
+        An input is unknown or does not move, an output is unknown, or the windows are too short.
+    """
+    from stoop.workflow.frequency import analyze_frequency
+
+    known = as_flights(flights)
+    texts = [_text(w) for w in as_windows(maneuvers, {flight.name: flight for flight in known})]
+    if model is None or isinstance(model, Vehicle):
+        return analyze_frequency(known, texts, model, inputs, outputs, band)
+    with _saved(model) as place:
+        return analyze_frequency(known, texts, place, inputs, outputs, band)
 
 
 def predict(

@@ -73,6 +73,10 @@ VERBS: Final[dict[str, tuple[str, str]]] = {
         "stoop.cli.steady:linearize",
         "compute the linear model and its modes about a steady flight",
     ),
+    "frequency": (
+        "stoop.cli.frequency",
+        "estimate frequency responses of flights; Bode plots against a model",
+    ),
     "export": ("stoop.cli.files:export", "export a vehicle to JSBSim, MATLAB or Simulink, or as A, B, C, D"),
     "design": ("stoop.cli.planning:design", "design the next maneuver, for small standard errors"),
     "example": ("stoop.cli.example", "list the examples, or copy the notebook and the files of one"),

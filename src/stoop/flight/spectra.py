@@ -1,11 +1,12 @@
 """Spectra of a flight: power of accelerations and rates, spectrograms, and frequency responses of rates to commands.
 
-Everything is averaged over half-overlapping windows that hold no gap, each less its mean and tapered by Hann's window.
+Spectra are averaged over half-overlapping windows that hold no gap, each less its mean and tapered by Hann's window; frequency
+responses are those of `stoop.flight.frequency`.
 
 References
 ----------
 P. D. Welch, "The use of fast Fourier transform for the estimation of power spectra", *IEEE Transactions on Audio and
-Electroacoustics* 15(2), 1967. J. S. Bendat and A. G. Piersol, *Random Data*, 4th ed., Wiley, 2010, chapters 9 and 11.
+Electroacoustics* 15(2), 1967.
 """
 
 from __future__ import annotations
@@ -15,14 +16,13 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from scipy.special import stdtrit
 
 from stoop.base.arrays import BoolArray, ComplexArray, FloatArray, run_slices
 from stoop.flight.flight import Flight
-from stoop.flight.maneuvers import MOTION, Axis, commands
+from stoop.flight.frequency import FrequencyResponse, Stretch, estimate_responses
+from stoop.flight.maneuvers import MOTION, commands
 
 POWER_WINDOW: Final = 10.0  #: s, of a power spectrum
-RESPONSE_WINDOW: Final = 20.0  #: s, of a frequency response
 SPECTROGRAM_WINDOW: Final = 2.0  #: s
 MIN_WINDOWS: Final = 4  #: a flight that holds fewer gets shorter ones
 MIN_SAMPLES: Final = 16  #: of a window
@@ -50,23 +50,6 @@ class Spectrogram:
     density: FloatArray  #: (m, k), NaN where there is a gap
 
 
-@dataclass(frozen=True, eq=False)
-class FrequencyResponse:
-    """Response of a rate to the command of its axis, H1, with coherence and random error.
-
-    Under feedback, which answers gusts and noise too, it lies between the response of the vehicle and the inverse of the
-    feedback; a coherence near one says that commands dominate.
-    """
-
-    axis: Axis
-    command: str
-    rate: str
-    frequency: FloatArray  #: (m,) Hz, without zero
-    response: ComplexArray  #: (m,), unit of the rate over that of the command
-    coherence: FloatArray  #: (m,), 0 to 1
-    bound: FloatArray  #: (m,), 95 % random error of the magnitude over the magnitude, and of the phase, rad
-
-
 def power_spectra(flight: Flight, names: Sequence[str]) -> list[PowerSpectrum]:
     """Return the power spectra of those of the channels that hold a window without a gap."""
     found = []
@@ -91,31 +74,13 @@ def spectrogram(flight: Flight, name: str) -> Spectrogram:
 
 
 def frequency_responses(flight: Flight) -> list[FrequencyResponse]:
-    """Return the responses of roll, pitch and yaw rate to the command of their axis, where both were recorded.
-
-    The random error is that of Bendat and Piersol, section 9.2.4, for the effective number of windows n: real and imaginary
-    part of the relative error have variance (1 - coherence) / (coherence (2 n - 2)) and Student's distribution.
-    """
+    """Return the responses of roll, pitch and yaw rate to the command of their axis, where both were recorded."""
     found = []
     for command in commands(flight):
         rate = MOTION[command.axis]
-        if rate not in flight.names:
-            continue
-        windows = _windows(np.column_stack([command.u, flight.column(rate)]), flight.rate, RESPONSE_WINDOW)
-        if windows is None or len(windows) < MIN_WINDOWS:
-            continue
-        u, y = windows[:, 1:, 0], windows[:, 1:, 1]
-        power_u, power_y = np.mean(np.abs(u) ** 2, axis=0), np.mean(np.abs(y) ** 2, axis=0)
-        cross = np.mean(np.conj(u) * y, axis=0)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            response = cross / power_u
-            coherence = np.abs(cross) ** 2 / (power_u * power_y)
-            free = 2.0 * _averages(len(windows)) - 2.0
-            bound = stdtrit(free, 0.975) * np.sqrt((1.0 - coherence) / (free * coherence))
-        frequency = _frequency(flight, windows)
-        found.append(
-            FrequencyResponse(command.axis, command.variable, rate, frequency, response, coherence, bound)
-        )
+        if rate in flight.names:
+            both = Stretch(flight.rate, command.u[:, None], flight.column(rate)[:, None])
+            found += estimate_responses([both], [command.variable], [rate])
     return found
 
 

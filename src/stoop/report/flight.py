@@ -10,20 +10,20 @@ import numpy as np
 from markupsafe import Markup
 
 from stoop.base.numbers import NOTHING, factor_and_unit, number
-from stoop.base.units import DEGREE
 from stoop.base.variables import RATES, VARIABLES, WRAPPED
 from stoop.flight import Flight, FlightSummary
+from stoop.flight.frequency import FrequencyResponse
 from stoop.flight.spectra import (
-    FrequencyResponse,
     PowerSpectrum,
     Spectrogram,
     frequency_responses,
     power_spectra,
     spectrogram,
 )
+from stoop.report.bode import response_panels
 from stoop.report.design import KINDS
-from stoop.report.plots import heat_maps, plot, strip_pictures
-from stoop.report.series import HUES, Series, Shade, Strip, looks_of
+from stoop.report.plots import heat_maps, plot
+from stoop.report.series import HUES, Series, Shade, Strip
 from stoop.report.sheet import Bullets, Code, Details, Panel, Panels, Part, Prose, Section, Sheet, Table
 from stoop.report.time_history import HistoryPanel, TimeHistory
 from stoop.report.track import Track
@@ -66,8 +66,8 @@ SPECTRA_LEAD: Final = """\
 One-sided power spectral densities of the whole record, windows of {window:g} s with half overlap. Peaks above some 10 Hz are \
 vibration, most often of propellers; what is filtered on board is missing."""
 RESPONSES_LEAD: Final = """\
-Rate over command of the same axis, with coherence; the bands are 95 % random error. Where the coherence is low the rate does \
-not answer the command alone, and under an autopilot the response is also that of its feedback: for models, use windows."""
+Rate over command of the same axis over rad/s, with coherence; the bands are 95 % random error. Where the coherence is low the \
+rate does not answer the command alone, and under an autopilot the response is also that of its feedback: use windows."""
 
 
 def flight_sheet(seen: Overview, command: str = "", following: Sequence[str] = ()) -> Sheet:
@@ -163,31 +163,8 @@ def _responses(found: Sequence[FrequencyResponse]) -> Section | None:
     found = [one for one in found if (one.bound < MAX_ERROR).any()]
     if not found:
         return None
-    groups = [(_response_strips(one), f"Response of {one.rate} to {one.command}") for one in found]
-    looks = looks_of([series for strip in groups[0][0] for series in strip.series])
-    ends = min(float(one.frequency[0]) for one in found), max(float(one.frequency[-1]) for one in found)
-    drawn = strip_pictures(groups, looks, ends, "Hz", log_x=True)
-    panels = [
-        Panel(o.axis, d, meaning=f"{o.rate} over {o.command}") for o, d in zip(found, drawn, strict=True)
-    ]
+    panels = response_panels([(one, None) for one in found], MAX_ERROR)
     return Section("Frequency responses", (Prose(RESPONSES_LEAD, muted=True), Panels(panels, "large")))
-
-
-def _response_strips(one: FrequencyResponse) -> tuple[Strip, ...]:
-    """Return magnitude and phase where they are known, and coherence."""
-    known, band, x = one.bound < MAX_ERROR, one.bound, one.frequency
-    with np.errstate(divide="ignore"):
-        gain = np.where(known, 20.0 * np.log10(np.abs(one.response)), np.nan)
-    phase = np.full(len(known), np.nan)
-    phase[known] = np.unwrap(np.angle(one.response[known])) / DEGREE
-    magnitude = Series("response", x, gain, role="fit", half_width=20.0 * np.log10(1.0 + band))
-    angle = Series("response", x, phase, role="fit", half_width=band / DEGREE)
-    coherence = Series("coherence", x, one.coherence, role="residual")
-    return (
-        Strip("dB", (magnitude,)),
-        Strip("phase, deg", (angle,)),
-        Strip("coherence", (coherence,), y_range=(0.0, 1.0)),
-    )
 
 
 def _windows(found: Found, why: str, following: Sequence[str]) -> Section:

@@ -51,6 +51,7 @@ EXPERIMENTS: Final[Mapping[str, tuple[str, str]]] = {
         ("servos", "lags and delays that a vehicle file leaves out (30 flights each)"),
         ("nist", "certified regressions of NIST, from both starts; reads --data DIR"),
         ("export", "exported aircraft flown by JSBSim beside our own simulation"),
+        ("frequency", "95 % bands of frequency responses, inputs apart and together (200 flights each)"),
         (
             "windows",
             "windows that are proposed: maneuvers found, errors foretold (10 flights each); reads --data DIR",

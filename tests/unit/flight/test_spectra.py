@@ -48,9 +48,9 @@ def test_a_first_order_lag_is_found_within_its_random_error() -> None:
         b, a = signal.bilinear([1.0], [lag, 1.0], RATE)
         p = signal.lfilter(b, a, u) + 0.1 * rng.standard_normal(len(TIME))
         responses = frequency_responses(from_columns("f", TIME, {"control_roll": u, "p": p}))
-        one = next(r for r in responses if r.axis == "roll")
-        _, truth = signal.freqz(b, a, one.frequency, fs=RATE)
-        band = one.frequency < 3.0
+        one = next(r for r in responses if r.output == "p")
+        _, truth = signal.freqz(b, a, one.frequency / RATE)
+        band = one.frequency < 2.0 * np.pi * 3.0
         relative = (one.response / truth - 1.0)[band]
         inside += [np.abs(relative.real) < one.bound[band], np.abs(relative.imag) < one.bound[band]]
         assert one.coherence.min() >= 0.0

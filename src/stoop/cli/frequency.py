@@ -1,0 +1,125 @@
+"""`stoop frequency`: frequency responses of flights beside those of a model."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING, Any
+
+from stoop.base.files import check_target
+from stoop.base.text import show
+from stoop.cli import options
+from stoop.cli.page import busy, fixed, numbers, page, points, to_json, words
+from stoop.errors import FlightError
+
+if TYPE_CHECKING:
+    from stoop.assessment.frequency_analysis import FrequencyAnalysis
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of this verb."""
+    add = parser.add_argument
+    options.add_flight(parser)
+    model = "vehicle file, built-in vehicle, or folder of stoop identify: its responses are drawn beside those of the flight"
+    add("--vehicle", metavar="V", help=model)
+    window = "windows to use, in seconds of the log's clock (default: those that the model was fitted to, else the airborne part)"
+    add("--maneuver", metavar=options.WINDOW, help=window, **options.SEVERAL)
+    several: Any = {"metavar": "NAME", **options.SEVERAL}
+    add("--input", help="control or channel, such as elevator (default: those that move)", **several)
+    add("--channel", help="output, such as q (default: p q r ax ay az)", **several)
+    add("--band", metavar="LOW:HIGH", help="rad/s (default: what the windows resolve, to 10 Hz at most)")
+    options.add_output(parser, "a page with Bode plots", metavar="PAGE.html", required=False)
+    add("--json", action="store_true", help="print JSON (SI units, rad, rad/s) instead of tables")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Estimate, write the page where asked to, and print."""
+    from stoop.flight import load
+    from stoop.workflow.frequency import analyze_frequency
+
+    target = arguments.output
+    if target is not None:
+        check_target(target, arguments.overwrite)
+    band = _band(arguments.band)
+    with busy("reading the log"):
+        flights = [load(path, arguments.mapping) for path in arguments.flight]
+    with busy("estimating frequency responses"):
+        found = analyze_frequency(
+            flights, arguments.maneuver, arguments.vehicle, arguments.input, arguments.channel, band
+        )
+    if target is not None:
+        from stoop.report.frequency import frequency_sheet
+        from stoop.report.sheet import write_sheet
+
+        with busy("drawing"):
+            write_sheet(frequency_sheet(found, options.command_line()), target)
+    if arguments.json:
+        show(to_json(found.to_dict()))
+        return 0
+    _print(found)
+    if target is not None:
+        page().line(f"page: {target}")
+    return 0
+
+
+def _band(text: str | None) -> tuple[float, float] | None:
+    if text is None:
+        return None
+    try:
+        low, high = (float(part) for part in text.split(":"))
+    except ValueError:
+        low = high = 0.0
+    if not 0.0 < low < high < 1e4:
+        raise FlightError(f"--band {text}: write LOW:HIGH in rad/s, for example 1:20")
+    return low, high
+
+
+def _print(found: FrequencyAnalysis) -> None:
+    from stoop.assessment.frequency_analysis import known
+    from stoop.report.frequency import UNITS, estimates, interval
+
+    out = page()
+    out.line(f"windows: {', '.join(map(str, found.windows))}")
+    if found.condition:
+        out.line(
+            "model at "
+            + ", ".join(f"{name} {value:.4g}" for name, value in found.condition.items())
+            + " (SI)"
+        )
+    rows = [(r, known(r)) for r in found.responses if known(r).any()]
+    out.heading("Responses of the flight (coherence 0.6 and more)")
+    out.table(
+        words("output", [r.output for r, _ in rows]),
+        words("input", [r.input for r, _ in rows]),
+        points("frequencies", [str(int(good.sum())) for _, good in rows]),
+        numbers("from rad/s", [float(r.frequency[good][0]) for r, good in rows]),
+        numbers("to rad/s", [float(r.frequency[good][-1]) for r, good in rows]),
+        fixed("mean coherence", [float(r.coherence[good].mean()) for r, good in rows], 2),
+        fixed("median error %", [100.0 * sorted(r.bound[good])[int(good.sum()) // 2] for r, good in rows], 0),
+    )
+    bands = [(one, one.bandwidth) for one in found.figures if one.bandwidth is not None]
+    if bands:
+        out.heading("Bandwidth (rad/s) and phase delay (s) of the attitude, 95 % intervals")
+        out.table(
+            words("rate", [f"{one.output}/{one.input}" for one, _ in bands]),
+            words("of", [one.source for one, _ in bands]),
+            words("phase bandwidth", [interval(b.phase_bandwidth) for _, b in bands]),
+            words("gain bandwidth", [interval(b.gain_bandwidth) for _, b in bands]),
+            words("180 deg lag", [interval(b.crossover) for _, b in bands]),
+            words("phase delay", [interval(b.phase_delay) for _, b in bands]),
+        )
+    systems = [
+        (one, one.system, name, value)
+        for one in found.figures
+        if one.system is not None
+        for name, value in estimates(one.system).items()
+    ]
+    if systems:
+        out.heading("Low-order equivalent systems, 95 % intervals")
+        out.table(
+            words("system", [system.name for _, system, _, _ in systems]),
+            words("of", [one.source for one, _, _, _ in systems]),
+            words("parameter", [f"{name} {UNITS.get(name, '')}".strip() for _, _, name, _ in systems]),
+            words("estimate", [value for _, _, _, value in systems]),
+            fixed("cost", [system.cost for _, system, _, _ in systems], 1),
+        )
+    out.bullets(found.notices, "notes")

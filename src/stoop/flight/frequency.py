@@ -1,0 +1,308 @@
+r"""Frequency responses of outputs to inputs that may move together, from windows of several lengths at once.
+
+Every stretch without a gap is cut into overlapping windows, each less its mean, tapered by Hann's window and transformed by the
+chirp z-transform, octave by octave. At each frequency the responses H of one output to all inputs minimize
+
+.. math:: \sum_i \frac{W_i}{K_i} \sum_{k=1}^{K_i} |Y_{ik} - X_{ik} H|^2, \qquad W_i = (\epsilon_i/\epsilon_{min})^{-4},
+
+over the :math:`K_i` windows of each length i, with the random error :math:`\epsilon_i` of that length: composite windows, and
+conditioned responses where inputs move together. With one length this is the usual cross spectrum over the power spectrum.
+
+Windows overlap, and those of different lengths share samples. The noise of their transforms therefore has a known correlation
+R, the inner products of their tapers; with V the weights of the windows, :math:`C = (X^H V X)^{-1}` and M = V - V X C X^H V,
+
+.. math:: \mathrm{cov}(H) = \sigma^2\, C X^H V R V X C, \qquad \sigma^2 = r^H V r / \mathrm{tr}(M R),
+
+and :math:`\sigma^2` has :math:`2\,\mathrm{tr}(MR)^2 / \mathrm{tr}(MRMR)` degrees of freedom (Satterthwaite).
+
+References
+----------
+M. B. Tischler and R. K. Remple, *Aircraft and Rotorcraft System Identification*, 2nd ed., AIAA, 2012, chapters 7, 9 and 10.
+J. S. Bendat and A. G. Piersol, *Random Data*, 4th ed., Wiley, 2010, chapters 7 and 9.
+F. E. Satterthwaite, "An approximate distribution of estimates of variance components", *Biometrics Bulletin* 2(6), 1946.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from scipy import sparse
+from scipy.signal import ZoomFFT
+from scipy.special import stdtrit
+
+from stoop.base.arrays import BoolArray, ComplexArray, FloatArray, run_slices
+
+OVERLAP: Final = 0.5  #: of successive windows
+CYCLES: Final = (
+    2.0  #: of a frequency that a window holds at least: half the width of the main lobe of Hann's window
+)
+MAX_LENGTH: Final = 20.0  #: s, of a window
+LENGTHS: Final = (
+    5  #: of windows, down to a quarter of the longest: what is shorter has more leakage than noise
+)
+SPARE_WINDOWS: Final = 2  #: without overlap, of the longest length, beyond the number of inputs
+MIN_SAMPLES: Final = 16  #: of a window
+POINTS_PER_OCTAVE: Final = 12
+MAX_FREQUENCY: Final = 10.0  #: Hz, by default
+MAX_SHARE: Final = 0.4  #: of the sampling rate, that a frequency may be
+WEIGHT_POWER: Final = -4.0  #: of the random error of a length (Tischler and Remple, section 10.3)
+MAX_CONDITION: Final = 1e8  #: of the spectra of the inputs, beyond which they are one input
+
+
+@dataclass(frozen=True, eq=False)
+class Stretch:
+    """Samples of inputs and outputs on one uniform grid, NaN where nothing was recorded."""
+
+    rate: float  #: Hz
+    inputs: FloatArray  #: (n, p)
+    outputs: FloatArray  #: (n, q)
+
+
+@dataclass(frozen=True, eq=False)
+class FrequencyResponse:
+    """Response of an output to one input, those to the other inputs taken off, with coherence and random error.
+
+    Under feedback, which answers gusts and noise too, it lies between the response of the vehicle and the inverse of the
+    feedback; a coherence near one says that the input dominates.
+    """
+
+    input: str
+    output: str
+    frequency: FloatArray  #: (m,) rad/s, rising
+    response: ComplexArray  #: (m,), unit of the output over that of the input
+    coherence: FloatArray  #: (m,), 0 to 1; the partial coherence where there are several inputs
+    error: FloatArray  #: (m,), standard error of real and of imaginary part over the magnitude
+    bound: FloatArray  #: (m,), 95 % random error of the magnitude over the magnitude, and of the phase, rad
+    window: FloatArray  #: (m,) s, mean length of the windows, by their weights
+
+
+def window_lengths(durations: Sequence[float], inputs: int, longest: float = MAX_LENGTH) -> tuple[float, ...]:
+    """Return the lengths of windows, s, for stretches of these durations, s; none where these are too short.
+
+    Of the longest at least `SPARE_WINDOWS` more than there are inputs fit side by side.
+    """
+    wanted = inputs + SPARE_WINDOWS
+    # a length at which one more window fits into some stretch is a duration over a whole number
+    candidates = {d / k for d in durations for k in range(1, wanted + 1)}
+    fitting = [x for x in candidates if sum(int(d / x * (1.0 + 1e-9)) for d in durations) >= wanted]
+    if not fitting:
+        return ()
+    first = min(longest, max(fitting))
+    return tuple(np.geomspace(first, 0.25 * first, LENGTHS).tolist())
+
+
+def octaves(low: float, high: float) -> list[FloatArray]:
+    """Return frequencies from `low` to `high`, evenly spaced within each octave."""
+    found, start = [], low
+    while start < high:
+        points = start * (1.0 + np.arange(POINTS_PER_OCTAVE) / POINTS_PER_OCTAVE)
+        found.append(points[points <= high * (1.0 + 1e-9)])
+        start *= 2.0
+    return found
+
+
+def estimate_responses(
+    stretches: Sequence[Stretch],
+    inputs: Sequence[str],
+    outputs: Sequence[str],
+    band: tuple[float, float] | None = None,
+    lengths: Sequence[float] | None = None,
+) -> list[FrequencyResponse]:
+    """Return the response of every output to every input; none of an output whose stretches are too short.
+
+    Parameters
+    ----------
+    stretches : sequence of Stretch
+        Nothing is estimated across their ends or across a gap.
+    inputs, outputs : names of the p and q columns
+    band : (low, high), rad/s, optional
+        By default from `CYCLES` per longest window to 10 Hz, or 0.4 times the slowest sampling rate.
+    lengths : sequence of float, s, optional
+        Of the windows; by default by :func:`window_lengths`.
+    """
+    found = []
+    for column, output in enumerate(outputs):
+        pieces = [piece for one in stretches for piece in _complete(one, column)]
+        chosen = lengths or window_lengths([len(v) / rate for rate, v in pieces], len(inputs))
+        chosen = [x for x in chosen if all(x * rate >= MIN_SAMPLES for rate, _ in pieces)]
+        if not chosen or not pieces:
+            continue
+        lowest = CYCLES / max(chosen)
+        ceiling = MAX_SHARE * min(rate for rate, _ in pieces)
+        low, high = (lowest, MAX_FREQUENCY) if band is None else (b / (2.0 * np.pi) for b in band)
+        grid = octaves(max(low, lowest), min(high, ceiling))
+        if grid:
+            found += _responses(_windows(pieces, chosen, grid), np.concatenate(grid), inputs, output)
+    return found
+
+
+def _complete(one: Stretch, column: int) -> list[tuple[float, FloatArray]]:
+    """Return rate and the inputs and one output (n, p + 1) of the parts of a stretch that have no gap."""
+    values = np.column_stack([one.inputs, one.outputs[:, column]])
+    present: BoolArray = np.asarray(np.isfinite(values).all(axis=1))
+    return [(one.rate, values[run]) for run in run_slices(present)]
+
+
+@dataclass(frozen=True, eq=False)
+class _Windows:
+    """Windows of all lengths."""
+
+    transforms: ComplexArray  #: (w, m, p + 1); their squared magnitudes are one-sided densities
+    length: FloatArray  #: (w,) s
+    correlation: sparse.csr_array  #: (w, w), of the transforms of white noise
+
+
+def _windows(
+    pieces: Sequence[tuple[float, FloatArray]], lengths: Sequence[float], grid: Sequence[FloatArray]
+) -> _Windows:
+    transforms, length, blocks = [], [], []
+    for rate, values in pieces:
+        sizes, starts = [], []
+        for seconds in lengths:
+            size = round(seconds * rate)
+            room = len(values) - size
+            if room < 0:
+                continue
+            count = 1 + int(np.ceil(room / max(1, round((1.0 - OVERLAP) * size))))
+            own = np.unique(np.round(np.linspace(0, room, count)).astype(int))
+            transforms.append(_transformed(values, own, size, rate, grid))
+            length.append(np.full(len(own), seconds))
+            sizes.append(size)
+            starts.append(own)
+        if sizes:
+            blocks.append(_taper_correlation(sizes, starts))
+    if not blocks:
+        return _Windows(np.zeros((0, 0, 0), dtype=complex), np.zeros(0), sparse.csr_array((0, 0)))
+    return _Windows(
+        np.concatenate(transforms), np.concatenate(length), sparse.block_diag(blocks, format="csr")
+    )
+
+
+def _taper(size: int) -> FloatArray:
+    return np.asarray(np.hanning(size + 1)[:-1])
+
+
+def _transformed(
+    values: FloatArray, starts: np.ndarray, size: int, rate: float, grid: Sequence[FloatArray]
+) -> ComplexArray:
+    """Return the transforms (w, m, c) of windows of columns (n, c), their phases counted from the first sample."""
+    windows = values[starts[:, None] + np.arange(size)]
+    windows = (windows - windows.mean(axis=1, keepdims=True)) * _taper(size)[:, None]
+    out = []
+    for points in grid:
+        step = points[0] / POINTS_PER_OCTAVE
+        zoom = ZoomFFT(size, [points[0], points[0] + step * len(points)], len(points), fs=rate)
+        phase = np.exp(-2j * np.pi * np.outer(starts, points) / rate)
+        out.append(zoom(windows, axis=1) * phase[:, :, None])
+    return np.asarray(np.concatenate(out, axis=1) * np.sqrt(2.0 / (rate * np.sum(_taper(size) ** 2))))
+
+
+def _taper_correlation(sizes: Sequence[int], starts: Sequence[np.ndarray]) -> sparse.coo_array:
+    """Return the inner products (w, w) of the tapers of windows of one piece, each of norm one; zero where none overlap."""
+    first = np.concatenate([[0], np.cumsum([len(s) for s in starts])])
+    rows, columns, products = [], [], []
+    for i, (size, own) in enumerate(zip(sizes, starts, strict=True)):
+        for j, (other, theirs) in enumerate(zip(sizes, starts, strict=True)):
+            a, b = _taper(size), _taper(other)
+            product = np.correlate(a, b, "full") / np.sqrt(np.sum(a**2) * np.sum(b**2))
+            low = np.searchsorted(theirs, own - other, "right")
+            count = np.searchsorted(theirs, own + size) - low
+            row = np.repeat(np.arange(len(own)), count)
+            column = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count) + low[row]
+            products.append(product[theirs[column] - own[row] + other - 1])
+            rows.append(first[i] + row)
+            columns.append(first[j] + column)
+    whole = int(first[-1])
+    places = (np.concatenate(rows), np.concatenate(columns))
+    return sparse.coo_array((np.concatenate(products), places), shape=(whole, whole))
+
+
+def _responses(
+    windows: _Windows, hertz: FloatArray, inputs: Sequence[str], output: str
+) -> list[FrequencyResponse]:
+    """Solve the weighted least squares of each frequency, all inputs at once."""
+    size = np.sqrt(np.mean(np.abs(windows.transforms) ** 2, axis=(0, 1)))
+    size[size == 0.0] = 1.0
+    scaled = windows.transforms / size
+    p, m = len(inputs), len(hertz)
+    response, error, bound = np.zeros((p, m), dtype=complex), np.full((p, m), np.inf), np.full((p, m), np.inf)
+    coherence, mean_length = np.zeros((p, m)), np.full(m, np.nan)
+    squared = windows.correlation.multiply(windows.correlation).tocsr()
+    for i, f in enumerate(hertz):
+        solved = _solved(scaled[:, i, :p], scaled[:, i, p], windows, squared, float(f))
+        if solved is not None:
+            response[:, i], variance, freedom, coherence[:, i], mean_length[i] = solved
+            with np.errstate(divide="ignore", invalid="ignore"):
+                error[:, i] = np.sqrt(0.5 * variance) / np.abs(response[:, i])
+            bound[:, i] = stdtrit(freedom, 0.975) * error[:, i]
+    return [
+        FrequencyResponse(
+            name, output, 2.0 * np.pi * hertz, response[k] * size[p] / size[k], coherence[k], error[k], bound[k],
+            mean_length,
+        )
+        for k, name in enumerate(inputs)
+    ]  # fmt: skip
+
+
+def _solved(
+    X: ComplexArray, y: ComplexArray, windows: _Windows, squared: sparse.csr_array, f: float
+) -> tuple[ComplexArray, FloatArray, float, FloatArray, float] | None:
+    """Return responses (p,), their variances, degrees of freedom, partial coherences and the mean length; None: undetermined."""
+    weights = _weights(X, y, windows, squared, f)
+    total = float(weights.sum())
+    if not total:
+        return None
+    VX = weights[:, None] * X
+    gram = X.conj().T @ VX
+    if not np.linalg.cond(gram) < MAX_CONDITION:
+        return None
+    C = np.linalg.inv(gram)
+    H = C @ (VX.conj().T @ y)
+    left = float(np.sum(weights * np.abs(y - X @ H) ** 2))
+    RVX: ComplexArray = np.asarray(windows.correlation @ VX)
+    B: ComplexArray = np.asarray(VX.conj().T @ RVX)
+    first = total - float(np.trace(C @ B).real)  # tr(MR)
+    second = float(weights @ (squared @ weights) + np.trace(C @ B @ C @ B).real)  # tr(MRMR)
+    second -= 2.0 * float(np.trace(C @ (RVX.conj().T @ (weights[:, None] * RVX))).real)
+    if not first > 1e-6 * total or second <= 0.0:
+        return None
+    variance = left / first * np.diag(C @ B @ C).real
+    explained = np.abs(H) ** 2 / np.diag(C).real
+    coherence = explained / np.maximum(explained + left, np.finfo(float).tiny)
+    return H, variance, 2.0 * first**2 / second, coherence, float(weights @ windows.length) / total
+
+
+def _weights(
+    X: ComplexArray, y: ComplexArray, windows: _Windows, squared: sparse.csr_array, f: float
+) -> FloatArray:
+    """Return the weights (w,) of windows at one frequency, Hz: by the random error of those of each length."""
+    errors: dict[float, tuple[BoolArray, float]] = {}
+    for length in np.unique(windows.length):
+        own = np.asarray(windows.length == length)
+        count = int(own.sum())
+        if length * f < CYCLES * (1.0 - 1e-9) or count <= X.shape[1] + 1:
+            continue
+        found = np.linalg.lstsq(X[own], y[own])[0]
+        left, all_of = np.sum(np.abs(y[own] - X[own] @ found) ** 2), np.sum(np.abs(y[own]) ** 2)
+        averages = count**2 / float(own @ (squared @ own.astype(float)))
+        errors[float(length)] = (
+            own,
+            float(left / max(all_of - left, np.finfo(float).tiny * 1e6) / averages) ** 0.5,
+        )
+    weights, least = np.zeros(len(windows.length)), min((e for _, e in errors.values()), default=0.0)
+    for own, error in errors.values():
+        ratio = error / least if least > 0.0 else 1.0 if error == least else np.inf
+        weights[own] = min(ratio, 1e6) ** WEIGHT_POWER / own.sum()
+    return weights
+
+
+def stretches_of(
+    columns: Mapping[str, FloatArray], inputs: Sequence[str], outputs: Sequence[str], rate: float
+) -> Stretch:
+    """Return the stretch of named columns (n,)."""
+    return Stretch(
+        rate, np.column_stack([columns[n] for n in inputs]), np.column_stack([columns[n] for n in outputs])
+    )

@@ -1,0 +1,156 @@
+"""The page of `stoop frequency`: Bode plots of flight against model, bandwidths, and low-order equivalent systems."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Final
+
+from stoop.assessment.frequency_analysis import (
+    AXES,
+    MAX_ERROR,
+    MIN_COHERENCE,
+    Figures,
+    FrequencyAnalysis,
+    known,
+)
+from stoop.assessment.handling import EquivalentSystem
+from stoop.base.numbers import NOTHING, listed, number
+from stoop.report.bode import Pair, response_panels
+from stoop.report.sheet import Bullets, Code, Legend, Panels, Part, Prose, Section, Sheet, Table
+from stoop.results.modes import Estimate
+
+MIN_POINTS: Final = 3  #: known ones, of a response that is drawn
+LEGEND: Final = (
+    ("swatch flightkey", "flight, with 95 % random error"),
+    ("swatch modelkey", "model, with 95 % of its uncertainty"),
+    ("swatch coherencekey", "coherence"),
+)
+LEAD: Final = """\
+Responses of {outputs} to {inputs}, {windows}. Each is conditioned: what the other inputs explain is taken off. Drawn is what \
+has a coherence of {coherence:g} and more and a random error below {error:.0f} %."""
+BANDWIDTH_LEAD: Final = """\
+Of the attitude, which is the rate divided by jω, to the deflection; with 95 % intervals. The bandwidth of a response that \
+is flown with attitude control is the phase bandwidth, of any other the lower one. What the band does not reach has no value."""
+SYSTEM_LEAD: Final = """\
+Fitted to magnitude and phase, weighted by coherence; a cost below 50 to 100 is usually taken as a good fit. A parameter \
+without an interval is not determined by these frequencies."""
+FORMS: Final = {
+    "short period": "gain (s + zero) e^(−delay s) / (s² + 2 damping frequency s + frequency²)",
+    "roll": "gain e^(−delay s) / (time_constant s + 1)",
+    "Dutch roll": "gain (s + zero) e^(−delay s) / (s² + 2 damping frequency s + frequency²)",
+}
+UNITS: Final = {"zero": "1/s", "frequency": "rad/s", "time_constant": "s", "delay": "s"}
+
+
+def frequency_sheet(found: FrequencyAnalysis, command: str = "") -> Sheet:
+    """Return the page."""
+    parts = [w.flight + " " + f"{w.start:g}:{w.stop:g} s" for w in found.windows]
+    lead = LEAD.format(
+        outputs=listed(list(found.outputs)),
+        inputs=listed(list(found.inputs)),
+        windows=listed(parts),
+        coherence=MIN_COHERENCE,
+        error=100.0 * MAX_ERROR,
+    )
+    condition = _condition(found)
+    sections = [_bode(found, condition)]
+    if found.figures:
+        bands = [one for one in found.figures if one.bandwidth is not None]
+        sections += [_bandwidths(bands)] if bands else []
+        systems = [one for one in found.figures if one.system is not None]
+        sections += [_systems(systems)] if systems else []
+    sections += [Section("Notes", (Bullets(found.notices, "notes"),))] if found.notices else []
+    sections += [Section("Made by", (Code(command),))] if command else []
+    return Sheet(f"Frequency responses: {listed(list(found.flights))}", lead, tuple(sections))
+
+
+def shown_pairs(found: FrequencyAnalysis) -> list[Pair]:
+    """Return the responses that are drawn: those known well enough, and of each rate that to its own control."""
+    pairs = []
+    for one in found.responses:
+        own = AXES.get(one.output) == one.input
+        if own or int(known(one).sum()) >= MIN_POINTS:
+            pairs.append((one, found.model.get((one.input, one.output))))
+    return pairs
+
+
+def _condition(found: FrequencyAnalysis) -> str:
+    units = {"airspeed": "m/s", "altitude": "m", "density": "kg/m³"}
+    return ", ".join(f"{name} {number(value)} {units[name]}" for name, value in found.condition.items())
+
+
+def _bode(found: FrequencyAnalysis, condition: str) -> Section:
+    pairs = shown_pairs(found)
+    if not pairs:
+        return Section("Bode plots", (Bullets(["no response is known well enough to be drawn"]),))
+    parts: list[Part] = []
+    if found.model:
+        parts.append(
+            Prose(f"The model is linearized about its steady straight flight at {condition}.", muted=True)
+        )
+        parts.append(Legend(LEGEND))
+    parts.append(Panels(response_panels(pairs, MAX_ERROR, MIN_COHERENCE), "large"))
+    return Section("Bode plots", parts)
+
+
+def estimates(system: EquivalentSystem) -> dict[str, str]:
+    """Return the parameters as text; beside those that have intervals, one without is not determined."""
+    known_ones = [one for one in system.parameters.values() if math.isfinite(one.ci95_lower)]
+    return {
+        name: interval(one)
+        if math.isfinite(one.ci95_lower) or not known_ones
+        else f"not determined ({number(one.estimate, 3)})"
+        for name, one in system.parameters.items()
+    }
+
+
+def interval(one: Estimate, digits: int = 3) -> str:
+    """Return a number with its 95 % interval, if it has one."""
+    if math.isnan(one.estimate):
+        return NOTHING
+    value = number(one.estimate, digits)
+    if math.isnan(one.ci95_lower):
+        return value
+    return f"{value} ({number(one.ci95_lower, digits)} to {number(one.ci95_upper, digits)})"
+
+
+def _bandwidths(figures: Sequence[Figures]) -> Section:
+    rows = []
+    for one in figures:
+        band = one.bandwidth
+        if band is not None:
+            cells = (band.phase_bandwidth, band.gain_bandwidth, band.crossover, band.phase_delay)
+            rows.append((f"{one.output} over {one.input}", one.source, *map(interval, cells)))
+    head = (
+        "rate",
+        "of",
+        "phase bandwidth, rad/s",
+        "gain bandwidth, rad/s",
+        "180 deg lag, rad/s",
+        "phase delay, s",
+    )
+    table = Table("", head, tuple(rows), label="Bandwidth and phase delay")
+    return Section("Bandwidth and phase delay", (Prose(BANDWIDTH_LEAD, muted=True), table), "Bandwidth")
+
+
+def _systems(figures: Sequence[Figures]) -> Section:
+    rows = []
+    for one in figures:
+        system = one.system
+        if system is not None:
+            span = f"{number(system.lowest, 3)} to {number(system.highest, 3)}"
+            for name, value in estimates(system).items():
+                unit = UNITS.get(name, "")
+                rows.append(
+                    (
+                        f"{system.name}, {one.output} over {one.input}", one.source, f"{name} {unit}".strip(), value,
+                        span, number(system.cost, 3),
+                    )
+                )  # fmt: skip
+    head = ("system", "of", "parameter", "estimate (95 % interval)", "rad/s", "cost")
+    forms = dict.fromkeys(one.system.name for one in figures if one.system is not None)
+    texts = Bullets([f"{name}: {FORMS[name]}" for name in forms])
+    table = Table("", head, tuple(rows), label="Low-order equivalent systems")
+    parts = (Prose(SYSTEM_LEAD, muted=True), texts, table)
+    return Section("Low-order equivalent systems", parts, "Equivalent systems")

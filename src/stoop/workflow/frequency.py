@@ -1,0 +1,303 @@
+"""Frequency responses of flights in one call, beside those of a model: bandwidths and low-order equivalent systems."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from stoop.assessment.covariance import NORMAL_95
+from stoop.assessment.frequency import ModelResponse, UncertainModel, uncertain_model
+from stoop.assessment.frequency_analysis import AXES, MIN_COHERENCE, Figures, FrequencyAnalysis, known
+from stoop.assessment.handling import FORMS, Known, bandwidth, equivalent_system, flight_draws
+from stoop.base.arrays import BoolArray, FloatArray
+from stoop.base.notices import Notice, notice
+from stoop.base.text import nearest
+from stoop.base.variables import EULER, VARIABLES, WRAPPED
+from stoop.errors import FlightError, SimulationError
+from stoop.flight import Flight
+from stoop.flight.airborne import flying
+from stoop.flight.frequency import CYCLES, FrequencyResponse, Stretch, estimate_responses, window_lengths
+from stoop.flight.maneuvers import CONTROLS, MOTION, commands, moves
+from stoop.problem.windows import Window, parse_window, within
+from stoop.results.result import Result
+from stoop.simulation import trim
+from stoop.simulation.initial import commanded, parameter_rows
+from stoop.vehicle import Vehicle
+from stoop.workflow.outputs import RESULT, by_name, read_identified
+
+OUTPUTS: Final = ("p", "q", "r", "ax", "ay", "az")
+ATTITUDES: Final = {"q": "theta", "p": "phi"}  #: attitude of which a rate is nearly the derivative
+MIN_MOVEMENT: Final = 0.02  #: standard deviation of an input, of that of the largest
+MODEL_BAND: Final = (0.1, 60.0)  #: rad/s
+MODEL_POINTS: Final = 300
+FIT_BAND: Final = (
+    1.0,
+    10.0,
+)  #: rad/s, of a model's equivalent system if no flight is known; bandwidths lie above its low end
+
+
+def analyze_frequency(
+    flights: Sequence[Flight],
+    maneuvers: Sequence[str] = (),
+    model: str | Path | Vehicle | None = None,
+    inputs: Sequence[str] = (),
+    outputs: Sequence[str] = (),
+    band: tuple[float, float] | None = None,
+) -> FrequencyAnalysis:
+    """Estimate frequency responses, and compute those of a model at the flown speed, altitude and density.
+
+    Parameters
+    ----------
+    flights : sequence of Flight
+    maneuvers : windows as the command line takes them
+        By default those that the model was identified from, if they are of these flights, else the airborne part.
+    model : Vehicle, vehicle file, name of a built-in vehicle, or folder of an identification, optional
+        Its controls are the inputs; of an identification the responses have a 95 % band.
+    inputs, outputs : names
+        By default the controls that move (without a model the commands of the axes), and `OUTPUTS`.
+    band : (low, high), rad/s, optional
+
+    Raises
+    ------
+    FlightError
+        An input is unknown or does not move, an output is unknown, or the windows are too short.
+    """
+    named = by_name(flights, "frequency")
+    vehicle, result, fitted = _subject(model)
+    texts = list(maneuvers) or [w for w in fitted if w.partition("@")[0] in named]
+    windows = tuple(parse_window(text, named) for text in texts)
+    masks = {f.name: within(f, [w for w in windows if w.flight == f.name]) & True for f in flights}
+    if not windows:
+        masks = {f.name: flying(f) for f in flights}
+        windows = tuple(w for f in flights for w in _spans(f, masks[f.name]))
+    columns = [_columns(f, vehicle, inputs) for f in flights]
+    names, notices = _moving(columns, [masks[f.name] for f in flights], inputs)
+    wanted = _outputs(flights, outputs)
+    stretches = [
+        _stretch(f, own, one, names, wanted)
+        for f, one in zip(flights, columns, strict=True)
+        for own in _windows_of(f, windows)
+    ]
+    responses = estimate_responses(stretches, names, wanted, band)
+    if not responses:
+        raise FlightError(_too_short(stretches, names, wanted, band))
+    missing = [o for o in wanted if o not in {r.output for r in responses}]
+    notices += [notice("frequency-output-missing", outputs=tuple(missing))] if missing else []
+    notices += _unknown_axes(responses)
+    modeled, condition, found = _modeled(flights, masks, vehicle, result, names, wanted)
+    notices += found
+    figures = _figures(responses, modeled)
+    return FrequencyAnalysis(
+        tuple(named), windows, tuple(names), tuple(wanted), tuple(responses), modeled, tuple(figures), condition,
+        tuple(notices),
+    )  # fmt: skip
+
+
+def _subject(model: str | Path | Vehicle | None) -> tuple[Vehicle | None, Result | None, list[str]]:
+    """Return the vehicle, the identification if it is one, and the windows that were fitted."""
+    from stoop.vehicle.builtin import resolve_vehicle
+
+    if model is None or isinstance(model, Vehicle):
+        return model, None, []
+    path = Path(model)
+    if not (path.is_dir() or path.name == RESULT):
+        return resolve_vehicle(str(model)), None, []
+    found = read_identified(path)
+    fitted = [f"{m.flight}@{m.start!r}:{m.stop!r}" for m in found.result.maneuvers if m.role == "fit"]
+    return found.vehicle, found.result, fitted
+
+
+def _spans(flight: Flight, mask: BoolArray) -> list[Window]:
+    from stoop.base.arrays import run_slices
+
+    runs = run_slices(mask)
+    return [Window(flight.name, float(flight.time[r.start]), float(flight.time[r.stop - 1])) for r in runs]
+
+
+def _windows_of(flight: Flight, windows: Sequence[Window]) -> list[slice]:
+    return [flight.between(w.start, w.stop) for w in windows if w.flight == flight.name]
+
+
+def _columns(flight: Flight, vehicle: Vehicle | None, inputs: Sequence[str]) -> dict[str, FloatArray]:
+    """Return the inputs of a flight that may be used, (n,) each: commanded deflections, rad, and recorded channels."""
+    columns = {str(c): flight.column(str(c)) for c in flight.channels if c in inputs}
+    if vehicle is None:
+        return {**columns, **({} if inputs else {one.variable: one.u for one in commands(flight)})}
+    rows, count = parameter_rows(vehicle), flight.time.size
+    recorded = np.full((len(vehicle.inputs), count), np.nan)
+    for i, name in enumerate(vehicle.inputs):
+        if name in flight.names:
+            recorded[i] = flight.column(name)
+    for control in vehicle.controls:
+        columns[control] = np.broadcast_to(commanded(vehicle, control, rows, recorded), (count,)).copy()
+    for rotor in vehicle.file.rotor.values():
+        columns[rotor.channel] = recorded[vehicle.inputs.index(rotor.channel)]
+    return columns
+
+
+def _moving(
+    columns: Sequence[Mapping[str, FloatArray]], masks: Sequence[BoolArray], inputs: Sequence[str]
+) -> tuple[list[str], list[Notice]]:
+    """Return the inputs that move within the windows of every flight, or those asked for."""
+    shared = [n for n in columns[0] if all(n in own for own in columns)]
+    for name in inputs:
+        if name not in shared:
+            raise FlightError(
+                f"--input {name}: no control or channel of this name; {nearest(name, shared or list(VARIABLES))}"
+            )
+    sizes = {}
+    for name in inputs or shared:
+        values = np.concatenate([own[name][mask] for own, mask in zip(columns, masks, strict=True)])
+        finite = values[np.isfinite(values)]
+        sizes[name] = float(np.std(finite)) if moves(finite) else 0.0
+    largest = max(sizes.values(), default=0.0)
+    moving = [n for n, size in sizes.items() if size > MIN_MOVEMENT * largest]
+    still = tuple(n for n in sizes if n not in moving)
+    if inputs and still:
+        raise FlightError(
+            f"--input {still[0]}: it does not move in these windows; leave it out, or choose windows in which it moves"
+        )
+    if not moving:
+        raise FlightError(
+            "no input moves in these windows; choose windows with maneuvers (stoop maneuvers finds them) or name one by --input"
+        )
+    return moving, [notice("frequency-input-still", inputs=still)] if still else []
+
+
+def _outputs(flights: Sequence[Flight], outputs: Sequence[str]) -> list[str]:
+    shared = [n for n in flights[0].channels if all(n in f.names for f in flights)]
+    for name in outputs:
+        if name not in shared:
+            raise FlightError(f"--channel {name}: no such channel of the flights; {nearest(name, shared)}")
+    return list(outputs) or [n for n in OUTPUTS if n in shared]
+
+
+def _stretch(
+    flight: Flight,
+    part: slice,
+    columns: Mapping[str, FloatArray],
+    inputs: Sequence[str],
+    outputs: Sequence[str],
+) -> Stretch:
+    def output(name: str) -> FloatArray:
+        values = flight.column(name)[part].copy()
+        good = np.isfinite(values)
+        if name in (*WRAPPED, *EULER) and good.any():
+            values[good] = np.unwrap(values[good])
+        return values
+
+    return Stretch(
+        flight.rate,
+        np.column_stack([columns[n][part] for n in inputs]),
+        np.column_stack([output(n) for n in outputs]),
+    )
+
+
+def _too_short(
+    stretches: Sequence[Stretch],
+    inputs: Sequence[str],
+    outputs: Sequence[str],
+    band: tuple[float, float] | None,
+) -> str:
+    """Return why nothing could be estimated, with what would mend it."""
+    durations = [len(s.inputs) / s.rate for s in stretches]
+    lengths = window_lengths(durations, len(inputs)) if durations else ()
+    if lengths and band is not None and band[1] <= 2.0 * np.pi * CYCLES / lengths[0]:
+        return (
+            f"--band {band[0]:g}:{band[1]:g}: windows of {lengths[0]:.1f} s resolve nothing below "
+            f"{2.0 * np.pi * CYCLES / lengths[0]:.2g} rad/s; give a higher band or longer windows"
+        )
+    total = sum(durations)
+    return (
+        f"the windows hold too little without a gap ({total:.1f} s, inputs {', '.join(inputs)}, outputs {', '.join(outputs)}); "
+        "give longer or more windows by --maneuver, or fewer inputs by --input"
+    )
+
+
+def _unknown_axes(responses: Sequence[FrequencyResponse]) -> list[Notice]:
+    """Return which rates no input drives coherently."""
+    best = {
+        o: max(int(known(r).sum()) for r in responses if r.output == o)
+        for o in dict.fromkeys(r.output for r in responses)
+    }
+    lost = tuple(o for o, count in best.items() if o in AXES and count == 0)
+    return [notice("frequency-axis-unknown", outputs=lost, coherence=MIN_COHERENCE)] if lost else []
+
+
+def _modeled(
+    flights: Sequence[Flight],
+    masks: Mapping[str, BoolArray],
+    vehicle: Vehicle | None,
+    result: Result | None,
+    inputs: Sequence[str],
+    outputs: Sequence[str],
+) -> tuple[dict[tuple[str, str], ModelResponse], dict[str, float], list[Notice]]:
+    """Return the responses of the model at the mean condition of the windows, that condition, and notices."""
+    if vehicle is None:
+        return {}, {}, []
+    condition = {}
+    for name, channel in (("airspeed", "V"), ("altitude", "altitude"), ("density", "density")):
+        values = [f.column(channel)[masks[f.name]] for f in flights if channel in f.names]
+        finite = np.concatenate([v[np.isfinite(v)] for v in values]) if values else np.zeros(0)
+        if finite.size:
+            condition[name] = float(np.mean(finite))
+    if vehicle.rotors:
+        condition.pop("airspeed", None)
+    plain = vehicle.coupled_to(())
+    plain = plain.reduced("full") if plain.reduce == "lateral" else plain
+    try:
+        density = condition.get("density") if "density" in plain.inputs else None
+        point = trim(plain, condition.get("airspeed"), condition.get("altitude", 200.0), density=density)
+        found: UncertainModel = uncertain_model(plain, point, result)
+    except SimulationError as error:
+        return {}, condition, [notice("frequency-no-trim", reason=str(error))]
+    frequency = np.geomspace(*MODEL_BAND, MODEL_POINTS)
+    notices = list(found.notices) + ([notice("frequency-no-band")] if result is None else [])
+    return found.responses(inputs, outputs, frequency), condition, notices
+
+
+def _figures(
+    responses: Sequence[FrequencyResponse], modeled: Mapping[tuple[str, str], ModelResponse]
+) -> list[Figures]:
+    """Return the figures of each rate by the input that drives it most, of flight and model."""
+    out = []
+    for output in FORMS:
+        own = [r for r in responses if r.output == output and _drives(r.input, output)]
+        if not own:
+            continue
+        one = max(own, key=lambda r: (int(known(r).sum()), r.input == AXES[output]))
+        good = known(one)
+        flown, error = None, one.bound / NORMAL_95
+        if good.sum() > 1:
+            draws = flight_draws(one.frequency[good], one.response[good], error[good], one.window[good])
+            flown = Known(
+                one.frequency[good], one.response[good], one.coherence[good], draws, error[good], one.window[good]
+            )  # fmt: skip
+            out.append(_figures_of("flight", one.input, output, flown, flown))
+        model = modeled.get((one.input, output))
+        if model is not None:
+            span = FIT_BAND if flown is None else (flown.frequency[0], flown.frequency[-1])
+            within_band = (model.frequency >= span[0]) & (model.frequency <= span[1])
+            above = model.frequency >= FIT_BAND[0]  # the phugoid lies below
+            out.append(
+                _figures_of("model", one.input, output, _part(model, above), _part(model, within_band))
+            )
+    return out
+
+
+def _part(model: ModelResponse, chosen: BoolArray) -> Known:
+    frequency = model.frequency[chosen]
+    return Known(frequency, model.response[chosen], np.ones(len(frequency)), model.draws[:, chosen])
+
+
+def _drives(name: str, output: str) -> bool:
+    """Tell whether an input may be that of the axis of a rate: not one known to be of another axis."""
+    return name not in CONTROLS or MOTION[CONTROLS[name]] == output
+
+
+def _figures_of(source: str, input_name: str, output: str, whole: Known, part: Known) -> Figures:
+    figures = bandwidth(whole) if output in ATTITUDES else None
+    return Figures(source, input_name, output, figures, equivalent_system(part, input_name, output))

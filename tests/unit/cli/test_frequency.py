@@ -1,0 +1,93 @@
+"""`stoop frequency`: a flight beside a vehicle file, and bad input in one line with what would mend it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import stoop
+from stoop.cli.main import main
+from stoop.flight import Flight, flight_bytes
+from stoop.simulation.fly import simulate_flight
+from stoop.simulation.maneuver import parse_maneuver
+from stoop.vehicle.builtin import resolve_vehicle
+
+MANEUVER = """\
+duration = 24.0
+rate = 50.0
+[[input]]
+control = "elevator"
+shape = "multisine"
+start = 1.0
+duration = 22.0
+amplitude = 0.03
+band = 3.0
+first = 5
+[noise]
+q = 0.002
+"""
+
+
+@pytest.fixture(scope="module")
+def flown() -> Flight:
+    """Return a flight of the built-in airplane with a moving elevator."""
+    maneuver = parse_maneuver(MANEUVER, "maneuver")
+    return simulate_flight(resolve_vehicle("twin-boom"), maneuver, name="sweep")
+
+
+@pytest.fixture
+def flight(flown: Flight, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    path = tmp_path / "sweep.nc"
+    path.write_bytes(flight_bytes(flown))
+    return path
+
+
+def test_flight_against_model(flight: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Without noise to speak of the flight is the model; the page and the JSON hold both."""
+    assert main(["frequency", str(flight), "--vehicle", "twin-boom", "-o", "f.html", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    (q,) = [r for r in found["responses"] if r["output"] == "q"]
+    assert q["input"] == "elevator"
+    model = np.array(q["model"]["real"]) + 1j * np.array(q["model"]["imag"])
+    own = np.array(q["real"]) + 1j * np.array(q["imag"])
+    exact = np.interp(q["frequency"], q["model"]["frequency"], np.abs(model))
+    good = np.array(q["known"]) & (np.array(q["frequency"]) < 15.0)
+    assert good.sum() > 15
+    assert np.median(np.abs(np.abs(own) / exact - 1.0)[good]) < 0.1
+    assert {n["code"] for n in found["notices"]} >= {"frequency-input-still", "frequency-no-band"}
+    page = Path("f.html").read_text(encoding="utf-8")
+    assert "Response of q to elevator" in page
+    assert main(["frequency", str(flight), "-o", "f.html"]) == 2
+    assert "exists" in capsys.readouterr().err
+
+
+def test_without_a_model(flown: Flight) -> None:
+    found = stoop.frequency_responses(flown, "1:23", outputs=["q"])
+    assert found.inputs == ("elevator",)
+    data = found.to_xarray()
+    assert data.coherence.dims == ("output", "input", "frequency")
+    assert float(data.coherence.max()) > 0.95
+    assert not found.model
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        (["--input", "rudder", "--vehicle", "twin-boom"], "it does not move"),
+        (["--input", "elevater", "--vehicle", "twin-boom"], "did you mean elevator"),
+        (["--channel", "qq"], "no such channel"),
+        (["--maneuver", "3:3.2"], "longer or more windows"),
+        (["--band", "9:1"], "LOW:HIGH in rad/s"),
+        (["--band", "0.01:0.02"], "resolve nothing below"),
+        (["--maneuver", "0:0.9"], "no input moves"),
+    ],
+)
+def test_bad_input(flight: Path, more: list[str], words: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["frequency", str(flight), *more]) == 2
+    said = capsys.readouterr().err
+    assert words in said
+    assert said.count("\n") == 1

@@ -1,0 +1,126 @@
+"""Frequency responses: SciPy's estimators as twin, an analytic response, gaps, inputs that move together."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+from scipy import signal
+
+from stoop.base.arrays import FloatArray
+from stoop.flight.frequency import (
+    POINTS_PER_OCTAVE,
+    Stretch,
+    estimate_responses,
+    octaves,
+    window_lengths,
+)
+
+RATE = 50.0
+
+
+def inputs(n: int, columns: int, seed: int = 0) -> FloatArray:
+    shape = signal.butter(2, 5.0, fs=RATE, output="sos")
+    white = np.random.default_rng(seed).standard_normal((n, columns))
+    return np.asarray(signal.sosfilt(shape, white, axis=0))
+
+
+def lag(u: FloatArray, seconds: float = 0.3, noise: float = 0.1, seed: int = 1) -> FloatArray:
+    y = signal.lfilter(*signal.bilinear([1.0], [seconds, 1.0], RATE), u)
+    return np.asarray(y + noise * np.std(y) * np.random.default_rng(seed).standard_normal(len(u)))
+
+
+def test_one_window_length_is_the_welch_estimate() -> None:
+    """Cross spectrum over power spectrum, and coherence, of scipy.signal at its own frequencies."""
+    n, size = 4000, 600
+    u = inputs(n - (n - size) % (size // 2), 1)
+    y = lag(u[:, 0])
+    base = POINTS_PER_OCTAVE / (size / RATE)  # the points of the first octave lie on the bins
+    band = (2.0 * np.pi * base, 2.0 * np.pi * 2.0 * base * 0.999)
+    (one,) = estimate_responses([Stretch(RATE, u, y[:, None])], ["u"], ["y"], band, [size / RATE])
+    f, cross = signal.csd(u[:, 0], y, RATE, nperseg=size)
+    _, power = signal.welch(u[:, 0], RATE, nperseg=size)
+    _, coherence = signal.coherence(u[:, 0], y, RATE, nperseg=size)
+    bins = np.round(one.frequency / (2.0 * np.pi) * size / RATE).astype(int)
+    assert_allclose(one.frequency, 2.0 * np.pi * f[bins], rtol=1e-12)
+    assert_allclose(one.response, (cross / power)[bins], rtol=1e-9)
+    assert_allclose(one.coherence, coherence[bins], rtol=1e-9)
+
+
+def test_inputs_that_move_together_are_told_apart() -> None:
+    """Without noise each response is its own gain, though the inputs are correlated; alone the first takes both."""
+    u = inputs(4000, 2)
+    u[:, 1] += u[:, 0]
+    y = 2.0 * u[:, 0] - 3.0 * u[:, 1]
+    both = estimate_responses([Stretch(RATE, u, y[:, None])], ["a", "b"], ["y"])
+    for one, gain in zip(both, (2.0, -3.0), strict=True):
+        assert_allclose(one.response, gain, rtol=1e-6)
+        assert_allclose(one.coherence, 1.0, rtol=1e-6)
+    (alone,) = estimate_responses([Stretch(RATE, u[:, :1], y[:, None])], ["a"], ["y"])
+    assert np.median(np.abs(alone.response - 2.0)) > 1.0
+
+
+def test_bands_hold_the_analytic_response() -> None:
+    inside = []
+    for seed in range(25):
+        u = inputs(4500, 1, seed)
+        y = lag(u[:, 0], noise=0.3, seed=seed + 1000)
+        (one,) = estimate_responses([Stretch(RATE, u, y[:, None])], ["u"], ["y"])
+        _, truth = signal.freqz(*signal.bilinear([1.0], [0.3, 1.0], RATE), one.frequency / RATE)
+        good = one.coherence > 0.6
+        inside.append((np.abs(np.abs(one.response / truth) - 1.0) <= one.bound)[good])
+    assert np.mean(np.concatenate(inside)) == pytest.approx(0.95, abs=0.03)
+
+
+def test_a_gap_is_the_same_as_two_stretches() -> None:
+    u = inputs(5000, 1)
+    y = lag(u[:, 0])[:, None]
+    holed = y.copy()
+    holed[2400:2600] = np.nan
+    (one,) = estimate_responses([Stretch(RATE, u, holed)], ["u"], ["y"])
+    parts = [Stretch(RATE, u[s], y[s]) for s in (slice(0, 2400), slice(2600, None))]
+    (two,) = estimate_responses(parts, ["u"], ["y"])
+    assert_allclose(one.response, two.response, rtol=1e-12)
+    assert_allclose(one.bound, two.bound, rtol=1e-12)
+
+
+def test_short_or_still_records_say_nothing() -> None:
+    u = inputs(400, 1)
+    assert estimate_responses([Stretch(RATE, u[:10], u[:10])], ["u"], ["y"]) == []
+    (still,) = estimate_responses([Stretch(RATE, np.zeros((400, 1)), u)], ["u"], ["y"])
+    assert np.isinf(still.bound).all()
+    twice = np.column_stack([u[:, 0], u[:, 0]])
+    for one in estimate_responses([Stretch(RATE, twice, u)], ["a", "b"], ["y"]):
+        assert np.isinf(one.bound).all()  # one input given twice cannot be told apart
+
+
+@given(st.lists(st.floats(1.0, 300.0), min_size=1, max_size=6), st.integers(1, 4))
+@settings(max_examples=60, deadline=None)
+def test_windows_fit_side_by_side(durations: list[float], count: int) -> None:
+    lengths = window_lengths(durations, count)
+    assert lengths
+    assert sum(int(d / lengths[0] * (1.0 + 1e-9)) for d in durations) >= count + 2
+    assert list(lengths) == sorted(lengths, reverse=True)
+
+
+@given(st.floats(0.01, 1.0), st.floats(1.0, 200.0))
+@settings(max_examples=60, deadline=None)
+def test_octaves_rise_and_stay_within(low: float, ratio: float) -> None:
+    grid = octaves(low, low * ratio)
+    points = np.concatenate(grid) if grid else np.zeros(0)
+    assert (np.diff(points) > 0.0).all()
+    assert points.size == 0 or points[-1] <= low * ratio * (1.0 + 1e-6)
+
+
+@given(st.floats(0.1, 10.0), st.floats(0.1, 10.0))
+@settings(max_examples=20, deadline=None)
+def test_units_scale_the_response_alone(of_input: float, of_output: float) -> None:
+    u = inputs(1500, 1)
+    y = lag(u[:, 0])[:, None]
+    (one,) = estimate_responses([Stretch(RATE, u, y)], ["u"], ["y"])
+    (scaled,) = estimate_responses([Stretch(RATE, of_input * u, of_output * y)], ["u"], ["y"])
+    assert_allclose(scaled.response, one.response * of_output / of_input, rtol=1e-6)
+    assert_allclose(scaled.bound, one.bound, rtol=1e-6)
+    assert_allclose(scaled.coherence, one.coherence, rtol=1e-6)
