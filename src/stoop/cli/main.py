@@ -73,6 +73,10 @@ VERBS: Final[dict[str, tuple[str, str]]] = {
         "stoop.cli.steady:linearize",
         "compute the linear model and its modes about a steady flight",
     ),
+    "propagate": (
+        "stoop.cli.propagate",
+        "carry the uncertainty of a result into trims, limits, modes, control and expressions",
+    ),
     "export": ("stoop.cli.files:export", "export a vehicle to JSBSim, MATLAB or Simulink, or as A, B, C, D"),
     "design": ("stoop.cli.planning:design", "design the next maneuver, for small standard errors"),
     "example": ("stoop.cli.example", "list the examples, or copy the notebook and the files of one"),

@@ -18,6 +18,7 @@ COLORS: Final[dict[str, tuple[str, str]]] = {
     "residual": ("#6b7280", "#a5aebc"),
     "input": ("#374151", "#c3cad6"),
     "band-fit": ("#dbe4fb", "#22345f"),
+    "band-half": ("#b4c6f6", "#30498a"),
     "band-validation": ("#cfe8e4", "#1d4640"),
     "hue0": ("#1d4ed9", "#7aa2fe"), "hue1": ("#d9480f", "#ff8f5a"), "hue2": ("#0f766f", "#3fc2b4"),
     "hue3": ("#9333ea", "#c08bff"), "hue4": ("#be123c", "#ff7d9b"), "hue5": ("#4d7c0f", "#a3cf5b"),
