@@ -1,4 +1,4 @@
-"""Expressions of a vehicle's numbers, in the grammar of aerodynamic terms: parsed against a white list, never evaluated as code."""
+"""Expressions of a vehicle's numbers in the grammar of aerodynamic terms: parsed against a white list, never run as code."""
 
 from __future__ import annotations
 

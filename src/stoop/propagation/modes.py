@@ -22,8 +22,8 @@ def mode_samples(A: FloatArray, names: tuple[str, ...]) -> tuple[list[Samples], 
     and damping of their product; one whose real mode has joined another is counted.
     """
     keep = [i for i, n in enumerate(names) if n not in INTEGRATORS]
-    matrices = A[np.ix_(np.arange(len(A)), keep, keep)]
-    good = np.isfinite(matrices).all(axis=(1, 2))
+    matrices = A[:, keep][:, :, keep]
+    good = np.asarray(np.isfinite(matrices).all(axis=(1, 2)))
     if not good[0]:
         return [], {}
     values = np.full(matrices.shape[:2], np.nan, dtype=complex)

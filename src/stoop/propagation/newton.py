@@ -39,7 +39,7 @@ def solve(
             size, share = np.linalg.norm(r, axis=0), np.ones(len(active))
             for halving in range(HALVINGS + 1):
                 moved = residuals(here + share * step, active)
-                good = np.linalg.norm(moved, axis=0) < size
+                good = np.asarray(np.linalg.norm(moved, axis=0) < size)
                 if good.all() or halving == HALVINGS:
                     break
                 share = np.where(good, share, 0.5 * share)

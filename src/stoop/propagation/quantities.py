@@ -14,6 +14,7 @@ from stoop.base.arrays import FloatArray
 PERCENTILES: Final = (2.5, 25.0, 50.0, 75.0, 97.5)
 MIN_SHARE: Final = 0.1  #: of the variance; what a parameter adds less is not named
 MOST_NAMED: Final = 3  #: parameters that most of the variance comes from
+ROUNDING: Final = 1e-9  #: relative; a smaller spread is none
 MIN_DRAWS: Final = 20  #: from which quantiles are taken
 
 
@@ -70,6 +71,8 @@ def figure(
         return Figure(group, one.name, one.unit, one.estimate, *nothing, failed)
     values = one.draws[good]
     low, middle, high = np.percentile(values, [PERCENTILES[0], 50.0, PERCENTILES[-1]]).tolist()
+    if np.ptp(values) <= ROUNDING * abs(middle):  # of numbers that were not estimated
+        return Figure(group, one.name, one.unit, one.estimate, 0.0, low, high, middle, failed)
     shares = variance_shares(draws[good], values)
     strongest = sorted(zip(names, shares, strict=True), key=lambda pair: -pair[1])[:MOST_NAMED]
     sources = tuple((n, float(s)) for n, s in strongest if s >= MIN_SHARE)

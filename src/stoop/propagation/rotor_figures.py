@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from stoop.base.arrays import FloatArray, IntArray
+from stoop.base.arrays import BoolArray, FloatArray, IntArray
 from stoop.base.notices import Notice, notice
 from stoop.base.rotations import matrices_of_angles
 from stoop.errors import SimulationError
@@ -54,7 +54,7 @@ class _Study:
                 f"{vehicle.where}: the estimates do not hover; check mass, thrust and center of gravity, or fit hover as well"
             )
 
-    def flight(self, speed: float, guess: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def flight(self, speed: float, guess: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray]:
         """Return scaled unknowns (6, 1 + D), rotor channels (m, 1 + D), NaN where there is none, and which lanes fly."""
         velocity = np.array([speed, 0.0, 0.0])
 
@@ -66,7 +66,7 @@ class _Study:
         commands = self._point(x, velocity)[1][self.area.columns]
         inside = ((commands <= self.area.full[:, None]) & (commands >= self.area.idle[:, None])).all(axis=0)
         flies = (error < TOLERANCE) & inside
-        return x, np.where(flies, commands, np.nan), flies
+        return x, np.where(flies, commands, np.nan), np.asarray(flies)
 
     def _point(self, x: FloatArray, velocity: FloatArray) -> tuple[dict[str, FloatArray], FloatArray]:
         phi, theta, *wanted = x * SCALES
@@ -96,7 +96,7 @@ class _Study:
 
     def found(self) -> Found:
         """Return all numbers and curves."""
-        figures = tuple([*self.hovering(), *self.authority()])
+        figures = (*self.hovering(), *self.authority())
         return Found(figures, tuple(self.curves()), tuple(self.notices))
 
     def hovering(self) -> Iterator[Grouped]:
@@ -145,8 +145,8 @@ class _Study:
         failed = np.array(lost)
         if (failed > FEW).any():
             where = speeds[failed > FEW]
-            values = {"low": float(where[0]), "high": float(where[-1]), "share": float(failed.max())}
-            self.notices.append(notice("propagate-no-trim", **values))
+            low, high, share = float(where[0]), float(where[-1]), float(failed.max())
+            self.notices.append(notice("propagate-no-trim", low=low, high=high, share=share))
         unit = "1" if self.vehicle.drive == "command" else "rad/s"
         drawn = {"theta": ("rad", np.array(theta)), "mean rotor command": (unit, np.array(throttle))}
         return [curve(n, unit, speeds, v) for n, (unit, v) in drawn.items()]

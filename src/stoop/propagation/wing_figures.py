@@ -20,7 +20,7 @@ from stoop.vehicle import Vehicle
 from stoop.vehicle.defaults import full_command
 
 SPEEDS: Final = 21  #: of a curve
-GLIDE_SPEEDS: Final = 31  #: at which the best glide is looked for
+GLIDE_SPEEDS: Final = 25  #: at which the best glide is looked for
 FEW: Final = 0.03  #: share of draws; more that fail are told
 MOST: Final = 0.5  #: share of draws, from which the lift has a maximum
 OUTSIDE: Final = 1e-3  #: rad; beyond the angles of attack flown by less is within
@@ -137,13 +137,16 @@ class _Study:
         out: dict[int, Steady] = {}
         middle = int(np.argmin(np.abs(speeds - self.domain.reference)))
         for way in (range(middle, len(speeds)), range(middle - 1, -1, -1)):
-            guess = solution
+            guess, before = solution, None
             for i in way:
                 out[i] = wings.steady(np.full(self.count, speeds[i]), guess)
-                lost = ~out[i].flies
-                guess = np.where(lost, self._all(out[i].solution), out[i].solution)
+                now, lost = out[i].solution, ~out[i].flies
                 if lost[0]:
-                    guess = solution
+                    guess, before = solution, None
+                    continue
+                now = np.where(lost, self._all(now), now)
+                guess = now if before is None else 2.0 * now - before  # to first order in the airspeed
+                before = now
         return [out[i] for i in range(len(speeds))]
 
     def _tell_failed(self, speeds: FloatArray, points: list[Steady]) -> None:
@@ -158,8 +161,8 @@ class _Study:
         short = np.array([np.mean(p.overpowered[1:]) for p in points])
         if (short > FEW).any():
             where = speeds[short > FEW]
-            values = {"low": float(where[0]), "high": float(where[-1]), "share": float(short.max())}
-            self.notices.append(notice("propagate-overpowered-between", **values))
+            low, high, share = float(where[0]), float(where[-1]), float(short.max())
+            self.notices.append(notice("propagate-overpowered-between", low=low, high=high, share=share))
 
     def _tell_extrapolation(self, speeds: FloatArray, alpha: FloatArray) -> None:
         flown = self.domain.alpha
@@ -171,8 +174,10 @@ class _Study:
             outside = (alpha[:, 0] < low - OUTSIDE) | (alpha[:, 0] > high + OUTSIDE)
         if outside.any():
             where = speeds[outside]
-            values = {"low": float(where[0]), "high": float(where[-1]), "first": low, "last": high}
-            self.notices.append(notice("propagate-extrapolated", **values))
+            ends = float(where[0]), float(where[-1])
+            self.notices.append(
+                notice("propagate-extrapolated", low=ends[0], high=ends[1], first=low, last=high)
+            )
 
     def stability(self) -> Iterator[Grouped]:
         """Yield static margin and neutral point with fixed controls."""
@@ -182,7 +187,7 @@ class _Study:
         margin = static_margin(vehicle, self.rows, self.at.start, self.at.deflections)
         chord = self.rows[vehicle.rows["reference.chord"]]
         yield "Static stability", _samples("static margin", "chord", margin)
-        yield "Static stability", _samples("neutral point behind the center of gravity", "m", margin * chord)
+        yield "Static stability", _samples("neutral point behind the c.g.", "m", margin * chord)
 
     def modes(self, linear: Linear) -> Iterator[Grouped]:
         """Yield the modes at the airspeed."""
@@ -207,9 +212,9 @@ class _Study:
         found = wings.steady(limit, self._all(first.solution))
         share = float(np.mean(stalls[1:]))
         stalled = bool(stalls[0])
-        name = "stall speed" if stalled else "lowest airspeed within the angles of attack flown"
+        name = "stall speed" if stalled else "lowest airspeed, alpha as flown"
         if stalled:
-            yield "Limits", _samples("angle of attack of the greatest lift", "rad", limit)
+            yield "Limits", _samples("angle of attack of greatest lift", "rad", limit)
         yield "Limits", _samples(name, "m/s", found.start["V"])
         self.slowest = float(found.start["V"][0])
         code = "propagate-stall" if stalled else "propagate-no-stall"
@@ -226,7 +231,7 @@ class _Study:
             if state not in linear.names or not linear.effects:
                 continue
             i = linear.names.index(state)
-            control = max(linear.effects, key=lambda c: abs(float(linear.effects[c][0, i])))  # noqa: B023
+            control = max(linear.effects, key=lambda c: abs(float(linear.effects[c][0, i])))
             effect = linear.effects[control][:, i]
             if not abs(float(effect[0])) > 0.0:
                 continue
@@ -234,9 +239,9 @@ class _Study:
             full = full_deflection(self.vehicle, self.rows, control)
             if full is None:
                 unlimited.append(control)
-                yield group, _samples(f"{what} per radian of {control}", unit.replace("rad", "1"), value)
+                yield group, _samples(f"{what} per {control}", unit.replace("rad", "1"), value)
             else:
-                yield group, _samples(f"{what} at full {control}", unit, value * full)
+                yield group, _samples(f"{what}, full {control}", unit, value * full)
         if unlimited:
             self.notices.append(notice("propagate-no-range", controls=tuple(dict.fromkeys(unlimited))))
 

@@ -16,7 +16,7 @@ import numpy as np
 from stoop.base.arrays import BoolArray, FloatArray, IntArray
 from stoop.base.units import STANDARD_GRAVITY
 from stoop.propagation.newton import solve
-from stoop.simulation.initial import commanded, initial_states, mixed_inputs, parameter_rows
+from stoop.simulation.initial import commanded, initial_states, mixed_inputs
 from stoop.simulation.linearize import state_names
 from stoop.simulation.trim import TOLERANCE, WING_ANGLES, neutral_inputs
 from stoop.vehicle import Vehicle

@@ -34,10 +34,11 @@ LEGEND: Final = (
 )  # fmt: skip
 BEYOND: Final = ("swatch fan-beyond", "angles of attack that were not fitted")
 READ: Final = """\
-Every draw of the parameters is trimmed and linearized by itself, so that correlations and curvature are in the intervals: they are the 2.5 and \
-97.5 percentiles of the draws, and need not lie symmetrically about the estimate. What it hangs on: the parameters that take away most of the \
-variance once they are known, with the share (to first order; shares of correlated parameters overlap). The intervals hold the uncertainty of \
-the numbers of this model, not what the model lacks."""
+Every draw of the parameters is trimmed and linearized by itself, so that correlations and curvature are in the \
+intervals: they are the 2.5 and 97.5 percentiles of the draws, and need not lie symmetrically about the estimate. What \
+it hangs on: the parameters that take away most of the variance once they are known, with the share (to first order; \
+shares of correlated parameters overlap). The intervals hold the uncertainty of the numbers of this model, not what \
+the model lacks."""
 SOURCES: Final = {
     "posterior": "the posterior of the parameters",
     "covariance": "the corrected covariance of the estimates, cut off at their bounds",
@@ -103,6 +104,8 @@ def _row(one: Figure) -> tuple[str, ...]:
     digits = _decimals(error)
     ends = tuple(NOTHING if not math.isfinite(v) else _fixed(v, digits) for v in (low, high))
     sources = [f"{name} {share(part)}" for name, part in one.sources]
+    if one.std_error == 0.0:
+        sources.append("not estimated")
     if rests_on_prior(one):
         sources.append("mostly priors")
     return (one.name, value, std, *ends, readable_unit(unit) or NOTHING, ", ".join(sources) or NOTHING)

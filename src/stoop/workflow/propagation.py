@@ -123,7 +123,7 @@ def _samples(found: Identified, pieces: tuple[Piece, ...], channel: str) -> Floa
     if channel not in outputs or not pieces:
         return np.empty(0)
     values = np.concatenate([piece.measured[:, outputs.index(channel)] for piece in pieces])
-    return values[np.isfinite(values)]
+    return np.asarray(values[np.isfinite(values)])
 
 
 def _range(values: FloatArray) -> tuple[float, float] | None:
