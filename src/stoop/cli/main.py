@@ -75,7 +75,7 @@ VERBS: Final[dict[str, tuple[str, str]]] = {
     ),
     "propagate": (
         "stoop.cli.propagate",
-        "carry the uncertainty of a result into trims, limits, modes, control and expressions",
+        "carry a result's uncertainty into trims, limits, modes, control",
     ),
     "export": ("stoop.cli.files:export", "export a vehicle to JSBSim, MATLAB or Simulink, or as A, B, C, D"),
     "design": ("stoop.cli.planning:design", "design the next maneuver, for small standard errors"),

@@ -30,7 +30,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--altitude", metavar="H", type=height, help="m above sea level (default: the flight's)")
     where = "where the draws come from (default: the posterior if it was sampled, else the covariance)"
     add("--source", choices=SOURCES, help=where)
-    add("--draws", metavar="N", type=options.at_least_one, help="number of draws (default: 2000)")
+    add(
+        "--draws",
+        metavar="N",
+        type=options.at_least_one,
+        default=2000,
+        help="number of draws (default: 2000)",
+    )
     add("--seed", metavar="N", type=options.count, default=0, help="seed of the draws (default: 0)")
     add("--json", action="store_true", help="print JSON (SI units, rad) instead of tables")
     options.add_output(parser, "page with tables and fan plots", metavar="PAGE.html", required=False)
@@ -65,12 +71,12 @@ def airspeeds_of(text: str | None) -> tuple[float, float] | None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Propagate, write where asked to, and print."""
-    from stoop.workflow.propagation import DRAWS, propagate
+    from stoop.workflow.propagation import propagate
 
     target: Path | None = arguments.output
     if target is not None:
         check_target(target, arguments.overwrite)
-    count = DRAWS if arguments.draws is None else arguments.draws
+    count = arguments.draws
     if count < MIN_DRAWS:
         raise StoopError(f"--draws {count}: an interval of 95 % needs {MIN_DRAWS} or more")
     expressions, airspeed = expressions_of(arguments.expression), airspeeds_of(arguments.airspeed)

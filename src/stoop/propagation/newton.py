@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from stoop.base.arrays import FloatArray, IntArray
+from stoop.base.arrays import BoolArray, FloatArray, IntArray
 
 STEP: Final = 1e-6  #: of the unknowns, which are scaled to about one
 MAX_STEP: Final = 3.0  #: of an unknown in one iteration
@@ -36,10 +36,10 @@ def solve(
             columns = [(residuals(here + d, active) - r) / STEP for d in STEP * np.eye(len(x))[:, :, None]]
             step = _least_squares(np.stack(columns, axis=2).transpose(1, 0, 2), -r.T).T
             step *= np.minimum(1.0, MAX_STEP / np.maximum(np.abs(step).max(axis=0), 1e-300))
-            size, share = np.linalg.norm(r, axis=0), np.ones(len(active))
+            size, share = _size(r), np.ones(len(active))
             for halving in range(HALVINGS + 1):
                 moved = residuals(here + share * step, active)
-                good = np.asarray(np.linalg.norm(moved, axis=0) < size)
+                good: BoolArray = np.asarray(_size(moved) < size, dtype=np.bool_)
                 if good.all() or halving == HALVINGS:
                     break
                 share = np.where(good, share, 0.5 * share)
@@ -49,6 +49,11 @@ def solve(
             active = active[np.intersect1d(still, np.flatnonzero(good))]
     error = np.abs(value).max(axis=0)
     return x, np.where(np.isfinite(error), error, np.inf)
+
+
+def _size(value: FloatArray) -> FloatArray:
+    """Return the root of the sum of squares (b,) of each lane."""
+    return np.asarray(np.sqrt(np.sum(value * value, axis=0)))
 
 
 def _open(value: FloatArray, tolerance: float) -> IntArray:
