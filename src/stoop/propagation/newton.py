@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from stoop.base.arrays import BoolArray, FloatArray, IntArray
+from stoop.base.arrays import FloatArray, IntArray
 
 STEP: Final = 1e-6  #: of the unknowns, which are scaled to about one
 MAX_STEP: Final = 3.0  #: of an unknown in one iteration
@@ -39,7 +39,7 @@ def solve(
             size, share = _size(r), np.ones(len(active))
             for halving in range(HALVINGS + 1):
                 moved = residuals(here + share * step, active)
-                good: BoolArray = np.asarray(_size(moved) < size, dtype=np.bool_)
+                good = _size(moved) < size
                 if good.all() or halving == HALVINGS:
                     break
                 share = np.where(good, share, 0.5 * share)
@@ -64,7 +64,7 @@ def _open(value: FloatArray, tolerance: float) -> IntArray:
 
 def _least_squares(jacobian: FloatArray, right: FloatArray) -> FloatArray:
     """Return the solutions (b, m) of systems (b, r, m); zero where one is not finite."""
-    finite = np.isfinite(jacobian).all(axis=(1, 2)) & np.isfinite(right).all(axis=1)
+    finite = np.asarray(np.isfinite(jacobian).all(axis=(1, 2))) & np.asarray(np.isfinite(right).all(axis=1))
     safe = np.where(finite[:, None, None], jacobian, 0.0)
     known = np.where(finite[:, None], right, 0.0)
     if jacobian.shape[1] == jacobian.shape[2]:
