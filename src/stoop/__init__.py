@@ -21,10 +21,17 @@ if TYPE_CHECKING:
         design,
         export,
         fit,
+<<<<<<< HEAD
         frequency_responses,
         look,
         new_vehicle,
         predict,
+=======
+        look,
+        new_vehicle,
+        predict,
+        propagate,
+>>>>>>> propagate
         reconstruct,
     )
     from stoop.base.notices import Notice
@@ -49,10 +56,17 @@ _PLACES = {
             "design",
             "export",
             "fit",
+<<<<<<< HEAD
             "frequency_responses",
             "look",
             "new_vehicle",
             "predict",
+=======
+            "look",
+            "new_vehicle",
+            "predict",
+            "propagate",
+>>>>>>> propagate
             "reconstruct",
         ),
         "stoop.api",
@@ -94,6 +108,7 @@ __all__ = [
     "look",
     "new_vehicle",
     "predict",
+    "propagate",
     "read_result",
     "reconstruct",
     "save_flight",

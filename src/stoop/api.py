@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from stoop.flight import Flight
 from stoop.problem.windows import Windows, as_windows
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from stoop.report.sheet import Page
     from stoop.vehicle_draft.draft import Drafted
     from stoop.workflow.export import Exported
+    from stoop.workflow.propagation import Propagated
     from stoop.workflow.validation import Validated
 
 OneFlight = Flight | str | Path
@@ -270,6 +271,47 @@ def design(
     steady = trim(known.vehicle, airspeed, altitude)
     limits = Limits.about(known.vehicle, steady, amplitude, envelope=envelope)
     return propose(known, steady, limits, Plan(duration=duration, seed=seed), tuple(shapes) or tuple(SHAPES))
+
+
+def propagate(
+    fitted: Job | str | Path,
+    expressions: Mapping[str, str] | None = None,
+    airspeed: tuple[float, float] | None = None,
+    altitude: float | None = None,
+    draws: int = 2000,
+    seed: int = 0,
+    source: Literal["posterior", "covariance"] | None = None,
+) -> Propagated:
+    """Carry the uncertainty of a fit into trims over the airspeed, limits, stability, modes, control, glide and expressions.
+
+    Parameters
+    ----------
+    fitted : Job, or path of the folder that it was saved to
+    expressions : mapping, optional
+        Expressions of the vehicle's numbers, such as ``"CLalpha / CD0"``, by the names that they get.
+    airspeed : (low, high), m/s, optional
+        Of the curves; what was flown in the fitted maneuvers when absent.
+    altitude : float, m, optional
+        The flight's when absent.
+    draws : int
+    seed : int
+    source : {"posterior", "covariance"}, optional
+        The posterior where it was sampled when absent.
+
+    Returns
+    -------
+    Propagated
+        Figures by name, ``to_dataframe()``, ``to_xarray()`` and ``page()``; SI and rad.
+
+    Raises
+    ------
+    StoopError
+        The posterior did not converge, there is no covariance, an expression has an unknown name, or nothing trims.
+    """
+    from stoop.workflow.propagation import propagate as propagated
+
+    with _saved(fitted) as folder:
+        return propagated(folder, expressions, airspeed, altitude, draws, seed, source)
 
 
 def export(

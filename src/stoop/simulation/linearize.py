@@ -7,7 +7,7 @@ unit sphere of quaternions.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -177,13 +177,18 @@ def _mode_name(weights: dict[str, float], oscillates: bool) -> str:
     return "roll" if share("p") > share("phi", "r", "beta") else "spiral"
 
 
+def state_names(vehicle: Vehicle, start: Collection[str]) -> tuple[str, ...]:
+    """Return the states of the linear model about a start that names V, or velocities along the body axes."""
+    rigid = _MINIMAL[vehicle.reduce] if "V" in start else ("u", "v", "w", *_MINIMAL["full"][3:])
+    return (*rigid, *(s for s in vehicle.states if s.endswith(".lag")))
+
+
 def _jacobians(vehicle: Vehicle, point: Trim) -> tuple[tuple[str, ...], list[FloatArray]]:
     """Return the minimal state; and G, and the derivatives of G f and of the readings by states and by inputs, at a trim.
 
     Flow angles have no meaning in a hover.
     """
-    rigid = _MINIMAL[vehicle.reduce] if "V" in point.start else ("u", "v", "w", *_MINIMAL["full"][3:])
-    names = (*rigid, *(s for s in vehicle.states if s.endswith(".lag")))
+    names = state_names(vehicle, point.start)
     rows = parameter_rows(vehicle, point.changes)
     inputs = point.inputs[
         : len(vehicle.inputs)

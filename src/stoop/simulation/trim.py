@@ -23,7 +23,7 @@ from stoop.vehicle.defaults import WIND_NUMBERS
 TOLERANCE: Final = 1e-7  #: of the accelerations that remain, m/s2 and rad/s2
 OUT_OF_GROUND_EFFECT: Final = 1e4  #: m
 _ROTOR_SCALES: Final = np.array([0.1, 0.1, 1.0, 1.0, 1.0, 1.0])  #: of phi, theta and the accelerations
-_ANGLES: Final[dict[str, tuple[tuple[str, ...], ...]]] = {
+WING_ANGLES: Final[dict[str, tuple[tuple[str, ...], ...]]] = {
     "longitudinal": (("alpha", "theta"),),
     "full": (("alpha", "theta", "phi"), ("alpha", "theta", "phi", "beta")),
 }  #: unknown angles: first without sideslip, then with it, for a vehicle that cannot hold it at zero
@@ -227,7 +227,7 @@ class OnWings(SteadyFlight):
             raise SimulationError(
                 f"{vehicle.where}: it has no wings to fly {at.airspeed:g} m/s on; leave the airspeed out and write velocity"
             )
-        for angles in _ANGLES[vehicle.reduce]:
+        for angles in WING_ANGLES[vehicle.reduce]:
             flight = cls(at, numbers, angles)
             powers = len(flight.unknowns) - len(angles) - len(vehicle.controls)
             first = [0.5, 0.5, *[0.0] * (len(flight.unknowns) - powers - 2)]

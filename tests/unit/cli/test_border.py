@@ -203,6 +203,7 @@ def run(capsys: pytest.CaptureFixture[str], folder: Path, command: str) -> tuple
         ("validate @v.toml @f.nc -o @wrong", None),
         ("agreement @v.toml @v.toml", None),
         ("identify @f.nc --vehicle @v.toml --maneuver 0:99 -o @far", 2),
+        ("propagate @far --expression @f.nc=CL0", 2),
     ],
 )  # fmt: skip
 def test_a_verb_prints_nasty_texts(

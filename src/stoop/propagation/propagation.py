@@ -1,0 +1,174 @@
+"""What the uncertainty of a result means: its draws carried into what the model says, as one labelled object."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from stoop.base.arrays import FloatArray
+from stoop.base.html import table
+from stoop.base.notices import Notice, notice
+from stoop.base.numbers import number
+from stoop.base.text import printable
+from stoop.propagation.draws import Draws
+from stoop.propagation.expressions import parse_expressions
+from stoop.propagation.quantities import PERCENTILES, Curve, Figure, figure
+from stoop.propagation.rotor_figures import rotor_figures
+from stoop.propagation.wing_figures import FEW, Domain, wing_figures
+from stoop.simulation.initial import parameter_rows
+from stoop.vehicle import Vehicle
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
+
+FORMAT: Final = "stoop-propagation/1"
+EXPRESSIONS: Final = "Expressions"
+
+
+@dataclass(frozen=True, eq=False)
+class Propagation:
+    """Quantities of a model with their uncertainty; SI and rad."""
+
+    vehicle: str
+    result: str  #: folder
+    source: str  #: of the draws: "posterior" or "covariance"
+    count: int  #: of the draws
+    seed: int
+    domain: Domain
+    figures: tuple[Figure, ...]
+    curves: tuple[Curve, ...]
+    samples: Mapping[str, FloatArray]  #: (D,), the draws of every figure
+    notices: tuple[Notice, ...]
+    expressions: Mapping[str, str] = field(default_factory=dict)
+    undetermined: tuple[str, ...] = ()
+    seconds: float = 0.0
+
+    def __getitem__(self, name: str) -> Figure:
+        """Return a figure by its name."""
+        found = {one.name: one for one in self.figures}
+        return found[name]
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """Return the figures, one a row, by their names."""
+        import pandas as pd
+
+        keys = (
+            "group",
+            "unit",
+            "estimate",
+            "std_error",
+            "ci95_lower",
+            "ci95_upper",
+            "median",
+            "failed",
+            "prior_share",
+        )
+        rows = {one.name: {key: getattr(one, key) for key in keys} for one in self.figures}
+        return pd.DataFrame.from_dict(rows, orient="index", columns=list(keys)).rename_axis("quantity")
+
+    def to_xarray(self) -> xr.Dataset:
+        """Return the curves over the airspeed with their percentiles, each with its unit."""
+        import xarray as xr
+
+        parts = []
+        for one in self.curves:
+            units = {"units": one.unit}
+            variables: dict[str, Any] = {
+                one.name: ("airspeed", one.estimate, units),
+                f"{one.name} bands": (("percentile", "airspeed"), one.bands, units),
+            }
+            coordinates = {
+                "airspeed": ("airspeed", one.airspeed, {"units": "m/s"}),
+                "percentile": list(PERCENTILES),
+            }
+            parts.append(xr.Dataset(variables, coordinates))
+        return xr.merge(parts, join="outer")
+
+    def document(self) -> dict[str, Any]:
+        """Return all but the draws for JSON, SI and rad."""
+        from dataclasses import asdict
+
+        curves = [
+            {
+                "name": c.name,
+                "unit": c.unit,
+                "airspeed": c.airspeed.tolist(),
+                "estimate": c.estimate.tolist(),
+                "failed": c.failed.tolist(),
+            }
+            | {f"p{p:g}": band.tolist() for p, band in zip(PERCENTILES, c.bands, strict=True)}
+            for c in self.curves
+        ]
+        return {
+            "format": FORMAT,
+            "vehicle": self.vehicle,
+            "result": self.result,
+            "source": self.source,
+            "draws": self.count,
+            "seed": self.seed,
+            "condition": asdict(self.domain),
+            "expressions": dict(self.expressions),
+            "figures": [asdict(one) for one in self.figures],
+            "curves": curves,
+            "undetermined": list(self.undetermined),
+            "notices": [one.to_dict() for one in self.notices],
+            "seconds": self.seconds,
+        }
+
+    def __repr__(self) -> str:
+        """Return the size on one line."""
+        return printable(
+            f"<Propagation of {self.vehicle}: {len(self.figures)} figures, {len(self.curves)} curves, {self.count} draws>"
+        )
+
+    def _repr_html_(self) -> str:
+        rows = [
+            (
+                f.name,
+                number(f.estimate),
+                number(f.std_error),
+                f"{number(f.ci95_lower)} … {number(f.ci95_upper)}",
+                f.unit,
+            )
+            for f in self.figures
+        ]
+        return table(repr(self).strip("<>"), ("quantity", "estimate", "std error", "95 %", "unit"), rows)
+
+
+def propagate_draws(
+    vehicle: Vehicle,
+    draws: Draws,
+    domain: Domain,
+    expressions: Mapping[str, str] | None = None,
+    result: Path | None = None,
+    seed: int = 0,
+) -> Propagation:
+    """Return what a vehicle at its estimates, and draws of its parameters, say.
+
+    Raises
+    ------
+    StoopError
+        An expression with an unknown name, or nothing trims at the estimates.
+    """
+    begun = time.perf_counter()
+    parsed = parse_expressions(expressions or {}, vehicle)
+    changes = dict(zip(draws.names, draws.values.T, strict=True))
+    estimate = parameter_rows(vehicle)
+    rows = np.hstack([estimate, parameter_rows(vehicle, changes, len(draws.values))])
+    study = rotor_figures if vehicle.rotors else wing_figures
+    found = study(vehicle, rows, domain)
+    grouped = [*found.figures, *((EXPRESSIONS, one.samples(rows)) for one in parsed.values())]
+    figures = tuple(figure(g, s, draws.names, draws.values, draws.undetermined) for g, s in grouped)
+    notices = [*draws.notices, *found.notices]
+    notices += [notice("propagate-figure-failed", f.name, share=f.failed) for f in figures if f.failed > FEW]
+    return Propagation(
+        vehicle.name, "" if result is None else str(result), draws.source, len(draws.values), seed, domain,
+        figures, found.curves, {s.name: s.draws for _, s in grouped},
+        tuple(notices), dict(expressions or {}), draws.undetermined, time.perf_counter() - begun,
+    )  # fmt: skip

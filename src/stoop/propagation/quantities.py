@@ -1,0 +1,119 @@
+"""Propagated quantities: a number, or a curve over the airspeed, with its distribution over the draws."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from stoop.base.arrays import FloatArray
+
+PERCENTILES: Final = (2.5, 25.0, 50.0, 75.0, 97.5)
+MIN_SHARE: Final = 0.1  #: of the variance; what a parameter adds less is not named
+MOST_NAMED: Final = 3  #: parameters that most of the variance comes from
+ROUNDING: Final = 1e-9  #: relative; a smaller spread is none
+MIN_DRAWS: Final = 20  #: from which quantiles are taken
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """One quantity: at the estimate, and of every draw; NaN where it does not exist."""
+
+    name: str
+    unit: str
+    estimate: float
+    draws: FloatArray  #: (D,)
+
+
+@dataclass(frozen=True)
+class Figure:
+    """One quantity with its uncertainty, in its unit."""
+
+    group: str
+    name: str
+    unit: str
+    estimate: float
+    std_error: float
+    ci95_lower: float
+    ci95_upper: float
+    median: float
+    failed: float  #: share of the draws for which the quantity does not exist
+    #: parameters and the share of the variance that would vanish if each were known, to first order, the largest first
+    sources: tuple[tuple[str, float], ...] = ()
+    prior_share: float = (
+        0.0  #: of the variance that would vanish if all that rest on priors or bounds were known
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """One quantity over the airspeed (n,)."""
+
+    name: str
+    unit: str
+    airspeed: FloatArray  #: (n,), m/s
+    estimate: FloatArray  #: (n,)
+    bands: FloatArray  #: (5, n), :data:`PERCENTILES` of the draws
+    failed: FloatArray  #: (n,), share of the draws for which it does not exist
+
+
+def figure(
+    group: str, one: Samples, names: Sequence[str], draws: FloatArray, undetermined: Sequence[str]
+) -> Figure:
+    """Return a quantity with its uncertainty; `draws` (D, k) are those of the parameters named."""
+    good = np.isfinite(one.draws)
+    failed = 1.0 - float(np.mean(good))
+    if good.sum() < MIN_DRAWS:
+        nothing = (math.nan,) * 4
+        return Figure(group, one.name, one.unit, one.estimate, *nothing, failed)
+    values = one.draws[good]
+    low, middle, high = np.percentile(values, [PERCENTILES[0], 50.0, PERCENTILES[-1]]).tolist()
+    if np.ptp(values) <= ROUNDING * abs(middle):  # of numbers that were not estimated
+        return Figure(group, one.name, one.unit, one.estimate, 0.0, low, high, middle, failed)
+    shares = variance_shares(draws[good], values)
+    strongest = sorted(zip(names, shares, strict=True), key=lambda pair: -pair[1])[:MOST_NAMED]
+    sources = tuple((n, float(s)) for n, s in strongest if s >= MIN_SHARE)
+    on_prior = [i for i, n in enumerate(names) if n in set(undetermined)]
+    return Figure(
+        group, one.name, one.unit, one.estimate, float(np.std(values, ddof=1)), low, high, middle, failed, sources,
+        joint_share(draws[good][:, on_prior], values),
+    )  # fmt: skip
+
+
+def variance_shares(draws: FloatArray, values: FloatArray) -> FloatArray:
+    """Return the share (k,) of the variance of values (D,) that would vanish if one parameter of draws (D, k) were known.
+
+    To first order: the squared correlation. Shares of correlated parameters do not add up to one.
+    """
+    centered, y = draws - draws.mean(axis=0), values - values.mean()
+    scale, size = centered.std(axis=0), float(y.std())
+    if not size > 0.0:
+        return np.zeros(draws.shape[1])
+    correlation = centered.T @ y / (len(y) * size * np.where(scale > 0.0, scale, 1.0))
+    return np.asarray(correlation**2)
+
+
+def joint_share(draws: FloatArray, values: FloatArray) -> float:
+    """Return the share of the variance of values (D,) that would vanish if all parameters of draws (D, k) were known."""
+    y = values - values.mean()
+    total = float(y @ y)
+    if not (draws.shape[1] and total > 0.0):
+        return 0.0
+    centered = draws - draws.mean(axis=0)
+    scale = centered.std(axis=0)
+    Z = centered / np.where(scale > 0.0, scale, 1.0)
+    left = y - Z @ np.linalg.lstsq(Z, y, rcond=None)[0]
+    return min(max(1.0 - float(left @ left) / total, 0.0), 1.0)
+
+
+def curve(name: str, unit: str, airspeed: FloatArray, values: FloatArray) -> Curve:
+    """Return a curve over airspeeds (n,) with its bands from values (n, 1 + D), those of the estimate first."""
+    estimate, draws = values[:, 0], values[:, 1:].T
+    good = np.isfinite(draws)
+    bands = np.full((len(PERCENTILES), draws.shape[1]), np.nan)
+    for i in np.flatnonzero(good.sum(axis=0) >= MIN_DRAWS):
+        bands[:, i] = np.percentile(draws[good[:, i], i], PERCENTILES)
+    return Curve(name, unit, airspeed, estimate, bands, 1.0 - good.mean(axis=0))

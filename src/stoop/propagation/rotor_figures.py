@@ -1,0 +1,156 @@
+"""What a model that flies on rotors says: hover and level flight, thrust over weight, time constants, control authority."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+
+from stoop.base.arrays import BoolArray, FloatArray, IntArray
+from stoop.base.notices import Notice, notice
+from stoop.base.rotations import matrices_of_angles
+from stoop.errors import SimulationError
+from stoop.propagation.newton import solve
+from stoop.propagation.quantities import Curve, Samples, curve
+from stoop.propagation.wing_figures import FEW, SPEEDS, Domain, Found, Grouped
+from stoop.simulation.initial import initial_states
+from stoop.simulation.rotors import allocation, channel_range, effects
+from stoop.simulation.trim import TOLERANCE, Conditions, level_channels, neutral_inputs
+from stoop.vehicle import Vehicle
+
+SCALES: Final = np.array([0.1, 0.1, 1.0, 1.0, 1.0, 1.0])[:, None]  #: of phi, theta and the accelerations
+ANGULAR: Final = {"p": "roll", "q": "pitch", "r": "yaw"}
+RATES: Final = ("u", "v", "w", "p", "q", "r")
+
+
+def rotor_figures(vehicle: Vehicle, rows: FloatArray, domain: Domain) -> Found:
+    """Return what follows from kernel parameters (n_p, 1 + D), the first lane being the estimate.
+
+    Raises
+    ------
+    SimulationError
+        The estimate cannot hover.
+    """
+    return _Study(vehicle.coupled_to(()), rows, domain).found()
+
+
+class _Study:
+    """One model in still air, its nose in the direction of flight; the first lane is the estimate."""
+
+    def __init__(self, vehicle: Vehicle, rows: FloatArray, domain: Domain) -> None:
+        self.vehicle, self.rows, self.domain = vehicle, rows, domain
+        self.count, self.area, self.notices = rows.shape[1], channel_range(vehicle), list[Notice]()
+        quiet = neutral_inputs(vehicle, domain.density, domain.altitude)
+        still = np.zeros(3)
+        conditions = Conditions(vehicle, float("nan"), domain.altitude, 0.0, still, still, 0.0, quiet)
+        self.level = level_channels(conditions)
+        self.effect = effects(vehicle, {"h": domain.altitude}, self.level, {})
+        self.mixing = allocation(vehicle, self.effect)
+        self.hover, self.commands, self.hovers = self.flight(0.0, np.zeros((6, self.count)))
+        if not self.hovers[0]:
+            raise SimulationError(
+                f"{vehicle.where}: the estimates do not hover; check mass, thrust and center of gravity, or fit hover as well"
+            )
+
+    def flight(self, speed: float, guess: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray]:
+        """Return scaled unknowns (6, 1 + D), rotor channels (m, 1 + D), NaN where there is none, and which lanes fly."""
+        velocity = np.array([speed, 0.0, 0.0])
+
+        def residuals(x: FloatArray, lanes: IntArray) -> FloatArray:
+            start, inputs = self._point(x, velocity)
+            return self._accelerations(start, inputs, self.rows[:, lanes])
+
+        x, error = solve(residuals, guess, TOLERANCE)
+        commands = self._point(x, velocity)[1][self.area.columns]
+        inside = ((commands <= self.area.full[:, None]) & (commands >= self.area.idle[:, None])).all(axis=0)
+        flies = (error < TOLERANCE) & inside
+        return x, np.where(flies, commands, np.nan), np.asarray(flies)
+
+    def _point(self, x: FloatArray, velocity: FloatArray) -> tuple[dict[str, FloatArray], FloatArray]:
+        phi, theta, *wanted = x * SCALES
+        inputs = np.repeat(self.level[:, None], x.shape[1], axis=1)
+        inputs[self.area.columns] += self.mixing @ np.array(wanted)
+        rotation = matrices_of_angles(np.stack([phi, theta, np.zeros_like(phi)], axis=1))
+        body = np.einsum("bij,i->jb", rotation, velocity)
+        start = dict(zip("uvw", body, strict=True)) | {"phi": phi, "theta": theta}
+        return start | {"h": np.full(x.shape[1], self.domain.altitude)}, inputs
+
+    def _accelerations(
+        self, start: dict[str, FloatArray], inputs: FloatArray, rows: FloatArray
+    ) -> FloatArray:
+        states = initial_states(self.vehicle, start, rows, inputs)
+        rates = self.vehicle.kernel().evaluate(rows, states, np.ascontiguousarray(inputs))[0]
+        return rates[[self.vehicle.states.index(s) for s in RATES]]
+
+    @cached_property
+    def _still(self) -> dict[str, FloatArray]:
+        return self._point(self.hover, np.zeros(3))[0]
+
+    def _with_channels(self, commands: FloatArray) -> FloatArray:
+        """Return the accelerations (6, 1 + D) of rotor channels (m, 1 + D) in the attitude of the hover."""
+        inputs = np.repeat(self.level[:, None], self.count, axis=1)
+        inputs[self.area.columns] = commands
+        return self._accelerations(self._still, inputs, self.rows)
+
+    def found(self) -> Found:
+        """Return all numbers and curves."""
+        figures = (*self.hovering(), *self.authority())
+        return Found(figures, tuple(self.curves()), tuple(self.notices))
+
+    def hovering(self) -> Iterator[Grouped]:
+        """Yield hover throttle, thrust over weight and the time constant of the rotors."""
+        failed = 1.0 - float(np.mean(self.hovers[1:]))
+        if failed > FEW:
+            self.notices.append(notice("propagate-no-hover", share=failed))
+        unit = "1" if self.vehicle.drive == "command" else "rad/s"
+        mean = "hover throttle" if unit == "1" else "rotor speed in hover"
+        yield "Hover", _samples(mean, unit, self.commands.mean(axis=0))
+        for name, command in zip(self.area.names, self.commands, strict=True):
+            yield "Hover", _samples(f"{name} in hover", unit, command)
+        if np.isfinite(self.area.full).all():
+            full = np.repeat(self.area.full[:, None], self.count, axis=1)
+            gravity = self.rows[self.vehicle.rows["environment.gravity"]]
+            lift = self._with_channels(full)[2] - self._with_channels(np.nan_to_num(self.commands))[2]
+            # in hover lift is weight: what full command adds is the excess
+            yield "Hover", _samples("thrust over weight at full command", "1", 1.0 - lift / gravity)
+        else:
+            self.notices.append(notice("propagate-no-full-command"))
+        if "rotors.lag" in self.vehicle.rows:
+            lag = self.rows[self.vehicle.rows["rotors.lag"]]
+            yield "Hover", _samples("rotor time constant", "s", lag)
+
+    def authority(self) -> Iterator[Grouped]:
+        """Yield the greatest angular accelerations from hover, all rotors within idle and full, the lift about kept."""
+        if not np.isfinite(self.area.full).all():
+            return
+        room = np.minimum(self.area.full[:, None] - self.commands, self.commands - self.area.idle[:, None])
+        for i, (state, axis) in enumerate(ANGULAR.items()):
+            signs = np.sign(
+                np.where(np.abs(self.effect[i]) > 1e-9 * np.abs(self.effect[i]).max(), self.effect[i], 0.0)
+            )
+            found = self._with_channels(self.commands + signs[:, None] * room)[RATES.index(state)]
+            yield "Control authority", _samples(f"{axis} acceleration from hover", "rad/s2", np.abs(found))
+
+    def curves(self) -> list[Curve]:
+        """Return pitch angle and throttle over the speed."""
+        speeds = np.linspace(*self.domain.airspeed, SPEEDS)
+        guess, theta, throttle, lost = self.hover, [], [], []
+        for speed in speeds:
+            guess, commands, flies = self.flight(float(speed), guess)
+            theta.append(np.where(flies, guess[1] * SCALES[1], np.nan))
+            throttle.append(commands.mean(axis=0))
+            lost.append(1.0 - float(np.mean(flies[1:])))
+        failed = np.array(lost)
+        if (failed > FEW).any():
+            where = speeds[failed > FEW]
+            low, high, share = float(where[0]), float(where[-1]), float(failed.max())
+            self.notices.append(notice("propagate-no-trim", low=low, high=high, share=share))
+        unit = "1" if self.vehicle.drive == "command" else "rad/s"
+        drawn = {"theta": ("rad", np.array(theta)), "mean rotor command": (unit, np.array(throttle))}
+        return [curve(n, unit, speeds, v) for n, (unit, v) in drawn.items()]
+
+
+def _samples(name: str, unit: str, value: FloatArray) -> Samples:
+    return Samples(name, unit, float(value[0]), np.asarray(value[1:]))

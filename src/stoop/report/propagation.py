@@ -1,0 +1,149 @@
+"""The page of propagated uncertainty: figures with their intervals, and fans over the airspeed."""
+
+from __future__ import annotations
+
+import math
+from itertools import groupby
+from typing import Final
+
+import numpy as np
+
+from stoop.base.arrays import FloatArray, runs
+from stoop.base.notices import of_severity
+from stoop.base.numbers import (
+    NOTHING,
+    factor_and_unit,
+    listed,
+    number,
+    readable_unit,
+    rounded_to_error,
+    share,
+)
+from stoop.propagation.propagation import EXPRESSIONS, Propagation
+from stoop.propagation.quantities import Curve, Figure
+from stoop.propagation.wing_figures import OUTSIDE
+from stoop.report.charts import fan_panel
+from stoop.report.sheet import Bullets, Code, Legend, Page, Panel, Panels, Part, Prose, Section, Sheet, Table
+
+MODES: Final = "Modes"  #: whose frequencies stay in rad/s
+ON_PRIOR: Final = 0.5  #: share of the variance, from which a figure rests on priors
+HEAD: Final = ("", "estimate", "std error", "95 % from", "to", "unit", "what it hangs on")
+LEGEND: Final = (
+    ("swatch fan-estimate", "estimate"), ("swatch fan-median", "median of the draws"), ("swatch fan-half", "50 % band"),
+    ("swatch fan-most", "95 % band"),
+)  # fmt: skip
+BEYOND: Final = ("swatch fan-beyond", "angles of attack that were not fitted")
+READ: Final = """\
+Every draw of the parameters is trimmed and linearized by itself, so that correlations and curvature are in the \
+intervals: they are the 2.5 and 97.5 percentiles of the draws, and need not lie symmetrically about the estimate. What \
+it hangs on: the parameters that take away most of the variance once they are known, with the share (to first order; \
+shares of correlated parameters overlap). The intervals hold the uncertainty of the numbers of this model, not what \
+the model lacks."""
+SOURCES: Final = {
+    "posterior": "the posterior of the parameters",
+    "covariance": "the corrected covariance of the estimates, cut off at their bounds",
+}
+
+
+def shown(figure: Figure) -> tuple[float, str]:
+    """Return by what a figure is multiplied to be shown, and in which unit: angles in degrees, modes in rad/s."""
+    return (1.0, figure.unit) if figure.group in (MODES, EXPRESSIONS) else factor_and_unit(figure.unit)
+
+
+def rests_on_prior(figure: Figure) -> bool:
+    """Whether most of the uncertainty is that of priors and bounds."""
+    return figure.prior_share >= ON_PRIOR
+
+
+def propagation_page(found: Propagation, command: str = "") -> Page:
+    """Return the page."""
+    domain, sections = found.domain, list[Section]()
+    low, high = domain.airspeed
+    where = f"{low:g} to {high:g} m/s at {domain.altitude:.0f} m ({domain.density:.3f} kg/m³)"
+    lead = (
+        f"{found.count} draws from {SOURCES[found.source]}, carried into what the model says. Curves: {where}; "
+        + (f"numbers: at {domain.reference:g} m/s." if domain.reference else "numbers: in hover.")
+    )
+    warnings, notes = of_severity(found.notices, "warning"), of_severity(found.notices, "info")
+    told: list[Part] = [Bullets(warnings, "warnings")] if warnings else []
+    prior = [f.name for f in found.figures if rests_on_prior(f)]
+    if prior:
+        told.append(
+            Prose(
+                f"More than half of the variance of {listed(prior, 20)} is that of parameters which rest on their priors or "
+                f"bounds, not on the flight ({listed(list(found.undetermined), 20)})."
+            )
+        )
+    if told:
+        sections.append(Section("What to mind", told))
+    sections.append(Section("Figures", (Prose(READ, muted=True), *_tables(found))))
+    if found.curves:
+        beyond = any(extrapolated(found, c) for c in found.curves)
+        fans = Panels([_panel(found, c) for c in found.curves])
+        sections.append(Section("Over the airspeed", (Legend((*LEGEND, *[BEYOND] * beyond)), fans)))
+    if notes:
+        sections.append(Section("What they rest on", (Bullets(notes),)))
+    if found.expressions:
+        rows = tuple(found.expressions.items())
+        sections.append(Section("Expressions", (Table("Given", ("name", "expression"), rows),)))
+    if command:
+        sections.append(Section("Made by", (Code(command),)))
+    return Page(Sheet(f"What the uncertainty means: {found.vehicle}", lead, tuple(sections)))
+
+
+def _tables(found: Propagation) -> list[Table]:
+    groups = groupby(found.figures, lambda one: one.group)
+    return [Table(group, HEAD, tuple(_row(one) for one in some)) for group, some in groups]
+
+
+def _row(one: Figure) -> tuple[str, ...]:
+    factor, unit = shown(one)
+    values = (one.estimate, one.std_error, one.ci95_lower, one.ci95_upper)
+    estimate, error, low, high = (factor * v for v in values)
+    value, std = rounded_to_error(estimate, error)
+    digits = _decimals(error)
+    ends = tuple(NOTHING if not math.isfinite(v) else _fixed(v, digits) for v in (low, high))
+    sources = [f"{name} {share(part)}" for name, part in one.sources]
+    if one.std_error == 0.0:
+        sources.append("not estimated")
+    if rests_on_prior(one):
+        sources.append("mostly priors")
+    return (one.name, value, std, *ends, readable_unit(unit) or NOTHING, ", ".join(sources) or NOTHING)
+
+
+def _decimals(error: float) -> int | None:
+    """Return the decimals that show two digits of an error; None where there is none."""
+    if not (math.isfinite(error) and error > 0.0):
+        return None
+    return max(0, 1 - math.floor(math.log10(error)))
+
+
+def _fixed(value: float, decimals: int | None) -> str:
+    text = number(value) if decimals is None or decimals > 8 else f"{value:z.{decimals}f}"
+    return text.replace("-", "−")
+
+
+def _panel(found: Propagation, one: Curve) -> Panel:
+    factor, unit = factor_and_unit(one.unit)
+    drawing = fan_panel(
+        one.airspeed,
+        factor * one.estimate,
+        factor * one.bands,
+        "airspeed, m/s",
+        one.name,
+        extrapolated(found, one),
+    )
+    lost = float(np.max(one.failed, initial=0.0))
+    note = f"no value for up to {share(lost)} of the draws" if lost > 0.0 else ""
+    return Panel(one.name, drawing, readable_unit(unit), note=note)
+
+
+def extrapolated(found: Propagation, one: Curve) -> list[tuple[float, float]]:
+    """Return the stretches of a curve's airspeeds where the trim lies outside the angles of attack flown."""
+    alpha = next((c for c in found.curves if c.name == "alpha"), None)
+    flown = found.domain.alpha
+    if alpha is None or flown is None or len(alpha.airspeed) != len(one.airspeed):
+        return []
+    outside = (alpha.estimate < flown[0] - OUTSIDE) | (alpha.estimate > flown[1] + OUTSIDE)
+    x: FloatArray = one.airspeed
+    return [(float(x[a]), float(x[b - 1])) for a, b in runs(outside).tolist()]

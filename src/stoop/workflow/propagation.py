@@ -1,0 +1,133 @@
+"""Propagation of a result's uncertainty in one call: read the folder, find where it was flown, draw, and carry."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import fields
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from stoop.base.arrays import FloatArray
+from stoop.base.atmosphere import standard_density
+from stoop.errors import StoopError
+from stoop.problem import Piece
+from stoop.problem.prepare import decoupled, prepare
+from stoop.problem.windows import Window
+from stoop.propagation.draws import Source, draws_of
+from stoop.propagation.propagation import Propagation, propagate_draws
+from stoop.propagation.wing_figures import Domain
+from stoop.report.propagation import propagation_page
+from stoop.report.sheet import Page
+from stoop.workflow.outputs import Identified, read_identified
+
+DRAWS: Final = 2000
+RANGE: Final = (1.0, 99.0)  #: percentiles of the samples between which a model was flown
+ALTITUDE: Final = 200.0  #: m, where the flight has none
+MIN_SPEEDS: Final = 0.1  #: of the airspeed flown; a narrower range is widened to this share about it
+HOVER_SPEEDS: Final = 2.0  #: m/s, least range over ground of a vehicle with rotors
+
+
+class Propagated(Propagation):
+    """Quantities with their uncertainty, and the page of them."""
+
+    def page(self, command: str = "") -> Page:
+        """Return the page, which a notebook shows; ``save(path)`` writes it."""
+        return propagation_page(self, command)
+
+
+def propagate(
+    folder: Path,
+    expressions: Mapping[str, str] | None = None,
+    airspeed: tuple[float, float] | None = None,
+    altitude: float | None = None,
+    draws: int = DRAWS,
+    seed: int = 0,
+    source: Source | None = None,
+) -> Propagated:
+    """Return the quantities that follow from an identification, with their uncertainty.
+
+    Parameters
+    ----------
+    folder : Path
+        Of stoop identify.
+    expressions : mapping, optional
+        Expressions of the vehicle's numbers by the names that they get.
+    airspeed : (low, high), m/s, optional
+        Of the curves; what was flown in the fitted maneuvers when absent.
+    altitude : float, m, optional
+        The flight's when absent.
+    draws : int
+    seed : int
+    source : {"posterior", "covariance"}, optional
+        The posterior where it was sampled when absent.
+
+    Raises
+    ------
+    StoopError
+        The posterior did not converge, there is no covariance, an expression has an unknown name, or nothing trims.
+    """
+    found = read_identified(folder)
+    drawn = draws_of(found.result, found.folder, draws, seed, source)
+    domain = flown_domain(found, airspeed, altitude)
+    made = propagate_draws(found.vehicle, drawn, domain, expressions, folder, seed)
+    return Propagated(**{item.name: getattr(made, item.name) for item in fields(made)})
+
+
+def flown_domain(
+    found: Identified, airspeed: tuple[float, float] | None = None, altitude: float | None = None
+) -> Domain:
+    """Return the airspeeds, angles of attack and altitude of the fitted maneuvers, or those asked for in their place."""
+    vehicle = found.vehicle
+    try:
+        pieces = _pieces(found)
+    except StoopError:  # the copy of the flight has gone: modes and vehicle remain
+        pieces = ()
+    speed, alpha = (_samples(found, pieces, channel) for channel in ("V", "alpha"))
+    if vehicle.rotors:
+        over_ground = [_samples(found, pieces, channel) for channel in ("vn", "ve", "vd")]
+        speed = np.sqrt(sum((v**2 for v in over_ground if v.size == over_ground[0].size), np.zeros(1)))
+    height = [piece.start["h"] for piece in pieces if "h" in piece.start]
+    at = altitude if altitude is not None else float(np.mean(height)) if height else ALTITUDE
+    density = float(standard_density(np.array(at)))
+    if "density" in vehicle.inputs and pieces and altitude is None:
+        column = vehicle.inputs.index("density")
+        density = float(np.mean(np.concatenate([piece.inputs[:, column] for piece in pieces])))
+    flown = _range(speed)
+    if vehicle.rotors:
+        high = max(HOVER_SPEEDS, flown[1] if flown else 0.0)
+        return Domain(airspeed or (0.0, round(high, 1)), 0.0, at, density)
+    if flown is None:
+        known = [m.airspeed for m in found.result.modes if np.isfinite(m.airspeed)]
+        middle = known[0] if known else vehicle.value("reference.airspeed")
+    else:
+        middle = float(np.mean(speed))
+    half = 0.5 * MIN_SPEEDS * middle
+    low, high = flown or (middle, middle)
+    span = airspeed or (round(min(low, middle - half), 1), round(max(high, middle + half), 1))
+    reference = min(max(middle, span[0]), span[1])
+    return Domain(span, round(reference, 2), at, density, _range(alpha))
+
+
+def _pieces(found: Identified) -> tuple[Piece, ...]:
+    fitted = [m for m in found.result.maneuvers if m.role == "fit"]
+    windows = [Window(m.flight, m.start, m.stop, m.loading or None) for m in fitted]
+    flights = found.flights()
+    return prepare(decoupled(found.vehicle, flights, windows), flights, windows).pieces
+
+
+def _samples(found: Identified, pieces: tuple[Piece, ...], channel: str) -> FloatArray:
+    """Return the finite samples of a channel that was fitted."""
+    outputs = found.vehicle.outputs
+    if channel not in outputs or not pieces:
+        return np.empty(0)
+    values = np.concatenate([piece.measured[:, outputs.index(channel)] for piece in pieces])
+    return np.asarray(values[np.isfinite(values)])
+
+
+def _range(values: FloatArray) -> tuple[float, float] | None:
+    if not values.size:
+        return None
+    low, high = np.percentile(values, RANGE).tolist()
+    return low, high

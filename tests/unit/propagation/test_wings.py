@@ -1,0 +1,191 @@
+"""Trims, linear models and limits of many draws against closed forms, and against one draw at a time."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from stoop.errors import SimulationError
+from stoop.propagation.aerodynamics import lift_maximum, static_margin
+from stoop.propagation.draws import Draws
+from stoop.propagation.propagation import propagate_draws
+from stoop.propagation.wing_figures import Domain, peak_of
+from stoop.propagation.wings import Wings
+from stoop.simulation import linearize, trim
+from stoop.simulation.initial import parameter_rows
+from stoop.vehicle import Vehicle, load_vehicle
+from stoop.vehicle.builtin import builtin_text, resolve_vehicle
+from stoop.vehicle.load import parse_vehicle
+
+GRAVITY = 9.80665
+DENSITY = 1.20165
+DOMAIN = Domain((30.0, 40.0), 35.0, 200.0, DENSITY, (-0.1, 0.2))
+
+
+def spread(vehicle: Vehicle, names: tuple[str, ...], count: int, size: float = 0.05) -> Draws:
+    center = np.array([vehicle.value(n) for n in names])
+    noise = np.random.default_rng(0).standard_normal((count, len(names)))
+    return Draws(names, center + size * np.maximum(np.abs(center), 0.01) * noise, "covariance")
+
+
+def polar_aircraft() -> Vehicle:
+    """Return an aircraft whose lift and drag depend on the angle of attack alone: CD = CD0 + CDalpha2 alpha^2."""
+    zero: dict[str, Any] = {n: {"value": 0.0} for n in ("CL0", "CLelevator", "CDalpha", "Cm0")}
+    return (
+        resolve_vehicle("twin-boom")
+        .reduced("longitudinal")
+        .with_numbers({**zero, "CDalpha2": {"value": 1.3}})
+    )
+
+
+@pytest.mark.parametrize("name", ["twin-boom", "vtail"])
+def test_draws_are_those_of_one_at_a_time(name: str, request: pytest.FixtureRequest) -> None:
+    """The naive twin: SciPy's root finding, and exact differentiation, of each draw by itself."""
+    root = request.config.rootpath
+    vehicle = resolve_vehicle(name) if name == "twin-boom" else load_vehicle(root / "examples" / "vtail.toml")
+    speed, names = vehicle.value("reference.airspeed"), ("CLalpha", "Cmalpha", "Cnbeta", "Clp", "CD0")
+    names += ("controls.aileron.lag",) if name == "vtail" else ()
+    draws = spread(vehicle, names, 3)
+    rows = parameter_rows(vehicle, dict(zip(names, draws.values.T, strict=True)), 3)
+    wings = Wings.of(vehicle, rows, 200.0, DENSITY)
+    at = wings.steady(np.full(3, speed))
+    linear = wings.linear(at)
+    assert at.flies.all()
+    for i, values in enumerate(draws.values):
+        numbers = {n: {"value": float(v)} for n, v in zip(names, values, strict=True)}
+        point = trim(vehicle.with_numbers(numbers), speed, 200.0, 0.0, DENSITY)
+        theirs = linearize(vehicle.with_numbers(numbers), point)
+        for angle in ("alpha", "theta", "phi"):
+            assert at.start[angle][i] == pytest.approx(point.start[angle], abs=1e-8)
+        for control, value in point.deflections.items():
+            assert at.deflections[control][i] == pytest.approx(value, abs=1e-8)
+        for thrust, value in point.thrust.items():
+            assert at.thrust[thrust][i] == pytest.approx(value, rel=1e-7)
+        assert linear.names == theirs.states
+        assert np.allclose(linear.A[i], theirs.A, atol=1e-6 * np.abs(theirs.A).max())
+        for control, effect in linear.effects.items():
+            if f"{control}.lag" not in linear.names:
+                column = theirs.B[:, theirs.inputs.index(control)]
+                assert np.allclose(effect[i], column, atol=1e-6 * np.abs(column).max())
+
+
+def test_static_margin_is_the_ratio_of_two_slopes() -> None:
+    vehicle = resolve_vehicle("twin-boom")
+    flow = {"V": np.array([35.0]), "alpha": np.array([0.1])}
+    still = {c: np.zeros(1) for c in vehicle.controls}
+    assert static_margin(vehicle, parameter_rows(vehicle), flow, still) == pytest.approx(
+        2.12 / 4.78, rel=1e-9
+    )
+
+
+def test_static_margin_moves_with_the_moment_point() -> None:
+    """A moment point ahead of the center of gravity by 0.1 chord, at small angles without drag: 0.1 less."""
+    text = builtin_text("twin-boom").replace(
+        "alpha = 0.0\n", "alpha = 0.0\nmoment_point = [0.055, 0.0, 0.0]\n"
+    )
+    numbers = {n: {"value": 0.0} for n in ("CD0", "CDalpha", "CL0")}
+    vehicle = parse_vehicle(text, "moved").with_numbers(numbers)
+    flow = {"V": np.array([35.0]), "alpha": np.zeros(1)}
+    still = {c: np.zeros(1) for c in vehicle.controls}
+    found = static_margin(vehicle, parameter_rows(vehicle), flow, still)
+    assert found == pytest.approx(2.12 / 4.78 - 0.1, rel=1e-6)
+
+
+def test_best_glide_of_a_parabolic_polar() -> None:
+    vehicle = polar_aircraft()
+    draws = spread(vehicle, ("CD0", "CLalpha"), 100, 0.02)
+    domain = Domain((20.0, 60.0), 35.0, 200.0, DENSITY, (-0.1, 0.6))
+    found = propagate_draws(vehicle, draws, domain)
+    # (CL/CD)max = CLalpha / (2 sqrt(CD0 CDalpha2)) at alpha = sqrt(CD0 / CDalpha2)
+    best = 4.78 / (2.0 * math.sqrt(0.06 * 1.3))
+    alpha = math.sqrt(0.06 / 1.3)
+    lift = 4.78 * alpha
+    glide = math.atan(1.0 / best)
+    speed = math.sqrt(2.0 * 189.40 * GRAVITY * math.cos(glide) / (DENSITY * 2.8667 * lift))
+    assert found["best glide ratio"].estimate == pytest.approx(best, rel=1e-3)
+    assert found["airspeed of the best glide"].estimate == pytest.approx(speed, rel=5e-3)
+    # relative: d ln = d ln CLalpha - 1/2 d ln CD0
+    relative = math.hypot(0.02, 0.01)
+    assert found["best glide ratio"].std_error / best == pytest.approx(relative, rel=0.25)
+    least = found["least sink rate"].estimate
+    alpha_slow = math.sqrt(
+        3.0 * 0.06 / 1.3
+    )  # CL^3/CD^2 is greatest where the induced drag is three times the other
+    lift, drag = 4.78 * alpha_slow, 4.0 * 0.06
+    flat = math.atan(drag / lift)
+    slow = math.sqrt(2.0 * 189.40 * GRAVITY * math.cos(flat) / (DENSITY * 2.8667 * lift))
+    assert least == pytest.approx(slow * math.sin(flat), rel=1e-2)
+
+
+def test_lowest_airspeed_within_the_angles_of_attack_flown() -> None:
+    """Thrust along the body's axis: V^2 = 2 W / (rho S (CL + CD tan alpha)) in level flight."""
+    vehicle, alpha = polar_aircraft(), 0.15
+    found = propagate_draws(
+        vehicle, spread(vehicle, ("CLalpha",), 50), Domain((30.0, 40.0), 35.0, 200.0, DENSITY, (0.0, alpha))
+    )
+    lift, drag = 4.78 * alpha, 0.06 + 1.3 * alpha**2
+    slowest = math.sqrt(2.0 * 189.40 * GRAVITY / (DENSITY * 2.8667 * (lift + drag * math.tan(alpha))))
+    assert found["lowest airspeed, alpha as flown"].estimate == pytest.approx(slowest, rel=1e-3)
+    assert "propagate-no-stall" in [n.code for n in found.notices]
+
+
+def test_a_lift_with_a_maximum_gives_a_stall_speed() -> None:
+    text = builtin_text("twin-boom").replace(
+        "CLalpha = 4.78",
+        'CLalpha = 4.78\nCLalpha2 = { term = "alpha^2", value = -8.0, bounds = [-50.0, 0.0] }',
+    )
+    vehicle = parse_vehicle(text, "stalling").reduced("longitudinal")
+    flow = {"V": np.array([35.0])} | {"alpha": np.zeros(1)}
+    peak = lift_maximum(vehicle, parameter_rows(vehicle), flow, {"elevator": np.zeros(1)}, 0.0, 0.4)
+    assert peak == pytest.approx(4.78 / 16.0, abs=1e-6)
+    domain = Domain((33.0, 40.0), 35.0, 200.0, DENSITY, (0.0, 0.4))
+    found = propagate_draws(vehicle, spread(vehicle, ("CLalpha",), 50, 0.02), domain)
+    assert found["angle of attack of greatest lift"].estimate == pytest.approx(4.78 / 16.0, abs=1e-4)
+    assert found["stall speed"].estimate < 33.0
+    assert "propagate-stall" in [n.code for n in found.notices]
+
+
+def test_extrapolation_beyond_the_angles_flown_is_told() -> None:
+    vehicle = polar_aircraft()
+    domain = Domain((25.0, 40.0), 35.0, 200.0, DENSITY, (0.0, 0.12))
+    found = propagate_draws(vehicle, spread(vehicle, ("CLalpha",), 50), domain)
+    told = next(n for n in found.notices if n.code == "propagate-extrapolated")
+    alpha = next(c for c in found.curves if c.name == "alpha")
+    assert told.values["low"] == 25.0
+    assert alpha.estimate[alpha.airspeed <= told.values["high"]].min() > 0.12
+
+
+def test_nothing_that_trims_is_an_error_with_the_way_out() -> None:
+    vehicle = polar_aircraft()
+    with pytest.raises(SimulationError, match=r"nothing trims at 3 m/s .* give --airspeed A:B"):
+        propagate_draws(vehicle, spread(vehicle, ("CLalpha",), 50), Domain((3.0, 4.0), 3.0, 200.0, DENSITY))
+
+
+def test_draws_that_do_not_trim_are_counted() -> None:
+    vehicle = polar_aircraft()
+    values = np.concatenate([np.full((40, 1), 4.78), np.full((10, 1), 0.01)])
+    found = propagate_draws(vehicle, Draws(("CLalpha",), values, "covariance"), DOMAIN)
+    assert found["alpha"].failed == pytest.approx(0.2)
+    assert {"propagate-no-trim", "propagate-figure-failed"} <= {n.code for n in found.notices}
+
+
+def test_the_peak_of_a_parabola_and_an_end() -> None:
+    x = np.linspace(0.0, 4.0, 9)
+    values = np.stack([3.0 - (x - 1.3) ** 2, x], axis=1)
+    top, place, edge = peak_of(x, values)
+    assert (top[0], place[0]) == pytest.approx((3.0, 1.3))
+    assert edge.tolist() == [False, True]
+
+
+def test_labelled_objects() -> None:
+    vehicle = polar_aircraft()
+    found = propagate_draws(vehicle, spread(vehicle, ("CLalpha", "Cmalpha"), 50), DOMAIN)
+    assert found.to_dataframe().loc["static margin", "unit"] == "chord"
+    data = found.to_xarray()
+    assert data["alpha bands"].dims == ("percentile", "airspeed")
+    assert data["alpha"].attrs["units"] == "rad"
+    assert "static margin" in found._repr_html_()
+    assert found.document()["draws"] == 50
