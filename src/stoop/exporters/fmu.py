@@ -21,7 +21,7 @@ import sys
 import tempfile
 import zipfile
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, Final
@@ -32,7 +32,7 @@ import numpy as np
 import sympy as sp
 
 from stoop.errors import StoopError, one_line
-from stoop.exporters.matlab import identifier, unit
+from stoop.exporters.matlab import ParameterCovariance, identifier, unit
 from stoop.kernels.emit import scalar_text
 from stoop.simulation import Trim, initial_states, parameter_rows
 from stoop.vehicle import Vehicle
@@ -56,6 +56,7 @@ class Quantity:
     unit: str
     start: float
     causality: str  #: independent, parameter, input, output or local
+    description: str = ""
 
 
 @dataclass(frozen=True)
@@ -82,8 +83,8 @@ class Unit:
         return hashlib.sha256((self.source + known).encode()).hexdigest()[:32]
 
 
-def make_unit(vehicle: Vehicle, point: Trim) -> Unit:
-    """Return the unit of a vehicle that starts from a steady flight.
+def make_unit(vehicle: Vehicle, point: Trim, known: ParameterCovariance | None = None) -> Unit:
+    """Return the unit of a vehicle that starts from a steady flight; parameters are described by what is `known` of them.
 
     Inputs are the recorded channels as surfaces and rotors receive them, and their rates over a step, per s (zero for inputs
     that are held); outputs are the readings of the instruments, and the position of a vehicle with the full equations.
@@ -97,9 +98,10 @@ def make_unit(vehicle: Vehicle, point: Trim) -> Unit:
     derivatives += position.values()
     channels = [n for n in vehicle.inputs if n != "none" and n not in map(slope_input, vehicle.sloped)]
     starts = dict(zip(vehicle.inputs, point.inputs.tolist(), strict=True))
+    described = {} if known is None else known.described()
     used = set().union(*(sp.sympify(e).free_symbols for e in (*derivatives, *model.outputs)))
     numbers = [
-        (symbol, Quantity(p.name, p.unit, value, "parameter"))
+        (symbol, Quantity(p.name, p.unit, value, "parameter", described.get(p.name, "")))
         for symbol, p, value in zip(model.parameters, vehicle.parameters, rows[:, 0].tolist(), strict=True)
         if symbol in used  # neither noise nor actuators nor what a reduced model leaves out
     ]
@@ -148,9 +150,7 @@ def _distinct(quantities: list[Quantity]) -> tuple[Quantity, ...]:
     """Return quantities with names of their own: a parameter named as a signal says that it is one."""
     signals = {q.name for q in quantities if q.causality != "parameter"}
     return tuple(
-        Quantity(f"parameter.{q.name}", q.unit, q.start, q.causality)
-        if q.causality == "parameter" and q.name in signals
-        else q
+        replace(q, name=f"parameter.{q.name}") if q.causality == "parameter" and q.name in signals else q
         for q in quantities
     )
 
@@ -282,6 +282,8 @@ def _variable(quantity: Quantity, reference: int, three: bool) -> Element:
     out = Element("Float64" if three else "ScalarVariable", {"name": quantity.name})
     out.attrib |= {"valueReference": str(reference), "causality": quantity.causality}
     out.set("variability", "fixed" if quantity.causality == "parameter" else "continuous")
+    if quantity.description:
+        out.set("description", quantity.description)
     kind = out if three else SubElement(out, "Real")
     kind.set("unit", quantity.unit)
     if quantity.causality == "parameter":

@@ -16,7 +16,7 @@ from stoop.base.files import check_targets, make_folder, write_files
 from stoop.base.notices import notice
 from stoop.base.variables import VARIABLES
 from stoop.errors import SimulationError, StoopError
-from stoop.exporters import fmu, fmu_flight, jsbsim_aircraft, matlab
+from stoop.exporters import fmu, fmu_flight, jsbsim_aircraft, matlab, rotorpy_flight, rotorpy_model
 from stoop.exporters.jsbsim_flight import (
     Comparison,
     Record,
@@ -223,10 +223,10 @@ def _simulink(subject: Subject, condition: Condition) -> Exported:
 def _fmu(subject: Subject, condition: Condition) -> Exported:
     """Return units of both versions of the interface, flown by FMPy where it is installed."""
     vehicle, point = subject.vehicle, steady(subject, condition)
-    made, compiler = fmu.make_unit(vehicle, point), fmu.find_compiler()
+    made, compiler = fmu.make_unit(vehicle, point, subject.known), fmu.find_compiler()
     name = file_name(vehicle.name)
     files = {f"{name}-fmi{v[0]}.fmu": fmu.unit_bytes(made, v, compiler) for v in fmu.VERSIONS}
-    notes, actuators = list(subject.notes), held_numbers(vehicle, ("dead_zone", "rate_limit", "delay"))
+    notes, actuators = _notes(subject), held_numbers(vehicle, ("dead_zone", "rate_limit", "delay"))
     if actuators:
         notes.append(str(notice("functions-without-actuators", numbers=actuators)))
         notes += cost_without_actuators(subject)
@@ -241,6 +241,46 @@ def _fmu(subject: Subject, condition: Condition) -> Exported:
                 found = flight.differences(fmu_flight.fly_unit(Path(root) / place, flight))
                 notes.append(f"FMI {version} in FMPy, {_agreement(flight, found)}.")
     return Exported(files, f"{name}-fmi3.fmu", tuple(notes))
+
+
+def _rotorpy(subject: Subject, condition: Condition) -> Exported:
+    """Return RotorPy's parameters and the script with both vehicles, flown by RotorPy where it is installed."""
+    vehicle, point = subject.vehicle, steady(subject, condition)
+    made, notes = rotorpy_model.rotorpy_model(vehicle, point), _notes(subject)
+    files, script = _encoded(made.texts), f"{made.name}_rotorpy.py"
+    actuators = held_numbers(vehicle, ("dead_zone", "rate_limit", "delay"))
+    if actuators:
+        notes.append(f"RotorPy has no {', '.join(actuators)}: give it channels as rotors receive them.")
+        notes += cost_without_actuators(subject)
+    flight = _reference(vehicle, point, notes)
+    if flight is None:
+        return Exported(files, script, tuple(notes))
+    for name, (share, channel_name) in rotorpy_flight.costs(flight, rotorpy_model.limits(vehicle)).items():
+        notes.append(
+            f"RotorPy's own model has no {name}: {100.0 * share:.2g} % of {channel_name} (rms over the compared flight)."
+        )
+    if not rotorpy_flight.installed():
+        notes.append(f"Not flown: the package rotorpy is not installed; {rotorpy_flight.INSTALL}.")
+        return Exported(files, script, tuple(notes))
+    with tempfile.TemporaryDirectory(prefix="stoop-export-") as root:
+        write_files(Path(root), files)
+        module = rotorpy_flight.load_script(Path(root) / script)
+        ours = rotorpy_flight.motion(rotorpy_flight.held_flight(flight))
+        for title, stock in (("the identified equations", False), ("RotorPy's own model", True)):
+            found = rotorpy_flight.differences(ours, rotorpy_flight.fly_rotorpy(module, flight, stock))
+            notes.append(f"RotorPy with {title}, {_agreement(flight, found)}.")
+    return Exported(files, script, tuple(notes))
+
+
+def _notes(subject: Subject) -> list[str]:
+    """Return the notes of a subject, and which of its numbers the flight does not determine."""
+    lost = () if subject.known is None else subject.known.not_identified
+    more = (
+        [f"Not identified by the flight: {', '.join(lost)}; these numbers are the vehicle file's."]
+        if lost
+        else []
+    )
+    return [*subject.notes, *more]
 
 
 def _reference(vehicle: Vehicle, point: Trim, notes: list[str]) -> ReferenceFlight | None:
@@ -296,4 +336,5 @@ TARGETS: Final[Mapping[str, Callable[[Subject, Condition], Exported]]] = {
     "state-space": _state_space,
     "simulink": _simulink,
     "fmu": _fmu,
+    "rotorpy": _rotorpy,
 }

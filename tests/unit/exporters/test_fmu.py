@@ -12,6 +12,7 @@ import pytest
 
 from stoop.errors import StoopError
 from stoop.exporters import fmu, fmu_flight
+from stoop.exporters.matlab import ParameterCovariance
 from stoop.exporters.reference_flight import reference_flight
 from stoop.simulation import Trim, initial_states, parameter_rows, trim
 from stoop.vehicle import Vehicle
@@ -117,3 +118,13 @@ def test_no_text_of_the_vehicle_reaches_the_source(steady: Trim, twin_boom: Vehi
 def test_a_compiler_that_fails_is_named(made: fmu.Unit) -> None:
     with pytest.raises(StoopError, match="/bin/false: cannot compile"):
         fmu.unit_bytes(made, "3.0", "/bin/false")
+
+
+def test_parameters_say_what_is_known_of_them(twin_boom: Vehicle, steady: Trim) -> None:
+    known = ParameterCovariance(("CLalpha", "Cmq"), np.diag([0.01, np.inf]))
+    made = fmu.make_unit(twin_boom, steady, known)
+    said = {q.name: q.description for q in made.quantities}
+    assert said["CLalpha"] == "standard error 0.1"
+    assert said["Cmq"] == "not identified by the flight"
+    assert said["Clp"] == ""
+    assert b'description="not identified by the flight"' in fmu.description(made, "2.0")
