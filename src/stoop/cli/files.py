@@ -15,7 +15,7 @@ from stoop.errors import FlightError, ManeuverError, VehicleError
 if TYPE_CHECKING:
     from stoop.vehicle import Vehicle
 
-TARGETS: Final = ("jsbsim", "state-space", "simulink")
+TARGETS: Final = ("jsbsim", "state-space", "simulink", "fmu", "rotorpy")
 
 
 def vehicle_arguments(parser: argparse.ArgumentParser) -> None:

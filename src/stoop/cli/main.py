@@ -81,6 +81,14 @@ VERBS: Final[dict[str, tuple[str, str]]] = {
         "carry a result's uncertainty into trims, limits, modes, control",
     ),
     "export": ("stoop.cli.files:export", "export a vehicle to JSBSim, MATLAB or Simulink, or as A, B, C, D"),
+    "derivatives": (
+        "stoop.cli.steady:derivatives",
+        "compute stability and control derivatives, with standard errors",
+    ),
+    "export": (
+        "stoop.cli.files:export",
+        "export a vehicle to JSBSim, Simulink, FMI, rotorpy, or as A, B, C, D",
+    ),
     "design": ("stoop.cli.planning:design", "design the next maneuver, for small standard errors"),
     "example": ("stoop.cli.example", "list the examples, or copy the notebook and the files of one"),
     "completion": ("stoop.cli.completion", "print a script that completes commands in bash, zsh or fish"),

@@ -1,4 +1,4 @@
-"""`stoop trim` and `stoop linearize`: a steady straight flight or a hover, and the linear model and modes about it."""
+"""`stoop trim`, `linearize` and `derivatives`: a steady straight flight or a hover, and the linear model about it."""
 
 from __future__ import annotations
 
@@ -224,6 +224,68 @@ def linear_document(vehicle: Vehicle, point: Trim, model: LinearModel, climb_ang
         "output_delays": model.output_delays.tolist(),
         "modes": modes,
     }
+
+
+def derivatives_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `stoop derivatives`."""
+    subject = (
+        f"folder (or result.json) of stoop identify, or a vehicle file (TOML), or {options.BUILT_IN_HELP}"
+    )
+    parser.add_argument("subject", metavar="MODEL", help=subject)
+    parser.add_argument(
+        "--axes", choices=("body", "stability"), default="stability", help="axes (default: stability)"
+    )
+    both = "with dimensions: of forces and moments, and these over mass and moments of inertia"
+    parser.add_argument("--dimensional", action="store_true", help=both)
+    options.add_output(
+        parser, "write a table (.csv), or all with the covariance (.json)", metavar="FILE", required=False
+    )
+    options.add_condition(parser, f"of the steady flight, m/s (default: {options.HOVERING})", high=None)
+    options.add_climb_angle(parser)
+
+
+def derivatives(arguments: argparse.Namespace) -> int:
+    """Compute derivatives and print, or write."""
+    from stoop.workflow.derivatives import check_ending, report_derivatives, save_derivatives
+    from stoop.workflow.export import Condition, read_subject
+
+    target: Path | None = arguments.output
+    if target is not None:
+        check_ending(target)
+        check_target(target, arguments.overwrite)
+    subject = read_subject(arguments.subject)
+    condition = Condition(arguments.airspeed, arguments.altitude, arguments.climb_angle)
+    with busy(options.COMPILING):
+        found = report_derivatives(subject, condition, arguments.axes, arguments.dimensional)
+    out, flight = page(), found.flight
+    if target is not None:
+        save_derivatives(found, target)
+        out.line(f"wrote {target}: derivatives along {arguments.axes} axes (SI units, rad)")
+        out.bullets(subject.notes)
+        return 0
+    out.line(subject.vehicle.name)
+    out.line(
+        f"derivatives along {arguments.axes} axes at {flight['airspeed']:g} m/s, {flight['altitude']:g} m, "
+        f"alpha {math.degrees(flight['alpha']):.2f} deg"
+    )
+    for table in found.tables:
+        # What is zero by symmetry, but for rounding, fills no line.
+        scale = abs(table.values).reshape(6, -1).max(axis=1, initial=0.0).repeat(len(table.names) // 6)
+        kept = [i for i, x in enumerate(table.values) if abs(x) > ROUNDING * scale[i]]
+        columns = [
+            words("", [table.names[i] for i in kept]),
+            numbers("value", [float(table.values[i]) for i in kept]),
+        ]
+        if table.known.names:
+            errors = table.std_errors
+            columns.append(
+                numbers("std error", [float(errors[i]) if table.identified[i] else math.nan for i in kept])
+            )
+            columns.append(words("", ["" if table.identified[i] else "not identified" for i in kept]))
+        out.heading(table.form)
+        out.table(*columns[:2], words("", [shown_unit(table.units[i]) for i in kept]), *columns[2:])
+    out.bullets(subject.notes)
+    return 0
 
 
 def _print_model(vehicle: Vehicle, model: LinearModel) -> None:

@@ -56,6 +56,12 @@ class _Printer(PythonCodePrinter):  # type: ignore[misc]
 _PRINTER = _Printer({"fully_qualified_modules": False})
 
 
+def scalar_text(expr: Any) -> str:
+    """Return an expression as Python, which is C as well: arithmetic, ``sqrt``, ``fabs`` and ``atan2`` of doubles."""
+    text: str = _PRINTER.doprint(expr)
+    return text
+
+
 @dataclass(frozen=True)
 class Hoisted:
     """Expressions whose parameter-only parts have been named."""

@@ -19,6 +19,7 @@ from stoop.base.notices import Notice, notice
 from stoop.base.variables import EULER
 from stoop.simulation.delays import input_delays, output_delays
 from stoop.simulation.initial import initial_states, mixed_inputs, parameter_rows
+from stoop.simulation.linear_systems import control_system, with_delays
 from stoop.simulation.trim import Trim, neutral_inputs
 from stoop.vehicle import Vehicle
 from stoop.vehicle.arrays import array_equations, euler_angles, flow_angles
@@ -56,6 +57,35 @@ class LinearModel:
     input_delays: FloatArray  #: (n_u,), s, with which the inputs come before B and D
     output_delays: FloatArray  #: (n_y,), s, with which the readings are delivered
 
+    def to_control(self, pade: int | None = None) -> Any:
+        """Return a ``control.StateSpace`` of python-control, with names; dots in them become underscores.
+
+        Parameters
+        ----------
+        pade : int, optional
+            Order of the Padé approximations of delays; 0 leaves them out. Needed for a model that has delays.
+
+        Raises
+        ------
+        StoopError
+            python-control is not installed.
+        SimulationError
+            The model has delays and no order is given.
+        """
+        return control_system(self, pade)
+
+    def to_scipy(self, pade: int | None = None) -> Any:
+        """Return a ``scipy.signal.StateSpace``, continuous in time; `pade` as of :meth:`to_control`.
+
+        Raises
+        ------
+        SimulationError
+            The model has delays and no order is given.
+        """
+        from scipy.signal import StateSpace
+
+        return StateSpace(*with_delays(self, pade)[0])
+
 
 def linearize(vehicle: Vehicle, point: Trim) -> LinearModel:
     """Return A, B, C, D and the modes of a vehicle at a trim point.
@@ -77,7 +107,7 @@ def linearize(vehicle: Vehicle, point: Trim) -> LinearModel:
     """
     names, (G, Fx, Fu, Hx, Hu) = _jacobians(vehicle, point)
     right = np.linalg.pinv(G)
-    inputs, mixing = _input_mixing(vehicle)
+    inputs, mixing = input_mixing(vehicle)
     A = Fx @ right
     modes = modes_of(A, names)
     matrices = A, Fu @ mixing, Hx @ right, Hu @ mixing
@@ -94,7 +124,7 @@ def state_equations(vehicle: Vehicle, point: Trim) -> tuple[tuple[str, ...], tup
     """Return the names of states and inputs of the linear model, and A and B (n_x, n_x + n_u) side by side."""
     names, (G, rates, effects, *_) = _jacobians(vehicle, point)
     gains = {n: {"value": v} for n, v in point.changes.items() if n.startswith("controls.")}
-    inputs, mixing = _input_mixing(vehicle.with_numbers(gains) if gains else vehicle)
+    inputs, mixing = input_mixing(vehicle.with_numbers(gains) if gains else vehicle)
     return names, inputs, np.hstack([rates @ np.linalg.pinv(G), effects @ mixing])
 
 
@@ -217,7 +247,7 @@ def _jacobians(vehicle: Vehicle, point: Trim) -> tuple[tuple[str, ...], list[Flo
     return names, [G[:, :n], rates[:, :n], rates[:, n:], outputs[:, :n], outputs[:, n:]]
 
 
-def _input_mixing(vehicle: Vehicle) -> tuple[tuple[str, ...], FloatArray]:
+def input_mixing(vehicle: Vehicle) -> tuple[tuple[str, ...], FloatArray]:
     """Return the names of the linear model's inputs, and the channels (n_u, m) for one unit of each."""
     base, neutral = neutral_inputs(vehicle), dict.fromkeys(vehicle.controls, 0.0)
     now = mixed_inputs(vehicle, neutral, base)

@@ -92,7 +92,7 @@ def fly_on_rotors(vehicle: Vehicle, maneuver: Maneuver, point: Trim, rng: np.ran
         late_outputs(vehicle, readings, rows, dt)[0],
         trajectories.over_ground(vehicle, point, states),
     )
-    return Flown(point, maneuver.time, inputs, outputs, ground, commands.clipped)
+    return Flown(point, maneuver.time, inputs, outputs, ground, commands.clipped, states)
 
 
 @dataclass(frozen=True, eq=False)

@@ -110,6 +110,7 @@ class Flown:
     #: (n, 3), over ground, m/s; of aircraft only in the wind of a maneuver
     velocity: FloatArray | None = None
     clipped: BoolArray | None = None  #: (n, m), on rotors: where a channel reached an end of its range
+    states: FloatArray | None = None  #: (n, n_x), on rotors
 
 
 def over_ground(vehicle: Vehicle, point: Trim, states: FloatArray) -> FloatArray:

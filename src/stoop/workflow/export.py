@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import importlib.util
+import math
 import tempfile
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
@@ -15,18 +16,21 @@ from stoop.base.files import check_targets, make_folder, write_files
 from stoop.base.notices import notice
 from stoop.base.variables import VARIABLES
 from stoop.errors import SimulationError, StoopError
-from stoop.exporters import jsbsim_aircraft, matlab
+from stoop.exporters import fmu, fmu_flight, jsbsim_aircraft, matlab, rotorpy_flight, rotorpy_model
 from stoop.exporters.jsbsim_flight import (
     Comparison,
     Record,
     compare,
     excitation_record,
     file_name,
+    own_readings,
+    relative_differences,
     steady_record,
     without_turbulence,
 )
 from stoop.exporters.jsbsim_model import THRUST, channel
 from stoop.exporters.matlab import ParameterCovariance
+from stoop.exporters.reference_flight import ReferenceFlight, reference_flight
 from stoop.problem import Piece
 from stoop.problem.prepare import prepare
 from stoop.problem.windows import Window
@@ -36,7 +40,7 @@ from stoop.simulation import Trim, trim
 from stoop.simulation.linearize import held_numbers, left_out
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
-from stoop.vehicle.vehicle import slope_input
+from stoop.vehicle.vehicle import leaves, slope_input
 from stoop.workflow.outputs import RESULT, read_identified
 from stoop.workflow.summary import refusal
 
@@ -148,7 +152,8 @@ def write(exported: Exported, folder: Path, overwrite: bool = False) -> None:
     write_files(folder, exported.files)
 
 
-def _steady(subject: Subject, condition: Condition) -> Trim:
+def steady(subject: Subject, condition: Condition) -> Trim:
+    """Return the steady flight of a condition."""
     altitude = subject.altitude if condition.altitude is None else condition.altitude
     return trim(subject.vehicle, condition.airspeed, altitude, condition.climb_angle, subject.density)
 
@@ -164,7 +169,7 @@ def _jsbsim(subject: Subject, condition: Condition) -> Exported:
         named = [place if unit == "1" else f"{place} ({unit})" for place, unit in driving.items()]
         notes.append(f"To be set in flight: {', '.join(named)}.")
     try:
-        point = _steady(subject, condition)
+        point = steady(subject, condition)
     except SimulationError as error:
         point = None
         notes.append(f"No start and no script: {error}.")
@@ -193,7 +198,7 @@ def _jsbsim(subject: Subject, condition: Condition) -> Exported:
 
 def _state_space(subject: Subject, condition: Condition) -> Exported:
     """Return A, B, C, D as JSON and as ``.mat``."""
-    found = matlab.state_space(subject.vehicle, _steady(subject, condition), subject.known)
+    found = matlab.state_space(subject.vehicle, steady(subject, condition), subject.known)
     name = file_name(subject.vehicle.name)
     files = {
         f"{name}.json": matlab.json_text(found).encode("utf-8"),
@@ -204,7 +209,7 @@ def _state_space(subject: Subject, condition: Condition) -> Exported:
 
 def _simulink(subject: Subject, condition: Condition) -> Exported:
     """Return MATLAB functions, the script that builds a Simulink model, and the numbers."""
-    vehicle, point = subject.vehicle, _steady(subject, condition)
+    vehicle, point = subject.vehicle, steady(subject, condition)
     found = matlab.matlab(vehicle, point, matlab.state_space(vehicle, point, subject.known))
     files = _encoded(found.texts) | {f"{found.name}.mat": matlab.mat_bytes(found.variables)}
     actuators = held_numbers(vehicle, ("dead_zone", "rate_limit", "delay"))
@@ -215,6 +220,113 @@ def _simulink(subject: Subject, condition: Condition) -> Exported:
     return Exported(files, f"{found.name}_simulink.m", (*subject.notes, *map(str, notes)))
 
 
+def _fmu(subject: Subject, condition: Condition) -> Exported:
+    """Return units of both versions of the interface, flown by FMPy where it is installed."""
+    vehicle, point = subject.vehicle, steady(subject, condition)
+    made, compiler = fmu.make_unit(vehicle, point, subject.known), fmu.find_compiler()
+    name = file_name(vehicle.name)
+    files = {f"{name}-fmi{v[0]}.fmu": fmu.unit_bytes(made, v, compiler) for v in fmu.VERSIONS}
+    notes, actuators = _notes(subject), held_numbers(vehicle, ("dead_zone", "rate_limit", "delay"))
+    if actuators:
+        notes.append(str(notice("functions-without-actuators", numbers=actuators)))
+        notes += cost_without_actuators(subject)
+    if compiler is None:
+        notes.append("The units hold sources only, no C compiler was found: fmpy compile NAME.fmu")
+    elif not fmu_flight.installed():
+        notes.append(f"Not flown: the package fmpy is not installed; {fmu_flight.INSTALL}.")
+    elif (flight := _reference(vehicle, point, notes)) is not None:
+        with tempfile.TemporaryDirectory(prefix="stoop-export-") as root:
+            write_files(Path(root), files)
+            for version, place in zip(fmu.VERSIONS, files, strict=True):
+                found = flight.differences(fmu_flight.fly_unit(Path(root) / place, flight))
+                notes.append(f"FMI {version} in FMPy, {_agreement(flight, found)}.")
+    return Exported(files, f"{name}-fmi3.fmu", tuple(notes))
+
+
+def _rotorpy(subject: Subject, condition: Condition) -> Exported:
+    """Return RotorPy's parameters and the script with both vehicles, flown by RotorPy where it is installed."""
+    vehicle, point = subject.vehicle, steady(subject, condition)
+    made, notes = rotorpy_model.rotorpy_model(vehicle, point), _notes(subject)
+    files, script = _encoded(made.texts), f"{made.name}_rotorpy.py"
+    actuators = held_numbers(vehicle, ("dead_zone", "rate_limit", "delay"))
+    if actuators:
+        notes.append(f"RotorPy has no {', '.join(actuators)}: give it channels as rotors receive them.")
+        notes += cost_without_actuators(subject)
+    flight = _reference(vehicle, point, notes)
+    if flight is None:
+        return Exported(files, script, tuple(notes))
+    for name, (share, channel_name) in rotorpy_flight.costs(flight, rotorpy_model.limits(vehicle)).items():
+        notes.append(
+            f"RotorPy's own model has no {name}: {100.0 * share:.2g} % of {channel_name} (rms over the compared flight)."
+        )
+    if not rotorpy_flight.installed():
+        notes.append(f"Not flown: the package rotorpy is not installed; {rotorpy_flight.INSTALL}.")
+        return Exported(files, script, tuple(notes))
+    with tempfile.TemporaryDirectory(prefix="stoop-export-") as root:
+        write_files(Path(root), files)
+        module = rotorpy_flight.load_script(Path(root) / script)
+        ours = rotorpy_flight.motion(rotorpy_flight.held_flight(flight))
+        for title, stock in (("the identified equations", False), ("RotorPy's own model", True)):
+            found = rotorpy_flight.differences(ours, rotorpy_flight.fly_rotorpy(module, flight, stock))
+            notes.append(f"RotorPy with {title}, {_agreement(flight, found)}.")
+    return Exported(files, script, tuple(notes))
+
+
+def _notes(subject: Subject) -> list[str]:
+    """Return the notes of a subject, and which of its numbers the flight does not determine."""
+    lost = () if subject.known is None else subject.known.not_identified
+    more = (
+        [f"Not identified by the flight: {', '.join(lost)}; these numbers are the vehicle file's."]
+        if lost
+        else []
+    )
+    return [*subject.notes, *more]
+
+
+def _reference(vehicle: Vehicle, point: Trim, notes: list[str]) -> ReferenceFlight | None:
+    """Return a flight to compare with; None, with a note, where there is none."""
+    try:
+        flight = reference_flight(vehicle, point)
+    except SimulationError as error:
+        notes.append(f"Not flown: {error}.")
+        return None
+    if flight is None:
+        notes.append("Not flown: the open loop diverges within 3 s.")
+    return flight
+
+
+def _agreement(flight: ReferenceFlight, found: Mapping[str, float]) -> str:
+    worst = max(found, key=lambda name: found[name])
+    return f"{flight.title}: within {found[worst]:.1e} of each channel's maximum ({worst})"
+
+
+def cost_without_actuators(subject: Subject) -> list[str]:
+    """Return how far the fitted maneuvers move where dead zones, rate limits and delays are left out, one line each."""
+    notes = []
+    for maneuver in subject.maneuvers:
+        own = {n: {"value": neutral} for n, neutral in _without_actuators(maneuver.vehicle).items()}
+        try:
+            whole = own_readings(maneuver)
+            less = own_readings(replace(maneuver, vehicle=maneuver.vehicle.with_numbers(own)))
+        except SimulationError as error:
+            notes.append(f"{maneuver.title}: {error}.")
+            continue
+        shares = relative_differences(maneuver.vehicle, whole, less)
+        worst = max(shares, key=lambda name: shares[name])
+        notes.append(
+            f"{maneuver.title}: without them readings move by up to {100.0 * shares[worst]:.2g} % of a channel's "
+            f"maximum ({worst})."
+        )
+    return notes
+
+
+def _without_actuators(vehicle: Vehicle) -> dict[str, float]:
+    """Return the numbers of dead zones, rate limits and delays, and values at which they do nothing."""
+    idle, own = {"dead_zone": 0.0, "rate_limit": math.inf, "delay": 0.0}, dict(leaves(vehicle.file))
+    untied = [n for n in vehicle.rows if n in own and own[n].tie is None]  # the others follow
+    return {n: idle[end] for n in untied if (end := n.rpartition(".")[2]) in idle}
+
+
 def _encoded(texts: Mapping[str, str]) -> dict[str, bytes]:
     return {place: text.encode("utf-8", errors="replace") for place, text in texts.items()}
 
@@ -223,4 +335,6 @@ TARGETS: Final[Mapping[str, Callable[[Subject, Condition], Exported]]] = {
     "jsbsim": _jsbsim,
     "state-space": _state_space,
     "simulink": _simulink,
+    "fmu": _fmu,
+    "rotorpy": _rotorpy,
 }

@@ -101,7 +101,7 @@ def test_options_of_each_verb(verb: str, ask: Ask) -> None:
     [
         (["completion", ""], set(SHELLS)),
         (["verify", "cover"], {"coverage"}),
-        (["export", "my.toml", "--to", ""], {"jsbsim", "state-space", "simulink"}),
+        (["export", "my.toml", "--to", ""], {"jsbsim", "state-space", "simulink", "fmu", "rotorpy"}),
         (["identify", "fl"], {"flight.ulg"}),
         (["identify", "flight.ulg", "--vehicle", "qu"], {"quad-x", "quad-plus", "quadplane"}),
         (["identify", "flight.ulg", "--vehicle", "my"], {"my.toml"}),

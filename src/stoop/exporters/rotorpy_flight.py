@@ -1,0 +1,155 @@
+"""A vehicle flown by RotorPy beside our own simulation: restarted at our states, with the same recorded channels."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from stoop.base.arrays import FloatArray
+from stoop.errors import StoopError
+from stoop.exporters.reference_flight import ReferenceFlight
+from stoop.simulation import parameter_rows
+from stoop.simulation.trajectories import FINER, next_state
+
+INSTALL: Final = "pip install 'stoop[rotorpy]'"
+FLIP: Final = np.array([1.0, -1.0, -1.0])
+CHANNELS: Final = ("vn", "ve", "vd", "p", "q", "r", "phi", "theta", "psi", "fx", "fy", "fz")
+"""What is compared: motion, and the specific force at the center of gravity."""
+_ACCELERATIONS: Final = ("longitudinal", "lateral", "vertical", "roll", "pitch", "yaw")
+INTEGRATOR: Final = {"method": "RK45", "rtol": 1e-6, "atol": 1e-8}  #: so that the models are compared
+
+
+def installed() -> bool:
+    """Return whether RotorPy is there."""
+    return importlib.util.find_spec("rotorpy") is not None
+
+
+def load_script(place: Path) -> Any:
+    """Return the script of `RotorpyModel` as a module."""
+    if not installed():
+        raise StoopError(f"RotorPy: the package is not installed; {INSTALL}")
+    spec = importlib.util.spec_from_file_location(f"_stoop_{place.stem}", place)
+    if spec is None or spec.loader is None:
+        raise StoopError(f"{place}: no script")
+    module = importlib.util.module_from_spec(spec)
+    keep, sys.dont_write_bytecode = sys.dont_write_bytecode, True
+    try:
+        spec.loader.exec_module(module)
+    finally:
+        sys.dont_write_bytecode = keep
+    return module
+
+
+def held_flight(flight: ReferenceFlight) -> ReferenceFlight:
+    """Return the flight as it is with inputs that are held over a sample, as RotorPy does: at the means of its ends."""
+    vehicle, rows, states = flight.vehicle, parameter_rows(flight.vehicle), flight.states.copy()
+    nothing = np.zeros((FINER + 1, len(vehicle.gusts)))
+    for part in flight.parts():
+        for k in range(part.start, part.stop - 1):
+            held = np.repeat(flight.inputs[k : k + 2].mean(axis=0)[None], 2, axis=0)
+            before = flight.states[k] if k == part.start else states[k]
+            states[k + 1] = next_state(vehicle, rows, before, held, nothing, flight.dt)
+    return replace(flight, states=states)
+
+
+def motion(flight: ReferenceFlight) -> FloatArray:
+    """Return :data:`CHANNELS` (n, 12) of our own flight."""
+    vehicle = flight.vehicle
+    rows = parameter_rows(vehicle, None, len(flight.states))
+    rates, _ = vehicle.kernel().evaluate(rows, flight.states.T.copy(), flight.inputs.T.copy())
+    x = dict(zip(vehicle.states, flight.states.T, strict=True))
+    dot = dict(zip(vehicle.states, rates, strict=True))
+    V, omega = (np.column_stack([x[a] for a in axes]) for axes in ("uvw", "pqr"))
+    q = np.column_stack([x["e1"], x["e2"], x["e3"], x["e0"]])
+    R = _rotation(q)
+    down = R[:, 2, :] * vehicle.value("environment.gravity")
+    force = np.column_stack([dot[a] for a in "uvw"]) + np.cross(omega, V) - down
+    return np.column_stack([np.einsum("nij,nj->ni", R, V), omega, _angles(R), force])
+
+
+def _rotation(q: FloatArray) -> FloatArray:
+    from scipy.spatial.transform import Rotation
+
+    return np.asarray(Rotation.from_quat(q).as_matrix())
+
+
+def _angles(R: FloatArray) -> FloatArray:
+    return np.column_stack(
+        [np.arctan2(R[:, 2, 1], R[:, 2, 2]), -np.arcsin(R[:, 2, 0]), np.arctan2(R[:, 1, 0], R[:, 0, 0])]
+    )
+
+
+def fly_rotorpy(script: Any, flight: ReferenceFlight, stock: bool) -> FloatArray:
+    """Return :data:`CHANNELS` (n, 12) of RotorPy's own model, or of the identified class, at the samples of a flight.
+
+    RotorPy holds a command over a step: it is given the mean of those at the two samples.
+    """
+    vehicle = flight.vehicle  # of the flight before `held_flight`, whose states are those of the restarts
+    rotorpy = (script.stock if stock else script.Identified)(integrator_kwargs=INTEGRATOR)
+    columns = [vehicle.inputs.index(rotor.channel) for rotor in vehicle.file.rotor.values()]
+    channels = flight.inputs[:, columns]
+    lags = [f"{r}.lag" for r in vehicle.rotors if f"{r}.lag" in vehicle.states]
+    x = dict(zip(vehicle.states, flight.states.T, strict=True))
+    out = np.full((len(flight.time), len(CHANNELS)), np.nan)
+    for part in flight.parts():
+        k = part.start
+        q = np.array([x["e1"][k], x["e2"][k], x["e3"][k], x["e0"][k]])
+        ground = _rotation(q) @ np.array([x[a][k] for a in "uvw"])
+        turning = np.array([x[n][k] for n in lags]) if lags else channels[k]
+        state = script.start(script.turned(turning) if stock else turning)
+        state["x"] = np.array([0.0, 0.0, x["h"][k] - script.ALTITUDE])
+        state |= {"v": FLIP * ground, "q": q * [1.0, -1.0, -1.0, 1.0], "w": FLIP * [x[a][k] for a in "pqr"]}
+        for k in range(part.start, part.stop):
+            command = script.speeds(channels[k]) if stock else channels[k]
+            rates = rotorpy.statedot(state, {"cmd_motor_speeds": command}, flight.dt)
+            R = FLIP[:, None] * _rotation(state["q"]) * FLIP
+            force = R.T @ (FLIP * (rates["vdot"] - rotorpy.weight / rotorpy.mass))
+            out[k] = np.concatenate([FLIP * state["v"], FLIP * state["w"], _angles(R[None])[0], force])
+            if k + 1 < part.stop:
+                ahead = script.speeds(channels[k + 1]) if stock else channels[k + 1]
+                mean = {"cmd_motor_speeds": 0.5 * (command + ahead)}
+                state = rotorpy.step(state, mean, flight.dt)
+    return out
+
+
+def costs(flight: ReferenceFlight, left_out: Mapping[str, float]) -> dict[str, tuple[float, str]]:
+    """Return for each number that is left out how much of the accelerations along a flight it makes: share and where most.
+
+    The share is the root mean square of the change over that of the acceleration, about its mean.
+    """
+    vehicle, states, inputs = flight.vehicle, flight.states.T.copy(), flight.inputs.T.copy()
+    names = ("u", "v", "w", "p", "q", "r")
+    places = [vehicle.states.index(n) for n in names]
+
+    def accelerations(changes: Mapping[str, float]) -> FloatArray:
+        rows = parameter_rows(vehicle, changes, states.shape[1])
+        return np.asarray(vehicle.kernel().evaluate(rows, states, inputs)[0][places])
+
+    whole, out = accelerations({}), {}
+    spread = np.std(whole, axis=1)
+    for name, end in left_out.items():
+        change = np.sqrt(np.mean((accelerations({name: end}) - whole) ** 2, axis=1))
+        shares = change / np.where(spread > 0.0, spread, 1.0)
+        worst = int(np.argmax(shares))
+        out[name] = float(shares[worst]), f"the {_ACCELERATIONS[worst]} acceleration"
+    return out
+
+
+def differences(ours: FloatArray, theirs: FloatArray) -> dict[str, float]:
+    """Return the largest difference of each channel over the channel's largest magnitude."""
+    apart = theirs - ours
+    apart[:, 6:9] -= 2.0 * np.pi * np.round(apart[:, 6:9] / (2.0 * np.pi))
+    largest = np.abs(ours).max(axis=0)
+    return dict(
+        zip(
+            CHANNELS,
+            (np.abs(apart).max(axis=0) / np.where(largest > 0.0, largest, 1.0)).tolist(),
+            strict=True,
+        )
+    )

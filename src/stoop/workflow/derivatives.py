@@ -1,0 +1,109 @@
+"""Derivatives of a vehicle or an identification, as a table, CSV and JSON."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from stoop.base.csv_text import csv_text
+from stoop.base.files import write_text_atomic
+from stoop.errors import OutputError
+from stoop.simulation.derivatives import Derivatives, Table, Uncertainty, derivatives
+from stoop.workflow.export import Condition, Subject, steady
+
+FORMAT: Final = "stoop-derivatives/1"
+ENDINGS: Final = (".csv", ".json")
+
+
+@dataclass(frozen=True, eq=False)
+class Reported:
+    """Derivatives along one set of axes in the forms that were asked for, with the steady flight."""
+
+    subject: Subject
+    found: Derivatives
+    tables: tuple[Table, ...]
+    flight: dict[str, float]  #: airspeed, m/s; altitude, m; alpha, rad
+
+
+def report_derivatives(
+    subject: Subject, condition: Condition, axes: str = "stability", dimensional: bool = False
+) -> Reported:
+    """Return the derivatives of a subject about a steady flight.
+
+    Raises
+    ------
+    StoopError
+        No steady flight, a reduced vehicle, or nondimensional derivatives of a hover.
+    """
+    point = steady(subject, condition)
+    known = subject.known
+    uncertainty = None if known is None else Uncertainty(known.names, known.covariance)
+    found = derivatives(subject.vehicle, point, uncertainty).along(axes)
+    forms = ("dimensional", "specific") if dimensional else ("nondimensional",)
+    speed = float(np.linalg.norm(found.velocity))
+    flight = {"airspeed": speed, "altitude": point.start["h"], "alpha": found.alpha}
+    return Reported(subject, found, tuple(map(found.table, forms)), flight)
+
+
+def check_ending(target: Path) -> None:
+    """Refuse a name that tells no format: OutputError."""
+    if target.suffix.lower() not in ENDINGS:
+        raise OutputError(f"{target}: no format of derivatives; end its name in {' or '.join(ENDINGS)}")
+
+
+def save_derivatives(reported: Reported, target: Path) -> None:
+    """Write derivatives as CSV, one a row, or as JSON, with their covariance."""
+    check_ending(target)
+    text = as_csv(reported) if target.suffix.lower() == ".csv" else as_json(reported)
+    write_text_atomic(target, text)
+
+
+def as_csv(reported: Reported) -> str:
+    """Return rows of form, name, value, unit, standard error and whether the flight determines it."""
+    rows = []
+    for table in reported.tables:
+        values, errors, identified = (x.tolist() for x in (table.values, table.std_errors, table.identified))
+        rows += [
+            (table.axes, table.form, name, values[i], table.units[i], _finite(errors[i]), identified[i])
+            for i, name in enumerate(table.names)
+        ]
+    return csv_text(("axes", "form", "name", "value", "unit", "std_error", "identified"), rows)
+
+
+def as_json(reported: Reported) -> str:
+    """Return everything, SI and rad; what is not known is null."""
+    vehicle, reference = reported.subject.vehicle, reported.found.reference
+    content = {
+        "format": FORMAT,
+        "vehicle": vehicle.name,
+        "axes": reported.found.axes,
+        "flight": reported.flight,
+        "reference": reference,
+        "controls": reported.found.controls,
+        "steady_loads": dict(zip("XYZLMN", reported.found.loads.tolist(), strict=True)),
+        "tables": [_table(t) for t in reported.tables],
+    }
+    return json.dumps(content, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
+
+
+def _table(table: Table) -> dict[str, Any]:
+    out: dict[str, Any] = {
+        "form": table.form,
+        "names": table.names,
+        "units": table.units,
+        "values": table.values.tolist(),
+        "identified": table.identified.tolist(),
+    }
+    if table.known.names:
+        out["std_errors"] = [_finite(x) for x in table.std_errors.tolist()]
+        out["covariance"] = [[_finite(x) for x in row] for row in table.covariance.tolist()]
+    return out
+
+
+def _finite(x: float) -> float | None:
+    return x if math.isfinite(x) else None
