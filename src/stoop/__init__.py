@@ -21,17 +21,11 @@ if TYPE_CHECKING:
         design,
         export,
         fit,
-<<<<<<< HEAD
         frequency_responses,
         look,
         new_vehicle,
         predict,
-=======
-        look,
-        new_vehicle,
-        predict,
         propagate,
->>>>>>> propagate
         reconstruct,
     )
     from stoop.base.notices import Notice
@@ -56,17 +50,11 @@ _PLACES = {
             "design",
             "export",
             "fit",
-<<<<<<< HEAD
             "frequency_responses",
             "look",
             "new_vehicle",
             "predict",
-=======
-            "look",
-            "new_vehicle",
-            "predict",
             "propagate",
->>>>>>> propagate
             "reconstruct",
         ),
         "stoop.api",

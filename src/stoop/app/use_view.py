@@ -15,7 +15,13 @@ from stoop.app.view import View
 from stoop.base.notices import from_dict, of_severity
 from stoop.errors import StoopError
 
-TARGETS: Final = {"JSBSim": "jsbsim", "state space (A, B, C, D)": "state-space", "Simulink": "simulink"}
+TARGETS: Final = {
+    "JSBSim": "jsbsim",
+    "state space (A, B, C, D)": "state-space",
+    "Simulink": "simulink",
+    "FMI": "fmu",
+    "RotorPy": "rotorpy",
+}
 DESIGN: Final = (
     "Inputs for which the standard errors of the free numbers are the smallest, within the limits."
 )

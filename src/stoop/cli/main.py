@@ -76,11 +76,11 @@ VERBS: Final[dict[str, tuple[str, str]]] = {
     "frequency": (
         "stoop.cli.frequency",
         "estimate frequency responses of flights; Bode plots against a model",
+    ),
     "propagate": (
         "stoop.cli.propagate",
         "carry a result's uncertainty into trims, limits, modes, control",
     ),
-    "export": ("stoop.cli.files:export", "export a vehicle to JSBSim, MATLAB or Simulink, or as A, B, C, D"),
     "derivatives": (
         "stoop.cli.steady:derivatives",
         "compute stability and control derivatives, with standard errors",

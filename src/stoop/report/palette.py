@@ -18,11 +18,8 @@ COLORS: Final[dict[str, tuple[str, str]]] = {
     "residual": ("#6b7280", "#a5aebc"),
     "input": ("#374151", "#c3cad6"),
     "band-fit": ("#dbe4fb", "#22345f"),
-<<<<<<< HEAD
     "band-lag": ("#f7e0d4", "#4a2c1a"),
-=======
     "band-half": ("#b4c6f6", "#30498a"),
->>>>>>> propagate
     "band-validation": ("#cfe8e4", "#1d4640"),
     "hue0": ("#1d4ed9", "#7aa2fe"), "hue1": ("#d9480f", "#ff8f5a"), "hue2": ("#0f766f", "#3fc2b4"),
     "hue3": ("#9333ea", "#c08bff"), "hue4": ("#be123c", "#ff7d9b"), "hue5": ("#4d7c0f", "#a3cf5b"),
