@@ -229,6 +229,15 @@ def test_progress_and_comparison_of_fits(tmp_path: Path) -> None:
     panel = next(p for p in curves.parts[-1].panels if p.name == "q")
     assert [one.name for one in panel.strips[0].series] == ["measured", "A", "B"]
     assert len(comparison_sheet(a, replace(b, traces=())).sections[-1].parts) == 1, "curves were not kept"
+    assert goodness.parts[0].text.startswith("No window is predicted by both")
+
+    def predicting(run: Compared, theil: float) -> Compared:
+        (one,) = run.result.maneuvers
+        held_back = replace(one, role="validation", channels={"q": replace(one.channels["q"], theil=theil)})
+        return replace(run, result=replace(run.result, maneuvers=(held_back,)))
+
+    better = comparison_sheet(predicting(a, 0.2), predicting(b, 0.1)).sections[1].parts[0].text
+    assert better == "Of 1 channel that both predict, B is nearer to the flight in 1, A in 0."
     progress = ProgressFile(tmp_path / "none" / "progress.json")
     progress.turn_to("a folder that went away ends no fit")
 

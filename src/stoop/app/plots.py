@@ -119,15 +119,15 @@ class Strips:
         """Mark windows: start, stop and use ("fit", "validate" or "")."""
         spans = list(windows)
         while len(self._marks) < len(spans):
-            row = [BoxAnnotation(fill_alpha=1.0, level="underlay") for _ in self._figures]
+            row = [BoxAnnotation(fill_alpha=0.25, level="underlay") for _ in self._figures]
             for plot, box in zip(self._figures, row, strict=True):
                 plot.add_layout(box)
             self._marks.append(row)
         for i, row in enumerate(self._marks):  # one that is no longer needed is hidden
             start, stop, use = spans[i] if i < len(spans) else (0.0, 0.0, "")
             for box in row:
-                fill, edge = light(MARKS[use]), light(f"{MARKS[use]}-edge")
-                box.update(left=start, right=stop, fill_color=fill, line_color=edge, visible=i < len(spans))
+                edge = light(f"{MARKS[use]}-edge")  # seen on light and on dark paper
+                box.update(left=start, right=stop, fill_color=edge, line_color=edge, visible=i < len(spans))
 
     def _figure(self, panel: HistoryPanel, last: bool, brushed: Callable[[float, float], None] | None) -> Any:
         curves = panel.strips[0].series

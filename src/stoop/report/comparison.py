@@ -66,7 +66,11 @@ def comparison_sheet(a: Compared, b: Compared) -> Sheet:
     )
     sections = (
         _estimates(runs),
-        Section("Fit and prediction", (Prose(GOODNESS_LEAD, muted=True), _goodness(runs)), "Fit"),
+        Section(
+            "Fit and prediction",
+            (Prose(_nearer(a, b)), Prose(GOODNESS_LEAD, muted=True), _goodness(runs)),
+            "Fit",
+        ),
         Section("Measured and simulated", _curves(a, b), "Curves"),
     )
     return Sheet(f"{a.name} and {b.name}", lead, sections, "comparison")
@@ -99,6 +103,23 @@ def _interval(kind: str, one: ParameterEstimate | None) -> tuple[str, float, Int
     if one is None:
         return kind, math.nan, None
     return kind, one.estimate, Interval(one.std_error, one.ci95_lower, one.ci95_upper)
+
+
+def _nearer(a: Compared, b: Compared) -> str:
+    """Return which of the two predicts better, by the channels of held-back windows."""
+    others, pairs = b.windows, []
+    for title, (maneuver, _) in a.windows.items():
+        if maneuver.role == "validation" and title in others:
+            same = others[title][0].channels
+            pairs += [(one.theil, same[c].theil) for c, one in maneuver.channels.items() if c in same]
+    known = [(x, y) for x, y in pairs if math.isfinite(x) and math.isfinite(y)]
+    if not known:
+        return "No window is predicted by both: nothing tells which of them predicts better."
+    nearer = sum(y < x for x, y in known)
+    return (
+        f"Of {count(len(known), 'channel')} that both predict, B is nearer to the flight in {nearer}, "
+        f"A in {sum(x < y for x, y in known)}."
+    )
 
 
 def _goodness(runs: Mapping[str, Compared]) -> Table:

@@ -181,7 +181,9 @@ def _windows(found: Found, why: str, following: Sequence[str]) -> Section:
         )
         for i, w in enumerate(found.windows, 1)
     )
-    table = Table("", ("number", "window s", "use", "axis", "peak, times usual", "why"), rows, label="Windows")
+    table = Table(
+        "", ("number", "window s", "use", "axis", "peak, times usual", "why"), rows, label="Windows"
+    )
     next_step = (Code(shlex.join(following)),) if following else ()
     return Section("Windows worth fitting", (table, *next_step), "Windows")
 
