@@ -75,7 +75,7 @@ def propagation_page(found: Propagation, command: str = "") -> Page:
             )
         )
     if told:
-        sections.append(Section("What to mind", told))
+        sections.append(Section("Cautions", told))
     sections.append(Section("Figures", (Prose(READ, muted=True), *_tables(found))))
     if found.curves:
         beyond = any(extrapolated(found, c) for c in found.curves)
