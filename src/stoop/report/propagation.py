@@ -27,7 +27,7 @@ from stoop.report.sheet import Bullets, Code, Legend, Page, Panel, Panels, Part,
 
 MODES: Final = "Modes"  #: whose frequencies stay in rad/s
 ON_PRIOR: Final = 0.5  #: share of the variance, from which a figure rests on priors
-HEAD: Final = ("", "estimate", "std error", "95 % from", "to", "unit", "what it hangs on")
+HEAD: Final = ("", "estimate", "std error", "95 % from", "to", "unit", "depends most on")
 LEGEND: Final = (
     ("swatch fan-estimate", "estimate"), ("swatch fan-median", "median of the draws"), ("swatch fan-half", "50 % band"),
     ("swatch fan-most", "95 % band"),
@@ -35,10 +35,10 @@ LEGEND: Final = (
 BEYOND: Final = ("swatch fan-beyond", "angles of attack that were not fitted")
 READ: Final = """\
 Every draw of the parameters is trimmed and linearized by itself, so that correlations and curvature are in the \
-intervals: they are the 2.5 and 97.5 percentiles of the draws, and need not lie symmetrically about the estimate. What \
-it hangs on: the parameters that take away most of the variance once they are known, with the share (to first order; \
-shares of correlated parameters overlap). The intervals hold the uncertainty of the numbers of this model, not what \
-the model lacks."""
+intervals: they are the 2.5 and 97.5 percentiles of the draws, and need not lie symmetrically about the estimate. The \
+last column lists the parameters whose knowledge would reduce the variance most, with the share (to first order; shares of \
+correlated parameters overlap). The intervals describe the uncertainty of the parameters of this model, not errors of its \
+form."""
 SOURCES: Final = {
     "posterior": "the posterior of the parameters",
     "covariance": "the corrected covariance of the estimates, cut off at their bounds",
