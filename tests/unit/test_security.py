@@ -93,6 +93,7 @@ def test_nothing_is_evaluated() -> None:
     assert {(place, name) for place, name in last if name in names} == {
         ("kernels/kernel.py", "exec_module"),
         ("kernels/kernel.py", "source_to_code"),
+        ("exporters/rotorpy_flight.py", "exec_module"),
     }, "code that stoop wrote itself, from a private folder"
     for place, name, call in calls():
         if name == "ast.parse":  # read, and never run
@@ -113,7 +114,7 @@ def test_nothing_is_unpickled() -> None:
 
 
 def test_programs_are_started_in_one_place() -> None:
-    """The child that reads formats of others, the steps of the app, and its browser; none is given a shell."""
+    """The child that reads formats of others, the steps of the app, its browser, and the C compiler; none is given a shell."""
     starters = re.compile(
         r"(subprocess\.\w+|os\.(system|popen|exec\w*|spawn\w*|posix_spawn\w*)|webbrowser\.\w+|pty\.\w+)$"
     )
@@ -122,6 +123,7 @@ def test_programs_are_started_in_one_place() -> None:
         ("logs/guard.py", "subprocess.run"),
         ("app/steps.py", "subprocess.Popen"),
         ("app/browser.py", "webbrowser.open"),
+        ("exporters/fmu.py", "subprocess.run"),
     }
     assert all("shell" not in {k.arg for k in call.keywords} for _, _, call in calls())
 

@@ -204,6 +204,10 @@ def run(capsys: pytest.CaptureFixture[str], folder: Path, command: str) -> tuple
         ("agreement @v.toml @v.toml", None),
         ("identify @f.nc --vehicle @v.toml --maneuver 0:99 -o @far", 2),
         ("propagate @far --expression @f.nc=CL0", 2),
+        ("derivatives @w.toml", 0),
+        ("frequency @g.nc --vehicle @w.toml", 0),
+        ("frequency @g.nc --input @none", 2),
+        ("export @w.toml --to fmu -o @fmu", 0),
     ],
 )  # fmt: skip
 def test_a_verb_prints_nasty_texts(
@@ -220,6 +224,8 @@ def test_the_verbs_of_a_fit_print_nasty_texts(folder: Path, capsys: pytest.Captu
         ("validate @fit @g.nc --maneuver 5:18 -o @validation", 0),
         ("agreement @fit @fit", 2),
         ("export @fit --to jsbsim -o @fdm", 0),
+        ("derivatives @fit --axes body", 2),
+        ("propagate @fit --draws 100", 0),
     ):
         code, shown = run(capsys, folder, command)
         assert code == expected, shown
