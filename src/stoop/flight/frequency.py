@@ -1,7 +1,8 @@
 r"""Frequency responses of outputs to inputs that may move together, from windows of several lengths at once.
 
-Every stretch without a gap is cut into overlapping windows, each less its mean, tapered by Hann's window and transformed by the
-chirp z-transform, octave by octave. At each frequency the responses H of one output to all inputs minimize
+Every stretch without a gap is cut into overlapping windows, each less its mean, tapered by Hann's window and transformed at a few
+frequencies in every octave: what the chirp z-transform computes octave by octave, here by one matrix product, which takes less
+time. At each frequency the responses H of one output to all inputs minimize
 
 .. math:: \sum_i \frac{W_i}{K_i} \sum_{k=1}^{K_i} |Y_{ik} - X_{ik} H|^2, \qquad W_i = (\epsilon_i/\epsilon_{min})^{-4},
 
@@ -30,7 +31,6 @@ from typing import Final
 
 import numpy as np
 from scipy import sparse
-from scipy.signal import ZoomFFT
 from scipy.special import stdtrit
 
 from stoop.base.arrays import BoolArray, ComplexArray, FloatArray, run_slices
@@ -191,13 +191,13 @@ def _transformed(
     """Return the transforms (w, m, c) of windows of columns (n, c), their phases counted from the first sample."""
     windows = values[starts[:, None] + np.arange(size)]
     windows = (windows - windows.mean(axis=1, keepdims=True)) * _taper(size)[:, None]
-    out = []
-    for points in grid:
-        step = points[0] / POINTS_PER_OCTAVE
-        zoom = ZoomFFT(size, [points[0], points[0] + step * len(points)], len(points), fs=rate)
-        phase = np.exp(-2j * np.pi * np.outer(starts, points) / rate)
-        out.append(zoom(windows, axis=1) * phase[:, :, None])
-    return np.asarray(np.concatenate(out, axis=1) * np.sqrt(2.0 / (rate * np.sum(_taper(size) ** 2))))
+    hertz = np.concatenate(grid)
+    turns = 2.0 * np.pi / rate * np.outer(np.arange(size), hertz)
+    rows = windows.transpose(0, 2, 1).reshape(-1, size)
+    found = (rows @ np.cos(turns) - 1j * (rows @ np.sin(turns))).reshape(len(windows), -1, len(hertz))
+    phase = np.exp(-2j * np.pi * np.outer(starts, hertz) / rate)
+    scale = np.sqrt(2.0 / (rate * np.sum(_taper(size) ** 2)))
+    return np.asarray(found.transpose(0, 2, 1) * phase[:, :, None] * scale)
 
 
 def _taper_correlation(sizes: Sequence[int], starts: Sequence[np.ndarray]) -> sparse.coo_array:
