@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import IO, Any, Final, Literal
 
 from stoop.base.files import write_text_atomic
+from stoop.base.interrupts import blocked_interrupts
 from stoop.base.text import printable
 from stoop.errors import OutputError
 
@@ -212,10 +213,11 @@ def _process(
         else {"creationflags": getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0)}
     )
     # -P: a module that lies in the project's folder is not imported
-    return subprocess.Popen(  # noqa: S603
-        [sys.executable, "-P", "-m", "stoop", *arguments],
-        cwd=root, stdin=subprocess.DEVNULL, stdout=output, stderr=errors, **own,
-    )  # fmt: skip
+    with blocked_interrupts():
+        return subprocess.Popen(  # noqa: S603
+            [sys.executable, "-P", "-m", "stoop", *arguments],
+            cwd=root, stdin=subprocess.DEVNULL, stdout=output, stderr=errors, **own,
+        )  # fmt: skip
 
 
 @contextlib.contextmanager

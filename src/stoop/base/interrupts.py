@@ -47,3 +47,36 @@ def reraise_interrupt() -> Iterator[None]:
         yield
     if came:
         raise KeyboardInterrupt
+
+
+@contextmanager
+def blocked_interrupts() -> Iterator[None]:
+    """Block Ctrl-C for processes started in the block until they call `unblock_interrupts`: Python itself prints a traceback."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def unblock_interrupts() -> None:
+    """Handle Ctrl-C from here on; one that has come meanwhile raises KeyboardInterrupt."""
+    if hasattr(signal, "pthread_sigmask"):
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+
+
+@contextmanager
+def restore_interrupts() -> Iterator[None]:
+    """Raise KeyboardInterrupt for an exception that one amid an import has caused: compiled modules make an ImportError of it."""
+    try:
+        yield
+    except Exception as error:
+        one: BaseException | None = error
+        while one is not None:
+            if isinstance(one, ImportError) and isinstance(one.__cause__, KeyboardInterrupt):
+                raise KeyboardInterrupt from error
+            one = one.__cause__ or one.__context__
+        raise

@@ -21,6 +21,7 @@ from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise, takewhile
 from typing import Any, Final, NoReturn
 
+from stoop.base.interrupts import restore_interrupts, unblock_interrupts
 from stoop.base.text import nearest, printable, show
 from stoop.errors import StoopError
 
@@ -87,7 +88,7 @@ VERBS: Final[dict[str, tuple[str, str]]] = {
     ),
     "export": (
         "stoop.cli.files:export",
-        "export a vehicle to JSBSim, Simulink, FMI, rotorpy, or as A, B, C, D",
+        "export a vehicle to JSBSim, Gazebo, Simulink, FMI, RotorPy, or A, B, C, D",
     ),
     "design": ("stoop.cli.planning:design", "design the next maneuver, for small standard errors"),
     "example": ("stoop.cli.example", "list the examples, or copy the notebook and the files of one"),
@@ -148,6 +149,7 @@ def main(given: Sequence[str] | None = None) -> int:
             warnings.simplefilter("ignore")  # of libraries
     debug = "--debug" in given or bool(os.environ.get("STOOP_DEBUG"))
     try:
+        unblock_interrupts()
         return _guarded(given, debug)
     except KeyboardInterrupt:
         return _complain("interrupted", INTERRUPTED)
@@ -171,13 +173,14 @@ def _guarded(given: Sequence[str], debug: bool) -> int:
     try:
         # A window that begins before zero (-5:5) is protected by a blank, so that argparse takes it for no option.
         words = one_verb([f" {word}" if re.match(r"-[\d.]+:", word) else word for word in given])
-        parser = parser_for(words)
-        _check_names(parser, words)
-        arguments, unknown = parser.parse_known_args(words)
-        if unknown:
-            arguments.complain(f"unrecognized arguments: {' '.join(unknown)}")
-        _keep_fonts_in_cache()
-        code = int(arguments.run(arguments))
+        with restore_interrupts():
+            parser = parser_for(words)
+            _check_names(parser, words)
+            arguments, unknown = parser.parse_known_args(words)
+            if unknown:
+                arguments.complain(f"unrecognized arguments: {' '.join(unknown)}")
+            _keep_fonts_in_cache()
+            code = int(arguments.run(arguments))
     except SystemExit as leaving:  # argparse leaves this way after --help and after errors
         code = leaving.code if isinstance(leaving.code, int) else 0
     except StoopError as error:

@@ -7,6 +7,7 @@ import os
 import re
 import subprocess
 import sys
+import time
 import types
 from collections.abc import Callable
 from pathlib import Path
@@ -184,6 +185,33 @@ def test_interrupt(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixtur
     verb(monkeypatch, raising(KeyboardInterrupt()))
     assert main(["fake"]) == 130
     assert capsys.readouterr().err == "stoop: interrupted\n"
+
+
+def test_an_interrupt_amid_an_import(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A compiled module that is interrupted while it is imported raises an ImportError, and a verb an error of its own."""
+
+    def run(_: object) -> int:
+        try:
+            raise ImportError("initialization failed") from KeyboardInterrupt()
+        except ImportError:
+            raise StoopError("this needs a library") from None
+
+    verb(monkeypatch, run)
+    assert main(["fake"]) == 130
+    assert capsys.readouterr().err == "stoop: interrupted\n"
+
+
+def test_a_step_of_the_app_is_stopped_at_once(tmp_path: Path) -> None:
+    """However early Ctrl-C comes, it is no bug."""
+    from stoop.app.steps import start
+
+    step = start(tmp_path, "designs", lambda name: ["design", "quad-x", "-o", f"{name}/design.toml"])
+    step.stop()
+    while step.running:
+        time.sleep(0.05)
+    assert step.error == "stopped before there was a result"
 
 
 def test_bug_shows_its_traceback_and_asks_for_a_report(
