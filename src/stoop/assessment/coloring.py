@@ -34,10 +34,10 @@ import numpy as np
 from scipy.fft import next_fast_len, rfft
 from scipy.linalg import toeplitz
 
-from stoop.assessment.covariance import data_information
+from stoop.assessment.covariance import inverse_information
 from stoop.base.arrays import ComplexArray, FloatArray, IntArray
 from stoop.estimate.noise import lagged_products
-from stoop.problem.evidence import Inverse, PieceEvidence, invert
+from stoop.problem.evidence import Inverse, PieceEvidence
 
 MIN_POWER: Final = 1e-3  #: of the variance, at any frequency; bounds how slow the noise can be
 #: of the autoregression: slow residuals under white noise come out right at 100 Hz, a lightly damped mode in gusts at 50 Hz
@@ -207,7 +207,7 @@ class Coloring:
     @classmethod
     def of(cls, pieces: Sequence[PieceEvidence], prior: FloatArray, white: bool = False) -> Coloring:
         """Return the coloring of a fit with the information (k, k) of priors and gaps."""
-        return cls(tuple(pieces), invert(data_information(pieces) + prior), prior, white)
+        return cls(tuple(pieces), inverse_information(pieces, prior), prior, white)
 
     @cached_property
     def noise(self) -> ColoredNoise:

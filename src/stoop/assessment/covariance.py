@@ -1,7 +1,7 @@
 r"""From information to covariance: for white residuals, and for windows that each begin anew.
 
-With the information D, D^-1 is the Cramer-Rao bound of white noise; :mod:`stoop.assessment.coloring` has the covariance for
-colored noise.
+With the information D, D^-1 is the Cramer-Rao bound of white noise, found from the sensitivities themselves, whose product
+would cost half the digits; :mod:`stoop.assessment.coloring` has the covariance for colored noise.
 
 Windows that begin anew leave residuals that grow along each window: not stationary, but alike from window to window. Their
 covariance is the mean over all windows, every window's residuals with every window's sensitivities,
@@ -30,13 +30,14 @@ import numpy as np
 
 from stoop.base.arrays import BoolArray, FloatArray
 from stoop.errors import IdentificationError
-from stoop.problem.evidence import PieceEvidence, invert
+from stoop.problem.evidence import Inverse, PieceEvidence, invert_rows
 
 NORMAL_95: Final = 1.959963984540054  #: two-sided 95 % quantile of the normal distribution
 NEIGHBORS: Final = 3  #: windows whose residuals may still be correlated
 MIN_WINDOWS: Final = 12  #: below which a mean over windows says little
 #: of the information about a direction, in one window; of more, others foresee nothing
 MAX_SHARE: Final = 0.5
+ROWS: Final = 8192  #: that are triangulated at a time
 
 
 def data_information(pieces: Sequence[PieceEvidence]) -> FloatArray:
@@ -61,6 +62,31 @@ def data_information(pieces: Sequence[PieceEvidence]) -> FloatArray:
             "check values, bounds and units, or shorten the maneuver"
         )
     return total
+
+
+def inverse_information(
+    pieces: Sequence[PieceEvidence], prior: FloatArray, inflation: float = 1.0
+) -> Inverse:
+    """Return the inverse of `inflation` times the information of the measurements, plus that of the priors (k, k).
+
+    It is found from the QR factors of the sensitivities, piece by piece, not from their product.
+    """
+    count = len(prior)
+    diagonal = np.sqrt(np.maximum(np.diag(prior), 0.0))
+    scale = np.where(diagonal > 0.0, diagonal, 1.0)
+    values, vectors = np.linalg.eigh(prior / np.outer(scale, scale))
+    triangles = [np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T * scale]
+    for piece in pieces:
+        rows = piece.filled()[1].reshape(-1, count)
+        own = np.flatnonzero(rows.any(axis=0))
+        triangle = np.zeros((0, len(own)))
+        for start in range(0, len(rows), ROWS):
+            stretch = rows[start : start + ROWS, own]
+            triangle = np.asarray(np.linalg.qr(np.concatenate([triangle, stretch]), mode="r"))
+        part = np.zeros((len(triangle), count))
+        part[:, own] = np.sqrt(inflation) * triangle
+        triangles.append(part)
+    return invert_rows(np.concatenate(triangles))
 
 
 def marked(covariance: FloatArray, determined: BoolArray) -> FloatArray:
@@ -99,7 +125,7 @@ def windowed_covariance(
     """
     if sum(len(e) - 1 for e in edges) < MIN_WINDOWS:
         return None
-    inverse = invert(data_information(segments) + prior)
+    inverse = inverse_information(segments, prior)
     middle = prior.copy()
     for segment, own, (gap, gap_jacobian) in zip(segments, edges, gaps, strict=True):
         r, S = by_window(segment, own, gap, gap_jacobian)

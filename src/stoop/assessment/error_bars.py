@@ -19,6 +19,7 @@ from stoop.assessment.contributions import LIMITS as EXCITATION
 from stoop.assessment.contributions import Contribution, contributions
 from stoop.assessment.covariance import (
     data_information,
+    inverse_information,
     marked,
     standard_errors,
     widened,
@@ -79,7 +80,7 @@ def estimate_uncertainty(
     Hessian (k, k) of half the cost, where it is known.
     """
     information = data_information(pieces) + prior
-    inverse = invert(information)
+    inverse = inverse_information(pieces, prior)
     coloring = Coloring(tuple(pieces), inverse, prior, white, observed)
     noise = coloring.noise
     lags = min(CORRELATION_LAGS, max(len(piece.residual) for piece in pieces) - 1)
@@ -139,13 +140,13 @@ def error_bars(fit: Fit) -> ErrorBars:
         windowed = windowed_covariance(pieces, [p.edges for p in pieces], gaps, prior)
         corrected = corrected if windowed is None else widened(windowed, corrected)
     if evidence.inflation != 1.0:
-        plain = invert((found.information - prior) * evidence.inflation + prior)
+        plain = inverse_information(pieces, prior, evidence.inflation)
         cramer_rao = marked(plain.matrix, plain.determined)
     at_bound, conditional = np.array([u.fixed == "bound" for u in unknowns]), tuple[str, ...]()
     if at_bound.any():  # what is known only as long as the parameters at a bound are right there
         every = np.flatnonzero([u.fixed != "method" for u in unknowns])
-        whole = invert(
-            data_information([p.of(every) for p in evidence.pieces]) + evidence.prior[np.ix_(every, every)]
+        whole = inverse_information(
+            [p.of(every) for p in evidence.pieces], evidence.prior[np.ix_(every, every)]
         )
         wide = standard_errors(marked(whole.matrix, whole.determined))[np.isin(every, free)]
         leaning = free[wide > LIMITS.conditional_ratio * standard_errors(found.cramer_rao)]
@@ -229,7 +230,7 @@ def identifiability(
     for i, one in enumerate(unknowns):
         std = float(sigma[i])
         reason = None
-        if not inverse.determined[i]:
+        if not (inverse.determined[i] and np.isfinite(std)):
             reason, std = notice("not-seen"), np.inf
         elif std > LIMITS.prior_share * one.prior:
             reason = notice("prior-only")

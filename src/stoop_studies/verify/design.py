@@ -124,7 +124,7 @@ def show(setting: Setting, samples: Samples) -> Findings:
     records.append({**dict.fromkeys(records[0]), "parameter": "mean", **ratios, "flights": runs})
     lead = LEAD.format(
         duration=PLAN.duration, family=FAMILY, evaluations=PLAN.evaluations, optimizer=PLAN.optimizer,
-        amplitude=math.degrees(max(limits.amplitude.values())), slew=math.degrees(limits.slew),
+        amplitude=math.degrees(max(limits.amplitude.values())), slew=math.degrees(max(limits.slew.values())),
     )  # fmt: skip
     words = WORDS.format(runs=runs, spread=100.0 / math.sqrt(2.0 * runs))
     own = maneuvers()

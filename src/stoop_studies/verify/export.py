@@ -94,8 +94,9 @@ def compare(vehicle_name: str, inputs: str) -> pd.DataFrame:
             (root / place).parent.mkdir(parents=True, exist_ok=True)
             (root / place).write_text(text, encoding="utf-8")
         planet, name = root / jsbsim_flight.PLANET, jsbsim_flight.file_name(vehicle.name)
+        faster_host = jsbsim_flight.Host(FASTER * jsbsim_flight.FRAME_RATE)
         flat = jsbsim_flight.jsbsim_readings(root, name, record, planet)
-        faster = jsbsim_flight.jsbsim_readings(root, name, record, planet, FASTER * jsbsim_flight.FRAME_RATE)
+        faster = jsbsim_flight.jsbsim_readings(root, name, record, planet, faster_host)
         earth = jsbsim_flight.jsbsim_readings(root, name, record, None)
     pairs = ((own, flat), (own, faster), (fine, flat), (own, earth))
     differences = {

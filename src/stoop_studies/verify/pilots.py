@@ -208,7 +208,7 @@ def by_jsbsim(
         for place, text in jsbsim_aircraft.folder(calm, None).items():
             (root / place).parent.mkdir(parents=True, exist_ok=True)
             (root / place).write_text(text, encoding="utf-8")
-        simulation = jsbsim_flight.begin(root, name, record, None, FRAME_RATE)
+        simulation = jsbsim_flight.begin(root, name, record, None, jsbsim_flight.Host(FRAME_RATE))
         gusts = dryden(vehicle, count, rng)
         rows = []
         for k in range(count):

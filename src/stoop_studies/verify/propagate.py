@@ -7,11 +7,11 @@ from typing import Any, Final
 
 import numpy as np
 
+from stoop.assessment.draws import Draws, truncated_normal
 from stoop.assessment.error_bars import error_bars
 from stoop.base.arrays import FloatArray
 from stoop.estimate import methods
 from stoop.estimate.fit import Options
-from stoop.propagation.draws import Draws, truncated_normal
 from stoop.propagation.propagation import propagate_draws
 from stoop.propagation.rotor_figures import rotor_figures
 from stoop.propagation.wing_figures import Domain, wing_figures

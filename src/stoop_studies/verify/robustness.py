@@ -151,7 +151,8 @@ SURFACES: Final[Mapping[str, Surface]] = {
     "full disk": Surface("full disks", 2, _full_disks),
     **_made("kills", "{} killed", dict.fromkeys(INTERRUPTIONS, 2), try_interruptions),
 }  #: name -> what is tried
-SINCE: Final = frozenset({"blackbox"})  #: surfaces that are newer than the published counts
+SINCE: Final = frozenset({"blackbox", "stoop derivatives", "stoop frequency", "stoop propagate"})
+"""Surfaces that are newer than the published counts."""
 
 
 @work

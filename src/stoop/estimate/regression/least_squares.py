@@ -25,7 +25,7 @@ import numpy as np
 from stoop.base.arrays import BoolArray, ComplexArray, FloatArray
 from stoop.base.notices import Notice
 from stoop.problem import Layout
-from stoop.problem.evidence import NULL_EIGENVALUE, PieceEvidence, invert
+from stoop.problem.evidence import NULL_EIGENVALUE, PieceEvidence, invert_rows
 from stoop.vehicle import Vehicle
 
 MAX_LAG: Final = 2.0  #: s; residuals further apart count as independent
@@ -357,7 +357,7 @@ def solve(rows: Sequence[Rows], priors: Priors) -> Estimates:
         sigma = {c: float(np.sqrt(np.sum(v**2) / max(len(v) - used[c], 1))) for c, v in left.items()}
     sigma = {c: max(s, floor[c]) for c, s in sigma.items()}
     r2 = {c: r_squared(np.concatenate([r.y for r in own]), left[c]) for c, own in of.items()}
-    return Estimates(values, _covariance(rows, priors.sigma, sigma), sigma, r2, tuple(rows))
+    return Estimates(values, _covariance(reduced, priors.sigma, sigma), sigma, r2, tuple(rows))
 
 
 def r_squared(y: FloatArray, residual: FloatArray) -> float:
@@ -395,9 +395,6 @@ def _covariance(rows: Sequence[Rows], priors: FloatArray, sigma: dict[str, float
 
     NaN for parameters with a component in the null space, where a pseudo-inverse would give zero variance.
     """
-    M = np.diag(1.0 / priors**2)
-    for r in rows:
-        own = np.flatnonzero(r.used)
-        M[np.ix_(own, own)] += (r.X[:, own].T @ r.X[:, own]) / sigma[r.equation] ** 2
-    inverse = invert(M)
+    whitened = [np.where(r.used, r.X, 0.0) / sigma[r.equation] for r in rows]
+    inverse = invert_rows(np.concatenate([*whitened, np.diag(1.0 / priors)]))
     return np.where(np.outer(inverse.determined, inverse.determined), inverse.matrix, np.nan)
