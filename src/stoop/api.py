@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from stoop.workflow.validation import Validated
 
 OneFlight = Flight | str | Path
+FlownBy = Literal["pilot", "ardupilot", "px4", "crazyflie"]
 fit = identify
 
 
@@ -70,7 +71,8 @@ def frequency_responses(
     model : Job, folder of a saved one, Vehicle, built-in vehicle or vehicle file, optional
         Of an identification the responses of the model have a 95 % band.
     inputs : sequence of str, optional
-        Controls of the model (deflections, rad) or channels; those that move when absent.
+        Controls of the model (deflections, rad), axes that its rotors command (rad/s2, m/s2), or channels; those that move when
+        absent.
     outputs : sequence of str, optional
         Channels; rates and specific forces when absent.
     band : (low, high), rad/s, optional
@@ -230,30 +232,43 @@ def reconstruct(flight: OneFlight | xr.Dataset, windows: Windows = ()) -> tuple[
 
 def design(
     model: Job | str | Path,
-    duration: float = 20.0,
+    duration: float | None = None,
     airspeed: float | None = None,
     altitude: float = 200.0,
     amplitude: Mapping[str, float] | None = None,
     envelope: Mapping[str, tuple[float, float]] | None = None,
     shapes: Sequence[str] = (),
     seed: int = 0,
+    min_amplitude: Mapping[str, float] | None = None,
+    beat: float | None = None,
+    evaluations: int | None = None,
+    target: FlownBy | None = None,
 ) -> Proposal:
     """Design the maneuver that makes the standard errors smallest.
 
     Parameters
     ----------
     model : Job, folder of a saved one, built-in vehicle or vehicle file
-    duration : float, s
+    duration : float, s, optional
+        20 s when absent; by hand 40 s, sweeps 60 s.
     airspeed : float, m/s, optional
         V* of the vehicle when absent.
     altitude : float, m
     amplitude : mapping, optional
-        Largest deflection of each control, rad.
+        Largest deflection of each control, rad; on rotors of each command, rad/s2 or m/s2.
     envelope : mapping, optional
         Lowest and highest value of a channel, SI.
     shapes : sequence of str, optional
-        Of :data:`stoop.input_design.SHAPES`; all when absent.
+        Of :data:`stoop.input_design.SHAPES`; the usual ones when absent.
     seed : int
+    min_amplitude : mapping, optional
+        Smallest amplitude of each control that can be flown; 0.5 deg when absent.
+    beat : float, s, optional
+        Of counts, where a pilot flies the steps by hand; 0.5 s when absent for the target "pilot".
+    evaluations : int, optional
+        Maneuvers tried for each family; 2000 when absent, on rotors 200.
+    target : {"pilot", "ardupilot", "px4", "crazyflie"}, optional
+        Who flies it: chooses families that it can fly.
 
     Raises
     ------
@@ -261,16 +276,54 @@ def design(
         No maneuver stays within the limits.
     """
     from stoop.input_design.information import Limits
-    from stoop.input_design.inputs import SHAPES
-    from stoop.input_design.optimization import Plan, propose
+    from stoop.input_design.optimization import propose
     from stoop.simulation import trim
-    from stoop.workflow.design import prior_model
+    from stoop.workflow.design import min_amplitudes, prior_model, usual_plan
 
     with _saved(model) as place:
         known = prior_model(place)
     steady = trim(known.vehicle, airspeed, altitude)
-    limits = Limits.about(known.vehicle, steady, amplitude, envelope=envelope)
-    return propose(known, steady, limits, Plan(duration=duration, seed=seed), tuple(shapes) or tuple(SHAPES))
+    smallest = min_amplitudes(known.vehicle.controls, target, min_amplitude)
+    limits = Limits.about(known.vehicle, steady, amplitude, envelope=envelope, min_amplitude=smallest)
+    plan, families = usual_plan(steady, target, shapes, duration, beat, evaluations, seed=seed)
+    return propose(known, steady, limits, plan, families)
+
+
+def save_design(
+    proposal: Proposal,
+    folder: str | Path,
+    target: FlownBy | None = None,
+    throws: Mapping[str, float] | None = None,
+    overwrite: bool = False,
+) -> Path:
+    """Save a designed maneuver: maneuver files, page, and the files with which a pilot or an autopilot flies it.
+
+    Parameters
+    ----------
+    proposal : Proposal
+        Of :func:`design`.
+    folder : path
+    target : {"pilot", "ardupilot", "px4", "crazyflie"}, optional
+        Who flies it.
+    throws : mapping, optional
+        Deflection of each surface at full output, rad.
+    overwrite : bool
+
+    Returns
+    -------
+    Path
+        The folder, with ``maneuver.toml`` for :func:`load_maneuver`.
+
+    Raises
+    ------
+    StoopError
+        The target cannot fly the maneuver, or the folder cannot be written.
+    """
+    from stoop.workflow.design import flight_files, write_proposal
+
+    flight = flight_files(proposal, target, throws) if target is not None else {}
+    write_proposal(proposal, Path(folder), "stoop.design(...)", overwrite, flight)
+    return Path(folder)
 
 
 def propagate(

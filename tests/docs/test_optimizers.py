@@ -54,4 +54,5 @@ def test_every_piece_that_is_named_exists() -> None:
 
 
 def test_a_mutation_of_ones_own(tmp_path: Path) -> None:
-    assert run_python(PAGE, tmp_path) == "target\n"
+    problems = ("paper-N", "paper-S", "paper-W", "paper-W+noise")
+    assert run_python(PAGE, tmp_path) == "".join(f"{name} target\n" for name in problems)

@@ -82,8 +82,8 @@ class Options:
 
     Attributes
     ----------
-    optimizer : str
-        Name, see :func:`stoop.optimize.names`.
+    optimizer : str or stoop.optimize.Optimizer
+        Name, see :func:`stoop.optimize.names`, or an optimizer of your own, such as a composition with your mutation.
     seed : int
     generations, budget, target_cost
         When to stop, see :class:`stoop.optimize.Stop`; a fifth of the budget is kept for the refinement; the few
@@ -95,13 +95,32 @@ class Options:
         output error without.
     """
 
-    optimizer: str = "ps-gde-lm"
+    optimizer: str | optimize.Optimizer[Any] = "ps-gde-lm"
     seed: int = 0
     generations: int = 2000
     budget: float = 100_000.0
     target_cost: float = -np.inf
     covariance: FloatArray | None = None
     method: str = ""
+
+    def __post_init__(self) -> None:
+        parts = (getattr(self.optimizer, part, None) for part in ("init", "step"))
+        if not (isinstance(self.optimizer, str) or all(callable(part) for part in parts)):
+            raise IdentificationError(
+                "optimizer: it is neither a name nor has it init and step; put a mutation into a composition, such as "
+                "stoop_studies.optimizers.compositions.ps_gde(mutation=...)"
+            )
+
+    @property
+    def optimizer_name(self) -> str:
+        """Name of the optimizer."""
+        return self.optimizer if isinstance(self.optimizer, str) else self.optimizer.name
+
+    def create_optimizer(self, budget: float) -> optimize.Optimizer[Any]:
+        """Return the optimizer; one that goes by name may plan with a budget of trajectories."""
+        if isinstance(self.optimizer, str):
+            return optimize.create(self.optimizer, budget)
+        return self.optimizer
 
     def stop(self, spent: float, starts: int) -> optimize.Stop:
         """Return when the search stops after so many trajectories; a fifth of the rest is for the refinement."""
@@ -326,13 +345,13 @@ def fit(
             cost = float(np.sum(problem.residuals(z[None, :], len(problem.prices) - 1) ** 2))
             advice = "stopped by the user before the search: the estimates are those of a first local refinement; run it again"
             outcome = optimize.Outcome(
-                z, cost, 0.0, 0, "interrupted", advice, np.empty((0, 2)), None, options.optimizer
+                z, cost, 0.0, 0, "interrupted", advice, np.empty((0, 2)), None, options.optimizer_name
             )
             return replace(refine(problem, prepared, outcome), trajectories=spent)
         guesses = np.concatenate([z[None, :], np.pad(guesses, [(0, 0), (0, problem.extra)])])
     stop = options.stop(spent, len(guesses))
     outcome = optimize.minimize(
-        optimize.create(options.optimizer, stop.budget), problem, seed=options.seed, starts=guesses,
+        options.create_optimizer(stop.budget), problem, seed=options.seed, starts=guesses,
         stop=stop, callback=iterates.shown(problem, callback), state=state,
     )  # fmt: skip
     if not np.isfinite(outcome.cost):

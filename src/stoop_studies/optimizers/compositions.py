@@ -160,7 +160,7 @@ def asmde() -> DifferentialEvolution:
     the relative variance of the costs falls to 1e-8, which without an optimum at zero is what premature convergence
     looks like, members are moved by Gaussian steps, the more of them the smaller the variance. DE/rand/1/bin with
     F = 0.5 and CR = 0.9 does the rest. Near an optimum of zero cost the relative variance does not fall, and there
-    is no second mutation.
+    is no second mutation: without noise this is DE/rand/1/bin to the last bit.
     """
     return DifferentialEvolution("asmde", rand_1, Fixed(0.5, 0.9), after_selection=(SecondMutation(),))
 

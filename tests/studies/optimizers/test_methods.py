@@ -112,6 +112,18 @@ def test_second_mutation_and_migration_lead_out_of_wrong_optima() -> None:
     assert _found("asmde") == _found("hybrid") == 20
 
 
+def test_asmde_is_de_rand_1_bin_where_the_optimum_costs_nothing() -> None:
+    """Costs that fall without limit are never nearly equal; above a floor they become so."""
+    stop = Stop(generations=60)
+    found, plain = (
+        optimize.minimize(optimize.create(name), Sphere(), seed=3, stop=stop)
+        for name in ("asmde", "de-rand-1-bin")
+    )
+    assert found.history.tobytes() == plain.history.tobytes()
+    assert found.state.X.tobytes() == plain.state.X.tobytes()
+    assert _found("asmde") != _found("de-rand-1-bin")
+
+
 @pytest.mark.parametrize("name", optimize.names())
 def test_names_keep_their_promises(name: str) -> None:
     """The name is kept in states; a plan is taken by all; residuals are asked for only where it is said."""

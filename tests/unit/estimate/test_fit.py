@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import stoop
 from stoop import optimize
 from stoop.errors import FlightError, IdentificationError, VehicleError
 from stoop.estimate.fit import Fit, Options, estimation_problem, fit, refine, settle, starts
@@ -24,6 +25,8 @@ from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.workflow.demo import MANEUVER, TABLE_1
+from stoop_studies.optimizers.compositions import ps_gde
+from stoop_studies.optimizers.mutation import distinct
 
 WINDOW = [Window("sim", 0.0, 30.0)]
 
@@ -263,6 +266,33 @@ def test_optimizers_of_every_kind_reach_the_same_place(wrong: Vehicle, flight: F
         found = fit(wrong, {"sim": flight}, WINDOW, Options(optimizer=name, budget=3000.0)).estimates
         for key, value in best.items():
             assert found[key] == pytest.approx(value, rel=2e-3, abs=1e-4), (name, key)
+
+
+def current_to_elite(X: np.ndarray, F: np.ndarray, scale: Any, generator: np.random.Generator) -> np.ndarray:
+    """Return the mutation of docs/optimizers.md."""
+    elite = X[F.argsort()[generator.integers(0, 5, len(X))]]
+    a, b = X[distinct(len(X), 2, generator)]
+    return np.asarray(X + scale * generator.uniform(0.7, 1.6, (len(X), 1)) * (elite - X + a - b))
+
+
+def test_an_optimizer_of_ones_own_in_a_fit(wrong: Vehicle, flight: Flight) -> None:
+    """An object does what its name does, and a mutation of one's own arrives where the default does."""
+    named, given = (
+        stoop.fit(wrong, flight, ["0:30"], options=Options(optimizer=one, budget=1000.0))
+        for one in ("ps-gde", ps_gde())
+    )
+    assert given.result.optimizer == "ps-gde"
+    assert np.array_equal(named.fit.z, given.fit.z)
+    best = fit(wrong, {"sim": flight}, WINDOW, Options()).estimates
+    own = ps_gde(mutation=current_to_elite)
+    found = fit(wrong, {"sim": flight}, WINDOW, Options(optimizer=own, budget=3000.0)).estimates
+    for key, value in best.items():
+        assert found[key] == pytest.approx(value, rel=2e-3, abs=1e-4), key
+
+
+def test_a_bare_mutation_is_no_optimizer() -> None:
+    with pytest.raises(IdentificationError, match=r"neither a name .*ps_gde\(mutation=...\)"):
+        Options(optimizer=current_to_elite)  # type: ignore[arg-type]
 
 
 def test_interrupted_search_keeps_its_best(wrong: Vehicle, flight: Flight) -> None:
