@@ -2,20 +2,21 @@ r"""Frequency responses of a linear model with their 95 % band, from the covaria
 
 .. math:: H(\omega) = e^{-j\omega\tau_y}\,[C (j\omega I - A)^{-1} B + D]\,e^{-j\omega\tau_u}
 
-about the steady flight, lags of actuators among the states, delays in series. Parameters are drawn from their normal distribution
-within their bounds, and the model is linearized at each draw, the steady flight following; the band is 1.96 times the root mean
-square change of magnitude (in dB) and phase. A parameter without a finite variance is drawn from its prior.
+about the steady flight, lags of actuators among the states, delays in series. Parameters are drawn from their covariance
+(`stoop.assessment.draws`), and the model is linearized at each draw, the steady flight following; the band is 1.96 times the
+root mean square change of magnitude (in dB) and phase.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
 from stoop.assessment.covariance import NORMAL_95
+from stoop.assessment.draws import from_covariance
 from stoop.base.arrays import ComplexArray, FloatArray
 from stoop.base.notices import Notice, notice
 from stoop.results.result import Result
@@ -68,6 +69,11 @@ class UncertainModel:
     draws: tuple[LinearModel, ...]
     notices: tuple[Notice, ...] = ()
 
+    def with_inputs(self, names: Sequence[str], of: Sequence[str], mixing: FloatArray) -> UncertainModel:
+        """Return all with new inputs; see :meth:`LinearModel.with_inputs`."""
+        draws = tuple(one.with_inputs(names, of, mixing) for one in self.draws)
+        return replace(self, model=self.model.with_inputs(names, of, mixing), draws=draws)
+
     def responses(
         self, inputs: Sequence[str], outputs: Sequence[str], frequency: FloatArray
     ) -> dict[tuple[str, str], ModelResponse]:
@@ -100,35 +106,11 @@ def uncertain_model(
     notices = [notice("frequency-unstable", modes=unstable)] if unstable else []
     if result is None:
         return UncertainModel(base, (), tuple(notices))
-    names, root, unknown = _square_root(vehicle, result)
-    if unknown:
-        notices.append(notice("frequency-unknown-parameters", parameters=unknown))
-    near, own = neighbors(point), {p.name: p for p in vehicle.parameters}
-    means, low, high = (np.array([getattr(own[n], f) for n in names]) for f in ("value", "lower", "upper"))
-    steps = np.random.default_rng(seed).standard_normal((DRAWS, root.shape[1])) @ root.T
-    models = []
-    for values in np.clip(means + steps, np.minimum(low, means), np.maximum(high, means)).tolist():
-        numbers = dict(zip(names, values, strict=True))
+    drawn = from_covariance(result, DRAWS, seed)
+    kept = [i for i, name in enumerate(drawn.names) if name in vehicle.rows or name.endswith(".delay")]
+    near, models = neighbors(point), []
+    for values in drawn.values[:, kept].tolist():
+        numbers = dict(zip((drawn.names[i] for i in kept), values, strict=True))
         changed = vehicle.with_numbers({name: {"value": value} for name, value in numbers.items()})
         models.append(linearize(changed, near(numbers)))
-    return UncertainModel(base, tuple(models), tuple(notices))
-
-
-def _square_root(vehicle: Vehicle, result: Result) -> tuple[list[str], FloatArray, tuple[str, ...]]:
-    """Return the parameters that move the model, a square root (k, r) of their covariance, and those without any variance."""
-    known = result.covariance
-    kept = [i for i, n in enumerate(known.names) if n in vehicle.rows and not n.startswith("sensors.")]
-    kept += [i for i, n in enumerate(known.names) if n.startswith("sensors.") and n.endswith(".delay")]
-    names = [known.names[i] for i in kept]
-    matrix = known.matrix[np.ix_(kept, kept)].copy()
-    lost, unknown = ~np.isfinite(np.diag(matrix)), []
-    matrix[lost] = 0.0
-    matrix[:, lost] = 0.0
-    for i in np.flatnonzero(lost):
-        prior = result.parameters[names[i]].prior_std
-        matrix[i, i] = prior**2 if np.isfinite(prior) else 0.0
-        if not np.isfinite(prior):
-            unknown.append(names[i])
-    size = np.sqrt(np.maximum(np.diag(matrix), np.finfo(float).tiny))
-    power, basis = np.linalg.eigh(matrix / np.outer(size, size))
-    return names, size[:, None] * basis * np.sqrt(np.maximum(power, 0.0)), tuple(unknown)
+    return UncertainModel(base, tuple(models), (*notices, *drawn.notices))

@@ -19,7 +19,8 @@ from stoop.problem.windows import Window
 if TYPE_CHECKING:
     import xarray as xr
 
-AXES: Final = {"p": "aileron", "q": "elevator", "r": "rudder"}  #: the surface that usually drives a rate
+AXES: Final = {"p": ("aileron", "roll"), "q": ("elevator", "pitch"), "r": ("rudder", "yaw")}
+"""The surface that usually drives a rate, and the axis of the rotors that does."""
 MIN_COHERENCE: Final = 0.6  #: below it a response is usually not used
 MAX_ERROR: Final = 0.7  #: 95 % of the magnitude over the magnitude, beyond which a response is not known
 

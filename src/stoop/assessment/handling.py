@@ -34,6 +34,7 @@ from scipy.optimize import least_squares
 from stoop.assessment.covariance import NORMAL_95
 from stoop.base.arrays import ComplexArray, FloatArray
 from stoop.results.modes import Estimate
+from stoop.simulation.rotors import EXCITATIONS
 
 NAN: Final = math.nan
 PHASE_WEIGHT: Final = 0.01745  #: (1 deg)^2 as much as so many (1 dB)^2
@@ -64,6 +65,11 @@ class Bandwidth:
     phase_bandwidth: Estimate
     gain_bandwidth: Estimate
     phase_delay: Estimate
+
+    @property
+    def reached(self) -> bool:
+        """Whether any figure lies within the known frequencies."""
+        return any(math.isfinite(one.estimate) for one in vars(self).values())
 
 
 @dataclass(frozen=True)
@@ -186,14 +192,20 @@ def _second_order(s: ComplexArray, x: FloatArray) -> ComplexArray:
     return np.asarray((s + zero) / (s**2 + 2.0 * damping * frequency * s + frequency**2))
 
 
+def _lagged_integrator(s: ComplexArray, x: FloatArray) -> ComplexArray:
+    return np.asarray(1.0 / (s * (x[0] * s + 1.0)))
+
+
 FORMS: Final[Mapping[str, Form]] = {
     "q": Form("short period", ("zero", "frequency", "damping"), _second_order),
     "p": Form("roll", ("time_constant",), _first_order),
     "r": Form("Dutch roll", ("zero", "frequency", "damping"), _second_order),
 }  #: by the rate
+ON_ROTORS: Final = Form("rotors", ("time_constant",), _lagged_integrator)  #: to an axis that rotors command
 MIN_POINTS: Final = 8  #: of a response, for five parameters
 BOUNDS: Final = (1e-3, 1e3)  #: of zero, frequency, damping and time constant
 MAX_DELAY: Final = 1.0  #: s
+MIN_DELAY: Final = 1e-6  #: s; what the bound of the search leaves is none
 MAX_LOG_ERROR: Final = (
     1.0  #: standard error of the logarithm of a parameter, beyond which it is not determined
 )
@@ -203,7 +215,8 @@ def equivalent_system(known: Known, input_name: str, output: str) -> EquivalentS
     """Fit the low-order form of a rate; None where it is known at too few frequencies."""
     if len(known.frequency) < MIN_POINTS:
         return None
-    form, s = FORMS[output], np.asarray(1j * known.frequency, dtype=np.complex128)
+    form = ON_ROTORS if input_name in EXCITATIONS else FORMS[output]
+    s = np.asarray(1j * known.frequency, dtype=np.complex128)
     weights = np.sqrt(20.0 / len(s)) * 1.58 * (1.0 - np.exp(-known.coherence))
 
     def residual(x: FloatArray, sign: float, response: ComplexArray = known.response) -> FloatArray:
@@ -236,6 +249,7 @@ def equivalent_system(known: Known, input_name: str, output: str) -> EquivalentS
 def _parameter(name: str, value: float, error: float, sign: float) -> Estimate:
     """Return a parameter from its logarithm (the delay is itself) and the standard error of that, if it is determined."""
     if name == "delay":
+        value = 0.0 if value < MIN_DELAY else value
         return Estimate(value, error, value - NORMAL_95 * error, value + NORMAL_95 * error)
     scale = sign if name == "gain" else 1.0
     size = scale * math.exp(value)

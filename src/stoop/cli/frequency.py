@@ -64,10 +64,7 @@ def run(arguments: argparse.Namespace) -> int:
 def _band(text: str | None) -> tuple[float, float] | None:
     if text is None:
         return None
-    try:
-        low, high = (float(part) for part in text.split(":"))
-    except ValueError:
-        low = high = 0.0
+    low, high = options.ends(text)
     if not 0.0 < low < high < 1e4:
         raise FlightError(f"--band {text}: write LOW:HIGH in rad/s, for example 1:20")
     return low, high
@@ -75,16 +72,12 @@ def _band(text: str | None) -> tuple[float, float] | None:
 
 def _print(found: FrequencyAnalysis) -> None:
     from stoop.assessment.frequency_analysis import known
-    from stoop.report.frequency import UNITS, estimates, interval
+    from stoop.report.frequency import UNITS, condition_text, estimates, interval
 
     out = page()
     out.line(f"windows: {', '.join(map(str, found.windows))}")
     if found.condition:
-        out.line(
-            "model at "
-            + ", ".join(f"{name} {value:.4g}" for name, value in found.condition.items())
-            + " (SI)"
-        )
+        out.line(f"model at {condition_text(found)}")
     rows = [(r, known(r)) for r in found.responses if known(r).any()]
     out.heading("Responses of the flight (coherence 0.6 and more)")
     out.table(
@@ -96,7 +89,9 @@ def _print(found: FrequencyAnalysis) -> None:
         fixed("mean coherence", [float(r.coherence[good].mean()) for r, good in rows], 2),
         fixed("median error %", [100.0 * sorted(r.bound[good])[int(good.sum()) // 2] for r, good in rows], 0),
     )
-    bands = [(one, one.bandwidth) for one in found.figures if one.bandwidth is not None]
+    bands = [
+        (one, one.bandwidth) for one in found.figures if one.bandwidth is not None and one.bandwidth.reached
+    ]
     if bands:
         out.heading("Bandwidth (rad/s) and phase delay (s) of the attitude, 95 % intervals")
         out.table(
@@ -116,7 +111,7 @@ def _print(found: FrequencyAnalysis) -> None:
     if systems:
         out.heading("Low-order equivalent systems, 95 % intervals")
         out.table(
-            words("system", [system.name for _, system, _, _ in systems]),
+            words("system", [f"{system.name}, {one.output}/{one.input}" for one, system, _, _ in systems]),
             words("of", [one.source for one, _, _, _ in systems]),
             words("parameter", [f"{name} {UNITS.get(name, '')}".strip() for _, _, name, _ in systems]),
             words("estimate", [value for _, _, _, value in systems]),

@@ -60,10 +60,7 @@ def airspeeds_of(text: str | None) -> tuple[float, float] | None:
     """Return the airspeeds A:B, m/s; raises SimulationError for a text of another form."""
     if text is None:
         return None
-    try:
-        low, high = (float(part) for part in text.split(":"))
-    except ValueError:
-        low = high = float("nan")
+    low, high = options.ends(text)
     if not LIMITS[0] <= low < high <= LIMITS[1]:
         raise SimulationError(f"--airspeed {text}: write A:B in m/s with A below B, for example 18:30")
     return low, high

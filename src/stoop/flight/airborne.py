@@ -12,6 +12,7 @@ from typing import Final
 import numpy as np
 
 from stoop.base.arrays import BoolArray, FloatArray, run_slices
+from stoop.base.autopilots import MOTOR_FUNCTIONS
 from stoop.base.units import STANDARD_GRAVITY
 from stoop.base.variables import MOTORS, OUTPUT_PINS, ROTORS, SPECIFIC_FORCE, VELOCITY
 from stoop.errors import FlightError
@@ -55,8 +56,6 @@ class PulseLimits:
 
 FLYING: Final = FlyingLimits()
 PULSES: Final = PulseLimits()
-#: SERVOn_FUNCTION of ArduPilot -> number of the motor
-MOTOR_FUNCTIONS: Final = {**{33 + k: 1 + k for k in range(8)}, **{82 + k: 9 + k for k in range(4)}}
 ROTOR_KINDS: Final = (
     ("motor", MOTORS, 0.0, 1.0),
     ("rotor", ROTORS, 0.0, 1000.0),

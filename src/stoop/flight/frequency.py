@@ -25,6 +25,7 @@ F. E. Satterthwaite, "An approximate distribution of estimates of variance compo
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -94,14 +95,12 @@ def window_lengths(durations: Sequence[float], inputs: int, longest: float = MAX
     return tuple(np.geomspace(first, 0.25 * first, LENGTHS).tolist())
 
 
-def octaves(low: float, high: float) -> list[FloatArray]:
-    """Return frequencies from `low` to `high`, evenly spaced within each octave."""
-    found, start = [], low
-    while start < high:
-        points = start * (1.0 + np.arange(POINTS_PER_OCTAVE) / POINTS_PER_OCTAVE)
-        found.append(points[points <= high * (1.0 + 1e-9)])
-        start *= 2.0
-    return found
+def frequencies(low: float, high: float) -> FloatArray:
+    """Return frequencies from `low` to `high`, evenly spaced within each octave; none where `high` is not above."""
+    octaves = max(math.ceil(math.log2(high / low)), 0)
+    within = 1.0 + np.arange(POINTS_PER_OCTAVE) / POINTS_PER_OCTAVE
+    points = low * np.outer(2.0 ** np.arange(octaves), within).ravel()
+    return np.asarray(points[points <= high * (1.0 + 1e-9)])
 
 
 def estimate_responses(
@@ -133,9 +132,9 @@ def estimate_responses(
         lowest = CYCLES / max(chosen)
         ceiling = MAX_SHARE * min(rate for rate, _ in pieces)
         low, high = (lowest, MAX_FREQUENCY) if band is None else (b / (2.0 * np.pi) for b in band)
-        grid = octaves(max(low, lowest), min(high, ceiling))
-        if grid:
-            found += _responses(_windows(pieces, chosen, grid), np.concatenate(grid), inputs, output)
+        hertz = frequencies(max(low, lowest), min(high, ceiling))
+        if hertz.size:
+            found += _responses(_windows(pieces, chosen, hertz), hertz, inputs, output)
     return found
 
 
@@ -156,7 +155,7 @@ class _Windows:
 
 
 def _windows(
-    pieces: Sequence[tuple[float, FloatArray]], lengths: Sequence[float], grid: Sequence[FloatArray]
+    pieces: Sequence[tuple[float, FloatArray]], lengths: Sequence[float], hertz: FloatArray
 ) -> _Windows:
     transforms, length, blocks = [], [], []
     for rate, values in pieces:
@@ -168,7 +167,7 @@ def _windows(
                 continue
             count = 1 + int(np.ceil(room / max(1, round((1.0 - OVERLAP) * size))))
             own = np.unique(np.round(np.linspace(0, room, count)).astype(int))
-            transforms.append(_transformed(values, own, size, rate, grid))
+            transforms.append(_transformed(values, own, size, rate, hertz))
             length.append(np.full(len(own), seconds))
             sizes.append(size)
             starts.append(own)
@@ -186,12 +185,11 @@ def _taper(size: int) -> FloatArray:
 
 
 def _transformed(
-    values: FloatArray, starts: np.ndarray, size: int, rate: float, grid: Sequence[FloatArray]
+    values: FloatArray, starts: np.ndarray, size: int, rate: float, hertz: FloatArray
 ) -> ComplexArray:
     """Return the transforms (w, m, c) of windows of columns (n, c), their phases counted from the first sample."""
     windows = values[starts[:, None] + np.arange(size)]
     windows = (windows - windows.mean(axis=1, keepdims=True)) * _taper(size)[:, None]
-    hertz = np.concatenate(grid)
     turns = 2.0 * np.pi / rate * np.outer(np.arange(size), hertz)
     rows = windows.transpose(0, 2, 1).reshape(-1, size)
     found = (rows @ np.cos(turns) - 1j * (rows @ np.sin(turns))).reshape(len(windows), -1, len(hertz))

@@ -17,13 +17,14 @@ import numpy as np
 
 from stoop import logs
 from stoop.base.arrays import within_range
+from stoop.base.autopilots import MOTOR_FUNCTIONS
 from stoop.base.toml import quoted, quoted_key
 from stoop.base.units import FACTORS
 from stoop.base.variables import OUTPUT_PINS, VARIABLES
 from stoop.checks.lines import Signal
 from stoop.checks.units import PAIRS, STATISTICS, growth
 from stoop.errors import LogError, one_line
-from stoop.flight.airborne import MOTOR_FUNCTIONS, rotor_pulses
+from stoop.flight.airborne import rotor_pulses
 from stoop.flight.apply_mapping import apply_mapping
 from stoop.flight.column_guesses import DraftLine, recognized, with_units, without_unit
 from stoop.flight.flight import from_columns, with_other_form

@@ -16,6 +16,7 @@ from stoop.vehicle import Vehicle, terms
 
 NAME: Final = re.compile(r"(?<![\w.])[A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*")
 ABS: Final = "abs"
+GRAMMAR: Final = "write names, numbers, + - * /, whole powers (**) and abs()"
 
 
 def parse_expressions(texts: Mapping[str, str], vehicle: Vehicle) -> dict[str, Expression]:
@@ -37,7 +38,11 @@ class Expression:
         # the grammar knows no points in names
         symbols = {known: f"v{i}" for i, known in enumerate(places)}
         plain = NAME.sub(lambda found: symbols.get(found[0], found[0]), text)
-        self.tree = terms.parse(plain, symbols.values(), f"expression {name}")
+        try:
+            self.tree = terms.parse(plain, symbols.values(), f"expression {name}")
+        except StoopError as error:
+            known = {symbol: name for name, symbol in symbols.items()}
+            raise StoopError(re.sub(r"\bv\d+\b", lambda one: known.get(one[0], one[0]), str(error))) from None
         self.rows = {symbols[known]: place for known, place in places.items()}
 
     @classmethod
@@ -45,6 +50,8 @@ class Expression:
         """Return the expression of a text; raises StoopError as :func:`parse_expressions`."""
         found = [one for one in dict.fromkeys(NAME.findall(text)) if one != ABS]
         unknown = next((one for one in found if one not in vehicle.rows), None)
+        if unknown is not None and re.search(rf"{re.escape(unknown)}\s*\(", text):
+            raise StoopError(f"expression {name}: there is no function {unknown}(); {GRAMMAR}")
         if unknown is not None:
             raise StoopError(
                 f"expression {name}: {vehicle.where} has no number '{unknown}'; {nearest(unknown, vehicle.rows)}"

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from stoop.assessment.draws import Draws
 from stoop.base.arrays import FloatArray
 from stoop.base.html import table
 from stoop.base.notices import Notice, notice
 from stoop.base.numbers import number
 from stoop.base.text import printable
-from stoop.propagation.draws import Draws
 from stoop.propagation.expressions import parse_expressions
 from stoop.propagation.quantities import PERCENTILES, Curve, Figure, figure
 from stoop.propagation.rotor_figures import rotor_figures
@@ -47,6 +47,9 @@ class Propagation:
     notices: tuple[Notice, ...]
     expressions: Mapping[str, str] = field(default_factory=dict)
     undetermined: tuple[str, ...] = ()
+    extrapolated: tuple[
+        tuple[float, float], ...
+    ] = ()  #: m/s, stretches of the curves outside of what was fitted
     seconds: float = 0.0
 
     def __getitem__(self, name: str) -> Figure:
@@ -117,6 +120,7 @@ class Propagation:
             "figures": [asdict(one) for one in self.figures],
             "curves": curves,
             "undetermined": list(self.undetermined),
+            "extrapolated": [list(one) for one in self.extrapolated],
             "notices": [one.to_dict() for one in self.notices],
             "seconds": self.seconds,
         }
@@ -170,5 +174,6 @@ def propagate_draws(
     return Propagation(
         vehicle.name, "" if result is None else str(result), draws.source, len(draws.values), seed, domain,
         figures, found.curves, {s.name: s.draws for _, s in grouped},
-        tuple(notices), dict(expressions or {}), draws.undetermined, time.perf_counter() - begun,
+        tuple(notices), dict(expressions or {}), draws.undetermined, found.extrapolated,
+        time.perf_counter() - begun,
     )  # fmt: skip

@@ -14,13 +14,14 @@ from stoop.base.rotations import matrices_of_angles
 from stoop.errors import SimulationError
 from stoop.propagation.newton import solve
 from stoop.propagation.quantities import Curve, Samples, curve
-from stoop.propagation.wing_figures import FEW, SPEEDS, Domain, Found, Grouped
+from stoop.propagation.wing_figures import FEW, SPEEDS, Domain, Found, Grouped, stretches
 from stoop.simulation.initial import initial_states
 from stoop.simulation.rotors import allocation, channel_range, effects
 from stoop.simulation.trim import TOLERANCE, Conditions, level_channels, neutral_inputs
 from stoop.vehicle import Vehicle
 
 SCALES: Final = np.array([0.1, 0.1, 1.0, 1.0, 1.0, 1.0])[:, None]  #: of phi, theta and the accelerations
+FASTER: Final = 0.5  #: m/s; faster than what was flown by less is within
 ANGULAR: Final = {"p": "roll", "q": "pitch", "r": "yaw"}
 RATES: Final = ("u", "v", "w", "p", "q", "r")
 
@@ -97,7 +98,16 @@ class _Study:
     def found(self) -> Found:
         """Return all numbers and curves."""
         figures = (*self.hovering(), *self.authority())
-        return Found(figures, tuple(self.curves()), tuple(self.notices))
+        curves, flown = tuple(self.curves()), self.domain.speeds
+        beyond = (
+            ()
+            if flown is None
+            else stretches(curves[0].airspeed, curves[0].airspeed, (0.0, flown[1]), FASTER)
+        )
+        if beyond and flown is not None:
+            (low, high), most = beyond[0], flown[1]
+            self.notices.append(notice("propagate-faster-than-flown", low=low, high=high, flown=most))
+        return Found(figures, curves, tuple(self.notices), beyond)
 
     def hovering(self) -> Iterator[Grouped]:
         """Yield hover throttle, thrust over weight and the time constant of the rotors."""

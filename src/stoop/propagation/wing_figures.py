@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from stoop.base.arrays import BoolArray, FloatArray
+from stoop.base.arrays import BoolArray, FloatArray, runs
 from stoop.base.notices import Notice, notice
 from stoop.base.units import STANDARD_GRAVITY
 from stoop.errors import SimulationError
@@ -37,6 +37,7 @@ class Domain:
     altitude: float  #: m
     density: float  #: kg/m3
     alpha: tuple[float, float] | None = None  #: rad, least and greatest angle of attack that was fitted
+    speeds: tuple[float, float] | None = None  #: m/s, likewise: airspeed, over ground with rotors
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +47,9 @@ class Found:
     figures: tuple[Grouped, ...]
     curves: tuple[Curve, ...]
     notices: tuple[Notice, ...]
+    extrapolated: tuple[
+        tuple[float, float], ...
+    ] = ()  #: m/s, stretches of the curves outside of what was fitted
 
 
 def wing_figures(vehicle: Vehicle, rows: FloatArray, domain: Domain) -> Found:
@@ -65,6 +69,7 @@ class _Study:
     def __init__(self, vehicle: Vehicle, rows: FloatArray, domain: Domain) -> None:
         self.domain, self.count = domain, rows.shape[1]
         self.notices: list[Notice] = []
+        self.beyond: tuple[tuple[float, float], ...] = ()
         first = Wings.of(vehicle, rows[:, :1], domain.altitude, domain.density)
         speed = np.array([domain.reference])
         at = first.steady(speed)
@@ -90,7 +95,7 @@ class _Study:
         figures = [
             *self.trim(), *self.stability(), *self.modes(linear), *self.limits(), *self.control(linear), *self.glide(),
         ]  # fmt: skip
-        return Found(tuple(figures), tuple(self.drawn), tuple(self.notices))
+        return Found(tuple(figures), tuple(self.drawn), tuple(self.notices), self.beyond)
 
     def trim(self) -> Iterator[Grouped]:
         """Yield angles, controls and thrust of level flight at the airspeed."""
@@ -169,14 +174,11 @@ class _Study:
         if flown is None:
             self.notices.append(notice("propagate-alpha-unknown"))
             return
-        low, high = flown
-        with np.errstate(invalid="ignore"):
-            outside = (alpha[:, 0] < low - OUTSIDE) | (alpha[:, 0] > high + OUTSIDE)
-        if outside.any():
-            where = speeds[outside]
-            ends = float(where[0]), float(where[-1])
+        self.beyond = stretches(speeds, alpha[:, 0], flown, OUTSIDE)
+        if self.beyond:
+            low, high = self.beyond[0][0], self.beyond[-1][-1]
             self.notices.append(
-                notice("propagate-extrapolated", low=ends[0], high=ends[1], first=low, last=high)
+                notice("propagate-extrapolated", low=low, high=high, first=flown[0], last=flown[1])
             )
 
     def stability(self) -> Iterator[Grouped]:
@@ -257,14 +259,12 @@ class _Study:
         nearest = int(np.argmin(np.abs(speeds - self.domain.reference)))
         angles = np.array([p.climb for p in points])
         with np.errstate(divide="ignore", invalid="ignore"):
-            ratio = np.where(angles < 0.0, -1.0 / np.tan(angles), np.nan)
             sink = -speeds[:, None] * np.sin(angles)
+        ratio = glide_ratio(angles)
         mass = self.rows[self.vehicle.rows["mass.mass"]]
         self.drawn.append(curve("glide ratio without thrust", "1", speeds, ratio))
         here = wings.steady(np.full(self.count, self.domain.reference), points[nearest].solution)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            now = np.where(here.climb < 0.0, -1.0 / np.tan(here.climb), np.nan)
-        yield "Glide without thrust", _samples("glide ratio at the airspeed", "1", now)
+        yield "Glide without thrust", _samples("glide ratio at the airspeed", "1", glide_ratio(here.climb))
         best, where, edge = peak_of(speeds, ratio)
         least, slow, low_edge = peak_of(speeds, -sink)
         if edge[0] or np.mean(edge[1:]) > FEW:
@@ -279,6 +279,20 @@ class _Study:
             power = -least * mass * STANDARD_GRAVITY
             yield "Glide without thrust", _samples("least power that must be replaced", "W", power)
         self.notices.append(notice("propagate-no-power"))
+
+
+def stretches(
+    speeds: FloatArray, values: FloatArray, flown: tuple[float, float], margin: float
+) -> tuple[tuple[float, float], ...]:
+    """Return the stretches of speeds (n,) where values (n,) lie outside of what was flown."""
+    outside = (values < flown[0] - margin) | (values > flown[1] + margin)
+    return tuple((float(speeds[a]), float(speeds[b - 1])) for a, b in runs(outside).tolist())
+
+
+def glide_ratio(climb: FloatArray) -> FloatArray:
+    """Return distance over height of a flight-path angle, rad; NaN where it does not descend."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(climb < 0.0, -1.0 / np.tan(climb), np.nan)
 
 
 def full_deflection(vehicle: Vehicle, rows: FloatArray, control: str) -> FloatArray | None:

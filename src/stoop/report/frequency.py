@@ -38,6 +38,7 @@ without an interval is not determined by these frequencies."""
 FORMS: Final = {
     "short period": "gain (s + zero) e^(−delay s) / (s² + 2 damping frequency s + frequency²)",
     "roll": "gain e^(−delay s) / (time_constant s + 1)",
+    "rotors": "gain e^(−delay s) / (s (time_constant s + 1))",
     "Dutch roll": "gain (s + zero) e^(−delay s) / (s² + 2 damping frequency s + frequency²)",
 }
 UNITS: Final = {"zero": "1/s", "frequency": "rad/s", "time_constant": "s", "delay": "s"}
@@ -53,10 +54,10 @@ def frequency_sheet(found: FrequencyAnalysis, command: str = "") -> Sheet:
         coherence=MIN_COHERENCE,
         error=100.0 * MAX_ERROR,
     )
-    condition = _condition(found)
+    condition = condition_text(found)
     sections = [_bode(found, condition)]
     if found.figures:
-        bands = [one for one in found.figures if one.bandwidth is not None]
+        bands = [one for one in found.figures if one.bandwidth is not None and one.bandwidth.reached]
         sections += [_bandwidths(bands)] if bands else []
         systems = [one for one in found.figures if one.system is not None]
         sections += [_systems(systems)] if systems else []
@@ -69,13 +70,14 @@ def shown_pairs(found: FrequencyAnalysis) -> list[Pair]:
     """Return the responses that are drawn: those known well enough, and of each rate that to its own control."""
     pairs = []
     for one in found.responses:
-        own = AXES.get(one.output) == one.input
+        own = one.input in AXES.get(one.output, ())
         if own or int(known(one).sum()) >= MIN_POINTS:
             pairs.append((one, found.model.get((one.input, one.output))))
     return pairs
 
 
-def _condition(found: FrequencyAnalysis) -> str:
+def condition_text(found: FrequencyAnalysis) -> str:
+    """Return the flight condition of the model with units."""
     units = {"airspeed": "m/s", "altitude": "m", "density": "kg/m³"}
     return ", ".join(f"{name} {number(value)} {units[name]}" for name, value in found.condition.items())
 

@@ -11,6 +11,7 @@ from numpy.testing import assert_allclose
 from scipy import signal
 
 from stoop.assessment.frequency import ModelResponse, transfer, uncertain_model
+from stoop.results.result import Covariance, NoiseCovariance, ParameterEstimate, Result
 from stoop.simulation import linearize, trim
 from stoop.vehicle.builtin import resolve_vehicle
 
@@ -34,6 +35,26 @@ def test_a_vehicle_file_has_no_band() -> None:
     vehicle = resolve_vehicle("twin-boom")
     found = uncertain_model(vehicle, trim(vehicle, 35.0)).responses(["elevator"], ["q"], FREQUENCY)
     assert np.isnan(found["elevator", "q"].magnitude_half_width).all()
+
+
+@pytest.mark.parametrize("variance", [1e-4, np.inf])
+def test_the_band_follows_the_covariance_or_the_prior(variance: float) -> None:
+    """A standard error of 1 % of Cmelevator moves q above the short period by 1 %."""
+    vehicle = resolve_vehicle("twin-boom").reduced("longitudinal")
+    gain = vehicle.value("Cmelevator")
+    parameters = {
+        "Cmelevator": ParameterEstimate(gain, prior_mean=gain, prior_std=0.01 * abs(gain)),
+        "Cm0": ParameterEstimate(vehicle.value("Cm0"), identifiable=False),
+        "Cmq": ParameterEstimate(vehicle.value("Cmq")),
+    }
+    matrix = np.diag([variance * gain**2, np.inf, 1e-8])
+    other = NoiseCovariance((), np.empty((0, 0))), (), (), (), (), 0.0, 0.0, 0.0, 0, "lm", "converged"
+    found = uncertain_model(
+        vehicle, trim(vehicle, 35.0), Result(parameters, Covariance(tuple(parameters), matrix), *other)
+    )
+    one = found.responses(["elevator"], ["q"], np.array([30.0]))["elevator", "q"]
+    assert one.magnitude_half_width == pytest.approx(1.96 * 20.0 * np.log10(1.01), rel=0.25)
+    assert [(n.code, n.values["parameters"]) for n in found.notices] == [("parameters-held", ("Cm0",))]
 
 
 def test_the_band_of_a_gain() -> None:

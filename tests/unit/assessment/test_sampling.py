@@ -38,8 +38,8 @@ def converged(sampler: Sampler, target: Any, chosen: Coordinates, seed: int = 0)
     return chains
 
 
-def chained(bend: float) -> Target:
-    """Return a density in which each of 24 pairs is a banana.
+def chained(bend: float, size: int = SIZE) -> Target:
+    """Return a density in which each pair of coordinates, 24 of 48, is a banana.
 
     With a and b standard normal, x = 1/2 + sigma a and y = 1/2 + sigma / 10 (b + bend (a^2 - 1)); the variance of y is
     (sigma / 10)^2 (1 + 2 bend^2), and both means are 1/2.
@@ -49,14 +49,14 @@ def chained(bend: float) -> Target:
         a, b = (Z[:, ::2] - 0.5) / SIGMA, (Z[:, 1::2] - 0.5) / (0.1 * SIGMA)
         return np.hstack([a, b - bend * (a**2 - 1.0)])
 
-    z = np.full(SIZE, 0.5)
+    z = np.full(size, 0.5)
     z[1::2] -= 0.1 * bend * SIGMA
-    return Target(linearize(Fitted(residuals, SIZE), z, np.arange(SIZE)), np.eye(SIZE))
+    return Target(linearize(Fitted(residuals, size), z, np.arange(size)), np.eye(size))
 
 
-def spread(bend: float) -> np.ndarray:
-    """Return the standard deviations (48,) of such a density."""
-    return SIGMA * np.tile([1.0, 0.1 * np.sqrt(1.0 + 2.0 * bend**2)], SIZE // 2)
+def spread(bend: float, size: int = SIZE) -> np.ndarray:
+    """Return the standard deviations (size,) of such a density."""
+    return SIGMA * np.tile([1.0, 0.1 * np.sqrt(1.0 + 2.0 * bend**2)], size // 2)
 
 
 class Student:
@@ -105,6 +105,14 @@ def test_student_t_in_48_dimensions_has_its_standard_deviations() -> None:
     chains = converged(hamiltonian, target, Coordinates.straight(np.full(SIZE, 0.5), target.root))
     wanted = np.sqrt(target.nu / (target.nu - 2.0)) * np.sqrt(np.sum(target.root**2, axis=1))
     ratio = chains.draws.reshape(-1, SIZE).std(axis=0) / wanted
+    assert np.sqrt(np.mean((ratio - 1.0) ** 2)) < 0.03
+
+
+def test_walkers_have_the_standard_deviations_of_bananas_in_20_dimensions() -> None:
+    target = chained(1.0, 20)
+    chains = converged(ensemble, target, coordinates(target))
+    ratio = chains.draws.reshape(-1, 20).std(axis=0) / spread(1.0, 20)
+    assert chains.converged
     assert np.sqrt(np.mean((ratio - 1.0) ** 2)) < 0.03
 
 

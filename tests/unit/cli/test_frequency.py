@@ -65,6 +65,49 @@ def test_flight_against_model(flight: Path, capsys: pytest.CaptureFixture[str]) 
     assert "exists" in capsys.readouterr().err
 
 
+HOVER = """\
+duration = 30.0
+rate = 100.0
+[[input]]
+control = "roll"
+shape = "multisine"
+start = 1.0
+duration = 28.0
+amplitude = 8.0
+band = 4.0
+first = 5
+[noise]
+p = 0.002
+"""
+
+
+def test_rotors_are_taken_by_the_axes_that_they_command() -> None:
+    """The response of p to the commanded roll acceleration is a lag before an integrator, by the rotors' lag alone."""
+    vehicle = resolve_vehicle("quad-x")
+    flight = simulate_flight(vehicle, parse_maneuver(HOVER, "hover"), name="hover")
+    found = stoop.frequency_responses(flight, "1:29", vehicle)
+    assert "roll" in found.inputs
+    p = found.response("roll", "p")
+    good = (p.coherence > 0.9) & (p.frequency > 5.0)
+    assert good.sum() > 10
+    model = found.model["roll", "p"]
+    lag = vehicle.value("rotors.lag")
+    exact = 1.0 / (1j * model.frequency * (1.0 + 1j * model.frequency * lag))
+    above = model.frequency > 25.0  # below, inflow damps the roll
+    assert np.abs(model.response / exact - 1.0)[above].max() < 0.03
+    flown = np.interp(p.frequency[good], model.frequency, np.abs(model.response)) / np.abs(p.response[good])
+    assert np.median(np.abs(flown - 1.0)) < 0.05
+    of_flight, of_model = (f.system for f in found.figures if f.output == "p")
+    assert of_flight is not None
+    assert of_model is not None
+    assert of_flight.name == of_model.name == "rotors"
+    constant = of_flight.parameters["time_constant"]
+    assert constant.ci95_lower < lag < constant.ci95_upper
+    assert of_model.parameters["time_constant"].estimate == pytest.approx(lag, rel=0.15)
+    single = stoop.frequency_responses(flight, "1:29", vehicle, inputs=["motor_1", "motor_2"])
+    assert ("motor_1", "p") in single.model
+
+
 def test_without_a_model(flown: Flight) -> None:
     found = stoop.frequency_responses(flown, "1:23", outputs=["q"])
     assert found.inputs == ("elevator",)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from stoop.assessment.draws import Draws
 from stoop.errors import StoopError
-from stoop.propagation.draws import Draws
 from stoop.propagation.expressions import parse_expressions
 from stoop.propagation.propagation import propagate_draws
 from stoop.propagation.quantities import figure
@@ -51,7 +51,7 @@ def test_a_value_that_does_not_exist_is_counted(vehicle: Vehicle) -> None:
     [
         ("CLalphaa/CD0", "no number 'CLalphaa'; did you mean CLalpha"),
         ("mass.inertia.x", "no number 'mass.inertia.x'; did you mean mass.inertia"),
-        ("__import__('os')", "has no number '__import__'"),
+        ("__import__('os')", "there is no function __import__"),
         ("CD0.real", "has no number 'CD0.real'"),
         ("CD0 +", "cannot read the term"),
         ("CD0**CL0", "not allowed"),

@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
+from stoop.assessment.draws import Draws
 from stoop.base.atmosphere import SEA_LEVEL_DENSITY
 from stoop.errors import SimulationError
-from stoop.propagation.draws import Draws
 from stoop.propagation.propagation import Propagation, propagate_draws
 from stoop.propagation.wing_figures import Domain
 from stoop.simulation import trim
@@ -17,7 +17,7 @@ from stoop.vehicle.builtin import resolve_vehicle
 
 WEIGHT = 1.5 * 9.80665
 DENSITY = SEA_LEVEL_DENSITY
-DOMAIN = Domain((0.0, 6.0), 0.0, 0.0, DENSITY)
+DOMAIN = Domain((0.0, 6.0), 0.0, 0.0, DENSITY, speeds=(0.1, 3.0))
 
 
 @pytest.fixture(scope="module")
@@ -25,6 +25,14 @@ def found() -> Propagation:
     rng = np.random.default_rng(0)
     draws = Draws(("mass.mass",), rng.normal(1.5, 0.03, (400, 1)), "covariance")
     return propagate_draws(resolve_vehicle("quad-x"), draws, DOMAIN)
+
+
+def test_speeds_faster_than_flown_are_marked(found: Propagation) -> None:
+    told = next(n for n in found.notices if n.code == "propagate-faster-than-flown")
+    ((low, high),) = found.extrapolated
+    assert (told.values["low"], told.values["high"], told.values["flown"]) == (low, high, 3.0)
+    assert 3.5 < low < 4.0
+    assert high == 6.0
 
 
 def throttle(weight: float) -> float:

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from stoop.assessment.draws import Draws
 from stoop.errors import SimulationError
 from stoop.propagation.aerodynamics import lift_maximum, static_margin
-from stoop.propagation.draws import Draws
 from stoop.propagation.propagation import propagate_draws
 from stoop.propagation.wing_figures import Domain, peak_of
 from stoop.propagation.wings import Wings
@@ -156,6 +156,7 @@ def test_extrapolation_beyond_the_angles_flown_is_told() -> None:
     alpha = next(c for c in found.curves if c.name == "alpha")
     assert told.values["low"] == 25.0
     assert alpha.estimate[alpha.airspeed <= told.values["high"]].min() > 0.12
+    assert found.extrapolated == ((25.0, told.values["high"]),)
 
 
 def test_nothing_that_trims_is_an_error_with_the_way_out() -> None:

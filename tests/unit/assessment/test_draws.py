@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from scipy.stats import kstest, truncnorm
 
+from stoop.assessment.draws import draws_of, from_covariance, truncated_normal
 from stoop.base.notices import notice
 from stoop.errors import StoopError
-from stoop.propagation.draws import draws_of, from_covariance, truncated_normal
 from stoop.results.result import Covariance, NoiseCovariance, ParameterEstimate, Result
 from stoop.results.uncertainty import MethodIntervals
 
@@ -84,7 +84,7 @@ def test_what_the_data_do_not_determine_is_drawn_from_prior_or_box_or_held() -> 
     assert kstest(drawn["box"], "uniform").pvalue > 0.01
     assert np.all(drawn["held"] == 7.0)
     assert found.undetermined == ("prior", "box", "held")
-    assert [one.code for one in found.notices] == ["propagate-held"]
+    assert [one.code for one in found.notices] == ["parameters-held"]
 
 
 def test_a_posterior_that_did_not_converge_is_refused_with_the_way_out(tmp_path: Path) -> None:

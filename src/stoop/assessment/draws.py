@@ -146,7 +146,7 @@ def from_covariance(result: Result, count: int, seed: int = 0) -> Draws:
         else:
             held.append(names[i])
     rests = tuple(n for n, p, k in zip(names, own, known, strict=True) if not k or _rests_on_prior(p))
-    notices = (notice("propagate-held", parameters=tuple(held)),) if held else ()
+    notices = (notice("parameters-held", parameters=tuple(held)),) if held else ()
     return Draws(names, values, "covariance", rests, notices)
 
 
