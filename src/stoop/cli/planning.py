@@ -6,6 +6,7 @@ import argparse
 import math
 import shlex
 import sys
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
@@ -18,8 +19,10 @@ from stoop.cli import options
 from stoop.cli.page import busy, fixed, numbers, page, points, words
 from stoop.cli.progress import Watch
 from stoop.errors import SimulationError, VehicleError
+from stoop.simulation.maneuver import unit_of
 
-FAMILIES: Final = ("square", "3-2-1-1", "doublet", "multisine")
+FAMILIES: Final = ("square", "3-2-1-1", "doublet", "multisine", "2-1-1", "sweep")
+FLOWN_BY: Final = ("pilot", "ardupilot", "px4", "crazyflie")
 IN_DEGREES: Final = ("alpha", "beta", *EULER, *RATES)  #: channels that are given in degrees
 
 
@@ -99,23 +102,32 @@ def design_arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     vehicle = "vehicle file, built-in vehicle, or folder of stoop identify"
     limits = "limits of a channel: deg, deg/s, otherwise SI units (default: about the trim)"
-    evaluations = "maneuvers evaluated for each family (default: 2000)"
+    evaluations = "maneuvers evaluated for each family (default: 2000; on rotors 200)"
     add("vehicle", metavar="VEHICLE", help=vehicle)
     options.add_output(parser, "maneuver, page and numbers", "an earlier design in the folder")
-    options.add_condition(parser, "m/s (default: the vehicle's reference)")
-    add("--duration", metavar="S", type=options.positive, default=20.0, help="seconds (default: 20)")
-    amplitude = "largest deflection from the trim, degrees (default: 3)"
+    options.add_condition(parser, "m/s (default: the vehicle's reference; on rotors hover)")
+    flown = "also write the files with which a pilot or this autopilot flies it"
+    add("--for", dest="target", choices=FLOWN_BY, help=flown)
+    throw = "deflection of a surface at full output or full stick, degrees"
+    add("--throw", metavar="CONTROL=DEG", **options.SEVERAL, help=throw)
+    beat = "seconds of a count, for a maneuver by hand (default: 0.5 with --for pilot)"
+    add("--beat", metavar="S", type=options.positive, default=None, help=beat)
+    duration = "seconds (default: 20; by hand 40, sweeps of multirotors 60)"
+    add("--duration", metavar="S", type=options.positive, default=None, help=duration)
+    amplitude = "largest deflection from the trim, degrees (default: 3; on rotors rad/s2 and m/s2)"
     add("--amplitude", metavar="[CONTROL=]DEG", **options.SEVERAL, help=amplitude)
+    min_amplitude = "smallest amplitude that can be flown, likewise (default: 0.5)"
+    add("--min-amplitude", metavar="[CONTROL=]DEG", **options.SEVERAL, help=min_amplitude)
     slew = "largest rate of the controls (default: 60)"
     add("--slew", metavar="DEG/S", type=options.positive, default=60.0, help=slew)
     add("--within", metavar="CHANNEL=LOW:HIGH", **options.SEVERAL, help=limits)
     band = "highest frequency of a multisine (default: 2)"
     add("--band", metavar="HZ", type=options.positive, default=2.0, help=band)
-    add("--shape", choices=FAMILIES, nargs="+", default=list(FAMILIES), help="families to try (default: all)")
+    add("--shape", choices=FAMILIES, nargs="+", default=[], help="families to try (default: by --for)")
     add("--free", metavar="NAME", **options.SEVERAL, help="numbers to estimate besides those of the file")
     add("--fix", metavar="NAME", **options.SEVERAL, help="numbers not to estimate")
     add("--optimizer", metavar="NAME", default="ps-gde", help="see stoop compare --help (default: ps-gde)")
-    add("--evaluations", metavar="N", type=options.at_least_one, default=2000, help=evaluations)
+    add("--evaluations", metavar="N", type=options.at_least_one, default=None, help=evaluations)
     add("--seed", metavar="N", type=options.count, default=0, help="seed of the search (default: 0)")
 
 
@@ -123,24 +135,27 @@ def design(arguments: argparse.Namespace) -> int:
     """Design a maneuver, write it, and print the expected standard errors."""
     import numpy as np
 
-    from stoop.input_design.information import Limits
-    from stoop.input_design.optimization import Plan, propose
+    from stoop.input_design.information import Limits, usual_amplitudes
+    from stoop.input_design.optimization import propose
     from stoop.simulation import trim
-    from stoop.workflow.design import DESIGN_FILES, prior_model, write_proposal
+    from stoop.workflow.design import (
+        DESIGN_FILES,
+        TARGETS,
+        flight_files,
+        min_amplitudes,
+        prior_model,
+        usual_plan,
+        write_proposal,
+    )  # fmt: skip
 
-    folder = arguments.output
-    check_targets(folder, DESIGN_FILES, arguments.overwrite)
+    folder, target = arguments.output, arguments.target
+    check_targets(folder, (*DESIGN_FILES, *(TARGETS[target].names if target else ())), arguments.overwrite)
     model = prior_model(arguments.vehicle)
     model = replace(model, vehicle=options.with_free(model.vehicle, arguments.free, arguments.fix))
     with busy(options.COMPILING):
         steady = trim(model.vehicle, arguments.airspeed, arguments.altitude)
-    amplitudes: dict[str, float] = {}
-    for text in arguments.amplitude:  # 3 is of all controls, rudder=5 of one
-        control, equals, value = text.rpartition("=")
-        size = math.radians(_number(value, "--amplitude", text, "DEG or CONTROL=DEG"))
-        if not 0.0 <= size < math.pi / 2.0:
-            raise SimulationError(f"--amplitude {text}: {value} is not between 0 and 90 degrees")
-        amplitudes |= {control: size} if equals else dict.fromkeys(model.vehicle.controls, size)
+    controls = tuple(usual_amplitudes(model.vehicle, steady))
+    throws = _sizes(arguments.throw, "--throw", controls)
     envelope: dict[str, tuple[float, float]] = {}
     for text in arguments.within:  # alpha=-5:10
         channel, _, span = text.partition("=")
@@ -150,10 +165,15 @@ def design(arguments: argparse.Namespace) -> int:
             form = "write CHANNEL=LOW:HIGH with LOW below HIGH, for example alpha=-5:10"
             raise SimulationError(f"--within {text}: {form}")
         envelope[channel] = (edges[0], edges[1])
-    limits = Limits.about(model.vehicle, steady, amplitudes, math.radians(arguments.slew), envelope)
-    plan = Plan(
-        duration=arguments.duration, band=arguments.band, optimizer=arguments.optimizer,
-        evaluations=arguments.evaluations, seed=arguments.seed,
+    limits = Limits.about(
+        model.vehicle, steady, _sizes(arguments.amplitude, "--amplitude", controls), math.radians(arguments.slew), envelope,
+        min_amplitudes(model.vehicle.controls, target, _sizes(arguments.min_amplitude, "--min-amplitude", controls)),
+    )  # fmt: skip
+    if target:
+        TARGETS[target].check(target, model.vehicle, steady, limits.amplitude, throws)
+    plan, shapes = usual_plan(
+        steady, target, arguments.shape, arguments.duration, arguments.beat, arguments.evaluations,
+        band=arguments.band, optimizer=arguments.optimizer, seed=arguments.seed,
     )  # fmt: skip
     families: list[str] = []
 
@@ -162,8 +182,9 @@ def design(arguments: argparse.Namespace) -> int:
             families.append(family)
             show(f"stoop: designing: {family}", sys.stderr)
 
-    proposal = propose(model, steady, limits, plan, arguments.shape, see)
-    write_proposal(proposal, folder, _command(arguments), arguments.overwrite)
+    proposal = propose(model, steady, limits, plan, shapes, see)
+    flight = flight_files(proposal, target, throws) if target else {}
+    write_proposal(proposal, folder, _command(arguments), arguments.overwrite, flight)
 
     setup, out = proposal.setup, page()
     out.heading("Standard errors")
@@ -174,15 +195,41 @@ def design(arguments: argparse.Namespace) -> int:
     out.line()
     ratios = [(one.shape, proposal.ratio(one)) for one in proposal.designs]
     out.bullets(f"{shape}: mean standard error {r:.2f} of the textbook's 3-2-1-1" for shape, r in ratios)
+    out.bullets(why for _, why in proposal.refused)
+    if min(r for _, r in ratios) >= 1.0:
+        out.bullets(
+            ["no design is better than the textbook's input: fly reference.toml, or raise --evaluations"]
+        )
+    if target == "pilot" and not throws:
+        out.bullets(["the card has no percentages of the stick: give the throws by --throw CONTROL=DEG"])
     if np.any(setup.known):
         out.bullets([proposal.robustness.notice])
     out.line(f"maneuver: {folder / 'maneuver.toml'}")
     out.line(f"page: {folder / 'design.html'}")
+    for name in flight:
+        out.line(f"to fly: {folder / name}")
     vehicle = Path(arguments.vehicle)
-    flown = vehicle / "vehicle.toml" if vehicle.is_dir() else vehicle
-    command = ["stoop", "simulate", str(flown), "--maneuver", str(folder / "maneuver.toml")]
+    model_file = vehicle / "vehicle.toml" if vehicle.is_dir() else vehicle
+    command = ["stoop", "simulate", str(model_file), "--maneuver", str(folder / "maneuver.toml")]
     out.command("next: ", [*command, "-o", "designed.nc"])
     return 0
+
+
+def _sizes(texts: Sequence[str], option: str, controls: Sequence[str]) -> dict[str, float]:
+    """Return sizes by control, SI: 3 is of all controls, rudder=5 of one."""
+    out: dict[str, float] = {}
+    for text in texts:
+        control, equals, value = text.rpartition("=")
+        size = _number(value, option, text, "DEG or CONTROL=DEG")
+        named = (control,) if equals else controls
+        for name in named:
+            angle = unit_of(name) == "rad"
+            if not 0.0 <= size < (90.0 if angle else math.inf):
+                raise SimulationError(
+                    f"{option} {text}: {value} is {'not between 0 and 90 degrees' if angle else 'negative'}"
+                )
+            out[name] = math.radians(size) if angle else size
+    return out
 
 
 def _number(text: str, option: str, whole: str, form: str) -> float:
@@ -198,11 +245,13 @@ def _number(text: str, option: str, whole: str, form: str) -> float:
 def _command(arguments: argparse.Namespace) -> str:
     """Return the command that makes this design again."""
     parts = ["stoop", "design", str(arguments.vehicle)]
-    for option in ("duration", "airspeed", "altitude", "slew", "band"):
+    parts += ["--for", arguments.target] if arguments.target else []
+    for option in ("duration", "airspeed", "altitude", "slew", "band", "beat"):
         value = getattr(arguments, option)
         parts += [f"--{option}", f"{value:g}"] if value is not None else []
-    for option in ("amplitude", "within", "shape", "free", "fix"):
+    for option in ("amplitude", "min_amplitude", "throw", "within", "shape", "free", "fix"):
         given = getattr(arguments, option)
         parts += [f"--{option}", *given] if given else []
-    parts += ["--optimizer", arguments.optimizer, "--evaluations", str(arguments.evaluations)]
+    parts += ["--optimizer", arguments.optimizer]
+    parts += ["--evaluations", str(arguments.evaluations)] if arguments.evaluations else []
     return shlex.join([*parts, "--seed", str(arguments.seed), "-o", str(arguments.output)])

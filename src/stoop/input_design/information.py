@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Final
 
@@ -28,7 +28,7 @@ from stoop.problem.prepare import Prepared, nuisances
 from stoop.problem.windows import Window
 from stoop.results.result import Result
 from stoop.simulation import Trim
-from stoop.simulation.maneuver import Maneuver
+from stoop.simulation.maneuver import Maneuver, amplitude_text
 from stoop.simulation.trim import inputs_about
 from stoop.vehicle import Vehicle
 
@@ -41,6 +41,14 @@ DEFAULT_WIDTH: Final = {
     "V": 0.2, "az": STANDARD_GRAVITY, **dict.fromkeys(("p", "q", "r"), math.radians(60.0)),
     "alpha": math.radians(6.0), "beta": math.radians(8.0), "phi": math.radians(35.0), "theta": math.radians(20.0),
 }  #: about the trim, where a linear aerodynamic model usually holds: share of the airspeed, m/s2, rad/s, rad  # fmt: skip
+#: rad, of a surface; smaller steps are lost in backlash and friction of a servo (our choice)
+MIN_AMPLITUDE: Final = math.radians(0.5)
+DEAD_ZONES: Final = 4.0  #: of a servo, that a step must be larger than
+ON_ROTORS: Final = {"roll": 10.0, "pitch": 10.0, "yaw": 1.0, "heave": 1.5}  #: amplitudes, rad/s2 and m/s2
+ROTOR_WIDTH: Final = {
+    **dict.fromkeys(("vn", "ve", "vd"), 4.0), **dict.fromkeys(("p", "q", "r"), math.radians(150.0)),
+    **dict.fromkeys(("phi", "theta"), math.radians(25.0)),
+}  #: about hover, m/s, rad/s, rad  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -49,14 +57,16 @@ class Limits:
 
     Attributes
     ----------
-    amplitude : mapping of control to the largest deflection from the trim, rad
-    slew : float, largest rate of every control, rad/s
+    amplitude : mapping of control to the largest deflection from the trim, rad; on rotors in the unit of the command
+    slew : mapping of control to its largest rate, rad/s, of those that have one
     envelope : mapping of channel to (low, high), SI
+    min_amplitude : mapping of control to the smallest amplitude that can be flown
     """
 
     amplitude: Mapping[str, float]
-    slew: float
+    slew: Mapping[str, float]
     envelope: Mapping[str, Span]
+    min_amplitude: Mapping[str, float] = field(default_factory=dict)
 
     @classmethod
     def about(
@@ -66,16 +76,28 @@ class Limits:
         amplitude: Mapping[str, float] | None = None,
         slew: float = SLEW,
         envelope: Mapping[str, Span] | None = None,
+        min_amplitude: Mapping[str, float] | None = None,
     ) -> Limits:
         """Return limits about a steady flight: those that are given, defaults for other controls and channels.
+
+        The rate limit and the dead zone of a servo in the vehicle file bound slew and smallest amplitude of its control.
 
         Raises
         ------
         SimulationError
-            A control or a channel that the vehicle does not have, or a trim outside its own envelope.
+            A control or a channel that the vehicle does not have, a trim outside its own envelope, or an amplitude below
+            the smallest that can be flown.
         """
-        own, wanted, where = dict(amplitude or {}), dict(envelope or {}), vehicle.where
-        for given, names, kind in ((own, vehicle.controls, "control"), (wanted, vehicle.outputs, "channel")):
+        own, wanted, least, where = (
+            dict(amplitude or {}),
+            dict(envelope or {}),
+            dict(min_amplitude or {}),
+            vehicle.where,
+        )
+        controls = usual_amplitudes(vehicle, trim)
+        for given, names, kind in (
+            (own, controls, "control"), (least, controls, "control"), (wanted, vehicle.outputs, "channel"),
+        ):  # fmt: skip
             for name in given:
                 if name not in names:
                     choices = ", ".join(names) or "none"
@@ -87,18 +109,52 @@ class Limits:
                     f"{where}: the steady flight has {channel} = {value:.4g}, which is not between {low:.4g} and {high:.4g}; "
                     "widen that limit or choose another airspeed"
                 )
-        amplitudes = {c: own.get(c, AMPLITUDE) for c in vehicle.controls}
+        amplitudes = {c: own.get(c, usual) for c, usual in controls.items()}
         moved = {c: a for c, a in amplitudes.items() if a > 0.0}
         if not moved:
             raise SimulationError(
                 f"{where}: no control is moved ({', '.join(amplitudes) or 'it has none'}); "
                 "give one an amplitude above zero"
             )
-        steady = {**trim.start, "az": -STANDARD_GRAVITY * math.cos(trim.start["theta"])}
-        widths = {**DEFAULT_WIDTH, "V": DEFAULT_WIDTH["V"] * steady["V"]}
+        surfaces = [c for c in moved if c in vehicle.controls]
+        rates = {c: min(slew, vehicle.value(f"controls.{c}.rate_limit", math.inf)) for c in surfaces}
+        zones = {c: DEAD_ZONES * vehicle.value(f"controls.{c}.dead_zone", 0.0) for c in surfaces}
+        floors = {
+            c: max(least.get(c, MIN_AMPLITUDE if c in zones else 0.0), zones.get(c, 0.0)) for c in moved
+        }
+        for c, a in moved.items():
+            if a < floors[c]:
+                raise SimulationError(
+                    f"{where}: the amplitude of {c}, {amplitude_text(c, a)}, is below the smallest that can be flown, "
+                    f"{amplitude_text(c, floors[c])}; raise --amplitude, lower --min-amplitude, "
+                    f"or exclude the control with --amplitude {c}=0"
+                )
+        widths: dict[str, float] = ROTOR_WIDTH
+        steady: dict[str, float] = {**trim.start, **dict(zip(("vn", "ve", "vd"), trim.velocity, strict=True))}
+        if trim.on_wings:
+            steady = {**trim.start, "az": -STANDARD_GRAVITY * math.cos(trim.start["theta"])}
+            widths = {**DEFAULT_WIDTH, "V": DEFAULT_WIDTH["V"] * steady["V"]}
         middles = {c: (steady.get(c, 0.0), width) for c, width in widths.items() if c in vehicle.outputs}
         inside = {c: (x - w, x + w) for c, (x, w) in middles.items()}
-        return cls(moved, slew, inside | wanted)
+        return cls(moved, rates, inside | wanted, floors)
+
+    def check_flyable(self, maneuver: Maneuver) -> None:
+        """Refuse a maneuver whose inputs are smaller than what can be flown.
+
+        Raises
+        ------
+        SimulationError
+            With what limits it.
+        """
+        for control, moves in maneuver.deflections().items():
+            reached, least = float(np.abs(moves).max()), self.min_amplitude.get(control, 0.0)
+            if reached < 0.98 * least:  # samples do not meet the peaks of a multisine
+                at = f" at {math.degrees(self.slew[control]):.3g} deg/s" if control in self.slew else ""
+                raise SimulationError(
+                    f"{control} reaches only {amplitude_text(control, reached)}{at}, less than the smallest step, "
+                    f"{amplitude_text(control, least)}; raise --slew, take longer steps (--duration), "
+                    "lower --band or --min-amplitude"
+                )
 
     def excess(self, readings: FloatArray, outputs: Sequence[str]) -> float:
         """Return by how much readings (n, n_y) leave the envelope, in its widths; zero inside."""
@@ -109,6 +165,11 @@ class Limits:
                 over = max(low - float(values.min()), float(values.max()) - high)
                 out = max(out, over / (high - low))
         return out
+
+
+def usual_amplitudes(vehicle: Vehicle, trim: Trim) -> dict[str, float]:
+    """Return the controls of a steady flight with usual amplitudes: surfaces, or on rotors commands of the autopilot."""
+    return dict.fromkeys(vehicle.controls, AMPLITUDE) if trim.on_wings else dict(ON_ROTORS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -203,6 +264,10 @@ class Setup:
 
         With ``only_inside`` the information is zero where the flight leaves the envelope.
         """
+        if not self.trim.on_wings:
+            from stoop.input_design.on_rotors import forecast_on_rotors  # which builds on this module
+
+            return forecast_on_rotors(self, maneuver, only_inside)
         vehicle, t = self.vehicle, maneuver.time
         inputs = inputs_about(vehicle, self.trim, maneuver.deflections(), len(t))
         blank = np.zeros((len(t), len(vehicle.outputs)))
@@ -243,7 +308,9 @@ class Setup:
         vehicle = self.vehicle.with_numbers(
             {n: {"value": float(v)} for n, v in zip(self.names, values, strict=True)}
         )
-        return replace(self, vehicle=vehicle, trim=trim(vehicle, self.trim.start["V"], self.trim.start["h"]))
+        return replace(
+            self, vehicle=vehicle, trim=trim(vehicle, self.trim.start.get("V"), self.trim.start["h"])
+        )
 
 
 def information_errors(information: FloatArray) -> FloatArray:

@@ -17,7 +17,7 @@ from stoop.base.notices import Notice, notice
 from stoop.base.schema_errors import first_complaint
 from stoop.errors import SimulationError
 from stoop.input_design.information import Forecast, Knowledge, Limits, Setup
-from stoop.input_design.inputs import LEAD, SHAPES, Frame, Shape
+from stoop.input_design.inputs import COUNTED_SHAPES, LEAD, SHAPES, USUAL_SHAPES, Frame, Shape, StepInputs
 from stoop.optimize.problem import ScalarProblem
 from stoop.problem.evidence import invert
 from stoop.simulation import Trim
@@ -35,7 +35,8 @@ SEARCH_RATE: Final = 50.0  #: Hz; a short period needs no more, and a search tak
 class Plan:
     """What to design: duration, s; rate of the maneuver file and highest frequency of a multisine, Hz; and the search.
 
-    ``evaluations`` is the number of maneuvers tried for one family of inputs.
+    ``evaluations`` is the number of maneuvers tried for one family of inputs. With a ``beat``, s, a pilot flies steps that are
+    counted aloud.
     """
 
     duration: float = 20.0
@@ -44,6 +45,7 @@ class Plan:
     optimizer: str = "ps-gde"
     evaluations: int = 2000
     seed: int = 0
+    beat: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,14 +74,15 @@ class InformationCost(ScalarProblem):
 
     def costs(self, X: FloatArray, rung: int) -> FloatArray:
         """Return the costs (B,) of points (B, dimension)."""
-        rate = min(SEARCH_RATE, self.plan.rate)
+        # an autopilot on rotors needs the whole rate
+        rate = min(SEARCH_RATE, self.plan.rate) if self.setup.trim.on_wings else self.plan.rate
         forecasts = [self.setup.forecast(self.maneuver(x, rate), only_inside=True) for x in X]
         return np.array([OUTSIDE + f.excess if f.excess > 0.0 else -self.setup.gain(f) for f in forecasts])
 
     def maneuver(self, x: FloatArray, rate: float) -> Maneuver:
         """Return the maneuver of a point, from the trim of the setup."""
         start = self.setup.trim.start
-        flight = {"duration": self.plan.duration, "airspeed": start["V"], "altitude": start["h"]}
+        flight = {"duration": self.plan.duration, "airspeed": start.get("V"), "altitude": start["h"]}
         document = {**flight, "rate": rate, "input": self.shape.inputs(x)}
         try:
             return Maneuver.model_validate(document)
@@ -103,8 +106,12 @@ def design(
     Raises
     ------
     SimulationError
-        No maneuver of the family stays within the envelope.
+        No maneuver of the family stays within the envelope, or it cannot be flown.
     """
+    if plan.beat is not None and shape not in COUNTED_SHAPES:
+        raise SimulationError(
+            f"design: a pilot cannot fly a {shape} by a beat; choose --shape from {', '.join(COUNTED_SHAPES)}"
+        )
     margins = {c: MARGIN * (high - low) for c, (low, high) in setup.limits.envelope.items()}
     inner = {c: (a + margins[c], b - margins[c]) for c, (a, b) in setup.limits.envelope.items()}
     searched = replace(setup, limits=replace(setup.limits, envelope=inner))
@@ -122,6 +129,10 @@ def design(
             "lower --amplitude, widen --within, or design for a shorter time"
         )
     maneuver = problem.maneuver(outcome.z, plan.rate)
+    try:
+        setup.limits.check_flyable(maneuver)
+    except SimulationError as error:
+        raise SimulationError(f"design: the {shape} cannot be flown: {error}") from None
     forecast = setup.forecast(maneuver)
     return Design(shape, maneuver, forecast, setup.gain(forecast), outcome.trajectories)
 
@@ -132,7 +143,7 @@ def textbook_maneuver(setup: Setup, plan: Plan) -> Maneuver:
     Steps are as long as the time allows or half as long, whichever has more information. It is as large as a design may
     be, and smaller by common steps of 10 % only where it would leave the envelope.
     """
-    rows = SHAPES["3-2-1-1"](_frame(setup, plan))
+    rows = StepInputs(_frame(setup, plan), "3-2-1-1")
     problem = InformationCost(setup, rows, plan)
     inside = []
     for point in rows.starts:
@@ -156,7 +167,9 @@ def _frame(setup: Setup, plan: Plan) -> Frame:
         raise SimulationError(
             f"design: {plan.duration:g} s is too short; design for more than {4.0 * LEAD:g} s"
         )
-    return Frame(dict(limits.amplitude), limits.slew, plan.duration, plan.band, MIN_STEP)
+    return Frame(
+        limits.amplitude, limits.slew, plan.duration, plan.band, MIN_STEP, limits.min_amplitude, plan.beat
+    )
 
 
 @dataclass(frozen=True)
@@ -235,6 +248,7 @@ class Proposal:
     reference : a 3-2-1-1 on one control after the other, of the same duration and amplitude
     expected : forecast of the reference
     robustness : of the best design
+    refused : families of which no maneuver can be flown, and why
     source : where the knowledge of the model comes from
     """
 
@@ -245,6 +259,7 @@ class Proposal:
     expected: Forecast
     robustness: Robustness
     source: str
+    refused: tuple[tuple[str, str], ...] = ()
 
     @property
     def best(self) -> Design:
@@ -266,23 +281,31 @@ def propose(
     trim: Trim,
     limits: Limits,
     plan: Plan,
-    shapes: Sequence[str] = tuple(SHAPES),
+    shapes: Sequence[str] = (),
     callback: Callable[[str, Any], None] | None = None,
 ) -> Proposal:
     """Design the best maneuver of every family, and compare it with the textbook's and for other models.
 
-    The maneuver begins at the trim. Families are names of :data:`stoop.input_design.SHAPES`; the callback gets the name and
-    an :class:`stoop.optimize.Progress` after each generation.
+    The maneuver begins at the trim. Families are names of :data:`stoop.input_design.SHAPES`, the usual ones when none are given;
+    the callback gets the name and an :class:`stoop.optimize.Progress` after each generation. A family of which no maneuver can be
+    flown is left out.
 
     Raises
     ------
     SimulationError
-        No maneuver stays within the limits.
+        No maneuver of any family stays within the limits.
     """
     setup = Setup(model.vehicle, trim, limits, model.knowledge, model.noise)
     reference = textbook_maneuver(setup, plan)
-    watches = [None if callback is None else partial(callback, name) for name in shapes]
-    found = [design(setup, plan, name, watch) for name, watch in zip(shapes, watches, strict=True)]
+    found, refused = [], []
+    for name in shapes or (USUAL_SHAPES if plan.beat is None else COUNTED_SHAPES):
+        try:
+            found.append(design(setup, plan, name, None if callback is None else partial(callback, name)))
+        except SimulationError as error:
+            refused.append((name, str(error)))
+    if not found:
+        raise SimulationError(refused[0][1])
     designs = tuple(sorted(found, key=lambda one: -one.gain))
     robust = robustness(setup, designs[0].maneuver, reference, DRAWS, plan.seed)
-    return Proposal(setup, plan, designs, reference, setup.forecast(reference), robust, model.source)
+    expected = setup.forecast(reference)
+    return Proposal(setup, plan, designs, reference, expected, robust, model.source, tuple(refused))

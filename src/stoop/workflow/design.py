@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
+import math
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -14,18 +15,34 @@ import tomlkit
 from stoop.base.csv_text import csv_text
 from stoop.base.files import check_targets, make_folder, write_files
 from stoop.base.numbers import finite_or_none
+from stoop.exporters.ardupilot_injection import ARDUPILOT
+from stoop.exporters.crazyflie_injection import CRAZYFLIE
+from stoop.exporters.injection import Injection
+from stoop.exporters.pilot_card import PILOT
+from stoop.exporters.px4_injection import PX4
 from stoop.flight import Flight
 from stoop.input_design.information import Knowledge, sensor_noise
-from stoop.input_design.optimization import PriorModel, Proposal
+from stoop.input_design.optimization import Plan, PriorModel, Proposal
 from stoop.input_design.windows import Found
 from stoop.problem.windows import NAME, Entry, written
-from stoop.simulation.maneuver import Maneuver
+from stoop.simulation import Trim
+from stoop.simulation.maneuver import Maneuver, unit_of
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.workflow.outputs import read_identified, versions
+from stoop.workflow.summary import refusal
 
 DESIGN_FILES: Final = ("maneuver.toml", "reference.toml", "maneuver.csv", "design.html", "design.json")
 """In the order of writing: where the last one is, the others are."""
 WINDOW_FILES: Final = (NAME, "windows.html")
+TARGETS: Final = {
+    "pilot": PILOT,
+    "ardupilot": ARDUPILOT,
+    "px4": PX4,
+    "crazyflie": CRAZYFLIE,
+}  #: who flies a maneuver
+BEAT: Final = 0.5  #: s, that a pilot flies by
+BY_HAND: Final = math.radians(2.0)  #: smallest amplitude of a surface that a pilot makes evenly (our choice)
+EVALUATIONS, ROTOR_EVALUATIONS = 2000, 200  #: of a family
 
 
 def prior_model(name_or_path: str | Path) -> PriorModel:
@@ -59,32 +76,121 @@ def prior_model(name_or_path: str | Path) -> PriorModel:
         variance = float(variances.get(channel, np.nan))
         if np.isfinite(variance) and variance > 0.0:
             noise[i, i] = variance
-    return PriorModel(vehicle, Knowledge.of_result(identified.result), noise, f"the estimates in {found}")
+    refused = "".join(f" ({one})" for one in refusal(identified.result, str(found)))
+    return PriorModel(
+        vehicle, Knowledge.of_result(identified.result), noise, f"the estimates in {found}{refused}"
+    )
 
 
-def write_proposal(proposal: Proposal, folder: Path, command: str, overwrite: bool = False) -> None:
+def usual_plan(
+    steady: Trim,
+    target: str | None = None,
+    shapes: Sequence[str] = (),
+    duration: float | None = None,
+    beat: float | None = None,
+    evaluations: int | None = None,
+    **more: Any,
+) -> tuple[Plan, tuple[str, ...]]:
+    """Return a plan, and families of inputs, with what is usual for a target in place of what is not given.
+
+    No families are those that are usually tried. On rotors an autopilot flies each candidate, so fewer are.
+    """
+    on_wings = steady.on_wings
+    if not shapes and target == "ardupilot" and not on_wings:
+        shapes = ("sweep",)  # all that the mode System ID flies
+    if target == "pilot" and beat is None:
+        beat = BEAT
+    usual = 60.0 if "sweep" in shapes else 20.0 if beat is None else 40.0
+    tried = EVALUATIONS if on_wings else ROTOR_EVALUATIONS
+    plan = Plan(duration=duration or usual, beat=beat, evaluations=evaluations or tried, **more)
+    return plan, tuple(shapes)
+
+
+def min_amplitudes(
+    controls: Iterable[str], target: str | None, given: Mapping[str, float] | None = None
+) -> dict[str, float]:
+    """Return the smallest amplitudes for a target, in place of those that are not given."""
+    return {**(dict.fromkeys(controls, BY_HAND) if target == "pilot" else {}), **(given or {})}
+
+
+def flight_files(
+    proposal: Proposal, target: str, throws: Mapping[str, float] | None = None
+) -> dict[str, str]:
+    """Return the files with which a pilot or an autopilot flies the best design.
+
+    Parameters
+    ----------
+    target : of :data:`TARGETS`
+    throws : control to its deflection at full output, rad
+
+    Raises
+    ------
+    SimulationError
+        The target cannot fly it; with what can be changed.
+    """
+    setup, best, known = proposal.setup, proposal.best, dict(throws or {})
+    flies = TARGETS[target]
+    flies.check(target, setup.vehicle, setup.trim, setup.limits.amplitude, known)
+    injection = Injection(
+        setup.vehicle,
+        setup.trim,
+        best.maneuver,
+        best.forecast.readings,
+        setup.limits.envelope,
+        known,
+        proposal.plan.beat,
+        str(proposal.robustness.notice) if proposal.robustness.outside else "",
+    )
+    return flies.write(injection)
+
+
+def write_proposal(
+    proposal: Proposal,
+    folder: Path,
+    command: str,
+    overwrite: bool = False,
+    flight: Mapping[str, str] | None = None,
+) -> None:
     """Write maneuver files, a table of deflections, the page and the numbers; all or none.
+
+    ``flight`` are further files, as of :func:`flight_files`; those of the design that is replaced go with it.
 
     Raises `OutputError`: the folder cannot be made, or holds a design already; or a file cannot be written.
     """
     from stoop.report.design import design_sheet
     from stoop.report.sheet import render_sheet
 
-    check_targets(folder, DESIGN_FILES, overwrite)
+    flight = flight or {}
+    obsolete = [name for name in _earlier_files(folder) if name not in flight]
+    check_targets(folder, (*flight, *DESIGN_FILES), overwrite)
     make_folder(folder)
     best = proposal.best.maneuver
-    deflections = best.deflections()  # from the trim, rad
-    head = ("time_s", *(f"{control}_rad" for control in deflections))
+    deflections = best.deflections()  # from the trim, rad; on rotors in the unit of the command
+    units = {control: unit_of(control).replace("/", "_") for control in deflections}
+    head = ("time_s", *(f"{control}_{unit}" for control, unit in units.items()))
     rows = zip(best.time, *deflections.values(), strict=True)
-    table = csv_text(head, ([f"{t:.6g}", *(f"{value:.9g}" for value in values)] for t, *values in rows))
+    cells = ([f"{t:.6g}", *(f"{value:.9g}" for value in values)] for t, *values in rows)
     files = {
+        **flight,
         "maneuver.toml": maneuver_toml(best, f"designed: {command}"),
         "reference.toml": maneuver_toml(proposal.reference, "what the design is compared with"),
-        "maneuver.csv": table.replace("\r\n", "\n"),
-        "design.html": render_sheet(design_sheet(proposal, command)),
-        "design.json": json.dumps(design_document(proposal), indent=1, allow_nan=False) + "\n",
+        "maneuver.csv": csv_text(head, cells, "\n"),
+        "design.html": render_sheet(design_sheet(proposal, command, flight)),
+        "design.json": json.dumps(
+            {**design_document(proposal), "files": [*flight]}, indent=1, allow_nan=False
+        )
+        + "\n",
     }
-    write_files(folder, files)
+    write_files(folder, files, obsolete)
+
+
+def _earlier_files(folder: Path) -> list[str]:
+    """Return the files for a pilot or an autopilot that the design in a folder has written."""
+    try:
+        written = json.loads((folder / DESIGN_FILES[-1]).read_text("utf-8")).get("files", [])
+    except (OSError, ValueError, AttributeError, RecursionError):
+        return []
+    return [name for one in TARGETS.values() for name in one.names if name in written]
 
 
 def maneuver_toml(maneuver: Maneuver, comment: str) -> str:
@@ -117,16 +223,19 @@ def design_document(proposal: Proposal) -> dict[str, Any]:
         "vehicle": setup.vehicle.name,
         "file": setup.vehicle.where,
         "knowledge": proposal.source,
-        "airspeed": setup.trim.start["V"],
+        "airspeed": setup.trim.start.get("V"),
         "altitude": setup.trim.start["h"],
         "duration": plan.duration,
         "band": plan.band,
+        "beat": plan.beat,
         "limits": {
             "amplitude": dict(limits.amplitude),
-            "slew": limits.slew,
+            "slew": dict(limits.slew),
+            "min_amplitude": dict(limits.min_amplitude),
             "envelope": {c: list(span) for c, span in limits.envelope.items()},
         },
         "shape": proposal.best.shape,
+        "refused": dict(proposal.refused),
         "designs": {
             one.shape: {
                 "gain": one.gain,

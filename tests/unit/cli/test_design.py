@@ -11,7 +11,7 @@ import pytest
 from stoop.cli.main import main
 from stoop.cli.planning import design_arguments
 from stoop.simulation.maneuver import load_maneuver, parse_maneuver
-from stoop.workflow.design import DESIGN_FILES, maneuver_toml, prior_model
+from stoop.workflow.design import DESIGN_FILES, TARGETS, maneuver_toml, prior_model
 
 QUICK = (
     "--duration",
@@ -162,3 +162,68 @@ def test_ctrl_c_ends_all_families_and_writes_nothing(
     assert main(["design", "twin-boom", *QUICK, "--evaluations", "500", "-o", str(tmp_path / "out")]) == 130
     assert capsys.readouterr().out.split() == ["square"]
     assert not (tmp_path / "out").exists()
+
+
+def test_files_for_an_autopilot_and_their_refusal(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    command = ["design", "twin-boom", *QUICK, "--for", "px4", "-o", str(tmp_path / "next")]
+    assert main(command) == 2
+    assert "how far elevator, aileron, rudder move at full output is not known" in capsys.readouterr().err
+    assert not (tmp_path / "next").exists()
+    throws = ["--throw", "elevator=25", "aileron=20", "rudder=30"]
+    assert main([*command, *throws]) == 0
+    assert "fly_px4.py" in capsys.readouterr().out
+    names = {path.name for path in (tmp_path / "next").iterdir()}
+    assert names == {*DESIGN_FILES, *TARGETS["px4"].names}
+    assert "How to fly it" in (tmp_path / "next" / "design.html").read_text()
+    document = json.loads((tmp_path / "next" / "design.json").read_text())
+    assert document["limits"]["min_amplitude"]["elevator"] == pytest.approx(np.radians(0.5))
+    # another target in the same folder: files of the first one go
+    command[command.index("px4")] = "ardupilot"
+    assert main([*command, *throws, "--overwrite"]) == 0
+    names = {path.name for path in (tmp_path / "next").iterdir()}
+    assert names == {*DESIGN_FILES, "maneuver.lua", "ardupilot.param"}
+
+
+def test_a_card_for_a_pilot_is_on_the_page(tmp_path: Path) -> None:
+    out = tmp_path / "card"
+    command = [
+        "design",
+        "twin-boom",
+        "--for",
+        "pilot",
+        "--duration",
+        "30",
+        "--evaluations",
+        "4",
+        "--shape",
+        "doublet",
+    ]
+    assert main([*command, "--min-amplitude", "elevator=1", "-o", str(out)]) == 0
+    text = (out / "card.txt").read_text()
+    assert "ELEVATOR doublet: stop at" in text
+    assert "Flight card" in (out / "design.html").read_text()
+    assert json.loads((out / "design.json").read_text())["beat"] == 0.5
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--for", "crazyflie"], "this flight is on wings; choose --for pilot"),
+        (["--throw", "elevator=x"], "'x' is not a number; write DEG or CONTROL=DEG"),
+        (
+            ["--min-amplitude", "elevator=4"],
+            "the amplitude of elevator, 3 deg, is below the smallest that can be flown, 4 deg",
+        ),
+        (["--for", "pilot", "--duration", "9"], "takes 20.5 s at least"),
+        (
+            ["--for", "ardupilot", "--throw", "flap=20"],
+            "there is no such surface; choose from elevator, aileron, rudder",
+        ),
+    ],
+)
+def test_what_cannot_be_flown_is_one_line(
+    options: list[str], message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["design", "twin-boom", *options, "--evaluations", "4", "-o", str(tmp_path / "x")]) == 2
+    assert message in capsys.readouterr().err
+    assert not (tmp_path / "x").exists()

@@ -9,6 +9,8 @@ import pytest
 from stoop.errors import SimulationError
 from stoop.estimate.fit import Options, estimation_problem
 from stoop.input_design.information import (
+    MIN_AMPLITUDE,
+    SLEW,
     Knowledge,
     Limits,
     Setup,
@@ -16,13 +18,29 @@ from stoop.input_design.information import (
     marginal,
     sensor_noise,
 )
-from stoop.input_design.optimization import Plan, design, mean_ratio, robustness, textbook_maneuver
+from stoop.input_design.optimization import (
+    Plan,
+    PriorModel,
+    design,
+    mean_ratio,
+    propose,
+    robustness,
+    textbook_maneuver,
+)
 from stoop.problem.windows import Window
 from stoop.simulation import trim
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import Maneuver
-from stoop.vehicle.builtin import resolve_vehicle
+from stoop.vehicle.builtin import builtin_text, builtin_vehicle, resolve_vehicle
+from stoop.vehicle.load import parse_vehicle
 
+SERVOS = """
+[controls.elevator]
+rate_limit = 0.5
+dead_zone = 0.004
+[controls.aileron]
+[controls.rudder]
+"""
 PLAN = Plan(duration=8.0, rate=50.0, evaluations=60, seed=1)
 MOVES = Maneuver.model_validate(
     {
@@ -151,3 +169,65 @@ def test_robustness_draws_from_what_is_known() -> None:
     assert wild.notice.code == "design-leaves-envelope"
     assert wild.notice.values["outside"] == wild.outside
     assert wild.outside + wild.untrimmed > 0, "some of these are unstable"
+
+
+def test_servos_of_the_vehicle_file_bound_slew_and_amplitude() -> None:
+    text = builtin_text("twin-boom") + SERVOS
+    vehicle = parse_vehicle(text, "servos.toml")
+    limits = Limits.about(vehicle, trim(vehicle))
+    assert limits.slew["elevator"] == 0.5
+    assert limits.slew["rudder"] == SLEW
+    assert limits.min_amplitude == pytest.approx(
+        {"elevator": 0.016, "aileron": MIN_AMPLITUDE, "rudder": MIN_AMPLITUDE}
+    )
+    with pytest.raises(
+        SimulationError, match=r"amplitude of elevator, 0.573 deg, is below .* 0.917 deg; raise --amplitude"
+    ):
+        Limits.about(vehicle, trim(vehicle), {"elevator": 0.01})
+
+
+def test_what_is_too_small_to_be_flown_is_not_proposed() -> None:
+    vehicle = builtin_vehicle("twin-boom")
+    limits = Limits.about(vehicle, trim(vehicle), slew=0.002)
+    model = PriorModel(vehicle, Knowledge.none(), sensor_noise(vehicle), "the file")
+    with pytest.raises(
+        SimulationError,
+        match=r"the doublet cannot be flown: .* reaches only 0.2 deg at 0.115 deg/s, .* raise --slew",
+    ):
+        propose(model, trim(vehicle), limits, replace(PLAN, evaluations=4), ["doublet"])
+    with pytest.raises(SimulationError, match="a pilot cannot fly a square by a beat"):
+        propose(model, trim(vehicle), limits, replace(PLAN, beat=0.5), ["square"])
+
+
+def test_a_family_that_cannot_be_flown_is_left_out() -> None:
+    """Seventeen seconds hold a 2-1-1 on each of three controls by a beat of 0.5 s, and no 3-2-1-1."""
+    vehicle = builtin_vehicle("twin-boom")
+    point = trim(vehicle)
+    model = PriorModel(vehicle, Knowledge.none(), sensor_noise(vehicle), "the file")
+    plan = Plan(duration=17.0, rate=50.0, evaluations=4, beat=0.5)
+    found = propose(model, point, Limits.about(vehicle, point), plan)
+    assert {one.shape for one in found.designs} == {"doublet", "2-1-1"}
+    assert [name for name, _ in found.refused] == ["3-2-1-1"]
+    assert "takes 20.5 s at least" in found.refused[0][1]
+
+
+@pytest.mark.parametrize("shape", ["3-2-1-1", "sweep"])
+def test_a_multirotor_is_designed_for_under_its_autopilot(shape: str) -> None:
+    """In short windows whose start is unknown; the information of two maneuvers is more than that of one."""
+    vehicle = builtin_vehicle("quad-x")
+    point = trim(vehicle)
+    limits = Limits.about(vehicle, point, {"pitch": 0.0, "heave": 0.0, "yaw": 0.0})
+    assert set(limits.amplitude) == {"roll"}
+    assert not limits.slew
+    setup = Setup(vehicle, point, limits, Knowledge.none(), sensor_noise(vehicle))
+    best = design(setup, Plan(duration=8.0, band=4.0, evaluations=3), shape)
+    assert best.forecast.excess == 0.0
+    assert best.gain > 0.5
+    once, twice = setup.std(best.forecast), setup.std(best.forecast, best.forecast)
+    seen = np.isfinite(once)
+    assert seen.any()
+    assert np.allclose(twice[seen], once[seen] / np.sqrt(2.0), rtol=1e-6)
+    torn = best.maneuver.model_copy(
+        update={"input": (best.maneuver.input[0].model_copy(update={"amplitude": 900.0}),)}
+    )
+    assert setup.forecast(torn, only_inside=True).information.max() == 0.0

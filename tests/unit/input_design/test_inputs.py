@@ -8,10 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stoop.errors import SimulationError
-from stoop.input_design.inputs import SHAPES, Frame
-from stoop.simulation.maneuver import Maneuver
+from stoop.input_design.inputs import COUNTED_SHAPES, HANDS_OFF, SHAPES, STEADY, USUAL_SHAPES, Frame
+from stoop.simulation.maneuver import PATTERNS, Maneuver
 
-FRAME = Frame({"elevator": 0.05, "rudder": 0.02}, math.radians(60.0), 12.0, 2.0, 0.1)
+SLEW = dict.fromkeys(("elevator", "rudder"), math.radians(60.0))
+FRAME = Frame({"elevator": 0.05, "rudder": 0.02}, SLEW, 12.0, 2.0, 0.1)
 
 
 def deflections(shape: str, x: np.ndarray, rate: float = 1000.0) -> dict[str, np.ndarray]:
@@ -19,7 +20,7 @@ def deflections(shape: str, x: np.ndarray, rate: float = 1000.0) -> dict[str, np
     return Maneuver.model_validate({"duration": 12.0, "rate": rate, "input": inputs}).deflections()
 
 
-@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("shape", USUAL_SHAPES)
 @settings(max_examples=25, deadline=None)
 @given(data=st.data())
 def test_amplitude_and_slew_hold_everywhere_in_the_box(shape: str, data: st.DataObject) -> None:
@@ -28,11 +29,11 @@ def test_amplitude_and_slew_hold_everywhere_in_the_box(shape: str, data: st.Data
     for control, move in deflections(shape, x).items():
         # a multisine is bounded on a grid of 16 points per period of its highest harmonic: 2 % between them
         assert np.abs(move).max() <= FRAME.amplitude[control] * 1.02
-        assert np.abs(np.diff(move)).max() <= FRAME.slew / 1000.0 * 1.02
+        assert np.abs(np.diff(move)).max() <= FRAME.slew[control] / 1000.0 * 1.02
         assert move[0] == move[-1] == 0.0
 
 
-@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("shape", USUAL_SHAPES)
 def test_guesses_are_in_the_box_and_use_the_amplitude(shape: str) -> None:
     family = SHAPES[shape](FRAME)
     assert family.starts.shape[1] == family.dimension
@@ -58,7 +59,7 @@ def test_square_wave_fills_the_time() -> None:
 
 
 def test_a_band_without_harmonics_is_refused() -> None:
-    narrow = Frame(FRAME.amplitude, FRAME.slew, 12.0, 0.1, 0.1)
+    narrow = Frame(FRAME.amplitude, SLEW, 12.0, 0.1, 0.1)
     with pytest.raises(SimulationError, match="design for longer, or with a higher band"):
         SHAPES["multisine"](narrow).inputs(np.zeros(3))
 
@@ -67,10 +68,74 @@ def test_a_band_without_harmonics_is_refused() -> None:
 @pytest.mark.parametrize("at", [0.0, 0.5, 1.0])
 def test_a_slow_surface_moves_as_far_as_it_gets(shape: str, at: float) -> None:
     """60 degrees at 60 deg/s within steps of a second: a smaller step, and no error."""
-    slow = Frame({"elevator": math.radians(60.0)}, math.radians(60.0), 8.0, 2.0, 0.1)
+    slow = Frame({"elevator": math.radians(60.0)}, SLEW, 8.0, 2.0, 0.1)
     family = SHAPES[shape](slow)
     for x in (np.full(family.dimension, at), *family.starts):
         maneuver = Maneuver.model_validate({"duration": 8.0, "rate": 1000.0, "input": family.inputs(x)})
         move = maneuver.deflections()["elevator"]
-        assert np.abs(np.diff(move)).max() <= slow.slew / 1000.0 * 1.001
+        assert np.abs(np.diff(move)).max() <= slow.slew["elevator"] / 1000.0 * 1.001
         assert np.abs(move).max() > 0.02
+
+
+def counted(beat: float, duration: float = 40.0) -> Frame:
+    return Frame(
+        {"elevator": 0.05, "rudder": 0.02}, SLEW, duration, 2.0, 0.1, {"elevator": 0.01, "rudder": 0.01}, beat
+    )
+
+
+@pytest.mark.parametrize("shape", COUNTED_SHAPES)
+@settings(max_examples=25, deadline=None)
+@given(data=st.data(), beat=st.sampled_from([0.25, 0.5, 1.0]))
+def test_steps_by_hand_fall_on_the_beat(shape: str, data: st.DataObject, beat: float) -> None:
+    """One control after the other, from steady flight, with hands off before the next."""
+    family = SHAPES[shape](counted(beat))
+    box = st.lists(st.floats(0.0, 1.0), min_size=family.dimension, max_size=family.dimension)
+    specs = family.inputs(np.array(data.draw(box)))
+    end = STEADY - HANDS_OFF
+    for spec in specs:
+        assert spec.start / beat == pytest.approx(round(spec.start / beat))
+        assert spec.step / beat == pytest.approx(max(1, round(spec.step / beat)))
+        assert spec.start >= end + HANDS_OFF - 1e-9
+        end = spec.start + sum(PATTERNS[shape]) * spec.step
+        degrees = math.degrees(abs(spec.amplitude))
+        assert 2.0 * degrees == pytest.approx(round(2.0 * degrees)), "stops of half degrees"
+        assert 0.01 <= abs(spec.amplitude) <= family.frame.amplitude[spec.control]
+    assert end + HANDS_OFF <= 40.0 + 1e-9
+
+
+def test_a_beat_too_slow_for_the_time_is_refused_with_the_time_it_takes() -> None:
+    with pytest.raises(SimulationError, match="takes 21 s at least"):
+        SHAPES["3-2-1-1"](counted(1.0, 20.0)).inputs(np.full(4, 0.5))
+    assert SHAPES["3-2-1-1"](counted(1.0, 21.0)).inputs(np.full(4, 0.5))[1].start == 11.0
+
+
+@settings(max_examples=25, deadline=None)
+@given(data=st.data())
+def test_sweeps_keep_amplitude_slew_and_band(data: st.DataObject) -> None:
+    frame = Frame(FRAME.amplitude, SLEW, 40.0, 5.0, 0.1)
+    family = SHAPES["sweep"](frame)
+    x = np.array(data.draw(st.lists(st.floats(0.0, 1.0), min_size=6, max_size=6)))
+    maneuver = Maneuver.model_validate({"duration": 40.0, "rate": 1000.0, "input": family.inputs(x)})
+    moves = maneuver.deflections()
+    assert not np.any((moves["elevator"] != 0.0) & (moves["rudder"] != 0.0)), "one after the other"
+    for control, move in moves.items():
+        assert np.abs(move).max() <= frame.amplitude[control]
+        assert np.abs(np.diff(move)).max() <= SLEW[control] / 1000.0 * 1.02
+    assert all(6.0 / spec.duration <= spec.low <= spec.band / 2.0 + 1e-9 for spec in maneuver.input)
+    assert all(spec.band <= 5.0 + 1e-9 for spec in maneuver.input)
+
+
+def test_sweeps_need_time() -> None:
+    with pytest.raises(SimulationError, match=r"sweeps of 0.5 s do not reach"):
+        SHAPES["sweep"](Frame(FRAME.amplitude, SLEW, 3.0, 5.0, 0.1)).inputs(np.zeros(6))
+
+
+@pytest.mark.parametrize("shape", [*USUAL_SHAPES, "2-1-1"])
+def test_no_input_is_smaller_than_what_can_be_flown(shape: str) -> None:
+    frame = Frame({"elevator": 0.05}, SLEW, 12.0, 2.0, 0.1, {"elevator": 0.03})
+    family = SHAPES[shape](frame)
+    for at in (0.5, 0.4):  # the middle of a signed amplitude is none
+        maneuver = Maneuver.model_validate(
+            {"duration": 12.0, "input": family.inputs(np.full(family.dimension, at))}
+        )
+        assert np.abs(maneuver.deflections()["elevator"]).max() >= 0.0294

@@ -1,0 +1,89 @@
+"""The whole loop by its files: log -> model -> designed input -> JSBSim under an autopilot -> log -> better model.
+
+The truth is an aircraft exported to JSBSim. What is known at the start is a vehicle file whose derivatives are 20 % off.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stoop.cli.main import main
+from stoop.exporters.flight_logs import save_flight_as
+from stoop.exporters.jsbsim_autopilot import fly_in_jsbsim
+from stoop.simulation.maneuver import Maneuver, load_maneuver
+from stoop.vehicle.builtin import builtin_text, builtin_vehicle
+from stoop.vehicle.load import load_vehicle
+
+TRUTH = builtin_vehicle("twin-boom")
+NAMES = [p.name for p in TRUTH.parameters if p.free and p.value]
+OFF = 0.2  #: of each derivative, to one side or the other
+SMALL = [
+    {"control": c, "shape": "doublet", "start": s, "step": 1.0, "amplitude": 0.01}
+    for c, s in (("elevator", 2.0), ("aileron", 7.0), ("rudder", 12.0))
+]  #: what the pilot did before there was a design
+
+
+def guess() -> str:
+    """Return the vehicle file with every derivative off, and priors that say so."""
+    text, rng = builtin_text("twin-boom"), np.random.default_rng(3)
+    for name in NAMES:
+        value = TRUTH.value(name) * (1.0 + OFF * float(rng.choice([-1.0, 1.0])))
+        number = f"{name} = {{ value = {value!r}, prior = {0.3 * abs(value)!r} }}"
+        text, count = re.subn(rf"^{name} = .*$", number, text, flags=re.M)
+        assert count == 1, name
+    return text
+
+
+def flown(folder: Path, name: str, maneuver: Maneuver, seed: int, model: Path) -> Path:
+    """Fly it in JSBSim, by an autopilot that knows the poor model, and write a log."""
+    flight = fly_in_jsbsim(TRUTH, maneuver, load_vehicle(model), seed)
+    save_flight_as(flight, folder / name)
+    return folder / name
+
+
+def errors(folder: Path) -> tuple[np.ndarray, np.ndarray]:
+    """Return differences from the truth and standard errors of a result."""
+    found = json.loads((folder / "result.json").read_text())["parameters"]
+    both = [(found[n]["estimate"] - TRUTH.value(n), found[n]["std_error"]) for n in NAMES]
+    off, sigma = np.array(both, dtype=float).T
+    return off, sigma
+
+
+@pytest.mark.parametrize("log", ["flown.ulg", "flown.bin"])
+def test_the_loop_from_log_to_a_better_model(tmp_path: Path, log: str) -> None:
+    model = tmp_path / "guess.toml"
+    model.write_text(guess())
+    usual = Maneuver.model_validate({"duration": 20.0, "airspeed": 35.0, "input": SMALL})
+    before = flown(tmp_path, f"before{Path(log).suffix}", usual, 1, model)
+    known = ["--vehicle", str(model), "--maneuver", "0.2:19.8"]
+    assert main(["identify", str(before), *known, "-o", str(tmp_path / "first")]) == 0
+
+    design = [
+        "design",
+        str(tmp_path / "first"),
+        "--shape",
+        "square",
+        "--evaluations",
+        "60",
+        "-o",
+        str(tmp_path / "next"),
+    ]
+    for_autopilot = ["--for", "ardupilot", "--throw", "elevator=25", "aileron=20", "rudder=25"]
+    assert main([*design, *for_autopilot]) == 0
+    designed = load_maneuver(tmp_path / "next" / "maneuver.toml")
+    after = flown(tmp_path, log, designed, 2, model)
+    assert main(["identify", str(after), *known, "-o", str(tmp_path / "second")]) == 0
+
+    guessed = np.array([load_vehicle(model).value(n) - TRUTH.value(n) for n in NAMES])
+    (off_first, sigma_first), (off, sigma) = errors(tmp_path / "first"), errors(tmp_path / "second")
+    score = np.abs(off / sigma)
+    assert np.mean(score < 1.96) > 0.85, "a normal sample of this size has 0.95 ± 0.04"
+    assert np.max(score) < 4.0, NAMES[int(np.argmax(score))]
+    assert np.median(sigma / sigma_first) < 0.5
+    assert np.median(np.abs(off)) < 0.5 * np.median(np.abs(off_first))
+    assert np.median(np.abs(off / guessed)) < 0.2

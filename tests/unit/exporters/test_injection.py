@@ -1,0 +1,563 @@
+"""Files with which a maneuver is flown: their scripts send the designed input, by clocks and links that are not there."""
+
+from __future__ import annotations
+
+import importlib.util
+import math
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from types import ModuleType, SimpleNamespace
+from typing import Any
+
+import lupa
+import numpy as np
+import pytest
+
+from stoop.errors import SimulationError
+from stoop.exporters.ardupilot_injection import ARDUPILOT
+from stoop.exporters.crazyflie_injection import CRAZYFLIE
+from stoop.exporters.injection import Injection, corners
+from stoop.exporters.pilot_card import PILOT
+from stoop.exporters.px4_injection import PX4
+from stoop.simulation import trim
+from stoop.simulation.fly import simulate_flight
+from stoop.simulation.maneuver import Maneuver, Sweep, parse_maneuver
+from stoop.vehicle.builtin import builtin_vehicle
+
+THROWS = {"elevator": math.radians(25.0), "aileron": math.radians(20.0), "rudder": math.radians(30.0)}
+GAINS = {"FW_RR_P": 0.05, "FW_RR_FF": 0.5, "FW_PR_P": 0.08, "FW_PR_FF": 0.4, "FW_YR_P": 0.05, "FW_YR_FF": 0.3}
+SCALING = {"FW_ARSP_SCALE_EN": 1e-45, "FW_AIRSPD_TRIM": 30.0, "FW_AIRSPD_STALL": 15.0, "FW_AIRSPD_MAX": 45.0}
+SPEEDUP = 30.0 / 35.0  # k of PX4's airspeed scaling
+WINGS = """
+duration = 12.0
+airspeed = 35.0
+input = [
+  { control = "elevator", shape = "3-2-1-1", start = 1.0, step = 0.5, amplitude = 0.04, slew = 1.0 },
+  { control = "aileron", shape = "doublet", start = 6.0, step = 0.5, amplitude = -0.03 },
+  { control = "rudder", shape = "harmonics", start = 0.5, duration = 11.0, harmonics=[3,9], amplitudes=[0.02,0.02], phases=[0,0]},
+]
+"""
+SWEEPS = """
+duration = 50.0
+input = [
+  { control = "roll", shape = "sweep", start = 1.0, duration = 20.0, amplitude = 8.0, low = 0.4, band = 8.0, fade = 2.0 },
+  { control = "heave", shape = "sweep", start = 25.0, duration = 20.0, amplitude = 1.0, low = 0.5, band = 5.0, fade = 1.0 },
+]
+"""
+DOUBLETS = """
+duration = 8.0
+input = [
+  { control = "roll", shape = "doublet", start = 1.0, step = 0.3, amplitude = 6.0 },
+  { control = "yaw", shape = "doublet", start = 5.0, step = 0.4, amplitude = 1.0 },
+]
+"""
+
+
+@cache
+def injection(name: str, text: str) -> Injection:
+    vehicle, maneuver = builtin_vehicle(name), parse_maneuver(text, "m.toml")
+    point = trim(vehicle, maneuver.airspeed, maneuver.altitude)
+    flown = simulate_flight(vehicle, maneuver, noise=False)
+    readings = np.column_stack([flown.column(c) for c in vehicle.outputs])
+    envelope = {"V": (28.0, 42.0), "phi": (-0.6, 0.6), "theta": (-0.4, 0.4)}
+    return Injection(vehicle, point, maneuver, readings, envelope, THROWS)
+
+
+def wings() -> Injection:
+    return injection("twin-boom", WINGS)
+
+
+class Clock:
+    """A clock that runs by sleeping."""
+
+    def __init__(self) -> None:
+        self.now = 100.0
+
+    def monotonic(self) -> float:
+        return self.now
+
+    def sleep(self, seconds: float) -> None:
+        self.now += max(seconds, 1e-6)
+
+
+def module(folder: Path, files: dict[str, str], name: str, clock: Clock) -> ModuleType:
+    """Write files, and import a script of them with another clock."""
+    for file, text in files.items():
+        (folder / file).write_text(text)
+    compile(files[name], name, "exec")
+    spec = importlib.util.spec_from_file_location("script", folder / name)
+    assert spec is not None
+    assert spec.loader is not None
+    script = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(script)
+    script.time = clock  # type: ignore[attr-defined]
+    return script
+
+
+def test_corners_keep_within_the_tolerance() -> None:
+    t = np.arange(2000) / 100.0
+    x = np.sin(t) + (t > 5.0)
+    kept = corners(t, x, 0.01)
+    assert len(kept) < 200
+    assert np.abs(np.interp(t, *kept.T) - x).max() <= 0.01
+
+
+# --- ArduPilot Plane: the script, run by Lua, beside a simulated autopilot
+
+
+class Plane:
+    """What a script of ArduPilot sees; servo 1 is an elevator, 2 reversed ailerons, 5 a second aileron, 4 the rudder."""
+
+    def __init__(self) -> None:
+        self.ms, self.aux, self.mode, self.roll, self.airspeed = 0, 0, 5, 0.0, 35.0
+        self.scaled = {19: 450.0, 4: -300.0, 21: 0.0}
+        functions = {1: 19, 2: 4, 4: 21, 5: 4, 3: 70}
+        self.parameters = {"SERVO2_REVERSED": 1.0}
+        for n, function in functions.items():
+            ends = {"FUNCTION": function, "MIN": 1100.0, "MAX": 1900.0, "TRIM": 1480.0}
+            self.parameters |= {f"SERVO{n}_{key}": float(value) for key, value in ends.items()}
+            self.parameters.setdefault(f"SERVO{n}_REVERSED", 0.0)
+        self.sent: dict[int, list[tuple[float, int]]] = {}
+        self.said: list[str] = []
+
+    def api(self) -> dict[str, dict[str, Any]]:
+        return {
+            "param": {"get": lambda _, key: self.parameters.get(key)},
+            "rc": {"get_aux_cached": lambda _, option: self.aux if option == 300 else None},
+            "vehicle": {"get_mode": lambda _: self.mode, "get_likely_flying": lambda _: self.airspeed > 3.0},
+            "arming": {"is_armed": lambda _: True},
+            "ahrs": {
+                "get_roll": lambda _: self.roll, "get_pitch": lambda _: 0.05,
+                "airspeed_estimate": lambda _: self.airspeed,
+            },
+            "gcs": {"send_text": lambda _, __, text: self.said.append(text)},
+            "logger": {"write": lambda *_: None},
+            "SRV_Channels": {"get_output_scaled": lambda _, f: self.scaled[f], "set_output_pwm_chan_timeout": self.pulse},
+        }  # fmt: skip
+
+    def pulse(self, _: Any, channel: int, pwm: int, timeout: int) -> None:
+        assert timeout > 10
+        assert isinstance(pwm, int)
+        self.sent.setdefault(channel + 1, []).append((self.ms / 1000.0, pwm))
+
+
+def lua_update(text: str, plane: Plane) -> Any:
+    lua = lupa.LuaRuntime(unpack_returned_tuples=True)
+    for name, functions in plane.api().items():
+        lua.globals()[name] = lua.table_from(functions)
+    lua.globals().now = lambda: plane.ms
+    lua.execute("""
+      local uint = {}
+      uint.__index = {tofloat = function(self) return self.value end}
+      uint.__sub = function(a, b) return setmetatable({value = a.value - b.value}, uint) end
+      function millis() return setmetatable({value = now()}, uint) end
+    """)
+    return lua.execute(text)
+
+
+def flown_by(plane: Plane, seconds: float, upset: Any = lambda _: None) -> None:
+    text = ARDUPILOT.write(wings())["maneuver.lua"].replace("local SCALE = 0.5 ", "local SCALE = 1.0 ")
+    update, period = lua_update(text, plane)
+    for k in range(round(1000.0 * seconds / period)):
+        plane.ms += period
+        plane.aux = 2 if k > 20 else 0
+        upset(plane)
+        update, period = update()
+
+
+def test_the_script_of_a_plane_adds_the_maneuver() -> None:
+    plane = Plane()
+    flown_by(plane, 14.0)
+    assert plane.said == ["maneuver: ready", "maneuver: begins", "maneuver: done"]
+    assert set(plane.sent) == {1, 2, 4, 5}
+    maneuver = wings().maneuver
+    expected = maneuver.deflections()
+    servos = {
+        1: ("elevator", 0.1, -1.0),
+        2: ("aileron", -300 / 4500, -1.0),
+        5: ("aileron", -300 / 4500, 1.0),
+        4: ("rudder", 0.0, -1.0),
+    }
+    for n, (control, base, sign) in servos.items():
+        t, pulses = np.array(plane.sent[n]).T
+        t = t - plane.sent[n][0][0] + 0.01
+        reverse = -1.0 if n == 2 else 1.0
+        x = reverse * np.where(pulses > 1480, (pulses - 1480) / 420.0, (pulses - 1480) / 380.0)
+        moved = (x - base) * THROWS[control] * sign * reverse
+        want = np.interp(t, maneuver.time, expected[control])
+        # within a sample: the largest change over 10 ms, and a pulse of one microsecond
+        late = [np.interp(t + d, maneuver.time, expected[control]) for d in (-0.01, 0.0, 0.01)]
+        low, high = np.min(late, axis=0), np.max(late, axis=0)
+        slack = 0.003 * np.abs(want).max() + THROWS[control] / 380.0
+        assert (moved > low - slack).all()
+        assert (moved < high + slack).all()
+
+
+def test_the_script_of_a_plane_moves_surfaces_on_the_ground() -> None:
+    plane = Plane()
+    plane.airspeed = 0.5
+    flown_by(plane, 14.0)
+    assert plane.said[-1] == "maneuver: done"
+
+
+def test_signs_of_outputs_are_those_of_the_moments() -> None:
+    """Elevator down and rudder left are positive here; ailerons that roll right are."""
+    one = wings()
+    assert one.moments("elevator")["pitch"] < 0.0
+    assert one.moments("aileron")["roll"] > 0.0
+    assert one.moments("rudder")["yaw"] < 0.0
+    outputs = one.outputs()
+    assert outputs["elevator"][np.argmax(one.maneuver.deflections()["elevator"])] < 0.0
+
+
+def test_the_script_of_a_plane_needs_a_servo_of_each_control() -> None:
+    plane = Plane()
+    plane.parameters["SERVO4_FUNCTION"] = 70.0
+    text = ARDUPILOT.write(wings())["maneuver.lua"]
+    assert lua_update(text, plane) is None
+    assert plane.said == ["maneuver: no servo of rudder: no SERVOn_FUNCTION is 21"]
+
+
+@pytest.mark.parametrize(
+    ("upset", "said"),
+    [
+        (lambda p: setattr(p, "roll", 0.7 if p.ms > 3000 else 0.0), "bank beyond the limit"),
+        (lambda p: setattr(p, "airspeed", 20.0 if p.ms > 3000 else 35.0), "airspeed beyond the limit"),
+        (lambda p: setattr(p, "mode", 0 if p.ms > 3000 else 5), "the mode changed"),
+        (lambda p: setattr(p, "aux", 0 if p.ms > 3000 else p.aux), "switched off"),
+    ],
+)
+def test_the_script_of_a_plane_ends_beyond_limits(upset: Any, said: str) -> None:
+    plane = Plane()
+    flown_by(plane, 5.0, upset)
+    assert plane.said[-1] == f"maneuver: {said}"
+    assert max(t for t, _ in plane.sent[1]) <= 3.02
+    assert plane.said.count("maneuver: begins") == 1, "it does not begin again while the switch stays up"
+
+
+# --- ArduPilot Copter: the mode System ID
+
+
+def waveform(p: dict[str, float], time: float) -> float:
+    """The signal of ArduCopter's mode System ID, step by step."""
+    w_min, w_max = 2 * math.pi * p["SID_F_START_HZ"], 2 * math.pi * p["SID_F_STOP_HZ"]
+    constant, record, fade_in, fade_out = (
+        2.0 / p["SID_F_START_HZ"],
+        p["SID_T_REC"],
+        p["SID_T_FADE_IN"],
+        p["SID_T_FADE_OUT"],
+    )
+    b = math.log(w_max / w_min)
+    if time <= 0.0 or time > record:
+        return 0.0
+    window = 1.0
+    if time <= fade_in:
+        window = 0.5 - 0.5 * math.cos(math.pi * time / fade_in)
+    elif time > record - fade_out:
+        window = 0.5 - 0.5 * math.cos(math.pi * (time - record + fade_out) / fade_out + math.pi)
+    if time <= constant:
+        return window * math.sin(w_min * (time - constant))
+    share = (time - constant) / (record - constant)
+    return window * math.sin(w_min * (record - constant) / b * (math.exp(b * share) - 1.0))
+
+
+def test_parameters_of_sweeps_give_the_designed_signal() -> None:
+    one = injection("quad-x", SWEEPS)
+    files = ARDUPILOT.write(one)
+    assert set(files) == {"sid_roll.param", "sid_heave.param", "ardupilot.param"}
+    for spec in one.maneuver.input:
+        assert isinstance(spec, Sweep)
+        lines = files[f"sid_{spec.control}.param"].splitlines()
+        p = {key: float(value) for key, value in (line.split(",") for line in lines)}
+        assert p["SID_AXIS"] == {"roll": 10, "heave": 13}[spec.control]
+        t = one.maneuver.time
+        want = np.array([spec.amplitude * waveform(p, float(x) - spec.start) for x in t])
+        assert np.allclose(spec.signal(t), want, atol=1e-3 * spec.amplitude)
+    # a motor's share of the throttle: what accelerates upwards, over what holds the weight
+    hover, heave = one.trim.inputs[0], p["SID_MAGNITUDE"]
+    assert heave == pytest.approx(hover * 1.0 / 9.81 / 2.0, rel=0.5), (
+        "thrust grows with about the square of the command"
+    )
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"duration": 300.0}, "SID_T_REC of roll would be 300, outside 0 to 255; shorten --duration"),
+        ({"fade": 7.0}, "SID_T_FADE_OUT of roll would be 7, outside 0 to 5; shorten --duration"),
+        ({"amplitude": 500.0}, "SID_MAGNITUDE of roll would be .*, outside 0 to 1; lower --amplitude"),
+    ],
+)
+def test_parameters_out_of_their_range_are_refused(change: dict[str, float], message: str) -> None:
+    one = injection("quad-x", SWEEPS)
+    spec = one.maneuver.input[0].model_copy(update=change)
+    other = replace(one, maneuver=one.maneuver.model_copy(update={"input": (spec,)}))
+    with pytest.raises(SimulationError, match=message):
+        ARDUPILOT.write(other)
+
+
+def test_a_multirotor_of_ardupilot_flies_sweeps_alone() -> None:
+    with pytest.raises(SimulationError, match="add --shape sweep"):
+        ARDUPILOT.write(injection("quad-x", DOUBLETS))
+
+
+# --- PX4: set-points over a link that is not there
+
+
+class Link:
+    """A link of MAVLink that records set-points and modes."""
+
+    target_system = target_component = 1
+
+    def __init__(self, clock: Clock) -> None:
+        self.clock, self.mav, self.mode, self.asked = clock, self, 4 << 16, ""
+        self.sent: list[tuple[float, int, tuple[float, ...], float]] = []
+        self.modes: list[tuple[int, int]] = []
+        self.roll, self.pending, self.silent, self.refuses = 0.0, 0, False, False
+
+    def param_request_read_send(self, _: int, __: int, name: bytes, ___: int) -> None:
+        self.asked = name.decode()
+
+    def recv_match(self, type: Any = None, blocking: bool = False, timeout: float = 0.0) -> Any:  # noqa: A002
+        if type == "PARAM_VALUE":
+            return SimpleNamespace(param_id=self.asked, param_value=(GAINS | SCALING)[self.asked])
+        if blocking:
+            return SimpleNamespace(throttle=55, yaw=1.0, airspeed=35.0)
+        if self.silent:
+            return None
+        self.pending = (self.pending + 1) % 4
+        if self.pending == 0 or type is None:
+            return None
+        kinds = {1: "ATTITUDE", 2: "VFR_HUD", 3: "HEARTBEAT"}
+        message = SimpleNamespace(roll=self.roll, pitch=0.0, airspeed=35.0, custom_mode=self.mode)
+        message.get_type = lambda kind=kinds[self.pending]: kind
+        message.get_srcComponent = lambda: 1
+        return message
+
+    def command_long_send(
+        self, _: int, __: int, command: int, ___: int, base: int, main: int, sub: int, *____: int
+    ) -> None:
+        assert (command, base) == (176, 1)
+        self.modes.append((main, sub))
+        self.mode = self.mode if self.refuses else main << 16
+
+    def set_attitude_target_send(
+        self,
+        ms: int,
+        _: int,
+        __: int,
+        mask: int,
+        q: list[float],
+        p: float,
+        q_rate: float,
+        r: float,
+        thrust: float,
+    ) -> None:
+        assert math.isclose(sum(v * v for v in q), 1.0)
+        self.sent.append((self.clock.now, mask, (p, q_rate, r), thrust))
+
+
+def px4(tmp_path: Path) -> tuple[ModuleType, Link, list[dict[str, float]]]:
+    clock = Clock()
+    script = module(tmp_path, PX4.write(wings()), "fly_px4.py", clock)
+    return script, Link(clock), script.read_rows(tmp_path / "px4_setpoints.csv")
+
+
+def test_the_script_of_px4_sends_rates_that_give_the_maneuver(tmp_path: Path) -> None:
+    """Put into PX4's law of control with the expected rates, the set-points give the designed outputs."""
+    script, link, rows = px4(tmp_path)
+    assert script.fly(link, rows, 1.0)
+    assert link.modes == [(6, 0), (4, 3)]
+    rates = [one for one in link.sent if one[1] == 128]
+    assert {one[3] for one in link.sent} == {0.55}
+    k = SPEEDUP
+    t = np.array([one[0] for one in rates])
+    maneuver = wings().maneuver
+    assert np.allclose(t - t[0], np.arange(601) / 50.0, atol=0.01)
+    assert np.diff([one[0] for one in link.sent]).max() < 0.1, "the stream never stops for half a second"
+    for i, (head, control, channel) in enumerate(
+        (("RR", "aileron", "p"), ("PR", "elevator", "q"), ("YR", "rudder", "r"))
+    ):
+        p, ff = GAINS[f"FW_{head}_P"], GAINS[f"FW_{head}_FF"]
+        sent = np.array([one[2][i] for one in rates])
+        turning = np.interp(t - t[0], maneuver.time, wings().expected(channel) - wings().expected(channel)[0])
+        output = ff * k * sent + p * k**2 * (sent - turning)
+        sign = math.copysign(1.0, wings().moments(control)[{"p": "roll", "q": "pitch", "r": "yaw"}[channel]])
+        want = np.interp(t - t[0], maneuver.time, maneuver.deflections()[control])
+        assert np.allclose(sign * output * THROWS[control], want, atol=1e-6)
+
+
+def test_the_script_of_px4_ends_beyond_limits(tmp_path: Path) -> None:
+    script, link, rows = px4(tmp_path)
+    send = link.set_attitude_target_send
+
+    def tilt(*arguments: Any) -> None:
+        send(*arguments)
+        link.roll = 0.7 if len(link.sent) > 500 else 0.0
+
+    link.set_attitude_target_send = tilt  # type: ignore[method-assign]
+    assert not script.fly(link, rows, 1.0)
+    assert link.modes[-1] == (4, 3)
+    assert len(link.sent) <= 501
+
+
+def after(link: Link, count: int, change: Any) -> None:
+    """Change something of a link once it has sent some set-points."""
+    send = link.set_attitude_target_send
+
+    def sent(*arguments: Any) -> None:
+        send(*arguments)
+        if len(link.sent) == count:
+            change(link)
+
+    link.set_attitude_target_send = sent  # type: ignore[method-assign]
+
+
+@pytest.mark.parametrize("count", [150, 400, 900])
+def test_a_pilot_takes_over_at_any_time(tmp_path: Path, count: int) -> None:
+    """Before, during and after the maneuver; the script does not change the mode again."""
+    script, link, rows = px4(tmp_path)
+    after(link, count, lambda link: setattr(link, "mode", 1 << 16))
+    assert not script.fly(link, rows, 1.0)
+    assert link.modes == [(6, 0)]
+    assert len(link.sent) < count + 5
+
+
+def test_without_telemetry_or_offboard_mode_the_script_ends(tmp_path: Path) -> None:
+    script, link, rows = px4(tmp_path)
+    after(link, 400, lambda link: setattr(link, "silent", True))
+    assert not script.fly(link, rows, 1.0)
+    assert link.modes[-1] == (4, 3)
+    assert len(link.sent) < 430, "half a second"
+    script, link, rows = px4(tmp_path)
+    link.refuses = True
+    assert not script.fly(link, rows, 1.0)
+    assert {mask for _, mask, *_ in link.sent} == {7}, "attitude alone was sent"
+
+
+def test_limits_keep_their_signs() -> None:
+    one = replace(wings(), envelope={"phi": (-0.1, 0.5), "theta": (-0.2, 0.3), "V": (28.0, 42.0)})
+    script = PX4.write(one)["fly_px4.py"]
+    assert "BANK = (-0.1000, 0.5000)" in script
+    assert "PITCH = (-0.2000, 0.3000)" in script
+    low, high = one.airspeeds()
+    assert f"AIRSPEED = ({low:.2f}, {high:.2f})" in script
+    assert 27.0 < low < 28.0, "equivalent, at 200 m"
+    assert "BANK, PITCH = {-0.1000, 0.5000}, {-0.2000, 0.3000}" in ARDUPILOT.write(one)["maneuver.lua"]
+
+
+def test_parameters_of_px4_are_lines_of_five() -> None:
+    lines = PX4.write(wings())["px4.params"].splitlines()[1:]
+    assert [len(line.split("\t")) for line in lines] == [5] * len(lines)
+
+
+# --- Crazyflie
+
+
+def test_the_script_of_the_crazyflie_sends_the_expected_attitude(tmp_path: Path) -> None:
+    clock, sent, stopped, values = Clock(), [], [], []
+    one = injection("quad-x", DOUBLETS)
+    script = module(tmp_path, CRAZYFLIE.write(one), "fly_crazyflie.py", clock)
+    commander = SimpleNamespace(
+        send_setpoint=lambda *_: None,
+        send_zdistance_setpoint=lambda *v: sent.append((clock.now, *v)),
+        send_hover_setpoint=lambda *v: sent.append((clock.now, *v)),
+        send_stop_setpoint=lambda: stopped.append(clock.now),
+    )
+    cf = SimpleNamespace(commander=commander, param=SimpleNamespace(set_value=lambda *v: values.append(v)))
+    rows = script.read_rows(tmp_path / "crazyflie_setpoints.csv")
+    assert script.fly(cf, rows, lambda: ((0.0, 0.0), clock.now), 1.0)
+    assert stopped
+    assert values == [("usd.logging", "1"), ("usd.logging", "0")]
+    table = np.array(sent)
+    first = int(np.argmax(np.abs(table[:, 1]) > 0.0))
+    began = table[first, 0] - rows[next(i for i, r in enumerate(rows) if r["roll_deg"])]["time_s"]
+    during = table[(table[:, 0] >= began - 1e-6) & (table[:, 0] <= began + 8.0)]
+    t = during[:, 0] - began
+    for column, channel in ((1, "phi"), (2, "theta"), (3, "r")):
+        want = np.degrees(np.interp(t, one.maneuver.time, one.expected(channel)))
+        assert np.allclose(during[:, column], want, atol=0.05 + np.abs(np.diff(want)).max())
+    assert table[-1, 4] < 0.1, "it lands"
+    assert not script.fly(cf, rows, lambda: ((50.0, 0.0), clock.now))
+    assert sent[-1][4] < 0.1, "it lands after a tilt beyond the limits, too"
+    began = clock.now
+    assert not script.fly(cf, rows, lambda: ((0.0, 0.0), min(clock.now, began + 3.0)))
+    assert clock.now < began + 3.5, "without telemetry it sends no more"
+    assert stopped[-1] == clock.now
+
+
+def test_a_maneuver_that_climbs_is_refused() -> None:
+    text = DOUBLETS.replace('"yaw"', '"down"').replace("step = 0.4", "step = 1.5")
+    with pytest.raises(SimulationError, match=r"needs height_m .* sends 0.5 at most"):
+        CRAZYFLIE.write(injection("quad-x", text))
+
+
+# --- the pilot's card
+
+
+def test_the_card_counts_the_steps() -> None:
+    maneuver = Maneuver.model_validate(
+        {
+            "duration": 20.0, "airspeed": 35.0,
+            "input": [
+                {"control": "elevator", "shape": "3-2-1-1", "start": 1.0, "step": 0.5, "amplitude": math.radians(-2.5)},
+                {"control": "aileron", "shape": "doublet", "start": 12.0, "step": 1.0, "amplitude": math.radians(2.0)},
+            ],
+        }
+    )  # fmt: skip
+    one = replace(wings(), maneuver=maneuver, beat=0.5, throws={"elevator": math.radians(25.0)})
+    text = PILOT.write(one)["card.txt"]
+    found = [line.strip() for line in text.splitlines() if "nose" in line or "wing" in line]
+    assert found == [
+        "nose up          one - two - three", "nose down        one - two", "nose up          one", "nose down        one",
+        "right wing down  one - two", "left wing down   one - two",
+    ]  # fmt: skip
+    assert "ELEVATOR 3-2-1-1: stop at 2.5 deg (10 % of the stick)" in text
+    assert "AILERON doublet: stop at 2 deg\n" in text
+    assert max(map(len, text.splitlines())) < 110
+
+
+def test_a_card_is_for_sticks() -> None:
+    one = replace(wings(), beat=0.5)
+    vehicle = SimpleNamespace(deflections=lambda: {"flap": np.ones(3)}, input=())
+    with pytest.raises(SimulationError, match="not flap; exclude it with --amplitude flap=0"):
+        PILOT.write(replace(one, maneuver=vehicle))  # type: ignore[arg-type]
+
+
+def test_a_target_needs_the_readings_that_it_sends() -> None:
+    one = wings()
+    bare = SimpleNamespace(outputs=("V", "p"), controls=one.vehicle.controls)
+    with pytest.raises(SimulationError, match=r"needs the output q; add \[sensors.q\]"):
+        PX4.check("px4", bare, one.trim, one.moved_controls, THROWS)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("target", "name", "text", "throws", "message"),
+    [
+        (PILOT, "quad-x", DOUBLETS, {}, "this flight is on rotors; its sticks command"),
+        (PX4, "quad-x", DOUBLETS, {}, "this flight is on rotors; rates alone"),
+        (CRAZYFLIE, "twin-boom", WINGS, {}, "this flight is on wings; choose --for pilot"),
+        (
+            PX4,
+            "twin-boom",
+            WINGS,
+            {"elevator": 0.4, "aileron": 0.3},
+            "how far rudder move .* add --throw rudder=DEG",
+        ),
+        (ARDUPILOT, "twin-boom", WINGS, {"canard": 0.4}, "--throw canard: there is no such surface"),
+        (ARDUPILOT, "twin-boom", WINGS, {"elevator": 0.0}, "above 0 and up to 90"),
+    ],
+)
+def test_what_a_target_does_not_fly_is_refused(
+    target: Any, name: str, text: str, throws: dict[str, float], message: str
+) -> None:
+    one = injection(name, text)
+    with pytest.raises(SimulationError, match=message):
+        target.check("it", one.vehicle, one.trim, one.moved_controls, throws)
+
+
+def test_more_than_the_throw_is_refused() -> None:
+    one = replace(wings(), throws={**THROWS, "aileron": 0.02})
+    with pytest.raises(SimulationError, match="moves aileron 150 % of its throw; lower --amplitude"):
+        PX4.write(one)
