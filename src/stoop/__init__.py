@@ -27,9 +27,11 @@ if TYPE_CHECKING:
         predict,
         propagate,
         reconstruct,
+        save_design,
     )
     from stoop.base.notices import Notice
     from stoop.estimate.fit import Options
+    from stoop.exporters.jsbsim_autopilot import fly_in_jsbsim
     from stoop.flight import Flight
     from stoop.flight.load import load as load_flight
     from stoop.flight.load import save as save_flight
@@ -56,11 +58,13 @@ _PLACES = {
             "predict",
             "propagate",
             "reconstruct",
+            "save_design",
         ),
         "stoop.api",
     ),
     **dict.fromkeys(("linearize", "trim"), "stoop.simulation"),
     **dict.fromkeys(("simulate", "simulate_flight"), "stoop.simulation.fly"),
+    "fly_in_jsbsim": "stoop.exporters.jsbsim_autopilot",
     "load_maneuver": "stoop.simulation.maneuver",
     **dict.fromkeys(("Bootstrap", "Posterior", "Profile"), "stoop.workflow"),
     "Flight": "stoop.flight",
@@ -88,6 +92,7 @@ __all__ = [
     "errors",
     "export",
     "fit",
+    "fly_in_jsbsim",
     "frequency_responses",
     "linearize",
     "load_flight",
@@ -99,6 +104,7 @@ __all__ = [
     "propagate",
     "read_result",
     "reconstruct",
+    "save_design",
     "save_flight",
     "simulate",
     "simulate_flight",

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import csv
+import json
+import re
 from pathlib import Path
 
 import pytest
 
-from docs.pages import DOCS, run_python, table
+from docs.pages import DOCS, ROOT, run_python, table
+from stoop.workflow.design import TARGETS
 
 PAGE = DOCS / "design.md"
 COLUMNS = (
@@ -34,6 +37,27 @@ def test_error_bars_come_down_by_thirty_percent_as_promised() -> None:
     assert float(mean["ratio_achieved"]) < 0.7
     assert mean["flights"] == "100"
     assert "100 flights of each input" in PAGE.read_text(encoding="utf-8")
+
+
+def test_the_loop_is_as_good_as_its_notebook_says() -> None:
+    content = json.loads((ROOT / "examples" / "loop.ipynb").read_text(encoding="utf-8"))
+    outputs = [o for c in content["cells"] for o in c.get("outputs", ()) if o["output_type"] == "stream"]
+    printed = "".join("".join(o["text"]) for o in outputs)
+    before, after = re.findall(r"median error ([\d.]+)%", printed)
+    assert f"median error of {before} %, the designed maneuver of {after} %" in PAGE.read_text(
+        encoding="utf-8"
+    )
+
+
+def test_files_are_those_that_are_written() -> None:
+    rows = table(PAGE, "Files to fly it with", "--for").rows
+    for name, target in TARGETS.items():
+        named = {
+            file for row in rows if row[0].strip("`") == name for file in re.findall(r"`([\w.]+)`", row[2])
+        }
+        assert named == {file for file in target.names if not file.startswith("sid_")} | (
+            {"sid_roll.param"} if name == "ardupilot" else set()
+        )
 
 
 @pytest.mark.slow

@@ -31,7 +31,7 @@ def test_from_log_to_bode_plot(
     assert "rudder" in printed
     for system, parameter, *both in table(PAGE, "4. Compare", "system").rows:
         for source, cell in zip(("flight", "model"), both, strict=True):
-            line = re.search(rf"^{system} +{source} +{parameter} +(.*\))", printed, re.MULTILINE)
+            line = re.search(rf"^{system}, \S+ +{source} +{parameter} +(.*\))", printed, re.MULTILINE)
             assert line is not None
             assert numbers(line[1]) == pytest.approx(numbers(cell), rel=0.05), (system, source)
     assert "<svg" in Path("frequency.html").read_text(encoding="utf-8")

@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 
 from docs.pages import DOCS, table
-from stoop_studies.verify.nist import MODELS
 
 PAGE = DOCS / "nist.md"
 COLUMNS = (
@@ -22,7 +21,7 @@ def records() -> list[dict[str, str]]:
 def test_the_table_is_the_one_that_was_written() -> None:
     shown = table(PAGE, "What holds", "problem").rows
     written = records()
-    assert len(shown) == len(written) == 2 * len(MODELS)
+    assert len(shown) == len(written) == 2 * len({row["problem"] for row in written})
     for cells, row in zip(shown, written, strict=True):
         told = [
             f"{float(row[c]):.1f}" if c.startswith(("digits", "local_search_digits")) else row[c]
@@ -37,7 +36,7 @@ def test_what_is_said_of_it() -> None:
     parameters = min((float(r["digits_parameters"]), r["problem"]) for r in rows)
     deviations = min((float(r["digits_deviations"]), r["problem"]) for r in rows)
     assert parameters[0] >= 9.0
-    assert deviations[0] >= 6.0
+    assert deviations[0] >= 9.0
     assert f"in all {len(rows)} fits" in text
     assert f"{parameters[0]:.1f} digits of a\nparameter ({parameters[1]})" in text
     assert f"{deviations[0]:.1f} of a standard deviation ({deviations[1]}" in text

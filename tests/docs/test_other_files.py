@@ -23,7 +23,14 @@ from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle.builtin import resolve_vehicle
 
-INPUTS = [maneuver.Steps, maneuver.Levels, maneuver.Pulse, maneuver.Multisine, maneuver.Harmonics]
+INPUTS = [
+    maneuver.Steps,
+    maneuver.Levels,
+    maneuver.Pulse,
+    maneuver.Multisine,
+    maneuver.Harmonics,
+    maneuver.Sweep,
+]
 FLIGHTS, MANEUVERS = DOCS / "flight-files.md", DOCS / "maneuver-file.md"
 
 

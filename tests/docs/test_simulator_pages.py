@@ -1,4 +1,4 @@
-"""The pages of FMI, RotorPy and derivatives: their examples run, and their figures are those of an export."""
+"""The pages of other simulators and of derivatives: their examples run, and their figures are those of an export."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from docs.pages import DOCS, run_python, table
+from docs.pages import DOCS, ROOT, run_python, table
 from stoop.cli.main import main
 
 
@@ -39,6 +39,18 @@ def test_the_quadrotor_flies_in_rotorpy(tmp_path: Path) -> None:
     assert "to [1. 1. 3.] by RotorPy's controller" in said
 
 
+@pytest.mark.slow
+def test_the_models_fly_by_the_equations_of_gazebo(tmp_path: Path) -> None:
+    said = run_python(DOCS / "gazebo.md", tmp_path)
+    apart = [float(x) for x in re.findall(r"within (\S+) of each channel", said)]
+    found = table(DOCS / "gazebo.md", "Accuracy", "vehicle")
+    shown = zip(
+        *(map(float, found.column(f"for {autopilot}")) for autopilot in ("PX4", "ArduPilot")), strict=True
+    )
+    assert apart == pytest.approx([x for row in shown for x in row], rel=0.1)
+    assert re.search(r"thrust over the square of the speed: 8\.\d+e-06 N s2", said)
+
+
 @pytest.mark.parametrize("ending", [".csv", ".json"])
 def test_derivatives_are_written(ending: str, tmp_path: Path) -> None:
     place = tmp_path / f"out{ending}"
@@ -46,3 +58,31 @@ def test_derivatives_are_written(ending: str, tmp_path: Path) -> None:
     text = place.read_text()
     assert "M_q" in text
     assert main(["derivatives", "twin-boom", "-o", str(tmp_path / "out.txt")]) == 2
+
+
+@pytest.mark.slow
+def test_rotors_in_jsbsim(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    for name, _, worst, shown, _ in table(DOCS / "export.md", "Rotors", "vehicle", "flight").rows:
+        vehicle, _, speed = name.replace("`", "").partition(" at ")
+        place = str(ROOT / vehicle) if vehicle.endswith(".toml") else vehicle
+        words = ["export", place, "--to", "jsbsim", "-o", str(tmp_path), "--overwrite"]
+        assert main([*words, *(("--airspeed", speed.split()[0]) if speed else ())]) == 0
+        (found,) = re.findall(
+            r"JSBSim within (\S+) of each channel's maximum \(largest in (\w+)\)", capsys.readouterr().out
+        )
+        assert float(found[0]) == pytest.approx(float(shown), rel=0.1)
+        assert float(found[0]) < 1e-3
+        assert found[1] == worst
+
+
+@pytest.mark.slow
+def test_autopilots_in_the_loop(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    rows = table(DOCS / "sitl.md", "Accuracy", "vehicle", "under").rows
+    for name, title in dict.fromkeys((row[0].replace("`", ""), row[1]) for row in rows):
+        target = f"{title.lower()}-jsbsim"
+        assert main(["export", name, "--to", target, "-o", str(tmp_path / target / name)]) == 0
+        said = re.findall(r"JSBSim within (\S+) of .* Earth (\S+)\.$", capsys.readouterr().out, re.MULTILINE)
+        shown = [row[3:] for row in rows if (row[0].replace("`", ""), row[1]) == (name, title)]
+        assert len(said) == len(shown)
+        for found, stated in zip(said, shown, strict=True):
+            assert [float(x) for x in found] == pytest.approx([float(x) for x in stated], rel=0.1)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from docs.pages import DOCS, ROOT, blocks, commands, run_python, table
 from stoop.assessment.uncertainty import agreement
 from stoop.cli.main import main
 from stoop.flight import load
+from stoop.report.propagation import rests_on_prior
 from stoop.results.result import Result, read_result
 from stoop.vehicle.builtin import resolve_vehicle
 
@@ -84,6 +86,16 @@ def test_flight_against_flight(result: Result, workplace: Path) -> None:
     assert len(compared) == pytest.approx(int(said[1]), abs=3)
     assert found.scatter_ratio == pytest.approx(float(said[2]), abs=0.1)
     assert found.share_agreeing >= 0.9
+
+
+def test_the_example_of_propagated_uncertainty(workplace: Path) -> None:
+    found = stoop.propagate(workplace / "result")
+    for name, *numbers, unit, on_priors in table(DOCS / "propagate.md", "An example", "figure").rows:
+        one = found[name]
+        scale = math.degrees(1.0) if unit == "deg/s" else 1.0
+        values = [scale * v for v in (one.estimate, one.std_error, one.ci95_lower, one.ci95_upper)]
+        assert values == pytest.approx([float(n) for n in numbers], abs=0.25 * scale * one.std_error), name
+        assert on_priors == ("yes" if rests_on_prior(one) else "no")
 
 
 def test_sizes(result: Result) -> None:

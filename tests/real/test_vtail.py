@@ -81,8 +81,8 @@ def test_says_that_plain_cramer_rao_is_too_small(job: Job) -> None:
 
 @pytest.mark.slow
 def test_the_posterior_mixes(shared_data: Path) -> None:
-    """32 parameters of lateral motion, at a quarter of the usual rate: R-hat at most 1.01, widths near the corrected errors."""
-    flight = load(shared_data / "altlnt-vtail-8kg-px4" / "flight2", rate=25.0)
+    """32 parameters of lateral motion, at an eighth of the usual rate: R-hat at most 1.01, widths near the corrected errors."""
+    flight = load(shared_data / "altlnt-vtail-8kg-px4" / "flight2", rate=12.5)
     vehicle = load_vehicle(EXAMPLE).reduced("lateral")
     job = stoop.fit(vehicle, flight, ["140:145", "160:168.3"])
     uncertainty = job.assess(Posterior()).identification.result.uncertainty

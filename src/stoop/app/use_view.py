@@ -17,10 +17,13 @@ from stoop.errors import StoopError
 
 TARGETS: Final = {
     "JSBSim": "jsbsim",
+    "ArduPilot in the loop with JSBSim": "ardupilot-jsbsim",
+    "PX4 in the loop with JSBSim": "px4-jsbsim",
     "state space (A, B, C, D)": "state-space",
     "Simulink": "simulink",
     "FMI": "fmu",
     "RotorPy": "rotorpy",
+    "Gazebo": "gazebo",
 }
 DESIGN: Final = (
     "Inputs for which the standard errors of the free numbers are the smallest, within the limits."

@@ -9,8 +9,8 @@ from collections.abc import Iterable, Sequence
 Cell = str | int | float | bool | None
 
 
-def csv_text(head: Sequence[str], rows: Iterable[Sequence[Cell]]) -> str:
-    """Return a table as RFC 4180 text: CRLF between rows, ten significant digits, nothing for None.
+def csv_text(head: Sequence[str], rows: Iterable[Sequence[Cell]], newline: str = "\r\n") -> str:
+    """Return a table as RFC 4180 text: ten significant digits, nothing for None.
 
     Parameters
     ----------
@@ -18,6 +18,8 @@ def csv_text(head: Sequence[str], rows: Iterable[Sequence[Cell]]) -> str:
         Names of the columns.
     rows : iterable of sequences
         As wide as the head.
+    newline : str
+        Between rows; CRLF as RFC 4180 has it.
 
     Raises
     ------
@@ -25,7 +27,7 @@ def csv_text(head: Sequence[str], rows: Iterable[Sequence[Cell]]) -> str:
         A row of another width: a mistake of the caller.
     """
     out = io.StringIO()
-    writer = csv.writer(out, lineterminator="\r\n")
+    writer = csv.writer(out, lineterminator=newline)
     writer.writerow(head)
     for row in rows:
         if len(row) != len(head):

@@ -15,7 +15,9 @@ from stoop.errors import FlightError, ManeuverError, VehicleError
 if TYPE_CHECKING:
     from stoop.vehicle import Vehicle
 
-TARGETS: Final = ("jsbsim", "state-space", "simulink", "fmu", "rotorpy")
+TARGETS: Final = (
+    "jsbsim", "ardupilot-jsbsim", "px4-jsbsim", "state-space", "simulink", "fmu", "rotorpy", "gazebo",
+)  # fmt: skip
 
 
 def vehicle_arguments(parser: argparse.ArgumentParser) -> None:

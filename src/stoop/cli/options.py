@@ -63,6 +63,15 @@ def within(low: float, high: float, unit: str, factor: float = 1.0) -> Callable[
     return read
 
 
+def ends(text: str) -> tuple[float, float]:
+    """Return the two numbers of LOW:HIGH; NaN, which no limits hold, where it is of another form."""
+    try:
+        low, high = (float(part) for part in text.split(":"))
+    except ValueError:
+        return math.nan, math.nan
+    return low, high
+
+
 def add_flight(
     parser: argparse.ArgumentParser, what: str = "flight log(s)", several: bool = True, mapping: bool = True
 ) -> None:

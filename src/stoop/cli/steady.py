@@ -89,7 +89,7 @@ def _trimmed(arguments: argparse.Namespace) -> tuple[Vehicle, Trim, str]:
         if given is None:
             density += " (standard atmosphere at this altitude; the log has the true one, or give --density)"
     height = point.start["h"]
-    if "V" in point.start:
+    if point.on_wings:
         speed, climb = point.start["V"], math.degrees(arguments.climb_angle)
         where = f"steady straight flight at {speed:g} m/s, {height:g} m, climb {climb:g} deg, {density}"
         return vehicle, point, where
@@ -113,7 +113,7 @@ def trim(arguments: argparse.Namespace) -> int:
     rows = {n: point.start[n] for n in ANGLES if n in point.start} | point.deflections
     degrees = [math.degrees(value) for value in rows.values()]
     out.table(words("", rows), fixed("deg", degrees, 4), fixed("rad", rows.values(), 6))
-    if "V" in point.start:
+    if point.on_wings:
         out.heading("Thrust")
         for name, value in point.thrust.items():
             line = f"{name} {value:.4f} {shown_unit(_thrust_unit(name))}".rstrip()
@@ -128,7 +128,7 @@ def trim(arguments: argparse.Namespace) -> int:
         values = [value if abs(value) > ROUNDING else 0.0 for value in mixed.values()]
         units = [shown_unit(_thrust_unit(name)) for name in mixed]
         out.table(words("", mixed), numbers("value", values), words("", units))
-    if "V" not in point.start:
+    if not point.on_wings:
         out.heading("Velocity through the air, body axes")
         out.table(words("", "uvw"), fixed("m/s", [point.start[axis] for axis in "uvw"], 4))
     out.line()

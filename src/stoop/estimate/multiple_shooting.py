@@ -275,7 +275,7 @@ class MultipleShooting:
             """Return how a global search ended, its vector that of the whole problem."""
             stop = replace(options, budget=budget).stop(0.0, len(guesses))
             found = optimize.minimize(
-                optimize.create(options.optimizer, stop.budget), windowed, seed=options.seed, starts=guesses,
+                options.create_optimizer(stop.budget), windowed, seed=options.seed, starts=guesses,
                 stop=stop, callback=iterates.shown(windowed, stages.started), state=stages.start,
             )  # fmt: skip
             stages.start = found.state

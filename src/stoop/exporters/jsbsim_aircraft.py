@@ -23,6 +23,7 @@ from stoop.exporters.jsbsim_flight import (
     file_name,
     settings,
 )
+from stoop.exporters.jsbsim_loads import number_place, summed, summed_loads
 from stoop.exporters.jsbsim_model import (
     THRUST,
     aerodynamics,
@@ -30,6 +31,7 @@ from stoop.exporters.jsbsim_model import (
     delays,
     flight_control,
     leaf,
+    node,
     number,
     prop,
     value,
@@ -38,11 +40,6 @@ from stoop.vehicle import Vehicle
 
 POUNDS_PER_SLUG: Final = 32.174049  #: with which JSBSim converts a weight to a mass (FGJSBBase)
 STEADY: Final = "steady"
-_UNWRITTEN: Final = {
-    "rotors": "are not written for JSBSim, which has no form of their induced flow",
-    "body_drag": "is not written for JSBSim",
-    "ground_effect": "is not written for JSBSim",
-}  #: tables of a vehicle file
 Point = tuple[float, float, float]
 _AXES: Final = {"x": -1.0, "y": 1.0, "z": -1.0}  #: signs of JSBSim's structural axes
 _METRICS: Final = {
@@ -92,7 +89,8 @@ def aircraft(vehicle: Vehicle) -> str:
     SubElement(header, "description").text = one_line(words)
     metrics = SubElement(root, "metrics")
     for tag, (name, size, unit) in _METRICS.items():
-        metrics.append(_quantity(tag, vehicle.value(name) / size, unit))
+        if name in vehicle.rows:
+            metrics.append(_quantity(tag, vehicle.value(name) / size, unit))
     for tag, name in _LOCATIONS.items():
         metrics.append(location(point(vehicle, name), tag))
     # JSBSim's products of inertia are elements of the tensor in structural axes
@@ -103,18 +101,33 @@ def aircraft(vehicle: Vehicle) -> str:
     masses.append(_quantity("emptywt", vehicle.value("mass.mass") / SLUG * POUNDS_PER_SLUG, "LBS"))
     masses.append(location(point(vehicle, "mass.center_of_gravity"), "CG"))
     root.append(Element("ground_reactions"))
-    root.append(flight_control(vehicle))
-    if vehicle.file.propulsion is not None:  # the thrust as an external force along its line
-        reactions = SubElement(root, "external_reactions")
-        force = SubElement(reactions, "force", {"name": "thrust", "frame": "BODY"})
-        SubElement(SubElement(force, "function"), "product").extend([prop(THRUST), value(1.0 / POUND_FORCE)])
-        force.append(location(point(vehicle, "propulsion.position")))
-        pitch = vehicle.value("propulsion.pitch", 0.0)
-        along = (math.cos(pitch), 0.0, -math.sin(pitch))
-        direction = SubElement(force, "direction")
-        direction.extend(leaf(a, number(x + 0.0)) for a, x in zip(_AXES, along, strict=True))
-    root.append(aerodynamics(vehicle))
+    controls = flight_control(vehicle)
+    root.append(controls)
+    if summed(vehicle):
+        more, reactions = summed_loads(vehicle, location(point(vehicle, "mass.center_of_gravity")))
+        controls.extend(more)
+        # JSBSim remarks on an absent section, and on axes that nothing names
+        root.extend(
+            [reactions, node("aerodynamics", *(Element("axis", {"name": a}) for a in ("LIFT", "ROLL")))]
+        )
+    else:
+        if vehicle.file.propulsion is not None:
+            root.append(_thrust(vehicle))
+        root.append(aerodynamics(vehicle))
     return document(root)
+
+
+def _thrust(vehicle: Vehicle) -> Element:
+    """Return the thrust as an external force along its line."""
+    reactions = Element("external_reactions")
+    force = SubElement(reactions, "force", {"name": "thrust", "frame": "BODY"})
+    SubElement(SubElement(force, "function"), "product").extend([prop(THRUST), value(1.0 / POUND_FORCE)])
+    force.append(location(point(vehicle, "propulsion.position")))
+    pitch = vehicle.value("propulsion.pitch", 0.0)
+    along = (math.cos(pitch), 0.0, -math.sin(pitch))
+    direction = SubElement(force, "direction")
+    direction.extend(leaf(a, number(x + 0.0)) for a, x in zip(_AXES, along, strict=True))
+    return reactions
 
 
 def document(root: Element) -> str:
@@ -125,11 +138,8 @@ def document(root: Element) -> str:
 
 def check(vehicle: Vehicle) -> None:
     """Refuse what JSBSim's equations of motion do not have: VehicleError with what to do instead."""
-    unwritten = [table for table in _UNWRITTEN if getattr(vehicle.file, table) is not None]
     early = [name for name, seconds in delays(vehicle).items() if seconds < 0.0]
-    if unwritten:
-        problem = f"{unwritten[0]} {_UNWRITTEN[unwritten[0]]}; export to state-space or simulink"
-    elif vehicle.reduce == "lateral":
+    if vehicle.reduce == "lateral":
         problem = (
             "the lateral model holds speed and incidence, which JSBSim does not; "
             'export to state-space, or set model.reduce = "full"'
@@ -212,8 +222,12 @@ def read_numbers(text: str) -> dict[str, float]:
         # the last but one factor of the product: the last is what it multiplies
         factors = list(term.iterfind("product/*"))
         out[term.get("name", "").removeprefix(coefficient(""))] = float(factors[-2].text or "nan")
+    for declared in root.iterfind("flight_control/property"):
+        name = (declared.text or "").removeprefix(number_place(""))
+        out |= {name: float(declared.get("value", "nan"))} if name != declared.text else {}
     for tag, (name, size, _) in _METRICS.items():
-        out[name] = number_at(root, f"metrics/{tag}") * size
+        if root.find(f"metrics/{tag}") is not None:
+            out[name] = number_at(root, f"metrics/{tag}") * size
     out["mass.mass"] = number_at(root, "mass_balance/emptywt") / POUNDS_PER_SLUG * SLUG
     for axes, sign in _INERTIA.items():
         out[f"mass.inertia.{axes}"] = sign * (number_at(root, f"mass_balance/i{axes}") * _INERTIA_UNIT)

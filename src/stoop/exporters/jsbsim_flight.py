@@ -9,9 +9,10 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, Final
 
@@ -23,13 +24,23 @@ from stoop.base.rotations import quaternions_of
 from stoop.base.units import FOOT, POUND_FORCE, SLUG
 from stoop.base.variables import EULER, WRAPPED
 from stoop.errors import SimulationError, StoopError
-from stoop.exporters.jsbsim_model import actuators, channel, channel_start, constant_thrust, lag_start, lagged
+from stoop.exporters.jsbsim_loads import rotor_lag, rotor_start, slope_start
+from stoop.exporters.jsbsim_model import (
+    actuators,
+    channel,
+    channel_start,
+    constant_thrust,
+    lag_start,
+    lagged,
+    time_constant,
+)
 from stoop.simulation import Trim, initial_states, parameter_rows
 from stoop.simulation.delays import late_inputs, late_outputs
 from stoop.simulation.initial import commanded, rigid_states
 from stoop.simulation.maneuver import Maneuver
 from stoop.simulation.trim import inputs_about
 from stoop.vehicle import Vehicle
+from stoop.vehicle.schema import WIND
 
 AMPLITUDE: Final = 0.03  #: rad, of the inputs of a record
 RATE: Final = 100.0  #: Hz, of the samples of a record
@@ -61,7 +72,7 @@ START: Final[dict[str, tuple[str, float]]] = {
 
 @dataclass(frozen=True, eq=False)
 class Record:
-    """A maneuver that is simulated open loop.
+    """A maneuver that is simulated open loop, all of it or from restart to restart.
 
     Attributes
     ----------
@@ -72,6 +83,7 @@ class Record:
     title : str
     measured : (n, n_y), readings of the instruments, NaN where there is none; None for a flight that was not flown
     loaded : whether it flew with numbers of a loading in place of the vehicle file's own
+    restarts : sample and state, as `start`, of each restart, where an open loop would diverge
     """
 
     vehicle: Vehicle
@@ -81,6 +93,14 @@ class Record:
     title: str = ""
     measured: FloatArray | None = None
     loaded: bool = False
+    restarts: tuple[tuple[int, Mapping[str, float]], ...] = ()
+
+    def parts(self) -> Iterator[Record]:
+        """Yield the flights from each start to the next, the samples of both included."""
+        starts = ((0, self.start), *self.restarts)
+        for (a, start), (b, _) in pairwise((*starts, (len(self.time) - 1, self.start))):
+            part = slice(a, b + 1)
+            yield replace(self, start=start, time=self.time[part], inputs=self.inputs[part], restarts=())
 
     @property
     def dt(self) -> float:
@@ -103,6 +123,8 @@ def own_readings(record: Record, steps: int = 1) -> FloatArray:
     SimulationError
         The simulation diverges.
     """
+    if record.restarts:
+        return _joined(own_readings(part, steps) for part in record.parts())
     vehicle, count = record.vehicle, len(record.inputs)
     fine = np.arange((count - 1) * steps + 1) / steps
     inputs = np.stack([np.interp(fine, np.arange(count), column) for column in record.inputs.T], axis=1)
@@ -117,6 +139,12 @@ def own_readings(record: Record, steps: int = 1) -> FloatArray:
             f"{vehicle.where}: the flight diverges at {at:.2f} s; there is nothing to compare"
         )
     return np.asarray(out)
+
+
+def _joined(parts: Iterable[FloatArray]) -> FloatArray:
+    """Return the readings of parts as one flight; at a restart stand those of the part that ends there."""
+    first, *rest = parts
+    return np.concatenate([first, *(part[1:] for part in rest)])
 
 
 def differences(vehicle: Vehicle, a: FloatArray, b: FloatArray) -> FloatArray:
@@ -211,13 +239,21 @@ def settings(record: Record, rate: float = FRAME_RATE) -> Settings:
     start = rigid | {a: float(record.start.get(a, 0.0)) for a in EULER}
     columns = {n: record.inputs[:, i] for i, n in enumerate(vehicle.inputs) if n != "none"}
     constants = {channel_start(n): float(columns[n][0]) for n in actuators(vehicle)}
-    for control in lagged(vehicle):
+    starts = {
+        c: (lag_start(c), time_constant(vehicle.value(f"controls.{c}.lag"))[0]) for c in lagged(vehicle)
+    }
+    if (constant := rotor_lag(vehicle)) is not None:
+        starts |= {r: (rotor_start(r), constant) for r in vehicle.file.rotor}
+    for name, (place, seconds) in starts.items():
         # The lag filter y1 = ca (x1 + x0) + cb y0 runs once before the flight, with zeros behind it; so the surface
         # begins at S + ca (x0 - S) for a start value S and a command x0.
-        step = record.dt / frames_per_sample(record.dt, rate) / vehicle.value(f"controls.{control}.lag")
-        command = float(commanded(vehicle, control, rows, record.inputs[0])[0])
-        offset = float(record.start.get(f"{control}.lag", 0.0))
-        constants[lag_start(control)] = command + offset * (2.0 + step) / 2.0
+        step = record.dt / frames_per_sample(record.dt, rate) / seconds
+        command = float(commanded(vehicle, name, rows, record.inputs[0])[0])
+        offset = float(record.start.get(f"{name}.lag", 0.0))
+        constants[place] = command + offset * (2.0 + step) / 2.0
+    for name in vehicle.sloped:
+        first, second = columns[name][:2] if name not in actuators(vehicle) else columns[name][[0, 0]]
+        constants[slope_start(name)] = float(second - first) / record.dt
     constants |= constant_thrust(vehicle)
     return Settings(start, {channel(n): c for n, c in columns.items()}, constants)
 
@@ -248,12 +284,14 @@ class Simulation:
     ----------
     fdm : its executive
     frames : of a sample
-    nodes : of the recorded channels, in the order of ``settings(record).inputs``
+    inputs : (n,) of each property that the host sets along the record
+    nodes : of these properties
     watched : nodes of :data:`READ`, each with its unit
     """
 
     fdm: Any
     frames: int
+    inputs: Mapping[str, FloatArray]
     nodes: tuple[Any, ...]
     watched: tuple[tuple[Any, float], ...]
 
@@ -270,7 +308,30 @@ class Simulation:
             self.fdm.run()
 
 
-def begin(root: Path, name: str, record: Record, planet: Path | None, rate: float = FRAME_RATE) -> Simulation:
+@dataclass(frozen=True, eq=False)
+class Host:
+    """How a backend runs JSBSim: frames per second, integrators, and what it drives the aircraft by.
+
+    Attributes
+    ----------
+    rate : Hz, of JSBSim's frames, at least
+    properties : that it sets; JSBSim's own integrators without those
+    to_commands : from what JSBSim is given for a record by channels to what this host gives
+    """
+
+    rate: float = FRAME_RATE
+    properties: Mapping[str, float] = field(default_factory=lambda: INTEGRATORS)
+    to_commands: Callable[[Record, Settings], Settings] = lambda record, given: given
+
+    def settings(self, record: Record) -> Settings:
+        """Return what this host gives JSBSim for a record."""
+        return self.to_commands(record, settings(record, self.rate))
+
+
+EXPORTED: Final = Host()
+
+
+def begin(root: Path, name: str, record: Record, planet: Path | None, host: Host = EXPORTED) -> Simulation:
     """Put an exported aircraft into JSBSim, at the start of a record; parameters as of :func:`jsbsim_readings`.
 
     Raises
@@ -283,7 +344,7 @@ def begin(root: Path, name: str, record: Record, planet: Path | None, rate: floa
         if not done:
             raise SimulationError(f"{name}: JSBSim does not take {what}; export it again")
 
-    given, frames = settings(record, rate), frames_per_sample(record.dt, rate)
+    given, frames = host.settings(record), frames_per_sample(record.dt, host.rate)
     fdm = simulator(root)
     fdm.set_dt(record.dt / frames)
     latitude, own = math.pi / 4.0, {}  # at 45 deg the Earth pulls as the standard gravity does
@@ -294,17 +355,17 @@ def begin(root: Path, name: str, record: Record, planet: Path | None, rate: floa
     first = {place: float(column[0]) for place, column in given.inputs.items()}
     where = {"ic/lat-geod-rad": latitude, "ic/long-gc-rad": 0.0}
     start = {place: float(given.start.get(n, 0.0)) / unit for n, (place, unit) in START.items()}
-    for place, x in {**own, **INTEGRATORS, **given.constants, **first, **where, **start}.items():
+    for place, x in {**own, **host.properties, **given.constants, **first, **where, **start}.items():
         fdm[place] = x
     check(fdm.run_ic(), "its initial conditions")
     properties = fdm.get_property_manager()
     nodes = tuple(properties.get_node(place) for place in given.inputs)
     watched = tuple((properties.get_node(place), unit) for place, unit in READ.values())
-    return Simulation(fdm, frames, nodes, watched)
+    return Simulation(fdm, frames, given.inputs, nodes, watched)
 
 
 def fly(
-    root: Path, name: str, record: Record, planet: Path | None, rate: float = FRAME_RATE
+    root: Path, name: str, record: Record, planet: Path | None, host: Host = EXPORTED
 ) -> dict[str, FloatArray]:
     """Return the quantities of :data:`READ` at each sample, SI and rad; parameters as of :func:`jsbsim_readings`.
 
@@ -313,9 +374,9 @@ def fly(
     SimulationError
         JSBSim does not load the aircraft, or the flight diverges.
     """
-    simulation = begin(root, name, record, planet, rate)
-    given = settings(record, rate).inputs
-    columns = np.stack(list(given.values()), axis=1) if given else np.zeros((len(record.time), 0))
+    simulation = begin(root, name, record, planet, host)
+    given = list(simulation.inputs.values())
+    columns = np.stack(given, axis=1) if given else np.zeros((len(record.time), 0))
     rows = [simulation.read()]
     for k in range(1, len(record.time)):
         simulation.advance(columns[k - 1], columns[k])
@@ -326,7 +387,7 @@ def fly(
 
 
 def jsbsim_readings(
-    root: Path, name: str, record: Record, planet: Path | None, rate: float = FRAME_RATE
+    root: Path, name: str, record: Record, planet: Path | None, host: Host = EXPORTED
 ) -> FloatArray:
     """Return the flight of JSBSim, read by the same instruments: (n, n_y).
 
@@ -336,12 +397,19 @@ def jsbsim_readings(
     name : folder of the aircraft in it
     record : Record
     planet : a planet file; JSBSim's own Earth without one
-    rate : Hz, of JSBSim's frames, at least
+    host : Host
     """
+    if record.restarts:
+        return _joined(jsbsim_readings(root, name, part, planet, host) for part in record.parts())
+    return readings_of(record, fly(root, name, record, planet, host))
+
+
+def readings_of(record: Record, flown: Mapping[str, FloatArray]) -> FloatArray:
+    """Return the readings (n, n_y) of the vehicle's instruments in a flight of :data:`READ`, (n,) each, SI and rad."""
     import sympy as sp
 
     from stoop.vehicle.symbolic import readings
-    from stoop.vehicle.symbolic.frames import Numbers, air, attitude, vane
+    from stoop.vehicle.symbolic.frames import Numbers, air, attitude, over_ground, vane
 
     vehicle, n = record.vehicle, Numbers(record.vehicle)
     names = ("u", "v", "w", "p", "q", "r", "pdot", "qdot", "rdot", "X", "Y", "Z", "e0", "e1", "e2", "e3")
@@ -349,11 +417,13 @@ def jsbsim_readings(
     velocity, omega, omega_rate, specific = (tuple(s[i : i + 3]) for i in range(0, 12, 3))
     flow = vane(n, velocity, omega)
     observed = {"V": air(velocity).V, "alpha": flow.alpha, "beta": flow.beta}
-    read = readings(n, observed, attitude(tuple(s[12:])), specific, omega, omega_rate)
+    quaternion = (s[12], s[13], s[14], s[15])
+    observed |= dict(zip(WIND, over_ground(quaternion, velocity), strict=True))
+    observed = {c: reading for c, reading in observed.items() if c in vehicle.outputs}
+    read = readings(n, observed, attitude(quaternion), specific, omega, omega_rate)
     numbers = dict(zip(n.symbols, vehicle.values.tolist(), strict=True))
     function = sp.lambdify(s, [sp.sympify(read[c]).xreplace(numbers) for c in vehicle.outputs], "numpy")
 
-    flown = fly(root, name, record, planet, rate)
     forces = {axis: flown[axis] / flown["mass"] for axis in "XYZ"}  # specific, without weight
     turn = dict(zip(names[-4:], quaternions_of(np.column_stack([flown[a] for a in EULER])).T, strict=True))
     known = {**flown, **forces, **turn}

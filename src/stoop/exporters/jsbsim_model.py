@@ -11,7 +11,7 @@ deviation from a start value, which is a property.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any, Final
 from xml.etree.ElementTree import Element, SubElement
 
@@ -23,7 +23,7 @@ from stoop.simulation.delays import input_actuators, input_delays
 from stoop.simulation.initial import commanded
 from stoop.simulation.trim import neutral_inputs
 from stoop.vehicle import Vehicle, terms
-from stoop.vehicle.defaults import MOMENT_ARMS
+from stoop.vehicle.defaults import MOMENT_ARMS, SHORTEST_LAG
 from stoop.vehicle.symbolic import forces
 from stoop.vehicle.symbolic.frames import Air, Numbers
 
@@ -78,7 +78,8 @@ def function(name: str, body: Element, description: str = "") -> Element:
 def convert(expr: Any, names: Mapping[Any, str]) -> Element:
     """Return the element that computes a SymPy expression, whose symbols are the properties `names`.
 
-    It is made of symbols, numbers, sums, products, whole or half powers and ``Abs``; NotImplementedError for others.
+    It is made of symbols, numbers, sums, products, whole or half powers, ``Abs`` and arc tangents; NotImplementedError for
+    others.
     """
     expr = sp.sympify(expr)
     if expr.is_Symbol:
@@ -99,6 +100,8 @@ def convert(expr: Any, names: Mapping[Any, str]) -> Element:
         return node("pow", convert(base, names), value(float(exponent)))
     if isinstance(expr, sp.Abs):
         return node("abs", convert(expr.args[0], names))
+    if isinstance(expr, sp.atan2 | sp.atan):
+        return node(type(expr).__name__, *(convert(a, names) for a in expr.args))
     raise NotImplementedError(f"{type(expr).__name__} has no form in JSBSim")
 
 
@@ -149,18 +152,7 @@ def aerodynamics(vehicle: Vehicle) -> Element:
     surroundings, element = physics(vehicle)
     out = Element("aerodynamics")
     out.append(function(AIRSPEED, node("product", prop("velocities/vt-fps"), value(FOOT))))
-    source = str(vehicle.file.environment.density)
-    density = node("product", prop("atmosphere/rho-slugs_ft3"), value(SLUG / FOOT**3))
-    description = ""
-    if source == "standard":
-        description = "JSBSim's own atmosphere, so that weather set there is felt"
-    elif source == "log":
-        given = channel("density")
-        density = node("ifthen", node("gt", prop(given), value(0.0)), prop(given), density)
-        description = "the channel, or JSBSim's own atmosphere while the channel is zero"
-    else:
-        density = value(vehicle.value("environment.density"))
-    out.append(function(DENSITY, density, description))
+    out.append(air_density(vehicle))
     factors = (value(0.5), prop(DENSITY), prop(AIRSPEED), prop(AIRSPEED))
     area = value(vehicle.value("reference.area"))
     out.append(function(PRESSURE_AREA, node("product", *factors, area, value(1.0 / POUND_FORCE))))
@@ -191,6 +183,22 @@ def aerodynamics(vehicle: Vehicle) -> Element:
     return out
 
 
+def air_density(vehicle: Vehicle) -> Element:
+    """Return the function of the density, kg/m3."""
+    source = str(vehicle.file.environment.density)
+    density = node("product", prop("atmosphere/rho-slugs_ft3"), value(SLUG / FOOT**3))
+    description = ""
+    if source == "standard":
+        description = "JSBSim's own atmosphere, so that weather set there is felt"
+    elif source == "log":
+        given = channel("density")
+        density = node("ifthen", node("gt", prop(given), value(0.0)), prop(given), density)
+        description = "the channel, or JSBSim's own atmosphere while the channel is zero"
+    else:
+        density = value(vehicle.value("environment.density"))
+    return function(DENSITY, density, description)
+
+
 def delays(vehicle: Vehicle) -> dict[str, float]:
     """Return the delay of each channel that has one, s."""
     return {vehicle.inputs[i]: float(vehicle.values[row]) for i, row in input_delays(vehicle)}
@@ -205,8 +213,14 @@ def actuators(vehicle: Vehicle) -> dict[str, tuple[float, float, float]]:
 
 def lagged(vehicle: Vehicle) -> tuple[str, ...]:
     """Return the controls whose surface follows with a lag."""
-    controls = (s.removesuffix(".lag") for s in vehicle.states if s.endswith(".lag"))
-    return tuple(c for c in controls if vehicle.value(f"controls.{c}.lag", 1.0) > 0.0)
+    with_state = (c for c in vehicle.controls if f"{c}.lag" in vehicle.states)
+    return tuple(c for c in with_state if vehicle.value(f"controls.{c}.lag", 1.0) > 0.0)
+
+
+def received(vehicle: Vehicle) -> dict[str, str]:
+    """Return the property of each channel as surfaces and rotors receive it."""
+    late = actuators(vehicle)
+    return {name: _delayed(name) if name in late else channel(name) for name in vehicle.inputs}
 
 
 def flight_control(vehicle: Vehicle) -> Element:
@@ -225,11 +239,12 @@ def flight_control(vehicle: Vehicle) -> Element:
     for name, numbers in late.items():
         SubElement(out, "channel", {"name": name}).extend(_actuator(name, *numbers))
     for control in vehicle.controls:
-        SubElement(out, "channel", {"name": control}).extend(_surface(vehicle, control, set(late)))
+        SubElement(out, "channel", {"name": control}).extend(_surface(vehicle, control))
     return out
 
 
-def _component(name: str, body: Element) -> Element:
+def component(name: str, body: Element) -> Element:
+    """Return a component of the flight control section: its output is the property of its name."""
     out = Element("fcs_function", {"name": name})
     out.append(node("function", body))
     return out
@@ -250,7 +265,7 @@ def _actuator(name: str, dead_zone: float, limit: float, seconds: float) -> Iter
         return node("sum", prop(a), node("product", weight, node("difference", prop(b), prop(a))))
 
     deviation, earlier, middle, later = (f"stoop/late/{name}-{i}" for i in range(4))
-    yield _component(deviation, node("difference", prop(channel(name)), prop(channel_start(name))))
+    yield component(deviation, node("difference", prop(channel(name)), prop(channel_start(name))))
     if dead_zone > 0.0:
         deviation, source = f"stoop/play/{name}", deviation
         yield actuator(deviation, source, "hysteresis_width", number(dead_zone))
@@ -264,15 +279,16 @@ def _actuator(name: str, dead_zone: float, limit: float, seconds: float) -> Iter
         yield actuator(later, middle, "delay", "2", type="frames")
         short = node("lt", value(seconds), prop(_FRAME))
         moved = node("ifthen", short, blend(earlier, middle), blend(middle, later))
-    yield _component(_delayed(name), node("sum", prop(channel_start(name)), moved))
+    yield component(_delayed(name), node("sum", prop(channel_start(name)), moved))
 
 
-def _surface(vehicle: Vehicle, control: str, late: Collection[str]) -> Iterator[Element]:
+def _surface(vehicle: Vehicle, control: str) -> Iterator[Element]:
     """Yield mixer, offset + sum of gain (channel - center), and lag of one control."""
+    place = received(vehicle)
     base, spec = f"controls.{control}", vehicle.file.controls[control]
     parts = []
     for name in vehicle.channels_of(control):
-        signal = prop(_delayed(name) if name in late else channel(name))
+        signal = prop(place[name])
         center = f"{base}.center.{name}"
         if center in vehicle.rows:
             signal = node("difference", signal, value(vehicle.value(center)))
@@ -282,13 +298,28 @@ def _surface(vehicle: Vehicle, control: str, late: Collection[str]) -> Iterator[
         parts.append(value(vehicle.value(f"{base}.offset")))
     mixed = node("sum", *parts)
     if control not in lagged(vehicle):
-        yield _component(deflection(control), mixed)
+        yield component(deflection(control), mixed)
         return
-    start, deviation = lag_start(control), f"stoop/command/{control}-rad"
-    follower = f"stoop/lagged/{control}-rad"
-    yield _component(deviation, node("difference", mixed, prop(start)))
-    out = Element("lag_filter", {"name": follower})
-    out.append(leaf("input", deviation))
-    out.append(leaf("c1", number(1.0 / vehicle.value(f"{base}.lag"))))
-    yield out
-    yield _component(deflection(control), node("sum", prop(start), prop(follower)))
+    deflected = deflection(control)
+    yield from lag(f"{control}-rad", mixed, lag_start(control), vehicle.value(f"{base}.lag"), deflected)
+
+
+def lag(name: str, command: Element, start: str, seconds: float, out: str) -> Iterator[Element]:
+    """Yield what follows a command with a first-order lag, as property `out`; `start` is that of where it begins."""
+    deviation, follower = f"stoop/command/{name}", f"stoop/lagged/{name}"
+    constant, share = time_constant(seconds)
+    yield component(deviation, node("difference", command, prop(start)))
+    made = Element("lag_filter", {"name": follower})
+    made.append(leaf("input", deviation))
+    made.append(leaf("c1", number(1.0 / constant)))
+    yield made
+    parts = [prop(start), prop(follower)]
+    if share > 0.0:
+        parts.append(node("product", value(share), node("difference", prop(deviation), prop(follower))))
+    yield component(out, node("sum", *parts))
+
+
+def time_constant(seconds: float) -> tuple[float, float]:
+    """Return time constant, s, and direct share of a lag, as :func:`stoop.vehicle.symbolic.forces.lagged` has them."""
+    ahead = max(SHORTEST_LAG - seconds, 0.0) ** 2 / (2.0 * SHORTEST_LAG)
+    return ahead + seconds, ahead / (ahead + seconds)

@@ -8,16 +8,25 @@ what is compared is the model and not the growth of rounding errors.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
 from stoop.base.arrays import FloatArray
-from stoop.exporters.jsbsim_flight import RATE, excitation_record, relative_differences
+from stoop.base.rotations import euler_angles
+from stoop.base.variables import EULER
+from stoop.exporters.jsbsim_flight import (
+    RATE,
+    Record,
+    excitation_record,
+    relative_differences,
+    steady_record,
+)
 from stoop.simulation import Trim, initial_states, parameter_rows
 from stoop.simulation.delays import late_inputs
 from stoop.simulation.fly import fly
+from stoop.simulation.initial import commanded
 from stoop.simulation.maneuver import Maneuver
 from stoop.simulation.trajectories import readings_along, states_along
 from stoop.vehicle import Vehicle
@@ -26,6 +35,8 @@ DURATION: Final = 30.0  #: s
 RESTART: Final = 1.0  #: s, of a flight on rotors
 SPEEDS: Final = {"north": 3.0, "east": -2.0, "down": -1.0}  #: m/s, set-points of the flight on rotors
 HEADING: Final = 0.5  #: rad
+HOVER: Final = 5.0  #: s, of a hover without an autopilot
+_TITLE: Final = f"{DURATION:g} s under the autopilot, restarted every {RESTART:g} s"
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +79,7 @@ class ReferenceFlight:
 
 def reference_flight(vehicle: Vehicle, point: Trim) -> ReferenceFlight | None:
     """Return the flight from a steady flight; None where the simulation diverges even in a short one."""
-    if "V" in point.start:
+    if point.on_wings:
         record = excitation_record(vehicle, point)
         if record is None:
             return None
@@ -78,15 +89,68 @@ def reference_flight(vehicle: Vehicle, point: Trim) -> ReferenceFlight | None:
         states = states_along(vehicle, rows, begin, inputs, record.dt)
         readings = np.asarray(vehicle.kernel().trajectories(rows, begin, inputs, record.dt)[0])
         return ReferenceFlight(vehicle, record.time, inputs, states, readings, (0,), record.title)
+    record, states = _flight_on_rotors(vehicle, point)
+    vehicle, rows = record.vehicle, parameter_rows(record.vehicle)
+    inputs = late_inputs(vehicle, record.inputs, rows, record.dt)
+    readings = readings_along(vehicle, rows, states, inputs)
+    restarts = tuple(range(0, len(record.time) - 1, round(RESTART / record.dt)))
+    return ReferenceFlight(vehicle, record.time, inputs, states, readings, restarts, _TITLE)
+
+
+def _flight_on_rotors(vehicle: Vehicle, point: Trim) -> tuple[Record, FloatArray]:
+    """Return the flight of the set-points under the autopilot, its start still open, and its states (n, n_x)."""
     flown = fly(vehicle, set_points(point.start["h"]))
     vehicle = vehicle.with_numbers({name: {"value": x} for name, x in flown.trim.changes.items()})
-    rows = parameter_rows(vehicle)
-    inputs = late_inputs(vehicle, flown.inputs, rows, 1.0 / RATE)
-    states = np.asarray(flown.states)
-    readings = readings_along(vehicle, rows, states, inputs)
-    restarts = tuple(range(0, len(flown.time) - 1, round(RESTART * RATE)))
-    title = f"{DURATION:g} s under the autopilot, restarted every {RESTART:g} s"
-    return ReferenceFlight(vehicle, flown.time, inputs, states, readings, restarts, title)
+    return Record(vehicle, {}, flown.time, flown.inputs, _TITLE), np.asarray(flown.states)
+
+
+def steady_start(vehicle: Vehicle, point: Trim) -> Record:
+    """Return a steady flight to start from: 30 s on wings; on rotors, where rounding errors grow, a few seconds."""
+    return steady_record(vehicle, point, DURATION if point.on_wings else HOVER)
+
+
+def reference_record(vehicle: Vehicle, point: Trim) -> Record | None:
+    """Return the flight from a steady flight as a record with its recorded channels; None where even a short one diverges."""
+    if point.on_wings:
+        return excitation_record(vehicle, point)
+    record, states = _flight_on_rotors(vehicle, point)
+    (_, start), *later = _starts(record, states)
+    return replace(record, start=start, restarts=tuple(later))
+
+
+def with_restarts(record: Record) -> Record:
+    """Return a flight on rotors with restarts on its own path, so that rounding errors do not grow far; others as they are."""
+    if not record.vehicle.file.rotor or "V" in record.start:
+        return record
+    states = states_of(record)
+    if not np.isfinite(states).all():
+        return record
+    title = f"{record.title}, restarted every {RESTART:g} s"
+    return replace(record, title=title, restarts=tuple(_starts(record, states)[1:]))
+
+
+def states_of(record: Record) -> FloatArray:
+    """Return the states (n, n_x) of a record, simulated from its start."""
+    vehicle, rows = record.vehicle, parameter_rows(record.vehicle)
+    begin = initial_states(vehicle, record.start, rows, record.inputs[0])
+    inputs = late_inputs(vehicle, record.inputs, rows, record.dt)
+    return states_along(vehicle, rows, begin, inputs, record.dt)
+
+
+def _starts(record: Record, states: FloatArray) -> list[tuple[int, dict[str, float]]]:
+    """Return samples and starts of restarts along states (n, n_x)."""
+    count, every = len(states), max(1, round(RESTART / record.dt))
+    return [(k, _start(record.vehicle, states[k], record.inputs[k])) for k in range(0, count - 1, every)]
+
+
+def _start(vehicle: Vehicle, state: FloatArray, inputs: FloatArray) -> dict[str, float]:
+    """Return states (n_x,) as the start of a record, whose lags are given as differences from their commands."""
+    x, rows = dict(zip(vehicle.states, state.tolist(), strict=True)), parameter_rows(vehicle)
+    angles = euler_angles(np.array([[x.pop(f"e{i}") for i in range(4)]]))[0]
+    lags = [name for name in x if name.endswith(".lag")]
+    for name in lags:
+        x[name] -= float(commanded(vehicle, name.removesuffix(".lag"), rows, inputs)[0])
+    return x | dict(zip(EULER, angles.tolist(), strict=True))
 
 
 def set_points(altitude: float) -> Maneuver:

@@ -12,13 +12,15 @@ from typing import Any, Final
 import numpy as np
 
 from stoop.base.arrays import FloatArray
+from stoop.base.rotations import FLIP, euler_angles, normalized, to_body, to_ground, wrap
 from stoop.errors import StoopError
 from stoop.exporters.reference_flight import ReferenceFlight
 from stoop.simulation import parameter_rows
+from stoop.simulation.loads import body_loads
 from stoop.simulation.trajectories import FINER, next_state
 
 INSTALL: Final = "pip install 'stoop[rotorpy]'"
-FLIP: Final = np.array([1.0, -1.0, -1.0])
+TURN: Final = np.array([1.0, 1.0, -1.0, -1.0])  #: of a quaternion, whose scalar RotorPy has last
 CHANNELS: Final = ("vn", "ve", "vd", "p", "q", "r", "phi", "theta", "psi", "fx", "fy", "fz")
 """What is compared: motion, and the specific force at the center of gravity."""
 _ACCELERATIONS: Final = ("longitudinal", "lateral", "vertical", "roll", "pitch", "yaw")
@@ -62,27 +64,12 @@ def motion(flight: ReferenceFlight) -> FloatArray:
     """Return :data:`CHANNELS` (n, 12) of our own flight."""
     vehicle = flight.vehicle
     rows = parameter_rows(vehicle, None, len(flight.states))
-    rates, _ = vehicle.kernel().evaluate(rows, flight.states.T.copy(), flight.inputs.T.copy())
+    loads = body_loads(vehicle, rows, flight.states.T, flight.inputs.T)
     x = dict(zip(vehicle.states, flight.states.T, strict=True))
-    dot = dict(zip(vehicle.states, rates, strict=True))
     V, omega = (np.column_stack([x[a] for a in axes]) for axes in ("uvw", "pqr"))
-    q = np.column_stack([x["e1"], x["e2"], x["e3"], x["e0"]])
-    R = _rotation(q)
-    down = R[:, 2, :] * vehicle.value("environment.gravity")
-    force = np.column_stack([dot[a] for a in "uvw"]) + np.cross(omega, V) - down
-    return np.column_stack([np.einsum("nij,nj->ni", R, V), omega, _angles(R), force])
-
-
-def _rotation(q: FloatArray) -> FloatArray:
-    from scipy.spatial.transform import Rotation
-
-    return np.asarray(Rotation.from_quat(q).as_matrix())
-
-
-def _angles(R: FloatArray) -> FloatArray:
-    return np.column_stack(
-        [np.arctan2(R[:, 2, 1], R[:, 2, 2]), -np.arcsin(R[:, 2, 0]), np.arctan2(R[:, 1, 0], R[:, 0, 0])]
-    )
+    q = np.column_stack([x[f"e{i}"] for i in range(4)])
+    force = loads[:3].T / vehicle.value("mass.mass")
+    return np.column_stack([to_ground(q, V), omega, euler_angles(q), force])
 
 
 def fly_rotorpy(script: Any, flight: ReferenceFlight, stock: bool) -> FloatArray:
@@ -99,18 +86,18 @@ def fly_rotorpy(script: Any, flight: ReferenceFlight, stock: bool) -> FloatArray
     out = np.full((len(flight.time), len(CHANNELS)), np.nan)
     for part in flight.parts():
         k = part.start
-        q = np.array([x["e1"][k], x["e2"][k], x["e3"][k], x["e0"][k]])
-        ground = _rotation(q) @ np.array([x[a][k] for a in "uvw"])
+        q = np.array([x[f"e{i}"][k] for i in range(4)])
+        ground = to_ground(q, np.array([x[a][k] for a in "uvw"]))
         turning = np.array([x[n][k] for n in lags]) if lags else channels[k]
         state = script.start(script.turned(turning) if stock else turning)
         state["x"] = np.array([0.0, 0.0, x["h"][k] - script.ALTITUDE])
-        state |= {"v": FLIP * ground, "q": q * [1.0, -1.0, -1.0, 1.0], "w": FLIP * [x[a][k] for a in "pqr"]}
+        state |= {"v": FLIP * ground, "q": np.roll(q * TURN, -1), "w": FLIP * [x[a][k] for a in "pqr"]}
         for k in range(part.start, part.stop):
             command = script.speeds(channels[k]) if stock else channels[k]
             rates = rotorpy.statedot(state, {"cmd_motor_speeds": command}, flight.dt)
-            R = FLIP[:, None] * _rotation(state["q"]) * FLIP
-            force = R.T @ (FLIP * (rates["vdot"] - rotorpy.weight / rotorpy.mass))
-            out[k] = np.concatenate([FLIP * state["v"], FLIP * state["w"], _angles(R[None])[0], force])
+            q = normalized(np.roll(state["q"], 1) * TURN)
+            force = to_body(q, FLIP * (rates["vdot"] - rotorpy.weight / rotorpy.mass))
+            out[k] = np.concatenate([FLIP * state["v"], FLIP * state["w"], euler_angles(q), force])
             if k + 1 < part.stop:
                 ahead = script.speeds(channels[k + 1]) if stock else channels[k + 1]
                 mean = {"cmd_motor_speeds": 0.5 * (command + ahead)}
@@ -144,7 +131,7 @@ def costs(flight: ReferenceFlight, left_out: Mapping[str, float]) -> dict[str, t
 def differences(ours: FloatArray, theirs: FloatArray) -> dict[str, float]:
     """Return the largest difference of each channel over the channel's largest magnitude."""
     apart = theirs - ours
-    apart[:, 6:9] -= 2.0 * np.pi * np.round(apart[:, 6:9] / (2.0 * np.pi))
+    apart[:, 6:9] = wrap(apart[:, 6:9])
     largest = np.abs(ours).max(axis=0)
     return dict(
         zip(

@@ -69,7 +69,7 @@ def rotorpy_model(vehicle: Vehicle, point: Trim) -> RotorpyModel:
     SimulationError
         RotorPy has no room for the vehicle's rotors, or no steady flight on rotors is given.
     """
-    if len(vehicle.rotors) != ROTORS or "V" in point.start:
+    if len(vehicle.rotors) != ROTORS or point.on_wings:
         raise SimulationError(
             f"{vehicle.where}: RotorPy 3.0 flies vehicles of {ROTORS} rotors on their rotors; this one has "
             f"{len(vehicle.rotors)}, or an airspeed was given; export it to FMI or JSBSim"

@@ -224,7 +224,26 @@ def invert(information: FloatArray) -> Inverse:
     """
     diagonal = np.sqrt(np.maximum(np.diag(information), 0.0))
     scale = np.where(diagonal > 0.0, diagonal, 1.0)
-    values, vectors = np.linalg.eigh(information / np.outer(scale, scale))
+    return _inverse(diagonal, *np.linalg.eigh(information / np.outer(scale, scale)))
+
+
+def invert_rows(rows: FloatArray) -> Inverse:
+    """Invert the information ``rows.T @ rows`` of sensitivities (n, k), by QR and singular values of the scaled rows.
+
+    The product is not formed: it squares the condition number, and so takes twice the digits from the standard errors of
+    what the rows hardly determine (Golub and Van Loan, Matrix Computations, section 5.3).
+    """
+    diagonal = np.sqrt(np.einsum("nk,nk->k", rows, rows))
+    triangle = np.linalg.qr(rows / np.where(diagonal > 0.0, diagonal, 1.0), mode="r")
+    _, singular, directions = np.linalg.svd(triangle)
+    values = np.zeros(len(diagonal))
+    values[: len(singular)] = singular**2
+    return _inverse(diagonal, values[::-1], directions[::-1].T)
+
+
+def _inverse(diagonal: FloatArray, values: FloatArray, vectors: FloatArray) -> Inverse:
+    """Return the inverse from roots (k,) of the information's diagonal, and ascending eigenvalues of the scaled one."""
+    scale = np.where(diagonal > 0.0, diagonal, 1.0)
     kept = values > NULL_EIGENVALUE * max(float(values[-1]), 0.0) if values.size else values > 0.0
     factor = vectors[:, kept] / np.sqrt(values[kept]) / scale[:, None]
     determined = np.sqrt(np.sum(vectors[:, ~kept] ** 2, axis=1)) <= NULL_COMPONENT

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from stoop.base.numbers import NOTHING, factor_and_unit, number
+from stoop.base.numbers import NOTHING, factor_and_unit, number, readable_unit
 from stoop.base.variables import RATES, VARIABLES, VELOCITY
 from stoop.flight import Flight
 from stoop.flight.maneuvers import commands
@@ -17,6 +17,7 @@ from stoop.report.plots import plot
 from stoop.report.series import Series, Shade, ShadeKind, Strip
 from stoop.report.sheet import Bullets, Code, Figure, Prose, Section, Sheet, Table
 from stoop.report.time_history import HistoryPanel, TimeHistory
+from stoop.simulation.maneuver import unit_of
 
 if TYPE_CHECKING:  # the page of a flight takes colors and commands from here, and needs no optimization
     from stoop.input_design.optimization import Proposal
@@ -64,16 +65,34 @@ The quick fit is that of stoop identify without its checks and figures. A dash: 
 KINDS: Final[dict[str, ShadeKind]] = {"not used": "declined", "fit": "fitted", "predict": "predicted"}
 
 
-def design_sheet(proposal: Proposal, command: str) -> Sheet:
-    """Return the page of a proposal: the maneuver, the response, and the expected standard errors."""
+FLOWN_FILES: Final = {
+    "maneuver.lua": "script of ArduPilot Plane that adds the maneuver to what the autopilot commands",
+    "ardupilot.param": "parameters of logs and scripting",
+    "fly_px4.py": "script of the computer on board or on the ground, in offboard mode",
+    "px4_setpoints.csv": "what it sends: outputs over time, and the rates to expect",
+    "px4.params": "parameters of logs and offboard mode",
+    "fly_crazyflie.py": "script of the computer with the radio",
+    "crazyflie_setpoints.csv": "what it sends: attitude and height over time",
+    "config.txt": "what the micro-SD deck logs",
+}
+SWEEP_FILE: Final = "parameters of the mode System ID for one axis: load it, fly the mode, load the next"
+HOW_TO_FLY: Final = """\
+Read the first lines of each file. Rehearse it in simulation and on the ground, and begin with half the amplitude. What \
+moves the surfaces is the maneuver and the autopilot together, so the log, not this page, says what was flown."""
+
+
+def design_sheet(proposal: Proposal, command: str, flown: Mapping[str, str] | None = None) -> Sheet:
+    """Return the page of a proposal: the maneuver, the response, and the expected standard errors.
+
+    ``flown`` are the files for a pilot or an autopilot.
+    """
     best, setup = proposal.best, proposal.setup
     limits, time, outputs = setup.limits, best.maneuver.time, setup.vehicle.outputs
-    deflections = [
-        HistoryPanel(
-            control, (Strip("", (Series("deflection", time, np.degrees(move), role="input"),)),), "deg"
-        )
-        for control, move in best.maneuver.deflections().items()
-    ]
+    deflections = []
+    for control, move in best.maneuver.deflections().items():
+        factor, unit = _given_in(control)
+        strip = Strip("", (Series("deflection", time, factor * move, role="input"),))
+        deflections.append(HistoryPanel(control, (strip,), unit))
     families = tuple(
         (one.shape, f"{one.gain:.2f} per parameter", f"{proposal.ratio(one):.2f} of the textbook's")
         for one in proposal.designs
@@ -87,23 +106,47 @@ def design_sheet(proposal: Proposal, command: str) -> Sheet:
         )
         meaning = VARIABLES[channel].meaning
         responses.append(HistoryPanel(channel, (Strip("", (reading, *edges)),), unit, meaning))
-    controls = tuple(
-        (c, f"±{math.degrees(a):.3g} deg", f"{math.degrees(limits.slew):.3g} deg/s")
-        for c, a in limits.amplitude.items()
+    controls = []
+    for c, amplitude in limits.amplitude.items():
+        factor, unit = _given_in(c)
+        floor, slew = factor * limits.min_amplitude.get(c, 0.0), factor * limits.slew.get(c, math.inf)
+        rate = f"{slew:.3g} {unit}/s" if math.isfinite(slew) else NOTHING
+        controls.append(
+            (c, f"±{factor * amplitude:.3g} {unit}", f"{floor:.3g} {unit}" if floor else NOTHING, rate)
+        )
+    files = (
+        "maneuver.toml is what stoop simulate flies; maneuver.csv has the changes from the trim against time, in the units that "
+        "it names."
     )
-    files = "maneuver.toml is what stoop simulate flies; maneuver.csv has the deflections from the trim, in rad, against time."
     head = ("family", "information gained", "mean standard error")
     tried = Table("The families that were tried", head, families)
-    limited = Table("Limits of the controls", ("control", "amplitude", "slew"), controls)
+    heads = ("control", "amplitude", "smallest amplitude", "slew")
+    limited: list[Table | Bullets] = [Table("Limits of the controls", heads, tuple(controls))]
+    if proposal.refused:
+        limited.append(Bullets(tuple(why for _, why in proposal.refused)))
+    flown = dict(flown or {})
+    by_hand: tuple[Section, ...] = ()
+    if flown:
+        listed = tuple((name, FLOWN_FILES.get(name, SWEEP_FILE)) for name in flown)
+        by_hand = (Section("How to fly it", (Table("", ("file", "what it is"), listed), Prose(HOW_TO_FLY))),)
+    if "card.txt" in flown:
+        by_hand = (Section("Flight card", (Code(flown["card.txt"]),)),)
     sections = (
+        *by_hand,
         Section("What to fly", (Prose(FLOWN), TimeHistory([*deflections, *responses]), Prose(files), tried)),
-        Section("Limits", (limited,)),
+        Section("Limits", tuple(limited)),
         Section("Expected standard errors", (Prose(DESIGN_EXPECTED), *_standard_errors(proposal))),
         Section("If the model is wrong", (Prose(_robustness(proposal)),)),
         Section("Made by", (Code(command),)),
     )
     lead = DESIGN_LEAD.format(vehicle=setup.vehicle.name, source=proposal.source)
     return Sheet(f"What to fly next: {setup.vehicle.name}", lead, sections)
+
+
+def _given_in(control: str) -> tuple[float, str]:
+    """Return factor and unit in which a control is given: degrees of a surface, the unit of a command as it is."""
+    unit = unit_of(control)
+    return factor_and_unit(unit) if unit == "rad" else (1.0, readable_unit(unit))
 
 
 def _standard_errors(proposal: Proposal) -> tuple[Figure, Table]:

@@ -8,7 +8,6 @@ from typing import Final
 
 import numpy as np
 
-from stoop.base.arrays import FloatArray, runs
 from stoop.base.notices import of_severity
 from stoop.base.numbers import (
     NOTHING,
@@ -21,7 +20,6 @@ from stoop.base.numbers import (
 )
 from stoop.propagation.propagation import EXPRESSIONS, Propagation
 from stoop.propagation.quantities import Curve, Figure
-from stoop.propagation.wing_figures import OUTSIDE
 from stoop.report.charts import fan_panel
 from stoop.report.sheet import Bullets, Code, Legend, Page, Panel, Panels, Part, Prose, Section, Sheet, Table
 
@@ -32,7 +30,7 @@ LEGEND: Final = (
     ("swatch fan-estimate", "estimate"), ("swatch fan-median", "median of the draws"), ("swatch fan-half", "50 % band"),
     ("swatch fan-most", "95 % band"),
 )  # fmt: skip
-BEYOND: Final = ("swatch fan-beyond", "angles of attack that were not fitted")
+BEYOND: Final = ("swatch fan-beyond", "outside of what was fitted")
 READ: Final = """\
 Every draw of the parameters is trimmed and linearized by itself, so that correlations and curvature are in the \
 intervals: they are the 2.5 and 97.5 percentiles of the draws, and need not lie symmetrically about the estimate. The \
@@ -70,7 +68,7 @@ def propagation_page(found: Propagation, command: str = "") -> Page:
     if prior:
         told.append(
             Prose(
-                f"More than half of the variance of {listed(prior, 20)} is that of parameters which rest on their priors or "
+                f"More than half of the variance of {'; '.join(prior)} is that of parameters which rest on their priors or "
                 f"bounds, not on the flight ({listed(list(found.undetermined), 20)})."
             )
         )
@@ -78,9 +76,10 @@ def propagation_page(found: Propagation, command: str = "") -> Page:
         sections.append(Section("Cautions", told))
     sections.append(Section("Figures", (Prose(READ, muted=True), *_tables(found))))
     if found.curves:
-        beyond = any(extrapolated(found, c) for c in found.curves)
         fans = Panels([_panel(found, c) for c in found.curves])
-        sections.append(Section("Over the airspeed", (Legend((*LEGEND, *[BEYOND] * beyond)), fans)))
+        sections.append(
+            Section("Over the airspeed", (Legend((*LEGEND, *[BEYOND] * bool(found.extrapolated))), fans))
+        )
     if notes:
         sections.append(Section("What they rest on", (Bullets(notes),)))
     if found.expressions:
@@ -131,19 +130,8 @@ def _panel(found: Propagation, one: Curve) -> Panel:
         factor * one.bands,
         "airspeed, m/s",
         one.name,
-        extrapolated(found, one),
+        found.extrapolated,
     )
     lost = float(np.max(one.failed, initial=0.0))
     note = f"no value for up to {share(lost)} of the draws" if lost > 0.0 else ""
     return Panel(one.name, drawing, readable_unit(unit), note=note)
-
-
-def extrapolated(found: Propagation, one: Curve) -> list[tuple[float, float]]:
-    """Return the stretches of a curve's airspeeds where the trim lies outside the angles of attack flown."""
-    alpha = next((c for c in found.curves if c.name == "alpha"), None)
-    flown = found.domain.alpha
-    if alpha is None or flown is None or len(alpha.airspeed) != len(one.airspeed):
-        return []
-    outside = (alpha.estimate < flown[0] - OUTSIDE) | (alpha.estimate > flown[1] + OUTSIDE)
-    x: FloatArray = one.airspeed
-    return [(float(x[a]), float(x[b - 1])) for a, b in runs(outside).tolist()]

@@ -36,12 +36,12 @@ from typing import Any, Final
 import numpy as np
 
 from stoop.base.arrays import BoolArray, FloatArray
-from stoop.base.atmosphere import standard_density
 from stoop.base.dual import Dual
 from stoop.base.variables import VARIABLES
 from stoop.errors import SimulationError
 from stoop.simulation.initial import commanded, initial_states, parameter_rows
 from stoop.simulation.linearize import input_mixing
+from stoop.simulation.loads import air_density, inertia_tensor
 from stoop.simulation.trim import Trim
 from stoop.vehicle import Vehicle
 from stoop.vehicle.arrays import array_equations
@@ -52,7 +52,6 @@ AXES: Final = ("body", "stability")
 FORMS: Final = ("dimensional", "specific", "nondimensional")
 NEGLIGIBLE: Final = 1e-7  #: of the largest sensitivity to a parameter; smaller ones are rounding
 _COEFFICIENTS: Final = ("CX", "CY", "CZ", "Cl", "Cm", "Cn")
-_INERTIA: Final = (("xx", "xy", "xz"), ("xy", "yy", "yz"), ("xz", "yz", "zz"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -238,20 +237,11 @@ def derivatives(vehicle: Vehicle, point: Trim, known: Uncertainty | None = None)
     reference = {}
     if vehicle.file.reference is not None:
         reference = {n: vehicle.value(f"reference.{n}") for n in ("area", "span", "chord")}
-        reference["density"] = _density(vehicle, point)
+        reference["density"] = air_density(vehicle, point)
     alpha = math.atan2(velocity[2], velocity[0]) if float(velocity @ velocity) > 0.0 else 0.0
     units = {n: "rad" if n in vehicle.controls else VARIABLES[n].unit for n in input_mixing(vehicle)[0]}
     controls = {n: "unit" if u == "1" else u for n, u in units.items()}
     return Derivatives("body", alpha, controls, velocity, reference, values, sensitivity, known)
-
-
-def _density(vehicle: Vehicle, point: Trim) -> float:
-    choice = vehicle.file.environment.density
-    if choice == "log":
-        return float(point.inputs[vehicle.inputs.index("density")])
-    if choice == "standard":
-        return float(standard_density(np.array(point.start.get("h", 0.0))))
-    return vehicle.value("environment.density")
 
 
 def _values(vehicle: Vehicle, point: Trim, states: FloatArray) -> FloatArray:
@@ -266,11 +256,7 @@ def _values(vehicle: Vehicle, point: Trim, states: FloatArray) -> FloatArray:
     V, omega = ([both[at[a]] for a in axes] for axes in ("uvw", "pqr"))
     V_rate, omega_rate = ([rates[at[a]] for a in axes] for axes in ("uvw", "pqr"))
     mass = vehicle.value("mass.mass")
-    signs = [[1.0 if i == j else -1.0 for j in range(3)] for i in range(3)]
-    named = [[vehicle.value(f"mass.inertia.{a}", 0.0) for a in row] for row in _INERTIA]
-    inertia = [
-        [sign * x for sign, x in zip(*both_rows, strict=True)] for both_rows in zip(signs, named, strict=True)
-    ]
+    inertia = inertia_tensor(vehicle).tolist()
     e0, e1, e2, e3 = (float(states[at[f"e{i}"]]) for i in range(4))
     down = (2.0 * (e1 * e3 - e0 * e2), 2.0 * (e2 * e3 + e0 * e1), e0**2 - e1**2 - e2**2 + e3**2)
     gravity = vehicle.value("environment.gravity")
@@ -366,5 +352,5 @@ def _names_and_units(d: Derivatives, form: str) -> tuple[tuple[str, ...], tuple[
     kinds = [("N", "N m"), ("m/s2", "1/s2")][form == "specific"]
     by = ["m/s"] * 3 + ["rad/s"] * 3 + [*d.controls.values()]
     simple = {"m/s2/(m/s)": "1/s", "m/s2/(rad/s)": "m/s", "1/s2/(m/s)": "1/(m s)", "1/s2/(rad/s)": "1/s"}
-    written = [f"{kinds[i > 2]}/({u})" for i in range(6) for u in by]
+    written = [f"{kinds[i > 2]}/({u})" if "/" in u else f"{kinds[i > 2]}/{u}" for i in range(6) for u in by]
     return names, tuple(simple.get(u, u) for u in written)

@@ -8,7 +8,7 @@ unit sphere of quaternions.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -56,6 +56,18 @@ class LinearModel:
     modes: tuple[Mode, ...]
     input_delays: FloatArray  #: (n_u,), s, with which the inputs come before B and D
     output_delays: FloatArray  #: (n_y,), s, with which the readings are delivered
+
+    def with_inputs(self, names: Sequence[str], of: Sequence[str], mixing: FloatArray) -> LinearModel:
+        """Return the model with new inputs after its others: those in `of` (m) are `mixing` (m, k) times `names` (k).
+
+        The delay of the first of them is that of the new ones.
+        """
+        mixed = [self.inputs.index(name) for name in of]
+        kept = [i for i in range(len(self.inputs)) if i not in mixed]
+        B, D = (np.hstack([M[:, kept], M[:, mixed] @ mixing]) for M in (self.B, self.D))
+        delays = np.append(self.input_delays[kept], np.full(len(names), self.input_delays[mixed[0]]))
+        inputs = (*(self.inputs[i] for i in kept), *names)
+        return replace(self, inputs=inputs, B=B, D=D, input_delays=delays)
 
     def to_control(self, pade: int | None = None) -> Any:
         """Return a ``control.StateSpace`` of python-control, with names; dots in them become underscores.
@@ -233,7 +245,7 @@ def _jacobians(vehicle: Vehicle, point: Trim) -> tuple[tuple[str, ...], list[Flo
             zip(vehicle.states, states, strict=True)
         )
         named |= dict(zip(EULER, euler_angles([named[e] for e in ("e0", "e1", "e2", "e3")]), strict=True))
-        if "V" in point.start:
+        if point.on_wings:
             named |= dict(zip(("V", "alpha", "beta"), flow_angles([named[a] for a in "uvw"]), strict=True))
         return [named[name] for name in names]
 

@@ -56,6 +56,12 @@ def unit_of(control: str) -> str:
     return (EXCITATIONS | SETPOINTS).get(control, unit)
 
 
+def amplitude_text(control: str, value: float) -> str:
+    """Return an amplitude of an input, SI, with its unit."""
+    unit = unit_of(control)
+    return f"{math.degrees(value):.3g} deg" if unit == "rad" else f"{value:.3g} {unit}"
+
+
 def _plausible(value: float, info: ValidationInfo) -> float:
     control = str(info.data.get("control", ""))
     largest = 2.0 * math.pi if control == "heading" else math.pi / 2.0
@@ -246,7 +252,49 @@ class Harmonics(_TimedSignal):
         return self._inside(t, waves)
 
 
-Input = Annotated[Steps | Levels | Pulse | Multisine | Harmonics, Field(discriminator="shape")]
+class Sweep(_TimedSignal):
+    """A sine whose frequency grows exponentially from ``low`` to ``band``, Hz, after two periods of ``low``.
+
+    It rises and falls over ``fade`` seconds as (1 - cos) / 2: the signal of ArduPilot's mode System ID, by
+    ``ModeSystemId::waveform`` of ArduCopter.
+    """
+
+    shape: Literal["sweep"]
+    amplitude: Deflection
+    low: Annotated[Number, Field(gt=0.0)]  #: Hz
+    band: Annotated[Number, Field(gt=0.0)]  #: Hz
+    fade: Instant = 0.0  #: s, at either end
+
+    @model_validator(mode="after")
+    def _has_time(self) -> Sweep:
+        if not self.low < self.band:
+            raise ValueError(f"low {self.low:g} Hz is not below band {self.band:g} Hz; exchange them")
+        least = max(2.0 / self.low, 2.0 * self.fade)
+        if not least < self.duration:
+            raise ValueError(
+                f"two periods of {self.low:g} Hz, and the fades, take {least:g} s; make the duration longer, or raise low"
+            )
+        return self
+
+    def signal(self, t: FloatArray) -> FloatArray:
+        """Return the change from the trim (n,) at times (n,), s."""
+        tau, constant = t - self.start, 2.0 / self.low
+        rest, growth = self.duration - constant, math.log(self.band / self.low)
+        later = np.clip((tau - constant) / rest, 0.0, 1.0)
+        phase = (
+            2.0
+            * np.pi
+            * self.low
+            * np.where(tau <= constant, tau - constant, rest / growth * np.expm1(growth * later))
+        )
+        window = np.ones_like(tau)
+        if self.fade > 0.0:
+            ends = np.clip(np.minimum(tau, self.duration - tau) / self.fade, 0.0, 1.0)
+            window = 0.5 - 0.5 * np.cos(np.pi * ends)
+        return self._inside(t, self.amplitude * window * np.sin(phase))
+
+
+Input = Annotated[Steps | Levels | Pulse | Multisine | Harmonics | Sweep, Field(discriminator="shape")]
 
 
 class Battery(Table):
@@ -284,7 +332,7 @@ class Maneuver(Table):
             )
         if self.airspeed is not None and self.velocity is not None:
             raise ValueError("airspeed and velocity: one flies on wings, the other on rotors; remove one")
-        bands = [spec.band for spec in self.input if isinstance(spec, Multisine | Harmonics)]
+        bands = [spec.band for spec in self.input if isinstance(spec, Multisine | Harmonics | Sweep)]
         if max(bands, default=0.0) > self.rate / 2.0:
             raise ValueError(f"band {max(bands):g} Hz is above half the rate; lower band or raise rate")
         return self

@@ -44,6 +44,11 @@ class Trim:
     #: the equations that it solves, and their solution, scaled; None for a state that was given
     solution: tuple[SteadyFlight, FloatArray] | None = field(default=None, repr=False, compare=False)
 
+    @property
+    def on_wings(self) -> bool:
+        """Whether wings carry the vehicle, not rotors."""
+        return "V" in self.start
+
 
 def trim(
     vehicle: Vehicle,
@@ -140,6 +145,14 @@ def neutral_inputs(
     if file.ground_effect is not None:
         values[file.ground_effect.channel] = height
     return np.array([values.get(channel, 0.0) for channel in vehicle.inputs])
+
+
+def surface_moments(vehicle: Vehicle, point: Trim, control: str) -> FloatArray:
+    """Return p', q', r' (3,) per rad of a surface about a steady flight."""
+    step = 1e-3
+    inputs = inputs_about(vehicle, point, {control: np.array([step, -step])}, 2)
+    rates = accelerations(vehicle, point.start, inputs.T, point.changes)
+    return np.asarray((rates[3:, 0] - rates[3:, 1]) / (2.0 * step))
 
 
 def inputs_about(vehicle: Vehicle, point: Trim, signals: Mapping[str, FloatArray], count: int) -> FloatArray:

@@ -17,19 +17,29 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
-from typing import Final, Literal
+from typing import Final
 
+from stoop.base.autopilots import (
+    ARDUPILOT_SURFACES,
+    FRAMES,
+    MOTOR_FUNCTIONS,
+    PX4_SURFACES,
+    THROTTLES,
+    Point,
+    Spin,
+)
 from stoop.base.variables import MOTORS, OUTPUT_PINS, SERVOS
-from stoop.flight.airborne import MOTOR_FUNCTIONS
 from stoop.flight.mapping_draft import RANGES
 
-Spin = Literal["ccw", "cw"]
-Point = tuple[float, float, float]
 UP: Final[Point] = (0.0, 0.0, -1.0)
 PULSE_RANGE: Final = (500.0, 2500.0)  #: us, that a servo or a motor controller may understand
 DEFAULT_PULSES: Final = (1000.0, 1500.0, 2000.0)  #: us, ends and middle
 MAX_POSITION: Final = 20.0  #: m
 MIN_MOMENT: Final = 1e-3  #: of a share; less turns nothing
+PX4_OTHERS: Final = {
+    9: "left flap", 10: "right flap", 11: "airbrake", 16: "steering wheel", 17: "left spoiler", 18: "right spoiler",
+}  # fmt: skip
+ARDUPILOT_OTHERS: Final = {2: "flap", 3: "flap", 26: "steering wheel", 110: "airbrake"}
 
 
 @dataclass(frozen=True)
@@ -80,47 +90,6 @@ class Setup:
         names = " ".join(surface.name for surface in self.surfaces)
         known = {"V-tail": "v-tail", "A-tail": "v-tail", "elevon": "flying-wing", "elevator": "conventional"}
         return next((template for word, template in known.items() if word in names), "")
-
-
-#: type of a surface of PX4 -> its name, and shares where the parameters give none
-PX4_SURFACES: Final[Mapping[int, tuple[str, Point]]] = {
-    1: ("left aileron", (-0.5, 0.0, 0.0)), 2: ("right aileron", (0.5, 0.0, 0.0)),
-    3: ("elevator", (0.0, 1.0, 0.0)), 4: ("rudder", (0.0, 0.0, 1.0)),
-    5: ("left elevon", (-0.5, 0.5, 0.0)), 6: ("right elevon", (0.5, 0.5, 0.0)),
-    7: ("left V-tail", (0.0, 0.5, 0.5)), 8: ("right V-tail", (0.0, 0.5, -0.5)),
-    12: ("custom", (0.0, 0.0, 0.0)),
-    13: ("left A-tail", (0.0, 0.5, -0.5)), 14: ("right A-tail", (0.0, 0.5, 0.5)),
-    15: ("aileron", (1.0, 0.0, 0.0)),
-}  # fmt: skip
-PX4_OTHERS: Final = {
-    9: "left flap", 10: "right flap", 11: "airbrake", 16: "steering wheel", 17: "left spoiler", 18: "right spoiler",
-}  # fmt: skip
-#: SERVOn_FUNCTION -> name, and shares of a command; of ailerons, elevator and rudder the command is that of the axis
-ARDUPILOT_SURFACES: Final[Mapping[int, tuple[str, Point]]] = {
-    4: ("aileron", (1.0, 0.0, 0.0)), 19: ("elevator", (0.0, 1.0, 0.0)), 21: ("rudder", (0.0, 0.0, 1.0)),
-    24: ("left flaperon", (0.5, 0.0, 0.0)), 25: ("right flaperon", (0.5, 0.0, 0.0)),
-    77: ("left elevon", (-0.5, 0.5, 0.0)), 78: ("right elevon", (0.5, 0.5, 0.0)),
-    79: ("left V-tail", (0.0, 0.5, 0.5)), 80: ("right V-tail", (0.0, 0.5, -0.5)),
-}  # fmt: skip
-ARDUPILOT_OTHERS: Final = {2: "flap", 3: "flap", 26: "steering wheel", 110: "airbrake"}
-THROTTLES: Final = (70, 73, 74)  #: SERVOn_FUNCTION: of a plane, its left and its right motor
-CCW: Final[Spin] = "ccw"
-CW: Final[Spin] = "cw"
-#: (FRAME_CLASS, FRAME_TYPE) -> degrees clockwise from the nose and turning of motors 1, 2, ...
-FRAMES: Final[Mapping[tuple[int, int], tuple[tuple[float, Spin], ...]]] = {
-    (1, 0): ((90, CCW), (-90, CCW), (0, CW), (180, CW)),
-    (1, 1): ((45, CCW), (-135, CCW), (-45, CW), (135, CW)),
-    (1, 3): ((45, CW), (-135, CW), (-45, CCW), (135, CCW)),
-    (1, 12): ((135, CW), (45, CCW), (-135, CCW), (-45, CW)),
-    (1, 13): ((45, CCW), (-45, CW), (-135, CCW), (135, CW)),
-    (1, 14): ((45, CCW), (135, CW), (-135, CCW), (-45, CW)),
-    (2, 0): ((0, CW), (180, CCW), (-120, CW), (60, CCW), (-60, CCW), (120, CW)),
-    (2, 1): ((90, CW), (-90, CCW), (-30, CW), (150, CCW), (30, CCW), (-150, CW)),
-    (3, 0): ((0, CW), (180, CW), (45, CCW), (135, CCW), (-45, CCW), (-135, CCW), (-90, CW), (90, CW)),
-    (3, 1): ((22.5, CW), (-157.5, CW), (67.5, CCW), (157.5, CCW), (-22.5, CCW), (-112.5, CCW), (-67.5, CW),
-             (112.5, CW)),
-    (4, 1): ((45, CCW), (-45, CW), (-135, CCW), (135, CW), (-45, CCW), (45, CW), (135, CCW), (-135, CW)),
-}  # fmt: skip
 
 
 def read_setup(parameters: Mapping[str, float], moving: Collection[str] = ()) -> Setup:

@@ -13,8 +13,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
+from stoop.base.autopilots import Point
 from stoop.vehicle_draft.apriori import Apriori
-from stoop.vehicle_draft.autopilot import Point
 
 
 @dataclass(frozen=True)

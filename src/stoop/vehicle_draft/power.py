@@ -10,13 +10,14 @@ from typing import Final
 
 import numpy as np
 
+from stoop.base.autopilots import Point, Spin
 from stoop.base.units import STANDARD_GRAVITY
 from stoop.base.variables import MOTORS, OUTPUT_PINS, ROTORS
 from stoop.flight import Flight
 from stoop.flight.airborne import FLYING, flying, rotor_pulses
 from stoop.vehicle.builtin import builtin_vehicle
 from stoop.vehicle_draft.apriori import Apriori
-from stoop.vehicle_draft.autopilot import DEFAULT_PULSES, Motor, Point, Scale, Setup, Spin
+from stoop.vehicle_draft.autopilot import DEFAULT_PULSES, Motor, Scale, Setup
 from stoop.vehicle_draft.controls import ENOUGH, recorded
 from stoop.vehicle_draft.steady import Steady
 

@@ -39,7 +39,7 @@ def identity(
     noise = None if options.covariance is None else options.covariance.tolist()
     parts = [
         vehicle.structure, vehicle.file.model_dump(mode="json"), dict(files), list(maneuvers), list(validate), noise,
-        options.optimizer, options.seed, options.method,
+        options.optimizer_name, options.seed, options.method,
     ]  # fmt: skip
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
 

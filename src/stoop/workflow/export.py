@@ -7,6 +7,7 @@ import math
 import tempfile
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -16,21 +17,43 @@ from stoop.base.files import check_targets, make_folder, write_files
 from stoop.base.notices import notice
 from stoop.base.variables import VARIABLES
 from stoop.errors import SimulationError, StoopError
-from stoop.exporters import fmu, fmu_flight, jsbsim_aircraft, matlab, rotorpy_flight, rotorpy_model
+from stoop.exporters import (
+    fmu,
+    fmu_flight,
+    gazebo_autopilots,
+    gazebo_files,
+    jsbsim_aircraft,
+    matlab,
+    rotorpy_flight,
+    rotorpy_model,
+)
+from stoop.exporters.gazebo_flight import flown_alphas, fly_gazebo
+from stoop.exporters.gazebo_model import gazebo_model, unsupported_rotor_numbers
+from stoop.exporters.gazebo_wing import unsupported_wing_terms
 from stoop.exporters.jsbsim_flight import (
+    PLANET,
     Comparison,
+    Host,
     Record,
     compare,
-    excitation_record,
     file_name,
+    frames_per_sample,
+    jsbsim_readings,
     own_readings,
     relative_differences,
-    steady_record,
     without_turbulence,
 )
 from stoop.exporters.jsbsim_model import THRUST, channel
 from stoop.exporters.matlab import ParameterCovariance
-from stoop.exporters.reference_flight import ReferenceFlight, reference_flight
+from stoop.exporters.reference_flight import (
+    ReferenceFlight,
+    reference_flight,
+    reference_record,
+    steady_start,
+    with_restarts,
+)
+from stoop.exporters.sitl import autopilot_commands
+from stoop.exporters.sitl_folders import BACKENDS, Backend, assumptions
 from stoop.problem import Piece
 from stoop.problem.prepare import prepare
 from stoop.problem.windows import Window
@@ -45,6 +68,11 @@ from stoop.workflow.outputs import RESULT, read_identified
 from stoop.workflow.summary import refusal
 
 NOT_FLOWN: Final = "Not flown: the package jsbsim is not installed; pip install 'stoop[jsbsim]'."
+
+SLOPES: Final = (
+    "The reaction of rotors without a lag to their spin-up is computed from the last step of JSBSim, so it is a step late "
+    "({}); give rotors.lag to have it exactly."
+)
 
 
 @dataclass(frozen=True)
@@ -96,7 +124,12 @@ def read_subject(text: str) -> Subject:
     # What is known of the numbers that the vehicle has; those of its gusts are left with them.
     kept = [i for i, name in enumerate(covariance.names) if name in vehicle.rows]
     names = tuple(covariance.names[i] for i in kept)
-    known = ParameterCovariance(names, covariance.matrix[np.ix_(kept, kept)]) if kept else None
+    matrix = covariance.matrix[np.ix_(kept, kept)].copy()
+    for i, name in enumerate(names):  # a standard error that is the prior's is no evidence of the flight
+        if not found.result.parameters[name].identifiable:
+            matrix[i], matrix[:, i] = np.nan, np.nan
+            matrix[i, i] = np.inf
+    known = ParameterCovariance(names, matrix) if kept else None
     windows = [Window(m.flight, m.start, m.stop, m.loading or None) for m in found.result.maneuvers]
     try:
         flights = found.flights()
@@ -168,19 +201,21 @@ def _jsbsim(subject: Subject, condition: Condition) -> Exported:
     if driving:
         named = [place if unit == "1" else f"{place} ({unit})" for place, unit in driving.items()]
         notes.append(f"To be set in flight: {', '.join(named)}.")
+    if vehicle.sloped:
+        notes.append(SLOPES.format(", ".join(vehicle.sloped)))
     try:
         point = steady(subject, condition)
     except SimulationError as error:
         point = None
         notes.append(f"No start and no script: {error}.")
-    texts = jsbsim_aircraft.folder(vehicle, None if point is None else steady_record(vehicle, point))
+    texts = jsbsim_aircraft.folder(vehicle, None if point is None else steady_start(vehicle, point))
     name = file_name(vehicle.name)
     aircraft = f"aircraft/{name}/{name}.xml"
     if importlib.util.find_spec("jsbsim") is None:
         return Exported(_encoded(texts), aircraft, (*notes, NOT_FLOWN))
     # The files are flown before they are written where the user wants them; another loading is exported with its maneuver.
-    maneuvers = list(subject.maneuvers)
-    record = None if point is None else excitation_record(vehicle, point)
+    maneuvers = [with_restarts(maneuver) for maneuver in subject.maneuvers]
+    record = None if point is None else reference_record(vehicle, point)
     if record is not None:
         maneuvers.insert(0, record)
     flown: list[Comparison] = []
@@ -194,6 +229,41 @@ def _jsbsim(subject: Subject, condition: Condition) -> Exported:
                 notes.append(f"{maneuver.title}: {error}.")
     page = export_page(vehicle, texts[aircraft], name, flown, notes)
     return Exported(_encoded({**texts, EXPORT_PAGE: page}), EXPORT_PAGE, (*notes, *map(str, flown)))
+
+
+def _sitl(backend: Backend, subject: Subject, condition: Condition) -> Exported:
+    """Return the folder of an autopilot, flown in JSBSim by the properties that the autopilot writes."""
+    notes = _notes(subject)
+    altitude = subject.altitude if condition.altitude is None else condition.altitude
+    commands = autopilot_commands(subject.vehicle, condition.airspeed, altitude, subject.density)
+    texts, aircraft = backend.folder(commands)
+    notes += assumptions(commands)
+    out = Exported(_encoded(texts), "README.md", ())
+    if importlib.util.find_spec("jsbsim") is None:
+        return replace(out, notes=(*notes, NOT_FLOWN))
+    name = Path(aircraft).stem
+    planet = jsbsim_aircraft.flat_planet(commands.vehicle.value("environment.gravity"))
+    steady_flights = (commands.wings, commands.hover if backend.rotors else None)
+    for point in steady_flights:
+        record = None if point is None else reference_record(commands.vehicle, point)
+        if record is None:
+            continue
+        with tempfile.TemporaryDirectory(prefix="stoop-export-") as folder:
+            root = Path(folder)
+            write_files(root, {f"aircraft/{name}/{name}.xml": texts[aircraft], PLANET: planet})
+            hosts = (
+                (root / PLANET, Host(to_commands=commands.settings)),
+                (None, Host(backend.rate, {}, commands.settings)),
+            )
+            flown = [jsbsim_readings(root, name, record, place, host) for place, host in hosts]
+        own = own_readings(record)
+        exact, theirs = (max(relative_differences(record.vehicle, own, y).values()) for y in flown)
+        notes.append(
+            f"{record.title}, by the properties that {backend.title} writes: JSBSim within {exact:.1e} of each channel's "
+            f"maximum; with {frames_per_sample(record.dt, backend.rate) / record.dt:g} steps per second ({backend.title} "
+            f"takes {backend.rate:g}), Euler's method for rotation and the round Earth {theirs:.1e}."
+        )
+    return replace(out, notes=tuple(notes))
 
 
 def _state_space(subject: Subject, condition: Condition) -> Exported:
@@ -272,6 +342,42 @@ def _rotorpy(subject: Subject, condition: Condition) -> Exported:
     return Exported(files, script, tuple(notes))
 
 
+def _gazebo(subject: Subject, condition: Condition) -> Exported:
+    """Return models for PX4 and ArduPilot in Gazebo, flown by the equations of its systems."""
+    notes, reduced = _notes(subject), subject.vehicle.reduce
+    if reduced != "full":
+        subject = replace(subject, vehicle=subject.vehicle.reduced("full"))
+        notes.append(
+            f"The equations of the fit are {reduced}; the models have all six degrees of freedom, the others with the "
+            "numbers of the vehicle file."
+        )
+    vehicle, point, alphas = subject.vehicle, steady(subject, condition), flown_alphas(subject.maneuvers)
+    made = {
+        title: gazebo_model(vehicle, point, alphas, title == "ArduPilot") for title in ("PX4", "ArduPilot")
+    }
+    px4 = made["PX4"]
+    actuators = held_numbers(vehicle, ("dead_zone", "rate_limit", "delay"))
+    if actuators:
+        notes.append(f"Not exported: {', '.join(actuators)}.")
+        notes += cost_without_actuators(subject)
+    for start, unsupported in ((px4.hover, unsupported_rotor_numbers), (px4.cruise, unsupported_wing_terms)):
+        flight = None if start is None else _reference(vehicle, start, notes)
+        if flight is None:
+            continue
+        for name, (share, channel_name) in rotorpy_flight.costs(flight, unsupported(vehicle)).items():
+            notes.append(
+                f"Gazebo omits {name} or keeps only its slope at the steady flight; the term is {100.0 * share:.2g} % of "
+                f"{channel_name} (rms over the compared flight)."
+            )
+        ours = rotorpy_flight.motion(flight)
+        for title, model in made.items():
+            found = rotorpy_flight.differences(ours, fly_gazebo(model, flight))
+            notes.append(f"Gazebo's equations for {title}, {_agreement(flight, found)}.")
+    notes += gazebo_autopilots.notes(made["ArduPilot"])
+    files = gazebo_files.folders(px4, made["ArduPilot"])
+    return Exported(_encoded(files), f"{px4.name}/model.sdf", tuple(notes))
+
+
 def _notes(subject: Subject) -> list[str]:
     """Return the notes of a subject, and which of its numbers the flight does not determine."""
     lost = () if subject.known is None else subject.known.not_identified
@@ -333,8 +439,10 @@ def _encoded(texts: Mapping[str, str]) -> dict[str, bytes]:
 
 TARGETS: Final[Mapping[str, Callable[[Subject, Condition], Exported]]] = {
     "jsbsim": _jsbsim,
+    **{target: partial(_sitl, backend) for target, backend in BACKENDS.items()},
     "state-space": _state_space,
     "simulink": _simulink,
     "fmu": _fmu,
     "rotorpy": _rotorpy,
+    "gazebo": _gazebo,
 }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
@@ -12,21 +13,23 @@ from stoop.assessment.covariance import NORMAL_95
 from stoop.assessment.frequency import ModelResponse, UncertainModel, uncertain_model
 from stoop.assessment.frequency_analysis import AXES, MIN_COHERENCE, Figures, FrequencyAnalysis, known
 from stoop.assessment.handling import FORMS, Known, bandwidth, equivalent_system, flight_draws
-from stoop.base.arrays import BoolArray, FloatArray
+from stoop.base.arrays import BoolArray, FloatArray, run_slices
 from stoop.base.notices import Notice, notice
 from stoop.base.text import nearest
 from stoop.base.variables import EULER, VARIABLES, WRAPPED
-from stoop.errors import FlightError, SimulationError
+from stoop.errors import FlightError, SimulationError, StoopError
 from stoop.flight import Flight
 from stoop.flight.airborne import flying
 from stoop.flight.frequency import CYCLES, FrequencyResponse, Stretch, estimate_responses, window_lengths
 from stoop.flight.maneuvers import CONTROLS, MOTION, commands, moves
 from stoop.problem.windows import Window, parse_window, within
 from stoop.results.result import Result
-from stoop.simulation import trim
+from stoop.simulation import Trim, trim
 from stoop.simulation.initial import commanded, parameter_rows
+from stoop.simulation.rotors import EXCITATIONS, AxisCommands, axis_commands, channel_range
 from stoop.vehicle import Vehicle
 from stoop.workflow.outputs import RESULT, by_name, read_identified
+from stoop.workflow.summary import refusal
 
 OUTPUTS: Final = ("p", "q", "r", "ax", "ay", "az")
 ATTITUDES: Final = {"q": "theta", "p": "phi"}  #: attitude of which a rate is nearly the derivative
@@ -49,31 +52,25 @@ def analyze_frequency(
 ) -> FrequencyAnalysis:
     """Estimate frequency responses, and compute those of a model at the flown speed, altitude and density.
 
-    Parameters
-    ----------
-    flights : sequence of Flight
-    maneuvers : windows as the command line takes them
-        By default those that the model was identified from, if they are of these flights, else the airborne part.
-    model : Vehicle, vehicle file, name of a built-in vehicle, or folder of an identification, optional
-        Its controls are the inputs; of an identification the responses have a 95 % band.
-    inputs, outputs : names
-        By default the controls that move (without a model the commands of the axes), and `OUTPUTS`.
-    band : (low, high), rad/s, optional
-
-    Raises
-    ------
-    FlightError
-        An input is unknown or does not move, an output is unknown, or the windows are too short.
+    See :func:`stoop.frequency_responses`; `maneuvers` are windows as the command line takes them. Without a model the inputs are
+    the commands of the axes.
     """
     named = by_name(flights, "frequency")
     vehicle, result, fitted = _subject(model)
     texts = list(maneuvers) or [w for w in fitted if w.partition("@")[0] in named]
     windows = tuple(parse_window(text, named) for text in texts)
     masks = {f.name: within(f, [w for w in windows if w.flight == f.name]) & True for f in flights}
+    for window in windows:
+        time = named[window.flight].time
+        if window.start > time[-1] or window.stop < time[0]:
+            raise FlightError(
+                f"{window} lies outside the record, {time[0]:.1f} to {time[-1]:.1f} s; choose a window within it"
+            )
     if not windows:
         masks = {f.name: flying(f) for f in flights}
         windows = tuple(w for f in flights for w in _spans(f, masks[f.name]))
-    columns = [_columns(f, vehicle, inputs) for f in flights]
+    steady = None if vehicle is None else _steady(flights, masks, vehicle)
+    columns = [_columns(f, vehicle, inputs, steady) for f in flights]
     names, notices = _moving(columns, [masks[f.name] for f in flights], inputs)
     wanted = _outputs(flights, outputs)
     stretches = [
@@ -87,8 +84,9 @@ def analyze_frequency(
     missing = [o for o in wanted if o not in {r.output for r in responses}]
     notices += [notice("frequency-output-missing", outputs=tuple(missing))] if missing else []
     notices += _unknown_axes(responses)
-    modeled, condition, found = _modeled(flights, masks, vehicle, result, names, wanted)
-    notices += found
+    modeled, found = ({}, []) if steady is None else _modeled(steady, result, names, wanted)
+    notices += [*found, *(refusal(result, str(model)) if result is not None else [])]
+    condition = {} if steady is None else steady.condition
     figures = _figures(responses, modeled)
     return FrequencyAnalysis(
         tuple(named), windows, tuple(names), tuple(wanted), tuple(responses), modeled, tuple(figures), condition,
@@ -111,8 +109,6 @@ def _subject(model: str | Path | Vehicle | None) -> tuple[Vehicle | None, Result
 
 
 def _spans(flight: Flight, mask: BoolArray) -> list[Window]:
-    from stoop.base.arrays import run_slices
-
     runs = run_slices(mask)
     return [Window(flight.name, float(flight.time[r.start]), float(flight.time[r.stop - 1])) for r in runs]
 
@@ -121,8 +117,13 @@ def _windows_of(flight: Flight, windows: Sequence[Window]) -> list[slice]:
     return [flight.between(w.start, w.stop) for w in windows if w.flight == flight.name]
 
 
-def _columns(flight: Flight, vehicle: Vehicle | None, inputs: Sequence[str]) -> dict[str, FloatArray]:
-    """Return the inputs of a flight that may be used, (n,) each: commanded deflections, rad, and recorded channels."""
+def _columns(
+    flight: Flight, vehicle: Vehicle | None, inputs: Sequence[str], steady: _Steady | None
+) -> dict[str, FloatArray]:
+    """Return the inputs of a flight that may be used, (n,) each: commanded deflections, rad, accelerations, channels.
+
+    Of rotors those are the accelerations that all of them command about each axis; single channels are there if asked for.
+    """
     columns = {str(c): flight.column(str(c)) for c in flight.channels if c in inputs}
     if vehicle is None:
         return {**columns, **({} if inputs else {one.variable: one.u for one in commands(flight)})}
@@ -133,9 +134,11 @@ def _columns(flight: Flight, vehicle: Vehicle | None, inputs: Sequence[str]) -> 
             recorded[i] = flight.column(name)
     for control in vehicle.controls:
         columns[control] = np.broadcast_to(commanded(vehicle, control, rows, recorded), (count,)).copy()
-    for rotor in vehicle.file.rotor.values():
-        columns[rotor.channel] = recorded[vehicle.inputs.index(rotor.channel)]
-    return columns
+    by_channel = {name: recorded[vehicle.inputs.index(name)] for name in channel_range(vehicle).names}
+    if steady is None or steady.axes is None or set(inputs) & set(by_channel):
+        return columns | by_channel
+    demanded = steady.axes.effect @ np.array([by_channel[name] for name in steady.axes.channels])
+    return columns | dict(zip(EXCITATIONS, demanded, strict=True))
 
 
 def _moving(
@@ -153,8 +156,9 @@ def _moving(
         values = np.concatenate([own[name][mask] for own, mask in zip(columns, masks, strict=True)])
         finite = values[np.isfinite(values)]
         sizes[name] = float(np.std(finite)) if moves(finite) else 0.0
-    largest = max(sizes.values(), default=0.0)
-    moving = [n for n, size in sizes.items() if size > MIN_MOVEMENT * largest]
+    largest = max((size for n, size in sizes.items() if n not in EXCITATIONS), default=0.0)
+    # accelerations of rotors differ in unit and, by nature, in size
+    moving = [n for n, size in sizes.items() if size > (0.0 if n in EXCITATIONS else MIN_MOVEMENT * largest)]
     still = tuple(n for n in sizes if n not in moving)
     if inputs and still:
         raise FlightError(
@@ -227,17 +231,18 @@ def _unknown_axes(responses: Sequence[FrequencyResponse]) -> list[Notice]:
     return [notice("frequency-axis-unknown", outputs=lost, coherence=MIN_COHERENCE)] if lost else []
 
 
-def _modeled(
-    flights: Sequence[Flight],
-    masks: Mapping[str, BoolArray],
-    vehicle: Vehicle | None,
-    result: Result | None,
-    inputs: Sequence[str],
-    outputs: Sequence[str],
-) -> tuple[dict[tuple[str, str], ModelResponse], dict[str, float], list[Notice]]:
-    """Return the responses of the model at the mean condition of the windows, that condition, and notices."""
-    if vehicle is None:
-        return {}, {}, []
+@dataclass(frozen=True, eq=False)
+class _Steady:
+    """The model at the mean condition of the windows; without a point where it does not trim."""
+
+    vehicle: Vehicle
+    condition: dict[str, float]  #: airspeed (m/s), altitude (m), density (kg/m3), of those that are known
+    point: Trim | None
+    axes: AxisCommands | None  #: of a vehicle with rotors
+    why: str = ""  #: there is no point
+
+
+def _steady(flights: Sequence[Flight], masks: Mapping[str, BoolArray], vehicle: Vehicle) -> _Steady:
     condition = {}
     for name, channel in (("airspeed", "V"), ("altitude", "altitude"), ("density", "density")):
         values = [f.column(channel)[masks[f.name]] for f in flights if channel in f.names]
@@ -251,12 +256,28 @@ def _modeled(
     try:
         density = condition.get("density") if "density" in plain.inputs else None
         point = trim(plain, condition.get("airspeed"), condition.get("altitude", 200.0), density=density)
-        found: UncertainModel = uncertain_model(plain, point, result)
+        axes = axis_commands(plain, point.start, point.inputs) if plain.rotors else None
     except SimulationError as error:
-        return {}, condition, [notice("frequency-no-trim", reason=str(error))]
+        return _Steady(plain, condition, None, None, str(error))
+    return _Steady(plain, condition, point, axes)
+
+
+def _modeled(
+    steady: _Steady, result: Result | None, inputs: Sequence[str], outputs: Sequence[str]
+) -> tuple[dict[tuple[str, str], ModelResponse], list[Notice]]:
+    """Return the responses of the model, and notices."""
+    if steady.point is None:
+        return {}, [notice("frequency-no-trim", reason=steady.why)]
+    try:
+        found: UncertainModel = uncertain_model(steady.vehicle, steady.point, result)
+    except StoopError as error:
+        return {}, [notice("frequency-no-trim", reason=str(error))]
+    axes = steady.axes
+    if axes is not None and not set(inputs) & set(axes.channels):
+        found = found.with_inputs(tuple(EXCITATIONS), axes.channels, axes.mixing)
     frequency = np.geomspace(*MODEL_BAND, MODEL_POINTS)
     notices = list(found.notices) + ([notice("frequency-no-band")] if result is None else [])
-    return found.responses(inputs, outputs, frequency), condition, notices
+    return found.responses(inputs, outputs, frequency), notices
 
 
 def _figures(
@@ -268,7 +289,7 @@ def _figures(
         own = [r for r in responses if r.output == output and _drives(r.input, output)]
         if not own:
             continue
-        one = max(own, key=lambda r: (int(known(r).sum()), r.input == AXES[output]))
+        one = max(own, key=lambda r: (int(known(r).sum()), r.input in AXES[output]))
         good = known(one)
         flown, error = None, one.bound / NORMAL_95
         if good.sum() > 1:
@@ -295,7 +316,8 @@ def _part(model: ModelResponse, chosen: BoolArray) -> Known:
 
 def _drives(name: str, output: str) -> bool:
     """Tell whether an input may be that of the axis of a rate: not one known to be of another axis."""
-    return name not in CONTROLS or MOTION[CONTROLS[name]] == output
+    axis = CONTROLS.get(name, name)
+    return axis not in MOTION or MOTION[axis] == output
 
 
 def _figures_of(source: str, input_name: str, output: str, whole: Known, part: Known) -> Figures:

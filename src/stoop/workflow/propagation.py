@@ -9,18 +9,19 @@ from typing import Final
 
 import numpy as np
 
+from stoop.assessment.draws import Source, draws_of
 from stoop.base.arrays import FloatArray
 from stoop.base.atmosphere import standard_density
 from stoop.errors import StoopError
 from stoop.problem import Piece
 from stoop.problem.prepare import decoupled, prepare
 from stoop.problem.windows import Window
-from stoop.propagation.draws import Source, draws_of
 from stoop.propagation.propagation import Propagation, propagate_draws
 from stoop.propagation.wing_figures import Domain
 from stoop.report.propagation import propagation_page
 from stoop.report.sheet import Page
 from stoop.workflow.outputs import Identified, read_identified
+from stoop.workflow.summary import refusal
 
 DRAWS: Final = 2000
 RANGE: Final = (1.0, 99.0)  #: percentiles of the samples between which a model was flown
@@ -46,33 +47,13 @@ def propagate(
     seed: int = 0,
     source: Source | None = None,
 ) -> Propagated:
-    """Return the quantities that follow from an identification, with their uncertainty.
-
-    Parameters
-    ----------
-    folder : Path
-        Of stoop identify.
-    expressions : mapping, optional
-        Expressions of the vehicle's numbers by the names that they get.
-    airspeed : (low, high), m/s, optional
-        Of the curves; what was flown in the fitted maneuvers when absent.
-    altitude : float, m, optional
-        The flight's when absent.
-    draws : int
-    seed : int
-    source : {"posterior", "covariance"}, optional
-        The posterior where it was sampled when absent.
-
-    Raises
-    ------
-    StoopError
-        The posterior did not converge, there is no covariance, an expression has an unknown name, or nothing trims.
-    """
+    """Return what follows from the identification in a folder, with its uncertainty; see :func:`stoop.propagate`."""
     found = read_identified(folder)
     drawn = draws_of(found.result, found.folder, draws, seed, source)
     domain = flown_domain(found, airspeed, altitude)
     made = propagate_draws(found.vehicle, drawn, domain, expressions, folder, seed)
-    return Propagated(**{item.name: getattr(made, item.name) for item in fields(made)})
+    notices = (*refusal(found.result, str(folder)), *made.notices)
+    return Propagated(**{item.name: getattr(made, item.name) for item in fields(made)} | {"notices": notices})
 
 
 def flown_domain(
@@ -97,7 +78,7 @@ def flown_domain(
     flown = _range(speed)
     if vehicle.rotors:
         high = max(HOVER_SPEEDS, flown[1] if flown else 0.0)
-        return Domain(airspeed or (0.0, round(high, 1)), 0.0, at, density)
+        return Domain(airspeed or (0.0, round(high, 1)), 0.0, at, density, speeds=flown)
     if flown is None:
         known = [m.airspeed for m in found.result.modes if np.isfinite(m.airspeed)]
         middle = known[0] if known else vehicle.value("reference.airspeed")
@@ -107,7 +88,7 @@ def flown_domain(
     low, high = flown or (middle, middle)
     span = airspeed or (round(min(low, middle - half), 1), round(max(high, middle + half), 1))
     reference = min(max(middle, span[0]), span[1])
-    return Domain(span, round(reference, 2), at, density, _range(alpha))
+    return Domain(span, round(reference, 2), at, density, _range(alpha), flown)
 
 
 def _pieces(found: Identified) -> tuple[Piece, ...]:

@@ -21,7 +21,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     lines = [f"  {name:<12} {line}" for name, (_, line) in EXPERIMENTS.items()]
     what = "\n".join((*lines, f"  {EVERYTHING:<12} each of these, and an index"))
     add_experiment_arguments(parser, tuple(EXPERIMENTS), what, FOLDER)
-    data = "folder of published data, for an experiment that reads some (nist: the files of NIST StRD)"
+    data = "folder of published data, for an experiment that reads some (nist: any files of the form of NIST StRD)"
     parser.add_argument("--data", metavar="DIR", type=Path, help=data)
 
 

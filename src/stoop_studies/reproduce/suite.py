@@ -14,7 +14,7 @@ from stoop import optimize
 from stoop.assessment.covariance import standard_errors
 from stoop.base.arrays import FloatArray
 from stoop.parallel import Plan, Run
-from stoop.problem.evidence import invert
+from stoop.problem.evidence import invert_rows
 from stoop.report.sheet import Prose, Section
 from stoop_studies.findings import Findings, Results, Setting, number
 from stoop_studies.outputs import Suite
@@ -253,4 +253,4 @@ def unit_deviations(problem: optimize.Problem, x: FloatArray) -> FloatArray:
     """Return the same (D,) at a point (D,) of the unit box, in its units."""
     z, full = np.concatenate([x, np.zeros(problem.extra)]), len(problem.prices) - 1
     J, _ = problem.jacobian(z, full, problem.residuals(z[None], full)[0])
-    return standard_errors(invert(J.T @ J).matrix)[: problem.dimension]
+    return standard_errors(invert_rows(J).matrix)[: problem.dimension]

@@ -137,6 +137,17 @@ INPUT: Final = either(
             "phases": row(number(0.1), number(1.0)),
         }
     ),
+    table(
+        {
+            **START,
+            **LENGTH,
+            "shape": text("sweep"),
+            "amplitude": number(0.1),
+            "low": number(0.5),
+            "band": number(5.0),
+        },
+        {"fade": number(1.0)},
+    ),
 )
 SPEEDS: Final = row(number(3.0), number(-1.0), number(0.1))
 MANEUVER: Final = table(

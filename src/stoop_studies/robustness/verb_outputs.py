@@ -23,7 +23,7 @@ def check_outputs(written: Iterable[str], folder: Path) -> None:
             raise BrokenPromiseError(f"{name} was not written")
     results = [path.read_text("utf-8") for path in folder.glob("out/result.json")]
     refused = any('"estimates-refused"' in text for text in results)  # what is said need not hold
-    for pattern in ("out/**/*", "[mv].toml", "simulated.*", "linear.json"):
+    for pattern in ("out/**/*", "[mv].toml", "simulated.*", "written.*", "linear.json"):
         for path in filter(Path.is_file, folder.glob(pattern)):
             if not (refused and path.name == "vehicle.toml"):
                 check_file(path)

@@ -279,10 +279,41 @@ def _linearize(draw: Choices) -> Command:
     return edit, [*words, *(["--json", "linear.json"] if draw.rng.random() < 0.5 else [])]
 
 
+def _derivatives(draw: Choices) -> Command:
+    edit, model = draw.vehicle(draw.rng.choice(("twin-boom", "twin-boom", "short")), 2)
+    words = ["derivatives", model, *draw.options(*CONDITION, share=0.15)]
+    words += ["--axes", draw.rng.choice(("body", "stability"))]
+    words += ["--dimensional"] if draw.rng.random() < 0.5 else []
+    return edit, [*words, "-o", draw.rng.choice(("written.csv", "written.json"))]
+
+
+def _frequency(draw: Choices) -> Command:
+    edit, path = draw.flight("long", "long hover", *SHORT, most=3)
+    words = ["frequency", path, *draw.options("--maneuver", share=0.15, words=SPANS)]
+    words += draw.options("--band", share=0.2, words=("1:20", "0:1e-9", "5:1", "nan:1", "1:9999"))
+    words += draw.options("--input", "--channel", share=0.1, words=("elevator", "q", "V", "", "a"))
+    if draw.rng.random() < 0.4:
+        own, model = draw.identified("short") if draw.rng.random() < 0.5 else draw.vehicle("short")
+        edit, words = own if edit == "sound" else edit, [*words, "--vehicle", model]
+    return edit, [*words, "-o", "written.html"]
+
+
+def _propagate(draw: Choices) -> Command:
+    edit, result = draw.identified(draw.rng.choice(("short", "hover")))
+    words = ["propagate", result, "--draws", draw.one("100", share=0.15)]
+    words += draw.options("--airspeed", share=0.2, words=("18:30", "0:1e-9", "5:1", "nan:1", "1:9999"))
+    words += draw.options("--altitude", "--seed", share=0.1)
+    words += draw.options(
+        "--expression", share=0.3, words=("a=CLalpha/CD0", "a=1/0", "a=CLalpha**1e9", "=", "a=(", "a=b")
+    )
+    return edit, [*words, "-o", "written.html"]
+
+
 def _export(draw: Choices) -> Command:
     name = draw.rng.choice(("short", "twin-boom", "quad-x"))
     edit, model = draw.identified("short") if draw.rng.random() < 0.4 else draw.vehicle(name)
-    tool = draw.rng.choice(("state-space",) * 4 + ("simulink",) * 4 + ("jsbsim",))
+    quick, slow = ("state-space", "simulink"), ("jsbsim", "px4-jsbsim", "ardupilot-jsbsim", "gazebo", "fmu")
+    tool = draw.rng.choice(quick * 4 + slow)
     return edit, ["export", model, "--to", tool, *draw.options(*CONDITION, share=0.15), *TO]
 
 
@@ -296,6 +327,11 @@ def _design(draw: Choices) -> Command:
     words += draw.options(
         "--within", share=0.2, words=("alpha=-5:5", "alpha=0:0", "V=1e308:2", "q=nan:1", "alpha=-1e308:1e308")
     )
+    words += draw.options("--for", share=0.3, words=("pilot", "ardupilot", "px4", "crazyflie"))
+    words += draw.options("--throw", share=0.3, words=("elevator=20", "elevator=1e-9", "elevator=-3", *WORDS))
+    words += draw.options("--min-amplitude", share=0.2, words=("1", "elevator=0", "elevator=1e-300", *WORDS))
+    words += draw.options("--shape", share=0.2, words=("2-1-1", "sweep"))
+    words += draw.options("--beat", share=0.1)
     return edit, words
 
 
@@ -327,6 +363,9 @@ VERBS: Final[Mapping[str, Verb]] = {
     "simulate": Verb(_simulate, 15, ("simulated.*",)),
     "trim": Verb(_trim, 10),
     "linearize": Verb(_linearize, 8),
+    "derivatives": Verb(_derivatives, 8, ("written.*",)),
+    "frequency": Verb(_frequency, 8, ("written.html",)),
+    "propagate": Verb(_propagate, 8, ("written.html",)),
     "export": Verb(_export, 10, ("out/*",)),
     "design": Verb(_design, 8, ("out/design.html", "out/design.json", "out/maneuver.toml")),
 }  #: verb -> its hostile command lines

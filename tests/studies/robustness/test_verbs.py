@@ -50,7 +50,7 @@ def test_an_empty_flight_can_be_edited() -> None:
 
 
 def test_sound_commands_are_done(tmp_path: Path) -> None:
-    for name in ("trim", "vehicle new", "simulate", "agreement"):
+    for name in ("trim", "vehicle new", "simulate", "agreement", "derivatives", "propagate"):
         files: dict[str, bytes] = {}
         _, words = VERBS[name].draw(Choices(choices(name), files, tame=True))
         (tmp_path / name).mkdir()

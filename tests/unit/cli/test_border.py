@@ -208,6 +208,7 @@ def run(capsys: pytest.CaptureFixture[str], folder: Path, command: str) -> tuple
         ("frequency @g.nc --vehicle @w.toml", 0),
         ("frequency @g.nc --input @none", 2),
         ("export @w.toml --to fmu -o @fmu", 0),
+        ("export @w.toml --to gazebo -o @gazebo", 0),
     ],
 )  # fmt: skip
 def test_a_verb_prints_nasty_texts(

@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from stoop.cli.completion import SHELLS, all_parsers
+from stoop.cli.files import TARGETS
 from stoop.cli.main import all_verbs, main, parser_for
 from stoop.vehicle.builtin import BUILT_IN
 
@@ -101,7 +102,7 @@ def test_options_of_each_verb(verb: str, ask: Ask) -> None:
     [
         (["completion", ""], set(SHELLS)),
         (["verify", "cover"], {"coverage"}),
-        (["export", "my.toml", "--to", ""], {"jsbsim", "state-space", "simulink", "fmu", "rotorpy"}),
+        (["export", "my.toml", "--to", ""], set(TARGETS)),
         (["identify", "fl"], {"flight.ulg"}),
         (["identify", "flight.ulg", "--vehicle", "qu"], {"quad-x", "quad-plus", "quadplane"}),
         (["identify", "flight.ulg", "--vehicle", "my"], {"my.toml"}),

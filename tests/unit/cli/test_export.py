@@ -25,7 +25,7 @@ def test_every_target(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Non
         assert said.count("wrote ") == len(written) > 0
         for path in written:
             assert str(path) in said
-        assert ("JSBSim within" in said) == (target == "jsbsim")
+        assert ("JSBSim within" in said) == ("jsbsim" in target)
         channels = "stoop/channel/elevator (rad), stoop/channel/aileron (rad), stoop/channel/rudder (rad)"
         assert (f"To be set in flight: {channels}, stoop/thrust-N (N)." in said) == (target == "jsbsim")
 
@@ -36,8 +36,9 @@ def test_every_target(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Non
         (("nothing.toml", "--to", "jsbsim", "-o", "out"), "there is no such vehicle file"),
         (("empty", "--to", "jsbsim", "-o", "out"), "holds no result.json"),
         (("twin-boom", "--to", "jsbsim", "-o", "empty/file"), "is a file; name a folder"),
-        (("twin-boom", "--to", "gazebo", "-o", "out"), "invalid choice"),
+        (("twin-boom", "--to", "flightgear", "-o", "out"), "invalid choice"),
         (("twin-boom", "--to", "rotorpy", "-o", "out"), "this one has 0"),
+        (("quad-x", "--to", "ardupilot-jsbsim", "-o", "out"), "and no rotors; export to px4-jsbsim"),
         (("hexa-x", "--to", "rotorpy", "-o", "out"), "this one has 6"),
         (
             ("twin-boom", "--to", "state-space", "--airspeed", "3", "-o", "out"),

@@ -66,11 +66,15 @@ def test_lateral_equations_are_refused(twin_boom: Vehicle) -> None:
         aircraft(twin_boom.reduced("lateral"))
 
 
-def test_rotors_are_refused() -> None:
-    with pytest.raises(
-        VehicleError, match=r"^quad-x: rotors are not written for JSBSim.*; export to state-space"
-    ):
-        aircraft(builtin_vehicle("quad-x"))
+@pytest.mark.parametrize("name", ["quad-x", "quadplane"])
+def test_numbers_of_rotors_read_back(name: str) -> None:
+    vehicle = builtin_vehicle(name)
+    difference = relative_errors(vehicle, aircraft(vehicle))
+    places = {n for n in vehicle.rows if n.startswith("rotor.m1.position")}
+    assert places | {"mass.mass", "rotors.T2", "rotors.torque_ratio", "body_drag.quadratic.x"} <= set(
+        difference
+    )
+    assert max(difference.values()) < 4e-16
 
 
 def test_a_delay_that_looks_ahead_is_refused() -> None:

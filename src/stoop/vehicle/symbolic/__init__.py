@@ -86,6 +86,11 @@ def build_model(vehicle: Vehicle) -> SymbolicModel:
     )
 
 
+def airflow(vehicle: Vehicle, velocity: Vector) -> Air:
+    """Return the motion through the air of a vehicle, for a velocity along its axes, as its equations have it."""
+    return _FRAMES[vehicle.frame].air(velocity)
+
+
 def flow_angles() -> SymbolicModel:
     """Return airspeed, angle of attack and sideslip as readings of the velocity along the body axes."""
     velocity = sp.symbols("u v w", real=True)
@@ -121,7 +126,7 @@ def _motion(n: Numbers, x: Mapping[str, Any], u: Mapping[str, Any]) -> tuple[dic
         density = polynomial_density(x["h"]) if choice == "standard" else n["environment.density"]
     deflections, lag_rates = _deflections(n, x, u)
     spin, spin_rates, rotor_lag_rates = spins(n, x, u)
-    s = Surroundings(n, frame.air(flight), density, omega, deflections, u, flight, spin, spin_rates)
+    s = Surroundings(n, airflow(vehicle, flight), density, omega, deflections, u, flight, spin, spin_rates)
     load = total(s)
 
     # Newton and Euler for a rigid body of constant mass, flat Earth

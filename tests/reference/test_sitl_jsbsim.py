@@ -1,0 +1,327 @@
+"""Folders for autopilots with JSBSim: the model flown by the properties that their backends write, and files that hold together.
+
+What the backends do is written here again from their published sources (see `stoop.exporters.sitl_folders`).
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree as ET
+
+import numpy as np
+import pytest
+
+from stoop.base.files import write_files
+from stoop.errors import VehicleError
+from stoop.exporters.jsbsim_flight import simulator
+from stoop.exporters.sitl import AutopilotCommands, autopilot_commands
+from stoop.exporters.sitl_folders import BACKENDS, ardupilot, px4
+from stoop.simulation.initial import rigid_states
+from stoop.vehicle import Vehicle, parse_vehicle
+from stoop.vehicle.builtin import builtin_text, builtin_vehicle
+from stoop.vehicle.defaults import FULL_DEFLECTION
+
+FOOT = 0.3048
+GROUND = """<?xml version="1.0"?><initialize name="start"><latitude unit="DEG" type="geodetic">-35.36</latitude>
+<longitude unit="DEG">149.16</longitude><altitude unit="M">1.3</altitude><vt unit="FT/SEC">0.0</vt>
+<theta unit="DEG">13.0</theta><psi unit="DEG">90</psi></initialize>"""
+SCRIPT = """<?xml version="1.0"?><runscript name="t"><use aircraft="{name}" initialize="reset"/>
+<run start="0" end="1000" dt="0.000833"><event name="start engine"><condition>simulation/sim-time-sec le 0.01</condition>
+<set name="propulsion/engine[0]/set-running" value="1"/></event>
+<event name="Trim"><condition>simulation/sim-time-sec ge 0.01</condition><set name="simulation/do_simple_trim" value="2"/></event>
+</run></runscript>"""
+
+
+FLYING_WING = """
+format = "stoop-vehicle/1"
+name = "Flying wing"
+[mass]
+mass = 3.0
+inertia = { xx = 0.3, yy = 0.12, zz = 0.4 }
+[reference]
+area = 0.5
+chord = 0.25
+span = 2.0
+airspeed = 16.0
+[environment]
+density = 1.2
+[propulsion]
+kind = "constant"
+thrust = 3.0
+[controls.elevon_left]
+mix = { servo_1 = 0.4 }
+[controls.elevon_right]
+mix = { servo_2 = -0.4 }
+[controls.fin]
+mix = { servo_3 = 0.3 }
+[controls.flap]
+mix = { servo_4 = 0.3 }
+[aerodynamics.CD]
+CD0 = 0.03
+CDalpha2 = 1.2
+[aerodynamics.CL]
+CL0 = 0.3
+CLalpha = 5.0
+CLl = { value = 0.3, term = "elevon_left" }
+CLr = { value = 0.3, term = "elevon_right" }
+[aerodynamics.Cm]
+Cm0 = 0.02
+Cmalpha = -0.5
+Cmq = -3.0
+Cml = { value = -0.3, term = "elevon_left" }
+Cmr = { value = -0.3, term = "elevon_right" }
+Cmflap = { value = -0.02, term = "flap" }
+[aerodynamics.CQ]
+CQbeta = -0.3
+[aerodynamics.Cl]
+Clbeta = -0.05
+Clp = -0.4
+Cll = { value = 0.1, term = "elevon_left" }
+Clr_ = { value = -0.1, term = "elevon_right" }
+Clfin = { value = 0.005, term = "fin" }
+[aerodynamics.Cn]
+Cnbeta = 0.06
+Cnr = -0.1
+Cnfin = { value = -0.05, term = "fin" }
+"""
+
+
+def parameters(text: str) -> dict[str, float]:
+    return {
+        name: float(x)
+        for name, x in re.findall(r"^(?:param set-default )?([A-Z0-9_]+) (\S+)$", text, re.MULTILINE)
+    }
+
+
+def commands(name: str) -> AutopilotCommands:
+    return autopilot_commands(builtin_vehicle(name), None, 200.0, None)
+
+
+def aloft(
+    texts: dict[str, str], place: str, root: Path, start: dict[str, float], commands: dict[str, float]
+) -> Any:
+    """Return JSBSim with the model of a folder in a flight over its Earth, at the first frame."""
+    name = Path(place).stem
+    write_files(root, {f"aircraft/{name}/{name}.xml": texts[place]})
+    fdm = simulator(root)
+    assert fdm.load_model(name)
+    fdm.set_dt(0.001)
+    rigid = rigid_states(start)
+    for axis in "uvw":
+        fdm[f"ic/{axis}-fps"] = float(rigid[axis][0]) / FOOT
+    for axis in ("phi", "theta"):
+        fdm[f"ic/{axis}-rad"] = start.get(axis, 0.0)
+    fdm["ic/h-sl-ft"] = start["h"] / FOOT
+    for command, x in commands.items():
+        fdm[command] = x
+    assert fdm.run_ic()
+    for _ in range(int(commands.get("wait", 0))):
+        fdm.run()
+    return fdm
+
+
+def turning(fdm: Any) -> np.ndarray:
+    return np.array([fdm[f"accelerations/{a}dot-rad_sec2"] for a in "pqr"])
+
+
+@pytest.mark.parametrize("target", list(BACKENDS))
+@pytest.mark.parametrize("name", ["twin-boom", "quadplane"])
+def test_surfaces_turn_where_the_autopilot_means(name: str, target: str, tmp_path: Path) -> None:
+    """A positive command rolls to the right, raises the nose, turns it to the right; steady commands hold the steady flight."""
+    made = commands(name)
+    texts, place = BACKENDS[target].folder(made)
+    assert made.wings is not None
+    steady = {c.place: c.steady for c in made.outputs if c not in made.rotors}
+
+    def accelerations(more: dict[str, float]) -> np.ndarray:
+        fdm = aloft(texts, place, tmp_path, made.wings.start, steady)  # type: ignore[union-attr]
+        for where, x in (steady | more).items():
+            fdm[where] = x
+        for _ in range(2):
+            fdm.run()
+        return turning(fdm)
+
+    level = accelerations({})
+    assert np.abs(level).max() < 0.02
+    for axis, command in enumerate(("aileron", "elevator", "rudder")):
+        for sign in (-1.0, 1.0):
+            moved = accelerations({f"fcs/{command}-cmd-norm": sign * 0.9})
+            assert sign * (moved - level)[axis] > 0.5
+    full = {c.name: c.full_deflections[c.name] for c in made.surfaces}
+    assert abs(full["elevator"]) == pytest.approx(0.35 if name == "quadplane" else FULL_DEFLECTION)
+
+
+@pytest.mark.parametrize("target", list(BACKENDS))
+def test_elevons_serve_two_axes(target: str, tmp_path: Path) -> None:
+    """Elevons and a fin, known by their moments alone, are aileron, elevator and rudder of the autopilot; a flap is left."""
+    made = autopilot_commands(parse_vehicle(FLYING_WING, "wing"), None, 200.0, None)
+    texts, place = BACKENDS[target].folder(made)
+    assert made.wings is not None
+    assert made.uncommanded == ("flap",)
+    steady = {c.place: c.steady for c in made.outputs}
+    assert {c.name for c in made.surfaces} == {"aileron", "elevator", "rudder"}
+    ends = {c.name: c.full_deflections for c in made.surfaces}
+    assert ends["elevator"] == pytest.approx({"elevon_left": -0.4, "elevon_right": -0.4})
+    assert ends["aileron"] == pytest.approx({"elevon_left": 0.4, "elevon_right": -0.4})
+    assert ends["rudder"] == pytest.approx({"fin": -0.3})
+
+    def accelerations(more: dict[str, float]) -> np.ndarray:
+        fdm = aloft(texts, place, tmp_path, made.wings.start, steady)  # type: ignore[union-attr]
+        for where, x in (steady | more).items():
+            fdm[where] = x
+        for _ in range(2):
+            fdm.run()
+        return turning(fdm)
+
+    level = accelerations({})
+    assert np.abs(level).max() < 0.05
+    for axis, command in enumerate(("aileron", "elevator", "rudder")):
+        moved = accelerations({f"fcs/{command}-cmd-norm": steady[f"fcs/{command}-cmd-norm"] + 0.5}) - level
+        assert moved[axis] > 0.5
+        assert moved[axis] == np.abs(moved).max()
+    if target == "px4-jsbsim":
+        known = parameters(next(text for file, text in texts.items() if "airframes" in file))
+        assert (known["CA_AIRFRAME"], known["CA_SV_CS_COUNT"]) == (1, 3)
+
+
+def test_airspeeds_are_equivalent_ones() -> None:
+    made = autopilot_commands(builtin_vehicle("quadplane"), None, 3000.0, None)
+    speed = builtin_vehicle("quadplane").value("reference.airspeed") * np.sqrt(0.9091 / 1.225)
+    for folder, name in ((px4, "FW_AIRSPD_TRIM"), (ardupilot, "AIRSPEED_CRUISE")):
+        known = parameters("\n".join(folder(made)[0].values()))
+        assert known[name] == pytest.approx(speed, rel=1e-3)
+
+
+@pytest.mark.parametrize("name", ["quad-x", "hexa-x", "quadplane"])
+def test_the_allocation_is_that_of_the_model(name: str, tmp_path: Path) -> None:
+    """What PX4 computes from its parameters of a rotor is what JSBSim does when that output rises."""
+    made = commands(name)
+    texts, place = px4(made)
+    airframe = next(text for file, text in texts.items() if "airframes" in file)
+    known = parameters(airframe)
+    assert made.hover is not None
+    steady = {c.place: c.steady for c in made.rotors}
+    for i, command in enumerate(made.rotors):
+        assert known[f"PWM_MAIN_FUNC{i + 1}"] == 101 + i
+
+        def loads(x: float, place_of: str = command.place) -> np.ndarray:
+            fdm = aloft(texts, place, tmp_path, made.hover.start, {**steady, place_of: x, "wait": 700})  # type: ignore[union-attr]
+            return np.array([fdm[f"stoop/moment/{a}-Nm"] for a in "xyz"])
+
+        moment = loads(command.steady + 0.002) - loads(command.steady - 0.002)
+        at, axis = (np.array([known[f"CA_ROTOR{i}_{k}{a}"] for a in "XYZ"]) for k in "PA")
+        expected = np.cross(at, axis) - known[f"CA_ROTOR{i}_KM"] * axis
+        assert moment @ expected / np.linalg.norm(moment) / np.linalg.norm(expected) > 0.98
+        assert np.sign(moment[2]) == np.sign(expected[2])
+    assert known["CA_AIRFRAME"] == (2 if name == "quadplane" else 0)
+
+
+@pytest.mark.parametrize("name", ["quad-x", "quadplane", "twin-boom"])
+def test_what_the_bridge_reads(name: str) -> None:
+    made = commands(name)
+    texts, place = px4(made)
+    config = ET.fromstring(next(text for file, text in texts.items() if "/configs/" in file))  # noqa: S314
+    known = parameters(next(text for file, text in texts.items() if "airframes" in file))
+    assert Path(place).stem == config.get("name")
+    assert Path(place).parent.name == config.get("name")
+    channels = config.findall("actuators/channel")
+    assert [int(c.findtext("index", "")) for c in channels] == list(range(len(channels)))
+    assert {c.findtext("scale") for c in channels} == {"1"}, "the bridge reads whole numbers"
+    model = ET.fromstring(texts[place])  # noqa: S314
+    own = {f"fcs/{s}-cmd-norm" for s in ("aileron", "elevator", "rudder")}
+    declared = {e.text for e in model.iter("property")} | own
+    for channel in channels:
+        assert channel.findtext("property") in declared
+        function = known[f"PWM_MAIN_FUNC{int(channel.findtext('index', '')) + 1}"]
+        assert (function >= 201) == (channel.findtext("property") in own)
+    assert known["CA_ROTOR_COUNT"] + known.get("CA_SV_CS_COUNT", 0) == len(channels)
+    assert any(re.search(r"/22\d{3}_jsbsim_[a-z0-9_]+$", file) for file in texts)
+    if made.rotors:
+        u, f = made.rotors[0].steady, known["THR_MDL_FAC"]
+        assert f * u**2 + (1.0 - f) * u == pytest.approx(known["MPC_THR_HOVER"], abs=1e-3)
+
+
+def test_arduplanes_start(tmp_path: Path) -> None:
+    """Its script starts an engine, trims on the ground; full throttle then lets the aircraft roll, and elevator lift its nose."""
+    made = commands("quadplane")
+    texts, place = ardupilot(made)
+    assert any("no rotors" in line for line in texts["README.md"].splitlines())
+    known = parameters(next(text for file, text in texts.items() if file.endswith(".parm")))
+    assert [known[f"SERVO{i}_FUNCTION"] for i in (1, 2, 3, 4)] == [4, 19, 70, 21]
+    elevator = next(c for c in made.surfaces if c.name == "elevator")
+    assert known["SERVO2_TRIM"] == round(1500 + 500 * elevator.steady)
+    write_files(tmp_path, texts)
+    root, name = tmp_path / "Tools" / "autotest", Path(place).stem
+    write_files(root, {f"aircraft/{name}/reset.xml": GROUND, "start.xml": SCRIPT.format(name=name)})
+    fdm = simulator(root)
+    assert fdm.load_script("start.xml")
+    assert fdm.run_ic()
+    for _ in range(2400):
+        assert fdm.run()
+    assert abs(fdm["attitude/theta-rad"]) < 0.1
+    assert fdm["velocities/vt-fps"] < 0.1
+    assert fdm["accelerations/a-pilot-z-ft_sec2"] == pytest.approx(-32.1, abs=0.3)
+    fdm["fcs/throttle-cmd-norm"] = 1.0
+    for _ in range(4800):
+        assert fdm.run()
+    assert fdm["velocities/vt-fps"] > 10.0
+    assert fdm["position/h-agl-ft"] < 3.0
+
+
+def test_px4s_start_and_a_climb(tmp_path: Path) -> None:
+    texts, place = px4(commands("hexa-x"))
+    write_files(tmp_path, texts)
+    bridge, name = tmp_path / "Tools" / "simulation" / "jsbsim" / "jsbsim_bridge", Path(place).stem
+    fdm = simulator(bridge)
+    fdm.set_aircraft_path(f"models/{name}")
+    assert fdm.load_model(name, False)
+    fdm.set_dt(0.004)
+    assert fdm.load_ic(str(bridge / "scene" / f"{name}.xml"), False)
+    assert fdm.run_ic()
+    for _ in range(750):
+        fdm.run()
+    assert 0.0 < fdm["position/h-agl-ft"] * FOOT < 1.0
+    assert fdm["accelerations/a-pilot-z-ft_sec2"] == pytest.approx(-32.17, abs=0.05)
+    assert fdm["position/h-sl-meters"] == pytest.approx(488.0, abs=1.0)
+    for _ in range(500):
+        for i in range(6):
+            fdm[f"fcs/esc-cmd-norm[{i}]"] = 0.7
+        fdm.run()
+    assert fdm["position/h-agl-ft"] * FOOT > 1.5
+    assert abs(fdm["attitude/phi-rad"]) < 1e-3
+
+
+def test_names_that_would_mean_something_else() -> None:
+    text = builtin_text("quadplane").replace("Quadplane, 5 kg", "Elevon VTail `x` | $(reboot)")
+    made = autopilot_commands(parse_vehicle(text, "odd"), None, 200.0, None)
+    texts, place = ardupilot(made)
+    assert Path(place).stem == "e-levon-v-tail-x-reboot"
+    assert "$(reboot)" not in "".join(re.findall(r"```console\n(.*?)```", texts["README.md"], re.DOTALL))
+    assert "\\`x\\` \\|" in texts["README.md"]
+    for text in (t for file, t in px4(made)[0].items() if file.endswith(".xml")):
+        ET.fromstring(text)  # noqa: S314
+
+
+def test_what_they_cannot_hold() -> None:
+    with pytest.raises(VehicleError, match="no rotors; export to px4-jsbsim"):
+        ardupilot(commands("quad-x"))
+    shared = builtin_text("quad-x").replace('channel = "motor_2"', 'channel = "motor_1"')
+    with pytest.raises(VehicleError, match="share a channel"):
+        autopilot_commands(parse_vehicle(shared, "shared"), None, 200.0, None)
+    still = re.sub(r"(?m)^\w+ = \{ value = .*, term = .*\}\n", "", FLYING_WING)
+    with pytest.raises(VehicleError, match="controls that turn the vehicle"):
+        autopilot_commands(parse_vehicle(still, "still"), None, 200.0, None)
+    with pytest.raises(VehicleError, match="PX4 allocates 8 motors"):
+        px4(autopilot_commands(_many(), None, 200.0, None))
+
+
+def _many() -> Vehicle:
+    text = builtin_text("octo-x")
+    extra = (
+        text[text.index("[rotor.m1]") : text.index("[rotor.m2]")]
+        .replace("m1]", "m9]")
+        .replace("motor_1", "motor_9")
+    )
+    return parse_vehicle(text + "\n" + extra, "many")

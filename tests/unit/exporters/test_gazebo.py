@@ -1,0 +1,448 @@
+"""Gazebo's systems hold a vehicle to first order, exactly where they have its terms, and the files say what the equations do."""
+
+from __future__ import annotations
+
+import math
+import re
+from xml.etree import ElementTree as ET
+
+import numpy as np
+import pytest
+from naive import gazebo as naive
+
+from stoop.base.autopilots import FRAMES
+from stoop.errors import SimulationError, VehicleError
+from stoop.exporters import gazebo_autopilots, gazebo_files, rotorpy_flight
+from stoop.exporters.gazebo_flight import flown_alphas, fly_gazebo
+from stoop.exporters.gazebo_model import GazeboModel, gazebo_model, unsupported_rotor_numbers
+from stoop.exporters.gazebo_plugins import damping_loads, motor_loads, wing_loads
+from stoop.exporters.gazebo_wing import unsupported_wing_terms
+from stoop.exporters.jsbsim_flight import excitation_record
+from stoop.exporters.px4_airframe import airframe_number
+from stoop.exporters.reference_flight import reference_flight
+from stoop.simulation import Trim, trim
+from stoop.simulation.derivatives import derivatives
+from stoop.vehicle import Vehicle
+from stoop.vehicle.builtin import builtin_text, builtin_vehicle
+from stoop.vehicle.load import parse_vehicle
+from stoop.workflow.export import Subject, export
+
+VEHICLES = ("quad-x", "twin-boom", "quadplane")
+FLIP = np.array([1.0, -1.0, -1.0])
+WING = """
+format = "stoop-vehicle/1"
+name = "A <wing> & tail"
+[mass]
+mass = 3.0
+inertia = { xx = 0.2, yy = 0.25, zz = 0.4 }
+[reference]
+area = 0.5
+chord = 0.25
+span = 2.0
+airspeed = 16.0
+moment_point = [-0.005, 0.0, 0.0]
+[environment]
+density = 1.2
+[propulsion]
+kind = "constant"
+thrust = 3.0
+[controls.elevator]
+mix = { servo_1 = 0.4 }
+lag = 0.05
+[aerodynamics.CD]
+CD0 = 0.03375
+CDalpha = 0.15
+CDalpha2 = 1.25
+[aerodynamics.CL]
+CL0 = 0.3
+CLalpha = 5.0
+CLq = 6.0
+[aerodynamics.Cm]
+Cm0 = 0.0
+Cmq = -12.0
+Cmelevator = -0.8
+[aerodynamics.CQ]
+CQbeta = -0.3
+[aerodynamics.Cl]
+Clp = -0.4
+[aerodynamics.Cn]
+Cnbeta = 0.06
+Cnr = -0.1
+"""
+"""CD = 0.02925 + 0.05 (CL0 + CLalpha alpha)^2, and pitching moment by alpha from the place of the forces: as Gazebo has them."""
+
+
+def rotor_text() -> str:
+    """Return a quadrotor of MulticopterMotorModel's own terms: thrust by the square of the speed, drag, and drag of the body."""
+    text = builtin_text("quad-x").replace('drive = "command"', 'drive = "speed"\ngain = 1000.0')
+    for old, new in {
+        "T1 = 2.5": "",
+        "T2 = 6.0": "T2 = 8.5e-6",
+        "inflow = 0.25": "",
+        "drag = 0.08": "drag = 8e-5",
+    }.items():
+        assert old in text
+        text = text.replace(old, new)
+    return text.replace(
+        "[body_drag]",
+        "[environment]\ndensity = 1.225\n[body_drag]\nlinear = [0.1, 0.2, 0.1]\nrotation = [0.01, 0.01, 0.02]",
+    )
+
+
+def made(vehicle: Vehicle, blades: bool = False) -> GazeboModel:
+    return gazebo_model(vehicle, trim(vehicle), blades=blades)
+
+
+def differences(vehicle: Vehicle, point: Trim) -> dict[str, float]:
+    flight = reference_flight(vehicle, point)
+    assert flight is not None
+    assert flight.time[-1] == pytest.approx(30.0)
+    ours, theirs = rotorpy_flight.motion(flight), fly_gazebo(gazebo_model(vehicle, point), flight)
+    found = rotorpy_flight.differences(ours, theirs)
+    moves = (
+        np.abs(ours).max(axis=0) > 1e-3
+    )  # others rest: a wing without ailerons and rudder flies straight on
+    assert np.abs(theirs[:, ~moves]).max(initial=0.0) < 1e-3
+    return {name: x for (name, x), moving in zip(found.items(), moves, strict=True) if moving}
+
+
+@pytest.mark.parametrize("name", VEHICLES)
+@pytest.mark.parametrize("fixed", [False, True])
+def test_the_file_holds_the_equations(name: str, fixed: bool) -> None:
+    """Loads of the written file, by a naive twin of the systems' sources, at random motions, angles and speeds."""
+    model = made(builtin_vehicle(name))
+    twin = naive.Model(
+        gazebo_files.folders(model, made(model.vehicle, True))[f"{model.name}/model.sdf"], fixed
+    )
+    random = np.random.default_rng(5)
+    for _ in range(20):
+        velocity, rates = random.normal([15.0, 0.0, 0.0], [8.0, 3.0, 5.0]), random.normal(0.0, 1.0, 3)
+        angles = random.normal(0.0, 0.2, len(model.surfaces)).tolist()
+        speeds = random.uniform(0.0, 900.0, len(model.motors)).tolist()
+        ours = motor_loads(model.motors, speeds, velocity.tolist(), rates.tolist())
+        if model.wing is not None:
+            ours = ours + wing_loads(model.wing, angles, velocity.tolist(), rates.tolist())
+        if model.damping is not None:
+            ours = ours + damping_loads(model.damping, velocity.tolist(), rates.tolist())
+        twin.angles = {s.name: a for s, a in zip(model.surfaces, angles, strict=True)}
+        twin.speeds = {f"rotor_{i}": x for i, x in enumerate(speeds)}
+        force, moment = twin.loads((FLIP * velocity).tolist(), (FLIP * rates).tolist())
+        theirs = np.concatenate([FLIP * force, FLIP * moment])
+        assert theirs == pytest.approx(ours, rel=1e-9, abs=1e-9 * float(np.abs(ours).max()))
+
+
+def test_motors_follow_with_their_lag() -> None:
+    model = made(builtin_vehicle("quad-x"))
+    twin = naive.Model(gazebo_files.model(model, model.name))
+    twin.speeds = {f"rotor_{i}": 0.0 for i in range(4)}
+    for _ in range(200):
+        twin.follow({f"rotor_{i}": 500.0 for i in range(4)}, 0.001)
+    assert twin.speeds["rotor_0"] == pytest.approx(500.0 * (1.0 - math.exp(-0.2 / 0.05)), rel=1e-9)
+
+
+@pytest.mark.parametrize("name", ["twin-boom", "quadplane"])
+def test_first_order_on_wings(name: str) -> None:
+    """All derivatives of forces and moments at the steady flight are the vehicle's, by the exact ones of `derivatives`."""
+    vehicle = builtin_vehicle(name)
+    point = trim(vehicle, vehicle.value("reference.airspeed"))
+    model, exact = gazebo_model(vehicle, point), derivatives(vehicle, point)
+    assert model.wing is not None
+    known = dict(zip(vehicle.inputs, point.inputs.tolist(), strict=True))
+    angles, speeds = ([a.command(known) for a in each] for each in (model.surfaces, model.motors))
+
+    def loads(motion: np.ndarray, angles: list[float]) -> np.ndarray:
+        velocity, rates = motion[:3].tolist(), motion[3:].tolist()
+        out = motor_loads(model.motors, speeds, velocity, rates) + wing_loads(
+            model.wing, angles, velocity, rates
+        )
+        return out if model.damping is None else out + damping_loads(model.damping, velocity, rates)
+
+    motion = np.concatenate([exact.velocity, np.zeros(3)])
+    assert loads(motion, angles) == pytest.approx(exact.loads, abs=1e-5 * np.abs(exact.loads).max())
+    scale = np.abs(exact.matrix).max()
+    tolerance = np.full((6, 6), 1e-4 * scale)
+    tolerance[[0, 2, 4]] = (
+        1e-3 * scale
+    )  # the drag polar is fitted over a range, and there is no drag by sideslip
+    tolerance[:, 0] = 2e-2 * scale  # the speed: coefficients that depend on it
+    for i in range(6):
+        step = 1e-5 * np.eye(6)[i]
+        found = (loads(motion + step, angles) - loads(motion - step, angles)) / 2e-5
+        assert (np.abs(found - exact.matrix[:, i]) < tolerance[:, i]).all(), (i, found, exact.matrix[:, i])
+    for j, surface in enumerate(model.wing.moved):
+        step = 1e-5 * np.eye(len(angles))[j]
+        found = (loads(motion, (angles + step).tolist()) - loads(motion, (angles - step).tolist())) / 2e-5
+        column = list(exact.controls).index(vehicle.controls[j])
+        assert found == pytest.approx(exact.matrix[:, 6 + column], abs=1e-5 * scale), surface
+
+
+def test_a_quadrotor_of_its_own_terms_flies_alike() -> None:
+    vehicle = parse_vehicle(rotor_text(), "quad")
+    model = made(vehicle)
+    assert model.motors[0].constant == pytest.approx(8.5e-6, rel=1e-6)
+    assert model.motors[0].drag == pytest.approx(8e-5, rel=1e-6)
+    assert (model.motors[0].speed_gain, model.motors[0].moment) == (1000.0, pytest.approx(0.016, rel=1e-9))
+    assert unsupported_rotor_numbers(vehicle) == {}
+    assert max(differences(vehicle, trim(vehicle)).values()) < 1e-3
+
+
+def test_a_wing_of_its_own_terms_flies_alike() -> None:
+    vehicle = parse_vehicle(WING, "wing")
+    assert unsupported_wing_terms(vehicle) == {}
+    assert max(differences(vehicle, trim(vehicle)).values()) < 1e-3
+
+
+@pytest.mark.parametrize("name", VEHICLES)
+def test_structure(name: str) -> None:
+    """Joints join links that are there, systems name joints and links that are there, and mass properties are the vehicle's."""
+    vehicle = builtin_vehicle(name)
+    texts = gazebo_files.folders(made(vehicle), made(vehicle, True))
+    for place, text in texts.items():
+        if not place.endswith("model.sdf"):
+            continue
+        model = ET.fromstring(text).find("model")  # noqa: S314 - our own
+        assert model is not None
+        assert model.get("name") == place.split("/")[0]
+        links, joints = ({e.get("name") for e in model.findall(kind)} | {None} for kind in ("link", "joint"))
+        for joint in model.findall("joint"):
+            assert {joint.findtext("parent"), joint.findtext("child")} <= links
+        for plugin in model.iter("plugin"):
+            assert {e.text for tag in ("linkName", "link_name") for e in plugin.iter(tag)} <= links
+            assert {e.text for tag in ("jointName", "joint_name") for e in plugin.iter(tag)} <= joints
+        total, first, second = 0.0, np.zeros(3), np.zeros((3, 3))
+        for link in model.findall("link"):
+            pose = np.array([float(x) for x in (link.findtext("pose") or "0 0 0 0 0 0").split()])
+            inertial = link.find("inertial")
+            assert inertial is not None
+            r = pose[:3] + np.array([float(x) for x in inertial.findtext("pose").split()])[:3]
+            entry = {e.tag: float(e.text) for e in inertial.find("inertia")}
+            own = np.array([[entry[f"i{min(a, b)}{max(a, b)}"] for b in "xyz"] for a in "xyz"])
+            ends = np.linalg.eigvalsh(own)
+            assert ends.min() > 0.0
+            assert ends.max() <= ends.sum() - ends.max() + 1e-12  # a body has such a tensor
+            mass = float(inertial.findtext("mass"))
+            total, first = total + mass, first + mass * r
+            second += own + mass * (r @ r * np.eye(3) - np.outer(r, r))
+        assert total == pytest.approx(vehicle.value("mass.mass"), rel=1e-12)
+        assert np.abs(first).max() < 1e-12 * total
+        wanted = made(vehicle).inertia * np.outer(FLIP, FLIP)
+        assert second == pytest.approx(wanted, rel=1e-9, abs=1e-12)
+
+
+def test_blades_give_thrust_torque_and_losses() -> None:
+    """LiftDrag's blades, over the azimuth, at rest and in a slow climb and drift."""
+    vehicle = builtin_vehicle("quad-x")
+    model, plain = made(vehicle, True), made(vehicle)
+    twin = naive.Model(gazebo_files.model(model, model.name))
+    motor, speed = model.motors[2], 600.0
+
+    def mean(velocity: list[float]) -> np.ndarray:
+        found = [
+            np.concatenate(twin.blades("rotor_2", motor.spin_sign * speed, a, velocity, [0.0] * 3))
+            for a in np.linspace(0.0, 2.0 * np.pi, 48, endpoint=False)
+        ]
+        force, moment = np.mean(found, axis=0).reshape(2, 3)
+        return np.concatenate([FLIP * force, FLIP * moment])
+
+    for velocity in ([0.0] * 3, [0.0, 0.0, 0.1], [0.1, 0.05, 0.0]):
+        ours = motor_loads([motor], [speed], (FLIP * velocity).tolist(), [0.0] * 3)
+        assert mean(velocity)[:3] == pytest.approx(ours[:3], abs=1e-4 * abs(ours[2]))
+    rest = motor_loads([plain.motors[2]], [speed], [0.0] * 3, [0.0] * 3)
+    assert mean([0.0] * 3) == pytest.approx(rest, rel=1e-6, abs=1e-9)
+
+
+def test_outputs_of_the_autopilots() -> None:
+    """An output of PX4 or ArduPilot turns rotors as the recorded channel does."""
+    model = made(builtin_vehicle("quad-x"))
+    texts = gazebo_files.folders(model, made(model.vehicle, True))
+    sets = dict(
+        line.split()[2:]
+        for line in texts[f"px4/{airframe_number(model.name)}_gz_{model.name}"].splitlines()
+        if line.startswith("param")
+    )
+    motor = model.motors[0]
+    ends = [float(sets[f"SIM_GZ_EC_{end}1"]) for end in ("MIN", "MAX")]
+    assert ends == pytest.approx([motor.command({"motor_1": x}) for x in (1e-9, 1.0)], abs=0.5)
+    assert (sets["CA_ROTOR0_PX"], sets["CA_ROTOR0_KM"]) == ("0.177", "0.016")
+    assert "SERVO1_FUNCTION 33\n" in texts[f"ardupilot/{model.name}.parm"]
+    control = ET.fromstring(texts[f"{model.name}_ardupilot/model.sdf"])  # noqa: S314
+    control = control.find(".//control[@channel='2']")
+    multiplier, offset = (float(control.findtext(n)) for n in ("multiplier", "offset"))
+    turned = -np.array(
+        [multiplier * (x + offset) for x in (0.0, 0.5, 1.0)]
+    )  # the third rotor turns clockwise
+    assert turned == pytest.approx([motor.command({"motor_1": x}) for x in (1e-12, 0.5, 1.0)], rel=1e-9)
+
+
+def sets_of(text: str) -> dict[str, float]:
+    """Return the parameters of an airframe of PX4 or a parameter file of ArduPilot."""
+    pairs = [line.removeprefix("param set-default ").split() for line in text.splitlines()]
+    return {p[0]: float(p[1]) for p in pairs if len(p) == 2 and p[0].isupper()}
+
+
+def rotor_tables(text: str, order: list[str], spins: dict[str, str] | None = None) -> str:
+    """Return a vehicle file whose rotors stand in another order; some turn otherwise."""
+    parts = re.split(r"(?m)^(?=\[)", text)
+    rotors = {p[7 : p.index("]")]: p for p in parts if p.startswith("[rotor.")}
+    for name, spin in (spins or {}).items():
+        rotors[name] = re.sub(r'spin = "\w+"', f'spin = "{spin}"', rotors[name])
+    rest = [p for p in parts if not p.startswith("[rotor.")]
+    return "".join([*rest, *("\n" + rotors[name] for name in order)])
+
+
+@pytest.mark.parametrize(
+    ("name", "frame"),
+    [
+        ("quad-x", (1, 1)),
+        ("quad-plus", (1, 0)),
+        ("hexa-x", (2, 1)),
+        ("octo-x", (3, 1)),
+        ("quadplane", (1, 1)),
+    ],
+)
+@pytest.mark.parametrize("backward", [False, True])
+def test_the_frame_follows_from_where_rotors_stand(name: str, frame: tuple[int, int], backward: bool) -> None:
+    """Output n has the function of the motor of ArduPilot that stands and turns there, whatever the order of the file."""
+    text = builtin_text(name)
+    order = re.findall(r"(?m)^\[rotor\.(\w+)\]", text)
+    vehicle = parse_vehicle(rotor_tables(text, order[::-1] if backward else order), name)
+    model = gazebo_model(vehicle, trim(vehicle))
+    sets = sets_of(gazebo_autopilots.parameters(model))
+    head = "Q_FRAME" if name == "quadplane" else "FRAME"
+    assert (sets[f"{head}_CLASS"], sets[f"{head}_TYPE"]) == frame
+    assert gazebo_autopilots.notes(model) == []
+    for n, rotor in enumerate(vehicle.file.rotor, 1):
+        azimuth, spin = FRAMES[frame][int(sets[f"SERVO{n}_FUNCTION"]) - 33]
+        x, y = (vehicle.value(f"rotor.{rotor}.position.{a}") for a in "xy")
+        place = np.array([x, y]) / math.hypot(x, y)
+        assert place @ [math.cos(math.radians(azimuth)), math.sin(math.radians(azimuth))] > 0.98
+        assert vehicle.file.rotor[rotor].spin == spin
+    assert len({sets[f"SERVO{n}_FUNCTION"] for n in range(1, len(order) + 1)}) == len(order)
+
+
+def test_an_unknown_frame_does_not_arm() -> None:
+    text = builtin_text("quad-x")
+    order = re.findall(r"(?m)^\[rotor\.(\w+)\]", text)
+    vehicle = parse_vehicle(rotor_tables(text, order, {order[0]: "cw"}), "odd")
+    model = gazebo_model(vehicle, trim(builtin_vehicle("quad-x")))
+    sets = sets_of(gazebo_autopilots.parameters(model))
+    assert sets["FRAME_CLASS"] == 0
+    assert "FRAME_TYPE" not in sets
+    assert any("FRAME_CLASS is 0" in note for note in gazebo_autopilots.notes(model))
+
+
+def test_cruise_and_hover_in_the_parameters() -> None:
+    """Airspeeds are equivalent ones, trims give the joints of the steady flight, and the thrust curve that of the rotors."""
+    vehicle = builtin_vehicle("quadplane")
+    point = trim(vehicle, vehicle.value("reference.airspeed"), 400.0)
+    model, blades = gazebo_model(vehicle, point), gazebo_model(vehicle, point, blades=True)
+    assert model.wing is not None
+    assert model.hover is not None
+    px4, ardupilot = sets_of(gazebo_autopilots.airframe(model)), sets_of(gazebo_autopilots.parameters(blades))
+    speed = vehicle.value("reference.airspeed") * math.sqrt(model.wing.density / 1.225)
+    assert speed < 0.99 * vehicle.value("reference.airspeed")
+    assert (px4["FW_AIRSPD_TRIM"], ardupilot["AIRSPEED_CRUISE"]) == pytest.approx((speed, speed), abs=0.01)
+    known = dict(zip(vehicle.inputs, point.inputs.tolist(), strict=True))
+    for i, surface in enumerate(model.wing.moved):
+        assert px4[f"CA_SV_CS{i}_TRIM"] * surface.limit == pytest.approx(surface.command(known), abs=1e-4)
+        n = len(model.motors) + i + 1
+        x = (ardupilot[f"SERVO{n}_TRIM"] - 1000.0) / 1000.0
+        angle = 2.0 * model.wing.role(surface)[1] * surface.limit * (x - 0.5)
+        assert angle == pytest.approx(surface.command(known), abs=1e-3 * surface.limit)
+    propeller = model.motors[-1]
+    share = (propeller.command(known) - propeller.min_speed) / (propeller.max_speed - propeller.min_speed)
+    assert px4["FW_THR_TRIM"] == pytest.approx(share, abs=1e-3)
+    assert ardupilot["TRIM_THROTTLE"] == pytest.approx(100.0 * share, abs=0.6)
+    rotor, hover = model.motors[0], dict(zip(vehicle.inputs, model.hover.inputs.tolist(), strict=True))
+    u = (rotor.command(hover) - rotor.min_speed) / (rotor.max_speed - rotor.min_speed)
+    f = px4["THR_MDL_FAC"]
+    assert f * u**2 + (1.0 - f) * u == pytest.approx(px4["MPC_THR_HOVER"], abs=1e-3)
+    thrust = [rotor.command(hover) ** 2, rotor.max_speed**2]
+    relative = (thrust[0] - rotor.min_speed**2) / (thrust[1] - rotor.min_speed**2)
+    assert px4["MPC_THR_HOVER"] == pytest.approx(relative, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("gain", "mix", "center", "limit"),
+    [
+        (7e-4, "pwm_1", 1500.0, 0.35),
+        (0.4, "servo_1", 0.0, 0.4),
+        (1.0, "elevator_cmd", 0.0, math.radians(25.0)),
+    ],
+)
+def test_joints_end_where_the_channel_ends(gain: float, mix: str, center: float, limit: float) -> None:
+    head = f"[controls.elevator]\nmix = {{ {mix} = {gain} }}\n"
+    text = WING.replace(
+        "[controls.elevator]\nmix = { servo_1 = 0.4 }\n", head + f"center = {{ {mix} = {center} }}\n"
+    )
+    vehicle = parse_vehicle(text, "wing")
+    model = gazebo_model(vehicle, trim(vehicle))
+    assert model.wing is not None
+    assert [s.limit for s in model.wing.moved] == pytest.approx([limit])
+
+
+def test_more_motors_than_the_bridge_has_outputs() -> None:
+    text = builtin_text("octo-x")
+    extra = text[text.index("[rotor.m1]") : text.index("[rotor.m2]")]
+    extra = extra.replace("m1]", "m9]").replace("motor_1", "motor_9")
+    vehicle = parse_vehicle(text + "\n" + extra, "many")
+    model = gazebo_model(vehicle, trim(vehicle))
+    with pytest.raises(VehicleError, match="outputs for 8 motors"):
+        gazebo_autopilots.airframe(model)
+
+
+def test_elevons_are_known_by_their_moments() -> None:
+    text = WING.replace(
+        "[controls.elevator]\nmix = { servo_1 = 0.4 }",
+        "[controls.elevator]\nmix = { servo_1 = 0.4, servo_2 = 0.4 }",
+    )
+    text = text.replace(
+        "[aerodynamics.CD]",
+        "[controls.aileron]\nmix = { servo_1 = 0.4, servo_2 = -0.4 }\nlag = 0.05\n[aerodynamics.CD]",
+    )
+    model = made(parse_vehicle(text.replace("Clp = -0.4", "Clp = -0.4\nClaileron = 0.2"), "wing"))
+    assert model.wing is not None
+    assert [model.wing.role(s) for s in model.wing.moved] == [("left elevon", -1.0), ("right elevon", -1.0)]
+    texts = gazebo_files.folders(model, model)
+    assert "CA_SV_CS0_TYPE 5\n" in texts[f"px4/{airframe_number(model.name)}_gz_{model.name}"]
+    assert "SERVO3_FUNCTION 78\n" in texts[f"ardupilot/{model.name}.parm"]
+
+
+def test_flown_angles_of_attack_bound_the_polar() -> None:
+    vehicle = builtin_vehicle("twin-boom")
+    point = trim(vehicle)
+    record = excitation_record(vehicle, point)
+    assert record is not None
+    low, high = flown_alphas([record]) or (math.nan, math.nan)
+    assert low < point.start["alpha"] < high
+    model = gazebo_model(vehicle, point, (low, high))
+    assert model.wing is not None
+    assert model.wing.alpha_stall > high + 0.5
+    assert flown_alphas([]) is None
+
+
+def test_what_is_left_out() -> None:
+    text = builtin_text("twin-boom").replace(
+        "CLV = 0.0", 'CLV = 0.1\nCLx = { value = 0.2, term = "alpha*elevator" }'
+    )
+    assert set(unsupported_wing_terms(parse_vehicle(text, "wing"))) == {"CLV", "CLx", "CQV"}
+    text = builtin_text("quad-x").replace("inflow = 0.25", "inflow = 0.25\ntranslational = 0.001")
+    assert unsupported_rotor_numbers(parse_vehicle(text, "quad")) == {"rotors.translational": 0.0}
+
+
+def test_a_longitudinal_fit_is_exported_whole() -> None:
+    found = export(Subject(builtin_vehicle("twin-boom").reduced("longitudinal")), "gazebo")
+    assert any("longitudinal" in note and "six degrees of freedom" in note for note in found.notes)
+    assert any("CQV" in note and "% of the lateral acceleration" in note for note in found.notes)
+    assert b"<Clp>" not in found.files[found.main]
+    assert b"<Cellp>-0.4" in found.files[found.main]
+
+
+def test_refusals() -> None:
+    text = builtin_text("quad-x").replace('channel = "motor_2"', 'channel = "motor_1"')
+    shared = parse_vehicle(text, "quad")
+    with pytest.raises(VehicleError, match="share a channel"):
+        made(shared)
+    boom = builtin_vehicle("twin-boom")
+    with pytest.raises(SimulationError, match="full equations"):
+        gazebo_model(boom.reduced("longitudinal"), trim(boom))
