@@ -79,6 +79,7 @@ def _run(name: str, command: Sequence[str], folder: Path) -> bool:
     own = {
         "STOOP_CACHE_DIR": str(folder / "kernels"),  # what another version compiled proves nothing
         "OPENBLAS_NUM_THREADS": "1",  # threads of three processes would wait for each other
+        "STOOP_THREADS": "1",  # likewise
     }
     print(f"\n=== {name}: {' '.join(command)}", flush=True)
     began = time.monotonic()

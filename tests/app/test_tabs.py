@@ -28,6 +28,8 @@ def test_two_tabs_edit_one_vehicle(app, tab, quadrotor: Path) -> None:
         page.wait("mass.inertia.xx")
     edit(one, "mass.mass", "1.75")
     edit(other, "mass.inertia.zz", "0.0456")
+    for page in (one, other):
+        page.wait("1 edit not saved")
     one.click("Save")
     one.wait("vehicle.toml is saved")
     other.wait("The file was changed in another tab")

@@ -217,6 +217,13 @@ class VehicleView(View):
             sortable=False, height=520, sizing_mode="stretch_width", margin=(4, 0), stylesheets=[parts.style("form.css")],
         )  # fmt: skip
         self._form.frozen_columns = ["name"]
+        unsaved = parts.html(margin=(12, 0))
+
+        def told(event: Any) -> None:
+            edits = sum(map(len, self.edits.values()))
+            unsaved.object = f"<span class='soft'>{count(edits, 'edit')} not saved</span>" if edits else ""
+
+        self._form.on_edit(told)
         free = Layout.of(
             vehicle, ()
         ).dimension  # as reports count: biases of sensors are of a window, not of the vehicle
@@ -236,6 +243,7 @@ class VehicleView(View):
             parts.button("Discard edits", self.act(self._discard)),
             parts.button("Check by trim", self.act(self._trim)),
             parts.button("Next: the windows", self.act(self._onward)),
+            unsaved,
         )
         self.body[:] = [parts.html(lead), buttons, self._form, self._checks, *rest]
 

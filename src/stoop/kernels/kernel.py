@@ -206,15 +206,15 @@ class Kernel:
     def share(
         self, run: Callable[[int, int], None], count: int, threads: int | None, lanes: int | None = None
     ) -> None:
-        """Share whole blocks among threads; one thread works in place."""
+        """Share whole blocks among threads, the caller's among them."""
         lanes = lanes or self.lanes
         blocks = -(-count // lanes)
         workers = max(1, min(threads or thread_count(), blocks))
         edges = [lanes * (blocks * i // workers) for i in range(workers)] + [count]
-        if workers == 1:
-            run(0, count)
-            return
-        list(_pool(workers).map(run, edges[:-1], edges[1:]))
+        others = [_pool(workers - 1).submit(run, *ends) for ends in zip(edges[1:-1], edges[2:], strict=True)]
+        run(0, edges[1])
+        for other in others:
+            other.result()
 
 
 def fits(name: str, array: NDArray[Any], shape: tuple[int, ...]) -> None:
