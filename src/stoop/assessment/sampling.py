@@ -48,6 +48,9 @@ class SamplerSettings:
     corner: float = 0.3  #: standard deviations over which a bound is rounded
     #: independent draws' worth, in the middle and in the tails of every parameter (Vehtari et al. 2021, section 4)
     min_sample_size: float = 400.0
+    max_std_error: float = (
+        0.03  #: Monte Carlo standard error of every parameter's standard deviation, of this
+    )
     chains: int = 4  #: as R-hat's authors ask for
     tuning: int = 300  #: draws of every chain that find length and scale of steps, and are thrown away
     draws: int = 600  #: of every chain
@@ -169,8 +172,9 @@ class Chains:
 
     draws: FloatArray  #: (chains, steps, k); in the unit box, warm-up left out
     density: FloatArray  #: (chains, steps); logarithm, up to a constant
-    #: convergence: ``rhat`` (greatest), ``ess_bulk``, ``ess_tail`` (least), ``acceptance`` (mean), ``chains``, ``steps``,
-    #: and ``divergences`` of Hamiltonian Monte Carlo
+    #: convergence: ``rhat`` (greatest), ``ess_bulk``, ``ess_tail`` (least), ``std_error`` (greatest Monte Carlo standard error
+    #: of a standard deviation, of this), ``acceptance`` (mean), ``chains``, ``steps``, and ``divergences`` of Hamiltonian
+    #: Monte Carlo
     figures: dict[str, float]
     library: str  #: that drew them
 
@@ -182,18 +186,26 @@ class Chains:
     @property
     def converged(self) -> bool:
         """Whether all chains tell the same, often enough."""
-        return self.figures["rhat"] <= MAX_RHAT and self.sample_size >= SAMPLER.min_sample_size
+        enough = self.sample_size >= SAMPLER.min_sample_size
+        return (
+            enough and self.figures["rhat"] <= MAX_RHAT and self.figures["std_error"] <= SAMPLER.max_std_error
+        )
 
     @classmethod
     def of(cls, drawn_by: str, draws: FloatArray, density: FloatArray, **more: float) -> Self:
         """Return the chains with their figures."""
         arviz = library("arviz")
-        data = arviz.convert_to_dataset({"x": draws})
+        square = (draws - draws.mean(axis=(0, 1))) ** 2
+        data = arviz.convert_to_dataset({"x": draws, "square": square})
         with np.errstate(all="ignore"):
+            scatter = np.var(square, axis=(0, 1)) / np.mean(square, axis=(0, 1)) ** 2
             figures = {
                 "rhat": float(np.max(np.asarray(arviz.rhat(data)["x"]))),
                 "ess_bulk": float(np.min(np.asarray(arviz.ess(data, method="bulk")["x"]))),
                 "ess_tail": float(np.min(np.asarray(arviz.ess(data, method="tail")["x"]))),
+                "std_error": float(
+                    np.max(0.5 * np.sqrt(scatter / np.asarray(arviz.ess(data, method="mean")["square"])))
+                ),
             }
         counts = {"chains": float(draws.shape[0]), "steps": float(draws.shape[1])}
         return cls(draws, density, figures | more | counts, drawn_by)
@@ -203,7 +215,7 @@ Watch = Callable[[str], None]
 
 
 def sample(target: Density, coordinates: Coordinates, seed: int, watch: Watch = lambda _: None) -> Chains:
-    """Draw until R-hat and the effective sample size are good, or as often as the settings allow.
+    """Draw until R-hat, the effective sample size and the error of standard deviations are good, or as often as allowed.
 
     `watch` receives the progress. Errors are those of :func:`libraries`.
     """

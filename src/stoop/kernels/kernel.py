@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from importlib.machinery import SourceFileLoader
+from itertools import pairwise
 from pathlib import Path
 from types import CodeType, ModuleType
 from typing import TYPE_CHECKING, Any
@@ -211,7 +212,7 @@ class Kernel:
         blocks = -(-count // lanes)
         workers = max(1, min(threads or thread_count(), blocks))
         edges = [lanes * (blocks * i // workers) for i in range(workers)] + [count]
-        others = [_pool(workers - 1).submit(run, *ends) for ends in zip(edges[1:-1], edges[2:], strict=True)]
+        others = [_pool(workers - 1).submit(run, *ends) for ends in pairwise(edges[1:])]
         run(0, edges[1])
         for other in others:
             other.result()

@@ -68,6 +68,7 @@ FIGURES: Final = {
     "rhat": "greatest R-hat",
     "ess_bulk": "least effective sample size, bulk",
     "ess_tail": "least effective sample size, tails",
+    "std_error": "greatest Monte Carlo error of a standard deviation, of this",
     "autocorrelation_time": "longest autocorrelation time, steps",  # of results up to 0.1
     "acceptance": "acceptance",
     "chains": "chains",

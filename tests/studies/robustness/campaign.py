@@ -1,4 +1,4 @@
-"""The campaign in little, in parts that run side by side: twenty thousand inputs, 20 kills and half a slice of commands."""
+"""The campaign in little, in parts that run side by side: ten thousand inputs, 10 kills and a fifth of a slice of commands."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ def surfaces(*families: str) -> list[str]:
     return [name for name, surface in SURFACES.items() if surface.family in families]
 
 
-def check_surface(name: str, slices: float = 2.0) -> None:
+def check_surface(name: str, slices: float = 1.0) -> None:
     """Try what some slices of the campaign try of a surface; none of it may fail."""
     surface = SURFACES[name]
     count = round(slices * surface.count)

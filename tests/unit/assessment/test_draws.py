@@ -88,7 +88,8 @@ def test_what_the_data_do_not_determine_is_drawn_from_prior_or_box_or_held() -> 
 
 
 def test_a_posterior_that_did_not_converge_is_refused_with_the_way_out(tmp_path: Path) -> None:
-    failed = notice("posterior-not-converged", rhat=1.3, sample_size=20.0, max_rhat=1.01, needed=400.0)
+    figures = {"rhat": 1.3, "sample_size": 20.0, "std_error": 0.2}
+    failed = notice("posterior-not-converged", **figures, max_rhat=1.01, needed=400.0, max_std_error=0.03)
     intervals = MethodIntervals({}, {"rhat": 1.3}, (failed,))
     fit = replace(
         result({"a": ParameterEstimate(1.0, 0.1)}, np.array([[0.01]])), uncertainty={"posterior": intervals}

@@ -18,7 +18,7 @@ from numpy.testing import assert_allclose
 from stoop.assessment import sampling
 from stoop.assessment.assessment import linearize
 from stoop.assessment.posterior import Target, coordinates
-from stoop.assessment.sampling import SAMPLER, Coordinates, ensemble, hamiltonian, libraries
+from stoop.assessment.sampling import SAMPLER, Chains, Coordinates, ensemble, hamiltonian, libraries
 from stoop.errors import IdentificationError
 
 Sampler = Callable[..., Any]
@@ -79,9 +79,8 @@ class Student:
         return float(self(x[None])[0]), -gradient @ directions
 
 
-def test_a_banana_in_48_dimensions_has_its_standard_deviations(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The kurtosis of y, 8.3, leaves 2 % of error to the standard deviation of 4000 independent draws; 8000 are drawn."""
-    monkeypatch.setattr(sampling, "SAMPLER", replace(SAMPLER, draws=2000))
+def test_a_banana_in_48_dimensions_has_its_standard_deviations() -> None:
+    """The kurtosis of y, 8.3, leaves 2 % of error to the standard deviation of 4000 independent draws."""
     target = chained(1.0)
     chains = converged(hamiltonian, target, coordinates(target))
     found = chains.draws.reshape(-1, SIZE)
@@ -92,12 +91,23 @@ def test_a_banana_in_48_dimensions_has_its_standard_deviations(monkeypatch: pyte
 
 def test_a_map_that_does_not_fit_changes_the_steps_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sampling, "SAMPLER", replace(SAMPLER, draws=1000))
-    target = chained(0.5)
+    target, size = chained(0.5, 24), 24
     bent = coordinates(target)
-    wrong = replace(bent, bend=-0.5 * bent.bend, growth=0.02 * np.tril(np.ones((SIZE, SIZE)), -1))
+    wrong = replace(bent, bend=-0.5 * bent.bend, growth=0.02 * np.tril(np.ones((size, size)), -1))
     chains = converged(hamiltonian, target, wrong)
-    ratio = chains.draws.reshape(-1, SIZE).std(axis=0) / spread(0.5)
+    ratio = chains.draws.reshape(-1, size).std(axis=0) / spread(0.5, size)
     assert np.sqrt(np.mean((ratio - 1.0) ** 2)) < 0.03
+
+
+@pytest.mark.parametrize("tails", [3.0, 9.0])
+def test_the_error_of_standard_deviations_is_their_scatter(tails: float) -> None:
+    """Of independent draws of a gamma distribution, whose kurtosis is 3 + 6 / shape."""
+    random, shape = np.random.default_rng(8), 6.0 / (tails - 3.0) if tails > 3.0 else np.inf
+    size = (200, 4, 500, 1)
+    drawn = random.standard_normal(size) if np.isinf(shape) else random.gamma(shape, size=size)
+    scatter = np.std([x.std() for x in drawn]) / np.mean([x.std() for x in drawn])
+    found = np.mean([Chains.of("none", x, x[..., 0]).figures["std_error"] for x in drawn])
+    assert found == pytest.approx(scatter, rel=0.15)
 
 
 def test_student_t_in_48_dimensions_has_its_standard_deviations() -> None:
