@@ -22,7 +22,7 @@ import tempfile
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -206,17 +206,14 @@ class Posterior:
         parameters = {name: Interval(*numbers) for name, *numbers in rows}
         notices = []
         if not chains.converged:
-            found = {
-                "rhat": figures["rhat"],
-                "sample_size": chains.sample_size,
-                "std_error": figures["std_error"],
-            }
+            found: dict[str, Any] = {name: figures[name] for name in ("rhat", "std_error")}
             limits = {
                 "max_rhat": MAX_RHAT,
                 "needed": SAMPLER.min_sample_size,
                 "max_std_error": SAMPLER.max_std_error,
             }
-            notices.append(notice("posterior-not-converged", **found, **limits))
+            found |= {"sample_size": chains.sample_size, **limits}
+            notices.append(notice("posterior-not-converged", **found))
         if error > MAX_DENSITY_ERROR:
             notices.append(notice("posterior-nuisances-nonlinear", error=error))
         intervals = MethodIntervals(parameters, figures, tuple(notices))

@@ -31,6 +31,9 @@ class Usual:
     #: measurements are stamped late
     delay: float = 0.02
     delay_std: float = 0.02
+    sensor_delay_std: float = (
+        0.05  #: s, from a reading to its time stamp: filters, buses, logging, receivers of GNSS
+    )
     thrust: float = (
         0.2  #: standard deviation of coefficients of thrust, in parts of them: propeller data against flight
     )

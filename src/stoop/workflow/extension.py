@@ -97,17 +97,17 @@ def extend(
             watch(f"extension: {name}")
             longer = _freed(best.vehicle, known[name], tests[name].change)
             candidate = _fit(longer, flights, fitted, held_back, options)
-            tried.append((tests[name], candidate, _gain(best.fit, candidate.fit)))
-        test, better, gain = max(tried, key=lambda one: one[2])
+            tried.append((tests[name], candidate, gain(best.fit, candidate.fit)))
+        test, better, rise = max(tried, key=lambda one: one[2])
         color = best.fit.inflation  # one for both: so many samples say as much as one independent sample
         change = better.prediction - best.prediction
         ahead = float(np.sum(change)) / color
         spread = math.sqrt(float(np.sum((change - np.sum(change) / max(len(change), 1)) ** 2)) / color)
-        kept = gain > 0.0 and (ahead > -CONFIDENCE * spread or not held_back)
+        kept = rise > 0.0 and (ahead > -CONFIDENCE * spread or not held_back)
         code = (
             "extension-refused" if not kept else "extension-kept" if held_back else "extension-kept-unchecked"
         )
-        notices[test.name] = notice(code, test.name, line=test.line, gain=gain, ahead=ahead, spread=spread)
+        notices[test.name] = notice(code, test.name, line=test.line, gain=rise, ahead=ahead, spread=spread)
         if kept:  # what was refused beside another model may be right beside this one
             best, missing = better, extension_tests(better.fit, better.bars).found
         else:
@@ -148,7 +148,7 @@ def _predictive_score(
     return ahead.log_likelihood(fit.problem.layout.vehicle.outputs)
 
 
-def _gain(before: Fit, after: Fit) -> float:
+def gain(before: Fit, after: Fit) -> float:
     """Return the rise of the log-likelihood less Schwarz's penalty; correlated residuals count less."""
     more, count = after.problem.dimension - before.problem.dimension, 0.0
     deviances = []

@@ -10,8 +10,8 @@ from typing import Final
 import numpy as np
 
 from stoop.assessment.covariance import NORMAL_95
-from stoop.assessment.error_bars import ErrorBars, error_bars
-from stoop.assessment.extensions import extension_notices, extension_tests
+from stoop.assessment.error_bars import ErrorBars
+from stoop.assessment.extensions import extension_notices
 from stoop.assessment.goodness_of_fit import left_out_residuals, press_notices
 from stoop.assessment.maneuver_advice import flown_model
 from stoop.assessment.modes import modes
@@ -25,7 +25,6 @@ from stoop.estimate.fit import Fit, Options
 from stoop.estimate.predict import expected_biases, fitted_deviations, fitted_model, predict
 from stoop.flight import Flight
 from stoop.problem.windows import Window
-from stoop.results.extensions import ExtensionTests
 from stoop.results.result import (
     AirDataTrace,
     Identification,
@@ -40,13 +39,14 @@ from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.notation import symbols
 from stoop.workflow.curves import Simulated, channel_units, maneuver_curves
 from stoop.workflow.outputs import versions, with_values
+from stoop.workflow.sensor_delays import CheckedFit
 from stoop.workflow.summary import basis_notices, data_notices, fit_warnings, slowest_rate
 
 START_UNITS: Final = {"V": "m/s", "p": "rad/s", "q": "rad/s", "r": "rad/s"}  #: of initial states; others rad
 
 
 def identification(
-    fit: Fit,
+    checked: CheckedFit,
     flights: Mapping[str, Flight],
     predicted: Sequence[Window],
     options: Options,
@@ -59,7 +59,8 @@ def identification(
     `flights` are as they were fitted, `predicted` windows were not; `inputs` are hashes of files by name; `began` is
     `time.perf_counter` at the start.
     """
-    vehicle, color, bars = fit.problem.layout.vehicle, fit.inflation, error_bars(fit)
+    fit, bars = checked.fit, checked.bars
+    vehicle, color = fit.problem.layout.vehicle, fit.inflation
     if too_few(fit.problem, slowest_rate(fit, flights)):
         bars = bars.rejected(notice("error-bars-of-few-samples"))
     parameters, model = _parameters(fit, bars), fitted_model(fit, bars.covariance)
@@ -93,10 +94,9 @@ def identification(
         inputs=inputs,
         method=options.method,
     )
-    failed: list[Notice] = []  # of detectors
+    failed = [*checked.failed]  # of detectors
     found = attempt(failed, (), modes, fit, result.covariance.names, result.covariance.matrix)
-    tests = attempt(failed, ExtensionTests(), extension_tests, fit, bars)
-    result = replace(with_uncertainty(replace(result, modes=found), fit, bars), extensions=tests)
+    result = replace(with_uncertainty(replace(result, modes=found), fit, bars), extensions=checked.tests)
 
     prepared = [one for group in groups for one in group.prepared.notices]
     of_flights = [one for flight in flights.values() for one in flight.notices]

@@ -30,6 +30,7 @@ from stoop.vehicle.assumptions import with_assumptions
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.workflow.fit_result import identification
 from stoop.workflow.outputs import by_name, check_folder, flight_files, input_hashes, place_outputs
+from stoop.workflow.sensor_delays import CheckedFit, with_sensor_delays
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -154,9 +155,9 @@ class Job:
 
 @dataclass(frozen=True, eq=False)
 class Search:
-    """A finished search; error bars and predictions are still to come, see :func:`finish`."""
+    """A finished search; predictions are still to come, see :func:`finish`."""
 
-    fit: Fit
+    checked: CheckedFit
     flights: Mapping[str, Flight]
     predicted: tuple[Window, ...]
     options: Options
@@ -164,6 +165,11 @@ class Search:
     files: tuple[Path, ...]
     began: float
     command: str
+
+    @property
+    def fit(self) -> Fit:
+        """The fit."""
+        return self.checked.fit
 
 
 def as_flight(given: Flight | str | Path | xr.Dataset) -> Flight:
@@ -283,15 +289,21 @@ def search(
         longer = extended(vehicle, known, fitted, predicted, named, watch)
         vehicle, notices = longer.vehicle, (*notices, *longer.notices)
     method, found = choice.fit(vehicle, known, fitted, options, callback, state)
-    options, found = replace(options, method=method), replace(found, notices=(*notices, *found.notices))
+    options = replace(options, method=method)
+    checked = with_sensor_delays(
+        vehicle, found, lambda longer: choice.fit(longer, known, fitted, options)[1], watch
+    )
+    checked = replace(checked, fit=replace(checked.fit, notices=(*notices, *checked.fit.notices)))
     read = (Path(vehicle.where), *flight_files(known.values()), *files)
-    return Search(found, known, predicted, options, inputs, read, began, command)
+    return Search(checked, known, predicted, options, inputs, read, began, command)
 
 
 @on_one_blas_thread
 def finish(done: Search) -> Job:
     """Add error bars, predictions and goodness of fit to a finished search."""
     fit, flights, predicted = done.fit, done.flights, done.predicted
-    found = identification(fit, flights, predicted, done.options, done.inputs, done.began, done.command)
+    found = identification(
+        done.checked, flights, predicted, done.options, done.inputs, done.began, done.command
+    )
     forces = force_figures(fit, flights, predicted)
     return Job(found, identified_vehicle(fit), tuple(flights.values()), fit, done.files, forces=forces)

@@ -1,0 +1,96 @@
+"""Delays of sensors that a vehicle file leaves out: freed, with a prior, where the score tests ask for them.
+
+A reading that comes late is no fault of the aircraft: parameters that take it over are biased by many standard errors, while
+residuals may look nearly white. So after each fit the score tests of what the model lacks are asked; as long as the strongest
+is the delay of a sensor, no other extension explains as much, and the log-likelihood rises by more than Schwarz's penalty, it
+becomes a free parameter. A file that gives a delay (0 for none) decides for itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+from stoop.assessment.error_bars import ErrorBars, error_bars
+from stoop.assessment.extensions import LIMITS, extension_tests
+from stoop.base.notices import Notice, attempt, notice
+from stoop.estimate.fit import Fit
+from stoop.results.extensions import ExtensionTests
+from stoop.vehicle import Vehicle
+from stoop.vehicle.assumptions import USUAL
+from stoop.vehicle.document import with_entries
+from stoop.vehicle.extensions import Extension, extended
+from stoop.workflow.extension import gain
+
+
+@dataclass(frozen=True, eq=False)
+class CheckedFit:
+    """A fit with its error bars, and what its data ask for beside its model."""
+
+    fit: Fit
+    bars: ErrorBars
+    tests: ExtensionTests
+    failed: tuple[Notice, ...] = ()  #: why nothing was tested
+
+    @classmethod
+    def of(cls, fit: Fit) -> CheckedFit:
+        """Return a fit, tested."""
+        failed, bars = list[Notice](), error_bars(fit)
+        tests = attempt(failed, ExtensionTests(), extension_tests, fit, bars)
+        return cls(fit, bars, tests, tuple(failed))
+
+
+def with_sensor_delays(
+    vehicle: Vehicle, first: Fit, refit: Callable[[Vehicle], Fit], watch: Callable[[str], None]
+) -> CheckedFit:
+    """Return a fit with the delays of sensors that it asks for among its unknowns.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+        As it was given to the fit.
+    first : Fit
+        Without them.
+    refit : callable
+        Fits another vehicle to the same data.
+    watch : callable
+        Is told what is fitted.
+    """
+    best, freed = CheckedFit.of(first), dict[str, str]()  # name: that of its parameter
+    while extension := _late_sensor(vehicle, best.tests):
+        entries = extension.entries({"value": 0.0, "prior": USUAL.sensor_delay_std})
+        vehicle = with_entries(vehicle, entries)
+        watch(f"delay: {extension.name}")
+        try:
+            found = refit(vehicle)
+        except KeyboardInterrupt:  # what was found without it stands
+            break
+        if gain(best.fit, found) <= 0.0:
+            break
+        freed[extension.name] = ".".join(next(iter(entries)))
+        best = CheckedFit.of(found)
+    outcome = replace(
+        best.fit.outcome, state=first.outcome.state
+    )  # what is saved, and resumed, is the first search
+    std = dict(zip((u.name for u in best.fit.unknowns), best.bars.std.tolist(), strict=True))
+    notices = (
+        notice(
+            "sensor-delay-freed",
+            name,
+            estimate=best.fit.estimates[one],
+            std=std[one],
+            prior=USUAL.sensor_delay_std,
+        )
+        for name, one in freed.items()
+    )
+    return replace(best, fit=replace(best.fit, outcome=outcome, notices=(*notices, *best.fit.notices)))
+
+
+def _late_sensor(vehicle: Vehicle, tests: ExtensionTests) -> Extension | None:
+    """Return the delay of a sensor that the data ask for before all else, if they do."""
+    if not tests.found:
+        return None
+    late = {one.name: one for one in extended(vehicle)[1] if one.readings}
+    best, *others = tests.found
+    tied = any(one.name not in late and best.gain - one.gain < LIMITS.tie for one in others)
+    return None if tied else late.get(best.name)
