@@ -201,9 +201,7 @@ def refined(
                 break
             end = at
             recorded, held = aligned(recorded, at.z), problem.problem
-            settled = all(
-                a.moved == b.moved for a, b in zip(recorded.pieces, held.pieces, strict=True)
-            )
+            settled = all(a.moved == b.moved for a, b in zip(recorded.pieces, held.pieces, strict=True))
             given = options.covariance is not None
             noise_converged = settled and (given or ALTERNATION.converged(before, held))
             if noise_converged:

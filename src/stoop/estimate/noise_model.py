@@ -10,6 +10,8 @@ The fit sees pseudo-observations [3]_: the simulated reading plus :math:`u = \ps
 :math:`\sum J' \psi(r) = 0`; and the variance of u, :math:`E[\psi^2] / m^2`, is that with which an M-estimator scatters. Cost,
 information, color and error bars therefore need no special case.
 
+A filter takes the readings of the smallest weights as not measured: an outlier that corrects the state disturbs what follows.
+
 **Maneuvers.** Variances of a channel that differ between maneuvers by more than chance (Bartlett's test, each maneuver with as
 many samples as are independent) are estimated one by one. Their logarithms are drawn toward their mean by empirical Bayes, the
 more the fewer samples a maneuver has [4]_.
@@ -34,10 +36,10 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from scipy.special import digamma, polygamma
+from scipy.special import digamma, expit, polygamma
 from scipy.stats import chi2
 
-from stoop.base.arrays import FloatArray, IntArray
+from stoop.base.arrays import BoolArray, FloatArray, IntArray
 from stoop.base.notices import Notice, notice
 from stoop.base.robust import robust_std
 from stoop.estimate.noise import correlation_times
@@ -55,10 +57,15 @@ class Limits:
     #: 40 by chance less often than once in 10^8 channels, and residuals that a model error colors seldom
     likelihood_ratio: float = 40.0
     variance_ratio: float = 1.2  #: by which the variance of an estimate must fall
+    #: excess kurtosis, below which no mixture is fitted, for time: one of which the wide part is less than half, and that
+    #: lowers the variance by that ratio, has a larger one
+    kurtosis: float = 1.0
     level: float = 1e-8  #: of Bartlett's test: that of the likelihood ratio
     min_samples: float = 8.0  #: independent ones, below which a maneuver's variance is not estimated
     weight: float = 0.1  #: below which a filter leaves a reading out
-    clipped: float = 3.0  #: robust standard deviations, to which residuals are limited in the variance of a maneuver
+    clipped: float = (
+        3.0  #: robust standard deviations, to which residuals are limited in the variance of a maneuver
+    )
     named: float = 1.5  #: times the noise of the other maneuvers, from which a maneuver is named
 
 
@@ -73,27 +80,31 @@ class Mixture:
     share: float = 0.0  #: of the readings in the wide one
     width: float = 1.0  #: standard deviation of the wide one over sigma
 
-    def log_densities(self, squares: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the logarithms (n,) of both parts of the density at squares (n,) of residuals."""
-        parts = ((1.0 - self.share, self.sigma), (self.share, self.width * self.sigma))
-        clean, wide = (
-            np.log(max(p, np.finfo(np.float64).tiny) / (s * np.sqrt(2.0 * np.pi))) - 0.5 * squares / s**2
-            for p, s in parts
-        )
-        return clean, wide
+    def _parts(self, residuals: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the logarithms of the densities of both parts."""
+        clean = _log_normal(residuals, self.sigma) + np.log1p(-self.share)
+        return clean, _log_normal(residuals, self.width * self.sigma) + np.log(self.share)
 
-    def outlying(self, squares: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the probability (n,) that a reading is of the wide part, and the logarithm (n,) of the density."""
-        clean, wide = self.log_densities(squares)
-        total = np.logaddexp(clean, wide)
-        return np.exp(wide - total), total
+    def log_density(self, residuals: FloatArray) -> FloatArray:
+        """Return the logarithm of the density of residuals."""
+        return np.logaddexp(*self._parts(residuals)) if self.share else _log_normal(residuals, self.sigma)
+
+    def outlying(self, residuals: FloatArray) -> FloatArray:
+        """Return the probability that residuals are of the wide part."""
+        clean, wide = self._parts(residuals)
+        return np.asarray(expit(wide - clean))
 
     def weights(self, residuals: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the weights w and the derivatives of the score w r, like the residuals; those of NaN are NaN."""
         lost = 1.0 - self.width**-2.0
-        probability = self.outlying(residuals**2)[0]
+        probability = self.outlying(residuals)
         w = 1.0 - lost * probability
         return w, w - lost**2 * probability * (1.0 - probability) * (residuals / self.sigma) ** 2
+
+
+def _log_normal(residuals: FloatArray, sigma: float) -> FloatArray:
+    """Return the logarithm of the normal density about zero."""
+    return np.asarray(-0.5 * (residuals / sigma) ** 2 - np.log(sigma * np.sqrt(2.0 * np.pi)))
 
 
 def fit_mixture(residuals: FloatArray) -> Mixture:
@@ -107,13 +118,15 @@ def fit_mixture(residuals: FloatArray) -> Mixture:
     wide = max((mean - (1.0 - share) * sigma**2) / share, 4.0 * sigma**2)
     found, before = Mixture(sigma, share, float(np.sqrt(wide)) / sigma), -np.inf
     for _ in range(EM_STEPS):
-        probability, logs = found.outlying(squares)
-        likelihood = float(np.mean(logs))
+        likelihood = float(np.mean(found.log_density(residuals)))
         if likelihood - before < EM_TOLERANCE:
             break
-        share, before = float(np.mean(probability)), likelihood
-        inside = float(np.mean((1.0 - probability) * squares)) / max(1.0 - share, 1e-300)
-        outside = float(np.mean(probability * squares)) / max(share, 1e-300)
+        probability, before = found.outlying(residuals), likelihood
+        share = float(np.mean(probability))
+        if not 0.0 < share < 1.0:
+            break
+        inside = float((1.0 - probability) @ squares) / (len(squares) * (1.0 - share))
+        outside = float(probability @ squares) / (len(squares) * share)
         if not (inside > 0.0 and outside > 0.0):
             break
         found = Mixture(float(np.sqrt(inside)), share, float(np.sqrt(outside / inside)))
@@ -142,14 +155,16 @@ def shrunk(variances: FloatArray, samples: FloatArray) -> FloatArray:
     between = max(0.0, surplus / (own.sum() - float(own @ own) / own.sum()))
     own = 1.0 / (between + chance)
     mean = float(own @ logs / own.sum())
-    return np.exp(mean + between / (between + chance) * (logs - mean))
+    return np.asarray(np.exp(mean + between / (between + chance) * (logs - mean)))
 
 
 @dataclass(frozen=True, eq=False)
 class NoiseModel:
     """Shape and size of the noise of every channel."""
 
-    mixtures: tuple[Mixture | None, ...]  #: (n_y,) of the residuals over `relative`; None where they are normal
+    mixtures: tuple[
+        Mixture | None, ...
+    ]  #: (n_y,) of the residuals over `relative`; None where they are normal
     information: FloatArray  #: (n_y,), share of the information that is left: mean derivative m of the score
     relative: FloatArray  #: (k, n_y), standard deviation in each maneuver over that of the channel
     unequal: tuple[bool, ...]  #: (n_y,), whether maneuvers differ
@@ -187,13 +202,21 @@ class NoiseModel:
     def notices(self, problem: Misfit, maneuvers: Sequence[str]) -> list[Notice]:
         """Return what is other than normal noise that is the same in all maneuvers, whose names are given."""
         outputs, out = problem.layout.vehicle.outputs, []
-        for channel, mixture in zip(outputs, self.mixtures, strict=True):
-            if mixture is not None:
-                out.append(notice("outliers", channel, share=mixture.share, width=mixture.width))
+        found = {c: m for c, m in zip(outputs, self.mixtures, strict=True) if m is not None}
+        if found:
+            shares, widths = (tuple(getattr(m, name) for m in found.values()) for name in ("share", "width"))
+            share, width = float(np.median(shares)), float(np.median(widths))
+            out.append(
+                notice(
+                    "outliers", channels=tuple(found), share=share, width=width, shares=shares, widths=widths
+                )
+            )
         if not any(self.unequal):
             return out
         logs, count = np.log(self.relative[:, self.unequal]), len(self.relative)
-        factors = np.exp((logs - logs.mean(axis=0)) * count / max(count - 1, 1))  # over the mean of the others
+        factors = np.exp(
+            (logs - logs.mean(axis=0)) * count / max(count - 1, 1)
+        )  # over the mean of the others
         channels = np.array(outputs)[list(self.unequal)]
         for name, own in zip(maneuvers, factors, strict=True):
             if (noisy := own >= LIMITS.named).any():
@@ -225,7 +248,7 @@ def noise_model(problem: Misfit, residuals: Sequence[FloatArray], before: NoiseM
 def maneuver_noise(
     residuals: Sequence[FloatArray], labels: IntArray, dt: float, before: NoiseModel
 ) -> tuple[FloatArray, tuple[bool, ...], frozenset[int]]:
-    """Return the relative noise (k, n_y) of the maneuvers, which channels differ (n_y,), and which maneuvers have too few samples.
+    """Return the relative noise (k, n_y) of the maneuvers, the channels that differ (n_y,), the maneuvers with too few samples.
 
     The `labels` are the maneuvers of the residuals (n, n_y) of each piece, sampled every `dt` s.
     """
@@ -233,17 +256,16 @@ def maneuver_noise(
     relative, unequal, unknown = np.ones((k, channels)), [False] * channels, set[int]()
     counts, variances, squares = np.zeros((k, channels)), np.full((k, channels), np.nan), list(residuals)
     for m in np.unique(labels):
-        own = np.flatnonzero(labels == m)
-        rows = np.concatenate([residuals[j] for j in own])
-        for i in range(channels):
-            present = rows[np.isfinite(rows[:, i]), i]
+        whole = np.concatenate([r for r, label in zip(residuals, labels, strict=True) if label == m])
+        limits = np.full(channels, np.inf)
+        for i, column in enumerate(whole.T):
+            present = column[np.isfinite(column)]
             counts[m, i] = present.size
             if present.size:
-                limit = (LIMITS.clipped * robust_std(present)) ** 2 or np.inf
-                variances[m, i] = float(np.mean(np.minimum(present**2, limit)))
-                for j in own:
-                    squares[j] = squares[j] if squares[j] is not residuals[j] else residuals[j].copy()
-                    squares[j][:, i] = np.minimum(residuals[j][:, i] ** 2, limit) - variances[m, i]
+                limits[i] = (LIMITS.clipped * robust_std(present)) ** 2 or np.inf
+                variances[m, i] = float(np.mean(np.minimum(present**2, limits[i])))
+        for j in np.flatnonzero(labels == m).tolist():
+            squares[j] = np.minimum(residuals[j] ** 2, limits) - variances[m]
     samples = counts / correlation_times(squares, dt)
     for i in range(channels):
         known = (samples[:, i] >= LIMITS.min_samples) & (variances[:, i] > 0.0)
@@ -270,19 +292,41 @@ def outlier_model(
     """
     whole = np.concatenate(columns)[:, 0]
     whole = whole[np.isfinite(whole)]
-    if whole.size < LIMITS.min_samples:
+    variance = float(np.mean(whole**2)) if whole.size >= LIMITS.min_samples else 0.0
+    if not variance > 0.0 or not (keep or float(np.mean(whole**4)) >= (3.0 + LIMITS.kurtosis) * variance**2):
         return None
     mixture = fit_mixture(whole)
-    variance = float(np.mean(whole**2))
-    if mixture.share == 0.0 or not variance > 0.0:
+    if mixture.share == 0.0:
         return None
     w, slopes = mixture.weights(whole)
     left = float(np.mean(slopes))
     if keep:
         return (mixture, left) if left > 0.0 else None
-    gain = float(np.sum(mixture.outlying(whole**2)[1] - Mixture(np.sqrt(variance)).outlying(whole**2)[1]))
-    if 2.0 * gain <= LIMITS.likelihood_ratio or not variance > LIMITS.variance_ratio * np.mean((w * whole) ** 2) / left**2:
+    normal = Mixture(float(np.sqrt(variance)))
+    ratio = 2.0 * float(np.sum(mixture.log_density(whole) - normal.log_density(whole)))
+    robust = float(np.mean((w * whole) ** 2)) / left**2
+    if not (left > 0.0 and ratio > LIMITS.likelihood_ratio and variance > LIMITS.variance_ratio * robust):
         return None
-    outlying = [mixture.outlying(c**2)[0] - mixture.share for c in columns]
+    outlying = [mixture.outlying(c) - mixture.share for c in columns]
     time = max(time, float(correlation_times(outlying, dt)[0]))
-    return (mixture, left) if left > 0.0 and 2.0 * gain / time > LIMITS.likelihood_ratio else None
+    return (mixture, left) if ratio > LIMITS.likelihood_ratio * time else None
+
+
+def outlying_innovations(innovations: Sequence[FloatArray], dt: float) -> list[BoolArray]:
+    """Return which innovations (n, n_y) of each piece are outliers; NaN are none.
+
+    Of neighbors in time the first counts: what follows may be its effect on the state.
+    """
+    masks = [np.zeros(v.shape, dtype=np.bool_) for v in innovations]
+    for i, time in enumerate(correlation_times(innovations, dt)):
+        columns = [v[:, i : i + 1] for v in innovations]
+        found = outlier_model(columns, dt, float(time))
+        for mask, column in zip(masks, columns, strict=True):
+            if found is not None:
+                mask[:, i] = found[0].weights(column[:, 0])[0] < LIMITS.weight
+    out = []
+    for mask in masks:
+        rows = np.asarray(mask.any(axis=1))
+        first = rows & ~np.append(False, rows[:-1])
+        out.append(mask & first[:, None])
+    return out

@@ -29,7 +29,8 @@ WORDS: Final = """\
 Coverage is the share of flights in which estimate ± 1.96 standard errors holds the truth. Sharpness is the mean \
 standard error over the true scatter (root-mean-square error): 1 is as it should be; an interval that is wide \
 enough to hold everything is worth little. Plain Cramer-Rao, beside, takes residuals as white. Scatter beside is the scatter \
-over that of white noise with the same seeds, for the noisy maneuver over that without it, the geometric mean of the parameters."""
+over that of white noise with the same seeds (for the noisy maneuver over that without it), the geometric mean of the \
+parameters."""
 SHARES: Final = ("coverage", "sharpness", "coverage_cramer_rao", "sharpness_cramer_rao")
 SIZES: Final = ("scatter", "mean_sigma", "bias_in_standard_errors")
 POOLED: Final = "pooled"
@@ -87,7 +88,7 @@ CASES: Final[Mapping[str, Case]] = {
         (0.90, 0.98),
     ),
     "outliers": Case(
-        "outliers, {:.0f} % of the readings {:.0f} times as wide".format(100 * scenes.OUTLIERS[0], scenes.OUTLIERS[1]),
+        f"outliers, {100 * scenes.OUTLIERS[0]:.0f} % of the readings {scenes.OUTLIERS[1]:.0f} times as wide",
         scenes.in_outliers,
         "output-error",
         (0.93, 0.97),
@@ -95,7 +96,7 @@ CASES: Final[Mapping[str, Case]] = {
         scatter=1.1,
     ),
     "spikes": Case(
-        "spikes of {1:.0f} standard deviations in {0:.1f} % of the readings".format(100 * scenes.SPIKES[0], scenes.SPIKES[1]),
+        f"spikes of {scenes.SPIKES[1]:.0f} standard deviations in {100 * scenes.SPIKES[0]:.1f} % of the readings",
         scenes.in_spikes,
         "output-error",
         (0.93, 0.97),
@@ -103,11 +104,17 @@ CASES: Final[Mapping[str, Case]] = {
         scatter=1.1,
     ),
     "student": Case(
-        f"Student's t of {scenes.STUDENT} degrees of freedom", scenes.in_student_noise, "output-error", (0.93, 0.97),
+        f"Student's t of {scenes.STUDENT} degrees of freedom",
+        scenes.in_student_noise,
+        "output-error",
+        (0.93, 0.97),
         beside="white",
     ),
     "left-out": Case(
-        f"white noise and the maneuver {scenes.NOISY[0]} left out", scenes.without_noisy_maneuver, "output-error", (0.93, 0.97)
+        f"white noise and the maneuver {scenes.NOISY[0]} left out",
+        scenes.without_noisy_maneuver,
+        "output-error",
+        (0.93, 0.97),
     ),
     "unequal": Case(
         "the maneuver {} {:.0f} times as noisy".format(*scenes.NOISY),
