@@ -12,7 +12,6 @@ from scipy.stats import rankdata
 
 from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice, notice
-from stoop.base.robust import robust_std
 from stoop.base.variables import WRAPPED
 from stoop.errors import FlightError, VehicleError
 from stoop.flight import Flight, Segment, segments
@@ -32,7 +31,7 @@ from stoop.simulation import parameter_rows
 from stoop.simulation.initial import commanded
 from stoop.vehicle import Vehicle
 
-SPIKE_SAMPLES: Final = 5  #: of a running median, which takes off spikes of one or two
+SPIKE_SAMPLES: Final = 7  #: of a running median, which takes off up to three spikes
 SPIKE_RATIO: Final = 30.0  #: stated standard deviations; vibration and gusts stay below
 MIN_RANKS: Final = 50  #: samples, from which a rank correlation of `NEIGHBOR_CORRELATION` is seen
 NEIGHBOR_CORRELATION: Final = (
@@ -222,10 +221,12 @@ def _all_spikes(columns: Sequence[FloatArray], sigma: float) -> bool:
     Signals of flight resemble their neighbors in time. What does not may be the noise of a sensor at rest; here it is
     `SPIKE_RATIO` times as large as the vehicle file says.
     """
-    if _constant([median_filter(c, SPIKE_SAMPLES, mode="nearest") for c in columns]):
+    if _constant([median_filter(c, SPIKE_SAMPLES, mode="mirror") for c in columns]):
         return True
     whole = np.concatenate(columns)
-    if robust_std(whole - np.median(whole)) <= SPIKE_RATIO * sigma:
+    if (
+        float(np.ptp(np.quantile(whole, (0.1, 0.9)))) <= 2.56 * SPIKE_RATIO * sigma
+    ):  # so wide is a normal distribution
         return False
     before, after = (np.concatenate([c[rows] for c in columns]) for rows in (np.s_[:-1], np.s_[1:]))
     return (
