@@ -56,6 +56,9 @@ class Limits:
     #: twice the gain in the logarithm of the likelihood, by independent samples; two more parameters, one at its bound, gain
     #: 40 by chance less often than once in 10^8 channels, and residuals that a model error colors seldom
     likelihood_ratio: float = 40.0
+    stretch: float = (
+        3.0  #: samples over which outliers correlate, from which they are of the model and not of the sensor
+    )
     variance_ratio: float = 1.2  #: by which the variance of an estimate must fall
     #: excess kurtosis, below which no mixture is fitted, for time: one of which the wide part is less than half, and that
     #: lowers the variance by that ratio, has a larger one
@@ -283,12 +286,13 @@ def maneuver_noise(
 
 
 def outlier_model(
-    columns: Sequence[FloatArray], dt: float, time: float, keep: bool = False
+    columns: Sequence[FloatArray], dt: float, time: float, keep: bool = False, stretch: float = LIMITS.stretch
 ) -> tuple[Mixture, float] | None:
     """Return the mixture for the residuals of a channel, (n, 1) of each piece, and the share of information that is left.
 
     None where it is not enough likelier than one normal, by independent residuals; these are as far apart as residuals or
-    outliers correlate, whichever is more (`time`, of the residuals, in samples). `keep` asks for no test.
+    outliers correlate, whichever is more (`time`, of the residuals, in samples); nor where outliers come in stretches of more
+    than `stretch` samples, as those of a wrong model do. `keep` asks for no test.
     """
     whole = np.concatenate(columns)[:, 0]
     whole = whole[np.isfinite(whole)]
@@ -307,9 +311,10 @@ def outlier_model(
     robust = float(np.mean((w * whole) ** 2)) / left**2
     if not (left > 0.0 and ratio > LIMITS.likelihood_ratio and variance > LIMITS.variance_ratio * robust):
         return None
-    outlying = [mixture.outlying(c) - mixture.share for c in columns]
-    time = max(time, float(correlation_times(outlying, dt)[0]))
-    return (mixture, left) if ratio > LIMITS.likelihood_ratio * time else None
+    together = float(correlation_times([mixture.outlying(c) - mixture.share for c in columns], dt)[0])
+    if together > stretch or ratio <= LIMITS.likelihood_ratio * max(time, together):
+        return None
+    return mixture, left
 
 
 def outlying_innovations(innovations: Sequence[FloatArray], dt: float) -> list[BoolArray]:
@@ -320,7 +325,7 @@ def outlying_innovations(innovations: Sequence[FloatArray], dt: float) -> list[B
     masks = [np.zeros(v.shape, dtype=np.bool_) for v in innovations]
     for i, time in enumerate(correlation_times(innovations, dt)):
         columns = [v[:, i : i + 1] for v in innovations]
-        found = outlier_model(columns, dt, float(time))
+        found = outlier_model(columns, dt, float(time), stretch=np.inf)  # a filter passes an outlier on
         for mask, column in zip(masks, columns, strict=True):
             if found is not None:
                 mask[:, i] = found[0].weights(column[:, 0])[0] < LIMITS.weight
