@@ -47,6 +47,7 @@ Refittable = Misfit | FrozenFilter | FollowingWindows | LinearProblem
 Ending = Literal["converged", "refined", "failed"]
 MAX_BYTES: Final = 2**31  #: to which a packed problem may unfold
 PIECE_ARRAYS: Final = ("time", "inputs", "measured")
+PIECE_TUPLES: Final = ("moved", "relative_noise")
 SHARED_STEPS: Final = 6  #: at most, with the derivatives at the optimum
 SHARED_TOLERANCE: Final = 0.5  #: standard errors left to go when the shared derivatives have done their work
 OWN_STEPS: Final = 8  #: at most, with the refit's own derivatives
@@ -167,7 +168,8 @@ def pack(problem: Refittable, more: Mapping[str, Any]) -> str:
         "parameters": [asdict(p) for p in layout.parameters],
         "nuisances": [asdict(n) for n in layout.nuisances],
         "pieces": [
-            {"maneuver": p.maneuver, "start": dict(p.start), "changes": dict(p.changes), "moved": p.moved}
+            {"maneuver": p.maneuver, "start": dict(p.start), "changes": dict(p.changes)}
+            | {name: getattr(p, name) for name in PIECE_TUPLES}
             for p in base.pieces
         ],
         "ladder": base.ladder,
@@ -192,7 +194,7 @@ def unpack(text: str) -> tuple[Refittable, dict[str, Any]]:
     pieces = []
     for i, p in enumerate(head["pieces"]):
         series = {name: arrays[f"{name}.{i}"] for name in PIECE_ARRAYS}
-        pieces.append(Piece(**{**p, **series, "moved": tuple(p["moved"])}))
+        pieces.append(Piece(**{**p, **series, **{name: tuple(p[name]) for name in PIECE_TUPLES}}))
     weights = Weights(arrays["covariance"], arrays["root"])
     misfit = Misfit(layout, tuple(pieces), weights, tuple(tuple(rung) for rung in head["ladder"]))
     kinds: tuple[Any, ...] = (FrozenFilter, FollowingWindows, LinearProblem)

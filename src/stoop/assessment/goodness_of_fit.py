@@ -319,7 +319,8 @@ def left_out_residuals(fit: Fit) -> list[FloatArray] | None:
     if problem is not None:
         units = problem.in_units(white)
     else:
-        units = [fit.problem.weights.colored(w, seen) for w, seen in zip(white, present, strict=True)]
+        each = zip(fit.problem.piece_weights, white, present, strict=True)
+        units = [weights.colored(w, seen) for weights, w, seen in each]
     return [np.where(seen, u, np.nan) for seen, u in zip(present, units, strict=True)]
 
 

@@ -15,7 +15,7 @@ M. R. Osborne, "Fisher's method of scoring", *International Statistical Review* 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Final
 
@@ -33,6 +33,7 @@ from stoop.estimate.fit import DEFAULTS, Fit, Options, estimation_problem, start
 from stoop.estimate.fitted_filter import FittedFilter, with_gusts
 from stoop.estimate.instability import largest_growth
 from stoop.estimate.linearization import undelayed
+from stoop.estimate.noise_model import outlying_innovations
 from stoop.flight import Flight
 from stoop.optimize.levenberg_marquardt import (
     ADVICE,
@@ -49,10 +50,13 @@ from stoop.problem.evidence import Evidence, PieceEvidence, Unknown, unknowns_of
 from stoop.problem.prepare import Prepared
 from stoop.problem.windows import Window
 from stoop.results.result import NoiseCovariance
+from stoop.simulation import parameter_rows
+from stoop.simulation.delays import output_delays
 from stoop.vehicle import Vehicle
 
 FIRST_STEPS: Final = 20  #: at most, of the first ascents, of which the best goes on
 MAX_LINEARIZATIONS: Final = 3  #: along the states that the filter finds
+MAX_SWEEPS: Final = 20  #: of the filter over the record, for outliers behind outliers
 
 
 @dataclass(frozen=True)
@@ -197,9 +201,16 @@ class FilterError:
         best = min(ascents, key=lambda a: a.cost)
         if ascents[-1].status == "interrupted":
             best.status = "interrupted"
+        recorded = problem
         for _ in range(MAX_LINEARIZATIONS):
             if not best.usable:
                 break
+            cleaned = without_outliers(best.likelihood, best.z, problem)
+            if cleaned is not problem:
+                problem, likelihood = cleaned, replace(best.likelihood, problem=undelayed(cleaned))
+                best = ascend(stages, likelihood, best.z, TOLERANCES.first, FIRST_STEPS)
+                if not best.usable:
+                    break
             before = best.cost
             best = ascend(stages, best.likelihood.along(best.z), best.z, TOLERANCES.last)
             if 0.5 * abs(before - best.cost) < TOLERANCES.linearization:
@@ -209,7 +220,45 @@ class FilterError:
                 f"{vehicle.where}: the filter diverges from every start; check values, bounds and units, or shorten "
                 "the maneuver"
             )
-        return _fit(problem, prepared, best, sorted(a.cost for a in ascents), stages)
+        found = _fit(problem, prepared, best, sorted(a.cost for a in ascents), stages)
+        return replace(found, notices=(*found.notices, *_missing(recorded, problem)))
+
+
+def without_outliers(likelihood: Likelihood, z: FloatArray, problem: Misfit) -> Misfit:
+    """Return the problem, the readings as recorded, with outliers of the innovations as not measured; itself without any.
+
+    A filter that has lost one outlier shows what it has hidden, so it runs until no further one is found.
+    """
+    vehicle, dt = problem.layout.vehicle, problem.pieces[0].dt
+    for _ in range(MAX_SWEEPS):
+        masks = outlying_innovations(likelihood.standardized(z), dt)
+        if not any(mask.any() for mask in masks):
+            break
+        pieces = []
+        for piece, mask in zip(problem.pieces, masks, strict=True):
+            measured, rows = piece.measured.copy(), parameter_rows(vehicle, piece.changes)
+            late = {column: round(float(rows[row, 0]) / dt) for column, row in output_delays(vehicle)}
+            for column in range(measured.shape[1]):
+                at = np.flatnonzero(mask[:, column]) + late.get(column, 0)
+                measured[at[(at >= 0) & (at < len(measured))], column] = np.nan
+            pieces.append(replace(piece, measured=measured))
+        problem = replace(problem, pieces=tuple(pieces))
+        likelihood = replace(likelihood, problem=undelayed(problem))
+    return problem
+
+
+def _missing(recorded: Misfit, problem: Misfit) -> list[Notice]:
+    """Return how many readings of which channels were taken as not measured, if any."""
+    before, after = (np.concatenate([np.isfinite(p.measured) for p in m.pieces]) for m in (recorded, problem))
+    lost, outputs = (before & ~after).sum(axis=0), problem.layout.vehicle.outputs
+    found = {c: n for c, n in zip(outputs, lost.tolist(), strict=True) if n}
+    share = float(lost.sum() / before[:, lost > 0].sum()) if found else 0.0
+    count, counts = sum(found.values()), tuple(map(float, found.values()))
+    return (
+        [notice("outliers-missing", channels=tuple(found), counts=counts, count=count, share=share)]
+        if found
+        else []
+    )
 
 
 def filter_of_result(

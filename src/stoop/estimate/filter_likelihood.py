@@ -196,6 +196,17 @@ class Likelihood:
             pieces.append(piece)
         return Score(gradient, information, tuple(pieces))
 
+    def standardized(self, z: FloatArray) -> list[FloatArray]:
+        """Return the innovations (n, n_y) of each piece over their standard deviations, NaN where nothing was measured."""
+        out = []
+        for i, piece in enumerate(self.problem.pieces):
+            rows, start = self.problem.candidates(z[None, : self.known], i)
+            gains = self.gains(z[None, :], rows, start, i)
+            v = run_filter(self.problem, i, rows, start, gains)[0][0]
+            variance = np.diagonal(gains.covariance[0], axis1=1, axis2=2)[gains.which]
+            out.append(np.where(np.isfinite(piece.measured), v / np.sqrt(variance), np.nan))
+        return out
+
     def prior(self, z: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return gradient (k,) and information (k, k) of the priors."""
         rows = np.pad(self.problem.layout.prior_jacobian(), [(0, 0), (0, self.noise.size)])

@@ -31,6 +31,7 @@ from stoop.estimate.noise import (
     noise_covariance,
     noise_variance,
 )
+from stoop.estimate.noise_model import noise_model
 from stoop.estimate.regression import start_value
 from stoop.estimate.response import Responses, simulation_responses
 from stoop.flight import Flight
@@ -66,9 +67,9 @@ class Alternation:
     rounds: int
     tolerance: float
 
-    def converged(self, before: float, weights: Weights) -> bool:
+    def converged(self, before: float, problem: Misfit) -> bool:
         """Whether the noise covariance has converged, for the log det R of the round before."""
-        return abs(before - weights.logdet) < self.tolerance * len(weights.covariance)
+        return abs(before - problem.noise_logdet) < self.tolerance * len(problem.weights.covariance)
 
 
 SETTLING: Final = Alternation(3, 0.05)  #: before the weights are fixed for the search
@@ -389,7 +390,7 @@ def settle(problem: Misfit, guesses: FloatArray) -> Settled:
         except KeyboardInterrupt:
             return Settled(problem, z, spent, True)
         problem = problem.weighted(Weights.of(variance))
-        if cut_short or SETTLING.converged(before, problem.weights):
+        if cut_short or SETTLING.converged(before, problem):
             return Settled(problem, z, spent, bool(cut_short))
     return Settled(problem, z, spent)
 
@@ -406,17 +407,21 @@ def refine(
     Population optimizers get their nuisances here. An interrupted search is not refined; Ctrl-C during the refinement
     keeps what there is.
     """
-    z, before, spent = outcome.z, np.inf, 0.0
+    z, before, spent, recorded, noise = outcome.z, np.inf, 0.0, problem, None
     converged = interrupted = outcome.status == "interrupted"
     for _ in range(0 if interrupted else ALTERNATION.rounds):
         z, more, cut_short = _refined(problem, z, FULL, budget - spent)
         spent, interrupted = spent + more, cut_short == "interrupted"
-        converged = not estimate_noise or ALTERNATION.converged(before, problem.weights)
+        converged = not estimate_noise or ALTERNATION.converged(before, problem)
         if converged or cut_short:
             break
         try:
-            variance = effective_variance(problem, channel_residuals(problem, z))
-            before, problem = problem.weights.logdet, problem.weighted(Weights.of(variance))
+            before, residuals = problem.noise_logdet, channel_residuals(recorded, z)
+            noise = noise_model(recorded, residuals, noise)
+            problem = noise.adjusted(recorded, residuals)
+            if problem is not recorded:
+                residuals = channel_residuals(problem, z)
+            problem = problem.weighted(Weights.of(effective_variance(problem, residuals)))
         except KeyboardInterrupt:
             interrupted = True
             break
@@ -425,6 +430,8 @@ def refine(
             outcome, status="interrupted", advice="stopped by the user while the estimates were refined"
         )
     notices = () if converged or outcome.status == "interrupted" else (notice("noise-not-converged"),)
+    if noise is not None:
+        notices = (*noise.notices(problem, [str(w) for w in prepared.windows]), *notices)
     cost = float(np.sum(problem.residuals(z[None, :], len(problem.prices) - 1) ** 2))
     spent += outcome.trajectories
     return Fit(problem, prepared, z, outcome, cost, spent, notices, noise_given=not estimate_noise)

@@ -36,6 +36,7 @@ from stoop.estimate import iterates
 from stoop.estimate.fit import ALTERNATION, DEFAULTS, Fit, LocalProblem, Options, estimation_problem, starts
 from stoop.estimate.linearization import aligned, as_recorded
 from stoop.estimate.noise import effective_variance, first_variance, noise_covariance
+from stoop.estimate.noise_model import NoiseModel, noise_model
 from stoop.estimate.response import ExtendedModel, Responses, whitened
 from stoop.estimate.shooting_problem import Iterate, Reduced, ShootingProblem, Weighted, reduced
 from stoop.estimate.shooting_windows import WINDOW_LENGTH, Shots, window_model
@@ -150,6 +151,7 @@ class Refined:
     iterations: int
     status: Status
     noise_converged: bool = False
+    noise: NoiseModel | None = None  #: None before it is estimated, or where it is given
 
 
 def refined(
@@ -179,7 +181,7 @@ def refined(
         joined, interrupted = at, True
     if not interrupted and joined.cost < POOR * problem.problem.reference(len(problem.problem.prices) - 1):
         at, schedule = joined, schedule[-1:]  # windows that need not meet would let a good start go
-    iterations, before = 0, np.inf
+    iterations, before, recorded, noise = 0, np.inf, problem.problem, None
     status: Status = "interrupted" if interrupted else "stalled"
     noise_converged = False
     problem = replace(problem, strictness=schedule[-1])
@@ -198,24 +200,26 @@ def refined(
                 end = problem.iterate(at.z, at.nodes)
                 break
             end = at
-            weights = problem.problem.weights
-            shifted = aligned(problem.problem, at.z)
-            settled = all(
-                a.moved == b.moved for a, b in zip(shifted.pieces, problem.problem.pieces, strict=True)
-            )
+            recorded, held = aligned(recorded, at.z), problem.problem
+            settled = all(a.moved == b.moved for a, b in zip(recorded.pieces, held.pieces, strict=True))
             given = options.covariance is not None
-            noise_converged = settled and (given or ALTERNATION.converged(before, weights))
+            noise_converged = settled and (given or ALTERNATION.converged(before, held))
             if noise_converged:
                 break
+            shifted = recorded
             if not given:
-                variance = effective_variance(problem.problem, problem.residuals(at))
-                shifted = shifted.weighted(Weights.of(variance))
-            before, problem = weights.logdet, problem.of_problem(shifted)
+                residuals = problem.of_problem(recorded).residuals(at)
+                noise = noise_model(recorded, residuals, noise)
+                shifted = noise.adjusted(recorded, residuals)
+                if shifted is not recorded:
+                    residuals = problem.of_problem(shifted).residuals(at)
+                shifted = shifted.weighted(Weights.of(effective_variance(shifted, residuals)))
+            before, problem = held.noise_logdet, problem.of_problem(shifted)
             problem = problem.with_likeliest_wind_steps(at)
             end = at = problem.iterate(at.z, at.nodes)
     except KeyboardInterrupt:
         status = "interrupted"
-    return Refined(problem, end, iterations, status, noise_converged)
+    return Refined(problem, end, iterations, status, noise_converged, noise)
 
 
 def as_one_flight(problem: ShootingProblem, at: Iterate, schedule: Sequence[float]) -> Iterate:
@@ -319,6 +323,8 @@ class MultipleShooting:
             searched, optimizer = start.trajectories, start.optimizer
             many, history = searched + many, start.history
             notices.append(notice("global-start", optimizer=optimizer, trajectories=searched))
+        if found.noise is not None:
+            notices += found.noise.notices(problem, [str(w) for w in prepared.windows])
         if not found.noise_converged and status != "interrupted":
             notices.append(notice("noise-not-converged"))
         return Fit(
@@ -414,9 +420,10 @@ class FollowingWindows(LocalProblem):
         model, nodes = ExtendedModel.of(self.problem.layout.vehicle), self._nodes(z)
         pieces, gaps, ones = [], [], np.ones(len(model.extensions))
         linear = self._shooting.linearize(Iterate(z, tuple(nodes), 0.0, 0.0))
-        for shots, own, windows in zip(self.shots, nodes, linear, strict=True):
+        each = zip(self.shots, nodes, linear, self.problem.piece_weights, strict=True)
+        for shots, own, windows, weights in each:
             readings, slopes = shots.responses(model, z, own)
-            white = whitened(self.problem, readings, np.isfinite(shots.piece.measured))
+            white = whitened(weights, readings, np.isfinite(shots.piece.measured))
             parts = zip(
                 windows,
                 np.split(white, shots.edges[1:-1]),
@@ -433,8 +440,8 @@ class FollowingWindows(LocalProblem):
     def in_units(self, white: Sequence[FloatArray]) -> list[FloatArray]:
         """Return whitened values (n, n_y) of each piece in the channels' units."""
         present = [np.isfinite(w) for w in white]
-        colored = self.problem.weights.colored
-        return [colored(np.where(there, w, 0.0), there) for w, there in zip(white, present, strict=True)]
+        each = zip(self.problem.piece_weights, white, present, strict=True)
+        return [weights.colored(np.where(there, w, 0.0), there) for weights, w, there in each]
 
     def _nodes(self, z: FloatArray) -> list[FloatArray]:
         """Return the states that the windows of each piece begin with, following the search vector."""

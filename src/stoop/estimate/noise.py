@@ -34,8 +34,12 @@ def channel_residuals(problem: Misfit, z: FloatArray) -> list[FloatArray]:
 
 
 def noise_variance(problem: Misfit, residuals: Sequence[FloatArray]) -> FloatArray:
-    """Return the maximum-likelihood variance (n_y,) of residuals (n, n_y) of each piece, kept above a floor."""
-    errors = np.concatenate(residuals)
+    """Return the maximum-likelihood variance (n_y,) of residuals (n, n_y) of each piece, kept above a floor.
+
+    Residuals count over the relative noise of their piece.
+    """
+    pieces = zip(residuals, problem.pieces, strict=True)
+    errors = np.concatenate([r / p.relative_noise if p.relative_noise else r for r, p in pieces])
     measured = np.concatenate([p.measured for p in problem.pieces])
     sensors, outputs = problem.layout.vehicle.file.sensors, problem.layout.vehicle.outputs
     out = np.ones(errors.shape[1])

@@ -81,20 +81,22 @@ def fitted_deviations(fit: Fit, covariance: FloatArray) -> tuple[FloatArray, ...
         return None
     problem, noise = fit.problem, np.nan_to_num(np.diag(fit.measurement_noise))
     k, found = len(covariance), []
-    for i in range(len(problem.pieces)):
+    for i, piece in enumerate(problem.pieces):
         if fit.simulated is None:
             slopes = problem.slopes(fit.z, i)[1] / problem.layout.scales
         else:
             evidence = fit.evidence.pieces[i]
             columns = [
-                problem.weights.colored(one, evidence.present) for one in np.moveaxis(evidence.jacobian, 2, 0)
+                problem.piece_weights[i].colored(one, evidence.present)
+                for one in np.moveaxis(evidence.jacobian, 2, 0)
             ]
             slopes = np.where(evidence.present[:, :, None], np.stack(columns, axis=2), np.nan)
         with np.errstate(invalid="ignore", over="ignore"):
             variance = np.einsum(
                 "nyj,jk,nyk->ny", slopes[:, :, :k], covariance, slopes[:, :, :k], optimize=True
             )
-            found.append(np.sqrt(np.maximum(variance, 0.0) + noise))
+            own = noise * np.square(piece.relative_noise or 1.0)
+            found.append(np.sqrt(np.maximum(variance, 0.0) + own))
     return tuple(found)
 
 

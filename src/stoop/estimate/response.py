@@ -19,7 +19,7 @@ import numpy as np
 
 from stoop.base.arrays import BoolArray, FloatArray, IntArray
 from stoop.base.variables import WRAPPED
-from stoop.problem.misfit import Misfit, Piece
+from stoop.problem.misfit import Misfit, Piece, Weights
 from stoop.simulation.delays import delayed, late, late_inputs, late_outputs, output_delays
 from stoop.vehicle import Vehicle
 from stoop.vehicle.arrays import Equations, Evaluation, array_equations
@@ -247,13 +247,14 @@ def simulation_responses(problem: Misfit, z: FloatArray) -> Responses:
         for piece, own, states, record in zip(problem.pieces, known, flown, records, strict=True)
     ]
     found = model.responses(trajectories, problem.pieces)
-    for at, piece, own, (_, dy) in zip(trajectories, problem.pieces, known, found, strict=True):
+    each = zip(trajectories, problem.pieces, problem.piece_weights, known, found, strict=True)
+    for at, piece, weights, own, (_, dy) in each:
         dy = model.late(at, dy, own, piece.moved)
-        out.append(whitened(problem, dy, np.isfinite(piece.measured)))
+        out.append(whitened(weights, dy, np.isfinite(piece.measured)))
     return Responses(model.extensions, tuple(out))
 
 
-def whitened(problem: Misfit, dy: FloatArray, present: BoolArray) -> FloatArray:
+def whitened(weights: Weights, dy: FloatArray, present: BoolArray) -> FloatArray:
     """Return whitened responses (n, n_y, m), zero where nothing was measured."""
-    white = problem.weights.whiten(np.moveaxis(dy, 2, 0) * present, present)
+    white = weights.whiten(np.moveaxis(dy, 2, 0) * present, present)
     return np.ascontiguousarray(np.moveaxis(white, 0, 2))

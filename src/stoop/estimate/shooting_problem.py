@@ -178,11 +178,11 @@ class ShootingProblem:
         """Return whitened simulated less measured readings (n, n_y) and weighted gaps (w - 1, e) of each piece."""
         out = []
         with np.errstate(over="ignore", invalid="ignore"):
-            for shots, own in zip(self.shots, nodes, strict=True):
+            for shots, own, weights in zip(self.shots, nodes, self.problem.piece_weights, strict=True):
                 readings, gaps, _ = shots.simulate(z, own)
                 measured = shots.piece.measured
                 left = residual(self.problem, readings, measured)
-                white = self.problem.weights.whiten(left, np.isfinite(measured))
+                white = weights.whiten(left, np.isfinite(measured))
                 out.append((white, gaps * self.gap_weights))
         return out
 
@@ -237,9 +237,9 @@ class ShootingProblem:
 
     def linearize(self, at: Iterate) -> list[list[Shot]]:
         """Return the windows of every piece with their derivatives, residuals whitened."""
-        whiten, out = self.problem.weights.whiten, []
-        for shots, own in zip(self.shots, at.nodes, strict=True):
-            found = []
+        out = []
+        for shots, own, weights in zip(self.shots, at.nodes, self.problem.piece_weights, strict=True):
+            whiten, found = weights.whiten, []
             for i, shot in enumerate(shots.linearize(at.z, own)):
                 present = np.isfinite(shots.piece.measured[shots.edges[i] : shots.edges[i + 1]])
                 by_unknown, by_state = (

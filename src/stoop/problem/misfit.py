@@ -45,6 +45,11 @@ class Weights:
         """Logarithm of the determinant of the noise covariance."""
         return -2.0 * float(np.sum(np.log(np.diag(self.root))))
 
+    def scaled(self, factors: Sequence[float]) -> Weights:
+        """Return the weights for a noise whose standard deviations are larger by factors (n_y,)."""
+        d = np.array(factors)
+        return Weights(self.covariance * np.outer(d, d), self.root / d)
+
     def whiten(self, residuals: FloatArray, present: BoolArray, out: FloatArray | None = None) -> FloatArray:
         """Return residuals (..., n, n_y), zero where nothing was measured, with unit covariance.
 
@@ -92,6 +97,8 @@ class Piece:
         default_factory=dict
     )  #: numbers that differ in this maneuver (its loading)
     moved: tuple[int, ...] = ()  #: samples by which each channel's readings were moved ahead; empty for none
+    #: (n_y,) standard deviation of the noise over that in the weights of the problem; empty where it is the same
+    relative_noise: tuple[float, ...] = ()
 
     @property
     def dt(self) -> float:
@@ -137,6 +144,20 @@ class Misfit:
     def weighted(self, weights: Weights) -> Misfit:
         """Return the same problem with another Q."""
         return replace(self, weights=weights)
+
+    @cached_property
+    def piece_weights(self) -> tuple[Weights, ...]:
+        """The weights of each piece, by the noise of its maneuver."""
+        own = (p.relative_noise for p in self.pieces)
+        return tuple(self.weights.scaled(relative) if relative else self.weights for relative in own)
+
+    @property
+    def noise_logdet(self) -> float:
+        """Logarithm of the determinant of the noise covariance, the mean over all samples."""
+        if not any(p.relative_noise for p in self.pieces):
+            return self.weights.logdet
+        total = sum(len(p.time) * w.logdet for p, w in zip(self.pieces, self.piece_weights, strict=True))
+        return total / sum(len(p.time) for p in self.pieces)
 
     def costs(self, X: FloatArray, rung: int) -> FloatArray:
         """Return J (B,) of parameters (B, D) in the unit box, nuisances at their start."""
@@ -195,10 +216,10 @@ class Misfit:
     def reference(self, rung: int) -> float:
         """Return the cost of constant readings: each channel stays at its first measurement."""
         total = 0.0
-        for piece, count in zip(self.pieces, self.ladder[rung], strict=True):
+        for i, (piece, count) in enumerate(zip(self.pieces, self.ladder[rung], strict=True)):
             z = piece.measured[:count]
             constant = np.array([column[np.isfinite(column)][:1].sum() for column in z.T])
-            total += float(np.sum(self._whitened(np.tile(constant, (1, count, 1)), z) ** 2))
+            total += float(np.sum(self._whitened(np.tile(constant, (1, count, 1)), z, i) ** 2))
         return total
 
     def outputs(self, z: FloatArray, index: int) -> FloatArray:
@@ -221,32 +242,33 @@ class Misfit:
     @cached_property
     def _quality(self) -> list[FloatArray]:
         """Weight (n, n_y) of every sample of each piece, for a diagonal Q."""
-        quality = np.diag(self.weights.root) ** 2
-        return [np.where(np.isfinite(p.measured), quality, 0.0) for p in self.pieces]
+        pairs = zip(self.pieces, self.piece_weights, strict=True)
+        return [np.where(np.isfinite(p.measured), np.diag(w.root) ** 2, 0.0) for p, w in pairs]
 
     def _piece_residuals(self, Z: FloatArray, index: int, count: int) -> FloatArray:
         simulated = self._trajectories(Z, index, count)
-        return self._whitened(simulated, self.pieces[index].measured[:count]).reshape(len(Z), -1)
+        return self._whitened(simulated, self.pieces[index].measured[:count], index).reshape(len(Z), -1)
 
-    def _whitened(self, simulated: FloatArray, measured: FloatArray) -> FloatArray:
-        """Return whitened simulated minus measured, zero where there is no measurement; overwrites simulated."""
+    def _whitened(self, simulated: FloatArray, measured: FloatArray, index: int) -> FloatArray:
+        """Return whitened simulated minus measured of a piece, zero where there is no measurement; overwrites simulated."""
         present = np.isfinite(measured)
         with np.errstate(invalid="ignore", over="ignore"):  # the last readings before a divergence are huge
             simulated -= np.where(present, measured, 0.0)
             if not present.all():
                 simulated *= present
-            return self.weights.whiten(on_circle(simulated, self.layout.vehicle.outputs), present, simulated)
+            left = on_circle(simulated, self.layout.vehicle.outputs)
+            return self.piece_weights[index].whiten(left, present, simulated)
 
     @cached_property
     def _bias_columns(self) -> list[dict[int, FloatArray]]:
         """Derivatives (n * n_y,) of the whitened readings of each piece by its biases, by their place in the vector."""
         vehicle, out = self.layout.vehicle, []
-        for piece, own in zip(self.pieces, self.own, strict=True):
+        for piece, own, weights in zip(self.pieces, self.own, self.piece_weights, strict=True):
             present, columns = np.isfinite(piece.measured), {}
             for j, bias in ((j, n) for j, n in own if n.is_bias):
                 row = vehicle.rows[bias.name]
                 shared = [vehicle.rows[f"sensors.{c}.bias"] == row for c in vehicle.outputs]  # by a tie
-                columns[j] = np.asarray(self.weights.whiten(bias.scale * present * shared, present).ravel())
+                columns[j] = np.asarray(weights.whiten(bias.scale * present * shared, present).ravel())
             out.append(columns)
         return out
 

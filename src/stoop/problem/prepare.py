@@ -4,10 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
+from scipy.ndimage import median_filter
+from scipy.stats import rankdata
 
+from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice, notice
+from stoop.base.variables import WRAPPED
 from stoop.errors import FlightError, VehicleError
 from stoop.flight import Flight, Segment, segments
 from stoop.flight.flight import MIN_SEGMENT
@@ -25,6 +30,13 @@ from stoop.problem.windows import Window
 from stoop.simulation import parameter_rows
 from stoop.simulation.initial import commanded
 from stoop.vehicle import Vehicle
+
+SPIKE_SAMPLES: Final = 7  #: of a running median, which takes off up to three spikes
+SPIKE_RATIO: Final = 30.0  #: stated standard deviations; vibration and gusts stay below
+MIN_RANKS: Final = 50  #: samples, from which a rank correlation of `NEIGHBOR_CORRELATION` is seen
+NEIGHBOR_CORRELATION: Final = (
+    0.3  #: rank correlation of neighbors, below which they say nothing of one another
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,19 +189,50 @@ def _loading(vehicle: Vehicle, window: Window) -> dict[str, float]:
 
 
 def without_stuck_channels(vehicle: Vehicle, prepared: Prepared) -> Prepared:
-    """Take a channel that never changes for one that was not measured: its estimated noise would go to zero."""
-    stuck = []
-    for i in range(len(vehicle.outputs)):
-        column = np.concatenate([p.measured[:, i] for p in prepared.pieces])
-        column = column[np.isfinite(column)]
-        if column.size > 1 and float(np.ptp(column)) <= 1e-12 * max(1.0, float(np.abs(column).max())):
-            stuck.append(i)
-    if not stuck:
+    """Take a channel that never changes, or is all spikes, for one that was not measured.
+
+    The estimated noise of the former would go to zero; the latter holds nothing else.
+    """
+    lost, found = np.zeros(len(vehicle.outputs), dtype=np.bool_), []
+    for i, channel in enumerate(vehicle.outputs):
+        columns = [p.measured[np.isfinite(p.measured[:, i]), i] for p in prepared.pieces]
+        columns = [np.unwrap(c) if channel in WRAPPED else c for c in columns if c.size]
+        if sum(c.size for c in columns) < 2:
+            continue
+        stuck = _constant(columns)
+        lost[i] = stuck or _all_spikes(columns, getattr(vehicle.file.sensors, channel).sigma)
+        if lost[i]:
+            found.append(notice("stuck-channel" if stuck else "outliers-left-out", channel))
+    if not found:
         return prepared
-    columns = np.isin(np.arange(len(vehicle.outputs)), stuck)
-    pieces = tuple(replace(p, measured=np.where(columns, np.nan, p.measured)) for p in prepared.pieces)
-    found = (notice("stuck-channel", vehicle.outputs[i]) for i in stuck)
+    pieces = tuple(replace(p, measured=np.where(lost, np.nan, p.measured)) for p in prepared.pieces)
     return replace(prepared, pieces=pieces, notices=(*prepared.notices, *found))
+
+
+def _constant(columns: Sequence[FloatArray]) -> bool:
+    """Tell whether readings (n_i,) of all pieces are the same number."""
+    low, high = min(c.min() for c in columns), max(c.max() for c in columns)
+    return bool(high - low <= 1e-12 * max(1.0, abs(low), abs(high)))
+
+
+def _all_spikes(columns: Sequence[FloatArray], sigma: float) -> bool:
+    """Tell whether readings (n_i,) of each piece are spikes on a constant, or random from sample to sample and far too wide.
+
+    Signals of flight resemble their neighbors in time. What does not may be the noise of a sensor at rest; here it is
+    `SPIKE_RATIO` times as large as the vehicle file says.
+    """
+    if _constant([median_filter(c, SPIKE_SAMPLES, mode="mirror") for c in columns]):
+        return True
+    whole = np.concatenate(columns)
+    if (
+        float(np.ptp(np.quantile(whole, (0.1, 0.9)))) <= 2.56 * SPIKE_RATIO * sigma
+    ):  # so wide is a normal distribution
+        return False
+    before, after = (np.concatenate([c[rows] for c in columns]) for rows in (np.s_[:-1], np.s_[1:]))
+    return (
+        len(before) >= MIN_RANKS
+        and float(np.corrcoef(rankdata(before), rankdata(after))[0, 1]) < NEIGHBOR_CORRELATION
+    )
 
 
 def nuisances(vehicle: Vehicle, prepared: Prepared) -> tuple[Nuisance, ...]:

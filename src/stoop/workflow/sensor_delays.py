@@ -72,7 +72,7 @@ def with_sensor_delays(
     outcome = replace(
         best.fit.outcome, state=first.outcome.state
     )  # what is saved, and resumed, is the first search
-    std = dict(zip((u.name for u in best.fit.unknowns), best.bars.std.tolist(), strict=True))
+    std = {p.name: float(best.bars.std[i]) for i, p in enumerate(best.fit.problem.layout.parameters)}
     notices = (
         notice(
             "sensor-delay-freed",

@@ -28,7 +28,9 @@ biases, noise and starting values. The intervals are those that stoop identify p
 WORDS: Final = """\
 Coverage is the share of flights in which estimate ± 1.96 standard errors holds the truth. Sharpness is the mean \
 standard error over the true scatter (root-mean-square error): 1 is as it should be; an interval that is wide \
-enough to hold everything is worth little. Plain Cramer-Rao, beside, takes residuals as white."""
+enough to hold everything is worth little. Plain Cramer-Rao, beside, takes residuals as white. Scatter beside is the scatter \
+over that of white noise with the same seeds (for the noisy maneuver over that without it), the geometric mean of the \
+parameters."""
 SHARES: Final = ("coverage", "sharpness", "coverage_cramer_rao", "sharpness_cramer_rao")
 SIZES: Final = ("scatter", "mean_sigma", "bias_in_standard_errors")
 POOLED: Final = "pooled"
@@ -44,6 +46,7 @@ SUMMARY: Final[study.Columns] = {
     "least": ("least, %", study.percent),
     "most": ("most, %", study.percent),
     **BESIDE,
+    "ratio": ("scatter beside", ".2f"),
     "unfinished": ("unfinished", "d"),
 }
 PARAMETERS: Final[study.Columns] = {
@@ -60,7 +63,8 @@ class Case:
     """Flights with one kind of residuals, and where their coverage must lie.
 
     ``fly`` turns a seed into a `Scene`; ``pooled`` is the range over all parameters, ``each`` that of every one (None:
-    nothing is asked).
+    nothing is asked). Over that of the case ``beside``, with the same seeds, the scatter is at most ``scatter``, the geometric
+    mean over the parameters.
     """
 
     words: str
@@ -68,6 +72,8 @@ class Case:
     method: str
     pooled: Range
     each: Range | None = None
+    beside: str = ""
+    scatter: float = np.inf
 
 
 CASES: Final[Mapping[str, Case]] = {
@@ -80,6 +86,43 @@ CASES: Final[Mapping[str, Case]] = {
         scenes.in_dryden_turbulence,
         "filter-error",
         (0.90, 0.98),
+    ),
+    "outliers": Case(
+        f"outliers, {100 * scenes.OUTLIERS[0]:.0f} % of the readings {scenes.OUTLIERS[1]:.0f} times as wide",
+        scenes.in_outliers,
+        "output-error",
+        (0.93, 0.97),
+        beside="white",
+        scatter=1.1,
+    ),
+    "spikes": Case(
+        f"spikes of {scenes.SPIKES[1]:.0f} standard deviations in {100 * scenes.SPIKES[0]:.1f} % of the readings",
+        scenes.in_spikes,
+        "output-error",
+        (0.93, 0.97),
+        beside="white",
+        scatter=1.1,
+    ),
+    "student": Case(
+        f"Student's t of {scenes.STUDENT} degrees of freedom",
+        scenes.in_student_noise,
+        "output-error",
+        (0.93, 0.97),
+        beside="white",
+    ),
+    "left-out": Case(
+        f"white noise and the maneuver {scenes.NOISY[0]} left out",
+        scenes.without_noisy_maneuver,
+        "output-error",
+        (0.93, 0.97),
+    ),
+    "unequal": Case(
+        "the maneuver {} {:.0f} times as noisy".format(*scenes.NOISY),
+        scenes.in_unequal_noise,
+        "output-error",
+        (0.93, 0.97),
+        beside="left-out",
+        scatter=1.0,
     ),
 }
 
@@ -118,13 +161,19 @@ def show(setting: Setting, samples: study.Samples) -> Findings:
         results, found = samples[key], statistics(samples[key])
         names = results[0]["names"]
         claims += _claims(case, len(results), names, found)
+        ratio = None
+        if case.beside:
+            ratios = found["scatter"] / statistics(samples[case.beside])["scatter"]
+            ratio = float(np.exp(np.mean(np.log(ratios))))
+            claims += _scatter_claim(case, ratio, float(ratios.max()), names[int(ratios.argmax())])
         common = {"case": key, "flights": len(results)}
         pooled = {name: finite_or_none(found[name].mean()) for name in SHARES}
         records[key] = study.records_of(pd.DataFrame({"case": key, "parameter": names, **common, **found}))
         records[key].append({**dict.fromkeys(records[key][0]), **common, "parameter": POOLED, **pooled})
         unfinished = sum(r["status"] not in ("converged", "target") for r in results)
         extremes = {"least": found["coverage"].min(), "most": found["coverage"].max()}
-        summary.append({**common, **pooled, **extremes, "case": case.words, "unfinished": unfinished})
+        more = {"case": case.words, "ratio": ratio, "unfinished": unfinished}
+        summary.append({**common, **pooled, **extremes, **more})
     each = tuple(
         study.page_table(f"With {CASES[k].words}", PARAMETERS, own[:-1]) for k, own in records.items()
     )
@@ -161,6 +210,15 @@ def _claims(
             f"With {case.words} the coverage of each parameter is {100 * low:.0f} to {100 * high:.0f} %",
             bool(np.all((low <= each) & (each <= high))),
             f"{100 * each[least]:.1f} % ({names[least]}) to {100 * each[most]:.1f} % ({names[most]})",
+        )
+
+
+def _scatter_claim(case: Case, ratio: float, largest: float, name: str) -> Iterator[Claim]:
+    if np.isfinite(case.scatter):
+        yield holds(
+            f"With {case.words} estimates scatter at most {case.scatter:g} times as with {CASES[case.beside].words}",
+            ratio <= case.scatter,
+            f"{ratio:.2f} times, the geometric mean over the parameters; at most {largest:.2f} ({name})",
         )
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import Any, Final
 
 import numpy as np
@@ -37,6 +38,10 @@ STEPS: Final[Mapping[str, tuple[Step, ...]]] = {
     "roll": (("aileron", "doublet", 1.0, 0.5, 0.10), ("rudder", "2-1-1", 4.0, 0.6, 0.12)),
     "yaw": (("rudder", "doublet", 1.0, 0.7, 0.15), ("aileron", "2-1-1", 6.0, 0.5, -0.10)),
 }  #: maneuver to its inputs
+OUTLIERS: Final = (0.02, 10.0)  #: share of the readings, and how many times as widely they scatter
+SPIKES: Final = (0.003, 80.0)  #: share of the readings, and by how many standard deviations they are off
+STUDENT: Final = 3  #: degrees of freedom
+NOISY: Final = ("yaw", 4.0)  #: a maneuver, and how many times as noisy it is
 AR_COEFFICIENT: Final = 0.95  #: correlation of neighboring samples, 50 Hz; 0.4 s
 ALTITUDE: Final = 200.0  #: m
 WIND_20_FT: Final = 30.0 * KNOT  #: m/s at 20 ft: moderate turbulence
@@ -172,21 +177,51 @@ def autoregressive(rng: np.random.Generator, samples: int, channels: int) -> Flo
     return np.asarray(lfilter([1.0], [1.0, -AR_COEFFICIENT], driven, axis=0))
 
 
-def _in_sensor_noise(noise: Noise, seed: int) -> Scene:
-    """Return flights whose (biased) sensors read noise of a kind that the seed draws."""
+def with_outliers(rng: np.random.Generator, samples: int, channels: int) -> FloatArray:
+    """Return the noise of `white`, of which a share (`OUTLIERS`) scatters more widely."""
+    noise, (share, width) = white(rng, samples, channels), OUTLIERS
+    return np.where(rng.spawn(1)[0].random(noise.shape) < share, width * noise, noise)
+
+
+def with_spikes(rng: np.random.Generator, samples: int, channels: int) -> FloatArray:
+    """Return the noise of `white` with spikes up or down (`SPIKES`)."""
+    noise, own, (share, size) = white(rng, samples, channels), rng.spawn(1)[0], SPIKES
+    return noise + np.where(own.random(noise.shape) < share, own.choice([-size, size], noise.shape), 0.0)
+
+
+def student(rng: np.random.Generator, samples: int, channels: int) -> FloatArray:
+    """Return Student's t: the noise of `white` over the root of a mean square of its own (samples, channels)."""
+    noise = white(rng, samples, channels)
+    return noise / np.sqrt(rng.spawn(1)[0].chisquare(STUDENT, noise.shape) / STUDENT)
+
+
+def _in_sensor_noise(
+    noise: Noise, seed: int, factors: Mapping[str, float] = MappingProxyType({}), left_out: str = ""
+) -> Scene:
+    """Return flights whose (biased) sensors read noise of a kind that the seed draws.
+
+    The noise of a maneuver is larger by its factor; one maneuver may be flown and left out.
+    """
     rng, truth, flights = np.random.default_rng(seed), aircraft(), {}
     for name, maneuver in maneuvers().items():
         flight = simulate_flight(with_biases(truth, rng), maneuver, noise=False, name=name)
         errors = sensor_noise(truth) * noise(rng, len(maneuver.time), len(truth.outputs))
+        errors *= factors.get(name, 1.0)
         readings = {
             channel: (flight.data[channel].dims, flight.data[channel].to_numpy() + error)
             for channel, error in zip(truth.outputs, errors.T, strict=True)
         }
         flights[name] = replace(flight, data=flight.data.assign(readings))
-    return Scene(wrong_start(truth, rng), flights, whole_maneuvers(), coefficients(truth))
+    windows = tuple(w for w in whole_maneuvers() if w.flight != left_out)
+    return Scene(wrong_start(truth, rng), flights, windows, coefficients(truth))
 
 
 in_white_noise = functools.partial(_in_sensor_noise, white)
+in_outliers = functools.partial(_in_sensor_noise, with_outliers)
+in_spikes = functools.partial(_in_sensor_noise, with_spikes)
+in_student_noise = functools.partial(_in_sensor_noise, student)
+in_unequal_noise = functools.partial(_in_sensor_noise, white, factors=dict([NOISY]))
+without_noisy_maneuver = functools.partial(_in_sensor_noise, white, left_out=NOISY[0])
 in_autoregressive_noise = functools.partial(_in_sensor_noise, autoregressive)
 
 

@@ -13,13 +13,20 @@ from stoop_studies.verify.coverage import CASES, EXPERIMENT, cover
 from stoop_studies.verify.scenes import (
     AR_COEFFICIENT,
     BIASES,
+    NOISY,
+    OUTLIERS,
+    SPIKES,
     STEPS,
     aircraft,
     autoregressive,
     coefficients,
     in_autoregressive_noise,
+    in_unequal_noise,
     in_white_noise,
+    student,
     white,
+    with_outliers,
+    with_spikes,
     wrong_start,
 )
 from stoop_studies.verify.study import run_key
@@ -28,11 +35,15 @@ SETTING = Setting(runs=400)
 
 
 def made_up(scale: dict[str, float], seed: int = 0) -> dict[str, Any]:
-    """Return results whose standard errors are too large by a factor for each case; plain ones are right."""
+    """Return results whose standard errors are too large by a factor for each case; plain ones are right.
+
+    Errors are the same in all cases.
+    """
     rng, names = np.random.default_rng(seed), list("abcdefghijkl")
+    errors = {s: rng.standard_normal(12).tolist() for s in SETTING.seeds}
     return {
         run_key(case, s): {
-            "names": names, "errors": rng.standard_normal(12).tolist(), "sigma": [scale.get(case, 1.0)] * 12,
+            "names": names, "errors": errors[s], "sigma": [scale.get(case, 1.0)] * 12,
             "cramer_rao": [1.0] * 12, "status": "converged",
         }
         for s in SETTING.seeds
@@ -117,6 +128,45 @@ def test_the_start_is_wrong_and_knows_no_bias() -> None:
 
 
 @pytest.mark.slow
+def test_outliers_are_added_to_the_same_noise() -> None:
+    """So that the scatter of estimates compares with that in white noise, seed by seed."""
+    clean = white(np.random.default_rng(3), 50_000, 2)
+    for noise, share, square in (
+        (with_outliers, OUTLIERS[0], OUTLIERS[1] ** 2),
+        (with_spikes, SPIKES[0], SPIKES[1] ** 2 + 1.0),
+    ):
+        found = noise(np.random.default_rng(3), 50_000, 2)
+        changed = found != clean
+        assert changed.mean() == pytest.approx(share, rel=0.1)
+        assert np.mean(found[changed] ** 2) == pytest.approx(square, rel=0.1)
+    heavy = student(np.random.default_rng(3), 50_000, 2)
+    assert np.array_equal(np.sign(heavy), np.sign(clean))
+    assert np.median(np.abs(heavy)) == pytest.approx(
+        0.765, rel=0.02
+    )  # of Student's t with three degrees of freedom
+
+
+def test_the_noisy_maneuver_is_as_noisy_as_it_says() -> None:
+    equal, unequal = in_white_noise(4), in_unequal_noise(4)
+    for name in STEPS:
+        same = equal.flights[name].data["q"].to_numpy() == unequal.flights[name].data["q"].to_numpy()
+        assert same.all() == (name != NOISY[0])
+
+
+def test_a_case_that_scatters_too_much_does_not_hold() -> None:
+    results = made_up({})
+    assert all(v == "holds" for own in verdicts(results).values() for v in own)
+    for s in SETTING.seeds:
+        one = results[run_key("spikes", s)]
+        one["errors"] = [1.3 * e for e in one["errors"]]
+        one["sigma"] = [1.3] * 12
+    claims = {c.statement: c.verdict for c in EXPERIMENT.findings(SETTING, results).claims}
+    (found,) = [
+        v for text, v in claims.items() if text.startswith(f"With {CASES['spikes'].words} estimates scatter")
+    ]
+    assert found == "does not hold"
+
+
 @pytest.mark.parametrize("case", CASES)
 def test_one_flight_of_each_case(case: str) -> None:
     """Estimates lie where their error bars say, and the same arguments give the same bytes."""

@@ -79,11 +79,11 @@ def test_after_a_refusal_the_next_is_tried_and_what_was_refused_once_more(
     monkeypatch.setattr(extension, "extension_tests", missing)
     monkeypatch.setattr(extension, "extended", lambda vehicle: (vehicle, named))
     monkeypatch.setattr(extension, "_freed", lambda vehicle, added, change: vehicle | {added.name})
-    monkeypatch.setattr(extension, "_gain", lambda before, after: -1.0 if after.names == {"one"} else 1.0)
+    monkeypatch.setattr(extension, "gain", lambda before, after: -1.0 if after.names == {"one"} else 1.0)
     found = extension.extend(set(), {}, [], [Window("held", 0.0, 1.0)], Options(), lambda line: None)
     assert found.vehicle == {"one", "two"}
     assert {n.subject: n.code for n in found.notices} == dict.fromkeys(("one", "two"), "extension-kept")
-    monkeypatch.setattr(extension, "_gain", lambda before, after: -1.0)
+    monkeypatch.setattr(extension, "gain", lambda before, after: -1.0)
     found = extension.extend(set(), {}, [], [Window("held", 0.0, 1.0)], Options(), lambda line: None)
     assert found.vehicle == set()
     assert [n.code for n in found.notices] == ["extension-refused"] * 2

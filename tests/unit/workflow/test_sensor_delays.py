@@ -58,7 +58,7 @@ def test_a_late_sensor_is_found(late: tuple[str, ...], name: str, number: str) -
     flights = flown(("roll",), late)
     done = searched(flights)
     assert freed(done) == [name]
-    index = [u.name for u in done.fit.unknowns].index(number)
+    index = [p.name for p in done.fit.problem.layout.parameters].index(number)
     assert abs(done.fit.estimates[number] - LATE) < 3.0 * done.checked.bars.std[index]
     assert done.checked.bars.std[index] < 0.005
     # a file that gives the delay decides for itself

@@ -1,6 +1,7 @@
 """Filter error on simulated turbulence, beside output error on the same flights."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -116,3 +117,26 @@ def test_an_interrupted_fit_is_resumed_to_the_same_result(gusty_start, gusty_fli
 def test_an_unknown_method_is_one_line():
     with pytest.raises(IdentificationError, match="did you mean filter-error"):
         methods.find("filter-eror")
+
+
+def test_spikes_count_as_not_measured(gusty_start, gusty_flight):
+    rng, data, at = np.random.default_rng(0), gusty_flight.data.copy(deep=True), {}
+    for channel in gusty_start.outputs:
+        sigma = getattr(gusty_start.file.sensors, channel).sigma
+        at[channel] = np.flatnonzero(rng.random(data.sizes["time"]) < 0.01)
+        data[channel][at[channel]] += 60.0 * sigma * rng.choice([-1.0, 1.0], len(at[channel]))
+    fitter, window = methods.find("filter-error").fitter(), [Window("sim", 0.0, 15.0)]
+    clean, spiked = (
+        fitter(gusty_start, {"sim": replace(gusty_flight, data=d)}, window, Options(), None, None)
+        for d in (gusty_flight.data, data)
+    )
+    assert not any(n.code == "outliers-missing" for n in clean.notices)
+    (said,) = [n for n in spiked.notices if n.code == "outliers-missing"]
+    assert set(said.values["channels"]) == set(gusty_start.outputs)
+    lost = np.isnan(spiked.problem.pieces[0].measured)
+    for i, channel in enumerate(gusty_start.outputs):
+        assert lost[at[channel], i].all()
+    assert lost.sum() <= 1.1 * sum(map(len, at.values()))
+    std = error_bars(clean).std
+    for (name, value), error in zip(clean.estimates.items(), std, strict=False):
+        assert spiked.estimates[name] == pytest.approx(value, abs=error)
