@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
+from hypothesis import HealthCheck, settings
 
 from stoop.base import notices
 
@@ -26,6 +27,9 @@ BROWSER_ARGUMENTS = [
     "--headless=new", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
     "--disable-background-networking", "--disable-component-update", "--disable-sync",
 ]  # fmt: skip
+# how fast a busy machine draws is no matter of the code
+settings.register_profile("stoop", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("stoop")
 seconds: Counter[str] = Counter()  #: test -> time of its call, set-up and clean-up
 
 

@@ -9,13 +9,14 @@ from typing import Any, Final
 import numpy as np
 import pandas as pd
 
-from stoop.assessment.error_bars import error_bars
 from stoop.base.arrays import FloatArray
 from stoop.base.numbers import finite_or_none
 from stoop.estimate import methods
-from stoop.estimate.fit import Options
+from stoop.estimate.fit import Fit, Options
 from stoop.report.sheet import Prose, Section, Table
+from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
+from stoop.workflow.sensor_delays import with_sensor_delays
 from stoop_studies.findings import Claim, Findings, Setting, holds
 from stoop_studies.verify import scenes, study
 
@@ -124,6 +125,12 @@ CASES: Final[Mapping[str, Case]] = {
         beside="left-out",
         scatter=1.0,
     ),
+    "late": Case(
+        f"both vanes {1000.0 * scenes.LATE:.0f} ms late, which the file does not say",
+        scenes.with_late_vanes,
+        "output-error",
+        (0.93, 0.97),
+    ),
 }
 
 
@@ -132,14 +139,21 @@ def cover(case: str, seed: int) -> dict[str, Any]:
     """Fly a case and identify it as users do; a standard error is None where a bound holds the parameter."""
     method = CASES[case].method
     scene, options = CASES[case].fly(seed), Options(seed=seed, method=method)
-    fit = methods.find(method).fitter()(scene.start, scene.flights, scene.windows, options, None, None)
-    bars, count = error_bars(fit), len(scene.truth)
-    at_bound = bars.at_bound[:count]
+
+    def fitted(vehicle: Vehicle) -> Fit:
+        found: Fit = methods.find(method).fitter()(vehicle, scene.flights, scene.windows, options, None, None)
+        return found
+
+    done = with_sensor_delays(scene.start, fitted(scene.start), fitted, lambda _: None)
+    fit, bars = done.fit, done.bars
+    order = {p.name: i for i, p in enumerate(fit.problem.layout.parameters)}
+    own = [order[name] for name in scene.truth]
+    at_bound = bars.at_bound[own]
     return {
         "names": list(scene.truth),
         "errors": [fit.estimates[name] - value for name, value in scene.truth.items()],
-        "sigma": study.or_none(np.where(at_bound, np.nan, bars.std[:count])),
-        "cramer_rao": study.or_none(np.where(at_bound, np.nan, bars.cramer_rao_std[:count])),
+        "sigma": study.or_none(np.where(at_bound, np.nan, bars.std[own])),
+        "cramer_rao": study.or_none(np.where(at_bound, np.nan, bars.cramer_rao_std[own])),
         "status": fit.outcome.status,
     }
 

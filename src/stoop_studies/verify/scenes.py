@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Any, Final
@@ -43,6 +43,7 @@ SPIKES: Final = (0.003, 80.0)  #: share of the readings, and by how many standar
 STUDENT: Final = 3  #: degrees of freedom
 NOISY: Final = ("yaw", 4.0)  #: a maneuver, and how many times as noisy it is
 AR_COEFFICIENT: Final = 0.95  #: correlation of neighboring samples, 50 Hz; 0.4 s
+LATE: Final = 0.06  #: s
 ALTITUDE: Final = 200.0  #: m
 WIND_20_FT: Final = 30.0 * KNOT  #: m/s at 20 ft: moderate turbulence
 INTENSITY_BOUNDS: Final = (0.05, 10.0)  #: m/s
@@ -196,21 +197,29 @@ def student(rng: np.random.Generator, samples: int, channels: int) -> FloatArray
 
 
 def _in_sensor_noise(
-    noise: Noise, seed: int, factors: Mapping[str, float] = MappingProxyType({}), left_out: str = ""
+    noise: Noise,
+    seed: int,
+    factors: Mapping[str, float] = MappingProxyType({}),
+    left_out: str = "",
+    late: Sequence[str] = (),
 ) -> Scene:
     """Return flights whose (biased) sensors read noise of a kind that the seed draws.
 
-    The noise of a maneuver is larger by its factor; one maneuver may be flown and left out.
+    The noise of a maneuver is larger by its factor; one maneuver may be flown and left out; the readings of some channels may
+    be recorded `LATE` seconds late.
     """
+    shift = round(LATE * RATE)
     rng, truth, flights = np.random.default_rng(seed), aircraft(), {}
     for name, maneuver in maneuvers().items():
         flight = simulate_flight(with_biases(truth, rng), maneuver, noise=False, name=name)
         errors = sensor_noise(truth) * noise(rng, len(maneuver.time), len(truth.outputs))
         errors *= factors.get(name, 1.0)
-        readings = {
-            channel: (flight.data[channel].dims, flight.data[channel].to_numpy() + error)
-            for channel, error in zip(truth.outputs, errors.T, strict=True)
-        }
+        readings = {}
+        for channel, error in zip(truth.outputs, errors.T, strict=True):
+            exact = flight.data[channel].to_numpy()
+            if channel in late:
+                exact = np.concatenate([np.repeat(exact[:1], shift), exact[:-shift]])
+            readings[channel] = (flight.data[channel].dims, exact + error)
         flights[name] = replace(flight, data=flight.data.assign(readings))
     windows = tuple(w for w in whole_maneuvers() if w.flight != left_out)
     return Scene(wrong_start(truth, rng), flights, windows, coefficients(truth))
@@ -221,6 +230,7 @@ in_outliers = functools.partial(_in_sensor_noise, with_outliers)
 in_spikes = functools.partial(_in_sensor_noise, with_spikes)
 in_student_noise = functools.partial(_in_sensor_noise, student)
 in_unequal_noise = functools.partial(_in_sensor_noise, white, factors=dict([NOISY]))
+with_late_vanes = functools.partial(_in_sensor_noise, white, late=("alpha", "beta"))
 without_noisy_maneuver = functools.partial(_in_sensor_noise, white, left_out=NOISY[0])
 in_autoregressive_noise = functools.partial(_in_sensor_noise, autoregressive)
 

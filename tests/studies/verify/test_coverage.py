@@ -169,11 +169,15 @@ def test_a_case_that_scatters_too_much_does_not_hold() -> None:
 
 @pytest.mark.parametrize("case", CASES)
 def test_one_flight_of_each_case(case: str) -> None:
-    """Estimates lie where their error bars say, and the same arguments give the same bytes."""
+    """Estimates lie where their error bars say."""
     found = cover({"case": case, "seed": 7}, [None])[0]
     z = np.array(found["errors"]) / np.array(found["sigma"])
     assert len(z) == (35 if case == "dryden" else 32)  # the intensities of the gusts too
     assert found["status"] == "converged"
     assert np.abs(z).max() < 4.5
     assert np.mean(z**2) < 3.0  # errors of one flight go together
-    assert to_text(found, "") == to_text(cover({"case": case, "seed": 7}, [None])[0], "")
+
+
+def test_the_same_arguments_give_the_same_bytes() -> None:
+    first, second = (to_text(cover({"case": "outliers", "seed": 7}, [None])[0], "") for _ in range(2))
+    assert first == second
