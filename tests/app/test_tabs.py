@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import os
 import re
+import signal
+import time
 from pathlib import Path
 
 from playwright.sync_api import expect
 
 from stoop.app.folder import Project
+from stoop.app.steps import PROCESS
 from stoop.vehicle.builtin import builtin_text
 from stoop.vehicle.load import load_vehicle
 
@@ -18,6 +22,15 @@ def edit(page, number: str, value: str, field: str = "value") -> None:
     entry = row.locator("input").first
     entry.fill(value)
     entry.press("Enter")
+
+
+def held(folder: Path, count: int) -> int:
+    """Return the process of the latest of so many runs, halted: however slow the browser is, it has no result yet."""
+    while len(runs := Project(folder).steps("runs")) < count or not runs[-1].file(PROCESS).exists():
+        time.sleep(0.02)
+    process = int(runs[-1].file(PROCESS).read_text("utf-8"))
+    os.killpg(process, signal.SIGSTOP)
+    return process
 
 
 def test_two_tabs_edit_one_vehicle(app, tab, quadrotor: Path) -> None:
@@ -101,8 +114,10 @@ def test_a_killed_server_and_a_closed_browser_lose_no_run(app, tab, quadrotor: P
     page.wait("runs/001 · running")
     page.page.get_by_label("method").select_option("equation-error")
     page.click("Run the fit")  # several at once
+    process = held(quadrotor, 2)
     page.wait("runs/002 · running")
     page.click("Stop")
+    os.killpg(process, signal.SIGCONT)
     page.wait("stopped before there was a result")
     page.click("runs/001 · running")
     page.click("Stop")
