@@ -22,7 +22,7 @@ import tempfile
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
@@ -206,14 +206,12 @@ class Posterior:
         parameters = {name: Interval(*numbers) for name, *numbers in rows}
         notices = []
         if not chains.converged:
-            found: dict[str, Any] = {name: figures[name] for name in ("rhat", "std_error")}
-            limits = {
-                "max_rhat": MAX_RHAT,
-                "needed": SAMPLER.min_sample_size,
-                "max_std_error": SAMPLER.max_std_error,
-            }
-            found |= {"sample_size": chains.sample_size, **limits}
-            notices.append(notice("posterior-not-converged", **found))
+            found = notice(
+                "posterior-not-converged", rhat=figures["rhat"], max_rhat=MAX_RHAT,
+                sample_size=chains.sample_size, needed=SAMPLER.min_sample_size,
+                std_error=figures["std_error"], max_std_error=SAMPLER.max_std_error,
+            )  # fmt: skip
+            notices.append(found)
         if error > MAX_DENSITY_ERROR:
             notices.append(notice("posterior-nuisances-nonlinear", error=error))
         intervals = MethodIntervals(parameters, figures, tuple(notices))

@@ -12,7 +12,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, ClassVar, Final
 
 import numpy as np
@@ -31,7 +31,7 @@ from stoop.estimate.noise import (
     noise_covariance,
     noise_variance,
 )
-from stoop.estimate.noise_model import noise_model
+from stoop.estimate.noise_model import with_noise
 from stoop.estimate.regression import start_value
 from stoop.estimate.response import Responses, simulation_responses
 from stoop.flight import Flight
@@ -416,12 +416,8 @@ def refine(
         if converged or cut_short:
             break
         try:
-            before, residuals = problem.noise_logdet, channel_residuals(recorded, z)
-            noise = noise_model(recorded, residuals, noise)
-            problem = noise.adjusted(recorded, residuals)
-            if problem is not recorded:
-                residuals = channel_residuals(problem, z)
-            problem = problem.weighted(Weights.of(effective_variance(problem, residuals)))
+            before = problem.noise_logdet
+            noise, problem = with_noise(recorded, partial(channel_residuals, z=z), noise)
         except KeyboardInterrupt:
             interrupted = True
             break

@@ -35,8 +35,8 @@ from stoop.errors import IdentificationError
 from stoop.estimate import iterates
 from stoop.estimate.fit import ALTERNATION, DEFAULTS, Fit, LocalProblem, Options, estimation_problem, starts
 from stoop.estimate.linearization import aligned, as_recorded
-from stoop.estimate.noise import effective_variance, first_variance, noise_covariance
-from stoop.estimate.noise_model import NoiseModel, noise_model
+from stoop.estimate.noise import first_variance, noise_covariance
+from stoop.estimate.noise_model import NoiseModel, with_noise
 from stoop.estimate.response import ExtendedModel, Responses, whitened
 from stoop.estimate.shooting_problem import Iterate, Reduced, ShootingProblem, Weighted, reduced
 from stoop.estimate.shooting_windows import WINDOW_LENGTH, Shots, window_model
@@ -208,18 +208,18 @@ def refined(
                 break
             shifted = recorded
             if not given:
-                residuals = problem.of_problem(recorded).residuals(at)
-                noise = noise_model(recorded, residuals, noise)
-                shifted = noise.adjusted(recorded, residuals)
-                if shifted is not recorded:
-                    residuals = problem.of_problem(shifted).residuals(at)
-                shifted = shifted.weighted(Weights.of(effective_variance(shifted, residuals)))
+                noise, shifted = with_noise(recorded, partial(_residuals, problem, at), noise)
             before, problem = held.noise_logdet, problem.of_problem(shifted)
             problem = problem.with_likeliest_wind_steps(at)
             end = at = problem.iterate(at.z, at.nodes)
     except KeyboardInterrupt:
         status = "interrupted"
     return Refined(problem, end, iterations, status, noise_converged, noise)
+
+
+def _residuals(problem: ShootingProblem, at: Iterate, own: Misfit) -> list[FloatArray]:
+    """Return the residuals (n, n_y) of each piece of another problem in the same windows."""
+    return problem.of_problem(own).residuals(at)
 
 
 def as_one_flight(problem: ShootingProblem, at: Iterate, schedule: Sequence[float]) -> Iterate:

@@ -31,7 +31,7 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -42,8 +42,8 @@ from scipy.stats import chi2
 from stoop.base.arrays import BoolArray, FloatArray, IntArray
 from stoop.base.notices import Notice, notice
 from stoop.base.robust import robust_std
-from stoop.estimate.noise import correlation_times
-from stoop.problem import Misfit
+from stoop.estimate.noise import correlation_times, effective_variance
+from stoop.problem import Misfit, Weights
 
 EM_STEPS: Final = 500  #: at most
 EM_TOLERANCE: Final = 1e-7  #: change of the mean logarithm of the likelihood at which EM ends
@@ -246,6 +246,21 @@ def noise_model(problem: Misfit, residuals: Sequence[FloatArray], before: NoiseM
         mixtures.append(None if found is None else found[0])
         information[i] = 1.0 if found is None else found[1]
     return NoiseModel(tuple(mixtures), information, relative, unequal, unknown)
+
+
+def with_noise(
+    recorded: Misfit, residuals: Callable[[Misfit], Sequence[FloatArray]], before: NoiseModel | None
+) -> tuple[NoiseModel, Misfit]:
+    """Return the noise behind the residuals of a problem as recorded, and the problem that the fit sees, with its weights.
+
+    The `residuals` of a problem are (n, n_y) of each piece, where the fit is; `before` is the noise of the round before.
+    """
+    own = residuals(recorded)
+    noise = noise_model(recorded, own, before)
+    problem = noise.adjusted(recorded, own)
+    if problem is not recorded:
+        own = residuals(problem)
+    return noise, problem.weighted(Weights.of(effective_variance(problem, own)))
 
 
 def maneuver_noise(

@@ -121,7 +121,7 @@ def with_free_number(vehicle: Vehicle, name: str) -> tuple[Vehicle, str] | None:
     Lags and delays of what commands move have their usual values with priors; others begin at what changes nothing, within what
     is believed. None where the catalogue has no such number, or it changes nothing at no finite value.
     """
-    one = next((e for e in _catalogue(vehicle) if e.name == name and not e.reciprocal), None)
+    one = next((e for e in catalogue(vehicle) if e.name == name and not e.reciprocal), None)
     if one is None or one.kind == "number":
         return None
     fields: dict[str, Any] = {"value": one.null, "free": True}
@@ -135,20 +135,21 @@ def with_free_number(vehicle: Vehicle, name: str) -> tuple[Vehicle, str] | None:
     return with_entries(vehicle, entries), _written(entries)
 
 
-def _catalogue(vehicle: Vehicle) -> tuple[Extension, ...]:
+def catalogue(vehicle: Vehicle) -> tuple[Extension, ...]:
+    """Return every extension of a vehicle."""
     parts = (_controls, _masses, _thrust, _sensors, _terms, _rotors, _fixed)
     return tuple(one for part in parts for one in part(vehicle))
 
 
 def extended(vehicle: Vehicle) -> tuple[Vehicle, tuple[Extension, ...]]:
     """Return a vehicle with every extension at its null value, and the extensions."""
-    catalogue = _catalogue(vehicle)
+    extensions = catalogue(vehicle)
     known, entries = {name for name, _ in leaves(vehicle.file)}, dict[tuple[str, ...], Any]()
-    for one in catalogue:
+    for one in extensions:
         if not known.issuperset(one.numbers):
             entries |= one.entries(one.null)
             known.update(one.numbers)
-    return with_entries(vehicle, entries), catalogue
+    return with_entries(vehicle, entries), extensions
 
 
 def _plain(*keys: str) -> Callable[[Any], Entries]:

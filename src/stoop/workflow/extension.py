@@ -33,7 +33,7 @@ from stoop.problem.windows import Window
 from stoop.results.extensions import ExtensionTest
 from stoop.vehicle import Vehicle
 from stoop.vehicle.document import with_entries
-from stoop.vehicle.extensions import Extension, extended
+from stoop.vehicle.extensions import Extension, catalogue
 
 MAX_HALVINGS: Final = 4  #: of a change with which a vehicle is impossible
 MAX_ROUNDS: Final = 8
@@ -90,7 +90,7 @@ def extend(
     for _ in range(MAX_ROUNDS):
         if not missing:
             break
-        known = {one.name: one for one in extended(best.vehicle)[1]}
+        known = {one.name: one for one in catalogue(best.vehicle)}
         tests = {one.name: one for one in missing}
         tried: list[tuple[ExtensionTest, Candidate, float]] = []
         for name in (missing[0].name, *[n for n in missing[0].rivals if n in tests][:MAX_RIVALS]):

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Final
 
 from stoop.assessment.error_bars import ErrorBars, error_bars
 from stoop.assessment.extensions import LIMITS, extension_tests
@@ -19,8 +20,11 @@ from stoop.results.extensions import ExtensionTests
 from stoop.vehicle import Vehicle
 from stoop.vehicle.assumptions import USUAL
 from stoop.vehicle.document import with_entries
-from stoop.vehicle.extensions import Extension, extended
+from stoop.vehicle.extensions import Extension, catalogue
+from stoop.workflow.checkpoint import deferred_interrupt
 from stoop.workflow.extension import gain
+
+NOT_FREED: Final = "stopped by the user while delays of sensors were looked for"
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,41 +60,47 @@ def with_sensor_delays(
     watch : callable
         Is told what is fitted.
     """
-    best, freed = CheckedFit.of(first), dict[str, str]()  # name: that of its parameter
-    while extension := _late_sensor(vehicle, best.tests):
+    best, interrupted = _checked(first)
+    freed = dict[str, str]()  # name: that of its parameter
+    while not interrupted and (extension := _late_sensor(vehicle, best.tests)):
         entries = extension.entries({"value": 0.0, "prior": USUAL.sensor_delay_std})
         vehicle = with_entries(vehicle, entries)
         watch(f"delay: {extension.name}")
         try:
             found = refit(vehicle)
         except KeyboardInterrupt:  # what was found without it stands
+            interrupted = True
             break
         if gain(best.fit, found) <= 0.0:
             break
         freed[extension.name] = ".".join(next(iter(entries)))
-        best = CheckedFit.of(found)
-    outcome = replace(
-        best.fit.outcome, state=first.outcome.state
-    )  # what is saved, and resumed, is the first search
-    std = {p.name: float(best.bars.std[i]) for i, p in enumerate(best.fit.problem.layout.parameters)}
-    notices = (
+        best, interrupted = _checked(found)
+    outcome = replace(best.fit.outcome, state=first.outcome.state)  # saved, and resumed, is the first search
+    if interrupted:
+        outcome = replace(outcome, status="interrupted", advice=NOT_FREED)
+    index = {p.name: i for i, p in enumerate(best.fit.problem.layout.parameters)}
+    notices = tuple(
         notice(
-            "sensor-delay-freed",
-            name,
-            estimate=best.fit.estimates[one],
-            std=std[one],
+            "sensor-delay-freed", name, estimate=best.fit.estimates[one], std=float(best.bars.std[index[one]]),
             prior=USUAL.sensor_delay_std,
         )
         for name, one in freed.items()
-    )
+    )  # fmt: skip
     return replace(best, fit=replace(best.fit, outcome=outcome, notices=(*notices, *best.fit.notices)))
+
+
+def _checked(fit: Fit) -> tuple[CheckedFit, bool]:
+    """Return a fit, tested, and whether Ctrl-C came meanwhile: without its error bars a search that has ended were lost."""
+    with deferred_interrupt() as ctrl_c:
+        checked = CheckedFit.of(fit)
+    return checked, ctrl_c.came
 
 
 def _late_sensor(vehicle: Vehicle, tests: ExtensionTests) -> Extension | None:
     """Return the delay of a sensor that the data ask for before all else, if they do."""
     if not tests.found:
         return None
-    late = {one.name: one for one in extended(vehicle)[1] if one.readings}
+    late = {one.name: one for one in catalogue(vehicle) if one.readings}
     best, *others = tests.found
     tied = any(one.name not in late and best.gain - one.gain < LIMITS.tie for one in others)
     return None if tied else late.get(best.name)

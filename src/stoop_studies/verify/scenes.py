@@ -196,6 +196,12 @@ def student(rng: np.random.Generator, samples: int, channels: int) -> FloatArray
     return noise / np.sqrt(rng.spawn(1)[0].chisquare(STUDENT, noise.shape) / STUDENT)
 
 
+def recorded_late(readings: FloatArray) -> FloatArray:
+    """Return readings (n,) as they are recorded `LATE` seconds late; the first stands before them."""
+    shift = round(LATE * RATE)
+    return np.concatenate([np.repeat(readings[:1], shift), readings[:-shift]])
+
+
 def _in_sensor_noise(
     noise: Noise,
     seed: int,
@@ -208,7 +214,6 @@ def _in_sensor_noise(
     The noise of a maneuver is larger by its factor; one maneuver may be flown and left out; the readings of some channels may
     be recorded `LATE` seconds late.
     """
-    shift = round(LATE * RATE)
     rng, truth, flights = np.random.default_rng(seed), aircraft(), {}
     for name, maneuver in maneuvers().items():
         flight = simulate_flight(with_biases(truth, rng), maneuver, noise=False, name=name)
@@ -217,9 +222,8 @@ def _in_sensor_noise(
         readings = {}
         for channel, error in zip(truth.outputs, errors.T, strict=True):
             exact = flight.data[channel].to_numpy()
-            if channel in late:
-                exact = np.concatenate([np.repeat(exact[:1], shift), exact[:-shift]])
-            readings[channel] = (flight.data[channel].dims, exact + error)
+            read = recorded_late(exact) if channel in late else exact
+            readings[channel] = (flight.data[channel].dims, read + error)
         flights[name] = replace(flight, data=flight.data.assign(readings))
     windows = tuple(w for w in whole_maneuvers() if w.flight != left_out)
     return Scene(wrong_start(truth, rng), flights, windows, coefficients(truth))

@@ -77,7 +77,7 @@ def test_after_a_refusal_the_next_is_tried_and_what_was_refused_once_more(
     named = tuple(SimpleNamespace(name=name) for name in ("one", "two"))
     monkeypatch.setattr(extension, "_fit", fitted)
     monkeypatch.setattr(extension, "extension_tests", missing)
-    monkeypatch.setattr(extension, "extended", lambda vehicle: (vehicle, named))
+    monkeypatch.setattr(extension, "catalogue", lambda vehicle: named)
     monkeypatch.setattr(extension, "_freed", lambda vehicle, added, change: vehicle | {added.name})
     monkeypatch.setattr(extension, "gain", lambda before, after: -1.0 if after.names == {"one"} else 1.0)
     found = extension.extend(set(), {}, [], [Window("held", 0.0, 1.0)], Options(), lambda line: None)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 from stoop.estimate.fit import Options
@@ -14,7 +13,6 @@ from stoop.vehicle.document import with_entries
 from stoop.workflow.identification import Search, search
 from stoop_studies.verify import scenes
 
-LATE = 0.06  #: s
 SEED = 3
 
 
@@ -25,12 +23,7 @@ def flown(names: tuple[str, ...], late: tuple[str, ...]) -> list[Flight]:
         flight = scenes.simulate_flight(
             truth, scenes.maneuvers()[name], noise=True, seed=SEED + seed, name=name
         )
-        shift = round(LATE * flight.rate)
-        readings = {
-            channel: (flight.data[channel].dims, np.concatenate([np.repeat(y[:1], shift), y[:-shift]]))
-            for channel in late
-            for y in [flight.data[channel].to_numpy()]
-        }
+        readings = {c: (flight.data[c].dims, scenes.recorded_late(flight.data[c].to_numpy())) for c in late}
         out.append(replace(flight, data=flight.data.assign(readings)))
     return out
 
@@ -59,7 +52,7 @@ def test_a_late_sensor_is_found(late: tuple[str, ...], name: str, number: str) -
     done = searched(flights)
     assert freed(done) == [name]
     index = [p.name for p in done.fit.problem.layout.parameters].index(number)
-    assert abs(done.fit.estimates[number] - LATE) < 3.0 * done.checked.bars.std[index]
+    assert abs(done.fit.estimates[number] - scenes.LATE) < 3.0 * done.checked.bars.std[index]
     assert done.checked.bars.std[index] < 0.005
     # a file that gives the delay decides for itself
     given = with_entries(scenes.aircraft(), {("sensors", one, "delay"): 0.0 for one in late})
