@@ -14,7 +14,7 @@ A filter takes the readings of the smallest weights as not measured: an outlier 
 
 **Maneuvers.** Variances of a channel that differ between maneuvers by more than chance (Bartlett's test, each maneuver with as
 many samples as are independent) are estimated one by one. Their logarithms are drawn toward their mean by empirical Bayes, the
-more the fewer samples a maneuver has [4]_.
+more the fewer samples a maneuver has [4]_. A channel of a maneuver that has next to none is left out.
 
 Normal noise that is the same in all maneuvers is the default: it is left as it is unless the residuals speak against it.
 
@@ -64,7 +64,7 @@ class Limits:
     #: lowers the variance by that ratio, has a larger one
     kurtosis: float = 1.0
     level: float = 1e-8  #: of Bartlett's test: that of the likelihood ratio
-    min_samples: float = 8.0  #: independent ones, below which a maneuver's variance is not estimated
+    min_samples: float = 4.0  #: independent ones, below which a variance is not estimated
     weight: float = 0.1  #: below which a filter leaves a reading out
     clipped: float = (
         3.0  #: robust standard deviations, to which residuals are limited in the variance of a maneuver
@@ -171,13 +171,13 @@ class NoiseModel:
     information: FloatArray  #: (n_y,), share of the information that is left: mean derivative m of the score
     relative: FloatArray  #: (k, n_y), standard deviation in each maneuver over that of the channel
     unequal: tuple[bool, ...]  #: (n_y,), whether maneuvers differ
-    unknown: frozenset[int]  #: maneuvers with too few samples for a variance of their own
+    unknown: BoolArray  #: (k, n_y), whether maneuvers differ, and this one has too few samples to tell by how much
 
     @classmethod
     def plain(cls, channels: int, maneuvers: int) -> NoiseModel:
         """Return normal noise, the same in all maneuvers."""
         ones, none = np.ones((maneuvers, channels)), (False,) * channels
-        return cls((None,) * channels, np.ones(channels), ones, none, frozenset())
+        return cls((None,) * channels, np.ones(channels), ones, none, np.zeros(ones.shape, np.bool_))
 
     @property
     def is_plain(self) -> bool:
@@ -187,7 +187,7 @@ class NoiseModel:
     def adjusted(self, problem: Misfit, residuals: Sequence[FloatArray]) -> Misfit:
         """Return a problem, of the readings as recorded, with pseudo-observations, and with the noise of each maneuver.
 
-        The residuals (n, n_y) of each piece are measured less simulated.
+        The residuals (n, n_y) of each piece are measured less simulated. Readings of unknown noise become NaN: not measured.
         """
         if self.is_plain:
             return problem
@@ -198,6 +198,7 @@ class NoiseModel:
                 if mixture is not None:
                     w = mixture.weights(own[:, i] / relative[i])[0]
                     measured[:, i] += (w / self.information[i] - 1.0) * own[:, i]
+            measured[:, self.unknown[piece.maneuver]] = np.nan
             factors = tuple(relative.tolist()) if any(self.unequal) else ()
             pieces.append(replace(piece, measured=measured, relative_noise=factors))
         return replace(problem, pieces=tuple(pieces))
@@ -220,12 +221,14 @@ class NoiseModel:
         factors = np.exp(
             (logs - logs.mean(axis=0)) * count / max(count - 1, 1)
         )  # over the mean of the others
-        channels = np.array(outputs)[list(self.unequal)]
-        for name, own in zip(maneuvers, factors, strict=True):
+        channels = np.array(outputs)
+        for name, own, unknown in zip(maneuvers, factors, self.unknown, strict=True):
             if (noisy := own >= LIMITS.named).any():
                 size = float(np.median(own[noisy]))
-                out.append(notice("maneuver-noise", name, channels=tuple(channels[noisy]), factor=size))
-        out += [notice("maneuver-noise-unknown", maneuvers[m]) for m in sorted(self.unknown)]
+                differing = channels[list(self.unequal)]
+                out.append(notice("maneuver-noise", name, channels=tuple(differing[noisy]), factor=size))
+            if unknown.any():
+                out.append(notice("maneuver-noise-unknown", name, channels=tuple(channels[unknown])))
         return out
 
 
@@ -265,13 +268,14 @@ def with_noise(
 
 def maneuver_noise(
     residuals: Sequence[FloatArray], labels: IntArray, dt: float, before: NoiseModel
-) -> tuple[FloatArray, tuple[bool, ...], frozenset[int]]:
-    """Return the relative noise (k, n_y) of the maneuvers, the channels that differ (n_y,), the maneuvers with too few samples.
+) -> tuple[FloatArray, tuple[bool, ...], BoolArray]:
+    """Return the relative noise (k, n_y) of the maneuvers, the channels that differ (n_y,), and where samples are too few (k, n_y).
 
     The `labels` are the maneuvers of the residuals (n, n_y) of each piece, sampled every `dt` s.
     """
     k, channels = before.relative.shape
-    relative, unequal, unknown = np.ones((k, channels)), [False] * channels, set[int]()
+    relative, unequal = np.ones((k, channels)), [False] * channels
+    unknown = np.zeros((k, channels), np.bool_)
     counts, variances, squares = np.zeros((k, channels)), np.full((k, channels), np.nan), list(residuals)
     for m in np.unique(labels):
         whole = np.concatenate([r for r, label in zip(residuals, labels, strict=True) if label == m])
@@ -296,8 +300,8 @@ def maneuver_noise(
             found = shrunk(own, n)
             relative[known, i] = np.sqrt(found * many.sum() / float(many @ found))
             unequal[i] = True
-            unknown |= set(np.flatnonzero(~known & (counts[:, i] > 0)).tolist())
-    return relative, tuple(unequal), frozenset(unknown)
+            unknown[:, i] = ~known & (counts[:, i] > 0)
+    return relative, tuple(unequal), unknown
 
 
 def outlier_model(

@@ -35,7 +35,8 @@ from stoop_studies.robustness.trials import (
 from stoop_studies.robustness.verb_outputs import check_outputs, strict_json
 
 COMPILING: Final = 7  #: s, of equations that no command has had before
-BOUNDS: Final = Bounds(seconds=10 + COMPILING, wall=300.0, memory=2**29)
+FITTING: Final = 30  #: s, of the longest: two quick fits by filter error take 17 s of an old server
+BOUNDS: Final = Bounds(seconds=FITTING + COMPILING, wall=300.0, memory=2**29)
 SHORT: Final = ("short", "twin-boom", "quad-x")  #: flights of a few seconds
 TAME: Final = 8  #: sound commands of each verb, which load what it needs before this process is copied
 METHODS: Final = (

@@ -127,12 +127,11 @@ def test_a_noisy_maneuver_is_found_and_equal_ones_are_left() -> None:
     assert unequal == (False, False)
     np.testing.assert_array_equal(relative, 1.0)
     pieces[3][:, 1] *= 4.0
-    pieces[2] = pieces[2][:6]
+    pieces[2] = pieces[2][:3]
     relative, unequal, unknown = maneuver_noise(pieces, labels, DT, plain)
     assert unequal == (False, True)
     assert relative[3, 1] / relative[0, 1] == pytest.approx(4.0, rel=0.15)
-    assert unknown == {2}
-    assert relative[2, 1] == 1.0  # the noise of all
+    assert np.argwhere(unknown).tolist() == [[2, 1]]
 
 
 def test_of_neighboring_innovations_the_first_is_the_outlier() -> None:
@@ -187,3 +186,21 @@ def test_a_channel_of_spikes_counts_as_not_measured(wrong: Vehicle, flight: Flig
         found = fit(wrong, {"sim": replace(flight, data=data)}, [Window("sim", 0.0, 30.0)], Options())
         assert ("outliers-left-out", "theta") in [(n.code, n.subject) for n in found.prepared.notices]
         assert np.isnan(found.problem.pieces[0].measured[:, wrong.outputs.index("theta")]).all()
+
+
+def test_a_maneuver_whose_noise_cannot_be_estimated_is_left_out(wrong: Vehicle, flight: Flight) -> None:
+    readings, rng = {}, np.random.default_rng(9)
+    for channel in wrong.outputs:
+        x, sigma = flight.data[channel].to_numpy().copy(), getattr(wrong.file.sensors, channel).sigma
+        x[700:] += 6.0 * sigma * rng.standard_normal(x.size - 700)
+        x[1403:] = np.nan
+        readings[channel] = (flight.data[channel].dims, x)
+    noisy = replace(flight, data=flight.data.assign(readings))
+    windows = [Window("sim", 0.0, 13.0), Window("sim", 14.0, 27.0), Window("sim", 28.0, 29.0)]
+    found = fit(wrong, {"sim": noisy}, windows, Options())
+    (unknown,) = [n for n in found.notices if n.code == "maneuver-noise-unknown"]
+    assert unknown.subject == str(windows[2])
+    assert set(unknown.values["channels"]) == set(wrong.outputs)  # type: ignore[arg-type]
+    without = fit(wrong, {"sim": noisy}, windows[:2], Options())
+    for name, value in without.estimates.items():
+        assert found.estimates[name] == pytest.approx(value, rel=1e-4), name
