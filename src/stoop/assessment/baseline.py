@@ -38,6 +38,7 @@ OWN_COMMANDS: Final[Mapping[str, tuple[str, ...]]] = {
 #: s, where the search looks first: a shorter lag is a plain gain at any usual sample rate, a longer one an integrator
 TIME_CONSTANTS: Final = np.geomspace(0.005, 10.0, 20)
 DEAD_TIMES: Final = np.arange(0.0, 0.29, 0.04)  #: s, where the search looks first
+REACH: Final = 3  #: steps of the grid of time constants, to either side, in the search from sample to sample
 START: Final = 0.2  #: s; a prediction starts from the mean of these first measurements
 
 
@@ -189,22 +190,14 @@ def fit_lag(records: Sequence[LagRecord], rate: float) -> Lag | None:
     problem = _Regression(records, rate)
     delays = sorted({round(delay * rate) for delay in DEAD_TIMES})
     costs = problem.grid(delays)
-    best = delays[int(np.argmin(np.min(costs, axis=1)))]
-    near = range(max(0, best - delays[1] + 1), best + delays[1])
-    costs = np.concatenate([costs, problem.grid([d for d in near if d not in delays])])
-    rows = [*delays, *(d for d in near if d not in delays)]
-    found = []
-    for d in near:
-        place = int(np.argmin(costs[rows.index(d)]))
-        bracket = np.log(TIME_CONSTANTS[[max(place - 1, 0), min(place + 1, len(TIME_CONSTANTS) - 1)]])
-        end = minimize_scalar(
-            lambda log_tau, d=d: problem.solve(float(np.exp(log_tau)), d)[0],
-            bounds=(float(bracket[0]), float(bracket[1])),
-            method="bounded",
-            options={"xatol": 1e-3},
-        )
-        found.append((float(end.fun), float(np.exp(end.x)), d))
-    _, tau, delay = min(found)
+    row, place = (int(i) for i in np.unravel_index(np.argmin(costs), costs.shape))
+    near = range(max(0, delays[row] - delays[1] + 1), delays[row] + delays[1])
+    taus = slice(max(place - REACH, 0), place + REACH + 1)
+    costs = problem.grid(near, TIME_CONSTANTS[taus])
+    _, tau, delay = min(
+        problem.refine(delay, taus.start + int(np.argmin(own)))
+        for delay, own in zip(near, costs, strict=True)
+    )
     gains, biases, initial = np.split(problem.solve(tau, delay)[1], [count, count + len(maneuvers)])
     shared = dict(zip(maneuvers, biases.tolist(), strict=True))
     return Lag(tau, delay / rate, gains, shared, tuple(initial.tolist()), rate)
@@ -219,21 +212,34 @@ class _Regression:
         self._there = np.isfinite(measured)
         self._measured = measured[self._there]
 
-    def grid(self, delays: Sequence[int]) -> FloatArray:
-        """Return the least sums of squares (delays, time constants) over the coarse grid of time constants."""
-        costs = np.empty((len(delays), len(TIME_CONSTANTS)))
-        for j, tau in enumerate(TIME_CONSTANTS.tolist()):
+    def grid(self, delays: Sequence[int], time_constants: FloatArray = TIME_CONSTANTS) -> FloatArray:
+        """Return the least sums of squares (delays, time constants)."""
+        costs = np.empty((len(delays), len(time_constants)))
+        for j, tau in enumerate(time_constants.tolist()):
             answers = [_answers(record.commands, tau, self._rate) for record in self._records]
             for i, delay in enumerate(delays):
                 costs[i, j] = self._least(answers, delay)[0]
         return costs
+
+    def refine(self, delay: int, place: int) -> tuple[float, float, int]:
+        """Return the least sum of squares of a delay, its time constant near that of a place in the grid, and the delay."""
+        bracket = np.log(TIME_CONSTANTS[[max(place - 1, 0), min(place + 1, len(TIME_CONSTANTS) - 1)]])
+        end = minimize_scalar(
+            lambda log_tau: self.solve(float(np.exp(log_tau)), delay)[0],
+            bounds=(float(bracket[0]), float(bracket[1])),
+            method="bounded",
+            options={"xatol": 1e-3},
+        )
+        return float(end.fun), float(np.exp(end.x)), delay
 
     def solve(self, tau: float, delay: int) -> tuple[float, FloatArray]:
         """Return the sum of squares and the linear unknowns."""
         return self._least([_answers(record.commands, tau, self._rate) for record in self._records], delay)
 
     def _least(self, answers: Sequence[_Answers], delay: int) -> tuple[float, FloatArray]:
-        design, measured = _design(self._records, answers, delay)[self._there], self._measured
+        design, measured = _design(self._records, answers, delay), self._measured
+        if len(measured) < len(design):
+            design = design[self._there]
         solution = np.linalg.lstsq(design.T @ design, design.T @ measured, rcond=1e-13)[0]
         return float(np.sum((measured - design @ solution) ** 2)), solution
 
@@ -259,14 +265,16 @@ class _Answers:
 def _answers(commands: FloatArray, tau: float, rate: float) -> _Answers:
     ratio, decay = np.exp(-1.0 / (rate * tau)), np.exp(-np.arange(len(commands)) / (rate * tau))
     late = 1.0 - rate * tau * (1.0 - ratio)
-    change = lfilter([late, 1.0 - ratio - late], [1.0, -ratio], commands - commands[0], axis=0)
-    return _Answers(change, commands[0], decay)
+    change = lfilter(
+        [late, 1.0 - ratio - late], [1.0, -ratio], np.ascontiguousarray((commands - commands[0]).T)
+    )
+    return _Answers(change.T, commands[0], decay)
 
 
 def _design(records: Sequence[LagRecord], answers: Sequence[_Answers], delay: int) -> FloatArray:
     """Return the linear unknowns' effect (N, m + maneuvers + records): gains, biases, initial values."""
     maneuvers, count = sorted({record.maneuver for record in records}), records[0].commands.shape[1]
-    out = np.zeros((sum(len(a.decay) for a in answers), count + len(maneuvers) + len(records)))
+    out = np.zeros((count + len(maneuvers) + len(records), sum(len(a.decay) for a in answers))).T
     end = 0
     for number, (record, one) in enumerate(zip(records, answers, strict=True)):
         rows = out[end : (end := end + len(one.decay))]

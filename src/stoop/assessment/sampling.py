@@ -53,8 +53,8 @@ class SamplerSettings:
     )
     chains: int = 4  #: as R-hat's authors ask for
     tuning: int = 300  #: draws of every chain that find length and scale of steps, and are thrown away
-    draws: int = 600  #: of every chain
-    rounds: int = 7  #: of as many chains more, until all together have converged
+    draws: int = 900  #: of every chain
+    rounds: int = 5  #: of as many chains more, until all together have converged
     blend: float = 0.05  #: of the spread of a walkers' reference that stays when it is fitted to draws
     steps_per_round: int = 250  #: of walkers between looks at convergence
     max_steps: int = 8000  #: of walkers
