@@ -22,7 +22,7 @@ from recovery.campaign_case import LOG, STOPS, TASKS
 import stoop
 
 CASE = Path(__file__).with_name("campaign_case.py")
-KILLS = 15
+KILLS = 8
 AGAIN = 5  #: executions that one kill may cost: what is under way or on its way to the store
 PATIENCE = 60.0  #: s
 pytestmark = pytest.mark.slow
@@ -179,7 +179,7 @@ def ended(scene: Scene) -> Iterator[None]:
 
 def test_processes(tmp_path: Path, code: Path, undisturbed: bytes) -> None:
     chance = random.Random(1)  # noqa: S311
-    kinds = ["startup"] * 2 + ["driver"] * 5 + ["worker"] * (KILLS - 7)
+    kinds = ["startup"] * 2 + ["driver"] * 3 + ["worker"] * (KILLS - 5)
     chance.shuffle(kinds)
     before = psutil.Process().children(recursive=True)  # of other tests: multiprocessing keeps a helper
     while kinds:  # a quick machine may be done before the last kill: then there is another campaign

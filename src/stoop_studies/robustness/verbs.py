@@ -38,7 +38,7 @@ COMPILING: Final = 7  #: s, of equations that no command has had before
 FITTING: Final = 30  #: s, of the longest: two quick fits by filter error take 17 s of an old server
 BOUNDS: Final = Bounds(seconds=FITTING + COMPILING, wall=300.0, memory=2**29)
 SHORT: Final = ("short", "twin-boom", "quad-x")  #: flights of a few seconds
-TAME: Final = 8  #: sound commands of each verb, which load what it needs before this process is copied
+TAME: Final = 8  #: sound commands of a verb, at most, which load what it needs before this process is copied
 METHODS: Final = (
     "equation-error",
     "output-error",
@@ -415,12 +415,12 @@ def try_command(verb: Verb, words: list[str], files: Mapping[str, bytes], folder
 
 
 @cache
-def prepare(name: str) -> None:
-    """Make what is sound, and compile equations, once before this process is copied."""
+def prepare(name: str, tame: int) -> None:
+    """Make what is sound, and compile equations by some sound commands, once before this process is copied."""
     for vehicle in hostile.MANEUVERS:
         hostile.record(vehicle)
     identified("short")
-    for number in range(TAME):
+    for number in range(tame):
         files: dict[str, bytes] = {}
         _, words = VERBS[name].draw(Choices(Random(f"tame {name} {number}"), files, tame=True))  # noqa: S311  no secret
         with TemporaryDirectory(prefix="stoop-") as place:
@@ -429,5 +429,5 @@ def prepare(name: str) -> None:
 
 def try_verbs(name: str, seed: int, count: int) -> Iterator[Tried]:
     """Try the first hostile commands of a verb."""
-    prepare(name)
+    prepare(name, min(TAME, count))
     return try_all(verb_cases(name, seed), range(count), BOUNDS)

@@ -1,4 +1,4 @@
-"""The campaign in little, in parts that run side by side: ten thousand inputs, 10 kills and a fifth of a slice of commands."""
+"""The campaign in little, in parts that run side by side: half a slice of inputs and kills, a fifth of one of commands."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ def surfaces(*families: str) -> list[str]:
     return [name for name, surface in SURFACES.items() if surface.family in families]
 
 
-def check_surface(name: str, slices: float = 1.0) -> None:
+def check_surface(name: str, slices: float = 0.5) -> None:
     """Try what some slices of the campaign try of a surface; none of it may fail."""
     surface = SURFACES[name]
-    count = round(slices * surface.count)
+    count = max(1, round(slices * surface.count))
     tried = list(surface.trials(SEED, count, ""))
     assert [t.number for t in tried] == list(range(count))
     assert [t for t in tried if t.outcome in BAD] == []
