@@ -171,7 +171,7 @@ class NoiseModel:
     information: FloatArray  #: (n_y,), share of the information that is left: mean derivative m of the score
     relative: FloatArray  #: (k, n_y), standard deviation in each maneuver over that of the channel
     unequal: tuple[bool, ...]  #: (n_y,), whether maneuvers differ
-    unknown: BoolArray  #: (k, n_y), whether maneuvers differ, and this one has too few samples to tell by how much
+    unknown: BoolArray  #: (k, n_y), where maneuvers differ, and one has too few samples to tell by how much
 
     @classmethod
     def plain(cls, channels: int, maneuvers: int) -> NoiseModel:
@@ -269,7 +269,7 @@ def with_noise(
 def maneuver_noise(
     residuals: Sequence[FloatArray], labels: IntArray, dt: float, before: NoiseModel
 ) -> tuple[FloatArray, tuple[bool, ...], BoolArray]:
-    """Return the relative noise (k, n_y) of the maneuvers, the channels that differ (n_y,), and where samples are too few (k, n_y).
+    """Return the relative noise (k, n_y) of the maneuvers, the channels that differ (n_y,), where samples are too few (k, n_y).
 
     The `labels` are the maneuvers of the residuals (n, n_y) of each piece, sampled every `dt` s.
     """
