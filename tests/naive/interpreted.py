@@ -13,17 +13,16 @@ from stoop.vehicle.symbolic import build_model
 Evaluate = Callable[[np.ndarray, np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 
-def _shared(expressions: list[sp.Expr]) -> tuple[list[tuple[sp.Symbol, sp.Expr]], list[sp.Expr]]:
-    """Return common parts and what is left; unordered, as sorting long expressions takes a minute."""
-    return sp.cse(expressions, order="none", list=False)
-
-
 def interpreted(vehicle: Vehicle) -> Evaluate:
     """Return what takes parameters (n_p, B), states (n_x, B), inputs (n_u, B) to derivatives and readings."""
     m = build_model(vehicle)
-    function = sp.lambdify(
-        [*m.states, *m.inputs, *m.parameters], [*m.derivatives, *m.outputs], "numpy", cse=_shared
-    )
+
+    def shared(_: object) -> tuple[list[tuple[sp.Symbol, sp.Expr]], list[sp.Expr]]:
+        """Return common parts and what is left; unordered, as sorting long expressions takes a minute."""
+        return sp.cse([*m.derivatives, *m.outputs], order="none", list=False)
+
+    # lambdify walks what it is given once for every way to a common part: half a minute, so it is given nothing
+    function = sp.lambdify([*m.states, *m.inputs, *m.parameters], [], "numpy", cse=shared)
 
     def evaluate(rows: np.ndarray, states: np.ndarray, inputs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         found = function(*states, *inputs, *rows)
