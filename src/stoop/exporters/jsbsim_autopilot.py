@@ -20,7 +20,7 @@ from stoop.base.files import write_files
 from stoop.base.notices import notice
 from stoop.errors import SimulationError
 from stoop.exporters import jsbsim_aircraft
-from stoop.exporters.jsbsim_flight import PLANET, READ, Record, begin, file_name, maneuver_record, readings_of
+from stoop.exporters.jsbsim_flight import PLANET, READ, Record, begin, file_name, instruments, maneuver_record
 from stoop.flight import Flight, from_columns
 from stoop.simulation import Trim, trim
 from stoop.simulation.maneuver import Maneuver, check_maneuver
@@ -102,7 +102,7 @@ def fly_in_jsbsim(
         root = Path(folder)
         write_files(root, jsbsim_aircraft.folder(vehicle, None))
         flown = _fly(root, vehicle, record, hold, point)
-    readings = readings_of(record, flown)
+    readings = instruments(record.vehicle)(flown, record.dt)
     sigma = np.array([getattr(vehicle.file.sensors, c).sigma for c in vehicle.outputs]) * float(noise)
     readings = readings + sigma * np.random.default_rng(seed).standard_normal(readings.shape)
     columns = dict(zip(vehicle.outputs, readings.T, strict=True))

@@ -399,19 +399,18 @@ def jsbsim_readings(
     planet : a planet file; JSBSim's own Earth without one
     host : Host
     """
-    if record.restarts:
-        return _joined(jsbsim_readings(root, name, part, planet, host) for part in record.parts())
-    return readings_of(record, fly(root, name, record, planet, host))
+    read = instruments(record.vehicle)
+    return _joined(read(fly(root, name, part, planet, host), part.dt) for part in record.parts())
 
 
-def readings_of(record: Record, flown: Mapping[str, FloatArray]) -> FloatArray:
-    """Return the readings (n, n_y) of the vehicle's instruments in a flight of :data:`READ`, (n,) each, SI and rad."""
+def instruments(vehicle: Vehicle) -> Callable[[Mapping[str, FloatArray], float], FloatArray]:
+    """Return what takes a flight of :data:`READ`, (n,) each, SI and rad, and its sample period to readings (n, n_y)."""
     import sympy as sp
 
     from stoop.vehicle.symbolic import readings
     from stoop.vehicle.symbolic.frames import Numbers, air, attitude, over_ground, vane
 
-    vehicle, n = record.vehicle, Numbers(record.vehicle)
+    n = Numbers(vehicle)
     names = ("u", "v", "w", "p", "q", "r", "pdot", "qdot", "rdot", "X", "Y", "Z", "e0", "e1", "e2", "e3")
     s = [sp.Symbol(f"jsbsim {key}", real=True) for key in names]
     velocity, omega, omega_rate, specific = (tuple(s[i : i + 3]) for i in range(0, 12, 3))
@@ -424,12 +423,17 @@ def readings_of(record: Record, flown: Mapping[str, FloatArray]) -> FloatArray:
     numbers = dict(zip(n.symbols, vehicle.values.tolist(), strict=True))
     function = sp.lambdify(s, [sp.sympify(read[c]).xreplace(numbers) for c in vehicle.outputs], "numpy")
 
-    forces = {axis: flown[axis] / flown["mass"] for axis in "XYZ"}  # specific, without weight
-    turn = dict(zip(names[-4:], quaternions_of(np.column_stack([flown[a] for a in EULER])).T, strict=True))
-    known = {**flown, **forces, **turn}
-    columns = function(*(known[key] for key in names))
-    out = np.stack([np.broadcast_to(c, flown["u"].shape) for c in columns]).T[None]
-    return np.asarray(late_outputs(vehicle, out, parameter_rows(vehicle), record.dt)[0])
+    def read_flight(flown: Mapping[str, FloatArray], dt: float) -> FloatArray:
+        forces = {axis: flown[axis] / flown["mass"] for axis in "XYZ"}  # specific, without weight
+        turn = dict(
+            zip(names[-4:], quaternions_of(np.column_stack([flown[a] for a in EULER])).T, strict=True)
+        )
+        known = {**flown, **forces, **turn}
+        columns = function(*(known[key] for key in names))
+        out = np.stack([np.broadcast_to(c, flown["u"].shape) for c in columns]).T[None]
+        return np.asarray(late_outputs(vehicle, out, parameter_rows(vehicle), dt)[0])
+
+    return read_flight
 
 
 @dataclass(frozen=True, eq=False)
