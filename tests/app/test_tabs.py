@@ -15,6 +15,8 @@ from stoop.app.steps import PROCESS
 from stoop.vehicle.builtin import builtin_text
 from stoop.vehicle.load import load_vehicle
 
+PATIENCE = 120.0  #: s
+
 
 def edit(page, number: str, value: str, field: str = "value") -> None:
     row = page.page.locator(".tabulator-row", has=page.page.get_by_text(number, exact=True)).first
@@ -37,7 +39,9 @@ def told_to_stop(process: int) -> None:
     """Let a halted process go on once the signal to stop waits for it: on a busy machine it would be done before."""
     interrupt = 1 << (signal.SIGINT - 1)
     status = Path(f"/proc/{process}/status")
+    end = time.monotonic() + PATIENCE
     while not int(re.findall(r"ShdPnd:\s*(\w+)", status.read_text())[0], 16) & interrupt:
+        assert time.monotonic() < end, "nobody told it to stop"
         time.sleep(0.02)
     os.killpg(process, signal.SIGCONT)
 
@@ -125,6 +129,9 @@ def test_a_killed_server_and_a_closed_browser_lose_no_run(app, tab, quadrotor: P
     page.click("Run the fit")  # several at once
     process = held(quadrotor, 2)
     page.wait("runs/002 · running")
+    page.page.get_by_text("-o runs/002").first.wait_for(
+        state="attached"
+    )  # Stop is that of the other run before
     page.click("Stop")
     told_to_stop(process)
     page.wait("stopped before there was a result")
