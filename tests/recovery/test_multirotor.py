@@ -29,7 +29,7 @@ SECONDS = 40.0
 Flights = Mapping[str, range]
 AIR: tuple[tuple[str, float, Flights, float, float], ...] = (
     ("calm", 0.0, {"quad-x": range(4), "hexa-x": range(4, 8)}, 3.5, 1.5),
-    ("turbulence of 0.5 m/s", 0.5, {"quad-x": range(4), "hexa-x": range(4, 8)}, 4.0, 1.8),
+    ("turbulence of 0.5 m/s", 0.5, {"quad-x": range(8), "hexa-x": range(8, 16)}, 4.0, 1.8),
 )
 """Air; m/s; seeds, none twice, for of one seed gusts are alike whatever flies through them; most of |z|, of a mean square."""
 FREE = (

@@ -217,7 +217,7 @@ class NoiseModel:
             )
         if not any(self.unequal):
             return out
-        logs, count = np.log(self.relative[:, self.unequal]), len(self.relative)
+        logs, count = np.log(self.relative), len(self.relative)
         factors = np.exp(
             (logs - logs.mean(axis=0)) * count / max(count - 1, 1)
         )  # over the mean of the others
@@ -225,8 +225,7 @@ class NoiseModel:
         for name, own, unknown in zip(maneuvers, factors, self.unknown, strict=True):
             if (noisy := own >= LIMITS.named).any():
                 size = float(np.median(own[noisy]))
-                differing = channels[list(self.unequal)]
-                out.append(notice("maneuver-noise", name, channels=tuple(differing[noisy]), factor=size))
+                out.append(notice("maneuver-noise", name, channels=tuple(channels[noisy]), factor=size))
             if unknown.any():
                 out.append(notice("maneuver-noise-unknown", name, channels=tuple(channels[unknown])))
         return out

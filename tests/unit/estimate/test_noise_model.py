@@ -132,6 +132,7 @@ def test_a_noisy_maneuver_is_found_and_equal_ones_are_left() -> None:
     assert unequal == (False, True)
     assert relative[3, 1] / relative[0, 1] == pytest.approx(4.0, rel=0.15)
     assert np.argwhere(unknown).tolist() == [[2, 1]]
+    assert relative[2, 1] == 1.0
 
 
 def test_of_neighboring_innovations_the_first_is_the_outlier() -> None:
