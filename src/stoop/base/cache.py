@@ -3,7 +3,8 @@
 Numba keeps compiled code in pickles, which must never be read when they are not what we wrote. Each module
 therefore lives in a folder of its own (mode 0700) with a manifest of checksums, which is written last. A
 folder is built under a temporary name and renamed into place, so two processes cannot see each other's
-half-written files; a folder whose checksums do not match is discarded and built again.
+half-written files; a folder whose checksums do not match is discarded and built again. One process builds a
+folder while others wait for it.
 """
 
 from __future__ import annotations
@@ -18,12 +19,15 @@ import shutil
 import stat
 import tempfile
 import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 MANIFEST = "manifest.json"
 BUILDING = ".building-"
 STALE = 86400.0  #: s
 MAX_BYTES = 2**26  #: of a file; those of the largest models have some megabytes
+#: s; a process that takes longer was stopped, or its lock was lost with a connection: then another one builds too
+PATIENCE = 600.0
 
 
 def cache_folder() -> Path:
@@ -77,9 +81,7 @@ def _has_no_other_member(group: int) -> bool:
 
 @functools.cache
 def _for_this_process() -> Path:
-    folder = private()
-    atexit.register(discard, folder)
-    return folder
+    return _until_exit(private())
 
 
 def checksums(folder: Path) -> dict[str, str]:
@@ -130,6 +132,102 @@ def copy(folder: Path) -> Path:
     for inner in (target, *target.rglob("*/")):
         inner.chmod(stat.S_IRWXU)
     return target
+
+
+def provide(final: Path, make: Callable[[Path], None]) -> Path:
+    """Return the sealed folder of a module; one for this process alone where the cache cannot be written.
+
+    Parameters
+    ----------
+    final : Path
+        Where it lies, or will lie once it is built.
+    make : callable
+        Writes the files into a folder. One process calls it; the others wait. When that process dies, the next one builds.
+
+    Raises
+    ------
+    OSError
+        Neither the cache nor the folder of temporary files has room.
+    """
+    try:
+        folder = _from_cache(final, make)
+    except OSError:  # a full disk
+        folder = _until_exit(private())
+        make(folder)
+    return folder if folder == final else _until_exit(folder)
+
+
+def _from_cache(final: Path, make: Callable[[Path], None]) -> Path:
+    if not intact(final):
+        with _lock(final):
+            if not intact(final):
+                return _build(final, make)
+    return final if writable(final) else copy(final)
+
+
+def _build(final: Path, make: Callable[[Path], None]) -> Path:
+    building = start_build(final.parent)
+    try:
+        make(building)
+        return seal(building, final)
+    except OSError:
+        discard(building)
+        raise
+
+
+def _until_exit(folder: Path) -> Path:
+    atexit.register(discard, folder)
+    return folder
+
+
+@contextlib.contextmanager
+def _lock(final: Path) -> Iterator[None]:
+    """Wait until no other process builds the folder. The lock ends with its process."""
+    place = final.with_name(f"{BUILDING}{final.name}")
+    handle = _acquire(place)
+    try:
+        yield
+    finally:
+        if handle is not None:
+            import fcntl
+
+            with contextlib.suppress(OSError):
+                place.rmdir()  # before it is unlocked: a process that waits for it then makes another one
+            fcntl.flock(handle, fcntl.LOCK_UN)  # also for a fork, which has the same open folder
+            os.close(handle)
+
+
+def _acquire(place: Path) -> int | None:
+    """Make and lock a folder; return it open, or None on a system or a disk without such locks, or after `PATIENCE`."""
+    end = time.monotonic() + PATIENCE
+    while time.monotonic() < end:
+        try:
+            place.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+            place.mkdir(exist_ok=True, mode=0o700)
+        except OSError:  # nobody builds there
+            return None
+        try:
+            return _locked(place)
+        except (BlockingIOError, FileNotFoundError):
+            time.sleep(0.05)
+        except (ImportError, OSError):
+            return None
+    return None
+
+
+def _locked(place: Path) -> int:
+    """Return a folder, open and locked; raise BlockingIOError if it is in use, FileNotFoundError if it was removed."""
+    import fcntl
+
+    handle = os.open(place, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        if not os.path.samestat(place.stat(), os.fstat(handle)):
+            raise FileNotFoundError(place)
+    except OSError:
+        os.close(handle)
+        raise
+    return handle
 
 
 def start_build(root: Path) -> Path:

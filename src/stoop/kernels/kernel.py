@@ -323,43 +323,19 @@ def _write_sources(folder: Path, emitted: Emitted) -> None:
 
 
 def _build(final: Path, key: str, name: str, write: Callable[[Path], None]) -> Path:
-    """Make the sealed folder of one module unless it is there; return where it lies.
+    """Make the sealed folder of one module unless it is there; return where it lies."""
 
-    A cache whose disk is full is left alone: the module is built once more, for this process only.
-    """
-    try:
-        return _build_in_cache(final, key, name, write)
-    except OSError:
-        pass
-    try:
-        building = _for_this_process(cache.private())
+    def make(building: Path) -> None:
         write(building)
         _open(building, key, name)
+
+    try:
+        return cache.provide(final, make)
     except OSError as error:
         raise KernelError(
             f"kernel cache: no room to keep compiled equations ({error.strerror or error}); "
             "free disk space, or set STOOP_CACHE_DIR or TMPDIR to a folder on another disk"
         ) from error
-    return building
-
-
-def _build_in_cache(final: Path, key: str, name: str, write: Callable[[Path], None]) -> Path:
-    if cache.intact(final):
-        return final if cache.writable(final) else _for_this_process(cache.copy(final))
-    building = cache.start_build(final.parent)
-    try:
-        write(building)
-        _open(building, key, name)
-        sealed = cache.seal(building, final)
-    except OSError:
-        cache.discard(building)
-        raise
-    return _for_this_process(building) if sealed is building else sealed
-
-
-def _for_this_process(folder: Path) -> Path:
-    atexit.register(cache.discard, folder)
-    return folder
 
 
 def load_kernel(structure: str, model: Callable[[], SymbolicModel]) -> Kernel:

@@ -7,10 +7,9 @@ not a read elsewhere.
 
 from __future__ import annotations
 
-import atexit
 import functools
 import hashlib
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Any, Final
@@ -94,23 +93,12 @@ def _compiled(name: str, plain: ModuleType, entries: Mapping[str, str]) -> Any:
             found[entry].disable_compile()
         return found
 
-    final = cache.cache_folder() / f"{key}-{name}"
-    starts: tuple[Callable[[], Path], ...] = (lambda: cache.start_build(final.parent), cache.private)
-    for start in starts:
-        try:
-            if cache.intact(final) and cache.writable(final):
-                return SimpleNamespace(**functions(final))
-            building = start()
-            try:
-                (building / f"{name}.py").write_text(source, encoding="utf-8")
-                functions(building)
-                sealed = cache.seal(building, final)
-            except OSError:
-                cache.discard(building)
-                raise
-            if sealed is building:  # for this process only
-                atexit.register(cache.discard, building)
-            return SimpleNamespace(**functions(sealed))
-        except OSError:  # a full disk
-            continue
-    return plain
+    def make(folder: Path) -> None:
+        (folder / f"{name}.py").write_text(source, encoding="utf-8")
+        functions(folder)
+
+    try:
+        folder = cache.provide(cache.cache_folder() / f"{key}-{name}", make)
+    except OSError:  # full disks
+        return plain
+    return SimpleNamespace(**functions(folder))

@@ -28,6 +28,9 @@ from stoop.kernels import load_kernel
 built = []
 def model():
     built.append(1)
+    if {held}:
+        print("compiles", flush=True)
+        sys.stdin.readline()
     from naive import oscillator
     return oscillator.equations()
 k = load_kernel("pendulum", model)
@@ -39,16 +42,17 @@ print(len(built), repr(float(y[0, -1, 0])), "sympy" in sys.modules)
 """
 
 
-def child(folder: Path, lanes: bool = False, **environment: str) -> subprocess.Popen[str]:
+def child(folder: Path, lanes: bool = False, held: bool = False, **environment: str) -> subprocess.Popen[str]:
+    """Start a process that needs a pendulum; `held` lets it say that it compiles, then wait for a line."""
     return subprocess.Popen(
-        [sys.executable, "-W", "error", "-c", CHILD.format(tests=str(TESTS), lanes=lanes)],
+        [sys.executable, "-W", "error", "-c", CHILD.format(tests=str(TESTS), lanes=lanes, held=held)],
         env=os.environ | {"STOOP_CACHE_DIR": str(folder)} | environment,
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
     )  # fmt: skip
 
 
 def said(process: subprocess.Popen[str]) -> list[str]:
-    out, err = process.communicate(timeout=120)
+    out, err = process.communicate()
     assert process.returncode == 0, err
     assert err == ""
     return out.split()
@@ -98,10 +102,66 @@ def test_processes_share_what_was_compiled_once(tmp_path: Path, expected: float)
     assert all(cache.intact(p) for p in sealed(tmp_path))
 
 
-def test_two_processes_at_once(tmp_path: Path, expected: float) -> None:
-    pair = [child(tmp_path), child(tmp_path)]
-    assert [said(p)[1] for p in pair] == [repr(expected)] * 2
+def test_two_processes_at_once_compile_once(tmp_path: Path, expected: float) -> None:
+    pair = [said(p) for p in [child(tmp_path), child(tmp_path)]]
+    assert sorted(count for count, *_ in pair) == ["0", "1"]
+    assert [number for _, number, _ in pair] == [repr(expected)] * 2
     assert all(cache.intact(p) for p in tmp_path.iterdir()), "no half-built folder is left behind"
+
+
+def compiling(folder: Path) -> subprocess.Popen[str]:
+    """Return a process that is compiling a pendulum, and goes on with a line."""
+    process = child(folder, held=True)
+    assert process.stdout is not None
+    assert process.stdout.readline() == "compiles\n"
+    return process
+
+
+@pytest.mark.skipif(os.name == "nt", reason="no locks of folders on this system")
+class TestLock:
+    def test_a_process_waits_for_the_one_that_compiles(self, tmp_path: Path, expected: float) -> None:
+        first, second = compiling(tmp_path), child(tmp_path)
+        first.communicate("go on\n")
+        assert said(second)[:2] == ["0", repr(expected)]
+
+    def test_one_takes_over_when_that_one_dies(self, tmp_path: Path, expected: float) -> None:
+        first, second = compiling(tmp_path), child(tmp_path)
+        first.kill()
+        first.communicate()
+        assert said(second)[:2] == ["1", repr(expected)]
+        assert not [
+            p for p in tmp_path.iterdir() if p.name.startswith(cache.BUILDING + sealed(tmp_path)[0].name)
+        ]
+
+    def test_another_module_waits_for_none(self, tmp_path: Path) -> None:
+        with cache._lock(tmp_path / "a"):
+            assert cache.provide(tmp_path / "b", lambda f: (f / "b.py").touch()) == tmp_path / "b"
+
+    def test_patience_ends(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr(cache, "PATIENCE", 0.1)
+        with cache._lock(tmp_path / "a"):
+            assert cache.provide(tmp_path / "a", lambda f: (f / "a.py").touch()) == tmp_path / "a"
+        assert [p.name for p in tmp_path.iterdir()] == ["a"]
+
+    @pytest.mark.parametrize("error", [errno.ENOLCK, errno.EOPNOTSUPP, errno.EINVAL])
+    def test_a_disk_without_locks(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: int) -> None:
+        import fcntl
+
+        def flock(*_: object) -> None:
+            raise OSError(error, os.strerror(error))
+
+        monkeypatch.setattr(fcntl, "flock", flock)
+        assert cache.provide(tmp_path / "a", lambda f: (f / "a.py").touch()) == tmp_path / "a"
+
+    def test_a_system_without_locks(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setitem(sys.modules, "fcntl", None)
+        assert cache.provide(tmp_path / "a", lambda f: (f / "a.py").touch()) == tmp_path / "a"
+
+    def test_a_place_where_no_folder_can_be_made(self, tmp_path: Path) -> None:
+        place = Path("/proc/stoop") if Path("/proc").is_dir() else tmp_path / "file" / "cache"
+        (tmp_path / "file").touch()
+        made = cache.provide(place / "a", lambda f: (f / "a.py").touch())
+        assert (made / "a.py").exists()
 
 
 def test_numbas_own_cache_folder_is_not_used(tmp_path: Path, expected: float) -> None:
@@ -362,7 +422,7 @@ def test_no_room_anywhere_is_said_in_one_line(forget: Path, monkeypatch: pytest.
 
 def test_numba_told_not_to_compile(forget: Path) -> None:
     process = child(forget, NUMBA_DISABLE_JIT="1")
-    _, err = process.communicate(timeout=120)
+    _, err = process.communicate()
     assert process.returncode == 1
     assert err.splitlines()[-1].startswith("stoop.errors.KernelError: NUMBA_DISABLE_JIT: ")
     assert not forget.exists()
