@@ -28,7 +28,8 @@ from pictures.sketch import (
     plots,
 )  # fmt: skip
 from stoop.base.arrays import FloatArray
-from stoop.input_design.information import Forecast, Knowledge, Limits, Setup, sensor_noise
+from stoop.input_design.information import Forecast, Knowledge, Limits, Setup
+from stoop.input_design.sensitivity import sensor_noise
 from stoop.simulation import trim
 from stoop.simulation.maneuver import Maneuver
 from stoop.vehicle.builtin import resolve_vehicle

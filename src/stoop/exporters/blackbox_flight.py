@@ -13,7 +13,7 @@ from stoop.base.units import DEGREE, MICROSECOND
 from stoop.base.variables import VARIABLES
 from stoop.exporters import blackbox_bytes as blackbox
 from stoop.exporters.blackbox_bytes import Field, Rows, blackbox_bytes
-from stoop.exporters.flight_logs import Columns, MappingFile, lay_out
+from stoop.exporters.log_columns import Columns, MappingFile, lay_out
 from stoop.flight import Flight
 from stoop.flight.mapping import ready
 from stoop.logs.blackbox_units import DSHOT, MEAN_RADIUS, POLES, QUATERNION_ONE

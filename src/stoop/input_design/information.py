@@ -22,18 +22,19 @@ import numpy as np
 from stoop.assessment.covariance import marked, standard_errors
 from stoop.base.arrays import FloatArray
 from stoop.errors import IdentificationError, SimulationError
+from stoop.input_design.sensitivity import BOX_INFORMATION, PIECES, CandidateProblem, VehicleInformation
 from stoop.problem import Layout, Misfit, Piece, Weights
 from stoop.problem.evidence import invert
-from stoop.problem.prepare import Prepared, nuisances
+from stoop.problem.prepare import Prepared, nuisances, prepare
 from stoop.problem.windows import Window
 from stoop.results.result import Result
 from stoop.simulation import Trim
+from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import Maneuver, amplitude_text
 from stoop.simulation.trim import inputs_about
 from stoop.vehicle import Vehicle
 
 Span = tuple[float, float]
-BOX_INFORMATION: Final = 12.0  #: of a number that is only known to lie in the unit box: one over its variance
 AMPLITUDE: Final = math.radians(3.0)  #: of every control that is not given one
 SLEW: Final = math.radians(60.0)  #: rad/s; a slow servo
 STANDARD_GRAVITY: Final = 9.80665  #: m/s2
@@ -265,8 +266,6 @@ class Setup:
         With ``only_inside`` the information is zero where the flight leaves the envelope.
         """
         if not self.trim.on_wings:
-            from stoop.input_design.on_rotors import forecast_on_rotors  # which builds on this module
-
             return forecast_on_rotors(self, maneuver, only_inside)
         vehicle, t = self.vehicle, maneuver.time
         inputs = inputs_about(vehicle, self.trim, maneuver.deflections(), len(t))
@@ -332,6 +331,23 @@ def marginal(J: FloatArray, d: int) -> FloatArray:
     return 0.5 * (out + out.T)
 
 
-def sensor_noise(vehicle: Vehicle) -> FloatArray:
-    """Return the noise covariance (n_y, n_y) that the vehicle file states."""
-    return np.diag([getattr(vehicle.file.sensors, c).sigma ** 2 for c in vehicle.outputs])
+def forecast_on_rotors(setup: Setup, maneuver: Maneuver, only_inside: bool) -> Forecast:
+    """Return readings and information of a maneuver under the autopilot; as of :meth:`Setup.forecast`."""
+    vehicle, count = setup.vehicle, len(maneuver.time)
+    nothing = np.zeros_like(setup.known)
+    try:
+        flight = simulate_flight(vehicle, maneuver, noise=False, name="design")
+    except SimulationError:  # it diverges
+        return Forecast(np.full((count, len(vehicle.outputs)), np.nan), np.inf, nothing)
+    readings = np.column_stack([flight.column(c) for c in vehicle.outputs])
+    excess = setup.limits.excess(readings, vehicle.outputs)
+    if only_inside and excess > 0.0:
+        return Forecast(readings, excess, nothing)
+    # without noise a reading that does not change is not stuck
+    prepared = prepare(vehicle, {flight.name: flight}, [Window(flight.name, 0.0, maneuver.duration)])
+    pieces = tuple(part for piece in prepared.pieces for part in PIECES[vehicle.frame](vehicle, piece))
+    problem = CandidateProblem(replace(prepared, pieces=pieces), (len(pieces),))
+    unit = setup.layout.unit(setup.values)
+    at = VehicleInformation(vehicle, unit, Weights.of(setup.noise), np.inf)
+    information = at.information(problem)
+    return Forecast(readings, excess, nothing if information is None else information)

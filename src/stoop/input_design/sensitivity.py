@@ -23,13 +23,14 @@ from stoop.estimate.noise import correlation_times
 from stoop.estimate.shooting_windows import WINDOW_LENGTH
 from stoop.flight import Flight
 from stoop.input_design.candidates import Candidate
-from stoop.input_design.information import BOX_INFORMATION, sensor_noise
 from stoop.problem import Layout, Misfit, Piece, Weights
 from stoop.problem.observation import guess_start, state_channels
 from stoop.problem.prepare import Prepared, nuisances, prepare, without_stuck_channels
 from stoop.vehicle import Vehicle
 from stoop.vehicle.vehicle import AIR_FRAME, GROUND_FRAME, Frame
 
+#: of a number that is only known to lie in the unit box: one over its variance
+BOX_INFORMATION: Final = 12.0
 NOISE_WINDOWS: Final = 8  #: from which the noise is estimated
 NOISE_ROUNDS: Final = 2  #: of linear step and noise
 #: times the usual rms of a piece, beyond which the simulation does not follow the flight
@@ -235,3 +236,8 @@ def _residuals_after_step(
     lengths = np.cumsum([0, *(len(p.time) for p in problem.pieces)])
     ends = lengths[np.cumsum(one.counts)]
     return np.split(np.where(np.isfinite(measured), after, np.nan), ends[:-1])
+
+
+def sensor_noise(vehicle: Vehicle) -> FloatArray:
+    """Return the noise covariance (n_y, n_y) that the vehicle file states."""
+    return np.diag([getattr(vehicle.file.sensors, c).sigma ** 2 for c in vehicle.outputs])

@@ -373,8 +373,7 @@ def _about_vehicle(
     tell: Callable[[str], None],
 ) -> tuple[list[Candidate], CandidateInformation, VehicleInformation]:
     """Return the candidates that can be simulated, and their information about the vehicle's free numbers."""
-    from stoop.input_design.information import BOX_INFORMATION
-    from stoop.input_design.sensitivity import linearization_point
+    from stoop.input_design.sensitivity import BOX_INFORMATION, linearization_point
 
     disjoint: list[tuple[Candidate, CandidateProblem]] = []
     for one in problems:

@@ -3,7 +3,7 @@
 A log defines its kinds of messages (FMT), their units (FMTU, UNIT, MULT), holds parameters (PARM) and texts (MSG, VER).
 Each kind becomes a stream; where a unit of FMTU says that a column numbers the instance, each instance becomes one: "IMU",
 "IMU/1". Values are scaled as the letters c, C, e, E and L of the format say; MULT only gives the unit its prefix, as ArduPilot
-means it. The bytes are walked twice, in compiled code (`stoop.logs.dataflash_walk`); only what is wanted is copied.
+means it. The bytes are walked twice, in compiled code (`stoop.logs.dataflash_survey`); only what is wanted is copied.
 
 References
 ----------
@@ -27,7 +27,7 @@ import numpy.typing as npt
 
 from stoop.base.arrays import FloatArray
 from stoop.errors import LogError, listed, one_line
-from stoop.logs.dataflash_walk import gather, ignore, survey
+from stoop.logs.dataflash_survey import gather, ignore, survey
 from stoop.logs.recording import Defect, Numbers, Recording, Stream, clean_stream, unreadable
 
 TYPES: Final = {

@@ -23,7 +23,7 @@ from typing import Any, Final
 import numpy as np
 
 from stoop.errors import LogError, StoopError
-from stoop.logs.read import FORMATS, HDF5
+from stoop.logs.formats import FORMATS, HDF5
 from stoop.logs.recording import (
     Defect,
     Recording,
@@ -89,7 +89,7 @@ def read_in_child(
 
     Parameters
     ----------
-    known : key of `stoop.logs.read.FORMATS`
+    known : key of `stoop.logs.formats.FORMATS`
     path, topics : see `stoop.logs.read`
     limits : of the child; None means those for the size of the log
 

@@ -12,11 +12,12 @@ import numpy as np
 from stoop.base.html import table
 from stoop.base.numbers import number, rounded_to_error
 from stoop.errors import StoopError
-from stoop.results.result import Identification, Result
 
 if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
+
+    from stoop.results.result import Identification, Result
 
 COLUMNS = (
     "estimate", "std_error", "ci95_lower", "ci95_upper", "unit", "identifiable", "at_bound", "start",

@@ -18,7 +18,8 @@ from stoop.base.atmosphere import SEA_LEVEL_DENSITY
 from stoop.errors import VehicleError
 from stoop.vehicle_draft import handbook
 from stoop.vehicle_draft.apriori import Apriori
-from stoop.vehicle_draft.geometry import Flap, Geometry, Surface
+from stoop.vehicle_draft.geometry import Geometry
+from stoop.vehicle_draft.parts import Flap, Surface
 
 STATIONS: Final = 9  #: of a half, beside those at the ends of control surfaces
 CHORDWISE: Final = 6

@@ -19,7 +19,8 @@ from stoop.base.atmosphere import SEA_LEVEL_DENSITY
 from stoop.base.units import STANDARD_GRAVITY
 from stoop.vehicle.defaults import EQUATION_1
 from stoop.vehicle_draft.apriori import Apriori
-from stoop.vehicle_draft.geometry import Fin, Geometry, Surface, Tail
+from stoop.vehicle_draft.geometry import Geometry
+from stoop.vehicle_draft.parts import Fin, Surface, Tail
 from stoop.vehicle_draft.proportions import flaps, mean_chord, quarter_chord
 from stoop.vehicle_draft.spread import METHOD, typical_std
 from stoop.vehicle_draft.strips import (

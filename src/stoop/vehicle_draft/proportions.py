@@ -9,10 +9,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from stoop.errors import VehicleError
-from stoop.vehicle_draft.geometry import Fin, Flap, Fuselage, Geometry, Part, Surface, Tail, Wing
+from stoop.vehicle_draft.parts import Fin, Flap, Fuselage, Part, Surface, Tail, Wing
+
+if TYPE_CHECKING:
+    from stoop.vehicle_draft.geometry import Geometry
 
 Usual = tuple[float, float]  #: value, standard deviation
 

@@ -21,8 +21,9 @@ from stoop.exporters.injection import Injection
 from stoop.exporters.pilot_card import PILOT
 from stoop.exporters.px4_injection import PX4
 from stoop.flight import Flight
-from stoop.input_design.information import Knowledge, sensor_noise
+from stoop.input_design.information import Knowledge
 from stoop.input_design.optimization import Plan, PriorModel, Proposal
+from stoop.input_design.sensitivity import sensor_noise
 from stoop.input_design.windows import Found
 from stoop.problem.windows import NAME, Entry, written
 from stoop.simulation import Trim

@@ -12,8 +12,9 @@ import pandas as pd
 
 from stoop.base.arrays import FloatArray
 from stoop.estimate.fit import Options, fit
-from stoop.input_design.information import Knowledge, Limits, Setup, sensor_noise
+from stoop.input_design.information import Knowledge, Limits, Setup
 from stoop.input_design.optimization import Plan, design, mean_ratio, textbook_maneuver
+from stoop.input_design.sensitivity import sensor_noise
 from stoop.problem.windows import Window
 from stoop.report.plots import plot, stacked_plots
 from stoop.report.series import Series, Strip

@@ -16,7 +16,6 @@ from stoop.input_design.information import (
     Setup,
     information_errors,
     marginal,
-    sensor_noise,
 )
 from stoop.input_design.optimization import (
     Plan,
@@ -27,6 +26,7 @@ from stoop.input_design.optimization import (
     robustness,
     textbook_maneuver,
 )
+from stoop.input_design.sensitivity import sensor_noise
 from stoop.problem.windows import Window
 from stoop.simulation import trim
 from stoop.simulation.fly import simulate_flight

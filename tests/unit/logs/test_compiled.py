@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from stoop.base import cache
-from stoop.logs import compiled
+from stoop.logs import compiled, dataflash_survey
 from stoop.logs import dataflash_walk as plain
 
 from .dataflash_case import small_log
@@ -51,8 +51,8 @@ def the_only(root: Path, pattern: str) -> Path:
 def counted(monkeypatch: pytest.MonkeyPatch, walk: Any) -> list[int]:
     """Return how many messages of each kind a walk finds."""
     with monkeypatch.context() as patch:
-        patch.setattr(plain, "walk", walk)
-        found = plain.survey(LOG)
+        patch.setattr(dataflash_survey, "walk", walk)
+        found = dataflash_survey.survey(LOG)
     return [*found.count.tolist(), found.damaged, found.lost]
 
 

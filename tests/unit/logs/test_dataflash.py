@@ -16,7 +16,7 @@ from naive.dataflash import same_as_pymavlink
 from stoop.errors import LogError
 from stoop.exporters.log_bytes import Table, dataflash_bytes
 from stoop.logs import Recording, read
-from stoop.logs import dataflash_walk as scan
+from stoop.logs import dataflash_survey as scan
 from stoop.logs.dataflash import parse_dataflash
 from stoop.logs.dataflash_text import parse_dataflash_text
 

@@ -16,8 +16,8 @@ from scipy.io import savemat
 
 from stoop.errors import LogError
 from stoop.logs import guard
+from stoop.logs.formats import FORMATS
 from stoop.logs.guard import Limits, read_guarded, read_in_child, read_result
-from stoop.logs.read import FORMATS
 
 READER = "matlab"
 
