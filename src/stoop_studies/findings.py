@@ -1,4 +1,4 @@
-"""The setting of an experiment and what it found: claims compared with numbers, tables, a page."""
+"""The setting of a study and its findings: claims compared with numbers, tables, the page that shows both."""
 
 from __future__ import annotations
 
@@ -11,18 +11,21 @@ import numpy as np
 
 from stoop.base.csv_text import Cell, csv_text
 from stoop.parallel import Plan
-from stoop.report.sheet import Code, Section, Sheet, Table
+from stoop.report.sheet import Code, Figure, Prose, Section, Sheet, Table
 
 CLAIMS_HEAD: Final = ("verdict", "statement: what was measured")
 Row = TypeVar("Row")
 Results = Mapping[str, Any]
-Record = Mapping[str, Cell]  #: name of a column -> its cell
-Numbers = tuple[tuple[str, ...], tuple[tuple[Cell, ...], ...]]  #: names of the columns, rows under them
+#: name of a column -> its cell
+Record = Mapping[str, Cell]
+#: names of the columns, rows under them
+Numbers = tuple[tuple[str, ...], tuple[tuple[Cell, ...], ...]]
+Part = Table | Figure | Code | Prose
 
 
 @dataclass(frozen=True)
 class Setting:
-    """What the user may choose: seeds per case, the first seed, and for some experiments more.
+    """Choices of the user: seeds per case, the first seed, and for some studies more.
 
     ``box`` (N, S or W) selects the bounds of the paper's problem; ``data`` is a folder of published data.
     """
@@ -40,7 +43,7 @@ class Setting:
 
 @dataclass(frozen=True)
 class Claim:
-    """A statement, its verdict ("holds", "does not hold", "reproduces", "does not reproduce"), and what was measured."""
+    """A statement, its verdict ("holds", "does not hold", "reproduces", "does not reproduce"), and the figures."""
 
     statement: str
     verdict: str
@@ -53,7 +56,7 @@ class Claim:
 
 
 def reproduces(statement: str, so: bool, figures: str) -> Claim:
-    """Return the verdict on what the paper says or prints."""
+    """Return the verdict on a statement or a number of the paper."""
     return Claim(statement, "reproduces" if so else "does not reproduce", figures)
 
 
@@ -64,10 +67,7 @@ def holds(statement: str, so: bool, figures: str) -> Claim:
 
 @dataclass(frozen=True)
 class Findings:
-    """What one experiment found: its page, the table (head, rows) that is written as CSV, and further tables by name.
-
-    Sections stand beside the claims, which every page has.
-    """
+    """The findings of one study: claims, sections of its page, the table (head, rows) of the CSV file, further tables by name."""
 
     title: str
     lead: str
@@ -76,6 +76,19 @@ class Findings:
     head: tuple[str, ...]
     rows: tuple[tuple[Cell, ...], ...]
     parts: Mapping[str, Numbers] = field(default_factory=dict)
+
+    @classmethod
+    def of(
+        cls,
+        title: str,
+        claims: Iterable[Claim],
+        shown: Iterable[Part],
+        records: Sequence[Record],
+        parts: Mapping[str, Sequence[Record]] | None = None,
+    ) -> Findings:
+        """Return findings from tables and figures of the page and the records of the CSV files."""
+        sections = (Section("Measured", tuple(shown)),)
+        return cls.tabulated(title, "", claims, sections, records, parts)
 
     @classmethod
     def tabulated(
@@ -100,12 +113,12 @@ class Findings:
         """Return the numbers of a further table as text."""
         return csv_text(*self.parts[name])
 
-    def sheet(self, command: str, notes: Sequence[Section] = ()) -> Sheet:
-        """Return the page; at its end stand the notes and the command that makes it."""
+    def sheet(self, command: str, lead: str) -> Sheet:
+        """Return the page; at its end stands the command that makes it."""
         table = Table("Each statement compared with the numbers below", CLAIMS_HEAD, claim_rows(self.claims))
-        verdicts = Section("What holds and what does not", (table,))
+        verdicts = Section("Claims", (table,))
         made = Section("Made by", (Code(command),))
-        return Sheet(self.title, self.lead, (verdicts, *self.sections, *notes, made))
+        return Sheet(self.title, f"{self.lead}\n\n{lead}".strip(), (verdicts, *self.sections, made))
 
 
 def _values(records: Sequence[Record]) -> tuple[tuple[Cell, ...], ...]:
@@ -113,7 +126,7 @@ def _values(records: Sequence[Record]) -> tuple[tuple[Cell, ...], ...]:
 
 
 class Experiment(Protocol):
-    """An experiment: what is run, and what it shows."""
+    """A study: its runs, and the findings from their results."""
 
     @property
     def name(self) -> str:
@@ -131,7 +144,7 @@ class Experiment(Protocol):
         """Return all runs; None where there is nothing that takes long."""
 
     def findings(self, setting: Setting, results: Results) -> Findings:
-        """Return what the runs, by key, show."""
+        """Return the findings from the results of the runs, by key."""
 
 
 def claim_rows(claims: Sequence[Claim]) -> tuple[tuple[str, ...], ...]:
@@ -140,7 +153,7 @@ def claim_rows(claims: Sequence[Claim]) -> tuple[tuple[str, ...], ...]:
 
 
 def number(value: float | None, digits: int = 3) -> str:
-    """Return a number as a page shows it; a dash for what there is not."""
+    """Return a number as a page shows it; a dash for None and for what is not finite."""
     if value is None or not np.isfinite(value):
         return "–"
     text = f"{value:.{digits}g}"
@@ -157,9 +170,8 @@ def counted(many: int, whole: int) -> str:
 
 def tabulated(caption: str, columns: Mapping[str, Callable[[Row], str]], rows: Iterable[Row]) -> Table:
     """Return a table with one column for each name and function of a row."""
-    return Table(
-        caption, tuple(columns), tuple(tuple(text(row) for text in columns.values()) for row in rows)
-    )
+    cells = tuple(tuple(text(row) for text in columns.values()) for row in rows)
+    return Table(caption, tuple(columns), cells)
 
 
 def by_columns(caption: str, columns: Mapping[str, Sequence[str]], *last: tuple[str, ...]) -> Table:

@@ -1,4 +1,4 @@
-"""What an experiment leaves in its folder: NAME.html, NAME.csv, NAME-PART.csv, and NAME.sqlite where runs are many."""
+"""The files of a study in its folder: NAME.html, NAME.csv, NAME-PART.csv, and NAME.sqlite where runs are many."""
 
 from __future__ import annotations
 
@@ -13,16 +13,17 @@ from stoop.base.files import make_folder, write_files
 from stoop.errors import OutputError
 from stoop.parallel import Plan
 from stoop.parallel.store import forget
-from stoop.report.sheet import Code, Prose, Section, Sheet, Table, render_sheet, write_sheet
+from stoop.report.sheet import Code, Section, Sheet, Table, render_sheet, write_sheet
 from stoop_studies.findings import CLAIMS_HEAD, Experiment, Findings, Results, Setting, claim_rows
 
 INDEX: Final = "index.html"
+GUIDE: Final = "https://stoop-id.readthedocs.io/en/latest/studies.html"
 Execute = Callable[[Plan, Path], Results]
 
 
 @dataclass(frozen=True)
 class Suite:
-    """What the experiments of one verb share: title and lead of their index, and the notes on every page.
+    """What the studies of one verb share: title and lead of their index, and the options of their commands.
 
     ``options`` gives the words of a command after its ``--seed``.
     """
@@ -31,7 +32,6 @@ class Suite:
     title: str
     lead: str
     options: Callable[[Setting], str]
-    notes: tuple[Section, ...] = ()
 
     def command(self, name: str, setting: Setting) -> str:
         """Return the command that makes a page; where it runs and into what folder do not change it."""
@@ -40,6 +40,11 @@ class Suite:
     def call(self, name: str) -> str:
         """Return verb and experiment."""
         return f"stoop {self.verb} {name}"
+
+    def guide(self, name: str) -> str:
+        """Return where the documentation says how a study measures and what its columns mean."""
+        place = f"{self.verb}-{name}" if self.verb == "reproduce" else name
+        return f"How this is measured, and what the columns mean: {GUIDE}#{place}"
 
 
 def page_path(folder: Path, name: str) -> Path:
@@ -86,7 +91,7 @@ def carry_out(
     results = {} if plan is None else execute(plan, store)
     findings = experiment.findings(setting, results)
     # the page first: a table without a page would not be known as ours when the command is given again
-    texts = {page.name: render_sheet(findings.sheet(suite.command(name, setting), suite.notes))}
+    texts = {page.name: render_sheet(findings.sheet(suite.command(name, setting), suite.guide(name)))}
     texts |= {table: findings.part(part) if part else findings.csv for part, table in tables.items()}
     write_files(folder, texts)
     return findings
@@ -113,7 +118,7 @@ def write_index(
         # markup of our own: the name of an experiment, and nothing that was read from anywhere
         link = Markup('<a href="{0}.html">{0}.html</a>').format(name)
         table = Table("What it shows", CLAIMS_HEAD, (*claim_rows(findings.claims), ("page", link)))
-        sections.append(Section(findings.title, (Prose(findings.lead), table)))
+        sections.append(Section(findings.title, (table,)))
     commands = "\n".join(suite.command(n, s) for n, s in zip(found, settings, strict=True))
     made = Section("Made by", (Code(commands),))
     write_sheet(Sheet(suite.title, suite.lead, (*sections, made)), folder / INDEX)

@@ -15,7 +15,6 @@ from stoop.assessment.covariance import standard_errors
 from stoop.base.arrays import FloatArray
 from stoop.parallel import Plan, Run
 from stoop.problem.evidence import invert_rows
-from stoop.report.sheet import Prose, Section
 from stoop_studies.findings import Findings, Results, Setting, number
 from stoop_studies.outputs import Suite
 from stoop_studies.problems import Posed
@@ -25,46 +24,6 @@ SEARCH: Final = "stoop_studies.search:search"
 METHODS: Final = {"GA": "ga", "PSO": "pso", "PS-GDE": "ps-gde", "default": "ps-gde-lm"}
 SUCCESS: Final = 1e-2  #: largest relative error of a successful identification
 EXACT: Final = 1e-6  #: the same of an exact one
-
-RECONSTRUCTIONS: Final = """\
-The paper's title names a multirotor, but its model, trim and experiment are those of a fixed-wing aircraft with \
-two tail booms. That aircraft is flown here.
-
-Mass, wing area, chord, span and inertia are not printed. Its trim (14) fixes the first two, if the angle of \
-attack in Table 1 is absolute (Cm is then zero to four digits; measured from the trim it would be 0.218):
-
-- at 200 m in the standard atmosphere, 1.20165 kg/m3, CL = 0.86959 and CD = 0.10413, so the wing has 2.8667 m2 \
-and the aircraft 189.40 kg
-- chord 0.55 m, span 5.19 m and Iyy = 120 kg m2 are chosen so that the short period is 5.1 rad/s and the 0.3 s \
-steps excite it; Ixx = 100, Izz = 200, Ixz = 5 kg m2 are chosen too
-- truths that Table 1 leaves out are ours: CLV 0.05, CDV 0.02, CDalpha2 1.2, CmV 0.03 where they are part of the \
-experiment, zero elsewhere; those of CQ, Cl and Cn stand in the vehicle file
-
-The maneuver is a 3-2-1-1 on the elevator, 0.3 s steps of 0.2 rad (11.46 deg) from 1 s on, and a pulse of \
--0.1 rad from 7 to 10 s; 30 s are recorded at 50 Hz. When each begins, the pulse's size and the rate are chosen.
-
-The cost: Q is not printed; it is the inverse of the squared noise, 0.3 m/s for V, 0.005 rad or rad/s for angles \
-and rates, 0.05 m/s2 for ax and ay, 0.10 m/s2 for az. J is the sum over all samples and channels.
-
-Bounds are not printed. Box N is as wide as each true value, box W eight times as wide, box S begins or ends at \
-zero; the truth lies at a random place of each box, another for each seed.
-
-PS-GDE, whose F and CR are not printed either:
-
-- F = 0.6, CR = 0.9, 50 members, NC = 20, pr = 5 %, so that local searches start from three members
-- steps 4 and 5 change places: local search when NC divides the generation, in place of evolution; step 6 stops \
-when the condition is met
-- the first branch of the golden section (its Fig. 2) evaluates the point that it moves; the search ends at 0.1 of \
-the interval, which is 0.1 of the unit box along the negative gradient
-- the gradient is a forward difference whose evaluations count; the end of a local search replaces its start only if better
-- the three picks of (12) differ from each other and from their parent; one variable always comes from the mutant; \
-what leaves the box is set on its bound, and the box does not shrink
-- the chaotic start avoids 0, 0.25, 0.5, 0.75 and 1
-
-Equation (1) prints qb/2V* beside the side force's rate term; it is read as pb/2V*. Table 1's delta_z is the elevator. \
-One iteration is one generation of 50 members; every trajectory counts as one evaluation, those of differences too.
-"""
-"""What the paper leaves open or prints wrongly, and the reading taken; stands on every page."""
 
 
 class PaperExperiment(ABC):
@@ -120,7 +79,6 @@ SUITE: Final = Suite(
     "The PS-GDE paper, run again",
     "Every table and figure of the paper, what it claims in passing, and what its experiment leaves out.",
     _options,
-    (Section("What the paper leaves open, and how it is read here", (Prose(RECONSTRUCTIONS),)),),
 )
 
 

@@ -16,33 +16,20 @@ from stoop.base.numbers import finite_or_none
 from stoop.base.units import KNOT
 from stoop.estimate.fit import Options
 from stoop.estimate.methods import choose_method
-from stoop.report.sheet import Prose, Section
 from stoop_studies.findings import Claim, Findings, Setting, holds
 from stoop_studies.verify import closed_loop, scenes, study
 
-LEVELS: Final = {"calm": 0.0, "light": 15.0, "moderate": 30.0, "severe": 45.0}  #: kn, wind at 20 ft
-POOLED: Final = (0.90, 0.98)  #: coverage of 95 % intervals
-MAX_BIAS: Final = 1.0  #: mean error, in standard errors
-LEAD: Final = f"""\
-The twin-boom aircraft flies the four maneuvers of the study of coverage under an autopilot that holds its attitude by noisy \
-readings, and the quadrotor of stoop flies doublets about all axes under its own for \
-{closed_loop.LEGS * closed_loop.LEG:.0f} s, both in calm air and in the Dryden turbulence that MIL-F-8785C calls light, \
-moderate and severe. The lateral model (reduce = "lateral") of the same aircraft takes V, alpha, q and theta from the record, in \
-moderate turbulence. The vehicle files that the fits begin with know of no gusts; starting values are up to \
-{100 * scenes.START_ERROR:.0f} % wrong (quadrotor {100 * closed_loop.QUADROTOR_ERROR:.0f} %). No method is named."""
-WORDS: Final = """\
-Coverage is the share of 95 % intervals that hold the truth, over all parameters and flights. Bias is the mean error of a \
-parameter over its mean standard error; the largest of all parameters is shown with its parameter."""
+#: kn, wind at 20 ft
+LEVELS: Final = {"calm": 0.0, "light": 15.0, "moderate": 30.0, "severe": 45.0}
+#: coverage of 95 % intervals
+POOLED: Final = (0.90, 0.98)
+#: mean error, in standard errors
+MAX_BIAS: Final = 1.0
 SUMMARY: Final[study.Columns] = {
-    "case": ("case", str),
-    "flights": ("flights", "d"),
-    "method": ("method taken", str),
-    "coverage": ("coverage, %", study.percent),
-    "sharpness": ("sharpness", ".2f"),
-    "bias": ("largest bias, standard errors", ".2f"),
-    "parameter": ("of", str),
-    "unfinished": ("unfinished", "d"),
-}
+    "case": ("case", str), "flights": ("flights", "d"), "method": ("method taken", str),
+    "coverage": ("coverage, %", study.percent), "sharpness": ("sharpness", ".2f"),
+    "bias": ("largest bias, standard errors", ".2f"), "parameter": ("of", str), "unfinished": ("unfinished", "d"),
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -55,13 +42,9 @@ class Case:
 
 CASES: Final[Mapping[str, Case]] = {
     f"{name}-{level}": Case(
-        f"the {words} in {level} {'air' if level == 'calm' else 'turbulence'}",
-        partial(scene, wind * KNOT),
+        f"the {name} in {level} {'air' if level == 'calm' else 'turbulence'}", partial(scene, wind * KNOT)
     )
-    for name, words, scene in (
-        ("aircraft", "aircraft", closed_loop.aircraft_scene),
-        ("quadrotor", "quadrotor", closed_loop.quadrotor_scene),
-    )
+    for name, scene in (("aircraft", closed_loop.aircraft_scene), ("quadrotor", closed_loop.quadrotor_scene))
     for level, wind in LEVELS.items()
 } | {
     "aircraft-moderate-lateral": Case(
@@ -82,71 +65,45 @@ def identified(scene: scenes.Scene, seed: int) -> dict[str, Any]:
     """Return errors and standard errors of a scene by the method that is taken where none is named."""
     choice = choose_method("", scene.start, scene.flights.values(), scene.windows)
     method, fit = choice.fit(scene.start, scene.flights, scene.windows, Options(seed=seed))
-    bars, names = error_bars(fit), [p.name for p in fit.problem.layout.parameters]
-    std = dict(zip(names, np.where(bars.at_bound, np.nan, bars.std), strict=False))
-    return {
-        "names": list(scene.truth),
-        "errors": [fit.estimates[name] - value for name, value in scene.truth.items()],
-        "sigma": study.or_none(np.array([std[name] for name in scene.truth])),
-        "status": fit.outcome.status,
-        "method": method,
-    }
+    return {**study.errors_of(fit, scene.truth, error_bars(fit)), "method": method}
 
 
 def show(setting: Setting, samples: study.Samples) -> Findings:
     """Return coverage and bias of each case."""
-    return coverage_and_bias("Flights in gusts under feedback", LEAD, CASES, samples)
+    return coverage_and_bias("Flights in gusts under feedback", CASES, samples)
 
 
-def coverage_and_bias(title: str, lead: str, cases: Mapping[str, Case], samples: study.Samples) -> Findings:
+def coverage_and_bias(title: str, cases: Mapping[str, Case], samples: study.Samples) -> Findings:
     """Return coverage and bias of each case of a study."""
-    claims: list[Claim] = []
-    records: list[dict[str, Any]] = []
-    summary = []
+    claims, records, summary = list[Claim](), list[dict[str, Any]](), list[dict[str, Any]]()
     for key, case in cases.items():
         results = samples[key]
         scatter, std, coverage, _ = study.error_statistics(results)
         errors = np.array([r["errors"] for r in results], dtype=np.float64)
-        bias, names = errors.mean(axis=0) / std, results[0]["names"]
+        bias, names, pooled = errors.mean(axis=0) / std, results[0]["names"], float(coverage.mean())
         worst = int(np.argmax(np.abs(np.nan_to_num(bias))))  # NaN where no flight has a standard error
-        low, high = POOLED
         claims += [
-            holds(
-                f"For {case.words} the pooled coverage is {100 * low:.0f} to {100 * high:.0f} %",
-                low <= float(coverage.mean()) <= high,
-                f"{100 * coverage.mean():.1f} % of {len(results)} flights' intervals",
+            study.within(
+                f"For {case.words} the pooled coverage is", POOLED, pooled, f"of {len(results)} flights' intervals"
             ),
             holds(
                 f"For {case.words} no parameter is biased by {MAX_BIAS:g} standard error",
                 bool(abs(bias[worst]) < MAX_BIAS),
                 f"at most {abs(bias[worst]):.2f} ({names[worst]})",
             ),
-        ]
+        ]  # fmt: skip
         taken = Counter(r["method"] for r in results)
-        method = ", ".join(f"{name} {count}" for name, count in taken.most_common())
         common = {"case": key, "flights": len(results)}
         each = {"coverage": coverage, "sharpness": std / scatter, "bias": bias}
         records += study.records_of(pd.DataFrame({**common, "parameter": names, **each}))
-        summary.append(
-            {
-                **common,
-                "method": method,
-                "case": case.words,
-                "coverage": float(coverage.mean()),
-                "sharpness": finite_or_none(float(np.nanmean(std / scatter))),
-                "bias": abs(bias[worst]),
-                "parameter": names[worst],
-                "unfinished": sum(r["status"] not in ("converged", "target") for r in results),
-            }
-        )
+        summary.append({
+            **common, "case": case.words, "coverage": pooled,
+            "method": ", ".join(f"{name} {count}" for name, count in taken.most_common()),
+            "sharpness": finite_or_none(float(np.nanmean(std / scatter))),
+            "bias": abs(bias[worst]), "parameter": names[worst], "unfinished": study.unfinished(results),
+        })  # fmt: skip
     table = study.page_table("Without a named method", SUMMARY, summary)
-    return Findings.tabulated(
-        title,
-        lead,
-        claims,
-        (Section("What holds", (table, Prose(WORDS))),),
-        records,
-    )
+    return Findings.of(title, claims, (table,), records)
 
 
 EXPERIMENT: Final = study.Verification("feedback", show, runs=24, work="identify", cases=tuple(CASES))

@@ -1,4 +1,15 @@
-"""The studies of ``stoop verify``: their names, their runner (case and seed to a result), and the tables of their pages."""
+"""The harness of ``stoop verify``: a study is a table of cases, a function from case and seed to a record, and a report.
+
+A study is a module of this package with
+
+- ``CASES``: names of cases, with whatever the function needs of each;
+- a function ``(case, seed) -> record`` under `work`: numbers, texts, lists and tables of these, nothing else;
+- a function ``show(setting, samples) -> Findings``: from the records of each case to claims, tables and rows
+  (`Findings.of`, `page_table`);
+- ``EXPERIMENT = Verification(NAME, show, runs, work, cases)``,
+
+and one line in `EXPERIMENTS`. Runs, workers, store, resumption, CSV files, page and index are those of the harness.
+"""
 
 from __future__ import annotations
 
@@ -21,70 +32,57 @@ from stoop.base.variables import VARIABLES
 from stoop.errors import StoopError
 from stoop.parallel import Json, Plan, Run
 from stoop.report.sheet import Table
-from stoop_studies.findings import Experiment, Findings, Results, Setting
+from stoop_studies.findings import Claim, Experiment, Findings, Results, Setting, holds
 from stoop_studies.outputs import Suite
 
 if TYPE_CHECKING:
     import pandas as pd
 
+    from stoop.assessment.error_bars import ErrorBars
+    from stoop.estimate.fit import Fit
+
+#: name -> module with an ``EXPERIMENT``, one line of help; in the order in which ``all`` runs them
 EXPERIMENTS: Final[Mapping[str, tuple[str, str]]] = {
     name: (f"stoop_studies.verify.{name}", line)
     for name, line in (
         ("coverage", "how often 95 % intervals hold the truth (400 flights each)"),
-        (
-            "misspecified",
-            "intervals of models that lack terms, gusts or sensor defects of the truth (100 flights each)",
-        ),
-        (
-            "feedback",
-            "bias and coverage under an autopilot in gusts, by the default method (24 flights each)",
-        ),
+        ("misspecified", "intervals of models that lack terms, gusts or sensor defects of the truth (100 flights each)"),
+        ("feedback", "bias and coverage under an autopilot in gusts, by the default method (24 flights each)"),
         ("unstable", "bias and coverage for aircraft that only an autopilot holds (24 flights each)"),
-        ("extensions", "what a model lacks is named: size and power of the tests (20 flights a defect)"),
+        ("extensions", "missing parts of a model are named: size and power of the tests (20 flights a defect)"),
         ("defaults", "from a log to a model by the defaults alone (40 flights of 20 made-up vehicles)"),
         ("verdict", "how often the verdict refuses good models and trusts bad ones (416 cases)"),
         ("delays", "delays of inputs and outputs, fractions of a sample (40 flights, twice)"),
-        (
-            "lines",
-            "wrong lines of mappings are named, right ones not accused (180 flights); reads --data DIR",
-        ),
+        ("lines", "wrong lines of mappings are named, right ones not accused (180 flights); reads --data DIR"),
         ("servos", "lags and delays that a vehicle file leaves out (30 flights each)"),
         ("nist", "certified regressions of NIST, from both starts; reads --data DIR"),
         ("export", "exported aircraft flown by JSBSim beside our own simulation"),
         ("frequency", "95 % bands of frequency responses, inputs apart and together (200 flights each)"),
-        (
-            "windows",
-            "windows that are proposed: maneuvers found, errors foretold (10 flights each); reads --data DIR",
-        ),
+        ("windows", "windows that are proposed: maneuvers found, errors foretold (10 flights each); reads --data DIR"),
         ("design", "a designed input against a 3-2-1-1, predicted and achieved (100 flights each)"),
         ("structure", "whether the true terms are found among candidates (200 aircraft)"),
         ("recursive", "estimates in flight against those of the whole record (50 flights)"),
         ("propagate", "intervals of trims, modes, limits and control hold the truth (60 flights and more)"),
         ("jsbsim", "stock aircraft of JSBSim identified from their outputs (10 flights each)"),
         ("multirotor", "JSBSim's F450 identified from its outputs (10 flights, by speeds and by commands)"),
-        (
-            "hexacopter",
-            "forces of a real hexacopter predicted in sprints, beside its owners' model; reads --data DIR",
-        ),
+        ("hexacopter", "forces of a real hexacopter predicted in sprints, beside its owners' model; reads --data DIR"),
         ("propellers", "cut propellers and added weights on real quadrotors; reads --data DIR"),
         ("handbook", "a priori derivatives beside those of published airplanes; reads --data DIR"),
-        (
-            "robustness",
-            "hostile inputs over everything that reads them, kills, full disks (100 slices of 10,000); reads --data DIR",
-        ),
+        ("robustness", "hostile inputs to everything that reads them, kills, full disks (100 times 10,000); reads --data DIR"),
     )
-}  #: name -> module with an ``EXPERIMENT``, one line of help; in the order in which ``all`` runs them
+}  # fmt: skip
 SUITE: Final = Suite(
     "verify",
-    "What stoop claims, measured",
+    "Claims of stoop, measured",
     "What the documentation says of stoop's own accuracy, with the runs that bear it out.",
     lambda setting: "" if setting.data is None else f" --data {shlex.quote(str(setting.data))}",
 )
-Samples = Mapping[str, Sequence[Mapping[str, Any]]]  #: case -> the results of its seeds
-Work = Callable[[Mapping[str, Any], Sequence[int | None]], list[Any]]  #: see `stoop.parallel.Run`
-Columns = Mapping[
-    str, tuple[str, str | Callable[[Any], str]]
-]  #: key of a record -> heading and format on a page
+#: case -> the records of its seeds
+Samples = Mapping[str, Sequence[Mapping[str, Any]]]
+#: see `stoop.parallel.Run`
+Work = Callable[[Mapping[str, Any], Sequence[int | None]], list[Any]]
+#: key of a record -> heading and format on a page
+Columns = Mapping[str, tuple[str, str | Callable[[Any], str]]]
 
 
 def load_experiment(name: str) -> Experiment:
@@ -111,9 +109,20 @@ def load_experiment(name: str) -> Experiment:
 class Verification:
     """A study of ``stoop verify``, a `stoop_studies.findings.Experiment`; its name is that of its module.
 
-    ``show`` turns the setting and the results of each case into findings. ``work`` names the function of the module that
-    computes the result of one case and seed; it is empty where nothing takes long. ``parts`` are the names of further
-    tables; with ``reads_data`` the work is given the folder of published data.
+    Attributes
+    ----------
+    name : str
+    show : callable
+        From the setting and the records of each case to the findings.
+    runs : int
+        Seeds of each case unless others are asked for.
+    work : str
+        Name of the module's function of a case and a seed; empty where nothing takes long.
+    cases : tuple of str
+    parts : tuple of str
+        Names of further tables.
+    reads_data : bool
+        Whether the work is given the folder of published data.
     """
 
     name: str
@@ -192,6 +201,34 @@ def noise_table(noise: Mapping[str, float]) -> Table:
 def or_none(values: FloatArray) -> list[float | None]:
     """Return numbers for JSON: nothing for what is not finite."""
     return [finite_or_none(v) for v in values]
+
+
+def errors_of(fit: Fit, truth: Mapping[str, float], bars: ErrorBars, **more: FloatArray) -> dict[str, Any]:
+    """Return the record of an identification: errors and standard errors of numbers whose truth is known.
+
+    A standard error is None where a bound holds the parameter; ``more`` are further standard errors, in the order of the fit.
+    """
+    order = {p.name: i for i, p in enumerate(fit.problem.layout.parameters)}
+    own = [order[name] for name in truth]
+    at_bound = bars.at_bound[own]
+    return {
+        "names": list(truth),
+        "errors": [fit.estimates[name] - value for name, value in truth.items()],
+        **{k: or_none(np.where(at_bound, np.nan, v[own])) for k, v in {"sigma": bars.std, **more}.items()},
+        "status": fit.outcome.status,
+    }
+
+
+def unfinished(results: Sequence[Mapping[str, Any]]) -> int:
+    """Return how many identifications did not end by themselves."""
+    return sum(r["status"] not in ("converged", "target") for r in results)
+
+
+def within(statement: str, span: tuple[float, float], share: float, figures: str) -> Claim:
+    """Return whether a share lies in a range; both are shown in percent."""
+    low, high = span
+    words = f"{statement} {100 * low:.0f} to {100 * high:.0f} %"
+    return holds(words, low <= share <= high, f"{100 * share:.1f} % {figures}")
 
 
 def error_statistics(

@@ -7,13 +7,9 @@ from functools import partial
 from typing import Any, Final
 
 from stoop_studies.findings import Findings, Setting
-from stoop_studies.verify import closed_loop, scenes, study
+from stoop_studies.verify import closed_loop, study
 from stoop_studies.verify.feedback import Case, coverage_and_bias, identified
 
-LEAD: Final = f"""\
-The twin-boom aircraft is made unstable in pitch (Cmalpha above zero) or in yaw (Cnbeta below zero), so that an error doubles \
-within half a second, and flies the four maneuvers of the study of coverage under an autopilot that holds it by noisy readings, \
-in calm air. Starting values are up to {100 * scenes.START_ERROR:.0f} % wrong. No method is named."""
 CASES: Final[Mapping[str, Case]] = {
     f"unstable-{axis}": Case(
         f"the aircraft unstable in {axis}", partial(closed_loop.aircraft_scene, 0.0, unstable=axis)
@@ -30,7 +26,7 @@ def identify(case: str, seed: int) -> dict[str, Any]:
 
 def show(setting: Setting, samples: study.Samples) -> Findings:
     """Return coverage and bias of each case."""
-    return coverage_and_bias("Unstable aircraft under an autopilot", LEAD, CASES, samples)
+    return coverage_and_bias("Unstable aircraft under an autopilot", CASES, samples)
 
 
 EXPERIMENT: Final = study.Verification("unstable", show, runs=24, work="identify", cases=tuple(CASES))

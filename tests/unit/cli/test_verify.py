@@ -57,7 +57,6 @@ def test_page_names_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[st
     page = (tmp_path / "quick.html").read_text(encoding="utf-8")
     assert "stoop verify quick --runs 3 --seed 0 --data &#39;a b&#39;" in page
     assert "--box" not in page
-    assert "189.40 kg" not in page, "reconstructions of the paper belong to the paper"
     assert (tmp_path / "quick.csv").read_text() == "runs\n3\n"
 
 
