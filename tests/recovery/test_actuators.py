@@ -13,7 +13,8 @@ import pytest
 from stoop.assessment.error_bars import error_bars
 from stoop.base.arrays import FloatArray
 from stoop.estimate import methods
-from stoop.estimate.fit import Fit, Options
+from stoop.estimate.estimate import Estimate
+from stoop.estimate.fit import Options
 from stoop.flight import Flight, from_columns
 from stoop.problem.windows import Window
 from stoop.simulation.fly import simulate_flight
@@ -64,7 +65,7 @@ def flight(vehicle: Vehicle, seed: int) -> Flight:
     return from_columns("sim", flown.time[::SUBSTEPS], columns)
 
 
-def recovered(method: str, seed: int) -> tuple[Fit, FloatArray]:
+def recovered(method: str, seed: int) -> tuple[Estimate, FloatArray]:
     """Return the fit, and the errors of servo and coefficients in standard errors."""
     vehicle, rng = truth(), np.random.default_rng([seed, 2])
     wrong = {

@@ -14,7 +14,8 @@ import pytest
 from stoop.assessment.error_bars import error_bars
 from stoop.base.arrays import FloatArray
 from stoop.estimate import methods
-from stoop.estimate.fit import Fit, Options
+from stoop.estimate.estimate import Estimate
+from stoop.estimate.fit import Options
 from stoop.flight import Flight, from_columns
 from stoop.problem.windows import Window
 from stoop.simulation.fly import simulate_flight
@@ -82,7 +83,7 @@ def started(vehicle: Vehicle, seed: int) -> Vehicle:
     return vehicle.with_numbers({**wrong, **{f"sensors.{c}.delay": unknown for c in DELAYS}})
 
 
-def recovered(method: str, vehicle: Vehicle, seed: int) -> tuple[Fit, FloatArray]:
+def recovered(method: str, vehicle: Vehicle, seed: int) -> tuple[Estimate, FloatArray]:
     """Return the fit, and the errors of delays and coefficients in standard errors."""
     truth = {n: vehicle.value(n) for n in FREE} | {f"sensors.{c}.delay": d for c, d in DELAYS.items()}
     flights = {"sim": late_flight(vehicle, seed)}
@@ -112,7 +113,7 @@ def test_a_known_delay_leaves_the_noise_as_it_is_in_gusts() -> None:
     assert found.outcome.status == "converged"
     std = dict(zip((p.name for p in found.problem.layout.parameters), error_bars(found).std, strict=False))
     assert max(abs(found.estimates[n] - prompt.value(n)) / std[n] for n in FREE) < 3.5
-    noise = dict(zip(prompt.outputs, np.sqrt(np.diag(found.noise)), strict=True))
+    noise = dict(zip(prompt.outputs, np.sqrt(np.diag(found.measurement_noise)), strict=True))
     for channel in DELAYS:
         assert noise[channel] == pytest.approx(getattr(prompt.file.sensors, channel).sigma, rel=0.15)
 

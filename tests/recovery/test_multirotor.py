@@ -17,7 +17,8 @@ from docs.pages import DOCS, table
 
 from stoop.assessment.covariance import NORMAL_95
 from stoop.assessment.error_bars import error_bars
-from stoop.estimate.fit import Fit, Options
+from stoop.estimate.estimate import Estimate
+from stoop.estimate.fit import Options
 from stoop.estimate.multiple_shooting import fit
 from stoop.problem.windows import Window
 from stoop.simulation.fly import simulate_flight
@@ -89,7 +90,7 @@ def misled(vehicle: Vehicle, seed: int) -> tuple[Vehicle, dict[str, float]]:
     return vehicle.with_numbers(changes), truth
 
 
-def sigmas_off(found: Fit, truth: dict[str, float]) -> np.ndarray:
+def sigmas_off(found: Estimate, truth: dict[str, float]) -> np.ndarray:
     std = error_bars(found).std
     errors = [found.estimates[p.name] - truth[p.name] for p in found.problem.layout.parameters]
     return np.array(errors) / std[: len(errors)]

@@ -15,7 +15,8 @@ import numpy as np
 import pytest
 
 from stoop.errors import IdentificationError, VehicleError
-from stoop.estimate.fit import Fit, Options, fit
+from stoop.estimate.estimate import Estimate
+from stoop.estimate.fit import Options, fit
 from stoop.problem.windows import Window
 from stoop.simulation import trim
 from stoop.simulation.fly import simulate_flight
@@ -66,7 +67,7 @@ def spoiled(vehicle: Vehicle, seed: int, reach: float = 0.4) -> Vehicle:
     )
 
 
-def deviations(found: Fit, truth: Mapping[str, float]) -> dict[str, float]:
+def deviations(found: Estimate, truth: Mapping[str, float]) -> dict[str, float]:
     """Return (estimate - truth) / standard error of every parameter."""
     problem, rung = found.problem, len(found.problem.prices) - 1
     J, _ = problem.jacobian(found.z, rung, problem.residuals(found.z[None, :], rung)[0])
@@ -85,7 +86,7 @@ def aircraft() -> Vehicle:
     return held(v.with_numbers({name: {"value": value} for name, value in LEFT_OUT.items()}))
 
 
-def recover(truth: Vehicle, start: Vehicle, flown: Maneuver, seed: int) -> Fit:
+def recover(truth: Vehicle, start: Vehicle, flown: Maneuver, seed: int) -> Estimate:
     flight = simulate_flight(truth, flown, seed=seed, name="sim")
     return fit(start, {"sim": flight}, [Window("sim", 0.0, flown.duration)], Options(seed=seed))
 

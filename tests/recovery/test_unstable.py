@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from stoop.assessment.error_bars import error_bars
-from stoop.estimate.fit import Fit, Options
+from stoop.estimate.estimate import Estimate
+from stoop.estimate.fit import Options
 from stoop.estimate.instability import PREDICTED_GROWTH, growth, growth_at_start
 from stoop.estimate.methods import choose_method
 from stoop.problem.prepare import prepare
@@ -29,7 +30,7 @@ def scene() -> Scene:
 
 
 @pytest.fixture(scope="module")
-def found(scene: Scene) -> tuple[str, Fit]:
+def found(scene: Scene) -> tuple[str, Estimate]:
     choice = choose_method("", scene.start, scene.flights.values(), WINDOW)
     assert [n.code for n in choice.notices] == ["unstable"]
     return choice.fit(scene.start, scene.flights, WINDOW, Options())
@@ -48,7 +49,7 @@ def test_growth_is_that_of_the_exact_linear_model(scene: Scene) -> None:
     assert np.exp(at.rate * at.horizon) == pytest.approx(PREDICTED_GROWTH)
 
 
-def test_the_default_finds_the_truth(scene: Scene, found: tuple[str, Fit]) -> None:
+def test_the_default_finds_the_truth(scene: Scene, found: tuple[str, Estimate]) -> None:
     method, fit = found
     assert (method, fit.outcome.status) == ("stabilized-output-error", "converged")
     bars = error_bars(fit)
@@ -59,15 +60,14 @@ def test_the_default_finds_the_truth(scene: Scene, found: tuple[str, Fit]) -> No
     assert fit.estimates["Cmalpha"] == pytest.approx(scene.truth["Cmalpha"], rel=0.15)
 
 
-def test_curves_are_predictions_near_the_record(found: tuple[str, Fit]) -> None:
+def test_curves_are_predictions_near_the_record(found: tuple[str, Estimate]) -> None:
     _, fit = found
     assert [n.code for n in fit.notices if n.code.startswith("filter")] == ["filter-predicts"]
     piece, read = fit.problem.pieces[0], fit.readings[0]
     white = fit.evidence.pieces[0].residual
     assert np.isfinite(read).all()
     left = np.nanstd(piece.measured - read, axis=0)
-    assert fit.noise is not None
-    np.testing.assert_allclose(left, np.sqrt(np.diag(fit.noise)), rtol=0.25)
+    np.testing.assert_allclose(left, np.sqrt(np.diag(fit.measurement_noise)), rtol=0.25)
     assert np.nanstd(white) == pytest.approx(1.0, abs=0.1)
 
 

@@ -29,10 +29,8 @@ from stoop.base.arrays import FloatArray, IntArray
 from stoop.base.npz import read_arrays
 from stoop.errors import IdentificationError
 from stoop.estimate import methods
-from stoop.estimate.filter_likelihood import FrozenFilter
-from stoop.estimate.fit import Derived, Fit
-from stoop.estimate.multiple_shooting import FollowingWindows
-from stoop.estimate.regression.linear_problem import LinearProblem
+from stoop.estimate.estimate import Estimate
+from stoop.estimate.refit_problem import Derived, RefitProblem
 from stoop.optimize import Problem, refine
 from stoop.parallel import Json, Plan, Pool, Tally, execute
 from stoop.problem import Layout, Misfit, Nuisance, Piece, Weights
@@ -43,7 +41,6 @@ from stoop.vehicle import Parameter, Vehicle
 from stoop.vehicle.schema import VehicleFile
 
 Watch = Callable[[str], None]  #: receives the progress of an assessment
-Refittable = Misfit | FrozenFilter | FollowingWindows | LinearProblem
 Ending = Literal["converged", "refined", "failed"]
 MAX_BYTES: Final = 2**31  #: to which a packed problem may unfold
 PIECE_ARRAYS: Final = ("time", "inputs", "measured")
@@ -63,7 +60,7 @@ MIN_REDUCTION: Final = 0.2  #: of a step by the next; a longer one asks for a cu
 class AssessedFit:
     """A finished fit, ready to be assessed; `seed` is that of everything random."""
 
-    fit: Fit
+    fit: Estimate
     seed: int
 
     @cached_property
@@ -71,11 +68,10 @@ class AssessedFit:
         """Error bars, for the noise behind the residuals and for identifiability."""
         return error_bars(self.fit)
 
-    @cached_property
-    def problem(self) -> Refittable:
+    @property
+    def problem(self) -> RefitProblem:
         """The least-squares problem that refits solve."""
-        found: Refittable = self.fit.problem if self.fit.local_problem is None else self.fit.local_problem()
-        return found
+        return self.fit.refit_problem
 
     @property
     def free(self) -> IntArray:
@@ -121,7 +117,7 @@ class Assessment(Protocol):
 
 
 def assess(
-    result: Result, fit: Fit, assessments: Sequence[Assessment], watch: Watch
+    result: Result, fit: Estimate, assessments: Sequence[Assessment], watch: Watch
 ) -> tuple[Result, dict[str, bytes]]:
     """Return the result with what the assessments found and which methods agree, and the files that they give.
 
@@ -150,17 +146,11 @@ def refits(
         return execute(plan, store or Path(folder) / "refits.sqlite", pool, report)
 
 
-def simulated(problem: Refittable) -> Misfit:
-    """Return layout, pieces and weights of a problem."""
-    return problem if isinstance(problem, Misfit) else problem.problem
-
-
-def pack(problem: Refittable, more: Mapping[str, Any]) -> str:
+def pack(problem: RefitProblem, more: Mapping[str, Any]) -> str:
     """Return a problem, and arrays that belong to it, as text; the same problem gives the same text."""
-    base, layout = simulated(problem), simulated(problem).layout
+    base, layout = problem.problem, problem.problem.layout
     # without bounds: the layout has them, and a set value may lie outside
     unbounded = layout.vehicle.with_numbers({p.name: {"bounds": None} for p in layout.vehicle.parameters})
-    own, kind = ({}, "") if isinstance(problem, Misfit) else (problem.arrays, problem.kind)
     head = {
         "vehicle": unbounded.file.model_dump(mode="json", exclude_unset=True),
         "where": layout.vehicle.where,
@@ -173,18 +163,18 @@ def pack(problem: Refittable, more: Mapping[str, Any]) -> str:
             for p in base.pieces
         ],
         "ladder": base.ladder,
-        "kind": kind,
+        "kind": problem.kind,
     }
     series = ((f"{n}.{i}", getattr(p, n)) for i, p in enumerate(base.pieces) for n in PIECE_ARRAYS)
     arrays: dict[str, Any] = dict(series)
-    arrays |= {"covariance": base.weights.covariance, "root": base.weights.root, **more, **own}
+    arrays |= {"covariance": base.weights.covariance, "root": base.weights.root, **more, **problem.arrays}
     arrays["head"] = np.frombuffer(json.dumps(head).encode(), dtype=np.uint8)
     buffer = io.BytesIO()
     np.savez_compressed(buffer, **arrays)
     return base64.b64encode(buffer.getvalue()).decode()
 
 
-def unpack(text: str) -> tuple[Refittable, dict[str, Any]]:
+def unpack(text: str) -> tuple[RefitProblem, dict[str, Any]]:
     """Return the problem that was packed, and all arrays."""
     arrays = read_arrays(io.BytesIO(base64.b64decode(text)), MAX_BYTES)
     head = json.loads(arrays.pop("head").tobytes())
@@ -197,9 +187,7 @@ def unpack(text: str) -> tuple[Refittable, dict[str, Any]]:
         pieces.append(Piece(**{**p, **series, **{name: tuple(p[name]) for name in PIECE_TUPLES}}))
     weights = Weights(arrays["covariance"], arrays["root"])
     misfit = Misfit(layout, tuple(pieces), weights, tuple(tuple(rung) for rung in head["ladder"]))
-    kinds: tuple[Any, ...] = (FrozenFilter, FollowingWindows, LinearProblem)
-    restored = (kind.restored(misfit, arrays) for kind in kinds if kind.kind == head["kind"])
-    return next(restored, misfit), arrays
+    return methods.refit_problem(head["kind"]).restored(misfit, arrays), arrays
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,14 +195,11 @@ class Optimum:
     """The end of a search, linearized."""
 
     problem: Problem  #: weights as in the last fit, priors included; nuisances behind the parameters
+    box: tuple[float, float]  #: in which the parameters stay, in units of the vector
     z: FloatArray  #: (D + E,); the optimum in the problem's own units
     free: IntArray  #: (f,) int; entries that no bound holds; the others stay where they are
     residual: FloatArray  #: (n_r,); weighted residuals there, those of the priors last
     jacobian: FloatArray  #: (n_r, f)
-    box: tuple[float, float] = (
-        0.0,
-        1.0,
-    )  #: in which the parameters stay; infinite for a regression without bounds
 
     @property
     def rung(self) -> int:
@@ -246,21 +231,18 @@ class Optimum:
         return Z
 
 
-def linearize(problem: Problem, z: FloatArray, free: IntArray) -> Optimum:
+def linearize(problem: RefitProblem, z: FloatArray, free: IntArray) -> Optimum:
     """Return the optimum with its residuals and their derivatives."""
     rung = len(problem.prices) - 1
     residual = problem.residuals(z[None, :], rung)[0]
     jacobian, _ = problem.jacobian(z, rung, residual)
-    return Optimum(problem, z, free, residual, np.ascontiguousarray(jacobian[:, free]))
+    return Optimum(problem, problem.box, z, free, residual, np.ascontiguousarray(jacobian[:, free]))
 
 
-def unpacked_optimum(text: str) -> tuple[Refittable, Optimum, dict[str, Any]]:
+def unpacked_optimum(text: str) -> tuple[RefitProblem, Optimum, dict[str, Any]]:
     """Return a packed problem, its optimum, and all arrays."""
     problem, arrays = unpack(text)
-    optimum = linearize(problem, arrays["z"], arrays["free"].astype(np.intp))
-    if isinstance(problem, LinearProblem) and not problem.bounded:
-        optimum = replace(optimum, box=(-np.inf, np.inf))
-    return problem, optimum, arrays
+    return problem, linearize(problem, arrays["z"], arrays["free"].astype(np.intp)), arrays
 
 
 @dataclass(frozen=True, eq=False)
@@ -276,6 +258,11 @@ class Shifted(Derived):
     def jacobian(self, z: FloatArray, rung: int, r: FloatArray) -> tuple[FloatArray, float]:
         """Return the derivative, which the shift does not change, and the trajectories it took."""
         return self.problem.jacobian(z, rung, r - self.shift)
+
+
+def likelihood_optimum(problem: RefitProblem, optimum: Optimum) -> Optimum:
+    """Return the optimum of a sum of squares that is least there, as the likelihood is greatest."""
+    return optimum if problem.complete else stationary(optimum)
 
 
 def stationary(optimum: Optimum) -> Optimum:

@@ -38,11 +38,9 @@ from stoop.assessment.assessment import (
     AssessedFit,
     Finding,
     Optimum,
-    Refittable,
     Watch,
     refit,
     refits,
-    simulated,
     unpacked_optimum,
 )
 from stoop.assessment.coloring import ColoredNoise
@@ -50,9 +48,8 @@ from stoop.assessment.covariance import MIN_WINDOWS, NORMAL_95, leave_window_out
 from stoop.base.arrays import BoolArray, FloatArray
 from stoop.base.blas import on_one_blas_thread
 from stoop.base.notices import Notice, notice
-from stoop.estimate.multiple_shooting import FollowingWindows
 from stoop.estimate.noise import lagged_products
-from stoop.estimate.regression.linear_problem import LinearProblem
+from stoop.estimate.refit_problem import RefitProblem
 from stoop.parallel import Json, LocalProcesses, Plan, Pool, Run
 from stoop.results.uncertainty import Interval, MethodIntervals
 
@@ -166,12 +163,12 @@ class WholeWindows:
     present: tuple[BoolArray, ...]  #: (m_i, ny) bool; where each piece was measured
 
     @classmethod
-    def of(cls, problem: FollowingWindows, optimum: Optimum) -> WholeWindows:
+    def of(cls, problem: RefitProblem, optimum: Optimum) -> WholeWindows:
         """Return the source of noise like the residuals of windows at an optimum."""
-        present = tuple(np.isfinite(piece.measured) for piece in problem.problem.pieces)
-        first, gap, many = 0, sum(mask.size for mask in present), len(problem.gap_weights)
+        present, many = problem.present, problem.gaps
+        first, gap = 0, sum(mask.size for mask in present)
         windows, gaps = [], []
-        for mask, edges in zip(present, problem.edges, strict=True):
+        for mask, edges in zip(present, problem.windows, strict=True):
             ny, count, longest = mask.shape[1], len(edges) - 1, int(np.max(np.diff(edges)))
             left, behind = np.zeros((count, longest, ny)), np.zeros((count, many))
             for w in range(count):
@@ -186,7 +183,7 @@ class WholeWindows:
             windows.append(left)
             gaps.append(behind)
             first, gap = first + mask.size, gap + (count - 1) * many
-        return cls(tuple(windows), tuple(gaps), problem.edges, present)
+        return cls(tuple(windows), tuple(gaps), problem.windows, present)
 
     def draw(self, random: np.random.Generator) -> FloatArray:
         """Return noise (m,) for the readings of all pieces, then for all gaps."""
@@ -295,25 +292,24 @@ def refit_chunk(arguments: Mapping[str, Json], stops: Sequence[int | None]) -> l
     first, count, seed = (int(given[name]) for name in ("first", "count", "seed"))
     problem, optimum, noise = _unpacked(str(given["problem"]))
     found = refit(optimum, shifts(optimum, noise, range(first, first + count), seed))
-    values = simulated(problem).layout.physical(found.z)  # NaN for those that failed
+    values = problem.problem.layout.physical(found.z)  # NaN for those that failed
     done: dict[str, Json] = {"values": values.tolist(), "endings": list(found.endings)}
     return [done for _ in stops]
 
 
 @lru_cache(maxsize=1)
-def _unpacked(text: str) -> tuple[Refittable, Optimum, NoiseSource]:
+def _unpacked(text: str) -> tuple[RefitProblem, Optimum, NoiseSource]:
     """Return the problem, its optimum, and what draws its noise."""
     problem, optimum, arrays = unpacked_optimum(text)
-    if isinstance(problem, FollowingWindows) and arrays["whole_windows"]:
+    if problem.windows and arrays["whole_windows"]:
         return problem, optimum, WholeWindows.of(problem, optimum)
-    base = simulated(problem)
     residuals, first = [], 0
-    equations = problem.stretches if isinstance(problem, LinearProblem) else ()
-    for rows in [s.residual for s in equations] or [p.measured for p in base.pieces]:
-        mask = np.isfinite(rows)
+    for mask in problem.present:
         block = -optimum.residual[first : first + mask.size].reshape(mask.shape)
         residuals.append(np.where(mask, block, np.nan))
         first += mask.size
-    rest = len(optimum.residual) - first - len(base.layout.prior_residuals(arrays["z"][None, :])[0])
+    rest = (
+        len(optimum.residual) - first - len(problem.problem.layout.prior_residuals(arrays["z"][None, :])[0])
+    )
     noise = ColoredNoise(arrays["color"], arrays["innovation"])
     return problem, optimum, ColoredBlocks.of(noise, residuals, rest)

@@ -37,9 +37,8 @@ from stoop.assessment.coloring import ColoredNoise, half_spectrum_scale
 from stoop.base.arrays import FloatArray, IntArray
 from stoop.base.notices import Notice, notice
 from stoop.base.variables import RATES
+from stoop.estimate.estimate import Estimate
 from stoop.estimate.excitation import deflections
-from stoop.estimate.fit import Fit
-from stoop.estimate.regression.linear_problem import LinearProblem
 from stoop.problem.evidence import Evidence, PieceEvidence, invert
 from stoop.vehicle import Vehicle, terms
 
@@ -139,15 +138,13 @@ def _unshared(information: FloatArray, own: IntArray, estimates: Sequence[float]
     return weights
 
 
-def contribution_notices(fit: Fit, found: Sequence[Contribution]) -> list[Notice]:
+def contribution_notices(fit: Estimate, found: Sequence[Contribution]) -> list[Notice]:
     """Return which contributions are in doubt, with the amplitudes that would settle it."""
     doubtful = [one for one in found if one.doubtful and np.isfinite(one.noise)]
     if not doubtful:
         return []
     outputs, controls = fit.problem.layout.vehicle.outputs, deflections(fit.problem)
-    problem = None if fit.local_problem is None else fit.local_problem()
-    columns = tuple(problem.deviations) if isinstance(problem, LinearProblem) else outputs
-    told = []
+    told, columns = [], fit.refit_problem.columns
     for one in doubtful:
         series = controls.get(one.variable)
         if series is None:

@@ -28,7 +28,7 @@ from stoop.assessment.covariance import (
 from stoop.base.arrays import BoolArray, FloatArray, IntArray
 from stoop.base.blas import on_one_blas_thread
 from stoop.base.notices import Notice, notice
-from stoop.estimate.fit import Fit
+from stoop.estimate.estimate import Estimate
 from stoop.problem.evidence import PieceEvidence, Unknown, invert
 from stoop.results.uncertainty import CorrelatedPair, NearNullDirection
 
@@ -125,7 +125,7 @@ class ErrorBars:
 
 
 @on_one_blas_thread
-def error_bars(fit: Fit) -> ErrorBars:
+def error_bars(fit: Estimate) -> ErrorBars:
     """Return the error bars of a fit, whatever its method.
 
     Noise intensities take part and are not returned.
@@ -189,7 +189,7 @@ def error_bars(fit: Fit) -> ErrorBars:
     )
 
 
-def _scatter(fit: Fit, found: Uncertainty, count: int) -> Scatter | None:
+def _scatter(fit: Estimate, found: Uncertainty, count: int) -> Scatter | None:
     """Return the scatter of the first `count` unknowns between maneuvers, or flights where these disagree more."""
     maneuvers = [segment.maneuver for segment in found.coloring.segments]
     if len(set(maneuvers)) < 2:

@@ -39,7 +39,7 @@ from stoop.assessment.verdict import LIMITS as VERDICT
 from stoop.base.arrays import BoolArray, FloatArray, IntArray
 from stoop.base.blas import on_one_blas_thread
 from stoop.base.notices import Notice, notice
-from stoop.estimate.fit import Fit
+from stoop.estimate.estimate import Estimate
 from stoop.estimate.response import Responses
 from stoop.problem.evidence import Inverse, PieceEvidence, Unknown
 from stoop.results.extensions import ExtensionTest, ExtensionTests
@@ -170,7 +170,7 @@ def _noise_variance(
 
 
 @on_one_blas_thread
-def extension_tests(fit: Fit, bars: ErrorBars) -> ExtensionTests:
+def extension_tests(fit: Estimate, bars: ErrorBars) -> ExtensionTests:
     """Return what the data of a fit ask for beside its model.
 
     Nothing is tested where responses are not known, nor away from an optimum, where the score has no meaning.

@@ -27,7 +27,7 @@ from stoop.assessment.covariance import NORMAL_95
 from stoop.base.arrays import FloatArray
 from stoop.base.notices import notice
 from stoop.estimate.noise import correlation_times
-from stoop.results.modes import Estimate, MeasuredMode
+from stoop.results.modes import DerivedValue, MeasuredMode
 
 CHANNELS: Final[Mapping[str, tuple[str, ...]]] = {
     "short period": ("q", "alpha"),
@@ -99,7 +99,7 @@ def measured_mode(
     if not (np.all(error < MAX_ERRORS) and damping < MAX_DAMPING - 1e-6):
         return replace(place, remark=notice("response-inaccurate", name))
     pairs = ((frequency, frequency * float(error[0])), (damping, float(error[1])))
-    found = [Estimate(v, s, v - NORMAL_95 * s, v + NORMAL_95 * s) for v, s in pairs]
+    found = [DerivedValue(v, s, v - NORMAL_95 * s, v + NORMAL_95 * s) for v, s in pairs]
     return replace(place, frequency=found[0], damping=found[1])
 
 

@@ -47,9 +47,8 @@ from stoop.assessment.covariance import NORMAL_95, data_information
 from stoop.base.arrays import FloatArray, runs
 from stoop.base.notices import Notice, notice
 from stoop.base.robust import robust_std
-from stoop.estimate.fit import Fit
+from stoop.estimate.estimate import Estimate
 from stoop.estimate.noise import lagged_products
-from stoop.estimate.regression.linear_problem import LinearProblem
 from stoop.results.result import BaselineFit, GoodnessOfFit, InnovationFigures, TheilShares, Whiteness
 
 WHITENESS_LAGS: Final = 20  #: that are summed: 0.2 s at 100 Hz, the fastest motion that a model explains
@@ -294,14 +293,14 @@ def left_out(residual: FloatArray, jacobian: FloatArray, information: FloatArray
     return np.where(np.isfinite(residual), out, np.nan)
 
 
-def left_out_residuals(fit: Fit) -> list[FloatArray] | None:
+def left_out_residuals(fit: Estimate) -> list[FloatArray] | None:
     """Return measured minus simulated (n, n_y) of every piece, each second left out of the fit in turn; channel units.
 
     They are the residuals that the method minimizes: of the simulation, of windows, or of a filter's predictions; NaN where
     nothing was measured. None for a regression, or where the fit cannot be differentiated.
     """
-    problem = None if fit.local_problem is None else fit.local_problem()
-    if isinstance(problem, LinearProblem):
+    problem = fit.refit_problem
+    if problem.equations:
         return None
     evidence, d = fit.evidence, fit.problem.dimension
     if not all(np.isfinite(values).all() for p in evidence.pieces for values in p.filled()):
@@ -316,24 +315,19 @@ def left_out_residuals(fit: Fit) -> list[FloatArray] | None:
     ]
     present = [np.isfinite(w) for w in missed]
     white = [np.where(seen, w, 0.0) for w, seen in zip(missed, present, strict=True)]
-    if problem is not None:
-        units = problem.in_units(white)
-    else:
-        each = zip(fit.problem.piece_weights, white, present, strict=True)
-        units = [weights.colored(w, seen) for weights, w, seen in each]
-    return [np.where(seen, u, np.nan) for seen, u in zip(present, units, strict=True)]
+    return [np.where(seen, u, np.nan) for seen, u in zip(present, problem.in_units(white), strict=True)]
 
 
-def press_notices(fit: Fit) -> list[Notice]:
+def press_notices(fit: Estimate) -> list[Notice]:
     """Return the errors of each equation of a regression, each second left out of the fit in turn; none of other methods.
 
     Of Fourier coefficients each is left out. A mean that gave a constant predicts nothing.
     """
-    problem = fit.local_problem() if fit.local_problem is not None else None
-    if not isinstance(problem, LinearProblem):
+    problem = fit.refit_problem
+    if not problem.equations:
         return []
-    free, block = fit.evidence.free, max(1, round(BLOCK / problem.dt))
-    own = [stretch.of(free) for stretch in problem.stretches]
+    free, block = fit.evidence.free, max(1, round(BLOCK / problem.spacing))
+    own = [stretch.of(free) for stretch in fit.evidence.pieces]
     information = data_information(own) + fit.evidence.prior[np.ix_(free, free)]
     own = [stretch for stretch in own if len(stretch.residual) > 1]
     errors = [left_out(stretch.residual, stretch.jacobian, information, block) for stretch in own]
@@ -341,5 +335,5 @@ def press_notices(fit: Fit) -> list[Notice]:
         np.sqrt(np.mean(np.concatenate(problem.in_units(e)) ** 2, axis=0)).tolist()
         for e in ([stretch.residual for stretch in own], errors)
     )
-    code = "regression-press" if np.isfinite(problem.dt) else "regression-press-band"
-    return [notice(code, "", equations=tuple(problem.deviations), rms=tuple(rms), press=tuple(press))]
+    code = "regression-press" if np.isfinite(problem.spacing) else "regression-press-band"
+    return [notice(code, "", equations=problem.equations, rms=tuple(rms), press=tuple(press))]

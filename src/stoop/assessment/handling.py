@@ -33,7 +33,7 @@ from scipy.optimize import least_squares
 
 from stoop.assessment.covariance import NORMAL_95
 from stoop.base.arrays import ComplexArray, FloatArray
-from stoop.results.modes import Estimate
+from stoop.results.modes import DerivedValue
 from stoop.simulation.rotors import EXCITATIONS
 
 NAN: Final = math.nan
@@ -61,10 +61,10 @@ class Known:
 class Bandwidth:
     """Figures of an attitude response: bandwidths and crossover in rad/s, phase delay in s; NaN where not reached."""
 
-    crossover: Estimate  #: frequency of 180 deg lag
-    phase_bandwidth: Estimate
-    gain_bandwidth: Estimate
-    phase_delay: Estimate
+    crossover: DerivedValue  #: frequency of 180 deg lag
+    phase_bandwidth: DerivedValue
+    gain_bandwidth: DerivedValue
+    phase_delay: DerivedValue
 
     @property
     def reached(self) -> bool:
@@ -80,7 +80,7 @@ class EquivalentSystem:
     input: str
     output: str
     parameters: Mapping[
-        str, Estimate
+        str, DerivedValue
     ]  #: gain, zero (1/s), frequency (rad/s), damping, time_constant (s), delay (s)
     cost: float  #: J; below 50 to 100 is usually taken as a good fit
     lowest: float  #: rad/s, of the frequencies that it was fitted to
@@ -162,13 +162,13 @@ def _crossing(log: FloatArray, phase: FloatArray, level: float) -> float:
     return math.exp(log[i] + share * (log[i + 1] - log[i]))
 
 
-def _interval(value: float, draws: FloatArray) -> Estimate:
+def _interval(value: float, draws: FloatArray) -> DerivedValue:
     """Return a figure with the standard deviation and the 95 % interval of its draws (d,)."""
     finite = draws[np.isfinite(draws)]
     if not np.isfinite(value) or finite.size < max(2.0, MIN_SHARE * draws.size):
-        return Estimate(float(value))
+        return DerivedValue(float(value))
     low, high = np.quantile(finite, (0.025, 0.975))
-    return Estimate(float(value), float(np.std(finite)), float(low), float(high))
+    return DerivedValue(float(value), float(np.std(finite)), float(low), float(high))
 
 
 Transfer = Callable[[ComplexArray, FloatArray], ComplexArray]
@@ -246,17 +246,17 @@ def equivalent_system(known: Known, input_name: str, output: str) -> EquivalentS
     return EquivalentSystem(form.name, input_name, output, parameters, float(2.0 * best.cost), *span)
 
 
-def _parameter(name: str, value: float, error: float, sign: float) -> Estimate:
+def _parameter(name: str, value: float, error: float, sign: float) -> DerivedValue:
     """Return a parameter from its logarithm (the delay is itself) and the standard error of that, if it is determined."""
     if name == "delay":
         value = 0.0 if value < MIN_DELAY else value
-        return Estimate(value, error, value - NORMAL_95 * error, value + NORMAL_95 * error)
+        return DerivedValue(value, error, value - NORMAL_95 * error, value + NORMAL_95 * error)
     scale = sign if name == "gain" else 1.0
     size = scale * math.exp(value)
     if not error < MAX_LOG_ERROR:
-        return Estimate(size)
+        return DerivedValue(size)
     low, high = sorted(size * math.exp(end * NORMAL_95 * error) for end in (-1.0, 1.0))
-    return Estimate(size, abs(size) * error, low, high)
+    return DerivedValue(size, abs(size) * error, low, high)
 
 
 def _starts(known: Known, form: Form) -> list[FloatArray]:

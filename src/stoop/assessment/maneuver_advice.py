@@ -21,7 +21,7 @@ import numpy as np
 
 from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice, notice
-from stoop.estimate.fit import Fit
+from stoop.estimate.estimate import Estimate
 from stoop.problem import Piece
 from stoop.problem.observation import observation_model
 from stoop.results.result import Result
@@ -205,7 +205,7 @@ def _of_vehicle(name: str, flown: FlownModel) -> Notice:
     return notice(code, parts[1] if len(parts) > 1 else name, power=flown.power or "power")
 
 
-def flown_model(result: Result, fit: Fit) -> FlownModel:
+def flown_model(result: Result, fit: Estimate) -> FlownModel:
     """Return the terms as the model flew them, and the controls and modes of the vehicle."""
     vehicle, layout = fit.problem.layout.vehicle, fit.problem.layout
     every = [mode for condition in result.modes for mode in condition.modes]
@@ -234,7 +234,7 @@ def flown_model(result: Result, fit: Fit) -> FlownModel:
     return FlownModel(found, power=throttle, frequencies=frequencies, **axes)
 
 
-def _columns(vehicle: Vehicle, fit: Fit, index: int, piece: Piece) -> dict[str, FloatArray]:
+def _columns(vehicle: Vehicle, fit: Estimate, index: int, piece: Piece) -> dict[str, FloatArray]:
     """Return what terms are made of, (n,) each, along one piece as the model flew it."""
     read = dict(zip(vehicle.outputs, fit.readings[index].T, strict=True))
     still = np.zeros(len(piece.time))

@@ -33,10 +33,10 @@ from stoop.base.arrays import BoolArray, ComplexArray, FloatArray
 from stoop.base.notices import notice
 from stoop.base.variables import EULER
 from stoop.errors import SimulationError
-from stoop.estimate.fit import Fit
+from stoop.estimate.estimate import Estimate
 from stoop.estimate.predict import identified_vehicle
 from stoop.problem.observation import observation_model
-from stoop.results.modes import ConditionModes, Estimate, MeasuredMode, ModeEstimate, StateEquations
+from stoop.results.modes import ConditionModes, DerivedValue, MeasuredMode, ModeEstimate, StateEquations
 from stoop.simulation import Trim, trim
 from stoop.simulation.linearize import Mode, modes_of, state_equations
 from stoop.simulation.trim import neighbors
@@ -144,7 +144,7 @@ def mode_estimates(
             s = mode.eigenvalue
             numbers = (s.real, s.imag, mode.frequency, mode.damping, mode.time_constant)
             remark = notice("mode-depends-on-unknown", mode.name, parameters=tuple(unknown))
-            found: dict[str, Any] = dict(zip(QUANTITIES, map(Estimate, numbers), strict=True))
+            found: dict[str, Any] = dict(zip(QUANTITIES, map(DerivedValue, numbers), strict=True))
             out.append(ModeEstimate(mode.name, **found, remark=(remark,)))
         else:
             s = mode.eigenvalue
@@ -197,7 +197,7 @@ def _estimated(
     else:
         low, high = sorted(-1.0 / end if end else math.inf for end in spans["real"])
         spans["time_constant"] = (low, high)
-    found: dict[str, Any] = {n: Estimate(values[n], errors[n], *spans[n]) for n in values}
+    found: dict[str, Any] = {n: DerivedValue(values[n], errors[n], *spans[n]) for n in values}
     method = "sampled" if sampled else "delta"
     return ModeEstimate(mode.name, **found, method=method, other_character=other, remark=tuple(remarks))
 
@@ -229,7 +229,7 @@ class Condition:
         return Condition((*self.maneuvers, *other.maneuvers), self.loading, start, inputs, n + m)
 
 
-def conditions(fit: Fit) -> list[Condition]:
+def conditions(fit: Estimate) -> list[Condition]:
     """Return the flight conditions of the fitted maneuvers, those alike taken together.
 
     They are means of what the model flew, biases taken off; a state that it does not read stays as it began.
@@ -262,7 +262,7 @@ def conditions(fit: Fit) -> list[Condition]:
     return out
 
 
-def modes(fit: Fit, parameters: tuple[str, ...], covariance: FloatArray) -> tuple[ConditionModes, ...]:
+def modes(fit: Estimate, parameters: tuple[str, ...], covariance: FloatArray) -> tuple[ConditionModes, ...]:
     """Return the modes at every fitted flight condition; none of a vehicle that no autopilot leaves to itself.
 
     `covariance` (k, k), SI, is that of the k free parameters named.
@@ -273,7 +273,7 @@ def modes(fit: Fit, parameters: tuple[str, ...], covariance: FloatArray) -> tupl
 
 
 def _at(
-    fit: Fit, condition: Condition, parameters: tuple[str, ...], covariance: FloatArray
+    fit: Estimate, condition: Condition, parameters: tuple[str, ...], covariance: FloatArray
 ) -> ConditionModes:
     vehicle, start = identified_vehicle(fit).coupled_to(()), condition.start
     if condition.loading:
@@ -317,7 +317,7 @@ def _at(
     )
 
 
-def _measured(fit: Fit, condition: Condition, mode: ModeEstimate) -> tuple[MeasuredMode, ...]:
+def _measured(fit: Estimate, condition: Condition, mode: ModeEstimate) -> tuple[MeasuredMode, ...]:
     """Return what followed the last motion of the controls in the last piece of each maneuver shows of a mode."""
     vehicle, out = fit.problem.layout.vehicle, []
     names = dict.fromkeys(c for control in vehicle.controls for c in vehicle.channels_of(control))

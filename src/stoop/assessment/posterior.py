@@ -26,14 +26,13 @@ from typing import Final
 
 import numpy as np
 
-from stoop.assessment.assessment import AssessedFit, Finding, Optimum, Watch, linearize, stationary
+from stoop.assessment.assessment import AssessedFit, Finding, Optimum, Watch, likelihood_optimum, linearize
 from stoop.assessment.sampling import SAMPLER, Chains, Coordinates, libraries, library, sample
 from stoop.assessment.uncertainty import MAX_RHAT
 from stoop.base.arrays import FloatArray
 from stoop.base.blas import on_one_blas_thread
 from stoop.base.notices import notice
 from stoop.optimize.normal_equations import TallMatrix
-from stoop.problem import Misfit
 from stoop.results.uncertainty import Interval, MethodIntervals
 
 FILE: Final = "posterior.nc"
@@ -224,9 +223,7 @@ def posterior_target(fit: AssessedFit) -> Target:
     It is not where something is not determined. Parameters at a bound keep the variance that the weights give them.
     """
     z = fit.fit.z
-    optimum = linearize(fit.problem, z, np.arange(len(z)))
-    if not isinstance(fit.problem, Misfit):
-        optimum = stationary(optimum)
+    optimum = likelihood_optimum(fit.problem, linearize(fit.problem, z, np.arange(len(z))))
     plain = Target(optimum, np.eye(optimum.shared))
     k, width = plain.size, fit.fit.problem.layout.width
     free = fit.free[fit.free < k]

@@ -28,8 +28,8 @@ from stoop.assessment.assessment import (
     Finding,
     Optimum,
     Watch,
+    likelihood_optimum,
     refits,
-    stationary,
     unpacked_optimum,
 )
 from stoop.assessment.covariance import NORMAL_95
@@ -38,10 +38,9 @@ from stoop.base.blas import on_one_blas_thread
 from stoop.base.notices import Notice, notice
 from stoop.base.text import nearest
 from stoop.errors import IdentificationError
-from stoop.estimate.fit import Derived
+from stoop.estimate.refit_problem import Derived
 from stoop.optimize import Settings, refine
 from stoop.parallel import Json, LocalProcesses, Plan, Pool, Run
-from stoop.problem import Misfit
 from stoop.results.uncertainty import Interval, MethodIntervals
 
 CROSSING: Final = 0.01  #: of the threshold's root, by which a crossing may be missed
@@ -265,4 +264,4 @@ def profile_one(arguments: Mapping[str, Json], stops: Sequence[int | None]) -> l
 @lru_cache(maxsize=1)
 def _unpacked(text: str) -> Optimum:
     problem, optimum, _ = unpacked_optimum(text)
-    return optimum if isinstance(problem, Misfit) else stationary(optimum)
+    return likelihood_optimum(problem, optimum)

@@ -45,7 +45,8 @@ from stoop.base.notices import Notice, notice
 from stoop.base.text import enumerated
 from stoop.errors import StoopError
 from stoop.estimate import methods
-from stoop.estimate.fit import Fit, Options
+from stoop.estimate.estimate import Estimate
+from stoop.estimate.fit import Options
 from stoop.flight import Flight
 from stoop.problem.evidence import invert
 from stoop.results.result import ManeuverResult, ParameterEstimate, Result
@@ -71,7 +72,7 @@ MAX_RHAT: Final = 1.01  #: of every parameter; above it a posterior says nothing
 MAX_PRIOR_SHARE: Final = 0.5
 
 
-def with_uncertainty(result: Result, fit: Fit, bars: ErrorBars) -> Result:
+def with_uncertainty(result: Result, fit: Estimate, bars: ErrorBars) -> Result:
     """Return the result with its two error bars side by side, which to trust, and what the data can tell."""
     errors = {"corrected": bars.std}
     if bars.scatter is not None:
@@ -110,7 +111,7 @@ def with_uncertainty(result: Result, fit: Fit, bars: ErrorBars) -> Result:
 
 
 def _directions(
-    fit: Fit, bars: ErrorBars, names: list[str]
+    fit: Estimate, bars: ErrorBars, names: list[str]
 ) -> tuple[tuple[float, ...], tuple[NearNullDirection, ...]]:
     """Return singular values of all free unknowns, and near-null directions of the parameters, priors left out."""
     whole = bars.uncertainty.information
@@ -245,7 +246,7 @@ def scatter(singles: Sequence[SingleEstimate]) -> ParameterRepeatability:
 
 
 def repeatability(
-    fit: Fit, flights: Mapping[str, Flight], options: Options, watch: Callable[[str], None]
+    fit: Estimate, flights: Mapping[str, Flight], options: Options, watch: Callable[[str], None]
 ) -> Repeatability:
     """Fit every maneuver of a finished fit by itself, from the same start, within the same bounds and priors; compare them.
 
@@ -384,7 +385,7 @@ def _alone(result: Result, name: str, std_error: float | None = None) -> SingleE
     return replace(one, counted=one.counted and p.identifiable and not p.at_bound)
 
 
-def _estimates(fit: Fit, bars: ErrorBars) -> dict[str, SingleEstimate]:
+def _estimates(fit: Estimate, bars: ErrorBars) -> dict[str, SingleEstimate]:
     """Return the estimates by name, each without its own prior."""
     parameters = fit.problem.layout.parameters
     entry = dict(zip(bars.free.tolist(), np.diag(bars.uncertainty.cramer_rao).tolist(), strict=True))

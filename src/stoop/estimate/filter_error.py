@@ -16,8 +16,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
-from typing import Final
+from functools import cached_property
+from typing import ClassVar, Final
 
 import numpy as np
 
@@ -27,9 +27,10 @@ from stoop.base.blas import on_one_blas_thread
 from stoop.base.notices import Notice, notice
 from stoop.errors import IdentificationError
 from stoop.estimate import iterates, methods
+from stoop.estimate.estimate import Estimate, simulated
 from stoop.estimate.filter_gains import STATED, Gain, Noise, Steady, Varying, first_guess
 from stoop.estimate.filter_likelihood import FrozenFilter, Likelihood, Score
-from stoop.estimate.fit import DEFAULTS, Fit, Options, estimation_problem, starts
+from stoop.estimate.fit import DEFAULTS, Options, estimation_problem, starts
 from stoop.estimate.fitted_filter import FittedFilter, with_gusts
 from stoop.estimate.instability import largest_growth
 from stoop.estimate.linearization import undelayed
@@ -160,6 +161,71 @@ def ascend(
     return model
 
 
+@dataclass(frozen=True, eq=False)
+class FilterEstimate(Estimate):
+    """Estimate by the innovations of a Kalman filter."""
+
+    refits: ClassVar = FrozenFilter
+    likelihood: Likelihood
+    #: (k,), parameters and nuisances, then the logarithms of noise intensities
+    optimum: FloatArray
+    #: whether readings are predicted from sample to sample, as the simulation diverges
+    predicts: bool
+    #: gradient and information at the optimum
+    score: Score
+
+    @property
+    def _tail(self) -> FloatArray:
+        return self.optimum[self.likelihood.known :]
+
+    @property
+    def unknowns(self) -> tuple[Unknown, ...]:
+        """Parameters and nuisances, then noise intensities."""
+        intensities = [Unknown(f"noise {i}", "noise", float(x), 1.0) for i, x in enumerate(self._tail)]
+        return (*unknowns_of(self.likelihood.problem.layout, self.z), *intensities)
+
+    @cached_property
+    def evidence(self) -> Evidence:
+        """Innovations and sensitivities per SI unit (of logarithms, for the noise)."""
+        likelihood = self.likelihood
+        scales = np.concatenate([likelihood.problem.layout.scales, np.ones(likelihood.noise.size)])
+        pieces, prior = [], likelihood.prior(self.optimum)[1]
+        for piece, found in zip(likelihood.problem.pieces, self.score.pieces, strict=True):
+            jacobian = np.zeros((*found.white.shape, likelihood.size))
+            jacobian[:, :, found.entries] = -found.slopes
+            residual = np.where(np.isfinite(piece.measured), found.white, np.nan)
+            pieces.append(PieceEvidence(residual, jacobian / scales, piece.maneuver))
+            prior[np.ix_(found.entries, found.entries)] += found.spread_information
+        return Evidence(self.unknowns, tuple(pieces), prior / np.outer(scales, scales))
+
+    @cached_property
+    def refit_problem(self) -> FrozenFilter:
+        """The innovations with the gains at the estimate."""
+        return FrozenFilter.of(self.likelihood, self.optimum)
+
+    @cached_property
+    def readings(self) -> tuple[FloatArray, ...]:
+        """Readings (n, n_y) of each piece: of a simulation, or predicted from sample to sample where that diverges."""
+        if self.predicts:
+            return self.likelihood.predictions(self.optimum)
+        return simulated(self.problem, self.z)
+
+    @cached_property
+    def measurement_noise(self) -> FloatArray:
+        """Covariance (n_y, n_y) of the measurement noise; NaN for a channel that was never measured."""
+        variances = self.likelihood.noise.variances(self._tail[None, :])[0]
+        return np.diag(np.where(np.isfinite(variances), variances, np.nan))
+
+    @cached_property
+    def predictor(self) -> FittedFilter:
+        """The filter with gain and noise of the estimate."""
+        return FittedFilter(self.likelihood.gain, self.likelihood.noise, self._tail)
+
+    def deviations(self, covariance: FloatArray) -> tuple[FloatArray, ...]:
+        """Return standard deviations (n, n_y) of the innovations of each piece."""
+        return self.refit_problem.deviations
+
+
 @dataclass(frozen=True)
 class FilterError:
     """Filter error with one kind of gain."""
@@ -176,7 +242,7 @@ class FilterError:
         options: Options = DEFAULTS,
         callback: Callable[[optimize.Progress], None] | None = None,
         state: optimize.State | None = None,
-    ) -> Fit:
+    ) -> FilterEstimate:
         """Maximize the likelihood of the innovations, see :mod:`stoop.estimate.methods`."""
         problem, prepared = estimation_problem(vehicle, flights, windows, options)
         problem = with_gusts(problem)
@@ -282,7 +348,7 @@ def _fit(
     best: ScoringModel,
     costs: Sequence[float],
     stages: Stages,
-) -> Fit:
+) -> FilterEstimate:
     """Return the fit of the best ascent; `costs` are those of the ascents from each start, ascending.
 
     Its notices are how to read the estimates, what noise was found, and whether starts led to different maxima.
@@ -303,8 +369,7 @@ def _fit(
         notices.append(notice("process-noise", states=noise.disturbed, intensities=intensities))
     if len(costs) > 1 and not 0.5 * (costs[1] - costs[0]) < TOLERANCES.agreement:
         notices.append(notice("starts-disagree"))
-    variances = noise.variances(tail[None, :])[0]
-    return Fit(
+    return FilterEstimate(
         problem,
         prepared,
         z,
@@ -322,28 +387,11 @@ def _fit(
         best.cost,
         runs,
         tuple(notices),
-        noise=np.diag(np.where(np.isfinite(variances), variances, np.nan)),
-        own_evidence=_evidence(likelihood, best.z, at),
-        local_problem=partial(FrozenFilter.of, likelihood, best.z),
-        simulated=likelihood.predictions(best.z) if growth.excessive else None,
-        filter=FittedFilter(likelihood.gain, noise, tail),
+        likelihood,
+        best.z,
+        growth.excessive,
+        at,
     )
-
-
-def _evidence(likelihood: Likelihood, z: FloatArray, at: Score) -> Evidence:
-    """Return innovations and sensitivities per SI unit (of logarithms, for the noise)."""
-    layout, known = likelihood.problem.layout, likelihood.known
-    scales = np.concatenate([layout.scales, np.ones(likelihood.noise.size)])
-    pieces, prior = [], likelihood.prior(z)[1]
-    for piece, found in zip(likelihood.problem.pieces, at.pieces, strict=True):
-        jacobian = np.zeros((*found.white.shape, likelihood.size))
-        jacobian[:, :, found.entries] = -found.slopes
-        residual = np.where(np.isfinite(piece.measured), found.white, np.nan)
-        pieces.append(PieceEvidence(residual, jacobian / scales, piece.maneuver))
-        prior[np.ix_(found.entries, found.entries)] += found.spread_information
-    intensities = [Unknown(f"noise {i}", "noise", float(x), 1.0) for i, x in enumerate(z[known:])]
-    unknowns = (*unknowns_of(layout, z[:known]), *intensities)
-    return Evidence(unknowns, tuple(pieces), prior / np.outer(scales, scales))
 
 
 steady = FilterError(Steady())

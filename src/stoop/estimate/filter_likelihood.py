@@ -24,7 +24,6 @@ import numpy as np
 
 from stoop.base.arrays import FloatArray, IntArray
 from stoop.estimate.filter_gains import RANGE, Gain, Gains, Noise, Plan
-from stoop.estimate.fit import LocalProblem
 from stoop.estimate.linearization import (
     LinearModels,
     Points,
@@ -33,6 +32,7 @@ from stoop.estimate.linearization import (
     measured_points,
     perturbation_columns,
 )
+from stoop.estimate.refit_problem import RefitProblem
 from stoop.estimate.response import ExtendedModel, Responses, Trajectory
 from stoop.kernels import filtering
 from stoop.optimize import forward_jacobian
@@ -292,7 +292,7 @@ def whitened_by(root: FloatArray, v: FloatArray, which: IntArray) -> FloatArray:
 
 
 @dataclass(frozen=True, eq=False)
-class FrozenFilter(LocalProblem):
+class FrozenFilter(RefitProblem):
     """Innovations as residuals of parameters and nuisances, the gains fixed at an estimate.
 
     With gains K and innovation covariances S fixed, the whitened innovations S^-1/2 v are residuals as those of a

@@ -9,7 +9,6 @@ Klein and Morelli, *Aircraft System Identification*, 2nd ed., AIAA, 2016, sectio
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
@@ -19,31 +18,29 @@ import numpy as np
 
 from stoop import optimize
 from stoop.base.arrays import FloatArray
-from stoop.base.notices import Notice, notice
+from stoop.base.notices import notice
 from stoop.checks.vehicle import require_channels, require_data
 from stoop.errors import IdentificationError
 from stoop.estimate import iterates
+from stoop.estimate.estimate import Estimate, simulation_inflation
 from stoop.estimate.excitation import with_mass_held
 from stoop.estimate.noise import (
     channel_residuals,
     effective_variance,
     first_variance,
     noise_covariance,
-    noise_variance,
 )
 from stoop.estimate.noise_model import with_noise
+from stoop.estimate.refit_problem import SimulationProblem
 from stoop.estimate.regression import start_value
-from stoop.estimate.response import Responses, simulation_responses
 from stoop.flight import Flight
 from stoop.optimize.ledger import Evaluations, Halt
 from stoop.optimize.local_refinement import FULL
-from stoop.problem import Layout, Misfit, Weights, on_circle
+from stoop.problem import Layout, Misfit, Weights
 from stoop.problem.evidence import (
     Evidence,
-    Unknown,
     observed_information,
     simulation_evidence,
-    unknowns_of,
 )
 from stoop.problem.misfit import horizon_ladder
 from stoop.problem.prepare import (
@@ -131,152 +128,43 @@ class Options:
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
-    """Estimates of any method, and what they rest on; optional fields are None where they do not apply."""
+class OutputErrorEstimate(Estimate):
+    """Estimate by the simulation of each piece from its start; `problem` has the final weights."""
 
-    problem: Misfit  #: with the final weights
-    prepared: Prepared
-    z: FloatArray  #: (D + E,), the optimum
-    outcome: optimize.Outcome  #: of the search with the first weights
-    cost: float  #: J at the optimum with the final weights
-    trajectories: float  #: whole-trajectory equivalents, refinement included
-    notices: tuple[
-        Notice, ...
-    ] = ()  #: how to read the estimates, and what makes them doubtful, beside `prepared`'s
-    noise: FloatArray | None = (
-        None  #: (n_y, n_y), of the measurements; else it is that of the simulation's residuals
-    )
-    own_evidence: Evidence | None = None  #: where it is not that of the simulation, see :attr:`evidence`
-    #: gives the :class:`stoop.optimize.Problem` whose least-squares optimum is the estimate, where `problem` is not that
-    local_problem: Callable[[], Any] | None = None
-    simulated: tuple[FloatArray, ...] | None = (
-        None  #: (n, n_y) of each piece, where not by one simulation from its start
-    )
-    filter: Any = None  #: a :class:`stoop.estimate.fitted_filter.FittedFilter`
-    noise_given: bool = False  #: whether the covariance of the measurement noise was given and not estimated
-
-    @property
-    def unknowns(self) -> tuple[Unknown, ...]:
-        """What was solved for, as far as it is estimated and not at a bound."""
-        own = self.own_evidence
-        return unknowns_of(self.problem.layout, self.z) if own is None else own.unknowns
+    refits: ClassVar = SimulationProblem
+    #: whether the covariance of the measurement noise was given and not estimated
+    noise_given: bool = False
 
     @cached_property
     def evidence(self) -> Evidence:
-        """What the estimates rest on, for error bars."""
-        return self.own_evidence or simulation_evidence(self.problem, self.z, self.inflation)
+        """Residuals and sensitivities of the simulation."""
+        return simulation_evidence(self.problem, self.z, self.inflation)
 
-    def observed_information(self) -> FloatArray | None:
-        """Return the Hessian (f, f) of half the cost by the free unknowns; None where it is not known."""
-        if self.own_evidence is not None:
-            return None
+    @cached_property
+    def refit_problem(self) -> SimulationProblem:
+        """The simulation with the final weights."""
+        return SimulationProblem(self.problem)
+
+    def observed_information(self) -> FloatArray:
+        """Return the Hessian (f, f) of half the cost by the free unknowns, by second differences."""
         return observed_information(self.problem, self.z, self.evidence)
-
-    def responses(self) -> Responses:
-        """Return how the residuals of the method respond to extensions of the vehicle."""
-        if self.local_problem is None:
-            return simulation_responses(self.problem, self.z)
-        return self.local_problem().responses(self.z)  # type: ignore[no-any-return]
 
     @property
     def inflation(self) -> float:
-        """By how much the variance in the weights exceeds that of the residuals, for their correlation."""
-        if self.noise_given or self.noise is not None:
-            return 1.0
-        variance = noise_variance(self.problem, self.residuals)
-        return float(np.median(np.diag(self.problem.weights.covariance) / variance))
-
-    @cached_property
-    def readings(self) -> tuple[FloatArray, ...]:
-        """Readings (n, n_y) of the model in each piece: of one simulation, of windows, or predicted from sample to sample."""
-        if self.simulated is not None:
-            return self.simulated
-        return tuple(self.problem.outputs(self.z, i) for i in range(len(self.problem.pieces)))
-
-    @property
-    def residuals(self) -> list[FloatArray]:
-        """Measured less simulated readings (n, n_y) of each piece."""
-        outputs = self.problem.layout.vehicle.outputs
-        pairs = zip(self.problem.pieces, self.readings, strict=True)
-        return [on_circle(piece.measured - y, outputs) for piece, y in pairs]
+        """Factor by which the variance in the weights exceeds that of the residuals; 1 for given noise."""
+        return 1.0 if self.noise_given else simulation_inflation(self)
 
     @cached_property
     def measurement_noise(self) -> FloatArray:
-        """Covariance (n_y, n_y) of the measurement noise: estimated or given; NaN for a channel that was never measured."""
-        if self.noise is not None:
-            return self.noise
-        if self.noise_given:
-            return self.problem.weights.covariance
-        return noise_covariance(self.problem, self.residuals)
-
-    @property
-    def estimates(self) -> dict[str, float]:
-        """Free parameters, SI."""
-        values = self.problem.layout.physical(self.z[None, :])[0]
-        return {p.name: float(v) for p, v in zip(self.problem.layout.parameters, values, strict=True)}
+        """Covariance (n_y, n_y) of the residuals, or as given; NaN for a channel that was never measured."""
+        return (
+            self.problem.weights.covariance
+            if self.noise_given
+            else noise_covariance(self.problem, self.residuals)
+        )
 
 
 DEFAULTS: Final = Options()
-
-
-@dataclass(frozen=True, eq=False)
-class Derived:
-    """A :class:`stoop.optimize.Problem` made from another; a child changes what differs."""
-
-    problem: optimize.Problem
-
-    @property
-    def dimension(self) -> int:
-        """Number of variables in the unit box."""
-        return self.problem.dimension
-
-    @property
-    def extra(self) -> int:
-        """Number of nuisances."""
-        return self.problem.extra
-
-    @property
-    def prices(self) -> tuple[float, ...]:
-        """Price of one trajectory on each rung."""
-        return self.problem.prices
-
-    def residuals(self, Z: FloatArray, rung: int) -> FloatArray:
-        """Return weighted residuals (B, n_r)."""
-        return self.problem.residuals(Z, rung)
-
-    def costs(self, X: FloatArray, rung: int) -> FloatArray:
-        """Return costs (B,) with the nuisances at zero."""
-        Z = np.concatenate([X, np.zeros((len(X), self.extra))], axis=1)
-        return np.asarray(np.sum(self.residuals(Z, rung) ** 2, axis=1))
-
-    def reference(self, rung: int) -> float:
-        """Return the trivial model's cost."""
-        return self.problem.reference(rung)
-
-
-@dataclass(frozen=True, eq=False)
-class LocalProblem(Derived, ABC):
-    """Residuals near an estimate, for refits: one rung, with the priors of a problem of pieces."""
-
-    problem: Misfit  #: layout, weights, priors and pieces
-    kind: ClassVar[str]  #: by which it is restored from a file
-
-    @property
-    def prices(self) -> tuple[float, ...]:
-        """Price of one trajectory."""
-        return (1.0,)
-
-    @abstractmethod
-    def residuals(self, Z: FloatArray, rung: int) -> FloatArray:
-        """Return whitened simulated minus measured readings, then the residuals of the priors, (B, n_r)."""
-
-    def responses(self, z: FloatArray) -> Responses:
-        """Return how the residuals respond to extensions of the vehicle at z (D + E,); none where that is not known."""
-        return Responses()
-
-    def reference(self, rung: int) -> float:
-        """Return infinity: there is no trivial model to compare with."""
-        return float(np.inf)
 
 
 def estimation_problem(
@@ -331,7 +219,7 @@ def fit(
     options: Options = DEFAULTS,
     callback: Callable[[optimize.Progress], None] | None = None,
     state: optimize.State | None = None,
-) -> Fit:
+) -> OutputErrorEstimate:
     """Fit the free numbers of a vehicle to windows of flights, jointly.
 
     Without a given noise covariance the weights are settled first, by local refinements from the best start; the search
@@ -401,7 +289,7 @@ def refine(
     outcome: optimize.Outcome,
     budget: float = np.inf,
     estimate_noise: bool = True,
-) -> Fit:
+) -> OutputErrorEstimate:
     """Alternate noise-covariance estimation and Gauss-Newton refinement until the likelihood converges.
 
     Population optimizers get their nuisances here. An interrupted search is not refined; Ctrl-C during the refinement
@@ -430,7 +318,7 @@ def refine(
         notices = (*noise.notices(problem, [str(w) for w in prepared.windows]), *notices)
     cost = float(np.sum(problem.residuals(z[None, :], len(problem.prices) - 1) ** 2))
     spent += outcome.trajectories
-    return Fit(problem, prepared, z, outcome, cost, spent, notices, noise_given=not estimate_noise)
+    return OutputErrorEstimate(problem, prepared, z, outcome, cost, spent, notices, not estimate_noise)
 
 
 def _refined(

@@ -14,10 +14,11 @@ import numpy as np
 from stoop.base.blas import on_one_blas_thread
 from stoop.base.notices import Notice, notice
 from stoop.errors import IdentificationError
+from stoop.estimate.estimate import Estimate
 from stoop.estimate.filter_error import ScoringModel
 from stoop.estimate.filter_gains import Noise, Steady, first_guess
 from stoop.estimate.filter_likelihood import Likelihood
-from stoop.estimate.fit import DEFAULTS, Fit, estimation_problem
+from stoop.estimate.fit import DEFAULTS, estimation_problem
 from stoop.estimate.fitted_filter import with_gusts
 from stoop.estimate.gusts import with_turbulence
 from stoop.estimate.linearization import undelayed
@@ -32,7 +33,7 @@ MIN_BIAS: Final = 2.0  #: standard errors of filter error, from which a paramete
 SHOWN: Final = 6  #: parameters that are named
 
 
-def gust_bias(fit: Fit, flights: Mapping[str, Flight]) -> tuple[Notice, ...]:
+def gust_bias(fit: Estimate, flights: Mapping[str, Flight]) -> tuple[Notice, ...]:
     """Return which parameters gusts bias in a fit that ignores them, and by how much."""
     biases = gust_biases(fit, flights)
     named = sorted(
@@ -43,7 +44,7 @@ def gust_bias(fit: Fit, flights: Mapping[str, Flight]) -> tuple[Notice, ...]:
 
 
 @on_one_blas_thread
-def gust_biases(fit: Fit, flights: Mapping[str, Flight]) -> dict[str, tuple[float, float]]:
+def gust_biases(fit: Estimate, flights: Mapping[str, Flight]) -> dict[str, tuple[float, float]]:
     """Return the bias of each parameter, SI and in standard errors of filter error; none where no filter can tell."""
     own, vehicle = fit.problem.layout, with_turbulence(fit.problem.layout.vehicle)
     try:

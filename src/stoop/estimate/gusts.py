@@ -29,7 +29,7 @@ import tomlkit
 from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice, notice
 from stoop.base.units import STANDARD_GRAVITY
-from stoop.estimate.fit import Fit
+from stoop.estimate.estimate import Estimate
 from stoop.flight import Flight
 from stoop.flight.air_data import RECONSTRUCTED
 from stoop.problem.observation import along_body, at_center_of_gravity, state_channels
@@ -135,7 +135,7 @@ def with_turbulence(vehicle: Vehicle) -> Vehicle:
     return replace(vehicle, file=file, text=tomlkit.dumps(document))
 
 
-def unexplained(fit: Fit, method: str, instead: str) -> tuple[Notice, ...]:
+def unexplained(fit: Estimate, method: str, instead: str) -> tuple[Notice, ...]:
     """Return why gusts do not explain the residuals of a filter-error fit, if they do not; an interrupted fit may go on."""
     found = next(n.values["correlation"] for n in fit.notices if n.code == "innovation-correlation")
     correlation = found if isinstance(found, float) else np.nan

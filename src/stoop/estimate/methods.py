@@ -1,18 +1,11 @@
 """Methods of identification by name.
 
-``fit(vehicle, flights, windows, options, callback, state) -> Fit``
-    Turns windows of flights into estimates; `stoop.estimate.fit.estimation_problem` gives the problem. Whatever the method,
-    the returned `Fit` holds
-
-    - ``problem``: a `Misfit`, with which the fitted windows are simulated open loop for curves, figures and the baseline;
-    - ``z``: parameters in the unit box, then nuisances in prior sigmas (zeros: the start as it was guessed);
-    - ``evidence``: residuals, sensitivities and prior information, from which `stoop.assessment.error_bars` follow;
-    - ``local_problem``: the least-squares problem for refits near the estimate where it is not ``problem``;
-    - ``outcome``: how it ended; ``notices``: how to read it, and what is doubtful.
+``fit(vehicle, flights, windows, options, callback, state) -> Estimate``
+    Turns windows of flights into an estimate; `stoop.estimate.fit.estimation_problem` gives the problem.
 
     `callback` gets the state after each step and `state` is one to go on from; regressions ignore both.
 
-To add a method, write its function and add one line to `_METHODS`.
+To add a method, write its function and its :class:`stoop.estimate.estimate.Estimate`, and add one row to `_METHODS`.
 """
 
 from __future__ import annotations
@@ -33,7 +26,9 @@ from stoop.vehicle.schema import WIND
 from stoop.vehicle.vehicle import AIR_FRAME, GROUND_FRAME, leaves
 
 if TYPE_CHECKING:
-    from stoop.estimate.fit import Fit, Options
+    from stoop.estimate.estimate import Estimate
+    from stoop.estimate.fit import Options
+    from stoop.estimate.refit_problem import RefitProblem
     from stoop.problem.windows import Window
 
 DEFAULT: Final = "output-error"
@@ -64,6 +59,7 @@ class Method:
     """One method; its function is imported when it is first used."""
 
     fit: str  #: ``"module:function"``, see the head of this module
+    estimate: str  #: ``"module:class"``, the :class:`stoop.estimate.estimate.Estimate` that it returns
     purpose: str  #: what it is for, in a few words
     simulates: bool = (
         True  #: whether residuals are those of a simulation, whose likelihood posterior and profile show
@@ -71,37 +67,61 @@ class Method:
 
     def fitter(self) -> Callable[..., Any]:
         """Return the function that fits."""
-        module, _, function = self.fit.partition(":")
-        found: Callable[..., Any] = getattr(importlib.import_module(module), function)
+        found: Callable[..., Any] = _imported(self.fit)
+        return found
+
+    def estimates(self) -> type[Estimate]:
+        """Return the class of its estimates."""
+        found: type[Estimate] = _imported(self.estimate)
         return found
 
 
+def _imported(name: str) -> Any:
+    module, _, attribute = name.partition(":")
+    return getattr(importlib.import_module(module), attribute)
+
+
+FILTER: Final = "stoop.estimate.filter_error:FilterEstimate"
+REGRESSION: Final = "stoop.estimate.regression.method:RegressionEstimate"
 _METHODS: Final[dict[str, Method]] = {
-    DEFAULT: Method("stoop.estimate.fit:fit", "flights in calm air"),
-    "filter-error": Method("stoop.estimate.filter_error:steady", "flights in turbulence"),
+    DEFAULT: Method(
+        "stoop.estimate.fit:fit", "stoop.estimate.fit:OutputErrorEstimate", "flights in calm air"
+    ),
+    "filter-error": Method("stoop.estimate.filter_error:steady", FILTER, "flights in turbulence"),
     "filter-error-ekf": Method(
         "stoop.estimate.filter_error:varying",
+        FILTER,
         "likewise, with a gain that follows large maneuvers",
     ),
     UNSTABLE: Method(
         "stoop.estimate.filter_error:stabilized",
+        FILTER,
         "unstable vehicles in calm air: measurements keep the simulation near the record",
     ),
     "multiple-shooting": Method(
         "stoop.estimate.multiple_shooting:fit",
+        "stoop.estimate.multiple_shooting:ShootingEstimate",
         "vehicles that are unstable or fly on rotors: short windows",
     ),
     "equation-error": Method(
         "stoop.estimate.regression.method:equation_error",
+        REGRESSION,
         "a first look without a simulation: smoothed samples",
         simulates=False,
     ),
     "frequency-domain": Method(
         "stoop.estimate.regression.method:frequency_domain",
+        REGRESSION,
         "likewise, on the Fourier coefficients of a band",
         simulates=False,
     ),
 }
+
+
+def refit_problem(kind: str) -> type[RefitProblem]:
+    """Return the class of least-squares problems that has a name in packed problems."""
+    problems = (method.estimates().refits for method in _METHODS.values())
+    return next(one for one in problems if one.kind == kind)
 
 
 def names() -> tuple[str, ...]:
@@ -125,7 +145,7 @@ class MethodChoice:
         options: Options,
         callback: Callable[..., None] | None = None,
         state: Any = None,
-    ) -> tuple[str, Fit]:
+    ) -> tuple[str, Estimate]:
         """Return the method that was used, and its fit."""
         problem = (flights, windows, replace(options, method=self.name), callback, state)
         if not self.instead:
@@ -230,13 +250,13 @@ def run(
     options: Options,
     callback: Callable[..., None] | None = None,
     state: Any = None,
-) -> Fit:
+) -> Estimate:
     """Return the fit by the method of the options; default bounds that it reaches are widened, and it is done again.
 
     Bounds of the file stay. What is saved, and resumed, is the first search.
     """
     fitter, remarks = find(options.method).fitter(), dict[str, Notice]()
-    found: Fit = fitter(vehicle, flights, windows, options, callback, state)
+    found: Estimate = fitter(vehicle, flights, windows, options, callback, state)
     unbounded = {name for name, q in leaves(vehicle.file) if q.bounds is None}
     for _ in range(MAX_WIDENINGS):
         held = {u.name: u.estimate for u in found.unknowns if u.fixed == "bound" and u.name in unbounded}

@@ -33,10 +33,12 @@ from stoop.base.blas import on_one_blas_thread
 from stoop.base.notices import notice
 from stoop.errors import IdentificationError
 from stoop.estimate import iterates
-from stoop.estimate.fit import ALTERNATION, DEFAULTS, Fit, LocalProblem, Options, estimation_problem, starts
+from stoop.estimate.estimate import Estimate
+from stoop.estimate.fit import ALTERNATION, DEFAULTS, Options, estimation_problem, starts
 from stoop.estimate.linearization import aligned, as_recorded
 from stoop.estimate.noise import first_variance, noise_covariance
 from stoop.estimate.noise_model import NoiseModel, with_noise
+from stoop.estimate.refit_problem import RefitProblem
 from stoop.estimate.response import ExtendedModel, Responses, whitened
 from stoop.estimate.shooting_problem import Iterate, Reduced, ShootingProblem, Weighted, reduced
 from stoop.estimate.shooting_windows import WINDOW_LENGTH, Shots, window_model
@@ -55,6 +57,7 @@ from stoop.optimize.levenberg_marquardt import (
 from stoop.optimize.minimize import Status
 from stoop.optimize.normal_equations import solve_damped
 from stoop.problem import Layout, Misfit, Weights
+from stoop.problem.evidence import Evidence
 from stoop.problem.prepare import Prepared
 from stoop.problem.windows import Window
 from stoop.vehicle import Vehicle
@@ -249,103 +252,8 @@ def windowed_problem(shooting: ShootingProblem) -> Misfit:
     return Misfit(layout, tuple(pieces), problem.weights, (tuple(len(p.time) for p in pieces),))
 
 
-@dataclass(frozen=True)
-class MultipleShooting:
-    """Multiple shooting in windows of a length, s."""
-
-    length: float = WINDOW_LENGTH
-
-    @on_one_blas_thread
-    def __call__(
-        self,
-        vehicle: Vehicle,
-        flights: Mapping[str, Flight],
-        windows: Sequence[Window],
-        options: Options = DEFAULTS,
-        callback: Callable[[optimize.Progress], None] | None = None,
-        state: optimize.State | None = None,
-    ) -> Fit:
-        """Fit windows, see :mod:`stoop.estimate.methods`."""
-        problem, prepared = estimation_problem(vehicle, flights, windows, options)
-        shifted, model = aligned(problem, problem.layout.start), window_model(vehicle)
-        if options.covariance is None:
-            shifted = shifted.weighted(Weights.of(first_variance(shifted)))
-        shooting, guesses = ShootingProblem.of(shifted, self.length), starts(shifted)
-        price = float(problem.dimension + problem.extra + 2)
-        stages = Stages("gauss-newton", price, options.generations, options.budget, callback, state)
-        padded, start = list(np.pad(guesses, [(0, 0), (0, problem.extra)])), None
-
-        def search(budget: float) -> optimize.Outcome:
-            """Return how a global search ended, its vector that of the whole problem."""
-            stop = replace(options, budget=budget).stop(0.0, len(guesses))
-            found = optimize.minimize(
-                options.create_optimizer(stop.budget), windowed, seed=options.seed, starts=guesses,
-                stop=stop, callback=iterates.shown(windowed, stages.started), state=stages.start,
-            )  # fmt: skip
-            stages.start = found.state
-            if not np.isfinite(found.cost):
-                raise IdentificationError(f"{vehicle.where}: {found.advice}")
-            d, extra = problem.dimension, problem.extra - windowed.extra
-            return replace(found, z=np.concatenate([found.z[:d], np.zeros(extra), found.z[d:]]))
-
-        if model.global_start:  # where no start explains more than constant readings do
-            windowed = windowed_problem(shooting)
-            poor = POOR * windowed.reference(0)
-            begun = state is not None and not isinstance(state, StagesState)
-            if begun or not float(np.min(windowed.costs(guesses, 0))) < poor:
-                start = search(options.budget)
-        cut = start is not None and start.status == "interrupted"
-        found = refined(shooting, padded if start is None else [start.z], options, stages, cut)
-        if start is None and found.status == "stalled" and model.global_start:
-            start = search(min(SECOND_BUDGET, options.budget - stages.spent[1]))
-            again = refined(shooting, [start.z], options, stages, start.status == "interrupted")
-            if again.status in ("converged", "interrupted"):
-                found = again if again.status == "converged" else replace(found, status="interrupted")
-        return self._fit(problem, prepared, found, start, stages.state)
-
-    def _fit(
-        self,
-        problem: Misfit,
-        prepared: Prepared,
-        found: Refined,
-        start: optimize.Outcome | None,
-        state: optimize.State | None,
-    ) -> Fit:
-        at, status, windowed = found.at, found.status, found.problem
-        many = float(found.iterations * (problem.dimension + problem.extra + 2))
-        code = window_model(problem.layout.vehicle).notice
-        notices = [notice(code, length=self.length, gap=max(at.gap, 1e-15))]
-        advice = ADVICE[status]
-        if advice and windowed.strictness > 1.0:  # where windows are to meet
-            advice = f"{advice}; {windowed.worst_gap(at)}"
-        history, optimizer = np.empty((0, 2)), "gauss-newton"
-        if start is not None:
-            searched, optimizer = start.trajectories, start.optimizer
-            many, history = searched + many, start.history
-            notices.append(notice("global-start", optimizer=optimizer, trajectories=searched))
-        if found.noise is not None:
-            notices += found.noise.notices(problem, [str(w) for w in prepared.windows])
-        if not found.noise_converged and status != "interrupted":
-            notices.append(notice("noise-not-converged"))
-        return Fit(
-            problem,
-            prepared,
-            at.z,
-            optimize.Outcome(
-                at.z, at.cost, many, found.iterations, status, advice, history, state, optimizer
-            ),
-            at.cost,
-            many,
-            tuple(notices),
-            noise=noise_covariance(windowed.problem, windowed.residuals(at)),
-            own_evidence=windowed.evidence(at),
-            local_problem=partial(FollowingWindows.of, windowed, at),
-            simulated=tuple(map(as_recorded, windowed.problem.pieces, windowed.simulated(at))),
-        )
-
-
 @dataclass(frozen=True, eq=False)
-class FollowingWindows(LocalProblem):
+class LinearizedNodes(RefitProblem):
     """Readings of windows and gaps between them as residuals, the states that windows begin with following.
 
     They follow parameters and nuisances as the linear model at the estimate has them, so residuals and gaps are functions
@@ -363,7 +271,7 @@ class FollowingWindows(LocalProblem):
     strict: bool = False  #: whether windows are to meet, so that states must follow to the second order
 
     @classmethod
-    def of(cls, problem: ShootingProblem, at: Iterate) -> FollowingWindows:
+    def of(cls, problem: ShootingProblem, at: Iterate) -> LinearizedNodes:
         """Return the problem about the iterate where a search ended."""
         ones, edges = np.ones(len(at.z)), tuple(shots.edges for shots in problem.shots)
         left = [reduced(problem.weigh(windows), 0.0) for windows in problem.linearize(at)]
@@ -372,7 +280,7 @@ class FollowingWindows(LocalProblem):
         return cls(problem.problem, edges, problem.gap_weights, at.z, at.nodes, follow, strict)
 
     @classmethod
-    def restored(cls, problem: Misfit, arrays: Mapping[str, Any]) -> FollowingWindows:
+    def restored(cls, problem: Misfit, arrays: Mapping[str, Any]) -> LinearizedNodes:
         """Return the problem from its `arrays`."""
         each = range(len(problem.pieces))
         edges = tuple(tuple(arrays[f"edges.{i}"].tolist()) for i in each)
@@ -388,6 +296,16 @@ class FollowingWindows(LocalProblem):
         for i, (edges, nodes, follow) in enumerate(zip(self.edges, self.nodes, self.follow, strict=True)):
             out |= {f"edges.{i}": np.array(edges), f"nodes.{i}": nodes, f"follow.{i}": follow}
         return out
+
+    @property
+    def windows(self) -> tuple[tuple[int, ...], ...]:
+        """First sample of each window of each piece, then the number of samples."""
+        return self.edges
+
+    @property
+    def gaps(self) -> int:
+        """Number of residuals of the gap between two windows."""
+        return len(self.gap_weights)
 
     @cached_property
     def shots(self) -> tuple[Shots, ...]:
@@ -457,6 +375,136 @@ class FollowingWindows(LocalProblem):
             left = reduced(self._shooting.weigh(windows), 0.0)
             out.append(shots.perturbed(nodes, left.moves(still).T) if left.nodes else nodes)
         return out
+
+
+@dataclass(frozen=True, eq=False)
+class ShootingEstimate(Estimate):
+    """Estimate by windows with states of their own."""
+
+    refits: ClassVar = LinearizedNodes
+    #: with the final weights, late readings moved ahead
+    shooting: ShootingProblem
+    #: search vector and states at the optimum
+    optimum: Iterate
+
+    @cached_property
+    def evidence(self) -> Evidence:
+        """Residuals and sensitivities of the windows, their states left free."""
+        return self.shooting.evidence(self.optimum)
+
+    @cached_property
+    def refit_problem(self) -> LinearizedNodes:
+        """Readings and gaps of the windows, whose states follow the search vector."""
+        return LinearizedNodes.of(self.shooting, self.optimum)
+
+    @cached_property
+    def readings(self) -> tuple[FloatArray, ...]:
+        """Readings (n, n_y) of the windows of each piece."""
+        return tuple(map(as_recorded, self.shooting.problem.pieces, self.shooting.simulated(self.optimum)))
+
+    @cached_property
+    def measurement_noise(self) -> FloatArray:
+        """Covariance (n_y, n_y) of the residuals; NaN for a channel that was never measured."""
+        return noise_covariance(self.shooting.problem, self.shooting.residuals(self.optimum))
+
+    def reading_slopes(self, index: int) -> FloatArray:
+        """Return the derivatives (n, n_y, k) of the readings of a piece, NaN where nothing was measured."""
+        own, weights = self.evidence.pieces[index], self.problem.piece_weights[index]
+        columns = [weights.colored(one, own.present) for one in np.moveaxis(own.jacobian, 2, 0)]
+        return np.where(own.present[:, :, None], np.stack(columns, axis=2), np.nan)
+
+
+@dataclass(frozen=True)
+class MultipleShooting:
+    """Multiple shooting in windows of a length, s."""
+
+    length: float = WINDOW_LENGTH
+
+    @on_one_blas_thread
+    def __call__(
+        self,
+        vehicle: Vehicle,
+        flights: Mapping[str, Flight],
+        windows: Sequence[Window],
+        options: Options = DEFAULTS,
+        callback: Callable[[optimize.Progress], None] | None = None,
+        state: optimize.State | None = None,
+    ) -> ShootingEstimate:
+        """Fit windows, see :mod:`stoop.estimate.methods`."""
+        problem, prepared = estimation_problem(vehicle, flights, windows, options)
+        shifted, model = aligned(problem, problem.layout.start), window_model(vehicle)
+        if options.covariance is None:
+            shifted = shifted.weighted(Weights.of(first_variance(shifted)))
+        shooting, guesses = ShootingProblem.of(shifted, self.length), starts(shifted)
+        price = float(problem.dimension + problem.extra + 2)
+        stages = Stages("gauss-newton", price, options.generations, options.budget, callback, state)
+        padded, start = list(np.pad(guesses, [(0, 0), (0, problem.extra)])), None
+
+        def search(budget: float) -> optimize.Outcome:
+            """Return how a global search ended, its vector that of the whole problem."""
+            stop = replace(options, budget=budget).stop(0.0, len(guesses))
+            found = optimize.minimize(
+                options.create_optimizer(stop.budget), windowed, seed=options.seed, starts=guesses,
+                stop=stop, callback=iterates.shown(windowed, stages.started), state=stages.start,
+            )  # fmt: skip
+            stages.start = found.state
+            if not np.isfinite(found.cost):
+                raise IdentificationError(f"{vehicle.where}: {found.advice}")
+            d, extra = problem.dimension, problem.extra - windowed.extra
+            return replace(found, z=np.concatenate([found.z[:d], np.zeros(extra), found.z[d:]]))
+
+        if model.global_start:  # where no start explains more than constant readings do
+            windowed = windowed_problem(shooting)
+            poor = POOR * windowed.reference(0)
+            begun = state is not None and not isinstance(state, StagesState)
+            if begun or not float(np.min(windowed.costs(guesses, 0))) < poor:
+                start = search(options.budget)
+        cut = start is not None and start.status == "interrupted"
+        found = refined(shooting, padded if start is None else [start.z], options, stages, cut)
+        if start is None and found.status == "stalled" and model.global_start:
+            start = search(min(SECOND_BUDGET, options.budget - stages.spent[1]))
+            again = refined(shooting, [start.z], options, stages, start.status == "interrupted")
+            if again.status in ("converged", "interrupted"):
+                found = again if again.status == "converged" else replace(found, status="interrupted")
+        return self._fit(problem, prepared, found, start, stages.state)
+
+    def _fit(
+        self,
+        problem: Misfit,
+        prepared: Prepared,
+        found: Refined,
+        start: optimize.Outcome | None,
+        state: optimize.State | None,
+    ) -> ShootingEstimate:
+        at, status, windowed = found.at, found.status, found.problem
+        many = float(found.iterations * (problem.dimension + problem.extra + 2))
+        code = window_model(problem.layout.vehicle).notice
+        notices = [notice(code, length=self.length, gap=max(at.gap, 1e-15))]
+        advice = ADVICE[status]
+        if advice and windowed.strictness > 1.0:  # where windows are to meet
+            advice = f"{advice}; {windowed.worst_gap(at)}"
+        history, optimizer = np.empty((0, 2)), "gauss-newton"
+        if start is not None:
+            searched, optimizer = start.trajectories, start.optimizer
+            many, history = searched + many, start.history
+            notices.append(notice("global-start", optimizer=optimizer, trajectories=searched))
+        if found.noise is not None:
+            notices += found.noise.notices(problem, [str(w) for w in prepared.windows])
+        if not found.noise_converged and status != "interrupted":
+            notices.append(notice("noise-not-converged"))
+        return ShootingEstimate(
+            problem,
+            prepared,
+            at.z,
+            optimize.Outcome(
+                at.z, at.cost, many, found.iterations, status, advice, history, state, optimizer
+            ),
+            at.cost,
+            many,
+            tuple(notices),
+            windowed,
+            at,
+        )
 
 
 fit = MultipleShooting()

@@ -19,7 +19,7 @@ from stoop.base.notices import Notice, notice
 from stoop.base.numbers import factor_and_unit
 from stoop.base.variables import SPECIFIC_FORCE, VARIABLES
 from stoop.errors import SimulationError
-from stoop.estimate.fit import Fit
+from stoop.estimate.estimate import Estimate
 from stoop.estimate.initial_state import (
     MIN_STRETCH,
     STRETCH,
@@ -49,13 +49,13 @@ from stoop.vehicle.vehicle import AIR_FRAME, GROUND_FRAME
 CUTOFF: Final = 5.0  #: Hz, of the specific force
 
 
-def identified_vehicle(fit: Fit) -> Vehicle:
+def identified_vehicle(fit: Estimate) -> Vehicle:
     """Return the vehicle with its free numbers at their estimates."""
     changes = {name: {"value": value} for name, value in fit.estimates.items()}
     return fit.problem.layout.vehicle.with_numbers(changes)
 
 
-def fitted_model(fit: Fit, covariance: FloatArray) -> FittedModel:
+def fitted_model(fit: Estimate, covariance: FloatArray) -> FittedModel:
     """Return the model of a fit for predictions; `covariance` (k, k) of its unknowns, parameters first."""
     names = tuple(p.name for p in fit.problem.layout.parameters)
     outputs = fit.problem.layout.vehicle.outputs
@@ -63,44 +63,11 @@ def fitted_model(fit: Fit, covariance: FloatArray) -> FittedModel:
         identified_vehicle(fit),
         Covariance(names, covariance[: len(names), : len(names)]),
         NoiseCovariance(outputs, fit.measurement_noise, fit.inflation),
-        fit.filter,
+        fit.predictor,
     )
 
 
-def fitted_deviations(fit: Fit, covariance: FloatArray) -> tuple[FloatArray, ...] | None:
-    """Return standard deviations (n, n_y) of the fitted readings of each piece, measurement noise included.
-
-    The unknowns' `covariance` (k, k), SI, is propagated linearly, through the windows where these begin anew (NaN where
-    nothing was measured then). Those of a filter, which predicts from sample to sample, are those of its innovations. None
-    for windows of a method whose evidence is not of readings.
-    """
-    if fit.filter is not None and fit.local_problem is not None:
-        return fit.local_problem().deviations  # type: ignore[no-any-return]
-    shapes = [piece.measured.shape for piece in fit.problem.pieces]
-    if fit.simulated is not None and [p.residual.shape for p in fit.evidence.pieces] != shapes:
-        return None
-    problem, noise = fit.problem, np.nan_to_num(np.diag(fit.measurement_noise))
-    k, found = len(covariance), []
-    for i, piece in enumerate(problem.pieces):
-        if fit.simulated is None:
-            slopes = problem.slopes(fit.z, i)[1] / problem.layout.scales
-        else:
-            evidence = fit.evidence.pieces[i]
-            columns = [
-                problem.piece_weights[i].colored(one, evidence.present)
-                for one in np.moveaxis(evidence.jacobian, 2, 0)
-            ]
-            slopes = np.where(evidence.present[:, :, None], np.stack(columns, axis=2), np.nan)
-        with np.errstate(invalid="ignore", over="ignore"):
-            variance = np.einsum(
-                "nyj,jk,nyk->ny", slopes[:, :, :k], covariance, slopes[:, :, :k], optimize=True
-            )
-            own = noise * np.square(piece.relative_noise or 1.0)
-            found.append(np.sqrt(np.maximum(variance, 0.0) + own))
-    return tuple(found)
-
-
-def expected_biases(fit: Fit, flight: str) -> dict[str, BiasPrior]:
+def expected_biases(fit: Estimate, flight: str) -> dict[str, BiasPrior]:
     """Return what the fitted maneuvers tell of each bias in a window of a flight."""
     of_maneuver: list[dict[str, float]] = [{} for _ in fit.prepared.windows]
     widths = {}
@@ -112,7 +79,7 @@ def expected_biases(fit: Fit, flight: str) -> dict[str, BiasPrior]:
     return bias_priors(list(zip(flights, of_maneuver, strict=True)), flight, widths)
 
 
-def mean_biases(fit: Fit, flight: str) -> dict[str, float]:
+def mean_biases(fit: Estimate, flight: str) -> dict[str, float]:
     """Return each bias averaged over the fitted maneuvers of a flight, or of all flights if it has none."""
     return {name: prior.mean for name, prior in expected_biases(fit, flight).items()}
 
@@ -297,7 +264,7 @@ class ForceCurves:
 
 
 def force_figures(
-    fit: Fit, flights: Mapping[str, Flight], predicted: Sequence[Window]
+    fit: Estimate, flights: Mapping[str, Flight], predicted: Sequence[Window]
 ) -> tuple[ForceFigures, ...]:
     """Return the residuals of fitted and predicted windows; none of a vehicle without rotors."""
     vehicle, dt, count = identified_vehicle(fit), fit.problem.pieces[0].dt, len(fit.prepared.windows)

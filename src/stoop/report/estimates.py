@@ -27,7 +27,7 @@ from stoop.report.sheet import (
     Table,
     mathml,
 )
-from stoop.results.modes import ConditionModes, Estimate, MeasuredMode, ModeEstimate
+from stoop.results.modes import ConditionModes, DerivedValue, MeasuredMode, ModeEstimate
 from stoop.results.result import Identification, Quantity, Result
 from stoop.results.uncertainty import MethodIntervals
 
@@ -377,7 +377,7 @@ def _window(identification: Identification, maneuver: int) -> str:
     return window(maneuvers[maneuver].start, maneuvers[maneuver].stop) if maneuver < len(maneuvers) else ""
 
 
-def _pair(one: Estimate) -> tuple[str, str]:
+def _pair(one: DerivedValue) -> tuple[str, str]:
     """Return an estimate and its interval."""
     value = rounded_to_error(one.estimate, one.std_error)[0]
     if not (math.isfinite(one.ci95_lower) and math.isfinite(one.ci95_upper)):

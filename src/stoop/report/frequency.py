@@ -18,7 +18,7 @@ from stoop.assessment.handling import EquivalentSystem
 from stoop.base.numbers import NOTHING, listed, number
 from stoop.report.bode import Pair, response_panels
 from stoop.report.sheet import Bullets, Code, Legend, Panels, Part, Prose, Section, Sheet, Table
-from stoop.results.modes import Estimate
+from stoop.results.modes import DerivedValue
 
 MIN_POINTS: Final = 3  #: known ones, of a response that is drawn
 LEGEND: Final = (
@@ -107,7 +107,7 @@ def estimates(system: EquivalentSystem) -> dict[str, str]:
     }
 
 
-def interval(one: Estimate, digits: int = 3) -> str:
+def interval(one: DerivedValue, digits: int = 3) -> str:
     """Return a number with its 95 % interval, if it has one."""
     if math.isnan(one.estimate):
         return NOTHING

@@ -12,7 +12,7 @@ NAN: Final = math.nan
 
 
 @dataclass(frozen=True)
-class Estimate:
+class DerivedValue:
     """A derived number with its standard error and 95 % interval; NaN for what does not exist."""
 
     estimate: float = NAN
@@ -33,8 +33,8 @@ class MeasuredMode:
     start: float = NAN
     stop: float = NAN
     channels: tuple[str, ...] = ()
-    frequency: Estimate = Estimate()
-    damping: Estimate = Estimate()
+    frequency: DerivedValue = DerivedValue()
+    damping: DerivedValue = DerivedValue()
     remark: Notice | None = field(default=None, metadata=AS_TEXT)
 
 
@@ -43,11 +43,11 @@ class ModeEstimate:
     """One natural mode of the fitted model, with intervals from the covariance of the parameters."""
 
     name: str  #: short period, phugoid, Dutch roll, roll, spiral, or what it has become
-    real: Estimate  #: 1/s; the eigenvalue; of a pair the one with the positive imaginary part
-    imag: Estimate
-    frequency: Estimate  #: rad/s; undamped natural frequency; of a real mode the size of its eigenvalue
-    damping: Estimate  #: damping ratio; 1 or -1 for a real mode
-    time_constant: Estimate  #: s; minus one over the real part; no interval where that may be zero
+    real: DerivedValue  #: 1/s; the eigenvalue; of a pair the one with the positive imaginary part
+    imag: DerivedValue
+    frequency: DerivedValue  #: rad/s; undamped natural frequency; of a real mode the size of its eigenvalue
+    damping: DerivedValue  #: damping ratio; 1 or -1 for a real mode
+    time_constant: DerivedValue  #: s; minus one over the real part; no interval where that may be zero
     #: ``"delta"``: standard errors by the derivatives of the eigenvalue; ``"sampled"``: percentiles, because the mode
     #: changes its character within the uncertainty of the parameters
     method: str = "delta"

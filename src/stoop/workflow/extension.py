@@ -26,7 +26,8 @@ from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice, notice
 from stoop.errors import VehicleError
 from stoop.estimate import methods
-from stoop.estimate.fit import Fit, Options
+from stoop.estimate.estimate import Estimate
+from stoop.estimate.fit import Options
 from stoop.estimate.predict import expected_biases, fitted_model, predict
 from stoop.flight import Flight
 from stoop.problem.windows import Window
@@ -56,7 +57,7 @@ class Candidate:
     """A fit with its vehicle, and how well it does."""
 
     vehicle: Vehicle
-    fit: Fit
+    fit: Estimate
     bars: ErrorBars
     prediction: (
         FloatArray  #: (n,), log-likelihood of each sample of the held-back windows under their prediction
@@ -138,7 +139,7 @@ def _fit(
 
 
 def _predictive_score(
-    fit: Fit, bars: ErrorBars, flights: Mapping[str, Flight], windows: Sequence[Window]
+    fit: Estimate, bars: ErrorBars, flights: Mapping[str, Flight], windows: Sequence[Window]
 ) -> FloatArray:
     """Return the log-likelihood (n,) of each sample of windows under their prediction."""
     if not windows:
@@ -148,7 +149,7 @@ def _predictive_score(
     return ahead.log_likelihood(fit.problem.layout.vehicle.outputs)
 
 
-def gain(before: Fit, after: Fit) -> float:
+def gain(before: Estimate, after: Estimate) -> float:
     """Return the rise of the log-likelihood less Schwarz's penalty; correlated residuals count less."""
     more, count = after.problem.dimension - before.problem.dimension, 0.0
     deviances = []

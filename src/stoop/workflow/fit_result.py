@@ -20,9 +20,10 @@ from stoop.assessment.verdict import uses, verdict
 from stoop.base.notices import Notice, as_notice, attempt, notice, of_severity
 from stoop.base.variables import VARIABLES
 from stoop.errors import VehicleError
+from stoop.estimate.estimate import Estimate
 from stoop.estimate.excitation import ratios, too_few
-from stoop.estimate.fit import Fit, Options
-from stoop.estimate.predict import expected_biases, fitted_deviations, fitted_model, predict
+from stoop.estimate.fit import Options
+from stoop.estimate.predict import expected_biases, fitted_model, predict
 from stoop.flight import Flight
 from stoop.problem.windows import Window
 from stoop.results.result import (
@@ -64,7 +65,7 @@ def identification(
     if too_few(fit.problem, slowest_rate(fit, flights)):
         bars = bars.rejected(notice("error-bars-of-few-samples"))
     parameters, model = _parameters(fit, bars), fitted_model(fit, bars.covariance)
-    bands = fitted_deviations(fit, bars.covariance)
+    bands = fit.deviations(bars.covariance)
     groups = [Simulated("fit", fit.prepared, fit.readings, left_out_residuals(fit), bands)]
     if predicted:
         own_biases = [expected_biases(fit, window.flight) for window in predicted]
@@ -152,7 +153,7 @@ def _body(vehicle: Vehicle, parameters: Mapping[str, ParameterEstimate]) -> dict
     }
 
 
-def _parameters(fit: Fit, bars: ErrorBars) -> dict[str, ParameterEstimate]:
+def _parameters(fit: Estimate, bars: ErrorBars) -> dict[str, ParameterEstimate]:
     out = {}
     for i, p in enumerate(fit.problem.layout.parameters):
         estimate, sigma, at_bound = fit.estimates[p.name], float(bars.std[i]), bool(bars.at_bound[i])
@@ -174,7 +175,7 @@ def _parameters(fit: Fit, bars: ErrorBars) -> dict[str, ParameterEstimate]:
     return out
 
 
-def _nuisances(fit: Fit, bars: ErrorBars) -> tuple[tuple[InitialState, ...], tuple[SensorBiases, ...]]:
+def _nuisances(fit: Estimate, bars: ErrorBars) -> tuple[tuple[InitialState, ...], tuple[SensorBiases, ...]]:
     """Return the initial states of every segment and the biases of every maneuver, with their standard errors."""
     pieces, count = fit.problem.pieces, len(fit.prepared.windows)
     states: list[dict[str, Quantity]] = [{} for _ in pieces]

@@ -17,7 +17,8 @@ from stoop.base.text import printable, printable_lines
 from stoop.checks.vehicle import require_channels
 from stoop.errors import FlightError
 from stoop.estimate import methods
-from stoop.estimate.fit import Fit, Options
+from stoop.estimate.estimate import Estimate
+from stoop.estimate.fit import Options
 from stoop.estimate.predict import ForceFigures, force_figures, identified_vehicle
 from stoop.flight import Flight, load, without, without_faults
 from stoop.flight.flight import from_columns
@@ -55,7 +56,7 @@ class Job:
         With its free numbers at their estimates.
     flights : tuple of Flight
         As they were used, air data reconstructed.
-    fit : Fit
+    fit : Estimate
     files : tuple of Path
         Files that were read; :meth:`save` never writes over them.
     attachments : mapping of str to bytes
@@ -67,7 +68,7 @@ class Job:
     identification: Identification
     vehicle: Vehicle
     flights: tuple[Flight, ...]
-    fit: Fit
+    fit: Estimate
     files: tuple[Path, ...] = ()
     attachments: Mapping[str, bytes] = field(default_factory=dict)
     forces: tuple[ForceFigures, ...] = ()
@@ -167,7 +168,7 @@ class Search:
     command: str
 
     @property
-    def fit(self) -> Fit:
+    def fit(self) -> Estimate:
         """The fit."""
         return self.checked.fit
 

@@ -15,7 +15,7 @@ from typing import Final
 from stoop.assessment.error_bars import ErrorBars, error_bars
 from stoop.assessment.extensions import LIMITS, extension_tests
 from stoop.base.notices import Notice, attempt, notice
-from stoop.estimate.fit import Fit
+from stoop.estimate.estimate import Estimate
 from stoop.results.extensions import ExtensionTests
 from stoop.vehicle import Vehicle
 from stoop.vehicle.assumptions import USUAL
@@ -31,13 +31,13 @@ NOT_FREED: Final = "stopped by the user while delays of sensors were looked for"
 class CheckedFit:
     """A fit with its error bars, and what its data ask for beside its model."""
 
-    fit: Fit
+    fit: Estimate
     bars: ErrorBars
     tests: ExtensionTests
     failed: tuple[Notice, ...] = ()  #: why nothing was tested
 
     @classmethod
-    def of(cls, fit: Fit) -> CheckedFit:
+    def of(cls, fit: Estimate) -> CheckedFit:
         """Return a fit, tested."""
         failed, bars = list[Notice](), error_bars(fit)
         tests = attempt(failed, ExtensionTests(), extension_tests, fit, bars)
@@ -45,7 +45,7 @@ class CheckedFit:
 
 
 def with_sensor_delays(
-    vehicle: Vehicle, first: Fit, refit: Callable[[Vehicle], Fit], watch: Callable[[str], None]
+    vehicle: Vehicle, first: Estimate, refit: Callable[[Vehicle], Estimate], watch: Callable[[str], None]
 ) -> CheckedFit:
     """Return a fit with the delays of sensors that it asks for among its unknowns.
 
@@ -53,7 +53,7 @@ def with_sensor_delays(
     ----------
     vehicle : Vehicle
         As it was given to the fit.
-    first : Fit
+    first : Estimate
         Without them.
     refit : callable
         Fits another vehicle to the same data.
@@ -89,7 +89,7 @@ def with_sensor_delays(
     return replace(best, fit=replace(best.fit, outcome=outcome, notices=(*notices, *best.fit.notices)))
 
 
-def _checked(fit: Fit) -> tuple[CheckedFit, bool]:
+def _checked(fit: Estimate) -> tuple[CheckedFit, bool]:
     """Return a fit, tested, and whether Ctrl-C came meanwhile: without its error bars a search that has ended were lost."""
     with deferred_interrupt() as ctrl_c:
         checked = CheckedFit.of(fit)

@@ -15,8 +15,8 @@ from stoop.assessment.verdict import CONFIRMED
 from stoop.base.notices import Notice, as_notice, attempt, notice, of_severity, paragraph
 from stoop.base.variables import EULER, RATES, SPECIFIC_FORCE, VELOCITY
 from stoop.checks.vehicle import check_lift, check_rotors, inertia_notices
+from stoop.estimate.estimate import Estimate
 from stoop.estimate.excitation import excitation_notices
-from stoop.estimate.fit import Fit
 from stoop.estimate.predict import ForceFigures
 from stoop.flight import Flight
 from stoop.results.result import ManeuverResult, ParameterEstimate, Result
@@ -50,7 +50,7 @@ def fit_warnings(
     parameters: Mapping[str, ParameterEstimate],
     bars: ErrorBars,
     maneuvers: Sequence[ManeuverResult],
-    fit: Fit,
+    fit: Estimate,
     flights: Mapping[str, Flight],
 ) -> tuple[Notice, ...]:
     """Return what makes a result doubtful, the most serious first."""
@@ -101,7 +101,7 @@ def fit_warnings(
     return tuple(found)
 
 
-def prior_conflicts(fit: Fit) -> list[Notice]:
+def prior_conflicts(fit: Estimate) -> list[Notice]:
     """Return the parameters and sensor biases whose estimates contradict their priors.
 
     Where prior and model are right an estimate scatters about the prior's mean by less than the prior's standard deviation
@@ -162,7 +162,7 @@ def lag_notices(maneuvers: Sequence[ManeuverResult]) -> list[Notice]:
     return [notice("lag-not-beaten", m.window, role=m.role, channels=names) for m, names in weak if names]
 
 
-def slowest_rate(fit: Fit, flights: Mapping[str, Flight]) -> float:
+def slowest_rate(fit: Estimate, flights: Mapping[str, Flight]) -> float:
     """Return the lowest rate at which a compared channel was logged, Hz."""
     outputs = fit.problem.layout.vehicle.outputs
     rates = [f.sources[c].rate for f in flights.values() for c in outputs if c in f.sources]

@@ -22,7 +22,8 @@ import numpy as np
 from stoop import optimize
 from stoop.base.arrays import FloatArray
 from stoop.errors import FlightError, IdentificationError
-from stoop.estimate.fit import Derived, Options, estimation_problem, settle, starts
+from stoop.estimate.fit import Options, estimation_problem, settle, starts
+from stoop.estimate.refit_problem import Derived
 from stoop.flight import load
 from stoop.problem.windows import parse_window
 from stoop.vehicle.builtin import resolve_vehicle

@@ -12,7 +12,8 @@ import pandas as pd
 from stoop.base.arrays import FloatArray
 from stoop.base.numbers import finite_or_none
 from stoop.estimate import methods
-from stoop.estimate.fit import Fit, Options
+from stoop.estimate.estimate import Estimate
+from stoop.estimate.fit import Options
 from stoop.vehicle import Vehicle
 from stoop.workflow.sensor_delays import with_sensor_delays
 from stoop_studies.findings import Claim, Findings, Setting, holds
@@ -86,8 +87,10 @@ def cover(case: str, seed: int) -> dict[str, Any]:
     method = CASES[case].method
     scene, options = CASES[case].fly(seed), Options(seed=seed, method=method)
 
-    def fitted(vehicle: Vehicle) -> Fit:
-        found: Fit = methods.find(method).fitter()(vehicle, scene.flights, scene.windows, options, None, None)
+    def fitted(vehicle: Vehicle) -> Estimate:
+        found: Estimate = methods.find(method).fitter()(
+            vehicle, scene.flights, scene.windows, options, None, None
+        )
         return found
 
     done = with_sensor_delays(scene.start, fitted(scene.start), fitted, lambda _: None)

@@ -11,7 +11,8 @@ import pytest
 from stoop.assessment.error_bars import error_bars
 from stoop.assessment.extensions import LIMITS, extension_notices, extension_tests
 from stoop.base.arrays import FloatArray
-from stoop.estimate.fit import Fit, Options, fit
+from stoop.estimate.estimate import Estimate
+from stoop.estimate.fit import Options, fit
 from stoop.estimate.response import simulation_responses
 from stoop.flight import Flight
 from stoop.problem.misfit import Misfit
@@ -41,7 +42,7 @@ def flights(truth: Vehicle, seed: int) -> dict[str, Flight]:
 
 
 @functools.cache
-def fitted(lag: float, seed: int = 5) -> Fit:
+def fitted(lag: float, seed: int = 5) -> Estimate:
     base = resolve_vehicle("twin-boom")
     truth = with_entries(base, {("controls", "aileron", "lag"): lag}) if lag else base
     windows = [Window(name, 0.0, DURATION) for name in STEPS]

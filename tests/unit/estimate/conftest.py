@@ -10,16 +10,16 @@ import numpy as np
 import pytest
 
 from stoop import optimize
-from stoop.estimate.fit import Fit
+from stoop.estimate.estimate import Estimate
 
-Resumed = Callable[..., Fit]
+Resumed = Callable[..., Estimate]
 
 
 @pytest.fixture
 def resumed(tmp_path: Path) -> Resumed:
     """Return a function that interrupts a fit early, halfway and at its end, resumes it from a file, and compares."""
 
-    def check(fit: Callable[..., Fit], *arguments: Any) -> Fit:
+    def check(fit: Callable[..., Estimate], *arguments: Any) -> Estimate:
         trials: list[optimize.Progress] = []
         whole = fit(*arguments, trials.append, None)
         for count in sorted({1, len(trials) // 2, len(trials)}):
@@ -41,7 +41,7 @@ def resumed(tmp_path: Path) -> Resumed:
             assert (again.cost, again.trajectories) == (whole.cost, whole.trajectories)
             assert again.outcome.status == whole.outcome.status
             np.testing.assert_array_equal(again.outcome.history, whole.outcome.history)
-            np.testing.assert_array_equal(again.noise, whole.noise)
+            np.testing.assert_array_equal(again.measurement_noise, whole.measurement_noise)
             for one, other in zip(again.evidence.pieces, whole.evidence.pieces, strict=True):
                 np.testing.assert_array_equal(one.residual, other.residual)
         return whole

@@ -13,7 +13,8 @@ from stoop.assessment.error_bars import error_bars
 from stoop.base.units import KNOT
 from stoop.errors import FlightError
 from stoop.estimate import methods
-from stoop.estimate.fit import Fit, Options, estimation_problem, fit
+from stoop.estimate.estimate import Estimate
+from stoop.estimate.fit import Options, estimation_problem, fit
 from stoop.flight import Flight
 from stoop.problem.observation import motion_inputs, recorded_motion
 from stoop.problem.prepare import decoupled
@@ -49,7 +50,7 @@ def flown(full: Vehicle, elevator: float) -> Flight:
     return simulate_flight(full, maneuver, seed=1, name="sim")
 
 
-def errors(full: Vehicle, found: Fit, names: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray]:
+def errors(full: Vehicle, found: Estimate, names: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray]:
     """Return errors of estimates over their standard errors, and over the truth."""
     std = dict(zip(found.estimates, error_bars(found).std.tolist(), strict=False))
     error = np.array([found.estimates[n] - full.value(n) for n in names])

@@ -9,7 +9,8 @@ import pytest
 import stoop
 from stoop import optimize
 from stoop.errors import FlightError, IdentificationError, VehicleError
-from stoop.estimate.fit import Fit, Options, estimation_problem, fit, refine, settle, starts
+from stoop.estimate.estimate import Estimate
+from stoop.estimate.fit import Options, estimation_problem, fit, refine, settle, starts
 from stoop.estimate.initial_state import FittedModel
 from stoop.estimate.noise import channel_residuals, noise_variance
 from stoop.estimate.predict import expected_biases, identified_vehicle, mean_biases, predict
@@ -202,7 +203,7 @@ def test_a_piece_whose_state_comes_too_late_is_refused(wrong: Vehicle, flight: F
         fit(wrong, {"sim": replace(flight, data=data)}, WINDOW, Options())
 
 
-def model_of(found: Fit) -> FittedModel:
+def model_of(found: Estimate) -> FittedModel:
     """Return the fitted model, its parameters taken as known."""
     layout = found.problem.layout
     noise = NoiseCovariance(layout.vehicle.outputs, found.problem.weights.covariance)

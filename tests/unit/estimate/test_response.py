@@ -10,10 +10,11 @@ import pytest
 from stoop.base.arrays import FloatArray
 from stoop.estimate.filter_gains import Noise, Steady, Varying, first_guess
 from stoop.estimate.filter_likelihood import FrozenFilter, Likelihood
-from stoop.estimate.fit import DEFAULTS, LocalProblem, estimation_problem
+from stoop.estimate.fit import DEFAULTS, estimation_problem
 from stoop.estimate.fitted_filter import with_gusts
 from stoop.estimate.linearization import undelayed
-from stoop.estimate.multiple_shooting import FollowingWindows
+from stoop.estimate.multiple_shooting import LinearizedNodes
+from stoop.estimate.refit_problem import RefitProblem
 from stoop.estimate.response import Responses
 from stoop.estimate.shooting_problem import ShootingProblem
 from stoop.problem import Misfit
@@ -76,7 +77,7 @@ def of_vehicle(problem: Misfit, vehicle: Vehicle) -> Misfit:
 
 
 def difference(
-    local: LocalProblem, z: FloatArray, found: Responses, name: str
+    local: RefitProblem, z: FloatArray, found: Responses, name: str
 ) -> tuple[FloatArray, FloatArray]:
     """Return the response (N,) of the readings of one piece, and the difference of all residuals."""
     j = [one.name for one in found.extensions].index(name)
@@ -108,14 +109,14 @@ def test_innovations_respond_as_the_frozen_filter_does(gain: Steady | Varying) -
         assert error(own, wanted[: own.size]) < 0.05
 
 
-def windows() -> tuple[FollowingWindows, FloatArray]:
+def windows() -> tuple[LinearizedNodes, FloatArray]:
     """Return windows about their optimum, that of a flight without noise."""
     vehicle = resolve_vehicle("quad-x")
     text = vehicle.text.replace("lag = 0.05", "lag = { value = 0.05, free = true, bounds = [0.01, 0.2] }")
     problem = problem_of(parse_vehicle(text, "quad"), ROTORS, noise=False)
     shooting = replace(ShootingProblem.of(problem, 1.0), strictness=1.0)
     z = np.concatenate([problem.layout.start, np.zeros(problem.extra)])
-    return FollowingWindows.of(shooting, shooting.iterate(z, [s.measured_nodes() for s in shooting.shots])), z
+    return LinearizedNodes.of(shooting, shooting.iterate(z, [s.measured_nodes() for s in shooting.shots])), z
 
 
 def test_windows_respond_as_their_own_simulation_does() -> None:

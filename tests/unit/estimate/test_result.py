@@ -16,7 +16,7 @@ from hypothesis.extra import numpy as hnp
 from stoop.base.files import write_bytes_atomic, write_text_atomic
 from stoop.base.notices import as_notice, notice
 from stoop.errors import OutputError, StoopError
-from stoop.results.modes import ConditionModes, Estimate, MeasuredMode, ModeEstimate, StateEquations
+from stoop.results.modes import ConditionModes, DerivedValue, MeasuredMode, ModeEstimate, StateEquations
 from stoop.results.result import (
     SCHEMA,
     Covariance,
@@ -164,9 +164,9 @@ def test_a_file_of_an_older_version_is_read() -> None:
 
 
 def test_modes_and_repeatability_survive() -> None:
-    some = Estimate(2.0, 0.1, 1.8, 2.2)
+    some = DerivedValue(2.0, 0.1, 1.8, 2.2)
     remarks = (notice("mode-becomes-real", share=0.2), notice("mode-stability-unknown"))
-    mode = ModeEstimate("Dutch roll", some, some, some, some, Estimate(), "sampled", 0.2, remarks)
+    mode = ModeEstimate("Dutch roll", some, some, some, some, DerivedValue(), "sampled", 0.2, remarks)
     seen = MeasuredMode(0, 1.0, 3.0, ("r", "beta"), some, some, notice("response-no-rest"))
     linear = StateEquations(("p", "r"), ("rudder",), ((-1.0, 2.0), (0.0, -3.0)), ((4.0,), (5.0,)))
     own = (replace(mode, measured=(seen,)),)

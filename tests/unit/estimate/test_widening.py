@@ -7,7 +7,8 @@ from functools import cache
 import pytest
 
 from stoop.estimate import methods
-from stoop.estimate.fit import Fit, Options
+from stoop.estimate.estimate import Estimate
+from stoop.estimate.fit import Options
 from stoop.flight import Flight
 from stoop.problem.windows import Window
 from stoop.simulation.fly import simulate_flight
@@ -33,7 +34,7 @@ def flight() -> Flight:
     return simulate_flight(known(), maneuver, name="flight")
 
 
-def found(share: float, method: str = "output-error", **fields: object) -> Fit:
+def found(share: float, method: str = "output-error", **fields: object) -> Estimate:
     """Fit the inertia from a file in which it is a share of the truth."""
     truth = known().value(INERTIA)
     vehicle = known().with_numbers({INERTIA: {"value": share * truth, **fields}})

@@ -9,14 +9,14 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from stoop.base.arrays import FloatArray
-from stoop.estimate.fit import LocalProblem
+from stoop.base.arrays import BoolArray, FloatArray
+from stoop.estimate.refit_problem import RefitProblem
 from stoop.problem import Misfit
 from stoop.problem.evidence import Evidence, PieceEvidence
 
 
 @dataclass(frozen=True, eq=False)
-class LinearProblem(LocalProblem):
+class LinearProblem(RefitProblem):
     """The weighted equations as residuals, linear about the estimates.
 
     Equations of rotors are linearized there, those left out stay out, and the weights of the equations stay.
@@ -69,6 +69,26 @@ class LinearProblem(LocalProblem):
         for i, stretch in enumerate(self.stretches):
             out |= {f"errors.{i}": stretch.residual, f"regressors.{i}": stretch.jacobian}
         return out
+
+    @property
+    def box(self) -> tuple[float, float]:
+        """Bounds of the parameters, infinite for a regression without bounds."""
+        return (0.0, 1.0) if self.bounded else (-np.inf, np.inf)
+
+    @property
+    def equations(self) -> tuple[str, ...]:
+        """Names of the equations."""
+        return tuple(self.deviations)
+
+    @property
+    def spacing(self) -> float:
+        """Time from row to row, s; infinite for rows that are no samples of time."""
+        return self.dt
+
+    @property
+    def present(self) -> tuple[BoolArray, ...]:
+        """Which equation errors (n, q) of each stretch there are."""
+        return tuple(stretch.present for stretch in self.stretches)
 
     @cached_property
     def _linear(self) -> tuple[FloatArray, FloatArray]:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import asdict, replace
-from functools import partial
-from typing import Any, Final
+from dataclasses import asdict, dataclass, replace
+from functools import cached_property, partial
+from typing import Any, ClassVar, Final
 
 import numpy as np
 
@@ -14,8 +14,9 @@ from stoop import optimize
 from stoop.base.arrays import FloatArray
 from stoop.base.notices import notice
 from stoop.errors import IdentificationError
-from stoop.estimate.fit import SHORT, Fit, Options, estimation_problem
-from stoop.estimate.noise import channel_residuals, noise_covariance, noise_variance
+from stoop.estimate.estimate import Estimate, simulation_inflation
+from stoop.estimate.fit import SHORT, Options, estimation_problem
+from stoop.estimate.noise import channel_residuals, noise_variance
 from stoop.estimate.regression import kind_of
 from stoop.estimate.regression.least_squares import (
     Domain,
@@ -30,12 +31,69 @@ from stoop.estimate.shooting_windows import outputs_by_window
 from stoop.flight import Flight
 from stoop.optimize.ledger import Evaluations, Halt
 from stoop.problem import Layout, Misfit, Weights
-from stoop.problem.evidence import Evidence, prior_information, unknowns_of
+from stoop.problem.evidence import Evidence, Unknown, prior_information, unknowns_of
 from stoop.problem.observation import observation_model
 from stoop.problem.windows import Window
 from stoop.vehicle import Vehicle
 
 FAIR_R2: Final = 0.5  #: below, the estimates of an equation are doubtful
+
+
+@dataclass(frozen=True, eq=False)
+class RegressionEstimate(Estimate):
+    """Estimate by least squares on measured accelerations; readings are those of a simulation from each piece's start."""
+
+    refits: ClassVar = LinearProblem
+    #: equation errors and regressors
+    evidence_of_equations: Evidence
+    #: the weighted equations, linear about the estimate
+    equations: LinearProblem
+
+    @property
+    def evidence(self) -> Evidence:
+        """Equation errors and regressors."""
+        return self.evidence_of_equations
+
+    @property
+    def unknowns(self) -> tuple[Unknown, ...]:
+        """Parameters and nuisances; those that are not in the equations are not estimated."""
+        return self.evidence_of_equations.unknowns
+
+    @property
+    def refit_problem(self) -> LinearProblem:
+        """The weighted equations."""
+        return self.equations
+
+    @property
+    def inflation(self) -> float:
+        """Factor by which the variance in the weights exceeds that of the residuals, for their correlation."""
+        return simulation_inflation(self)
+
+
+@dataclass(frozen=True, eq=False)
+class WindowedRegressionEstimate(RegressionEstimate):
+    """Likewise of a vehicle that cannot be flown open loop; readings are those of windows that each start as measured."""
+
+    @cached_property
+    def readings(self) -> tuple[FloatArray, ...]:
+        """Readings (n, n_y) of the windows of each piece."""
+        layout = self.problem.layout
+        entries = zip(layout.nuisances, self.z[layout.dimension :], strict=True)
+        found = [(n, n.center + n.scale * float(x)) for n, x in entries]
+        pieces = []
+        for piece in self.problem.pieces:
+            biases = {n.name: v for n, v in found if n.is_bias and n.maneuver == piece.maneuver}
+            pieces.append(replace(piece, changes={**piece.changes, **biases}))
+        fixed = replace(self.problem, layout=_fixed_layout(self.problem, self.z), pieces=tuple(pieces))
+        return tuple(outputs_by_window(fixed, i) for i in range(len(pieces)))
+
+    @property
+    def inflation(self) -> float:
+        """Return 1: the weights are the variances of the residuals."""
+        return 1.0
+
+    def reading_slopes(self, index: int) -> None:
+        """Return None: windows start as measured, so that their readings depend on more than the unknowns."""
 
 
 def regression(
@@ -45,7 +103,7 @@ def regression(
     options: Options,
     *_: Any,
     domain: Domain,
-) -> Fit:
+) -> RegressionEstimate:
     """Fit the free numbers to measured accelerations; a method of `stoop.estimate.methods` for each domain.
 
     An IdentificationError says where the motion was nowhere measured completely, or what is for aircraft only.
@@ -63,31 +121,25 @@ def regression(
     found = estimate(equations, domain, bounded=not kind.linear)
     if found is None:
         raise IdentificationError(f"{vehicle.where}: no regression is possible: {kind.needed}")
-    z, nothing = equations.vector(found.values), np.empty((0, 2))
-    outcome = optimize.Outcome(z, 0.0, 0.0, 0, "converged", "", nothing, None, options.method)
-    flown = _from_start if observation_model(vehicle).open_loop else _by_window
-    fit = flown(Fit(problem, prepared, z, outcome, 0.0, 0.0))
+    z = equations.vector(found.values)
     notices = [
         notice(kind.explanations[domain.name], "", **asdict(domain)),
         notice("r-squared", "", equations=tuple(found.r2), r2=tuple(found.r2.values())),
         *([notice("not-in-regression", ", ".join(fixed))] if fixed else []),
         *(notice("low-r-squared", name, r2=max(r2, 0.0)) for name, r2 in found.r2.items() if r2 < FAIR_R2),
         *kind.notices(found),
-        *([] if np.isfinite(fit.cost) else [notice("estimates-diverge", vehicle.where)]),
     ]
-    evidence, period = (
-        _evidence(problem, equations, found, fit.z, domain),
-        domain.period(problem.pieces[0].dt),
-    )
-    return replace(
-        fit,
-        outcome=replace(outcome, z=fit.z, cost=fit.cost, trajectories=fit.trajectories),
-        notices=tuple(notices),
-        own_evidence=evidence,
-        local_problem=partial(
-            LinearProblem.of, problem, fit.z, evidence, found.sigma, period, not kind.linear
-        ),
-    )
+    flown, cost, spent = problem, 0.0, 0.0
+    if open_loop := observation_model(vehicle).open_loop:
+        flown, z, cost, spent = _from_start(problem, z)
+    if not np.isfinite(cost):
+        notices.append(notice("estimates-diverge", vehicle.where))
+    outcome = optimize.Outcome(z, cost, spent, 0, "converged", "", np.empty((0, 2)), None, options.method)
+    evidence = _evidence(problem, equations, found, z, domain)
+    period, bounded = domain.period(problem.pieces[0].dt), not kind.linear
+    linear = LinearProblem.of(problem, z, evidence, found.sigma, period, bounded)
+    form = RegressionEstimate if open_loop else WindowedRegressionEstimate
+    return form(flown, prepared, z, outcome, cost, spent, tuple(notices), evidence, linear)
 
 
 def _evidence(
@@ -114,10 +166,12 @@ def _fixed_layout(problem: Misfit, z: FloatArray) -> Layout:
     return replace(layout, vehicle=layout.vehicle.with_numbers(numbers), parameters=(), nuisances=())
 
 
-def _from_start(fit: Fit) -> Fit:
-    """Simulate each piece from its first sample, initial states and biases estimated with the parameters fixed."""
-    problem, z, spent = fit.problem, fit.z, 0.0
-    d, rung = problem.dimension, len(problem.prices) - 1
+def _from_start(problem: Misfit, z: FloatArray) -> tuple[Misfit, FloatArray, float, float]:
+    """Estimate initial states and biases with the parameters fixed, each piece simulated from its first sample.
+
+    Returns the problem with the weights of these residuals, its vector, its cost, and the trajectories that it took.
+    """
+    d, rung, spent = problem.dimension, len(problem.prices) - 1, 0.0
     states = replace(problem, layout=replace(_fixed_layout(problem, z), nuisances=problem.layout.nuisances))
     if states.extra:
         ledger = optimize.Ledger(states, Evaluations.none(states), np.inf)
@@ -130,24 +184,7 @@ def _from_start(fit: Fit) -> Fit:
         if np.isfinite(cost):
             problem = problem.weighted(Weights.of(noise_variance(problem, channel_residuals(problem, z))))
             cost = float(np.sum(problem.residuals(z[None, :], rung) ** 2))
-    return replace(fit, problem=problem, z=z, cost=cost, trajectories=spent)
-
-
-def _by_window(fit: Fit) -> Fit:
-    """Simulate windows of a second that each start as measured."""
-    problem, layout = fit.problem, fit.problem.layout
-    found = [
-        (n, n.center + n.scale * float(x))
-        for n, x in zip(layout.nuisances, fit.z[layout.dimension :], strict=True)
-    ]
-    pieces = []
-    for piece in problem.pieces:
-        biases = {n.name: v for n, v in found if n.is_bias and n.maneuver == piece.maneuver}
-        pieces.append(replace(piece, changes={**piece.changes, **biases}))
-    fixed = replace(problem, layout=_fixed_layout(problem, fit.z), pieces=tuple(pieces))
-    readings = tuple(outputs_by_window(fixed, i) for i in range(len(pieces)))
-    flown = replace(fit, simulated=readings)
-    return replace(flown, noise=noise_covariance(problem, flown.residuals))
+    return problem, z, cost, spent
 
 
 equation_error: Final = partial(regression, domain=TimeDomain())  #: on smoothed samples

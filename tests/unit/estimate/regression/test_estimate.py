@@ -13,7 +13,7 @@ from stoop.assessment.bootstrap import bootstrap_plan, refit_chunk
 from stoop.assessment.covariance import data_information, standard_errors
 from stoop.assessment.error_bars import error_bars, estimate_uncertainty
 from stoop.errors import IdentificationError
-from stoop.estimate.fit import Fit, Options, estimation_problem
+from stoop.estimate.fit import Options, estimation_problem
 from stoop.estimate.regression.aircraft import AircraftEquations
 from stoop.estimate.regression.least_squares import (
     Domain,
@@ -26,7 +26,7 @@ from stoop.estimate.regression.least_squares import (
     solve,
 )
 from stoop.estimate.regression.linear_problem import LinearProblem
-from stoop.estimate.regression.method import equation_error, frequency_domain
+from stoop.estimate.regression.method import RegressionEstimate, equation_error, frequency_domain
 from stoop.flight import Flight
 from stoop.problem import Layout, Misfit, Weights
 from stoop.problem.evidence import Evidence, unknowns_of
@@ -176,16 +176,7 @@ def test_error_bars_are_the_scatter(domain: Domain, memory: float) -> None:
             )
             linear = LinearProblem.of(misfit, z, evidence, solved.sigma, domain.period(dt), False)
             outcome: Any = None
-            fit = Fit(
-                misfit,
-                Prepared((), ()),
-                z,
-                outcome,
-                0.0,
-                0.0,
-                own_evidence=evidence,
-                local_problem=lambda p=linear: p,
-            )
+            fit = RegressionEstimate(misfit, Prepared((), ()), z, outcome, 0.0, 0.0, (), evidence, linear)
             runs = bootstrap_plan(AssessedFit(fit, record), 50).runs
             values = [refit_chunk(run.arguments, [None])[0]["values"] for run in runs]  # type: ignore[call-overload, index]
             drawn.append(np.std(np.concatenate(values), axis=0, ddof=1))

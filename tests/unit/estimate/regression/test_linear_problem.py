@@ -11,7 +11,8 @@ import pytest
 from stoop.assessment.assessment import AssessedFit, Finding, pack, unpack
 from stoop.assessment.bootstrap import Bootstrap
 from stoop.assessment.goodness_of_fit import left_out_residuals, press_notices
-from stoop.estimate.fit import Fit, Options
+from stoop.estimate.estimate import Estimate
+from stoop.estimate.fit import Options
 from stoop.estimate.regression.linear_problem import LinearProblem
 from stoop.estimate.regression.method import equation_error, frequency_domain
 from stoop.flight import Flight
@@ -24,20 +25,20 @@ METHODS = {"equation-error": equation_error, "frequency-domain": frequency_domai
 
 
 @pytest.fixture(scope="module", params=METHODS)
-def fit(request: pytest.FixtureRequest, full: Vehicle, noisy: Flight) -> Fit:
+def fit(request: pytest.FixtureRequest, full: Vehicle, noisy: Flight) -> Estimate:
     options = Options(method=request.param)
     freed = full.with_numbers({"CLalpha": {"prior": 0.5}})
     return METHODS[request.param](freed, {"noisy": noisy}, [Window("noisy", 0.0, 25.0)], options)
 
 
 def bootstrap(
-    fit: Fit, count: int = 100, store: Path | None = None, watch: object = lambda _: None
+    fit: Estimate, count: int = 100, store: Path | None = None, watch: object = lambda _: None
 ) -> Finding:
     assessment = Bootstrap(count, Given(ThreadPoolExecutor(1)), store)
     return assessment(AssessedFit(fit, 0), watch)  # type: ignore[arg-type]
 
 
-def test_a_problem_comes_back_from_text_with_the_same_residuals(fit: Fit) -> None:
+def test_a_problem_comes_back_from_text_with_the_same_residuals(fit: Estimate) -> None:
     assessed = AssessedFit(fit, 0)
     again, arrays = unpack(assessed.packed({}))
     assert isinstance(again, LinearProblem)
@@ -47,7 +48,7 @@ def test_a_problem_comes_back_from_text_with_the_same_residuals(fit: Fit) -> Non
     assert pack(again, {"z": arrays["z"]}) == pack(assessed.problem, {"z": fit.z})
 
 
-def test_the_estimates_are_its_optimum(fit: Fit) -> None:
+def test_the_estimates_are_its_optimum(fit: Estimate) -> None:
     """A step of Gauss-Newton from them is short, priors included: the weights alone are one round older."""
     assessed = AssessedFit(fit, 0)
     problem, free = assessed.problem, assessed.free
@@ -57,7 +58,7 @@ def test_the_estimates_are_its_optimum(fit: Fit) -> None:
     assert np.sqrt(step @ information @ step) < 0.05
 
 
-def test_the_bootstrap_agrees_with_the_corrected_errors(fit: Fit) -> None:
+def test_the_bootstrap_agrees_with_the_corrected_errors(fit: Estimate) -> None:
     found = bootstrap(fit, 300).intervals
     std = dict(zip(fit.estimates, AssessedFit(fit, 0).bars.std, strict=False))
     ratios = [found.parameters[name].std_error / std[name] for name in NAMES]
@@ -65,7 +66,7 @@ def test_the_bootstrap_agrees_with_the_corrected_errors(fit: Fit) -> None:
     assert found.figures == {"replicates": 300.0, "refined": 0.0, "failed": 0.0}
 
 
-def test_what_is_in_the_store_is_not_done_again(fit: Fit, tmp_path: Path) -> None:
+def test_what_is_in_the_store_is_not_done_again(fit: Estimate, tmp_path: Path) -> None:
     told: list[str] = []
     store = tmp_path / "bootstrap.sqlite"
     whole, part = bootstrap(fit, 100), bootstrap(fit, 100, store)
@@ -74,7 +75,7 @@ def test_what_is_in_the_store_is_not_done_again(fit: Fit, tmp_path: Path) -> Non
     assert not [line for line in told if " 25 of" in line]
 
 
-def test_press_is_the_error_of_refits_without_each_second(fit: Fit) -> None:
+def test_press_is_the_error_of_refits_without_each_second(fit: Estimate) -> None:
     """Done again from the whitened rows and the priors by a general solver, every row of a second left out."""
     (found,) = press_notices(fit)
     problem = AssessedFit(fit, 0).problem

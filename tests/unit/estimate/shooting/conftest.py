@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from stoop.errors import IdentificationError
-from stoop.estimate.fit import Fit
+from stoop.estimate.estimate import Estimate
 
 
 @pytest.fixture(scope="session")
-def ends_well() -> Callable[[Callable[[], Fit]], None]:
+def ends_well() -> Callable[[Callable[[], Estimate]], None]:
     """Return a check that a fit ends in a value with its advice, or in one line."""
 
-    def check(fit: Callable[[], Fit]) -> None:
+    def check(fit: Callable[[], Estimate]) -> None:
         found, error = None, ""
         try:
             found = fit()

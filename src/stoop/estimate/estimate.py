@@ -1,0 +1,140 @@
+"""The estimate of a vehicle's free numbers, one interface for every estimator.
+
+An estimator adds one class: it says which least-squares problem it solved near the estimate and which residuals,
+sensitivities and information belong to it. Error bars, checks of the residuals, refits and predictions follow from these.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from functools import cached_property
+from typing import ClassVar
+
+import numpy as np
+
+from stoop import optimize
+from stoop.base.arrays import FloatArray
+from stoop.base.notices import Notice
+from stoop.estimate.fitted_filter import FittedFilter
+from stoop.estimate.noise import noise_covariance, noise_variance
+from stoop.estimate.refit_problem import RefitProblem
+from stoop.estimate.response import Responses
+from stoop.problem import Misfit, on_circle
+from stoop.problem.evidence import Evidence, Unknown, unknowns_of
+from stoop.problem.prepare import Prepared
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate(ABC):
+    """Estimates of the free numbers of a vehicle from windows of flights.
+
+    A child adds as fields what its estimator found beside the search vector, and derives everything else from them.
+    """
+
+    #: class of `refit_problem`
+    refits: ClassVar[type[RefitProblem]]
+    #: with which the fitted windows are simulated open loop
+    problem: Misfit
+    prepared: Prepared
+    #: (D + E,), the optimum
+    z: FloatArray
+    #: of the search
+    outcome: optimize.Outcome
+    #: twice the negative logarithm of the posterior at the optimum, less what does not depend on the unknowns
+    cost: float
+    #: whole-trajectory equivalents, refinement included
+    trajectories: float
+    #: how to read the estimates, and what makes them doubtful, beside those of `prepared`
+    notices: tuple[Notice, ...]
+
+    @property
+    @abstractmethod
+    def evidence(self) -> Evidence:
+        """Residuals, sensitivities and prior information, for error bars."""
+
+    @property
+    @abstractmethod
+    def refit_problem(self) -> RefitProblem:
+        """The least-squares problem near the estimate."""
+
+    @property
+    def unknowns(self) -> tuple[Unknown, ...]:
+        """The numbers that the estimator solved for, noise intensities last."""
+        return unknowns_of(self.problem.layout, self.z)
+
+    @property
+    def estimates(self) -> dict[str, float]:
+        """Free parameters, SI."""
+        values = self.problem.layout.physical(self.z[None, :])[0]
+        return {p.name: float(v) for p, v in zip(self.problem.layout.parameters, values, strict=True)}
+
+    def observed_information(self) -> FloatArray | None:
+        """Return the Hessian (f, f) of half the cost by the free unknowns; None where only Gauss and Newton's is known."""
+        return None
+
+    def responses(self) -> Responses:
+        """Return the first-order responses of the residuals to extensions of the vehicle."""
+        return self.refit_problem.responses(self.z)
+
+    @cached_property
+    def readings(self) -> tuple[FloatArray, ...]:
+        """Readings (n, n_y) of the model in each piece."""
+        return simulated(self.problem, self.z)
+
+    @property
+    def residuals(self) -> list[FloatArray]:
+        """Measured minus modeled readings (n, n_y) of each piece."""
+        outputs = self.problem.layout.vehicle.outputs
+        pairs = zip(self.problem.pieces, self.readings, strict=True)
+        return [on_circle(piece.measured - y, outputs) for piece, y in pairs]
+
+    @cached_property
+    def measurement_noise(self) -> FloatArray:
+        """Covariance (n_y, n_y) of the measurement noise; NaN for a channel that was never measured."""
+        return noise_covariance(self.problem, self.residuals)
+
+    @property
+    def inflation(self) -> float:
+        """Factor by which the variance in the weights exceeds that of the residuals, for their correlation."""
+        return 1.0
+
+    @property
+    def predictor(self) -> FittedFilter | None:
+        """The filter with which other windows are predicted from sample to sample; None without process noise."""
+        return None
+
+    def reading_slopes(self, index: int) -> FloatArray | None:
+        """Return the derivatives (n, n_y, k) of the readings of a piece by the unknowns, per SI unit; None if unknown."""
+        return np.asarray(self.problem.slopes(self.z, index)[1] / self.problem.layout.scales)
+
+    def deviations(self, covariance: FloatArray) -> tuple[FloatArray, ...] | None:
+        """Return standard deviations (n, n_y) of the fitted readings of each piece, measurement noise included.
+
+        The `covariance` (k, k) of the unknowns, SI, is propagated linearly. NaN where a reading is not known; None where the
+        derivatives of the readings are not.
+        """
+        k, found = len(covariance), []
+        noise = np.nan_to_num(np.diag(self.measurement_noise))
+        for i, piece in enumerate(self.problem.pieces):
+            slopes = self.reading_slopes(i)
+            if slopes is None:
+                return None
+            own = slopes[:, :, :k]
+            with np.errstate(invalid="ignore", over="ignore"):
+                variance = np.einsum("nyj,jk,nyk->ny", own, covariance, own, optimize=True)
+                measured = noise * np.square(piece.relative_noise or 1.0)
+                found.append(np.sqrt(np.maximum(variance, 0.0) + measured))
+        return tuple(found)
+
+
+def simulated(problem: Misfit, z: FloatArray) -> tuple[FloatArray, ...]:
+    """Return the readings (n, n_y) of each piece, simulated from its start."""
+    return tuple(problem.outputs(z, i) for i in range(len(problem.pieces)))
+
+
+def simulation_inflation(estimate: Estimate) -> float:
+    """Return the median ratio of the variances in the weights to those of the residuals of the simulation."""
+    problem = estimate.problem
+    variance = noise_variance(problem, estimate.residuals)
+    return float(np.median(np.diag(problem.weights.covariance) / variance))
