@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from stoop.assessment.error_bars import ErrorBars
-    from stoop.estimate.fit import Fit
+    from stoop.estimate.estimate import Estimate
 
 #: name -> module with an ``EXPERIMENT``, one line of help; in the order in which ``all`` runs them
 EXPERIMENTS: Final[Mapping[str, tuple[str, str]]] = {
@@ -203,7 +203,9 @@ def or_none(values: FloatArray) -> list[float | None]:
     return [finite_or_none(v) for v in values]
 
 
-def errors_of(fit: Fit, truth: Mapping[str, float], bars: ErrorBars, **more: FloatArray) -> dict[str, Any]:
+def errors_of(
+    fit: Estimate, truth: Mapping[str, float], bars: ErrorBars, **more: FloatArray
+) -> dict[str, Any]:
     """Return the record of an identification: errors and standard errors of numbers whose truth is known.
 
     A standard error is None where a bound holds the parameter; ``more`` are further standard errors, in the order of the fit.
