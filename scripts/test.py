@@ -1,8 +1,9 @@
-"""Run every check of the project: ``python3 scripts/test.py [--environment DIR] [CHECK ...]``.
+"""Run the checks of the project: ``python3 scripts/test.py [--environment DIR] [CHECK ...]``.
 
 The environment is made if it is not there and stoop is installed into it from this folder, so Python 3.11 is
-all it needs. Without names all checks run; one that fails does not keep the others from running. ``quick`` runs ruff
-and the tests that take seconds, for while you work.
+all it needs. Without names the checks before a commit run, with the tests of the standard tier; one that fails does not
+keep the others from running. ``quick`` runs ruff and the tests that take seconds, for while you work; ``full`` the tests
+that the standard tier leaves out: campaigns and distributions at full power.
 """
 
 from __future__ import annotations
@@ -19,17 +20,27 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 OLDEST = (3, 11)
-PYTEST = ["pytest", "-q", "-n", "3", "--dist", "loadfile", "--no-loadscope-reorder"]
+
+
+def _tests(tier: str) -> list[str]:
+    """Return the command of a tier: three workers, because some wait, with some GB of kernels each; long files come first."""
+    workers = ["-n", "3", "--dist", "loadfile", "--no-loadscope-reorder"]
+    durations = ["--durations=10", f"--durations-file=.durations-{tier}.json"]
+    return ["pytest", "-q", *workers, "--tier", tier, *durations]
+
+
+#: name -> command of the environment; {scratch} is thrown away
 CHECKS = {
     "lint": ["ruff", "check", "."],
     "format": ["ruff", "format", "--check", "."],
     "types": ["mypy"],
     "layers": ["lint-imports"],
-    "tests": [*PYTEST, "--durations=10", "--durations-file={durations}"],
+    "tests": _tests("standard"),
     "docs": ["sphinx-build", "-q", "-W", "--keep-going", "docs", "{scratch}/site"],
-}  #: name -> command of the environment; {scratch} is thrown away
-QUICK = {"lint": CHECKS["lint"], "format": CHECKS["format"], "quick tests": [*PYTEST, "--quick"]}
-# Three files of tests at a time, for some wait; each takes several GB of compiled kernels. In order: the long ones come first.
+}
+QUICK = {"lint": CHECKS["lint"], "format": CHECKS["format"], "quick tests": _tests("quick")}
+FULL = {"full tests": _tests("full")}
+ALONE = {"quick": QUICK, "full": FULL}
 
 
 def main() -> int:
@@ -38,11 +49,9 @@ def main() -> int:
     folder = arguments.environment.resolve()
     install = _install(folder)
     with tempfile.TemporaryDirectory(prefix="stoop-checks-") as scratch:
-        chosen = (
-            QUICK if arguments.checks == ["quick"] else {n: CHECKS[n] for n in arguments.checks or CHECKS}
-        )
-        places = {"scratch": scratch, "durations": ROOT / ".durations.json"}
-        commands = {name: [w.format(**places) for w in words] for name, words in chosen.items()}
+        named = {n: CHECKS[n] for n in arguments.checks or CHECKS if n in CHECKS}
+        chosen = named or ALONE[arguments.checks[0]]
+        commands = {name: [w.format(scratch=scratch) for w in words] for name, words in chosen.items()}
         failed = ["install"] if not install else [n for n, c in commands.items() if not _run(n, c, folder)]
     print(f"\nfailed: {', '.join(failed)}" if failed else f"\nall passed: {', '.join(commands)}", flush=True)
     return 1 if failed else 0
@@ -51,15 +60,18 @@ def main() -> int:
 def _arguments() -> argparse.Namespace:
     if sys.version_info < OLDEST:
         sys.exit("stoop needs Python 3.11 or later; run this with python3.11")
-    parser = argparse.ArgumentParser(description="Run every check of the project.")
+    parser = argparse.ArgumentParser(description="Run the checks of the project.")
     parser.add_argument(
-        "checks", metavar="CHECK", nargs="*", help=f"quick, or some of {', '.join(CHECKS)} (default: all)"
+        "checks",
+        metavar="CHECK",
+        nargs="*",
+        help=f"quick, full, or some of {', '.join(CHECKS)} (default: these)",
     )
     parser.add_argument("--environment", metavar="DIR", type=Path, default=ROOT / ".venv-test")
     arguments = parser.parse_args()
-    unknown = set(arguments.checks) - set(CHECKS) if arguments.checks != ["quick"] else set()
+    unknown = set(arguments.checks) - set(CHECKS) if arguments.checks not in ([n] for n in ALONE) else set()
     if unknown:
-        parser.error(f"there is no check '{min(unknown)}'; choose quick, or from {', '.join(CHECKS)}")
+        parser.error(f"there is no check '{min(unknown)}'; choose quick, full, or from {', '.join(CHECKS)}")
     return arguments
 
 
@@ -77,17 +89,19 @@ def _run(name: str, command: Sequence[str], folder: Path) -> bool:
     programs = folder / ("Scripts" if os.name == "nt" else "bin")
     path = os.pathsep.join([str(programs), os.environ.get("PATH", "")])
     own = {
-        "STOOP_CACHE_DIR": str(folder / "kernels"),  # what another version compiled proves nothing
         "OPENBLAS_NUM_THREADS": "1",  # threads of three processes would wait for each other
         "STOOP_THREADS": "1",  # likewise
     }
+    inherited = {
+        n: v for n, v in os.environ.items() if n != "PYTHONDONTWRITEBYTECODE"
+    }  # each worker would rewrite all
     print(f"\n=== {name}: {' '.join(command)}", flush=True)
     began = time.monotonic()
     program = shutil.which(command[0], path=path) or command[0]
     code = subprocess.run(
         [program, *command[1:]],
         cwd=ROOT,
-        env={**os.environ, "PATH": path, **own},
+        env={**inherited, "PATH": path, **own},
         stdin=subprocess.DEVNULL,
         check=False,
     ).returncode

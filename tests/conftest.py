@@ -1,4 +1,4 @@
-"""Where the shared flights, check cases and certified problems lie, how long tests take, and which are quick."""
+"""Where the shared flights, check cases and certified problems lie, how long tests take, and which belong to which tier."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
+import tiers
 from hypothesis import HealthCheck, settings
 
 from stoop.base import notices
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
     from playwright.sync_api import Browser
 
 SHARED = Path(os.environ.get("STOOP_SHARED", Path(__file__).parents[2] / "shared"))
-LONG_TESTS = Path(__file__).parent / "long_tests.txt"  #: test and seconds; written by scripts/durations.py
 LONG_TEXT = 4000  #: characters
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 BROWSER_ARGUMENTS = [
@@ -30,7 +30,8 @@ BROWSER_ARGUMENTS = [
 # how fast a busy machine draws is no matter of the code
 settings.register_profile("stoop", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("stoop")
-seconds: Counter[str] = Counter()  #: test -> time of its call, set-up and clean-up
+seconds: Counter[str] = Counter()  #: test -> processor time, s, of its set-up, call and clean-up
+spent = 0.0  #: processor time, s, of this process and its children until the last report
 
 
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:  # started in the background of a script
@@ -82,10 +83,24 @@ def pytest_assertrepr_compare(op: str, left: object, right: object) -> list[str]
     return None
 
 
+def processor_time() -> float:
+    """Return the processor time of this process and of its children that have ended, s: a busy machine leaves it as it is."""
+    return sum(os.times()[:4])
+
+
+def pytest_runtest_logstart() -> None:
+    """Begin to count the processor time of a test."""
+    global spent
+    spent = processor_time()
+
+
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_makereport() -> Generator[None, pytest.TestReport, pytest.TestReport]:
-    """In CI a skipped test has failed: nobody would notice that it was not run."""
+    """Note the processor time. In CI a skipped test has failed: nobody would notice that it was not run."""
+    global spent
     report = yield
+    before, spent = spent, processor_time()
+    report.processor_time = spent - before
     if os.environ.get("CI") and report.skipped and not hasattr(report, "wasxfail"):
         report.outcome = "failed"
         report.longrepr = f"skipped in CI: {report.longrepr}"
@@ -105,26 +120,37 @@ def pytest_make_collect_report() -> Generator[None, pytest.CollectReport, pytest
 def pytest_addoption(parser: pytest.Parser) -> None:
     """Add the options of this project."""
     parser.addoption(
-        "--quick", action="store_true", help=f"leave out the tests of {LONG_TESTS.name} and slow ones"
-    )
+        "--tier", choices=tiers.CHOICES, default="all", help="quick: what takes seconds, as tests/long_tests.txt says; "
+        "standard: what protects correctness; full: campaigns and distributions, as tests/tiers.txt says (default: all)",
+    )  # fmt: skip
     parser.addoption("--screenshots", metavar="DIR", help="keep pictures of the app, at 1280 and 420 px")
     parser.addoption(
-        "--durations-file", metavar="FILE", help="write how many seconds each test took, as JSON"
+        "--durations-file", metavar="FILE", help="write the processor time of each test, s, as JSON"
     )
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """With --quick, leave long tests out."""
-    if config.getoption("--quick"):
-        long = {line.split()[1] for line in LONG_TESTS.read_text("utf-8").splitlines() if line[:1].isdigit()}
-        left_out = [i for i in items if i.nodeid.partition("[")[0] in long or i.get_closest_marker("slow")]
-        config.hook.pytest_deselected(items=left_out)
-        items[:] = [i for i in items if i not in left_out]
+    """Mark the tests of the full tier; leave out those of other tiers than the chosen one; in workers, begin with long files."""
+    chosen = config.getoption("--tier")
+    long = tiers.listed(tiers.LONG)
+    tests = [i.nodeid for i in items]
+    tier = tiers.listed(tiers.TIERS)
+    found = config.stash[tiers.COLLECTED] = {test: tiers.tier_of(test, tier, long) for test in tests}
+    for item in items:
+        if found[item.nodeid] == "full":
+            item.add_marker(pytest.mark.full)
+        elif item.get_closest_marker("slow"):
+            found[item.nodeid] = "standard"
+    config.hook.pytest_deselected(items=[i for i in items if not tiers.runs(chosen, found[i.nodeid])])
+    items[:] = [i for i in items if tiers.runs(chosen, found[i.nodeid])]
+    if hasattr(config, "workerinput"):  # of xdist: a long file that begins last would keep one worker alone
+        total = tiers.seconds_of_files((i.nodeid for i in items), long)
+        items.sort(key=lambda i: -total[i.nodeid.partition("::")[0]])
 
 
 def pytest_runtest_logreport(report: pytest.TestReport) -> None:
-    """Add up the time of a test."""
-    seconds[report.nodeid] += report.duration
+    """Add up the time of a test; workers of xdist send theirs with the report."""
+    seconds[report.nodeid] += getattr(report, "processor_time", 0.0)
 
 
 def pytest_sessionfinish(session: pytest.Session) -> None:

@@ -35,8 +35,10 @@ _LATER = (
     "imu_alignment", "inertia",
 )  # fmt: skip
 _NO_ROWS = ("name", "notes", "loadings", "sigma", "estimate_biases", "voltage_average")  #: of the kernel
-_EQUATION_SOURCES = (  #: beside all of symbolic/
+#: beside all of symbolic/
+_EQUATION_SOURCES = (
     "vehicle.py", "terms.py", "atmosphere.py", "schema.py", "defaults.py", "notation.py",
+    "../base/atmosphere.py", "../base/numbers.py", "../base/units.py", "../base/variables.py",
 )  # fmt: skip
 
 

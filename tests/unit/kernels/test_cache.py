@@ -464,18 +464,25 @@ def test_the_key_holds_the_version_of_sympy() -> None:
     assert sympy.__version__ in environment().values()
 
 
+def imports(path: Path) -> set[str]:
+    """Return the modules of stoop that a file imports."""
+    found = [n for n in ast.walk(ast.parse(path.read_text())) if isinstance(n, ast.ImportFrom)]
+    names = {n.module or "" for n in found}
+    return names | {f"{n.module}.{a.name}" for n in found for a in n.names if n.module == "stoop.vehicle"}
+
+
 def test_every_module_behind_the_equations_enters_the_key() -> None:
     from stoop import vehicle as room
     from stoop.vehicle.vehicle import _EQUATION_SOURCES
 
     here = Path(room.__file__).parent
     sources = [*(here / "symbolic").glob("*.py"), *(here / name for name in _EQUATION_SOURCES)]
-    lines = [line for p in sources for line in ast.walk(ast.parse(p.read_text()))]
-    modules = [n.module or "" for n in lines if isinstance(n, ast.ImportFrom)]
-    modules += [f"stoop.vehicle.{a.name}" for n in lines if isinstance(n, ast.ImportFrom)
-                for a in n.names if n.module == "stoop.vehicle"]  # fmt: skip
-    named = {m.removeprefix("stoop.vehicle.") for m in modules if m.startswith("stoop.vehicle.")}
-    assert {f"{m}.py" for m in named if "symbolic" not in m} == set(_EQUATION_SOURCES)
+    behind = {name for path in sources for name in imports(path)}
+    equations = {m.removeprefix("stoop.vehicle.") for m in behind if m.startswith("stoop.vehicle.")}
+    texts = {"stoop.base.arrays", "stoop.base.text", "stoop.base.html"}  # types, messages, tables to print
+    numbers = {m.removeprefix("stoop.base.") for m in behind - texts if m.startswith("stoop.base.")}
+    expected = {f"{m}.py" for m in equations if "symbolic" not in m} | {f"../base/{m}.py" for m in numbers}
+    assert expected == set(_EQUATION_SOURCES)
 
 
 def test_where_the_cache_lies(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
