@@ -195,11 +195,12 @@ class Optimum:
     """The end of a search, linearized."""
 
     problem: Problem  #: weights as in the last fit, priors included; nuisances behind the parameters
-    box: tuple[float, float]  #: in which the parameters stay, in units of the vector
     z: FloatArray  #: (D + E,); the optimum in the problem's own units
     free: IntArray  #: (f,) int; entries that no bound holds; the others stay where they are
     residual: FloatArray  #: (n_r,); weighted residuals there, those of the priors last
     jacobian: FloatArray  #: (n_r, f)
+    #: in which the parameters stay, in units of the vector
+    box: tuple[float, float] = (0.0, 1.0)
 
     @property
     def rung(self) -> int:
@@ -231,18 +232,19 @@ class Optimum:
         return Z
 
 
-def linearize(problem: RefitProblem, z: FloatArray, free: IntArray) -> Optimum:
+def linearize(problem: Problem, z: FloatArray, free: IntArray) -> Optimum:
     """Return the optimum with its residuals and their derivatives."""
     rung = len(problem.prices) - 1
     residual = problem.residuals(z[None, :], rung)[0]
     jacobian, _ = problem.jacobian(z, rung, residual)
-    return Optimum(problem, problem.box, z, free, residual, np.ascontiguousarray(jacobian[:, free]))
+    return Optimum(problem, z, free, residual, np.ascontiguousarray(jacobian[:, free]))
 
 
 def unpacked_optimum(text: str) -> tuple[RefitProblem, Optimum, dict[str, Any]]:
     """Return a packed problem, its optimum, and all arrays."""
     problem, arrays = unpack(text)
-    return problem, linearize(problem, arrays["z"], arrays["free"].astype(np.intp)), arrays
+    optimum = linearize(problem, arrays["z"], arrays["free"].astype(np.intp))
+    return problem, replace(optimum, box=problem.box), arrays
 
 
 @dataclass(frozen=True, eq=False)

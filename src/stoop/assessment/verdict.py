@@ -73,9 +73,6 @@ JUDGED: Final = REFUSING | {
     "at-bound",
     "not-identifiable",
 }
-#: notices of fits whose fitted curves show no more than the filter: the model alone without the gusts that it found, or
-#: predictions from sample to sample
-FILTERED: Final = frozenset({"filter-error", "filter-predicts"})
 CONFIRMED: Final = frozenset({"converged", "target"})  #: a search that ended so has found its optimum
 #: coefficient -> axis, its rate, the flow angle that makes it stable
 MOMENTS: Final = {"Cl": ("roll", "p", "beta"), "Cm": ("pitch", "q", "alpha"), "Cn": ("yaw", "r", "beta")}
@@ -313,7 +310,7 @@ def _judged(result: Result, use: Use, sizes: Mapping[str, float]) -> Use:
     judging = {c: own for c, own in _judging(result).items() if c in use.channels}
     if lost := _lost(judging):
         against.append(notice("verdict-channels", use.name, channels=lost))
-    elif use.channels and not judging and not _filtered(result):
+    elif use.channels and not judging and not result.process_noise.filtered:
         against.append(notice("verdict-still", use.name, channels=use.channels))
     return replace(use, justified=not against, against=tuple(against))
 
@@ -346,14 +343,15 @@ def _moving(maneuvers: Iterable[ManeuverResult]) -> dict[str, list[GoodnessOfFit
     return found
 
 
-def _filtered(result: Result) -> bool:
-    return any(found.code in FILTERED for found in result.notices)
-
-
 def _by_role(result: Result) -> tuple[dict[str, list[GoodnessOfFit]], dict[str, list[GoodnessOfFit]]]:
-    """Return what judges by channel, of maneuvers held back and of those fitted; none of a filter's, see `FILTERED`."""
+    """Return what judges by channel, of maneuvers held back and of those fitted; none of a filter's.
+
+    Fitted curves of a filter show the model alone without the gusts that it found, or predictions from sample to sample.
+    """
     held_back = _moving(m for m in result.maneuvers if m.role == "validation")
-    return held_back, {} if _filtered(result) else _moving(m for m in result.maneuvers if m.role == "fit")
+    return held_back, {} if result.process_noise.filtered else _moving(
+        m for m in result.maneuvers if m.role == "fit"
+    )
 
 
 def _judging(result: Result) -> dict[str, list[GoodnessOfFit]]:
@@ -418,9 +416,10 @@ def _doubts(result: Result) -> list[Notice]:
         found.append(notice("verdict-warnings", codes=tuple(dict.fromkeys(others)), count=len(others)))
     compared, scatter = _compared(result)
     if binom.sf(scatter - 1, compared, SCATTER_LEVEL) < LIMITS.chance:
-        values = result.repeatability.summary().values
-        shown = {name: values[name] for name in ("compared", "scatter", "by_chance", "ratio")}
-        found.append(Notice("verdict-scatter", "warning", values=shown))
+        expected, ratio = SCATTER_LEVEL * compared, result.repeatability.scatter_ratio
+        found.append(
+            notice("verdict-scatter", compared=compared, scatter=scatter, by_chance=expected, ratio=ratio)
+        )
     return found
 
 

@@ -23,6 +23,7 @@ from stoop.estimate.response import Responses
 from stoop.problem import Misfit, on_circle
 from stoop.problem.evidence import Evidence, Unknown, unknowns_of
 from stoop.problem.prepare import Prepared
+from stoop.results.result import ProcessNoise
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,6 +99,16 @@ class Estimate(ABC):
     def inflation(self) -> float:
         """Factor by which the variance in the weights exceeds that of the residuals, for their correlation."""
         return 1.0
+
+    @property
+    def process_noise(self) -> ProcessNoise:
+        """Process noise and gain of the filter, if there is one."""
+        return ProcessNoise()
+
+    @property
+    def innovation_correlation(self) -> float:
+        """Correlation of the innovations of neighboring samples; NaN without a filter."""
+        return np.nan
 
     @property
     def predictor(self) -> FittedFilter | None:

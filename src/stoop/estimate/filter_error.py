@@ -50,7 +50,7 @@ from stoop.problem import Misfit
 from stoop.problem.evidence import Evidence, PieceEvidence, Unknown, unknowns_of
 from stoop.problem.prepare import Prepared
 from stoop.problem.windows import Window
-from stoop.results.result import NoiseCovariance
+from stoop.results.result import ProcessNoise
 from stoop.simulation import parameter_rows
 from stoop.simulation.delays import output_delays
 from stoop.vehicle import Vehicle
@@ -216,6 +216,19 @@ class FilterEstimate(Estimate):
         variances = self.likelihood.noise.variances(self._tail[None, :])[0]
         return np.diag(np.where(np.isfinite(variances), variances, np.nan))
 
+    @property
+    def process_noise(self) -> ProcessNoise:
+        """Process noise and gain of the filter."""
+        noise = self.likelihood.noise
+        intensities = tuple(float(np.exp(x)) for x in self._tail[: len(noise.disturbed)])
+        return ProcessNoise(self.likelihood.gain.name, noise.disturbed, intensities, noise.stated or 0.0)
+
+    @property
+    def innovation_correlation(self) -> float:
+        """Correlation of the innovations of neighboring samples, the mean of all pieces."""
+        white = [piece.white for piece in self.score.pieces]
+        return float(np.mean([float(np.mean(v[1:] * v[:-1]) / np.mean(v**2)) for v in white]))
+
     @cached_property
     def predictor(self) -> FittedFilter:
         """The filter with gain and noise of the estimate."""
@@ -327,21 +340,6 @@ def _missing(recorded: Misfit, problem: Misfit) -> list[Notice]:
     )
 
 
-def filter_of_result(
-    method: str, vehicle: Vehicle, noise: NoiseCovariance, notices: Sequence[Notice]
-) -> FittedFilter | None:
-    """Return the filter of a result, with its vehicle at the estimates; None for a method without one."""
-    fitter = methods.find(method).fitter()
-    if not isinstance(fitter, FilterError):
-        return None
-    variances = np.diag(noise.matrix)
-    known = Noise(vehicle, np.sqrt(variances), variances, fitter.stated)
-    found = next((n.values for n in notices if n.code == "process-noise"), {})
-    if found.get("states", ()) != known.disturbed:
-        return None
-    return FittedFilter(fitter.gain, known, np.log(np.array(found.get("intensities", ()), dtype=np.float64)))
-
-
 def _fit(
     problem: Misfit,
     prepared: Prepared,
@@ -353,23 +351,11 @@ def _fit(
 
     Its notices are how to read the estimates, what noise was found, and whether starts led to different maxima.
     """
-    likelihood, status, noise = best.likelihood, best.status, best.likelihood.noise
-    z, tail = best.z[: likelihood.known], best.z[likelihood.known :]
-    iterations, runs = stages.spent
-    at = likelihood.score(best.z)
-    correlations = [float(np.mean(p.white[1:] * p.white[:-1]) / np.mean(p.white**2)) for p in at.pieces]
+    likelihood, status = best.likelihood, best.status
+    z, (iterations, runs) = best.z[: likelihood.known], stages.spent
     growth = largest_growth(problem, z)
     unstable = notice("filter-predicts", factor=growth.factor, seconds=growth.seconds, rate=growth.rate)
-    notices = [
-        unstable if growth.excessive else notice("filter-error"),
-        notice("innovation-correlation", correlation=float(np.mean(correlations))),
-    ]
-    if noise.disturbed:
-        intensities = tuple(float(np.exp(x)) for x in tail[: len(noise.disturbed)])
-        notices.append(notice("process-noise", states=noise.disturbed, intensities=intensities))
-    if len(costs) > 1 and not 0.5 * (costs[1] - costs[0]) < TOLERANCES.agreement:
-        notices.append(notice("starts-disagree"))
-    return FilterEstimate(
+    found = FilterEstimate(
         problem,
         prepared,
         z,
@@ -386,12 +372,22 @@ def _fit(
         ),
         best.cost,
         runs,
-        tuple(notices),
+        (),
         likelihood,
         best.z,
         growth.excessive,
-        at,
+        likelihood.score(best.z),
     )
+    process = found.process_noise
+    notices = [
+        unstable if growth.excessive else notice("filter-error"),
+        notice("innovation-correlation", correlation=found.innovation_correlation),
+    ]
+    if process.states:
+        notices.append(notice("process-noise", states=process.states, intensities=process.intensities))
+    if len(costs) > 1 and not 0.5 * (costs[1] - costs[0]) < TOLERANCES.agreement:
+        notices.append(notice("starts-disagree"))
+    return replace(found, notices=tuple(notices))
 
 
 steady = FilterError(Steady())

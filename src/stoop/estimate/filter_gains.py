@@ -18,7 +18,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Final
+from typing import ClassVar, Final, Literal
 
 import numpy as np
 
@@ -139,6 +139,7 @@ class Plan:
 class Gain(ABC):
     """How a gain is found; points of linearization are `spacing` s apart."""
 
+    name: ClassVar[Literal["steady", "varying"]]
     spacing: float
 
     def plan(self, piece: Piece) -> Plan:
@@ -164,6 +165,7 @@ class Steady(Gain):
     covariance a channel informs by its share of samples.
     """
 
+    name: ClassVar = "steady"
     spacing: float = np.inf
 
     def gains(
@@ -194,6 +196,7 @@ class Varying(Gain):
     exactly.
     """
 
+    name: ClassVar = "varying"
     spacing: float = 0.2
 
     def gains(
@@ -208,6 +211,10 @@ class Varying(Gain):
         ]
         samples = np.arange(len(measured), dtype=np.int64)
         return Gains(np.stack([K for K, _ in found], axis=2), np.array([S for _, S in found]), samples)
+
+
+#: by name in a result
+GAINS: Final[dict[str, Gain]] = {gain.name: gain for gain in (Steady(), Varying())}
 
 
 def steady_covariance(

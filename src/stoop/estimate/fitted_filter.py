@@ -22,10 +22,11 @@ import numpy as np
 
 from stoop import optimize
 from stoop.base.arrays import FloatArray
-from stoop.estimate.filter_gains import Gain, Noise
+from stoop.estimate.filter_gains import GAINS, Gain, Noise
 from stoop.estimate.filter_likelihood import FrozenFilter, Likelihood, run_filter
 from stoop.estimate.linearization import linearized, measured_points, undelayed
 from stoop.problem import Layout, Misfit, Nuisance, Piece
+from stoop.results.result import NoiseCovariance, ProcessNoise
 from stoop.simulation import parameter_rows
 from stoop.vehicle import Vehicle
 from stoop.vehicle.vehicle import GUST_STATES
@@ -67,6 +68,17 @@ class FittedFilter:
     gain: Gain
     noise: Noise
     tail: FloatArray
+
+    @classmethod
+    def of_result(
+        cls, vehicle: Vehicle, noise: NoiseCovariance, process: ProcessNoise
+    ) -> FittedFilter | None:
+        """Return the filter of a result, with its vehicle at the estimates; None where the result names none."""
+        variances = np.diag(noise.matrix)
+        known = Noise(vehicle, np.sqrt(variances), variances, process.share or None)
+        if not process.filtered or process.states != known.disturbed:
+            return None
+        return cls(GAINS[process.gain], known, np.log(np.array(process.intensities, dtype=np.float64)))
 
     def _known(self, vehicle: Vehicle) -> tuple[Noise, FloatArray]:
         """Return the noise with its variances given, for a vehicle at its estimates, and what is left of the tail."""

@@ -137,12 +137,10 @@ def with_turbulence(vehicle: Vehicle) -> Vehicle:
 
 def unexplained(fit: Estimate, method: str, instead: str) -> tuple[Notice, ...]:
     """Return why gusts do not explain the residuals of a filter-error fit, if they do not; an interrupted fit may go on."""
-    found = next(n.values["correlation"] for n in fit.notices if n.code == "innovation-correlation")
-    correlation = found if isinstance(found, float) else np.nan
     if fit.outcome.status == "interrupted":
         return ()
     if fit.outcome.status != "converged":
         return (notice("gusts-no-optimum", method=instead, other=method),)
-    if abs(correlation) < LIMITS.correlation:
+    if abs(correlation := fit.innovation_correlation) < LIMITS.correlation:
         return ()
     return (notice("gusts-not-explained", correlation=correlation, method=instead, other=method),)

@@ -76,6 +76,24 @@ class NoiseCovariance:
 
 
 @dataclass(frozen=True)
+class ProcessNoise:
+    """White accelerations with which a filter disturbs the model, beside the gusts of the vehicle file."""
+
+    #: gain of the filter, see :mod:`stoop.estimate.filter_gains`; ``"none"`` of a method without a filter
+    gain: Literal["none", "steady", "varying"] = "none"
+    #: disturbed states, and the intensity of each per root second (m/s, rad/s)
+    states: tuple[str, ...] = ()
+    intensities: tuple[float, ...] = ()
+    #: of the usual intensities where they are stated and not estimated, else 0
+    share: float = 0.0
+
+    @property
+    def filtered(self) -> bool:
+        """Whether a filter corrects the model with each measurement."""
+        return self.gain != "none"
+
+
+@dataclass(frozen=True)
 class Quantity:
     """A number with its standard error (NaN when it was not estimated) and unit."""
 
@@ -288,6 +306,9 @@ class Result:
         default_factory=ExtensionTests
     )  #: what the data ask for beside the model
     verdict: Verdict = field(default_factory=Verdict)  #: whether to use the model, for what, and why
+    process_noise: ProcessNoise = ProcessNoise()
+    #: between innovations of neighboring samples, 0 for a right model; NaN of a method without a filter
+    innovation_correlation: float = NAN
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -422,10 +443,23 @@ def from_json(text: str, where: str = "result") -> Result:
     try:
         if "notices" not in document:  # written before notices had codes
             document["notices"] = [as_notice(str(one)).to_dict() for one in document.get("warnings", ())]
+        if "process_noise" not in document:  # written when only a notice held it
+            document["process_noise"] = _process_noise(document)
         return cast("Result", _decode(Result, document))
     except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
         what = f"lacks the key {error}" if isinstance(error, KeyError) else f"is malformed ({error})"
         raise StoopError(f"{where}: {what}; write it again with stoop identify") from error
+
+
+def _process_noise(document: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the process noise of a document that names the filter by its method and the intensities in a notice."""
+    filters: dict[str, dict[str, Any]] = {
+        "filter-error": {"gain": "steady"},
+        "filter-error-ekf": {"gain": "varying"},
+        "stabilized-output-error": {"gain": "steady", "share": 0.01},
+    }
+    found = [one["values"] for one in document["notices"] if one.get("code") == "process-noise"]
+    return {**filters.get(document.get("method", ""), {}), **(found[0] if found else {})}
 
 
 def read_result(path: Path) -> Result:

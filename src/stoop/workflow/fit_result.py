@@ -94,6 +94,8 @@ def identification(
         versions=versions(),
         inputs=inputs,
         method=options.method,
+        process_noise=fit.process_noise,
+        innovation_correlation=fit.innovation_correlation,
     )
     failed = [*checked.failed]  # of detectors
     found = attempt(failed, (), modes, fit, result.covariance.names, result.covariance.matrix)

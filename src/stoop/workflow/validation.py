@@ -12,7 +12,7 @@ from stoop.base.files import make_folder, write_files
 from stoop.base.notices import Notice, as_notice, notice, of_severity
 from stoop.checks.vehicle import require_channels
 from stoop.errors import FlightError, StoopError
-from stoop.estimate.filter_error import filter_of_result
+from stoop.estimate.fitted_filter import FittedFilter
 from stoop.estimate.initial_state import FittedModel
 from stoop.estimate.predict import predict
 from stoop.flight import Flight, without, without_faults
@@ -88,7 +88,7 @@ def validate(
     vehicle = identified.vehicle
     of = identified.result
     floors = {c: one.noise for m in of.maneuvers if m.role == "fit" for c, one in m.channels.items()}
-    found_by = filter_of_result(of.method, vehicle, of.noise_covariance, of.notices)
+    found_by = FittedFilter.of_result(vehicle, of.noise_covariance, of.process_noise)
     model = FittedModel(vehicle, of.covariance, of.noise_covariance, found_by)
     for flight in flights:
         require_channels(vehicle, flight, f"which result {source} is")

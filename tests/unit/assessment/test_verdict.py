@@ -20,6 +20,7 @@ from stoop.results.result import (
     ManeuverResult,
     NoiseCovariance,
     ParameterEstimate,
+    ProcessNoise,
     Result,
     Whiteness,
     from_json,
@@ -319,7 +320,7 @@ def test_a_model_whose_channels_nothing_moves_is_not_justified() -> None:
 def test_curves_without_the_gusts_that_a_filter_found_judge_nothing() -> None:
     fitted = (maneuver(0.0, "fit", p=LOST, V=LOST), maneuver(5.0, "fit", p=LOST, V=LOST))
     assert verdict(result(maneuvers=fitted), USES).grade == "do not use"
-    gusty = verdict(result(maneuvers=fitted, notices=(notice("filter-error"),)), USES)
+    gusty = verdict(result(maneuvers=fitted, process_noise=ProcessNoise("steady")), USES)
     assert gusty.grade == "usable"
     assert set(gusty.justified) == {use.name for use in USES}
 

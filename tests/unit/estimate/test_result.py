@@ -16,6 +16,7 @@ from hypothesis.extra import numpy as hnp
 from stoop.base.files import write_bytes_atomic, write_text_atomic
 from stoop.base.notices import as_notice, notice
 from stoop.errors import OutputError, StoopError
+from stoop.estimate.filter_gains import STATED
 from stoop.results.modes import ConditionModes, DerivedValue, MeasuredMode, ModeEstimate, StateEquations
 from stoop.results.result import (
     SCHEMA,
@@ -25,6 +26,7 @@ from stoop.results.result import (
     ManeuverResult,
     NoiseCovariance,
     ParameterEstimate,
+    ProcessNoise,
     Quantity,
     Result,
     SensorBiases,
@@ -147,6 +149,22 @@ def test_null_bounds_are_unbounded() -> None:
     again = from_json(to_json(minimal())).parameters["CLalpha"]
     assert (again.bound_lower, again.bound_upper) == (-math.inf, math.inf)
     assert math.isnan(again.prior_std)
+
+
+@pytest.mark.parametrize(
+    ("method", "noise"),
+    [
+        ("filter-error-ekf", ProcessNoise("varying", ("w", "q"), (0.3, 0.1))),
+        ("stabilized-output-error", ProcessNoise("steady", share=STATED)),
+        ("output-error", ProcessNoise()),
+    ],
+)
+def test_the_process_noise_of_an_older_file_is_that_of_its_notice(method: str, noise: ProcessNoise) -> None:
+    found = notice("process-noise", states=noise.states, intensities=noise.intensities)
+    of_data = notice("filter-error")
+    document = json.loads(to_json(minimal(method=method, notices=(of_data, found)[: 1 + bool(noise.states)])))
+    assert document.pop("process_noise")["gain"] == "none"
+    assert from_json(json.dumps(document)).process_noise == noise
 
 
 def test_a_file_of_an_older_version_is_read() -> None:

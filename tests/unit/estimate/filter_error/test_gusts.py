@@ -8,7 +8,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from stoop.base.notices import notice
 from stoop.base.units import KNOT
 from stoop.errors import IdentificationError
 from stoop.estimate import methods
@@ -145,7 +144,7 @@ def test_a_table_of_the_file_is_kept_and_a_reduced_model_has_its_own_axes(gusty)
 def test_white_innovations_of_a_converged_fit_are_asked_for(status, correlation, codes):
     fit = SimpleNamespace(
         outcome=SimpleNamespace(status=status),
-        notices=(notice("innovation-correlation", correlation=correlation),),
+        innovation_correlation=correlation,
     )
     assert [n.code for n in unexplained(fit, "filter-error", "output-error")] == codes
 

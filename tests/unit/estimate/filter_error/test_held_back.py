@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from stoop.estimate.filter_error import filter_of_result
 from stoop.estimate.fit import Options
+from stoop.estimate.fitted_filter import FittedFilter
 from stoop.estimate.initial_state import FittedModel
 from stoop.estimate.predict import predict
 from stoop.flight import Flight
 from stoop.problem.prepare import prepare
 from stoop.problem.windows import Window
-from stoop.results.result import Covariance, NoiseCovariance, Result, from_json, to_json
+from stoop.results.result import Covariance, NoiseCovariance, ProcessNoise, Result, from_json, to_json
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle import Vehicle
@@ -42,7 +42,10 @@ def model(vehicle: Vehicle) -> FittedModel:
         vehicle.outputs, np.diag([getattr(vehicle.file.sensors, c).sigma ** 2 for c in vehicle.outputs])
     )
     return FittedModel(
-        vehicle, Covariance((), np.empty((0, 0))), noise, filter_of_result("filter-error", vehicle, noise, ())
+        vehicle,
+        Covariance((), np.empty((0, 0))),
+        noise,
+        FittedFilter.of_result(vehicle, noise, ProcessNoise("steady")),
     )
 
 
