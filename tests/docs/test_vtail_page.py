@@ -14,9 +14,11 @@ from docs.by_defaults import apart, check_rows, estimate, in_the_units_of, stati
 from docs.pages import DOCS, ROOT, blocks, commands, run_python, table
 from stoop.assessment.uncertainty import agreement
 from stoop.cli.main import main
+from stoop.cli.summary import show_fit
 from stoop.flight import load
 from stoop.report.propagation import rests_on_prior
 from stoop.results.result import Result, read_result
+from stoop.results.verdict import grouped
 from stoop.vehicle.builtin import resolve_vehicle
 
 PAGE = DOCS / "vtail.md"
@@ -51,6 +53,24 @@ def test_the_readme_asks_for_the_same_windows() -> None:
 def test_outputs_of_the_readme(workplace: Path) -> None:
     written = set(table(ROOT / "README.md", "A real flight", "file").column("file"))
     assert written == {p.name for p in (workplace / "result").iterdir()}
+
+
+def test_what_identify_prints_fits_a_screen(
+    workplace: Path, result: Result, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The verdict first; all of the 48 parameters; the window held back; where the report is."""
+    show_fit(result, (), workplace / "result", verbose=False)
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) <= 45
+    assert lines[0] == f"verdict: {result.verdict.headline}"
+    words = set(" ".join(lines).replace(",", " ").split())
+    assert set(result.parameters) <= words
+    assert any(line.startswith("- flight2 187:196: better than a first-order lag in") for line in lines)
+    assert lines[-1] == f"report: {workplace / 'result' / 'report.html'}"
+    show_fit(result, (), workplace / "result", verbose=True)
+    whole = capsys.readouterr().out
+    assert all(str(one) in whole for one in (*result.warnings, *result.basis, *result.trust))
+    assert all(str(one) in whole for one in grouped(result.verdict.reasons))
 
 
 def test_figures(result: Result) -> None:
@@ -120,7 +140,7 @@ def test_wind_and_pitot(
 ) -> None:
     text = " ".join(PAGE.read_text(encoding="utf-8").split())
     monkeypatch.chdir(workplace)
-    assert main(["info", "flight2"]) == 0
+    assert main(["info", "flight2", "--verbose"]) == 0
     whole, fitted = capsys.readouterr().out, " ".join(str(note) for w in result.wind for note in w.notes)
     (wind, low), found = air(whole), air(fitted)
     assert f"a steady wind of {wind} m/s from 68 degrees" in text

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from stoop.cli import options
-from stoop.cli.page import page
 from stoop.cli.progress import INTERRUPTED, Watch
+from stoop.cli.summary import show_fit
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -83,6 +83,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--resume", action="store_true", help="continue the unfinished search in DIR")
     state = "keep the latest state of the search in this file (JSON: cost, parameters, curves), for other programs"
     add("--progress", metavar="FILE", type=Path, help=state)
+    options.add_verbose(parser, "all estimates with intervals, figures of every channel, warnings and notes")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -131,7 +132,7 @@ def run(arguments: argparse.Namespace) -> int:
             job = _assess(job, assessments, arguments, watch)
         if not (assessments and stopped):
             checkpoint.forget(job.fit.outcome)
-    show(job, arguments.output)
+    show_fit(job.result, job.forces, arguments.output, arguments.verbose)
     return INTERRUPTED if stopped else 0
 
 
@@ -234,42 +235,3 @@ def _assess(job: Job, assessments: Sequence[Assessment], arguments: argparse.Nam
     for store in stores:
         forget(store)
     return job
-
-
-def show(job: Job, folder: Path) -> None:
-    """Print what was found and where it lies."""
-    from stoop.results.verdict import grouped
-    from stoop.workflow import summary
-
-    result, out = job.result, page()
-    out.heading("estimates")
-    out.text(summary.estimates_table(result))
-    if len(result.uncertainty) > len(summary.BASIC_METHODS):
-        out.heading("standard errors by method")
-        out.text(summary.methods_table(result))
-        out.bullets(f"{name}: {note}" for name, m in result.uncertainty.items() for note in m.notes)
-    out.bullets(result.trust, "which error bars to trust")
-    advice = summary.advice_by_doubt(result.identifiability.parameters)
-    if advice:
-        out.heading("what would make the doubtful parameters identifiable")
-    for doubt, advised in advice.items():
-        out.line(f"{doubt}:")
-        out.bullets(advised)
-    out.heading("fit and prediction")
-    out.text(summary.figures_table(result.maneuvers))
-    if job.forces:
-        out.heading("specific force below 5 Hz, from the measured motion: rms residual, m/s2")
-        out.text(summary.forces_table(job.forces))
-    repeated = summary.repeatability_lines(result.repeatability)
-    out.bullets(repeated, "repeatability: each maneuver fitted alone")
-    if result.wind:
-        out.heading("wind and pitot")
-        out.bullets(note for wind in result.wind for note in wind.notes)
-    out.bullets(result.warnings, "warnings")
-    out.bullets(result.basis, "what the figures rest on")
-    out.line()
-    ended = f"{result.status}: {result.advice}" if result.advice else result.status
-    out.line(f"{ended} ({result.trajectories:.0f} trajectories, {result.seconds:.1f} s)")
-    out.line(f"report: {folder / 'report.html'}")
-    out.heading(f"verdict: {result.verdict.headline}")
-    out.bullets([*grouped(result.verdict.reasons), *result.verdict.advice])

@@ -11,12 +11,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stoop.base.files import check_target, write_bytes_atomic
+from stoop.base.notices import of_severity
+from stoop.base.numbers import count
 from stoop.base.text import show
 from stoop.cli import options
-from stoop.cli.page import alike, busy, fixed, numbers, page, points, shown_unit, to_json, words
+from stoop.cli.page import Page, alike, busy, fixed, numbers, page, points, shown_unit, to_json, words
 
 if TYPE_CHECKING:
     from stoop.flight import FlightSummary
+    from stoop.flight.maneuvers import ChannelRow
     from stoop.input_design.overview import Overview
     from stoop.input_design.windows import Found
 
@@ -33,6 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     saved = "also write the flight as it was read (one grid, SI, body axes), for other verbs and tools"
     parser.add_argument("--save", metavar="FLIGHT.nc", type=Path, help=saved)
+    options.add_verbose(parser, "the range of every channel, all notes, and what no mapping names")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -42,7 +46,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.save is not None:
         check_target(arguments.save, overwrite=False)
     seen = _overview(arguments)
-    summary, found, why = seen.summary, seen.found, seen.why
+    summary, found = seen.summary, seen.found
     if arguments.output is not None:
         _write_page(arguments, seen)
     if arguments.save is not None:
@@ -52,66 +56,100 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.json:
         show(to_json(info_document(summary, found)))
         return 0
-    flight, out = summary.flight, page()
+    _show(arguments, seen)
+    return 0
+
+
+def _show(arguments: argparse.Namespace, seen: Overview) -> None:
+    """Print what the flight is good for, then where its channels come from; all that is known of it with --verbose."""
+    summary, out = seen.summary, page()
+    flight, faults = summary.flight, [fault.notice for fault in summary.flight.faults]
     if arguments.output is not None:
         out.line(f"wrote {arguments.output}")
     start, stop = float(flight.time[0]), float(flight.time[-1])
     out.line(str(arguments.flight))
     span = f"{start:.2f} to {stop:.2f} s on the log's own clock ({stop - start:.2f} s)"
     out.line(f"{span}, {flight.rate:g} Hz grid")
+    out.bullets(faults or ["none found"], "Suspected faults")
+    out.heading("Candidate maneuvers")
+    if seen.found.windows:
+        _show_candidates(out, arguments, seen.found)
+    else:
+        out.bullets([f"none found: {seen.why}"])
     full = [row for row in summary.rows if row.missing < 1.0]
-    if full:
-        out.heading("Sources")
-        alike_recorded: dict[tuple[str, float, int, float], list[str]] = {}
-        for row in full:
-            key = (row.source, row.rate, row.gaps, row.longest_gap)
-            alike_recorded.setdefault(key, []).append(row.variable)
-        sources, rates, gaps, longest = zip(*alike_recorded, strict=True)
-        names = [" ".join(group) for group in alike_recorded.values()]
-        out.table(
-            words("source", sources), fixed("Hz", rates, 1), fixed("gaps", gaps, 0), fixed("longest s", longest, 3),
-            words("channels", names, wraps=True),
-        )  # fmt: skip
-        out.heading("Channels")
-        low, middle, high = zip(*(alike((r.minimum, r.median, r.maximum)) for r in full), strict=True)
-        out.table(
-            words("", [row.variable for row in full]),
-            words("unit", [shown_unit(row.unit) for row in full]),
-            points("lowest", low),
-            points("median", middle),
-            points("highest", high),
-            words("missing", [_percent(row.missing) for row in full]),
-            words("meaning", [row.meaning for row in full]),
-        )
+    _show_sources(out, full)
     empty = [row.variable for row in summary.rows if row not in full]
     if empty:
         out.heading(f"Without any value: {' '.join(empty)}")
-    faults = [fault.notice for fault in flight.faults]
-    out.bullets(faults or ["none found"], "Suspected faults")
-    out.heading("Candidate maneuvers")
-    if found.windows:
-        known = [w.maneuver for w in found.windows]
-        out.table(
-            words("window s", [w.span for w in found.windows]),
-            words("use", [w.purpose for w in found.windows]),
-            words("axis", [w.axis for w in found.windows]),
-            words("by", [m.variable if m else "" for m in known]),
-            numbers("amplitude", [m.amplitude if m else math.nan for m in known]),
-            points("swings", [f"{m.swings}" if m else "" for m in known]),
-            points("times usual", [f"{m.strength:.1f}" if m else "" for m in known]),
-            words("recorded", [_percent(m.whole) if m else "" for m in known]),
-        )
-        out.line()
-        out.command("next: ", _following(arguments, found))
-        source = options.source_arguments([arguments.flight], arguments.mapping)
-        informed = ["stoop", "maneuvers", *source, "--vehicle", "V.toml", "-o", "windows"]
-        out.command("or, chosen by their information: ", informed)
-        out.command("V.toml is drafted by: ", ["stoop", "vehicle", "new", *source, "-o", "V.toml"])
-    else:
-        out.bullets([f"none found: {why}"])
-    out.bullets([one for one in summary.notices if one not in faults], "Notes")
-    out.bullets(unmapped_lines(flight.unmapped), "Not mapped")
-    return 0
+    notes = [one for one in summary.notices if one not in faults]
+    if arguments.verbose:
+        _show_channels(out, full)
+        out.bullets(notes, "Notes")
+        out.bullets(unmapped_lines(flight.unmapped), "Not mapped")
+        return
+    out.bullets(of_severity(notes, "warning"), "Warnings")
+    out.line()
+    more = (
+        count(len(of_severity(notes, "info")), "note"),
+        f"{count(len(flight.unmapped), 'stream')} not mapped in full",
+    )
+    out.line(f"--verbose: the range of each channel, {' and '.join(more)}")
+
+
+def _show_candidates(out: Page, arguments: argparse.Namespace, found: Found) -> None:
+    known = [w.maneuver for w in found.windows]
+    out.table(
+        words("window s", [w.span for w in found.windows]),
+        words("use", [w.purpose for w in found.windows]),
+        words("axis", [w.axis for w in found.windows]),
+        words("by", [m.variable if m else "" for m in known]),
+        numbers("amplitude", [m.amplitude if m else math.nan for m in known]),
+        points("swings", [f"{m.swings}" if m else "" for m in known]),
+        points("times usual", [f"{m.strength:.1f}" if m else "" for m in known]),
+        words("recorded", [_percent(m.whole) if m else "" for m in known]),
+    )
+    out.line()
+    out.command("next: ", _following(arguments, found))
+    source = options.source_arguments([arguments.flight], arguments.mapping)
+    informed = ["stoop", "maneuvers", *source, "--vehicle", "V.toml", "-o", "windows"]
+    out.command("or, chosen by their information: ", informed)
+    out.command("V.toml is drafted by: ", ["stoop", "vehicle", "new", *source, "-o", "V.toml"])
+
+
+def _show_sources(out: Page, rows: Sequence[ChannelRow]) -> None:
+    """Print the streams of a log with their rates and gaps."""
+    recorded: dict[tuple[str, float, int, float], list[str]] = {}
+    for row in rows:
+        recorded.setdefault((row.source, row.rate, row.gaps, row.longest_gap), []).append(row.variable)
+    if not recorded:
+        return
+    out.heading("Sources")
+    sources, rates, gaps, longest = zip(*recorded, strict=True)
+    names = [" ".join(group) for group in recorded.values()]
+    out.table(
+        words("source", sources),
+        fixed("Hz", rates, 1),
+        fixed("gaps", gaps, 0),
+        fixed("longest s", longest, 3),
+        words("channels", names, wraps=True),
+    )
+
+
+def _show_channels(out: Page, rows: Sequence[ChannelRow]) -> None:
+    """Print the range of each channel."""
+    if not rows:
+        return
+    out.heading("Channels")
+    low, middle, high = zip(*(alike((r.minimum, r.median, r.maximum)) for r in rows), strict=True)
+    out.table(
+        words("", [row.variable for row in rows]),
+        words("unit", [shown_unit(row.unit) for row in rows]),
+        points("lowest", low),
+        points("median", middle),
+        points("highest", high),
+        words("missing", [_percent(row.missing) for row in rows]),
+        words("meaning", [row.meaning for row in rows]),
+    )
 
 
 def look_arguments(parser: argparse.ArgumentParser) -> None:

@@ -51,7 +51,7 @@ def demo(arguments: argparse.Namespace) -> int:
     )
     out.line("Ten coefficients are identified, starting from values up to 60 % wrong:")
     out.line()
-    out.text(estimates_table(result, truth))
+    out.text(estimates_table(result.parameters, truth))
     out.line()
     spent = f"{result.trajectories:.0f} trajectories, {result.seconds:.2f} s"
     out.line(f"{result.status} ({spent}); writing the report ...")
@@ -155,11 +155,14 @@ def validate_arguments(parser: argparse.ArgumentParser) -> None:
     options.add_flight(parser, "flight log(s) that were not fitted")
     parser.add_argument("--maneuver", metavar=options.WINDOW, **options.SEVERAL, help=windows)
     options.add_output(parser, "page and figures", "a validation in DIR")
+    options.add_verbose(parser, "the figures of every channel, and what was found while preparing the data")
 
 
 def validate(arguments: argparse.Namespace) -> int:
     """Predict, write, and print how well."""
     from stoop.flight import load
+    from stoop.report.maneuvers import prediction_verdict
+    from stoop.results.text import window_line
     from stoop.workflow.summary import figures_table
     from stoop.workflow.validation import NAMES
     from stoop.workflow.validation import validate as validated
@@ -170,13 +173,17 @@ def validate(arguments: argparse.Namespace) -> int:
         flights = [load(path, arguments.mapping) for path in arguments.flight]
         done = validated(arguments.result, flights, arguments.maneuver, options.command_line())
     done.save(arguments.output)
-    out, record = page(), done.record
-    out.text(figures_table(record.maneuvers))
-    out.line()
-    if record.compared:
+    out, record, verdict = page(), done.record, done.identification.result.verdict
+    refused = verdict.grade == "do not use"
+    out.line(prediction_verdict(record.maneuvers, (), refused).headline)
+    out.bullets(map(window_line, record.maneuvers))
+    if record.compared and len(record.maneuvers) > 1:
         out.line(f"better than a first-order lag in {record.better} of {record.compared} channels")
     out.bullets(record.warnings, "warnings")
-    out.bullets(record.notes, "found while preparing the data")
+    if arguments.verbose:
+        out.heading("figures")
+        out.text(figures_table(record.maneuvers))
+        out.bullets(record.notes, "found while preparing the data")
     out.line()
     out.line(f"page: {arguments.output / NAMES[0]}")
     return 0

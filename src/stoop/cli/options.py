@@ -115,6 +115,11 @@ def add_output(
     parser.add_argument("--overwrite", action="store_true", help=f"replace {replaced}")
 
 
+def add_verbose(parser: argparse.ArgumentParser, what: str) -> None:
+    """Add --verbose, which prints `what` too."""
+    parser.add_argument("--verbose", action="store_true", help=f"also print {what}")
+
+
 def add_condition(parser: argparse.ArgumentParser, speed: str, high: float | None = 200.0) -> None:
     """Add airspeed and altitude, within what the standard atmosphere of the equations reaches."""
     above = "m above sea level (default: " + ("200)" if high is not None else "the flight's, else 200)")

@@ -9,17 +9,22 @@ import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from stoop.base.files import check_targets
 from stoop.base.notices import as_notice
-from stoop.base.text import show
+from stoop.base.numbers import count
+from stoop.base.text import enumerated, show
 from stoop.base.variables import EULER, RATES
 from stoop.cli import options
-from stoop.cli.page import busy, fixed, numbers, page, points, words
+from stoop.cli.page import Page, busy, fixed, numbers, page, points, words
 from stoop.cli.progress import Watch
 from stoop.errors import SimulationError, VehicleError
+from stoop.results.text import estimate_blocks
 from stoop.simulation.maneuver import unit_of
+
+if TYPE_CHECKING:
+    from stoop.input_design.windows import Expected, Found
 
 FAMILIES: Final = ("square", "3-2-1-1", "doublet", "multisine", "2-1-1", "sweep")
 FLOWN_BY: Final = ("pilot", "ardupilot", "px4", "crazyflie")
@@ -33,6 +38,7 @@ def maneuvers_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--vehicle", metavar="V.toml", default="", help=f"{options.VEHICLE_HELP}; {without}")
     options.add_free_fix(parser)
     options.add_output(parser, "windows.toml and windows.html", "earlier windows in DIR")
+    options.add_verbose(parser, "a line for each expected standard error")
 
 
 def maneuvers(arguments: argparse.Namespace) -> int:
@@ -40,7 +46,6 @@ def maneuvers(arguments: argparse.Namespace) -> int:
     from stoop.flight import load, without_faults
     from stoop.input_design.windows import doubts, find_windows
     from stoop.problem.windows import NAME
-    from stoop.report.design import QUICK_FIT, percent, span_of
     from stoop.vehicle.assumptions import with_assumptions
     from stoop.vehicle.builtin import resolve_vehicle
     from stoop.workflow.design import WINDOW_FILES, write_windows
@@ -68,33 +73,59 @@ def maneuvers(arguments: argparse.Namespace) -> int:
     name = "" if vehicle is None else vehicle.name
     write_windows(every, flights, name, folder, options.command_line(), following)
 
+    _show_windows(found, folder, following, arguments.verbose)
+    return 0
+
+
+def _show_windows(found: Found, folder: Path, following: Sequence[str], verbose: bool) -> None:
+    """Print how many windows are proposed, the windows, the next command, and what may be expected of them."""
+    from stoop.problem.windows import NAME
+    from stoop.report.design import span_of
+
     out, proposed = page(), found.windows
+    uses = [w.purpose for w in proposed]
+    fit, ahead = uses.count("fit"), uses.count("predict")
+    out.line(f"{count(len(proposed), 'window')} found: {fit} to fit, {ahead} to predict")
+    out.command("next: ", following)
+    out.line()
     out.table(
         fixed("", range(1, len(proposed) + 1), 0),
         words("window s", [span_of(w, found) for w in proposed]),
-        words("use", (w.purpose for w in proposed)),
+        words("use", uses),
         words("axis", [w.axis for w in proposed]),
         fixed("information", [w.information for w in proposed], 2),
         points("gain", [f"{w.gain:.2f}" if w.gain else "-" for w in proposed]),
         words("why", [str(w.why) for w in proposed], wraps=True),
     )
-    if found.expected:
-        out.heading("expected of the windows to be fitted")
-        out.line(QUICK_FIT)
-        errors = [e.std_error if math.isfinite(e.std_error) else math.nan for e in found.expected]
-        shares = [percent(e.relative) for e in found.expected]
-        out.table(
-            words("", [e.name for e in found.expected]),
-            numbers("quick fit", [e.value for e in found.expected]),
-            numbers("std error", errors),
-            replace(words("of its size", shares), right=True),
-        )
+    _show_expected(out, found.expected, verbose)
     out.bullets(found.notices, "notes")
     out.line()
     out.line(f"edit: {folder / NAME}")
     out.line(f"page: {folder / 'windows.html'}")
-    out.command("next: ", following)
-    return 0
+
+
+def _show_expected(out: Page, expected: Sequence[Expected], verbose: bool) -> None:
+    """Print the quick fit with the standard errors that are expected of the windows: by groups, or a line each."""
+    from stoop.report.design import QUICK_FIT, percent
+
+    if not expected:
+        return
+    if not verbose:
+        out.heading("quick fit +- expected standard errors (SI units, radians)")
+        inside = {e.name: (e.value, e.std_error) for e in expected if math.isfinite(e.std_error)}
+        out.text("\n".join(estimate_blocks(inside)))
+        if bound := [e.name for e in expected if e.name not in inside]:
+            out.line(f"at a bound: {enumerated(bound)}")
+        return
+    out.heading("expected of the windows to be fitted")
+    out.line(QUICK_FIT)
+    errors = [e.std_error if math.isfinite(e.std_error) else math.nan for e in expected]
+    out.table(
+        words("", [e.name for e in expected]),
+        numbers("quick fit", [e.value for e in expected]),
+        numbers("std error", errors),
+        replace(words("of its size", [percent(e.relative) for e in expected]), right=True),
+    )
 
 
 def design_arguments(parser: argparse.ArgumentParser) -> None:

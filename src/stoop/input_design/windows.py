@@ -451,7 +451,7 @@ class _Report:
         ratio = then / before
         best = [int(i) for i in np.argsort(ratio)[: LIMITS.max_named] if ratio[i] < LIMITS.sharper]
         names = ", ".join(self.model.names[i] for i in best)
-        return f"{words}; tells {names}" if names else words
+        return f"{words}; determines {names}" if names else words
 
 
 def _check_inputs(flight: Flight, vehicle: Vehicle | None) -> None:

@@ -16,7 +16,7 @@ LEAD: Final = (
     "statistic is what is left of it once the first has been added."
 )
 HEAD: Final = (
-    "Extension", "Value", "± Std. error", "Unit", "Statistic t", "Log-likelihood", "Beside the first", "Hardly told from",
+    "Extension", "Value", "± Std. error", "Unit", "Statistic t", "Log-likelihood", "Beside the first", "Not distinguished from",
     "Parameters that would move, standard errors",
 )  # fmt: skip
 

@@ -23,7 +23,7 @@ class ExtensionTest:
     change: float = math.nan  #: from where it changes nothing; the reciprocal of a rate limit
     #: statistic once the strongest extension is there; NaN for the strongest itself
     beside: float = math.nan
-    rivals: tuple[str, ...] = ()  #: extensions that the data hardly tell from it
+    rivals: tuple[str, ...] = ()  #: extensions that the data hardly distinguish from it
     #: parameters that would move most, in their standard errors
     moves: Mapping[str, float] = field(default_factory=dict)
 

@@ -1,6 +1,6 @@
 """Identification with extensions: what the score tests name is fitted, and kept where a held-back window says so.
 
-Each round fits the strongest extension that was not refused, and the ones that the data hardly tell from it, one at a time. The
+Each round fits the strongest extension that was not refused, and those that the data hardly distinguish from it, in turn. The
 best of them is kept if the log-likelihood rises by more than Schwarz's penalty and the windows that are held back do not speak
 against it: their log-likelihood under the prediction does not fall by more than two standard errors of the difference (Vuong).
 What was refused is tried again once something else was added.

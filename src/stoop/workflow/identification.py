@@ -151,7 +151,9 @@ class Job:
         """Return the estimates as a table, and the verdict."""
         from stoop.workflow.summary import estimates_table
 
-        return printable_lines(f"{estimates_table(self.result)}\n\nverdict: {self.result.verdict.headline}")
+        return printable_lines(
+            f"{estimates_table(self.result.parameters)}\n\nverdict: {self.result.verdict.headline}"
+        )
 
 
 @dataclass(frozen=True, eq=False)

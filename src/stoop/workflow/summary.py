@@ -169,13 +169,15 @@ def slowest_rate(fit: Estimate, flights: Mapping[str, Flight]) -> float:
     return min((rate for rate in rates if rate > 0.0), default=np.inf)
 
 
-def estimates_table(result: Result, truth: Mapping[str, float] | None = None) -> str:
+def estimates_table(
+    parameters: Mapping[str, ParameterEstimate], truth: Mapping[str, float] | None = None
+) -> str:
     """Return estimates with standard errors, intervals and remarks; beside the truth where it is known."""
-    wide = max([len("parameter"), *map(len, result.parameters)])
+    wide = max([len("parameter"), *map(len, parameters)])
     heads = ["estimate", "std error", "95 % from", "to", "start", *(["truth"] if truth else [])]
     head = f"{'parameter':{wide}} " + " ".join(f"{text:>11}" for text in heads)
     lines = [head + (f" {'sigmas off':>10}" if truth else "") + "  unit"]
-    for name, p in result.parameters.items():
+    for name, p in parameters.items():
         error = _number(p.std_error, p.identifiable)
         cells = [_number(p.estimate), error, *map(_number, (p.ci95_lower, p.ci95_upper, p.start))]
         if truth:

@@ -195,8 +195,8 @@ def ask_result(folder: Path, content: bytes, rng: Random) -> str:
     promise(from_json(text).to_json() == text, "written and read differ")
     shown = [repr(result), *map(str, result.notices), *map(str, result.trust), *result.warnings]
     promise(all(one.isprintable() for one in shown), "a notice steers a terminal")
-    for table in (estimates_table, methods_table):
-        table(result)
+    estimates_table(result.parameters)
+    methods_table(result)
     figures_table(result.maneuvers)
     repeatability_lines(result.repeatability)
     advice_by_doubt(result.identifiability.parameters)

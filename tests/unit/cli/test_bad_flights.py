@@ -210,13 +210,23 @@ def test_stoop_identify_tells_what_is_wrong(
     window = "0:0.9" if change is still else "0.5:7.5"
     fast = ["--method", "equation-error", "--budget", "50", "--generations", "1"]
     assert words in said(
-        capsys, "identify", "x.csv", "--vehicle", vehicle, "--maneuver", window, *fast, "-o", "out"
+        capsys,
+        "identify",
+        "x.csv",
+        "--vehicle",
+        vehicle,
+        "--maneuver",
+        window,
+        *fast,
+        "-o",
+        "out",
+        "--verbose",
     )
 
 
 def test_an_airplane_that_stands_still_without_rates(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     put(here, "twin", lambda c: silent(still(c)), {})
-    few = ["--maneuver", "0:0.9", "--budget", "20", "--generations", "1", "-o", "out"]
+    few = ["--maneuver", "0:0.9", "--budget", "20", "--generations", "1", "-o", "out", "--verbose"]
     told = said(capsys, "identify", "x.csv", "--vehicle", "twin-boom", *few)
     assert "p, q and r not recorded in any fitted window" in told
     assert "elevator does not move in the fitted windows" in told

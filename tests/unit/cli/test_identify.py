@@ -23,7 +23,7 @@ from stoop.cli.progress import Watch
 from stoop.errors import IdentificationError, StoopError
 from stoop.flight import Flight, save
 from stoop.optimize import State
-from stoop.results.result import Identification
+from stoop.results.result import Identification, read_result
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.workflow.checkpoint import Checkpoint
@@ -56,9 +56,14 @@ def identify(place: Path, *words: str, out: str = "out") -> list[str]:
 def test_identifies_and_tells(place: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(identify(place, "--maneuver", "0:20", "--validate", "20:28", out="whole")) == 0
     said = capsys.readouterr().out
-    assert "CLalpha" in said
-    assert "report:" in said
+    lines = said.splitlines()
     document = json.loads((place / "whole" / "result.json").read_text())
+    assert len(lines) <= 45
+    assert lines[0] == f"verdict: {read_result(place / 'whole' / 'result.json').verdict.headline}"
+    assert all(name in said for name in document["parameters"])
+    (ahead,) = [line for line in lines if line.startswith("- sim 20:28: ")]
+    assert "better than a first-order lag in" in ahead
+    assert lines[-1] == f"report: {place / 'whole' / 'report.html'}"
     assert document["parameters"]["CLalpha"]["estimate"] == pytest.approx(4.78, rel=0.05)
     assert not (place / "whole" / "search.npz").exists()
 
@@ -66,7 +71,9 @@ def test_identifies_and_tells(place: Path, capsys: pytest.CaptureFixture[str]) -
 def test_a_window_slightly_beyond_the_record_is_trimmed_and_told(
     place: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(identify(place, "--maneuver", "-0.5:20", "--generations", "1", out="beyond")) == 0
+    assert (
+        main(identify(place, "--maneuver", "-0.5:20", "--generations", "1", "--verbose", out="beyond")) == 0
+    )
     told = "sim -0.5:20: trimmed to the record, 0.00 to 20.00 s"
     assert told in " ".join(capsys.readouterr().out.split())
     assert told in json.loads((place / "beyond" / "result.json").read_text())["warnings"]

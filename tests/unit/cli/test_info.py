@@ -26,7 +26,7 @@ q = { column = "q", unit = "rad/s" }
 
 
 def test_describes_a_simulated_flight(flight_file: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["info", str(flight_file)]) == 0
+    assert main(["info", str(flight_file), "--verbose"]) == 0
     out, err = capsys.readouterr()
     assert err == ""
     assert out.splitlines()[0] == str(flight_file)
@@ -70,7 +70,7 @@ def test_channels_without_a_value_are_only_named(tmp_path: Path, capsys: pytest.
     assert "Without any value: vn\n" in out
     assert not re.search(r"^vn ", out, re.MULTILINE)
     save(from_columns("none", t, {"vn": np.full(100, np.nan)}), path)
-    assert main(["info", str(path)]) == 0
+    assert main(["info", str(path), "--verbose"]) == 0
     assert "Channels" not in capsys.readouterr().out
 
 
@@ -88,7 +88,7 @@ def test_csv_with_a_mapping(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
 def test_real_flight(shared_data: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The V-tail flight: pitot fault, wind, gaps and the pilot's doublets are all told."""
     path = shared_data / "altlnt-vtail-8kg-px4" / "flight2"
-    assert main(["info", str(path)]) == 0
+    assert main(["info", str(path), "--verbose"]) == 0
     out, err = capsys.readouterr()
     assert err == ""
     assert "airspeed_pitot reads -2." in out
@@ -97,6 +97,13 @@ def test_real_flight(shared_data: Path, capsys: pytest.CaptureFixture[str]) -> N
     axes = re.findall(r"^[\d.]+:[\d.]+ +(?:fit|predict) +(roll|pitch|yaw) ", out, re.MULTILINE)
     assert set(axes) == {"roll", "pitch", "yaw"}
     assert "--validate" in out
+    order = [out.index(head) for head in ("Suspected", "Candidate", "next: ", "Sources", "Channels", "Notes")]
+    assert order == sorted(order)
+    assert main(["info", str(path)]) == 0
+    short = capsys.readouterr().out
+    assert len(short.splitlines()) <= 45
+    assert out.startswith(short[: short.index("\nWarnings")])
+    assert "vehicle_attitude 30" not in short
     assert main(["info", str(path), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["air"]["wind_e"] < -2.0
 

@@ -92,7 +92,7 @@ def test_no_maneuver_and_twice_the_same_flight_are_errors(wrong: Vehicle, flight
 
 
 def test_tables_say_estimate_and_truth(job: Job) -> None:
-    table = estimates_table(job.identification.result, {"CLalpha": 4.78})
+    table = estimates_table(job.identification.result.parameters, {"CLalpha": 4.78})
     assert "CLalpha" in table
     assert "4.78" in table
     fitted, predicted = figures_table(job.identification.result.maneuvers).split("20:28 (validation)")

@@ -1,0 +1,129 @@
+"""A result in a few lines of text: reasons of the verdict, estimates by group, windows."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from statistics import median
+from typing import Final
+
+from stoop.base.notices import Notice, Value
+from stoop.base.numbers import count, rounded_to_error
+from stoop.base.text import enumerated
+from stoop.results.result import ManeuverResult, ParameterEstimate
+
+#: names of a list that a short sentence holds
+MAX_NAMES: Final = 3
+#: characters of a line of estimates
+LINE: Final = 118
+GAP: Final = "    "
+
+
+def shortened(found: Notice, most: int = MAX_NAMES) -> Notice:
+    """Return a notice whose lists of names hold `most` of them, the others counted."""
+    values = {name: _few(value, most) for name, value in found.values.items()}
+    return replace(found, values=values)
+
+
+def _few(value: Value, most: int) -> Value:
+    """Return a list of names with `most` of them, the others counted; whatever else is given as it is."""
+    if not isinstance(value, tuple) or len(value) <= most + 1:
+        return value
+    names = tuple(name for name in value if isinstance(name, str))
+    return (*names[:most], f"{len(names) - most} more") if len(names) == len(value) else value
+
+
+def with_error(value: float, error: float) -> str:
+    """Return ``value +- error``, both to the second significant digit of the error."""
+    shown, spread = (text.replace("−", "-") for text in rounded_to_error(value, error))
+    return f"{shown} +- {spread}" if math.isfinite(error) else shown
+
+
+def group_of(name: str) -> str:
+    """Return the group of a number of the vehicle file: its table, or the coefficient of a term (``CL`` of ``CLalpha``)."""
+    table, dot, _ = name.partition(".")
+    return table if dot else name[:2]
+
+
+def estimate_blocks(estimates: Mapping[str, tuple[float, float]], width: int = LINE) -> list[str]:
+    """Return estimates with their standard errors, each group in lines of its own, columns aligned within a group.
+
+    Parameters
+    ----------
+    estimates : mapping of str to (float, float)
+        Estimate and standard error by name, each in its unit.
+    width : int
+        Characters of a line.
+    """
+    groups: dict[str, list[str]] = {}
+    for name in estimates:
+        groups.setdefault(group_of(name), []).append(name)
+    return [line for names in groups.values() for line in _in_columns(names, estimates, width)]
+
+
+def _in_columns(
+    names: Sequence[str], estimates: Mapping[str, tuple[float, float]], width: int
+) -> Iterator[str]:
+    longest = max(map(len, names))
+    cells = [f"{name:{longest}}  {with_error(*estimates[name])}" for name in names]
+    wide = max(map(len, cells)) + len(GAP)
+    columns = max((width + len(GAP)) // wide, 1)
+    for i in range(0, len(cells), columns):
+        yield "".join(f"{cell:{wide}}" for cell in cells[i : i + columns]).rstrip()
+
+
+def determined(parameters: Mapping[str, ParameterEstimate]) -> dict[str, ParameterEstimate]:
+    """Return the parameters that the data determine: identifiable, and at no bound."""
+    return {name: p for name, p in parameters.items() if p.identifiable and not p.at_bound}
+
+
+def undetermined_lines(parameters: Mapping[str, ParameterEstimate]) -> list[str]:
+    """Return one line for the parameters at a bound, and one for the others that the data do not determine."""
+    bound = [name for name, p in parameters.items() if p.at_bound]
+    unknown = [name for name, p in parameters.items() if not (p.identifiable or p.at_bound)]
+    lines = [f"not identifiable: {enumerated(unknown)}"] if unknown else []
+    return lines + ([f"at a bound: {enumerated(bound)}"] if bound else [])
+
+
+def window_line(maneuver: ManeuverResult) -> str:
+    """Return how well one window is matched, or predicted: against a first-order lag, and against its 95 % band."""
+    found = maneuver.channels
+    filtered = [one for one in found.values() if one.innovations.known]
+    compared = {name: one for name, one in found.items() if one.compared}
+    parts = []
+    if filtered:
+        white = sum(one.innovations.whiteness.verdict == "white" for one in filtered)
+        parts.append(f"innovations white in {white} of {count(len(filtered), 'channel')}")
+    elif compared:
+        better, lost = (
+            sum(one.better for one in compared.values()),
+            [n for n, one in found.items() if one.lost],
+        )
+        text = f"better than a first-order lag in {better} of {count(len(compared), 'channel')}"
+        parts.append(f"{text} (not in {_named(lost)})" if lost else text)
+    else:
+        parts.append("no channel moves more than its noise")
+    within = {name: one.within for name, one in found.items() if math.isfinite(one.within)}
+    if within:
+        least = min(within, key=lambda name: within[name])
+        parts.append(
+            f"within the 95 % band {median(within.values()):.0%} of the readings of the median channel, "
+            f"{within[least]:.0%} of {least}"
+        )
+    return f"{maneuver.window}: {'; '.join(parts)}"
+
+
+def _named(names: Sequence[str]) -> str:
+    few = _few(tuple(names), MAX_NAMES)
+    return enumerated(map(str, few)) if isinstance(few, tuple) else str(few)
+
+
+def matched_line(maneuvers: Sequence[ManeuverResult]) -> str:
+    """Return how well several windows together compare with first-order lags."""
+    compared = [one for m in maneuvers for one in m.channels.values() if one.compared]
+    windows = count(len(maneuvers), "window")
+    if not compared:
+        return windows
+    better = sum(one.better for one in compared)
+    return f"{windows}: better than a first-order lag in {better} of {len(compared)} comparisons"
