@@ -7,7 +7,8 @@ draws maneuvers that excite all axes, sensor biases, white noise, and starting v
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Iterator, Mapping
+import tomllib
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
@@ -27,10 +28,10 @@ from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop_studies.verify import scenes
 from stoop_studies.verify.scenes import Scene
+from stoop_studies.verify.study import data_text
 
 Entries = Mapping[str, Any]  #: place in a vehicle file -> what stands there; None removes it
 Recorder = Callable[[Flight], Flight]
-ALIGNMENT: Final = np.radians(4.0)
 
 
 @dataclass(frozen=True)
@@ -79,8 +80,6 @@ def edited(text: str, *changes: Entries) -> str:
     return tomlkit.dumps(document)
 
 
-# ---------------------------------------------------------------- fixed wing
-
 DURATION, RATE = 10.0, 50.0  #: s, Hz
 FLIGHTS: Final = ("first", "second", "third")
 THROTTLE: Final = 0.5  #: of the steady flight
@@ -112,26 +111,31 @@ def fixed_wing() -> str:
     return edited(plain.text, terms, power)
 
 
+#: control, shape, start (s), step (s, from and to), amplitude (rad, from and to); each begins up to half a second later
+WING_INPUTS: Final = (
+    ("elevator", "3-2-1-1", 0.5, (0.25, 0.35), (0.10, 0.16)), ("aileron", "2-1-1", 1.5, (0.3, 0.6), (0.10, 0.20)),
+    ("rudder", "doublet", 3.0, (0.4, 0.8), (0.10, 0.18)), ("elevator", "doublet", 4.5, (0.5, 1.0), (0.08, 0.14)),
+    ("aileron", "doublet", 5.5, (0.4, 0.7), (0.10, 0.20)), ("rudder", "2-1-1", 6.5, (0.3, 0.5), (0.06, 0.12)),
+)  # fmt: skip
+Drawn = tuple[str, str, float, tuple[float, float], tuple[float, float]]
+
+
+def drawn(rng: np.random.Generator, inputs: tuple[Drawn, ...], later: float) -> list[dict[str, Any]]:
+    """Draw start, step, size and sign of inputs."""
+    return [
+        {
+            "control": control, "shape": shape, "start": start + rng.uniform(0.0, later), "step": rng.uniform(*step),
+            "amplitude": rng.uniform(*size) * rng.choice((-1.0, 1.0)),
+        }
+        for control, shape, start, step, size in inputs
+    ]  # fmt: skip
+
+
 def wing_maneuvers(rng: np.random.Generator) -> Mapping[str, Maneuver]:
     """Draw maneuvers that move all controls, one after the other and together."""
 
-    def steps(
-        control: str, shape: str, start: float, step: tuple[float, float], size: tuple[float, float]
-    ) -> Any:
-        return {
-            "control": control, "shape": shape, "start": start + rng.uniform(0.0, 0.5), "step": rng.uniform(*step),
-            "amplitude": rng.uniform(*size) * rng.choice((-1.0, 1.0)),
-        }  # fmt: skip
-
     def one() -> Maneuver:
-        inputs = [
-            steps("elevator", "3-2-1-1", 0.5, (0.25, 0.35), (0.10, 0.16)),
-            steps("aileron", "2-1-1", 1.5, (0.3, 0.6), (0.10, 0.20)),
-            steps("rudder", "doublet", 3.0, (0.4, 0.8), (0.10, 0.18)),
-            steps("elevator", "doublet", 4.5, (0.5, 1.0), (0.08, 0.14)),
-            steps("aileron", "doublet", 5.5, (0.4, 0.7), (0.10, 0.20)),
-            steps("rudder", "2-1-1", 6.5, (0.3, 0.5), (0.06, 0.12)),
-        ]
+        inputs = drawn(rng, WING_INPUTS, 0.5)
         power = rng.uniform(0.1, 0.25) * rng.choice((-1.0, 1.0))
         throttle = {
             "control": "throttle",
@@ -152,8 +156,6 @@ def whole(maneuvers: Mapping[str, Maneuver]) -> tuple[Window, ...]:
     return tuple(Window(name, 0.0, maneuver.duration) for name, maneuver in maneuvers.items())
 
 
-# ---------------------------------------------------------------- quadrotor
-
 ROTOR_RATE: Final = 100.0  #: Hz
 ROTOR_DURATION: Final = 6.0  #: s
 SPAN: Final = 1.0  #: s, of a window
@@ -166,31 +168,24 @@ def quadrotor() -> str:
     return resolve_vehicle("quad-x").text
 
 
+#: as `WING_INPUTS`, the amplitude in rad/s2 and m/s2
+ROTOR_INPUTS: Final = (
+    ("roll", "3-2-1-1", 0.3, (0.1, 0.2), (10.0, 18.0)), ("pitch", "3-2-1-1", 1.3, (0.1, 0.2), (10.0, 18.0)),
+    ("yaw", "3-2-1-1", 2.0, (0.1, 0.2), (1.0, 2.0)), ("heave", "3-2-1-1", 3.0, (0.1, 0.2), (2.0, 4.0)),
+    ("roll", "3-2-1-1", 4.2, (0.1, 0.2), (8.0, 15.0)), ("pitch", "3-2-1-1", 4.3, (0.1, 0.2), (8.0, 15.0)),
+    ("yaw", "3-2-1-1", 4.4, (0.2, 0.3), (1.0, 2.0)),
+)  # fmt: skip
+
+
 def rotor_maneuvers(rng: np.random.Generator) -> Mapping[str, Maneuver]:
     """Draw flights in which the autopilot's commands are shaken on all axes and the velocity is changed."""
 
-    def shake(control: str, start: float, step: tuple[float, float], size: tuple[float, float]) -> Any:
-        return {
-            "control": control, "shape": "3-2-1-1", "start": start + rng.uniform(0.0, 0.3), "step": rng.uniform(*step),
-            "amplitude": rng.uniform(*size) * rng.choice((-1.0, 1.0)),
-        }  # fmt: skip
-
     def one() -> Maneuver:
-        inputs = [
-            shake("roll", 0.3, (0.1, 0.2), (10.0, 18.0)),
-            shake("pitch", 1.3, (0.1, 0.2), (10.0, 18.0)),
-            shake("yaw", 2.0, (0.1, 0.2), (1.0, 2.0)),
-            shake("heave", 3.0, (0.1, 0.2), (2.0, 4.0)),
-            shake("roll", 4.2, (0.1, 0.2), (8.0, 15.0)),
-            shake("pitch", 4.3, (0.1, 0.2), (8.0, 15.0)),
-            shake("yaw", 4.4, (0.2, 0.3), (1.0, 2.0)),
-        ]
-        ahead, right, down = rng.uniform(-6.0, 6.0, 3) * (1.0, 1.0, 0.4)
+        inputs = drawn(rng, ROTOR_INPUTS, 0.3)
+        velocity = tuple(rng.uniform(-6.0, 6.0, 3) * (1.0, 1.0, 0.4))
         return Maneuver.model_validate(
-            {
-                "duration": ROTOR_DURATION, "rate": ROTOR_RATE, "altitude": scenes.ALTITUDE,
-                "velocity": (ahead, right, down), "input": inputs,
-            }
+            {"duration": ROTOR_DURATION, "rate": ROTOR_RATE, "altitude": scenes.ALTITUDE, "velocity": velocity,
+             "input": inputs}
         )  # fmt: skip
 
     return {name: one() for name in FLIGHTS[:2]}
@@ -211,10 +206,7 @@ KINDS: Final[Mapping[str, Kind]] = {
 }
 
 
-# ---------------------------------------------------------------- what instruments do
-
-
-def late(channels: tuple[str, ...], seconds: float) -> Recorder:
+def late(channels: Iterable[str], seconds: float) -> Recorder:
     """Return an instrument that delivers its readings late, by whole samples."""
 
     def record(flight: Flight) -> Flight:
@@ -244,193 +236,21 @@ def with_columns(flight: Flight, columns: Mapping[str, FloatArray]) -> Flight:
     return replace(flight, data=flight.data.assign(changed))
 
 
-# ---------------------------------------------------------------- defects
-
-
-def _term(coefficient: str, name: str, text: str, value: float, words: str, alike: str = "") -> Defect:
-    entry = {f"aerodynamics.{coefficient}.{name}": {"term": text, "value": value}}
-    size = f"{value:g}"
-    return Defect(name, words, size, "fixed wing", frozenset({name}), frozenset(alike.split()), truth=entry)
-
-
-def _wing(name: str, words: str, size: str, names: str, **more: Any) -> Defect:
-    alike = frozenset(more.pop("alike", "").split())
-    return Defect(name, words, size, "fixed wing", frozenset(names.split()), alike, **more)
-
-
-def _quad(name: str, words: str, size: str, names: str, **more: Any) -> Defect:
-    alike = frozenset(more.pop("alike", "").split())
-    return Defect(name, words, size, "quadrotor", frozenset(names.split()), alike, **more)
-
-
-def _all() -> Iterator[Defect]:
-    surfaces = ("elevator", "aileron", "rudder")
-    scale = parse_vehicle(fixed_wing(), "fixed wing").value("propulsion.scale")
-    yield _wing("none", "the right model", "", "")
-    yield _wing(
-        "lag-all", "a lag of all servos", "40 ms", "controls.lag controls.delay",
-        truth={f"controls.{c}.lag": 0.04 for c in surfaces},
-    )  # fmt: skip
-    yield _wing(
-        "lag-aileron", "a lag of the aileron's servo", "40 ms", "controls.aileron.lag controls.aileron.delay",
-        truth={"controls.aileron.lag": 0.04},
-    )  # fmt: skip
-    yield _wing(
-        "delay-elevator", "a delay of the elevator", "40 ms", "controls.elevator.delay controls.elevator.lag",
-        truth={"controls.elevator.delay": 0.04},
-    )  # fmt: skip
-    yield _wing(
-        "rate-limit", "a rate limit of the aileron", "0.5 rad/s", "controls.aileron.rate_limit",
-        alike="controls.aileron.lag controls.aileron.delay", truth={"controls.aileron.rate_limit": 0.5},
-    )  # fmt: skip
-    yield _wing(
-        "dead-zone", "a dead zone of the rudder's servo", "0.04 rad", "controls.rudder.dead_zone",
-        truth={"controls.rudder.dead_zone": 0.04},
-    )  # fmt: skip
-    held = {
-        f"aerodynamics.{c}.{c}elevator": {"value": v, "free": False} for c, v in (("CL", 0.201), ("Cm", -0.8))
-    }
-    yield _wing(
-        "gain", "more effect of an elevator whose derivatives are held", "15 %",
-        "controls.elevator.mix.servo_2 Cmelevator", alike="CLelevator",
-        both={**held, "controls.elevator.mix": {"servo_2": 1.0}}, truth={"controls.elevator.mix": {"servo_2": 1.15}},
-    )  # fmt: skip
-    yield _wing(
-        "thrust",
-        "more thrust",
-        "20 %",
-        "propulsion.scale",
-        alike="mass.mass",
-        user={"propulsion.scale": _known(scale / 1.2)},
+def _defect(name: str, row: dict[str, Any]) -> Defect:
+    """Return a defect of ``vehicles/defects.toml``."""
+    names, alike = (frozenset(row.pop(key, ())) for key in ("names", "alike"))
+    user = {**row.pop("user", {}), **dict.fromkeys(row.pop("lacks", ()))}
+    record = (
+        late(**row.pop("late")) if "late" in row else turned(*row.pop("turned")) if "turned" in row else None
     )
-    yield _wing(
-        "thrust-line", "a thrust line above the center of gravity", "0.1 m", "propulsion.position.z",
-        truth={"propulsion.position": [0.0, 0.0, -0.1]},
-    )  # fmt: skip
-    yield _wing(
-        "product-of-inertia", "a product of inertia Ixz", "15 kg m2", "mass.inertia.xz",
-        user={"mass.inertia.xz": None},
-    )  # fmt: skip
-    yield _wing(
-        "inertia", "a wrong moment of inertia Izz", "30 %", "mass.inertia.zz", user={"mass.inertia.zz": 140.0},
-        alike="mass.inertia.xx mass.inertia.yy",
-    )  # fmt: skip
-    for channel, share in (("alpha", 0.08), ("q", 0.08), ("V", 0.05)):
-        yield _wing(
-            f"scale-{channel}", f"a scale error of {channel}", f"{100 * share:g} %", f"sensors.{channel}.scale",
-            truth={f"sensors.{channel}.scale": 1.0 + share},
-        )  # fmt: skip
-    yield _wing(
-        "accelerometer", "an accelerometer ahead of the center of gravity", "0.15 m",
-        "sensors.accelerometer_position.x", truth={"sensors.accelerometer_position": [0.15, 0.0, 0.0]},
-    )  # fmt: skip
-    yield _wing(
-        "vanes", "vanes ahead of the center of gravity", "1 m", "sensors.vane_position.x",
-        truth={"sensors.vane_position": [1.0, 0.0, 0.0]},
-    )  # fmt: skip
-    yield _wing(
-        "alignment", "an inertial unit turned about the yaw axis", "4 deg", "sensors.imu_alignment.z",
-        record=turned(0.0, 0.0, float(ALIGNMENT)),
-    )  # fmt: skip
-    yield _wing(
-        "vane-delay", "late readings of alpha", "60 ms", "sensors.alpha.delay", record=late(("alpha",), 0.06)
-    )
-    yield _wing(
-        "attitude-delay", "a late attitude", "60 ms", "sensors.attitude.delay",
-        record=late(("phi", "theta", "psi"), 0.06),
-    )  # fmt: skip
-    gusty = scenes.turbulent_aircraft()
-    gusts = {a: {n: gusty.value(f"turbulence.{a}.{n}") for n in ("intensity", "length")} for a in "uvw"}
-    yield _wing(
-        "gusts", "moderate turbulence", "MIL-F-8785C", "turbulence",
-        truth={"turbulence": gusts},
-    )  # fmt: skip
-    yield _term("CL", "CLalpha2", "alpha^2", -8.0, "curved lift")
-    yield _wing(
-        "CDalpha2", "drag that grows with the square of alpha", "3", "CDalpha2",
-        truth={"aerodynamics.CD.CDalpha2": 3.0}, user={"aerodynamics.CD.CDalpha2": False},
-    )  # fmt: skip
-    yield _term("Cm", "Cmalpha2", "alpha^2", -5.0, "a pitching moment that is not linear in alpha")
-    yield _term("Cm", "Cmbeta", "beta", 0.05, "a pitching moment by sideslip", "mass.inertia.yz")
-    yield _term("Cm", "Cmp", "p", 0.3, "a pitching moment by roll rate")
-    yield _term("Cm", "Cmbeta2", "beta^2", -1.0, "a pitching moment by the square of sideslip")
-    yield _term("CD", "CDbeta2", "beta^2", 1.5, "drag by sideslip")
-    yield _term("Cl", "Clalphabeta", "alpha*beta", -0.6, "a dihedral effect that changes with alpha")
-    yield _term("Cn", "Cnalphap", "alpha*p", -1.0, "a yawing moment by roll rate that changes with alpha")
-    yield _term("Cm", "Cmalphaq", "alpha*q", -400.0, "a pitch damping that changes with alpha")
-    yield _wing(
-        "CmV", "a pitching moment that changes with airspeed", "0.15", "CmV",
-        truth={"aerodynamics.Cm.CmV": 0.15}, user={"aerodynamics.Cm.CmV": False},
-    )  # fmt: skip
-    yield _quad("quad-none", "the right model", "", "")
-    yield _quad(
-        "motor-lag", "a lag of the motors", "50 ms", "rotors.lag rotors.delay", user={"rotors.lag": 0.0}
-    )
-    yield _quad(
-        "motor-delay",
-        "a delay of the motors",
-        "20 ms",
-        "rotors.delay rotors.lag",
-        truth={"rotors.delay": 0.02},
-    )
-    yield _quad("mass", "a wrong mass", "20 %", "mass.mass", user={"mass.mass": 1.2})
-    yield _quad(
-        "roll-inertia",
-        "a wrong moment of inertia",
-        "30 %",
-        "mass.inertia.xx",
-        user={"mass.inertia.xx": 0.0378},
-    )
-    yield _quad(
-        "rotor-drag",
-        "drag of the rotors",
-        "0.08",
-        "rotors.drag",
-        user={"rotors.drag": None},
-        alike="body_drag.linear.x body_drag.linear.y",
-    )
-    yield _quad(
-        "inflow",
-        "inflow of the rotors",
-        "0.25",
-        "rotors.inflow",
-        user={"rotors.inflow": None},
-        alike="body_drag.linear.z",
-    )
-    yield _quad(
-        "torque", "a wrong torque of the rotors, held", "30 %", "rotors.torque_ratio", alike="mass.inertia.zz",
-        user={"rotors.torque_ratio": {"value": 0.0208, "free": False}},
-    )  # fmt: skip
-    yield _quad(
-        "body-drag", "drag of the body", "0.08 N s2/m2", "body_drag.quadratic.x body_drag.quadratic.y",
-        truth={"body_drag.quadratic": [0.08, 0.08, 0.03]}, user={"body_drag": None},
-    )  # fmt: skip
-    yield _quad(
-        "translational", "lift in translation", "0.03 N s2/m2", "rotors.translational",
-        truth={"rotors.translational": 0.03},
-    )  # fmt: skip
-    yield _quad(
-        "weak-rotor",
-        "a weak rotor",
-        "5 %",
-        "rotor.m1.factor",
-        truth={"rotor.m1.factor": 0.95},
-        both={"rotor.m1.factor": 1.0},
-    )
-    yield _quad(
-        "quad-accelerometer", "an accelerometer off the center of gravity", "0.1 m",
-        "sensors.accelerometer_position.x", truth={"sensors.accelerometer_position": [0.1, 0.0, 0.0]},
-    )  # fmt: skip
-    yield _quad(
-        "velocity-delay", "a late velocity", "80 ms", "sensors.velocity.delay",
-        record=late(("vn", "ve", "vd"), 0.08),
-    )  # fmt: skip
+    return Defect(name=name, names=names, alike=alike, user=user, record=record, **row)
 
 
 @functools.cache
 def defects() -> Mapping[str, Defect]:
     """Return the defects by name; none and quad-none are the right models."""
-    return {defect.name: defect for defect in _all()}
+    table = tomllib.loads(data_text("defects.toml"))
+    return {name: _defect(name, row) for name, row in table.items()}
 
 
 @functools.cache
