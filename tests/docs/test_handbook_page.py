@@ -38,14 +38,13 @@ def test_what_is_claimed_holds() -> None:
 
 
 def test_the_tables_are_those_that_were_written() -> None:
-    pooled, each, per_airplane = findings().sections
-    assert [tuple(r) for r in table(PAGE, "What holds", "method").rows] == list(pooled.parts[0].rows)
-    assert [tuple(r) for r in table(PAGE, "Each airplane", "airplane").rows] == list(
-        per_airplane.parts[0].rows
-    )
+    (section,) = findings().sections
+    pooled, *each, per_airplane = section.parts
+    assert [tuple(r) for r in table(PAGE, "What holds", "method").rows] == list(pooled.rows)
+    assert [tuple(r) for r in table(PAGE, "Each airplane", "airplane").rows] == list(per_airplane.rows)
     shown = {row[0]: list(row[1:]) for row in table(PAGE, "Standard deviations", "term").rows}
     assert set(shown) == set(METHOD)
-    written = [{row[0]: row[4] for row in t.rows} for t in each.parts]
+    written = [{row[0]: row[4] for row in t.rows} for t in each]
     for name, rule in METHOD.items():
         assert shown[name] == [f"{rule.share:g}", f"{rule.floor:g}", *(w.get(name, "–") for w in written)]
 

@@ -22,10 +22,9 @@ from stoop_studies.verify import scenes, study
 SHARES: Final = ("coverage", "sharpness", "coverage_cramer_rao", "sharpness_cramer_rao")
 SIZES: Final = ("scatter", "mean_sigma", "bias_in_standard_errors")
 POOLED: Final = "pooled"
-BESIDE: Final[study.Columns] = {
-    "sharpness": ("sharpness", ".2f"), "coverage_cramer_rao": ("plain Cramer-Rao, %", study.percent),
-    "sharpness_cramer_rao": ("its sharpness", ".2f"),
-}  # fmt: skip
+BESIDE: Final = study.columns(
+    "sharpness:.2f; coverage_cramer_rao:%=plain Cramer-Rao, %; sharpness_cramer_rao:.2f=its sharpness"
+)
 SUMMARY: Final[study.Columns] = {
     "case": ("case", str), "flights": ("flights", "d"), "coverage": ("pooled, %", study.percent),
     "least": ("least, %", study.percent), "most": ("most, %", study.percent), **BESIDE,

@@ -19,7 +19,6 @@ from stoop.base.variables import WRAPPED
 from stoop.errors import StoopError
 from stoop.flight import Flight, load, without_faults
 from stoop.input_design.windows import find_windows
-from stoop.report.sheet import Prose, Section
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle_draft.draft import draft
 from stoop.vehicle_draft.request import Request
@@ -34,18 +33,6 @@ INERTIA_ERROR: Final = 0.3  #: of the quick start's file, at most
 GUESSED_THROW: Final = 0.35  #: rad, of the quick start's file
 GRADES: Final = ("trusted", "usable", "do not use")
 TITLES: Final = {"new": "stoop vehicle new", "quick": "Quick start's file"}
-LEAD: Final = """\
-Twenty made-up vehicles, drawn about published ones, fly twice: aeroplanes once by stoop's simulation and once by JSBSim, \
-multirotors by stoop's: on the ground, in cruise and through two sets of maneuvers, in calm, light or moderate gusts. Their \
-servos lag by 20 to 80 ms; each flight has noise, drifting estimates of attitude and velocity, and one defect of the \
-instruments. The commands see the log (PX4, ArduPilot, CSV) and mass, span and chord off a tape: no method, no option, no \
-number is named. The truth is converted to the lengths, working point and deflections of the file that is identified."""
-WORDS: Final = """\
-Coverage is the share of free numbers with a truth whose 95 % interval holds it; one at a bound holds nothing, one that is not \
-identifiable has no interval and is not counted. A channel moved where its true motion is three times the slow error of its \
-record. Over inertia: moment terms over the moment of inertia. A verdict is right \
-where the uses that it justifies have their numbers right (within 3 standard errors or 20 %), or where it refuses a result \
-in which something is wrong."""
 SUMMARY: Final[study.Columns] = {
     "case": ("file", lambda case: TITLES[case]), "flights": ("flights", "d"), "stopped": ("stopped", "d"),
     "numbers": ("numbers", "d"), "coverage": ("coverage, %", study.percent), "rms": ("rms error, standard errors", ".2f"),
@@ -433,15 +420,8 @@ def show(setting: Setting, samples: study.Samples) -> Findings:
     """Return how far the defaults carry, by kind of file."""
     table = [summary(case, samples[case]) for case in FILES]
     records = [_flight_row(case, r) for case in FILES for r in samples[case]]
-    parts = (
-        Section("By file", (study.page_table("All flights", SUMMARY, table), Prose(WORDS))),
-        *(
-            Section(
-                TITLES[case], (study.page_table("Flights", ROWS, [r for r in records if r["case"] == case]),)
-            )
-            for case in FILES
-        ),
-    )
+    shown = [study.page_table("All flights", SUMMARY, table)]
+    shown += [study.page_table(TITLES[c], ROWS, [r for r in records if r["case"] == c]) for c in FILES]
     head = ("estimate", "std_error", "truth", "at_bound", "identifiable")
     numbers = [
         {"case": case, "flight": r["flight"], "number": n, **dict(zip(head, row, strict=True))}
@@ -449,14 +429,8 @@ def show(setting: Setting, samples: study.Samples) -> Findings:
         for r in samples[case]
         for n, row in r.get("numbers", {}).items()
     ]
-    return Findings.tabulated(
-        "From log to model by the defaults",
-        LEAD,
-        [*_claims(table)],
-        parts,
-        table,
-        {"flights": records, "numbers": numbers},
-    )
+    title, parts = "From log to model by the defaults", {"flights": records, "numbers": numbers}
+    return Findings.of(title, _claims(table), shown, table, parts)
 
 
 def _flight_row(case: str, record: Mapping[str, Any]) -> dict[str, Any]:

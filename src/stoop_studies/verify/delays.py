@@ -21,7 +21,6 @@ from stoop.base.variables import EULER, POSITION, VELOCITY
 from stoop.estimate.fit import Options, fit
 from stoop.flight import Flight, from_columns
 from stoop.reconstruction.compatibility import check
-from stoop.report.sheet import Prose, Section, Table
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.initial import rigid_states
 from stoop.simulation.maneuver import Maneuver
@@ -63,22 +62,10 @@ CASES: Final = {
     "identify": "with the model: controls and sensors, beside 32 coefficients, initial states and biases",
     "compatibility": "in a compatibility check: sensors, beside biases, scales, positions and wind",
 }
-LEAD: Final = f"""\
-The twin-boom aircraft is simulated at {SIMULATION_RATE:.0f} Hz and recorded at {RATE:.0f} Hz; each delay is drawn as a \
-whole number of steps of the simulation, {1.0 / SUBSTEPS:g} sample each, up to {MAX_DELAY / SUBSTEPS:g} samples \
-({MAX_RECEIVER_DELAY / SUBSTEPS:g} for velocity and position). The interpolation by which stoop shifts signals has no part in \
-the data. Each maneuver lasts {scenes.DURATION:.0f} s; white noise of the stated size is added to every channel."""
-WORDS: Final = """\
-An error is estimate less truth, in samples. Coverage is the share of flights in which estimate ± 1.96 standard errors \
-holds the truth. Surfaces move at 1 rad/s: a command that jumps between two samples does not say when, and a zero-order \
-hold adds half of its period to the delay that is found."""
 SHOWN: Final[study.Columns] = {
-    "delay": ("delay", str),
-    "rms_error": ("rms error", ".3f"),
-    "largest_error": ("largest", ".3f"),
-    "mean_sigma": ("mean standard error", ".3f"),
-    "coverage": ("coverage, %", lambda share: f"{100 * share:.0f}"),
-}
+    "delay": ("delay", str), "rms_error": ("rms error", ".3f"), "largest_error": ("largest", ".3f"),
+    "mean_sigma": ("mean standard error", ".3f"), "coverage": ("coverage, %", lambda share: f"{100 * share:.0f}"),
+}  # fmt: skip
 
 
 @functools.cache
@@ -183,14 +170,12 @@ def recover(case: str, seed: int) -> dict[str, Any]:
 
 def show(setting: Setting, samples: study.Samples) -> Findings:
     """Return how far the delays are off: the model recovers all of them, a compatibility check as well as it says."""
-    claims: list[Claim] = []
-    records: dict[str, list[dict[str, Any]]] = {}
+    claims, records = list[Claim](), dict[str, list[dict[str, Any]]]()
     for case, words in CASES.items():
         results, names = samples[case], samples[case][0]["names"]
         errors = np.abs([r["errors"] for r in results])
         rms, sigma, coverage, _ = study.error_statistics(results)
-        unfinished = sum(r["status"] != "converged" for r in results)
-        flights, pooled = f"over {len(errors)} flights, {unfinished} not finished", float(coverage.mean())
+        flights = f"over {len(errors)} flights, {study.unfinished(results)} not finished"
         if case == "identify":
             worst, inside = int(np.argmax(rms)), float(np.mean(errors < TOLERANCE))
             claim = holds(
@@ -200,34 +185,22 @@ def show(setting: Setting, samples: study.Samples) -> Findings:
                 f"{rms[worst]:.3f} ({names[worst]}), {flights}",
             )
             claims.append(claim)
-        claim = holds(
-            f"95 % intervals of delays hold the truth in {100 * COVERED[0]:.0f} to {100 * COVERED[1]:.0f} %, {words}",
-            COVERED[0] <= pooled <= COVERED[1],
-            f"{100 * pooled:.1f} % of all; mean standard errors from {sigma.min():.3f} to {sigma.max():.3f} sample, {flights}",
-        )
-        claims.append(claim)
+        spread = f"of all; mean standard errors from {sigma.min():.3f} to {sigma.max():.3f} sample, {flights}"
+        statement = f"95 % intervals of delays, {words}, hold the truth in"
+        claims.append(study.within(statement, COVERED, float(coverage.mean()), spread))
         found = {
             "rms_error": rms,
             "largest_error": errors.max(axis=0),
             "mean_sigma": sigma,
             "coverage": coverage,
         }
-        records[case] = study.records_of(
-            pd.DataFrame({"case": case, "delay": names, "flights": len(errors), **found})
-        )
-    noise = tuple((channel, f"{sigma:g}") for channel, sigma in NOISE.items())
-    noise_table = Table("Standard deviation of the noise, SI", ("channel", "noise"), noise)
-    tables = (study.page_table(CASES[case], SHOWN, own) for case, own in records.items())
-    return Findings.tabulated(
-        "Delays of inputs and outputs, fractions of a sample included",
-        LEAD,
-        claims,
-        (
-            Section("Errors in samples", (*tables, Prose(WORDS))),
-            Section("What was flown", (scenes.inputs_table(STEPS), noise_table)),
-        ),
-        [record for own in records.values() for record in own],
-    )
+        each = {"case": case, "delay": names, "flights": len(errors), **found}
+        records[case] = study.records_of(pd.DataFrame(each))
+    tables = [
+        study.page_table(f"Errors in samples, {CASES[case]}", SHOWN, own) for case, own in records.items()
+    ]
+    rows = [record for own in records.values() for record in own]
+    return Findings.of("Delays of inputs and outputs, fractions of a sample included", claims, tables, rows)
 
 
 EXPERIMENT: Final = study.Verification("delays", show, runs=40, work="recover", cases=tuple(CASES))

@@ -11,45 +11,25 @@ import numpy as np
 import pandas as pd
 
 from stoop.exporters import jsbsim_aircraft, jsbsim_flight
-from stoop.report.sheet import Prose, Section
 from stoop.simulation import Trim, trim
 from stoop.simulation.maneuver import Maneuver
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import builtin_vehicle
 from stoop_studies.findings import Findings, Setting, holds, number
 from stoop_studies.verify.scenes import ALTITUDE, multisine_maneuver
-from stoop_studies.verify.study import Columns, Samples, Verification, page_table, records_of, vehicle_text
+from stoop_studies.verify.study import Samples, Verification, columns, page_table, records_of, vehicle_text
 
 DURATION: Final = 30.0  #: s
 VEHICLES: Final = ("twin-boom", "v-tail", "flying-wing", "crooked")
 DIFFERENCE_LIMIT: Final = 1e-3  #: of each channel's maximum
 FASTER: Final = 4.0  #: times the frames of JSBSim
-LEAD: Final = """\
-Each vehicle is exported, trimmed at its reference airspeed and 200 m, and flown for 30 s through recorded inputs, open \
-loop, by JSBSim and by our own simulation. Differences are the largest of each channel over the channel's largest \
-magnitude."""
-WORDS: Final = """\
-On the flat planet (no rotation, a radius of 10¹⁰ m, gravity as the vehicle file says) only integration, rounding and \
-the density tables are different. Our simulation takes one Runge-Kutta step of order four per sample of 10 ms; JSBSim \
-1000 steps a second, Adams-Bashforth of order four. With 4000 steps a second it comes closer still; our own simulation \
-with a step of 1 ms shows what is left of it.
-
-The crooked aircraft has delays that are no whole number of samples: our simulation interpolates those with a cubic \
-through the samples, JSBSim along the line between them, so it is compared with our simulation on the same points.
-
-JSBSim's Earth, at 45 degrees of latitude, turns and is round."""
 DIFFERENCES: Final = ("difference", "difference_4000_hz", "difference_on_frames", "difference_earth")
 #: of our simulation from JSBSim, from a faster JSBSim, on JSBSim's frames, and from JSBSim on its Earth
 FLAT, _, FRAMES, _ = DIFFERENCES
-SHOWN: Final[Columns] = {
-    "vehicle": ("vehicle", str),
-    "inputs": ("inputs", str),
-    "channel": ("largest in", str),
-    "difference": ("JSBSim", ".1e"),
-    "difference_4000_hz": ("4000 steps a second", ".1e"),
-    "difference_on_frames": ("on JSBSim's frames", ".1e"),
-    "difference_earth": ("on the Earth", ".1e"),
-}
+SHOWN: Final = columns(
+    "vehicle; inputs; channel=largest in; difference:.1e=JSBSim; difference_4000_hz:.1e=4000 steps a "
+    "second; difference_on_frames:.1e=on JSBSim's frames; difference_earth:.1e=on the Earth"
+)
 
 
 def load(name: str) -> Vehicle:
@@ -133,13 +113,8 @@ def show(setting: Setting, samples: Samples) -> Findings:
     for name, digits in (("largest", 6), *dict.fromkeys(columns, 2).items()):
         table[name] = [float(f"{value:.{digits}g}") for value in table[name]]
     caption = "Largest difference of any channel, as a fraction of the channel's maximum"
-    return Findings.tabulated(
-        "Exported aircraft flown by JSBSim",
-        LEAD,
-        claims,
-        (Section("Vehicles and inputs", (page_table(caption, SHOWN, records_of(worst)), Prose(WORDS))),),
-        records_of(table),
-    )
+    shown = page_table(caption, SHOWN, records_of(worst))
+    return Findings.of("Exported aircraft flown by JSBSim", claims, (shown,), records_of(table))
 
 
 EXPERIMENT: Final = Verification("export", show)

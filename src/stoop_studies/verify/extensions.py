@@ -29,12 +29,11 @@ LEAST_NAMED: Final = 0.9
 LEAST_DEFECTS: Final = 20
 #: of the fit's time
 MOST_TIME: Final = 1.0
-SHOWN: Final[study.Columns] = {
-    "words": ("what the file lacks", str), "size": ("size", str), "kind": ("vehicle", str), "flights": ("flights", "d"),
-    "suggested": ("something suggested, %", study.percent), "first": ("named first, %", study.percent),
-    "named": ("named, %", study.percent), "rivals": ("rivals", ".1f"), "harm": ("harm, standard errors", ".1f"),
-    "outside": ("outside 95 %, %", study.percent), "most_often": ("most often named", str),
-}  # fmt: skip
+SHOWN: Final = study.columns(
+    "words=what the file lacks; size; kind=vehicle; flights:d; suggested:%=something suggested, %; "
+    "first:%=named first, %; named:%=named, %; rivals:.1f; harm:.1f=harm, standard errors; "
+    "outside:%=outside 95 %, %; most_often=most often named"
+)
 
 
 @study.work

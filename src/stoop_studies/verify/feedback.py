@@ -25,11 +25,10 @@ LEVELS: Final = {"calm": 0.0, "light": 15.0, "moderate": 30.0, "severe": 45.0}
 POOLED: Final = (0.90, 0.98)
 #: mean error, in standard errors
 MAX_BIAS: Final = 1.0
-SUMMARY: Final[study.Columns] = {
-    "case": ("case", str), "flights": ("flights", "d"), "method": ("method taken", str),
-    "coverage": ("coverage, %", study.percent), "sharpness": ("sharpness", ".2f"),
-    "bias": ("largest bias, standard errors", ".2f"), "parameter": ("of", str), "unfinished": ("unfinished", "d"),
-}  # fmt: skip
+SUMMARY: Final = study.columns(
+    "case; flights:d; method=method taken; coverage:%=coverage, %; sharpness:.2f; bias:.2f=largest bias, "
+    "standard errors; parameter=of; unfinished:d"
+)
 
 
 @dataclass(frozen=True)

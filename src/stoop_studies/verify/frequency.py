@@ -17,7 +17,6 @@ from stoop.assessment.covariance import NORMAL_95
 from stoop.assessment.handling import Known, equivalent_system
 from stoop.base.arrays import ComplexArray, FloatArray
 from stoop.flight.frequency import FrequencyResponse, Stretch, estimate_responses
-from stoop.report.sheet import Prose, Section
 from stoop_studies.findings import Claim, Findings, Setting, holds
 from stoop_studies.verify import study
 
@@ -49,7 +48,7 @@ CASES: Final = {
     "together": Case("two inputs with correlation 0.7, 90 s, white noise", (90.0,), 0.1, 0.7),
     "together-colored": Case(
         "two inputs with correlation 0.7, 2 maneuvers of 60 s, noise of low frequency",
-        (60.0, 60.0),
+        (60.0,) * 2,
         0.1,
         0.7,
         True,
@@ -57,21 +56,11 @@ CASES: Final = {
 }
 POOLED: Final = (0.93, 0.97)
 MIN_SYSTEMS: Final = 0.90
-LEAD: Final = f"""\
-A short period of {FREQUENCY:g} rad/s and damping {DAMPING:g}, sampled at {RATE:.0f} Hz, is excited up to {EXCITATION:g} Hz; the \
-second input acts through a lag of {LAG:g} s. Its responses are estimated as stoop frequency does; counted is every frequency \
-with a coherence of {MIN_COHERENCE:g} and more."""
-SHOWN: Final[study.Columns] = {
-    "flown": ("flown", str),
-    "flights": ("flights", "d"),
-    "points": ("frequencies", "d"),
-    "magnitude": ("magnitude, %", study.percent),
-    "phase": ("phase, %", study.percent),
-    "error": ("median 95 % error, %", study.percent),
-    "unconditioned": ("magnitude without conditioning, %", study.percent),
-    "frequency": ("natural frequency, %", study.percent),
-    "damping": ("damping, %", study.percent),
-}
+SHOWN: Final = study.columns(
+    "flown; flights:d; points:d=frequencies; magnitude:%=magnitude, %; phase:%=phase, %; error:%=median "
+    "95 % error, %; unconditioned:%=magnitude without conditioning, %; frequency:%=natural frequency, %; "
+    "damping:%=damping, %"
+)
 
 
 def systems() -> list[Coefficients]:
@@ -127,14 +116,9 @@ def estimate(case: str, seed: int) -> dict[str, Any]:
     alone = estimate_responses([Stretch(RATE, s.inputs[:, :1], s.outputs) for s in flown], ["0"], ["q"])[0]
     good = alone.coherence >= MIN_COHERENCE
     return {
-        "points": points,
-        "magnitude": magnitude,
-        "phase": phase,
-        "error": float(np.median(errors)),
-        "alone": int(_holds(alone, truth(alone))[good].sum()),
-        "alone_points": int(good.sum()),
-        **_system(found[0]),
-    }
+        "points": points, "magnitude": magnitude, "phase": phase, "error": float(np.median(errors)),
+        "alone": int(_holds(alone, truth(alone))[good].sum()), "alone_points": int(good.sum()), **_system(found[0]),
+    }  # fmt: skip
 
 
 def _holds(one: FrequencyResponse, exact: ComplexArray) -> Any:
@@ -187,17 +171,7 @@ def show(setting: Setting, samples: study.Samples) -> Findings:
         ),
     ]
     table = study.page_table("Share of 95 % bands and intervals that hold the truth", SHOWN, records)
-    words = (
-        "Without conditioning, the second input of the last two cases counts as noise, and its share that moves with the first "
-        "as response."
-    )
-    return Findings.tabulated(
-        "Bands of frequency responses",
-        LEAD,
-        claims,
-        (Section("By what is flown", (table, Prose(words))),),
-        records,
-    )
+    return Findings.of("Bands of frequency responses", claims, (table,), records)
 
 
 def _record(case: str, results: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
@@ -208,17 +182,12 @@ def _record(case: str, results: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
         return float(np.mean(given)) if given else float("nan")
 
     return {
-        "case": case,
-        "flown": CASES[case].words,
-        "flights": len(results),
-        "points": total["points"],
-        "magnitude": total["magnitude"] / total["points"],
-        "phase": total["phase"] / total["points"],
+        "case": case, "flown": CASES[case].words, "flights": len(results), "points": total["points"],
+        "magnitude": total["magnitude"] / total["points"], "phase": total["phase"] / total["points"],
         "error": float(np.median([r["error"] for r in results])),
         "unconditioned": total["alone"] / max(total["alone_points"], 1),
-        "frequency": share("frequency"),
-        "damping": share("damping"),
-    }
+        "frequency": share("frequency"), "damping": share("damping"),
+    }  # fmt: skip
 
 
 EXPERIMENT: Final = study.Verification("frequency", show, runs=200, work="estimate", cases=tuple(CASES))

@@ -13,7 +13,6 @@ from scipy.io import loadmat
 
 from stoop.base.arrays import FloatArray
 from stoop.errors import StoopError
-from stoop.report.sheet import Prose, Section
 from stoop.vehicle.defaults import EQUATION_1
 from stoop.vehicle_draft import aerosandbox, handbook
 from stoop.vehicle_draft.apriori import Apriori
@@ -30,39 +29,18 @@ METHODS: Final = {
     "lattice": "AeroSandbox, measured geometry",
     "sizes": "handbook, mass, span and chord only",
 }
-LEAD: Final = """\
-Derivatives of airplanes from 0.1 to 5000 kg, published from flight, wind tunnel and textbooks, are compared with those that \
-stoop vehicle new takes from dimensions: by the handbook and by AeroSandbox's vortex lattice from the measured geometry, and by \
-the handbook from mass, span, chord and template only, with typical proportions for all else. An error over its standard \
-deviation is z."""
-WORDS: Final = """\
-If the standard deviations are right, the root mean square of z is about 1 and 95 % of |z| are below 2. \
-One table of shares and floors serves all airplanes (`stoop.vehicle_draft.spread.METHOD`). It was set from these \
-airplanes, so each is judged once more with the standard deviations of every derivative scaled to the errors of all other \
-airplanes (left out). \
-CL0, Cm0 and the terms that are zero by symmetry or in incompressible flow have no published values to compare."""
-DERIVATIVES: Final[study.Columns] = {
-    "derivative": ("derivative", str),
-    "count": ("airplanes", "d"),
-    "rms_error": ("rms error", ".3g"),
-    "bias": ("mean z", "+.2f"),
-    "rms_z": ("rms z", ".2f"),
-    "within_2": ("|z| < 2, %", ".0f"),
-}
+DERIVATIVES: Final = study.columns(
+    "derivative; count:d=airplanes; rms_error:.3g=rms error; bias:+.2f=mean z; rms_z:.2f=rms z; "
+    "within_2:.0f=|z| < 2, %"
+)
 AIRPLANES: Final[study.Columns] = {
-    "airplane": ("airplane", str),
-    "kind": ("derivatives from", str),
+    "airplane": ("airplane", str), "kind": ("derivatives from", str),
     **{f"{m}_rms": (heading, ".2f") for m, heading in METHODS.items()},
-}
-POOLED: Final[study.Columns] = {
-    "method": ("method", str),
-    "airplanes": ("airplanes", "d"),
-    "count": ("derivatives", "d"),
-    "rms_z": ("rms z", ".2f"),
-    "within_2": ("|z| < 2, %", ".1f"),
-    "left_out_rms": ("rms z, left out", ".2f"),
-    "left_out_within_2": ("|z| < 2, left out, %", ".1f"),
-}
+}  # fmt: skip
+POOLED: Final = study.columns(
+    "method; airplanes:d; count:d=derivatives; rms_z:.2f=rms z; within_2:.1f=|z| < 2, %; "
+    "left_out_rms:.2f=rms z, left out; left_out_within_2:.1f=|z| < 2, left out, %"
+)
 
 
 @cache
@@ -117,12 +95,8 @@ def compare(case: str, seed: int, data: str) -> dict[str, Any]:
     found = {m: _derived(airplane, m) for m in METHODS}
     rows = []
     for name in (n for group in EQUATION_1.values() for n in group if n in truth):
-        row: dict[str, Any] = {
-            "airplane": airplane["name"],
-            "kind": airplane["kind"],
-            "derivative": name,
-            "published": truth[name],
-        }
+        about = {"airplane": airplane["name"], "kind": airplane["kind"]}
+        row: dict[str, Any] = {**about, "derivative": name, "published": truth[name]}
         for method, derivatives in found.items():
             a = derivatives.get(name)
             row[method] = a and a.value
@@ -161,26 +135,16 @@ def show(setting: Setting, samples: study.Samples) -> Findings:
     counted = [r for r in rows if r["kind"] != UNCOUNTED]
     own = {m: [r for r in counted if r[f"{m}_z"] is not None] for m in METHODS}
     pooled = [_pooled(method, own[method]) for method in METHODS]
-    tables = tuple(
-        study.page_table(heading[0].upper() + heading[1:], DERIVATIVES, _by_derivative(own[m], m))
-        for m, heading in METHODS.items()
-    )
-    return Findings.tabulated(
-        "A priori derivatives beside published ones",
-        LEAD,
-        [c for record in pooled for c in _claims(record)],
-        (
-            Section(
-                "Pooled", (study.page_table("Errors in standard deviations", POOLED, pooled), Prose(WORDS))
-            ),
-            Section("Each derivative", tables),
-            Section(
-                "Each airplane", (study.page_table("Root mean square of z", AIRPLANES, _by_airplane(rows)),)
-            ),
+    tables = (
+        study.page_table("Errors in standard deviations", POOLED, pooled),
+        *(
+            study.page_table(heading, DERIVATIVES, _by_derivative(own[m], m))
+            for m, heading in METHODS.items()
         ),
-        rows,
-        {"pooled": pooled},
+        study.page_table("Root mean square of z by airplane", AIRPLANES, _by_airplane(rows)),
     )
+    claims = [c for record in pooled for c in _claims(record)]
+    return Findings.of("A priori derivatives beside published ones", claims, tables, rows, {"pooled": pooled})
 
 
 def _pooled(method: str, rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:

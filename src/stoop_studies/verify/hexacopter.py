@@ -30,14 +30,14 @@ from stoop.flight import Flight, load
 from stoop.problem.windows import Window
 from stoop.report.plots import plot
 from stoop.report.series import Series
-from stoop.report.sheet import Figure, Prose, Section
+from stoop.report.sheet import Figure
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.workflow.identification import Search, search
 from stoop_studies.findings import Claim, Findings, Setting, holds
 from stoop_studies.verify.study import (
-    Columns,
     Samples,
     Verification,
+    columns,
     page_table,
     published_files,
     vehicle_text,
@@ -68,30 +68,10 @@ BLADE_NAMES: Final = ("ct1", "ct2", "ch1", "ch2", "di", "dj", "dk")
 RESIDUALS: Final = (
     "fitted", "window", "axis", "model", "constant", "static_thrust", "authors_here", "authors_published",
 )  # fmt: skip
-COEFFICIENTS: Final[Columns] = {
-    "quantity": ("quantity", str),
-    "unit": ("unit", str),
-    "value": ("hover and climbs", ".4g"),
-    "std_error": ("std error", ".4g"),
-    "of_whole_flight": ("whole flight", ".4g"),
-    "authors": ("authors", ".4g"),
-}
-LEAD: Final = f"""\
-A hexacopter of 1.9 kg hovers, climbs twice at 6 m/s and descends slowly for 74 s; then it sprints forth and back at 10 m/s \
-for 46 s. The model is fitted to the first part and predicts the second. Compared is the specific force below \
-{predict.CUTOFF:g} Hz, measured motion in: above, the rotors shake the accelerometers by more than all maneuvers do."""
-WORDS: Final = """\
-Residuals are rms, m/s2. A constant is the mean of the fitted part; static thrust is a constant and a factor of the sum of \
-the squared commands, with the battery's voltage and the motors' lag as in the model. The authors' model is evaluated here on \
-the same samples, with their coefficients, and constants learned from the same part as ours; their published residuals are \
-those of their fit itself, over this flight and another, of the acceleration that they took from the velocity."""
-COEFFICIENT_WORDS: Final = """\
-Their thrust is rho A U (ct1 U - ct2 (climb + induced)), U the tip speed; ours is the same with T2 = rho A ct1 U1^2 and \
-inflow = rho A ct2 U1, U1 = 154.8 m/s the tip speed at full pulse. Their U takes 16.8 V always, ours the voltage (15.4 V on \
-average), and their induced velocity is that of axial flight, ours also that of forward flight; and they give to the drag dk \
-of the body what we give to the flow through the discs. So single coefficients differ where what the vehicle feels is alike: \
-the last rows but one. We fix ch2 at 1.5 ct1, from blade elements without twist, with their sign. We have no drag of the \
-body. The lift lost is that of a climb of 4 m/s."""
+COEFFICIENTS: Final = columns(
+    "quantity; unit; value:.4g=hover and climbs; std_error:.4g=std error; of_whole_flight:.4g=whole "
+    "flight; authors:.4g"
+)
 
 
 @dataclass(frozen=True)
@@ -241,15 +221,10 @@ def show(setting: Setting, samples: Samples) -> Findings:
     beside = page_table(caption, COEFFICIENTS, coefficients)
     caption = "Residuals of the prediction, each fitted without one part, rms, m/s2"
     worth = page_table(caption, {"left_out": ("without", str), **{a: (a, ".3f") for a in AXES}}, lacking)
-    return Findings.tabulated(
+    return Findings.of(
         "A real hexacopter: hover and climbs predict its sprints",
-        LEAD,
         _claims([r for r in records if r["window"] != "140:214"]),
-        (
-            Section("Residuals", (residuals, *_figures(curves(ahead, ahead.predicted[0])), Prose(WORDS))),
-            Section("Coefficients", (beside, Prose(COEFFICIENT_WORDS))),
-            Section("What each part is worth", (worth,)),
-        ),
+        (residuals, *_figures(curves(ahead, ahead.predicted[0])), beside, worth),
         [_rounded(r) for r in records],
         {"coefficients": coefficients, "without": [_rounded(r) for r in lacking]},
     )

@@ -23,7 +23,7 @@ from scipy.stats import norm
 from stoop.base.arrays import FloatArray
 from stoop.base.units import FOOT, SLUG
 from stoop.flight import Flight, from_columns
-from stoop.report.sheet import Prose, Section, Table
+from stoop.report.sheet import Table
 from stoop.vehicle import Vehicle, terms
 from stoop.vehicle.load import parse_vehicle
 from stoop.workflow import identify
@@ -35,16 +35,6 @@ SHARE: Final = 0.02  #: or within this of the true value, whichever is larger
 AGREEING_SHARE: Final = 0.99  #: of single estimates; of normal ones 0.9973 lie within three standard errors
 MEAN_SQUARES: Final = (0.75, 1.5)  #: of the differences in standard errors; 1 without any error of the model
 ZERO: Final = 1e-9  #: what is below is rounding in JSBSim
-LEAD: Final = f"""\
-Aircraft of JSBSim's own package fly {jsbsim_flight.DURATION:.0f} s of multisines on elevator, aileron and rudder together. \
-Their instruments are read at {jsbsim_flight.RATE} Hz, noise is added, and stoop identifies all derivatives from the readings, \
-with known mass properties and from starting values of zero. The estimates are compared with JSBSim's own aerodynamic tables \
-at that flight condition, by finite differences through JSBSim."""
-WORDS: Final = f"""\
-Estimate, standard error and difference are those of the first flight. An estimate agrees within {SIGMAS:.0f} of its \
-standard errors or {100 * SHARE:.0f} % of the true value, whichever is larger; among many, a few in a thousand do not by \
-chance. The last column is the difference of the mean over all flights, in standard errors of one: what is left when noise \
-averages out."""
 NOISE: Final = {
     "V": 0.2, "alpha": 0.005, "beta": 0.005, "p": 0.005, "q": 0.005, "r": 0.005,
     "phi": 0.005, "theta": 0.005, "psi": 0.005, "ax": 0.05, "ay": 0.05, "az": 0.05,
@@ -317,26 +307,20 @@ def parameter_table(title: str, what: str, records: Sequence[Mapping[str, Any]])
 
 
 def findings(
-    title: str, lead: str, words: str, kind: str, what: str, subjects: Sequence[jsbsim_flight.Subject], samples: study.Samples,
+    title: str, kind: str, what: str, subjects: Sequence[jsbsim_flight.Subject], samples: study.Samples,
     noise: Mapping[str, float],
 ) -> Findings:  # fmt: skip
     """Return how far the estimates of some subjects are off; ``kind`` and ``what`` as in `comparison`."""
-    parts: list[Table | Prose] = [Prose(words)]
-    records: list[dict[str, Any]] = []
-    claims: list[Claim] = []
-    for subject in subjects:
-        table, own, found = comparison(subject, samples[subject.model], kind, what)
-        parts += [table, Prose(subject.words)]
-        records += own
-        claims += found
-    sections = (Section(f"{what.capitalize()}s", tuple(parts)), Section("Noise", (study.noise_table(noise),)))
-    return Findings.tabulated(title, lead, claims, sections, records)
+    found = [comparison(subject, samples[subject.model], kind, what) for subject in subjects]
+    tables, records, claims = zip(*found, strict=True)
+    shown = (*tables, study.noise_table(noise))
+    return Findings.of(title, itertools.chain(*claims), shown, list(itertools.chain(*records)))
 
 
 def show(setting: Setting, samples: study.Samples) -> Findings:
     """Return how far the derivatives are off."""
     title = "Stock aircraft of JSBSim, identified from their outputs"
-    return findings(title, LEAD, WORDS, "aircraft", "derivative", jsbsim_flight.FLEET, samples, NOISE)
+    return findings(title, "aircraft", "derivative", jsbsim_flight.FLEET, samples, NOISE)
 
 
 EXPERIMENT: Final = study.Verification(

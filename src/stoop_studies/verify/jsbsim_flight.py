@@ -8,10 +8,11 @@ is in it.
 from __future__ import annotations
 
 import itertools
+import tomllib
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from scipy.optimize import root
@@ -21,6 +22,7 @@ from stoop.base.units import FOOT, INCH, POUND_FORCE
 from stoop.errors import StoopError
 from stoop.exporters.jsbsim_flight import simulator
 from stoop_studies.verify.scenes import multisine_maneuver
+from stoop_studies.verify.study import data_text
 
 STEP: Final = 2e-4  #: s, of JSBSim: its surfaces and its rate of the angle of attack act one step late
 ADAMS_BASHFORTH_2: Final = 3  #: of `simulation/integrator/rate/rotational`; its default is of first order
@@ -51,11 +53,10 @@ READ: Final = {
 
 @dataclass(frozen=True)
 class Subject:
-    """What is identified: its name in keys and tables (a stock aircraft's folder in JSBSim), and words for the page."""
+    """What is identified: its name in keys and tables (a stock aircraft's folder in JSBSim), and its title on the page."""
 
     model: str
     title: str
-    words: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,72 +78,12 @@ class Stock(Subject):
     surfaces: Mapping[str, str] = field(default_factory=lambda: SURFACES)
 
 
-ABSOLUTE: Final = {"CDbetaabs": "abs(beta)", "CDelevator": "elevator"}  #: drag of slip and of the elevator
-SLIP: Final = {
-    "CL": {"CLpbeta": "p*beta"},
-    "Cm": {"Cmpbeta": "p*beta"},
-}  #: where the rate of the angle of attack counts: rolling in a slip changes the angle of attack
+def _stock(model: str, row: dict[str, Any]) -> Stock:
+    dropped = {coefficient: tuple(names) for coefficient, names in row.pop("dropped", {}).items()}
+    return Stock(model=model, dropped=dropped, **row)
 
-FLEET: Final = (
-    Stock(
-        model="c172p",
-        title="Cessna 172P, engine off",
-        airspeed=48.4,
-        alpha=0.0262,
-        altitude=1500.0,
-        amplitude={"elevator": 0.04, "aileron": 0.06, "rudder": 0.08},
-        added={
-            **SLIP,
-            "CD": {**ABSOLUTE, "CDbend1": "abs(alpha + 0.0087)", "CDbend2": "abs(alpha - 0.0087)"},
-            "CQ": {"CQpalpha": "p*alpha", "CQralpha": "r*alpha"},
-            "Cl": {"Clralpha": "r*alpha"},
-        },
-        dropped={"CD": ("CDalpha2",)},
-        words="""\
-Propeller at rest, descending. The crew puts the center of gravity beside the plane of symmetry, so all products of \
-inertia count. Drag is a table with a row per degree and its slope has a step at each: two of them, half a degree below \
-and above the angle of attack that terms count from, are flown through and stand for the square. Lift and pitching \
-moment depend on the rate of the angle of attack.""",
-    ),
-    Stock(
-        model="T37",
-        title="Cessna T-37, engines at constant throttle",
-        airspeed=78.0,
-        alpha=0.079,
-        altitude=3000.0,
-        throttle=0.7,
-        amplitude={"elevator": 0.03, "aileron": 0.08, "rudder": 0.08},
-        added={**SLIP, "CD": ABSOLUTE},
-        words="""\
-A jet trainer, thrust above the center of gravity. Lift and pitching moment depend on the rate of the angle of attack.""",
-    ),
-    Stock(
-        model="f16",
-        title="F-16, flight control system off, engine at constant throttle",
-        airspeed=165.0,
-        alpha=0.0437,
-        altitude=3000.0,
-        throttle=0.6,
-        amplitude={"elevator": 0.01, "aileron": 0.03, "rudder": 0.06},
-        added={
-            "CL": {"CLalphaelevator": "alpha*elevator"},
-            "CD": {"CDelevator": "elevator", "CDq": "q", "CDalphaelevator": "alpha*elevator"},
-            "CQ": {"CQaileron": "aileron", "CQpalpha": "p*alpha"},
-            "Cl": {
-                "Clbetaalpha": "beta*alpha",
-                "Clpalpha": "p*alpha",
-                "Clralpha": "r*alpha",
-                "Claileronalpha": "aileron*alpha",
-            },
-            "Cn": {"Cnbetaalpha": "beta*alpha", "Cnpalpha": "p*alpha", "Cnaileronalpha": "aileron*alpha"},
-            "Cm": {"Cmalphaelevator": "alpha*elevator"},
-        },
-        surfaces={**SURFACES, "aileron": "fcs/aileron-pos-rad"},
-        words="""\
-Tables of a wind tunnel; nothing depends on the rate of the angle of attack. Many slopes change with the angle of \
-attack: products are among the terms.""",
-    ),
-)
+
+FLEET: Final = tuple(_stock(model, row) for model, row in tomllib.loads(data_text("stock.toml")).items())
 
 
 @dataclass(frozen=True)

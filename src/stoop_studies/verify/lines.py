@@ -27,7 +27,6 @@ from stoop.flight import Flight, load
 from stoop.flight.air_data import RECONSTRUCTED
 from stoop.flight.airborne import in_flight
 from stoop.flight.mapping_draft import draft
-from stoop.report.sheet import Prose, Section
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import Maneuver
 from stoop.vehicle import parse_vehicle
@@ -389,10 +388,7 @@ def show(setting: Setting, samples: study.Samples) -> Findings:
             f"{sure} of {len(mangled)} with a wrong line that is not marked",
         ),
     ]
-    columns: study.Columns = {
-        "words": ("what is wrong", str), "vehicle": ("vehicle", str), "dialect": ("names", str), "said": ("stoop info", str),
-        "draft": ("stoop map", str),
-    }  # fmt: skip
+    columns = study.columns("words=what is wrong; vehicle; dialect=names; said=stoop info; draft=stoop map")
     records = [
         {
             **{key: r[key] for key in ("words", "vehicle", "dialect", "said")},
@@ -403,24 +399,12 @@ def show(setting: Setting, samples: study.Samples) -> Findings:
         for r in results
         if r["said"] != "none"
     ]
-    rows = [r for r in records if r["case"] == "mangled"]
-    words = (
-        "named: the wrong line alone; ambiguous: with others that the data do not exclude; wrong: another line; silent: "
-        "none. stoop map: right, doubted (wrong or right, and marked unsure) or wrong (and not marked)."
-    )
-    return Findings.tabulated(
-        "Wrong lines of mappings", LEAD, claims,
-        (Section("Mangled flights", (study.page_table("One wrong line each", columns, rows), Prose(words))),),
-        records,
-    )  # fmt: skip
+    table = study.page_table("One wrong line each", columns, [r for r in records if r["case"] == "mangled"])
+    return Findings.of("Wrong lines of mappings", claims, (table,), records)
 
 
 def _draft_word(drafted: Mapping[str, Sequence[str]]) -> str:
     return "wrong" if drafted.get("sure") else "doubted" if drafted.get("doubted") else "right"
 
 
-LEAD: Final = f"""\
-Simulated flights of {DURATION:.0f} s of an aircraft and of multirotors, in wind and half of them in gusts, after {GROUND:.0f} s \
-on the ground, in the first {ZEROS:.0f} of which the estimator holds zeros, are written with the names and units of ArduPilot, \
-PX4, MATLAB and CSV logs. Of each mangled flight one thing of one line is wrong. Right flights are simulated alike, or real."""
 EXPERIMENT: Final = study.Verification("lines", show, runs=60, work="judge", cases=CASES, reads_data=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
@@ -17,13 +17,13 @@ from stoop.estimate import methods
 from stoop.estimate.fit import Options
 from stoop.flight import Flight
 from stoop.problem.windows import Window
-from stoop.report.sheet import Prose, Section, Table
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import Maneuver
 from stoop.vehicle import Vehicle
 from stoop.vehicle.load import parse_vehicle
-from stoop_studies.findings import Claim, Findings, Setting, holds
+from stoop_studies.findings import Claim, Findings, Setting
 from stoop_studies.verify import scenes, study
+from stoop_studies.verify.defects import edited, with_columns
 
 AXES: Final[tuple[scenes.Step, ...]] = (
     ("elevator", "3-2-1-1", 1.0, 0.3, 0.08),
@@ -47,26 +47,10 @@ TERMS: Final = {
 
 METHODS: Final = ("sigma", "conditional", "cramer_rao")
 POOLED: Final = (0.90, 0.98)
-SUMMARY: Final[study.Columns] = {
-    "lacks": ("what the model lacks", str), "maneuvers": ("maneuvers", "d"), "flights": ("flights", "d"),
-    "coverage": ("corrected, %", study.percent), "least": ("least, %", study.percent),
-    "sharpness": ("sharpness", ".2f"), "coverage_conditional": ("given the model, %", study.percent),
-    "coverage_cramer_rao": ("plain Cramer-Rao, %", study.percent),
-}  # fmt: skip
-TERM_COLUMNS: Final[study.Columns] = {
-    "coefficient": ("coefficient", str), "term": ("term", str), "value": ("value", "g"),
-}  # fmt: skip
-LEAD: Final = f"""\
-The twin-boom aircraft flies maneuvers of {scenes.DURATION:.0f} s at {scenes.RATE:.0f} Hz, each with an input on every axis; \
-times, steps, signs and amplitudes are drawn from one population. Its 32 coefficients are estimated by output error with a model \
-that lacks something of the truth; each maneuver's nine initial states and {len(scenes.BIASES)} sensor biases are estimated with \
-them. What is asked of an interval is the best-fitting parameter of that model: its value at infinitely many maneuvers, here \
-that of all flights together, weighted by their information. Fits that end at a bound are left out of that mean; in the coverage \
-they count, and what is at its bound counts as missed."""
-WORDS: Final = """\
-Corrected intervals contain what maneuvers disagree about; those given the model only the noise, correlated in time and \
-between channels. One maneuver cannot disagree with itself: its intervals are conditional on the model, and the report of a \
-fit says so. Least is that of single coefficients; sharpness the mean standard error over the true scatter."""
+SUMMARY: Final = study.columns(
+    "lacks=what the model lacks; maneuvers:d; flights:d; coverage:%=corrected, %; least:%=least, %; "
+    "sharpness:.2f; coverage_conditional:%=given the model, %; coverage_cramer_rao:%=plain Cramer-Rao, %"
+)
 
 
 def drawn_maneuver(rng: np.random.Generator) -> Maneuver:
@@ -86,40 +70,34 @@ def drawn_maneuver(rng: np.random.Generator) -> Maneuver:
 @functools.cache
 def richer_aircraft() -> Vehicle:
     """Return the aircraft with terms that the fitted model lacks."""
-    text = scenes.aircraft().text
-    for coefficient, terms in TERMS.items():
-        head = f"[aerodynamics.{coefficient}]\n"
-        lines = [
-            f'{name} = {{ term = "{term}", value = {value} }}\n' for name, (term, value) in terms.items()
-        ]
-        text = text.replace(head, head + "".join(lines))
-    return _as_scenes_has_it(text, "twin-boom with further terms")
+    terms = {
+        f"aerodynamics.{c}.{name}": {"term": term, "value": value}
+        for c, own in TERMS.items()
+        for name, (term, value) in own.items()
+    }
+    return _changed(terms)
 
 
 @functools.cache
 def slower_aircraft() -> Vehicle:
     """Return the aircraft with a lag of its servos, and vanes of a wrong scale."""
-    lags = "".join(f"[controls.{control}]\nlag = {SERVO_LAG}\n" for control in scenes.aircraft().controls)
-    scales = "".join(f"[sensors.{vane}]\nscale = {VANE_SCALE}\n" for vane in ("alpha", "beta"))
-    return _as_scenes_has_it(scenes.aircraft().text + lags + scales, "twin-boom with slow servos")
+    lags = {f"controls.{control}.lag": SERVO_LAG for control in scenes.aircraft().controls}
+    return _changed(lags | {f"sensors.{vane}.scale": VANE_SCALE for vane in ("alpha", "beta")})
 
 
-def _as_scenes_has_it(text: str, where: str) -> Vehicle:
-    """Return a vehicle file with the true values that `scenes` sets."""
+def _changed(entries: Mapping[str, Any]) -> Vehicle:
+    """Return the aircraft with further entries of its file and the true values that `scenes` sets."""
+    vehicle = parse_vehicle(edited(scenes.aircraft().text, entries), "twin-boom")
     values = {name: {"value": value} for name, value in scenes.TRUTHS.items()}
-    return scenes.with_trim_thrust(parse_vehicle(text, where).with_numbers(values))
+    return scenes.with_trim_thrust(vehicle.with_numbers(values))
 
 
 def with_noisy_deflections(flight: Flight, rng: np.random.Generator) -> Flight:
     """Return the flight with noise on what is recorded of each control."""
-    controls = {
-        c: (
-            flight.data[c].dims,
-            flight.data[c].to_numpy() + DEFLECTION_NOISE * rng.standard_normal(flight.data[c].size),
-        )
-        for c in scenes.aircraft().recorded
-    }
-    return replace(flight, data=flight.data.assign(controls))
+    recorded = {c: flight.column(c) for c in scenes.aircraft().recorded}
+    return with_columns(
+        flight, {c: x + DEFLECTION_NOISE * rng.standard_normal(x.size) for c, x in recorded.items()}
+    )
 
 
 @dataclass(frozen=True)
@@ -204,60 +182,32 @@ def best_fitting(results: Sequence[Mapping[str, Any]]) -> FloatArray:
 def show(setting: Setting, samples: study.Samples) -> Findings:
     """Return the coverage of each case."""
     claims, summary, records = list[Claim](), list[dict[str, Any]](), list[dict[str, Any]]()
-    for name, truth in TRUTHS.items():
+    for case, (name, number) in CASES.items():
+        truth, results = TRUTHS[name], samples[case]
         best = best_fitting(samples[f"{name}-{truth.numbers[-1]}"])
-        for number in truth.numbers:
-            results = samples[f"{name}-{number}"]
-            errors = [{**r, "errors": np.array(r["estimates"]) - best} for r in results]
-            found = {key: study.error_statistics(errors, key) for key in METHODS}
-            scatter, mean, coverage, bias = found["sigma"]
-            record: dict[str, Any] = {
-                "case": name, "maneuvers": number, "flights": len(results), "lacks": truth.words,
-                "coverage": float(coverage.mean()), "least": float(coverage.min()),
-                "sharpness": float(np.mean(mean / scatter)),
-                **{f"coverage_{k}": float(found[k][2].mean()) for k in METHODS[1:]},
-            }  # fmt: skip
-            summary.append(record)
-            names = results[0]["names"]
-            table = pd.DataFrame(
-                {
-                    "case": name, "maneuvers": number, "parameter": names, "best_fitting": best, "coverage": coverage,
-                    "sharpness": mean / scatter, "bias_in_standard_errors": bias,
-                }
-            )  # fmt: skip
-            records += study.records_of(table)
-            if number > 1:
-                low, high = POOLED
-                claims.append(
-                    holds(
-                        f"What lacks is {truth.words}; {number} maneuvers: {100 * low:.0f} to {100 * high:.0f} % pooled",
-                        low <= record["coverage"] <= high,
-                        f"{100 * record['coverage']:.1f} % of {len(results)} flights' intervals; given the model "
-                        f"{100 * record['coverage_conditional']:.1f} %",
-                    )
-                )
-    parts = (
-        Section(
-            "Pooled over the parameters",
-            (
-                study.page_table("Share of intervals that hold the best-fitting parameter", SUMMARY, summary),
-                Prose(WORDS),
-            ),
-        ),
-        Section("What was flown", (scenes.inputs_table({"each": AXES}), _terms())),
-    )
-    return Findings.tabulated(
-        "Intervals of wrong models", LEAD, claims, parts, summary, {"parameters": records}
-    )
-
-
-def _terms() -> Table:
-    rows = [
-        {"coefficient": c, "term": term, "value": value}
-        for c, own in TERMS.items()
-        for term, value in own.values()
-    ]
-    return study.page_table("Terms of the truth that the model lacks", TERM_COLUMNS, rows)
+        errors = [{**r, "errors": np.array(r["estimates"]) - best} for r in results]
+        found = {key: study.error_statistics(errors, key) for key in METHODS}
+        scatter, mean, coverage, bias = found["sigma"]
+        pooled = {k: float(found[k][2].mean()) for k in METHODS}
+        summary.append({
+            "case": name, "maneuvers": number, "flights": len(results), "lacks": truth.words,
+            "coverage": pooled["sigma"], "least": float(coverage.min()), "sharpness": float(np.mean(mean / scatter)),
+            **{f"coverage_{k}": pooled[k] for k in METHODS[1:]},
+        })  # fmt: skip
+        each = {
+            "case": name, "maneuvers": number, "parameter": results[0]["names"], "best_fitting": best,
+            "coverage": coverage, "sharpness": mean / scatter, "bias_in_standard_errors": bias,
+        }  # fmt: skip
+        records += study.records_of(pd.DataFrame(each))
+        if number > 1:
+            given = (
+                f"of {len(results)} flights' intervals; given the model {100 * pooled['conditional']:.1f} %"
+            )
+            words = f"What lacks is {truth.words}; {number} maneuvers: pooled coverage"
+            claims.append(study.within(words, POOLED, pooled["sigma"], given))
+    caption = "Share of intervals that hold the best-fitting parameter"
+    table = study.page_table(caption, SUMMARY, summary)
+    return Findings.of("Intervals of wrong models", claims, (table,), summary, {"parameters": records})
 
 
 EXPERIMENT: Final = study.Verification(

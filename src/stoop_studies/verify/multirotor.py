@@ -93,27 +93,9 @@ LAGS: Final = (0.02, 0.2)  #: s, among which the lag is
 SETTLED: Final = 50  #: samples after which the start of a lag is forgotten
 SPEEDS: Final = "speeds"  #: recorded are the speeds of the rotors
 COMMANDS: Final = "commands"  #: recorded are the commands alone
-LEAD: Final = f"""\
-The F450 of JSBSim's own package, a quadrotor of 1.4 kg with brushless motors and tables of measured propellers, is flown \
-by a simple autopilot that shakes it on all four axes for {DURATION:.0f} s of a climb at {CLIMB:g} m/s. Its instruments are \
-read, noise is added, and stoop identifies rotors, drag and inertia from short windows, mass and geometry known. The \
-estimates are compared with what JSBSim's own rotors and body do along that flight, each force by itself."""
-WORDS: Final = """\
-Estimate, standard error and difference are those of the first flight. An estimate agrees within 3 of its standard errors \
-or 2 % of the true value, whichever is larger. The last column is the difference of the mean over all flights, in standard \
-errors of one."""
 RECORDS: Final = (
-    Subject(
-        SPEEDS,
-        "Speeds of the rotors recorded",
-        "As with telemetry of the speed controllers: the motors are observed, the propellers are identified.",
-    ),
-    Subject(
-        COMMANDS,
-        "Commands alone recorded",
-        "The lag of the motors is identified, too. Their speed over the command is given (a straight line from the stand): "
-        "otherwise thrust, torque and inertia of a rotor would be known per command only.",
-    ),
+    Subject(SPEEDS, "Speeds of the rotors recorded"),
+    Subject(COMMANDS, "Commands alone recorded"),
 )
 
 
@@ -379,7 +361,7 @@ def identify_once(case: str, seed: int) -> dict[str, Any]:
 def show(setting: Setting, samples: Samples) -> Findings:
     """Return how far the estimates are off."""
     title = "JSBSim's F450, identified from its outputs"
-    return findings(title, LEAD, WORDS, "recorded", "parameter", RECORDS, samples, NOISE)
+    return findings(title, "recorded", "parameter", RECORDS, samples, NOISE)
 
 
 EXPERIMENT: Final = Verification("multirotor", show, runs=10, work="identify_once", cases=(SPEEDS, COMMANDS))

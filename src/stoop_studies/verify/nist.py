@@ -15,38 +15,19 @@ from stoop import optimize
 from stoop.assessment.covariance import standard_errors
 from stoop.base.arrays import FloatArray
 from stoop.problem.evidence import invert_rows
-from stoop.report.sheet import Prose, Section
 from stoop_studies.findings import Findings, Setting, holds
 from stoop_studies.verify.strd import Certified, Model, read_certified
-from stoop_studies.verify.study import Columns, Samples, Verification, page_table, published_files
+from stoop_studies.verify.study import Samples, Verification, columns, page_table, published_files
 
 CERTIFIED_DIGITS: Final = 11.0
 PARAMETER_DIGITS: Final = 9.0
 DEVIATION_DIGITS: Final = 9.0
 PATIENT: Final = optimize.Settings(iterations=2000, gain=1e-14, predicted=0.0, stall=2000, stall_damping=0.0)
-LEAD: Final = """\
-Each problem states a model, data, two starts, and parameters and standard deviations that NIST computed with 128-bit \
-reals and certifies to 11 digits. All are run from both starts by one algorithm with one setting; no bounds are \
-given, and parameters are measured in units of their starts."""
-WORDS: Final = """\
-Digits are -log10 of the relative error, at most the 11 that are certified; the worst parameter counts. Derivatives \
-are exact (SymPy, from the model that the file states). `descend` is Levenberg-Marquardt with a Jacobian in each \
-iteration, QR, geodesic acceleration and undamped steps at the end. Standard deviations are the square roots of the \
-diagonal of s2 (J'J)^-1, from QR and singular values of J by the code that makes the error bars of a flight.
-
-The local search of the default optimizer keeps a Jacobian as long as Broyden's update carries it; \
-here it is left to itself, without the population that would start it elsewhere."""
-SHOWN: Final[Columns] = {
-    "problem": ("problem", str),
-    "level": ("level", str),
-    "start": ("start", "d"),
-    "iterations": ("iterations", "d"),
-    "digits_parameters": ("parameters", ".1f"),
-    "digits_deviations": ("deviations", ".1f"),
-    "digits_rss": ("RSS", ".1f"),
-    "local_search_digits_parameters": ("local search alone", ".1f"),
-    "local_search_iterations": ("its iterations", "d"),
-}
+SHOWN: Final = columns(
+    "problem; level; start:d; iterations:d; digits_parameters:.1f=parameters; "
+    "digits_deviations:.1f=deviations; digits_rss:.1f=RSS; local_search_digits_parameters:.1f=local "
+    "search alone; local_search_iterations:d=its iterations"
+)
 
 
 @cache
@@ -129,20 +110,14 @@ def fit_certified(certified: Certified, start: int) -> dict[str, Any]:
     variance = found.cost / (J.shape[0] - J.shape[1])
     deviations = np.sqrt(variance) * standard_errors(invert_rows(J).matrix) * problem.scale
     return {
-        "problem": certified.name,
-        "level": certified.level,
-        "parameters": len(certified.values),
-        "observations": len(certified.y),
-        "start": start,
-        "ending": found.ending,
-        "iterations": found.iterations,
+        "problem": certified.name, "level": certified.level, "parameters": len(certified.values),
+        "observations": len(certified.y), "start": start, "ending": found.ending, "iterations": found.iterations,
         "digits_parameters": digits(found.z * problem.scale, certified.values),
         "digits_deviations": digits(deviations, certified.deviations),
-        "digits_rss": digits(found.cost, certified.least),
-        "local_search_ending": alone.ending,
+        "digits_rss": digits(found.cost, certified.least), "local_search_ending": alone.ending,
         "local_search_iterations": alone.iterations,
         "local_search_digits_parameters": digits(alone.z * problem.scale, certified.values),
-    }
+    }  # fmt: skip
 
 
 def show(setting: Setting, samples: Samples) -> Findings:
@@ -164,13 +139,9 @@ def show(setting: Setting, samples: Samples) -> Findings:
                 f"{worst['problem']} from start {worst['start']}",
             )
         )
-    return Findings.tabulated(
-        f"{len(files)} certified regressions of NIST StRD",
-        LEAD,
-        claims,
-        (Section("Digits that are right", (page_table(caption, SHOWN, fits), Prose(WORDS))),),
-        [{k: round(v, 1) if isinstance(v, float) else v for k, v in f.items()} for f in fits],
-    )
+    rows = [{k: round(v, 1) if isinstance(v, float) else v for k, v in f.items()} for f in fits]
+    table = page_table(caption, SHOWN, fits)
+    return Findings.of(f"{len(files)} certified regressions of NIST StRD", claims, (table,), rows)
 
 
 EXPERIMENT: Final = Verification("nist", show)

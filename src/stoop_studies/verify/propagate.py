@@ -16,7 +16,6 @@ from stoop.propagation.propagation import propagate_draws
 from stoop.propagation.rotor_figures import rotor_figures
 from stoop.propagation.wing_figures import Domain, wing_figures
 from stoop.propagation.wings import Wings
-from stoop.report.sheet import Prose, Section
 from stoop.simulation import linearize, trim
 from stoop.simulation.initial import parameter_rows
 from stoop.simulation.linearize import modes_of
@@ -37,26 +36,12 @@ WING: Final = Domain((32.0, 38.0), 35.0, 200.0, 1.20165, (0.0, 0.2))
 ROTOR: Final = Domain((0.0, 8.0), 0.0, 200.0, 1.20165)
 ROTOR_NUMBERS: Final = ("mass.mass", "mass.inertia.xx", "mass.inertia.yy", "mass.inertia.zz", "rotors.T1", "rotors.T2",
                         "rotors.lag", "rotors.drag", "rotors.torque_ratio")  # fmt: skip
-LEAD: Final = f"""\
-An interval of 95 % of a trim, a mode, a limit or a control authority is to hold its truth in 95 of 100 flights. Fitted \
-flights are those of the study of coverage (six degrees of freedom, white sensor noise); {DRAWS} draws are taken from the \
-covariance of each fit. Estimates are also drawn about the truth with a known covariance, for an aircraft and for a quadrotor \
-(standard errors of {SPREAD:.0%}, neighbors correlated by {CORRELATION:g}): this shows what the propagation itself does. And \
-{TWINS} draws a seed are trimmed and linearized one at a time by SciPy's root finding and exact differentiation."""
-WORDS: Final = """\
-Coverage of a single figure scatters: over 60 flights by 2.8 % (one standard deviation). Figures of one flight are \
-correlated, so that the pooled coverage scatters by more than its count suggests."""
 NAMES: Final[Mapping[str, str]] = {
     "fits": "fitted flights of the aircraft",
     "known": "known covariance, aircraft",
     "rotors": "known covariance, quadrotor",
 }
-SHOWN: Final[study.Columns] = {
-    "words": ("case", str),
-    "figure": ("figure", str),
-    "intervals": ("intervals", "d"),
-    "coverage": ("coverage, %", study.percent),
-}
+SHOWN: Final = study.columns("words=case; figure; intervals:d; coverage:%=coverage, %")
 
 
 def carried(vehicle: Vehicle, truth: Vehicle, draws: Draws, domain: Domain) -> dict[str, list[bool]]:
@@ -160,43 +145,35 @@ def show(setting: Setting, samples: study.Samples) -> Findings:
     records, claims, summary = list[dict[str, Any]](), list[Claim](), list[dict[str, Any]]()
     for case, words in NAMES.items():
         every = [held for r in samples[case] for held in r["held"]]
-        figures = list(dict.fromkeys(name for held in every for name in held))
         shares = []
-        for name in figures:
-            inside = [x for held in every for x in held.get(name, ())]
-            count = sum(name in held for held in every)
-            coverage = float(np.mean(inside))
-            shares.append(coverage)
-            records.append(
-                {"case": case, "words": words, "figure": name, "intervals": count, "coverage": coverage}
-            )
+        for name in dict.fromkeys(name for held in every for name in held):
+            shares.append(float(np.mean([x for held in every for x in held.get(name, ())])))
+            row = {"case": case, "words": words, "figure": name}
+            records.append({**row, "intervals": sum(name in held for held in every), "coverage": shares[-1]})
         pooled = float(np.mean(shares))
-        low, high = POOLED
-        claims.append(
-            holds(
-                f"For {words} the intervals hold the truth in {100 * low:.0f} to {100 * high:.0f} %",
-                low <= pooled <= high,
-                f"{100 * pooled:.1f} % over {len(figures)} figures of {len(every)} estimates",
-            )
-        )
+        figures = f"over {len(shares)} figures of {len(every)} estimates"
+        claims.append(study.within(f"For {words} the intervals hold the truth in", POOLED, pooled, figures))
         summary.append({"words": words, "figure": "all", "intervals": len(every), "coverage": pooled})
-    worst = max(r["difference"] for r in samples["twin"])
-    claims.append(
-        holds(
-            f"Trims and modes of single draws by SciPy's root finding differ by less than {MAX_DIFFERENCE:g}, relative",
-            worst < MAX_DIFFERENCE,
-            f"at most {worst:.1e} over {TWINS * len(samples['twin'])} draws",
-        )
+    worst, twins = max(r["difference"] for r in samples["twin"]), TWINS * len(samples["twin"])
+    statement = "Trims and modes of single draws by SciPy's root finding differ by less than"
+    claim = holds(
+        f"{statement} {MAX_DIFFERENCE:g}, relative",
+        worst < MAX_DIFFERENCE,
+        f"at most {worst:.1e} over {twins} draws",
     )
-    tables = (study.page_table("Mean over the figures", SHOWN, summary), Prose(WORDS))
-    return Findings.tabulated(
-        "What the uncertainty means: intervals of derived figures",
-        LEAD,
-        claims,
-        (Section("Pooled", tables), Section("By figure", (study.page_table("Coverage", SHOWN, records),))),
-        [*records, {"case": "twin", "words": "largest relative difference", "figure": "twin",
-                    "intervals": TWINS * len(samples["twin"]), "coverage": worst}],
-    )  # fmt: skip
+    tables = [
+        study.page_table(name, SHOWN, rows)
+        for name, rows in (("Mean over the figures", summary), ("Coverage", records))
+    ]
+    last = {
+        "case": "twin",
+        "words": "largest relative difference",
+        "figure": "twin",
+        "intervals": twins,
+        "coverage": worst,
+    }
+    title = "What the uncertainty means: intervals of derived figures"
+    return Findings.of(title, [*claims, claim], tables, [*records, last])
 
 
 EXPERIMENT: Final = study.Verification("propagate", show, runs=60, work="carry", cases=(*NAMES, "twin"))

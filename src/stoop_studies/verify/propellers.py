@@ -18,13 +18,14 @@ from stoop.estimate import effectiveness
 from stoop.flight import load
 from stoop.report.plots import plot
 from stoop.report.series import Series
-from stoop.report.sheet import Figure, Prose, Section
+from stoop.report.sheet import Figure
 from stoop.vehicle import parse_vehicle
 from stoop_studies.findings import Claim, Findings, Setting, counted, holds, number
 from stoop_studies.verify.study import (
     Columns,
     Samples,
     Verification,
+    columns,
     page_table,
     published_files,
     vehicle_text,
@@ -40,20 +41,7 @@ NAME: Final = (
     r"(?:normal_flight|cut_propeller_M3_\dmm_\dmm_(?P<cut>\d\d)mm|add_weight_(?P<weight>W\d)_near_M3)"
     r"__(?P<airframe>E\d+)_log(?P<log>\d\d)\.usd"
 )  #: of a file
-LEAD: Final = """\
-Two airframes of one type fly 2 m forth and back: as they are, with the propeller M3 cut at both tips, and with a weight \
-taped near M3. Each flight is compared with the normal flights of its airframe; a normal flight with the others. What a \
-rotor is commanded is the firmware's thrust command, which the firmware corrects with the battery's voltage."""
-WORDS: Final = """\
-The factor is thrust and torque of M3 per command, 1 in the normal flights, if M3 alone has changed; its standard error \
-holds the scatter between flights of one configuration and the scatter within the flight. Chance is how often a healthy \
-flight makes any of the four rotors this suspect. What is left over, in squares of three standard deviations, compares two \
-explanations: a weak rotor, whose torque falls with its thrust, and a mass, which needs lift but no torque."""
-COMMON: Final[Columns] = {
-    "suspected": ("suspected", str),
-    "chance": ("chance", ".4f"),
-    "factor": ("factor of M3", str),
-}
+COMMON: Final = columns("suspected; chance:.4f; factor=factor of M3")
 TREATMENTS: Final[Columns] = {
     "airframe": ("airframe", str),
     "condition": ("M3", str),
@@ -226,21 +214,17 @@ def show(setting: Setting, samples: Samples) -> Findings:
     flights = read_flights(setting.data)
     normal, changed, treatments = assess_all(flights)
     single, grouped = ([_record(a) for a in own] for own in ((*normal, *changed), treatments))
-    caption = "The flights after one treatment, taken together as one flight"
-    first = page_table(caption, TREATMENTS, map(_shown, grouped))
-    caption = "Each flight; normal ones are compared with the other normal ones"
-    second = page_table(caption, FLIGHTS, map(_shown, single))
-    return Findings.tabulated(
-        f"Which propeller is cut: {len(flights)} flights of two Crazyflies",
-        LEAD,
-        _claims(normal, treatments),
-        (
-            Section("Treatments", (first, _figure(treatments))),
-            Section("Flights", (second, Prose(WORDS))),
+    tables = (
+        page_table(
+            "The flights after one treatment, taken together as one flight", TREATMENTS, map(_shown, grouped)
         ),
-        single,
-        {"conditions": grouped},
+        _figure(treatments),
+        page_table(
+            "Each flight; normal ones are compared with the other normal ones", FLIGHTS, map(_shown, single)
+        ),
     )
+    title = f"Which propeller is cut: {len(flights)} flights of two Crazyflies"
+    return Findings.of(title, _claims(normal, treatments), tables, single, {"conditions": grouped})
 
 
 def _claims(normal: Sequence[Assessed], treatments: Sequence[Assessed]) -> Iterator[Claim]:

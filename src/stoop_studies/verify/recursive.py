@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Any, Final
 
 import numpy as np
@@ -14,9 +13,6 @@ from stoop.estimate.regression.least_squares import FrequencyDomain, estimate
 from stoop.estimate.regression.recursive import RealTime
 from stoop.flight import Flight
 from stoop.problem.windows import Window
-from stoop.report.plots import stacked_plots
-from stoop.report.series import Series, Strip
-from stoop.report.sheet import Figure, Prose, Section
 from stoop.simulation.fly import simulate_flight
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
@@ -31,8 +27,6 @@ AMPLITUDES: Final = {"elevator": (0.2, 6), "aileron": (0.08, 7), "rudder": (0.15
 EXCITED: Final = 1.2  #: Hz
 WELL_IDENTIFIED: Final = 0.02  #: standard error of the batch over the estimate is below
 DIFFERENCE_LIMIT: Final = 0.02
-DRAWN_EVERY: Final = 50  #: samples
-DRAWN: Final = ("CLalpha", "Cmalpha", "Cmq", "Clp", "Cnbeta")
 CASE: Final = "flight"
 
 
@@ -41,40 +35,17 @@ def _percent(share: float) -> str:
 
 
 SHOWN: Final[Columns] = {
-    "parameter": ("parameter", str),
-    "truth": ("truth", lambda value: number(value, 4)),
-    "share": ("well identified", str),
-    "batch_std_error": ("batch std. error", _percent),
-    "median_difference": ("median difference", _percent),
-    "largest_difference": ("largest", _percent),
+    "parameter": ("parameter", str), "truth": ("truth", lambda value: number(value, 4)),
+    "share": ("well identified", str), "batch_std_error": ("batch std. error", _percent),
+    "median_difference": ("median difference", _percent), "largest_difference": ("largest", _percent),
     "largest_difference_well_identified": ("largest where well identified", _percent),
-}
-LEAD: Final = """\
-The twin-boom aircraft flies {duration:.0f} s at {rate:.0f} Hz with multisines on all controls at once and the sensor noise of \
-its file on all channels. Its terms are estimated twice on Fourier coefficients from {low:g} to {high:g} Hz: by the batch \
-(--method frequency-domain), which takes trends off the whole record and fades its ends, and sample by sample, with \
-transforms that grow, a difference formula of five samples, and bias and drift fitted along. They share the equations and \
-the band, not the transform."""
-WORDS: Final = """\
-Differences are those of the recursive estimate at the end from the batch's, over the batch's. Well identified is a \
-parameter whose standard error in the batch is below {well:.0%} of its estimate; constants, which a band does not hold, \
-are left to the batch."""
+}  # fmt: skip
 
 
 def scene(seed: int) -> tuple[Vehicle, Flight]:
     """Return an aircraft, its thrust that of the trim, and its flight."""
     vehicle = with_trim_thrust(resolve_vehicle(AIRCRAFT))
     return vehicle, simulate_flight(vehicle, multisine_maneuver(AMPLITUDES, DURATION, RATE, EXCITED), seed)
-
-
-def replay(vehicle: Vehicle, flight: Flight) -> Iterator[tuple[int, RealTime]]:
-    """Give a flight to a recursive estimator sample by sample; yield the count and the estimator after each."""
-    online = RealTime(vehicle, 1.0 / RATE, BAND.frequencies(len(flight.time), 1.0 / RATE))
-    names = [c for c in (*vehicle.outputs, *vehicle.inputs, "altitude") if c in flight.names]
-    table = np.column_stack([flight.column(c) for c in names])
-    for k, row in enumerate(table, 1):
-        online.update(dict(zip(names, row.tolist(), strict=True)))
-        yield k, online
 
 
 @work
@@ -87,7 +58,10 @@ def compare(case: str, seed: int) -> dict[str, Any]:
     equations = AircraftEquations.of(problem.layout, problem.pieces)
     batch = estimate(equations, BAND)
     assert batch is not None  # noqa: S101 - everything was measured
-    *_, (_, online) = replay(vehicle, flight)
+    online = RealTime(vehicle, 1.0 / RATE, BAND.frequencies(len(flight.time), 1.0 / RATE))
+    channels = [c for c in (*vehicle.outputs, *vehicle.inputs, "altitude") if c in flight.names]
+    for row in np.column_stack([flight.column(c) for c in channels]).tolist():
+        online.update(dict(zip(channels, row, strict=True)))
     found = online.estimate()
     names = equations.names
     kept = [k for k, name in enumerate(names) if not name.endswith("0")]
@@ -123,36 +97,7 @@ def show(setting: Setting, samples: Samples) -> Findings:
     )
     shown = [{**r, "share": f"{r['well_identified']} of {r['flights']}"} for r in records]
     at_end = page_table("Recursive estimates at the end of the record", SHOWN, shown)
-    return Findings.tabulated(
-        "Recursive estimates against the batch",
-        LEAD.format(duration=DURATION, rate=RATE, low=BAND.low, high=BAND.high),
-        (claim,),
-        (
-            Section("At the end", (at_end, Prose(WORDS.format(well=WELL_IDENTIFIED)))),
-            Section("On the way", (_history(setting.seed),)),
-        ),
-        records,
-    )
-
-
-def _history(seed: int) -> Figure:
-    """Draw estimates and their 95 % intervals over time."""
-    vehicle, flight = scene(seed)
-    history = [
-        (k, e)
-        for k, online in replay(vehicle, flight)
-        if k % DRAWN_EVERY == 0 and (e := online.estimate()) and k / RATE > DURATION / 6.0
-    ]
-    time = np.array([k / RATE for k, _ in history])
-    strips = []
-    for name in DRAWN:
-        value = np.array([e[name].value for _, e in history])
-        reach = 1.96 * np.array([e[name].std_error for _, e in history])
-        truth = np.full(len(time), vehicle.value(name))
-        curves = [("estimate", value), ("95 %", value - reach), ("95 %", value + reach), ("truth", truth)]
-        strips.append(Strip(name, tuple(Series(n, time, y) for n, y in curves)))
-    drawing = stacked_plots(strips, "time, s", "Estimates in flight")
-    return Figure("Estimates of one flight as it goes on, once a second", drawing)
+    return Findings.of("Recursive estimates against the batch", (claim,), (at_end,), records)
 
 
 EXPERIMENT: Final = Verification("recursive", show, runs=50, work="compare", cases=(CASE,))

@@ -18,42 +18,16 @@ from stoop.assessment.error_bars import error_bars
 from stoop.base.numbers import finite_or_none
 from stoop.flight import Flight, from_columns
 from stoop.problem.windows import Window
-from stoop.report.sheet import Prose, Section
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import Maneuver
 from stoop.vehicle import Vehicle
 from stoop.vehicle.document import with_entries
 from stoop.vehicle.load import parse_vehicle
 from stoop.workflow.identification import search
-from stoop_studies.findings import Claim, Findings, Setting, holds
+from stoop_studies.findings import Findings, Setting, holds
 from stoop_studies.verify import scenes, study
+from stoop_studies.verify.study import vehicle_text
 
-FILE: Final = """\
-name = "My aircraft"
-[mass]
-mass = 8.5
-inertia = { xx = 1.38, yy = 0.84, zz = 2.17 }
-[reference]
-area = 0.66
-chord = 0.285
-span = 2.32
-airspeed = 24.0
-[environment]
-density = 1.2
-[propulsion]
-kind = "propeller"
-channel = "control_throttle"
-speed_gain = 147.2
-diameter = 0.40
-CT0 = { value = 0.14, prior = 0.05, free = true, bounds = [0.0, 0.4] }
-CT1 = { value = -0.10, prior = 0.05, free = true, bounds = [-0.4, 0.1] }
-[controls.aileron]
-mix = { control_roll = 0.35 }
-[controls.elevator]
-mix = { control_pitch = -0.35 }
-[controls.rudder]
-mix = { control_yaw = -0.35 }
-"""  #: of docs/quickstart.md, its density a number
 TRUTH: Final = {
     "CD0": 0.05, "CDalpha": 0.2, "CDalpha2": 1.2, "CDV": 0.02, "CL0": 0.35, "CLalpha": 5.2, "CLq": 8.0, "CLV": 0.05,
     "CLelevator": 0.35, "Cm0": 0.02, "Cmalpha": -0.9, "Cmq": -14.0, "CmV": 0.02, "Cmelevator": -1.2, "CQ0": 0.003,
@@ -61,10 +35,8 @@ TRUTH: Final = {
     "Clr": 0.14, "Claileron": 0.25, "Clrudder": 0.015, "Cn0": 0.001, "Cnbeta": 0.06, "Cnp": -0.03, "Cnr": -0.1,
     "Cnaileron": -0.02, "Cnrudder": -0.09,
 }  # fmt: skip
-LAG, DELAY = (
-    "controls.aileron.lag",
-    "controls.aileron.delay",
-)  #: those of all servos, in the order of the file
+#: those of all servos, in the order of the file
+LAG, DELAY = "controls.aileron.lag", "controls.aileron.delay"
 RATE: Final = 50.0  #: Hz, as recorded
 SUBSTEPS: Final = 20  #: of the simulation between two samples
 SLEW: Final = 1.0  #: rad/s, of the commands: their corners are samples
@@ -96,24 +68,11 @@ CASES: Final = {
 }
 POOLED: Final = (0.90, 0.98)
 MAX_RMS_Z: Final = 1.2
-LEAD: Final = f"""\
-The aircraft of the quick start flies {len(STEPS)} maneuvers of {DURATION:.0f} s, simulated at {RATE * SUBSTEPS:.0f} Hz and \
-recorded at {RATE:.0f} Hz with the usual noise and biases of sensors. Its 32 coefficients, thrust, the lag and the delay of its \
-servos are estimated from a file that gives neither lag nor delay nor any coefficient."""
-WORDS: Final = """\
-z is an error over its standard error. Lag and delay of a quick servo can hardly be told apart, and the prior decides; their \
-sum is known well."""
-SHOWN: Final[study.Columns] = {
-    "servos": ("servos", str),
-    "flights": ("flights", "d"),
-    "coverage": ("pooled coverage, %", study.percent),
-    "rms_z": ("rms z", ".2f"),
-    "largest_z": ("largest |z|", ".1f"),
-    "lag": ("lag, ms", ".1f"),
-    "delay": ("delay, ms", ".1f"),
-    "sum_error": ("rms error of the sum, ms", ".1f"),
-    "at_bound": ("at a bound, %", study.percent),
-}
+SHOWN: Final = study.columns(
+    "servos; flights:d; coverage:%=pooled coverage, %; rms_z:.2f=rms z; largest_z:.1f=largest |z|; "
+    "lag:.1f=lag, ms; delay:.1f=delay, ms; sum_error:.1f=rms error of the sum, ms; at_bound:%=at a bound, "
+    "%"
+)
 
 
 @functools.cache
@@ -125,12 +84,13 @@ def maneuvers() -> Mapping[str, Maneuver]:
 @functools.cache
 def aircraft(servos: Servos) -> Vehicle:
     """Return the truth."""
-    plain = parse_vehicle(FILE, "quick start").with_numbers({n: {"value": x} for n, x in TRUTH.items()})
+    true = {n: {"value": x} for n, x in TRUTH.items()}
+    plain = parse_vehicle(vehicle_text("quick_start"), "quick start").with_numbers(true)
     numbers = {"lag": servos.lag, "delay": servos.delay}
     entries: dict[tuple[str, ...], float] = {
         ("controls", c, kind): x for c in plain.controls for kind, x in numbers.items()
     }
-    return with_entries(plain, entries).with_numbers({n: {"value": x} for n, x in TRUTH.items()})
+    return with_entries(plain, entries).with_numbers(true)
 
 
 def flights(servos: Servos, seed: int) -> tuple[dict[str, Flight], dict[str, float]]:
@@ -158,7 +118,7 @@ def identify(case: str, seed: int) -> dict[str, Any]:
     unknown = {
         f"sensors.{c}.bias": {"free": True, "prior": s} for c, s in scenes.BIASES.items()
     }  # the truth's, so that they count in no error
-    vehicle = parse_vehicle(FILE, "quick start").with_numbers(unknown)
+    vehicle = parse_vehicle(vehicle_text("quick_start"), "quick start").with_numbers(unknown)
     windows = [Window(name, 0.0, DURATION) for name in flown]
     fit = search(vehicle, list(flown.values()), windows).fit
     std = dict(zip((p.name for p in fit.problem.layout.parameters), error_bars(fit).std, strict=False))
@@ -175,14 +135,14 @@ def identify(case: str, seed: int) -> dict[str, Any]:
 def show(setting: Setting, samples: study.Samples) -> Findings:
     """Return how the intervals of all that is free hold the truth, by servos."""
     records = [_record(case, samples[case]) for case in CASES]
-    pooled = float(np.average([r["coverage"] for r in records]))
+    shares = [r["coverage"] for r in records]
     largest = max(records, key=lambda r: r["rms_z"])
-    claims: list[Claim] = [
-        holds(
-            f"95 % intervals hold the truth in {100 * POOLED[0]:.0f} to {100 * POOLED[1]:.0f} %, lag and delay included",
-            POOLED[0] <= pooled <= POOLED[1],
-            f"{100 * pooled:.1f} % of all, {100 * min(r['coverage'] for r in records):.1f} to "
-            f"{100 * max(r['coverage'] for r in records):.1f} % by servos",
+    claims = [
+        study.within(
+            "95 % intervals, lag and delay included, hold the truth in",
+            POOLED,
+            float(np.average(shares)),
+            f"of all, {100 * min(shares):.1f} to {100 * max(shares):.1f} % by servos",
         ),
         holds(
             f"The root mean square of z is at most {MAX_RMS_Z:g} for every kind of servo",
@@ -191,38 +151,24 @@ def show(setting: Setting, samples: study.Samples) -> Findings:
         ),
     ]
     table = study.page_table("Errors of all that is free, by servos of the truth", SHOWN, records)
-    inputs = scenes.inputs_table(STEPS)
-    return Findings.tabulated(
-        "Servo lags and delays that a vehicle file leaves out",
-        LEAD,
-        claims,
-        (Section("By servos", (table, Prose(WORDS))), Section("What was flown", (inputs,))),
-        records,
-    )
+    return Findings.of("Servo lags and delays that a vehicle file leaves out", claims, (table,), records)
 
 
 def _record(case: str, results: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """Return the figures of one kind of servo; what lies at a bound has no interval and does not count."""
-    names = results[0]["names"]
-    errors, sigma, found = (
-        np.array([r[k] for r in results], dtype=np.float64) for k in ("errors", "sigma", "estimates")
-    )
+    keys = ("errors", "sigma", "estimates")
+    errors, sigma, found = (np.array([r[k] for r in results], dtype=np.float64) for k in keys)
     given = np.isfinite(sigma)
     z = (errors / sigma)[given]
-    lag, delay = names.index(LAG), names.index(DELAY)
-
+    lag, delay = (results[0]["names"].index(name) for name in (LAG, DELAY))
     return {
-        "case": case,
-        "servos": CASES[case].words,
-        "flights": len(results),
-        "coverage": float(np.mean(np.abs(z) <= NORMAL_95)),
-        "rms_z": float(np.sqrt(np.mean(z**2))),
-        "largest_z": float(np.max(np.abs(z))),
-        "lag": float(1e3 * np.nanmean(found[:, lag])),
+        "case": case, "servos": CASES[case].words, "flights": len(results),
+        "coverage": float(np.mean(np.abs(z) <= NORMAL_95)), "rms_z": float(np.sqrt(np.mean(z**2))),
+        "largest_z": float(np.max(np.abs(z))), "lag": float(1e3 * np.nanmean(found[:, lag])),
         "delay": float(1e3 * np.nanmean(found[:, delay])),
         "sum_error": float(1e3 * np.sqrt(np.mean((errors[:, lag] + errors[:, delay]) ** 2))),
         "at_bound": float(np.mean(~given[:, lag])),
-    }
+    }  # fmt: skip
 
 
 EXPERIMENT: Final = study.Verification("servos", show, runs=30, work="identify", cases=tuple(CASES))

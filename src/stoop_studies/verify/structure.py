@@ -11,7 +11,7 @@ import numpy as np
 from stoop.estimate.regression import structure
 from stoop.estimate.regression.least_squares import FrequencyDomain
 from stoop.problem.windows import Window
-from stoop.report.sheet import Prose, Section, Table
+from stoop.report.sheet import Table
 from stoop.simulation import trim
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import Maneuver
@@ -55,17 +55,6 @@ CRITERIA: Final[Mapping[str, tuple[str, structure.Choose]]] = {
 DEFAULT: Final = "f"
 REQUIRED_SHARE: Final = 0.9
 CASE: Final = "aircraft"
-LEAD: Final = """\
-Every aircraft is the twin-boom one with other terms: those of a conventional aeroplane are always there, each of {some} \
-others with a chance of {chance:.0%}, every value drawn within {spread:.0%}. It flies {flights} times {duration:.0f} s at \
-{rate:.0f} Hz with multisines on all controls at once ({amplitudes} rad). All twelve channels are noisy: {noise}. Terms are \
-chosen from what the instruments read, among {candidates} candidates of each coefficient, on Fourier coefficients of \
-{low:g} to {high:g} Hz; mass, geometry and thrust are known. Exact means: every true term and no other."""
-WORDS: Final = """\
-Partial F takes a term in when its ratio exceeds what the largest of so many needless candidates reaches by chance once in \
-a thousand coefficients. PRESS takes in whatever predicts better, however little, and so lets false terms in. The \
-predicted squared error of orthogonal functions charges every term as if all motion were noise: what explains less than one \
-part in as many as there are rows is left out, true or not, but hardly anything false gets in."""
 
 
 @functools.cache
@@ -155,22 +144,7 @@ def show(setting: Setting, samples: Samples) -> Findings:
         for name in groups
     )
     found = Table("Found exactly", ("coefficient", *(title for title, _ in CRITERIA.values())), exact)
-    truths = tuple((c, _listed(ALWAYS[c]), _listed(OCCASIONAL.get(c, {}))) for c in ALWAYS)
-    caption = "Terms and the values about which theirs are drawn"
-    listed = Table(caption, ("coefficient", "always", "occasionally"), truths)
-    noise = ", ".join(f"{c} {getattr(vehicle.file.sensors, c).sigma:g}" for c in vehicle.outputs)
-    lead = LEAD.format(
-        some=sum(map(len, OCCASIONAL.values())), chance=CHANCE, spread=SPREAD, flights=FLIGHTS, duration=DURATION,
-        rate=RATE, amplitudes=", ".join(f"{c} {a:g}" for c, a in AMPLITUDES.items()), candidates=candidates["CL"],
-        noise=f"{noise} (m/s, rad, rad/s, m/s²)", low=BAND.low, high=BAND.high,
-    )  # fmt: skip
-    return Findings.tabulated(
-        "Structure: are the true terms found?",
-        lead,
-        (claim,),
-        (Section("How often", (found, Prose(WORDS))), Section("What there is to find", (listed,))),
-        list(records.values()),
-    )
+    return Findings.of("Structure: are the true terms found?", (claim,), (found,), list(records.values()))
 
 
 def tally(
@@ -187,10 +161,6 @@ def tally(
         "missing_a_true_term": sum(bool(t - f) for t, f in pairs),
         "with_a_false_term": sum(bool(f - t) for t, f in pairs),
     }
-
-
-def _listed(terms: Mapping[str, float]) -> str:
-    return ", ".join(f"{t} {v:g}".replace("-", "−") for t, v in terms.items()) or "–"
 
 
 EXPERIMENT: Final = Verification("structure", show, runs=200, work="determine_terms", cases=(CASE,))

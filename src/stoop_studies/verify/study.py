@@ -165,6 +165,17 @@ def work(function: Callable[..., dict[str, Json]]) -> Work:
     return run
 
 
+def columns(text: str) -> Columns:
+    """Return the columns of a page: ``key:format=heading; ...``.
+
+    A format is one of Python's, or ``%`` for a share in percent; without one the cell is text. A heading is the key unless
+    another is given.
+    """
+    found = (one.strip().partition("=") for one in text.split(";"))
+    split = ((*left.partition(":")[::2], heading) for left, _, heading in found)
+    return {key: (heading or key, percent if form == "%" else form or str) for key, form, heading in split}
+
+
 def page_table(
     caption: str, columns: Columns, records: Iterable[Mapping[str, Any]], missing: str = "–"
 ) -> Table:

@@ -21,7 +21,6 @@ from stoop.estimate.methods import choose_method
 from stoop.flight import Flight, from_columns, load, without_faults
 from stoop.input_design.windows import Found, find_windows
 from stoop.problem.windows import Window
-from stoop.report.sheet import Prose, Section
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import Maneuver
 from stoop.vehicle import Vehicle, parse_vehicle
@@ -30,26 +29,12 @@ from stoop_studies.findings import Claim, Findings, Setting, holds
 from stoop_studies.verify import closed_loop, hexacopter, scenes, study
 from stoop_studies.verify.study import vehicle_text
 
-LEAD: Final = """\
-The twin-boom aircraft and the quadrotor fly for a minute under their autopilots, in the turbulence that MIL-F-8785C calls \
-light, moderate and severe. Three inputs are added to the commands of most flights: a 3-2-1-1 and doublets, multisines, or \
-frequency sweeps; the others meet gusts alone. The windows that stoop maneuvers proposes are identified as stoop identify \
-does by itself, from starting values that are wrong. The vehicle files know of no gusts."""
-WORDS: Final = """\
-A maneuver is found if a proposed window holds 80 % of its input. A window is false if it holds nothing of any input; windows \
-are counted with the vehicle file and without one. Achieved over expected are the standard errors of the identifiable numbers \
-after the fit over those that stoop maneuvers foretold. Coverage is the share of 95 % intervals that hold the truth."""
-REAL_WORDS: Final = """\
-Two estimates agree if they differ by at most 1.96 standard errors of their difference, as if it shared no samples; windows by \
-hand and proposed ones share some."""
 COUNTS: Final = (
     "maneuvers", "found", "windows", "false", "bare_windows", "bare_false", "inside", "estimates",
 )  # fmt: skip
-ERRORS: Final[study.Columns] = {
-    "median": ("achieved over expected, median", ".2f"),
-    "lower": ("lower quartile", ".2f"),
-    "upper": ("upper", ".2f"),
-}
+ERRORS: Final = study.columns(
+    "median:.2f=achieved over expected, median; lower:.2f=lower quartile; upper:.2f"
+)
 SIMULATED: Final[study.Columns] = {
     "case": ("case", str),
     "flights": ("flights", "d"),
@@ -249,17 +234,11 @@ class Real:
     by_hand: tuple[Span, ...]
 
 
+_HAND: Final = ((140, 145), (146, 152), (160, 168.3))
+_LEARNED: Final = (hexacopter.LEARNED,)
 REAL: Final[Mapping[str, Real]] = {
-    "v-tail": Real(
-        "V-tail aeroplane",
-        "altlnt-vtail-8kg-px4/flight2",
-        "v_tail",
-        None,
-        ((140, 145), (146, 152), (160, 168.3)),
-    ),
-    "hexacopter": Real(
-        "hexacopter", hexacopter.FOLDER, "hexacopter", hexacopter.MAPPING, (hexacopter.LEARNED,)
-    ),
+    "v-tail": Real("V-tail aeroplane", "altlnt-vtail-8kg-px4/flight2", "v_tail", None, _HAND),
+    "hexacopter": Real("hexacopter", hexacopter.FOLDER, "hexacopter", hexacopter.MAPPING, _LEARNED),
 }
 
 
@@ -306,29 +285,14 @@ def show(setting: Setting, samples: study.Samples) -> Findings:
         proposing = sum(r["windows"] + r["bare_windows"] > 0 for r in results)
         each = quartiles([x for r in results for x in r["ratios"]])
         coverage = finite_or_none(total["inside"] / total["estimates"]) if total["estimates"] else None
-        records.append(
-            {
-                "case": case,
-                "flights": len(results),
-                "proposing": proposing,
-                **total,
-                **each,
-                "coverage": coverage,
-            }
-        )
+        row = {"case": case, "flights": len(results), "proposing": proposing}
+        records.append({**row, **total, **each, "coverage": coverage})
     real = []
     if setting.data is not None:
         real = [{"case": k, "words": one.words, **fit_real(one, setting.data)} for k, one in REAL.items()]
-    sections = [
-        Section(
-            "Simulated flights", (study.page_table("Sums over the flights", SIMULATED, records), Prose(WORDS))
-        )
-    ]
-    if real:
-        sections.append(Section("Real flights", (study.page_table("", SHOWN, real), Prose(REAL_WORDS))))
-    return Findings.tabulated(
-        "Windows worth fitting", LEAD, tuple(_claims(records, real)), tuple(sections), records, {"real": real}
-    )
+    tables = [study.page_table("Sums over the simulated flights", SIMULATED, records)]
+    tables += [study.page_table("Real flights", SHOWN, real)] if real else []
+    return Findings.of("Windows worth fitting", _claims(records, real), tables, records, {"real": real})
 
 
 def _claims(records: Sequence[Mapping[str, Any]], real: Sequence[Mapping[str, Any]]) -> Iterator[Claim]:
