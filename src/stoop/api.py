@@ -21,11 +21,11 @@ if TYPE_CHECKING:
     from stoop.assessment.assessment import Assessment
     from stoop.assessment.frequency_analysis import FrequencyAnalysis
     from stoop.base.notices import Notice
+    from stoop.exporters.exporter import Exported
     from stoop.input_design.optimization import Proposal
     from stoop.reconstruction.compatibility import Compatibility
     from stoop.report.sheet import Page
     from stoop.vehicle_draft.draft import Drafted
-    from stoop.workflow.export import Exported
     from stoop.workflow.propagation import Propagated
     from stoop.workflow.validation import Validated
 
@@ -394,11 +394,12 @@ def export(
     StoopError
         The model cannot be exported so, or the folder holds other files.
     """
-    from stoop.workflow.export import Condition, read_subject, write
-    from stoop.workflow.export import export as exported
+    from stoop.exporters.exporter import Condition
+    from stoop.exporters.targets import export as exported
+    from stoop.workflow.export import read_model, write
 
     with _saved(model) as place:
-        found = exported(read_subject(str(place)), to, Condition(airspeed, altitude, 0.0))
+        found = exported(read_model(str(place)), to, Condition(airspeed, altitude, 0.0))
     if folder is not None:
         write(found, Path(folder), overwrite)
     return found

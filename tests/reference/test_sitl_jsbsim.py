@@ -17,13 +17,14 @@ from stoop.base.files import write_files
 from stoop.errors import VehicleError
 from stoop.exporters.jsbsim_flight import simulator
 from stoop.exporters.sitl import AutopilotCommands, autopilot_commands
-from stoop.exporters.sitl_folders import BACKENDS, ardupilot, px4
+from stoop.exporters.sitl_folders import ardupilot, px4
 from stoop.simulation.initial import rigid_states
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import builtin_text, builtin_vehicle
 from stoop.vehicle.defaults import FULL_DEFLECTION
 
 FOOT = 0.3048
+FOLDERS = {"ardupilot-jsbsim": ardupilot, "px4-jsbsim": px4}
 GROUND = """<?xml version="1.0"?><initialize name="start"><latitude unit="DEG" type="geodetic">-35.36</latitude>
 <longitude unit="DEG">149.16</longitude><altitude unit="M">1.3</altitude><vt unit="FT/SEC">0.0</vt>
 <theta unit="DEG">13.0</theta><psi unit="DEG">90</psi></initialize>"""
@@ -126,12 +127,12 @@ def turning(fdm: Any) -> np.ndarray:
     return np.array([fdm[f"accelerations/{a}dot-rad_sec2"] for a in "pqr"])
 
 
-@pytest.mark.parametrize("target", list(BACKENDS))
+@pytest.mark.parametrize("target", list(FOLDERS))
 @pytest.mark.parametrize("name", ["twin-boom", "quadplane"])
 def test_surfaces_turn_where_the_autopilot_means(name: str, target: str, tmp_path: Path) -> None:
     """A positive command rolls to the right, raises the nose, turns it to the right; steady commands hold the steady flight."""
     made = commands(name)
-    texts, place = BACKENDS[target].folder(made)
+    texts, place = FOLDERS[target](made)
     assert made.wings is not None
     steady = {c.place: c.steady for c in made.outputs if c not in made.rotors}
 
@@ -153,11 +154,11 @@ def test_surfaces_turn_where_the_autopilot_means(name: str, target: str, tmp_pat
     assert abs(full["elevator"]) == pytest.approx(0.35 if name == "quadplane" else FULL_DEFLECTION)
 
 
-@pytest.mark.parametrize("target", list(BACKENDS))
+@pytest.mark.parametrize("target", list(FOLDERS))
 def test_elevons_serve_two_axes(target: str, tmp_path: Path) -> None:
     """Elevons and a fin, known by their moments alone, are aileron, elevator and rudder of the autopilot; a flap is left."""
     made = autopilot_commands(parse_vehicle(FLYING_WING, "wing"), None, 200.0, None)
-    texts, place = BACKENDS[target].folder(made)
+    texts, place = FOLDERS[target](made)
     assert made.wings is not None
     assert made.uncommanded == ("flap",)
     steady = {c.place: c.steady for c in made.outputs}

@@ -14,17 +14,8 @@ from stoop.app.steps import Step
 from stoop.app.view import View
 from stoop.base.notices import from_dict, of_severity
 from stoop.errors import StoopError
+from stoop.exporters.targets import TARGETS
 
-TARGETS: Final = {
-    "JSBSim": "jsbsim",
-    "ArduPilot in the loop with JSBSim": "ardupilot-jsbsim",
-    "PX4 in the loop with JSBSim": "px4-jsbsim",
-    "state space (A, B, C, D)": "state-space",
-    "Simulink": "simulink",
-    "FMI": "fmu",
-    "RotorPy": "rotorpy",
-    "Gazebo": "gazebo",
-}
 DESIGN: Final = (
     "Inputs for which the standard errors of the free numbers are the smallest, within the limits."
 )
@@ -40,7 +31,10 @@ class UseView(View):
         super().__init__(project, go)
         self._subject = pn.widgets.Select(label="model", width=220, margin=(0, 12, 4, 0))
         self._target = pn.widgets.Select(
-            label="export to", options=list(TARGETS), width=190, margin=(0, 12, 4, 0)
+            label="export to",
+            options={one.title: name for name, one in TARGETS.items()},
+            width=190,
+            margin=(0, 12, 4, 0),
         )
         self._duration = pn.widgets.FloatInput(
             label="duration, s", value=20.0, start=1.0, width=110, margin=(0, 12, 4, 0)
@@ -83,7 +77,7 @@ class UseView(View):
         ]
 
     def _export(self) -> None:
-        words = ["export", self._model(), "--to", TARGETS[self._target.value], "-o"]
+        words = ["export", self._model(), "--to", self._target.value, "-o"]
         self.project.start("exports", lambda at: [*words, at])
 
     def _design(self) -> None:

@@ -4,20 +4,17 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 from stoop.base.files import check_target, write_text_atomic
 from stoop.base.text import show
 from stoop.cli import options
 from stoop.cli.page import busy, page, words
 from stoop.errors import FlightError, ManeuverError, VehicleError
+from stoop.exporters.targets import TARGETS
 
 if TYPE_CHECKING:
     from stoop.vehicle import Vehicle
-
-TARGETS: Final = (
-    "jsbsim", "ardupilot-jsbsim", "px4-jsbsim", "state-space", "simulink", "fmu", "rotorpy", "gazebo",
-)  # fmt: skip
 
 
 def vehicle_arguments(parser: argparse.ArgumentParser) -> None:
@@ -94,7 +91,8 @@ def export_arguments(parser: argparse.ArgumentParser) -> None:
         f"folder (or result.json) of stoop identify, or a vehicle file (TOML), or {options.BUILT_IN_HELP}"
     )
     parser.add_argument("subject", metavar="MODEL", help=subject)
-    parser.add_argument("--to", dest="target", choices=TARGETS, required=True, help="tool to export to")
+    tools = "tool to export to: " + ", ".join(f"{name} ({one.title})" for name, one in TARGETS.items())
+    parser.add_argument("--to", dest="target", choices=tuple(TARGETS), required=True, help=tools)
     options.add_output(parser, "the files", "files in DIR")
     options.add_condition(parser, f"of the steady flight, m/s (default: {options.HOVERING})", high=None)
     options.add_climb_angle(parser)
@@ -102,13 +100,14 @@ def export_arguments(parser: argparse.ArgumentParser) -> None:
 
 def export(arguments: argparse.Namespace) -> int:
     """Export, and print what was written and how it flies."""
-    from stoop.workflow.export import Condition, read_subject, write
-    from stoop.workflow.export import export as exported
+    from stoop.exporters.exporter import Condition
+    from stoop.exporters.targets import export as exported
+    from stoop.workflow.export import read_model, write
 
-    subject = read_subject(arguments.subject)
+    model = read_model(arguments.subject)
     condition = Condition(arguments.airspeed, arguments.altitude, arguments.climb_angle)
     with busy(options.COMPILING):
-        found = exported(subject, arguments.target, condition)
+        found = exported(model, arguments.target, condition)
     write(found, arguments.output, arguments.overwrite)
     out = page()
     for place in found.files:

@@ -246,24 +246,25 @@ def derivatives_arguments(parser: argparse.ArgumentParser) -> None:
 
 def derivatives(arguments: argparse.Namespace) -> int:
     """Compute derivatives and print, or write."""
+    from stoop.exporters.exporter import Condition
     from stoop.workflow.derivatives import check_ending, report_derivatives, save_derivatives
-    from stoop.workflow.export import Condition, read_subject
+    from stoop.workflow.export import read_model
 
     target: Path | None = arguments.output
     if target is not None:
         check_ending(target)
         check_target(target, arguments.overwrite)
-    subject = read_subject(arguments.subject)
+    model = read_model(arguments.subject)
     condition = Condition(arguments.airspeed, arguments.altitude, arguments.climb_angle)
     with busy(options.COMPILING):
-        found = report_derivatives(subject, condition, arguments.axes, arguments.dimensional)
+        found = report_derivatives(model, condition, arguments.axes, arguments.dimensional)
     out, flight = page(), found.flight
     if target is not None:
         save_derivatives(found, target)
         out.line(f"wrote {target}: derivatives along {arguments.axes} axes (SI units, rad)")
-        out.bullets(subject.notes)
+        out.bullets(model.notes)
         return 0
-    out.line(subject.vehicle.name)
+    out.line(model.vehicle.name)
     out.line(
         f"derivatives along {arguments.axes} axes at {flight['airspeed']:g} m/s, {flight['altitude']:g} m, "
         f"alpha {math.degrees(flight['alpha']):.2f} deg"
@@ -284,7 +285,7 @@ def derivatives(arguments: argparse.Namespace) -> int:
             columns.append(words("", ["" if table.identified[i] else "not identified" for i in kept]))
         out.heading(table.form)
         out.table(*columns[:2], words("", [shown_unit(table.units[i]) for i in kept]), *columns[2:])
-    out.bullets(subject.notes)
+    out.bullets(model.notes)
     return 0
 
 

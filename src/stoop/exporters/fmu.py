@@ -32,9 +32,10 @@ import numpy as np
 import sympy as sp
 
 from stoop.errors import StoopError, one_line
-from stoop.exporters.matlab import ParameterCovariance, identifier, unit
+from stoop.exporters.matlab import identifier, unit
 from stoop.kernels.emit import scalar_text
 from stoop.simulation import Trim, initial_states, parameter_rows
+from stoop.simulation.derivatives import ParameterCovariance
 from stoop.vehicle import Vehicle
 from stoop.vehicle.symbolic import build_model, frames
 from stoop.vehicle.vehicle import slope_input

@@ -22,6 +22,7 @@ from sympy.printing.octave import OctaveCodePrinter
 from stoop.base.arrays import FloatArray
 from stoop.errors import one_line
 from stoop.simulation import LinearModel, Trim, initial_states, linearize, parameter_rows
+from stoop.simulation.derivatives import ParameterCovariance
 from stoop.simulation.initial import commanded
 from stoop.vehicle import Vehicle
 from stoop.vehicle.symbolic import build_model
@@ -33,30 +34,6 @@ _UNITS: Final = {
     **dict.fromkeys(("V", "u", "v", "w"), "m/s"), **dict.fromkeys(("p", "q", "r"), "rad/s"), "h": "m",
     **dict.fromkeys(("ax", "ay", "az"), "m/s2"), **dict.fromkeys(("e0", "e1", "e2", "e3", "none"), "1"),
 }  # fmt: skip
-
-
-@dataclass(frozen=True, eq=False)
-class ParameterCovariance:
-    """Covariance (k, k) of the named parameters of an identification, SI."""
-
-    names: tuple[str, ...]
-    covariance: FloatArray
-
-    @property
-    def not_identified(self) -> tuple[str, ...]:
-        """Names of parameters that the data do not determine."""
-        return tuple(
-            n for n, s in zip(self.names, np.diag(self.covariance), strict=True) if not np.isfinite(s)
-        )
-
-    def described(self) -> dict[str, str]:
-        """Return in words what is known of each parameter."""
-        lost = self.not_identified
-        errors = dict(zip(self.names, np.sqrt(np.abs(np.diag(self.covariance))).tolist(), strict=True))
-        return {
-            n: "not identified by the flight" if n in lost else f"standard error {error:.3g}"
-            for n, error in errors.items()
-        }
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,8 +16,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
 from typing import Any, Final
 from xml.etree.ElementTree import Element, SubElement
 
@@ -40,18 +39,6 @@ _BRIDGE: Final = "Tools/simulation/jsbsim/jsbsim_bridge"
 _AIRFRAMES: Final = "ROMFS/px4fmu_common/init.d-posix/airframes"
 _SERVOS: Final = {"aileron": (1, 4), "elevator": (2, 19), "throttle": (3, 70), "rudder": (4, 21)}
 """Output and function of ArduPilot's servos."""
-
-
-@dataclass(frozen=True)
-class Backend:
-    """An autopilot's JSBSim backend: frame rate and files."""
-
-    title: str
-    rate: float  #: Hz
-    rotors: bool  #: whether it commands rotors
-    folder: Callable[
-        [AutopilotCommands], tuple[dict[str, str], str]
-    ]  #: files by place, and which of them is the aircraft
 
 
 def ardupilot(commands: AutopilotCommands) -> tuple[dict[str, str], str]:
@@ -254,9 +241,3 @@ def assumptions(commands: AutopilotCommands) -> list[str]:
             f"Not commanded, at their neutral points: {', '.join(commands.uncommanded)}; set their channels."
         )
     return out
-
-
-BACKENDS: Final = {
-    "ardupilot-jsbsim": Backend("ArduPilot", 1200.0, False, ardupilot),
-    "px4-jsbsim": Backend("PX4", 250.0, True, px4),
-}

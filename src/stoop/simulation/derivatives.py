@@ -55,11 +55,27 @@ _COEFFICIENTS: Final = ("CX", "CY", "CZ", "Cl", "Cm", "Cn")
 
 
 @dataclass(frozen=True, eq=False)
-class Uncertainty:
+class ParameterCovariance:
     """Covariance (k, k) of the named parameters, SI; the variance of one that the data do not determine is infinite or NaN."""
 
     names: tuple[str, ...] = ()
     covariance: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
+
+    @property
+    def not_identified(self) -> tuple[str, ...]:
+        """Names of parameters that the data do not determine."""
+        return tuple(
+            n for n, s in zip(self.names, np.diag(self.covariance), strict=True) if not np.isfinite(s)
+        )
+
+    def described(self) -> dict[str, str]:
+        """Return in words what is known of each parameter."""
+        lost = self.not_identified
+        errors = dict(zip(self.names, np.sqrt(np.abs(np.diag(self.covariance))).tolist(), strict=True))
+        return {
+            n: "not identified by the flight" if n in lost else f"standard error {error:.3g}"
+            for n, error in errors.items()
+        }
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +98,7 @@ class Derivatives:
         Mass, kg; inertia tensor (9), kg m2; steady loads (6), N and N m; derivatives (6, 6 + n_controls), SI.
     sensitivity : (n, k) array
         Of the values to the parameters.
-    known : Uncertainty
+    known : ParameterCovariance
         Of these parameters.
     """
 
@@ -93,7 +109,7 @@ class Derivatives:
     reference: dict[str, float]
     values: FloatArray
     sensitivity: FloatArray
-    known: Uncertainty
+    known: ParameterCovariance
 
     @property
     def matrix(self) -> FloatArray:
@@ -149,7 +165,7 @@ class Table:
     values : (n,) array
     sensitivity : (n, k) array
         To the parameters.
-    known : Uncertainty
+    known : ParameterCovariance
         Of the parameters.
     """
 
@@ -159,7 +175,7 @@ class Table:
     units: tuple[str, ...]
     values: FloatArray
     sensitivity: FloatArray
-    known: Uncertainty
+    known: ParameterCovariance
 
     @property
     def identified(self) -> BoolArray:
@@ -188,11 +204,11 @@ class Table:
         return np.asarray(np.sqrt(np.maximum(np.diag(self.covariance), 0.0)))
 
 
-def _certain(known: Uncertainty) -> BoolArray:
+def _certain(known: ParameterCovariance) -> BoolArray:
     return np.isfinite(np.diag(known.covariance))
 
 
-def derivatives(vehicle: Vehicle, point: Trim, known: Uncertainty | None = None) -> Derivatives:
+def derivatives(vehicle: Vehicle, point: Trim, known: ParameterCovariance | None = None) -> Derivatives:
     """Return the derivatives of a vehicle about a steady flight, along body axes.
 
     Parameters
@@ -201,7 +217,7 @@ def derivatives(vehicle: Vehicle, point: Trim, known: Uncertainty | None = None)
         With the full equations.
     point : Trim
         As of :func:`stoop.trim`.
-    known : Uncertainty, optional
+    known : ParameterCovariance, optional
         Of the vehicle's parameters. The steady flight is held: its own dependence on them is no part of the errors.
 
     Returns
@@ -215,7 +231,7 @@ def derivatives(vehicle: Vehicle, point: Trim, known: Uncertainty | None = None)
     """
     if vehicle.reduce != "full" or vehicle.motion:
         raise SimulationError(f"{vehicle.where}: derivatives need the full equations; remove the reduction")
-    known = Uncertainty() if known is None else known
+    known = ParameterCovariance() if known is None else known
     states = initial_states(vehicle, point.start, parameter_rows(vehicle, point.changes), point.inputs)[:, 0]
     velocity = np.array([states[vehicle.states.index(n)] for n in "uvw"])
     values = _values(vehicle, point, states)

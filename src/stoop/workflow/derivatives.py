@@ -13,8 +13,8 @@ import numpy as np
 from stoop.base.csv_text import csv_text
 from stoop.base.files import write_text_atomic
 from stoop.errors import OutputError
-from stoop.simulation.derivatives import Derivatives, Table, Uncertainty, derivatives
-from stoop.workflow.export import Condition, Subject, steady
+from stoop.exporters.exporter import Condition, ModelData
+from stoop.simulation.derivatives import Derivatives, Table, derivatives
 
 FORMAT: Final = "stoop-derivatives/1"
 ENDINGS: Final = (".csv", ".json")
@@ -24,30 +24,28 @@ ENDINGS: Final = (".csv", ".json")
 class Reported:
     """Derivatives along one set of axes in the forms that were asked for, with the steady flight."""
 
-    subject: Subject
+    model: ModelData
     found: Derivatives
     tables: tuple[Table, ...]
     flight: dict[str, float]  #: airspeed, m/s; altitude, m; alpha, rad
 
 
 def report_derivatives(
-    subject: Subject, condition: Condition, axes: str = "stability", dimensional: bool = False
+    model: ModelData, condition: Condition, axes: str = "stability", dimensional: bool = False
 ) -> Reported:
-    """Return the derivatives of a subject about a steady flight.
+    """Return the derivatives of a model about a steady flight.
 
     Raises
     ------
     StoopError
         No steady flight, a reduced vehicle, or nondimensional derivatives of a hover.
     """
-    point = steady(subject, condition)
-    known = subject.known
-    uncertainty = None if known is None else Uncertainty(known.names, known.covariance)
-    found = derivatives(subject.vehicle, point, uncertainty).along(axes)
+    point = model.trim(condition)
+    found = derivatives(model.vehicle, point, model.covariance).along(axes)
     forms = ("dimensional", "specific") if dimensional else ("nondimensional",)
     speed = float(np.linalg.norm(found.velocity))
     flight = {"airspeed": speed, "altitude": point.start["h"], "alpha": found.alpha}
-    return Reported(subject, found, tuple(map(found.table, forms)), flight)
+    return Reported(model, found, tuple(map(found.table, forms)), flight)
 
 
 def check_ending(target: Path) -> None:
@@ -77,7 +75,7 @@ def as_csv(reported: Reported) -> str:
 
 def as_json(reported: Reported) -> str:
     """Return everything, SI and rad; what is not known is null."""
-    vehicle, reference = reported.subject.vehicle, reported.found.reference
+    vehicle, reference = reported.model.vehicle, reported.found.reference
     content = {
         "format": FORMAT,
         "vehicle": vehicle.name,

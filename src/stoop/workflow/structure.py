@@ -138,8 +138,8 @@ def _put(table: Any, name: str, term: str, value: float | None) -> None:
 
 def write_structure(found: Determined, folder: Path, command: str) -> None:
     """Write vehicle, table of steps and page into a folder; all or none."""
-    from stoop.report.models import structure_sheet
     from stoop.report.sheet import render_sheet
+    from stoop.report.structure import structure_sheet
 
     make_folder(folder)
     rows = [

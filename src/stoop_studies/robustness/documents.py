@@ -34,7 +34,7 @@ from stoop.vehicle.symbolic import build_model
 from stoop.vehicle_draft.draft import draft
 from stoop.vehicle_draft.geometry import Geometry
 from stoop.vehicle_draft.request import Request
-from stoop.workflow.export import read_subject
+from stoop.workflow.export import read_model
 from stoop.workflow.outputs import RESULT, read_identified, with_values
 from stoop.workflow.summary import (
     advice_by_doubt,
@@ -211,8 +211,8 @@ def ask_identification(folder: Path, content: bytes, rng: Random) -> str:
     """Read the folder of an identification, whose result is damaged, as it is exported."""
     _written(folder, RESULT, content)
     _written(folder, "vehicle.toml", inputs()["model/vehicle.toml"])
-    subject = read_subject(str(folder))
-    promise(bool(np.isfinite(subject.vehicle.values).all()), "a number is not finite")
+    model = read_model(str(folder))
+    promise(bool(np.isfinite(model.vehicle.values).all()), "a number is not finite")
     result = read_identified(folder).result
     with suppress(StoopError):  # of the same windows
         agreement({"a": result, "b": result})

@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 
 from stoop.cli.completion import SHELLS, all_parsers
-from stoop.cli.files import TARGETS
 from stoop.cli.main import all_verbs, main, parser_for
+from stoop.exporters.targets import TARGETS
 from stoop.vehicle.builtin import BUILT_IN
 
 Ask = Callable[..., set[str]]

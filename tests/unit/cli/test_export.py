@@ -7,14 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from stoop.cli.files import TARGETS
 from stoop.cli.main import main
-
-
-def test_targets_are_those_of_the_job() -> None:
-    from stoop.workflow import export
-
-    assert tuple(export.TARGETS) == TARGETS
+from stoop.exporters.targets import TARGETS
 
 
 def test_every_target(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -12,9 +12,9 @@ import pytest
 
 from stoop.errors import StoopError
 from stoop.exporters import fmu, fmu_flight
-from stoop.exporters.matlab import ParameterCovariance
 from stoop.exporters.reference_flight import reference_flight
 from stoop.simulation import Trim, initial_states, parameter_rows, trim
+from stoop.simulation.derivatives import ParameterCovariance
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import builtin_vehicle
 from stoop_studies.verify.export import load

@@ -13,6 +13,7 @@ from naive import gazebo as naive
 from stoop.base.autopilots import FRAMES
 from stoop.errors import SimulationError, VehicleError
 from stoop.exporters import gazebo_autopilots, gazebo_files, rotorpy_flight
+from stoop.exporters.exporter import ModelData
 from stoop.exporters.gazebo_flight import flown_alphas, fly_gazebo
 from stoop.exporters.gazebo_model import GazeboModel, gazebo_model, unsupported_rotor_numbers
 from stoop.exporters.gazebo_plugins import damping_loads, motor_loads, wing_loads
@@ -20,12 +21,12 @@ from stoop.exporters.gazebo_wing import unsupported_wing_terms
 from stoop.exporters.jsbsim_flight import excitation_record
 from stoop.exporters.px4_airframe import airframe_number
 from stoop.exporters.reference_flight import reference_flight
+from stoop.exporters.targets import export
 from stoop.simulation import Trim, trim
 from stoop.simulation.derivatives import derivatives
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import builtin_text, builtin_vehicle
 from stoop.vehicle.load import parse_vehicle
-from stoop.workflow.export import Subject, export
 
 VEHICLES = ("quad-x", "twin-boom", "quadplane")
 FLIP = np.array([1.0, -1.0, -1.0])
@@ -431,7 +432,7 @@ def test_what_is_left_out() -> None:
 
 
 def test_a_longitudinal_fit_is_exported_whole() -> None:
-    found = export(Subject(builtin_vehicle("twin-boom").reduced("longitudinal")), "gazebo")
+    found = export(ModelData(builtin_vehicle("twin-boom").reduced("longitudinal")), "gazebo")
     assert any("longitudinal" in note and "six degrees of freedom" in note for note in found.notes)
     assert any("CQV" in note and "% of the lateral acceleration" in note for note in found.notes)
     assert b"<Clp>" not in found.files[found.main]

@@ -10,7 +10,6 @@ import pytest
 from scipy.io import loadmat
 
 from stoop.exporters.matlab import (
-    ParameterCovariance,
     StateSpace,
     json_text,
     mat_bytes,
@@ -18,6 +17,7 @@ from stoop.exporters.matlab import (
     variables,
 )
 from stoop.simulation import Trim
+from stoop.simulation.derivatives import ParameterCovariance
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import builtin_vehicle
 from stoop.vehicle.load import parse_vehicle

@@ -12,12 +12,14 @@ import pytest
 
 from stoop.errors import OutputError, StoopError
 from stoop.estimate.fit import Options
+from stoop.exporters.exporter import Condition, ModelData
+from stoop.exporters.jsbsim_page import EXPORT_PAGE as PAGE
+from stoop.exporters.targets import export
 from stoop.flight import Flight
-from stoop.report.models import EXPORT_PAGE as PAGE
 from stoop.vehicle import parse_vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.workflow import Job, identify
-from stoop.workflow.export import Condition, Subject, export, read_subject, write
+from stoop.workflow.export import read_model, write
 
 
 @pytest.fixture(scope="module")
@@ -26,29 +28,29 @@ def folder(job: Job, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def subject(folder: Path) -> Subject:
-    return read_subject(str(folder))
+def model(folder: Path) -> ModelData:
+    return read_model(str(folder))
 
 
-def test_estimates_are_those_of_the_fit_to_the_last_digit(job: Job, subject: Subject) -> None:
-    assert {n: subject.vehicle.value(n) for n in job.fit.estimates} == job.fit.estimates
-    assert subject.known is not None
-    assert np.array_equal(subject.known.covariance, job.identification.result.covariance.matrix)
+def test_estimates_are_those_of_the_fit_to_the_last_digit(job: Job, model: ModelData) -> None:
+    assert {n: model.vehicle.value(n) for n in job.fit.estimates} == job.fit.estimates
+    assert model.covariance is not None
+    assert np.array_equal(model.covariance.covariance, job.identification.result.covariance.matrix)
 
 
-def test_maneuvers_start_where_the_fit_found_them(job: Job, subject: Subject) -> None:
-    assert [m.title.partition(" (")[2] for m in subject.maneuvers] == ["fitted)", "predicted)"]
+def test_maneuvers_start_where_the_fit_found_them(job: Job, model: ModelData) -> None:
+    assert [m.title.partition(" (")[2] for m in model.maneuvers] == ["fitted)", "predicted)"]
     found = job.identification.result.initial_states[0].values
-    assert {n: subject.maneuvers[0].start[n] for n in found} == {n: q.estimate for n, q in found.items()}
+    assert {n: model.maneuvers[0].start[n] for n in found} == {n: q.estimate for n, q in found.items()}
     bias = job.identification.result.biases[0].values["q"].estimate
-    assert subject.maneuvers[0].vehicle.value("sensors.q.bias") == bias
+    assert model.maneuvers[0].vehicle.value("sensors.q.bias") == bias
 
 
-def test_our_simulation_of_a_maneuver_is_the_one_of_the_report(job: Job, subject: Subject) -> None:
+def test_our_simulation_of_a_maneuver_is_the_one_of_the_report(job: Job, model: ModelData) -> None:
     """Its root mean square error is the figure in result.json."""
     from stoop.exporters.jsbsim_flight import differences, own_readings
 
-    fitted = subject.maneuvers[0]
+    fitted = model.maneuvers[0]
     vehicle = fitted.vehicle
     apart = differences(vehicle, own_readings(fitted), fitted.measured)
     figures = job.identification.result.maneuvers[0].channels
@@ -56,8 +58,8 @@ def test_our_simulation_of_a_maneuver_is_the_one_of_the_report(job: Job, subject
     assert rms == pytest.approx({c: f.rmse for c, f in figures.items()}, rel=1e-9)
 
 
-def test_jsbsim_flies_the_maneuvers(subject: Subject, tmp_path: Path) -> None:
-    made = export(subject, "jsbsim")
+def test_jsbsim_flies_the_maneuvers(model: ModelData, tmp_path: Path) -> None:
+    made = export(model, "jsbsim")
     write(made, tmp_path)
     page = (tmp_path / PAGE).read_text(encoding="utf-8")
     assert "flight less JSBSim, rms" in page
@@ -72,13 +74,13 @@ def test_jsbsim_flies_the_maneuvers(subject: Subject, tmp_path: Path) -> None:
 def test_without_its_flight_it_says_so(folder: Path, tmp_path: Path) -> None:
     shutil.copytree(folder, tmp_path / "r")
     (tmp_path / "r" / "flight.nc").unlink()
-    alone = read_subject(str(tmp_path / "r" / "result.json"))
+    alone = read_model(str(tmp_path / "r" / "result.json"))
     assert alone.maneuvers == ()
     assert alone.notes[0].startswith("No comparison with the flight: ")
 
 
-def test_state_space_carries_standard_errors(subject: Subject) -> None:
-    made = export(subject, "state-space", Condition(airspeed=33.0))
+def test_state_space_carries_standard_errors(model: ModelData) -> None:
+    made = export(model, "state-space", Condition(airspeed=33.0))
     document = json.loads(made.files[made.main])
     assert document["states"][0] == {"name": "V", "unit": "m/s", "trim": 33.0}
     assert np.max(document["standard_errors"]["A"]) > 0.0
@@ -92,7 +94,7 @@ def test_a_folder_that_lacks_a_file(folder: Path, tmp_path: Path, missing: str, 
     shutil.copytree(folder, tmp_path / "r")
     (tmp_path / "r" / missing).unlink()
     with pytest.raises(StoopError, match=complaint) as caught:
-        read_subject(str(tmp_path / "r"))
+        read_model(str(tmp_path / "r"))
     assert "\n" not in str(caught.value)
 
 
@@ -101,16 +103,16 @@ def test_an_estimate_of_something_else(folder: Path, tmp_path: Path) -> None:
     path = tmp_path / "r" / "result.json"
     path.write_text(path.read_text().replace('"CLalpha"', '"CLnonsense"'))
     with pytest.raises(StoopError, match="no number is called 'CLnonsense'"):
-        read_subject(str(tmp_path / "r"))
+        read_model(str(tmp_path / "r"))
 
 
-def test_a_maneuver_flies_with_its_own_loading(subject: Subject) -> None:
+def test_a_maneuver_flies_with_its_own_loading(model: ModelData) -> None:
     """Another mass: JSBSim gets an aircraft of that mass, or it would be far off."""
 
-    first = subject.maneuvers[0]
-    heavy = first.vehicle.with_numbers({"mass.mass": {"value": 1.2 * subject.vehicle.value("mass.mass")}})
+    first = model.maneuvers[0]
+    heavy = first.vehicle.with_numbers({"mass.mass": {"value": 1.2 * model.vehicle.value("mass.mass")}})
     loaded = replace(first, vehicle=heavy, title="heavy", loaded=True)
-    made = export(replace(subject, maneuvers=(loaded,)), "jsbsim")
+    made = export(replace(model, maneuvers=(loaded,)), "jsbsim")
     (note,) = [note for note in made.notes if note.startswith("heavy: ")]
     assert float(note.split("within ")[1].split()[0]) < 1e-3
 
@@ -136,20 +138,20 @@ def gusty(flight: Flight, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.parametrize("target", ["state-space", "simulink", "jsbsim"])
 def test_gusts_that_were_estimated_stay_behind_with_what_is_known_of_them(gusty: Path, target: str) -> None:
-    subject = read_subject(str(gusty))
-    assert subject.known is not None
-    assert subject.known.names == ("Cmq",)
-    assert subject.known.covariance.shape == (1, 1)
-    made = export(subject, target)
+    model = read_model(str(gusty))
+    assert model.covariance is not None
+    assert model.covariance.names == ("Cmq",)
+    assert model.covariance.covariance.shape == (1, 1)
+    made = export(model, target)
     assert any("is not exported: the simulator" in note for note in made.notes)
-    assert [m.loaded for m in subject.maneuvers] == [False, True]
-    assert subject.maneuvers[1].vehicle.value("mass.mass") == 190.0
+    assert [m.loaded for m in model.maneuvers] == [False, True]
+    assert model.maneuvers[1].vehicle.value("mass.mass") == 190.0
 
 
 def test_what_is_to_be_set_is_there_to_be_set() -> None:
     """Every property that the note names is declared in the aircraft, whatever drives it."""
     example = Path(__file__).parents[3] / "examples" / "vtail.toml"
-    made = export(read_subject(str(example)), "jsbsim")
+    made = export(read_model(str(example)), "jsbsim")
     (note,) = [note for note in made.notes if note.startswith("To be set in flight: ")]
     named = [one.split()[0].rstrip(".") for one in note.partition(": ")[2].split(", ")]
     channels = ("control_roll", "control_pitch", "control_yaw", "control_throttle", "density")

@@ -1,0 +1,183 @@
+"""What every target of ``stoop export`` takes, gives and does: a model and a steady flight in, files and notes out."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Final
+
+from stoop.errors import SimulationError
+from stoop.exporters.jsbsim_flight import Record, own_readings, relative_differences
+from stoop.exporters.reference_flight import ReferenceFlight, reference_flight
+from stoop.simulation import Trim, trim
+from stoop.simulation.derivatives import ParameterCovariance
+from stoop.simulation.linearize import held_numbers
+from stoop.vehicle import Vehicle
+from stoop.vehicle.vehicle import leaves
+
+
+@dataclass(frozen=True)
+class Condition:
+    """The steady flight: m/s (the vehicle's V* when absent), m (the flight's), rad."""
+
+    airspeed: float | None = None
+    altitude: float | None = None
+    climb_angle: float = 0.0
+
+
+DEFAULT: Final = Condition()
+
+
+@dataclass(frozen=True, eq=False)
+class ModelData:
+    """A vehicle with what is known of its parameters and of the flight that identified them.
+
+    Attributes
+    ----------
+    vehicle : without turbulence
+    covariance : of the estimates; None for a vehicle that was not identified
+    maneuvers : of the flight, from the estimated initial states
+    altitude : m, of the flight
+    density : kg/m3, likewise, where a channel gives it
+    notes : for the user
+    """
+
+    vehicle: Vehicle
+    covariance: ParameterCovariance | None = None
+    maneuvers: tuple[Record, ...] = ()
+    altitude: float = 200.0
+    density: float | None = None
+    notes: tuple[str, ...] = ()
+
+    @property
+    def unidentified(self) -> tuple[str, ...]:
+        """A note on the parameters that the flight does not determine, if there are any."""
+        lost = () if self.covariance is None else self.covariance.not_identified
+        note = f"Not identified by the flight: {', '.join(lost)}; these numbers are the vehicle file's."
+        return (note,) if lost else ()
+
+    def altitude_of(self, condition: Condition) -> float:
+        """Return the altitude of a condition, m; the flight's where it gives none."""
+        return self.altitude if condition.altitude is None else condition.altitude
+
+    def trim(self, condition: Condition) -> Trim:
+        """Return the steady flight of a condition.
+
+        Raises
+        ------
+        SimulationError
+            There is none.
+        """
+        altitude = self.altitude_of(condition)
+        return trim(self.vehicle, condition.airspeed, altitude, condition.climb_angle, self.density)
+
+
+@dataclass(frozen=True, eq=False)
+class Exported:
+    """Files by their place below the output folder, the main one, and notes for the user."""
+
+    files: Mapping[str, bytes]
+    main: str
+    notes: tuple[str, ...] = ()
+
+    def with_notes(self, notes: Iterable[str]) -> Exported:
+        """Return the files with further notes."""
+        return replace(self, notes=(*self.notes, *notes))
+
+
+@dataclass(frozen=True, eq=False)
+class Exporter(ABC):
+    """A model as files of one tool: a target of ``stoop export`` is one subclass, and one row of the table of targets."""
+
+    model: ModelData
+    condition: Condition = DEFAULT
+
+    @property
+    def vehicle(self) -> Vehicle:
+        """The vehicle of the model."""
+        return self.model.vehicle
+
+    @cached_property
+    def point(self) -> Trim:
+        """The steady flight of the condition; SimulationError where there is none."""
+        return self.model.trim(self.condition)
+
+    @abstractmethod
+    def files(self) -> Exported:
+        """Return the files, and notes on them."""
+
+    def lacks(self) -> list[str]:
+        """Return notes on what the tool cannot represent of this model, and what that costs."""
+        return []
+
+    def fly(self, made: Exported) -> Exported:
+        """Fly the files in the tool; return them with notes on the agreement with our simulation, or why they were not flown."""
+        return made
+
+    def export(self) -> Exported:
+        """Return the files with all notes: of the model, on the files, on what the tool lacks, on the flight.
+
+        Raises
+        ------
+        StoopError
+            The model cannot be exported so, or no steady flight is found.
+        """
+        made = self.files()
+        return self.fly(replace(made, notes=(*self.model.notes, *made.notes, *self.lacks())))
+
+
+def encoded(texts: Mapping[str, str]) -> dict[str, bytes]:
+    """Return texts as UTF-8."""
+    return {place: text.encode("utf-8", errors="replace") for place, text in texts.items()}
+
+
+def along_reference(
+    vehicle: Vehicle, point: Trim, compare: Callable[[ReferenceFlight], list[str]]
+) -> list[str]:
+    """Return the notes of a comparison along the reference flight from a steady flight, or why there is no such flight."""
+    try:
+        flight = reference_flight(vehicle, point)
+    except SimulationError as error:
+        return [f"Not flown: {error}."]
+    return ["Not flown: the open loop diverges within 3 s."] if flight is None else compare(flight)
+
+
+def agreement(flight: ReferenceFlight, found: Mapping[str, float]) -> str:
+    """Return the largest of the relative differences from a reference flight in words."""
+    worst = max(found, key=lambda name: found[name])
+    return f"{flight.title}: within {found[worst]:.1e} of each channel's maximum ({worst})"
+
+
+def actuator_numbers(vehicle: Vehicle) -> tuple[str, ...]:
+    """Return the names of dead zones, rate limits and delays that do something."""
+    return held_numbers(vehicle, ("dead_zone", "rate_limit", "delay"))
+
+
+def cost_without_actuators(model: ModelData) -> list[str]:
+    """Return how far the fitted maneuvers move where dead zones, rate limits and delays are left out, one line each."""
+    notes = []
+    for maneuver in model.maneuvers:
+        own = {n: {"value": neutral} for n, neutral in _without_actuators(maneuver.vehicle).items()}
+        try:
+            whole = own_readings(maneuver)
+            less = own_readings(replace(maneuver, vehicle=maneuver.vehicle.with_numbers(own)))
+        except SimulationError as error:
+            notes.append(f"{maneuver.title}: {error}.")
+            continue
+        shares = relative_differences(maneuver.vehicle, whole, less)
+        worst = max(shares, key=lambda name: shares[name])
+        notes.append(
+            f"{maneuver.title}: without them readings move by up to {100.0 * shares[worst]:.2g} % of a channel's "
+            f"maximum ({worst})."
+        )
+    return notes
+
+
+def _without_actuators(vehicle: Vehicle) -> dict[str, float]:
+    """Return the numbers of dead zones, rate limits and delays, and values at which they do nothing."""
+    idle, own = {"dead_zone": 0.0, "rate_limit": math.inf, "delay": 0.0}, dict(leaves(vehicle.file))
+    untied = [n for n in vehicle.rows if n in own and own[n].tie is None]  # the others follow
+    return {n: idle[end] for n in untied if (end := n.rpartition(".")[2]) in idle}
