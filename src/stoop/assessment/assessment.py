@@ -16,7 +16,7 @@ import io
 import json
 import tempfile
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Final, Literal, Protocol
@@ -33,18 +33,14 @@ from stoop.estimate.estimate import Estimate
 from stoop.estimate.refit_problem import Derived, RefitProblem
 from stoop.optimize import Problem, refine
 from stoop.parallel import Json, Plan, Pool, Tally, execute
-from stoop.problem import Layout, Misfit, Nuisance, Piece, Weights
+from stoop.problem.archive import problem_arrays, problem_document, restored_problem
 from stoop.problem.evidence import Inverse, invert
 from stoop.results.result import Result
 from stoop.results.uncertainty import MethodIntervals
-from stoop.vehicle import Parameter, Vehicle
-from stoop.vehicle.schema import VehicleFile
 
 Watch = Callable[[str], None]  #: receives the progress of an assessment
 Ending = Literal["converged", "refined", "failed"]
 MAX_BYTES: Final = 2**31  #: to which a packed problem may unfold
-PIECE_ARRAYS: Final = ("time", "inputs", "measured")
-PIECE_TUPLES: Final = ("moved", "relative_noise")
 SHARED_STEPS: Final = 6  #: at most, with the derivatives at the optimum
 SHARED_TOLERANCE: Final = 0.5  #: standard errors left to go when the shared derivatives have done their work
 OWN_STEPS: Final = 8  #: at most, with the refit's own derivatives
@@ -148,26 +144,8 @@ def refits(
 
 def pack(problem: RefitProblem, more: Mapping[str, Any]) -> str:
     """Return a problem, and arrays that belong to it, as text; the same problem gives the same text."""
-    base, layout = problem.problem, problem.problem.layout
-    # without bounds: the layout has them, and a set value may lie outside
-    unbounded = layout.vehicle.with_numbers({p.name: {"bounds": None} for p in layout.vehicle.parameters})
-    head = {
-        "vehicle": unbounded.file.model_dump(mode="json", exclude_unset=True),
-        "where": layout.vehicle.where,
-        "measured": layout.vehicle.measured,
-        "parameters": [asdict(p) for p in layout.parameters],
-        "nuisances": [asdict(n) for n in layout.nuisances],
-        "pieces": [
-            {"maneuver": p.maneuver, "start": dict(p.start), "changes": dict(p.changes)}
-            | {name: getattr(p, name) for name in PIECE_TUPLES}
-            for p in base.pieces
-        ],
-        "ladder": base.ladder,
-        "kind": problem.kind,
-    }
-    series = ((f"{n}.{i}", getattr(p, n)) for i, p in enumerate(base.pieces) for n in PIECE_ARRAYS)
-    arrays: dict[str, Any] = dict(series)
-    arrays |= {"covariance": base.weights.covariance, "root": base.weights.root, **more, **problem.arrays}
+    head = problem_document(problem.problem) | {"kind": problem.kind}
+    arrays = {**problem_arrays(problem.problem), **more, **problem.arrays}
     arrays["head"] = np.frombuffer(json.dumps(head).encode(), dtype=np.uint8)
     buffer = io.BytesIO()
     np.savez_compressed(buffer, **arrays)
@@ -178,15 +156,7 @@ def unpack(text: str) -> tuple[RefitProblem, dict[str, Any]]:
     """Return the problem that was packed, and all arrays."""
     arrays = read_arrays(io.BytesIO(base64.b64decode(text)), MAX_BYTES)
     head = json.loads(arrays.pop("head").tobytes())
-    vehicle = Vehicle(VehicleFile.model_validate(head["vehicle"]), "", head["where"], tuple(head["measured"]))
-    parameters = tuple(Parameter(**p) for p in head["parameters"])
-    layout = Layout(vehicle, parameters, tuple(Nuisance(**n) for n in head["nuisances"]))
-    pieces = []
-    for i, p in enumerate(head["pieces"]):
-        series = {name: arrays[f"{name}.{i}"] for name in PIECE_ARRAYS}
-        pieces.append(Piece(**{**p, **series, **{name: tuple(p[name]) for name in PIECE_TUPLES}}))
-    weights = Weights(arrays["covariance"], arrays["root"])
-    misfit = Misfit(layout, tuple(pieces), weights, tuple(tuple(rung) for rung in head["ladder"]))
+    misfit = restored_problem(head, arrays)
     return methods.refit_problem(head["kind"]).restored(misfit, arrays), arrays
 
 

@@ -146,7 +146,8 @@ def _split(piece: PieceEvidence, rows: FloatArray) -> PieceEvidence:
     """Return a piece with other derivatives, as `PieceEvidence.rows` gives them."""
     n, m = piece.residual.size, rows.shape[1]
     readings, gaps = (
-        part.reshape(*of.shape, m) for part, of in ((rows[:n], piece.residual), (rows[n:], piece.met[0]))
+        part.reshape(*of.shape, m)
+        for part, of in ((rows[:n], piece.residual), (rows[n:], piece.continuity_residuals[0]))
     )
     return replace(piece, jacobian=readings, gap_jacobian=gaps)
 
@@ -163,8 +164,8 @@ def _noise_variance(
         return variance
     windowed = np.zeros_like(variance)
     for segment, one in zip(segments, own, strict=True):
-        r, S = by_window(segment, segment.edges, *segment.met)
-        V = by_window(one, one.edges, *one.met)[1]
+        r, S = by_window(segment, segment.edges, *segment.continuity_residuals)
+        V = by_window(one, one.edges, *one.continuity_residuals)[1]
         windowed += np.diag(window_scatter(leave_windows_out(r, S, inverse.factor), V))
     return np.asarray(np.maximum(variance, windowed), dtype=np.float64)
 
@@ -242,7 +243,9 @@ def _left(segment: PieceEvidence, own: FloatArray, change: float) -> PieceEviden
     """Return a piece with the residuals that an extension leaves."""
     left, size = segment.rows()[0] - change * own, segment.residual.size
     residual = np.where(segment.present, left[:size].reshape(segment.residual.shape), np.nan)
-    return replace(segment, residual=residual, gaps=left[size:].reshape(segment.met[0].shape))
+    return replace(
+        segment, residual=residual, gaps=left[size:].reshape(segment.continuity_residuals[0].shape)
+    )
 
 
 def _joined(

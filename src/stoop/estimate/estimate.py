@@ -6,31 +6,41 @@ sensitivities and information belong to it. Error bars, checks of the residuals,
 
 from __future__ import annotations
 
+import json
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
-from typing import ClassVar
+from typing import Any, ClassVar, Final
 
 import numpy as np
 
 from stoop import optimize
 from stoop.base.arrays import FloatArray
-from stoop.base.notices import Notice
+from stoop.base.notices import Notice, from_dict
 from stoop.estimate.fitted_filter import FittedFilter
 from stoop.estimate.noise import noise_covariance, noise_variance
 from stoop.estimate.refit_problem import RefitProblem
 from stoop.estimate.response import Responses
 from stoop.problem import Misfit, on_circle
+from stoop.problem.archive import problem_arrays, problem_document, restored_problem
 from stoop.problem.evidence import Evidence, Unknown, unknowns_of
 from stoop.problem.prepare import Prepared
+from stoop.problem.windows import Window
 from stoop.results.result import ProcessNoise
+from stoop.vehicle.vehicle import leaves
+
+#: fields of an outcome that are no arrays
+OUTCOME: Final = ("cost", "trajectories", "generation", "status", "advice", "optimizer")
 
 
 @dataclass(frozen=True, eq=False)
 class Estimate(ABC):
     """Estimates of the free numbers of a vehicle from windows of flights.
 
-    A child adds as fields what its estimator found beside the search vector, and derives everything else from them.
+    A child adds as fields what its estimator found beside the search vector, and derives everything else from them. All of
+    it can be saved: ``numpy.savez(file, **estimate.state())`` keeps an estimate, `stoop.estimate.methods.restore` brings it
+    back, so that whatever reads an estimate (error bars, bootstrap, profile, prediction) gives the same numbers.
     """
 
     #: class of `refit_problem`
@@ -69,6 +79,70 @@ class Estimate(ABC):
         """Free parameters, SI."""
         values = self.problem.layout.physical(self.z[None, :])[0]
         return {p.name: float(v) for p, v in zip(self.problem.layout.parameters, values, strict=True)}
+
+    def state(self) -> dict[str, Any]:
+        """Return arrays from which :meth:`restored` builds the same estimate, with the same bits, without the flights.
+
+        They hold plain numbers, so that :func:`numpy.savez` and :func:`stoop.base.npz.read_arrays` keep them; the
+        entry ``head`` is a JSON document in UTF-8. The state of the search, with which a search goes on, is not among them.
+        """
+        vehicle, outcome = self.problem.layout.vehicle, self.outcome
+        limits = {p.name: dict(leaves(vehicle.file))[p.name].bounds for p in vehicle.parameters}
+        head = {
+            "problem": problem_document(self.problem),
+            "text": vehicle.text,
+            "bounds": {name: pair for name, pair in limits.items() if pair is not None},
+            "windows": [asdict(window) for window in self.prepared.windows],
+            "prepared": [one.to_dict() for one in self.prepared.notices],
+            "notices": [one.to_dict() for one in self.notices],
+            "outcome": {n: getattr(outcome, n) for n in OUTCOME},
+            "cost": self.cost,
+            "trajectories": self.trajectories,
+        }
+        series = {f"recorded.{i}": p.measured for i, p in enumerate(self.prepared.pieces)}
+        found = {"z": self.z, "outcome.z": outcome.z, "outcome.history": outcome.history}
+        text = np.frombuffer(json.dumps(head).encode(), dtype=np.uint8)
+        return {**problem_arrays(self.problem), **series, **found, **self.own_state(), "head": text}
+
+    @classmethod
+    def restored(cls, arrays: Mapping[str, Any]) -> Estimate:
+        """Return the estimate of a :meth:`state`; evidence, refit problem, readings and predictor have the same bits.
+
+        Raises
+        ------
+        KeyError, TypeError, ValueError
+            The arrays are not those of such an estimate.
+        """
+        head = json.loads(arrays["head"].tobytes())
+        problem, z = restored_problem(head["problem"], arrays), arrays["z"]
+        limits = {name: {"bounds": tuple(pair)} for name, pair in head["bounds"].items()}
+        vehicle = replace(problem.layout.vehicle, text=head["text"]).with_numbers(limits)
+        problem = replace(problem, layout=replace(problem.layout, vehicle=vehicle))
+        pieces = tuple(
+            replace(piece, measured=arrays[f"recorded.{i}"], moved=(), relative_noise=())
+            for i, piece in enumerate(problem.pieces)
+        )
+        windows = tuple(Window(**one) for one in head["windows"])
+        prepared = Prepared(windows, pieces, tuple(map(from_dict, head["prepared"])))
+        history = arrays["outcome.history"]
+        outcome = optimize.Outcome(z=arrays["outcome.z"], history=history, state=None, **head["outcome"])
+        common = (problem, prepared, z, outcome, head["cost"], head["trajectories"])
+        notices = tuple(map(from_dict, head["notices"]))
+        return cls.suited(problem)(*common, notices, **cls.own_fields(problem, z, arrays))
+
+    def own_state(self) -> dict[str, Any]:
+        """Return the arrays from which :meth:`own_fields` restores the fields of a child."""
+        return {}
+
+    @classmethod
+    def own_fields(cls, problem: Misfit, z: FloatArray, arrays: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the fields that a child adds."""
+        return {}
+
+    @classmethod
+    def suited(cls, problem: Misfit) -> type[Estimate]:
+        """Return the class for a kind of vehicle."""
+        return cls
 
     def observed_information(self) -> FloatArray | None:
         """Return the Hessian (f, f) of half the cost by the free unknowns; None where only Gauss and Newton's is known."""

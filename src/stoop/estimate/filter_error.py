@@ -17,7 +17,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import ClassVar, Final
+from typing import Any, ClassVar, Final
 
 import numpy as np
 
@@ -28,12 +28,12 @@ from stoop.base.notices import Notice, notice
 from stoop.errors import IdentificationError
 from stoop.estimate import iterates, methods
 from stoop.estimate.estimate import Estimate, simulated
-from stoop.estimate.filter_gains import STATED, Gain, Noise, Steady, Varying, first_guess
+from stoop.estimate.filter_gains import GAINS, STATED, Gain, Noise, Steady, Varying, first_guess
 from stoop.estimate.filter_likelihood import FrozenFilter, Likelihood, Score
 from stoop.estimate.fit import DEFAULTS, Options, estimation_problem, starts
 from stoop.estimate.fitted_filter import FittedFilter, with_gusts
 from stoop.estimate.instability import largest_growth
-from stoop.estimate.linearization import undelayed
+from stoop.estimate.linearization import Points, undelayed
 from stoop.estimate.noise_model import outlying_innovations
 from stoop.flight import Flight
 from stoop.optimize.levenberg_marquardt import (
@@ -173,6 +173,37 @@ class FilterEstimate(Estimate):
     predicts: bool
     #: gradient and information at the optimum
     score: Score
+
+    def own_state(self) -> dict[str, Any]:
+        """Return the unknowns, the noise, and where the gains are linearized."""
+        likelihood, noise = self.likelihood, self.likelihood.noise
+        points = {f"states.{i}": p.states for i, p in enumerate(likelihood.points)}
+        points |= {f"inputs_at.{i}": p.inputs for i, p in enumerate(likelihood.points)}
+        given = {} if noise.given is None else {"given_variances": noise.given}
+        return {
+            **points,
+            **given,
+            "optimum": self.optimum,
+            "anchor": likelihood.anchor,
+            "first_noise": noise.first,
+            "stated": np.array(np.nan if noise.stated is None else noise.stated),
+            "gain": np.array(likelihood.gain.name),
+            "predicts": np.array(self.predicts),
+        }
+
+    @classmethod
+    @on_one_blas_thread
+    def own_fields(cls, problem: Misfit, z: FloatArray, arrays: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the likelihood and its gradient at the unknowns."""
+        stated, optimum = float(arrays["stated"]), arrays["optimum"]
+        first, given = arrays["first_noise"], arrays.get("given_variances")
+        noise = Noise(problem.layout.vehicle, first, given, None if np.isnan(stated) else stated)
+        each = range(len(problem.pieces))
+        points = tuple(Points(arrays[f"states.{i}"], arrays[f"inputs_at.{i}"]) for i in each)
+        gain = GAINS[str(arrays["gain"])]
+        likelihood = Likelihood(undelayed(problem), noise, gain, points, arrays["anchor"])
+        found = {"likelihood": likelihood, "optimum": optimum, "predicts": bool(arrays["predicts"])}
+        return {**found, "score": likelihood.score(optimum)}
 
     @property
     def _tail(self) -> FloatArray:

@@ -135,6 +135,15 @@ class OutputErrorEstimate(Estimate):
     #: whether the covariance of the measurement noise was given and not estimated
     noise_given: bool = False
 
+    def own_state(self) -> dict[str, Any]:
+        """Return whether the noise was given."""
+        return {"noise_given": np.array(self.noise_given)}
+
+    @classmethod
+    def own_fields(cls, problem: Misfit, z: FloatArray, arrays: Mapping[str, Any]) -> dict[str, Any]:
+        """Return whether the noise was given."""
+        return {"noise_given": bool(arrays["noise_given"])}
+
     @cached_property
     def evidence(self) -> Evidence:
         """Residuals and sensitivities of the simulation."""

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, Final
 from stoop.base.notices import Notice, notice
 from stoop.base.text import nearest
 from stoop.base.variables import EULER, RATES, SPECIFIC_FORCE, VARIABLES
-from stoop.errors import IdentificationError
+from stoop.errors import IdentificationError, StoopError
 from stoop.flight import Flight
 from stoop.vehicle import Vehicle
 from stoop.vehicle.defaults import wider_bounds
@@ -116,6 +116,22 @@ _METHODS: Final[dict[str, Method]] = {
         simulates=False,
     ),
 }
+
+
+def restore(name: str, arrays: Mapping[str, Any], where: str) -> Estimate:
+    """Return the estimate of a method from its :meth:`stoop.estimate.estimate.Estimate.state`; `where` names its file.
+
+    Raises
+    ------
+    IdentificationError
+        The arrays are not those of an estimate of the method.
+    """
+    try:
+        return find(name).estimates().restored(arrays)
+    except (KeyError, TypeError, ValueError, AttributeError, IndexError, StoopError) as error:
+        raise IdentificationError(
+            f"{where}: holds no estimate of {name or DEFAULT} that this version reads ({error}); fit again"
+        ) from error
 
 
 def refit_problem(kind: str) -> type[RefitProblem]:

@@ -57,6 +57,7 @@ from stoop.optimize.levenberg_marquardt import (
 from stoop.optimize.minimize import Status
 from stoop.optimize.normal_equations import solve_damped
 from stoop.problem import Layout, Misfit, Weights
+from stoop.problem.archive import PIECE_TUPLES
 from stoop.problem.evidence import Evidence
 from stoop.problem.prepare import Prepared
 from stoop.problem.windows import Window
@@ -386,6 +387,46 @@ class ShootingEstimate(Estimate):
     shooting: ShootingProblem
     #: search vector and states at the optimum
     optimum: Iterate
+
+    def own_state(self) -> dict[str, Any]:
+        """Return windows, their states, and the readings and weights that they are fitted to."""
+        shooting, at = self.shooting, self.optimum
+        out: dict[str, Any] = {
+            "scales": shooting.scales,
+            "strictness": np.array(shooting.strictness),
+            "iterate": np.array([at.cost, at.gap]),
+            "shooting.covariance": shooting.problem.weights.covariance,
+            "shooting.root": shooting.problem.weights.root,
+        }
+        for i, (piece, shots, nodes) in enumerate(
+            zip(shooting.problem.pieces, shooting.shots, at.nodes, strict=True)
+        ):
+            out |= {f"edges.{i}": np.array(shots.edges), f"nodes.{i}": nodes, f"aligned.{i}": piece.measured}
+            out |= {f"{name}.{i}": np.array(getattr(piece, name)) for name in PIECE_TUPLES}
+        return out
+
+    @classmethod
+    def own_fields(cls, problem: Misfit, z: FloatArray, arrays: Mapping[str, Any]) -> dict[str, Any]:
+        """Return windows and states."""
+        pieces = tuple(
+            replace(
+                piece,
+                measured=arrays[f"aligned.{i}"],
+                moved=tuple(arrays[f"moved.{i}"].tolist()),
+                relative_noise=tuple(arrays[f"relative_noise.{i}"].tolist()),
+            )
+            for i, piece in enumerate(problem.pieces)
+        )
+        weights = Weights(arrays["shooting.covariance"], arrays["shooting.root"])
+        aligned = replace(problem, pieces=pieces, weights=weights)
+        each = range(len(pieces))
+        shots = tuple(Shots(aligned, i, tuple(arrays[f"edges.{i}"].tolist())) for i in each)
+        shooting = ShootingProblem(aligned, shots, arrays["scales"], float(arrays["strictness"]))
+        cost, gap = arrays["iterate"].tolist()
+        return {
+            "shooting": shooting,
+            "optimum": Iterate(z, tuple(arrays[f"nodes.{i}"] for i in each), cost, gap),
+        }
 
     @cached_property
     def evidence(self) -> Evidence:

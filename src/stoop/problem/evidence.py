@@ -70,7 +70,7 @@ class PieceEvidence:
         return np.isfinite(self.residual)
 
     @property
-    def met(self) -> tuple[FloatArray, FloatArray]:
+    def continuity_residuals(self) -> tuple[FloatArray, FloatArray]:
         """Gaps (w - 1, e) and their derivatives (w - 1, e, k), both empty where no windows begin anew."""
         if self.gaps is None or self.gap_jacobian is None:
             return np.zeros((0, 0)), np.zeros((0, 0, self.jacobian.shape[2]))
@@ -85,7 +85,7 @@ class PieceEvidence:
 
     def rows(self) -> tuple[FloatArray, FloatArray]:
         """Return all residuals (N,) and their derivatives (N, k), zeros for what is missing; gaps last."""
-        (residual, jacobian), (gaps, slopes) = self.filled(), self.met
+        (residual, jacobian), (gaps, slopes) = self.filled(), self.continuity_residuals
         count = jacobian.shape[2]
         if not gaps.size:
             return residual.ravel(), jacobian.reshape(-1, count)
@@ -97,7 +97,7 @@ class PieceEvidence:
     @property
     def gap_information(self) -> FloatArray:
         """Information (k, k) of the gaps."""
-        slopes = self.met[1].reshape(-1, self.jacobian.shape[2])
+        slopes = self.continuity_residuals[1].reshape(-1, self.jacobian.shape[2])
         return np.asarray(slopes.T @ slopes)
 
     def of(self, unknowns: NDArray[np.intp]) -> PieceEvidence:

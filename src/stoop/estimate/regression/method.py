@@ -49,6 +49,37 @@ class RegressionEstimate(Estimate):
     #: the weighted equations, linear about the estimate
     equations: LinearProblem
 
+    def own_state(self) -> dict[str, Any]:
+        """Return the equations, their weights, and the information of the priors."""
+        evidence, linear = self.evidence_of_equations, self.equations
+        return {
+            **linear.arrays,
+            "maneuvers": np.array([stretch.maneuver for stretch in evidence.pieces]),
+            "estimated": np.array([u.fixed != "method" for u in evidence.unknowns]),
+            "prior": evidence.prior,
+            "white": np.array(evidence.white),
+            "first.covariance": linear.problem.weights.covariance,
+            "first.root": linear.problem.weights.root,
+        }
+
+    @classmethod
+    def own_fields(cls, problem: Misfit, z: FloatArray, arrays: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the equations."""
+        first = problem.weighted(Weights(arrays["first.covariance"], arrays["first.root"]))
+        found = LinearProblem.restored(first, arrays)
+        unknowns = unknowns_of(problem.layout, z, set(np.flatnonzero(arrays["estimated"]).tolist()))
+        pairs = zip(found.stretches, arrays["maneuvers"].tolist(), strict=True)
+        stretches = tuple(replace(stretch, maneuver=maneuver) for stretch, maneuver in pairs)
+        evidence = Evidence(unknowns, stretches, arrays["prior"], white=bool(arrays["white"]))
+        linear = LinearProblem.of(first, z, evidence, found.deviations, found.dt, found.bounded)
+        return {"evidence_of_equations": evidence, "equations": linear}
+
+    @classmethod
+    def suited(cls, problem: Misfit) -> type[Estimate]:
+        """Return the class with readings of windows for a vehicle that cannot be flown open loop."""
+        open_loop = observation_model(problem.layout.vehicle).open_loop
+        return RegressionEstimate if open_loop else WindowedRegressionEstimate
+
     @property
     def evidence(self) -> Evidence:
         """Equation errors and regressors."""

@@ -1,0 +1,55 @@
+"""A problem as a JSON document and arrays, from which it comes back with the same bits."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import Any, Final
+
+from stoop.problem.layout import Layout, Nuisance
+from stoop.problem.misfit import Misfit, Piece, Weights
+from stoop.vehicle import Parameter, Vehicle
+from stoop.vehicle.schema import VehicleFile
+
+PIECE_ARRAYS: Final = ("time", "inputs", "measured")
+PIECE_TUPLES: Final = ("moved", "relative_noise")
+
+
+def problem_document(problem: Misfit) -> dict[str, Any]:
+    """Return what is no array of a problem, as JSON's own types."""
+    layout = problem.layout
+    # without bounds: the layout has them, and a set value may lie outside
+    unbounded = layout.vehicle.with_numbers({p.name: {"bounds": None} for p in layout.vehicle.parameters})
+    return {
+        "vehicle": unbounded.file.model_dump(mode="json", exclude_unset=True),
+        "where": layout.vehicle.where,
+        "measured": layout.vehicle.measured,
+        "parameters": [asdict(p) for p in layout.parameters],
+        "nuisances": [asdict(n) for n in layout.nuisances],
+        "pieces": [
+            {"maneuver": p.maneuver, "start": dict(p.start), "changes": dict(p.changes)}
+            | {name: getattr(p, name) for name in PIECE_TUPLES}
+            for p in problem.pieces
+        ],
+        "ladder": problem.ladder,
+    }
+
+
+def problem_arrays(problem: Misfit) -> dict[str, Any]:
+    """Return series of the pieces and weights."""
+    series = ((f"{n}.{i}", getattr(p, n)) for i, p in enumerate(problem.pieces) for n in PIECE_ARRAYS)
+    return {**dict(series), "covariance": problem.weights.covariance, "root": problem.weights.root}
+
+
+def restored_problem(document: Mapping[str, Any], arrays: Mapping[str, Any]) -> Misfit:
+    """Return the problem of a document and arrays; its vehicle has no text and no bounds, which the layout has."""
+    file = VehicleFile.model_validate(document["vehicle"])
+    vehicle = Vehicle(file, "", document["where"], tuple(document["measured"]))
+    parameters = tuple(Parameter(**p) for p in document["parameters"])
+    layout = Layout(vehicle, parameters, tuple(Nuisance(**n) for n in document["nuisances"]))
+    pieces = []
+    for i, p in enumerate(document["pieces"]):
+        series = {name: arrays[f"{name}.{i}"] for name in PIECE_ARRAYS}
+        pieces.append(Piece(**{**p, **series, **{name: tuple(p[name]) for name in PIECE_TUPLES}}))
+    weights = Weights(arrays["covariance"], arrays["root"])
+    return Misfit(layout, tuple(pieces), weights, tuple(tuple(rung) for rung in document["ladder"]))

@@ -1,0 +1,167 @@
+"""An estimate of every method comes back from its saved arrays with the same bits in whatever is read of it."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Collection, Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from stoop.assessment.assessment import pack
+from stoop.assessment.error_bars import error_bars
+from stoop.assessment.goodness_of_fit import left_out_residuals, press_notices
+from stoop.base.npz import read_arrays
+from stoop.errors import IdentificationError
+from stoop.estimate import methods
+from stoop.estimate.estimate import Estimate
+from stoop.estimate.fit import Options
+from stoop.estimate.predict import expected_biases, fitted_model, predict
+from stoop.flight import Flight
+from stoop.flight.flight import from_columns
+from stoop.problem.windows import Window
+from stoop.simulation.fly import simulate_flight
+from stoop.simulation.maneuver import parse_maneuver
+from stoop.vehicle import Vehicle, parse_vehicle
+from stoop.vehicle.builtin import resolve_vehicle
+
+from .regression.test_rotors import TRUTH, WOBBLE, flown
+
+FREE = ("CLalpha", "Cmalpha", "Cmq", "Cmelevator")
+MANEUVER = """
+duration = 8.0
+rate = 50.0
+[[input]]
+control = "elevator"
+shape = "3-2-1-1"
+start = 0.5
+step = 0.4
+amplitude = 0.05
+"""
+
+
+Problem = tuple[Vehicle, dict[str, Flight], Window]
+
+
+def with_few_free(vehicle: Vehicle, free: Collection[str]) -> Vehicle:
+    """Return the vehicle with the other numbers held."""
+    held = {p.name: {"free": False} for p in vehicle.parameters if p.free and p.name not in free}
+    return vehicle.with_numbers(held)
+
+
+@pytest.fixture(scope="module")
+def aircraft() -> Problem:
+    """Return two flights with a late vane and outliers of a gyro."""
+    late = parse_vehicle(resolve_vehicle("twin-boom").text + "[sensors.alpha]\ndelay = 0.033\n", "late")
+    vehicle, out = with_few_free(late.reduced("longitudinal"), FREE), {}
+    for seed, name in enumerate(("a", "b")):
+        record = simulate_flight(vehicle, parse_maneuver(MANEUVER, "m"), seed=seed, name=name)
+        columns = {c: record.column(c).copy() for c in record.names}
+        columns["q"][[50, 170]] += 3.0
+        out[name] = from_columns(name, record.time, columns)
+    return vehicle, out, Window("a", 0.0, 8.0)
+
+
+@pytest.fixture(scope="module")
+def quadrotor() -> Problem:
+    vehicle = with_few_free(resolve_vehicle("quad-x"), TRUTH)
+    wobble = np.random.default_rng(1).normal(0.0, WOBBLE, (3, 400))
+    noise = dict(zip("pqr", wobble, strict=True))
+    return (
+        vehicle,
+        {n: replace(flown(vehicle, False, TRUTH, noise), name=n) for n in "ab"},
+        Window("a", 0.0, 3.99),
+    )
+
+
+def same(one: Any, other: Any) -> None:
+    """Check arrays, and sequences and mappings of them, for equal bits."""
+    if isinstance(one, Mapping):
+        assert list(one) == list(other)
+        same(list(one.values()), list(other.values()))
+    elif isinstance(one, list | tuple) and not all(isinstance(x, float | str) for x in one):
+        assert len(one) == len(other)
+        for pair in zip(one, other, strict=True):
+            same(*pair)
+    else:
+        np.testing.assert_array_equal(one, other)
+
+
+def saved(found: Estimate) -> dict[str, Any]:
+    """Return the arrays as a file keeps them."""
+    file = io.BytesIO()
+    np.savez_compressed(file, **found.state())
+    return read_arrays(file, 2**28)
+
+
+def fitted(method: str, problem: Problem) -> tuple[Estimate, dict[str, Flight]]:
+    vehicle, flights, window = problem
+    fitter = methods.find(method).fitter()
+    found: Estimate = fitter(vehicle, flights, [window], Options(method=method), None, None)
+    return found, flights
+
+
+def compared(found: Estimate) -> list[Any]:
+    """Return what assessments read of an estimate."""
+    bars, evidence = error_bars(found), found.evidence
+    return [
+        found.z,
+        found.cost,
+        found.estimates,
+        [[p.residual, p.jacobian, p.continuity_residuals] for p in evidence.pieces],
+        evidence.prior,
+        bars.covariance,
+        found.readings,
+        found.residuals,
+        found.measurement_noise,
+        found.inflation,
+        found.deviations(bars.covariance) or (),
+        found.observed_information() if found.observed_information() is not None else (),
+        list(found.responses().pieces),
+        left_out_residuals(found) or (),
+        [p.measured for p in found.prepared.pieces],
+    ]
+
+
+@pytest.mark.parametrize(
+    ("method", "kind"),
+    [
+        *((m, "aircraft") for m in methods.names()),
+        ("multiple-shooting", "quadrotor"),
+        ("equation-error", "quadrotor"),
+    ],
+)
+def test_an_estimate_comes_back_with_the_same_bits(
+    method: str, kind: str, request: pytest.FixtureRequest
+) -> None:
+    found, flights = fitted(method, request.getfixturevalue(kind))
+    again = methods.restore(method, saved(found), "model.npz")
+    same(compared(again), compared(found))
+    assert type(again) is type(found)
+    assert again.unknowns == found.unknowns
+    assert again.notices == found.notices
+    assert again.prepared.notices == found.prepared.notices
+    assert again.process_noise == found.process_noise
+    assert press_notices(again) == press_notices(found)
+    assert pack(again.refit_problem, {}) == pack(found.refit_problem, {})
+    ahead = [
+        predict(
+            fitted_model(one, error_bars(one).covariance),
+            flights,
+            [Window("b", 1.0, 3.5)],
+            [expected_biases(one, "b")],
+        )
+        for one in (again, found)
+    ]
+    same(*([one.readings, one.deviations, one.innovations or ()] for one in ahead))
+
+
+def test_arrays_of_another_method_are_refused_in_one_line(aircraft: Problem) -> None:
+    found, _ = fitted("equation-error", aircraft)
+    for damaged in ({}, saved(found), saved(found) | {"head": np.frombuffer(b"{", np.uint8)}):
+        with pytest.raises(
+            IdentificationError, match=r"^m\.npz: holds no estimate of output-error .*fit again$"
+        ):
+            methods.restore("output-error", damaged, "m.npz")
