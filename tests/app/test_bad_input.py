@@ -81,9 +81,7 @@ def test_a_port_in_use(app, tmp_path: Path) -> None:
         taken.listen()
         port = taken.getsockname()[1]
         words = ["-m", "stoop", "app", "--folder", str(tmp_path / "p"), "--no-browser", "--port", str(port)]
-        done = subprocess.run(
-            [sys.executable, *words], capture_output=True, text=True, check=False, timeout=60
-        )
+        done = subprocess.run([sys.executable, *words], capture_output=True, text=True, check=False)
     assert done.returncode == 2
     assert done.stderr == f"stoop: error: app: port {port} is in use; give another with --port N\n"
     first, second = app(folder=tmp_path / "a"), app(folder=tmp_path / "b")

@@ -19,7 +19,7 @@ def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[App]:
 
 
 def ask(port: int, path: str, method: str = "GET", **headers: str) -> tuple[int, dict[str, str], bytes]:
-    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=20)
+    connection = http.client.HTTPConnection("127.0.0.1", port)
     connection.request(method, path, headers=headers)
     answer = connection.getresponse()
     found = answer.status, dict(answer.getheaders()), answer.read()
@@ -107,7 +107,7 @@ def test_a_websocket_of_another_page_is_refused(running: App) -> None:
 def test_an_upload_stays_in_the_folder(running: App) -> None:
     before = set(running.folder.parent.rglob("*"))
     for name in ("../../x.ulg", "/etc/x.ulg", "..", ".hidden", "a%00b", "con\\x.ulg"):
-        connection = http.client.HTTPConnection("127.0.0.1", running.port, timeout=20)
+        connection = http.client.HTTPConnection("127.0.0.1", running.port)
         connection.request("POST", f"/{running.token}/upload?name={name}&into=../..", body=b"abc")
         answer = connection.getresponse()
         assert answer.status == 200, (name, answer.read())
@@ -119,7 +119,7 @@ def test_an_upload_stays_in_the_folder(running: App) -> None:
 
 def test_another_log_of_the_same_name_replaces_none(running: App) -> None:
     def sent(query: str, body: bytes) -> tuple[int, str]:
-        connection = http.client.HTTPConnection("127.0.0.1", running.port, timeout=20)
+        connection = http.client.HTTPConnection("127.0.0.1", running.port)
         connection.request("POST", f"/{running.token}/upload?{query}", body=body)
         answer = connection.getresponse()
         found = answer.status, answer.read().decode()
@@ -136,7 +136,7 @@ def test_another_log_of_the_same_name_replaces_none(running: App) -> None:
 
 
 def test_a_log_of_two_gigabytes_is_refused_before_it_is_sent(running: App) -> None:
-    connection = http.client.HTTPConnection("127.0.0.1", running.port, timeout=20)
+    connection = http.client.HTTPConnection("127.0.0.1", running.port)
     connection.putrequest("POST", f"/{running.token}/upload?name=large.ulg")
     connection.putheader("Content-Length", str(2 * 10**9))
     connection.endheaders()

@@ -41,9 +41,10 @@ def test_from_a_sent_log_to_an_export(app, tab, hover: Path) -> None:
         page.click(use)
         page.page.get_by_text("brushed").nth(number).wait_for()
     page.picture("6_brushed")
-    page.page.wait_for_timeout(300)
-    windows = read_windows(running.folder / "windows.toml")
-    assert [w.use for w in windows] == ["fit", "fit", "validate"]
+    saved = running.folder / "windows.toml"
+    while not saved.exists() or [w.use for w in read_windows(saved)] != ["fit", "fit", "validate"]:
+        page.page.wait_for_timeout(20)  # the page shows it before it is saved
+    windows = read_windows(saved)
     assert 0.0 < windows[0].start < 2.0 < windows[0].stop < 4.0
     assert windows[1].start < 5.5 < windows[1].stop < 8.5 < windows[2].stop < 12.0
 

@@ -10,17 +10,20 @@ from pathlib import Path
 
 from playwright.sync_api import expect
 
-from app.conftest import PATIENCE
 from stoop.app.folder import Project
 from stoop.app.steps import PROCESS
 from stoop.vehicle.builtin import builtin_text
 from stoop.vehicle.load import load_vehicle
 
 
-def edit(page, number: str, value: str, field: str = "value") -> None:
+def cell(page, number: str, field: str):
     row = page.page.locator(".tabulator-row", has=page.page.get_by_text(number, exact=True)).first
-    row.locator(f'.tabulator-cell[tabulator-field="{field}"]').click()
-    entry = row.locator("input").first
+    return row.locator(f'.tabulator-cell[tabulator-field="{field}"]')
+
+
+def edit(page, number: str, value: str, field: str = "value") -> None:
+    cell(page, number, field).click()
+    entry = cell(page, number, field).locator("input").first
     entry.fill(value)
     entry.press("Enter")
 
@@ -38,9 +41,7 @@ def told_to_stop(process: int) -> None:
     """Let a halted process go on once the signal to stop waits for it: on a busy machine it would be done before."""
     interrupt = 1 << (signal.SIGINT - 1)
     status = Path(f"/proc/{process}/status")
-    end = time.monotonic() + 1e-3 * PATIENCE
     while not int(re.findall(r"ShdPnd:\s*(\w+)", status.read_text())[0], 16) & interrupt:
-        assert time.monotonic() < end, "nobody told it to stop"
         time.sleep(0.02)
     os.killpg(process, signal.SIGCONT)
 
@@ -92,7 +93,7 @@ def test_a_value_out_of_bounds_and_a_vehicle_that_cannot_be_trimmed(app, tab, qu
     page.wait("are reversed or empty")
     page.click("Discard edits")
     page.wait("The form shows the file again")
-    page.page.wait_for_timeout(500)
+    expect(cell(page, "mass.mass", "low")).not_to_have_text("9")
     edit(page, "mass.mass", "2.2")
     page.click("Save")
     page.wait("vehicle.toml is saved")

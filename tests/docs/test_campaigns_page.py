@@ -22,7 +22,6 @@ def test_example(tmp_path: Path) -> None:
             capture_output=True,
             text=True,
             check=False,
-            timeout=120,
         )
         assert done.returncode == 0, done.stderr
         assert f"it prints `{done.stdout.strip()}`" in PAGE.read_text(encoding="utf-8")

@@ -24,7 +24,6 @@ import stoop
 CASE = Path(__file__).with_name("campaign_case.py")
 KILLS = 8
 AGAIN = 5  #: executions that one kill may cost: what is under way or on its way to the store
-PATIENCE = 60.0  #: s
 pytestmark = pytest.mark.slow
 
 
@@ -83,7 +82,7 @@ class Scene:
     def finish(self) -> bytes:
         """Let the driver come to its end; return the table."""
         driver = self.drive()
-        assert driver.wait(PATIENCE) == 0, self.errors()
+        assert driver.wait() == 0, self.errors()
         return (self.folder / "table.csv").read_bytes()
 
     def errors(self) -> str:
@@ -97,10 +96,8 @@ class Scene:
         assert len(executed) - TASKS <= AGAIN * kills
 
 
-def wait_until(true: Callable[[], bool], patience: float = PATIENCE) -> None:
-    end = time.monotonic() + patience
+def wait_until(true: Callable[[], bool]) -> None:
     while not true():
-        assert time.monotonic() < end, "nothing happens any more"
         time.sleep(0.002)
 
 
@@ -121,8 +118,8 @@ def kill_driver(scene: Scene, workers_end_too: bool) -> None:
     driver = scene.drive()
     family = driver.children(recursive=True) if workers_end_too else []
     driver.kill()
-    driver.wait(PATIENCE)
-    _, alive = psutil.wait_procs(family, PATIENCE)
+    driver.wait()
+    _, alive = psutil.wait_procs(family)
     assert not alive, "workers outlive their driver"
     scene.note_end()
 
@@ -174,7 +171,7 @@ def ended(scene: Scene) -> Iterator[None]:
                 for each in (*process.children(recursive=True), process):
                     with suppress(psutil.NoSuchProcess):
                         each.kill()
-                process.wait(PATIENCE)
+                process.wait()
 
 
 def test_processes(tmp_path: Path, code: Path, undisturbed: bytes) -> None:
@@ -229,8 +226,8 @@ class Cluster:
         """Kill the scheduler; the driver says so in one line, the workers end."""
         assert self.scheduler is not None
         self.scheduler.kill()
-        self.scheduler.wait(PATIENCE)
-        assert self.scene.drive().wait(PATIENCE) == 2
+        self.scheduler.wait()
+        assert self.scene.drive().wait() == 2
         assert self.scene.errors().splitlines()[-1] == (
             f"stoop: error: scheduler {self.address}: lost; what is done is safe: "
             "start the same command again when it is back"
@@ -239,7 +236,7 @@ class Cluster:
         _, starting = psutil.wait_procs(self.workers, 3.0)
         for worker in starting:  # these never knew it, and would wait for it
             worker.kill()
-            worker.wait(PATIENCE)
+            worker.wait()
         self.scene.note_end()
 
     def _dask(self, part: str, *words: str) -> psutil.Popen:

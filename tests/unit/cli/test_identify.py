@@ -348,11 +348,11 @@ def test_ctrl_c_keeps_the_best_and_resume_goes_on(place: Path) -> None:
     process = subprocess.Popen(
         command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, env={**os.environ, "STOOP_THREADS": "1"}
     )
-    deadline = time.monotonic() + 60.0
-    while not (place / "long" / "search.npz").exists() and time.monotonic() < deadline:
+    while not (place / "long" / "search.npz").exists():
+        assert process.poll() is None
         time.sleep(0.05)
     process.send_signal(signal.SIGINT)
-    _, error = process.communicate(timeout=120)
+    _, error = process.communicate()
     assert process.returncode == 130, error
     first = json.loads((place / "long" / "result.json").read_text())
     assert first["status"] == "interrupted"

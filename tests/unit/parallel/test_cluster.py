@@ -8,7 +8,6 @@ import socket
 import subprocess
 import sys
 import threading
-import time
 from collections.abc import Iterator
 from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass, field, replace
@@ -213,7 +212,5 @@ def lose_scheduler(c: Cluster, folder: Path) -> None:
         if tally.done:
             c.processes[0].kill()
 
-    began = time.monotonic()
     with pytest.raises(CampaignError, match=rf"^scheduler {c.address}: lost"):
         execute(walks(folder / "other", 5000), folder / "lost", Dask(c.address), watch)
-    assert time.monotonic() - began < 60.0

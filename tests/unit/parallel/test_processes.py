@@ -46,11 +46,9 @@ def test_workers_that_die_again_and_again(tmp_path: Path) -> None:
 
 def test_a_failure_ends_the_workers_at_once(tmp_path: Path) -> None:
     bad = Run("bad", f"{HERE}:fail", {"how": "plain"})
-    runs = (Run("long", f"{HERE}:sleep", {"seconds": 60.0}), bad)
-    began = time.monotonic()
+    runs = (Run("long", f"{HERE}:sleep", {"seconds": 3600.0}), bad)  # longer than a test may take
     with pytest.raises(CampaignError, match="run bad: ValueError"):
         execute(Plan("t", {}, runs), tmp_path / "s", LocalProcesses(2))
-    assert time.monotonic() - began < 30.0
     assert not multiprocessing.active_children()
     assert not [t for t in threading.enumerate() if t.name == "stoop-campaign"]
 
@@ -73,7 +71,6 @@ def test_a_script_without_a_guard_is_told(tmp_path: Path) -> None:
         env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])},
         capture_output=True,
         text=True,
-        timeout=60,
     )
     assert done.returncode == 1
     assert "__name__ == '__main__'" in done.stderr.splitlines()[-1]
@@ -112,18 +109,16 @@ def test_ctrl_c_of_a_whole_group_says_one_line_and_leaves(tmp_path: Path) -> Non
     with driver:
         assert driver.stderr is not None
         assert driver.stderr.readline() == "naps: 0 of 200 runs\n"
-        deadline = time.monotonic() + 60.0
         while not store.exists() or store.stat().st_size == 0:
-            assert time.monotonic() < deadline
+            assert driver.poll() is None
             time.sleep(0.01)
         assert driver.stderr.readline().startswith("naps: "), "some runs are done, however busy the machine"
         os.killpg(driver.pid, signal.SIGINT)
         last = driver.stderr.read().splitlines()
-        assert driver.wait(60) == 130
+        assert driver.wait() == 130
     *progress, line = last
     assert line.startswith("stoop: interrupted; ")
     assert "give the same command to " in line
     assert all(p.startswith("naps: ") for p in progress), "no tracebacks of workers"
-    deadline = time.monotonic() + 10.0
     while group_lives(driver.pid):
-        assert time.monotonic() < deadline
+        time.sleep(0.01)
