@@ -15,20 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from stoop import errors
-    from stoop.api import (
-        assess,
-        check,
-        design,
-        export,
-        fit,
-        frequency_responses,
-        look,
-        new_vehicle,
-        predict,
-        propagate,
-        reconstruct,
-        save_design,
-    )
+    from stoop.api import assess, check, look, new_vehicle, reconstruct, save_design
     from stoop.base.notices import Notice
     from stoop.estimate.fit import Options
     from stoop.exporters.jsbsim_autopilot import fly_in_jsbsim
@@ -36,50 +23,60 @@ if TYPE_CHECKING:
     from stoop.flight.load import load as load_flight
     from stoop.flight.load import save as save_flight
     from stoop.results.result import read_result
-    from stoop.simulation.fly import simulate, simulate_flight
-    from stoop.simulation.linearize import linearize
+    from stoop.simulation import trim
+    from stoop.simulation.fly import simulate_flight
     from stoop.simulation.maneuver import load_maneuver
-    from stoop.simulation.trim import trim
     from stoop.vehicle import Vehicle
     from stoop.vehicle.builtin import resolve_vehicle as load_vehicle
     from stoop.workflow import Bootstrap, Posterior, Profile
+    from stoop.workflow.derivatives import derivatives
+    from stoop.workflow.design import design
+    from stoop.workflow.export import export
+    from stoop.workflow.fitted_model import FittedModel
+    from stoop.workflow.flying import linearize, simulate
+    from stoop.workflow.frequency import frequency, frequency_responses
+    from stoop.workflow.identification import identify as fit
+    from stoop.workflow.load import load
+    from stoop.workflow.propagation import propagate
+    from stoop.workflow.validation import validate
+    from stoop.workflow.validation import validate as predict
 
 _PLACES = {
-    **dict.fromkeys(
-        (
-            "assess",
-            "check",
-            "design",
-            "export",
-            "fit",
-            "frequency_responses",
-            "look",
-            "new_vehicle",
-            "predict",
-            "propagate",
-            "reconstruct",
-            "save_design",
-        ),
-        "stoop.api",
-    ),
-    **dict.fromkeys(("linearize", "trim"), "stoop.simulation"),
-    **dict.fromkeys(("simulate", "simulate_flight"), "stoop.simulation.fly"),
-    "fly_in_jsbsim": "stoop.exporters.jsbsim_autopilot",
-    "load_maneuver": "stoop.simulation.maneuver",
-    **dict.fromkeys(("Bootstrap", "Posterior", "Profile"), "stoop.workflow"),
-    "Flight": "stoop.flight",
+    **dict.fromkeys(("assess", "check", "look", "new_vehicle", "reconstruct", "save_design"), "stoop.api"),
     "Notice": "stoop.base.notices",
     "Options": "stoop.estimate.fit",
-    "Vehicle": "stoop.vehicle",
-    "load_flight": "stoop.flight",
-    "load_vehicle": "stoop.vehicle.builtin",
+    "fly_in_jsbsim": "stoop.exporters.jsbsim_autopilot",
+    **dict.fromkeys(("Flight", "load_flight", "save_flight"), "stoop.flight"),
     "read_result": "stoop.results.result",
-    "save_flight": "stoop.flight",
-}  #: public name -> module; imported on first use, so that ``import stoop`` costs nothing
-_OTHER_NAMES = {"load_flight": "load", "load_vehicle": "resolve_vehicle", "save_flight": "save"}
+    "simulate_flight": "stoop.simulation.fly",
+    "load_maneuver": "stoop.simulation.maneuver",
+    "trim": "stoop.simulation",
+    "Vehicle": "stoop.vehicle",
+    "load_vehicle": "stoop.vehicle.builtin",
+    **dict.fromkeys(("Bootstrap", "Posterior", "Profile"), "stoop.workflow"),
+    "derivatives": "stoop.workflow.derivatives",
+    "design": "stoop.workflow.design",
+    "export": "stoop.workflow.export",
+    "FittedModel": "stoop.workflow.fitted_model",
+    **dict.fromkeys(("linearize", "simulate"), "stoop.workflow.flying"),
+    **dict.fromkeys(("frequency", "frequency_responses"), "stoop.workflow.frequency"),
+    "fit": "stoop.workflow.identification",
+    "load": "stoop.workflow.load",
+    "propagate": "stoop.workflow.propagation",
+    **dict.fromkeys(("predict", "validate"), "stoop.workflow.validation"),
+}
+"""Public name -> module; imported on first use, so that ``import stoop`` costs nothing."""
+_OTHER_NAMES = {
+    "fit": "identify",
+    "load_flight": "load",
+    "load_vehicle": "resolve_vehicle",
+    "predict": "validate",
+    "save_flight": "save",
+}
 
 __all__ = [
     "Bootstrap",
+    "FittedModel",
     "Flight",
     "Notice",
     "Options",
@@ -88,13 +85,16 @@ __all__ = [
     "Vehicle",
     "assess",
     "check",
+    "derivatives",
     "design",
     "errors",
     "export",
     "fit",
     "fly_in_jsbsim",
+    "frequency",
     "frequency_responses",
     "linearize",
+    "load",
     "load_flight",
     "load_maneuver",
     "load_vehicle",
@@ -109,6 +109,7 @@ __all__ = [
     "simulate",
     "simulate_flight",
     "trim",
+    "validate",
 ]
 
 

@@ -206,8 +206,8 @@ def test_progress_and_comparison_of_fits(tmp_path: Path) -> None:
 
     # The curves of the result are kept, and drawn beside those of another.
     job = finish(done)
-    progress.keep(job.identification.traces)
-    (trace,), (kept,) = job.identification.traces, read_curves(file)
+    progress.keep(job.traces)
+    (trace,), (kept,) = job.traces, read_curves(file)
     assert set(kept.channels) == set(trace.channels)
     np.testing.assert_allclose(kept.channels["q"].simulated, trace.channels["q"].simulated, rtol=1e-4)
     values = {p.name: p.value for p in vehicle.parameters}

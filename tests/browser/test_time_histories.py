@@ -16,7 +16,7 @@ import pytest
 from playwright.sync_api import Browser, Page
 
 from stoop.report.identification import render
-from stoop.results.result import Identification
+from stoop.report.model import Model
 
 EXAMPLES = Path(__file__).parents[1] / "unit" / "report" / "examples.py"
 PLACES = "Bokeh.documents[0].roots().map((one) => [one.x_range.start, one.x_range.end])"
@@ -25,7 +25,7 @@ PLACES = "Bokeh.documents[0].roots().map((one) => [one.x_range.start, one.x_rang
 @dataclass
 class Seen:
     page: Page
-    identification: Identification
+    identification: Model
     troubles: list[str] = field(default_factory=list)
 
     def run(self, script: str) -> Any:
@@ -51,7 +51,7 @@ class Seen:
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Identification]:
+def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Model]:
     spec = importlib.util.spec_from_file_location("report_examples", EXAMPLES)
     assert spec is not None
     assert spec.loader is not None
@@ -63,7 +63,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Identification
     return path, identification
 
 
-def opened(browser: Browser, made: tuple[Path, Identification], **options: Any) -> Seen:
+def opened(browser: Browser, made: tuple[Path, Model], **options: Any) -> Seen:
     page = browser.new_page(viewport={"width": 1280, "height": 900}, **options)
     seen = Seen(page, made[1])
     page.on(
@@ -82,7 +82,7 @@ def opened(browser: Browser, made: tuple[Path, Identification], **options: Any) 
 
 
 @pytest.fixture
-def seen(browser: Browser, made: tuple[Path, Identification]) -> Iterator[Seen]:
+def seen(browser: Browser, made: tuple[Path, Model]) -> Iterator[Seen]:
     seen = opened(browser, made)
     seen.page.wait_for_selector(".history.live canvas")
     strips = seen.page.locator(".history").first.locator(".strips")
@@ -163,7 +163,7 @@ def test_a_marked_window_stands_there_to_be_copied_and_its_table_holds_the_data(
 
 
 def test_print_and_a_browser_without_scripts_show_stills(
-    browser: Browser, made: tuple[Path, Identification], seen: Seen
+    browser: Browser, made: tuple[Path, Model], seen: Seen
 ) -> None:
     seen.page.emulate_media(media="print")
     still, strips = seen.page.locator(".still").first, seen.page.locator(".strips").first
@@ -177,7 +177,7 @@ def test_print_and_a_browser_without_scripts_show_stills(
 
 @pytest.mark.parametrize("width", [420, 1280])
 def test_a_page_is_no_wider_than_the_screen_and_dark_where_that_is_wished(
-    browser: Browser, made: tuple[Path, Identification], width: int
+    browser: Browser, made: tuple[Path, Model], width: int
 ) -> None:
     seen = opened(browser, made, color_scheme="dark")
     seen.page.set_viewport_size({"width": width, "height": 900})

@@ -98,7 +98,7 @@ def test_estimates(result: Result) -> None:
 def test_flight_against_flight(result: Result, workplace: Path) -> None:
     """Three maneuvers against the held-back one, fitted apart: 95 % intervals of at least nine parameters in ten agree."""
     alone = stoop.fit(ROOT / "examples" / "vtail.toml", workplace / "flight2", ["187:196"])
-    found = agreement({"three": result, "one": alone.identification.result})
+    found = agreement({"three": result, "one": alone.result})
     compared = [one for one in found.parameters.values() if one.verdict]
     text = " ".join((DOCS / "uncertainty.md").read_text(encoding="utf-8").split())
     said = re.search(r"agree in all of the (\d+) parameters.*?scatter of (\S+) times", text)

@@ -16,7 +16,7 @@ from stoop.estimate.fit import Options
 from stoop.flight import Flight, load
 from stoop.vehicle.load import parse_vehicle
 from stoop.workflow import identify
-from stoop.workflow.identification import Job
+from stoop.workflow.fitted_model import FittedModel
 
 BUDGET = Options(budget=400.0)
 
@@ -105,7 +105,7 @@ def stanford(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Fli
 
 
 @pytest.fixture(scope="module")
-def slow(stanford: Flight) -> Job:
+def slow(stanford: Flight) -> FittedModel:
     return identify(
         parse_vehicle(SKYWALKER.replace("{yy}", "0.2"), "skywalker"),
         stanford,
@@ -121,8 +121,8 @@ def test_ten_hertz_without_air_data_is_said_before_anything_is_fitted(stanford: 
 
 
 @pytest.mark.slow
-def test_ten_hertz_without_air_data_is_not_invented(slow: Job) -> None:
-    result = slow.identification.result
+def test_ten_hertz_without_air_data_is_not_invented(slow: FittedModel) -> None:
+    result = slow.result
     words = " ".join(result.warnings)
     assert "No airspeed was measured" in words
     assert "Too few samples" in words
@@ -165,7 +165,7 @@ def test_rates_that_stop_at_one_number_are_clipped_and_the_attitude_disagrees(
 def test_a_clipped_rate_counts_as_not_measured_and_is_said(shared_data: Path, tmp_path: Path) -> None:
     flight = a430(shared_data, "short_loop_6_20230227_120302", tmp_path)
     job = identify(parse_vehicle(A430, "a430"), flight, ["3:6"], options=BUDGET)
-    words = " ".join(job.identification.result.warnings)
+    words = " ".join(job.result.warnings)
     assert "treated as not measured" in words
     assert "the attitude turns 1.20 times as fast as p indicates" in words
     assert "implausibly large" in words
@@ -180,7 +180,7 @@ def test_a_window_without_excitation_is_said(shared_data: Path) -> None:
 
     vehicle = load_vehicle(Path(__file__).parents[2] / "examples" / "vtail.toml")
     job = identify(vehicle, shared_data / "altlnt-vtail-8kg-px4" / "flight2", ["115:118"], options=BUDGET)
-    result = job.identification.result
+    result = job.result
     doubted = [str(n) for n in result.notices if n.code in ("control-still", "contribution-in-doubt")]
     assert any("rudder" in text for text in doubted)
     told = {name: p for name, p in result.parameters.items() if p.identifiable}

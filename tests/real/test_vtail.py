@@ -9,13 +9,13 @@ import pytest
 import stoop
 from stoop.flight import load, without
 from stoop.vehicle import load_vehicle
-from stoop.workflow import Job, Posterior
+from stoop.workflow import FittedModel, Posterior
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "vtail.toml"
 
 
 @pytest.fixture(scope="module")
-def job(shared_data: Path) -> Job:
+def job(shared_data: Path) -> FittedModel:
     flight = load(shared_data / "altlnt-vtail-8kg-px4" / "flight2")
     return stoop.fit(EXAMPLE, flight, ["140:145", "146:152", "160:168.3"], validate=["187:196"])
 
@@ -24,15 +24,15 @@ def job(shared_data: Path) -> Job:
     ("maneuver", "channel", "limit"),
     [(0, "p", 0.12), (1, "q", 0.086), (2, "r", 0.081), (3, "p", 0.25), (3, "r", 0.30), (3, "beta", 0.25)],
 )
-def test_figures_asked_for(job: Job, maneuver: int, channel: str, limit: float) -> None:
-    found = job.identification.result.maneuvers[maneuver]
+def test_figures_asked_for(job: FittedModel, maneuver: int, channel: str, limit: float) -> None:
+    found = job.result.maneuvers[maneuver]
     assert found.role == ("validation" if maneuver == 3 else "fit")
     assert found.channels[channel].theil <= limit
     assert found.channels[channel].theil < found.channels[channel].baseline_theil
 
 
-def test_confirmed_optimum_inside_its_box(job: Job) -> None:
-    result = job.identification.result
+def test_confirmed_optimum_inside_its_box(job: FittedModel) -> None:
+    result = job.result
     assert result.status == "converged"
     assert not [name for name, p in result.parameters.items() if p.at_bound]
 
@@ -44,21 +44,21 @@ def test_confirmed_optimum_inside_its_box(job: Job) -> None:
         ("Claileron", 1), ("Cnbeta", 1), ("Cnr", -1), ("Cnrudder", -1), ("CD0", 1), ("propulsion.CT0", 1),
     ],
 )  # fmt: skip
-def test_derivatives_have_physical_signs(job: Job, name: str, sign: int) -> None:
-    p = job.identification.result.parameters[name]
+def test_derivatives_have_physical_signs(job: FittedModel, name: str, sign: int) -> None:
+    p = job.result.parameters[name]
     assert sign * p.estimate > 0.0
     assert p.std_error < 0.7 * abs(p.estimate)
 
 
-def test_splits_at_the_dropout(job: Job) -> None:
+def test_splits_at_the_dropout(job: FittedModel) -> None:
     """142.47 to 142.75 s is missing in the roll maneuver: two segments, each with its own initial state."""
-    segments = job.identification.result.maneuvers[0].segments
+    segments = job.result.maneuvers[0].segments
     assert len(segments) == 2
     assert segments[0][1] < 142.5 < 142.7 < segments[1][0]
 
 
-def test_wind_and_pitot_fault_are_reported(job: Job) -> None:
-    wind = job.identification.result.wind[0]
+def test_wind_and_pitot_fault_are_reported(job: FittedModel) -> None:
+    wind = job.result.wind[0]
     assert wind.values["wind_e"].estimate == pytest.approx(-3.2, abs=0.8)
     assert any("pitot fault" in str(note) for note in wind.notes)
 
@@ -71,12 +71,12 @@ def test_wind_learns_nothing_from_the_predicted_window(shared_data: Path) -> Non
     assert outside.air.wind_n != flight.air.wind_n
 
 
-def test_says_that_plain_cramer_rao_is_too_small(job: Job) -> None:
-    methods = job.identification.result.uncertainty
+def test_says_that_plain_cramer_rao_is_too_small(job: FittedModel) -> None:
+    methods = job.result.uncertainty
     corrected, white = (methods[k].parameters for k in ("corrected", "cramer_rao"))
     ratios = [corrected[n].std_error / white[n].std_error for n in corrected]
     assert sorted(ratios)[len(ratios) // 2] > 2.0
-    assert any("Cramer-Rao" in str(s) for s in job.identification.result.basis)
+    assert any("Cramer-Rao" in str(s) for s in job.result.basis)
 
 
 @pytest.mark.slow
@@ -85,7 +85,7 @@ def test_the_posterior_mixes(shared_data: Path) -> None:
     flight = load(shared_data / "altlnt-vtail-8kg-px4" / "flight2", rate=12.5)
     vehicle = load_vehicle(EXAMPLE).reduced("lateral")
     job = stoop.fit(vehicle, flight, ["140:145", "160:168.3"])
-    uncertainty = job.assess(Posterior()).identification.result.uncertainty
+    uncertainty = job.assess(Posterior()).result.uncertainty
     found, corrected = (uncertainty[k] for k in ("posterior", "corrected"))
     assert found.figures["rhat"] <= 1.01
     assert min(found.figures["ess_bulk"], found.figures["ess_tail"]) >= 400.0

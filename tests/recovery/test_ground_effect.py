@@ -52,7 +52,7 @@ def test_the_ground_effect_of_rotors_is_recovered(method: str) -> None:
     assert 0.05 < float(flight.column("height").min()) < 0.25
     start = true.with_numbers({"ground_effect.rotor": {"value": 0.5}})
     job = identify(start, flight, ["0:20"], options=Options(method=method))
-    found = job.identification.result.parameters["ground_effect.rotor"]
+    found = job.result.parameters["ground_effect.rotor"]
     assert abs(found.estimate - ROTOR) < 3.5 * found.std_error
     assert found.std_error < 0.2 * ROTOR
 
@@ -62,7 +62,7 @@ def test_the_ground_effect_on_lift_is_recovered() -> None:
     flight = simulate_flight(true, parse_maneuver(LOW_PASS, "m"), seed=2, name="low")
     start = true.with_numbers({"ground_effect.lift": {"value": 0.0, "bounds": (-1.0, 1.0)}})
     job = identify(start, flight, ["0:20"])
-    found = job.identification.result.parameters["ground_effect.lift"]
+    found = job.result.parameters["ground_effect.lift"]
     assert abs(found.estimate - LIFT) < 3.5 * found.std_error
     assert found.std_error < 0.3 * LIFT
 

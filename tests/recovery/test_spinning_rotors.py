@@ -67,7 +67,7 @@ def flight(true: Vehicle) -> Flight:
 @pytest.mark.parametrize("method", ["equation-error", pytest.param("", marks=pytest.mark.slow)])
 def test_what_spins_rotors_up_is_found(true: Vehicle, flight: Flight, method: str) -> None:
     found = identify(true.with_numbers(WRONG), flight, ["0:16"], options=Options(method=method))
-    parameters = found.identification.result.parameters
+    parameters = found.result.parameters
     assert set(WRONG) <= set(parameters)
     for name, p in parameters.items():
         assert abs(p.estimate - true.value(name)) < 3.5 * p.std_error, name

@@ -66,7 +66,7 @@ def test_error_bars_come_out_as_foretold(
     vehicle, flight = flown(name, inputs, 1)
     found = find_windows({"sim": flight}, vehicle)
     job = identify(vehicle, flight, found.texts("fit"), options=Options(budget=5000.0))
-    told = job.identification.result.parameters
+    told = job.result.parameters
     ratios = [told[e.name].std_error / e.std_error for e in found.expected if told[e.name].identifiable]
     assert len(ratios) > 3
     assert 0.5 < float(np.median(ratios)) < 2.0

@@ -13,8 +13,8 @@ of the multivariate case).
 
 from __future__ import annotations
 
+import io
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Final, Literal
 
 import numpy as np
@@ -45,20 +45,29 @@ class Draws:
     notices: tuple[Notice, ...] = ()
 
 
-def draws_of(result: Result, folder: Path, count: int, seed: int = 0, source: Source | None = None) -> Draws:
+def draws_of(
+    result: Result,
+    posterior: bytes | None,
+    count: int,
+    seed: int = 0,
+    source: Source | None = None,
+    where: str = "the result",
+) -> Draws:
     """Return draws of a result.
 
     Parameters
     ----------
     result : Result
-    folder : Path
-        Of the result; ``posterior.nc`` lies in it where the posterior was sampled.
+    posterior : bytes, optional
+        The file ``posterior.nc``, where the posterior was sampled.
     count : int
         Number of draws D; of a posterior no more than it holds.
     seed : int
         Of the draws from the covariance.
     source : {"posterior", "covariance"}, optional
         The posterior where it was sampled when absent.
+    where : str
+        Name of the result, for messages.
 
     Raises
     ------
@@ -70,18 +79,20 @@ def draws_of(result: Result, folder: Path, count: int, seed: int = 0, source: So
         return from_covariance(result, count, seed)
     if sampled is None:
         raise StoopError(
-            f"{folder}: its posterior was not sampled; run stoop identify with --posterior, or take --source covariance"
+            f"{where}: its posterior was not sampled; run stoop identify with --posterior, or take --source covariance"
         )
     if any(one.code == "posterior-not-converged" for one in sampled.notes):
         rhat = sampled.figures.get("rhat", float("nan"))
         raise StoopError(
-            f"{folder}: the posterior has not converged (R-hat {rhat:.3f}); take --source covariance, or fix what the report "
+            f"{where}: the posterior has not converged (R-hat {rhat:.3f}); take --source covariance, or fix what the report "
             "calls not identifiable and sample again"
         )
-    return from_posterior(result, folder / POSTERIOR_FILE, count)
+    if posterior is None:
+        raise StoopError(f"{where}: holds no {POSTERIOR_FILE}; sample again, or take --source covariance")
+    return from_posterior(result, posterior, count, where)
 
 
-def from_posterior(result: Result, file: Path, count: int) -> Draws:
+def from_posterior(result: Result, posterior: bytes, count: int, where: str = "the result") -> Draws:
     """Return evenly spaced draws of a posterior file.
 
     Raises
@@ -93,14 +104,16 @@ def from_posterior(result: Result, file: Path, count: int) -> Draws:
 
     names = tuple(result.parameters)
     try:
-        with xr.open_dataset(file, group="posterior", engine="h5netcdf") as data:
+        with xr.open_dataset(io.BytesIO(posterior), group="posterior", engine="h5netcdf") as data:
             values = np.column_stack([np.ravel(np.asarray(data[n], dtype=np.float64)) for n in names])
     except (OSError, KeyError, ValueError, ImportError) as error:
         raise StoopError(
-            f"{file}: no draws of this result can be read ({type(error).__name__}: {error}); take --source covariance"
+            f"{where}: {POSTERIOR_FILE}: no draws can be read ({type(error).__name__}: {error}); take --source covariance"
         ) from None
     if not (len(values) and np.isfinite(values).all()):
-        raise StoopError(f"{file}: holds no finite draws; sample again, or take --source covariance")
+        raise StoopError(
+            f"{where}: {POSTERIOR_FILE}: holds no finite draws; sample again, or take --source covariance"
+        )
     chosen = np.linspace(0, len(values) - 1, min(count, len(values))).astype(int)
     rests = tuple(n for n, p in result.parameters.items() if _rests_on_prior(p))
     return Draws(names, values[chosen], "posterior", rests)

@@ -100,15 +100,18 @@ def export_arguments(parser: argparse.ArgumentParser) -> None:
 
 def export(arguments: argparse.Namespace) -> int:
     """Export, and print what was written and how it flies."""
-    from stoop.exporters.exporter import Condition
-    from stoop.exporters.targets import export as exported
-    from stoop.workflow.export import read_model, write
+    from stoop.workflow.export import export as exported
 
-    model = read_model(arguments.subject)
-    condition = Condition(arguments.airspeed, arguments.altitude, arguments.climb_angle)
     with busy(options.COMPILING):
-        found = exported(model, arguments.target, condition)
-    write(found, arguments.output, arguments.overwrite)
+        found = exported(
+            arguments.subject,
+            arguments.target,
+            arguments.output,
+            arguments.airspeed,
+            arguments.altitude,
+            arguments.climb_angle,
+            arguments.overwrite,
+        )
     out = page()
     for place in found.files:
         out.line(f"wrote {arguments.output / place}")

@@ -34,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Estimate, write the page where asked to, and print."""
     from stoop.flight import load
-    from stoop.workflow.frequency import analyze_frequency
+    from stoop.workflow.frequency import frequency_responses
 
     target = arguments.output
     if target is not None:
@@ -43,7 +43,7 @@ def run(arguments: argparse.Namespace) -> int:
     with busy("reading the log"):
         flights = [load(path, arguments.mapping) for path in arguments.flight]
     with busy("estimating frequency responses"):
-        found = analyze_frequency(
+        found = frequency_responses(
             flights, arguments.maneuver, arguments.vehicle, arguments.input, arguments.channel, band
         )
     if target is not None:

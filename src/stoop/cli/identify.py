@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from stoop.flight import Flight
     from stoop.optimize import Progress
     from stoop.vehicle import Vehicle
-    from stoop.workflow import Job
+    from stoop.workflow import FittedModel
     from stoop.workflow.checkpoint import Checkpoint
 
 STORES: Final = ("bootstrap.sqlite", "profile.sqlite")  #: in the output folder while the assessments go on
@@ -127,12 +127,12 @@ def run(arguments: argparse.Namespace) -> int:
         chosen = replace(settings, method=choose_method(settings.method, vehicle, flights, fitted).name)
         problem = identity(vehicle, files, arguments.maneuver, arguments.validate, chosen)
         checkpoint = Checkpoint(arguments.output, problem, watch.warn)
-        job, stopped = _identify(arguments, vehicle, flights, settings, checkpoint, watch)
+        model, stopped = _identify(arguments, vehicle, flights, settings, checkpoint, watch)
         if assessments and not stopped:
-            job = _assess(job, assessments, arguments, watch)
+            model = _assess(model, assessments, arguments, watch)
         if not (assessments and stopped):
-            checkpoint.forget(job.fit.outcome)
-    show_fit(job.result, job.forces, arguments.output, arguments.verbose)
+            checkpoint.forget(model.result.status)
+    show_fit(model.result, model.forces, arguments.output, arguments.verbose)
     return INTERRUPTED if stopped else 0
 
 
@@ -173,8 +173,8 @@ def _identify(
     settings: Options,
     checkpoint: Checkpoint,
     watch: Watch,
-) -> tuple[Job, bool]:
-    """Return the job, its results written, and whether Ctrl-C came."""
+) -> tuple[FittedModel, bool]:
+    """Return the fitted model, its results written, and whether Ctrl-C came."""
     from stoop.assessment.uncertainty import repeatability, with_repeatability
     from stoop.workflow.checkpoint import deferred_interrupt
     from stoop.workflow.identification import finish, search
@@ -208,15 +208,17 @@ def _identify(
     with deferred_interrupt() as ctrl_c:
         checkpoint.keep_last(done.fit.outcome)
         watch.turn_to("error bars, predictions and report")
-        job = finish(done)
-        watch.keep(job.identification.traces)
-        job = job.with_result(with_repeatability(job.result, repeated)) if repeated else job
-        place_outputs(job, arguments.output, arguments.overwrite or arguments.resume)
-    return job, ctrl_c.came or done.fit.outcome.status == "interrupted"
+        model = finish(done)
+        watch.keep(model.traces)
+        model = model.with_result(with_repeatability(model.result, repeated)) if repeated else model
+        place_outputs(model, arguments.output, arguments.overwrite or arguments.resume)
+    return model, ctrl_c.came or done.fit.outcome.status == "interrupted"
 
 
-def _assess(job: Job, assessments: Sequence[Assessment], arguments: argparse.Namespace, watch: Watch) -> Job:
-    """Return the job with the assessments that were asked for, written where its result lies.
+def _assess(
+    model: FittedModel, assessments: Sequence[Assessment], arguments: argparse.Namespace, watch: Watch
+) -> FittedModel:
+    """Return the model with the assessments that were asked for, written where its result lies.
 
     The result without them lies there already. What is done of them survives Ctrl-C: ``--resume`` goes on.
     """
@@ -227,11 +229,11 @@ def _assess(job: Job, assessments: Sequence[Assessment], arguments: argparse.Nam
     for store in stores if not arguments.resume else ():
         forget(store)
     try:
-        job = job.assess(*assessments, watch=watch.turn_to)
+        model = model.assess(*assessments, watch=watch.turn_to)
     except KeyboardInterrupt:
         watch.warn(f"the fit lies in {arguments.output}; --resume goes on with its uncertainty")
         raise
-    place_outputs(job, arguments.output, overwrite=True)
+    place_outputs(model, arguments.output, overwrite=True)
     for store in stores:
         forget(store)
-    return job
+    return model

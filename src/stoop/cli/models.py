@@ -173,7 +173,7 @@ def validate(arguments: argparse.Namespace) -> int:
         flights = [load(path, arguments.mapping) for path in arguments.flight]
         done = validated(arguments.result, flights, arguments.maneuver, options.command_line())
     done.save(arguments.output)
-    out, record, verdict = page(), done.record, done.identification.result.verdict
+    out, record, verdict = page(), done.record, done.model.result.verdict
     refused = verdict.grade == "do not use"
     out.line(prediction_verdict(record.maneuvers, (), refused).headline)
     out.bullets(map(window_line, record.maneuvers))
@@ -198,12 +198,12 @@ def agreement_arguments(parser: argparse.ArgumentParser) -> None:
 def agreement(arguments: argparse.Namespace) -> int:
     """Print whether results agree within their error bars, parameter by parameter and over all."""
     from stoop.assessment.uncertainty import agreement as compared
-    from stoop.workflow.outputs import read_identified
+    from stoop.workflow.load import load
     from stoop.workflow.summary import refusal
 
     if len(set(arguments.result)) < 2:
         arguments.complain("two results or more are compared; name each once")
-    results = {str(path): read_identified(path).result for path in arguments.result}
+    results = {str(path): load(path).result for path in arguments.result}
     found, out = compared(results), page()
     told = {name: one for name, one in found.parameters.items() if one.verdict}
     columns = [

@@ -166,26 +166,27 @@ def design(arguments: argparse.Namespace) -> int:
     """Design a maneuver, write it, and print the expected standard errors."""
     import numpy as np
 
-    from stoop.input_design.information import Limits, usual_amplitudes
+    from stoop.input_design.information import Limits, Setup, usual_amplitudes
     from stoop.input_design.optimization import propose
     from stoop.simulation import trim
     from stoop.workflow.design import (
         DESIGN_FILES,
         TARGETS,
         flight_files,
+        known_before,
         min_amplitudes,
-        prior_model,
         usual_plan,
         write_proposal,
     )  # fmt: skip
+    from stoop.workflow.load import model_or_vehicle
 
     folder, target = arguments.output, arguments.target
     check_targets(folder, (*DESIGN_FILES, *(TARGETS[target].names if target else ())), arguments.overwrite)
-    model = prior_model(arguments.vehicle)
-    model = replace(model, vehicle=options.with_free(model.vehicle, arguments.free, arguments.fix))
+    vehicle, knowledge, noise, source = known_before(model_or_vehicle(arguments.vehicle))
+    vehicle = options.with_free(vehicle, arguments.free, arguments.fix)
     with busy(options.COMPILING):
-        steady = trim(model.vehicle, arguments.airspeed, arguments.altitude)
-    controls = tuple(usual_amplitudes(model.vehicle, steady))
+        steady = trim(vehicle, arguments.airspeed, arguments.altitude)
+    controls = tuple(usual_amplitudes(vehicle, steady))
     throws = _sizes(arguments.throw, "--throw", controls)
     envelope: dict[str, tuple[float, float]] = {}
     for text in arguments.within:  # alpha=-5:10
@@ -197,11 +198,11 @@ def design(arguments: argparse.Namespace) -> int:
             raise SimulationError(f"--within {text}: {form}")
         envelope[channel] = (edges[0], edges[1])
     limits = Limits.about(
-        model.vehicle, steady, _sizes(arguments.amplitude, "--amplitude", controls), math.radians(arguments.slew), envelope,
-        min_amplitudes(model.vehicle.controls, target, _sizes(arguments.min_amplitude, "--min-amplitude", controls)),
+        vehicle, steady, _sizes(arguments.amplitude, "--amplitude", controls), math.radians(arguments.slew), envelope,
+        min_amplitudes(vehicle.controls, target, _sizes(arguments.min_amplitude, "--min-amplitude", controls)),
     )  # fmt: skip
     if target:
-        TARGETS[target].check(target, model.vehicle, steady, limits.amplitude, throws)
+        TARGETS[target].check(target, vehicle, steady, limits.amplitude, throws)
     plan, shapes = usual_plan(
         steady, target, arguments.shape, arguments.duration, arguments.beat, arguments.evaluations,
         band=arguments.band, optimizer=arguments.optimizer, seed=arguments.seed,
@@ -213,11 +214,12 @@ def design(arguments: argparse.Namespace) -> int:
             families.append(family)
             show(f"stoop: designing: {family}", sys.stderr)
 
-    proposal = propose(model, steady, limits, plan, shapes, see)
+    setup = Setup(vehicle, steady, limits, knowledge, noise)
+    proposal = propose(setup, plan, shapes, see, source)
     flight = flight_files(proposal, target, throws) if target else {}
     write_proposal(proposal, folder, _command(arguments), arguments.overwrite, flight)
 
-    setup, out = proposal.setup, page()
+    out = page()
     out.heading("Standard errors")
     now = [value if np.isfinite(value) else math.nan for value in proposal.now]
     columns = {"textbook": proposal.expected, "designed": proposal.best.forecast}
@@ -239,8 +241,8 @@ def design(arguments: argparse.Namespace) -> int:
     out.line(f"page: {folder / 'design.html'}")
     for name in flight:
         out.line(f"to fly: {folder / name}")
-    vehicle = Path(arguments.vehicle)
-    model_file = vehicle / "vehicle.toml" if vehicle.is_dir() else vehicle
+    given = Path(arguments.vehicle)
+    model_file = given / "vehicle.toml" if given.is_dir() else given
     command = ["stoop", "simulate", str(model_file), "--maneuver", str(folder / "maneuver.toml")]
     out.command("next: ", [*command, "-o", "designed.nc"])
     return 0

@@ -246,18 +246,23 @@ def derivatives_arguments(parser: argparse.ArgumentParser) -> None:
 
 def derivatives(arguments: argparse.Namespace) -> int:
     """Compute derivatives and print, or write."""
-    from stoop.exporters.exporter import Condition
-    from stoop.workflow.derivatives import check_ending, report_derivatives, save_derivatives
-    from stoop.workflow.export import read_model
+    from stoop.workflow.derivatives import check_ending, save_derivatives
+    from stoop.workflow.derivatives import derivatives as about
 
     target: Path | None = arguments.output
     if target is not None:
         check_ending(target)
         check_target(target, arguments.overwrite)
-    model = read_model(arguments.subject)
-    condition = Condition(arguments.airspeed, arguments.altitude, arguments.climb_angle)
     with busy(options.COMPILING):
-        found = report_derivatives(model, condition, arguments.axes, arguments.dimensional)
+        found = about(
+            arguments.subject,
+            arguments.airspeed,
+            arguments.altitude,
+            arguments.climb_angle,
+            arguments.axes,
+            arguments.dimensional,
+        )
+    model = found.model
     out, flight = page(), found.flight
     if target is not None:
         save_derivatives(found, target)

@@ -92,7 +92,7 @@ def _averages(several: Sequence[Mapping[str, float]]) -> dict[str, float]:
 
 
 @dataclass(frozen=True, eq=False)
-class FittedModel:
+class Predictor:
     """A vehicle with its free numbers at their estimates, their covariance, and the noise of the fit."""
 
     vehicle: Vehicle
@@ -177,7 +177,7 @@ class Predicted:
 
 
 def predict_stretch(
-    model: FittedModel, stretch: Stretch, biases: Mapping[str, BiasPrior] | None = None
+    model: Predictor, stretch: Stretch, biases: Mapping[str, BiasPrior] | None = None
 ) -> Predicted:
     """Estimate the initial state and the sensor biases of a stretch, and simulate on through the prediction.
 
@@ -207,7 +207,7 @@ def predict_stretch(
 
 
 def innovations(
-    model: FittedModel, prepared: Prepared, biases: Mapping[str, BiasPrior]
+    model: Predictor, prepared: Prepared, biases: Mapping[str, BiasPrior]
 ) -> tuple[tuple[FloatArray, FloatArray], ...]:
     """Return the innovations (n, n_y) of the pieces of one window over their standard deviations, and these.
 

@@ -24,8 +24,8 @@ from stoop.estimate.initial_state import (
     MIN_STRETCH,
     STRETCH,
     BiasPrior,
-    FittedModel,
     Predicted,
+    Predictor,
     Stretch,
     bias_priors,
     innovations,
@@ -50,16 +50,17 @@ CUTOFF: Final = 5.0  #: Hz, of the specific force
 
 
 def identified_vehicle(fit: Estimate) -> Vehicle:
-    """Return the vehicle with its free numbers at their estimates."""
-    changes = {name: {"value": value} for name, value in fit.estimates.items()}
+    """Return the vehicle with its free numbers at their estimates; priors keep their means."""
+    means = {p.name: {"mean": p.prior_mean} for p in fit.problem.layout.parameters if p.prior is not None}
+    changes = {name: {"value": value, **means.get(name, {})} for name, value in fit.estimates.items()}
     return fit.problem.layout.vehicle.with_numbers(changes)
 
 
-def fitted_model(fit: Estimate, covariance: FloatArray) -> FittedModel:
-    """Return the model of a fit for predictions; `covariance` (k, k) of its unknowns, parameters first."""
+def predictor(fit: Estimate, covariance: FloatArray) -> Predictor:
+    """Return what predictions of a fit need; `covariance` (k, k) of its unknowns, parameters first."""
     names = tuple(p.name for p in fit.problem.layout.parameters)
     outputs = fit.problem.layout.vehicle.outputs
-    return FittedModel(
+    return Predictor(
         identified_vehicle(fit),
         Covariance(names, covariance[: len(names), : len(names)]),
         NoiseCovariance(outputs, fit.measurement_noise, fit.inflation),
@@ -110,7 +111,7 @@ class Prediction:
 
 
 def predict(
-    model: FittedModel,
+    model: Predictor,
     flights: Mapping[str, Flight],
     windows: Sequence[Window],
     biases: Sequence[Mapping[str, BiasPrior]],
@@ -137,7 +138,7 @@ def predict(
 
 
 def _of_window(
-    model: FittedModel, flights: Mapping[str, Flight], window: Window, priors: Mapping[str, BiasPrior]
+    model: Predictor, flights: Mapping[str, Flight], window: Window, priors: Mapping[str, BiasPrior]
 ) -> tuple[Prepared, list[Predicted], tuple[tuple[FloatArray, FloatArray], ...]]:
     """Prepare and predict one window with the biases of its flight; its innovations where there is a filter."""
     model = replace(model, vehicle=decoupled(model.vehicle, flights, [window]))
@@ -264,16 +265,26 @@ class ForceCurves:
 
 
 def force_figures(
-    fit: Estimate, flights: Mapping[str, Flight], predicted: Sequence[Window]
+    vehicle: Vehicle,
+    flights: Mapping[str, Flight],
+    windows: Sequence[Window],
+    predicted: Sequence[Window],
+    biases: Callable[[str], Mapping[str, BiasPrior]],
 ) -> tuple[ForceFigures, ...]:
-    """Return the residuals of fitted and predicted windows; none of a vehicle without rotors."""
-    vehicle, dt, count = identified_vehicle(fit), fit.problem.pieces[0].dt, len(fit.prepared.windows)
-    windows, of_kind = [*fit.prepared.windows, *predicted], _PREDICTIONS[vehicle.frame].curves
-    curves = [of(vehicle, flights, w, mean_biases(fit, w.flight)) for of in of_kind for w in windows]
+    """Return the residuals of fitted and predicted windows; none of a vehicle without rotors.
+
+    The vehicle has its estimates; `biases` returns the priors of the sensors' biases in a flight.
+    """
+    count, of_kind = len(windows), _PREDICTIONS[vehicle.frame].curves
+    both = [*windows, *predicted]
+    means = {w.flight: {name: prior.mean for name, prior in biases(w.flight).items()} for w in both}
+    curves = [of(vehicle, flights, w, means[w.flight]) for of in of_kind for w in both]
     fitted = [c for c in curves[:count] if c.time.size]
     return tuple(
-        ForceFigures(w, "fit" if i < count else "validation", c.residuals(fitted), len(c.time) * dt)
-        for i, (w, c) in enumerate(zip(windows, curves, strict=False))  # curves of some kinds only
+        ForceFigures(
+            w, "fit" if i < count else "validation", c.residuals(fitted), len(c.time) / flights[w.flight].rate
+        )
+        for i, (w, c) in enumerate(zip(both, curves, strict=False))  # curves of some kinds only
         if c.time.size and fitted
     )
 

@@ -16,13 +16,11 @@ from stoop.base.blas import on_one_blas_thread
 from stoop.base.notices import Notice, notice
 from stoop.base.schema_errors import first_complaint
 from stoop.errors import SimulationError
-from stoop.input_design.information import Forecast, Knowledge, Limits, Setup
+from stoop.input_design.information import Forecast, Setup
 from stoop.input_design.inputs import COUNTED_SHAPES, LEAD, SHAPES, USUAL_SHAPES, Frame, Shape, StepInputs
 from stoop.optimize.problem import ScalarProblem
 from stoop.problem.evidence import invert
-from stoop.simulation import Trim
 from stoop.simulation.maneuver import Maneuver
-from stoop.vehicle import Vehicle
 
 OUTSIDE: Final = 1e3  #: cost of leaving the envelope at all: every maneuver within it is better
 MIN_STEP: Final = 0.1  #: s
@@ -230,16 +228,6 @@ def mean_ratio(std: FloatArray, reference: FloatArray) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class PriorModel:
-    """A model, what is known of it before the flight, its noise (n_y, n_y), and where these come from."""
-
-    vehicle: Vehicle
-    knowledge: Knowledge
-    noise: FloatArray
-    source: str
-
-
-@dataclass(frozen=True, eq=False)
 class Proposal:
     """What to fly next: one design per family, the best first, beside the textbook's maneuver.
 
@@ -277,17 +265,17 @@ class Proposal:
 
 
 def propose(
-    model: PriorModel,
-    trim: Trim,
-    limits: Limits,
+    setup: Setup,
     plan: Plan,
     shapes: Sequence[str] = (),
     callback: Callable[[str, Any], None] | None = None,
+    source: str = "",
 ) -> Proposal:
     """Design the best maneuver of every family, and compare it with the textbook's and for other models.
 
     The maneuver begins at the trim. Families are names of :data:`stoop.input_design.SHAPES`, the usual ones when none are given;
-    the callback gets the name and an :class:`stoop.optimize.Progress` after each generation. A family of which no maneuver can be
+    the callback gets the name and an :class:`stoop.optimize.Progress` after each generation; `source` says where the knowledge of
+    the model comes from. A family of which no maneuver can be
     flown is left out.
 
     Raises
@@ -295,7 +283,6 @@ def propose(
     SimulationError
         No maneuver of any family stays within the limits.
     """
-    setup = Setup(model.vehicle, trim, limits, model.knowledge, model.noise)
     reference = textbook_maneuver(setup, plan)
     found, refused = [], []
     for name in shapes or (USUAL_SHAPES if plan.beat is None else COUNTED_SHAPES):
@@ -308,4 +295,4 @@ def propose(
     designs = tuple(sorted(found, key=lambda one: -one.gain))
     robust = robustness(setup, designs[0].maneuver, reference, DRAWS, plan.seed)
     expected = setup.forecast(reference)
-    return Proposal(setup, plan, designs, reference, expected, robust, model.source, tuple(refused))
+    return Proposal(setup, plan, designs, reference, expected, robust, source, tuple(refused))

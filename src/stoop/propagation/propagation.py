@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -36,7 +35,7 @@ class Propagation:
     """Quantities of a model with their uncertainty; SI and rad."""
 
     vehicle: str
-    result: str  #: folder
+    result: str  #: where the model comes from
     source: str  #: of the draws: "posterior" or "covariance"
     count: int  #: of the draws
     seed: int
@@ -150,7 +149,7 @@ def propagate_draws(
     draws: Draws,
     domain: Domain,
     expressions: Mapping[str, str] | None = None,
-    result: Path | None = None,
+    result: str = "",
     seed: int = 0,
 ) -> Propagation:
     """Return what a vehicle at its estimates, and draws of its parameters, say.
@@ -172,7 +171,7 @@ def propagate_draws(
     notices = [*draws.notices, *found.notices]
     notices += [notice("propagate-figure-failed", f.name, share=f.failed) for f in figures if f.failed > FEW]
     return Propagation(
-        vehicle.name, "" if result is None else str(result), draws.source, len(draws.values), seed, domain,
+        vehicle.name, result, draws.source, len(draws.values), seed, domain,
         figures, found.curves, {s.name: s.draws for _, s in grouped},
         tuple(notices), dict(expressions or {}), draws.undetermined, found.extrapolated,
         time.perf_counter() - begun,

@@ -13,6 +13,7 @@ from stoop.assessment.covariance import NORMAL_95, correlation
 from stoop.base.notices import paragraph
 from stoop.base.numbers import NOTHING, clock, compact, number, readable_unit, rounded_to_error, window
 from stoop.report.charts import correlation_map, forest_row, interval_rows, repeatability_panel
+from stoop.report.model import Model
 from stoop.report.sheet import (
     Bullets,
     Details,
@@ -28,7 +29,7 @@ from stoop.report.sheet import (
     mathml,
 )
 from stoop.results.modes import ConditionModes, DerivedValue, MeasuredMode, ModeEstimate
-from stoop.results.result import Identification, Quantity, Result
+from stoop.results.result import Quantity, Result
 from stoop.results.uncertainty import MethodIntervals
 
 STRONG_CORRELATION: Final = 0.9  #: pairs above are listed
@@ -107,14 +108,14 @@ REPEATABILITY_LEAD: Final = (
 VERDICTS: Final = {"agree": "✓ agree", "scatter": "▲ scatter", "": NOTHING}
 
 
-def label(identification: Identification, name: str) -> Markup:
+def label(identification: Model, name: str) -> Markup:
     """Return a name as its symbol with the plain name as its title, or the plain name."""
     if (latex := identification.symbols.get(name)) is None:
         return escape(name)
     return Markup('<span class="symbol" title="{}">{}</span>').format(name, mathml(latex))
 
 
-def estimates_section(identification: Identification) -> Section:
+def estimates_section(identification: Model) -> Section:
     """Return the table of estimates."""
     rows, kinds = [], []
     for name, one in identification.result.parameters.items():
@@ -160,7 +161,7 @@ def estimates_section(identification: Identification) -> Section:
     return Section("Estimates", (Prose(ESTIMATES_LEAD, muted=True), Legend(KEYS), table))
 
 
-def correlation_section(identification: Identification) -> Section | None:
+def correlation_section(identification: Model) -> Section | None:
     """Return the map of correlations; None with fewer than two parameters."""
     names = list(identification.result.covariance.names)
     if len(names) < 2:
@@ -179,7 +180,7 @@ def correlation_section(identification: Identification) -> Section | None:
     return Section("Correlation between parameters", (Prose(lead, muted=True), drawn), "Correlation")
 
 
-def nuisance_section(identification: Identification) -> Section | None:
+def nuisance_section(identification: Model) -> Section | None:
     """Return noise, biases and initial states; None where there are none."""
     result = identification.result
     parts: list[Part] = []
@@ -212,7 +213,7 @@ def _place(result: Result, index: int) -> str:
 
 
 def quantity_table(
-    identification: Identification,
+    identification: Model,
     caption: str,
     place: str,
     groups: Iterable[tuple[str, Mapping[str, Quantity]]],
@@ -230,7 +231,7 @@ def quantity_table(
     return Table(caption, head, tuple(rows), ("", "", "n", "n", ""))
 
 
-def uncertainty_section(identification: Identification) -> Section | None:
+def uncertainty_section(identification: Model) -> Section | None:
     """Return uncertainty by method, one beside the other, and identifiability; None for a result without it."""
     result = identification.result
     if not result.uncertainty:
@@ -279,7 +280,7 @@ def method_figures(one: MethodIntervals) -> str:
     return "; ".join(f"{FIGURES.get(key, key)} {text}" for key, text in shown.items())
 
 
-def _identifiability(identification: Identification) -> list[Part]:
+def _identifiability(identification: Model) -> list[Part]:
     found, parts = identification.result.identifiability, list[Part]()
     rows = tuple(
         (
@@ -310,7 +311,7 @@ def _identifiability(identification: Identification) -> list[Part]:
     return parts
 
 
-def body_parts(identification: Identification) -> list[Part]:
+def body_parts(identification: Model) -> list[Part]:
     """Return the table of mass, inertia and reference values: what the coefficients are for."""
     rows = []
     for name, one in identification.body.items():
@@ -321,7 +322,7 @@ def body_parts(identification: Identification) -> list[Part]:
     return [Table("", BODY_HEAD, tuple(rows), ("", "n", "", ""), label=BODY_HEAD[0])] if rows else []
 
 
-def linear_section(identification: Identification) -> Section | None:
+def linear_section(identification: Model) -> Section | None:
     """Return A and B with their standard errors, of further flight conditions folded up; None without any."""
     parts: list[Part] = [Prose(LINEAR_LEAD, muted=True)]
     for condition in (c for c in identification.result.modes if c.linear.states):
@@ -344,14 +345,14 @@ def _entry(value: float, error: float, rounding: float) -> str:
     return Markup('{}<br><span class="error">± {}</span>').format(*rounded_to_error(value, error))
 
 
-def _condition_title(identification: Identification, condition: ConditionModes) -> str:
+def _condition_title(identification: Model, condition: ConditionModes) -> str:
     flown = ", ".join(filter(None, (_window(identification, i) for i in condition.maneuvers)))
     about = "steady straight flight" if condition.about == "trim" else "the mean state"
     place = f"{number(condition.airspeed, 3)} m/s, {number(condition.altitude, 3)} m, flown in {flown}"
     return f"About {about} at {place}"
 
 
-def modes_section(identification: Identification) -> Section | None:
+def modes_section(identification: Model) -> Section | None:
     """Return the tables of all flight conditions; None without modes."""
     parts: list[Part] = [Prose(MODES_LEAD, muted=True)]
     for condition in identification.result.modes:
@@ -372,7 +373,7 @@ def modes_section(identification: Identification) -> Section | None:
     return Section("Natural modes", parts, "Modes") if identification.result.modes else None
 
 
-def _window(identification: Identification, maneuver: int) -> str:
+def _window(identification: Model, maneuver: int) -> str:
     maneuvers = identification.result.maneuvers
     return window(maneuvers[maneuver].start, maneuvers[maneuver].stop) if maneuver < len(maneuvers) else ""
 
@@ -386,7 +387,7 @@ def _pair(one: DerivedValue) -> tuple[str, str]:
     return value, " … ".join(rounded_to_error(end, width)[0] for end in (one.ci95_lower, one.ci95_upper))
 
 
-def _measured(identification: Identification, mode: ModeEstimate, one: MeasuredMode) -> str:
+def _measured(identification: Model, mode: ModeEstimate, one: MeasuredMode) -> str:
     """Return a mode as the record shows it, compared with the model in units of both standard errors."""
     if math.isnan(one.frequency.estimate):
         return f"{_window(identification, one.maneuver)}: {one.remark}"
@@ -404,7 +405,7 @@ def _measured(identification: Identification, mode: ModeEstimate, one: MeasuredM
     return f"{frequency} rad/s, damping {damping} ({where}): {agreement}"
 
 
-def repeatability_section(identification: Identification) -> Section | None:
+def repeatability_section(identification: Model) -> Section | None:
     """Return plots and table of the maneuvers fitted alone; None where that was not asked for."""
     found, result = identification.result.repeatability, identification.result
     if not found.maneuvers:

@@ -6,9 +6,9 @@ import math
 from typing import Final
 
 from stoop.base.numbers import NOTHING, number, readable_unit, rounded_to_error
+from stoop.report.model import Model
 from stoop.report.sheet import Code, Part, Prose, Section, Table
 from stoop.results.extensions import ExtensionTest
-from stoop.results.result import Identification
 
 LEAD: Final = (
     "Score tests of {tested} extensions of the model, each beside all unknowns of the fit, residuals taken as colored; of a "
@@ -21,7 +21,7 @@ HEAD: Final = (
 )  # fmt: skip
 
 
-def extensions_section(identification: Identification) -> Section | None:
+def extensions_section(identification: Model) -> Section | None:
     """Return the significant extensions; None where nothing was tested."""
     found = identification.result.extensions
     if not found.tested:

@@ -35,7 +35,8 @@ from stoop.report.maneuvers import (
     role_section,
     segments_text,
 )
-from stoop.results.result import Identification, Result, Role
+from stoop.report.model import Model
+from stoop.results.result import Result, Role
 from stoop.results.verdict import Grade, grouped
 
 ENDINGS: Final = {
@@ -58,7 +59,7 @@ VALIDATION_LEAD: Final = (
 SAME_AGAIN: Final = "With the same versions and CPU features, this seed gives the same numbers again."
 
 
-def render_validation(identification: Identification) -> str:
+def render_validation(identification: Model) -> str:
     """Return the page of a validation as HTML: the result that was validated, with the maneuvers that were predicted."""
     result, maneuvers = identification.result, identification.result.maneuvers
     lead = f"A fitted model predicts {count(len(maneuvers), 'maneuver')} that it was not fitted to"
@@ -75,15 +76,15 @@ def render_validation(identification: Identification) -> str:
     provenance = _provenance_section(identification, validation=True)
     sections = (sheet.Section("Overview", overview), *pages, provenance)
     verdict = prediction_verdict(maneuvers, sentences, refused=result.verdict.grade == "do not use")
-    return sheet.render_sheet(sheet.Sheet(identification.vehicle, lead, sections, "validation", verdict))
+    return sheet.render_sheet(sheet.Sheet(identification.vehicle.name, lead, sections, "validation", verdict))
 
 
-def render(identification: Identification) -> str:
+def render(identification: Model) -> str:
     """Return the report as HTML."""
     return sheet.render_sheet(identification_sheet(identification))
 
 
-def identification_sheet(identification: Identification) -> sheet.Sheet:
+def identification_sheet(identification: Model) -> sheet.Sheet:
     """Return the report."""
     result = identification.result
     roles = [m.role for m in result.maneuvers]
@@ -133,10 +134,10 @@ def identification_sheet(identification: Identification) -> sheet.Sheet:
         _provenance_section(identification, validation=False),
     )
     there = tuple(section for section in sections if section is not None)
-    return sheet.Sheet(identification.vehicle, lead, there, "identification report", verdict(result))
+    return sheet.Sheet(identification.vehicle.name, lead, there, "identification report", verdict(result))
 
 
-def _provenance_section(identification: Identification, *, validation: bool) -> sheet.Section:
+def _provenance_section(identification: Model, *, validation: bool) -> sheet.Section:
     """Return command, versions and hashes of the inputs."""
     result = identification.result
     spent = f"{number(result.trajectories, 4)} trajectories, {number(result.seconds, 3)} s"
@@ -226,7 +227,7 @@ def _lost(result: Result, role: Role) -> list[str]:
 class Plots:
     """Plots of an identification, such as ``result.plot.maneuvers()``."""
 
-    identification: Identification
+    identification: Model
 
     def maneuvers(self, role: Role = "fit") -> sheet.Page:
         """Return measured and simulated readings of the fitted maneuvers, or of those of ``"validation"``."""
@@ -259,4 +260,4 @@ class Plots:
     def _page(self, section: sheet.Section | None, missing: str) -> sheet.Page:
         if section is None:
             raise StoopError(f"plot: {missing} in this result")
-        return sheet.Page(sheet.Sheet(self.identification.vehicle, "", (section,), "plot"))
+        return sheet.Page(sheet.Sheet(self.identification.vehicle.name, "", (section,), "plot"))

@@ -18,12 +18,12 @@ from stoop.base.variables import VARIABLES
 from stoop.report import sheet
 from stoop.report.charts import autocorrelation_panel
 from stoop.report.estimates import label, quantity_table
+from stoop.report.model import Model
 from stoop.report.series import Range, Series, Shade, Strip, spanning
 from stoop.report.time_history import HistoryPanel, TimeHistory, holes, with_residual
 from stoop.results.result import (
     AirDataTrace,
     GoodnessOfFit,
-    Identification,
     ManeuverResult,
     ManeuverTrace,
     Role,
@@ -108,7 +108,7 @@ def segments_text(maneuver: ManeuverResult) -> str:
     return ", ".join(window(*segment) for segment in maneuver.segments)
 
 
-def role_section(identification: Identification, role: Role) -> sheet.Section | None:
+def role_section(identification: Model, role: Role) -> sheet.Section | None:
     """Return the maneuvers of one role; None without any."""
     parts: list[sheet.Part] = [sheet.Prose(LEADS[role], muted=True)]
     pairs = zip(identification.result.maneuvers, identification.traces, strict=True)
@@ -120,9 +120,7 @@ def role_section(identification: Identification, role: Role) -> sheet.Section | 
     return sheet.Section(title, parts, short) if len(parts) > 1 else None
 
 
-def maneuver_parts(
-    identification: Identification, maneuver: ManeuverResult, trace: ManeuverTrace
-) -> list[sheet.Part]:
+def maneuver_parts(identification: Model, maneuver: ManeuverResult, trace: ManeuverTrace) -> list[sheet.Part]:
     """Return what a maneuver shows: segments, goodness of fit, curves and inputs."""
     segments = segments_text(maneuver)
     each = " Each piece has its own initial state." if ", " in segments else ""
@@ -136,7 +134,7 @@ def maneuver_parts(
     return [*parts, sheet.Prose(HISTORY_LEAD, muted=True), history] if history.panels else parts
 
 
-def _goodness(identification: Identification, maneuver: ManeuverResult, names: Sequence[str]) -> sheet.Table:
+def _goodness(identification: Model, maneuver: ManeuverResult, names: Sequence[str]) -> sheet.Table:
     """Return the goodness of fit of every channel, Theil's coefficient drawn beside the lag's."""
     found = [v for one in maneuver.channels.values() for v in (one.theil, one.baseline_theil)]
     greatest = max((v for v in found if math.isfinite(v)), default=1.0)
@@ -179,7 +177,7 @@ def _goodness(identification: Identification, maneuver: ManeuverResult, names: S
     return sheet.Table("", head, tuple(rows), kinds, calm, f"Goodness of fit, {maneuver_title(maneuver)}")
 
 
-def _innovations(identification: Identification, maneuver: ManeuverResult) -> sheet.Table:
+def _innovations(identification: Model, maneuver: ManeuverResult) -> sheet.Table:
     """Return the figures of predictions from sample to sample."""
     found = {name: one.innovations for name, one in maneuver.channels.items() if one.innovations.known}
     rows = tuple(
@@ -194,7 +192,7 @@ def _innovations(identification: Identification, maneuver: ManeuverResult) -> sh
     return sheet.Table("", head, rows, ("", "n", "n", "n", "n", ""), label=title)
 
 
-def _more_goodness(identification: Identification, maneuver: ManeuverResult) -> sheet.Details:
+def _more_goodness(identification: Model, maneuver: ManeuverResult) -> sheet.Details:
     rows = []
     for name, one in maneuver.channels.items():
         factor, unit = _shown_unit(identification, name)
@@ -221,7 +219,7 @@ def _more_goodness(identification: Identification, maneuver: ManeuverResult) -> 
     return sheet.Details("More figures, each beside the lag’s", (sheet.Prose(MORE_LEAD, muted=True), table))
 
 
-def _history(identification: Identification, maneuver: ManeuverResult, trace: ManeuverTrace) -> TimeHistory:
+def _history(identification: Model, maneuver: ManeuverResult, trace: ManeuverTrace) -> TimeHistory:
     """Return inputs above responses, each response with its residual below."""
     panels = []
     for name, values in trace.inputs.items():
@@ -235,13 +233,13 @@ def _history(identification: Identification, maneuver: ManeuverResult, trace: Ma
     return TimeHistory(panels, window, [Shade(*gap, "", "hole") for gap in holes(trace.time)])
 
 
-def flights(identification: Identification) -> set[str]:
+def flights(identification: Model) -> set[str]:
     """Return the names of the flights of an identification."""
     return {one.flight for one in identification.result.maneuvers}
 
 
 def _channel(
-    identification: Identification, name: str, maneuver: ManeuverResult, trace: ManeuverTrace
+    identification: Model, name: str, maneuver: ManeuverResult, trace: ManeuverTrace
 ) -> HistoryPanel:
     """Return measured against simulated, over the 95 % band, and their difference below."""
     factor, unit = _shown_unit(identification, name)
@@ -276,7 +274,7 @@ def response_range(curves: Sequence[Series]) -> Range:
     )
 
 
-def residuals_section(identification: Identification) -> sheet.Section | None:
+def residuals_section(identification: Model) -> sheet.Section | None:
     """Return the autocorrelation of the residuals of every channel over the fitted maneuvers."""
     found: dict[str, tuple[list[FloatArray], float]] = {}  # channel -> residuals by segment, sample period
     for maneuver, trace in zip(identification.result.maneuvers, identification.traces, strict=True):
@@ -358,7 +356,7 @@ def prediction_verdict(
     return sheet.Verdict(level, headline, sentences)
 
 
-def air_section(identification: Identification) -> sheet.Section | None:
+def air_section(identification: Model) -> sheet.Section | None:
     """Return wind, pitot calibration and air data of all flights; None without any."""
     result = identification.result
     parts: list[sheet.Part] = [sheet.Prose(AIR_LEAD, muted=True)]
@@ -372,7 +370,7 @@ def air_section(identification: Identification) -> sheet.Section | None:
     return sheet.Section("Wind and pitot", parts) if len(parts) > 1 else None
 
 
-def air_history(identification: Identification, air: AirDataTrace) -> TimeHistory:
+def air_history(identification: Model, air: AirDataTrace) -> TimeHistory:
     """Return the air data of a flight; curves of no known kind get a panel each."""
     known = {name for _, _, curves in AIR_GROUPS for name in curves}
     others = [(n, identification.units.get(n, ""), {n: n}) for n in air.curves if n not in known]
@@ -416,7 +414,7 @@ def _meaning(name: str) -> str:
     return meaning if meaning != name else ""
 
 
-def _shown_unit(identification: Identification, name: str) -> tuple[float, str]:
+def _shown_unit(identification: Model, name: str) -> tuple[float, str]:
     """Return by what a channel is multiplied to be drawn, and its unit then."""
     known = VARIABLES[name].unit if name in VARIABLES else ""
     return factor_and_unit(identification.units.get(name, known))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
-    from stoop.results.result import Identification, Result
+    from stoop.results.result import ManeuverTrace, Result
 
 COLUMNS = (
     "estimate", "std_error", "ci95_lower", "ci95_upper", "unit", "identifiable", "at_bound", "start",
@@ -33,8 +33,10 @@ def to_dataframe(result: Result) -> pd.DataFrame:
     return pd.DataFrame(rows, index=pd.Index(result.parameters, name="parameter"), columns=list(COLUMNS))
 
 
-def to_xarray(identification: Identification) -> xr.Dataset:
-    """Return estimates, covariance, and measured and simulated readings of every maneuver.
+def to_xarray(
+    result: Result, traces: Sequence[ManeuverTrace], units: Mapping[str, str], vehicle: str
+) -> xr.Dataset:
+    """Return estimates, covariance, and measured and simulated readings of every maneuver of a vehicle.
 
     Returns
     -------
@@ -45,14 +47,13 @@ def to_xarray(identification: Identification) -> xr.Dataset:
     """
     import xarray as xr
 
-    result = identification.result
     names = list(result.parameters)
-    channels = list(dict.fromkeys(c for trace in identification.traces for c in trace.channels))
-    lengths = [trace.time.size for trace in identification.traces]
+    channels = list(dict.fromkeys(c for trace in traces for c in trace.channels))
+    lengths = [trace.time.size for trace in traces]
     readings = {}
     for kind in ("measured", "simulated"):  # (n, n_y), all maneuvers one after the other
         stacked = [np.empty((0, len(channels)))]
-        for trace in identification.traces:
+        for trace in traces:
             nothing = np.full(trace.time.size, np.nan)
             found = [getattr(trace.channels[c], kind) if c in trace.channels else nothing for c in channels]
             stacked.append(np.reshape(found, (len(channels), trace.time.size)).T)
@@ -60,7 +61,7 @@ def to_xarray(identification: Identification) -> xr.Dataset:
     measured, simulated = readings["measured"], readings["simulated"]
     index = np.repeat(np.arange(len(lengths)), lengths)
     roles = np.array([m.role for m in result.maneuvers])
-    time = np.concatenate([trace.time for trace in identification.traces]) if lengths else np.empty(0)
+    time = np.concatenate([trace.time for trace in traces]) if lengths else np.empty(0)
     matrix = np.full((len(names), len(names)), np.nan)
     place = [names.index(name) for name in result.covariance.names]
     matrix[np.ix_(place, place)] = result.covariance.matrix
@@ -78,12 +79,12 @@ def to_xarray(identification: Identification) -> xr.Dataset:
             "parameter_2": names,
             "unit": ("parameter", [p.unit for p in result.parameters.values()]),
             "channel": channels,
-            "channel_unit": ("channel", [identification.units.get(c, "") for c in channels]),
+            "channel_unit": ("channel", [units.get(c, "") for c in channels]),
             "maneuver": ("sample", index),
             "role": ("sample", roles[index] if index.size else np.empty(0, dtype="U10")),
             "time": ("sample", time),
         },
-        attrs={"vehicle": identification.vehicle, "cost": result.cost, "method": result.method},
+        attrs={"vehicle": vehicle, "cost": result.cost, "method": result.method},
     )
 
 

@@ -1,7 +1,7 @@
 """The result of an identification, and its versioned JSON form.
 
 `Result` is what ``result.json`` holds (schema ``stoop-result/1``, described in ``docs/result-schema.md``).
-`Identification` is a result together with the traces that the report draws and the JSON does not carry.
+Traces are the curves of its maneuvers, which the JSON does not carry.
 This module needs NumPy only, so that reading a result is cheap.
 """
 
@@ -390,26 +390,6 @@ class AirDataTrace:
     curves: Mapping[str, FloatArray]  #: e.g. airspeed_pitot, V, alpha, beta
 
 
-@dataclass(frozen=True, eq=False)
-class Identification:
-    """A result and what the report needs beside it."""
-
-    result: Result  #: the numbers
-    traces: tuple[ManeuverTrace, ...]  #: one for each of ``result.maneuvers``, same order
-    vehicle: str  #: the vehicle's name
-    equations: tuple[str, ...] = ()  #: laTeX of the coefficient equations and whatever else was fitted
-    #: (k, 2); trajectories spent and the best cost so far
-    convergence: FloatArray = field(default_factory=lambda: np.empty((0, 2)))
-    #: unit of every channel and input drawn; rad, rad/s are drawn in degrees
-    units: Mapping[str, str] = field(default_factory=dict)
-    #: laTeX symbol of a parameter or channel; its plain name is used where there is none
-    symbols: Mapping[str, str] = field(default_factory=dict)
-    air_data: tuple[AirDataTrace, ...] = ()  #: one per flight whose air data were reconstructed
-    command: str = ""  #: the command line that made this
-    #: mass, inertia and reference values of the model; the standard error is NaN where the vehicle file fixes them
-    body: Mapping[str, Quantity] = field(default_factory=dict)
-
-
 def to_json(result: Result) -> str:
     """Return `result` as JSON text of schema ``stoop-result/1``; NaN and infinities become ``null``."""
     document = {"schema": SCHEMA, **plain(result), "warnings": list(result.warnings)}
@@ -463,7 +443,7 @@ def _process_noise(document: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def read_result(path: Path) -> Result:
-    """Return the result that ``stoop identify`` or :meth:`stoop.workflow.Job.save` wrote.
+    """Return the result that ``stoop identify`` or :meth:`stoop.workflow.FittedModel.save` wrote.
 
     Parameters
     ----------

@@ -3,6 +3,7 @@
 from stoop.assessment.bootstrap import Bootstrap
 from stoop.assessment.posterior import Posterior
 from stoop.assessment.profile import Profile
-from stoop.workflow.identification import Job, identify
+from stoop.workflow.fitted_model import FittedModel
+from stoop.workflow.identification import identify
 
-__all__ = ["Bootstrap", "Job", "Posterior", "Profile", "identify"]
+__all__ = ["Bootstrap", "FittedModel", "Posterior", "Profile", "identify"]

@@ -69,9 +69,9 @@ class Checkpoint:
                 self._path.parent.mkdir(parents=True, exist_ok=True)
             self._save(outcome.state)
 
-    def forget(self, outcome: Outcome) -> None:
+    def forget(self, status: str) -> None:
         """Remove the saved state of a search that has nothing left to do; its result must lie safe."""
-        if outcome.status in CONFIRMED:
+        if status in CONFIRMED:
             self._path.unlink(missing_ok=True)
 
     def load(self) -> State:

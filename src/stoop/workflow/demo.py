@@ -12,7 +12,8 @@ from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
-from stoop.workflow.identification import Job, finish, search
+from stoop.workflow.fitted_model import FittedModel
+from stoop.workflow.identification import finish, search
 
 NAME: Final = "demo"  #: of the flight
 TABLE_1: Final = (
@@ -39,14 +40,14 @@ amplitude = -0.1
 """The paper's Fig. 3: 3-2-1-1 of 0.3 s and 11.46 deg, a pulse of 3 s, then about half a phugoid."""
 
 
-def identify_demo(seed: int) -> tuple[Job, dict[str, float]]:
-    """Return the finished job and the truth."""
+def identify_demo(seed: int) -> tuple[FittedModel, dict[str, float]]:
+    """Return the fitted model and the truth."""
     vehicle = resolve_vehicle("twin-boom").reduced("longitudinal")
     flight = simulate_flight(vehicle, parse_maneuver(MANEUVER, NAME), seed, name=NAME)
     truth = {k: v for k, v in json.loads(flight.attributes["truth"]).items() if k in TABLE_1}
     options = Options(seed=seed)
-    job = finish(search(misled(vehicle, seed), flight, ["0:30"], options=options, command="stoop demo"))
-    return job, truth
+    model = finish(search(misled(vehicle, seed), flight, ["0:30"], options=options, command="stoop demo"))
+    return model, truth
 
 
 def misled(vehicle: Vehicle, seed: int) -> Vehicle:

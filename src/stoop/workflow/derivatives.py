@@ -14,7 +14,12 @@ from stoop.base.csv_text import csv_text
 from stoop.base.files import write_text_atomic
 from stoop.errors import OutputError
 from stoop.exporters.exporter import Condition, ModelData
-from stoop.simulation.derivatives import Derivatives, Table, derivatives
+from stoop.simulation.derivatives import Derivatives, Table
+from stoop.simulation.derivatives import derivatives as about
+from stoop.vehicle import Vehicle
+from stoop.workflow.export import model_data
+from stoop.workflow.fitted_model import FittedModel
+from stoop.workflow.load import takes_model_or_vehicle
 
 FORMAT: Final = "stoop-derivatives/1"
 ENDINGS: Final = (".csv", ".json")
@@ -30,22 +35,40 @@ class Reported:
     flight: dict[str, float]  #: airspeed, m/s; altitude, m; alpha, rad
 
 
-def report_derivatives(
-    model: ModelData, condition: Condition, axes: str = "stability", dimensional: bool = False
+@takes_model_or_vehicle
+def derivatives(
+    model: FittedModel | Vehicle,
+    airspeed: float | None = None,
+    altitude: float | None = None,
+    climb_angle: float = 0.0,
+    axes: str = "stability",
+    dimensional: bool = False,
 ) -> Reported:
-    """Return the derivatives of a model about a steady flight.
+    """Return the stability and control derivatives of a model about a steady flight.
+
+    Parameters
+    ----------
+    model : FittedModel, the folder of one, Vehicle, built-in vehicle or vehicle file
+    airspeed, altitude : float, m/s and m, optional
+        Of the steady flight.
+    climb_angle : float, rad
+        Likewise.
+    axes : {"stability", "body"}
+    dimensional : bool
+        Of forces and moments, and these over mass and moments of inertia.
 
     Raises
     ------
     StoopError
         No steady flight, a reduced vehicle, or nondimensional derivatives of a hover.
     """
-    point = model.trim(condition)
-    found = derivatives(model.vehicle, point, model.covariance).along(axes)
+    data = model_data(model)
+    point = data.trim(Condition(airspeed, altitude, climb_angle))
+    found = about(data.vehicle, point, data.covariance).along(axes)
     forms = ("dimensional", "specific") if dimensional else ("nondimensional",)
     speed = float(np.linalg.norm(found.velocity))
     flight = {"airspeed": speed, "altitude": point.start["h"], "alpha": found.alpha}
-    return Reported(model, found, tuple(map(found.table, forms)), flight)
+    return Reported(data, found, tuple(map(found.table, forms)), flight)
 
 
 def check_ending(target: Path) -> None:

@@ -7,11 +7,12 @@ import math
 import shlex
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 import numpy as np
 import tomlkit
 
+from stoop.base.arrays import FloatArray
 from stoop.base.csv_text import csv_text
 from stoop.base.files import check_targets, make_folder, write_files
 from stoop.base.numbers import finite_or_none
@@ -21,17 +22,20 @@ from stoop.exporters.injection import Injection
 from stoop.exporters.pilot_card import PILOT
 from stoop.exporters.px4_injection import PX4
 from stoop.flight import Flight
-from stoop.input_design.information import Knowledge
-from stoop.input_design.optimization import Plan, PriorModel, Proposal
+from stoop.input_design.information import Knowledge, Limits, Setup
+from stoop.input_design.optimization import Plan, Proposal, propose
 from stoop.input_design.sensitivity import sensor_noise
 from stoop.input_design.windows import Found
 from stoop.problem.windows import NAME, Entry, written
-from stoop.simulation import Trim
+from stoop.simulation import Trim, trim
 from stoop.simulation.maneuver import Maneuver, unit_of
-from stoop.vehicle.builtin import resolve_vehicle
-from stoop.workflow.outputs import read_identified, versions
+from stoop.vehicle import Vehicle
+from stoop.workflow.fitted_model import FittedModel
+from stoop.workflow.load import takes_model_or_vehicle
+from stoop.workflow.outputs import versions
 from stoop.workflow.summary import refusal
 
+FlownBy = Literal["pilot", "ardupilot", "px4", "crazyflie"]
 DESIGN_FILES: Final = ("maneuver.toml", "reference.toml", "maneuver.csv", "design.html", "design.json")
 """In the order of writing: where the last one is, the others are."""
 WINDOW_FILES: Final = (NAME, "windows.html")
@@ -46,41 +50,86 @@ BY_HAND: Final = math.radians(2.0)  #: smallest amplitude of a surface that a pi
 EVALUATIONS, ROTOR_EVALUATIONS = 2000, 200  #: of a family
 
 
-def prior_model(name_or_path: str | Path) -> PriorModel:
-    """Return the model to design for: a vehicle with its priors, or the result of stoop identify.
+def known_before(model: FittedModel | Vehicle) -> tuple[Vehicle, Knowledge, FloatArray, str]:
+    """Return the vehicle to design for, the knowledge of its numbers, its noise (n_y, n_y), and where these come from.
 
-    It is a built-in vehicle, a vehicle file, a result.json, or the folder that holds it.
-
-    Raises `StoopError`: there is no such thing, or the result's vehicle is not beside it.
+    Those numbers are free that were estimated, within the boxes of that search. The noise is the one that was estimated where
+    there was a measurement, else that of the vehicle file.
     """
-    path = Path(name_or_path)
-    found = path / "result.json" if path.is_dir() else path
-    if found.suffix != ".json":
-        vehicle = resolve_vehicle(name_or_path)
-        stated = [p for p in vehicle.parameters if p.free and p.prior is not None]
+    if isinstance(model, Vehicle):
+        stated = [p for p in model.parameters if p.free and p.prior is not None]
         priors = np.diag([(p.prior or 1.0) ** -2.0 for p in stated])
         knowledge = Knowledge(tuple(p.name for p in stated), priors)
-        return PriorModel(vehicle, knowledge, sensor_noise(vehicle), "the vehicle file and its priors")
-    identified = read_identified(path)
-    # Those numbers are free that were estimated, within the boxes of that search, with its --free and --fix.
-    estimated, covariance = identified.result.parameters, identified.result.noise_covariance
-    free = [p.name for p in identified.vehicle.parameters if p.free]
+        return model, knowledge, sensor_noise(model), "the vehicle file and its priors"
+    estimated, covariance = model.result.parameters, model.result.noise_covariance
+    free = [p.name for p in model.vehicle.parameters if p.free]
     changes: dict[str, dict[str, Any]] = {name: {"free": name in estimated} for name in (*free, *estimated)}
     for name, p in estimated.items():
         if p.bound_lower < p.bound_upper and np.isfinite([p.bound_lower, p.bound_upper]).all():
             changes[name]["bounds"] = (p.bound_lower, p.bound_upper)
-    vehicle = identified.vehicle.with_numbers(changes)
-    # The noise that was estimated where there was a measurement, else that of the vehicle file.
+    vehicle = model.vehicle.with_numbers(changes)
     noise = sensor_noise(vehicle)
     variances = dict(zip(covariance.channels, np.diag(covariance.matrix), strict=True))
     for i, channel in enumerate(vehicle.outputs):
         variance = float(variances.get(channel, np.nan))
         if np.isfinite(variance) and variance > 0.0:
             noise[i, i] = variance
-    refused = "".join(f" ({one})" for one in refusal(identified.result, str(found)))
-    return PriorModel(
-        vehicle, Knowledge.of_result(identified.result), noise, f"the estimates in {found}{refused}"
-    )
+    refused = "".join(f" ({one})" for one in refusal(model.result, model.source))
+    return vehicle, Knowledge.of_result(model.result), noise, f"the estimates in {model.source}{refused}"
+
+
+@takes_model_or_vehicle
+def design(
+    model: FittedModel | Vehicle,
+    duration: float | None = None,
+    airspeed: float | None = None,
+    altitude: float = 200.0,
+    amplitude: Mapping[str, float] | None = None,
+    envelope: Mapping[str, tuple[float, float]] | None = None,
+    shapes: Sequence[str] = (),
+    seed: int = 0,
+    min_amplitude: Mapping[str, float] | None = None,
+    beat: float | None = None,
+    evaluations: int | None = None,
+    target: FlownBy | None = None,
+) -> Proposal:
+    """Design the maneuver that makes the standard errors smallest.
+
+    Parameters
+    ----------
+    model : FittedModel, the folder of one, Vehicle, built-in vehicle or vehicle file
+    duration : float, s, optional
+        20 s when absent; by hand 40 s, sweeps 60 s.
+    airspeed : float, m/s, optional
+        V* of the vehicle when absent.
+    altitude : float, m
+    amplitude : mapping, optional
+        Largest deflection of each control, rad; on rotors of each command, rad/s2 or m/s2.
+    envelope : mapping, optional
+        Lowest and highest value of a channel, SI.
+    shapes : sequence of str, optional
+        Of :data:`stoop.input_design.SHAPES`; the usual ones when absent.
+    seed : int
+    min_amplitude : mapping, optional
+        Smallest amplitude of each control that can be flown; 0.5 deg when absent.
+    beat : float, s, optional
+        Of counts, where a pilot flies the steps by hand; 0.5 s when absent for the target "pilot".
+    evaluations : int, optional
+        Maneuvers tried for each family; 2000 when absent, on rotors 200.
+    target : {"pilot", "ardupilot", "px4", "crazyflie"}, optional
+        Who flies it: chooses families that it can fly.
+
+    Raises
+    ------
+    SimulationError
+        No maneuver stays within the limits.
+    """
+    vehicle, knowledge, noise, source = known_before(model)
+    steady = trim(vehicle, airspeed, altitude)
+    smallest = min_amplitudes(vehicle.controls, target, min_amplitude)
+    limits = Limits.about(vehicle, steady, amplitude, envelope=envelope, min_amplitude=smallest)
+    plan, families = usual_plan(steady, target, shapes, duration, beat, evaluations, seed=seed)
+    return propose(Setup(vehicle, steady, limits, knowledge, noise), plan, families, source=source)
 
 
 def usual_plan(

@@ -1,4 +1,4 @@
-"""A vehicle or an identification, read for an export, and the files of an export, written all or none."""
+"""Export of a fitted model or a vehicle; its files are written all or none."""
 
 from __future__ import annotations
 
@@ -8,47 +8,80 @@ import numpy as np
 
 from stoop.base.files import check_targets, make_folder, write_files
 from stoop.errors import StoopError
-from stoop.exporters.exporter import Exported, ModelData
+from stoop.exporters.exporter import Condition, Exported, ModelData
 from stoop.exporters.jsbsim_flight import Record, without_turbulence
+from stoop.exporters.targets import export as export_data
 from stoop.problem import Piece
 from stoop.problem.prepare import prepare
 from stoop.problem.windows import Window
 from stoop.results.result import Result
 from stoop.simulation.derivatives import ParameterCovariance
 from stoop.vehicle import Vehicle
-from stoop.vehicle.builtin import resolve_vehicle
-from stoop.workflow.outputs import RESULT, read_identified
+from stoop.workflow.fitted_model import FittedModel
+from stoop.workflow.load import takes_model_or_vehicle
 from stoop.workflow.summary import refusal
 
 
-def read_model(text: str) -> ModelData:
-    """Read a built-in vehicle, a vehicle file, or an identification: its folder or its ``result.json``.
+@takes_model_or_vehicle
+def export(
+    model: FittedModel | Vehicle,
+    to: str,
+    folder: str | Path | None = None,
+    airspeed: float | None = None,
+    altitude: float | None = None,
+    climb_angle: float = 0.0,
+    overwrite: bool = False,
+) -> Exported:
+    """Export a model as files of another tool.
 
-    Raises `StoopError`: it is none of these, or damaged.
+    Parameters
+    ----------
+    model : FittedModel, the folder of one, Vehicle, built-in vehicle or vehicle file
+    to : str
+        One of the targets of ``stoop export --to``.
+    folder : path, optional
+        Where the files are written; they are only returned when absent.
+    airspeed, altitude : float, m/s and m, optional
+        Of the steady flight.
+    climb_angle : float, rad
+        Likewise.
+    overwrite : bool
+        Whether files in the folder may be replaced.
+
+    Raises
+    ------
+    StoopError
+        The model cannot be exported so, or the folder holds other files.
     """
-    path = Path(text)
-    if not (path.is_dir() or path.name == RESULT):
-        vehicle, notices = without_turbulence(resolve_vehicle(text))
+    found = export_data(model_data(model), to, Condition(airspeed, altitude, climb_angle))
+    if folder is not None:
+        write(found, Path(folder), overwrite)
+    return found
+
+
+def model_data(model: FittedModel | Vehicle) -> ModelData:
+    """Return what is exported of a fitted model or a vehicle."""
+    if isinstance(model, Vehicle):
+        vehicle, notices = without_turbulence(model)
         return ModelData(vehicle, notes=tuple(map(str, notices)))
-    found = read_identified(path)
-    vehicle, notices = without_turbulence(found.vehicle)
-    notes = tuple(map(str, [*refusal(found.result, text), *notices]))
-    covariance = found.result.covariance
+    vehicle, notices = without_turbulence(model.vehicle)
+    notes = tuple(map(str, [*refusal(model.result, model.source), *notices]))
+    covariance = model.result.covariance
     # What is known of the numbers that the vehicle has; those of its gusts are left with them.
     kept = [i for i, name in enumerate(covariance.names) if name in vehicle.rows]
     names = tuple(covariance.names[i] for i in kept)
     matrix = covariance.matrix[np.ix_(kept, kept)].copy()
     for i, name in enumerate(names):  # a standard error that is the prior's is no evidence of the flight
-        if not found.result.parameters[name].identifiable:
+        if not model.result.parameters[name].identifiable:
             matrix[i], matrix[:, i] = np.nan, np.nan
             matrix[i, i] = np.inf
     estimated = ParameterCovariance(names, matrix) if kept else None
-    windows = [Window(m.flight, m.start, m.stop, m.loading or None) for m in found.result.maneuvers]
+    windows = [Window(m.flight, m.start, m.stop, m.loading or None) for m in model.result.maneuvers]
     try:
-        flights = found.flights()
+        flights = model.by_name
         parts = [prepare(vehicle, flights, [window]).pieces for window in windows]
         maneuvers = tuple(
-            _maneuver(vehicle, found.result, index, segment, piece)
+            _maneuver(vehicle, model.result, index, segment, piece)
             for index, pieces in enumerate(parts)
             for segment, piece in enumerate(pieces)
         )

@@ -28,7 +28,7 @@ from stoop.errors import VehicleError
 from stoop.estimate import methods
 from stoop.estimate.estimate import Estimate
 from stoop.estimate.fit import Options
-from stoop.estimate.predict import expected_biases, fitted_model, predict
+from stoop.estimate.predict import expected_biases, predict, predictor
 from stoop.flight import Flight
 from stoop.problem.windows import Window
 from stoop.results.extensions import ExtensionTest
@@ -145,7 +145,7 @@ def _predictive_score(
     if not windows:
         return np.empty(0)
     own_biases = [expected_biases(fit, window.flight) for window in windows]
-    ahead = predict(fitted_model(fit, bars.covariance), flights, windows, own_biases)
+    ahead = predict(predictor(fit, bars.covariance), flights, windows, own_biases)
     return ahead.log_likelihood(fit.problem.layout.vehicle.outputs)
 
 

@@ -1,10 +1,11 @@
-"""From a finished fit to its result: error bars, predictions, modes, notices, and what the report draws."""
+"""From a finished fit to its result: error bars, predictions, modes and notices."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Final
 
 import numpy as np
@@ -23,12 +24,10 @@ from stoop.errors import VehicleError
 from stoop.estimate.estimate import Estimate
 from stoop.estimate.excitation import ratios, too_few
 from stoop.estimate.fit import Options
-from stoop.estimate.predict import expected_biases, fitted_model, predict
+from stoop.estimate.predict import expected_biases, predict, predictor
 from stoop.flight import Flight
 from stoop.problem.windows import Window
 from stoop.results.result import (
-    AirDataTrace,
-    Identification,
     InitialState,
     ParameterEstimate,
     Quantity,
@@ -37,8 +36,8 @@ from stoop.results.result import (
     WindEstimate,
 )
 from stoop.vehicle import Vehicle, parse_vehicle
-from stoop.vehicle.notation import symbols
-from stoop.workflow.curves import Simulated, channel_units, maneuver_curves
+from stoop.workflow.curves import Simulated, maneuver_curves
+from stoop.workflow.fitted_model import FittedModel
 from stoop.workflow.outputs import versions, with_values
 from stoop.workflow.sensor_delays import CheckedFit
 from stoop.workflow.summary import basis_notices, data_notices, fit_warnings, slowest_rate
@@ -46,7 +45,7 @@ from stoop.workflow.summary import basis_notices, data_notices, fit_warnings, sl
 START_UNITS: Final = {"V": "m/s", "p": "rad/s", "q": "rad/s", "r": "rad/s"}  #: of initial states; others rad
 
 
-def identification(
+def fitted_model(
     checked: CheckedFit,
     flights: Mapping[str, Flight],
     predicted: Sequence[Window],
@@ -54,17 +53,18 @@ def identification(
     inputs: Mapping[str, str],
     began: float,
     command: str,
-) -> Identification:
-    """Return the result of a fit with its curves.
+    files: tuple[Path, ...] = (),
+) -> FittedModel:
+    """Return the model of a fit: error bars, predictions, modes and notices.
 
-    `flights` are as they were fitted, `predicted` windows were not; `inputs` are hashes of files by name; `began` is
+    `flights` are as they were fitted, `predicted` windows were not; `inputs` are hashes of `files` by name; `began` is
     `time.perf_counter` at the start.
     """
     fit, bars = checked.fit, checked.bars
     vehicle, color = fit.problem.layout.vehicle, fit.inflation
     if too_few(fit.problem, slowest_rate(fit, flights)):
         bars = bars.rejected(notice("error-bars-of-few-samples"))
-    parameters, model = _parameters(fit, bars), fitted_model(fit, bars.covariance)
+    parameters, model = _parameters(fit, bars), predictor(fit, bars.covariance)
     bands = fit.deviations(bars.covariance)
     groups = [Simulated("fit", fit.prepared, fit.readings, left_out_residuals(fit), bands)]
     if predicted:
@@ -117,21 +117,16 @@ def identification(
         *failed,
     ]
     result = replace(result, notices=tuple(notices), seconds=time.perf_counter() - began)
-    return Identification(
-        result=replace(result, verdict=verdict(result, uses(vehicle, flown_model(result, fit).sizes))),
+    result = replace(result, verdict=verdict(result, uses(vehicle, flown_model(result, fit).sizes)))
+    return FittedModel(
+        vehicle=model.vehicle.coupled_to(()),
+        result=result,
+        flights=tuple(flights.values()),
         traces=traces,
-        vehicle=vehicle.name,
-        equations=vehicle.kernel().latex,
+        estimate=fit,
         convergence=fit.outcome.history,
-        units=channel_units(vehicle),
-        symbols=symbols(vehicle),
-        air_data=tuple(
-            AirDataTrace(f.name, f.air.traces["time"], {k: v for k, v in f.air.traces.items() if k != "time"})
-            for f in flights.values()
-            if f.air is not None and "time" in f.air.traces
-        ),
         command=command,
-        body=_body(vehicle, parameters),
+        files=files,
     )
 
 
@@ -142,17 +137,6 @@ def _refused_by_file(vehicle: Vehicle, estimates: dict[str, float]) -> list[Noti
     except VehicleError as error:
         return [notice("estimates-refused", text=str(error))]
     return []
-
-
-def _body(vehicle: Vehicle, parameters: Mapping[str, ParameterEstimate]) -> dict[str, Quantity]:
-    """Return mass, inertia and reference values: the estimates of those that were free, the file's of the others."""
-    own = [p for p in vehicle.parameters if p.name.startswith(("mass.", "reference."))]
-    return {
-        p.name: Quantity(parameters[p.name].estimate, parameters[p.name].std_error, p.unit)
-        if p.name in parameters
-        else Quantity(p.value, np.nan, p.unit)
-        for p in own
-    }
 
 
 def _parameters(fit: Estimate, bars: ErrorBars) -> dict[str, ParameterEstimate]:

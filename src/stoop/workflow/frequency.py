@@ -22,13 +22,16 @@ from stoop.flight import Flight
 from stoop.flight.airborne import flying
 from stoop.flight.frequency import CYCLES, FrequencyResponse, Stretch, estimate_responses, window_lengths
 from stoop.flight.maneuvers import CONTROLS, MOTION, commands, moves
-from stoop.problem.windows import Window, parse_window, within
+from stoop.problem.windows import Window, Windows, as_windows, within
 from stoop.results.result import Result
 from stoop.simulation import Trim, trim
 from stoop.simulation.initial import commanded, parameter_rows
 from stoop.simulation.rotors import EXCITATIONS, AxisCommands, axis_commands, channel_range
 from stoop.vehicle import Vehicle
-from stoop.workflow.outputs import RESULT, by_name, read_identified
+from stoop.workflow.fitted_model import FittedModel
+from stoop.workflow.flights import Flights, as_flights
+from stoop.workflow.load import model_or_vehicle, takes_model_or_vehicle
+from stoop.workflow.outputs import by_name
 from stoop.workflow.summary import refusal
 
 OUTPUTS: Final = ("p", "q", "r", "ax", "ay", "az")
@@ -42,23 +45,64 @@ FIT_BAND: Final = (
 )  #: rad/s, of a model's equivalent system if no flight is known; bandwidths lie above its low end
 
 
-def analyze_frequency(
-    flights: Sequence[Flight],
-    maneuvers: Sequence[str] = (),
-    model: str | Path | Vehicle | None = None,
+@takes_model_or_vehicle
+def frequency(
+    model: FittedModel | Vehicle,
+    flights: Flights,
+    maneuvers: Windows = (),
     inputs: Sequence[str] = (),
     outputs: Sequence[str] = (),
     band: tuple[float, float] | None = None,
 ) -> FrequencyAnalysis:
-    """Estimate frequency responses, and compute those of a model at the flown speed, altitude and density.
+    """Estimate frequency responses of flights, beside those of a model; see :func:`stoop.frequency_responses`."""
+    return frequency_responses(flights, maneuvers, model, inputs, outputs, band)
 
-    See :func:`stoop.frequency_responses`; `maneuvers` are windows as the command line takes them. Without a model the inputs are
-    the commands of the axes.
+
+def frequency_responses(
+    flights: Flights,
+    maneuvers: Windows = (),
+    model: FittedModel | Vehicle | str | Path | None = None,
+    inputs: Sequence[str] = (),
+    outputs: Sequence[str] = (),
+    band: tuple[float, float] | None = None,
+) -> FrequencyAnalysis:
+    """Estimate frequency responses of outputs to inputs that may move together, beside those of a model.
+
+    Those of a model are at the flown speed, altitude and density.
+
+    Parameters
+    ----------
+    flights : Flight, path of a log, table or dataset, or a sequence of them
+    maneuvers : windows, optional
+        Those that the model was fitted to when absent, else the airborne part; nothing is estimated across their ends.
+    model : FittedModel, the folder of one, Vehicle, built-in vehicle or vehicle file, optional
+        Of a fitted model the responses have a 95 % band.
+    inputs : sequence of str, optional
+        Controls of the model (deflections, rad), axes that its rotors command (rad/s2, m/s2), or channels; those that move when
+        absent. Without a model the inputs are the commands of the axes.
+    outputs : sequence of str, optional
+        Channels; rates and specific forces when absent.
+    band : (low, high), rad/s, optional
+
+    Returns
+    -------
+    FrequencyAnalysis
+        ``responses`` (with ``frequency``, ``response``, ``coherence``, ``bound``), ``model``, ``figures`` (bandwidth, phase
+        delay, low-order equivalent systems), ``notices``; ``to_xarray()`` gives labeled arrays.
+
+    Raises
+    ------
+    FlightError
+        An input is unknown or does not move, an output is unknown, or the windows are too short.
     """
+    flights = as_flights(flights)
     named = by_name(flights, "frequency")
-    vehicle, result, fitted = _subject(model)
-    texts = list(maneuvers) or [w for w in fitted if w.partition("@")[0] in named]
-    windows = tuple(parse_window(text, named) for text in texts)
+    found_model = None if model is None else model_or_vehicle(model)
+    fitted = found_model if isinstance(found_model, FittedModel) else None
+    vehicle = fitted.vehicle if fitted else found_model if isinstance(found_model, Vehicle) else None
+    result = fitted.result if fitted else None
+    own = [w for w in fitted.windows() if w.flight in named] if fitted else []
+    windows = as_windows(maneuvers, named) or tuple(own)
     masks = {f.name: within(f, [w for w in windows if w.flight == f.name]) & True for f in flights}
     for window in windows:
         time = named[window.flight].time
@@ -85,27 +129,13 @@ def analyze_frequency(
     notices += [notice("frequency-output-missing", outputs=tuple(missing))] if missing else []
     notices += _unknown_axes(responses)
     modeled, found = ({}, []) if steady is None else _modeled(steady, result, names, wanted)
-    notices += [*found, *(refusal(result, str(model)) if result is not None else [])]
+    notices += [*found, *(refusal(fitted.result, fitted.source) if fitted else [])]
     condition = {} if steady is None else steady.condition
     figures = _figures(responses, modeled)
     return FrequencyAnalysis(
         tuple(named), windows, tuple(names), tuple(wanted), tuple(responses), modeled, tuple(figures), condition,
         tuple(notices),
     )  # fmt: skip
-
-
-def _subject(model: str | Path | Vehicle | None) -> tuple[Vehicle | None, Result | None, list[str]]:
-    """Return the vehicle, the identification if it is one, and the windows that were fitted."""
-    from stoop.vehicle.builtin import resolve_vehicle
-
-    if model is None or isinstance(model, Vehicle):
-        return model, None, []
-    path = Path(model)
-    if not (path.is_dir() or path.name == RESULT):
-        return resolve_vehicle(str(model)), None, []
-    found = read_identified(path)
-    fitted = [f"{m.flight}@{m.start!r}:{m.stop!r}" for m in found.result.maneuvers if m.role == "fit"]
-    return found.vehicle, found.result, fitted
 
 
 def _spans(flight: Flight, mask: BoolArray) -> list[Window]:

@@ -1,26 +1,24 @@
-"""Propagation of a result's uncertainty in one call: read the folder, find where it was flown, draw, and carry."""
+"""Propagation of the uncertainty of a fitted model in one call: find where it was flown, draw, and propagate."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import fields
-from pathlib import Path
 from typing import Final
 
 import numpy as np
 
-from stoop.assessment.draws import Source, draws_of
+from stoop.assessment.draws import POSTERIOR_FILE, Source, draws_of
 from stoop.base.arrays import FloatArray
 from stoop.base.atmosphere import standard_density
 from stoop.errors import StoopError
 from stoop.problem import Piece
-from stoop.problem.prepare import decoupled, prepare
-from stoop.problem.windows import Window
 from stoop.propagation.propagation import Propagation, propagate_draws
 from stoop.propagation.wing_figures import Domain
 from stoop.report.propagation import propagation_page
 from stoop.report.sheet import Page
-from stoop.workflow.outputs import Identified, read_identified
+from stoop.workflow.fitted_model import FittedModel
+from stoop.workflow.load import takes_model
 from stoop.workflow.summary import refusal
 
 DRAWS: Final = 2000
@@ -38,8 +36,9 @@ class Propagated(Propagation):
         return propagation_page(self, command)
 
 
+@takes_model
 def propagate(
-    folder: Path,
+    model: FittedModel,
     expressions: Mapping[str, str] | None = None,
     airspeed: tuple[float, float] | None = None,
     altitude: float | None = None,
@@ -47,27 +46,52 @@ def propagate(
     seed: int = 0,
     source: Source | None = None,
 ) -> Propagated:
-    """Return what follows from the identification in a folder, with its uncertainty; see :func:`stoop.propagate`."""
-    found = read_identified(folder)
-    drawn = draws_of(found.result, found.folder, draws, seed, source)
-    domain = flown_domain(found, airspeed, altitude)
-    made = propagate_draws(found.vehicle, drawn, domain, expressions, folder, seed)
-    notices = (*refusal(found.result, str(folder)), *made.notices)
+    """Carry the uncertainty of a fit into trims over the airspeed, limits, stability, modes, control, glide and expressions.
+
+    Parameters
+    ----------
+    model : FittedModel, or the folder of one
+    expressions : mapping, optional
+        Expressions of the vehicle's numbers, such as ``"CLalpha / CD0"``, by the names that they get.
+    airspeed : (low, high), m/s, optional
+        Of the curves; what was flown in the fitted maneuvers when absent.
+    altitude : float, m, optional
+        The flight's when absent.
+    draws : int
+    seed : int
+    source : {"posterior", "covariance"}, optional
+        The posterior where it was sampled when absent.
+
+    Returns
+    -------
+    Propagated
+        Figures by name, ``to_dataframe()``, ``to_xarray()`` and ``page()``; SI and rad.
+
+    Raises
+    ------
+    StoopError
+        The posterior did not converge, there is no covariance, an expression has an unknown name, or nothing trims.
+    """
+    posterior = model.attachments.get(POSTERIOR_FILE)
+    drawn = draws_of(model.result, posterior, draws, seed, source, model.source)
+    domain = flown_domain(model, airspeed, altitude)
+    made = propagate_draws(model.vehicle, drawn, domain, expressions, model.source, seed)
+    notices = (*refusal(model.result, model.source), *made.notices)
     return Propagated(**{item.name: getattr(made, item.name) for item in fields(made)} | {"notices": notices})
 
 
 def flown_domain(
-    found: Identified, airspeed: tuple[float, float] | None = None, altitude: float | None = None
+    model: FittedModel, airspeed: tuple[float, float] | None = None, altitude: float | None = None
 ) -> Domain:
     """Return the airspeeds, angles of attack and altitude of the fitted maneuvers, or those asked for in their place."""
-    vehicle = found.vehicle
+    vehicle = model.vehicle
     try:
-        pieces = _pieces(found)
+        pieces = [piece for maneuver in model.pieces() for piece in maneuver]
     except StoopError:  # the copy of the flight has gone: modes and vehicle remain
-        pieces = ()
-    speed, alpha = (_samples(found, pieces, channel) for channel in ("V", "alpha"))
+        pieces = []
+    speed, alpha = (_samples(model, pieces, channel) for channel in ("V", "alpha"))
     if vehicle.rotors:
-        over_ground = [_samples(found, pieces, channel) for channel in ("vn", "ve", "vd")]
+        over_ground = [_samples(model, pieces, channel) for channel in ("vn", "ve", "vd")]
         speed = np.sqrt(sum((v**2 for v in over_ground if v.size == over_ground[0].size), np.zeros(1)))
     height = [piece.start["h"] for piece in pieces if "h" in piece.start]
     at = altitude if altitude is not None else float(np.mean(height)) if height else ALTITUDE
@@ -80,7 +104,7 @@ def flown_domain(
         high = max(HOVER_SPEEDS, flown[1] if flown else 0.0)
         return Domain(airspeed or (0.0, round(high, 1)), 0.0, at, density, speeds=flown)
     if flown is None:
-        known = [m.airspeed for m in found.result.modes if np.isfinite(m.airspeed)]
+        known = [m.airspeed for m in model.result.modes if np.isfinite(m.airspeed)]
         middle = known[0] if known else vehicle.value("reference.airspeed")
     else:
         middle = float(np.mean(speed))
@@ -91,16 +115,9 @@ def flown_domain(
     return Domain(span, round(reference, 2), at, density, _range(alpha), flown)
 
 
-def _pieces(found: Identified) -> tuple[Piece, ...]:
-    fitted = [m for m in found.result.maneuvers if m.role == "fit"]
-    windows = [Window(m.flight, m.start, m.stop, m.loading or None) for m in fitted]
-    flights = found.flights()
-    return prepare(decoupled(found.vehicle, flights, windows), flights, windows).pieces
-
-
-def _samples(found: Identified, pieces: tuple[Piece, ...], channel: str) -> FloatArray:
+def _samples(model: FittedModel, pieces: Sequence[Piece], channel: str) -> FloatArray:
     """Return the finite samples of a channel that was fitted."""
-    outputs = found.vehicle.outputs
+    outputs = model.vehicle.outputs
     if channel not in outputs or not pieces:
         return np.empty(0)
     values = np.concatenate([piece.measured[:, outputs.index(channel)] for piece in pieces])

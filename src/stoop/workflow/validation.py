@@ -2,28 +2,38 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 from pathlib import Path
+
+import numpy as np
 
 from stoop.assessment.verdict import diverged
 from stoop.base.files import make_folder, write_files
 from stoop.base.notices import Notice, as_notice, notice, of_severity
+from stoop.base.numbers import count
+from stoop.base.text import printable
+from stoop.base.variables import RATES, SPECIFIC_FORCE
 from stoop.checks.vehicle import require_channels
 from stoop.errors import FlightError, StoopError
 from stoop.estimate.fitted_filter import FittedFilter
-from stoop.estimate.initial_state import FittedModel
+from stoop.estimate.initial_state import Predictor
 from stoop.estimate.predict import predict
 from stoop.flight import Flight, without, without_faults
+from stoop.flight.flight import flight_name
 from stoop.flight.maneuvers import find_maneuvers
 from stoop.problem.prepare import decoupled, prepare
-from stoop.problem.windows import Window, parse_window
-from stoop.results.result import Identification, ManeuverResult, ManeuverTrace, plain
-from stoop.vehicle.notation import symbols
+from stoop.problem.windows import Window, Windows, as_windows
+from stoop.results.result import ManeuverResult, ManeuverTrace, plain, to_json
 from stoop.workflow import outputs
-from stoop.workflow.curves import Simulated, channel_units, maneuver_curves
-from stoop.workflow.outputs import RESULT, Identified, file_hashes
+from stoop.workflow.curves import Simulated, baseline_maneuver, maneuver_curves
+from stoop.workflow.fitted_model import FittedModel
+from stoop.workflow.flights import Flights, as_flights
+from stoop.workflow.load import takes_model
+from stoop.workflow.outputs import RESULT, file_hashes
 from stoop.workflow.summary import basis_notices, data_notices, lag_notices, refusal, search_notices
 
 NAMES = ("validation.html", "validation.json")
@@ -51,88 +61,105 @@ class Validation:
         return json.dumps(document, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Validated:
-    """A finished validation: its record, and what the page draws."""
+    """A finished validation: its record, and the model with the predicted maneuvers in place of the fitted ones."""
 
     record: Validation
-    identification: Identification
+    model: FittedModel
 
-    def save(self, folder: Path) -> None:
+    def __repr__(self) -> str:
+        """Return vehicle, and in how many channels the model is better than a lag, on one line."""
+        r = self.record
+        text = (
+            f"{count(len(r.maneuvers), 'maneuver')}, better than a lag in {r.better} of {r.compared} channels"
+        )
+        return printable(f"<Validated {r.vehicle}: {text}>")
+
+    def save(self, folder: str | Path) -> None:
         """Write ``validation.html`` and ``validation.json`` into a folder, both or none.
 
         Raises `OutputError`: they cannot be written.
         """
         from stoop.report.identification import render_validation
 
-        make_folder(folder)
-        texts = render_validation(self.identification), self.record.to_json()
-        write_files(folder, dict(zip(NAMES, texts, strict=True)))
+        make_folder(Path(folder))
+        texts = render_validation(self.model), self.record.to_json()
+        write_files(Path(folder), dict(zip(NAMES, texts, strict=True)))
 
 
-def validate(
-    source: Path, flights: Sequence[Flight], maneuvers: Sequence[str] = (), command: str = ""
-) -> Validated:
-    """Predict windows of flights with a fitted model.
+@takes_model
+def validate(model: FittedModel, flights: Flights, windows: Windows = (), command: str = "") -> Validated:
+    """Predict windows that were not fitted.
 
-    `source` is the folder of stoop identify, or the ``result.json`` in it; `maneuvers` are
-    ``[FLIGHT@]START:STOP[#LOADING]``, or the candidate maneuvers of each flight when empty.
+    Parameters
+    ----------
+    model : FittedModel, or the folder of one
+    flights : Flight, path of a log, table or dataset, or a sequence of them
+    windows : windows, optional
+        The maneuvers found in the flights when absent.
+    command : str, optional
+        For the page.
+
+    Returns
+    -------
+    Validated
+        ``record`` (figures of each maneuver), ``model.traces`` (curves), ``save(folder)``.
 
     Raises
     ------
     StoopError
-        One line that says what is wrong and what to do.
+        A window was fitted, or cannot be flown.
     """
-    known = outputs.by_name(flights, "validate")
-    identified = outputs.read_identified(source)
-    vehicle = identified.vehicle
-    of = identified.result
+    known = outputs.by_name(as_flights(flights), "validate")
+    vehicle = model.vehicle
+    of = model.result
     floors = {c: one.noise for m in of.maneuvers if m.role == "fit" for c, one in m.channels.items()}
     found_by = FittedFilter.of_result(vehicle, of.noise_covariance, of.process_noise)
-    model = FittedModel(vehicle, of.covariance, of.noise_covariance, found_by)
-    for flight in flights:
-        require_channels(vehicle, flight, f"which result {source} is")
-    fitted_as = {name: identified.name_of(one) for name, one in known.items()}
+    predictor = Predictor(vehicle, of.covariance, of.noise_covariance, found_by)
+    for flight in known.values():
+        require_channels(vehicle, flight, f"which result {model.source} is")
+    fitted_as = {name: _fitted_as(model, one) for name, one in known.items()}
     of_data: list[Notice | str] = []
     try:
-        fitted = identified.fitted_maneuvers()
+        fitted = [baseline_maneuver(vehicle, "fit", pieces) for pieces in model.pieces()]
     except StoopError as error:
         fitted = []
         of_data.append(notice("no-lag-baseline", reason=str(error)))
 
-    windows, skipped = _windows(identified, known, fitted_as, maneuvers)
+    chosen, skipped = _windows(model, known, fitted_as, as_windows(windows, known))
     of_data += skipped
     results: list[ManeuverResult] = []
     traces: list[ManeuverTrace] = []
     doubts: list[Notice | str] = []
     used = []
     for name, flight in known.items():
-        own = [w for w in windows if w.flight == name]
+        own = [w for w in chosen if w.flight == name]
         if not own:
             continue
         flight = without_faults(without(flight, [(w.start, w.stop) for w in own]))
-        biases = identified.biases(fitted_as[name])
-        ahead = predict(model, {name: flight}, own, [biases] * len(own))
+        biases = model.biases(fitted_as[name])
+        ahead = predict(predictor, {name: flight}, own, [biases] * len(own))
         group = Simulated(
             "validation", ahead.prepared, ahead.readings, None, ahead.deviations, ahead.innovations
         )
-        found, drawn = maneuver_curves(vehicle, [group], fitted, noise=model.noise, floors=floors)
+        found, drawn = maneuver_curves(vehicle, [group], fitted, noise=predictor.noise, floors=floors)
         used.append(flight)
         results += found
         traces += drawn
         of_data += [*flight.notices, *of_severity(ahead.prepared.notices, "info")]
         doubts += of_severity(ahead.prepared.notices, "warning")
 
-    lost = [(m, diverged(m, model.noise)) for m in results]
+    lost = [(m, diverged(m, predictor.noise)) for m in results]
     warnings = [
-        *search_notices(identified.result.status, identified.result.advice),
-        *refusal(identified.result, str(identified.folder)),
+        *search_notices(of.status, of.advice),
+        *refusal(of, model.source),
         *(notice("simulation-diverges", m.window, channels=names) for m, names in lost if names),
         *map(as_notice, doubts),
     ]
     notes = data_notices(of_data)
     better = [one.better for m in results for one in m.channels.values() if one.compared]
-    (digest,) = file_hashes([identified.folder / RESULT]).values()
+    digest = _digest(model)
     record = Validation(
         vehicle=vehicle.name,
         result=digest,
@@ -146,35 +173,52 @@ def validate(
         command=command,
     )
     result = replace(
-        identified.result,
+        of,
         maneuvers=record.maneuvers,
         notices=(*warnings, *basis_notices(vehicle, {}, 0.0), *notes),
         versions=record.versions,
         inputs={RESULT: digest, **record.inputs},
     )
-    page = Identification(
-        result=result,
-        traces=tuple(traces),
-        vehicle=vehicle.name,
-        equations=vehicle.kernel().latex,
-        units=channel_units(vehicle),
-        symbols=symbols(vehicle),
-        command=command,
-    )
-    return Validated(record, page)
+    return Validated(record, replace(model, result=result, traces=tuple(traces), command=command))
+
+
+def _digest(model: FittedModel) -> str:
+    """Return the SHA-256 of the ``result.json`` of a model."""
+    if model.folder is not None and (file := model.folder / RESULT).exists():
+        return next(iter(file_hashes([file]).values()))
+    return hashlib.sha256(to_json(model.result).encode()).hexdigest()
+
+
+def _fitted_as(model: FittedModel, flight: Flight) -> str | None:
+    """Return the name under which a flight was fitted: of the same file, or of the same record; None of another."""
+    digests = file_hashes(outputs.flight_files([flight])).values()
+    read = {digest: flight_name(Path(file)) for file, digest in model.result.inputs.items()}
+    fitted = {m.flight for m in model.result.maneuvers}
+    by_file = (read[d] for d in digests if read.get(d) in fitted)
+    by_record = (one.name for one in model.flights if _same_record(one, flight))
+    return next(chain(by_file, by_record), None)
+
+
+def _same_record(one: Flight, other: Flight) -> bool:
+    """Tell whether two flights have the same rates and specific forces at the same times, where both have some."""
+    shared = [c for c in (*RATES, *SPECIFIC_FORCE) if c in one.names and c in other.names]
+    if not shared or not np.array_equal(one.time, other.time):
+        return False
+    differences = np.abs([one.column(c) - other.column(c) for c in shared])
+    return bool(np.isfinite(differences).any() and not np.nanmax(differences) > 0.0)
 
 
 def _windows(
-    identified: Identified,
+    model: FittedModel,
     known: Mapping[str, Flight],
     fitted_as: Mapping[str, str | None],
-    maneuvers: Sequence[str],
+    given: Sequence[Window],
 ) -> tuple[list[Window], list[Notice]]:
     """Return the windows to predict, refused where they were fitted; or all candidates, and why others cannot be."""
 
     def overlapping(window: Window) -> ManeuverResult | None:
         """Return a fitted maneuver with which a window shares samples."""
-        for m in identified.result.maneuvers:
+        for m in model.result.maneuvers:
             of_flight = m.role == "fit" and m.flight == fitted_as[window.flight]
             if of_flight and window.start < m.stop and m.start < window.stop:
                 return m
@@ -185,12 +229,12 @@ def _windows(
         if overlapping(window) is not None:
             return "the model was fitted there"
         try:
-            prepare(decoupled(identified.vehicle, known, [window]), known, [window])
+            prepare(decoupled(model.vehicle, known, [window]), known, [window])
         except FlightError as error:
             return str(error).removeprefix(f"{window}: ")
         return ""
 
-    windows = [parse_window(text, known) for text in maneuvers]
+    windows = list(given)
     for window in windows:
         other = overlapping(window)
         if other is not None:

@@ -26,16 +26,18 @@ from stoop.estimate.noise import read_covariance
 from stoop.flight.mapping import read_flight_mapping
 from stoop.problem.windows import Entry, expanded, read_windows, written
 from stoop.report.identification import render_validation
-from stoop.results.result import Identification, from_json, read_result
+from stoop.results.result import from_json, read_result
 from stoop.simulation.maneuver import check_maneuver, load_maneuver
 from stoop.vehicle import Vehicle, load_vehicle, parse_vehicle
-from stoop.vehicle.builtin import BUILT_IN, builtin_text
+from stoop.vehicle.builtin import BUILT_IN, builtin_text, builtin_vehicle
 from stoop.vehicle.symbolic import build_model
 from stoop.vehicle_draft.draft import draft
 from stoop.vehicle_draft.geometry import Geometry
 from stoop.vehicle_draft.request import Request
-from stoop.workflow.export import read_model
-from stoop.workflow.outputs import RESULT, read_identified, with_values
+from stoop.workflow.export import model_data
+from stoop.workflow.fitted_model import FittedModel
+from stoop.workflow.load import load
+from stoop.workflow.outputs import RESULT, with_values
 from stoop.workflow.summary import (
     advice_by_doubt,
     estimates_table,
@@ -203,7 +205,7 @@ def ask_result(folder: Path, content: bytes, rng: Random) -> str:
     _ = result._repr_html_(), result.verdict.headline, result.extensions.standing
     if rng.random() < PAGE_SHARE:
         bare = replace(result, maneuvers=())  # whose curves no file keeps
-        render_validation(Identification(bare, (), "a"))
+        render_validation(FittedModel(builtin_vehicle("twin-boom"), bare))
     return READ
 
 
@@ -211,9 +213,9 @@ def ask_identification(folder: Path, content: bytes, rng: Random) -> str:
     """Read the folder of an identification, whose result is damaged, as it is exported."""
     _written(folder, RESULT, content)
     _written(folder, "vehicle.toml", inputs()["model/vehicle.toml"])
-    model = read_model(str(folder))
-    promise(bool(np.isfinite(model.vehicle.values).all()), "a number is not finite")
-    result = read_identified(folder).result
+    model = load(folder)
+    promise(bool(np.isfinite(model_data(model).vehicle.values).all()), "a number is not finite")
+    result = model.result
     with suppress(StoopError):  # of the same windows
         agreement({"a": result, "b": result})
     return READ

@@ -22,7 +22,8 @@ from stoop.input_design.windows import find_windows
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle_draft.draft import draft
 from stoop.vehicle_draft.request import Request
-from stoop.workflow.identification import Job, identify
+from stoop.workflow.fitted_model import FittedModel
+from stoop.workflow.identification import identify
 from stoop_studies.findings import Claim, Findings, Setting, counted, holds
 from stoop_studies.verify import instruments, pilots, study, truths
 from stoop_studies.verify.defects import edited
@@ -207,7 +208,7 @@ FILES: Final[Mapping[str, Callable[[Flown], Vehicle]]] = {"new": drafted_file, "
 # ---------------------------------------------------------------- the chain
 
 
-def identified(path: Path, vehicle: Vehicle, folder: Path | None = None) -> Job:
+def identified(path: Path, vehicle: Vehicle, folder: Path | None = None) -> FittedModel:
     """Do what the printed commands do: windows by `stoop maneuvers`, then `stoop identify` and its report."""
     flight = without_faults(load(path))
     found = find_windows({flight.name: flight}, vehicle)
@@ -256,9 +257,9 @@ def moving(flown: Flown, flight: Flight, channel: str, span: tuple[float, float]
     return bool(slow.size and np.std(true) > LIMITS.moved * np.std(slow))
 
 
-def _compared(flown: Flown, job: Job) -> dict[str, Any]:
+def _compared(flown: Flown, job: FittedModel) -> dict[str, Any]:
     """Return estimates beside the truth, predictions beside the lag, and the verdict beside both."""
-    truth, result, file = flown.vehicle.vehicle, job.result, job.fit.problem.layout.vehicle
+    truth, result, file = flown.vehicle.vehicle, job.result, job.vehicle
     span = (flown.time[0] + instruments.GROUND + 2.0, float(flown.time[-1]))
     moved = truths.deflections(file, job.flights[0], flown.time, flown.commands, span)
     scale = flown.vehicle.tape["chord"] if flown.vehicle.winged else 0.5 * flown.vehicle.tape["span"]

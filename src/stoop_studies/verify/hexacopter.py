@@ -11,6 +11,7 @@ import csv
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from importlib.resources import as_file, files
 from pathlib import Path
 from typing import Any, Final
@@ -173,7 +174,9 @@ def identified(flight: Flight, span: Span, file: Vehicle, predicted: Sequence[Sp
 
 def forces(done: Search) -> tuple[predict.ForceFigures, ...]:
     """Return the residuals of the fitted window, and of the predicted one."""
-    return predict.force_figures(done.fit, done.flights, done.predicted)
+    vehicle, windows = predict.identified_vehicle(done.fit), done.fit.prepared.windows
+    biases = partial(predict.expected_biases, done.fit)
+    return predict.force_figures(vehicle, done.flights, windows, done.predicted, biases)
 
 
 def curves(done: Search, window: Window) -> predict.ForceCurves:

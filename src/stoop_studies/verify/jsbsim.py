@@ -202,7 +202,7 @@ class Case:
     def estimates(self, flight: Flight) -> dict[str, dict[str, float]]:
         """Identify as a user would; return truth, estimate and standard error of every parameter."""
         window = f"0:{self.flown.time[-1]:g}"
-        found = identify(self.vehicle, flight, [window]).identification.result.parameters
+        found = identify(self.vehicle, flight, [window]).result.parameters
         return {
             "truth": dict(self.truth),
             "estimate": {name: found[name].estimate for name in self.truth},

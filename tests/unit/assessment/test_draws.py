@@ -87,7 +87,7 @@ def test_what_the_data_do_not_determine_is_drawn_from_prior_or_box_or_held() -> 
     assert [one.code for one in found.notices] == ["parameters-held"]
 
 
-def test_a_posterior_that_did_not_converge_is_refused_with_the_way_out(tmp_path: Path) -> None:
+def test_a_posterior_that_did_not_converge_is_refused_with_the_way_out() -> None:
     figures = {"rhat": 1.3, "sample_size": 20.0, "std_error": 0.2}
     failed = notice("posterior-not-converged", **figures, max_rhat=1.01, needed=400.0, max_std_error=0.03)
     intervals = MethodIntervals({}, {"rhat": 1.3}, (failed,))
@@ -95,14 +95,14 @@ def test_a_posterior_that_did_not_converge_is_refused_with_the_way_out(tmp_path:
         result({"a": ParameterEstimate(1.0, 0.1)}, np.array([[0.01]])), uncertainty={"posterior": intervals}
     )
     with pytest.raises(StoopError, match=r"not converged \(R-hat 1.300\); take --source covariance"):
-        draws_of(fit, tmp_path, 100)
-    assert draws_of(fit, tmp_path, 100, source="covariance").source == "covariance"
+        draws_of(fit, None, 100)
+    assert draws_of(fit, None, 100, source="covariance").source == "covariance"
 
 
-def test_a_posterior_that_was_not_sampled_is_said(tmp_path: Path) -> None:
+def test_a_posterior_that_was_not_sampled_is_said() -> None:
     fit = result({"a": ParameterEstimate(1.0, 0.1)}, np.array([[0.01]]))
     with pytest.raises(StoopError, match="was not sampled; run stoop identify with --posterior"):
-        draws_of(fit, tmp_path, 100, source="posterior")
+        draws_of(fit, None, 100, source="posterior")
 
 
 def test_a_result_without_covariance_is_refused() -> None:
@@ -122,7 +122,7 @@ def test_draws_of_a_posterior_file(tmp_path: Path) -> None:
         result({"a": ParameterEstimate(1.0, 0.1)}, np.array([[0.01]])),
         uncertainty={"posterior": MethodIntervals({}, {})},
     )
-    found = draws_of(fit, tmp_path, 1000)
+    found = draws_of(fit, (tmp_path / "posterior.nc").read_bytes(), 1000)
     assert found.source == "posterior"
     assert found.values.shape == (1000, 1)
     assert found.values[:, 0].std() == pytest.approx(values.std(), rel=0.05)

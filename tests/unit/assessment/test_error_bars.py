@@ -21,7 +21,7 @@ def test_same_bits_whatever_the_threads(
     def run(threads: int) -> str:
         monkeypatch.setenv("STOOP_THREADS", str(threads))
         with threadpool_limits(limits=threads, user_api="blas"):
-            result = identify(wrong, flight, ["0:20"]).identification.result
+            result = identify(wrong, flight, ["0:20"]).result
         return repr([(p.estimate, p.std_error) for p in result.parameters.values()])
 
     assert run(1) == run(2)
@@ -37,7 +37,7 @@ def test_a_parameter_at_its_bound_makes_others_lean(
     names = [p.name for p in found.problem.layout.parameters]
     assert bars.at_bound[names.index("CL0")]
     assert "CLalpha" in bars.conditional
-    result = identify(boxed, flight, ["0:30"]).identification.result
+    result = identify(boxed, flight, ["0:30"]).result
     assert result.parameters["CL0"].at_bound
     assert np.isnan(result.parameters["CL0"].std_error)
     assert any("CLalpha" in w and "Known only if CL0" in w for w in result.warnings)

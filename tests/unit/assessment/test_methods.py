@@ -18,7 +18,7 @@ from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle import parse_vehicle
 from stoop.vehicle.builtin import resolve_vehicle
-from stoop.workflow import Bootstrap, Job, Posterior, Profile, identify
+from stoop.workflow import Bootstrap, FittedModel, Posterior, Profile, identify
 
 DELAY = "sensors.alpha.delay"
 FREE = ("CLalpha", "Cmalpha", "Cmq", "Cmelevator")
@@ -43,7 +43,7 @@ amplitude = 0.04
 METHODS = ("filter-error", "multiple-shooting")
 
 
-def fitted(method: str, window: str, free: Sequence[str] = FREE) -> Job:
+def fitted(method: str, window: str, free: Sequence[str] = FREE) -> FittedModel:
     text = resolve_vehicle("twin-boom").text + "[sensors.alpha]\ndelay = 0.033\n"
     vehicle = parse_vehicle(text, "late").reduced("longitudinal")
     held = {p.name: {"free": False} for p in vehicle.parameters if p.free and p.name not in free}
@@ -54,7 +54,7 @@ def fitted(method: str, window: str, free: Sequence[str] = FREE) -> Job:
 
 
 @pytest.fixture(scope="module", params=METHODS)
-def job(request: pytest.FixtureRequest) -> Job:
+def job(request: pytest.FixtureRequest) -> FittedModel:
     return fitted(request.param, "0:10")
 
 
@@ -62,32 +62,32 @@ def here() -> Given:
     return Given(ThreadPoolExecutor(1))
 
 
-def test_a_problem_comes_back_from_text_with_the_same_residuals(job: Job) -> None:
-    fit = AssessedFit(job.fit, 0)
+def test_a_problem_comes_back_from_text_with_the_same_residuals(job: FittedModel) -> None:
+    fit = AssessedFit(job.estimate, 0)
     again, arrays = unpack(fit.packed({}))
-    Z = job.fit.z + 1e-3 * np.random.default_rng(0).standard_normal((3, len(job.fit.z)))
+    Z = job.estimate.z + 1e-3 * np.random.default_rng(0).standard_normal((3, len(job.estimate.z)))
     assert np.array_equal(again.residuals(Z, 0), fit.problem.residuals(Z, 0))
-    assert pack(again, {"z": arrays["z"]}) == pack(fit.problem, {"z": job.fit.z})
+    assert pack(again, {"z": arrays["z"]}) == pack(fit.problem, {"z": job.estimate.z})
 
 
-def test_residuals_and_derivatives_are_those_of_the_evidence(job: Job) -> None:
-    problem, evidence = AssessedFit(job.fit, 0).problem, job.fit.evidence
-    r = problem.residuals(job.fit.z[None], 0)[0]
+def test_residuals_and_derivatives_are_those_of_the_evidence(job: FittedModel) -> None:
+    problem, evidence = AssessedFit(job.estimate, 0).problem, job.estimate.evidence
+    r = problem.residuals(job.estimate.z[None], 0)[0]
     (piece,) = evidence.pieces
     assert -r[: piece.residual.size] == pytest.approx(piece.filled()[0].ravel(), abs=1e-6)
-    J, _ = problem.jacobian(job.fit.z, 0, r)
-    expected = piece.filled()[1].reshape(piece.residual.size, -1)[:, : len(job.fit.z)]
-    found = J[: piece.residual.size] / job.fit.problem.layout.scales
+    J, _ = problem.jacobian(job.estimate.z, 0, r)
+    expected = piece.filled()[1].reshape(piece.residual.size, -1)[:, : len(job.estimate.z)]
+    found = J[: piece.residual.size] / job.estimate.problem.layout.scales
     size = np.linalg.norm(expected, axis=0)
     assert np.linalg.norm(found - expected, axis=0)[size > 0.0] == pytest.approx(0.0, abs=0.05 * size.max())
     own = size[: len(FREE)]
     assert np.linalg.norm((found - expected)[:, : len(FREE)], axis=0) / own == pytest.approx(0.0, abs=0.05)
 
 
-def test_bootstrap_and_profile_agree_with_the_corrected_errors(job: Job) -> None:
-    free = [p.name for p in job.fit.problem.layout.parameters]
+def test_bootstrap_and_profile_agree_with_the_corrected_errors(job: FittedModel) -> None:
+    free = [p.name for p in job.estimate.problem.layout.parameters]
     own = ("Cmq", DELAY) if DELAY in free else ("Cmq",)
-    result = job.assess(Bootstrap(100, pool=here()), Profile(own, here())).identification.result
+    result = job.assess(Bootstrap(100, pool=here()), Profile(own, here())).result
     corrected, found = (result.uncertainty[m].parameters for m in ("corrected", "bootstrap"))
     ratios = [found[n].std_error / corrected[n].std_error for n in FREE]
     assert float(np.median(ratios)) == pytest.approx(1.0, abs=0.25)
@@ -105,24 +105,24 @@ def test_the_posterior_agrees_with_the_corrected_errors(monkeypatch: pytest.Monk
     few = dataclasses.replace(sampling.SAMPLER, tuning=100, draws=200)
     monkeypatch.setattr(sampling, "SAMPLER", few)
     free = ("Cmalpha", "Cmq")
-    uncertainty = fitted("filter-error", "0:5", free).assess(Posterior()).identification.result.uncertainty
+    uncertainty = fitted("filter-error", "0:5", free).assess(Posterior()).result.uncertainty
     corrected, found = (uncertainty[m].parameters for m in ("corrected", "posterior"))
     assert uncertainty["posterior"].figures["rhat"] <= 1.01
     for name in free:
         assert found[name].std_error == pytest.approx(corrected[name].std_error, rel=0.2)
 
 
-def test_press_is_near_the_residuals_of_the_method(job: Job) -> None:
-    channels = job.identification.result.maneuvers[0].channels
-    sigma = job.fit.problem.layout.vehicle.file.sensors
+def test_press_is_near_the_residuals_of_the_method(job: FittedModel) -> None:
+    channels = job.result.maneuvers[0].channels
+    sigma = job.estimate.problem.layout.vehicle.file.sensors
     for name in ("q", "alpha"):
         assert channels[name].press == pytest.approx(getattr(sigma, name).sigma, rel=0.5)
 
 
-def test_what_the_data_determine_is_analyzed(job: Job) -> None:
-    found = job.identification.result.identifiability
+def test_what_the_data_determine_is_analyzed(job: FittedModel) -> None:
+    found = job.result.identifiability
     assert len(found.singular_values) >= len(FREE)
-    assert set(found.parameters) == {p.name for p in job.fit.problem.layout.parameters}
+    assert set(found.parameters) == {p.name for p in job.estimate.problem.layout.parameters}
 
 
 @pytest.mark.parametrize("method", ["equation-error", "frequency-domain"])

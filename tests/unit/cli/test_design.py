@@ -11,7 +11,8 @@ import pytest
 from stoop.cli.main import main
 from stoop.cli.planning import design_arguments
 from stoop.simulation.maneuver import load_maneuver, parse_maneuver
-from stoop.workflow.design import DESIGN_FILES, TARGETS, maneuver_toml, prior_model
+from stoop.vehicle import load_vehicle
+from stoop.workflow.design import DESIGN_FILES, TARGETS, known_before, maneuver_toml
 
 QUICK = (
     "--duration",
@@ -125,9 +126,9 @@ def test_does_not_write_over_a_design_unasked(folder: Path, capsys: pytest.Captu
 
 
 def test_priors_are_what_a_vehicle_file_knows(examples: Path) -> None:
-    model = prior_model(examples / "vtail.toml")
-    stds = np.sqrt(np.diag(np.linalg.inv(model.knowledge.information)))
-    known = dict(zip(model.knowledge.names, stds, strict=True))
+    _, knowledge, *_ = known_before(load_vehicle(examples / "vtail.toml"))
+    stds = np.sqrt(np.diag(np.linalg.inv(knowledge.information)))
+    known = dict(zip(knowledge.names, stds, strict=True))
     assert known["CLalpha"] == pytest.approx(1.0)
     assert known["mass.inertia.xx"] == pytest.approx(0.2)
     assert "Cm0" not in known

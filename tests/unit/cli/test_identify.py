@@ -23,11 +23,12 @@ from stoop.cli.progress import Watch
 from stoop.errors import IdentificationError, StoopError
 from stoop.flight import Flight, save
 from stoop.optimize import State
-from stoop.results.result import Identification, read_result
+from stoop.results.result import read_result
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.workflow.checkpoint import Checkpoint
-from stoop.workflow.fit_result import identification
+from stoop.workflow.fit_result import fitted_model
+from stoop.workflow.fitted_model import FittedModel
 
 VEHICLE = Path(__file__).parents[3] / "src" / "stoop" / "data" / "twin_boom.toml"
 
@@ -295,19 +296,19 @@ def test_a_folder_that_goes_away_ends_no_search(
     assert (place / "gone" / "search.npz").exists()
 
 
-def pressing(times: int) -> Callable[..., Identification]:
+def pressing(times: int) -> Callable[..., FittedModel]:
     """Return a step after the search during which Ctrl-C is pressed so many times."""
 
-    def assembled(*arguments: Any) -> Identification:
+    def assembled(*arguments: Any) -> FittedModel:
         for _ in range(times):
             signal.raise_signal(signal.SIGINT)
-        return identification(*arguments)
+        return fitted_model(*arguments)
 
     return assembled
 
 
 def test_ctrl_c_after_the_search_waits_for_the_result(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("stoop.workflow.identification.identification", pressing(1))
+    monkeypatch.setattr("stoop.workflow.identification.fitted_model", pressing(1))
     assert main(identify(place, "--maneuver", "0:20", out="late")) == 130
     assert json.loads((place / "late" / "result.json").read_text())["status"] == "converged"
     assert not (place / "late" / "search.npz").exists()
@@ -317,7 +318,7 @@ def test_ctrl_c_twice_stops_and_the_search_is_still_there(
     place: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with monkeypatch.context() as patched:
-        patched.setattr("stoop.workflow.identification.identification", pressing(2))
+        patched.setattr("stoop.workflow.identification.fitted_model", pressing(2))
         assert main(identify(place, "--maneuver", "0:20", out="twice")) == 130
     assert [p.name for p in (place / "twice").iterdir()] == ["search.npz"]
     assert main(identify(place, "--maneuver", "0:20", "--resume", out="twice")) == 0

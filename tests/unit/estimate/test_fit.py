@@ -11,7 +11,7 @@ from stoop import optimize
 from stoop.errors import FlightError, IdentificationError, VehicleError
 from stoop.estimate.estimate import Estimate
 from stoop.estimate.fit import Options, estimation_problem, fit, refine, settle, starts
-from stoop.estimate.initial_state import FittedModel
+from stoop.estimate.initial_state import Predictor
 from stoop.estimate.noise import channel_residuals, noise_variance
 from stoop.estimate.predict import expected_biases, identified_vehicle, mean_biases, predict
 from stoop.estimate.regression import start_value
@@ -203,11 +203,11 @@ def test_a_piece_whose_state_comes_too_late_is_refused(wrong: Vehicle, flight: F
         fit(wrong, {"sim": replace(flight, data=data)}, WINDOW, Options())
 
 
-def model_of(found: Estimate) -> FittedModel:
+def model_of(found: Estimate) -> Predictor:
     """Return the fitted model, its parameters taken as known."""
     layout = found.problem.layout
     noise = NoiseCovariance(layout.vehicle.outputs, found.problem.weights.covariance)
-    return FittedModel(identified_vehicle(found), Covariance((), np.empty((0, 0))), noise)
+    return Predictor(identified_vehicle(found), Covariance((), np.empty((0, 0))), noise)
 
 
 def test_biases_for_a_prediction_come_from_the_same_flight(aircraft: Vehicle, wrong: Vehicle) -> None:
@@ -283,7 +283,7 @@ def test_an_optimizer_of_ones_own_in_a_fit(wrong: Vehicle, flight: Flight) -> No
         for one in ("ps-gde", ps_gde())
     )
     assert given.result.optimizer == "ps-gde"
-    assert np.array_equal(named.fit.z, given.fit.z)
+    assert np.array_equal(named.estimate.z, given.estimate.z)
     best = fit(wrong, {"sim": flight}, WINDOW, Options()).estimates
     own = ps_gde(mutation=current_to_elite)
     found = fit(wrong, {"sim": flight}, WINDOW, Options(optimizer=own, budget=3000.0)).estimates

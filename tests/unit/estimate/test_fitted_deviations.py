@@ -26,7 +26,7 @@ def test_the_band_of_a_right_model_holds_the_readings(method: str) -> None:
     vehicle = stoop.load_vehicle("twin-boom").reduced("longitudinal")
     flight = simulate_flight(vehicle, parse_maneuver(MANEUVER, "m"), 3, name="f")
     fit = stoop.fit(vehicle, flight, ["0:12"], options=stoop.Options(method=method))
-    (trace,) = fit.plot.identification.traces
+    (trace,) = fit.plot.traces
     if method == "equation-error":
         assert all(one.deviation is not None for one in trace.channels.values()), (
             "its parameters are simulated"

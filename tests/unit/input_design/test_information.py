@@ -19,7 +19,6 @@ from stoop.input_design.information import (
 )
 from stoop.input_design.optimization import (
     Plan,
-    PriorModel,
     design,
     mean_ratio,
     propose,
@@ -189,23 +188,24 @@ def test_servos_of_the_vehicle_file_bound_slew_and_amplitude() -> None:
 def test_what_is_too_small_to_be_flown_is_not_proposed() -> None:
     vehicle = builtin_vehicle("twin-boom")
     limits = Limits.about(vehicle, trim(vehicle), slew=0.002)
-    model = PriorModel(vehicle, Knowledge.none(), sensor_noise(vehicle), "the file")
+    setup = Setup(vehicle, trim(vehicle), limits, Knowledge.none(), sensor_noise(vehicle))
     with pytest.raises(
         SimulationError,
         match=r"the doublet cannot be flown: .* reaches only 0.2 deg at 0.115 deg/s, .* raise --slew",
     ):
-        propose(model, trim(vehicle), limits, replace(PLAN, evaluations=4), ["doublet"])
+        propose(setup, replace(PLAN, evaluations=4), ["doublet"])
     with pytest.raises(SimulationError, match="a pilot cannot fly a square by a beat"):
-        propose(model, trim(vehicle), limits, replace(PLAN, beat=0.5), ["square"])
+        propose(setup, replace(PLAN, beat=0.5), ["square"])
 
 
 def test_a_family_that_cannot_be_flown_is_left_out() -> None:
     """Seventeen seconds hold a 2-1-1 on each of three controls by a beat of 0.5 s, and no 3-2-1-1."""
     vehicle = builtin_vehicle("twin-boom")
     point = trim(vehicle)
-    model = PriorModel(vehicle, Knowledge.none(), sensor_noise(vehicle), "the file")
+    limits = Limits.about(vehicle, point)
+    setup = Setup(vehicle, point, limits, Knowledge.none(), sensor_noise(vehicle))
     plan = Plan(duration=17.0, rate=50.0, evaluations=4, beat=0.5)
-    found = propose(model, point, Limits.about(vehicle, point), plan)
+    found = propose(setup, plan)
     assert {one.shape for one in found.designs} == {"doublet", "2-1-1"}
     assert [name for name, _ in found.refused] == ["3-2-1-1"]
     assert "takes 20.5 s at least" in found.refused[0][1]

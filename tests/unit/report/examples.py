@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import SimpleNamespace
+
 import numpy as np
 
 from stoop.assessment.covariance import NORMAL_95
@@ -12,7 +16,6 @@ from stoop.results.result import (
     AirDataTrace,
     ChannelTrace,
     Covariance,
-    Identification,
     InitialState,
     ManeuverResult,
     ManeuverTrace,
@@ -139,7 +142,23 @@ def methods(parameters: dict[str, ParameterEstimate], hostile: str) -> dict[str,
     }
 
 
-def example(names: tuple[str, ...] = NAMES, hostile: str = "") -> Identification:
+@dataclass(frozen=True, eq=False)
+class Shown:
+    """What a report reads of a fitted model: `stoop.report.model.Model`, of no vehicle."""
+
+    result: Result
+    traces: tuple[ManeuverTrace, ...]
+    vehicle: SimpleNamespace
+    equations: tuple[str, ...] = ()
+    convergence: np.ndarray = field(default_factory=lambda: np.empty((0, 2)))
+    units: Mapping[str, str] = field(default_factory=dict)
+    symbols: Mapping[str, str] = field(default_factory=dict)
+    air_data: tuple[AirDataTrace, ...] = ()
+    command: str = ""
+    body: Mapping[str, Quantity] = field(default_factory=dict)
+
+
+def example(names: tuple[str, ...] = NAMES, hostile: str = "") -> Shown:
     """Return an identification with three fitted maneuvers and one predicted."""
     shapes = [
         maneuver(140.0, 145.0, "fit", 1, 0.06, cut=True),
@@ -240,10 +259,10 @@ def example(names: tuple[str, ...] = NAMES, hostile: str = "") -> Identification
         inputs={"flight2/log_5_actuator_controls_0_0.csv.gz" + hostile: "9f" * 32, "vehicle.toml": "3b" * 32},
     )
     spent = np.array([1.0, 5, 9, 14, 22, 40, 60, 90, 130, 187])
-    return Identification(
+    return Shown(
         result=result,
         traces=tuple(shape[1] for shape in shapes),
-        vehicle="Altlnt V-tail, 8.5 kg" + hostile,
+        vehicle=SimpleNamespace(name="Altlnt V-tail, 8.5 kg" + hostile),
         equations=(*EQUATIONS, *((hostile, r"\text{" + hostile + "}") if hostile else ())),
         convergence=np.column_stack([spent, 12345.6 + 4e6 * np.exp(-spent / 12)]),
         units=UNITS,

@@ -7,14 +7,15 @@ import dataclasses
 import hashlib
 import re
 from html.parser import HTMLParser
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from stoop.report.estimates import method_figures
 from stoop.report.identification import render
-from stoop.results.result import ChannelTrace, Identification, ManeuverTrace
+from stoop.results.result import ChannelTrace, ManeuverTrace
 from stoop.results.uncertainty import MethodIntervals
 
 VOID = {"meta", "line", "rect", "circle", "path", "br", "hr", "img", "link", "input", "mspace"}
@@ -159,7 +160,7 @@ def test_the_same_result_gives_the_same_bytes_and_not_too_many(examples: ModuleT
     assert len(html) < 4_000_000
 
 
-def bare(examples: ModuleType) -> Identification:
+def bare(examples: ModuleType) -> Any:
     whole = examples.example()
     empty = dataclasses.replace(
         whole.result,
@@ -174,7 +175,7 @@ def bare(examples: ModuleType) -> Identification:
         versions={},
         inputs={},
     )
-    return Identification(result=empty, traces=(), vehicle="nothing")
+    return examples.Shown(result=empty, traces=(), vehicle=SimpleNamespace(name="nothing"))
 
 
 def test_nothing_to_show(examples: ModuleType) -> None:

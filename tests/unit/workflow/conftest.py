@@ -6,10 +6,10 @@ import pytest
 
 from stoop.flight import Flight
 from stoop.vehicle import Vehicle
-from stoop.workflow import Job
+from stoop.workflow import FittedModel
 from stoop.workflow.identification import finish, search
 
 
 @pytest.fixture(scope="session")
-def job(wrong: Vehicle, flight: Flight) -> Job:
+def job(wrong: Vehicle, flight: Flight) -> FittedModel:
     return finish(search(wrong, flight, ["0:20"], ["20:28"], command="stoop identify <here>"))

@@ -15,42 +15,44 @@ from stoop.errors import IdentificationError, OutputError
 from stoop.parallel import Given, LocalProcesses, execute
 from stoop.results.result import from_json
 from stoop.results.uncertainty import MethodIntervals
-from stoop.workflow import Bootstrap, Job, Posterior, Profile
+from stoop.workflow import Bootstrap, FittedModel, Posterior, Profile
 
 
 @pytest.fixture(scope="module")
-def case(job: Job) -> AssessedFit:
-    return AssessedFit(job.fit, 0)
+def case(job: FittedModel) -> AssessedFit:
+    return AssessedFit(job.estimate, 0)
 
 
 def here() -> Given:
     return Given(ThreadPoolExecutor(1))
 
 
-def test_a_problem_comes_back_from_text_to_the_last_bit(job: Job) -> None:
-    problem = job.fit.problem
-    again, arrays = unpack(pack(problem, {"z": job.fit.z}))
+def test_a_problem_comes_back_from_text_to_the_last_bit(job: FittedModel) -> None:
+    problem = job.estimate.problem
+    again, arrays = unpack(pack(problem, {"z": job.estimate.z}))
     assert again.layout.vehicle.structure == problem.layout.vehicle.structure
     rung = len(problem.prices) - 1
-    assert np.array_equal(arrays["z"], job.fit.z)
-    assert np.array_equal(again.residuals(arrays["z"][None], rung), problem.residuals(job.fit.z[None], rung))
-    assert pack(problem, {"z": job.fit.z}) == pack(again, {"z": arrays["z"]})
+    assert np.array_equal(arrays["z"], job.estimate.z)
+    assert np.array_equal(
+        again.residuals(arrays["z"][None], rung), problem.residuals(job.estimate.z[None], rung)
+    )
+    assert pack(problem, {"z": job.estimate.z}) == pack(again, {"z": arrays["z"]})
 
 
 @pytest.fixture(scope="module")
-def bootstrapped(job: Job) -> Job:
+def bootstrapped(job: FittedModel) -> FittedModel:
     return job.assess(Bootstrap(100, pool=here()))
 
 
-def test_the_bootstrap_agrees_with_corrected_errors_on_white_noise(bootstrapped: Job) -> None:
-    methods = bootstrapped.identification.result.uncertainty
+def test_the_bootstrap_agrees_with_corrected_errors_on_white_noise(bootstrapped: FittedModel) -> None:
+    methods = bootstrapped.result.uncertainty
     ratios = [
         s.std_error / methods["corrected"].parameters[n].std_error
         for n, s in methods["bootstrap"].parameters.items()
     ]
     assert 0.85 < float(np.median(ratios)) < 1.15
     assert methods["bootstrap"].figures == {"replicates": 100.0, "refined": 0.0, "failed": 0.0}
-    assert any("Bootstrap" in str(s) for s in bootstrapped.identification.result.trust)
+    assert any("Bootstrap" in str(s) for s in bootstrapped.result.trust)
 
 
 @pytest.mark.slow
@@ -68,27 +70,27 @@ def test_more_replicates_keep_the_first(case: AssessedFit, tmp_path: Path) -> No
     assert len(more) == 2
 
 
-def test_a_profile_of_what_the_data_tell_is_the_corrected_interval(job: Job) -> None:
-    found = job.assess(Profile(("Cmq",), here())).identification.result
+def test_a_profile_of_what_the_data_tell_is_the_corrected_interval(job: FittedModel) -> None:
+    found = job.assess(Profile(("Cmq",), here())).result
     profile, corrected = (found.uncertainty[m].parameters["Cmq"] for m in ("profile", "corrected"))
     assert profile.std_error == pytest.approx(corrected.std_error, rel=0.03)
     assert set(found.uncertainty["profile"].parameters) == {"Cmq"}
     assert found.uncertainty["profile"].notes[0].code == "profile-of-some-parameters"
 
 
-def test_a_name_that_is_not_free_is_refused(job: Job) -> None:
+def test_a_name_that_is_not_free_is_refused(job: FittedModel) -> None:
     with pytest.raises(IdentificationError, match="did you mean Cmq"):
         job.assess(Profile(("Cmqq",), here()))
 
 
-def test_a_fit_of_another_method_is_refused(job: Job) -> None:
-    told = replace(job.identification, result=replace(job.identification.result, method="equation-error"))
+def test_a_fit_of_another_method_is_refused(job: FittedModel) -> None:
+    told = replace(job, result=replace(job.result, method="equation-error"))
     with pytest.raises(IdentificationError, match="output-error"):
-        replace(job, identification=told).assess(Bootstrap(40, pool=here()), Profile(("Cmq",), here()))
+        told.assess(Bootstrap(40, pool=here()), Profile(("Cmq",), here()))
 
 
-def test_the_result_says_all_of_it_in_json(bootstrapped: Job) -> None:
-    result = bootstrapped.identification.result
+def test_the_result_says_all_of_it_in_json(bootstrapped: FittedModel) -> None:
+    result = bootstrapped.result
     again = from_json(result.to_json())
     assert again.uncertainty.keys() == {"corrected", "cramer_rao", "bootstrap"}
     assert [*map(str, again.trust)] == [*map(str, result.trust)]
@@ -106,7 +108,7 @@ class Told:
         return Finding(MethodIntervals({}), {"posterior.nc": b"abc"})
 
 
-def test_attachments_lie_beside_the_result_and_go_with_it(job: Job, tmp_path: Path) -> None:
+def test_attachments_lie_beside_the_result_and_go_with_it(job: FittedModel, tmp_path: Path) -> None:
     heard: list[str] = []
     told = job.assess(Told(), watch=heard.append)
     folder = told.save(tmp_path / "out")
@@ -119,14 +121,14 @@ def test_attachments_lie_beside_the_result_and_go_with_it(job: Job, tmp_path: Pa
 
 
 @pytest.mark.slow
-def test_the_posterior_is_read_back_by_arviz(job: Job, tmp_path: Path) -> None:
+def test_the_posterior_is_read_back_by_arviz(job: FittedModel, tmp_path: Path) -> None:
     import arviz
 
     assessed = job.assess(Posterior())
     folder = assessed.save(tmp_path / "out")
     data = arviz.from_netcdf(str(folder / "posterior.nc"), engine="h5netcdf")
     assert assessed.to_arviz().posterior.equals(data.posterior)
-    result = assessed.identification.result
+    result = assessed.result
     for name, spread in result.uncertainty["posterior"].parameters.items():
         assert float(data.posterior[name].std()) == pytest.approx(spread.std_error, rel=0.1)
         assert data.posterior[name].attrs["units"] == result.parameters[name].unit

@@ -25,7 +25,7 @@ State = optimize.State
 def outcome(wrong: Vehicle, flight: Flight) -> optimize.Outcome:
     """Return how a search ended that ran out of generations."""
     found = identify(wrong, flight, ["0:20"], options=Options("de-rand-1-bin", generations=2))
-    return found.fit.outcome
+    return found.estimate.outcome
 
 
 @pytest.fixture

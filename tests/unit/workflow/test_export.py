@@ -18,42 +18,43 @@ from stoop.exporters.targets import export
 from stoop.flight import Flight
 from stoop.vehicle import parse_vehicle
 from stoop.vehicle.builtin import resolve_vehicle
-from stoop.workflow import Job, identify
-from stoop.workflow.export import read_model, write
+from stoop.workflow import FittedModel, identify
+from stoop.workflow.export import model_data, write
+from stoop.workflow.load import load, model_or_vehicle
 
 
 @pytest.fixture(scope="module")
-def folder(job: Job, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def folder(job: FittedModel, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return job.save(tmp_path_factory.mktemp("export") / "result")
 
 
 @pytest.fixture(scope="module")
 def model(folder: Path) -> ModelData:
-    return read_model(str(folder))
+    return model_data(model_or_vehicle(folder))
 
 
-def test_estimates_are_those_of_the_fit_to_the_last_digit(job: Job, model: ModelData) -> None:
-    assert {n: model.vehicle.value(n) for n in job.fit.estimates} == job.fit.estimates
+def test_estimates_are_those_of_the_fit_to_the_last_digit(job: FittedModel, model: ModelData) -> None:
+    assert {n: model.vehicle.value(n) for n in job.estimate.estimates} == job.estimate.estimates
     assert model.covariance is not None
-    assert np.array_equal(model.covariance.covariance, job.identification.result.covariance.matrix)
+    assert np.array_equal(model.covariance.covariance, job.result.covariance.matrix)
 
 
-def test_maneuvers_start_where_the_fit_found_them(job: Job, model: ModelData) -> None:
+def test_maneuvers_start_where_the_fit_found_them(job: FittedModel, model: ModelData) -> None:
     assert [m.title.partition(" (")[2] for m in model.maneuvers] == ["fitted)", "predicted)"]
-    found = job.identification.result.initial_states[0].values
+    found = job.result.initial_states[0].values
     assert {n: model.maneuvers[0].start[n] for n in found} == {n: q.estimate for n, q in found.items()}
-    bias = job.identification.result.biases[0].values["q"].estimate
+    bias = job.result.biases[0].values["q"].estimate
     assert model.maneuvers[0].vehicle.value("sensors.q.bias") == bias
 
 
-def test_our_simulation_of_a_maneuver_is_the_one_of_the_report(job: Job, model: ModelData) -> None:
+def test_our_simulation_of_a_maneuver_is_the_one_of_the_report(job: FittedModel, model: ModelData) -> None:
     """Its root mean square error is the figure in result.json."""
     from stoop.exporters.jsbsim_flight import differences, own_readings
 
     fitted = model.maneuvers[0]
     vehicle = fitted.vehicle
     apart = differences(vehicle, own_readings(fitted), fitted.measured)
-    figures = job.identification.result.maneuvers[0].channels
+    figures = job.result.maneuvers[0].channels
     rms = dict(zip(vehicle.outputs, np.sqrt(np.nanmean(apart**2, axis=0)), strict=True))
     assert rms == pytest.approx({c: f.rmse for c, f in figures.items()}, rel=1e-9)
 
@@ -74,7 +75,7 @@ def test_jsbsim_flies_the_maneuvers(model: ModelData, tmp_path: Path) -> None:
 def test_without_its_flight_it_says_so(folder: Path, tmp_path: Path) -> None:
     shutil.copytree(folder, tmp_path / "r")
     (tmp_path / "r" / "flight.nc").unlink()
-    alone = read_model(str(tmp_path / "r" / "result.json"))
+    alone = model_data(load(tmp_path / "r" / "result.json"))
     assert alone.maneuvers == ()
     assert alone.notes[0].startswith("No comparison with the flight: ")
 
@@ -94,7 +95,7 @@ def test_a_folder_that_lacks_a_file(folder: Path, tmp_path: Path, missing: str, 
     shutil.copytree(folder, tmp_path / "r")
     (tmp_path / "r" / missing).unlink()
     with pytest.raises(StoopError, match=complaint) as caught:
-        read_model(str(tmp_path / "r"))
+        load(tmp_path / "r")
     assert "\n" not in str(caught.value)
 
 
@@ -103,7 +104,7 @@ def test_an_estimate_of_something_else(folder: Path, tmp_path: Path) -> None:
     path = tmp_path / "r" / "result.json"
     path.write_text(path.read_text().replace('"CLalpha"', '"CLnonsense"'))
     with pytest.raises(StoopError, match="no number is called 'CLnonsense'"):
-        read_model(str(tmp_path / "r"))
+        load(tmp_path / "r")
 
 
 def test_a_maneuver_flies_with_its_own_loading(model: ModelData) -> None:
@@ -138,7 +139,7 @@ def gusty(flight: Flight, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.parametrize("target", ["state-space", "simulink", "jsbsim"])
 def test_gusts_that_were_estimated_stay_behind_with_what_is_known_of_them(gusty: Path, target: str) -> None:
-    model = read_model(str(gusty))
+    model = model_data(model_or_vehicle(gusty))
     assert model.covariance is not None
     assert model.covariance.names == ("Cmq",)
     assert model.covariance.covariance.shape == (1, 1)
@@ -151,7 +152,7 @@ def test_gusts_that_were_estimated_stay_behind_with_what_is_known_of_them(gusty:
 def test_what_is_to_be_set_is_there_to_be_set() -> None:
     """Every property that the note names is declared in the aircraft, whatever drives it."""
     example = Path(__file__).parents[3] / "examples" / "vtail.toml"
-    made = export(read_model(str(example)), "jsbsim")
+    made = export(model_data(model_or_vehicle(example)), "jsbsim")
     (note,) = [note for note in made.notes if note.startswith("To be set in flight: ")]
     named = [one.split()[0].rstrip(".") for one in note.partition(": ")[2].split(", ")]
     channels = ("control_roll", "control_pitch", "control_yaw", "control_throttle", "density")

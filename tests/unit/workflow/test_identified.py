@@ -11,13 +11,13 @@ from typing import Any
 import pytest
 
 from stoop.errors import StoopError
-from stoop.workflow import Job
-from stoop.workflow.design import prior_model
-from stoop.workflow.outputs import read_identified
+from stoop.workflow import FittedModel
+from stoop.workflow.design import known_before
+from stoop.workflow.load import load, model_or_vehicle
 
 
 @pytest.fixture(scope="module")
-def folder(job: Job, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def folder(job: FittedModel, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return job.save(tmp_path_factory.mktemp("identified") / "result")
 
 
@@ -84,15 +84,15 @@ def test_an_edited_result_is_one_line(
     result = json.loads(path.read_text())
     edit(result)
     path.write_text(json.dumps(result))
-    for read in (read_identified, prior_model):
+    for read in (load, model_or_vehicle):
         with pytest.raises(StoopError, match=says) as caught:
             read(tmp_path / "r")
         assert "\n" not in str(caught.value)
 
 
-def test_a_design_asks_for_what_was_estimated(job: Job, folder: Path) -> None:
+def test_a_design_asks_for_what_was_estimated(job: FittedModel, folder: Path) -> None:
     """The file leaves free what --fix held: the design would chase it, and not what was asked for."""
-    free = {p.name: p for p in prior_model(folder).vehicle.parameters if p.free}
-    estimated = job.identification.result.parameters
+    free = {p.name: p for p in known_before(load(folder))[0].parameters if p.free}
+    estimated = job.result.parameters
     assert set(free) == set(estimated)
     assert all((free[n].lower, free[n].upper) == (p.bound_lower, p.bound_upper) for n, p in estimated.items())

@@ -15,7 +15,7 @@ from stoop.estimate.fit import Options
 from stoop.flight import Flight
 from stoop.results.result import read_result
 from stoop.vehicle import Vehicle, load_vehicle, parse_vehicle
-from stoop.workflow import Job, identify
+from stoop.workflow import FittedModel, identify
 from stoop.workflow.curves import unwrapped
 from stoop.workflow.identification import search
 from stoop.workflow.outputs import with_values
@@ -24,7 +24,7 @@ from stoop.workflow.summary import estimates_table, figures_table
 ONE = Options(generations=1)
 
 
-def test_writes_everything_and_reads_it_back(job: Job, tmp_path: Path) -> None:
+def test_writes_everything_and_reads_it_back(job: FittedModel, tmp_path: Path) -> None:
     folder = job.save(tmp_path / "out")
     assert sorted(p.name for p in folder.iterdir()) == [
         "flight.nc",
@@ -33,15 +33,15 @@ def test_writes_everything_and_reads_it_back(job: Job, tmp_path: Path) -> None:
         "vehicle.toml",
     ]
     result = read_result(folder / "result.json")
-    assert result.parameters.keys() == job.identification.result.parameters.keys()
+    assert result.parameters.keys() == job.result.parameters.keys()
     again = load_vehicle(folder / "vehicle.toml")
-    for name, value in job.fit.estimates.items():
+    for name, value in job.estimate.estimates.items():
         assert again.value(name) == pytest.approx(value, rel=1e-9)
     assert stoop.load_flight(folder / "flight.nc").time.size == job.flights[0].time.size
 
 
-def test_result_has_the_documented_keys(job: Job) -> None:
-    document = json.loads(job.identification.result.to_json())
+def test_result_has_the_documented_keys(job: FittedModel) -> None:
+    document = json.loads(job.result.to_json())
     parameter = document["parameters"]["CLalpha"]
     wanted = {
         "estimate",
@@ -78,8 +78,8 @@ def test_result_has_the_documented_keys(job: Job) -> None:
     assert {"rmse", "theil", "r2", "baseline_theil"} <= document["maneuvers"][1]["channels"]["q"].keys()
 
 
-def test_covariance_agrees_with_the_standard_errors(job: Job) -> None:
-    result = job.identification.result
+def test_covariance_agrees_with_the_standard_errors(job: FittedModel) -> None:
+    result = job.result
     sigma = np.sqrt(np.diag(result.covariance.matrix))
     assert sigma == pytest.approx([p.std_error for p in result.parameters.values()])
 
@@ -91,13 +91,13 @@ def test_no_maneuver_and_twice_the_same_flight_are_errors(wrong: Vehicle, flight
         identify(wrong, [flight, flight], ["0:20"])
 
 
-def test_tables_say_estimate_and_truth(job: Job) -> None:
-    table = estimates_table(job.identification.result.parameters, {"CLalpha": 4.78})
+def test_tables_say_estimate_and_truth(job: FittedModel) -> None:
+    table = estimates_table(job.result.parameters, {"CLalpha": 4.78})
     assert "CLalpha" in table
     assert "4.78" in table
-    fitted, predicted = figures_table(job.identification.result.maneuvers).split("20:28 (validation)")
+    fitted, predicted = figures_table(job.result.maneuvers).split("20:28 (validation)")
     assert "0:20 (fit)" in fitted
-    channel = job.identification.result.maneuvers[1].channels["V"]
+    channel = job.result.maneuvers[1].channels["V"]
     (band,) = (line.split() for line in predicted.splitlines() if line.endswith("band %"))
     assert band[0] == f"{100.0 * channel.within:.0f}"
     assert not any(line.endswith("band %") for line in fitted.splitlines())
@@ -148,14 +148,16 @@ def test_identified_file_keeps_priors_about_their_own_means(wrong: Vehicle, flig
     prior = 0.05
     tight = wrong.with_numbers({"CLalpha": {"value": 4.6, "prior": prior}})
     first = identify(tight, flight, ["0:15"])
-    again = parse_vehicle(with_values(first.fit.problem.layout.vehicle, first.fit.estimates), "again.toml")
+    again = parse_vehicle(with_values(first.vehicle, first.estimate.estimates), "again.toml")
     p = again.parameters[again.rows["CLalpha"]]
     assert (p.prior, p.prior_mean) == (prior, 4.6)
-    assert p.value == pytest.approx(first.fit.estimates["CLalpha"], rel=1e-9)
+    assert p.value == pytest.approx(first.estimate.estimates["CLalpha"], rel=1e-9)
     assert abs(p.value - 4.6) > prior, "the data move it"
     second = identify(again, flight, ["0:15"])
     sigma = first.parameters["CLalpha"].std_error
-    assert second.fit.estimates["CLalpha"] == pytest.approx(first.fit.estimates["CLalpha"], abs=0.1 * sigma)
+    assert second.estimate.estimates["CLalpha"] == pytest.approx(
+        first.estimate.estimates["CLalpha"], abs=0.1 * sigma
+    )
     assert second.result.parameters["CLalpha"].prior_mean == 4.6
 
 

@@ -11,7 +11,7 @@ import pytest
 from stoop.errors import FlightError, StoopError
 from stoop.flight import Flight
 from stoop.problem.windows import Window, as_windows
-from stoop.workflow import Job
+from stoop.workflow import FittedModel
 
 
 @pytest.mark.parametrize(
@@ -40,7 +40,7 @@ def test_several_windows_and_none(flight: Flight) -> None:
         as_windows((1, "x"), flights)  # type: ignore[arg-type]
 
 
-def test_a_parameter_in_one_step(job: Job) -> None:
+def test_a_parameter_in_one_step(job: FittedModel) -> None:
     one = job.parameters["CLalpha"]
     table = job.to_dataframe()
     assert list(table.index) == list(job.parameters)
@@ -48,7 +48,7 @@ def test_a_parameter_in_one_step(job: Job) -> None:
     assert table.loc["CLalpha", "std_error"] == one.std_error
 
 
-def test_labelled_arrays(job: Job) -> None:
+def test_labelled_arrays(job: FittedModel) -> None:
     data = job.to_xarray()
     assert list(data["parameter"].to_numpy()) == list(job.parameters)
     np.testing.assert_allclose(
@@ -56,19 +56,19 @@ def test_labelled_arrays(job: Job) -> None:
     )
     fitted = data.where(data["role"] == "fit", drop=True)
     np.testing.assert_array_equal(fitted["measured"] - fitted["simulated"], fitted["residual"])
-    trace = job.identification.traces[0]
+    trace = job.traces[0]
     np.testing.assert_array_equal(
         data["measured"].sel(channel="q").to_numpy()[: trace.time.size], trace.channels["q"].measured
     )
     assert data.sel(parameter="CLalpha", parameter_2="CLalpha")["covariance"] > 0.0
 
 
-def test_no_draws_without_a_posterior(job: Job) -> None:
+def test_no_draws_without_a_posterior(job: FittedModel) -> None:
     with pytest.raises(StoopError, match="Posterior"):
         job.to_arviz()
 
 
-def test_draws_are_read_as_inference_data(job: Job, tmp_path: Path) -> None:
+def test_draws_are_read_as_inference_data(job: FittedModel, tmp_path: Path) -> None:
     arviz = pytest.importorskip("arviz")
     draws = np.random.default_rng(0).normal(4.8, 0.1, (4, 50))
     arviz.from_dict(posterior={"CLalpha": draws}, sample_stats={"lp": -(draws**2)}).to_netcdf(
@@ -82,8 +82,8 @@ def test_draws_are_read_as_inference_data(job: Job, tmp_path: Path) -> None:
     np.testing.assert_array_equal(data.sample_stats["lp"], -(draws**2))
 
 
-def test_short_texts_and_tables_for_notebooks(job: Job, tmp_path: Path) -> None:
-    assert repr(job).startswith("<Fit of ")
+def test_short_texts_and_tables_for_notebooks(job: FittedModel, tmp_path: Path) -> None:
+    assert repr(job).startswith("<FittedModel of ")
     assert "\n" not in repr(job)
     assert len(repr(job.result)) < 100
     assert job._repr_html_().count("<tr>") == len(job.parameters) + 1

@@ -18,7 +18,7 @@ from stoop.simulation import linearize, trim
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle import Vehicle
-from stoop.workflow import Job
+from stoop.workflow import FittedModel
 from stoop.workflow.demo import MANEUVER as DEMO
 
 FREE = ("CLalpha", "Cmalpha", "Cmq", "Cmelevator")
@@ -35,8 +35,8 @@ amplitude = 0.05
 """
 
 
-def test_the_result_has_the_modes_of_its_flight_condition(job: Job) -> None:
-    (condition,) = job.identification.result.modes
+def test_the_result_has_the_modes_of_its_flight_condition(job: FittedModel) -> None:
+    (condition,) = job.result.modes
     assert (condition.maneuvers, condition.about, condition.remark) == ((0,), "trim", None)
     flown = job.flights[0].column("V")[job.flights[0].time <= 20.0]
     assert condition.airspeed == pytest.approx(float(np.mean(flown)), rel=0.01)
@@ -52,20 +52,20 @@ def test_the_result_has_the_modes_of_its_flight_condition(job: Job) -> None:
         assert [seen.maneuver for seen in mode.measured] == [0]
 
 
-def test_without_a_trim_about_the_mean_state(job: Job, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_a_trim_about_the_mean_state(job: FittedModel, monkeypatch: pytest.MonkeyPatch) -> None:
     def fails(*_: object, **__: object) -> None:
         raise SimulationError(
             "x.toml: no steady flight found at 35 m/s (elevator would be 2 rad); try another"
         )
 
     monkeypatch.setattr("stoop.assessment.modes.trim", fails)
-    covariance = job.identification.result.covariance
-    (condition,) = modes(job.fit, covariance.names, covariance.matrix)
+    covariance = job.result.covariance
+    (condition,) = modes(job.estimate, covariance.names, covariance.matrix)
     assert condition.about == "mean state"
     assert condition.remark is not None
     assert condition.remark.code == "modes-about-mean-state"
     short = next(m for m in condition.modes if m.name == "short period")
-    about_trim = next(m for m in job.identification.result.modes[0].modes if m.name == "short period")
+    about_trim = next(m for m in job.result.modes[0].modes if m.name == "short period")
     assert short.frequency.estimate == pytest.approx(about_trim.frequency.estimate, rel=0.05)
     assert short.frequency.std_error > 0.0
 

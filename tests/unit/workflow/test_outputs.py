@@ -10,13 +10,13 @@ from pathlib import Path
 import pytest
 
 from stoop.errors import OutputError
-from stoop.workflow import Job
+from stoop.workflow import FittedModel
 from stoop.workflow.outputs import check_folder, output_names, place_outputs
 
 NAMES = ("vehicle.toml", "flight.nc", "report.html", "result.json")
 
 
-def test_an_existing_result_is_not_overwritten(job: Job, tmp_path: Path) -> None:
+def test_an_existing_result_is_not_overwritten(job: FittedModel, tmp_path: Path) -> None:
     job.save(tmp_path)
     before = (tmp_path / "result.json").read_bytes()
     with pytest.raises(OutputError, match="--overwrite"):
@@ -26,7 +26,7 @@ def test_an_existing_result_is_not_overwritten(job: Job, tmp_path: Path) -> None
 
 
 def test_a_disk_that_is_full_at_the_last_file_leaves_nothing_behind(
-    job: Job, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    job: FittedModel, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def full(path: Path, content: bytes) -> None:
         path.write_bytes(content[:100])
@@ -86,7 +86,7 @@ def test_an_input_is_never_replaced(name: str, tmp_path: Path) -> None:
         check_folder(elsewhere, ["sim"], overwrite=True, inputs=[mine])
 
 
-def test_a_job_knows_what_it_has_read(job: Job, tmp_path: Path) -> None:
+def test_a_job_knows_what_it_has_read(job: FittedModel, tmp_path: Path) -> None:
     mine = tmp_path / "vehicle.toml"
     mine.write_text("mine")
     with pytest.raises(OutputError, match="is read by this run"):
@@ -94,7 +94,7 @@ def test_a_job_knows_what_it_has_read(job: Job, tmp_path: Path) -> None:
     assert mine.read_text() == "mine"
 
 
-def test_a_result_that_came_meanwhile_stays_and_ours_lies_beside_it(job: Job, tmp_path: Path) -> None:
+def test_a_result_that_came_meanwhile_stays_and_ours_lies_beside_it(job: FittedModel, tmp_path: Path) -> None:
     """Two runs were started into one new folder; this is the later one."""
     check_folder(tmp_path, ["sim"])
     (tmp_path / "result.json").write_text("of the other run")
@@ -106,7 +106,7 @@ def test_a_result_that_came_meanwhile_stays_and_ours_lies_beside_it(job: Job, tm
     assert not aside.name.startswith(".")
 
 
-def test_a_folder_that_was_removed_meanwhile_is_made_again(job: Job, tmp_path: Path) -> None:
+def test_a_folder_that_was_removed_meanwhile_is_made_again(job: FittedModel, tmp_path: Path) -> None:
     folder = tmp_path / "out"
     check_folder(folder, ["sim"])
     shutil.rmtree(folder)
@@ -115,7 +115,7 @@ def test_a_folder_that_was_removed_meanwhile_is_made_again(job: Job, tmp_path: P
 
 
 def test_an_old_mark_does_not_stand_beside_new_files(
-    job: Job, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    job: FittedModel, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     job.save(tmp_path)
     move = Path.replace

@@ -16,7 +16,8 @@ from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
-from stoop.workflow.identification import Job, finish, search
+from stoop.workflow.fitted_model import FittedModel
+from stoop.workflow.identification import finish, search
 from stoop.workflow.summary import repeatability_lines
 
 FREE = ("CLalpha", "Cmalpha", "Cmq", "Cmelevator")
@@ -43,7 +44,7 @@ def flown(vehicle: Vehicle, seed: int) -> Flight:
     return simulate_flight(vehicle, parse_maneuver(MANEUVER, "3-2-1-1"), seed, name=f"flight{seed}")
 
 
-def repeated(flights: list[Flight]) -> Job:
+def repeated(flights: list[Flight]) -> FittedModel:
     windows = [f"{flight.name}@0:8" for flight in flights]
     done = search(aircraft(), flights, windows, options=Options())
     job = finish(done)
@@ -52,12 +53,12 @@ def repeated(flights: list[Flight]) -> Job:
 
 
 @pytest.fixture(scope="module")
-def alike() -> Job:
+def alike() -> FittedModel:
     return repeated([flown(aircraft(), seed) for seed in range(4, 8)])
 
 
-def test_maneuvers_of_one_aircraft_agree_with_each_other_and_the_joint_fit(alike: Job) -> None:
-    result = alike.identification.result
+def test_maneuvers_of_one_aircraft_agree_with_each_other_and_the_joint_fit(alike: FittedModel) -> None:
+    result = alike.result
     assert result.repeatability.maneuvers == (0, 1, 2, 3)
     for name in FREE:
         found = result.repeatability.parameters[name]
@@ -73,14 +74,14 @@ def test_maneuvers_of_one_aircraft_agree_with_each_other_and_the_joint_fit(alike
 def test_one_maneuver_of_another_aircraft_stands_out() -> None:
     other = aircraft().with_numbers({"Cmq": {"value": 1.6 * aircraft().value("Cmq")}})
     found = repeated([flown(aircraft(), 0), flown(aircraft(), 1), flown(other, 2)])
-    scattered = found.identification.result.repeatability
+    scattered = found.result.repeatability
     assert scattered.parameters["Cmq"].verdict == "scatter"
     scattering = next(line for line in repeatability_lines(scattered) if line.startswith("scatter: "))
     assert "Cmq (3 maneuvers, p = " in scattering
 
 
-def test_the_terminal_says_how_many_agree(alike: Job) -> None:
-    found = alike.identification.result.repeatability
+def test_the_terminal_says_how_many_agree(alike: FittedModel) -> None:
+    found = alike.result.repeatability
     first, *others = repeatability_lines(found)
     summary = found.summary()
     assert (summary.code, summary.values["compared"], first) == ("repeatability", 4, str(summary))
@@ -97,14 +98,12 @@ def test_what_only_one_maneuver_tells_is_not_compared() -> None:
     assert repeatability_lines(found) == [str(found.summary()), "f 1:2: left out, stopped by the user"]
 
 
-def test_the_report_draws_them(alike: Job) -> None:
-    page = render(alike.identification)
+def test_the_report_draws_them(alike: FittedModel) -> None:
+    page = render(alike)
     assert "each maneuver fitted alone" in page
     assert "Natural modes" in page
     without = replace(
-        alike.identification,
-        result=replace(
-            alike.identification.result, repeatability=type(alike.identification.result.repeatability)()
-        ),
+        alike,
+        result=replace(alike.result, repeatability=type(alike.result.repeatability)()),
     )
     assert "each maneuver fitted alone" not in render(without)

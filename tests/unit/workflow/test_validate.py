@@ -13,12 +13,12 @@ import pytest
 from stoop.cli.main import main
 from stoop.errors import FlightError, SimulationError, StoopError
 from stoop.flight import Flight, load, save
-from stoop.workflow import Job
+from stoop.workflow import FittedModel
 from stoop.workflow.validation import validate
 
 
 @pytest.fixture(scope="module")
-def folder(job: Job, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def folder(job: FittedModel, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return job.save(tmp_path_factory.mktemp("identified") / "result")
 
 
@@ -26,9 +26,14 @@ def renamed(flight: Flight, name: str) -> Flight:
     return replace(flight, name=name)
 
 
-def test_the_same_figures_as_identify_gives_for_a_window_set_aside(job: Job, folder: Path) -> None:
+def moved_on(flight: Flight) -> Flight:
+    """Return a flight 100 s later: another record."""
+    return replace(flight, data=flight.data.assign_coords(time=flight.data["time"] + 100.0))
+
+
+def test_the_same_figures_as_identify_gives_for_a_window_set_aside(job: FittedModel, folder: Path) -> None:
     found = validate(folder, job.flights, ["20:28"])
-    expected = job.identification.result.maneuvers[1]
+    expected = job.result.maneuvers[1]
     again = found.record.maneuvers[0]
     assert (again.role, again.segments, set(again.channels)) == (
         expected.role,
@@ -50,7 +55,7 @@ def test_a_flight_by_another_name_is_known_by_its_content(folder: Path, tmp_path
 
 
 def test_another_flight_of_the_same_name_is_not_taken_for_the_fitted_one(
-    job: Job, folder: Path, tmp_path: Path
+    job: FittedModel, folder: Path, tmp_path: Path
 ) -> None:
     flight = job.flights[0]
     moved = replace(flight, data=flight.data.assign(q=flight.data["q"] + 1e-3))
@@ -59,7 +64,9 @@ def test_another_flight_of_the_same_name_is_not_taken_for_the_fitted_one(
     assert found.record.maneuvers[0].role == "validation"
 
 
-def test_without_windows_the_candidates_that_were_not_fitted(job: Job, folder: Path, tmp_path: Path) -> None:
+def test_without_windows_the_candidates_that_were_not_fitted(
+    job: FittedModel, folder: Path, tmp_path: Path
+) -> None:
     save(job.flights[0], tmp_path / "again.nc")
     shifted = load(tmp_path / "again.nc")
     found = validate(
@@ -70,7 +77,9 @@ def test_without_windows_the_candidates_that_were_not_fitted(job: Job, folder: P
         validate(folder, [load(folder / "flight.nc")])
 
 
-def test_without_the_fitted_flight_there_is_no_lag_and_a_note(job: Job, folder: Path, tmp_path: Path) -> None:
+def test_without_the_fitted_flight_there_is_no_lag_and_a_note(
+    job: FittedModel, folder: Path, tmp_path: Path
+) -> None:
     for name in ("result.json", "vehicle.toml"):
         shutil.copy(folder / name, tmp_path / name)
     found = validate(tmp_path / "result.json", [renamed(job.flights[0], "elsewhere")], ["20:28"])
@@ -79,7 +88,7 @@ def test_without_the_fitted_flight_there_is_no_lag_and_a_note(job: Job, folder: 
     assert np.isnan(found.record.maneuvers[0].channels["q"].baseline_theil)
 
 
-def test_at_another_rate_the_lag_stands_beside_the_model_too(job: Job, folder: Path) -> None:
+def test_at_another_rate_the_lag_stands_beside_the_model_too(job: FittedModel, folder: Path) -> None:
     flight = job.flights[0]
     halved = flight.data.isel(time=slice(None, None, 2))
     every = replace(flight, name="slower", data=halved, rate=0.5 * flight.rate, path=None)
@@ -93,29 +102,29 @@ def test_at_another_rate_the_lag_stands_beside_the_model_too(job: Job, folder: P
 
 @pytest.mark.parametrize("steady", [True, False])
 def test_a_state_that_was_not_recorded_is_estimated_about_steady_flight_and_named(
-    job: Job, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, steady: bool
+    job: FittedModel, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, steady: bool
 ) -> None:
     def fails(*_: object, **__: object) -> None:
         raise SimulationError("none found")
 
     if not steady:
         monkeypatch.setattr("stoop.estimate.predict.trim", fails)
-    flight = job.flights[0]
+    flight = moved_on(job.flights[0])
     blind = replace(flight, name="blind", data=flight.data.assign(alpha=np.nan * flight.data["alpha"]))
-    found = validate(folder, [blind], ["0:8"])
+    found = validate(folder, [blind], ["100:108"])
     (said,) = [w for w in found.record.warnings if "alpha not recorded at the start" in w]
-    assert said.startswith("blind@0:8: ")
+    assert said.startswith("blind@100:108: ")
     assert ("about steady flight at that airspeed" if steady else "about a default") in said
     assert not any("a default is used" in note for note in found.record.notes)
     found.save(tmp_path)
     assert "alpha not recorded at the start" in (tmp_path / "validation.html").read_text(encoding="utf-8")
     assert "alpha not recorded at the start" in (tmp_path / "validation.json").read_text(encoding="utf-8")
-    whole = validate(folder, [renamed(flight, "whole")], ["0:8"]).record.maneuvers[0].channels
+    whole = validate(folder, [renamed(flight, "whole")], ["100:108"]).record.maneuvers[0].channels
     for name in ("V", "q", "theta"):  # the others tell the state, wherever the search for it begins
         assert found.record.maneuvers[0].channels[name].rmse < 1.3 * whole[name].rmse
 
 
-def test_what_is_missing_is_one_line(job: Job, folder: Path, tmp_path: Path) -> None:
+def test_what_is_missing_is_one_line(job: FittedModel, folder: Path, tmp_path: Path) -> None:
     flight = job.flights[0]
     with pytest.raises(StoopError, match=r"holds no result\.json"):
         validate(tmp_path, [flight])
@@ -137,7 +146,7 @@ def test_what_is_missing_is_one_line(job: Job, folder: Path, tmp_path: Path) -> 
 
 
 def test_the_verb_writes_page_and_figures(
-    job: Job, folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    job: FittedModel, folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     save(job.flights[0], tmp_path / "next.nc")
     words = [

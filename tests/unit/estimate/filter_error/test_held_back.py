@@ -11,7 +11,7 @@ from scipy.stats import norm
 
 from stoop.estimate.fit import Options
 from stoop.estimate.fitted_filter import FittedFilter
-from stoop.estimate.initial_state import FittedModel
+from stoop.estimate.initial_state import Predictor
 from stoop.estimate.predict import predict
 from stoop.flight import Flight
 from stoop.problem.prepare import prepare
@@ -20,7 +20,8 @@ from stoop.results.result import Covariance, NoiseCovariance, ProcessNoise, Resu
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle import Vehicle
-from stoop.workflow.identification import Job, identify
+from stoop.workflow.fitted_model import FittedModel
+from stoop.workflow.identification import identify
 from stoop.workflow.validation import validate
 
 from .conftest import MANEUVER
@@ -36,12 +37,12 @@ def flights(gusty: Vehicle) -> list[Flight]:
     ]
 
 
-def model(vehicle: Vehicle) -> FittedModel:
+def model(vehicle: Vehicle) -> Predictor:
     """Return the model with the noise of the vehicle file, as a fit that found the truth would."""
     noise = NoiseCovariance(
         vehicle.outputs, np.diag([getattr(vehicle.file.sensors, c).sigma ** 2 for c in vehicle.outputs])
     )
-    return FittedModel(
+    return Predictor(
         vehicle,
         Covariance((), np.empty((0, 0))),
         noise,
@@ -115,7 +116,7 @@ def test_the_band_holds_the_gusts(gusty: Vehicle) -> None:
 
 
 @pytest.fixture(scope="module")
-def job(gusty_start: Vehicle, flights: list[Flight]) -> Job:
+def job(gusty_start: Vehicle, flights: list[Flight]) -> FittedModel:
     windows = ["flight0@0:15", "flight1@0:15"]
     return identify(gusty_start, flights, windows, "flight2@0:15", Options(method="filter-error"))
 
@@ -125,7 +126,7 @@ def held_back(result: Result) -> dict[str, float]:
     return {c: one.innovations.rms for c, one in maneuver.channels.items()}
 
 
-def test_a_right_model_in_gusts_is_not_refused(job: Job) -> None:
+def test_a_right_model_in_gusts_is_not_refused(job: FittedModel) -> None:
     result = job.result
     assert result.verdict.grade in ("trusted", "usable")
     assert held_back(result) == pytest.approx(dict.fromkeys(held_back(result), 1.0), abs=0.1)
@@ -133,7 +134,7 @@ def test_a_right_model_in_gusts_is_not_refused(job: Job) -> None:
     assert held_back(from_json(to_json(result))) == held_back(result)
 
 
-def test_validation_finds_the_same(job: Job, flights: list[Flight], tmp_path: Path) -> None:
+def test_validation_finds_the_same(job: FittedModel, flights: list[Flight], tmp_path: Path) -> None:
     job.save(tmp_path)
     again = validate(tmp_path, [flights[2]], ["0:15"])
     found = {c: one.innovations.rms for c, one in again.record.maneuvers[0].channels.items()}

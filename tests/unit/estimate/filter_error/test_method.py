@@ -96,9 +96,7 @@ def test_without_gusts_in_the_file_white_accelerations_stand_for_them(gusty_flig
 
 
 def test_a_result_has_curves_figures_and_its_method(gusty_start, gusty_flight):
-    result = identify(
-        gusty_start, gusty_flight, ["0:10"], ["10:15"], Options(method="filter-error")
-    ).identification.result
+    result = identify(gusty_start, gusty_flight, ["0:10"], ["10:15"], Options(method="filter-error")).result
     assert result.method == "filter-error"
     assert [m.role for m in result.maneuvers] == ["fit", "validation"]
     assert 0.0 < result.maneuvers[0].channels["q"].theil < 1.0

@@ -84,7 +84,7 @@ def off(quad, parameters) -> np.ndarray:
 
 
 def test_windows_are_the_default_and_find_the_truth(quad, job):
-    result = job.identification.result
+    result = job.result
     assert result.method == "multiple-shooting"
     assert result.status == "converged"
     assert np.abs(off(quad, result.parameters)).max() < 3.5
@@ -96,12 +96,12 @@ def test_windows_are_the_default_and_find_the_truth(quad, job):
 
 
 def test_what_was_not_fitted_is_predicted_window_by_window(job):
-    fitted, predicted = job.identification.result.maneuvers
+    fitted, predicted = job.result.maneuvers
     assert (fitted.role, predicted.role) == ("fit", "validation")
     for channel in ("p", "q", "r", "az"):
         assert predicted.channels[channel].theil < 0.3, channel
     assert predicted.channels["az"].theil < predicted.channels["az"].baseline_theil
-    result = job.identification.result
+    result = job.result
     assert "predicted-in-windows" in [n.code for n in result.data_notices]
     assert "multiple-shooting-rotors" in [n.code for n in result.basis]
 
@@ -122,9 +122,7 @@ def test_the_folder_is_written_whole(job, tmp_path):
 
 
 def test_accelerations_alone_come_close(quad, start, flight):
-    found = identify(
-        start, flight, ["0:16"], options=Options(method="equation-error")
-    ).identification.result.parameters
+    found = identify(start, flight, ["0:16"], options=Options(method="equation-error")).result.parameters
     for name in ("rotors.T2", "rotors.torque_ratio", "rotors.drag", "rotor.m3.factor", "rotors.delay"):
         assert found[name].estimate == pytest.approx(quad.value(name), rel=0.1), name
     with pytest.raises(IdentificationError, match="equation-error or multiple-shooting"):

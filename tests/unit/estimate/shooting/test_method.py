@@ -199,8 +199,6 @@ def aircraft_and_flight():
 
 
 def test_a_result_shows_the_windows(start, flight):
-    result = identify(
-        start, flight, ["0:15"], options=Options(method="multiple-shooting")
-    ).identification.result
+    result = identify(start, flight, ["0:15"], options=Options(method="multiple-shooting")).result
     assert result.method == "multiple-shooting"
     assert result.maneuvers[0].channels["q"].theil < 0.1

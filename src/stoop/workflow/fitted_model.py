@@ -1,0 +1,280 @@
+"""A fitted model: a vehicle at its estimates, the result, the flights and the evidence, and what can be done with them.
+
+The verbs of a fitted model are functions of this package, imported at their first use. Everything happens in memory; the folder
+of a model is what `FittedModel.save` writes and `stoop.load` reads.
+"""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from types import MethodType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from stoop.assessment.assessment import Assessment
+from stoop.assessment.verdict import verdict
+from stoop.base.arrays import FloatArray
+from stoop.base.notices import Notice
+from stoop.base.text import printable, printable_lines
+from stoop.errors import StoopError
+from stoop.estimate.estimate import Estimate
+from stoop.estimate.initial_state import BiasPrior, bias_priors
+from stoop.estimate.predict import ForceFigures, force_figures
+from stoop.flight import Flight
+from stoop.problem import Piece
+from stoop.problem.prepare import decoupled, prepare
+from stoop.problem.windows import Window
+from stoop.results.result import AirDataTrace, ManeuverTrace, ParameterEstimate, Quantity, Result, Role
+from stoop.results.verdict import Verdict
+from stoop.vehicle import Vehicle
+from stoop.vehicle.notation import symbols
+from stoop.workflow.curves import channel_units
+from stoop.workflow.outputs import check_folder, place_outputs
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
+
+    from stoop.report.identification import Plots
+
+
+class Verb:
+    """A function ``package.module:name`` as a method; the module is imported at the first use."""
+
+    def __init__(self, place: str) -> None:
+        self.place = place
+
+    def __get__(self, model: FittedModel | None, owner: type[FittedModel]) -> Callable[..., Any]:
+        module, _, name = self.place.partition(":")
+        function: Callable[..., Any] = getattr(importlib.import_module(module), name)
+        return function if model is None else MethodType(function, model)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class FittedModel:
+    """A fitted model, as :func:`stoop.fit` returns it and :func:`stoop.load` reads it.
+
+    Attributes
+    ----------
+    vehicle : Vehicle
+        With its free numbers at their estimates.
+    result : Result
+        Estimates, covariance, noise, figures and verdict: the content of ``result.json``.
+    flights : tuple of Flight
+        As they were fitted, air data reconstructed; none if the folder has lost them, see `missing`.
+    traces : tuple of ManeuverTrace
+        Measured and simulated readings of each of ``result.maneuvers``.
+    estimate : Estimate, optional
+        Evidence of the estimator; None for a model of an older folder.
+    convergence : (k, 2) array
+        Trajectories spent, and the best cost so far.
+    command : str
+        Command line that fitted the model, for the report.
+    files : tuple of Path
+        Files that were read; :meth:`save` never writes over them.
+    attachments : mapping of str to bytes
+        Further files of the folder, by name.
+    folder : Path, optional
+        Where the model was read from.
+    missing : str
+        Why there are no flights.
+    """
+
+    vehicle: Vehicle
+    result: Result
+    flights: tuple[Flight, ...] = ()
+    traces: tuple[ManeuverTrace, ...] = ()
+    estimate: Estimate | None = None
+    convergence: FloatArray = field(default_factory=lambda: np.empty((0, 2)))
+    command: str = ""
+    files: tuple[Path, ...] = ()
+    attachments: Mapping[str, bytes] = field(default_factory=dict)
+    folder: Path | None = None
+    missing: str = ""
+
+    validate = predict = Verb("stoop.workflow.validation:validate")
+    propagate = Verb("stoop.workflow.propagation:propagate")
+    linearize = Verb("stoop.workflow.flying:linearize")
+    simulate = Verb("stoop.workflow.flying:simulate")
+    derivatives = Verb("stoop.workflow.derivatives:derivatives")
+    frequency = Verb("stoop.workflow.frequency:frequency")
+    export = Verb("stoop.workflow.export:export")
+    design = Verb("stoop.workflow.design:design")
+
+    def assess(self, *assessments: Assessment, watch: Callable[[str], None] | None = None) -> FittedModel:
+        """Return this model with the uncertainty by further methods.
+
+        Parameters
+        ----------
+        *assessments : Bootstrap, Profile, Posterior, or one of your own
+        watch : callable, optional
+            Gets a line of progress now and then.
+
+        Raises
+        ------
+        StoopError
+            The folder of the model holds no evidence of the fit, or the method cannot be assessed so.
+        """
+        from stoop.assessment.assessment import assess
+
+        if self.estimate is None:
+            raise StoopError(f"{self.source}: holds no evidence of the fit to assess; fit again")
+        result, files = assess(self.result, self.estimate, assessments, watch or (lambda text: None))
+        return replace(self.with_result(result), attachments={**self.attachments, **files})
+
+    def with_result(self, result: Result) -> FittedModel:
+        """Return this model with another result, its verdict made anew."""
+        return replace(self, result=replace(result, verdict=verdict(result, result.verdict.uses)))
+
+    def save(self, folder: str | Path, overwrite: bool = False) -> Path:
+        """Write ``result.json``, ``vehicle.toml``, ``flight.nc`` and ``report.html`` into a folder, which is returned.
+
+        Raises
+        ------
+        OutputError
+            The folder cannot be written, or holds a file of the model or an earlier result.
+        """
+        place = Path(folder)
+        check_folder(place, [f.name for f in self.flights], overwrite, self.files, tuple(self.attachments))
+        return place_outputs(self, place, overwrite)
+
+    @property
+    def verdict(self) -> Verdict:
+        """Whether to use the model, for what, and why."""
+        return self.result.verdict
+
+    @property
+    def parameters(self) -> Mapping[str, ParameterEstimate]:
+        """Estimates by name, such as ``model.parameters["Clp"].std_error``."""
+        return self.result.parameters
+
+    @property
+    def notices(self) -> tuple[Notice, ...]:
+        """Findings about the data and the fit."""
+        return self.result.notices
+
+    @property
+    def source(self) -> str:
+        """Where the model comes from, for messages."""
+        return f"the fit of {self.vehicle.name}" if self.folder is None else str(self.folder)
+
+    @property
+    def plot(self) -> Plots:
+        """Plots, such as ``model.plot.maneuvers()``."""
+        from stoop.report.identification import Plots
+
+        return Plots(self)
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """Return one row for each parameter, indexed by its name."""
+        return self.result.to_dataframe()
+
+    def to_xarray(self) -> xr.Dataset:
+        """Return estimates, covariance, measured and simulated readings, labeled; see `stoop.results.labelled`."""
+        from stoop.results.labelled import to_xarray
+
+        return to_xarray(self.result, self.traces, self.units, self.vehicle.name)
+
+    def to_arviz(self) -> Any:
+        """Return the draws of the posterior as `arviz.InferenceData`, once one was drawn."""
+        from stoop.results.labelled import to_arviz
+
+        return to_arviz(self.attachments)
+
+    def __repr__(self) -> str:
+        """Return vehicle, size and status on one line."""
+        r = self.result
+        return printable(
+            f"<FittedModel of {self.vehicle.name}: {len(r.parameters)} parameters, {r.method}, {r.status}>"
+        )
+
+    def _repr_html_(self) -> str:
+        return self.result._repr_html_()
+
+    def __str__(self) -> str:
+        """Return the estimates as a table, and the verdict."""
+        from stoop.workflow.summary import estimates_table
+
+        return printable_lines(
+            f"{estimates_table(self.result.parameters)}\n\nverdict: {self.result.verdict.headline}"
+        )
+
+    @property
+    def by_name(self) -> dict[str, Flight]:
+        """Flights by name; raises `StoopError` if the folder has lost them."""
+        if self.missing:
+            raise StoopError(self.missing)
+        return {flight.name: flight for flight in self.flights}
+
+    def windows(self, role: Role = "fit") -> list[Window]:
+        """Return the windows that were fitted, or predicted beside the fit."""
+        own = [m for m in self.result.maneuvers if m.role == role]
+        return [Window(m.flight, m.start, m.stop, m.loading or None) for m in own]
+
+    @cached_property
+    def coupled(self) -> Vehicle:
+        """The vehicle as it was fitted: with the states that it leaves out taken from the record."""
+        return self.vehicle if self.missing else decoupled(self.vehicle, self.by_name, self.windows())
+
+    def pieces(self) -> list[list[Piece]]:
+        """Return the pieces of each fitted maneuver; raises `StoopError` if the flights are missing."""
+        prepared = prepare(self.coupled, self.by_name, self.windows())
+        return [[prepared.pieces[i] for i in prepared.of_maneuver(m)] for m in range(len(prepared.windows))]
+
+    def biases(self, flight: str | None) -> dict[str, BiasPrior]:
+        """Return the prior of each sensor bias in a window of a flight, from the biases of the fitted maneuvers."""
+        fitted = [
+            (
+                self.result.maneuvers[b.maneuver].flight,
+                {f"sensors.{c}.bias": q.estimate for c, q in b.values.items()},
+            )
+            for b in self.result.biases
+        ]
+        return bias_priors(fitted, flight, {p.name: p.prior or 1.0 for p in self.vehicle.parameters})
+
+    @cached_property
+    def forces(self) -> tuple[ForceFigures, ...]:
+        """Residuals of the specific force in each window, of a vehicle with rotors."""
+        windows = self.windows(), self.windows("validation")
+        return () if self.missing else force_figures(self.coupled, self.by_name, *windows, self.biases)
+
+    @property
+    def equations(self) -> tuple[str, ...]:
+        """Equations of the model as LaTeX."""
+        return self.coupled.kernel().latex
+
+    @property
+    def units(self) -> Mapping[str, str]:
+        """Unit of every channel and input."""
+        return channel_units(self.vehicle)
+
+    @property
+    def symbols(self) -> Mapping[str, str]:
+        """LaTeX symbol of each number."""
+        return symbols(self.vehicle)
+
+    @property
+    def air_data(self) -> tuple[AirDataTrace, ...]:
+        """Air data of each flight that they were reconstructed for, as logged and as reconstructed."""
+        known = [(f.name, f.air.traces) for f in self.flights if f.air is not None and "time" in f.air.traces]
+        return tuple(
+            AirDataTrace(name, traces["time"], {k: v for k, v in traces.items() if k != "time"})
+            for name, traces in known
+        )
+
+    @property
+    def body(self) -> Mapping[str, Quantity]:
+        """Mass, inertia and reference values; the standard error is NaN where the vehicle file fixes them."""
+        own = [p for p in self.vehicle.parameters if p.name.startswith(("mass.", "reference."))]
+        estimated = self.result.parameters
+        return {
+            p.name: Quantity(estimated[p.name].estimate, estimated[p.name].std_error, p.unit)
+            if p.name in estimated
+            else Quantity(p.value, np.nan, p.unit)
+            for p in own
+        }

@@ -1,0 +1,100 @@
+"""Simulation and linear model of a fitted model or a vehicle."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from stoop.base.arrays import FloatArray
+from stoop.flight import Flight
+from stoop.simulation import LinearModel, Trim, trim
+from stoop.simulation import linearize as linearized
+from stoop.simulation.fly import simulate as simulated
+from stoop.simulation.maneuver import Maneuver
+from stoop.vehicle import Vehicle
+from stoop.workflow.fitted_model import FittedModel
+from stoop.workflow.load import takes_model_or_vehicle
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+@takes_model_or_vehicle
+def linearize(
+    model: FittedModel | Vehicle,
+    point: Trim | None = None,
+    airspeed: float | None = None,
+    altitude: float = 200.0,
+) -> LinearModel:
+    """Return A, B, C, D and the modes of a model about a steady flight.
+
+    Inputs are control deflections in rad (the mixer is undone) and the channels of thrust and rotors, if any. On rotors the
+    states are velocities along the body axes in place of airspeed and flow angles.
+
+    Parameters
+    ----------
+    model : FittedModel, the folder of one, Vehicle, built-in vehicle or vehicle file
+    point : Trim, optional
+        As of :func:`stoop.trim`; the steady flight of `airspeed` and `altitude` when absent.
+    airspeed : float, m/s, optional
+        V* of the vehicle when absent.
+    altitude : float, m
+
+    Returns
+    -------
+    LinearModel
+        ``states``, ``inputs`` and ``outputs`` (names), ``A``, ``B``, ``C``, ``D``, ``modes``, ``input_delays`` and
+        ``output_delays``, s; SI and rad.
+    """
+    vehicle = model.vehicle if isinstance(model, FittedModel) else model
+    return linearized(vehicle, point or trim(vehicle, airspeed, altitude))
+
+
+@takes_model_or_vehicle
+def simulate(
+    model: FittedModel | Vehicle,
+    inputs: Maneuver | str | Path | Mapping[str, Any] | xr.Dataset | Flight,
+    time: FloatArray | None = None,
+    *,
+    airspeed: float | None = None,
+    altitude: float = 200.0,
+    seed: int = 0,
+    noise: bool = False,
+    name: str = "simulated",
+) -> Flight:
+    """Simulate a model from trimmed flight.
+
+    Parameters
+    ----------
+    model : FittedModel, the folder of one, Vehicle, built-in vehicle or vehicle file
+    inputs : Maneuver, path of a maneuver file, mapping of str to (n,) array, table, dataset or Flight
+        Arrays by recorded channel, as a log holds them, or by control: deflection, rad. Absent inputs keep their
+        trimmed values. Open loop; only a maneuver is flown by the autopilot that flight on rotors needs.
+    time : (n,) array, s, optional
+        At one rate; needed where `inputs` has no ``time``.
+    airspeed : float, m/s, optional
+        Of the trimmed flight, V* of the vehicle file when absent.
+    altitude : float, m
+    seed : int
+        Of gusts and sensor noise.
+    noise : bool
+        Of the sensors, with the standard deviations of the vehicle file.
+    name : str
+        As in ``FLIGHT@START:STOP``.
+
+    Returns
+    -------
+    Flight
+
+    Raises
+    ------
+    ManeuverError
+        An input that the vehicle does not have, of another length than the time, or not finite.
+    SimulationError
+        No trim, or the flight diverges.
+    """
+    vehicle = model.vehicle if isinstance(model, FittedModel) else model
+    return simulated(
+        vehicle, inputs, time, airspeed=airspeed, altitude=altitude, seed=seed, noise=noise, name=name
+    )

@@ -1,0 +1,189 @@
+"""Reading the folder of a fitted model; and the first argument of a verb, a model or the folder of one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import wraps
+from pathlib import Path
+from typing import Concatenate, Final, ParamSpec, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from stoop.base.numbers import MAX_NUMBER
+from stoop.errors import StoopError
+from stoop.estimate.noise import is_covariance
+from stoop.flight import Flight
+from stoop.flight import load as load_flight
+from stoop.results.result import Result, read_result
+from stoop.vehicle import Vehicle, load_vehicle
+from stoop.vehicle.builtin import resolve_vehicle
+from stoop.workflow.fitted_model import FittedModel
+from stoop.workflow.outputs import ATTACHED, RESULT, flight_file
+
+P = ParamSpec("P")
+T = TypeVar("T")
+Place = str | Path
+MAX_ATTACHED: Final = 2**31
+"""Bytes; a larger file beside the result is not read."""
+
+
+def fitted_model(given: object) -> FittedModel:
+    """Return a fitted model, read from its folder if that is given."""
+    if isinstance(given, str | Path):
+        return load(given)
+    if not isinstance(given, FittedModel):
+        kind = type(given).__name__
+        raise StoopError(
+            f"a fitted model or its folder comes first, not a {kind}; give what stoop.fit returns"
+        )
+    return given
+
+
+def model_or_vehicle(given: FittedModel | Vehicle | Place) -> FittedModel | Vehicle:
+    """Return a fitted model or a vehicle: also of a folder, a ``result.json``, a vehicle file or a built-in vehicle."""
+    if isinstance(given, Vehicle):
+        return given
+    if isinstance(given, str | Path) and not (Path(given).is_dir() or Path(given).suffix == ".json"):
+        return resolve_vehicle(given)
+    return fitted_model(given)
+
+
+def takes_model(
+    function: Callable[Concatenate[FittedModel, P], T],
+) -> Callable[Concatenate[FittedModel | Place, P], T]:
+    """Let the first argument of a function also be the folder of a fitted model."""
+
+    @wraps(function)
+    def run(model: FittedModel | Place, *arguments: P.args, **keywords: P.kwargs) -> T:
+        return function(fitted_model(model), *arguments, **keywords)
+
+    return run  # type: ignore[return-value]  # of the keyword "model", which no function has twice
+
+
+def takes_model_or_vehicle(
+    function: Callable[Concatenate[FittedModel | Vehicle, P], T],
+) -> Callable[Concatenate[FittedModel | Vehicle | Place, P], T]:
+    """Let the first argument of a function also be a folder, a vehicle file or the name of a built-in vehicle."""
+
+    @wraps(function)
+    def run(model: FittedModel | Vehicle | Place, *arguments: P.args, **keywords: P.kwargs) -> T:
+        return function(model_or_vehicle(model), *arguments, **keywords)
+
+    return run  # type: ignore[return-value]  # of the keyword "model", which no function has twice
+
+
+def load(path: str | Path) -> FittedModel:
+    """Read a fitted model from the folder that :meth:`FittedModel.save` or stoop identify wrote.
+
+    Parameters
+    ----------
+    path : path
+        Of the folder, or of the ``result.json`` in it.
+
+    Returns
+    -------
+    FittedModel
+        Without flights, and with the reason in `missing`, where the folder has lost them.
+
+    Raises
+    ------
+    StoopError
+        There is no such folder, or it holds what no fit writes.
+    """
+    place = Path(path)
+    folder, file = (place, place / RESULT) if place.is_dir() else (place.parent, place)
+    if not file.exists():
+        raise StoopError(f"{place}: holds no {RESULT}; name the folder that stoop identify wrote")
+    result = read_result(file)
+    _check(result, file)
+    if not (folder / "vehicle.toml").exists():
+        raise StoopError(
+            f"{folder}: holds no vehicle.toml beside {RESULT}; name the whole folder that stoop identify wrote"
+        )
+    vehicle = load_vehicle(folder / "vehicle.toml")
+    try:
+        vehicle = vehicle.with_numbers({n: {"value": p.estimate} for n, p in result.parameters.items()})
+    except StoopError as error:
+        raise StoopError(f"{folder}: {RESULT} and vehicle.toml do not belong together ({error})") from None
+    try:
+        flights, missing = _flights(folder, result), ""
+    except StoopError as error:
+        flights, missing = (), str(error)
+    return FittedModel(
+        vehicle, result, flights, attachments=_attachments(folder), folder=folder, missing=missing
+    )
+
+
+def _flights(folder: Path, result: Result) -> tuple[Flight, ...]:
+    """Return the flights of a folder; raises `StoopError` if one is missing."""
+    names = tuple(dict.fromkeys(m.flight for m in result.maneuvers))
+    alone = folder / flight_file("", 1)
+    places = {name: folder / flight_file(name, 2) for name in names}
+    if len(names) == 1 and not places[names[0]].exists():
+        places = {names[0]: alone}
+    return tuple(replace(load_flight(place), name=name) for name, place in places.items())
+
+
+def _attachments(folder: Path) -> Mapping[str, bytes]:
+    places = [folder / name for name in ATTACHED]
+    return {p.name: p.read_bytes() for p in places if p.is_file() and p.stat().st_size < MAX_ATTACHED}
+
+
+def _check(result: Result, file: Path) -> None:
+    """Refuse a result that no fit writes: a file that was edited, or cut and mended."""
+    lost = next((name for name, p in result.parameters.items() if not np.isfinite(p.estimate)), None)
+    covariance, noise = result.covariance, result.noise_covariance
+    numbers: tuple[npt.ArrayLike, ...] = (
+        *([p.estimate, p.std_error, p.prior_mean, p.prior_std] for p in result.parameters.values()),
+        np.sqrt(np.abs(covariance.matrix)),
+        np.sqrt(np.abs(noise.matrix)),
+    )
+    apart = covariance.matrix[np.ix_(*[np.isfinite(np.diag(covariance.matrix))] * 2)]
+    sizes = ((len(covariance.matrix), len(covariance.names)), (len(noise.matrix), len(noise.channels)))
+    plain = result.uncertainty.get("cramer_rao")
+    places = {b.maneuver for b in result.biases} | {i.maneuver for i in result.initial_states}
+    checks = (
+        (lost is not None, f"has no estimate of {lost}"),
+        (
+            not set(covariance.names) <= set(result.parameters),
+            "has a covariance of other parameters than its estimates",
+        ),
+        *((rows != names, f"has a covariance of {rows} rows for {names} names") for rows, names in sizes),
+        (
+            any(_size(some) > MAX_NUMBER for some in numbers)
+            or any(0.0 < p.std_error < 1.0 / MAX_NUMBER for p in result.parameters.values()),
+            "has numbers out of range (1e-30 to 1e30)",
+        ),
+        (
+            not np.allclose(apart, apart.T) or bool((np.diag(covariance.matrix) < 0.0).any()),
+            "has a covariance that is not symmetric, has holes or negative variances",
+        ),
+        (
+            not is_covariance(noise.matrix * noise.inflation),
+            "has a noise covariance that is not positive definite",
+        ),
+        (
+            any(p.prior_std <= 0.0 for p in result.parameters.values()),
+            "has a prior without a standard deviation",
+        ),
+        (
+            not set(result.parameters) <= set(plain.parameters if plain else result.parameters),
+            "lacks the intervals of some of its estimates",
+        ),
+        (all(m.role != "fit" for m in result.maneuvers), "names no maneuver that was fitted"),
+        (
+            not places <= set(range(len(result.maneuvers))),
+            "has biases or initial states of a maneuver that it does not name",
+        ),
+    )
+    wrong = next((text for failed, text in checks if failed), None)
+    if wrong is not None:
+        raise StoopError(f"{file}: {wrong}; write it again with stoop identify")
+
+
+def _size(numbers: npt.ArrayLike) -> float:
+    """Return the size of the largest number that is finite."""
+    values = np.abs(np.asarray(numbers, dtype=np.float64))
+    return float(np.max(values, initial=0.0, where=np.isfinite(values)))
