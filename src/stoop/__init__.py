@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from stoop.simulation import trim
     from stoop.simulation.fly import simulate_flight
     from stoop.simulation.maneuver import load_maneuver
+    from stoop.strategy import Strategy
     from stoop.vehicle import Vehicle
     from stoop.vehicle.builtin import resolve_vehicle as load_vehicle
     from stoop.workflow import Bootstrap, Posterior, Profile
@@ -45,6 +46,7 @@ _PLACES = {
     **dict.fromkeys(("assess", "check", "look", "new_vehicle", "reconstruct", "save_design"), "stoop.api"),
     "Notice": "stoop.base.notices",
     "Options": "stoop.estimate.fit",
+    "Strategy": "stoop.strategy",
     "fly_in_jsbsim": "stoop.exporters.jsbsim_autopilot",
     **dict.fromkeys(("Flight", "load_flight", "save_flight"), "stoop.flight"),
     "read_result": "stoop.results.result",
@@ -82,6 +84,7 @@ __all__ = [
     "Options",
     "Posterior",
     "Profile",
+    "Strategy",
     "Vehicle",
     "assess",
     "check",

@@ -242,14 +242,15 @@ def test_progress_and_comparison_of_fits(tmp_path: Path) -> None:
     progress.turn_to("a folder that went away ends no fit")
 
 
-def test_a_fit_stopped_while_bounds_are_widened_keeps_what_it_has(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_fit_stopped_while_bounds_are_widened_keeps_what_it_has() -> None:
     from dataclasses import dataclass, field
     from types import SimpleNamespace
-    from typing import Any
+    from typing import Any, cast
 
-    from stoop.estimate import methods
-    from stoop.estimate.fit import Options
     from stoop.optimize import Outcome
+    from stoop.strategy import Strategy, bounds
+    from stoop.strategy.decision import Fitted, Setup
+    from stoop.strategy.run import setup_of
 
     vehicle = parse_vehicle(builtin_text("quad-x"), "quad-x")
     name = next(p.name for p in vehicle.parameters if p.free and p.name.startswith("body_drag"))
@@ -267,17 +268,16 @@ def test_a_fit_stopped_while_bounds_are_widened_keeps_what_it_has(monkeypatch: p
 
     calls = []
 
-    def fitter(*_: Any) -> Found:
+    def fitter(setup: Setup) -> Fitted:
         calls.append(1)
         if len(calls) > 1:
             raise KeyboardInterrupt
-        return Found()
+        return Fitted(setup, cast("Any", Found()))
 
-    monkeypatch.setattr(methods, "find", lambda name: SimpleNamespace(fitter=lambda: fitter))
-    found = methods.run(vehicle, {}, [], Options())
+    found = bounds.widen(setup_of(Strategy.default(), vehicle, {}, []), fitter).estimate
     assert len(calls) == 2
     assert found.outcome.status == "interrupted"
-    assert found.outcome.advice == methods.NOT_WIDENED
+    assert found.outcome.advice == f"stopped by the user while {bounds.DOING}"
 
 
 def test_windows_are_kept_in_the_order_of_time(tmp_path: Path) -> None:

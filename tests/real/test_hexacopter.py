@@ -9,9 +9,9 @@ import pytest
 
 from stoop.checks.motors import check_motors
 from stoop.errors import StoopError
-from stoop.estimate.methods import choose_method
 from stoop.flight import Flight, load
 from stoop.problem.windows import parse_window, whole
+from stoop.strategy.run import choose_method
 from stoop_studies.findings import Findings, Setting
 from stoop_studies.verify.hexacopter import EXPERIMENT, FOLDER, METHOD, Blades, read_log, vehicle
 

@@ -7,7 +7,8 @@ import numpy as np
 from stoop.base.units import KNOT
 from stoop.estimate.fit import Options
 from stoop.estimate.gust_bias import MIN_BIAS, gust_biases
-from stoop.estimate.methods import choose_method
+from stoop.strategy.run import FIT_ALONE, choose_method
+from stoop.strategy.run import fit as fit_by
 from stoop_studies.verify import closed_loop
 
 
@@ -16,7 +17,8 @@ def test_large_biases_are_told_with_sign_and_size() -> None:
     scene = closed_loop.aircraft_scene(30.0 * KNOT, 2)
     choice = choose_method("output-error", scene.start, scene.flights.values(), scene.windows)
     assert [n.code for n in choice.notices] == ["gusts-ignored"]
-    _, fit = choice.fit(scene.start, scene.flights, scene.windows, Options())
+    options = Options(method="output-error")
+    fit = fit_by(FIT_ALONE, scene.start, scene.flights, scene.windows, options=options).estimate
     (told,) = [n for n in fit.notices if n.code == "gusts-bias"]
     found = gust_biases(fit, scene.flights)
     assert told.values["count"] == sum(abs(size) > MIN_BIAS for _, size in found.values())

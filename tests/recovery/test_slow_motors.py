@@ -1,4 +1,4 @@
-"""Motors that are shaken faster than they were logged: where `stoop.estimate.methods.MIN_MOTOR_RATE` lies.
+"""Motors that are shaken faster than they were logged: where `stoop.strategy.method.MIN_MOTOR_RATE` lies.
 
 A quadrotor flies doublets while its motors are shaken between 30 and 200 Hz, as by an autopilot that answers the noise of
 its gyros. The log holds every n-th command. What was faster than half the rate of the log looks slow in it, so that the
@@ -13,13 +13,15 @@ import numpy as np
 import pytest
 
 from stoop.estimate.fit import Options
-from stoop.estimate.methods import MIN_MOTOR_RATE, choose_method, find
+from stoop.estimate.methods import find
 from stoop.flight import Flight
 from stoop.flight.flight import dataset
 from stoop.flight.gridding import Channels, grid_channels
 from stoop.problem.windows import Window
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import parse_maneuver
+from stoop.strategy.method import MIN_MOTOR_RATE
+from stoop.strategy.run import choose_method
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import builtin_vehicle
 

@@ -11,11 +11,11 @@ from stoop.assessment.error_bars import error_bars
 from stoop.estimate.estimate import Estimate
 from stoop.estimate.fit import Options
 from stoop.estimate.instability import PREDICTED_GROWTH, growth, growth_at_start
-from stoop.estimate.methods import choose_method
 from stoop.problem.prepare import prepare
 from stoop.problem.windows import Window
 from stoop.simulation import parameter_rows, trim
 from stoop.simulation.linearize import state_matrix
+from stoop.strategy.run import FIT_ALONE, choose_method, fit
 from stoop_studies.verify import closed_loop
 from stoop_studies.verify.scenes import ALTITUDE, Scene
 
@@ -33,7 +33,8 @@ def scene() -> Scene:
 def found(scene: Scene) -> tuple[str, Estimate]:
     choice = choose_method("", scene.start, scene.flights.values(), WINDOW)
     assert [n.code for n in choice.notices] == ["unstable"]
-    return choice.fit(scene.start, scene.flights, WINDOW, Options())
+    done = fit(FIT_ALONE, scene.start, scene.flights, WINDOW)
+    return done.setup.options.method, done.estimate
 
 
 def test_growth_is_that_of_the_exact_linear_model(scene: Scene) -> None:

@@ -1,13 +1,17 @@
-"""Ctrl-C and SIGTERM: other handlers for a while."""
+"""Ctrl-C and SIGTERM: other handlers for a while, and waiting for the end of a block."""
 
 from __future__ import annotations
 
+import os
 import signal
+import sys
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from typing import Any
 
+MESSAGE = "\nstoop: the search is done; writing its result (Ctrl-C again throws it away)\n"
 Handler = Callable[[int, Any], Any]
 
 
@@ -80,3 +84,27 @@ def restore_interrupts() -> Iterator[None]:
                 raise KeyboardInterrupt from error
             one = one.__cause__ or one.__context__
         raise
+
+
+@dataclass
+class Deferred:
+    """Whether Ctrl-C came meanwhile."""
+
+    came: bool = False
+
+    def take(self, *_: Any) -> None:
+        """Note the first Ctrl-C; the second really stops."""
+        if self.came:
+            raise KeyboardInterrupt
+        self.came = True
+        with suppress(OSError, ValueError):
+            # not print: this may come in the middle of another print
+            os.write(sys.__stderr__.fileno() if sys.__stderr__ else 2, MESSAGE.encode())
+
+
+@contextmanager
+def deferred_interrupt() -> Iterator[Deferred]:
+    """Let Ctrl-C and SIGTERM wait for the end of the block, where they can; see :func:`handle_signals`."""
+    deferred = Deferred()
+    with handle_signals(lambda _: deferred.take):
+        yield deferred

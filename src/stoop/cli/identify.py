@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from stoop.estimate.fit import Options
     from stoop.flight import Flight
     from stoop.optimize import Progress
+    from stoop.strategy import Strategy
     from stoop.vehicle import Vehicle
     from stoop.workflow import FittedModel
     from stoop.workflow.checkpoint import Checkpoint
@@ -80,6 +81,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="add to the model what the data ask for, if a held-back window confirms it",
     )
+    nothing = "take no decision: output error, or the method that is named, of the data as they are"
+    add("--textbook", action="store_true", help=nothing)
+    add(
+        "--without",
+        metavar="DECISION",
+        action="append",
+        default=[],
+        help="switch a decision off, see docs/decisions.md",
+    )
+    add(
+        "--only",
+        metavar="DECISION",
+        action="append",
+        default=[],
+        help="take this decision and no other; repeatable",
+    )
     add("--resume", action="store_true", help="continue the unfinished search in DIR")
     state = "keep the latest state of the search in this file (JSON: cost, parameters, curves), for other programs"
     add("--progress", metavar="FILE", type=Path, help=state)
@@ -91,9 +108,9 @@ def run(arguments: argparse.Namespace) -> int:
     from stoop.assessment.profile import DOUBTFUL
     from stoop.checks.vehicle import check_vehicle
     from stoop.estimate.iterates import watched
-    from stoop.estimate.methods import choose_method
     from stoop.flight.flight import flight_name
     from stoop.problem.windows import expanded, files_among, parse_window
+    from stoop.strategy.run import choose_method
     from stoop.workflow import Bootstrap, Posterior, Profile
     from stoop.workflow.checkpoint import Checkpoint, identity
     from stoop.workflow.outputs import check_folder, file_hashes, flight_files
@@ -106,7 +123,7 @@ def run(arguments: argparse.Namespace) -> int:
     names = [flight_name(path) for path in arguments.flight]
     check_folder(arguments.output, names, arguments.overwrite or arguments.resume, inputs, attached)
     arguments.maneuver, arguments.validate = expanded(arguments.maneuver, arguments.validate)
-    vehicle, flights, settings = _read(arguments)
+    strategy, (vehicle, flights, settings) = strategy_of(arguments), _read(arguments)
     known = {flight.name: flight for flight in flights}
     fitted = [parse_window(text, known) for text in arguments.maneuver]
     stores = [arguments.output / name for name in STORES]
@@ -124,8 +141,10 @@ def run(arguments: argparse.Namespace) -> int:
         for doubt in check_vehicle(vehicle, known, fitted):
             watch.warn(str(doubt))
         files = file_hashes([*flight_files(flights), *options.given_paths(arguments.mapping)])
-        chosen = replace(settings, method=choose_method(settings.method, vehicle, flights, fitted).name)
-        problem = identity(vehicle, files, arguments.maneuver, arguments.validate, chosen)
+        chosen = replace(
+            settings, method=choose_method(settings.method, vehicle, flights, fitted, strategy).name
+        )
+        problem = identity(vehicle, files, arguments.maneuver, arguments.validate, chosen, strategy)
         checkpoint = Checkpoint(arguments.output, problem, watch.warn)
         model, stopped = _identify(arguments, vehicle, flights, settings, checkpoint, watch)
         if assessments and not stopped:
@@ -136,16 +155,41 @@ def run(arguments: argparse.Namespace) -> int:
     return INTERRUPTED if stopped else 0
 
 
+def strategy_of(arguments: argparse.Namespace) -> Strategy:
+    """Return the decisions that the switches leave; a StoopError says which of them contradict each other."""
+    from stoop.errors import IdentificationError
+    from stoop.strategy import Strategy
+
+    strategy = Strategy.default()
+    given = {
+        "--textbook": arguments.textbook, "--only": arguments.only, "--without": arguments.without,
+    }  # fmt: skip
+    if len(used := [name for name, value in given.items() if value]) > 1:
+        raise IdentificationError(
+            f"{' and '.join(used)}: give one of them; each says which decisions are taken"
+        )
+    if arguments.extend and "extensions" in arguments.without:
+        raise IdentificationError("--extend and --without extensions contradict each other; leave one out")
+    if arguments.textbook:
+        strategy = Strategy.textbook()
+    elif arguments.only:
+        strategy = Strategy.textbook().only(*arguments.only)
+    elif arguments.without:
+        strategy = strategy.without(*arguments.without)
+    return strategy.including("extensions") if arguments.extend else strategy
+
+
 def _read(arguments: argparse.Namespace) -> tuple[Vehicle, list[Flight], Options]:
     """Return vehicle, flights and options; refuse a method, a name or an assessment before the search."""
     from stoop.assessment.assessment import check_method
     from stoop.assessment.profile import check_names
     from stoop.assessment.sampling import libraries
     from stoop.estimate.fit import Options
-    from stoop.estimate.methods import choose_method, find
+    from stoop.estimate.methods import find
     from stoop.estimate.noise import read_covariance
     from stoop.flight import load
     from stoop.optimize import create
+    from stoop.strategy.run import choose_method
     from stoop.vehicle.builtin import resolve_vehicle
 
     vehicle = options.with_free(resolve_vehicle(arguments.vehicle), arguments.free, arguments.fix)
@@ -159,7 +203,8 @@ def _read(arguments: argparse.Namespace) -> tuple[Vehicle, list[Flight], Options
     flights = [load(path, arguments.mapping) for path in arguments.flight]
     if arguments.posterior or arguments.profile is not None:
         asked = {"posterior": arguments.posterior, "profile": arguments.profile is not None}
-        check_method(choose_method(arguments.method, vehicle, flights).name, [n for n in asked if asked[n]])
+        chosen = choose_method(arguments.method, vehicle, flights, strategy=strategy_of(arguments))
+        check_method(chosen.name, [n for n in asked if asked[n]])
         if arguments.posterior:
             libraries()
         check_names([p.name for p in vehicle.parameters if p.free], arguments.profile or ())
@@ -176,7 +221,7 @@ def _identify(
 ) -> tuple[FittedModel, bool]:
     """Return the fitted model, its results written, and whether Ctrl-C came."""
     from stoop.assessment.uncertainty import repeatability, with_repeatability
-    from stoop.workflow.checkpoint import deferred_interrupt
+    from stoop.base.interrupts import deferred_interrupt
     from stoop.workflow.identification import finish, search
     from stoop.workflow.outputs import place_outputs
 
@@ -198,21 +243,21 @@ def _identify(
         state,
         options.command_line(),
         others,
-        arguments.extend,
+        strategy_of(arguments),
         watch.turn_to,
     )
-    repeated = None
+    decided, repeated = done.decided, None
     if arguments.repeatability:
-        checkpoint.keep_last(done.fit.outcome)  # the search that was done is safe meanwhile
-        repeated = repeatability(done.fit, done.flights, done.options, watch.turn_to)
+        checkpoint.keep_last(decided.estimate.outcome)  # the search that was done is safe meanwhile
+        repeated = repeatability(decided.estimate, decided.flights, decided.options, watch.turn_to)
     with deferred_interrupt() as ctrl_c:
-        checkpoint.keep_last(done.fit.outcome)
+        checkpoint.keep_last(decided.estimate.outcome)
         watch.turn_to("error bars, predictions and report")
         model = finish(done)
         watch.keep(model.traces)
         model = model.with_result(with_repeatability(model.result, repeated)) if repeated else model
         place_outputs(model, arguments.output, arguments.overwrite or arguments.resume)
-    return model, ctrl_c.came or done.fit.outcome.status == "interrupted"
+    return model, ctrl_c.came or decided.estimate.outcome.status == "interrupted"
 
 
 def _assess(

@@ -315,7 +315,9 @@ class FilterError:
         for _ in range(MAX_LINEARIZATIONS):
             if not best.usable:
                 break
-            cleaned = without_outliers(best.likelihood, best.z, problem)
+            cleaned = problem
+            if options.treatment.noise_shape:
+                cleaned = without_outliers(best.likelihood, best.z, problem)
             if cleaned is not problem:
                 problem, likelihood = cleaned, replace(best.likelihood, problem=undelayed(cleaned))
                 best = ascend(stages, likelihood, best.z, TOLERANCES.first, FIRST_STEPS)

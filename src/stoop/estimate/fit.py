@@ -33,6 +33,8 @@ from stoop.estimate.noise import (
 from stoop.estimate.noise_model import with_noise
 from stoop.estimate.refit_problem import SimulationProblem
 from stoop.estimate.regression import start_value
+from stoop.estimate.treatment import DEFAULT as TREATMENT
+from stoop.estimate.treatment import Treatment
 from stoop.flight import Flight
 from stoop.optimize.ledger import Evaluations, Halt
 from stoop.optimize.local_refinement import FULL
@@ -91,6 +93,8 @@ class Options:
     method : str
         Name, see :func:`stoop.estimate.methods.names`; the vehicle's own when empty: multiple shooting with rotors,
         output error without.
+    treatment : Treatment
+        What the estimator may decide by itself about data and noise.
     """
 
     optimizer: str | optimize.Optimizer[Any] = "ps-gde-lm"
@@ -100,6 +104,7 @@ class Options:
     target_cost: float = -np.inf
     covariance: FloatArray | None = None
     method: str = ""
+    treatment: Treatment = TREATMENT
 
     def __post_init__(self) -> None:
         parts = (getattr(self.optimizer, part, None) for part in ("init", "step"))
@@ -186,10 +191,13 @@ def estimation_problem(
     IdentificationError
         Nothing is free.
     """
-    vehicle = decoupled(with_mass_held(vehicle), flights, windows)
+    allowed = options.treatment
+    vehicle = with_mass_held(vehicle) if allowed.held_numbers else vehicle
+    vehicle = decoupled(vehicle, flights, windows) if allowed.recorded_motion else vehicle
     for name in dict.fromkeys(w.flight for w in windows):
         require_channels(vehicle, flights[name])
-    prepared = without_stuck_channels(vehicle, prepare(vehicle, flights, windows))
+    prepared = prepare(vehicle, flights, windows)
+    prepared = without_stuck_channels(vehicle, prepared) if allowed.stuck_channels else prepared
     held = motion_notices(vehicle, flights, windows)
     prepared = replace(prepared, notices=(*prepared.notices, *held))
     require_data(vehicle, prepared.windows, prepared.pieces)
@@ -255,7 +263,8 @@ def fit(
     if not np.isfinite(outcome.cost):
         raise IdentificationError(f"{vehicle.where}: {outcome.advice}")
     left = options.budget - spent - outcome.trajectories
-    done = refine(problem, prepared, outcome, left, estimate_noise=options.covariance is None)
+    given = options.covariance is not None
+    done = refine(problem, prepared, outcome, left, estimate_noise=not given, treatment=options.treatment)
     return replace(done, trajectories=done.trajectories + spent)
 
 
@@ -298,6 +307,7 @@ def refine(
     outcome: optimize.Outcome,
     budget: float = np.inf,
     estimate_noise: bool = True,
+    treatment: Treatment = TREATMENT,
 ) -> OutputErrorEstimate:
     """Alternate noise-covariance estimation and Gauss-Newton refinement until the likelihood converges.
 
@@ -314,7 +324,7 @@ def refine(
             break
         try:
             before = problem.noise_logdet
-            noise, problem = with_noise(recorded, partial(channel_residuals, z=z), noise)
+            noise, problem = with_noise(recorded, partial(channel_residuals, z=z), noise, treatment)
         except KeyboardInterrupt:
             interrupted = True
             break

@@ -212,7 +212,8 @@ def refined(
                 break
             shifted = recorded
             if not given:
-                noise, shifted = with_noise(recorded, partial(_residuals, problem, at), noise)
+                residuals = partial(_residuals, problem, at)
+                noise, shifted = with_noise(recorded, residuals, noise, options.treatment)
             before, problem = held.noise_logdet, problem.of_problem(shifted)
             problem = problem.with_likeliest_wind_steps(at)
             end = at = problem.iterate(at.z, at.nodes)

@@ -43,6 +43,8 @@ from stoop.base.arrays import BoolArray, FloatArray, IntArray
 from stoop.base.notices import Notice, notice
 from stoop.base.robust import robust_std
 from stoop.estimate.noise import correlation_times, effective_variance
+from stoop.estimate.treatment import DEFAULT as TREATMENT
+from stoop.estimate.treatment import Treatment
 from stoop.problem import Misfit, Weights
 
 EM_STEPS: Final = 500  #: at most
@@ -231,7 +233,12 @@ class NoiseModel:
         return out
 
 
-def noise_model(problem: Misfit, residuals: Sequence[FloatArray], before: NoiseModel | None) -> NoiseModel:
+def noise_model(
+    problem: Misfit,
+    residuals: Sequence[FloatArray],
+    before: NoiseModel | None,
+    treatment: Treatment = TREATMENT,
+) -> NoiseModel:
     """Return the noise behind residuals (n, n_y) of each piece, measured less simulated, NaN where nothing was measured.
 
     What an earlier model found stays, with new numbers, so that the alternation with the fit ends.
@@ -239,26 +246,33 @@ def noise_model(problem: Misfit, residuals: Sequence[FloatArray], before: NoiseM
     labels = np.array([p.maneuver for p in problem.pieces])
     count, dt, channels = int(labels.max()) + 1, problem.pieces[0].dt, residuals[0].shape[1]
     before = NoiseModel.plain(channels, count) if before is None else before
-    relative, unequal, unknown = maneuver_noise(residuals, labels, dt, before)
+    relative, unequal, unknown = before.relative, before.unequal, before.unknown
+    if treatment.maneuver_noise:
+        relative, unequal, unknown = maneuver_noise(residuals, labels, dt, before)
     scaled = [r / relative[m] for r, m in zip(residuals, labels, strict=True)]
     mixtures, information = list[Mixture | None](), np.ones(channels)
-    for i, time in enumerate(correlation_times(scaled, dt)):
-        columns = [r[:, i : i + 1] for r in scaled]
-        found = outlier_model(columns, dt, float(time), before.mixtures[i] is not None)
+    times = correlation_times(scaled, dt) if treatment.noise_shape else np.full(channels, np.nan)
+    for i, time in enumerate(times):
+        columns, kept = [r[:, i : i + 1] for r in scaled], before.mixtures[i] is not None
+        found = outlier_model(columns, dt, float(time), kept) if treatment.noise_shape else None
         mixtures.append(None if found is None else found[0])
         information[i] = 1.0 if found is None else found[1]
     return NoiseModel(tuple(mixtures), information, relative, unequal, unknown)
 
 
 def with_noise(
-    recorded: Misfit, residuals: Callable[[Misfit], Sequence[FloatArray]], before: NoiseModel | None
+    recorded: Misfit,
+    residuals: Callable[[Misfit], Sequence[FloatArray]],
+    before: NoiseModel | None,
+    treatment: Treatment = TREATMENT,
 ) -> tuple[NoiseModel, Misfit]:
     """Return the noise behind the residuals of a problem as recorded, and the problem that the fit sees, with its weights.
 
-    The `residuals` of a problem are (n, n_y) of each piece, where the fit is; `before` is the noise of the round before.
+    The `residuals` of a problem are (n, n_y) of each piece, where the fit is; `before` is the noise of the round before. Of
+    what may differ from normal noise that is the same in all maneuvers, the `treatment` says what is looked for.
     """
     own = residuals(recorded)
-    noise = noise_model(recorded, own, before)
+    noise = noise_model(recorded, own, before, treatment)
     problem = noise.adjusted(recorded, own)
     if problem is not recorded:
         own = residuals(problem)

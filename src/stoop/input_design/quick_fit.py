@@ -12,10 +12,10 @@ from dataclasses import dataclass, field
 
 from stoop.assessment.error_bars import error_bars
 from stoop.errors import FlightError, IdentificationError
-from stoop.estimate.fit import DEFAULTS
-from stoop.estimate.methods import choose_method
 from stoop.flight import Flight
 from stoop.problem.windows import Window
+from stoop.strategy.run import FIT_ALONE
+from stoop.strategy.run import fit as fit_by
 from stoop.vehicle import Vehicle
 
 
@@ -35,8 +35,7 @@ def quick_fit(vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence
     """Fit the free numbers of a vehicle to windows of flights as identification does; a fit that fails is a value."""
     used = {name: flight for name, flight in flights.items() if any(w.flight == name for w in windows)}
     try:
-        choice = choose_method("", vehicle, used.values(), windows)
-        _, fit = choice.fit(vehicle, used, windows, DEFAULTS)
+        fit = fit_by(FIT_ALONE, vehicle, used, windows).estimate
         bars = error_bars(fit)
     except (FlightError, IdentificationError) as error:
         return QuickFit(failure=str(error))

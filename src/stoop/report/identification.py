@@ -14,6 +14,7 @@ from stoop.base.numbers import NOTHING, count, listed, number, window
 from stoop.errors import StoopError
 from stoop.report import sheet
 from stoop.report.charts import convergence_panel
+from stoop.report.decisions import decisions_section
 from stoop.report.estimates import (
     body_parts,
     correlation_section,
@@ -121,6 +122,7 @@ def identification_sheet(identification: Model) -> sheet.Sheet:
         estimates_section(identification),
         uncertainty_section(identification),
         extensions_section(identification),
+        decisions_section(identification),
         role_section(identification, "fit"),
         role_section(identification, "validation"),
         residuals_section(identification),

@@ -22,6 +22,7 @@ from stoop.base.notices import AS_SENTENCES, Notice, as_notice, from_dict, of_se
 from stoop.base.text import printable
 from stoop.base.toml import is_of_type, parse_json, read_source
 from stoop.errors import StoopError
+from stoop.results.decisions import DecisionRecord
 from stoop.results.extensions import ExtensionTests
 from stoop.results.modes import ConditionModes
 from stoop.results.uncertainty import IdentifiabilityAnalysis, MethodIntervals, Repeatability
@@ -305,6 +306,8 @@ class Result:
     extensions: ExtensionTests = field(
         default_factory=ExtensionTests
     )  #: what the data ask for beside the model
+    #: decisions that the fit took by itself; empty in files of older versions
+    decisions: tuple[DecisionRecord, ...] = ()
     verdict: Verdict = field(default_factory=Verdict)  #: whether to use the model, for what, and why
     process_noise: ProcessNoise = ProcessNoise()
     #: between innovations of neighboring samples, 0 for a right model; NaN of a method without a filter

@@ -4,23 +4,19 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
-import sys
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
-from typing import Any
 
 from stoop.assessment.verdict import CONFIRMED
-from stoop.base.interrupts import handle_signals
 from stoop.errors import OutputError, StoopError
 from stoop.estimate.fit import Options
 from stoop.optimize import Outcome, State, load_tagged, save_state
+from stoop.strategy import Strategy
 from stoop.vehicle import Vehicle
 
-MESSAGE = "\nstoop: the search is done; writing its result (Ctrl-C again throws it away)\n"
+STRATEGY = Strategy.default()
 INTERVAL = 2.0  #: s between saved states
 
 
@@ -30,6 +26,7 @@ def identity(
     maneuvers: Sequence[str],
     validate: Sequence[str],
     options: Options,
+    strategy: Strategy = STRATEGY,
 ) -> str:
     """Return what decides the problem and its search, in one hash; when to give up may differ.
 
@@ -39,7 +36,7 @@ def identity(
     noise = None if options.covariance is None else options.covariance.tolist()
     parts = [
         vehicle.structure, vehicle.file.model_dump(mode="json"), dict(files), list(maneuvers), list(validate), noise,
-        options.optimizer_name, options.seed, options.method,
+        options.optimizer_name, options.seed, options.method, sorted(strategy.names),
     ]  # fmt: skip
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
 
@@ -99,27 +96,3 @@ class Checkpoint:
             if not self._failed:
                 self._warn(f"{error}; the search goes on, but cannot be resumed from here")
             self._failed = True
-
-
-@dataclass
-class Deferred:
-    """Whether Ctrl-C came meanwhile."""
-
-    came: bool = False
-
-    def take(self, *_: Any) -> None:
-        """Note the first Ctrl-C; the second really stops."""
-        if self.came:
-            raise KeyboardInterrupt
-        self.came = True
-        with suppress(OSError, ValueError):
-            # not print: this may come in the middle of another print
-            os.write(sys.__stderr__.fileno() if sys.__stderr__ else 2, MESSAGE.encode())
-
-
-@contextmanager
-def deferred_interrupt() -> Iterator[Deferred]:
-    """Let Ctrl-C and SIGTERM wait for the end of the block, where they can; see :func:`stoop.base.interrupts.handle_signals`."""
-    deferred = Deferred()
-    with handle_signals(lambda _: deferred.take):
-        yield deferred

@@ -23,7 +23,6 @@ from stoop.base.variables import VARIABLES
 from stoop.errors import VehicleError
 from stoop.estimate.estimate import Estimate
 from stoop.estimate.excitation import ratios, too_few
-from stoop.estimate.fit import Options
 from stoop.estimate.predict import expected_biases, predict, predictor
 from stoop.flight import Flight
 from stoop.problem.windows import Window
@@ -35,21 +34,19 @@ from stoop.results.result import (
     SensorBiases,
     WindEstimate,
 )
+from stoop.strategy import Decided
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.workflow.curves import Simulated, maneuver_curves
 from stoop.workflow.fitted_model import FittedModel
 from stoop.workflow.outputs import versions, with_values
-from stoop.workflow.sensor_delays import CheckedFit
 from stoop.workflow.summary import basis_notices, data_notices, fit_warnings, slowest_rate
 
 START_UNITS: Final = {"V": "m/s", "p": "rad/s", "q": "rad/s", "r": "rad/s"}  #: of initial states; others rad
 
 
 def fitted_model(
-    checked: CheckedFit,
-    flights: Mapping[str, Flight],
+    decided: Decided,
     predicted: Sequence[Window],
-    options: Options,
     inputs: Mapping[str, str],
     began: float,
     command: str,
@@ -57,10 +54,11 @@ def fitted_model(
 ) -> FittedModel:
     """Return the model of a fit: error bars, predictions, modes and notices.
 
-    `flights` are as they were fitted, `predicted` windows were not; `inputs` are hashes of `files` by name; `began` is
+    The `predicted` windows were not fitted; `inputs` are hashes of `files` by name; `began` is
     `time.perf_counter` at the start.
     """
-    fit, bars = checked.fit, checked.bars
+    fit, bars = decided.estimate, decided.tested.bars
+    flights, options = decided.flights, decided.options
     vehicle, color = fit.problem.layout.vehicle, fit.inflation
     if too_few(fit.problem, slowest_rate(fit, flights)):
         bars = bars.rejected(notice("error-bars-of-few-samples"))
@@ -94,12 +92,13 @@ def fitted_model(
         versions=versions(),
         inputs=inputs,
         method=options.method,
+        decisions=decided.decisions,
         process_noise=fit.process_noise,
         innovation_correlation=fit.innovation_correlation,
     )
-    failed = [*checked.failed]  # of detectors
+    failed = [*decided.tested.failed]  # of detectors
     found = attempt(failed, (), modes, fit, result.covariance.names, result.covariance.matrix)
-    result = replace(with_uncertainty(replace(result, modes=found), fit, bars), extensions=checked.tests)
+    result = replace(with_uncertainty(replace(result, modes=found), fit, bars), extensions=decided.tested.tests)
 
     prepared = [one for group in groups for one in group.prepared.notices]
     of_flights = [one for flight in flights.values() for one in flight.notices]

@@ -198,11 +198,12 @@ class FittedModel:
 
     def __str__(self) -> str:
         """Return the estimates as a table, and the verdict."""
+        from stoop.results.decisions import decision_lines
         from stoop.workflow.summary import estimates_table
 
-        return printable_lines(
-            f"{estimates_table(self.result.parameters)}\n\nverdict: {self.result.verdict.headline}"
-        )
+        decisions = "\n".join(decision_lines(self.result.decisions))
+        parts = estimates_table(self.result.parameters), decisions, f"verdict: {self.result.verdict.headline}"
+        return printable_lines("\n\n".join(filter(None, parts)))
 
     @property
     def by_name(self) -> dict[str, Flight]:

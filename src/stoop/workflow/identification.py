@@ -4,40 +4,37 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 from stoop import optimize
 from stoop.base.blas import on_one_blas_thread
-from stoop.base.notices import Notice
 from stoop.checks.vehicle import require_channels
 from stoop.errors import FlightError
 from stoop.estimate import methods
 from stoop.estimate.estimate import Estimate
 from stoop.estimate.fit import Options
-from stoop.flight import Flight, without, without_faults
-from stoop.problem.prepare import decoupled, prepare
+from stoop.flight import Flight, without
 from stoop.problem.windows import Window, Windows, as_windows
+from stoop.strategy import Decided, Strategy, run
 from stoop.vehicle import Vehicle
-from stoop.vehicle.assumptions import with_assumptions
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.workflow.fit_result import fitted_model
 from stoop.workflow.fitted_model import FittedModel
 from stoop.workflow.flights import Flights, as_flights
 from stoop.workflow.outputs import by_name, flight_files, input_hashes
-from stoop.workflow.sensor_delays import CheckedFit, with_sensor_delays
 
 DEFAULTS = Options()
+STRATEGY = Strategy.default()
 
 
 @dataclass(frozen=True, eq=False)
 class Search:
     """A finished search; predictions are still to come, see :func:`finish`."""
 
-    checked: CheckedFit
-    flights: Mapping[str, Flight]
+    decided: Decided
     predicted: tuple[Window, ...]
-    options: Options
     inputs: Mapping[str, str]
     files: tuple[Path, ...]
     began: float
@@ -45,8 +42,13 @@ class Search:
 
     @property
     def fit(self) -> Estimate:
-        """The fit."""
-        return self.checked.fit
+        """The last fit."""
+        return self.decided.estimate
+
+    @property
+    def flights(self) -> Mapping[str, Flight]:
+        """As they were fitted."""
+        return self.decided.flights
 
 
 def identify(
@@ -57,6 +59,7 @@ def identify(
     options: Options = DEFAULTS,
     callback: Callable[[optimize.Progress], None] | None = None,
     extend: bool = False,
+    strategy: Strategy | Literal["default", "textbook"] = STRATEGY,
 ) -> FittedModel:
     """Estimate the free numbers of a vehicle from maneuvers of one or more flights, and predict others.
 
@@ -75,7 +78,9 @@ def identify(
     callback : callable, optional
         Sees a :class:`stoop.optimize.Progress` after each step of the search.
     extend : bool
-        Whether the model gains what the data ask for, see :func:`stoop.workflow.extension.extend`.
+        Whether the model gains what the data ask for: the decision ``extensions``.
+    strategy : Strategy, "default" or "textbook"
+        Decisions that the fit takes by itself, see :class:`stoop.Strategy`; ``"textbook"`` takes none.
 
     Returns
     -------
@@ -87,7 +92,9 @@ def identify(
     StoopError
         One line that says what is wrong and what to do.
     """
-    return finish(search(vehicle, flights, maneuvers, validate, options, callback, extend=extend))
+    decisions = Strategy.named(strategy)
+    decisions = decisions.including("extensions") if extend else decisions
+    return finish(search(vehicle, flights, maneuvers, validate, options, callback, strategy=decisions))
 
 
 @on_one_blas_thread
@@ -101,13 +108,13 @@ def search(
     state: optimize.State | None = None,
     command: str = "",
     files: Sequence[Path] = (),
-    extend: bool = False,
+    strategy: Strategy = STRATEGY,
     watch: Callable[[str], None] = lambda text: None,
 ) -> Search:
     """Do the long part of :func:`identify`; wrong input raises its error before the search.
 
     Further arguments: the `state` of an interrupted search to resume; the `command` line, for the report; other `files` that
-    were read (mapping, noise covariance), for the result's ``inputs``; whether to `extend` the model, of which `watch` is told.
+    were read (mapping, noise covariance), for the result's ``inputs``; `watch` is told what is fitted.
     """
     began = time.perf_counter()
     vehicle = vehicle if isinstance(vehicle, Vehicle) else resolve_vehicle(vehicle)
@@ -133,41 +140,13 @@ def search(
         require_channels(vehicle, known[name])
     inputs = input_hashes(vehicle, known, files)
     for name, flight in known.items():
-        spans = [(w.start, w.stop) for w in predicted if w.flight == name]
-        known[name] = without_faults(without(flight, spans))
-    prepare(
-        decoupled(vehicle, known, predicted), known, predicted
-    )  # so that its errors come before the search
-    choice = methods.choose_method(options.method, vehicle, known.values(), fitted)
-    notices: tuple[Notice, ...] = ()
-    if methods.find(choice.name).simulates or vehicle.rotors:  # the other regressions take lags as they are
-        vehicle, notices = with_assumptions(vehicle, 1.0 / known[fitted[0].flight].rate)
-    if extend:
-        from stoop.workflow.extension import extend as extended
-
-        named = replace(options, method=choice.name)
-        longer = extended(vehicle, known, fitted, predicted, named, watch)
-        vehicle, notices = longer.vehicle, (*notices, *longer.notices)
-    method, found = choice.fit(vehicle, known, fitted, options, callback, state)
-    options = replace(options, method=method)
-    checked = with_sensor_delays(
-        vehicle, found, lambda longer: choice.fit(longer, known, fitted, options)[1], watch
-    )
-    checked = replace(checked, fit=replace(checked.fit, notices=(*notices, *checked.fit.notices)))
+        known[name] = without(flight, [(w.start, w.stop) for w in predicted if w.flight == name])
+    decided = run(strategy, vehicle, known, fitted, predicted, options, callback, state, watch)
     read = (Path(vehicle.where), *flight_files(known.values()), *files)
-    return Search(checked, known, predicted, options, inputs, read, began, command)
+    return Search(decided, predicted, inputs, read, began, command)
 
 
 @on_one_blas_thread
 def finish(done: Search) -> FittedModel:
     """Add error bars, predictions and goodness of fit to a finished search."""
-    return fitted_model(
-        done.checked,
-        done.flights,
-        done.predicted,
-        done.options,
-        done.inputs,
-        done.began,
-        done.command,
-        done.files,
-    )
+    return fitted_model(done.decided, done.predicted, done.inputs, done.began, done.command, done.files)

@@ -11,11 +11,9 @@ import pandas as pd
 
 from stoop.base.arrays import FloatArray
 from stoop.base.numbers import finite_or_none
-from stoop.estimate import methods
-from stoop.estimate.estimate import Estimate
 from stoop.estimate.fit import Options
-from stoop.vehicle import Vehicle
-from stoop.workflow.sensor_delays import with_sensor_delays
+from stoop.strategy import run
+from stoop.strategy.run import FIT_ALONE
 from stoop_studies.findings import Claim, Findings, Setting, holds
 from stoop_studies.verify import scenes, study
 
@@ -80,20 +78,18 @@ CASES: Final[Mapping[str, Case]] = {
 }
 
 
+#: of a named method and a complete vehicle, with bounds that no estimate reaches
+DECISIONS = FIT_ALONE.without("method", "instability", "gusts", "bounds").including("sensor-delays")
+
+
 @study.work
 def cover(case: str, seed: int) -> dict[str, Any]:
     """Fly a case and identify it as users do; a standard error is None where a bound holds the parameter."""
     method = CASES[case].method
     scene, options = CASES[case].fly(seed), Options(seed=seed, method=method)
-
-    def fitted(vehicle: Vehicle) -> Estimate:
-        found: Estimate = methods.find(method).fitter()(
-            vehicle, scene.flights, scene.windows, options, None, None
-        )
-        return found
-
-    done = with_sensor_delays(scene.start, fitted(scene.start), fitted, lambda _: None)
-    return study.errors_of(done.fit, scene.truth, done.bars, cramer_rao=done.bars.cramer_rao_std)
+    done = run(DECISIONS, scene.start, scene.flights, scene.windows, options=options)
+    bars = done.tested.bars
+    return study.errors_of(done.estimate, scene.truth, bars, cramer_rao=bars.cramer_rao_std)
 
 
 def statistics(results: Sequence[Mapping[str, Any]]) -> dict[str, FloatArray]:

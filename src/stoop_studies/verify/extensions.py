@@ -11,8 +11,9 @@ import numpy as np
 from stoop.assessment.error_bars import error_bars
 from stoop.assessment.extensions import extension_tests
 from stoop.base.numbers import finite_or_none
-from stoop.estimate import methods
 from stoop.estimate.fit import Options
+from stoop.strategy.run import FIT_ALONE
+from stoop.strategy.run import fit as fit_by
 from stoop_studies.findings import Claim, Findings, Setting, counted, holds
 from stoop_studies.verify import study
 from stoop_studies.verify.defects import KINDS, RIGHT, defects, fly
@@ -46,9 +47,9 @@ def examine(case: str, seed: int) -> dict[str, Any]:
 def _examined(case: str, seed: int) -> dict[str, Any]:
     defect, scene = defects()[case], fly(case, seed)
     method = KINDS[defect.kind].method
+    options = Options(seed=seed, method=method)
     begun = time.perf_counter()
-    choice = methods.choose_method(method, scene.start, scene.flights.values(), scene.windows)
-    _, fit = choice.fit(scene.start, scene.flights, scene.windows, Options(seed=seed, method=method))
+    fit = fit_by(FIT_ALONE, scene.start, scene.flights, scene.windows, options=options).estimate
     fitted = time.perf_counter()
     bars = error_bars(fit)
     assessed = time.perf_counter()
@@ -58,7 +59,7 @@ def _examined(case: str, seed: int) -> dict[str, Any]:
     off = {n: abs(fit.estimates[n] - v) / std[n] for n, v in scene.truth.items() if std[n] > 0.0}
     wanted, best = defect.names | defect.alike, next(iter(tests.found), None)
     # Gusts are no number: they are found before the fit, and told.
-    seen = [GUSTS] if any(one.code == "gusts-ignored" for one in choice.notices) else []
+    seen = [GUSTS] if any(one.code == "gusts-ignored" for one in fit.notices) else []
     named = {*seen, *(() if best is None else (best.name, *best.rivals))}
     found = [*seen, *(one.name for one in tests.found)]
     return {

@@ -15,7 +15,7 @@ from stoop.assessment.error_bars import error_bars
 from stoop.base.numbers import finite_or_none
 from stoop.base.units import KNOT
 from stoop.estimate.fit import Options
-from stoop.estimate.methods import choose_method
+from stoop.strategy.run import FIT_ALONE, fit
 from stoop_studies.findings import Claim, Findings, Setting, holds
 from stoop_studies.verify import closed_loop, scenes, study
 
@@ -62,9 +62,9 @@ def identify(case: str, seed: int) -> dict[str, Any]:
 
 def identified(scene: scenes.Scene, seed: int) -> dict[str, Any]:
     """Return errors and standard errors of a scene by the method that is taken where none is named."""
-    choice = choose_method("", scene.start, scene.flights.values(), scene.windows)
-    method, fit = choice.fit(scene.start, scene.flights, scene.windows, Options(seed=seed))
-    return {**study.errors_of(fit, scene.truth, error_bars(fit)), "method": method}
+    found = fit(FIT_ALONE, scene.start, scene.flights, scene.windows, options=Options(seed=seed))
+    estimate, method = found.estimate, found.setup.options.method
+    return {**study.errors_of(estimate, scene.truth, error_bars(estimate)), "method": method}
 
 
 def show(setting: Setting, samples: study.Samples) -> Findings:

@@ -16,13 +16,13 @@ from stoop.assessment.error_bars import error_bars
 from stoop.base.numbers import finite_or_none
 from stoop.base.units import KNOT
 from stoop.errors import FlightError
-from stoop.estimate.fit import Options
-from stoop.estimate.methods import choose_method
 from stoop.flight import Flight, from_columns, load, without_faults
 from stoop.input_design.windows import Found, find_windows
 from stoop.problem.windows import Window
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import Maneuver
+from stoop.strategy.run import FIT_ALONE
+from stoop.strategy.run import fit as fit_by
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop_studies.findings import Claim, Findings, Setting, holds
@@ -209,8 +209,7 @@ def identified(
     vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence[Window]
 ) -> dict[str, tuple[float, float]]:
     """Return estimates and standard errors by the method that is taken where none is named; NaN where not identifiable."""
-    choice = choose_method("", vehicle, flights.values(), windows)
-    _, fit = choice.fit(vehicle, flights, windows, Options())
+    fit = fit_by(FIT_ALONE, vehicle, flights, windows).estimate
     bars = error_bars(fit)
     told = {n: one.identifiable for n, one in bars.identifiability.items()}
     rows = zip(fit.estimates.items(), bars.std, strict=False)

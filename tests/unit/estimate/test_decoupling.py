@@ -22,6 +22,8 @@ from stoop.problem.windows import Window
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.initial import rigid_states
 from stoop.simulation.maneuver import Maneuver
+from stoop.strategy.run import FIT_ALONE
+from stoop.strategy.run import fit as fit_by
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.vehicle.vehicle import motion_input
@@ -181,9 +183,9 @@ def test_a_lateral_model_in_gusts_under_an_autopilot() -> None:
     """Filter error, which the gusts call for, with the vertical and axial gusts in the measured V and alpha."""
     scene = closed_loop.aircraft_scene(30.0 * KNOT, 3)
     start = scene.start.reduced("lateral")
-    choice = methods.choose_method("", start, scene.flights.values(), scene.windows)
-    method, found = choice.fit(start, scene.flights, scene.windows, Options())
-    assert method == "filter-error"
+    done = fit_by(FIT_ALONE, start, scene.flights, scene.windows)
+    found = done.estimate
+    assert done.setup.options.method == "filter-error"
     names = ("Clbeta", "Clp", "Clr", "Claileron", "Cnbeta", "Cnr", "Cnrudder")
     std = dict(zip(found.estimates, error_bars(found).std.tolist(), strict=False))
     error = {n: found.estimates[n] - scene.truth[n] for n in names}

@@ -9,10 +9,12 @@ import pytest
 
 from stoop.base.variables import RATES, SPECIFIC_FORCE
 from stoop.errors import IdentificationError
-from stoop.estimate.methods import MIN_MOTOR_RATE, MethodChoice, choose_method, find
+from stoop.estimate.methods import find
 from stoop.flight import Flight
 from stoop.flight.flight import dataset, from_columns
 from stoop.flight.gridding import Channels, grid_channels
+from stoop.strategy.method import MIN_MOTOR_RATE
+from stoop.strategy.run import MethodChoice, choose_method
 from stoop.vehicle.builtin import builtin_vehicle
 
 MOTORS = tuple(f"motor_{i}" for i in range(1, 5))
@@ -28,7 +30,7 @@ def logged(rate: float, grid: float = 100.0) -> Flight:
 
 @pytest.mark.parametrize(("rate", "name"), [(43.0, "equation-error"), (250.0, "multiple-shooting")])
 def test_motors_that_were_logged_slowly_choose(rate: float, name: str) -> None:
-    found = choose_method("", builtin_vehicle("quad-x"), [logged(250.0), logged(rate)])
+    found = choose_method("", builtin_vehicle("quad-x"), [replace(logged(250.0), name="fast"), logged(rate)])
     assert found.name == name
     assert [(n.code, n.values["rate"]) for n in found.notices] == (
         [("motors-logged-slowly", pytest.approx(43.0, abs=0.5))] if rate < MIN_MOTOR_RATE else []

@@ -7,7 +7,7 @@ import threading
 
 import pytest
 
-from stoop.workflow.checkpoint import Deferred, deferred_interrupt
+from stoop.base.interrupts import Deferred, deferred_interrupt
 
 
 def test_the_first_waits_and_what_was_before_comes_back(capfd: pytest.CaptureFixture[str]) -> None:

@@ -12,12 +12,11 @@ from stoop.base.units import KNOT
 from stoop.errors import IdentificationError
 from stoop.estimate import methods
 from stoop.estimate.filter_error import FilterError
-from stoop.estimate.fit import Options
 from stoop.estimate.gusts import LIMITS, exceed_sensors, gust_levels, unexplained, with_turbulence
-from stoop.estimate.methods import MethodChoice, choose_method
 from stoop.problem.windows import Window
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import parse_maneuver
+from stoop.strategy.run import FIT_ALONE, MethodChoice, choose_method, fit
 from stoop.vehicle import parse_vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop_studies.verify import scenes
@@ -152,9 +151,9 @@ def test_white_innovations_of_a_converged_fit_are_asked_for(status, correlation,
 def test_the_filter_is_taken_with_gusts_that_the_file_does_not_know(gusty_start, gusty_flight):
     start = replace(gusty_start, file=gusty_start.file.model_copy(update={"turbulence": None}))
     flights = {"sim": gusty_flight}
-    choice = choose_method("", start, flights.values(), WINDOWS)
-    method, found = choice.fit(start, flights, WINDOWS, Options())
-    assert method == "filter-error"
+    done = fit(FIT_ALONE, start, flights, WINDOWS)
+    found = done.estimate
+    assert done.setup.options.method == "filter-error"
     assert found.notices[0].code == "gusts-filtered"
     assert found.estimates["turbulence.w.intensity"] == pytest.approx(1.2, rel=0.7)
     for name in ("CLalpha", "Cmalpha", "Cmelevator"):
@@ -176,7 +175,8 @@ def test_a_filter_that_diverges_is_replaced(gusty_start, gusty_flight, monkeypat
     monkeypatch.setattr(FilterError, "__call__", refuse)
     flights = {"sim": gusty_flight}
     fixed = gusty_start.with_numbers({f"turbulence.{a}.intensity": {"free": False} for a in "uw"})
-    method, found = MethodChoice("filter-error", (), "output-error").fit(fixed, flights, WINDOWS, Options())
+    done = fit(FIT_ALONE, fixed, flights, WINDOWS)
+    found, method = done.estimate, done.setup.options.method
     assert method == "output-error"
     assert {n.code for n in found.notices} - {"bounds-widened"} == {"filter-diverges"}
     assert methods.find(method).simulates

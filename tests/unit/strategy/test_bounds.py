@@ -6,13 +6,13 @@ from functools import cache
 
 import pytest
 
-from stoop.estimate import methods
 from stoop.estimate.estimate import Estimate
 from stoop.estimate.fit import Options
 from stoop.flight import Flight
 from stoop.problem.windows import Window
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import Maneuver
+from stoop.strategy.run import FIT_ALONE, fit
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import builtin_vehicle
 from stoop.vehicle.defaults import wider_bounds
@@ -39,7 +39,8 @@ def found(share: float, method: str = "output-error", **fields: object) -> Estim
     truth = known().value(INERTIA)
     vehicle = known().with_numbers({INERTIA: {"value": share * truth, **fields}})
     windows = [Window("flight", 0.0, 5.0)]
-    return methods.run(vehicle, {"flight": flight()}, windows, Options(budget=4000.0, method=method))
+    options = Options(budget=4000.0, method=method)
+    return fit(FIT_ALONE, vehicle, {"flight": flight()}, windows, options=options).estimate
 
 
 @pytest.mark.parametrize("method", ["output-error", "filter-error", "multiple-shooting"])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -12,12 +13,14 @@ from stoop.errors import VehicleError
 from stoop.estimate.fit import Options
 from stoop.problem.windows import Window
 from stoop.results.extensions import ExtensionTest, ExtensionTests
+from stoop.strategy import Strategy
+from stoop.strategy import extensions as extension
+from stoop.strategy.extensions import _freed
+from stoop.strategy.run import setup_of
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.vehicle.document import with_entries
 from stoop.vehicle.extensions import extended
 from stoop.vehicle.load import load_vehicle
-from stoop.workflow import extension
-from stoop.workflow.extension import _freed
 from stoop.workflow.identification import identify
 from tests.unit.assessment.test_extensions import DURATION, STEPS, flights
 
@@ -65,7 +68,7 @@ def test_after_a_refusal_the_next_is_tried_and_what_was_refused_once_more(
         for name, t in (("one", 9.0), ("two", 6.0))
     )
 
-    def fitted(vehicle: set[str], *rest: object) -> SimpleNamespace:
+    def fitted(setup: object, vehicle: set[str]) -> SimpleNamespace:
         fit = SimpleNamespace(names=vehicle, inflation=1.0)
         return SimpleNamespace(
             vehicle=vehicle, fit=fit, bars=None, prediction=np.full(4, float(len(vehicle)))
@@ -79,14 +82,20 @@ def test_after_a_refusal_the_next_is_tried_and_what_was_refused_once_more(
     monkeypatch.setattr(extension, "extension_tests", missing)
     monkeypatch.setattr(extension, "catalogue", lambda vehicle: named)
     monkeypatch.setattr(extension, "_freed", lambda vehicle, added, change: vehicle | {added.name})
-    monkeypatch.setattr(extension, "gain", lambda before, after: -1.0 if after.names == {"one"} else 1.0)
-    found = extension.extend(set(), {}, [], [Window("held", 0.0, 1.0)], Options(), lambda line: None)
-    assert found.vehicle == {"one", "two"}
-    assert {n.subject: n.code for n in found.notices} == dict.fromkeys(("one", "two"), "extension-kept")
-    monkeypatch.setattr(extension, "gain", lambda before, after: -1.0)
-    found = extension.extend(set(), {}, [], [Window("held", 0.0, 1.0)], Options(), lambda line: None)
-    assert found.vehicle == set()
-    assert [n.code for n in found.notices] == ["extension-refused"] * 2
+    monkeypatch.setattr(
+        extension, "penalized_rise", lambda before, after: -1.0 if after.names == {"one"} else 1.0
+    )
+    monkeypatch.setattr(extension, "log_likelihood_rise", lambda before, after: (1.0, 1.0))
+    setup = setup_of(Strategy.default(), cast("Any", set()), {}, [], [Window("held", 0.0, 1.0)])
+    found = extension.extend(setup)
+    assert found is not None
+    assert found.setup.vehicle == {"one", "two"}
+    assert {n.subject: n.code for n in found.setup.notices} == dict.fromkeys(("one", "two"), "extension-kept")
+    monkeypatch.setattr(extension, "penalized_rise", lambda before, after: -1.0)
+    found = extension.extend(setup)
+    assert found is not None
+    assert found.setup.vehicle == set()
+    assert [n.code for n in found.setup.notices] == ["extension-refused"] * 2
 
 
 def test_a_change_to_an_impossible_body_begins_nearer_the_present_value() -> None:

@@ -52,8 +52,8 @@ def test_a_late_sensor_is_found(late: tuple[str, ...], name: str, number: str) -
     done = searched(flights)
     assert freed(done) == [name]
     index = [p.name for p in done.fit.problem.layout.parameters].index(number)
-    assert abs(done.fit.estimates[number] - scenes.LATE) < 3.0 * done.checked.bars.std[index]
-    assert done.checked.bars.std[index] < 0.005
+    assert abs(done.fit.estimates[number] - scenes.LATE) < 3.0 * done.decided.tested.bars.std[index]
+    assert done.decided.tested.bars.std[index] < 0.005
     # a file that gives the delay decides for itself
     given = with_entries(scenes.aircraft(), {("sensors", one, "delay"): 0.0 for one in late})
     assert freed(searched(flights, given)) == []

@@ -1,0 +1,49 @@
+"""Records of the decisions that a fit took by itself, as `result.json` holds them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+State: TypeAlias = Literal["applied", "not needed", "off"]
+
+
+@dataclass(frozen=True)
+class DecisionRecord:
+    """One decision of a fit: what it found, what it did, what that gained, and what it cost."""
+
+    #: by which it is switched off, such as ``"noise-shape"``
+    name: str
+    state: State = "not needed"
+    #: empty where it does not apply
+    found: str = ""
+    done: str = ""
+    #: rise of the log-likelihood; NaN where no fit without the decision is known
+    gained: float = math.nan
+    #: rise of the log-likelihood of held-back windows under their prediction; NaN where it is not known
+    held_back: float = math.nan
+    #: s, of the decision and of the fits that it asked for
+    seconds: float = 0.0
+
+    @property
+    def line(self) -> str:
+        """The decision on one line."""
+        if self.state != "applied":
+            return f"{self.name}: {self.state}"
+        gains = [
+            f"log-likelihood {value:+.1f}{where}"
+            for value, where in ((self.gained, ""), (self.held_back, " held back"))
+            if math.isfinite(value)
+        ]
+        return ", ".join(
+            [f"{self.name}: {self.done}", *gains, *([f"{self.seconds:.1f} s"] * (self.seconds >= 0.05))]
+        )
+
+
+def decision_lines(decisions: Iterable[DecisionRecord]) -> list[str]:
+    """Return one line for each decision that applied, and one for those that were switched off."""
+    known = list(decisions)
+    off = [one.name for one in known if one.state == "off"]
+    return [one.line for one in known if one.state == "applied"] + [f"off: {', '.join(off)}"] * bool(off)

@@ -1,0 +1,64 @@
+"""Default bounds that an estimate reaches are widened, and all is fitted again; bounds of the file stay."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Final
+
+from stoop.base.notices import Notice, notice
+from stoop.results.decisions import DecisionRecord
+from stoop.strategy.decision import Decision, Fitted, Fitter, Setup
+from stoop.strategy.likelihood import log_likelihood_rise
+from stoop.vehicle import Vehicle
+from stoop.vehicle.defaults import wider_bounds
+from stoop.vehicle.vehicle import leaves
+
+NAME: Final = "bounds"
+MAX_WIDENINGS: Final = 3  #: each doubles a box
+DOING: Final = "default bounds that an estimate reached were widened"
+
+
+def widen(setup: Setup, fit: Fitter) -> Fitted:
+    """Return the fit with wider bounds where its estimates reach default ones."""
+    first = found = fit(setup)
+    began, remarks, vehicle = time.perf_counter(), dict[str, Notice](), setup.vehicle
+    unbounded = {name for name, q in leaves(vehicle.file) if q.bounds is None}
+    for _ in range(MAX_WIDENINGS):
+        held = {
+            u.name: u.estimate for u in found.estimate.unknowns if u.fixed == "bound" and u.name in unbounded
+        }
+        boxes = wider_boxes(vehicle, held)
+        if not boxes or found.estimate.outcome.status == "interrupted":
+            break
+        vehicle = vehicle.with_numbers({name: {"bounds": box} for name, box in boxes.items()})
+        spent = found.estimate.trajectories
+        try:
+            found = fit(setup.again(vehicle))
+        except KeyboardInterrupt:  # what was found within the narrower bounds stands
+            found = found.interrupted(DOING)
+            break
+        for name, (low, high) in boxes.items():
+            remarks[name] = notice("bounds-widened", name, bound=held[name], low=low, high=high)
+        more = spent + found.estimate.trajectories
+        found = replace(found, estimate=replace(found.estimate, trajectories=more))
+    if not remarks:
+        return found
+    outcome = replace(found.estimate.outcome, state=first.estimate.outcome.state)
+    found = replace(found, estimate=replace(found.estimate, outcome=outcome))
+    record = DecisionRecord(
+        NAME, "applied", f"{', '.join(remarks)} at a default bound", "bounds widened, fitted again",
+        log_likelihood_rise(first.estimate, found.estimate)[0], seconds=time.perf_counter() - began,
+    )  # fmt: skip
+    return found.noting(*remarks.values()).recorded(record)
+
+
+def wider_boxes(vehicle: Vehicle, held: Mapping[str, float]) -> dict[str, tuple[float, float]]:
+    """Return wider boxes of numbers whose estimates a bound holds, as far as physics allows."""
+    at = [p for p in vehicle.parameters if p.name in held]
+    boxes = {p.name: wider_bounds(p.name, p.value, (p.lower, p.upper), held[p.name]) for p in at}
+    return {p.name: boxes[p.name] for p in at if boxes[p.name] != (p.lower, p.upper)}
+
+
+BOUNDS = Decision(NAME, "Do estimates reach bounds that the file does not give?", around=widen)

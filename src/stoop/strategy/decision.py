@@ -1,0 +1,137 @@
+"""What a decision is: a question that a fit asks its data, and how the answer changes the fit.
+
+A decision acts at up to three points. Before the search it changes the problem: data, vehicle or method. Within an estimator it
+is a field of :class:`stoop.estimate.treatment.Treatment`. Around a fit it may ask for another one from what the first found.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, TypeAlias
+
+from stoop.assessment.error_bars import ErrorBars
+from stoop.base.notices import Notice
+from stoop.estimate import methods
+from stoop.estimate.estimate import Estimate
+from stoop.estimate.fit import Options
+from stoop.flight import Flight
+from stoop.problem.windows import Window
+from stoop.results.decisions import DecisionRecord
+from stoop.results.extensions import ExtensionTests
+from stoop.vehicle import Vehicle
+
+Records: TypeAlias = Mapping[str, DecisionRecord]
+
+
+@dataclass(frozen=True, eq=False)
+class Setup:
+    """A fit as the decisions so far have it."""
+
+    vehicle: Vehicle
+    flights: Mapping[str, Flight]
+    fitted: Sequence[Window]
+    held_back: Sequence[Window]
+    #: their method is that of the fit
+    options: Options
+    #: whether the user named no method
+    free_method: bool
+    #: decisions that are switched on
+    names: frozenset[str]
+    #: method where the filter does not explain the data as gusts; empty where none is modeled
+    in_calm: str = ""
+    notices: tuple[Notice, ...] = ()
+    records: Records = field(default_factory=dict)
+    callback: Callable[..., None] | None = None
+    #: of an interrupted search, to resume
+    state: Any = None
+    #: called with the name of what is fitted
+    watch: Callable[[str], None] = lambda text: None
+
+    def by(self, method: str) -> Setup:
+        """Return the fit by another method."""
+        return replace(self, options=replace(self.options, method=method))
+
+    def noting(self, *notices: Notice) -> Setup:
+        """Return the fit with more notices."""
+        return replace(self, notices=(*self.notices, *notices))
+
+    def again(self, vehicle: Vehicle) -> Setup:
+        """Return the fit of another vehicle, from its own start; what is saved, and resumed, is the first search."""
+        return replace(self, vehicle=vehicle, callback=None, state=None)
+
+
+@dataclass(frozen=True, eq=False)
+class Change:
+    """What a decision found before the search, and the fit that it makes of it."""
+
+    setup: Setup
+    found: str
+    done: str
+    gained: float = float("nan")
+    held_back: float = float("nan")
+
+
+@dataclass(frozen=True, eq=False)
+class Tested:
+    """Error bars of a fit, and the score tests of extensions of its model."""
+
+    bars: ErrorBars
+    tests: ExtensionTests
+    #: why nothing was tested
+    failed: tuple[Notice, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """An estimate with the fit that it is of."""
+
+    setup: Setup
+    estimate: Estimate
+    records: Records = field(default_factory=dict)
+    tested: Tested | None = None
+
+    def recorded(self, record: DecisionRecord) -> Fitted:
+        """Return the estimate with one more record."""
+        return replace(self, records={**self.records, record.name: record})
+
+    def noting(self, *notices: Notice) -> Fitted:
+        """Return the estimate with more notices, before its own."""
+        return replace(self, estimate=replace(self.estimate, notices=(*notices, *self.estimate.notices)))
+
+    def interrupted(self, doing: str) -> Fitted:
+        """Return the estimate as that of a fit that the user stopped while it did something."""
+        outcome = replace(
+            self.estimate.outcome, status="interrupted", advice=f"stopped by the user while {doing}"
+        )
+        return replace(self, estimate=replace(self.estimate, outcome=outcome))
+
+
+Fitter: TypeAlias = Callable[[Setup], Fitted]
+
+
+@dataclass(frozen=True)
+class Decision:
+    """A decision that a fit takes by itself; `default` says whether it does so unless it is switched off."""
+
+    name: str
+    question: str
+    default: bool = True
+    #: changes the data before the fit; None where nothing was found
+    data: Callable[[Setup], Change | None] | None = None
+    #: likewise the problem
+    problem: Callable[[Setup], Change | None] | None = None
+    #: field of :class:`stoop.estimate.treatment.Treatment`
+    treatment: str = ""
+    #: what an estimator found by that: sentences; and what it then did
+    within: Callable[[Setup, Estimate], str] | None = None
+    done: str = ""
+    #: fits, by a fitter that takes the decisions before this one, and may do so again
+    around: Callable[[Setup, Fitter], Fitted] | None = None
+
+
+def estimate(setup: Setup) -> Fitted:
+    """Return the estimate by the method of a fit, with no decision around it."""
+    fitter = methods.find(setup.options.method).fitter()
+    given = (setup.vehicle, setup.flights, setup.fitted, setup.options, setup.callback, setup.state)
+    return Fitted(setup, fitter(*given))

@@ -1,0 +1,84 @@
+"""Filter error where air data and inertial sensors show gusts; the method of calm air where it does not explain them."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from typing import Final
+
+from stoop.base.notices import Notice, notice
+from stoop.errors import IdentificationError
+from stoop.estimate import methods
+from stoop.estimate.gusts import exceed_sensors, gust_levels, unexplained, with_turbulence
+from stoop.results.decisions import DecisionRecord
+from stoop.strategy.decision import Change, Decision, Fitted, Fitter, Setup
+from stoop.strategy.instability import late_sensors
+from stoop.vehicle.vehicle import AIR_FRAME
+
+NAME: Final = "gusts"
+IN_GUSTS: Final = "filter-error"
+#: take the effect of gusts for that of the aircraft
+CALM: Final = frozenset({methods.DEFAULT, "multiple-shooting"})
+#: notices of the method that a filter replaces
+REPLACED: Final = frozenset({"unstable"})
+
+
+def look_for_gusts(setup: Setup) -> Change | None:
+    """Return the fit by filter error with gusts among the unknowns, if there are any; a named method stays."""
+    calm = setup.options.method
+    if setup.vehicle.frame != AIR_FRAME or not setup.fitted or not (setup.free_method or calm in CALM):
+        return None
+    levels = gust_levels(setup.vehicle, setup.flights, setup.fitted)
+    if not exceed_sensors(setup.vehicle, levels):
+        return None
+    gusts = dict(zip("uvw", levels.tolist(), strict=True))
+    found = f"gusts of {gusts['u']:.2f}, {gusts['v']:.2f} and {gusts['w']:.2f} m/s rms (u, v, w)"
+    if not setup.free_method or late_sensors(setup):
+        ignored = notice("gusts-ignored", **gusts, method=calm, other=IN_GUSTS)
+        return Change(setup.noting(ignored), found, f"nothing: {calm} takes no gusts")
+    why = notice("gusts-filtered", **gusts, method=IN_GUSTS, other=calm)
+    kept = tuple(one for one in setup.notices if one.code not in REPLACED)
+    changed = replace(setup, in_calm=calm, notices=(*kept, why)).by(IN_GUSTS)
+    return Change(changed, found, f"{IN_GUSTS}, with gusts among the unknowns")
+
+
+def fit_in_gusts(setup: Setup, fit: Fitter) -> Fitted:
+    """Return the fit with gusts; by the method of calm air where the filter diverges or does not explain the residuals."""
+    if not setup.in_calm:
+        return _with_bias(fit(setup))
+    began = time.perf_counter()
+    try:
+        found = fit(replace(setup, vehicle=with_turbulence(setup.vehicle)))
+        doubts = unexplained(found.estimate, setup.options.method, setup.in_calm)
+    except IdentificationError as error:  # a filter that diverges from every start
+        doubts = (notice("filter-diverges", text=str(error), method=setup.in_calm),)
+    if not doubts:
+        return found
+    record = replace(
+        setup.records.get(NAME, DecisionRecord(NAME, "applied")),
+        found="; ".join(map(str, doubts)),
+        done=f"{setup.in_calm} instead of {setup.options.method}",
+        seconds=time.perf_counter() - began,
+    )
+    return fit(_in_calm_air(setup, doubts)).recorded(record)
+
+
+def _with_bias(found: Fitted) -> Fitted:
+    """Return the fit with the bias by gusts that its method ignores, if there are any."""
+    from stoop.estimate.gust_bias import gust_bias
+
+    if not any(n.code == "gusts-ignored" for n in found.setup.notices):
+        return found
+    return found.noting(*gust_bias(found.estimate, found.setup.flights))
+
+
+def _in_calm_air(setup: Setup, doubts: tuple[Notice, ...]) -> Setup:
+    """Return the fit by the method of calm air; the state of a filter's search is none of its."""
+    state = None if setup.state is None or setup.state.optimizer == methods.SCORING else setup.state
+    kept = tuple(one for one in setup.notices if one.code != "gusts-filtered")
+    return replace(setup, in_calm="", state=state, notices=(*kept, *doubts)).by(setup.in_calm)
+
+
+GUSTS = Decision(
+    NAME, "Do air data and inertial sensors show gusts?", problem=look_for_gusts, around=fit_in_gusts
+)

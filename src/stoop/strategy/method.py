@@ -1,0 +1,57 @@
+"""The method of identification that suits vehicle and recording, where none is named."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from stoop.base.notices import notice
+from stoop.base.variables import EULER, RATES, SPECIFIC_FORCE, VARIABLES
+from stoop.estimate import methods
+from stoop.strategy.decision import Change, Decision, Setup
+from stoop.vehicle.schema import WIND
+from stoop.vehicle.vehicle import AIR_FRAME, GROUND_FRAME
+
+#: by kind of vehicle: open loop one on rotors falls before a record ends
+USUAL: Final = {AIR_FRAME: methods.DEFAULT, GROUND_FRAME: "multiple-shooting"}
+SLOW_MOTORS: Final = "equation-error"  #: with rotors whose motors were logged at less than `MIN_MOTOR_RATE`
+MIN_MOTOR_RATE: Final = 100.0
+"""Hz. What moves the motors faster than half the rate of their log looks slow in it, and the vehicle seems to answer less. Of a
+simulated flight with shaken motors (tests/recovery/test_slow_motors.py) multiple shooting makes the inertia 0.39 too large at 50
+Hz, 0.13 at 100 Hz and 0.05 at 125 Hz; equation error 0.24, 0.06 and 0.03. Above, only multiple shooting knows its error bars."""
+#: with rotors where neither velocity nor attitude was recorded: rates are then all that regressors hold of the motion, their
+#: noise hardly biases, and a simulation would have to estimate the states of every window from nothing
+STATELESS: Final = "equation-error"
+GRID_SHARE: Final = 0.98  #: of the grid's rate: what was logged faster than that is used as it was logged
+
+
+def choose(setup: Setup) -> Change | None:
+    """Return the fit by the method that suits vehicle and recording."""
+    vehicle, usual = setup.vehicle, USUAL[setup.vehicle.frame]
+    if not setup.free_method or vehicle.frame == AIR_FRAME:
+        return None
+    recorded = [set(flight.channels) for flight in setup.flights.values()]
+    sensed = all({*RATES, *SPECIFIC_FORCE} <= own and not own & {*WIND, *EULER} for own in recorded)
+    if recorded and sensed:
+        why = notice("no-states-recorded", method=STATELESS, other=usual)
+        return Change(
+            setup.by(STATELESS).noting(why), "neither velocity nor attitude was recorded", STATELESS
+        )
+    rate = slowest_motors(setup)
+    if rate < MIN_MOTOR_RATE:
+        why = notice("motors-logged-slowly", rate=rate, limit=MIN_MOTOR_RATE, method=SLOW_MOTORS, other=usual)
+        return Change(setup.by(SLOW_MOTORS).noting(why), f"motors were logged at {rate:.0f} Hz", SLOW_MOTORS)
+    return Change(setup.by(usual), "the vehicle flies on rotors", usual)
+
+
+def slowest_motors(setup: Setup) -> float:
+    """Return the lowest rate at which commands of motors were logged, at most `MIN_MOTOR_RATE`, Hz."""
+    rates, channels = [MIN_MOTOR_RATE], {rotor.channel for rotor in setup.vehicle.file.rotor.values()}
+    for flight in setup.flights.values():
+        for channel in channels & flight.sources.keys():  # measured speeds are smooth, commands are not
+            rate = flight.sources[channel].rate
+            if VARIABLES[channel].kind != "measurement" and 0.0 < rate < GRID_SHARE * flight.rate:
+                rates.append(rate)
+    return min(rates)
+
+
+METHOD = Decision("method", "Which method suits the vehicle and what was recorded of it?", problem=choose)

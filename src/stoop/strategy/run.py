@@ -1,0 +1,189 @@
+"""A fit by the decisions of a strategy."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from stoop.base.notices import Notice
+from stoop.estimate.estimate import Estimate
+from stoop.estimate.fit import Options
+from stoop.estimate.methods import DEFAULT as OUTPUT_ERROR
+from stoop.flight import Flight
+from stoop.problem.prepare import decoupled, prepare
+from stoop.problem.windows import Window
+from stoop.results.decisions import DecisionRecord
+from stoop.strategy.assumptions import ASSUMPTIONS
+from stoop.strategy.decision import Change, Fitted, Fitter, Setup, Tested, estimate
+from stoop.strategy.faults import FAULTS
+from stoop.strategy.gusts import GUSTS
+from stoop.strategy.instability import INSTABILITY
+from stoop.strategy.method import METHOD
+from stoop.strategy.sensor_delays import SENSOR_DELAYS, test
+from stoop.strategy.strategy import DECISIONS, Strategy
+from stoop.vehicle import Vehicle
+
+DEFAULTS = Options()
+CHOICE = Strategy.textbook().only(METHOD.name, INSTABILITY.name, GUSTS.name)
+#: of a vehicle that is complete, and data that are clean
+FIT_ALONE = Strategy.default().without(FAULTS.name, ASSUMPTIONS.name, SENSOR_DELAYS.name)
+
+
+@dataclass(frozen=True, eq=False)
+class Decided:
+    """A finished fit.
+
+    Attributes
+    ----------
+    estimate
+        Of the last fit; its notices hold those of the decisions.
+    tested : Tested
+        Its error bars, and the score tests of extensions of its model.
+    flights : mapping of str to Flight
+        As they were fitted.
+    options : Options
+        With the method that was used.
+    decisions : tuple of DecisionRecord
+        One for each decision of the table.
+    """
+
+    estimate: Estimate
+    tested: Tested
+    flights: Mapping[str, Flight]
+    options: Options
+    decisions: tuple[DecisionRecord, ...]
+
+
+@dataclass(frozen=True)
+class MethodChoice:
+    """A method, why where neither the user nor the vehicle alone decided, and the one instead where gusts explain nothing."""
+
+    name: str
+    notices: tuple[Notice, ...] = ()
+    instead: str = ""
+
+
+def setup_of(
+    strategy: Strategy,
+    vehicle: Vehicle,
+    flights: Mapping[str, Flight],
+    fitted: Sequence[Window],
+    held_back: Sequence[Window] = (),
+    options: Options = DEFAULTS,
+) -> Setup:
+    """Return a fit before any decision."""
+    known = replace(options, method=options.method or OUTPUT_ERROR, treatment=strategy.treatment)
+    return Setup(vehicle, flights, tuple(fitted), tuple(held_back), known, not options.method, strategy.names)
+
+
+def choose_method(
+    name: str,
+    vehicle: Vehicle,
+    flights: Iterable[Flight],
+    windows: Sequence[Window] = (),
+    strategy: Strategy = CHOICE,
+) -> MethodChoice:
+    """Return the method that a strategy takes for a vehicle and flights, where a name is given mostly that."""
+    known = {one.name: one for one in flights}
+    setup = setup_of(strategy, vehicle, known, windows, options=replace(DEFAULTS, method=name))
+    for decision in strategy.decisions:
+        if decision.name in CHOICE.names and decision.problem is not None:
+            setup = _decided(setup, decision.name, decision.problem)
+    return MethodChoice(setup.options.method, setup.notices, setup.in_calm)
+
+
+def run(
+    strategy: Strategy,
+    vehicle: Vehicle,
+    flights: Mapping[str, Flight],
+    fitted: Sequence[Window],
+    held_back: Sequence[Window] = (),
+    options: Options = DEFAULTS,
+    callback: Callable[..., None] | None = None,
+    state: Any = None,
+    watch: Callable[[str], None] = lambda text: None,
+) -> Decided:
+    """Fit the free numbers of a vehicle to windows of flights by the decisions of a strategy.
+
+    Parameters
+    ----------
+    strategy : Strategy
+    vehicle : Vehicle
+    flights : mapping of str to Flight
+    fitted, held_back : windows
+        Those held back are not fitted; an extension is kept only if they do not speak against it.
+    options : Options
+        An empty method is chosen by the strategy: output error where it does not choose.
+    callback, state
+        As those of an estimator, see :mod:`stoop.estimate.methods`; of the first search.
+    watch : callable
+        Called with the name of each further fit.
+    """
+    found = fit(strategy, vehicle, flights, fitted, held_back, options, callback, state, watch)
+    tested, cut = (found.tested, False) if found.tested else test(found.estimate)
+    if cut:
+        found = found.interrupted("error bars were computed")
+    last = found.setup
+    return Decided(found.estimate, tested, last.flights, last.options, _records(strategy, found))
+
+
+def fit(
+    strategy: Strategy,
+    vehicle: Vehicle,
+    flights: Mapping[str, Flight],
+    fitted: Sequence[Window],
+    held_back: Sequence[Window] = (),
+    options: Options = DEFAULTS,
+    callback: Callable[..., None] | None = None,
+    state: Any = None,
+    watch: Callable[[str], None] = lambda text: None,
+) -> Fitted:
+    """Return the last fit of :func:`run`, with its method and its records; tested only where a decision asks for it."""
+    setup = setup_of(strategy, vehicle, flights, fitted, held_back, options)
+    for decision in strategy.decisions:
+        if decision.data is not None:
+            setup = _decided(setup, decision.name, decision.data)
+    # so that the errors of windows come before the search
+    prepare(decoupled(vehicle, setup.flights, held_back), setup.flights, held_back)
+    setup = replace(setup, callback=callback, state=state, watch=watch)
+    for decision in strategy.decisions:
+        if decision.problem is not None:
+            setup = _decided(setup, decision.name, decision.problem)
+    fitter: Fitter = estimate
+    for decision in strategy.decisions:
+        if decision.around is not None:
+            fitter = _enclosed(fitter, decision.around)
+    found = fitter(setup)
+    return found.noting(*found.setup.notices)
+
+
+def _enclosed(fitter: Fitter, around: Callable[[Setup, Fitter], Fitted]) -> Fitter:
+    """Return a fitter with a decision around it."""
+    return lambda setup: around(setup, fitter)
+
+
+def _decided(setup: Setup, name: str, decide: Callable[[Setup], Change | None]) -> Setup:
+    """Return the fit after a decision, with its record."""
+    began = time.perf_counter()
+    change, seconds = decide(setup), time.perf_counter() - began
+    if change is None:
+        return replace(setup, records={**setup.records, name: DecisionRecord(name, seconds=seconds)})
+    record = DecisionRecord(
+        name, "applied", change.found, change.done, change.gained, change.held_back, seconds
+    )
+    return replace(change.setup, records={**setup.records, name: record})
+
+
+def _records(strategy: Strategy, found: Fitted) -> tuple[DecisionRecord, ...]:
+    """Return a record for each decision of the table."""
+    known, out = {**found.setup.records, **found.records}, []
+    for one in DECISIONS:
+        record = known.get(one.name, DecisionRecord(one.name))
+        if one.name not in strategy.names:
+            record = DecisionRecord(one.name, "off")
+        elif one.within is not None and (text := one.within(found.setup, found.estimate)):
+            record = DecisionRecord(one.name, "applied", text, one.done)
+        out.append(record)
+    return tuple(out)

@@ -1,0 +1,98 @@
+"""Delays of sensors that a vehicle file leaves out are freed, with a prior, where the score tests ask for them.
+
+Sensor delays are instrument parameters, not vehicle parameters: coefficients that compensate for one are biased by many
+standard errors, while residuals may look nearly white. After each fit, as long as the strongest extension is the delay of a
+sensor, no other extension explains as much, and the log-likelihood rises by more than Schwarz's penalty, it becomes a free
+parameter. A file that gives a delay (0 for none) decides for itself.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from typing import Final
+
+from stoop.assessment.error_bars import error_bars
+from stoop.assessment.extensions import LIMITS, extension_tests
+from stoop.base.interrupts import deferred_interrupt
+from stoop.base.notices import Notice, attempt, notice
+from stoop.estimate.estimate import Estimate
+from stoop.results.decisions import DecisionRecord
+from stoop.results.extensions import ExtensionTests
+from stoop.strategy.decision import Decision, Fitted, Fitter, Setup, Tested
+from stoop.strategy.likelihood import log_likelihood_rise, penalized_rise
+from stoop.vehicle import Vehicle
+from stoop.vehicle.assumptions import USUAL
+from stoop.vehicle.document import with_entries
+from stoop.vehicle.extensions import Extension, catalogue
+
+NAME: Final = "sensor-delays"
+DOING: Final = "delays of sensors were looked for"
+
+
+def free_delays(setup: Setup, fit: Fitter) -> Fitted:
+    """Return the fit with the delays of sensors that it asks for among its unknowns."""
+    first = best = fit(setup)
+    tested, cut = test(first.estimate)
+    began, vehicle, freed = (
+        time.perf_counter(),
+        setup.vehicle,
+        dict[str, str](),
+    )  # name: that of its parameter
+    while not cut and (extension := _late_sensor(vehicle, tested.tests)):
+        entries = extension.entries({"value": 0.0, "prior": USUAL.sensor_delay_std})
+        vehicle = with_entries(vehicle, entries)
+        setup.watch(f"delay: {extension.name}")
+        try:
+            found = fit(setup.again(vehicle))
+        except KeyboardInterrupt:  # what was found without it stands
+            cut = True
+            break
+        if penalized_rise(best.estimate, found.estimate) <= 0.0:
+            break
+        freed[extension.name] = ".".join(next(iter(entries)))
+        best = found
+        tested, cut = test(best.estimate)
+    outcome = replace(best.estimate.outcome, state=first.estimate.outcome.state)  # saved, and resumed
+    best = replace(best, estimate=replace(best.estimate, outcome=outcome), tested=tested)
+    if freed:
+        rise = log_likelihood_rise(first.estimate, best.estimate)[0]
+        record = DecisionRecord(
+            NAME, "applied", "score tests ask for a delay before all else", f"{', '.join(freed)} estimated",
+            rise, seconds=time.perf_counter() - began,
+        )  # fmt: skip
+        best = best.noting(*_notices(best.estimate, tested, freed)).recorded(record)
+    return best.interrupted(DOING) if cut else best
+
+
+def test(found: Estimate) -> tuple[Tested, bool]:
+    """Return error bars and score tests of a fit, and whether Ctrl-C came meanwhile: a search that has ended is not lost."""
+    with deferred_interrupt() as ctrl_c:
+        failed, bars = list[Notice](), error_bars(found)
+        tests = attempt(failed, ExtensionTests(), extension_tests, found, bars)
+    return Tested(bars, tests, tuple(failed)), ctrl_c.came
+
+
+def _late_sensor(vehicle: Vehicle, tests: ExtensionTests) -> Extension | None:
+    """Return the delay of a sensor that the data ask for before all else, if they do."""
+    if not tests.found:
+        return None
+    late = {one.name: one for one in catalogue(vehicle) if one.readings}
+    best, *others = tests.found
+    tied = any(one.name not in late and best.gain - one.gain < LIMITS.tie for one in others)
+    return None if tied else late.get(best.name)
+
+
+def _notices(fit: Estimate, tested: Tested, freed: dict[str, str]) -> list[Notice]:
+    """Return the estimates of freed delays."""
+    index = {p.name: i for i, p in enumerate(fit.problem.layout.parameters)}
+    std, prior = tested.bars.std, USUAL.sensor_delay_std
+    return [
+        notice(
+            "sensor-delay-freed", name, estimate=fit.estimates[one], std=float(std[index[one]]), prior=prior
+        )
+        for name, one in freed.items()
+    ]
+
+
+SENSOR_DELAYS = Decision(NAME, "Are readings of a sensor late?", around=free_delays)

@@ -1,0 +1,114 @@
+"""The table of all decisions, and which of them a fit takes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final, Literal
+
+from stoop.base.text import nearest
+from stoop.errors import IdentificationError
+from stoop.estimate.treatment import Treatment
+from stoop.strategy.assumptions import ASSUMPTIONS
+from stoop.strategy.bounds import BOUNDS
+from stoop.strategy.decision import Decision
+from stoop.strategy.extensions import EXTENSIONS
+from stoop.strategy.faults import FAULTS
+from stoop.strategy.gusts import GUSTS
+from stoop.strategy.instability import INSTABILITY
+from stoop.strategy.method import METHOD
+from stoop.strategy.sensor_delays import SENSOR_DELAYS
+from stoop.strategy.within import (
+    HELD_NUMBERS,
+    MANEUVER_NOISE,
+    NOISE_SHAPE,
+    RECORDED_MOTION,
+    STUCK_CHANNELS,
+)
+
+#: in the order in which they change the problem; of those around a fit each encloses the ones before it
+DECISIONS: Final[tuple[Decision, ...]] = (
+    FAULTS,
+    METHOD,
+    INSTABILITY,
+    BOUNDS,
+    GUSTS,
+    ASSUMPTIONS,
+    RECORDED_MOTION,
+    HELD_NUMBERS,
+    STUCK_CHANNELS,
+    NOISE_SHAPE,
+    MANEUVER_NOISE,
+    EXTENSIONS,
+    SENSOR_DELAYS,
+)
+NAMES: Final = tuple(one.name for one in DECISIONS)
+
+
+@dataclass(frozen=True)
+class Strategy:
+    """Which decisions a fit takes by itself.
+
+    Parameters
+    ----------
+    names : frozenset of str
+        Of `NAMES`.
+
+    Examples
+    --------
+    >>> Strategy.default().without("noise-shape", "bounds")
+    >>> Strategy.textbook()
+    """
+
+    names: frozenset[str]
+
+    def __post_init__(self) -> None:
+        for name in sorted(self.names - set(NAMES)):
+            raise IdentificationError(f"decision '{name}': not known; {nearest(name, NAMES)}")
+
+    @classmethod
+    def default(cls) -> Strategy:
+        """Return the decisions that a fit takes unless they are switched off."""
+        return cls(frozenset(one.name for one in DECISIONS if one.default))
+
+    @classmethod
+    def textbook(cls) -> Strategy:
+        """Return no decision: output error, or the method that is named, with normal noise that is the same everywhere."""
+        return cls(frozenset())
+
+    @classmethod
+    def named(cls, strategy: Strategy | Literal["default", "textbook"] | str) -> Strategy:
+        """Return a strategy from itself or from its name."""
+        if isinstance(strategy, Strategy):
+            return strategy
+        known = {"default": cls.default, "textbook": cls.textbook}
+        if strategy not in known:
+            raise IdentificationError(f"strategy '{strategy}': not known; {nearest(strategy, known)}")
+        return known[strategy]()
+
+    def without(self, *names: str) -> Strategy:
+        """Return the strategy with some decisions switched off."""
+        return Strategy(self.names - Strategy(frozenset(names)).names)
+
+    def only(self, *names: str) -> Strategy:
+        """Return the strategy with some decisions and no other."""
+        return Strategy(frozenset(names))
+
+    def including(self, *names: str) -> Strategy:
+        """Return the strategy with some decisions switched on."""
+        return Strategy(self.names | set(names))
+
+    @cached_property
+    def decisions(self) -> tuple[Decision, ...]:
+        """The decisions that it takes, in order."""
+        return tuple(one for one in DECISIONS if one.name in self.names)
+
+    @property
+    def treatment(self) -> Treatment:
+        """What an estimator may decide by itself."""
+        return Treatment(**{one.treatment: one.name in self.names for one in DECISIONS if one.treatment})
+
+    def __repr__(self) -> str:
+        if self.names == Strategy.default().names:
+            return "<Strategy: default>"
+        return f"<Strategy: {', '.join(one.name for one in self.decisions) or 'textbook'}>"
