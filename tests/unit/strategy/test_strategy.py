@@ -1,0 +1,185 @@
+"""Every decision applies where the data call for it, and only there; without any a fit is textbook output error."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from stoop.base.notices import notice
+from stoop.errors import IdentificationError
+from stoop.estimate.fit import Options
+from stoop.estimate.fit import fit as output_error
+from stoop.estimate.treatment import Treatment
+from stoop.flight import Flight
+from stoop.flight.faults import Fault
+from stoop.problem.windows import Window
+from stoop.results.decisions import DecisionRecord, decision_lines
+from stoop.simulation.fly import simulate_flight
+from stoop.simulation.maneuver import Maneuver
+from stoop.strategy import DECISIONS, Decided, Strategy, run
+from stoop.vehicle import Vehicle
+from stoop.vehicle.builtin import builtin_vehicle, resolve_vehicle
+from stoop.vehicle.document import with_entries
+from stoop.workflow.checkpoint import identity
+
+DOUBLET = {"control": "elevator", "shape": "doublet", "start": 0.5, "step": 0.5, "amplitude": 0.05}
+WINDOWS = (Window("a", 0.0, 5.0), Window("b", 0.0, 5.0))
+FREE = ("Cmalpha", "Cmq", "Cmelevator")
+PLAIN = Treatment(
+    **dict.fromkeys(
+        ("recorded_motion", "held_numbers", "stuck_channels", "noise_shape", "maneuver_noise"), False
+    )
+)
+
+
+@cache
+def known() -> Vehicle:
+    """Return a longitudinal aircraft with three free numbers and a servo without lag."""
+    vehicle = with_entries(builtin_vehicle("twin-boom"), {("controls", "elevator", "lag"): 0.0})
+    vehicle = vehicle.reduced("longitudinal")
+    return vehicle.with_numbers({p.name: {"free": p.name in FREE} for p in vehicle.parameters if p.free})
+
+
+@cache
+def flights() -> dict[str, Flight]:
+    maneuver = Maneuver.model_validate({"duration": 5.0, "rate": 50.0, "altitude": 200.0, "input": [DOUBLET]})
+    return {name: simulate_flight(known(), maneuver, seed=i, name=name) for i, name in enumerate("ab")}
+
+
+def changed(name: str, channel: str, change: Callable[[np.ndarray], np.ndarray]) -> dict[str, Flight]:
+    """Return the flights, one channel of one of them changed."""
+    flight = flights()[name]
+    column = change(flight.column(channel).copy())
+    data = flight.data.assign({channel: ("time", column, flight.data[channel].attrs)})
+    return {**flights(), name: replace(flight, data=data)}
+
+
+def noisy(y: np.ndarray) -> np.ndarray:
+    return y + 0.02 * np.random.default_rng(1).standard_normal(len(y))
+
+
+def spiked(y: np.ndarray) -> np.ndarray:
+    random = np.random.default_rng(2)
+    y[random.choice(len(y), len(y) // 12, replace=False)] += 0.1 * random.choice([-1.0, 1.0], len(y) // 12)
+    return y
+
+
+def faulty() -> dict[str, Flight]:
+    flight = flights()["a"]
+    one = Fault("stuck", "q", 0.0, 1.0, 2.0, notice("samples-not-measured", variables=("q",)))
+    return {**flights(), "a": replace(flight, faults=(one,))}
+
+
+def spiked_everywhere() -> dict[str, Flight]:
+    return {name: changed(name, "q", spiked)[name] for name in flights()}
+
+
+def stuck() -> dict[str, Flight]:
+    return {name: changed(name, "theta", lambda y: np.full_like(y, 0.05))[name] for name in flights()}
+
+
+CALLED_FOR: dict[str, Callable[[], dict[str, Flight]]] = {
+    "faults": faulty,
+    "stuck-channels": stuck,
+    "noise-shape": spiked_everywhere,
+    "maneuver-noise": lambda: changed("b", "q", noisy),
+}
+
+
+def decided(strategy: Strategy, given: dict[str, Flight], vehicle: Vehicle | None = None) -> Decided:
+    return run(strategy, vehicle or known(), given, WINDOWS, options=Options(seed=1, budget=4000.0))
+
+
+def states(done: Decided) -> dict[str, str]:
+    return {one.name: one.state for one in done.decisions}
+
+
+@pytest.fixture(scope="module")
+def clean() -> Decided:
+    return decided(Strategy.default(), flights())
+
+
+def test_clean_data_of_a_complete_vehicle_call_for_no_decision(clean: Decided) -> None:
+    applied = {name for name, state in states(clean).items() if state == "applied"}
+    assert applied <= {"recorded-motion"}
+    assert states(clean)["extensions"] == "off"
+    assert [one.name for one in clean.decisions] == [one.name for one in DECISIONS]
+
+
+@pytest.mark.parametrize("name", CALLED_FOR)
+def test_a_decision_applies_where_the_data_call_for_it_and_its_switch_turns_it_off(name: str) -> None:
+    given = CALLED_FOR[name]()
+    with_it, without = (
+        decided(strategy, given) for strategy in (Strategy.textbook().only(name), Strategy.textbook())
+    )
+    assert states(with_it)[name] == "applied"
+    (record,) = (one for one in with_it.decisions if one.state == "applied")
+    assert record.found
+    assert record.done
+    assert set(states(without).values()) == {"off"}
+    assert with_it.estimate.estimates != without.estimate.estimates
+
+
+def test_textbook_is_output_error_to_the_last_bit(clean: Decided) -> None:
+    """Of data that call for four decisions, beside the estimator itself; by default the estimates differ."""
+    given = {name: {**spiked_everywhere(), "b": changed("b", "q", noisy)["b"]}[name] for name in "ab"}
+    options = Options(seed=1, budget=4000.0)
+    done = run(Strategy.textbook(), known(), given, WINDOWS, options=options)
+    alone = output_error(known(), given, WINDOWS, replace(options, method="output-error", treatment=PLAIN))
+    assert done.options.method == "output-error"
+    assert done.estimate.estimates == alone.estimates
+    assert done.estimate.cost == alone.cost
+    assert np.array_equal(done.estimate.z, alone.z)
+    usual = run(Strategy.default(), known(), given, WINDOWS, options=options)
+    assert usual.estimate.estimates != alone.estimates
+
+
+def test_assumptions_free_the_lag_that_a_file_leaves_out() -> None:
+    incomplete = builtin_vehicle("twin-boom").reduced("longitudinal")
+    incomplete = incomplete.with_numbers(
+        {p.name: {"free": p.name in FREE} for p in incomplete.parameters if p.free}
+    )
+    only = Strategy.textbook().only("assumptions")
+    assumed = decided(only, flights(), incomplete)
+    lags = {name for name in assumed.estimate.estimates if name.endswith(".lag")}
+    assert (states(assumed)["assumptions"] == "applied") == bool(lags)
+    assert states(decided(only, flights()))["assumptions"] == "not needed"
+
+
+@pytest.mark.parametrize("switch", [Strategy.without, Strategy.only, Strategy.including])
+def test_an_unknown_decision_is_told_with_the_nearest_name(switch: Callable[..., Strategy]) -> None:
+    with pytest.raises(
+        IdentificationError, match=r"decision 'noise-shap': not known; .*noise-shape"
+    ) as error:
+        switch(Strategy.default(), "noise-shap")
+    assert "\n" not in str(error.value)
+
+
+def test_a_strategy_by_its_name() -> None:
+    assert Strategy.named("textbook") == Strategy.textbook()
+    assert Strategy.named("default") == Strategy.default()
+    assert Strategy.named(Strategy.textbook()) is not None
+    assert Strategy.default().without("bounds").including("bounds") == Strategy.default()
+    assert "extensions" not in Strategy.default().names
+    with pytest.raises(IdentificationError, match=r"textbok.*textbook"):
+        Strategy.named("textbok")
+
+
+def test_decisions_are_part_of_the_identity_of_a_search() -> None:
+    vehicle = resolve_vehicle("twin-boom")
+    one, two, three = (
+        identity(vehicle, {}, ["0:1"], [], Options(), strategy)
+        for strategy in (Strategy.default(), Strategy.default().without("bounds"), Strategy.textbook())
+    )
+    assert len({one, two, three}) == 3
+    assert one == identity(vehicle, {}, ["0:1"], [], Options())
+
+
+def test_a_record_on_one_line() -> None:
+    applied = DecisionRecord("bounds", "applied", "Clp at a bound", "bounds widened", 12.34, seconds=1.0)
+    lines = decision_lines([applied, DecisionRecord("gusts"), DecisionRecord("faults", "off")])
+    assert lines == ["bounds: bounds widened, log-likelihood +12.3, 1.0 s", "off: faults"]
