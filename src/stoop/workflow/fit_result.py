@@ -98,7 +98,9 @@ def fitted_model(
     )
     failed = [*decided.tested.failed]  # of detectors
     found = attempt(failed, (), modes, fit, result.covariance.names, result.covariance.matrix)
-    result = replace(with_uncertainty(replace(result, modes=found), fit, bars), extensions=decided.tested.tests)
+    result = replace(
+        with_uncertainty(replace(result, modes=found), fit, bars), extensions=decided.tested.tests
+    )
 
     prepared = [one for group in groups for one in group.prepared.notices]
     of_flights = [one for flight in flights.values() for one in flight.notices]
