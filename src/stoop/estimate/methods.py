@@ -11,7 +11,7 @@ To add a method, write its function and its :class:`stoop.estimate.estimate.Esti
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 

@@ -6,8 +6,8 @@ import math
 from typing import Final
 
 from stoop.base.numbers import NOTHING
+from stoop.report.model import Model
 from stoop.report.sheet import Prose, Section, Table
-from stoop.results.result import Identification
 
 LEAD: Final = (
     "What the fit decided by itself, in order. Each decision can be switched off with --without NAME, all of them with "
@@ -16,7 +16,7 @@ LEAD: Final = (
 HEAD: Final = ("Decision", "Found", "Done", "Log-likelihood", "Held back", "Seconds")
 
 
-def decisions_section(identification: Identification) -> Section | None:
+def decisions_section(identification: Model) -> Section | None:
     """Return the decisions that applied, and which did not; None for a result of an older version."""
     found = identification.result.decisions
     if not found:
