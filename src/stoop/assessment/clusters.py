@@ -1,28 +1,27 @@
-r"""Whether maneuvers (or flights) disagree by more than the color of their residuals explains, and by how much more.
+r"""Comparison of the disagreement of maneuvers (or flights) with what the color of their residuals explains.
 
-A model that is not perfect is a little wrong in the same way throughout a maneuver, and in another way in the next one: the
-scores of maneuvers, s_g = S_g' r_g, then scatter more than stationary noise makes them. To first order each maneuver moves the
-estimate of a parameter j by
+Errors of a model persist throughout a maneuver and differ between maneuvers: the scores of maneuvers, s_g = S_g' r_g, then
+scatter more than under stationary noise. To first order the influence of maneuver g on the estimate of a parameter j is
 
 .. math:: u_{gj} = (D^{-1} s_g)_j, \qquad \textstyle\sum_g u_{gj} = 0.
 
-The sum of the squares of these moves is the sandwich covariance clustered by maneuver. With few maneuvers it is small, because
-each maneuver takes part in the fit, and it knows little. Both are counted exactly under the color of the residuals: with K_j
-the covariance (G, G) of the moves of G clusters under that noise,
+The sum of their squares is the sandwich covariance clustered by maneuver. With few maneuvers it is biased toward zero, because
+each maneuver takes part in the fit, and it has few degrees of freedom. Both follow exactly from the color of the residuals: with
+K_j the covariance (G, G) of the influences of G clusters under that noise,
 
 .. math:: t_j^2 = \sum_g u_{gj}^2 / \mathrm{tr} K_j, \qquad \nu_j = (\mathrm{tr} K_j)^2 / \mathrm{tr} K_j^2
 
-is the ratio of the variance found to the one expected, on as many degrees of freedom (Bell and McCaffrey; Satterthwaite).
-From two to eight maneuvers give a parameter one to seven of them, too few by itself, but a fit has many parameters. Their ratios
-are taken as draws from one population, t_j^2 / s^2 ~ F(nu_j, d): s^2 is the excess that they have in common, and a large d means
-that it is the same for all of them. A parameter's own ratio is then moderated by that of the others,
+is the ratio of the variance found to the one expected, with :math:`\nu_j` degrees of freedom (Bell and McCaffrey; Satterthwaite).
+Two to eight maneuvers give a parameter one to seven degrees of freedom, too few for a test of one parameter, but a fit has many
+parameters. Their ratios are modeled as draws from one population, t_j^2 / s^2 ~ F(nu_j, d): s^2 is their common excess, and a
+large d means that the excess is the same for all of them. The ratios of the others moderate that of each parameter,
 
 .. math:: (d s^2 + \nu_j t_j^2) / (d + \nu_j),
 
-on d + nu_j degrees of freedom (Smyth). The half width of the 95 % interval is averaged over what the ratios leave open of s and
-d, and over whether the model is right (a chance of 0.3 beforehand). A variance is never reduced: a ratio below
-1 is chance. A parameter that one maneuver alone determines is widened by what the others have in common. The part of a variance
-that is the priors' is not widened.
+with d + nu_j degrees of freedom (Smyth). The half width of the 95 % interval is averaged over the posterior distribution of s
+and d, and over whether the model is right (prior probability 0.3). A variance is never reduced: a ratio below 1 is chance. The
+common excess of the others widens the interval of a parameter that one maneuver alone determines. The share of the priors in a
+variance is not widened.
 
 References
 ----------
@@ -51,18 +50,17 @@ from stoop.base.arrays import BoolArray, FloatArray
 class ClusterLimits:
     """Thresholds and grids of the comparison of clusters; verified by ``stoop verify misspecified``."""
 
-    #: of a parameter's variance that the moves of the clusters are expected to show; below it one cluster alone
-    #: determines the parameter
+    #: least share of a parameter's variance that is expected between clusters; below it one cluster alone determines the
+    #: parameter
     min_share: float = 0.1
-    max_prior: float = (
-        0.5  #: of a parameter's variance, of the priors: the maneuvers cannot disagree about those
-    )
+    #: largest share of the priors in a variance: maneuvers cannot disagree about priors
+    max_prior: float = 0.5
     #: grid of the degrees of freedom d of the population; infinite: the same excess for all parameters
     degrees: tuple[float, ...] = (1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0, 24.0, 32.0, 64.0, np.inf)
     excess: tuple[float, float, int] = (-2.3, 4.6, 70)  #: grid of log s^2
-    #: standard deviation of log s^2 before any maneuver was seen: what a fit of few parameters leans on
+    #: prior standard deviation of log s^2, which dominates in a fit of few parameters
     prior: float = 2.0
-    #: probability, before any maneuver was seen, that the model is right: no excess in any parameter
+    #: prior probability that the model is right: no excess in any parameter
     right: float = 0.3
 
 
@@ -70,8 +68,8 @@ LIMITS: Final = ClusterLimits()
 
 
 @dataclass(frozen=True, eq=False)
-class Moves:
-    """Squares of the moves of k parameters over what colored noise makes of them, and what that is worth."""
+class Influence:
+    """Squared influence of clusters on k parameters, relative to its expectation under colored noise."""
 
     ratio: FloatArray  #: (k,), t^2
     degrees: FloatArray  #: (k,), nu; zero where one cluster alone determines the parameter
@@ -80,14 +78,13 @@ class Moves:
 
 @dataclass(frozen=True, eq=False)
 class Scatter:
-    """By how much the disagreement of clusters widens the intervals of k parameters."""
+    """Factors by which the disagreement of clusters widens the intervals of k parameters."""
 
     clusters: int
     compared: int  #: parameters that two clusters or more determine
     excess: float  #: s, the factor on standard errors that parameters have in common; its geometric mean
-    stretch: (
-        FloatArray  #: (k,), factor on each standard error, at least 1: half width of the interval over 1.96
-    )
+    #: (k,), factor on each standard error, at least 1: half width of the interval over 1.96
+    stretch: FloatArray
 
 
 def cluster_scatter(
@@ -100,16 +97,18 @@ def cluster_scatter(
     names = list(dict.fromkeys(labels))
     if len(names) < 2 or not count:
         return None
-    moves = cluster_moves(coloring, noise, [names.index(label) for label in labels], count)
-    if not moves.degrees.any():
+    influence = cluster_influence(coloring, noise, [names.index(label) for label in labels], count)
+    if not influence.degrees.any():
         return None
-    return moderated_scatter(moves, len(names))
+    return moderated_scatter(influence, len(names))
 
 
-def cluster_moves(coloring: Coloring, noise: ColoredNoise, cluster_of: Sequence[int], count: int) -> Moves:
-    """Return the moves of the first `count` unknowns by clusters; `cluster_of` each segment, from 0 to G - 1.
+def cluster_influence(
+    coloring: Coloring, noise: ColoredNoise, cluster_of: Sequence[int], count: int
+) -> Influence:
+    """Return the influence of clusters on the first `count` unknowns; `cluster_of` each segment, from 0 to G - 1.
 
-    What one cluster alone sees (its initial states and biases) has no score together with its prior: the fit made it zero.
+    The score of unknowns of one cluster (its initial states and biases), priors included, is zero at the optimum.
     """
     inverse, clusters, total = coloring.inverse, max(cluster_of) + 1, coloring.middles(noise)
     direction = inverse.factor[:count].T  # (r, j): rows of the inverse, in coordinates of unit information
@@ -140,43 +139,51 @@ def cluster_moves(coloring: Coloring, noise: ColoredNoise, cluster_of: Sequence[
     expected = np.einsum("jgg->j", covariance)
     squares = np.sum(covariance**2, axis=(1, 2))
     variance = np.einsum("rj,rs,sj->j", direction, coloring.spread(total), direction)
-    known = np.einsum("kj,kl,lj->j", row, priors, row) / variance
-    told = inverse.determined[:count] & (known < LIMITS.max_prior) & (expected > LIMITS.min_share * variance)
+    prior_share = np.einsum("kj,kl,lj->j", row, priors, row) / variance
+    compared = (
+        inverse.determined[:count]
+        & (prior_share < LIMITS.max_prior)
+        & (expected > LIMITS.min_share * variance)
+    )
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio, degrees = np.sum((score @ row) ** 2, axis=0) / expected, expected**2 / squares
-    return Moves(
-        np.where(told, ratio, 1.0), np.where(told, degrees, 0.0), np.clip(np.nan_to_num(known), 0.0, 1.0)
+    return Influence(
+        np.where(compared, ratio, 1.0),
+        np.where(compared, degrees, 0.0),
+        np.clip(np.nan_to_num(prior_share), 0.0, 1.0),
     )
 
 
 def _own_unknowns(coloring: Coloring, cluster_of: Sequence[int], clusters: int) -> BoolArray:
-    """Return which unknowns (G, k) a cluster alone sees."""
+    """Return which unknowns (G, k) act on one cluster only."""
     sees = np.zeros((clusters, len(coloring.prior)), dtype=np.bool_)
     for segment, g in zip(coloring.segments, cluster_of, strict=True):
         sees[g] |= segment.filled()[1].any(axis=(0, 1))
     return np.asarray(sees & (sees.sum(axis=0) == 1))
 
 
-def moderated_scatter(moves: Moves, clusters: int) -> Scatter:
+def moderated_scatter(influence: Influence, clusters: int) -> Scatter:
     """Return the scatter of clusters, each parameter's own ratio moderated by that of all."""
-    told = moves.degrees > 0.0
+    compared = influence.degrees > 0.0
     degrees, logs = np.array(LIMITS.degrees), np.linspace(*LIMITS.excess)
-    weights, right = _weights(moves.ratio[told], moves.degrees[told], degrees, logs)
-    widths = np.full(len(told), right)
+    weights, right = _weights(influence.ratio[compared], influence.degrees[compared], degrees, logs)
+    widths = np.full(len(compared), right)
     for d, row in zip(degrees, weights, strict=True):
-        share = 0.0 if np.isinf(d) else moves.degrees / (d + moves.degrees)  # of a parameter's own ratio
-        quantile = stats.t.ppf(0.975, d + moves.degrees) / NORMAL_95
-        variances = (1.0 - share) * np.exp(logs)[:, None] + share * moves.ratio
+        share = (
+            0.0 if np.isinf(d) else influence.degrees / (d + influence.degrees)
+        )  # of a parameter's own ratio
+        quantile = stats.t.ppf(0.975, d + influence.degrees) / NORMAL_95
+        variances = (1.0 - share) * np.exp(logs)[:, None] + share * influence.ratio
         widths += row @ np.sqrt(np.maximum(variances, 1.0)) * quantile
     excess = float(np.exp(0.5 * (weights.sum(axis=0) @ logs)))  # a right model has a logarithm of zero
-    stretch = np.sqrt(moves.prior + (1.0 - moves.prior) * widths**2)
-    return Scatter(clusters, int(told.sum()), excess, stretch)
+    stretch = np.sqrt(influence.prior + (1.0 - influence.prior) * widths**2)
+    return Scatter(clusters, int(compared.sum()), excess, stretch)
 
 
 def _weights(
     ratio: FloatArray, own: FloatArray, degrees: FloatArray, logs: FloatArray
 ) -> tuple[FloatArray, float]:
-    """Return how probable each excess (s,) and degrees of freedom (d,) are given t^2 and nu (j,): (d, s), and a right model."""
+    """Return posterior probabilities (d, s) of degrees of freedom and excess given t^2 and nu (j,), and that of a right model."""
     ratio = np.maximum(ratio, np.finfo(np.float64).tiny)
     scaled = ratio / np.exp(logs)[:, None]
 

@@ -1,19 +1,18 @@
-r"""What a fitted model lacks: score tests of extensions, one step of each, without another fit.
+r"""Score tests of model extensions: their significance and first-order estimates without another fit.
 
 With residuals r, sensitivities S of the n unknowns, information D = S'S + priors, and the response s of the readings to an
-extension, the part of s that no unknown can take over is v = s - S D^-1 S's. At the estimate S'r balances the priors, so
+extension, the part of s that is orthogonal to the unknowns is v = s - S D^-1 S's. At the estimate S'r balances the priors, so
 the score test (Rao; Lagrange multiplier) of the extension is
 
 .. math:: t = \frac{v'r}{\sqrt{v' R_{vv} v}}, \qquad \hat\delta = \frac{s'r}{v's}, \qquad
           \Delta\hat\theta = -D^{-1} S's\,\hat\delta,
 
-with the autocovariance :math:`R_{vv}` of the residuals, so that colored residuals do not pass for an effect; v reaches over
-the priors, and gaps between windows are residuals like others. The gain of
-log-likelihood is t^2/2, the value that the extension would take is its null value plus :math:`\hat\delta`, and
-:math:`\Delta\hat\theta` is how far the parameters would move. The level is divided by the number of tests. The
-strongest, significant or not, are tested again with the color of the residuals that they would leave: what is missing colors
-them, which hides it, and makes others hard to tell from it,
-and what is significant once more with the strongest extension among the unknowns.
+with the autocovariance :math:`R_{vv}` of the residuals, so that colored residuals are not mistaken for an effect; v includes
+the priors, and gaps between windows are residuals like others. The gain of log-likelihood is t^2/2, the extension takes its null
+value plus :math:`\hat\delta`, and the parameters change by :math:`\Delta\hat\theta`. The level is divided by the number of
+tests. A missing term colors the residuals, which weakens its own test and makes others resemble it. The strongest extensions,
+significant or not, are therefore tested again with the color of the residuals that they would leave, and the significant ones
+once more with the strongest extension among the unknowns.
 
 References
 ----------
@@ -50,13 +49,11 @@ class Limits:
     """Limits of the tests."""
 
     level: float = 0.01  #: of all tests of a fit together (Bonferroni)
-    distinct: float = (
-        1e-4  #: share of its response that the unknowns cannot take over, below which nothing is tested
-    )
-    alike: float = 0.8  #: correlation of two responses from which only a fit tells extensions apart
-    tie: float = (
-        2.3  #: difference of log-likelihood below which no extension is preferred: odds of ten to one
-    )
+    #: share of its response that is orthogonal to the unknowns, below which nothing is tested
+    distinct: float = 1e-4
+    alike: float = 0.8  #: correlation of two responses from which only a fit distinguishes extensions
+    #: difference of log-likelihood below which no extension is preferred: odds of ten to one
+    tie: float = 2.3
     shown: int = 12  #: extensions that are listed
     leaders: int = 4  #: extensions whose statistics are weighed against each other once more
     moves: int = 5  #: parameters that are listed for each
@@ -71,14 +68,13 @@ GIVEN: Final = ("number", "gain")  #: kinds of extensions that are fixed numbers
 class Scores:
     """Score tests of m extensions; k unknowns."""
 
-    statistic: FloatArray  #: (m,), t; zero where nothing can be tested
+    statistic: FloatArray  #: (m,), t; zero where there is no test
     change: FloatArray  #: (m,), from the null value, SI
     std: FloatArray  #: (m,), of the change
     tested: BoolArray  #: (m,)
     shifts: FloatArray  #: (k, m), of the unknowns for a unit of change
-    own: tuple[
-        FloatArray, ...
-    ]  #: (N, m) of each piece: v, the part of the response that is the extension's alone
+    #: (N, m) of each piece: v, the part of the response that is the extension's alone
+    own: tuple[FloatArray, ...]
 
     @property
     def p_value(self) -> FloatArray:
@@ -103,12 +99,11 @@ def scores(
     responses: Sequence[PieceEvidence],
     leaders: Callable[[Scores], Sequence[int]] = lambda scores: (),
 ) -> Scores:
-    """Return the score tests beside k unknowns, from their residuals and sensitivities.
+    """Return the score tests of m extensions of a fit with k unknowns.
 
-    The responses are the segments of these with the m extensions in place of the unknowns. The residuals contain the effect
-    of what is missing, and their color its own: `leaders`, of the first tests,
-    are tested again with the color of the residuals that they would leave, or the one that is missing would be judged by
-    the noisiest residuals of all.
+    `responses` are the segments of `coloring` with the m extensions in place of the unknowns. `leaders` selects, among the
+    first tests, extensions that are tested again with the color of the residuals that they would leave: the residuals of the
+    fit contain the effect of a missing term, which would count as noise in its own test.
     """
     segments, inverse = coloring.segments, coloring.inverse
     prior = coloring.prior - sum(piece.gap_information for piece in segments)  # gaps are residuals here
@@ -155,9 +150,9 @@ def _split(piece: PieceEvidence, rows: FloatArray) -> PieceEvidence:
 def _noise_variance(
     segments: Sequence[PieceEvidence], own: Sequence[PieceEvidence], inverse: Inverse, noise: ColoredNoise
 ) -> FloatArray:
-    """Return the variance (m,) of noise times the extensions' own responses.
+    """Return the variance (m,) of the scores under the noise of the residuals.
 
-    As for error bars, that of windows that begin anew is at least that of stationary noise.
+    As in error bars, the variance between independent windows is at least that of stationary noise.
     """
     variance = np.asarray(sum(noise.variance(one.jacobian) for one in own), dtype=np.float64)
     if sum(len(one.edges) - 1 for one in segments if one.edges) < MIN_WINDOWS:
@@ -172,9 +167,9 @@ def _noise_variance(
 
 @on_one_blas_thread
 def extension_tests(fit: Estimate, bars: ErrorBars) -> ExtensionTests:
-    """Return what the data of a fit ask for beside its model.
+    """Return score tests of the model extensions.
 
-    Nothing is tested where responses are not known, nor away from an optimum, where the score has no meaning.
+    There are none where the estimator does not know the responses, nor away from an optimum, where the score has no meaning.
     """
     if fit.outcome.status not in CONFIRMED:
         return ExtensionTests()
@@ -192,13 +187,13 @@ def extension_tests(fit: Estimate, bars: ErrorBars) -> ExtensionTests:
     ]
 
     def strongest(of: Scores) -> list[int]:
-        """Return the extensions that make sense, the strongest first."""
+        """Return the plausible extensions, the strongest first."""
         changes = of.change.tolist()
         sense = [one.believes(change) for one, change in zip(found.extensions, changes, strict=True)]
         return [j for j in np.argsort(-of.gain, kind="stable") if sense[j]]
 
     def significant(of: Scores) -> list[int]:
-        """Return those of them that are significant."""
+        """Return the significant ones among them."""
         return [j for j in strongest(of) if of.p_value[j] < LIMITS.level]
 
     first = scores(coloring, responses, lambda of: strongest(of)[: LIMITS.leaders])
@@ -251,13 +246,13 @@ def _left(segment: PieceEvidence, own: FloatArray, change: float) -> PieceEviden
 def _joined(
     segment: PieceEvidence, response: PieceEvidence, own: FloatArray, found: Scores, index: int
 ) -> PieceEvidence:
-    """Return the evidence of a piece once an extension is among the unknowns and has taken its value."""
+    """Return the evidence of a piece with an extension at its estimate among the unknowns."""
     rows = np.column_stack([segment.rows()[1], response.rows()[1][:, index]])
     return _split(_left(segment, own[:, index], float(found.change[index])), rows)
 
 
 def _rivals(found: Scores, responses: Responses, index: int, significant: Sequence[int]) -> tuple[str, ...]:
-    """Return the significant extensions whose response is much the same, or that explain as much."""
+    """Return the significant extensions with a similar response or a similar gain."""
     alike = np.abs(found.correlation(index)) >= LIMITS.alike
     near = np.abs(found.gain - found.gain[index]) < LIMITS.tie
     others = (j for j in significant if j != index and (alike[j] or near[j]))
@@ -267,7 +262,7 @@ def _rivals(found: Scores, responses: Responses, index: int, significant: Sequen
 def _moves(
     found: Scores, index: int, bars: ErrorBars, unknowns: Sequence[Unknown], free: IntArray
 ) -> dict[str, float]:
-    """Return the parameters that would move most, in their standard errors."""
+    """Return the largest changes of parameters, in their standard errors."""
     shift = found.shifts[:, index] * found.change[index]
     moved = {
         unknowns[i].name: float(shift[row] / bars.std[i])
@@ -279,7 +274,7 @@ def _moves(
 
 
 def extension_notices(found: ExtensionTests) -> tuple[Notice, ...]:
-    """Return what the model lacks, if anything: the strongest extension."""
+    """Return a notice of the strongest significant extension, if there is one."""
     if not found.found:
         return ()
     best = found.found[0]

@@ -1,9 +1,9 @@
-"""The verdict on a result: trusted, usable for some uses, or not to be used; see ``docs/validation.md``.
+"""Verdict on a result: trusted, usable for some uses, or not to be used; see ``docs/validation.md``.
 
-A fit is refused where it did not end, where it diverges, where its sensors contradict each other, where it predicts no better
-than trivial models, where most of its numbers are not known, or where a score test contradicts the form of the model. Each
-use then needs its own parameters with a small enough error, and its own channels predicted. Only a model that predicts a
-window held back within its uncertainty, that lacks nothing significant, and whose maneuvers agree, is trusted.
+A result is refused if its search did not converge, its simulation diverges, its sensors contradict each other, it predicts no
+better than trivial models, most of its parameters are not identifiable, or a score test contradicts the form of the model. Each
+use requires its own parameters with a small enough error, and the prediction of its own channels. A model is trusted only if it
+predicts a held-back window within its uncertainty, no extension is significant, and its maneuvers agree.
 
 References
 ----------
@@ -38,18 +38,15 @@ class Limits:
     moved_share: float = 0.05  #: ... share of its size, from which the form of the model is contradicted
     error: float = 0.2  #: standard error of a needed parameter that a use allows, over its size
     minor: float = 0.1  #: share of the largest effect on its axis, which is the least size of a parameter
-    prior_share: float = (
-        0.5  #: of the error of a ratio by the priors alone, below which the flight has shown it
-    )
+    #: of the error of a ratio by the priors alone, below which the flight has shown it
+    prior_share: float = 0.5
     unknown: float = 0.5  #: share of parameters at a bound or not identifiable that a result may have
     not_predicted: float = 0.5  #: share of curves matched no better than trivially that a result may have
-    inside: float = (
-        0.75  #: share of readings within the 95 % band of a prediction that a trusted model has at least
-    )
+    #: share of readings within the 95 % band of a prediction that a trusted model has at least
+    inside: float = 0.75
     size: float = 1e3  #: rms error over the noise of the fit, beyond which a simulation has diverged
-    chance: float = (
-        0.01  #: probability below which scatter of maneuvers, or color of innovations, is no chance
-    )
+    #: probability below which scatter of maneuvers, or color of innovations, is no chance
+    chance: float = 0.01
 
 
 LIMITS: Final = Limits()
@@ -80,7 +77,7 @@ INERTIA: Final = {"roll": "mass.inertia.xx", "pitch": "mass.inertia.yy", "yaw": 
 
 
 def uses(vehicle: Vehicle, sizes: Mapping[str, float] | None = None) -> tuple[Use, ...]:
-    """Return what each use needs of a vehicle: free parameters by their part in the equations, and channels.
+    """Return the requirements of each use: free parameters by their part in the equations, and channels.
 
     `sizes` are those of :class:`stoop.assessment.maneuver_advice.FlownModel`.
     """
@@ -98,7 +95,7 @@ def uses(vehicle: Vehicle, sizes: Mapping[str, float] | None = None) -> tuple[Us
         return [name for name, part in parts.items() if part == (coefficient, variable)]
 
     def turning(coefficient: str) -> list[str]:
-        """Return what controls do about an axis; none where each does more about the other lateral one (adverse yaw)."""
+        """Return the effectiveness of controls about an axis; none if each acts more on the other lateral axis (adverse yaw)."""
         other = {"Cl": "Cn", "Cn": "Cl"}.get(coefficient, "")
 
         def size(which: str, control: str) -> float:
@@ -195,7 +192,7 @@ def verdict(result: Result, needed: Sequence[Use]) -> Verdict:
 
 
 def _refusals(result: Result) -> Iterator[Notice]:
-    """Yield what makes a result useless for everything."""
+    """Yield the reasons that refuse a result for every use."""
     yield from (found for found in result.notices if found.code in REFUSING)
     if result.status not in CONFIRMED and not any(n.code == "no-confirmed-optimum" for n in result.notices):
         yield notice("no-confirmed-optimum", advice=result.advice or result.status)
@@ -228,7 +225,7 @@ def _sizes(result: Result, needed: Sequence[Use]) -> dict[str, float]:
 
 
 def _contradictions(result: Result, sizes: Mapping[str, float]) -> Iterator[Notice]:
-    """Yield the strongest extension that would move parameters that matter, or is itself a number of the vehicle."""
+    """Yield the strongest extension that would change required parameters, or is itself a number of the vehicle."""
     for test in result.extensions.standing:
         moves, shares = dict(test.moves), {}
         for name in moves.keys() & sizes.keys():
@@ -254,7 +251,7 @@ def _contradictions(result: Result, sizes: Mapping[str, float]) -> Iterator[Noti
 
 
 def _share(result: Result, name: str, shift: float, size: float) -> float:
-    """Return so many standard errors of a parameter over its size."""
+    """Return a shift of a parameter, in standard errors, relative to its size."""
     return abs(shift) * result.parameters[name].std_error / size if size > 0.0 else math.nan
 
 
@@ -267,7 +264,7 @@ def _inertia(result: Result, need: Need, name: str) -> str:
 def _error(result: Result, need: Need, name: str, size: float) -> float:
     """Return the standard error of a parameter over its size; of a moment, that of its ratio to the moment of inertia.
 
-    A flight shows moments over moments of inertia, and a controller needs no more: an inertia that is guessed stretches both.
+    A flight determines moments relative to moments of inertia, and a controller needs no more: a wrong inertia scales both.
     """
     own, inertia = result.parameters[name], _inertia(result, need, name)
     if not inertia:
@@ -280,7 +277,7 @@ def _error(result: Result, need: Need, name: str, size: float) -> float:
 
 
 def _seen(result: Result, need: Need, name: str) -> bool:
-    """Whether the flight says something of a parameter, or of its ratio to a moment of inertia, beyond their priors."""
+    """Whether the flight determines a parameter, or its ratio to a moment of inertia, beyond their priors."""
     own, inertia = result.parameters[name], _inertia(result, need, name)
     if name not in _unknown(result) or own.at_bound or not inertia:
         return name not in _unknown(result)
@@ -290,7 +287,7 @@ def _seen(result: Result, need: Need, name: str) -> bool:
 
 
 def _judged(result: Result, use: Use, sizes: Mapping[str, float]) -> Use:
-    """Return a use with what speaks against it."""
+    """Return a use with the reasons against it."""
     against = [n for n in result.notices if AGAINST.get(n.code) == use.name]
     estimated = [(need, [n for n in need.parameters if n in result.parameters]) for need in use.needs]
     needs = [(need, names) for need, names in estimated if names]
@@ -316,7 +313,7 @@ def _judged(result: Result, use: Use, sizes: Mapping[str, float]) -> Use:
 
 
 def _lost(judging: Mapping[str, Sequence[GoodnessOfFit]]) -> tuple[str, ...]:
-    """Return the channels that most of their maneuvers match no better than a lag or their mean does."""
+    """Return the channels in which, for most maneuvers, a first-order lag or the mean is as good as the model."""
     found = {c: sum(map(_beaten, own)) / len(own) for c, own in judging.items()}
     return tuple(c for c, share in found.items() if share > LIMITS.not_predicted)
 
@@ -324,7 +321,7 @@ def _lost(judging: Mapping[str, Sequence[GoodnessOfFit]]) -> tuple[str, ...]:
 def _beaten(one: GoodnessOfFit) -> bool:
     """Whether a trivial model matches as well; not where only noise is left.
 
-    A model in gusts predicts from sample to sample: there its innovations must be as small as it says.
+    A filter predicts from sample to sample: its innovations must agree with the covariance that it computes.
     """
     if one.innovations.known:
         return one.within < LIMITS.inside
@@ -332,9 +329,9 @@ def _beaten(one: GoodnessOfFit) -> bool:
 
 
 def _moving(maneuvers: Iterable[ManeuverResult]) -> dict[str, list[GoodnessOfFit]]:
-    """Return the figures by channel that say something of a model: of those that move more than their noise.
+    """Return the figures by channel that can judge a model: those of channels whose motion exceeds their noise.
 
-    So do innovations, of any motion.
+    Innovations judge a model in any motion.
     """
     found: dict[str, list[GoodnessOfFit]] = {}
     for c, one in (item for m in maneuvers for item in m.channels.items()):
@@ -344,9 +341,9 @@ def _moving(maneuvers: Iterable[ManeuverResult]) -> dict[str, list[GoodnessOfFit
 
 
 def _by_role(result: Result) -> tuple[dict[str, list[GoodnessOfFit]], dict[str, list[GoodnessOfFit]]]:
-    """Return what judges by channel, of maneuvers held back and of those fitted; none of a filter's.
+    """Return the figures that judge each channel, of held-back and of fitted maneuvers; the latter not for a filter.
 
-    Fitted curves of a filter show the model alone without the gusts that it found, or predictions from sample to sample.
+    Fitted curves of a filter omit the estimated gusts, or are predictions from sample to sample.
     """
     held_back = _moving(m for m in result.maneuvers if m.role == "validation")
     return held_back, {} if result.process_noise.filtered else _moving(
@@ -355,13 +352,13 @@ def _by_role(result: Result) -> tuple[dict[str, list[GoodnessOfFit]], dict[str, 
 
 
 def _judging(result: Result) -> dict[str, list[GoodnessOfFit]]:
-    """Return what judges each channel: maneuvers held back in which it moves, else those fitted."""
+    """Return the figures that judge each channel: of held-back maneuvers in which it moves, else of fitted ones."""
     held_back, fitted = _by_role(result)
     return fitted | held_back
 
 
 def diverged(maneuver: ManeuverResult, noise: NoiseCovariance) -> tuple[str, ...]:
-    """Return the channels whose simulation left for infinity, beyond anything that noise and initial state explain."""
+    """Return the channels whose simulation diverged, beyond what noise and initial state explain."""
     variance = dict(zip(noise.channels, np.diag(noise.matrix).tolist(), strict=True))
     found = []
     for channel, one in maneuver.channels.items():
@@ -381,7 +378,7 @@ def _notice_of_unknown(result: Result, unknown: tuple[str, ...]) -> Notice:
 
 
 def _doubts(result: Result) -> list[Notice]:
-    """Return what keeps a usable result from being trusted."""
+    """Return the reasons why a usable result is not trusted."""
     found = [
         notice("verdict-lacks", t.name, statistic=t.statistic, line=t.line)
         for t in result.extensions.standing
@@ -430,7 +427,7 @@ def _compared(result: Result) -> tuple[int, int]:
 
 
 def _merits(result: Result) -> Iterator[Notice]:
-    """Yield what speaks for a result."""
+    """Yield the reasons for a result."""
     if result.extensions.tested and not result.extensions.found:
         yield notice("verdict-form-holds", tested=result.extensions.tested)
     if result.extensions.unresolved:

@@ -1,19 +1,18 @@
-"""Weak rotors: a flight near hover compared with those of the healthy vehicle, by the loads that its commands imply.
+"""Loss of effectiveness of rotors, from the commands of a flight near hover and of flights of the healthy vehicle.
 
-At rest the equations of `stoop.vehicle.symbolic.forces` leave thrust T(x) along the axis and torque Q(x) about it, lift equals
-the weight, and the moments balance, whatever the state of the rotors. The excess of the commanded loads over those of the
-healthy flights is therefore what the rotors lose, or what the vehicle weighs more:
+At rest the equations of `stoop.vehicle.symbolic.forces` reduce to thrust T(x) along the axis and torque Q(x) about it; lift
+equals the weight and the moments balance, whatever the state of the rotors. The excess of the commanded loads over those of the
+healthy flights is therefore the loss of the rotors, or added weight:
 
     d = w - w_healthy = loss_k c_k           rotor k gives (1 - loss_k) of the commanded load c_k
     d = m g (1, moments at rotor k, 0)       mass m near rotor k: the same but for the yaw
-    d ~ N(0, S)                              nothing of the kind
+    d ~ N(0, S)                              no change
 
 d are lift and three moments, in units of weight, weight times arm, and torque of all rotors. S is the scatter between
-flights of one and the same vehicle: air density acts on the lift, the place of the battery on roll and pitch. Few healthy
-flights say little of it, so each of its four variances is that of the healthy flights and of `USUAL` together (scaled
-inverse chi-square with `LIMITS.prior_flights` degrees of freedom); d is then compared by Student's t. What the correction for the
-battery's voltage leaves in the lift is a slope, from flights of one configuration at several voltages (`battery`);
-its error is in S.
+flights of one and the same vehicle: air density acts on the lift, the position of the battery on roll and pitch. A few healthy
+flights determine it poorly, so `USUAL` is the prior of its four variances (scaled inverse chi-square with `LIMITS.prior_flights`
+degrees of freedom), and the test of d is Student's t. The lift still depends on the battery's voltage after the correction of
+the commands; the slope follows from flights of one configuration at several voltages (`battery`), and S contains its error.
 
 References
 ----------
@@ -48,7 +47,7 @@ class HoverLimits:
     min_duration: float = 4.0  #: s near hover
     block: float = 1.0  #: s; commands correlate for a few tenths of a second
     max_speed: float = 3.0  #: m/s; above, drag and inflow are not small
-    prior_flights: float = 6.0  #: number of flights that they count as
+    prior_flights: float = 6.0  #: degrees of freedom of the prior `USUAL`
     #: prior of the voltage slope; without a correction thrust goes with voltage squared
     slope_std: float = 0.3
     lift_std: float = 0.01  #: relative scatter of the lift between flights, counted as `lift_flights` flights
@@ -57,7 +56,9 @@ class HoverLimits:
     distinct: float = 6.63
     odd_chance: float = 0.01  #: below which the unexplained part counts
     power: float = 0.8  #: how often a loss of the stated least size is detected
-    many: int = 8  #: healthy flights after which more bring little
+    many: int = (
+        8  #: number of healthy flights after which further ones hardly lower the least detectable loss
+    )
     helps: float = 0.9  #: of the least detectable loss, below which an advice is worth following
 
 
@@ -95,7 +96,7 @@ class Balance:
 
     @cached_property
     def of_torque(self) -> FloatArray:
-        """Shape (4, n): what a torque of 1 N m of each rotor does."""
+        """Shape (4, n): lift and moments (roll, pitch, yaw; N m) of a torque of 1 N m of each rotor."""
         turns = [1.0 if self.vehicle.file.rotor[n].spin == "ccw" else -1.0 for n in self.vehicle.rotors]
         return np.vstack([np.zeros(len(turns)), -np.array(turns) * self._axes.T])
 
@@ -105,7 +106,7 @@ class Balance:
         return float(np.mean(np.hypot(self.of_thrust[1], self.of_thrust[2])))
 
     def drive(self, commands: Mapping[str, FloatArray]) -> tuple[FloatArray, FloatArray]:
-        """Return what each rotor is commanded to give: thrust along its axis, N, and torque about it, N m, (n, k) each.
+        """Return the commanded thrust of each rotor along its axis, N, and torque about it, N m, (n, k) each.
 
         Commands are those recorded, channel -> (k,), with ``voltage``, V, where the vehicle needs it.
         """
@@ -124,7 +125,7 @@ class Balance:
         return factor * thrust, factor * torque_factor * torque
 
     def loads(self, thrust: FloatArray, torque: FloatArray) -> FloatArray:
-        """Return (4, n) what thrust (n,) and torque (n,) of each rotor do: lift, N, and moments, N m."""
+        """Return lift, N, and moments, N m, (4, n) of the thrust (n,) and torque (n,) of each rotor."""
         return np.asarray(self.of_thrust * thrust + self.of_torque * torque)
 
     @property
@@ -302,7 +303,7 @@ class Reference:
         return np.asarray((LIMITS.prior_flights * np.square(USUAL) + squares) / self.degrees)
 
     def columns(self, hover: Hover) -> FloatArray:
-        """Return what each rotor is commanded to give, (4, n), in `units`."""
+        """Return the commanded loads of each rotor, (4, n), in `units`."""
         return self.balance.loads(hover.thrust, hover.torque) / self.units[:, None]
 
     def sums(self, hover: Hover) -> FloatArray:
@@ -312,17 +313,17 @@ class Reference:
         return np.asarray(sums)
 
     def covariance(self, hover: Hover) -> FloatArray:
-        """Return that of the difference between one more healthy flight and the mean of these, (4, 4)."""
+        """Return the covariance (4, 4) of the difference between another healthy flight and the mean of these."""
         return self.between(hover, len(self.flights)) + self.within(hover)
 
     def between(self, hover: Hover, count: int) -> FloatArray:
-        """Return what flights differ by, (4, 4), were there so many healthy ones."""
+        """Return the covariance (4, 4) between flights for a number `count` of healthy ones."""
         variances = self.variances * (1.0 + 1.0 / count)
         variances[0] += (self.battery.std * self._voltage_change(hover)) ** 2
         return np.diag(variances)
 
     def within(self, hover: Hover) -> FloatArray:
-        """Return what the scatter within the flights adds, (4, 4)."""
+        """Return the covariance (4, 4) due to the scatter within flights."""
         scatter = hover.covariance + sum(h.covariance for h in self.flights) / len(self.flights) ** 2
         return np.asarray(scatter / np.outer(self.units, self.units))
 
@@ -418,8 +419,8 @@ class Verdict:
 
     #: "healthy", "weak or mass", "mass", "several" (rotors that cannot be distinguished), "odd" (no single rotor explains it)
     kind: str
-    rotors: tuple[str, ...]  #: those that the flight attributes a loss or a mass to
-    chance: float  #: how often a healthy flight looks like this or worse
+    rotors: tuple[str, ...]  #: rotors with a loss or a mass nearby
+    chance: float  #: probability of so large a deviation in a healthy flight
     notice: Notice
 
 
@@ -465,7 +466,7 @@ def _detectable_sigmas(degrees: float, rotors: int, chance: float) -> float:
 def advice(
     reference: Reference, flights: Sequence[Hover], verdicts: Sequence[Verdict], chance: float
 ) -> tuple[Notice, ...]:
-    """Return what would lower the least detectable loss, for the flight with the largest, each change alone.
+    """Return measures that would lower the least detectable loss of the flight where it is largest, each alone.
 
     It grows with the scatter between flights, with the scatter within each, and with the uncertainty of the former.
     """

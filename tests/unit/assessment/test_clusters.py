@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from stoop.assessment.clusters import Moves, cluster_moves, cluster_scatter, moderated_scatter
+from stoop.assessment.clusters import Influence, cluster_influence, cluster_scatter, moderated_scatter
 from stoop.assessment.coloring import ColoredNoise, Coloring
 from stoop.assessment.covariance import NORMAL_95, data_information
 from stoop.problem.evidence import PieceEvidence, invert
@@ -50,7 +50,7 @@ def test_expectation_and_degrees_of_freedom_by_simulation() -> None:
         mean = random.normal(size=len(prior)) * np.sqrt(np.diag(prior))  # of the priors, as noise of theirs
         moved = -fit.inverse.matrix @ mean
         shifted = tuple(PieceEvidence(s.residual + s.jacobian @ moved, s.jacobian) for s in fit.segments)
-        moves = cluster_moves(Coloring(shifted, fit.inverse, prior), WHITE, [0, 1, 2], PARAMETERS)
+        moves = cluster_influence(Coloring(shifted, fit.inverse, prior), WHITE, [0, 1, 2], PARAMETERS)
         ratios.append(moves.ratio)
     found = np.array(ratios)
     assert_allclose(found.mean(axis=0), 1.0, atol=0.12)
@@ -70,13 +70,13 @@ def test_nothing_to_compare() -> None:
 
 def test_common_excess_and_chance() -> None:
     ones = np.ones(40)
-    calm = moderated_scatter(Moves(0.9 * ones, 3.0 * ones, 0.0 * ones), 4)
+    calm = moderated_scatter(Influence(0.9 * ones, 3.0 * ones, 0.0 * ones), 4)
     assert np.all((calm.stretch >= 1.0) & (calm.stretch < 1.15))
     random = np.random.default_rng(0)
-    excess = moderated_scatter(Moves(9.0 * random.chisquare(3, 40) / 3, 3.0 * ones, 0.0 * ones), 4)
+    excess = moderated_scatter(Influence(9.0 * random.chisquare(3, 40) / 3, 3.0 * ones, 0.0 * ones), 4)
     assert excess.excess == pytest.approx(3.0, rel=0.15)
     assert np.median(excess.stretch) == pytest.approx(3.0, rel=0.25)
-    known = moderated_scatter(Moves(9.0 * ones, 3.0 * ones, ones), 4)
+    known = moderated_scatter(Influence(9.0 * ones, 3.0 * ones, ones), 4)
     assert_allclose(known.stretch, 1.0)  # what the prior says, maneuvers do not change
 
 
