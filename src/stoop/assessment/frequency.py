@@ -21,7 +21,7 @@ from stoop.base.arrays import ComplexArray, FloatArray
 from stoop.base.notices import Notice, notice
 from stoop.results.result import Result
 from stoop.simulation import LinearModel, Trim
-from stoop.simulation.linearize import linearize
+from stoop.simulation.linearize import linearize, linearize_lanes
 from stoop.simulation.trim import neighbors
 from stoop.vehicle import Vehicle
 
@@ -108,9 +108,6 @@ def uncertain_model(
         return UncertainModel(base, (), tuple(notices))
     drawn = from_covariance(result, DRAWS, seed)
     kept = [i for i, name in enumerate(drawn.names) if name in vehicle.rows or name.endswith(".delay")]
-    near, models = neighbors(point), []
-    for values in drawn.values[:, kept].tolist():
-        numbers = dict(zip((drawn.names[i] for i in kept), values, strict=True))
-        changed = vehicle.with_numbers({name: {"value": value} for name, value in numbers.items()})
-        models.append(linearize(changed, near(numbers)))
+    numbers = {drawn.names[i]: drawn.values[:, i].copy() for i in kept}
+    models = linearize_lanes(vehicle, neighbors(point)(numbers))
     return UncertainModel(base, tuple(models), (*notices, *drawn.notices))

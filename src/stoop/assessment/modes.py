@@ -22,6 +22,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any, Final
 
 import numpy as np
@@ -38,8 +39,8 @@ from stoop.estimate.predict import identified_vehicle
 from stoop.problem.observation import observation_model
 from stoop.results.modes import ConditionModes, DerivedValue, MeasuredMode, ModeEstimate, StateEquations
 from stoop.simulation import Trim, trim
-from stoop.simulation.linearize import Mode, modes_of, state_equations
-from stoop.simulation.trim import neighbors
+from stoop.simulation.linearize import Mode, linear_models, model_inputs, modes_of
+from stoop.simulation.trim import Trims, neighbors
 from stoop.vehicle import Vehicle
 
 DRAWS: Final = 1000
@@ -73,27 +74,31 @@ class Linearized:
 
 
 def differentiated(
-    matrix: Callable[[Mapping[str, float]], tuple[tuple[str, ...], FloatArray]],
+    vehicle: Vehicle,
+    follow: Callable[[Mapping[str, FloatArray]], Trims],
     values: Mapping[str, float],
     scales: Mapping[str, float],
 ) -> Linearized:
-    """Return A, and B if it is there, with their derivatives by central differences at the parameters' values, SI.
+    """Return A and B with their derivatives by central differences at the parameters' values, SI.
 
-    `matrix` returns state names and A, or A and B side by side, for changed parameters; `scales` are how far each may
-    sensibly move.
+    `follow` returns steady flights for changed parameters, (B,) each; `scales` are how far each may sensibly move. The
+    estimate is the first lane; two follow for each parameter that a motion depends on.
     """
-    names, both = matrix({})
-    keep = [i for i, n in enumerate(names) if n not in INTEGRATORS]
-    block, n = np.ix_(keep, [*keep, *range(len(names), both.shape[1])]), len(keep)
-    slopes = np.zeros((len(values), *both[block].shape))
-    for slope, (name, value) in zip(slopes, values.items(), strict=True):
-        if not name.startswith("sensors."):  # no motion depends on these
-            step = STEP * scales[name]
-            upper, lower = (matrix({name: value + sign * step})[1][block] for sign in (1.0, -1.0))
-            slope[:] = (upper - lower) / (2.0 * step)
-    room = np.array([scales[name] for name in values])
-    A, B = both[block][:, :n], both[block][:, n:]
-    return Linearized(tuple(names[i] for i in keep), A, slopes[:, :, :n], room, B, slopes[:, :, n:])
+    moving = [name for name in values if not name.startswith("sensors.")]
+    changes = {name: np.full(1 + 2 * len(moving), value) for name, value in values.items()}
+    steps = np.array([STEP * scales[name] for name in moving])
+    for i, (name, step) in enumerate(zip(moving, steps.tolist(), strict=True)):
+        changes[name][1 + 2 * i : 3 + 2 * i] += step, -step
+    names, A, B, *_ = linear_models(vehicle, follow(changes))
+    keep, n = [i for i, name in enumerate(names) if name not in INTEGRATORS], len(names)
+    columns = [*keep, *range(n, n + B.shape[2])]
+    both = np.concatenate([A, B], axis=2)[:, keep][:, :, columns]
+    slopes = np.zeros((len(values), *both.shape[1:]))
+    places = [i for i, name in enumerate(values) if name in moving]
+    slopes[places] = (both[1::2] - both[2::2]) / (2.0 * steps[:, None, None])
+    room, n = np.array([scales[name] for name in values]), len(keep)
+    kept = tuple(names[i] for i in keep)
+    return Linearized(kept, both[0, :, :n], slopes[:, :, :n], room, both[0, :, n:], slopes[:, :, n:])
 
 
 def state_equation_estimates(
@@ -292,23 +297,15 @@ def _at(
         point, about = Trim(dict(start), {}, {}, channels, {}, math.nan), "mean state"
         remark = notice("modes-about-mean-state")
     free = fit.problem.layout.parameters
-    values, widths = {p.name: fit.estimates[p.name] for p in free}, {p.name: p.upper - p.lower for p in free}
+    values, widths = {p.name: vehicle.value(p.name) for p in free}, {p.name: p.upper - p.lower for p in free}
     try:
         # the trim follows changed numbers, a mean state stays
-        follow = (
-            neighbors(point) if about == "trim" else lambda numbers: replace(point, changes=dict(numbers))
-        )
-
-        def matrix(numbers: Mapping[str, float]) -> tuple[tuple[str, ...], FloatArray]:
-            names, _, both = state_equations(vehicle, follow(numbers) if numbers else point)
-            return names, both
-
-        inputs = state_equations(vehicle, point)[1]
-        linearized = differentiated(matrix, values, widths)
+        follow = neighbors(point) if about == "trim" else partial(point.lanes, vehicle)
+        linearized = differentiated(vehicle, follow, values, widths)
         if not (np.isfinite(linearized.A).all() and np.isfinite(linearized.derivative).all()):
             return nothing
         found = mode_estimates(linearized, parameters, covariance)
-        linear = state_equation_estimates(linearized, inputs, covariance)
+        linear = state_equation_estimates(linearized, model_inputs(vehicle), covariance)
     except (SimulationError, np.linalg.LinAlgError):
         return nothing
     recorded = tuple(replace(mode, measured=_measured(fit, condition, mode)) for mode in found)

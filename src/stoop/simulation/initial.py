@@ -112,9 +112,16 @@ def mixed_inputs(vehicle: Vehicle, deflections: Mapping[str, float], base: Float
     rows = parameter_rows(vehicle)
     now = np.array([commanded(vehicle, c, rows, base)[0] for c in names])
     wanted = np.array([deflections.get(c, n) for c, n in zip(names, now, strict=True)])
-    gains = np.zeros((len(names), len(base)))
-    for j, control in enumerate(names):
+    return np.asarray(base + mixing_of(vehicle, rows)[0] @ (wanted - now))
+
+
+def mixing_of(vehicle: Vehicle, rows: FloatArray) -> FloatArray:
+    """Return the smallest changes of the channels (B, n_u, c) for one radian of each control, by kernel parameters (n_p, B)."""
+    gains = np.zeros((rows.shape[1], len(vehicle.controls), len(vehicle.inputs)))
+    for j, control in enumerate(vehicle.controls):
         for channel in vehicle.channels_of(control):
             mix = f"controls.{control}.mix.{channel}"
-            gains[j, vehicle.inputs.index(channel)] = vehicle.value(mix) if mix in vehicle.rows else 1.0
-    return np.asarray(base + np.linalg.pinv(gains) @ (wanted - now))
+            gains[:, j, vehicle.inputs.index(channel)] = (
+                rows[vehicle.rows[mix]] if mix in vehicle.rows else 1.0
+            )
+    return np.asarray(np.linalg.pinv(gains)) if vehicle.controls else gains.transpose(0, 2, 1)

@@ -18,9 +18,9 @@ from stoop.base.dual import Dual
 from stoop.base.notices import Notice, notice
 from stoop.base.variables import EULER
 from stoop.simulation.delays import input_delays, output_delays
-from stoop.simulation.initial import initial_states, mixed_inputs, parameter_rows
+from stoop.simulation.initial import initial_states, mixing_of, parameter_rows
 from stoop.simulation.linear_systems import control_system, with_delays
-from stoop.simulation.trim import Trim, neutral_inputs
+from stoop.simulation.trim import Trim, Trims
 from stoop.vehicle import Vehicle
 from stoop.vehicle.arrays import array_equations, euler_angles, flow_angles
 
@@ -117,27 +117,25 @@ def linearize(vehicle: Vehicle, point: Trim) -> LinearModel:
         ``states``, ``inputs`` and ``outputs`` (names), ``A``, ``B``, ``C``, ``D``, ``modes``, ``input_delays`` and
         ``output_delays``, s; SI and rad.
     """
-    names, (G, Fx, Fu, Hx, Hu) = _jacobians(vehicle, point)
-    right = np.linalg.pinv(G)
-    inputs, mixing = input_mixing(vehicle)
-    A = Fx @ right
-    modes = modes_of(A, names)
-    matrices = A, Fu @ mixing, Hx @ right, Hu @ mixing
-    return LinearModel(names, inputs, vehicle.outputs, *matrices, modes, *_delays(vehicle, inputs))
+    return linearize_lanes(vehicle, point.lanes(vehicle))[0]
+
+
+def linearize_lanes(vehicle: Vehicle, points: Trims) -> list[LinearModel]:
+    """Return the linear model of each lane."""
+    inputs = model_inputs(vehicle)
+    names, *matrices = linear_models(vehicle, points)
+    out = []
+    for values, A, B, C, D in zip(points.rows.T, *matrices, strict=True):
+        late, arrival = _delays(vehicle, inputs, values)
+        modes = modes_of(A, names)
+        out.append(LinearModel(names, inputs, vehicle.outputs, A, B, C, D, modes, late, arrival))
+    return out
 
 
 def state_matrix(vehicle: Vehicle, point: Trim) -> tuple[tuple[str, ...], FloatArray]:
     """Return the names of the states of the linear model, and A alone."""
-    names, _, both = state_equations(vehicle, point)
-    return names, both[:, : len(names)]
-
-
-def state_equations(vehicle: Vehicle, point: Trim) -> tuple[tuple[str, ...], tuple[str, ...], FloatArray]:
-    """Return the names of states and inputs of the linear model, and A and B (n_x, n_x + n_u) side by side."""
-    names, (G, rates, effects, *_) = _jacobians(vehicle, point)
-    gains = {n: {"value": v} for n, v in point.changes.items() if n.startswith("controls.")}
-    inputs, mixing = input_mixing(vehicle.with_numbers(gains) if gains else vehicle)
-    return names, inputs, np.hstack([rates @ np.linalg.pinv(G), effects @ mixing])
+    names, A, *_ = linear_models(vehicle, point.lanes(vehicle))
+    return names, A[0]
 
 
 def left_out(vehicle: Vehicle) -> tuple[Notice, ...]:
@@ -161,15 +159,15 @@ def held_numbers(vehicle: Vehicle, kinds: Sequence[str]) -> tuple[str, ...]:
     return tuple(f"{p.name} = {p.value:g} {p.unit}" for p in own if p.value)
 
 
-def _delays(vehicle: Vehicle, inputs: tuple[str, ...]) -> tuple[FloatArray, FloatArray]:
-    """Return the delays of the inputs of a linear model and of the readings, s."""
-    by_channel = {vehicle.inputs[column]: vehicle.values[row] for column, row in input_delays(vehicle)}
+def _delays(vehicle: Vehicle, inputs: tuple[str, ...], values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the delays of the inputs of a linear model and of the readings, s, by the numbers (n_p,) of the vehicle."""
+    by_channel = {vehicle.inputs[column]: values[row] for column, row in input_delays(vehicle)}
     late = [
         by_channel.get((vehicle.channels_of(n) if n in vehicle.controls else (n,))[0], 0.0) for n in inputs
     ]
     readings = np.zeros(len(vehicle.outputs))
     for column, row in output_delays(vehicle):
-        readings[column] = vehicle.values[row]
+        readings[column] = values[row]
     return np.array(late), readings
 
 
@@ -225,49 +223,67 @@ def state_names(vehicle: Vehicle, start: Collection[str]) -> tuple[str, ...]:
     return (*rigid, *(s for s in vehicle.states if s.endswith(".lag")))
 
 
-def _jacobians(vehicle: Vehicle, point: Trim) -> tuple[tuple[str, ...], list[FloatArray]]:
-    """Return the minimal state; and G, and the derivatives of G f and of the readings by states and by inputs, at a trim.
+def linear_models(
+    vehicle: Vehicle, points: Trims
+) -> tuple[tuple[str, ...], FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return the names of the states, and A, B, C, D about B steady flights: (B, n_x, n_x), (B, n_x, m) and so on.
 
-    Flow angles have no meaning in a hover.
+    Inputs are those of :func:`model_inputs`. Flow angles have no meaning in a hover.
     """
-    names = state_names(vehicle, point.start)
-    rows = parameter_rows(vehicle, point.changes)
-    inputs = point.inputs[
+    names = state_names(vehicle, points.start)
+    inputs = points.inputs[
         : len(vehicle.inputs)
     ]  # a lateral model lacks noise, zero, of the gusts of its trim
-    values = [*initial_states(vehicle, point.start, rows, inputs)[:, 0], *inputs]
-    n, variables = len(vehicle.states), [Dual(x, e) for x, e in zip(values, np.eye(len(values)), strict=True)]
+    values = [*initial_states(vehicle, points.start, points.rows, inputs), *inputs]
+    n, count = len(vehicle.states), len(values)
+    variables = [Dual(x, e) for x, e in zip(values, np.eye(count)[:, :, None], strict=True)]
     equations = array_equations(vehicle)
-    found = equations.functions.observe(variables[:n], variables[n:], equations.constants(rows[:, 0]))
+    found = equations.functions.observe(variables[:n], variables[n:], equations.constants(points.rows))
 
     def minimal(states: Sequence[Any]) -> list[Any]:
         named = dict.fromkeys(("v", "p", "r", "e1", "e3"), 0.0) | dict(
             zip(vehicle.states, states, strict=True)
         )
         named |= dict(zip(EULER, euler_angles([named[e] for e in ("e0", "e1", "e2", "e3")]), strict=True))
-        if point.on_wings:
+        if "V" in points.start:
             named |= dict(zip(("V", "alpha", "beta"), flow_angles([named[a] for a in "uvw"]), strict=True))
         return [named[name] for name in names]
 
     def slopes(of: Iterable[Any]) -> FloatArray:
-        return np.array([x.slope if isinstance(x, Dual) else np.zeros(len(values)) for x in of])
+        """Return derivatives (lanes, rows, n_x + n_u)."""
+        shape = (count, points.rows.shape[1])
+        found = [np.broadcast_to(x.slope if isinstance(x, Dual) else 0.0, shape) for x in of]
+        return np.array(found).transpose(2, 0, 1)
 
     moving = [Dual(x, f) for x, f in zip(variables[:n], found[:n], strict=True)]
     G, rates, outputs = (
         slopes(of) for of in (minimal(variables[:n]), (z.slope for z in minimal(moving)), found[n:])
     )
-    return names, [G[:, :n], rates[:, :n], rates[:, n:], outputs[:, :n], outputs[:, n:]]
+    right = np.linalg.pinv(G[:, :, :n])
+    mixing = mixing_columns(vehicle, points.rows)
+    A, C = (J[:, :, :n] @ right for J in (rates, outputs))
+    B, D = (J[:, :, n:] @ mixing for J in (rates, outputs))
+    return names, A, B, C, D
 
 
 def input_mixing(vehicle: Vehicle) -> tuple[tuple[str, ...], FloatArray]:
     """Return the names of the linear model's inputs, and the channels (n_u, m) for one unit of each."""
-    base, neutral = neutral_inputs(vehicle), dict.fromkeys(vehicle.controls, 0.0)
-    now = mixed_inputs(vehicle, neutral, base)
-    columns = {c: mixed_inputs(vehicle, {**neutral, c: 1.0}, base) - now for c in vehicle.controls}
+    return model_inputs(vehicle), mixing_columns(vehicle, parameter_rows(vehicle))[0]
+
+
+def model_inputs(vehicle: Vehicle) -> tuple[str, ...]:
+    """Return the names of the linear model's inputs: controls, then channels of thrust and rotors."""
     propulsion = vehicle.file.propulsion
     channels = [rotor.channel for rotor in vehicle.file.rotor.values()]
     if propulsion is not None and propulsion.kind != "constant":
         channels.insert(0, propulsion.channel)
-    for channel in channels:
-        columns.setdefault(channel, np.eye(len(base))[vehicle.inputs.index(channel)])
-    return tuple(columns), np.array(list(columns.values())).T if columns else np.zeros((len(base), 0))
+    return tuple(dict.fromkeys((*vehicle.controls, *channels)))
+
+
+def mixing_columns(vehicle: Vehicle, rows: FloatArray) -> FloatArray:
+    """Return the channels (B, n_u, m) for one unit of each of the inputs of linear models, by kernel parameters (n_p, B)."""
+    direct = [vehicle.inputs.index(name) for name in model_inputs(vehicle)[len(vehicle.controls) :]]
+    single = np.broadcast_to(
+        np.eye(len(vehicle.inputs))[:, direct], (rows.shape[1], len(vehicle.inputs), len(direct))
+    )
+    return np.concatenate([mixing_of(vehicle, rows), single], axis=2)

@@ -50,10 +50,13 @@ def channel_range(vehicle: Vehicle) -> Range:
 
 
 def accelerations(
-    vehicle: Vehicle, start: Mapping[str, ArrayLike], inputs: FloatArray, changes: Mapping[str, ArrayLike]
+    vehicle: Vehicle, start: Mapping[str, ArrayLike], inputs: FloatArray, rows: FloatArray | None = None
 ) -> FloatArray:
-    """Return u', v', w', p', q', r' (6, B) for channels (n_u, B) after all lags have settled."""
-    rows = parameter_rows(vehicle, changes, inputs.shape[1])
+    """Return u', v', w', p', q', r' (6, B) for channels (n_u, B) after all lags have settled.
+
+    `rows` are kernel parameters (n_p, B); the vehicle's own when absent.
+    """
+    rows = parameter_rows(vehicle, None, inputs.shape[1]) if rows is None else rows
     states = initial_states(vehicle, start, rows, inputs)
     rates, _ = vehicle.kernel().evaluate(rows, states, np.ascontiguousarray(inputs))
     return rates[[vehicle.states.index(s) for s in ("u", "v", "w", "p", "q", "r")]]
@@ -71,7 +74,8 @@ def effects(
     change = np.zeros((len(inputs), 2 * len(step)))
     for i, column in enumerate(area.columns):
         change[column, [2 * i, 2 * i + 1]] = step[i], -step[i]
-    rates = accelerations(vehicle, start, inputs[:, None] + change, changes)
+    rows = parameter_rows(vehicle, changes, change.shape[1])
+    rates = accelerations(vehicle, start, inputs[:, None] + change, rows)
     up = np.vstack([rates[3:], -rates[2:3]])
     return np.asarray((up[:, 0::2] - up[:, 1::2]) / (2.0 * step))
 

@@ -10,12 +10,13 @@ from functools import cached_property
 from typing import ClassVar, Final
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from stoop.base.arrays import FloatArray
 from stoop.base.atmosphere import SEA_LEVEL_DENSITY, standard_density
 from stoop.base.rotations import matrices_of_angles
 from stoop.errors import SimulationError
-from stoop.simulation.initial import initial_states, mixed_inputs, parameter_rows
+from stoop.simulation.initial import initial_states, mixed_inputs, mixing_of, parameter_rows
 from stoop.simulation.rotors import EXCITATIONS, SETPOINTS, accelerations, allocation, channel_range, effects
 from stoop.vehicle import Vehicle
 from stoop.vehicle.defaults import WIND_NUMBERS
@@ -48,6 +49,34 @@ class Trim:
     def on_wings(self) -> bool:
         """Whether wings carry the vehicle, not rotors."""
         return "V" in self.start
+
+    def lanes(self, vehicle: Vehicle, numbers: Mapping[str, FloatArray] | None = None) -> Trims:
+        """Return this flight of a vehicle with some numbers changed, (B,) each; a single lane without any."""
+        changes: dict[str, ArrayLike] = {**self.changes, **(numbers or {})}
+        count = max((len(x) for x in (numbers or {}).values()), default=1)
+        inputs = np.repeat(self.inputs[:, None], count, axis=1)
+        rows = parameter_rows(vehicle, changes, count)
+        return Trims(self.start, self.deflections, self.thrust, inputs, rows)
+
+
+@dataclass(frozen=True, eq=False)
+class Trims:
+    """Steady flights of one vehicle whose numbers differ, one a lane; SI and rad.
+
+    Attributes
+    ----------
+    start, deflections, thrust : mappings of str to (B,) or number
+        As of :class:`Trim`.
+    inputs : (n_u, B) array
+    rows : (n_p, B) array
+        Kernel parameters, those among them that the trim sets.
+    """
+
+    start: Mapping[str, ArrayLike]
+    deflections: Mapping[str, ArrayLike]
+    thrust: Mapping[str, ArrayLike]
+    inputs: FloatArray
+    rows: FloatArray
 
 
 def trim(
@@ -107,22 +136,24 @@ def steady_flight(vehicle: Vehicle, airspeed: float | None) -> type[OnWings] | t
     return OnRotors if vehicle.rotors and airspeed is None else OnWings
 
 
-def neighbors(point: Trim) -> Callable[[Mapping[str, float]], Trim]:
-    """Return a function that gives the trim of the vehicle with some numbers slightly changed.
+def neighbors(point: Trim) -> Callable[[Mapping[str, FloatArray]], Trims]:
+    """Return a function that gives the trims of the vehicle with some numbers slightly changed, (B,) each.
 
     It takes one Newton step from the known trim (the implicit function theorem): its derivative by the numbers is
-    exact, its error of second order. The numbers are among the changes of the returned trim.
+    exact, its error of second order.
     """
     if point.solution is None:
         raise ValueError("a state that was given is no trim")
     known, x = point.solution
     step = 1e-5 * np.eye(len(x))
-    slope = np.array([(known.residuals(x + d) - known.residuals(x - d)) / 2e-5 for d in step]).T
-    inverse = np.linalg.pinv(slope)
+    ends = known.residuals(x[:, None] + np.hstack([step, -step]))
+    inverse = np.linalg.pinv((ends[:, : len(x)] - ends[:, len(x) :]) / 2e-5)
 
-    def near(numbers: Mapping[str, float]) -> Trim:
+    def near(numbers: Mapping[str, FloatArray]) -> Trims:
+        count = len(next(iter(numbers.values())))
         changed = replace(known, numbers={**known.numbers, **numbers})
-        return changed.point(x - inverse @ (changed.residuals(x) - known.residuals(x)))
+        start = np.repeat(x[:, None], count, axis=1)
+        return changed.trims(start - inverse @ (changed.residuals(start) - known.residuals(start[:, :1])))
 
     return near
 
@@ -151,7 +182,8 @@ def surface_moments(vehicle: Vehicle, point: Trim, control: str) -> FloatArray:
     """Return p', q', r' (3,) per rad of a surface about a steady flight."""
     step = 1e-3
     inputs = inputs_about(vehicle, point, {control: np.array([step, -step])}, 2)
-    rates = accelerations(vehicle, point.start, inputs.T, point.changes)
+    rows = parameter_rows(vehicle, point.changes, 2)
+    rates = accelerations(vehicle, point.start, inputs.T, rows)
     return np.asarray((rates[3:, 0] - rates[3:, 1]) / (2.0 * step))
 
 
@@ -187,39 +219,51 @@ class Conditions:
 
 @dataclass(frozen=True, eq=False)
 class SteadyFlight(ABC):
-    """Equations of steady straight flight: residuals of unknowns that are scaled to about one."""
+    """Equations of steady straight flight: residuals of unknowns that are scaled to about one, in lanes."""
 
     at: Conditions
-    numbers: Mapping[str, float]  #: of the vehicle, in place of its own
+    numbers: Mapping[str, ArrayLike]  #: of the vehicle, in place of its own; (B,) or one for all lanes
 
     commands: ClassVar[tuple[str, ...]]  #: of the autopilot that flies maneuvers, if one does
     refused: ClassVar[tuple[str, ...]]  #: what the command line does not take, for the reason of `advice`
     advice: ClassVar[str]
 
     @abstractmethod
-    def point(self, x: FloatArray) -> Trim:
-        """Return the flight of a scaled vector, its residual still open."""
+    def trims(self, x: FloatArray) -> Trims:
+        """Return the flights of scaled vectors (m, B), their residuals still open."""
 
     @abstractmethod
     def residuals(self, x: FloatArray) -> FloatArray:
-        """Return what is not in balance: accelerations, m/s2 and rad/s2, among others."""
+        """Return what is not in balance (r, B): accelerations, m/s2 and rad/s2, among others."""
 
     def solved(self, starts: Sequence[Sequence[float]], evaluations: int) -> Trim:
-        """Return the solution from the first start that converges, else that of the last."""
+        """Return the solution of one lane from the first start that converges, else that of the last."""
         from scipy.optimize import least_squares
+
+        def residuals(x: FloatArray) -> FloatArray:
+            return self.residuals(x[:, None])[:, 0]
 
         tight = 1e-15
         with np.errstate(all="ignore"):  # of a vehicle that cannot fly residuals overflow
-            for start in starts:
-                x = np.array(start)
-                if np.isfinite(self.residuals(x)).all():
+            for guess in starts:
+                x = np.array(guess)
+                if np.isfinite(residuals(x)).all():
                     x = least_squares(
-                        self.residuals, x, ftol=tight, xtol=tight, gtol=tight, max_nfev=evaluations
+                        residuals, x, ftol=tight, xtol=tight, gtol=tight, max_nfev=evaluations
                     ).x
-                residual = float(np.max(np.abs(self.residuals(x))))
+                residual = float(np.max(np.abs(residuals(x))))
                 if residual < TOLERANCE:
                     break
-        return replace(self.point(x), residual=residual, solution=(self, x))
+        found, at = self.trims(x[:, None]), self.at
+        start, deflections, thrust = (
+            {name: np.asarray(value).item() for name, value in some.items()}
+            for some in (found.start, found.deflections, found.thrust)
+        )
+        changes = {name: float(np.asarray(value)) for name, value in self.numbers.items()}
+        changes |= {name: value for name, value in thrust.items() if name in at.vehicle.rows}
+        velocity, wind = (tuple(v.tolist()) for v in (at.velocity, at.wind))
+        inputs = found.inputs[:, 0]
+        return Trim(start, deflections, thrust, inputs, changes, residual, velocity, wind, (self, x))
 
 
 @dataclass(frozen=True, eq=False)
@@ -275,30 +319,37 @@ class OnWings(SteadyFlight):
             out["propulsion.thrust" if propulsion.kind == "constant" else propulsion.channel] = step
         return out
 
-    def point(self, x: FloatArray) -> Trim:
-        """Return the flight of a scaled vector, its residual still open."""
+    @cached_property
+    def _mixing(self) -> tuple[FloatArray, FloatArray]:
+        """Channels (n_u, 1) of neutral controls, and (n_u, c) for a radian of each; by the vehicle's own gains."""
+        vehicle, quiet = self.at.vehicle, self.at.quiet
+        neutral = mixed_inputs(vehicle, dict.fromkeys(vehicle.controls, 0.0), quiet)
+        return neutral[:, None], mixing_of(vehicle, parameter_rows(vehicle))[0]
+
+    def trims(self, x: FloatArray) -> Trims:
+        """Return the flights of scaled vectors (m, B), their residuals still open."""
         at, vehicle = self.at, self.at.vehicle
-        values = {name: float(v * s) for v, (name, s) in zip(x, self.unknowns.items(), strict=True)}
-        start = {"V": at.airspeed, "h": at.altitude} | ({"psi": at.heading} if at.heading else {})
+        values = {name: v * s for v, (name, s) in zip(x, self.unknowns.items(), strict=True)}
+        start: dict[str, ArrayLike] = {"V": at.airspeed, "h": at.altitude}
+        start |= {"psi": at.heading} if at.heading else {}
         start |= {name: values.pop(name) for name in self.angles}
         controls = {name: values.pop(name) for name in vehicle.controls}
-        inputs, changes = mixed_inputs(vehicle, controls, at.quiet).copy(), dict(self.numbers)
-        for name, value in values.items():
-            if name in vehicle.rows:
-                changes[name] = value
-            else:
-                inputs[vehicle.inputs.index(name)] = value
-        return Trim(start, controls, values, inputs, changes, math.inf, wind=tuple(at.wind.tolist()))
+        neutral, columns = self._mixing
+        inputs = neutral + columns @ np.reshape([*controls.values()], (len(controls), x.shape[1]))
+        own = {name: value for name, value in values.items() if name in vehicle.rows}
+        for name in values.keys() - own.keys():
+            inputs[vehicle.inputs.index(name)] = values[name]
+        rows = parameter_rows(vehicle, {**self.numbers, **own}, x.shape[1])
+        return Trims(start, controls, values, inputs, rows)
 
     def residuals(self, x: FloatArray) -> FloatArray:
-        """Return accelerations, m/s2 and rad/s2, and the climb angle's error."""
-        vehicle, point = self.at.vehicle, self.point(x)
-        rows = parameter_rows(vehicle, point.changes)
-        states = initial_states(vehicle, point.start, rows, point.inputs)
-        rates, _ = vehicle.kernel().evaluate(rows, states, point.inputs[:, None])
+        """Return accelerations (r, B), m/s2 and rad/s2, and the climb angle's error."""
+        vehicle, found = self.at.vehicle, self.trims(x)
+        states = initial_states(vehicle, found.start, found.rows, found.inputs)
+        rates, _ = vehicle.kernel().evaluate(found.rows, states, np.ascontiguousarray(found.inputs))
         balanced = [i for i, s in enumerate(vehicle.states) if s in ("u", "v", "w", "p", "q", "r")]
-        climb = rates[vehicle.states.index("h"), 0] / self.at.airspeed - math.sin(self.at.climb_angle)
-        return np.append(rates[balanced, 0], climb)
+        climb = rates[vehicle.states.index("h")] / self.at.airspeed - math.sin(self.at.climb_angle)
+        return np.vstack([rates[balanced], climb])
 
 
 @dataclass(frozen=True, eq=False)
@@ -335,23 +386,25 @@ class OnRotors(SteadyFlight):
             )
         return point
 
-    def point(self, x: FloatArray) -> Trim:
-        """Return the flight of a scaled vector, its residual still open."""
-        phi, theta, *wanted = (x * _ROTOR_SCALES).tolist()
-        at, area, inputs = self.at, channel_range(self.at.vehicle), self.level.copy()
-        inputs[area.columns] += self.mixing @ wanted
-        rotation = matrices_of_angles(np.array([phi, theta, at.heading]))
-        start = dict(zip("uvw", (rotation.T @ (at.velocity - at.wind)).tolist(), strict=True))
+    def trims(self, x: FloatArray) -> Trims:
+        """Return the flights of scaled vectors (m, B), their residuals still open."""
+        at, area, count = self.at, channel_range(self.at.vehicle), x.shape[1]
+        phi, theta, *wanted = x * _ROTOR_SCALES[:, None]
+        inputs = np.repeat(self.level[:, None], count, axis=1)
+        inputs[area.columns] += self.mixing @ np.array(wanted)
+        rotation = matrices_of_angles(np.stack([phi, theta, np.full(count, at.heading)], axis=1))
+        start: dict[str, ArrayLike] = dict(
+            zip("uvw", np.einsum("bij,i->jb", rotation, at.velocity - at.wind), strict=True)
+        )
         start |= {"phi": phi, "theta": theta, "psi": at.heading, "h": at.altitude}
         neutral = dict.fromkeys(at.vehicle.controls, 0.0)
-        thrust = dict(zip(area.names, inputs[area.columns].tolist(), strict=True))
-        velocity, wind = (tuple(v.tolist()) for v in (at.velocity, at.wind))
-        return Trim(start, neutral, thrust, inputs, dict(self.numbers), math.inf, velocity, wind)
+        thrust = dict(zip(area.names, inputs[area.columns], strict=True))
+        return Trims(start, neutral, thrust, inputs, parameter_rows(at.vehicle, self.numbers, count))
 
     def residuals(self, x: FloatArray) -> FloatArray:
-        """Return accelerations, m/s2 and rad/s2."""
-        point = self.point(x)
-        return accelerations(self.at.vehicle, point.start, point.inputs[:, None], self.numbers)[:, 0]
+        """Return accelerations (6, B), m/s2 and rad/s2."""
+        found = self.trims(x)
+        return accelerations(self.at.vehicle, found.start, found.inputs, found.rows)
 
 
 def level_channels(at: Conditions) -> FloatArray:
@@ -366,7 +419,7 @@ def level_channels(at: Conditions) -> FloatArray:
         return out
 
     def sink_rate(command: float) -> float:  # its derivative, m/s2
-        return float(accelerations(vehicle, {"h": at.altitude}, channels(command)[:, None], {})[2, 0])
+        return float(accelerations(vehicle, {"h": at.altitude}, channels(command)[:, None])[2, 0])
 
     low, high = float(area.idle[0]), float(area.full.min())
     if not math.isfinite(high):  # bracket the command that lifts

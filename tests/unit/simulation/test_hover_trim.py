@@ -107,7 +107,7 @@ def test_of_many_ways_the_one_next_to_equal_commands() -> None:
 
     def sinks(c: float) -> float:
         level[area.columns] = c
-        return float(accelerations(weak, {"h": 200.0}, level[:, None].copy(), {})[2, 0])
+        return float(accelerations(weak, {"h": 200.0}, level[:, None].copy())[2, 0])
 
     level[area.columns] = brentq(sinks, 0.1, 1.0, xtol=1e-13)
     effect = effects(weak, {"h": 200.0}, level, {})
@@ -118,12 +118,12 @@ def test_of_many_ways_the_one_next_to_equal_commands() -> None:
 
 def test_one_newton_step_finds_the_trim_of_a_neighbor(quad: Vehicle) -> None:
     point = trim(quad, velocity=(2.0, 1.0, 0.0))
-    near = neighbors(point)({"mass.mass": 1.5 * (1.0 + 1e-5)})
+    near = neighbors(point)({"mass.mass": np.array([1.5 * (1.0 + 1e-5)])})
     exact = trim(quad.with_numbers({"mass.mass": {"value": 1.5 * (1.0 + 1e-5)}}), velocity=(2.0, 1.0, 0.0))
-    assert near.inputs - point.inputs == pytest.approx(exact.inputs - point.inputs, rel=1e-3, abs=1e-12)
+    assert near.inputs[:, 0] - point.inputs == pytest.approx(exact.inputs - point.inputs, rel=1e-3, abs=1e-12)
     assert point.solution is not None
     known, x = point.solution
-    assert np.abs(known.residuals(x)).max() < 1e-7
+    assert np.abs(known.residuals(x[:, None])).max() < 1e-7
 
 
 @pytest.mark.parametrize(

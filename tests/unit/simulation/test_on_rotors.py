@@ -132,9 +132,8 @@ def test_excitations_are_accelerations(quad: Vehicle) -> None:
     """The first command after their start is the trim's plus the allocated channels, which give them exactly."""
     for control, entry in (("roll", 3), ("pitch", 4), ("yaw", 5), ("heave", 2)):
         flown = fly(quad, maneuver(2.0, pulse(control, 0.01)))
-        rates = accelerations(quad, flown.trim.start, flown.inputs[100][:, None].copy(), flown.trim.changes)[
-            :, 0
-        ]
+        rows = parameter_rows(quad, flown.trim.changes)
+        rates = accelerations(quad, flown.trim.start, flown.inputs[100][:, None].copy(), rows)[:, 0]
         expected = np.zeros(6)
         expected[entry] = -0.01 if control == "heave" else 0.01
         assert rates[2:] == pytest.approx(expected[2:], abs=5e-5), control
