@@ -9,7 +9,7 @@ import pytest
 
 from stoop.errors import SimulationError
 from stoop.simulation import initial_states, linearize, parameter_rows, trim
-from stoop.simulation.derivatives import FORMS, LOADS, MOTIONS, Derivatives, Uncertainty, derivatives
+from stoop.simulation.derivatives import FORMS, LOADS, MOTIONS, Derivatives, ParameterCovariance, derivatives
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import builtin_vehicle
 from stoop_studies.verify.export import load
@@ -24,7 +24,7 @@ def boom() -> Vehicle:
 
 @pytest.fixture(scope="module")
 def found(boom: Vehicle) -> Derivatives:
-    known = Uncertainty((*SIGMAS, "Cnr"), np.diag([*(s**2 for s in SIGMAS.values()), np.inf]))
+    known = ParameterCovariance((*SIGMAS, "Cnr"), np.diag([*(s**2 for s in SIGMAS.values()), np.inf]))
     return derivatives(boom, trim(boom), known)
 
 
@@ -145,7 +145,7 @@ def test_what_an_unidentified_parameter_touches_is_marked(found: Derivatives) ->
 
 def test_an_estimated_inertia_cancels_from_what_is_divided_by_it(boom: Vehicle) -> None:
     """M is Iyy q': with a coefficient that holds for a fixed inertia, M_q does not move with Iyy, but M_q/Iyy does."""
-    found = derivatives(boom, trim(boom), Uncertainty(("mass.inertia.yy",), np.array([[1.0]])))
+    found = derivatives(boom, trim(boom), ParameterCovariance(("mass.inertia.yy",), np.array([[1.0]])))
     total, specific = found.table("dimensional"), found.table("specific")
     i = total.names.index("M_q")
     assert total.std_errors[i] == pytest.approx(0.0, abs=1e-6 * abs(total.values[i]))
