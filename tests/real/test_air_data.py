@@ -11,10 +11,10 @@ from stoop.flight.flight import AirData, Flight
 from stoop.flight.load import load
 
 
-@pytest.fixture(scope="module")
-def vtail(shared_data: Path) -> Flight:
+@pytest.fixture(scope="session")
+def vtail(vtail_flight: Flight) -> Flight:
     """Flight whose pitot reads -3 m/s at rest and 5 to 6 m/s low in flight (SOURCE.md)."""
-    return load(shared_data / "altlnt-vtail-8kg-px4" / "flight2")
+    return vtail_flight
 
 
 @pytest.fixture(scope="module")

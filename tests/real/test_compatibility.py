@@ -15,9 +15,9 @@ Checked = tuple[Compatibility, Flight, Flight]
 
 
 @pytest.fixture(scope="module")
-def checked(shared_data: Path) -> Checked:
-    flight = load(shared_data / "altlnt-vtail-8kg-px4" / "flight2")
-    return (*check_compatibility(flight, [(140.0, 152.0), (156.0, 172.0), (186.0, 200.0)]), flight)
+def checked(vtail_flight: Flight) -> Checked:
+    windows = [(140.0, 152.0), (156.0, 172.0), (186.0, 200.0)]
+    return (*check_compatibility(vtail_flight, windows), vtail_flight)
 
 
 def test_the_pitot_fault_is_found_by_the_kinematics_alone(checked: Checked) -> None:

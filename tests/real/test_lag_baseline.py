@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
 from stoop.assessment.baseline import BaselineManeuver, BaselineSegment, baseline_matches
 from stoop.assessment.goodness_of_fit import join, theil
+from stoop.flight import Flight
 from stoop.flight.flight import segments
-from stoop.flight.load import load
 
 COMMANDS = ("control_roll", "control_pitch", "control_yaw")
 RATES = ("p", "q", "r")
 WINDOWS = {(140.0, 145.0): "fit", (146.0, 152.0): "fit", (160.0, 168.3): "fit", (187.0, 196.0): "validation"}
 
 
-def test_lag_on_the_v_tail(shared_data: Path) -> None:
-    flight = load(shared_data / "altlnt-vtail-8kg-px4" / "flight2")
+def test_lag_on_the_v_tail(vtail_flight: Flight) -> None:
+    flight = vtail_flight
     maneuvers = []
     for (start, stop), role in WINDOWS.items():
         pieces, _ = segments(flight, start, stop, COMMANDS, RATES)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from stoop.errors import FlightError
-from stoop.flight import load
+from stoop.flight import Flight, load
 from stoop.reconstruction.polar import Polar, Propulsion
 from stoop.workflow.reconstruction import drag_polar
 
@@ -48,9 +48,8 @@ def test_efficiency_is_an_assumption_that_stays_one(polar: Polar) -> None:
     assert error > 0.05
 
 
-def test_a_flight_in_which_power_tells_nothing_says_so(shared_data: Path) -> None:
-    flight = load(shared_data / "altlnt-vtail-8kg-px4" / "flight2")
-    _, notices = drag_polar(flight, 8.5, 0.66)
+def test_a_flight_in_which_power_tells_nothing_says_so(vtail_flight: Flight) -> None:
+    _, notices = drag_polar(vtail_flight, 8.5, 0.66)
     assert any(one.code == "drag-not-identifiable" for one in notices)
 
 

@@ -12,7 +12,7 @@ from stoop.estimate.fit import Options
 from stoop.estimate.regression.least_squares import FrequencyDomain
 from stoop.estimate.regression.method import frequency_domain
 from stoop.estimate.regression.recursive import RealTime
-from stoop.flight import load
+from stoop.flight import Flight
 from stoop.problem.windows import Window
 from stoop.vehicle.load import load_vehicle
 
@@ -22,9 +22,9 @@ FIRM = ("CLalpha", "CQbeta", "Cmelevator", "Cnr", "Cnrudder")
 
 
 @pytest.mark.slow  # its equations are compiled
-def test_in_real_time_as_in_batch(shared_data: Path) -> None:
+def test_in_real_time_as_in_batch(vtail_flight: Flight) -> None:
     """What the flight tells firmly agrees within two standard errors, though only one sees the whole record."""
-    flight = load(shared_data / "altlnt-vtail-8kg-px4" / "flight2")
+    flight = vtail_flight
     vehicle = load_vehicle(EXAMPLE)
     batch = frequency_domain(
         vehicle, {flight.name: flight}, [Window(flight.name, *SPAN)], Options(method="frequency-domain")

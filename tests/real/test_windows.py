@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from stoop.flight import load
+from stoop.flight import Flight, load
 from stoop.input_design.windows import find_windows
 from stoop.vehicle import load_vehicle
 
@@ -19,8 +19,8 @@ FLOWN = (
 )  #: roll, pitch, yaw, roll; docs/vtail.md
 
 
-def test_the_doublets_of_the_v_tail_are_found_without_a_vehicle(shared_data: Path) -> None:
-    flight = load(shared_data / "altlnt-vtail-8kg-px4" / "flight2")
+def test_the_doublets_of_the_v_tail_are_found_without_a_vehicle(vtail_flight: Flight) -> None:
+    flight = vtail_flight
     found = find_windows({flight.name: flight})
     kept = [w for w in found.windows if w.accept]
     assert [w.axis for w in kept] == ["roll", "pitch", "yaw", "roll"]
@@ -31,8 +31,8 @@ def test_the_doublets_of_the_v_tail_are_found_without_a_vehicle(shared_data: Pat
 
 
 @pytest.mark.slow
-def test_the_doublets_of_the_v_tail_tell_its_numbers(shared_data: Path) -> None:
-    flight = load(shared_data / "altlnt-vtail-8kg-px4" / "flight2")
+def test_the_doublets_of_the_v_tail_tell_its_numbers(vtail_flight: Flight) -> None:
+    flight = vtail_flight
     found = find_windows({flight.name: flight}, load_vehicle(EXAMPLES / "vtail.toml"))
     kept = [w for w in found.windows if w.accept]
     for start, stop in FLOWN:
