@@ -1,7 +1,7 @@
 """The tiers of the tests: each test belongs to standard or to full; those of standard that are quick belong to quick too.
 
-``tiers.txt`` names the tests of the full tier, by hand. ``long_tests.txt`` names those that the quick tier leaves out, with
-their seconds; ``scripts/durations.py`` writes it.
+``tiers.txt`` names the tests of the full tier, and a few that are always quick, by hand. ``long_tests.txt`` names those that
+the quick tier leaves out, with their seconds; ``scripts/durations.py`` writes it.
 """
 
 from __future__ import annotations
@@ -35,9 +35,10 @@ def names(test: str) -> tuple[str, ...]:
 
 def tier_of(test: str, tiers: Mapping[str, str], long: Mapping[str, str]) -> str:
     """Return the smallest tier that runs a test: quick, standard or full."""
-    tier = next((tiers[name] for name in names(test) if name in tiers), "standard")
-    quick = tier == "standard" and not any(name in long for name in names(test))
-    return "quick" if quick else tier
+    by_hand = next((tiers[name] for name in names(test) if name in tiers), "")
+    if by_hand in ("quick", "full"):
+        return by_hand
+    return "standard" if any(name in long for name in names(test)) else "quick"
 
 
 def runs(tier: str, smallest: str) -> bool:

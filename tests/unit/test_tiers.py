@@ -44,8 +44,8 @@ def test_every_parameter_that_a_line_names_is_collected(pytestconfig: pytest.Con
     assert not gone or any("::" in argument for argument in pytestconfig.args), gone
 
 
-def test_only_two_tiers_are_written_by_hand() -> None:
-    assert set(TIERS.values()) == {"standard", "full"}
+def test_lines_name_tiers() -> None:
+    assert set(TIERS.values()) == {"quick", "standard", "full"}
 
 
 @pytest.mark.parametrize(
@@ -57,8 +57,10 @@ def test_only_two_tiers_are_written_by_hand() -> None:
         ("a.py::test_y", "standard"),
         ("a.py::test_z", "quick"),
         ("b.py::test_x[1]", "full"),
+        ("b.py::test_fit", "quick"),
     ],
 )
 def test_the_most_specific_line_decides(test: str, expected: str) -> None:
-    lists = {"a.py::test_x": "full", "a.py::test_x[2]": "standard", "b.py": "full"}
-    assert tiers.tier_of(test, lists, {"a.py::test_y": "3.0", "a.py::test_x": "9.0"}) == expected
+    lists = {"a.py::test_x": "full", "a.py::test_x[2]": "standard", "b.py": "full", "b.py::test_fit": "quick"}
+    long = dict.fromkeys(("a.py::test_x", "a.py::test_y", "b.py::test_fit"), "9.0")
+    assert tiers.tier_of(test, lists, long) == expected
