@@ -13,6 +13,8 @@ from stoop.base.csv_text import Cell, csv_text
 from stoop.parallel import Plan
 from stoop.report.sheet import Code, Figure, Prose, Section, Sheet, Table
 
+#: longer tables are left to the CSV file
+MAX_ROWS: Final = 150
 CLAIMS_HEAD: Final = ("verdict", "statement: what was measured")
 Row = TypeVar("Row")
 Results = Mapping[str, Any]
@@ -82,12 +84,16 @@ class Findings:
         cls,
         title: str,
         claims: Iterable[Claim],
-        shown: Iterable[Part],
         records: Sequence[Record],
         parts: Mapping[str, Sequence[Record]] | None = None,
+        summary: Sequence[Record] = (),
+        figures: Iterable[Part] = (),
     ) -> Findings:
-        """Return findings from tables and figures of the page and the records of the CSV files."""
-        sections = (Section("Measured", tuple(shown)),)
+        """Return findings from records: the page shows summary, figures and the tables of the CSV files."""
+        named = {"Summary": summary, "All cases": records, **(parts or {})}
+        tables = [table_of(name.capitalize(), own) for name, own in named.items() if own]
+        kept = [table for table in tables if len(table.rows) <= MAX_ROWS]
+        sections = (Section("Measured", (*kept[: bool(summary)], *figures, *kept[bool(summary) :])),)
         return cls.tabulated(title, "", claims, sections, records, parts)
 
     @classmethod
@@ -168,12 +174,19 @@ def counted(many: int, whole: int) -> str:
     return f"{many} of {whole}"
 
 
+def table_of(caption: str, records: Sequence[Record]) -> Table:
+    """Return the table of records on a page: numbers to four digits."""
+
+    def cell(value: Cell) -> str:
+        if value is None or isinstance(value, float):
+            return number(value, 4)
+        return ("no", "yes")[value] if isinstance(value, bool) else str(value)
+
+    rows = tuple(tuple(map(cell, record.values())) for record in records)
+    return Table(caption, tuple(name.replace("_", " ") for name in records[0]), rows)
+
+
 def tabulated(caption: str, columns: Mapping[str, Callable[[Row], str]], rows: Iterable[Row]) -> Table:
     """Return a table with one column for each name and function of a row."""
     cells = tuple(tuple(text(row) for text in columns.values()) for row in rows)
     return Table(caption, tuple(columns), cells)
-
-
-def by_columns(caption: str, columns: Mapping[str, Sequence[str]], *last: tuple[str, ...]) -> Table:
-    """Return a table of columns, with further rows below."""
-    return Table(caption, tuple(columns), (*zip(*columns.values(), strict=True), *last))

@@ -29,10 +29,11 @@ from stoop.parallel.store import forget
 from stoop.report.plots import plot
 from stoop.report.series import Series
 from stoop.report.sheet import Code, Figure, Prose, Section, Sheet, Table, render_sheet
-from stoop_studies.compare.field import FLIGHT, Field
+from stoop_studies.compare.field import Field
 from stoop_studies.compare.measures import Score, duel, score
 from stoop_studies.compare.race import Race
 from stoop_studies.findings import tabulated
+from stoop_studies.outputs import GUIDE
 
 STORE: Final = "compare.sqlite"
 SCORES: Final = "compare.csv"
@@ -47,33 +48,6 @@ RUN_COLUMNS: Final = (
 )  # fmt: skip
 BEGIN: Final = 1.0  #: evaluation at which the axis begins
 POINTS: Final = 160  #: of a drawn distribution: finer than a line's width
-HOW: Final = """Everything is counted in evaluations: one flight of the whole record by one candidate. A third of the \
-record counts a third; every column of a finite-difference Jacobian counts what is flown for it. All optimizers reach \
-the problem through the same ledger, which does the counting.
-
-- A run succeeds when its cost falls to the target, and ends there. It fails when its budget is used up, or when the \
-optimizer itself claims convergence above the target.
-- The expected running time (ERT) is the sum of the evaluations of all runs, failures included, over the number of \
-successes: what it takes on average when a failure is followed by a fresh start. Without a success it is infinite; then \
-the table shows what was spent.
-- Optimizers of other packages are restarted by their adapter when they end by themselves, until the target or the end \
-of the budget. That is inside the run, and counted.
-- L-SHADE and jSO plan ahead: they are told the budget, shrink their population towards its end, and so arrive late \
-in it by design. A smaller budget would make them faster, or fail.
-- Intervals hold 95 % of 2000 resamples of the seeds. For a ratio the same seeds are drawn for both.
-- A wrong optimum is a convergence claimed at a cost more than 0.1 % above the target.
-- The curves show which share of all targets has been reached after so many evaluations: ten costs for each seed, \
-evenly spaced in their logarithm from the trivial model's down to the target itself."""
-
-BLIND: Final = """Nobody is given starting values: every optimizer knows the box and no more."""
-
-JOINED: Final = """On the flight, initial states and sensor biases are searched in the unit box with the parameters, 5 prior \
-standard deviations to either side, so that every optimizer searches the same numbers. stoop identify keeps them \
-apart, which is easier for it. Target: the least cost that long searches from the vehicle file's own values found, and \
-a thousandth more."""
-
-NOISY: Final = """On the paper's problems the target is one millionth of the trivial model's cost without noise, and within \
-one millionth of the cost at the optimum with it. The seed draws the box about the truth, the noise and the search."""
 Races = Mapping[tuple[str, str], Sequence[Race]]
 
 
@@ -284,11 +258,8 @@ def _together(field: Field, races: Races) -> Section:
 def _how(field: Field) -> Section:
     seeds = field.seeds
     span = f"Seeds {seeds[0]} to {seeds[-1]}" if len(seeds) > 1 else f"Seed {seeds[0]}"
-    texts = [f"{span}; at most {field.budget:.0f} evaluations a run.", HOW, BLIND]
-    if any(p.startswith("paper-") for p in field.problems):
-        texts.append(NOISY)
-    if FLIGHT in field.problems:
-        texts.append(JOINED)
+    guide = f"How evaluations, successes, running times and intervals are counted: {GUIDE}#compare"
+    texts = [f"{span}; at most {field.budget:.0f} evaluations a run.", guide]
     absent = [f"- {name}: {reason}" for name, reason in field.absent.items()]
     absent += [f"- {o} on {p}: needs residuals, of which there are none" for p, o in field.impossible]
     if absent:

@@ -13,7 +13,7 @@ from stoop.optimize import Ledger, ScalarProblem
 from stoop.optimize.ledger import Evaluations
 from stoop.report.plots import contour_plot, plot
 from stoop.report.series import Mark, Series
-from stoop.report.sheet import Code, Figure, Prose, Section, Table
+from stoop.report.sheet import Figure, Table
 from stoop_studies.findings import Claim, Findings, Results, Setting, holds, number, tabulated
 from stoop_studies.optimizers.local_search import BETA, SteepestDescent, golden_section, steepest_line
 from stoop_studies.problems.paper import Paper, paper
@@ -28,21 +28,6 @@ REACH: Final = 0.1
 TOLERANCE: Final = 0.1  #: relative to the reach
 #: of the unit box, about the truth; near it are the best members of a late population
 PLACES: Final = {"from anywhere": 1.0, "near the optimum": 0.05}
-LEAD: Final = """\
-The paper's local search takes one step along the negative gradient of the cost, as far as a golden-section search \
-says. Here it is drawn on the cost over two of the ten coefficients, the other eight at their true values, with every \
-evaluation: those of the forward differences, and those along each line."""
-PRINTED_CODE: Final = """\
-i2 = a + beta (b - a), f2 = f(i2)
-i1 = a + b - i2,       f1 = f(i1)
-while |i1 - i2| >= epsilon
-    if f1 <= f2:  b = i2, i2 = i1, f2 = f1         <- i1 is not moved, f1 not evaluated
-    else:         a = i1, i1 = i2, f1 = f2, i2 = a + beta (b - a), f2 = f(i2)
-return (i1 + i2) / 2"""
-WORDS: Final = """\
-As printed, the first branch sets i2 to i1 and leaves i1 where it is. The two then coincide, the loop ends, and i1 \
-is the answer, however far from the minimum: whenever the lower half of the line is the better one, the search stops \
-at the next point. The repaired search moves i1 to a + b - i2 and evaluates it."""
 Function = Callable[[float], float]
 
 
@@ -145,29 +130,11 @@ class Figure2(PaperExperiment):
             pairs = [both(recorder, np.clip(middle + step, 0.0, 1.0)) for step in steps]
             for name, lines in found.items():
                 lines[where] = [pair[name] for pair in pairs if pair]
-        ends_table = tabulated(
-            "Where local searches end",
-            {
-                "search": lambda i: str(i),
-                PAIR[0]: lambda i: number(ends[i][0], 5),
-                PAIR[1]: lambda i: number(ends[i][1], 5),
-                "J": lambda i: number(ends[i][2], 4),
-                "evaluations so far": lambda i: str(ends[i][3]),
-            },
-            [i for i in range(len(ends)) if i <= DRAWN or i % 5 == 0],
-        )
-        code = (Code(PRINTED_CODE), Prose(WORDS), _profile(recorder), _table(found))
-        return Findings(
-            "Figure 2: golden section along the negative gradient",
-            LEAD,
-            _claims(found, ends),
-            (
-                Section("On a picture of the cost", (picture, ends_table)),
-                Section("The pseudo-code as printed", code),
-            ),
-            ("search", *PAIR, "J", "evaluations_so_far"),
-            tuple((i, *end) for i, end in enumerate(ends)),
-        )
+        figures = (picture, _profile(recorder), _table(found))
+        head = ("search", *PAIR, "J", "evaluations_so_far")
+        rows = [dict(zip(head, (i, *end), strict=True)) for i, end in enumerate(ends)]
+        title = "Figure 2: golden section along the negative gradient"
+        return Findings.of(title, _claims(found, ends), rows, figures=figures)
 
 
 def _claims(found: Found, ends: list[tuple[float, float, float, int]]) -> tuple[Claim, ...]:

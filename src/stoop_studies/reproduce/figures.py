@@ -11,13 +11,13 @@ from stoop.base.arrays import FloatArray
 from stoop.optimize.population import MEMBERS, latin_hypercube
 from stoop.report.plots import plot, stacked_plots
 from stoop.report.series import Series, Strip
-from stoop.report.sheet import Figure, Prose, Section, Table
+from stoop.report.sheet import Figure, Table
 from stoop.simulation import Mode, linearize
 from stoop.simulation.trajectories import Flown
 from stoop_studies.findings import Claim, Findings, Results, Setting, holds, number, reproduces, tabulated
 from stoop_studies.optimizers.evolution import Initialization, chaos, uniform
 from stoop_studies.problems.paper import SAMPLES, paper
-from stoop_studies.reproduce.suite import PaperExperiment, minus
+from stoop_studies.reproduce.suite import PaperExperiment
 
 DIMENSION: Final = 10
 POINTS: Final = 2000  #: of the long orbit
@@ -27,19 +27,6 @@ STARTS: Final[dict[str, Initialization]] = {
     "uniform": uniform,
     "Latin hypercube": latin_hypercube,
 }
-MAP_LEAD: Final = """\
-The paper starts its population with successive iterates of c -> 4 c (1 - c), one orbit for each parameter, so that \
-members lie evenly over the box and some lie near the optimum. The map does visit everything, but not evenly: its \
-iterates crowd at both ends, by the arcsine law 1 / (pi sqrt(c (1 - c))), and each one follows from the one before."""
-MAP_WORDS: Final = """\
-Lower is better in all three columns. The discrepancy (centered, L2) is how far the share of members in boxes \
-departs from the boxes' volume. The distance is from a random place to the nearest member, in the unit box. The \
-slices are those of a tenth of each parameter that hold no member. The ablation (stoop reproduce ablation) shows \
-what the chaotic start does to the search itself."""
-RESPONSE_LEAD: Final = """\
-The aircraft starts in the paper's trimmed flight; its elevator makes the 3-2-1-1 of 0.3 s steps and 11.46 deg, a \
-pulse of 3 s, and then rests for the remainder of the record. Airspeed, angle of attack, pitch rate and pitch angle \
-are those of the longitudinal equations, without noise."""
 REST: Final = 10.0  #: s, where the pulse ends
 DEGREES: Final = 180.0 / np.pi
 
@@ -119,16 +106,13 @@ class Figure1(PaperExperiment):
                 f"mean distance to the nearest of 50, {values(distance)}",
             ),
         )
-        return Findings(
-            "Figure 1: the logistic map",
-            MAP_LEAD,
-            claims,
-            (
-                Section("Iterates", _orbit_figures(orbit)),
-                Section("As a first population", (evenness, Prose(MAP_WORDS))),
-            ),
-            ("center", "share_of_iterates", "arcsine_law"),
-            tuple(zip(*(column.tolist() for column in histogram(orbit)), strict=True)),
+        columns = (column.tolist() for column in histogram(orbit))
+        rows = [
+            dict(zip(("center", "share_of_iterates", "arcsine_law"), r, strict=True))
+            for r in zip(*columns, strict=True)
+        ]
+        return Findings.of(
+            "Figure 1: the logistic map", claims, rows, figures=(*_orbit_figures(orbit), evenness)
         )
 
 
@@ -179,16 +163,6 @@ class Figure3(PaperExperiment):
             "Elevator, airspeed, angle of attack, pitch rate, pitch angle",
             stacked_plots(strips, "time, s", "Response curves"),
         )
-        extremes = tabulated(
-            "Where the curves begin and how far they go",
-            {
-                "curve": lambda name: name,
-                "start": lambda name: minus(f"{curves[name][0]:.3f}"),
-                "least": lambda name: minus(f"{curves[name].min():.3f}"),
-                "greatest": lambda name: minus(f"{curves[name].max():.3f}"),
-            },
-            curves,
-        )
         linear = tabulated(
             "Linear modes about the trim",
             {
@@ -206,14 +180,14 @@ class Figure3(PaperExperiment):
             ("thrust, N", "220.87", number(thrust, 5)),
         )
         trim = Table("Trim at 35 m/s and 200 m", ("", "printed", "here"), printed)
-        return Findings(
-            "Figure 3: response to the elevator",
-            RESPONSE_LEAD,
-            _response_claims(flown, curves, modes),
-            (Section("Curves", (figure, extremes)), Section("Trim and modes", (trim, linear))),
-            ("time_s", *(name.replace(", ", "_").replace("/", "_per_").replace(" ", "_") for name in curves)),
-            tuple(zip(time.tolist(), *(c.tolist() for c in curves.values()), strict=True)),
-        )
+        names = [name.replace(", ", "_").replace("/", "_per_").replace(" ", "_") for name in curves]
+        columns = {"time_s": time, **dict(zip(names, curves.values(), strict=True))}
+        rows = [
+            dict(zip(columns, r, strict=True))
+            for r in zip(*(c.tolist() for c in columns.values()), strict=True)
+        ]
+        shown, claims = (figure, trim, linear), _response_claims(flown, curves, modes)
+        return Findings.of("Figure 3: response to the elevator", claims, rows, figures=shown)
 
 
 def _trim(flown: Flown) -> tuple[float, float, float]:

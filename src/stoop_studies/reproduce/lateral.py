@@ -15,11 +15,10 @@ import numpy as np
 from stoop.base.arrays import FloatArray
 from stoop.base.csv_text import Cell
 from stoop.problem.layout import Nuisance
-from stoop.report.sheet import Prose, Section, Table
-from stoop_studies.findings import Claim, Findings, Results, Setting, by_columns, holds, number, reproduces
+from stoop_studies.findings import Claim, Findings, Results, Setting, holds, number, reproduces
 from stoop_studies.problems.paper import LATERAL, Paper, aircraft, box, lateral_flight, of_known_truth
 from stoop_studies.reproduce.recovery import Fits, ModelFits, ModelStudy, Recovery, fitted
-from stoop_studies.reproduce.suite import bound_deviations, minus, rms
+from stoop_studies.reproduce.suite import bound_deviations, rms
 
 WORK: Final = "stoop_studies.reproduce.lateral:work"
 TERMS: Final = ("CQ0", "Cl0", "Cn0")
@@ -28,17 +27,6 @@ OTHERS: Final = tuple(n for n in LATERAL if n not in TERMS)
 BIASES: Final = {"beta": 0.01, "p": 0.01, "r": 0.01, "phi": 0.01, "ay": 0.1}
 CASES: Final = (*BIASES, "all")
 ZERO, FREE, BIASED = MODELS = ("terms zero", "terms free", "biases free")
-LEAD: Final = """\
-The paper's model has 18 lateral and directional terms that its experiment leaves out. Here they are found from a \
-maneuver with rudder and aileron, on all six degrees of freedom and from all twelve channels, with truths of our own. \
-Then the paper's reason for CQ0, Cl0 and Cn0 is tried: that measurement errors which were not filtered out show up \
-in them."""
-WORDS: Final = """\
-The truth is symmetric: the three terms are zero. Its sensors are biased by twice their noise, one at a time and all \
-five together. Three models are fitted: with the terms at zero, with the terms free, and with the terms at zero but \
-the five biases free. Errors are those of the other 15 coefficients, in standard deviations that noise alone would \
-cause (Cramer-Rao), so that 1 is what a perfect fit of noisy data has. Bounds are twice as wide as those of box W, \
-so that none is met."""
 
 
 @functools.cache
@@ -137,24 +125,15 @@ class Lateral(ModelStudy):
         every = {key: own.fits(results) for key, own in searches.items()}
         fits, noisy = {case: every[case, False][0] for case in CASES}, every["all", True]
         pooled = {m: float(np.sqrt(np.mean([rms(scores(f, m)) ** 2 for f in noisy]))) for m in MODELS}
-        return Findings.tabulated(
-            f"Eq. (1): the 18 lateral and directional terms, box {setting.box}",
-            LEAD,
-            (*found.claims, *_claims(fits, pooled)),
-            (
-                Section("Eighteen values from one maneuver", (found.table,)),
-                Section("Asymmetry terms and biased sensors", (Prose(WORDS), *_tables(fits, noisy, pooled))),
-            ),
-            found.records(setting.seeds),
-            {
-                "biases": [
-                    _record(case, m, noise, seed, fit)
-                    for (case, noise), own in searches.items()
-                    for seed, fit in zip(own.seeds, every[case, noise], strict=True)
-                    for m in MODELS
-                ]
-            },
-        )
+        rows = [
+            _record(case, m, noise, seed, fit)
+            for (case, noise), own in searches.items()
+            for seed, fit in zip(own.seeds, every[case, noise], strict=True)
+            for m in MODELS
+        ]
+        title = f"Eq. (1): the 18 lateral and directional terms, box {setting.box}"
+        claims = (*found.claims, *_claims(fits, pooled))
+        return Findings.of(title, claims, found.records(setting.seeds), {"biases": rows}, found.summary)
 
 
 def _claims(fits: Mapping[str, Fits], pooled: Mapping[str, float]) -> list[Claim]:
@@ -186,52 +165,6 @@ def _claims(fits: Mapping[str, Fits], pooled: Mapping[str, float]) -> list[Claim
     ]
 
 
-def _tables(
-    fits: Mapping[str, Fits], noisy: Sequence[Fits], pooled: Mapping[str, float]
-) -> tuple[Table, ...]:
-    """Return misfit, terms, errors without noise, errors with it, and each coefficient's error."""
-    units = {"ay": "m/s2", "p": "rad/s", "r": "rad/s"}
-    size = {c: f"{b:g} {units.get(c, 'rad')}" for c, b in BIASES.items()} | {"all": "as each"}
-    cases = {"biased": list(fits)}
-    costs = {f"J, {m}": [number(f.costs[m], 4) for f in fits.values()] for m in MODELS}
-    shares = [f"{100.0 * absorbed(f):.1f} %" for f in fits.values()]
-    terms = {n: [minus(f"{f.values[FREE][n]:.5f}") for f in fits.values()] for n in TERMS}
-    errors = {m: [scores(f, m) for f in fits.values()] for m in MODELS}
-    worst = {m: max(float(np.abs(scores(f, m)).max()) for f in noisy) for m in MODELS}
-    columns = [text for m in MODELS for text in (f"{m}: rms", "worst")]
-    rows = [
-        [text for e in own for text in (f"{rms(e):.2f}", f"{np.abs(e).max():.1f}")]
-        for own in zip(*errors.values(), strict=True)
-    ]
-    each = {m: [minus(f"{e:+.1f}") for e in scores(fits["all"], m)] for m in MODELS}
-    alone = ("noise alone, ±", *(f"{s:.5f}" for s in deviations(terms=True)))
-    means = [number(float(np.mean([f.costs[m] for f in noisy])), 5) for m in MODELS]
-    pooled_texts = {
-        "errors, rms": [f"{e:.2f}" for e in pooled.values()],
-        "worst": [f"{e:.1f}" for e in worst.values()],
-    }
-    return (
-        by_columns(
-            "Misfit without noise; 18,000 readings",
-            cases | {"by": [size[case] for case in fits]} | costs | {"taken up by the terms": shares},
-        ),
-        by_columns("What the terms take up", cases | terms, alone),
-        Table(
-            "Errors of the other 15 coefficients without noise, in standard deviations",
-            ("biased", *columns),
-            tuple((case, *row) for case, row in zip(fits, rows, strict=True)),
-        ),
-        by_columns(
-            f"All five biased and noisy, {len(noisy)} seeds",
-            {"model": MODELS, "mean J": means} | pooled_texts,
-        ),
-        by_columns(
-            "All five biased, no noise: each coefficient's error in standard deviations",
-            {"parameter": OTHERS, **each},
-        ),
-    )
-
-
 def _record(case: str, model: str, noise: bool, seed: int, fit: Fits) -> dict[str, Cell]:
     """Return a row; errors are those of the other 15 in standard deviations, nothing stands for what is not free."""
     errors, values = scores(fit, model), fit.values[model]
@@ -241,8 +174,5 @@ def _record(case: str, model: str, noise: bool, seed: int, fit: Fits) -> dict[st
         "error_rms": float(rms(errors)),
         "error_worst": float(np.abs(errors).max()),
     }
-    return (
-        row
-        | {n: values.get(n) for n in LATERAL}
-        | {f"{c}_bias": values.get(f"sensors.{c}.bias") for c in BIASES}
-    )
+    row |= {n: values.get(n) for n in LATERAL}
+    return row | {f"{c}_bias": values.get(f"sensors.{c}.bias") for c in BIASES}

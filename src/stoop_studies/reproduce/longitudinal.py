@@ -14,16 +14,14 @@ import numpy as np
 
 from stoop.base.arrays import FloatArray
 from stoop.base.csv_text import Cell
-from stoop.report.sheet import Prose, Section, Table
 from stoop.simulation.fly import fly
 from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.vehicle.schema import ConstantThrust, Propeller
 from stoop.workflow.demo import MANEUVER, TABLE_1
-from stoop_studies.findings import Claim, Findings, Results, Setting, by_columns, number, reproduces
-from stoop_studies.problems.paper import SAMPLES, Paper, box, paper
+from stoop_studies.findings import Claim, Findings, Results, Setting, number, reproduces
+from stoop_studies.problems.paper import Paper, box, paper
 from stoop_studies.reproduce.recovery import Fits, ModelFits, ModelStudy, Recovery, fitted
-from stoop_studies.reproduce.suite import minus, rms
 
 WORK: Final = "stoop_studies.reproduce.longitudinal:work"
 TERMS: Final = ("CLV", "CDV", "CmV")
@@ -34,16 +32,6 @@ MODELS: Final = {ZERO: (False, False), FREE: (True, False), KNOWN: (False, True)
 PROPELLER: Final = {
     "kind": "propeller", "channel": "throttle", "speed_gain": 100.0, "diameter": 0.66, "CT0": 0.1937, "CT1": -0.1827,
 }  # fmt: skip
-LEAD: Final = """\
-The paper's model has 14 longitudinal terms, its experiment identifies ten. Here all 14 are found from the same \
-maneuver, the four others at values of our own that are not zero. Then the paper's reason for the V terms is tried: \
-that they catch the influence of the propulsion."""
-WORDS: Final = """\
-The truth flies with a propeller whose thrust falls with airspeed, as at constant power; all its V terms are zero. \
-Three models are fitted to that flight: one with constant thrust and no V terms, one with constant thrust and free \
-V terms, and one that knows the propeller. To first order a thrust slope T' looks like CDV = -T' V* cos(alpha) / \
-(qbar S) and CLV = T' V* sin(alpha) / (qbar S); what is left after that is of second order. The ten coefficients are sought in \
-box W: in box N the wrong model meets a bound."""
 
 
 @functools.cache
@@ -143,16 +131,10 @@ class LongitudinalFull(ModelStudy):
         for m in MODELS:
             records.append(_record(m, False, setting.seed, clean))
             records += [_record(m, True, s, fit) for s, fit in zip(setting.seeds, noisy, strict=True)]
-        return Findings.tabulated(
-            f"Eq. (1): all 14 longitudinal terms, box {setting.box}",
-            LEAD,
-            (*found.claims, *_claims(clean)),
-            (
-                Section("Fourteen values from one maneuver", (found.table,)),
-                Section("V terms and the propulsion", (Prose(WORDS), *_tables(clean, noisy))),
-            ),
-            found.records(setting.seeds),
-            {"propulsion": records},
+        title = f"Eq. (1): all 14 longitudinal terms, box {setting.box}"
+        claims = (*found.claims, *_claims(clean))
+        return Findings.of(
+            title, claims, found.records(setting.seeds), {"propulsion": records}, found.summary
         )
 
 
@@ -160,13 +142,8 @@ def _record(model: str, noise: bool, seed: int, fit: Fits) -> dict[str, Cell]:
     """Return the row of one fit; nothing stands for what is not free."""
     values, cost = fit.values[model], fit.costs[model]
     largest = float(np.abs(relative_errors(values)).max())
-    row: dict[str, Cell] = {
-        "model": model,
-        "noise": noise,
-        "seed": seed,
-        "cost": cost,
-        "largest_error": largest,
-    }
+    row: dict[str, Cell] = {"model": model, "noise": noise, "seed": seed, "cost": cost}
+    row["largest_error"] = largest
     return row | {n: values.get(n) for n in (*TABLE_1, *TERMS)}
 
 
@@ -192,41 +169,3 @@ def _claims(clean: Fits) -> list[Claim]:
             f"largest of ten errors {100 * after:.1f} % with them, {100 * before:.0f} % without",
         ),
     ]
-
-
-def _tables(clean: Fits, noisy: Sequence[Fits]) -> tuple[Table, ...]:
-    """Return misfit, V terms, and errors of the ten coefficients."""
-    count, wanted = 6 * SAMPLES, expected()
-    means = {m: float(np.mean([f.costs[m] for f in noisy])) for m in MODELS}
-    terms = np.array([[f.values[FREE][n] for n in TERMS] for f in noisy])
-    spread = terms.std(axis=0, ddof=min(1, len(terms) - 1))
-    columns: dict[str, Sequence[str]] = {"parameter": TABLE_1}
-    true = np.array([clean.values[KNOWN][n] for n in TABLE_1])
-    for m in MODELS:
-        scatter = rms(np.array([[f.values[m][n] for n in TABLE_1] for f in noisy]) / true - 1.0)
-        columns[m] = [minus(f"{100.0 * v:+.2f} %") for v in relative_errors(clean.values[m])]
-        columns[f"{m}, with noise"] = [f"{100.0 * v:.2f} %" for v in scatter]
-    slope = f"{thrust(35.5) - thrust(34.5):.2f}"
-    return (
-        by_columns(
-            f"What the models leave unexplained; {count} readings, so that noise alone costs about as much",
-            {
-                "model": tuple(MODELS),
-                "J without noise": [number(clean.costs[m]) for m in MODELS],
-                "mean J with noise": [number(means[m], 5) for m in MODELS],
-                "per reading": [f"{means[m] / count:.3f}" for m in MODELS],
-            },
-        ),
-        by_columns(
-            minus(f"What the V terms take up of a thrust slope of {slope} N per m/s"),
-            {
-                "term": TERMS,
-                "expected": [minus(f"{wanted[n]:.4f}") for n in TERMS],
-                "without noise": [minus(f"{clean.values[FREE][n]:.4f}") for n in TERMS],
-                "with noise, mean and scatter": [
-                    minus(f"{m:.4f} ± {s:.4f}") for m, s in zip(terms.mean(axis=0), spread, strict=True)
-                ],
-            },
-        ),
-        by_columns("Errors of the ten coefficients; with noise the root mean square over seeds", columns),
-    )

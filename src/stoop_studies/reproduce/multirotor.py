@@ -16,21 +16,10 @@ from stoop.estimate.fit import Options
 from stoop.estimate.multiple_shooting import MultipleShooting
 from stoop.parallel import Run
 from stoop.problem.windows import Window
-from stoop.report.series import HUES
-from stoop.report.sheet import Code, Figure, Prose, Section, Table
+from stoop.report.sheet import Prose
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import parse_maneuver
-from stoop_studies.findings import (
-    Claim,
-    Findings,
-    Results,
-    Setting,
-    by_columns,
-    counted,
-    holds,
-    number,
-    tabulated,
-)
+from stoop_studies.findings import Claim, Findings, Results, Setting, counted, holds, number
 from stoop_studies.problems import pose
 from stoop_studies.problems.multirotor import LENGTH, MANEUVER, NOISE, quad
 from stoop_studies.reproduce.suite import (
@@ -44,50 +33,12 @@ from stoop_studies.reproduce.suite import (
     percent,
     rms,
 )
-from stoop_studies.reproduce.table1 import (
-    ITERATIONS,
-    SUMMARY,
-    by_iterations,
-    order_of_errors,
-    summary_columns,
-)
+from stoop_studies.reproduce.table1 import ITERATIONS, order_of_errors
 
 PROBLEM: Final = "multirotor"
 STOPS: Final = {"clean": ITERATIONS, "noise": ITERATIONS[-1:], "real": (100, 200)}  #: iterations of each case
 QUADROTOR: Final = "quadrotor"  #: name of its flight
 NOISY_BOX: Final = "S"  #: begins at zero: the bounds of box N would cut the scatter off
-LEAD: Final = """\
-The paper's title promises multirotors, its experiment flies an airplane. Here GA, PSO, PS-GDE and stoop's default \
-identify a simulated quadrotor of known truth, without noise and with the noise of the paper's problem, and a real \
-hexacopter. Bounds, budget and the cost J = (Z - Y)' Q (Z - Y) of all twelve channels are the same for each. The count \
-is that of table 1: one evaluation is one trajectory of the whole record. How the paper's airplane is read, at the end \
-of the page, says where boxes, Q and the settings of the optimizers come from."""
-OPEN_LOOP: Final = """\
-A vehicle on rotors is unstable: simulated open loop it leaves any record after a second or two, whatever the numbers. So \
-J is summed over short windows, each of which begins in its measured state, {length}. Nothing else is done for the \
-optimizers: no starting values, no equation-error estimate, no states to estimate."""
-QUAD: Final = """\
-Ten numbers of the built-in quad-x: thrust (T1, T2), torque per thrust, inflow, drag, lag, three inertias and the \
-drag of the body along x. The mass is known; without it only ratios would show. Speeds of the motors and the altitude are \
-taken as measured exactly. Box N is as wide as each value, the truth lies somewhere in it, drawn with the seed."""
-NOISE_WORDS: Final = """\
-Windows begin in noisy readings, so that even the truth costs more than noise alone, and errors are larger than the \
-bound, which is that of known beginnings. All four minimize the same J: how near they come to its optimum (1e-6, where \
-a local refinement from the truth ends) is the optimizer's part, the rest is the cost's. The last column is of the \
-same flights, noise and bounds: multiple shooting, the method of stoop identify for vehicles on rotors, estimates the \
-states in which windows begin, and the speeds of the motors, too; it starts from the center of the box. Box S begins \
-at zero and ends at 2 to 8 times the truth; the sign alone is known."""
-REAL_WORDS: Final = """\
-140 to 214 s of PX4's log 18: hover, two climbs of 6 m/s and slow descents. Q is what the residuals of a local \
-refinement from the file's own values say, colored as they are, and is then held; that refinement is also what counts \
-as reached (its J and 0.1 %). No optimizer is given its end. The real flight is run with half the seeds. Motors begin \
-where their commands and a lag of 0.05 s put them. Errors behind ± are standard errors at the least J known \
-(Cramer-Rao with this Q), and the scatter over seeds of each method. Inertias are what answers the commands within a \
-quarter of a second, with arms and torque per thrust as assumed; hub moments and gusts are not in the model and make \
-xx and yy too large. The page on the hexacopter (docs/hexacopter.md) holds its forces against the authors' figures."""
-NO_DATA: Final = """\
-The real flight was left out: no folder was named. Give --data DIR with the log of \
-https://github.com/altlnt/id_mod_helice, logs/copter/vol2/log_18_2019-7-26-10-48-46."""
 CSV: Final[dict[str, Callable[[Case, Group], Cell]]] = {
     "case": lambda case, g: case.name,
     "method": lambda case, g: METHODS[g.method],
@@ -145,14 +96,12 @@ class Multirotor(PaperExperiment):
         noisy, real = by_case["noise"], by_case.get("real")
         shot = shots(setting.seeds, NOISY_BOX, noisy.parameters) / noisy.values - 1.0
         clean, errors = by_case["clean"], rms(np.abs(shot))
-        return Findings.tabulated(
-            f"Multirotors: a simulated quadrotor, box {setting.box}, and a real hexacopter",
-            LEAD,
-            _claims(clean, noisy, real, errors),
-            (_clean_section(clean), _noisy_section(noisy, errors), _real_section(real)),
-            [{name: cell(c, g) for name, cell in CSV.items()} for c in by_case.values() for g in c.every],
-            {"parameters": list(_parameters(by_case, errors))},
-        )
+        title = f"Multirotors: a simulated quadrotor, box {setting.box}, and a real hexacopter"
+        rows = [{name: cell(c, g) for name, cell in CSV.items()} for c in by_case.values() for g in c.every]
+        words = "The real hexacopter was left out: name the folder of its log by --data DIR."
+        left_out = (Prose(words),) if real is None else ()
+        parts = {"parameters": list(_parameters(by_case, errors))}
+        return Findings.of(title, _claims(clean, noisy, real, errors), rows, parts, figures=left_out)
 
 
 def cases(setting: Setting) -> tuple[str, ...]:
@@ -256,71 +205,6 @@ def _claims(clean: Case, noisy: Case, real: Case | None, shot: FloatArray) -> It
             float(ratio.max()) < 0.1,
             f"at most {number(float(ratio.max()), 2)} of the standard error, {real.parameters[int(np.argmax(ratio))]}",
         )
-
-
-def _clean_section(case: Case) -> Section:
-    # the default in dashes: others lie below it
-    looks = {m: i + HUES * (m == "default") for i, m in enumerate(METHODS)}
-    words = "Median fitness by method"
-    drawn = by_iterations(case.groups, "median fitness J", words, lambda g: g.median_cost, looks=looks)
-    fitness: dict[str, Callable[[Group], str]] = {"median fitness": lambda g: number(g.median_cost)}
-    return Section(
-        "A simulated quadrotor, without noise",
-        (
-            Prose(OPEN_LOOP.format(length="0.5 s of the quadrotor and 0.25 s of the hexacopter")),
-            Prose(QUAD),
-            tabulated(SUMMARY, summary_columns(fitness), case.every),
-            Figure("Median fitness of all runs", drawn),
-            Prose("Its maneuver, on top of what the autopilot does (`stoop simulate quad-x --maneuver`):"),
-            Code(MANEUVER.strip()),
-        ),
-    )
-
-
-def _noisy_section(case: Case, shot: FloatArray) -> Section:
-    columns = {
-        "parameter": list(case.parameters),
-        "truth": [number(float(v), 4) for v in case.values],
-        "bound": [percent(float(s)) for s in case.sigma / np.abs(case.values)],
-    }
-    columns |= {m: [percent(float(e)) for e in rms(case.last(m).errors)] for m in METHODS}
-    columns["multiple shooting"] = [percent(float(e)) for e in shot]
-    errors = by_columns("Root mean square of the relative errors over seeds", columns)
-    return Section("The same with noise, box S", (_endings(case, "optimum"), errors, Prose(NOISE_WORDS)))
-
-
-def _real_section(case: Case | None) -> Section:
-    if case is None:
-        return Section("A real hexacopter", (Prose(NO_DATA),))
-    columns = {
-        "parameter": list(case.parameters),
-        "least J known ± standard error": _with_errors(case.values, case.sigma),
-    }
-    for m in METHODS:
-        columns[f"{m} ± scatter"] = _with_errors(case.last(m).values.mean(axis=0), case.last(m).spread)
-    table = by_columns("Estimates, SI units", columns)
-    return Section("A real hexacopter", (_endings(case, "least J known, 0.1 %"), table, Prose(REAL_WORDS)))
-
-
-def _with_errors(values: FloatArray, errors: FloatArray) -> list[str]:
-    pairs = zip(values.tolist(), errors.tolist(), strict=True)
-    return [f"{number(value, 4)} ± {number(error, 2)}" for value, error in pairs]
-
-
-def _endings(case: Case, where: str) -> Table:
-    return tabulated(
-        "Where runs end",
-        {
-            "method": lambda g: g.method,
-            "iterations": lambda g: str(g.iterations),
-            f"reached: {where}": lambda g: counted(g.reached, len(g.costs)),
-            "median J": lambda g: number(g.median_cost, 6),
-            "worst J": lambda g: number(float(g.costs.max()), 6),
-            "evaluations to it": lambda g: g.hits_text,
-            "evaluations spent": lambda g: f"{g.evaluations.mean():.0f}",
-        },
-        case.every,
-    )
 
 
 def _parameters(found: Mapping[str, Case], shot: FloatArray) -> Iterator[dict[str, Cell]]:

@@ -12,32 +12,10 @@ from stoop.base.arrays import FloatArray
 from stoop.base.csv_text import Cell
 from stoop.base.numbers import finite_or_none
 from stoop.parallel import Run
-from stoop.report.plots import plot
-from stoop.report.series import Series
-from stoop.report.sheet import Figure, Prose, Section
-from stoop_studies.findings import (
-    Claim,
-    Findings,
-    Results,
-    Setting,
-    by_columns,
-    counted,
-    holds,
-    number,
-    tabulated,
-)
+from stoop_studies.findings import Claim, Findings, Results, Setting, counted, holds
 from stoop_studies.problems import pose
 from stoop_studies.problems.paper import NEAR
-from stoop_studies.reproduce.recovery import parameter_columns
-from stoop_studies.reproduce.suite import (
-    METHODS,
-    Group,
-    PaperExperiment,
-    Searches,
-    bound_deviations,
-    minus,
-    rms,
-)
+from stoop_studies.reproduce.suite import METHODS, Group, PaperExperiment, Searches, bound_deviations, rms
 
 STOPS: Final = {
     "default": (None,),
@@ -45,16 +23,6 @@ STOPS: Final = {
 }  #: generations of each method; the default ends by itself
 OPTIMUM: Final = "stoop_studies.reproduce.noise:optimum"
 EACH: Final = (0.85, 1.15)  #: scatter over the bound of each coefficient
-LEAD: Final = """\
-Each seed adds white noise of the stated size to the six channels and draws another box. An unbiased estimate can \
-scatter no less than the Cramer-Rao bound, which follows from the Jacobian of the noise-free readings at the truth; \
-maximum likelihood comes down to it when the record is long. Box W is searched unless another is asked for: bounds \
-of box N can lie within two standard deviations of the truth (CLq), and would cut the scatter off."""
-WORDS: Final = """\
-Scatter over bound is the standard deviation of the estimates about the truth over that of the bound; it is known no \
-better than {spread:.3f} per coefficient from so many seeds. Bias is the mean error in its own standard errors: \
-beyond 3 would be one in 370. A run ends elsewhere if it costs more than 1.001 times what a local refinement from the truth ends \
-at: in another optimum, or not at its end after {stop} iterations. Runs are not told the truth."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,41 +73,9 @@ class Noise(PaperExperiment):
         least = np.array([results[f"truth/{s:06d}"]["cost"] for s in setting.seeds])
         scatters = {m: scatter(g.values, truth, sigma) for m, g in groups.items()}
         elsewhere = {m: int((g.costs > least * 1.001).sum()) for m, g in groups.items()}
-        effort = tabulated(
-            "The default runs to its own end, PS-GDE for 500 iterations",
-            {
-                "method": lambda g: g.method,
-                "seeds": lambda g: str(len(g.costs)),
-                "median evaluations": lambda g: f"{np.median(g.evaluations):.0f}",
-                "largest cost above the optimum, relative": lambda g: number(
-                    float(np.max(g.costs / least - 1.0)), 2
-                ),
-                "ended elsewhere": lambda g: counted(elsewhere[g.method], len(g.costs)),
-            },
-            groups.values(),
-        )
-        columns = parameter_columns(names, truth, sigma, 5)
-        for method, s in scatters.items():
-            columns[f"{method}: scatter over bound"] = [f"{v:.3f}" for v in s.ratios]
-            columns[f"{method}: bias"] = [minus(f"{v:+.2f}") for v in s.bias]
-        pooled = [text for s in scatters.values() for text in (f"{s.pooled:.3f}", "")]
-        table = by_columns("Each coefficient, and all pooled", columns, ("pooled", "", "", *pooled))
-        places = np.arange(1.0, len(names) + 1.0)
-        curves = [Series(m, places, s.ratios, "points") for m, s in scatters.items()]
-        ends = np.array([0.5, len(names) + 0.5])
-        curves += [Series("0.85 and 1.15", ends, np.full(2, edge)) for edge in EACH]
-        axes = "coefficient, in the order of the table", "scatter over bound"
-        figure = Figure(
-            "Scatter over the Cramer-Rao bound", plot(curves, *axes, "Scatter over the bound by coefficient")
-        )
-        words = Prose(WORDS.format(spread=np.sqrt(0.5 / setting.runs), stop=STOPS["PS-GDE"][0]))
-        return Findings.tabulated(
-            f"Noise: estimates and the Cramer-Rao bound, box {setting.box}",
-            LEAD,
-            _claims(scatters, elsewhere, setting.runs),
-            (Section("Scatter and bias", (table, words, figure)), Section("What it took", (effort,))),
-            list(_records(names, sigma, groups, scatters, elsewhere)),
-        )
+        title = f"Noise: estimates and the Cramer-Rao bound, box {setting.box}"
+        rows = list(_records(names, sigma, groups, scatters, elsewhere))
+        return Findings.of(title, _claims(scatters, elsewhere, setting.runs), rows)
 
 
 def _claims(scatters: Mapping[str, Scatter], elsewhere: Mapping[str, int], count: int) -> Iterator[Claim]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -12,20 +12,7 @@ from stoop.base.arrays import FloatArray
 from stoop.base.csv_text import Cell
 from stoop.base.numbers import finite_or_none
 from stoop.parallel import Run
-from stoop.report.plots import plot
-from stoop.report.series import Series
-from stoop.report.sheet import Figure, Prose, Section, Table
-from stoop_studies.findings import (
-    Claim,
-    Findings,
-    Results,
-    Setting,
-    by_columns,
-    counted,
-    holds,
-    number,
-    reproduces,
-)
+from stoop_studies.findings import Claim, Findings, Results, Setting, counted, holds, number, reproduces
 from stoop_studies.reproduce.suite import PaperExperiment, hits_of, search_run
 
 BUDGET: Final = 60_000.0  #: evaluations after which a run counts as failed
@@ -65,23 +52,6 @@ KNOBS: Final = (
     Knob("F", "scale", 0.6, (0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)),
     Knob("CR", "rate", 0.9, (0.3, 0.5, 0.7, 0.8, 0.9, 0.95, 1.0)),
 )
-ABLATION_LEAD: Final = """\
-PS-GDE joins three ideas: a mutation whose three picks are sorted by cost, a chaotic first population, and a local \
-search along the gradient every twentieth generation. Here each is taken away in turn, the local search is replaced \
-by Levenberg-Marquardt, and the schedule is used as printed (local search in 19 of 20 generations). Runs end at 1e-6 of the \
-trivial model's cost J0, or at 60,000 evaluations."""
-ABLATION_WORDS: Final = """\
-The p-value is of a two-sided Mann-Whitney test of the evaluations to the target against PS-GDE whole, runs that did \
-not get there last; Holm's correction makes the column hold as a whole. Expected running time is all evaluations, \
-those of failed runs included, over the number of runs that got there. "Without sorting" keeps the three picks of \
-eq. (12) as drawn."""
-SWEEP_LEAD: Final = """\
-The paper closes its description by saying that NC and pr influence the result, without showing it, and prints \
-neither F nor CR. Here each of the four is varied while the others stay at NC = 20, pr = 0.05, F = 0.6, CR = 0.9. \
-Runs end at 1e-6 of the trivial model's cost J0, or at 60,000 evaluations."""
-SWEEP_WORDS: Final = """\
-Expected running time is all evaluations, those of failed runs included, over the number of runs that got there: it \
-weighs speed against reliability. Where a curve breaks off, no run got there."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,21 +121,8 @@ def _key(variant: Mapping[str, Any], seed: int) -> str:
     return f"{' '.join(f'{k}={variant[k]}' for k in sorted(variant))}/{seed:06d}"
 
 
-def by_texts(
-    caption: str, first: Mapping[str, Sequence[str]], races: Iterable[Race], **more: Sequence[str]
-) -> Table:
-    """Return a table of races between a first and further columns."""
-    rows = [race.texts for race in races]
-    return by_columns(caption, {**first, **{name: [row[name] for row in rows] for name in rows[0]}, **more})
-
-
 def mann_whitney(one: Race, other: Race) -> float:
-    """Return the two-sided p-value that evaluations to the target differ; failed runs come last, and tie.
-
-    References
-    ----------
-    Mann and Whitney (1947), Ann. Math. Stat. 18, 50-60.
-    """
+    """Return the two-sided p-value (Mann and Whitney 1947) that evaluations to the target differ; failed runs come last."""
     from scipy.stats import mannwhitneyu
 
     a, b = (np.where(np.isfinite(r.hits), r.hits, 2.0 * BUDGET) for r in (one, other))
@@ -175,12 +132,7 @@ def mann_whitney(one: Race, other: Race) -> float:
 
 
 def holm(pvalues: Mapping[str, float]) -> dict[str, float]:
-    """Return p-values that hold for all of them together.
-
-    References
-    ----------
-    Holm (1979), Scand. J. Stat. 6, 65-70.
-    """
+    """Return p-values that hold for all of them together (Holm 1979, Scand. J. Stat. 6, 65-70)."""
     worst, found = 0.0, dict(pvalues)
     for i, name in enumerate(sorted(pvalues, key=lambda n: pvalues[n])):
         found[name] = worst = max(worst, min(1.0, (len(pvalues) - i) * pvalues[name]))
@@ -197,31 +149,13 @@ class Ablation(Raced):
         found = self.races(setting, results)
         raw = {name: mann_whitney(race, found[WHOLE]) for name, race in found.items() if name != WHOLE}
         sure = holm(raw)
-        shown = [_p(sure[name]) if name in sure else "–" for name in found]
-        table = by_texts(
-            f"{BUDGET:.0f} evaluations at most", {"variant": list(found)}, found.values(), p=shown
-        )
-        curves = []
-        for name, race in found.items():
-            reached = np.sort(race.hits[np.isfinite(race.hits)])
-            if reached.size:
-                x = np.concatenate([reached[:1], reached, [BUDGET]])
-                steps = np.concatenate([[0.0], np.arange(1.0, reached.size + 1.0), [reached.size]])
-                curves.append(Series(name, x, steps / len(race.hits), "steps"))
-        axes = "evaluations", "share of runs", "Share of runs that reached the target by evaluations"
-        drawing = plot(curves, *axes, log_x=True, y_range=(0.0, 1.02))
-        figure = Figure("Share of runs that reached the target", drawing)
-        return Findings.tabulated(
-            f"Ablation: which idea of PS-GDE helps, box {setting.box}",
-            ABLATION_LEAD,
-            _claims(found, sure),
-            (Section("Races to the target", (table, Prose(ABLATION_WORDS), figure)),),
-            [
-                {"variant": name, **race.record, "median_cost": float(np.median(race.costs))}
-                | {"p_value": raw.get(name), "p_holm": sure.get(name)}
-                for name, race in found.items()
-            ],
-        )
+        rows = [
+            {"variant": name, **race.record, "median_cost": float(np.median(race.costs))}
+            | {"p_value": raw.get(name), "p_holm": sure.get(name)}
+            for name, race in found.items()
+        ]
+        title = f"Ablation: which idea of PS-GDE helps, box {setting.box}"
+        return Findings.of(title, _claims(found, sure), rows)
 
 
 def _claims(found: Mapping[str, Race], sure: Mapping[str, float]) -> Iterator[Claim]:
@@ -277,17 +211,14 @@ class Sweep(Raced):
             half.solved < len(half.hits) and chosen.solved == len(chosen.hits),
             f"{half.texts['reached']} reach the target with 0.5, {chosen.texts['reached']} with 0.6",
         )
-        return Findings.tabulated(
-            f"Sweep: NC, pr, F and CR of PS-GDE, box {setting.box}",
-            SWEEP_LEAD,
-            (*(_influence(k, own) for k, own in by_knob.items()), stagnates),
-            tuple(_section(k, own) for k, own in by_knob.items()),
-            [
-                {"parameter": k.name, "value": float(v), **race.record}
-                for k, own in by_knob.items()
-                for v, race in own.items()
-            ],
-        )
+        claims = (*(_influence(k, own) for k, own in by_knob.items()), stagnates)
+        rows = [
+            {"parameter": k.name, "value": float(v), **race.record}
+            for k, own in by_knob.items()
+            for v, race in own.items()
+        ]
+        title = f"Sweep: NC, pr, F and CR of PS-GDE, box {setting.box}"
+        return Findings.of(title, claims, rows)
 
 
 def _influence(knob: Knob, races: Mapping[float, Race]) -> Claim:
@@ -303,17 +234,3 @@ def _influence(knob: Knob, races: Mapping[float, Race]) -> Claim:
         f"expected running time {shown(times[best])} at {best:g}, {shown(times[knob.chosen])} at {knob.chosen:g}, "
         f"up to {shown(worst)}",
     )
-
-
-def _section(knob: Knob, races: Mapping[float, Race]) -> Section:
-    first = {knob.name: [f"{v:g}{' (chosen)' if v == knob.chosen else ''}" for v in races]}
-    table = by_texts(f"{knob.name}, the others as the paper has them", first, races.values())
-    y = np.array([(r.expected, r.median) for r in races.values()])
-    y[~np.isfinite(y)] = np.nan
-    caption = f"Evaluations to the target by {knob.name}"
-    x = np.array(knob.values, dtype=float)
-    curves = [Series("expected running time", x, y[:, 0]), Series("median", x, y[:, 1])]
-    log_x = knob.name in ("NC", "pr")
-    drawing = plot(curves, knob.name, "evaluations to 1e-6 J0", caption, log_x=log_x, log_y=True)
-    words = (Prose(SWEEP_WORDS),) if knob is KNOBS[0] else ()
-    return Section(knob.name, (table, Figure(caption, drawing), *words))

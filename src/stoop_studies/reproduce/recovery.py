@@ -14,18 +14,9 @@ from stoop.base.arrays import FloatArray
 from stoop.base.csv_text import Cell
 from stoop.parallel import Run
 from stoop.problem import Misfit
-from stoop.report.sheet import Table
-from stoop_studies.findings import Claim, Results, Setting, by_columns, counted, holds, number
+from stoop_studies.findings import Claim, Results, Setting, counted, holds, number
 from stoop_studies.problems import pose
-from stoop_studies.reproduce.suite import (
-    METHODS,
-    Group,
-    PaperExperiment,
-    Searches,
-    bound_deviations,
-    minus,
-    rms,
-)
+from stoop_studies.reproduce.suite import METHODS, Group, PaperExperiment, Searches, bound_deviations, rms
 
 #: generations of each method; the default ends by itself
 STOPS: Final[Mapping[str, tuple[int | None]]] = {"default": (None,), "PS-GDE": (2000,)}
@@ -96,21 +87,16 @@ class Recovery:
         return exact + efficient
 
     @property
-    def table(self) -> Table:
-        """Errors by parameter."""
-        columns = parameter_columns(self.parameters, self.truth, self.sigma, 6)
+    def summary(self) -> list[dict[str, Cell]]:
+        """Errors by parameter: relative ones without noise, with noise in standard deviations of the Cramer-Rao bound."""
+        columns: dict[str, Sequence[Any]] = {"parameter": self.parameters, "truth": self.truth.tolist()}
+        columns["bound, % of the truth"] = (100.0 * self.sigma / np.abs(self.truth)).tolist()
         for method in STOPS:
             z, errors = self.scores(method), self.groups[method, False].errors
-            columns |= {
-                f"{method}: largest error without noise": [number(float(v), 2) for v in errors.max(axis=0)],
-                f"{method}: scatter over bound": [number(float(v)) for v in rms(z)],
-                f"{method}: bias over bound": [minus(f"{v:+.2f}") for v in z.mean(axis=0)],
-            }
-        words = (
-            "Errors without noise are relative; the bound is the standard deviation that noise must cause (Cramer-Rao). "
-            "Noisy runs search box W, whose bounds do not cut the scatter off"
-        )
-        return by_columns(words, columns)
+            columns[f"{method}: largest error without noise"] = errors.max(axis=0).tolist()
+            columns[f"{method}: scatter over bound"] = rms(z).tolist()
+            columns[f"{method}: bias over bound"] = z.mean(axis=0).tolist()
+        return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
 
     def records(self, seeds: Sequence[int]) -> list[dict[str, Cell]]:
         """Return every estimate."""
@@ -124,17 +110,6 @@ class Recovery:
             for seed, values, cost, spent in zip(seeds, g.values, g.costs, g.evaluations, strict=True)
             for (name, truth, sigma), value in zip(known, values, strict=True)
         ]  # fmt: skip
-
-
-def parameter_columns(
-    names: Sequence[str], truth: FloatArray, sigma: FloatArray, digits: int
-) -> dict[str, Sequence[str]]:
-    """Return the first columns of a table of parameters: name, truth (D,) and its relative Cramer-Rao bound."""
-    return {
-        "parameter": names,
-        "truth": [number(float(v), digits) for v in truth],
-        "bound": [f"{100.0 * s / abs(t):.2f} %" for s, t in zip(sigma, truth, strict=True)],
-    }
 
 
 @dataclass(frozen=True, eq=False)

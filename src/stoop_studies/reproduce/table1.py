@@ -14,55 +14,22 @@ from stoop.base.numbers import finite_or_none
 from stoop.parallel import Run
 from stoop.report.plots import plot
 from stoop.report.series import Series
-from stoop.report.sheet import Figure, Prose, Section, Table
+from stoop.report.sheet import Figure
 from stoop.workflow.demo import TABLE_1
-from stoop_studies.findings import (
-    Claim,
-    Findings,
-    Results,
-    Setting,
-    by_columns,
-    counted,
-    holds,
-    number,
-    reproduces,
-    tabulated,
-)
+from stoop_studies.findings import Claim, Findings, Results, Setting, counted, holds, number, reproduces
 from stoop_studies.problems.paper import paper
 from stoop_studies.reproduce.suite import EXACT, METHODS, SUCCESS, Group, PaperExperiment, Searches, percent
 
 ITERATIONS: Final = (500, 1000, 1500, 2000)
 PRINTED: Final = {
-    "GA": (
-        0.0569999, 0.4199999, 0.3749999, 4.7699994, 10.451354, 0.2109999, 0.1839999, -2.3200006, -47.51452, -0.8100001,
-    ),
-    "PSO": (
-        0.059909, 0.430754, 0.385599, 4.773452, 10.35328, 0.198585, 0.194544, -2.321577, -47.63800, -0.810625,
-    ),
-    "proposed": (
-        0.06003, 0.42974, 0.38474, 4.78275, 10.4928, 0.20180, 0.19394, -2.11936, -47.5840, -0.79974,
-    ),
+    "GA": (0.0569999, 0.4199999, 0.3749999, 4.7699994, 10.451354, 0.2109999, 0.1839999, -2.3200006, -47.51452, -0.8100001),
+    "PSO": (0.059909, 0.430754, 0.385599, 4.773452, 10.35328, 0.198585, 0.194544, -2.321577, -47.63800, -0.810625),
+    "proposed": (0.06003, 0.42974, 0.38474, 4.78275, 10.4928, 0.20180, 0.19394, -2.11936, -47.5840, -0.79974),
 }  # fmt: skip
 """Identified mean values of each method, in the order of `TABLE_1`."""
 
 PRINTED_FITNESS: Final = {"GA": 121.57, "PSO": 289.38, "proposed": 84.26}
-LEAD: Final = """\
-Ten longitudinal coefficients are identified from one noise-free maneuver by a genetic algorithm, particle swarm, \
-the paper's PS-GDE and stoop's default optimizer, all with the same 50 members (the default grows its own), the \
-same bounds and the same cost. Runs are not stopped early: 2000 iterations are 100,000 trajectories. Only the \
-default ends by itself, once two searches that know nothing of each other agree on an optimum."""
 
-NOTES: Final = """\
-- "mean" is over all runs, "mean, successful" over those whose ten values all lie within 1 % of the truth: the \
-paper averages over successful identifications without saying what counts as one
-- the mean error is the mean of |value / truth - 1| over runs and parameters; the error of the mean is that of the \
-averaged values, which is what the paper's columns allow to compute
-- which number of iterations the paper's table shows is not said"""
-
-PRINTED_WORDS: Final = """\
-The printed fitness values depend on a Q, a mass and bounds that the paper does not give, so they cannot be held \
-against anything but each other. Since GA's column fits worse than PSO's channel by channel, no weighting of \
-channels can give it the lower fitness."""
 
 CSV: Final[dict[str, Callable[[Group], Cell]]] = {
     "method": lambda g: METHODS[g.method],
@@ -104,21 +71,8 @@ class Table1(PaperExperiment):
         errors = by_iterations(groups, "mean relative error", words[0], lambda g: g.mean_error)
         costs = by_iterations(groups, "median fitness J", words[1], lambda g: g.median_cost)
         figures = Figure("Mean error of all runs", errors), Figure("Median fitness of all runs", costs)
-        more: dict[str, Callable[[Group], str]] = {
-            "error of mean": lambda g: percent(g.error_of_means),
-            "mean fitness": lambda g: number(float(g.costs.mean())),
-        }
-        return Findings.tabulated(
-            f"Table 1: identification of ten coefficients, box {setting.box}",
-            LEAD,
-            _claims(groups, printed),
-            (
-                Section("All runs", (tabulated(SUMMARY, summary_columns(more), every), *figures)),
-                *(_values({m: own[i] for m, own in groups.items()}, n) for i, n in enumerate(ITERATIONS)),
-                Section("What the paper prints", (_printed(printed), Prose(PRINTED_WORDS))),
-            ),
-            [_record(g) for g in every],
-        )
+        title = f"Table 1: identification of ten coefficients, box {setting.box}"
+        return Findings.of(title, _claims(groups, printed), [_record(g) for g in every], figures=figures)
 
 
 def by_iterations(
@@ -225,48 +179,6 @@ def _printed_claims(printed: Printed) -> tuple[Claim, ...]:
             off >= 5,
             f"{off} of ten are 0.01 from the truth to within 2e-6",
         ),
-    )
-
-
-def summary_columns(first: Mapping[str, Callable[[Group], str]]) -> dict[str, Callable[[Group], str]]:
-    """Return the columns of a table of all methods, ``first`` behind the counts."""
-    return {
-        "method": lambda g: g.method,
-        "iterations": lambda g: str(g.iterations),
-        "within 1 %": lambda g: counted(g.within(SUCCESS), len(g.costs)),
-        "within 1e-6": lambda g: counted(g.within(EXACT), len(g.costs)),
-        "mean error": lambda g: percent(g.mean_error),
-        **first,
-        "evaluations to 1e-6 J0": lambda g: g.hits_text,
-        "evaluations spent": lambda g: f"{g.evaluations.mean():.0f}",
-    }
-
-
-SUMMARY: Final = "All methods; evaluations are the median of those that got there, and the mean"
-
-
-def _values(chosen: Mapping[str, Group], iterations: int) -> Section:
-    """Return the table of one number of iterations, as the paper lays it out."""
-    values = {"truth": paper().truth}
-    for m, g in chosen.items():
-        values |= {m: g.values.mean(axis=0), f"{m}, successful": g.mean_of_successful}
-    shown = {name: [number(v, 6) for v in column.tolist()] for name, column in values.items()}
-    costs = [text for g in chosen.values() for text in (number(float(g.costs.mean())), "")]
-    words = "Mean identified values: all runs, and successful ones"
-    table = by_columns(words, {"parameter": TABLE_1, **shown}, ("fitness J", "", *costs))
-    notes = (Prose(NOTES),) if iterations == ITERATIONS[0] else ()
-    return Section(f"{iterations} iterations", (table, *notes))
-
-
-def _printed(printed: Printed) -> Table:
-    columns = {"truth": paper().truth.tolist(), **PRINTED}
-    errors = [percent(float(np.abs(np.array(c) / paper().truth - 1.0).mean())) for c in PRINTED.values()]
-    return by_columns(
-        "The paper's Table 1, and what its columns cost here",
-        {"parameter": TABLE_1, **{name: [number(v, 7) for v in column] for name, column in columns.items()}},
-        ("fitness, printed", "", *(number(f, 5) for f in PRINTED_FITNESS.values())),
-        ("J of these values", "0", *(number(float(printed[name].sum())) for name in PRINTED)),
-        ("mean error", "", *errors),
     )
 
 

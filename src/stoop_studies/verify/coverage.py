@@ -20,18 +20,6 @@ from stoop_studies.verify import scenes, study
 SHARES: Final = ("coverage", "sharpness", "coverage_cramer_rao", "sharpness_cramer_rao")
 SIZES: Final = ("scatter", "mean_sigma", "bias_in_standard_errors")
 POOLED: Final = "pooled"
-BESIDE: Final = study.columns(
-    "sharpness:.2f; coverage_cramer_rao:%=plain Cramer-Rao, %; sharpness_cramer_rao:.2f=its sharpness"
-)
-SUMMARY: Final[study.Columns] = {
-    "case": ("case", str), "flights": ("flights", "d"), "coverage": ("pooled, %", study.percent),
-    "least": ("least, %", study.percent), "most": ("most, %", study.percent), **BESIDE,
-    "ratio": ("scatter beside", ".2f"), "unfinished": ("unfinished", "d"),
-}  # fmt: skip
-PARAMETERS: Final[study.Columns] = {
-    "parameter": ("parameter", str), "coverage": ("coverage, %", study.percent), **BESIDE,
-    "bias_in_standard_errors": ("bias, standard errors", "+.1f"),
-}  # fmt: skip
 Range = tuple[float, float]
 
 
@@ -119,10 +107,8 @@ def show(setting: Setting, samples: study.Samples) -> Findings:
         summary.append(
             {**common, **pooled, **extremes, "case": case.words, "unfinished": study.unfinished(results)}
         )
-    each = [study.page_table(f"With {CASES[k].words}", PARAMETERS, own[:-1]) for k, own in records.items()]
-    pooled_table = study.page_table("Share of intervals that hold the truth", SUMMARY, summary)
     rows = [record for own in records.values() for record in own]
-    return Findings.of("Coverage of nominal 95 % intervals", claims, (pooled_table, *each), rows)
+    return Findings.of("Coverage of nominal 95 % intervals", claims, rows, summary=summary)
 
 
 def _claims(

@@ -34,19 +34,6 @@ INERTIA_ERROR: Final = 0.3  #: of the quick start's file, at most
 GUESSED_THROW: Final = 0.35  #: rad, of the quick start's file
 GRADES: Final = ("trusted", "usable", "do not use")
 TITLES: Final = {"new": "stoop vehicle new", "quick": "Quick start's file"}
-SUMMARY: Final[study.Columns] = {
-    "case": ("file", lambda case: TITLES[case]), "flights": ("flights", "d"), "stopped": ("stopped", "d"),
-    "numbers": ("numbers", "d"), "coverage": ("coverage, %", study.percent), "rms": ("rms error, standard errors", ".2f"),
-    "far": ("above 5", "d"), "inertia_coverage": ("over inertia, %", study.percent), "inertia_rms": ("its rms", ".2f"),
-    "won": ("curves better than a lag", "d"), "curves": ("of", "d"), "right": ("verdicts right", "d"),
-    **{grade: (grade, "d") for grade in GRADES}, "seconds": ("s, median", ".0f"), "slowest": ("s, most", ".0f"),
-}  # fmt: skip
-ROWS: Final[study.Columns] = {
-    "flight": ("flight", "d"), "template": ("vehicle", str), "record": ("log", str), "simulator": ("by", str),
-    "gusts": ("gusts", str), "defect": ("defect", str), "coverage": ("coverage, %", study.percent), "rms": ("rms", ".2f"),
-    "worst": ("farthest", "+.1f"), "name": ("which", str), "lost": ("curves lost", "d"), "grade": ("verdict", str),
-    "right": ("right", lambda r: "yes" if r else "no"), "seconds": ("s", ".0f"), "stopped": ("stopped by", str),
-}  # fmt: skip
 GUSTS: Final = {"calm": 0.0, "light": 0.015, "moderate": 0.04}  #: intensity of vertical gusts over V*
 
 
@@ -421,8 +408,6 @@ def show(setting: Setting, samples: study.Samples) -> Findings:
     """Return how far the defaults carry, by kind of file."""
     table = [summary(case, samples[case]) for case in FILES]
     records = [_flight_row(case, r) for case in FILES for r in samples[case]]
-    shown = [study.page_table("All flights", SUMMARY, table)]
-    shown += [study.page_table(TITLES[c], ROWS, [r for r in records if r["case"] == c]) for c in FILES]
     head = ("estimate", "std_error", "truth", "at_bound", "identifiable")
     numbers = [
         {"case": case, "flight": r["flight"], "number": n, **dict(zip(head, row, strict=True))}
@@ -431,7 +416,7 @@ def show(setting: Setting, samples: study.Samples) -> Findings:
         for n, row in r.get("numbers", {}).items()
     ]
     title, parts = "From log to model by the defaults", {"flights": records, "numbers": numbers}
-    return Findings.of(title, _claims(table), shown, table, parts)
+    return Findings.of(title, _claims(table), table, parts)
 
 
 def _flight_row(case: str, record: Mapping[str, Any]) -> dict[str, Any]:

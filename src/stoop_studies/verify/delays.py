@@ -62,10 +62,6 @@ CASES: Final = {
     "identify": "with the model: controls and sensors, beside 32 coefficients, initial states and biases",
     "compatibility": "in a compatibility check: sensors, beside biases, scales, positions and wind",
 }
-SHOWN: Final[study.Columns] = {
-    "delay": ("delay", str), "rms_error": ("rms error", ".3f"), "largest_error": ("largest", ".3f"),
-    "mean_sigma": ("mean standard error", ".3f"), "coverage": ("coverage, %", lambda share: f"{100 * share:.0f}"),
-}  # fmt: skip
 
 
 @functools.cache
@@ -196,11 +192,8 @@ def show(setting: Setting, samples: study.Samples) -> Findings:
         }
         each = {"case": case, "delay": names, "flights": len(errors), **found}
         records[case] = study.records_of(pd.DataFrame(each))
-    tables = [
-        study.page_table(f"Errors in samples, {CASES[case]}", SHOWN, own) for case, own in records.items()
-    ]
     rows = [record for own in records.values() for record in own]
-    return Findings.of("Delays of inputs and outputs, fractions of a sample included", claims, tables, rows)
+    return Findings.of("Delays of inputs and outputs, fractions of a sample included", claims, rows)
 
 
 EXPERIMENT: Final = study.Verification("delays", show, runs=40, work="recover", cases=tuple(CASES))

@@ -22,21 +22,15 @@ from stoop.simulation import trim
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import Maneuver
 from stoop.vehicle import Vehicle
-from stoop_studies.findings import Findings, Setting, holds, number
+from stoop_studies.findings import Findings, Setting, holds
 from stoop_studies.verify.scenes import aircraft
-from stoop_studies.verify.study import Columns, Samples, Verification, page_table, records_of, work
+from stoop_studies.verify.study import Samples, Verification, records_of, work
 
 PLAN: Final = Plan(duration=20.0, rate=50.0, evaluations=2000, seed=0)
 FAMILY: Final = "square"
 BOX: Final = 8.0  #: predicted standard errors of the textbook's flight: no estimate may meet a bound
 INPUTS: Final = ("textbook", "designed")
 RATIO_LIMIT: Final = 0.7  #: of the textbook's mean standard error is what a design must come down to
-SHOWN: Final[Columns] = {
-    "parameter": ("parameter", str), "truth": ("truth", lambda value: number(value, 4)),
-    "textbook_predicted": ("3-2-1-1: predicted", number), "designed_predicted": ("designed", number),
-    "textbook_achieved": ("3-2-1-1: achieved", number), "designed_achieved": ("designed", number),
-    "ratio_predicted": ("predicted ratio", number), "ratio_achieved": ("achieved ratio", number),
-}  # fmt: skip
 
 
 @functools.cache
@@ -114,8 +108,7 @@ def show(setting: Setting, samples: Samples) -> Findings:
     ]
     axes = "coefficient, in the order of the table", "designed over 3-2-1-1"
     figure = Figure("Standard errors of the designed input over the 3-2-1-1's", plot(curves, *axes, "Ratios"))
-    table = page_table("Standard errors", SHOWN, records, missing="")
-    return Findings.of("Designed input against a 3-2-1-1", claims, (table, figure), records)
+    return Findings.of("Designed input against a 3-2-1-1", claims, records, figures=(figure,))
 
 
 EXPERIMENT: Final = Verification("design", show, runs=100, work="identify", cases=INPUTS)

@@ -17,7 +17,7 @@ from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import builtin_vehicle
 from stoop_studies.findings import Findings, Setting, holds, number
 from stoop_studies.verify.scenes import ALTITUDE, multisine_maneuver
-from stoop_studies.verify.study import Samples, Verification, columns, page_table, records_of, vehicle_text
+from stoop_studies.verify.study import Samples, Verification, records_of, vehicle_text
 
 DURATION: Final = 30.0  #: s
 VEHICLES: Final = ("twin-boom", "v-tail", "flying-wing", "crooked")
@@ -26,10 +26,6 @@ FASTER: Final = 4.0  #: times the frames of JSBSim
 DIFFERENCES: Final = ("difference", "difference_4000_hz", "difference_on_frames", "difference_earth")
 #: of our simulation from JSBSim, from a faster JSBSim, on JSBSim's frames, and from JSBSim on its Earth
 FLAT, _, FRAMES, _ = DIFFERENCES
-SHOWN: Final = columns(
-    "vehicle; inputs; channel=largest in; difference:.1e=JSBSim; difference_4000_hz:.1e=4000 steps a "
-    "second; difference_on_frames:.1e=on JSBSim's frames; difference_earth:.1e=on the Earth"
-)
 
 
 def load(name: str) -> Vehicle:
@@ -112,9 +108,9 @@ def show(setting: Setting, samples: Samples) -> Findings:
     )
     for name, digits in (("largest", 6), *dict.fromkeys(columns, 2).items()):
         table[name] = [float(f"{value:.{digits}g}") for value in table[name]]
-    caption = "Largest difference of any channel, as a fraction of the channel's maximum"
-    shown = page_table(caption, SHOWN, records_of(worst))
-    return Findings.of("Exported aircraft flown by JSBSim", claims, (shown,), records_of(table))
+    return Findings.of(
+        "Exported aircraft flown by JSBSim", claims, records_of(table), summary=records_of(worst)
+    )
 
 
 EXPERIMENT: Final = Verification("export", show)

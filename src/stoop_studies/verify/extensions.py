@@ -30,11 +30,6 @@ LEAST_NAMED: Final = 0.9
 LEAST_DEFECTS: Final = 20
 #: of the fit's time
 MOST_TIME: Final = 1.0
-SHOWN: Final = study.columns(
-    "words=what the file lacks; size; kind=vehicle; flights:d; suggested:%=something suggested, %; "
-    "first:%=named first, %; named:%=named, %; rivals:.1f; harm:.1f=harm, standard errors; "
-    "outside:%=outside 95 %, %; most_often=most often named"
-)
 
 
 @study.work
@@ -77,10 +72,7 @@ def show(setting: Setting, samples: study.Samples) -> Findings:
     rows = [{"case": case, **_record(case, own)} for case, own in flights.items()]
     right, wrong = ([r for r in rows if (r["case"] in RIGHT) == so] for so in (True, False))
     claims = _claims(right, wrong, [f for own in flights.values() for f in own])
-    tables = [
-        study.page_table(name, SHOWN, own) for name, own in (("Right models", right), ("Defects", wrong))
-    ]
-    return Findings.of("Missing parts of a model: size and power of the tests", claims, tables, rows)
+    return Findings.of("Missing parts of a model: size and power of the tests", claims, rows)
 
 
 def _record(case: str, flights: Sequence[Mapping[str, Any]]) -> dict[str, Any]:

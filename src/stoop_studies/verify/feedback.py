@@ -25,10 +25,6 @@ LEVELS: Final = {"calm": 0.0, "light": 15.0, "moderate": 30.0, "severe": 45.0}
 POOLED: Final = (0.90, 0.98)
 #: mean error, in standard errors
 MAX_BIAS: Final = 1.0
-SUMMARY: Final = study.columns(
-    "case; flights:d; method=method taken; coverage:%=coverage, %; sharpness:.2f; bias:.2f=largest bias, "
-    "standard errors; parameter=of; unfinished:d"
-)
 
 
 @dataclass(frozen=True)
@@ -101,8 +97,7 @@ def coverage_and_bias(title: str, cases: Mapping[str, Case], samples: study.Samp
             "sharpness": finite_or_none(float(np.nanmean(std / scatter))),
             "bias": abs(bias[worst]), "parameter": names[worst], "unfinished": study.unfinished(results),
         })  # fmt: skip
-    table = study.page_table("Without a named method", SUMMARY, summary)
-    return Findings.of(title, claims, (table,), records)
+    return Findings.of(title, claims, records, summary=summary)
 
 
 EXPERIMENT: Final = study.Verification("feedback", show, runs=24, work="identify", cases=tuple(CASES))

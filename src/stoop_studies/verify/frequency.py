@@ -56,11 +56,6 @@ CASES: Final = {
 }
 POOLED: Final = (0.93, 0.97)
 MIN_SYSTEMS: Final = 0.90
-SHOWN: Final = study.columns(
-    "flown; flights:d; points:d=frequencies; magnitude:%=magnitude, %; phase:%=phase, %; error:%=median "
-    "95 % error, %; unconditioned:%=magnitude without conditioning, %; frequency:%=natural frequency, %; "
-    "damping:%=damping, %"
-)
 
 
 def systems() -> list[Coefficients]:
@@ -170,8 +165,7 @@ def show(setting: Setting, samples: study.Samples) -> Findings:
             f"{100 * intervals[0]:.1f} % and {100 * intervals[1]:.1f} %",
         ),
     ]
-    table = study.page_table("Share of 95 % bands and intervals that hold the truth", SHOWN, records)
-    return Findings.of("Bands of frequency responses", claims, (table,), records)
+    return Findings.of("Bands of frequency responses", claims, records)
 
 
 def _record(case: str, results: Sequence[Mapping[str, Any]]) -> dict[str, Any]:

@@ -13,6 +13,7 @@ from scipy.io import loadmat
 
 from stoop.base.arrays import FloatArray
 from stoop.errors import StoopError
+from stoop.report.sheet import Section
 from stoop.vehicle.defaults import EQUATION_1
 from stoop.vehicle_draft import aerosandbox, handbook
 from stoop.vehicle_draft.apriori import Apriori
@@ -144,7 +145,8 @@ def show(setting: Setting, samples: study.Samples) -> Findings:
         study.page_table("Root mean square of z by airplane", AIRPLANES, _by_airplane(rows)),
     )
     claims = [c for record in pooled for c in _claims(record)]
-    return Findings.of("A priori derivatives beside published ones", claims, tables, rows, {"pooled": pooled})
+    title, sections = "A priori derivatives beside published ones", (Section("Measured", tables),)
+    return Findings.tabulated(title, "", claims, sections, rows, {"pooled": pooled})
 
 
 def _pooled(method: str, rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:

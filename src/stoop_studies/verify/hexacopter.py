@@ -29,20 +29,10 @@ from stoop.estimate import predict
 from stoop.estimate.fit import Options
 from stoop.flight import Flight, load
 from stoop.problem.windows import Window
-from stoop.report.plots import plot
-from stoop.report.series import Series
-from stoop.report.sheet import Figure
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.workflow.identification import Search, search
 from stoop_studies.findings import Claim, Findings, Setting, holds
-from stoop_studies.verify.study import (
-    Samples,
-    Verification,
-    columns,
-    page_table,
-    published_files,
-    vehicle_text,
-)
+from stoop_studies.verify.study import Samples, Verification, published_files, vehicle_text
 
 FOLDER: Final = "altlnt-hexacopter-px4"
 MAPPING: Final = ("stoop_studies.problems", "hexacopter_mapping.toml")  #: package and file
@@ -62,17 +52,13 @@ ROTORS: Final = 6
 
 TIP: Final = FULL * RADIUS  #: m/s at full pulse
 AXES: Final = SPECIFIC_FORCE
+COEFFICIENTS: Final = ("quantity", "unit", "value", "std_error", "of_whole_flight", "authors")
 SHARE: Final = 0.6  #: of what a constant or static thrust leaves, that the model may leave
 CLIMB: Final = 4.0  #: m/s
-DRAWN_EVERY: Final = 5  #: samples of a curve
 BLADE_NAMES: Final = ("ct1", "ct2", "ch1", "ch2", "di", "dj", "dk")
 RESIDUALS: Final = (
     "fitted", "window", "axis", "model", "constant", "static_thrust", "authors_here", "authors_published",
 )  # fmt: skip
-COEFFICIENTS: Final = columns(
-    "quantity; unit; value:.4g=hover and climbs; std_error:.4g=std error; of_whole_flight:.4g=whole "
-    "flight; authors:.4g"
-)
 
 
 @dataclass(frozen=True)
@@ -218,23 +204,12 @@ def show(setting: Setting, samples: Samples) -> Findings:
         {"left_out": name, **{a: own.model for a, own in forces(done)[1].axes.items()}}
         for name, done in {"nothing": ahead, **without(setting, log)}.items()
     ]
-    caption = "Residuals of the specific force below 5 Hz, rms, m/s2"
-    residuals = page_table(caption, {n: (n.replace("_", " "), _cell) for n in RESIDUALS}, records)
-    caption = "Our numbers as the authors' coefficients; those without an error are fixed or follow"
-    beside = page_table(caption, COEFFICIENTS, coefficients)
-    caption = "Residuals of the prediction, each fitted without one part, rms, m/s2"
-    worth = page_table(caption, {"left_out": ("without", str), **{a: (a, ".3f") for a in AXES}}, lacking)
     return Findings.of(
         "A real hexacopter: hover and climbs predict its sprints",
         _claims([r for r in records if r["window"] != "140:214"]),
-        (residuals, *_figures(curves(ahead, ahead.predicted[0])), beside, worth),
         [_rounded(r) for r in records],
         {"coefficients": coefficients, "without": [_rounded(r) for r in lacking]},
     )
-
-
-def _cell(value: str | float) -> str:
-    return f"{value:.3f}" if isinstance(value, float) else value
 
 
 def _rounded(record: Mapping[str, Any]) -> dict[str, Any]:
@@ -327,18 +302,6 @@ def quantities(own: Blades, lag: float = 0.0) -> dict[tuple[str, str], float]:
         ("lift lost in a climb", "m/s2"): (lost + DENSITY * AREA * own.dk * CLIMB**2) / MASS,
         ("lag of the motors", "s"): lag,
     }
-
-
-def _figures(found: predict.ForceCurves) -> list[Figure]:
-    time = found.time[::DRAWN_EVERY]
-    holes = np.flatnonzero(np.diff(time) > 1.0) + 1
-    t, out = np.insert(time, holes, np.nan), []
-    for i, axis in enumerate(AXES):
-        pairs = (("measured", found.measured), ("predicted", found.model))
-        series = [Series(name, t, np.insert(y[::DRAWN_EVERY, i], holes, np.nan)) for name, y in pairs]
-        drawn = plot(series, "time on the log's clock, s", f"{axis}, m/s2", f"{axis} measured and predicted")
-        out.append(Figure(f"Specific force {axis} in the sprints, below {predict.CUTOFF:g} Hz", drawn))
-    return out
 
 
 EXPERIMENT: Final = Verification("hexacopter", show, parts=("coefficients", "without"))

@@ -23,7 +23,7 @@ from scipy.stats import norm
 from stoop.base.arrays import FloatArray
 from stoop.base.units import FOOT, SLUG
 from stoop.flight import Flight, from_columns
-from stoop.report.sheet import Table
+from stoop.report.sheet import Section, Table
 from stoop.vehicle import Vehicle, terms
 from stoop.vehicle.load import parse_vehicle
 from stoop.workflow import identify
@@ -313,8 +313,8 @@ def findings(
     """Return how far the estimates of some subjects are off; ``kind`` and ``what`` as in `comparison`."""
     found = [comparison(subject, samples[subject.model], kind, what) for subject in subjects]
     tables, records, claims = zip(*found, strict=True)
-    shown = (*tables, study.noise_table(noise))
-    return Findings.of(title, itertools.chain(*claims), shown, list(itertools.chain(*records)))
+    sections = (Section("Measured", (*tables, study.noise_table(noise))),)
+    return Findings.tabulated(title, "", itertools.chain(*claims), sections, list(itertools.chain(*records)))
 
 
 def show(setting: Setting, samples: study.Samples) -> Findings:

@@ -18,7 +18,7 @@ import numpy as np
 
 from stoop import logs
 from stoop.base.arrays import FloatArray
-from stoop.base.units import DEGREE, FACTORS, KNOT, STANDARD_GRAVITY
+from stoop.base.units import FACTORS, STANDARD_GRAVITY
 from stoop.base.variables import EULER, RATES, SPECIFIC_FORCE, VARIABLES, VELOCITY
 from stoop.checks.engine import Line
 from stoop.checks.mapping import check_mapping
@@ -68,61 +68,20 @@ def lost(name: str) -> Mangled:
     return times(f"sign of {name}", -1.0, name)
 
 
-DEG: Final = 1.0 / DEGREE
-COMMON: Final = (
-    times("theta in degrees", DEG, "theta"), times("all angles in degrees", DEG, *EULER), times("q in degrees", DEG, "q"),
-    times("p in rad/s, declared deg/s", DEGREE, "p"), times("q in rad/s, declared deg/s", DEGREE, "q"),
-    times("specific force in g", 1.0 / STANDARD_GRAVITY, *SPECIFIC_FORCE), times("altitude in feet", 1.0 / 0.3048, "altitude"),
-    times("velocity in knots", 1.0 / KNOT, *VELOCITY), times("half of r", 0.5, "r"), times("1.5 q", 1.5, "q"),
-    lost("p"), lost("q"), lost("r"), lost("phi"), lost("theta"), lost("psi"), lost("az"), lost("vd"), lost("vn"), lost("ay"),
-    lost("altitude"), lost("pe"), swap("vn", "ve"), swap("p", "q"), swap("q", "r"), swap("pn", "pe"),
-)  # fmt: skip
-OF_AIRCRAFT: Final = (
-    times("airspeed in knots", 1.0 / KNOT, "V"), times("airspeed in km/h", 3.6, "V"), times("pitot 20 % low", 0.8, "V"),
-    times("pitot 25 % high", 1.25, "V"), times("alpha in degrees", DEG, "alpha"), times("beta in degrees", DEG, "beta"),
-    times("vanes in degrees", DEG, "alpha", "beta"), lost("beta"), lost("alpha"), swap("alpha", "beta"),
-    lost("elevator"), lost("rudder"), swap("elevator", "aileron"), swap("elevator", "rudder"), swap("aileron", "rudder"),
-    times("elevator in degrees", DEG, "elevator"),
-)  # fmt: skip
+def _mangled(row: Sequence[Any]) -> Mangled:
+    """Return a row of ``vehicles/lines.toml``."""
+    return swap(*row[1:]) if row[0] == "exchanged" else times(*row)
+
+
+_TABLES: Final = tomllib.loads(study.data_text("lines.toml"))
+COMMON, OF_AIRCRAFT = (tuple(map(_mangled, _TABLES[key])) for key in ("common", "of_aircraft"))
 OF_ROTORCRAFT: Final = (
     times("motor 1 in percent", 100.0, "motor_1"),
     Mangled("motor 2 in pulses", ("motor_2",), lambda x: {**x, "motor_2": 1000.0 + 1000.0 * x["motor_2"]}),
 )
-#: variable -> column and unit of each kind of log
-NAMES: Final[Mapping[str, Mapping[str, tuple[str, str]]]] = {
-    "CSV": {
-        **{n: (f"{n}_dps", "deg/s") for n in RATES}, **{n: (f"{n} (deg)", "deg") for n in (*EULER, "alpha", "beta")},
-        **{n: (f"{n} [m/s2]", "m/s2") for n in SPECIFIC_FORCE}, **{n: (n, "m/s") for n in VELOCITY}, "V": ("TAS", "m/s"),
-        "altitude": ("altitude", "m"), "pn": ("pn", "m"), "pe": ("pe", "m"),
-        **{n: (f"{n}_deg", "deg") for n in ("elevator", "aileron", "rudder")},
-    },
-    "ArduPilot": {
-        **{n: (f"Gyr{x}", "rad/s") for n, x in zip(RATES, "XYZ", strict=True)},
-        **{n: (x, "deg") for n, x in zip(EULER, ("Roll", "Pitch", "Yaw"), strict=True)},
-        **{n: (f"Acc{x}", "m/s2") for n, x in zip(SPECIFIC_FORCE, "XYZ", strict=True)},
-        **{n: (f"V{n[1].upper()}", "m/s") for n in VELOCITY}, "V": ("TAS", "m/s"), "altitude": ("Alt", "m"),
-        "pn": ("PN", "m"), "pe": ("PE", "m"), "alpha": ("AOA", "deg"), "beta": ("SSA", "deg"),
-        **{n: (n.capitalize(), "deg") for n in ("elevator", "aileron", "rudder")},
-    },
-    "PX4": {
-        **{n: (f"gyro_rad[{i}]", "rad/s") for i, n in enumerate(RATES)},
-        **{n: (x, "rad") for n, x in zip(EULER, ("roll", "pitch", "yaw"), strict=True)},
-        **{n: (f"accelerometer_m_s2[{i}]", "m/s2") for i, n in enumerate(SPECIFIC_FORCE)},
-        **{n: (f"vel_{n[1]}_m_s", "m/s") for n in VELOCITY}, "V": ("true_airspeed_m_s", "m/s"), "altitude": ("alt", "m"),
-        "pn": ("pos_n", "m"), "pe": ("pos_e", "m"), "alpha": ("alpha", "rad"), "beta": ("beta", "rad"),
-        **{n: (f"{n}_rad", "rad") for n in ("elevator", "aileron", "rudder")},
-    },
-    "MATLAB": {
-        **{n: (n, "rad/s") for n in RATES}, **{n: (n, "rad") for n in (*EULER, "alpha", "beta")},
-        **{n: (n, "m/s2") for n in SPECIFIC_FORCE}, **{n: (f"v{n[1].upper()}", "m/s") for n in VELOCITY}, "V": ("Vt", "m/s"),
-        "altitude": ("h", "m"), "pn": ("pN", "m"), "pe": ("pE", "m"), "elevator": ("de", "rad"), "aileron": ("da", "rad"),
-        "rudder": ("dr", "rad"),
-    },
-}  # fmt: skip
+#: kind of log -> variable -> column and unit
+NAMES: Final[Mapping[str, Mapping[str, tuple[str, str]]]] = _TABLES["names"]
 DIALECTS: Final = tuple(NAMES)
-
-
-# ---------------------------------------------------------------- flights
 
 
 def flown(seed: int, winged: bool) -> tuple[FloatArray, dict[str, FloatArray]]:
@@ -222,9 +181,6 @@ def mapping_text(dialect: str, places: Mapping[str, tuple[str, str]]) -> str:
     lines = [f'{name} = {{column = "{column}", unit = "{unit}"}}' for name, (column, unit) in places.items()]
     clock = [] if dialect == "MATLAB" else ['[time]\ncolumn = "t_s"\nunit = "s"']
     return "\n".join([*clock, "[variables]", *lines, ""])
-
-
-# ---------------------------------------------------------------- what is said
 
 
 def accusations(path: Path, mapping: Path | None) -> list[list[list[str]]]:
@@ -388,7 +344,6 @@ def show(setting: Setting, samples: study.Samples) -> Findings:
             f"{sure} of {len(mangled)} with a wrong line that is not marked",
         ),
     ]
-    columns = study.columns("words=what is wrong; vehicle; dialect=names; said=stoop info; draft=stoop map")
     records = [
         {
             **{key: r[key] for key in ("words", "vehicle", "dialect", "said")},
@@ -399,8 +354,7 @@ def show(setting: Setting, samples: study.Samples) -> Findings:
         for r in results
         if r["said"] != "none"
     ]
-    table = study.page_table("One wrong line each", columns, [r for r in records if r["case"] == "mangled"])
-    return Findings.of("Wrong lines of mappings", claims, (table,), records)
+    return Findings.of("Wrong lines of mappings", claims, records)
 
 
 def _draft_word(drafted: Mapping[str, Sequence[str]]) -> str:

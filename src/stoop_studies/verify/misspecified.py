@@ -47,10 +47,6 @@ TERMS: Final = {
 
 METHODS: Final = ("sigma", "conditional", "cramer_rao")
 POOLED: Final = (0.90, 0.98)
-SUMMARY: Final = study.columns(
-    "lacks=what the model lacks; maneuvers:d; flights:d; coverage:%=corrected, %; least:%=least, %; "
-    "sharpness:.2f; coverage_conditional:%=given the model, %; coverage_cramer_rao:%=plain Cramer-Rao, %"
-)
 
 
 def drawn_maneuver(rng: np.random.Generator) -> Maneuver:
@@ -205,9 +201,7 @@ def show(setting: Setting, samples: study.Samples) -> Findings:
             )
             words = f"What lacks is {truth.words}; {number} maneuvers: pooled coverage"
             claims.append(study.within(words, POOLED, pooled["sigma"], given))
-    caption = "Share of intervals that hold the best-fitting parameter"
-    table = study.page_table(caption, SUMMARY, summary)
-    return Findings.of("Intervals of wrong models", claims, (table,), summary, {"parameters": records})
+    return Findings.of("Intervals of wrong models", claims, summary, {"parameters": records})
 
 
 EXPERIMENT: Final = study.Verification(

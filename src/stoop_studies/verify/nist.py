@@ -17,17 +17,12 @@ from stoop.base.arrays import FloatArray
 from stoop.problem.evidence import invert_rows
 from stoop_studies.findings import Findings, Setting, holds
 from stoop_studies.verify.strd import Certified, Model, read_certified
-from stoop_studies.verify.study import Samples, Verification, columns, page_table, published_files
+from stoop_studies.verify.study import Samples, Verification, published_files
 
 CERTIFIED_DIGITS: Final = 11.0
 PARAMETER_DIGITS: Final = 9.0
 DEVIATION_DIGITS: Final = 9.0
 PATIENT: Final = optimize.Settings(iterations=2000, gain=1e-14, predicted=0.0, stall=2000, stall_damping=0.0)
-SHOWN: Final = columns(
-    "problem; level; start:d; iterations:d; digits_parameters:.1f=parameters; "
-    "digits_deviations:.1f=deviations; digits_rss:.1f=RSS; local_search_digits_parameters:.1f=local "
-    "search alone; local_search_iterations:d=its iterations"
-)
 
 
 @cache
@@ -124,7 +119,6 @@ def show(setting: Setting, samples: Samples) -> Findings:
     """Return how many digits are right."""
     files = problem_files(setting.data)
     fits = [fit_certified(read_certified(path), start) for path in files for start in (1, 2)]
-    caption = "Digits of the worst parameter, of the worst standard deviation and of the sum of squares"
     claims = []
     for what, key, needed in (
         ("parameter", "digits_parameters", PARAMETER_DIGITS),
@@ -140,8 +134,7 @@ def show(setting: Setting, samples: Samples) -> Findings:
             )
         )
     rows = [{k: round(v, 1) if isinstance(v, float) else v for k, v in f.items()} for f in fits]
-    table = page_table(caption, SHOWN, fits)
-    return Findings.of(f"{len(files)} certified regressions of NIST StRD", claims, (table,), rows)
+    return Findings.of(f"{len(files)} certified regressions of NIST StRD", claims, rows)
 
 
 EXPERIMENT: Final = Verification("nist", show)

@@ -41,7 +41,6 @@ NAMES: Final[Mapping[str, str]] = {
     "known": "known covariance, aircraft",
     "rotors": "known covariance, quadrotor",
 }
-SHOWN: Final = study.columns("words=case; figure; intervals:d; coverage:%=coverage, %")
 
 
 def carried(vehicle: Vehicle, truth: Vehicle, draws: Draws, domain: Domain) -> dict[str, list[bool]]:
@@ -161,10 +160,6 @@ def show(setting: Setting, samples: study.Samples) -> Findings:
         worst < MAX_DIFFERENCE,
         f"at most {worst:.1e} over {twins} draws",
     )
-    tables = [
-        study.page_table(name, SHOWN, rows)
-        for name, rows in (("Mean over the figures", summary), ("Coverage", records))
-    ]
     last = {
         "case": "twin",
         "words": "largest relative difference",
@@ -173,7 +168,7 @@ def show(setting: Setting, samples: study.Samples) -> Findings:
         "coverage": worst,
     }
     title = "What the uncertainty means: intervals of derived figures"
-    return Findings.of(title, [*claims, claim], tables, [*records, last])
+    return Findings.of(title, [*claims, claim], [*records, last], summary=summary)
 
 
 EXPERIMENT: Final = study.Verification("propagate", show, runs=60, work="carry", cases=(*NAMES, "twin"))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import groupby
@@ -16,20 +16,9 @@ import numpy as np
 from stoop.errors import StoopError
 from stoop.estimate import effectiveness
 from stoop.flight import load
-from stoop.report.plots import plot
-from stoop.report.series import Series
-from stoop.report.sheet import Figure
 from stoop.vehicle import parse_vehicle
 from stoop_studies.findings import Claim, Findings, Setting, counted, holds, number
-from stoop_studies.verify.study import (
-    Columns,
-    Samples,
-    Verification,
-    columns,
-    page_table,
-    published_files,
-    vehicle_text,
-)
+from stoop_studies.verify.study import Samples, Verification, published_files, vehicle_text
 
 FOLDER: Final = "crazypad-propeller-damage"
 WHOLE: Final = 47  #: mm, length of an uncut propeller
@@ -41,25 +30,6 @@ NAME: Final = (
     r"(?:normal_flight|cut_propeller_M3_\dmm_\dmm_(?P<cut>\d\d)mm|add_weight_(?P<weight>W\d)_near_M3)"
     r"__(?P<airframe>E\d+)_log(?P<log>\d\d)\.usd"
 )  #: of a file
-COMMON: Final = columns("suspected; chance:.4f; factor=factor of M3")
-TREATMENTS: Final[Columns] = {
-    "airframe": ("airframe", str),
-    "condition": ("M3", str),
-    **COMMON,
-    "span": ("single flights", str),
-    "accused": ("M3 accused", str),
-    "verdict": ("verdict", str),
-}
-FLIGHTS: Final[Columns] = {
-    "airframe": ("airframe", str),
-    "condition": ("M3", str),
-    "log": ("log", str),
-    "voltage": ("V", ".2f"),
-    **COMMON,
-    "left_if_weak": ("left if weak", ".1f"),
-    "left_if_mass": ("left if mass", ".1f"),
-    "verdict": ("verdict", str),
-}
 
 
 @dataclass(frozen=True)
@@ -200,31 +170,13 @@ def _record(a: Assessed) -> dict[str, Any]:
     return {k: round(v, DIGITS) if isinstance(v, float) else v for k, v in row.items()}
 
 
-def _shown(record: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a record with the cells that are made of several of its numbers."""
-    out = {**record, "factor": f"{record['factor_m3']:.3f} ± {record['std_error']:.3f}"}
-    if "lowest" in record:
-        out["span"] = f"{record['lowest']:.3f} to {record['highest']:.3f}"
-        out["accused"] = counted(record["accused_m3"], record["flights"])
-    return out
-
-
 def show(setting: Setting, samples: Samples) -> Findings:
     """Return the verdict on every flight, beside the truth."""
     flights = read_flights(setting.data)
     normal, changed, treatments = assess_all(flights)
     single, grouped = ([_record(a) for a in own] for own in ((*normal, *changed), treatments))
-    tables = (
-        page_table(
-            "The flights after one treatment, taken together as one flight", TREATMENTS, map(_shown, grouped)
-        ),
-        _figure(treatments),
-        page_table(
-            "Each flight; normal ones are compared with the other normal ones", FLIGHTS, map(_shown, single)
-        ),
-    )
     title = f"Which propeller is cut: {len(flights)} flights of two Crazyflies"
-    return Findings.of(title, _claims(normal, treatments), tables, single, {"conditions": grouped})
+    return Findings.of(title, _claims(normal, treatments), single, {"conditions": grouped})
 
 
 def _claims(normal: Sequence[Assessed], treatments: Sequence[Assessed]) -> Iterator[Claim]:
@@ -275,28 +227,6 @@ def _claims(normal: Sequence[Assessed], treatments: Sequence[Assessed]) -> Itera
             for what, weak, mass in left
         ),
     )
-
-
-def _figure(treatments: Sequence[Assessed]) -> Figure:
-    series: list[Series] = []
-    looks: dict[str, int] = {}
-    cut = [a for a in treatments if not a.flight.weight]
-    for look, (airframe, group) in enumerate(groupby(cut, key=lambda a: a.flight.airframe)):
-        own = [(float(a.flight.length), a.factor, a.members) for a in group]
-        alone = f"{airframe}, single flights"
-        mean = np.array([(WHOLE, 1.0), *((length, factor) for length, factor, _ in own)]).T
-        single = np.array([(length, m.factor) for length, _, members in own for m in members]).T
-        series += [Series(airframe, mean[0], mean[1]), Series(alone, single[0], single[1], "points")]
-        looks |= {airframe: look, alone: look}
-    drawn = plot(
-        series,
-        "length of the propeller M3, mm",
-        "thrust per command, normal = 1",
-        "The factor of M3 falls with the cut",
-        looks=looks,
-        x_ticks=sorted({WHOLE, *(a.flight.length for a in cut)}),
-    )
-    return Figure("Thrust of M3 per command over its length", drawn)
 
 
 EXPERIMENT: Final = Verification("propellers", show, parts=("conditions",))

@@ -16,9 +16,9 @@ from stoop.problem.windows import Window
 from stoop.simulation.fly import simulate_flight
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
-from stoop_studies.findings import Findings, Setting, holds, number
+from stoop_studies.findings import Findings, Setting, holds
 from stoop_studies.verify.scenes import AIRCRAFT, multisine_maneuver, with_trim_thrust
-from stoop_studies.verify.study import Columns, Samples, Verification, page_table, records_of, work
+from stoop_studies.verify.study import Samples, Verification, records_of, work
 
 DURATION: Final = 60.0  #: s
 RATE: Final = 50.0  #: Hz
@@ -28,18 +28,6 @@ EXCITED: Final = 1.2  #: Hz
 WELL_IDENTIFIED: Final = 0.02  #: standard error of the batch over the estimate is below
 DIFFERENCE_LIMIT: Final = 0.02
 CASE: Final = "flight"
-
-
-def _percent(share: float) -> str:
-    return f"{100.0 * share:.2f} %"
-
-
-SHOWN: Final[Columns] = {
-    "parameter": ("parameter", str), "truth": ("truth", lambda value: number(value, 4)),
-    "share": ("well identified", str), "batch_std_error": ("batch std. error", _percent),
-    "median_difference": ("median difference", _percent), "largest_difference": ("largest", _percent),
-    "largest_difference_well_identified": ("largest where well identified", _percent),
-}  # fmt: skip
 
 
 def scene(seed: int) -> tuple[Vehicle, Flight]:
@@ -95,9 +83,7 @@ def show(setting: Setting, samples: Samples) -> Findings:
         f"largest difference {100.0 * worst:.2f} %, {int(well.sum())} estimates of "
         f"{int(well.any(axis=0).sum())} parameters in {len(results)} flights",
     )
-    shown = [{**r, "share": f"{r['well_identified']} of {r['flights']}"} for r in records]
-    at_end = page_table("Recursive estimates at the end of the record", SHOWN, shown)
-    return Findings.of("Recursive estimates against the batch", (claim,), (at_end,), records)
+    return Findings.of("Recursive estimates against the batch", (claim,), records)
 
 
 EXPERIMENT: Final = Verification("recursive", show, runs=50, work="compare", cases=(CASE,))

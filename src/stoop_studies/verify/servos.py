@@ -68,11 +68,6 @@ CASES: Final = {
 }
 POOLED: Final = (0.90, 0.98)
 MAX_RMS_Z: Final = 1.2
-SHOWN: Final = study.columns(
-    "servos; flights:d; coverage:%=pooled coverage, %; rms_z:.2f=rms z; largest_z:.1f=largest |z|; "
-    "lag:.1f=lag, ms; delay:.1f=delay, ms; sum_error:.1f=rms error of the sum, ms; at_bound:%=at a bound, "
-    "%"
-)
 
 
 @functools.cache
@@ -150,8 +145,7 @@ def show(setting: Setting, samples: study.Samples) -> Findings:
             f"at most {largest['rms_z']:.2f} ({largest['servos']})",
         ),
     ]
-    table = study.page_table("Errors of all that is free, by servos of the truth", SHOWN, records)
-    return Findings.of("Servo lags and delays that a vehicle file leaves out", claims, (table,), records)
+    return Findings.of("Servo lags and delays that a vehicle file leaves out", claims, records)
 
 
 def _record(case: str, results: Sequence[Mapping[str, Any]]) -> dict[str, Any]:

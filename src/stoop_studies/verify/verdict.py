@@ -21,11 +21,6 @@ HARM: Final = 3.0
 #: share of good models refused, and of bad ones trusted
 MOST_WRONG: Final = 0.05
 GRADES: Final = ("trusted", "usable", "do not use")
-SHOWN: Final[study.Columns] = {
-    "words": ("what the file lacks", str), "size": ("size", str), "kind": ("vehicle", str), "flights": ("flights", "d"),
-    "bad": ("bad", "d"), **{grade: (grade, "d") for grade in GRADES}, "bad_trusted": ("bad and trusted", "d"),
-    "harm": ("harm, standard errors", ".1f"), "off": ("off, %", study.percent),
-}  # fmt: skip
 
 
 @study.work
@@ -64,10 +59,7 @@ def show(setting: Setting, samples: study.Samples) -> Findings:
     """Return the verdicts of each case, and how often they are wrong."""
     records = [_record(case, [f for r in samples[case] for f in r["flights"]]) for case in CASES]
     right, wrong = ([r for r in records if (r["case"] in RIGHT) == so] for so in (True, False))
-    tables = [
-        study.page_table(name, SHOWN, own) for name, own in (("Right models", right), ("Defects", wrong))
-    ]
-    return Findings.of("Error rates of the verdict", _claims(right, wrong), tables, records)
+    return Findings.of("Error rates of the verdict", _claims(right, wrong), records)
 
 
 def _record(case: str, flights: Sequence[Mapping[str, Any]]) -> dict[str, Any]:

@@ -32,29 +32,6 @@ from stoop_studies.verify.study import vehicle_text
 COUNTS: Final = (
     "maneuvers", "found", "windows", "false", "bare_windows", "bare_false", "inside", "estimates",
 )  # fmt: skip
-ERRORS: Final = study.columns(
-    "median:.2f=achieved over expected, median; lower:.2f=lower quartile; upper:.2f"
-)
-SIMULATED: Final[study.Columns] = {
-    "case": ("case", str),
-    "flights": ("flights", "d"),
-    "maneuvers": ("maneuvers", "d"),
-    "found": ("found", "d"),
-    "windows": ("windows", "d"),
-    "false": ("false", "d"),
-    "bare_windows": ("without vehicle", "d"),
-    "bare_false": ("false", "d"),
-    **ERRORS,
-    "coverage": ("coverage, %", study.percent),
-}
-SHOWN: Final[study.Columns] = {
-    "words": ("flight", str),
-    "windows": ("fitted", str),
-    "by_hand": ("by hand", str),
-    **ERRORS,
-    "agree": ("agree", "d"),
-    "compared": ("of", "d"),
-}
 Span = tuple[float, float]  #: s
 Inputs = tuple[Mapping[str, Any], ...]
 LEVELS: Final = {"light": 15.0, "moderate": 30.0, "severe": 45.0}  #: kn, wind at 20 ft
@@ -289,9 +266,7 @@ def show(setting: Setting, samples: study.Samples) -> Findings:
     real = []
     if setting.data is not None:
         real = [{"case": k, "words": one.words, **fit_real(one, setting.data)} for k, one in REAL.items()]
-    tables = [study.page_table("Sums over the simulated flights", SIMULATED, records)]
-    tables += [study.page_table("Real flights", SHOWN, real)] if real else []
-    return Findings.of("Windows worth fitting", _claims(records, real), tables, records, {"real": real})
+    return Findings.of("Windows worth fitting", _claims(records, real), records, {"real": real})
 
 
 def _claims(records: Sequence[Mapping[str, Any]], real: Sequence[Mapping[str, Any]]) -> Iterator[Claim]:
