@@ -32,7 +32,7 @@ def main(flight: str) -> None:
         subprocess.run([*stoop, "look", flight], cwd=folder, check=True)
         browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=ARGUMENTS)
         page = browser.new_page(viewport={"width": 1280, "height": 860})
-        take(page, folder / "result" / "report.html", "#prediction .history", 6, "report.png")
+        take(page, folder / "result" / "report.html", "#curves .history", 11, "report.png")
         take(page, folder / "look.html", "#time-histories .history", 1, "look.png")
         take(page, folder / "look.html", "#path", 0, "look-path.png", whole=True)
         app(page, flight, vehicle)

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import Browser, Page
 
-from stoop.report.identification import render
+from stoop.report.identification import Plots
 from stoop.report.model import Model
 
 EXAMPLES = Path(__file__).parents[1] / "unit" / "report" / "examples.py"
@@ -59,8 +59,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Model]:
     spec.loader.exec_module(module)
     identification = module.example(("CL0", "CLalpha"))
     path = tmp_path_factory.mktemp("page") / "report.html"
-    path.write_text(render(identification), "utf-8")
-    return path, identification
+    return Plots(identification).maneuvers().save(path), identification
 
 
 def opened(browser: Browser, made: tuple[Path, Model], **options: Any) -> Seen:

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 from markupsafe import Markup
 
+from stoop.assessment.verdict import CONFIRMED
 from stoop.assessment.verdict import verdict as judge
+from stoop.base.notices import of_severity
 from stoop.base.numbers import NOTHING, count, listed, number, window
 from stoop.errors import StoopError
 from stoop.report import sheet
@@ -27,10 +30,12 @@ from stoop.report.estimates import (
 )
 from stoop.report.extensions import extensions_section
 from stoop.report.maneuvers import (
+    TITLES,
     air_section,
     comparison_table,
     maneuver_parts,
     maneuver_title,
+    overview_parts,
     prediction_verdict,
     residuals_section,
     role_section,
@@ -38,7 +43,8 @@ from stoop.report.maneuvers import (
 )
 from stoop.report.model import Model
 from stoop.results.result import Result, Role
-from stoop.results.verdict import Grade, grouped
+from stoop.results.text import determined, shortened
+from stoop.results.verdict import Grade, Verdict, grouped
 
 ENDINGS: Final = {
     "converged": "The search converged",
@@ -57,6 +63,8 @@ VALIDATION_LEAD: Final = (
     "learned from the fitted maneuvers, is given all commands, and is granted a bias of its own. A model that a lag can match "
     "has shown little."
 )
+REASONS: Final = 3  #: against a model, and for it, that the first screen has
+CAUTIONS: Final = ("verdict-unresolved",)  #: information that is no merit
 SAME_AGAIN: Final = "With the same versions and CPU features, this seed gives the same numbers again."
 
 
@@ -64,20 +72,37 @@ def render_validation(identification: Model) -> str:
     """Return the page of a validation as HTML: the result that was validated, with the maneuvers that were predicted."""
     result, maneuvers = identification.result, identification.result.maneuvers
     lead = f"A fitted model predicts {count(len(maneuvers), 'maneuver')} that it was not fitted to"
-    sentences = tuple(filter(None, (_match(result, "validation"), *result.warnings)))
-    overview: list[sheet.Part] = [sheet.Prose(VALIDATION_LEAD, muted=True), comparison_table(maneuvers)]
-    overview += [sheet.Bullets(result.basis, "notes")] if result.basis else []
-    if result.data_notices:
-        summary = f"Found while preparing the data ({len(result.data_notices)})"
-        overview.append(sheet.Details(summary, (sheet.Bullets(result.data_notices, "notes"),)))
+    figures: list[sheet.Part] = [sheet.Prose(VALIDATION_LEAD, muted=True), comparison_table(maneuvers)]
+    figures += [sheet.Bullets(result.basis, "notes")] if result.basis else []
+    found = (sheet.Bullets(result.data_notices, "notes"),)
     pages = [
         sheet.Section(maneuver_title(m), maneuver_parts(identification, m, trace))
         for m, trace in zip(maneuvers, identification.traces, strict=True)
     ]
-    provenance = _provenance_section(identification, validation=True)
-    sections = (sheet.Section("Overview", overview), *pages, provenance)
-    verdict = prediction_verdict(maneuvers, sentences, refused=result.verdict.grade == "do not use")
+    sections = (
+        sheet.Section("Prediction", overview_parts(identification, "validation")),
+        *_folded(
+            sheet.Section("Figures of merit", figures, "Figures"),
+            *pages,
+            sheet.Section("Found while preparing the data", found, "Data") if result.data_notices else None,
+            _provenance_section(identification, validation=True),
+        ),
+    )
+    judged = prediction_verdict(maneuvers, (), refused=result.verdict.grade == "do not use")
+    supports = tuple(filter(None, (_match(result, "validation"),)))
+    verdict = replace(judged, against=tuple(result.warnings[:REASONS]), supports=supports)
+    more = result.warnings[REASONS:]
+    if more:
+        warned = sheet.Section(
+            "Further warnings", (sheet.Bullets(more, "warnings"),), "Warnings", folded=True
+        )
+        sections = (sections[0], warned, *sections[1:])
     return sheet.render_sheet(sheet.Sheet(identification.vehicle.name, lead, sections, "validation", verdict))
+
+
+def _folded(*sections: sheet.Section | None) -> tuple[sheet.Section, ...]:
+    """Return the sections that are there, for the reader to open."""
+    return tuple(replace(section, folded=True) for section in sections if section is not None)
 
 
 def render(identification: Model) -> str:
@@ -116,16 +141,22 @@ def identification_sheet(identification: Model) -> sheet.Sheet:
         panel = sheet.Panel("Cost", drawn, meaning="against whole-trajectory equivalents")
         search = sheet.Section("Search", (sheet.Prose(text, muted=True), sheet.Panels((panel,), "large")))
 
-    sections = (
-        sheet.Section("Warnings", (sheet.Bullets(result.warnings, "warnings"),)) if result.warnings else None,
-        sheet.Section("What was fitted", parts),
+    first: Role = "validation" if "validation" in roles else "fit"
+    curves = overview_parts(identification, first)
+    shown = (
+        sheet.Section(TITLES[first][0], curves, "Curves") if curves else None,
         estimates_section(identification),
+    )
+    folded = _folded(
+        _reasons_section(result),
+        sheet.Section("Warnings", (sheet.Bullets(result.warnings, "warnings"),)) if result.warnings else None,
+        role_section(identification, "validation"),
+        role_section(identification, "fit"),
         uncertainty_section(identification),
         extensions_section(identification),
         decisions_section(identification),
-        role_section(identification, "fit"),
-        role_section(identification, "validation"),
         residuals_section(identification),
+        sheet.Section("What was fitted", parts),
         modes_section(identification),
         linear_section(identification),
         repeatability_section(identification),
@@ -135,8 +166,32 @@ def identification_sheet(identification: Model) -> sheet.Sheet:
         air_section(identification),
         _provenance_section(identification, validation=False),
     )
-    there = tuple(section for section in sections if section is not None)
+    there = (*(section for section in shown if section is not None), *folded)
     return sheet.Sheet(identification.vehicle.name, lead, there, "identification report", verdict(result))
+
+
+def reasons(result: Result) -> dict[str, list[str]]:
+    """Return by heading all reasons of the verdict, what to fly, how the search ended and how well all maneuvers are matched."""
+    found = _judged(result)
+    return {
+        "": [f"{one}." for one in grouped(found.reasons)],
+        "What would settle them": [f"{one}." for one in found.advice],
+        "How the fit went": [
+            one for one in (*_course(result), _match(result, "fit"), _match(result, "validation")) if one
+        ],
+    }
+
+
+def _reasons_section(result: Result) -> sheet.Section:
+    parts: list[sheet.Part] = []
+    for title, items in reasons(result).items():
+        parts += [sheet.Heading(title)] if title and items else []
+        parts += [sheet.Bullets(items)] if items else []
+    return sheet.Section("All reasons of the verdict", parts, "Reasons")
+
+
+def _judged(result: Result) -> Verdict:
+    return result.verdict if result.verdict.grade else judge(result, result.verdict.uses)
 
 
 def _provenance_section(identification: Model, *, validation: bool) -> sheet.Section:
@@ -155,8 +210,39 @@ def _provenance_section(identification: Model, *, validation: bool) -> sheet.Sec
 
 
 def verdict(result: Result) -> sheet.Verdict:
-    """Return the verdict of a result with its reasons, how the search ended, and how well the maneuvers are matched."""
-    found = result.verdict if result.verdict.grade else judge(result, result.verdict.uses)
+    """Return the verdict of a result with the strongest reasons against it and for it."""
+    found = _judged(result)
+    against = [
+        *of_severity(found.reasons, "warning"),
+        *(one for one in found.reasons if one.code in CAUTIONS),
+    ]
+    merits = [one for one in found.reasons if one.severity == "info" and one.code not in CAUTIONS]
+    supports = [*(f"{shortened(one)}." for one in grouped(merits)), *_successes(result)]
+    shown = tuple(f"{shortened(one)}." for one in grouped(against)[:REASONS])
+    return sheet.Verdict(
+        LEVELS[found.grade], f"{found.headline}.", against=shown, supports=tuple(supports[:REASONS])
+    )
+
+
+def _successes(result: Result) -> Iterator[str]:
+    """Yield the comparisons that the model wins, how many parameters the data determine, and a search that ended well."""
+    roles: tuple[tuple[Role, str], ...] = (
+        ("validation", "where nothing was fitted"),
+        ("fit", "in the maneuvers it was fitted to"),
+    )
+    for role, where in roles:
+        compared = _compared(result, role)
+        if sum(compared) > 0.5 * len(compared):
+            yield f"Better than a first-order lag in {sum(compared)} of {len(compared)} comparisons {where}."
+    known = determined(result.parameters)
+    if known:
+        yield f"{len(known)} of {count(len(result.parameters), 'parameter')} are determined by these data."
+    if result.status in CONFIRMED:
+        yield f"{ENDINGS[result.status]}."
+
+
+def _course(result: Result) -> tuple[str, str]:
+    """Return how the search ended, and how many of the parameters the data determine."""
     parameters = result.parameters
     unknown = [name for name, one in parameters.items() if not one.identifiable]
     bounded = [name for name, one in parameters.items() if one.at_bound]
@@ -174,12 +260,7 @@ def verdict(result: Result) -> sheet.Verdict:
         text += f"; {together} of them known only in combination with others"
     elif not (unknown or bounded):
         text += ", all of them identifiable"
-    text += "."
-    sentences = (f"{how}, after {spent}. {result.advice}".rstrip(), text, _match(result, "fit"))
-    reasons = [f"{one}." for one in (*grouped(found.reasons), *found.advice)]
-    every = (*reasons, *sentences, _match(result, "validation"))
-    headline = f"{found.headline}."
-    return sheet.Verdict(LEVELS[found.grade], headline, tuple(sentence for sentence in every if sentence))
+    return f"{how}, after {spent}. {result.advice}".rstrip(), f"{text}."
 
 
 def _match(result: Result, role: Role) -> str:

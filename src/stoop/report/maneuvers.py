@@ -37,6 +37,7 @@ PREDICTS, PREDICTS_SOME = 0.75, 0.4  #: share of the comparisons with the lag th
 MAX_RATIO: Final = 100.0  #: of motion to noise; what is greater is not told apart
 AIR_HEIGHT: Final = 150.0  #: px
 INPUT_HEIGHT: Final = 70.0  #: px
+OVERVIEW_HEIGHT: Final = 72.0  #: px
 MAX_REACH: Final = 3.0  #: a simulated curve may widen the axis to so many times the measured range
 MIN_PAUSE: Final = 0.3  #: s without a sample break a curve
 AIR_ROLES: Final = ("fit", "measured", "lag", "validation")
@@ -229,8 +230,16 @@ def _history(identification: Model, maneuver: ManeuverResult, trace: ManeuverTra
         title, meaning = label(identification, name), _meaning(name)
         panels.append(HistoryPanel(title, (strip,), unit, meaning, name=name, description=f"Input {name}."))
     panels += [_channel(identification, name, maneuver, trace) for name in trace.channels]
-    window = f"--maneuver {maneuver.flight}@" if len(flights(identification)) > 1 else "--maneuver "
-    return TimeHistory(panels, window, [Shade(*gap, "", "hole") for gap in holes(trace.time)])
+    return TimeHistory(panels, _window_option(identification, maneuver), _holes(trace))
+
+
+def _window_option(identification: Model, maneuver: ManeuverResult) -> str:
+    """Return what stands before a window on the command line."""
+    return f"--maneuver {maneuver.flight}@" if len(flights(identification)) > 1 else "--maneuver "
+
+
+def _holes(trace: ManeuverTrace) -> list[Shade]:
+    return [Shade(*gap, "", "hole") for gap in holes(trace.time)]
 
 
 def flights(identification: Model) -> set[str]:
@@ -242,26 +251,58 @@ def _channel(
     identification: Model, name: str, maneuver: ManeuverResult, trace: ManeuverTrace
 ) -> HistoryPanel:
     """Return measured against simulated, over the 95 % band, and their difference below."""
-    factor, unit = _shown_unit(identification, name)
-    channel, one, role = trace.channels[name], maneuver.channels.get(name), maneuver.role
+    unit, one = _shown_unit(identification, name)[1], maneuver.channels.get(name)
+    curves = _responses(identification, name, maneuver.role, trace)
+    strips = with_residual(curves, "residual", curves[0].y - curves[-1].y, response_range(curves))
+    description, note = f"{name}, {_meaning(name)}: measured, simulated and their difference", ""
+    description += f", {maneuver_title(maneuver)}"
+    if one is not None:
+        description += f"; Theil's coefficient {_decimals(one.theil)}"
+        note = f"{_theil_note(one)} · R² {_decimals(one.r2)} · fit {number(one.fit_percent, 3)} %"
+        note += " · below its noise" if one.below_noise else ""
+    title, meaning = label(identification, name), _meaning(name)
+    return HistoryPanel(title, strips, unit, meaning, note, name, f"{description}.")
+
+
+def _responses(identification: Model, name: str, role: Role, trace: ManeuverTrace) -> list[Series]:
+    """Return a channel as it was measured, by a first-order lag if there is one, and simulated over its 95 % band."""
+    factor, channel = _shown_unit(identification, name)[0], trace.channels[name]
     measured, simulated = (finite_part(factor * v) for v in (channel.measured, channel.simulated))
     half = None if channel.deviation is None else finite_part(NORMAL_95 * factor * channel.deviation)
     curves = [Series("measured", trace.time, measured, role="measured", width=2.8)]
     if name in trace.baseline:
         lag = finite_part(factor * trace.baseline[name])
         curves.append(Series("first-order lag", trace.time, lag, role="lag", width=1.2))
-    curves.append(Series("simulated", trace.time, simulated, role=role, half_width=half))
-    strips = with_residual(curves, "residual", measured - simulated, response_range(curves))
-    description, note = f"{name}, {_meaning(name)}: measured, simulated and their difference", ""
-    description += f", {maneuver_title(maneuver)}"
-    if one is not None:
-        description += f"; Theil's coefficient {_decimals(one.theil)}"
-        mark = {"better": " ✓", "worse": " ▲"}.get(_against_lag(one), "")
-        lag_note = f" · lag {_decimals(one.baseline_theil)}{mark}" if mark else ""
-        note = f"U {_decimals(one.theil)}{lag_note} · R² {_decimals(one.r2)} · fit {number(one.fit_percent, 3)} %"
-        note += " · below its noise" if one.below_noise else ""
-    title, meaning = label(identification, name), _meaning(name)
-    return HistoryPanel(title, strips, unit, meaning, note, name, f"{description}.")
+    return [*curves, Series("simulated", trace.time, simulated, role=role, half_width=half)]
+
+
+def _theil_note(one: GoodnessOfFit) -> str:
+    """Return Theil's coefficient beside that of the lag, and which is better."""
+    mark = {"better": " ✓", "worse": " ▲"}.get(_against_lag(one), "")
+    return f"U {_decimals(one.theil)}" + (f" · lag {_decimals(one.baseline_theil)}{mark}" if mark else "")
+
+
+def overview_parts(identification: Model, role: Role) -> list[sheet.Part]:
+    """Return the responses of the maneuvers of a role in small panels: the first shown, the others folded."""
+    parts: list[sheet.Part] = []
+    for maneuver, trace in zip(identification.result.maneuvers, identification.traces, strict=True):
+        if maneuver.role == role and trace.channels:
+            title, history = maneuver_title(maneuver), _overview(identification, maneuver, trace)
+            parts += [sheet.Details(title, (history,))] if parts else [sheet.Heading(title, role), history]
+    return parts
+
+
+def _overview(identification: Model, maneuver: ManeuverResult, trace: ManeuverTrace) -> TimeHistory:
+    panels = []
+    for name in trace.channels:
+        curves = _responses(identification, name, maneuver.role, trace)
+        strip = Strip("", tuple(curves), height=OVERVIEW_HEIGHT, y_range=response_range(curves))
+        one, unit = maneuver.channels.get(name), _shown_unit(identification, name)[1]
+        note = "" if one is None else "below its noise" if one.below_noise else _theil_note(one)
+        text = f"{name}, {_meaning(name)}: measured and simulated, {maneuver_title(maneuver)}."
+        title = label(identification, name)
+        panels.append(HistoryPanel(title, (strip,), unit, "", note, name, text))
+    return TimeHistory(panels, _window_option(identification, maneuver), _holes(trace), compact=True)
 
 
 def response_range(curves: Sequence[Series]) -> Range:

@@ -225,15 +225,18 @@ class Section:
     title: str
     parts: Sequence[Part]
     short: str = ""
+    folded: bool = False  #: whether the reader opens it
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """Whether the result is reliable, and why."""
+    """Whether the result is reliable, and why: what speaks against it and for it in lists of their own, or all in one."""
 
     level: Level
     headline: str
-    sentences: tuple[str, ...]
+    sentences: tuple[str, ...] = ()
+    against: tuple[str, ...] = ()
+    supports: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -30,6 +30,7 @@ MAX_SAMPLES: Final = (
 MAX_BLOCKS: Final = 5_000
 STILL_COLUMNS: Final = 240  #: of a still picture
 RESPONSE_HEIGHT, RESIDUAL_HEIGHT = 128.0, 44.0  #: px of strips
+SMALL: Final = 280.0  #: px of a still picture of a compact history
 WIDE: Final = 880.0  #: px of a still picture that has a row of its own
 
 
@@ -59,6 +60,7 @@ class TimeHistory:
     window: str = ""
     shades: Sequence[Shade] = ()
     wide: bool = False  #: one panel a row
+    compact: bool = False  #: small panels, several a row
     each: bool = False  #: whether each panel has a legend of its own: its curves are in no other
 
     @cached_property
@@ -105,7 +107,8 @@ class TimeHistory:
             ([replace(strip, label="") for strip in panel.strips], panel.description or panel.title)
             for panel in self.panels
         ]
-        width, columns = WIDE if self.wide else NARROW, STILL_COLUMNS * (1 + self.wide)
+        width = WIDE if self.wide else SMALL if self.compact else NARROW
+        columns = STILL_COLUMNS * (1 + self.wide)
         return strip_pictures(groups, self.looks, self.span, "", self.shades, width=width, columns=columns)
 
     def document(self) -> Markup:

@@ -27,7 +27,7 @@ from stoop.base.numbers import (
 )
 from stoop.report.estimates import TITLES
 from stoop.report.extensions import as_toml
-from stoop.report.identification import verdict
+from stoop.report.identification import reasons, verdict
 from stoop.report.maneuvers import air_history, prediction_verdict
 from stoop.report.series import spanning
 from stoop.report.sheet import mathml
@@ -176,14 +176,16 @@ def good(examples: ModuleType) -> Result:
 
 
 def sentences(result: Result) -> str:
-    return " ".join(verdict(result).sentences)
+    return " ".join(one for items in reasons(result).values() for one in items)
 
 
 def test_a_good_verdict(examples: ModuleType) -> None:
-    found = verdict(good(examples))
+    found, said = verdict(good(examples)), sentences(good(examples))
     assert found.level == "good"
-    assert "known only in combination with others." in " ".join(found.sentences)
-    assert "beats a trivial first-order lag in 2 of 2 comparisons" in " ".join(found.sentences)
+    assert "known only in combination with others." in said
+    assert "beats a trivial first-order lag in 2 of 2 comparisons" in said
+    assert "None of 100 extensions of the model is significant." in found.supports
+    assert found.against == ()
 
 
 @pytest.mark.parametrize(("left", "level"), [("white", "good"), ("colored", "caution"), ("", "caution")])
@@ -198,9 +200,9 @@ def test_a_channel_in_which_only_noise_is_left_is_not_lost(
     maneuvers = tuple(
         dataclasses.replace(m, channels={"p": moved, "r": still}) for m in good(examples).maneuvers
     )
-    found = verdict(dataclasses.replace(good(examples), maneuvers=maneuvers))
-    assert found.level == level
-    said = " ".join(found.sentences)
+    result = dataclasses.replace(good(examples), maneuvers=maneuvers)
+    assert verdict(result).level == level
+    said = sentences(result)
     assert ("and leaves only noise in 2 more" in said) == (left == "white")
     assert ("not in r (0–1 s)" in said) == (left != "white")
     assert GoodnessOfFit(math.nan, math.nan, math.nan, 0.6).lost, "it diverged"
@@ -237,24 +239,27 @@ def test_how_many_parameters_are_known_only_together(examples: ModuleType) -> No
     ],
 )
 def test_verdicts(examples: ModuleType, changes: dict[str, object], level: str, said: str) -> None:
-    found = verdict(dataclasses.replace(good(examples), **changes))  # type: ignore[arg-type]
+    result = dataclasses.replace(good(examples), **changes)  # type: ignore[arg-type]
+    found = verdict(result)
     assert found.level == level
-    assert said in " ".join(found.sentences)
+    assert (found.level == "good") == (not found.against)
+    assert len(found.against) <= 3 >= len(found.supports)
+    assert said in sentences(result)
 
 
 def test_a_lag_that_wins_is_named(examples: ModuleType) -> None:
     whole = good(examples)
     worse = dataclasses.replace(whole.maneuvers[1], channels={"r": GoodnessOfFit(0.1, 0.6, 0.1, 0.5)})
-    found = verdict(dataclasses.replace(whole, maneuvers=(*whole.maneuvers[::2], worse)))
-    assert found.level == "bad"
-    assert "not in r (2–3 s)" in " ".join(found.sentences)
+    result = dataclasses.replace(whole, maneuvers=(*whole.maneuvers[::2], worse))
+    assert verdict(result).level == "bad"
+    assert "not in r (2–3 s)" in sentences(result)
 
 
 def test_nothing_held_back(examples: ModuleType) -> None:
     whole = good(examples)
-    found = verdict(dataclasses.replace(whole, maneuvers=whole.maneuvers[::2]))
-    assert found.level == "caution"
-    assert "No window was held back" in found.sentences[-1]
+    result = dataclasses.replace(whole, maneuvers=whole.maneuvers[::2])
+    assert verdict(result).level == "caution"
+    assert "No window was held back" in list(reasons(result).values())[-1][-1]
 
 
 def test_a_curve_that_varies_by_rounding_is_drawn_flat() -> None:

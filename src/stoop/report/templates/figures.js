@@ -324,6 +324,11 @@
     }
   }
 
+  // Print shows what is folded.
+  let folded = [];
+  addEventListener("beforeprint", () => { folded = all(document, "details:not([open])"); for (const one of folded) one.open = true; });
+  addEventListener("afterprint", () => { for (const one of folded) one.open = false; });
+
   if (typeof Bokeh === "undefined") return;
   Bokeh.set_log_level("error");
   const histories = new Map(all(document, ".history").map((element) => [element, new History(element)]));
