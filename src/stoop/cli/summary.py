@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Final
 from stoop.base.numbers import count
 from stoop.cli.page import Page, page
 from stoop.results import text
+from stoop.results.decisions import decision_lines
 from stoop.results.verdict import grouped
 
 if TYPE_CHECKING:
@@ -30,6 +31,7 @@ def show_fit(result: Result, forces: Sequence[ForceFigures], folder: Path, verbo
     else:
         _estimates(out, result)
         _windows(out, result.maneuvers)
+    out.bullets(decision_lines(result.decisions), "decisions")
     out.line()
     ended = f"{result.status}: {result.advice}" if result.advice else result.status
     out.line(f"{ended} ({result.trajectories:.0f} trajectories, {result.seconds:.1f} s)")
