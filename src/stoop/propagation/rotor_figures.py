@@ -3,24 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import cached_property
 from typing import Final
 
 import numpy as np
 
-from stoop.base.arrays import BoolArray, FloatArray, IntArray
+from stoop.base.arrays import BoolArray, FloatArray
 from stoop.base.notices import Notice, notice
-from stoop.base.rotations import matrices_of_angles
 from stoop.errors import SimulationError
-from stoop.propagation.newton import solve
 from stoop.propagation.quantities import Curve, Samples, curve
 from stoop.propagation.wing_figures import FEW, SPEEDS, Domain, Found, Grouped, stretches
-from stoop.simulation.initial import initial_states
-from stoop.simulation.rotors import allocation, channel_range, effects
-from stoop.simulation.trim import TOLERANCE, Conditions, level_channels, neutral_inputs
+from stoop.simulation.newton import solve
+from stoop.simulation.rotors import accelerations, allocation, channel_range, effects
+from stoop.simulation.trim import (
+    ROTOR_SCALES,
+    TOLERANCE,
+    Conditions,
+    OnRotors,
+    Trims,
+    level_channels,
+    neutral_inputs,
+)
 from stoop.vehicle import Vehicle
 
-SCALES: Final = np.array([0.1, 0.1, 1.0, 1.0, 1.0, 1.0])[:, None]  #: of phi, theta and the accelerations
 FASTER: Final = 0.5  #: m/s; faster than what was flown by less is within
 ANGULAR: Final = {"p": "roll", "q": "pitch", "r": "yaw"}
 RATES: Final = ("u", "v", "w", "p", "q", "r")
@@ -43,12 +49,11 @@ class _Study:
     def __init__(self, vehicle: Vehicle, rows: FloatArray, domain: Domain) -> None:
         self.vehicle, self.rows, self.domain = vehicle, rows, domain
         self.count, self.area, self.notices = rows.shape[1], channel_range(vehicle), list[Notice]()
-        quiet = neutral_inputs(vehicle, domain.density, domain.altitude)
-        still = np.zeros(3)
-        conditions = Conditions(vehicle, float("nan"), domain.altitude, 0.0, still, still, 0.0, quiet)
-        self.level = level_channels(conditions)
-        self.effect = effects(vehicle, {"h": domain.altitude}, self.level, {})
-        self.mixing = allocation(vehicle, self.effect)
+        quiet, still = neutral_inputs(vehicle, domain.density, domain.altitude), np.zeros(3)
+        at = Conditions(vehicle, float("nan"), domain.altitude, 0.0, still, still, 0.0, quiet)
+        level = level_channels(at)
+        self.effect = effects(vehicle, {"h": domain.altitude}, level, {})
+        self.flying = OnRotors(at, {}, rows, level, allocation(vehicle, self.effect))
         self.hover, self.commands, self.hovers = self.flight(0.0, np.zeros((6, self.count)))
         if not self.hovers[0]:
             raise SimulationError(
@@ -57,43 +62,23 @@ class _Study:
 
     def flight(self, speed: float, guess: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray]:
         """Return scaled unknowns (6, 1 + D), rotor channels (m, 1 + D), NaN where there is none, and which lanes fly."""
-        velocity = np.array([speed, 0.0, 0.0])
-
-        def residuals(x: FloatArray, lanes: IntArray) -> FloatArray:
-            start, inputs = self._point(x, velocity)
-            return self._accelerations(start, inputs, self.rows[:, lanes])
-
-        x, error = solve(residuals, guess, TOLERANCE)
-        commands = self._point(x, velocity)[1][self.area.columns]
+        at = replace(self.flying.at, velocity=np.array([speed, 0.0, 0.0]))
+        flying = replace(self.flying, at=at)
+        x, error = solve(flying.residuals, guess, TOLERANCE)
+        commands = flying.trims(x).inputs[self.area.columns]
         inside = ((commands <= self.area.full[:, None]) & (commands >= self.area.idle[:, None])).all(axis=0)
         flies = (error < TOLERANCE) & inside
         return x, np.where(flies, commands, np.nan), np.asarray(flies)
 
-    def _point(self, x: FloatArray, velocity: FloatArray) -> tuple[dict[str, FloatArray], FloatArray]:
-        phi, theta, *wanted = x * SCALES
-        inputs = np.repeat(self.level[:, None], x.shape[1], axis=1)
-        inputs[self.area.columns] += self.mixing @ np.array(wanted)
-        rotation = matrices_of_angles(np.stack([phi, theta, np.zeros_like(phi)], axis=1))
-        body = np.einsum("bij,i->jb", rotation, velocity)
-        start = dict(zip("uvw", body, strict=True)) | {"phi": phi, "theta": theta}
-        return start | {"h": np.full(x.shape[1], self.domain.altitude)}, inputs
-
-    def _accelerations(
-        self, start: dict[str, FloatArray], inputs: FloatArray, rows: FloatArray
-    ) -> FloatArray:
-        states = initial_states(self.vehicle, start, rows, inputs)
-        rates = self.vehicle.kernel().evaluate(rows, states, np.ascontiguousarray(inputs))[0]
-        return rates[[self.vehicle.states.index(s) for s in RATES]]
-
     @cached_property
-    def _still(self) -> dict[str, FloatArray]:
-        return self._point(self.hover, np.zeros(3))[0]
+    def _still(self) -> Trims:
+        return self.flying.trims(self.hover)
 
     def _with_channels(self, commands: FloatArray) -> FloatArray:
         """Return the accelerations (6, 1 + D) of rotor channels (m, 1 + D) in the attitude of the hover."""
-        inputs = np.repeat(self.level[:, None], self.count, axis=1)
+        inputs = self._still.inputs.copy()
         inputs[self.area.columns] = commands
-        return self._accelerations(self._still, inputs, self.rows)
+        return accelerations(self.vehicle, self._still.start, inputs, self.rows)
 
     def found(self) -> Found:
         """Return all numbers and curves."""
@@ -149,7 +134,7 @@ class _Study:
         guess, theta, throttle, lost = self.hover, [], [], []
         for speed in speeds:
             guess, commands, flies = self.flight(float(speed), guess)
-            theta.append(np.where(flies, guess[1] * SCALES[1], np.nan))
+            theta.append(np.where(flies, guess[1] * ROTOR_SCALES[1], np.nan))
             throttle.append(commands.mean(axis=0))
             lost.append(1.0 - float(np.mean(flies[1:])))
         failed = np.array(lost)

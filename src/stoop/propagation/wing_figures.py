@@ -15,7 +15,8 @@ from stoop.errors import SimulationError
 from stoop.propagation.aerodynamics import lift_maximum, static_margin
 from stoop.propagation.modes import mode_samples
 from stoop.propagation.quantities import Curve, Samples, curve
-from stoop.propagation.wings import THRUST, Linear, Steady, Wings
+from stoop.propagation.wings import Linear, Steady, level_flight, linear_flights, steady_flights
+from stoop.simulation.trim import THRUST, WING_ANGLES, OnWings
 from stoop.vehicle import Vehicle
 from stoop.vehicle.defaults import full_command
 
@@ -70,30 +71,33 @@ class _Study:
         self.domain, self.count = domain, rows.shape[1]
         self.notices: list[Notice] = []
         self.beyond: tuple[tuple[float, float], ...] = ()
-        first = Wings.of(vehicle, rows[:, :1], domain.altitude, domain.density)
-        speed = np.array([domain.reference])
-        at = first.steady(speed)
-        if not at.flies[0]:
-            first = first.with_sideslip
-            at = first.steady(speed)
+        first = level_flight(vehicle, rows[:, :1], domain.altitude, domain.density)
+        speed = {"V": np.array([domain.reference])}
+        at = steady_flights(first, speed)
+        if not at.flies[0]:  # some vehicles have no control that holds the sideslip at zero
+            first = replace(first, angles=WING_ANGLES[first.at.vehicle.reduce][-1])
+            at = steady_flights(first, speed)
         if not at.flies[0]:
             raise SimulationError(
                 f"{vehicle.where}: nothing trims at {domain.reference:g} m/s with the estimates; give --airspeed A:B about the "
                 "airspeeds that were flown, or check thrust, CL and Cm"
             )
-        self.wings, self.vehicle = first.lanes(rows), first.vehicle
+        self.wings, self.vehicle = replace(first, rows=rows), first.at.vehicle
         self.rows = rows
-        self.at = self.wings.steady(np.full(self.count, domain.reference), self._all(at.solution))
+        self.at = self._at_speed(self.wings, domain.reference, self._all(at.solution))
+
+    def _at_speed(self, flight: OnWings, speed: float, guess: FloatArray) -> Steady:
+        return steady_flights(flight, {"V": np.full(self.count, speed)}, guess)
 
     def _all(self, solution: FloatArray) -> FloatArray:
         return np.repeat(solution[:, :1], self.count, axis=1)
 
     def found(self) -> Found:
         """Return all numbers and curves."""
-        linear = self.wings.linear(self.at)
+        models = linear_flights(self.wings, self.at)
         self.drawn = self.curves()
         figures = [
-            *self.trim(), *self.stability(), *self.modes(linear), *self.limits(), *self.control(linear), *self.glide(),
+            *self.trim(), *self.stability(), *self.modes(models), *self.limits(), *self.control(models), *self.glide(),
         ]  # fmt: skip
         return Found(tuple(figures), tuple(self.drawn), tuple(self.notices), self.beyond)
 
@@ -137,14 +141,14 @@ class _Study:
         self._tell_extrapolation(speeds, np.array([p.start["alpha"] for p in points]))
         return [curve(n, unit, speeds, np.array(v)) for n, (unit, v) in quantities.items()]
 
-    def _along(self, wings: Wings, speeds: FloatArray, solution: FloatArray) -> list[Steady]:
+    def _along(self, flight: OnWings, speeds: FloatArray, solution: FloatArray) -> list[Steady]:
         """Return steady flights at airspeeds; `solution` (m, 1 + D) is that at the reference."""
         out: dict[int, Steady] = {}
         middle = int(np.argmin(np.abs(speeds - self.domain.reference)))
         for way in (range(middle, len(speeds)), range(middle - 1, -1, -1)):
             guess, before = solution, None
             for i in way:
-                out[i] = wings.steady(np.full(self.count, speeds[i]), guess)
+                out[i] = self._at_speed(flight, speeds[i], guess)
                 now, lost = out[i].solution, ~out[i].flies
                 if lost[0]:
                     guess, before = solution, None
@@ -191,9 +195,9 @@ class _Study:
         yield "Static stability", _samples("static margin", "chord", margin)
         yield "Static stability", _samples("neutral point behind the c.g.", "m", margin * chord)
 
-    def modes(self, linear: Linear) -> Iterator[Grouped]:
+    def modes(self, models: Linear) -> Iterator[Grouped]:
         """Yield the modes at the airspeed."""
-        found, other = mode_samples(linear.A, linear.names)
+        found, other = mode_samples(models.A, models.names)
         for name, share in other.items():
             if share > FEW:
                 self.notices.append(notice("propagate-other-character", name, share=share))
@@ -209,9 +213,8 @@ class _Study:
         peak = lift_maximum(self.vehicle, self.rows, self.at.start, self.at.deflections, low, high)
         stalls = np.isfinite(peak)
         limit = np.where(stalls, peak, high)
-        wings = replace(self.wings, given="alpha")
-        first = replace(wings, rows=self.rows[:, :1]).steady(limit[:1])
-        found = wings.steady(limit, self._all(first.solution))
+        first = steady_flights(replace(self.wings, rows=self.rows[:, :1]), {"alpha": limit[:1]})
+        found = steady_flights(self.wings, {"alpha": limit}, self._all(first.solution))
         share = float(np.mean(stalls[1:]))
         stalled = bool(stalls[0])
         name = "stall speed" if stalled else "lowest airspeed, alpha as flown"
@@ -222,7 +225,7 @@ class _Study:
         code = "propagate-stall" if stalled else "propagate-no-stall"
         self.notices.append(notice(code, alpha=high, share=share))
 
-    def control(self, linear: Linear) -> Iterator[Grouped]:
+    def control(self, models: Linear) -> Iterator[Grouped]:
         """Yield steady roll rate and angular accelerations at full deflection, or per radian where its size is unknown."""
         group, unlimited = "Control authority", []
         axes = (
@@ -230,14 +233,14 @@ class _Study:
             ("q", "pitch acceleration", "rad/s2", False), ("r", "yaw acceleration", "rad/s2", False),
         )  # fmt: skip
         for state, what, unit, steady in axes:
-            if state not in linear.names or not linear.effects:
+            if state not in models.names or not models.effects:
                 continue
-            i = linear.names.index(state)
-            control = max(linear.effects, key=lambda c: abs(float(linear.effects[c][0, i])))
-            effect = linear.effects[control][:, i]
+            i = models.names.index(state)
+            control = max(models.effects, key=lambda c: abs(float(models.effects[c][0, i])))
+            effect = models.effects[control][:, i]
             if not abs(float(effect[0])) > 0.0:
                 continue
-            value = np.abs(linear.steady_rate(state, control) if steady else effect)
+            value = np.abs(models.steady_rate(state, control) if steady else effect)
             full = full_deflection(self.vehicle, self.rows, control)
             if full is None:
                 unlimited.append(control)
@@ -249,13 +252,13 @@ class _Study:
 
     def glide(self) -> Iterator[Grouped]:
         """Yield the best glide and the least sink without thrust, within the airspeeds and angles of attack flown."""
-        wings = replace(self.wings, powered=False)
+        gliding = replace(self.wings, powered=False)
         low, high = self.domain.airspeed
         if np.isfinite(self.slowest):
             low = min(max(self.slowest, 0.5 * low), low)
         speeds = np.linspace(low, high, GLIDE_SPEEDS)
-        kept = [n in wings.unknowns for n in self.wings.unknowns]
-        points = self._along(wings, speeds, self.at.solution[kept])
+        kept = [n in gliding.unknowns for n in self.wings.unknowns]
+        points = self._along(gliding, speeds, self.at.solution[kept])
         nearest = int(np.argmin(np.abs(speeds - self.domain.reference)))
         angles = np.array([p.climb for p in points])
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -263,7 +266,7 @@ class _Study:
         ratio = glide_ratio(angles)
         mass = self.rows[self.vehicle.rows["mass.mass"]]
         self.drawn.append(curve("glide ratio without thrust", "1", speeds, ratio))
-        here = wings.steady(np.full(self.count, self.domain.reference), points[nearest].solution)
+        here = self._at_speed(gliding, self.domain.reference, points[nearest].solution)
         yield "Glide without thrust", _samples("glide ratio at the airspeed", "1", glide_ratio(here.climb))
         best, where, edge = peak_of(speeds, ratio)
         least, slow, low_edge = peak_of(speeds, -sink)

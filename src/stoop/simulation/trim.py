@@ -12,9 +12,10 @@ from typing import ClassVar, Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stoop.base.arrays import FloatArray
+from stoop.base.arrays import FloatArray, IntArray
 from stoop.base.atmosphere import SEA_LEVEL_DENSITY, standard_density
 from stoop.base.rotations import matrices_of_angles
+from stoop.base.units import STANDARD_GRAVITY
 from stoop.errors import SimulationError
 from stoop.simulation.initial import initial_states, mixed_inputs, mixing_of, parameter_rows
 from stoop.simulation.rotors import EXCITATIONS, SETPOINTS, accelerations, allocation, channel_range, effects
@@ -23,7 +24,11 @@ from stoop.vehicle.defaults import WIND_NUMBERS
 
 TOLERANCE: Final = 1e-7  #: of the accelerations that remain, m/s2 and rad/s2
 OUT_OF_GROUND_EFFECT: Final = 1e4  #: m
-_ROTOR_SCALES: Final = np.array([0.1, 0.1, 1.0, 1.0, 1.0, 1.0])  #: of phi, theta and the accelerations
+ROTOR_SCALES: Final = np.array([0.1, 0.1, 1.0, 1.0, 1.0, 1.0])  #: of phi, theta and the accelerations
+THRUST: Final = "propulsion.thrust"  #: number of a constant thrust
+POWERS: Final = (1.0, 4.0, 16.0)  #: scaled, at which a thrust begins
+Lanes = IntArray | slice  #: some lanes
+ALL: Final = slice(None)
 WING_ANGLES: Final[dict[str, tuple[tuple[str, ...], ...]]] = {
     "longitudinal": (("alpha", "theta"),),
     "full": (("alpha", "theta", "phi"), ("alpha", "theta", "phi", "beta")),
@@ -151,8 +156,8 @@ def neighbors(point: Trim) -> Callable[[Mapping[str, FloatArray]], Trims]:
 
     def near(numbers: Mapping[str, FloatArray]) -> Trims:
         count = len(next(iter(numbers.values())))
-        changed = replace(known, numbers={**known.numbers, **numbers})
-        start = np.repeat(x[:, None], count, axis=1)
+        rows = parameter_rows(known.at.vehicle, {**known.numbers, **numbers}, count)
+        changed, start = replace(known, rows=rows), np.repeat(x[:, None], count, axis=1)
         return changed.trims(start - inverse @ (changed.residuals(start) - known.residuals(start[:, :1])))
 
     return near
@@ -222,19 +227,25 @@ class SteadyFlight(ABC):
     """Equations of steady straight flight: residuals of unknowns that are scaled to about one, in lanes."""
 
     at: Conditions
-    numbers: Mapping[str, ArrayLike]  #: of the vehicle, in place of its own; (B,) or one for all lanes
+    numbers: Mapping[str, float]  #: of the vehicle, in place of its own
+    rows: FloatArray  #: (n_p, B), kernel parameters with these numbers; a single lane serves any number of vectors
 
     commands: ClassVar[tuple[str, ...]]  #: of the autopilot that flies maneuvers, if one does
     refused: ClassVar[tuple[str, ...]]  #: what the command line does not take, for the reason of `advice`
     advice: ClassVar[str]
 
     @abstractmethod
-    def trims(self, x: FloatArray) -> Trims:
-        """Return the flights of scaled vectors (m, B), their residuals still open."""
+    def trims(self, x: FloatArray, lanes: Lanes = ALL) -> Trims:
+        """Return the flights of scaled vectors (m, B) of some lanes, their residuals still open."""
 
     @abstractmethod
-    def residuals(self, x: FloatArray) -> FloatArray:
+    def residuals(self, x: FloatArray, lanes: Lanes = ALL) -> FloatArray:
         """Return what is not in balance (r, B): accelerations, m/s2 and rad/s2, among others."""
+
+    def lane_rows(self, count: int, lanes: Lanes) -> FloatArray:
+        """Return a copy of the kernel parameters (n_p, B) of some lanes."""
+        rows = self.rows if self.rows.shape[1] == 1 else self.rows[:, lanes]
+        return np.repeat(rows, count, axis=1) if rows.shape[1] == 1 else np.array(rows)
 
     def solved(self, starts: Sequence[Sequence[float]], evaluations: int) -> Trim:
         """Return the solution of one lane from the first start that converges, else that of the last."""
@@ -259,8 +270,7 @@ class SteadyFlight(ABC):
             {name: np.asarray(value).item() for name, value in some.items()}
             for some in (found.start, found.deflections, found.thrust)
         )
-        changes = {name: float(np.asarray(value)) for name, value in self.numbers.items()}
-        changes |= {name: value for name, value in thrust.items() if name in at.vehicle.rows}
+        changes = {**self.numbers, **{n: x for n, x in thrust.items() if n in at.vehicle.rows}}
         velocity, wind = (tuple(v.tolist()) for v in (at.velocity, at.wind))
         inputs = found.inputs[:, 0]
         return Trim(start, deflections, thrust, inputs, changes, residual, velocity, wind, (self, x))
@@ -271,6 +281,9 @@ class OnWings(SteadyFlight):
     """Flight on wings at one speed, height and climb angle; unknowns are angles, deflections and thrust."""
 
     angles: tuple[str, ...]
+    #: the airspeed, m/s, or the angle of attack, rad, (B,), that is given; the conditions' airspeed when empty
+    given: Mapping[str, FloatArray] = field(default_factory=dict)
+    powered: bool = True  #: without thrust the flight-path angle is free
 
     commands = ()
     refused = ("velocity", "wind")
@@ -285,11 +298,8 @@ class OnWings(SteadyFlight):
                 f"{vehicle.where}: it has no wings to fly {at.airspeed:g} m/s on; leave the airspeed out and write velocity"
             )
         for angles in WING_ANGLES[vehicle.reduce]:
-            flight = cls(at, numbers, angles)
-            powers = len(flight.unknowns) - len(angles) - len(vehicle.controls)
-            first = [0.5, 0.5, *[0.0] * (len(flight.unknowns) - powers - 2)]
-            starts = [[*first, *[power] * powers] for power in (1.0, 4.0, 16.0)]
-            point = flight.solved(starts[: 1 + 2 * powers], 500)
+            flight = cls(at, numbers, parameter_rows(vehicle, numbers), angles)
+            point = flight.solved([x.tolist() for x in flight.starts()], 500)
             if point.residual < TOLERANCE:
                 break
         named = {name: point.start[name] for name in angles} | point.deflections
@@ -312,12 +322,26 @@ class OnWings(SteadyFlight):
         """Scales by name: angles and deflections, rad, then the number, N, or the channel of the thrust."""
         vehicle, propulsion = self.at.vehicle, self.at.vehicle.file.propulsion
         out = dict.fromkeys((*self.angles, *vehicle.controls), 0.1)
-        if propulsion is not None:
-            step = 0.1 * (vehicle.value("mass.mass") * 9.80665)
+        if "alpha" in self.given:
+            out.pop("alpha")
+            out["V"] = 0.1 * vehicle.value("reference.airspeed")
+        if propulsion is not None and self.powered:
+            step = 0.1 * (vehicle.value("mass.mass") * STANDARD_GRAVITY)
             if "propulsion.speed_gain" in vehicle.rows:
                 step = 20.0 / max(vehicle.value("propulsion.speed_gain"), 1e-6)
-            out["propulsion.thrust" if propulsion.kind == "constant" else propulsion.channel] = step
+            out[THRUST if propulsion.kind == "constant" else propulsion.channel] = step
         return out
+
+    def starts(self) -> list[FloatArray]:
+        """Return scaled vectors (m,) to start from; a propeller at rest has no slope, so its thrust starts at three sizes."""
+        begin = {"alpha": 0.5, "theta": 0.5, "V": 10.0} | dict.fromkeys(
+            (*self.angles[2:], *self.at.vehicle.controls), 0.0
+        )
+        powered = not self.unknowns.keys() <= begin.keys()
+        return [
+            np.array([begin.get(name, power) for name in self.unknowns])
+            for power in (POWERS if powered else POWERS[:1])
+        ]
 
     @cached_property
     def _mixing(self) -> tuple[FloatArray, FloatArray]:
@@ -326,30 +350,39 @@ class OnWings(SteadyFlight):
         neutral = mixed_inputs(vehicle, dict.fromkeys(vehicle.controls, 0.0), quiet)
         return neutral[:, None], mixing_of(vehicle, parameter_rows(vehicle))[0]
 
-    def trims(self, x: FloatArray) -> Trims:
-        """Return the flights of scaled vectors (m, B), their residuals still open."""
-        at, vehicle = self.at, self.at.vehicle
+    def trims(self, x: FloatArray, lanes: Lanes = ALL) -> Trims:
+        """Return the flights of scaled vectors (m, B) of some lanes, their residuals still open."""
+        at, vehicle, count = self.at, self.at.vehicle, x.shape[1]
         values = {name: v * s for v, (name, s) in zip(x, self.unknowns.items(), strict=True)}
-        start: dict[str, ArrayLike] = {"V": at.airspeed, "h": at.altitude}
-        start |= {"psi": at.heading} if at.heading else {}
-        start |= {name: values.pop(name) for name in self.angles}
+        given = self.given or {"V": np.array([at.airspeed])}
+        values |= {name: value if len(value) == 1 else value[lanes] for name, value in given.items()}
+        start: dict[str, ArrayLike] = {name: values.pop(name) for name in ("V", *self.angles)}
+        start |= {"h": at.altitude} | ({"psi": at.heading} if at.heading else {})
         controls = {name: values.pop(name) for name in vehicle.controls}
         neutral, columns = self._mixing
-        inputs = neutral + columns @ np.reshape([*controls.values()], (len(controls), x.shape[1]))
-        own = {name: value for name, value in values.items() if name in vehicle.rows}
-        for name in values.keys() - own.keys():
-            inputs[vehicle.inputs.index(name)] = values[name]
-        rows = parameter_rows(vehicle, {**self.numbers, **own}, x.shape[1])
+        inputs = neutral + columns @ np.reshape([*controls.values()], (len(controls), count))
+        rows = self.lane_rows(count, lanes)
+        if not self.powered and THRUST in vehicle.rows:
+            rows[vehicle.rows[THRUST]] = 0.0
+        for name, value in values.items():
+            if name in vehicle.rows:
+                rows[vehicle.rows[name]] = value
+            else:
+                inputs[vehicle.inputs.index(name)] = value
         return Trims(start, controls, values, inputs, rows)
 
-    def residuals(self, x: FloatArray) -> FloatArray:
-        """Return accelerations (r, B), m/s2 and rad/s2, and the climb angle's error."""
-        vehicle, found = self.at.vehicle, self.trims(x)
+    def residuals(self, x: FloatArray, lanes: Lanes = ALL) -> FloatArray:
+        """Return accelerations (r, B), m/s2 and rad/s2, and of powered flight the climb angle's error."""
+        balance, climb = self.balance(self.trims(x, lanes))
+        return np.vstack([balance, climb - math.sin(self.at.climb_angle)]) if self.powered else balance
+
+    def balance(self, found: Trims) -> tuple[FloatArray, FloatArray]:
+        """Return accelerations (r, B), m/s2 and rad/s2, and the sine of the flight-path angle (B,)."""
+        vehicle = self.at.vehicle
         states = initial_states(vehicle, found.start, found.rows, found.inputs)
         rates, _ = vehicle.kernel().evaluate(found.rows, states, np.ascontiguousarray(found.inputs))
         balanced = [i for i, s in enumerate(vehicle.states) if s in ("u", "v", "w", "p", "q", "r")]
-        climb = rates[vehicle.states.index("h")] / self.at.airspeed - math.sin(self.at.climb_angle)
-        return np.vstack([rates[balanced], climb])
+        return rates[balanced], rates[vehicle.states.index("h")] / found.start["V"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -368,7 +401,11 @@ class OnRotors(SteadyFlight):
         """Solve from a level hover."""
         vehicle, level = at.vehicle, level_channels(at)
         mixing = allocation(vehicle, effects(vehicle, {"h": at.altitude}, level, numbers))
-        point, area = cls(at, numbers, level, mixing).solved([[0.0] * 6], 300), channel_range(vehicle)
+        flight, area = (
+            cls(at, numbers, parameter_rows(vehicle, numbers), level, mixing),
+            channel_range(vehicle),
+        )
+        point = flight.solved([[0.0] * 6], 300)
         if not point.residual < TOLERANCE:
             raise SimulationError(
                 f"{vehicle.where}: no steady flight found at {np.linalg.norm(at.velocity - at.wind):g} m/s through the air "
@@ -386,10 +423,10 @@ class OnRotors(SteadyFlight):
             )
         return point
 
-    def trims(self, x: FloatArray) -> Trims:
-        """Return the flights of scaled vectors (m, B), their residuals still open."""
+    def trims(self, x: FloatArray, lanes: Lanes = ALL) -> Trims:
+        """Return the flights of scaled vectors (m, B) of some lanes, their residuals still open."""
         at, area, count = self.at, channel_range(self.at.vehicle), x.shape[1]
-        phi, theta, *wanted = x * _ROTOR_SCALES[:, None]
+        phi, theta, *wanted = x * ROTOR_SCALES[:, None]
         inputs = np.repeat(self.level[:, None], count, axis=1)
         inputs[area.columns] += self.mixing @ np.array(wanted)
         rotation = matrices_of_angles(np.stack([phi, theta, np.full(count, at.heading)], axis=1))
@@ -399,11 +436,11 @@ class OnRotors(SteadyFlight):
         start |= {"phi": phi, "theta": theta, "psi": at.heading, "h": at.altitude}
         neutral = dict.fromkeys(at.vehicle.controls, 0.0)
         thrust = dict(zip(area.names, inputs[area.columns], strict=True))
-        return Trims(start, neutral, thrust, inputs, parameter_rows(at.vehicle, self.numbers, count))
+        return Trims(start, neutral, thrust, inputs, self.lane_rows(count, lanes))
 
-    def residuals(self, x: FloatArray) -> FloatArray:
+    def residuals(self, x: FloatArray, lanes: Lanes = ALL) -> FloatArray:
         """Return accelerations (6, B), m/s2 and rad/s2."""
-        found = self.trims(x)
+        found = self.trims(x, lanes)
         return accelerations(self.at.vehicle, found.start, found.inputs, found.rows)
 
 

@@ -15,7 +15,7 @@ from stoop.estimate.fit import Options
 from stoop.propagation.propagation import propagate_draws
 from stoop.propagation.rotor_figures import rotor_figures
 from stoop.propagation.wing_figures import Domain, wing_figures
-from stoop.propagation.wings import Wings
+from stoop.propagation.wings import level_flight, linear_flights, steady_flights
 from stoop.simulation import linearize, trim
 from stoop.simulation.initial import parameter_rows
 from stoop.simulation.linearize import modes_of
@@ -106,9 +106,9 @@ def twin(seed: int) -> float:
     vehicle, draws = drawn(truth, tuple(scenes.coefficients(truth)), rng)
     some = draws.values[:TWINS]
     rows = parameter_rows(vehicle, dict(zip(draws.names, some.T, strict=True)), TWINS)
-    wings = Wings.of(vehicle, rows, WING.altitude, WING.density)
-    at = wings.steady(np.full(TWINS, WING.reference))
-    linear, worst = wings.linear(at), 0.0
+    flight = level_flight(vehicle, rows, WING.altitude, WING.density)
+    at = steady_flights(flight, {"V": np.full(TWINS, WING.reference)})
+    linear, worst = linear_flights(flight, at), 0.0
     for i, one in enumerate(some):
         numbers = {n: {"value": float(v)} for n, v in zip(draws.names, one, strict=True)}
         single = vehicle.with_numbers(numbers)

@@ -13,7 +13,7 @@ from stoop.errors import SimulationError
 from stoop.propagation.aerodynamics import lift_maximum, static_margin
 from stoop.propagation.propagation import propagate_draws
 from stoop.propagation.wing_figures import Domain, peak_of
-from stoop.propagation.wings import Wings
+from stoop.propagation.wings import level_flight, linear_flights, steady_flights
 from stoop.simulation import linearize, trim
 from stoop.simulation.initial import parameter_rows
 from stoop.vehicle import Vehicle, load_vehicle
@@ -50,9 +50,9 @@ def test_draws_are_those_of_one_at_a_time(name: str, request: pytest.FixtureRequ
     names += ("controls.aileron.lag",) if name == "vtail" else ()
     draws = spread(vehicle, names, 3)
     rows = parameter_rows(vehicle, dict(zip(names, draws.values.T, strict=True)), 3)
-    wings = Wings.of(vehicle, rows, 200.0, DENSITY)
-    at = wings.steady(np.full(3, speed))
-    linear = wings.linear(at)
+    flight = level_flight(vehicle, rows, 200.0, DENSITY)
+    at = steady_flights(flight, {"V": np.full(3, speed)})
+    models = linear_flights(flight, at)
     assert at.flies.all()
     for i, values in enumerate(draws.values):
         numbers = {n: {"value": float(v)} for n, v in zip(names, values, strict=True)}
@@ -64,10 +64,10 @@ def test_draws_are_those_of_one_at_a_time(name: str, request: pytest.FixtureRequ
             assert at.deflections[control][i] == pytest.approx(value, abs=1e-8)
         for thrust, value in point.thrust.items():
             assert at.thrust[thrust][i] == pytest.approx(value, rel=1e-7)
-        assert linear.names == theirs.states
-        assert np.allclose(linear.A[i], theirs.A, atol=1e-6 * np.abs(theirs.A).max())
-        for control, effect in linear.effects.items():
-            if f"{control}.lag" not in linear.names:
+        assert models.names == theirs.states
+        assert np.allclose(models.A[i], theirs.A, atol=1e-6 * np.abs(theirs.A).max())
+        for control, effect in models.effects.items():
+            if f"{control}.lag" not in models.names:
                 column = theirs.B[:, theirs.inputs.index(control)]
                 assert np.allclose(effect[i], column, atol=1e-6 * np.abs(column).max())
 
