@@ -26,7 +26,6 @@ from functools import partial
 from typing import Any, Final
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from stoop.assessment.covariance import NORMAL_95
 from stoop.assessment.free_response import free_response, measured_mode
@@ -39,7 +38,15 @@ from stoop.estimate.predict import identified_vehicle
 from stoop.problem.observation import observation_model
 from stoop.results.modes import ConditionModes, DerivedValue, MeasuredMode, ModeEstimate, StateEquations
 from stoop.simulation import Trim, trim
-from stoop.simulation.linearize import Mode, linear_models, model_inputs, modes_of
+from stoop.simulation.linearize import (
+    INTEGRATORS,
+    REAL,
+    Mode,
+    linear_models,
+    model_inputs,
+    modes_of,
+    tracked_eigenvalues,
+)
 from stoop.simulation.trim import Trims, neighbors
 from stoop.vehicle import Vehicle
 
@@ -47,10 +54,8 @@ DRAWS: Final = 1000
 OTHER_CHARACTER: Final = 0.025  #: of the draws: an end of the 95 % interval may lie among them
 SPREAD_RATIO: Final = 1.25  #: by which the draws may spread more or less than the derivatives say
 STEP: Final = 1e-4  #: of a parameter's scale, for central differences of A: error of the order 1e-8
-INTEGRATORS: Final = ("psi", "h")  #: states that nothing depends on, or next to nothing
 #: of an eigenvalue: an unknown parameter that may change it by less (by rounding, by a trim with sideslip) does not matter
 MIN_EFFECT: Final = 1e-3
-REAL: Final = 1e-9  #: 1/s; a smaller imaginary part is rounding
 QUANTITIES: Final = ("real", "imag", "frequency", "damping", "time_constant")  #: that describe a mode
 SAME_CONDITION: Final = 0.05  #: of airspeed and density, between maneuvers flown at one condition
 
@@ -134,13 +139,12 @@ def mode_estimates(
     A parameter of infinite variance makes a mode unknown that it could change by :data:`MIN_EFFECT`.
     """
     lost, known = _known(covariance)
-    # eigenvalues (draws, n) of draws of the parameters, each in the place of its nearest of A
     power, basis = np.linalg.eigh(0.5 * (known + known.T))
     spread = basis * np.sqrt(np.maximum(power, 0.0))
     steps = np.random.default_rng(seed).standard_normal((DRAWS, len(power))) @ spread.T
-    values = np.linalg.eigvals(linearized.A + np.tensordot(steps, linearized.derivative, 1)).astype(complex)
-    base, out = np.linalg.eigvals(linearized.A).astype(complex), []
-    drawn = np.array([row[linear_sum_assignment(np.abs(base[:, None] - row))[1]] for row in values])
+    lanes = linearized.A + np.tensordot(steps, linearized.derivative, 1)
+    base, *drawn = tracked_eigenvalues(np.concatenate([linearized.A[None], lanes]))
+    draws, out = np.array(drawn), []
     for mode in (m for m in modes_of(linearized.A, linearized.names) if not m.name.endswith(".lag")):
         gradient = linearized.gradient(mode.eigenvalue)
         matters = np.abs(gradient) * linearized.room > MIN_EFFECT * abs(mode.eigenvalue)
@@ -155,7 +159,7 @@ def mode_estimates(
             s = mode.eigenvalue
             pair = [s] if abs(s.imag) <= REAL else [s, s.conjugate()]
             places = [int(np.argmin(np.abs(base - one))) for one in pair]
-            out.append(_estimated(mode, gradient, known, drawn[:, places]))
+            out.append(_estimated(mode, gradient, known, draws[:, places]))
     return tuple(out)
 
 

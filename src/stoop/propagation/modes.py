@@ -2,17 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Final
-
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from stoop.base.arrays import BoolArray, ComplexArray, FloatArray
 from stoop.propagation.quantities import Samples
-from stoop.simulation.linearize import modes_of
-
-INTEGRATORS: Final = ("psi", "h")  #: states that nothing depends on, or next to nothing
-REAL: Final = 1e-9  #: 1/s; a smaller imaginary part is rounding
+from stoop.simulation.linearize import INTEGRATORS, REAL, modes_of, tracked_eigenvalues
 
 
 def mode_samples(A: FloatArray, names: tuple[str, ...]) -> tuple[list[Samples], dict[str, float]]:
@@ -22,24 +16,17 @@ def mode_samples(A: FloatArray, names: tuple[str, ...]) -> tuple[list[Samples], 
     and damping of their product; one whose real mode has joined another is counted.
     """
     keep = [i for i, n in enumerate(names) if n not in INTEGRATORS]
-    matrices = A[:, keep][:, :, keep]
-    good = np.asarray(np.isfinite(matrices).all(axis=(1, 2)))
-    if not good[0]:
+    values, out, other = tracked_eigenvalues(A[:, keep][:, :, keep]), list[Samples](), dict[str, float]()
+    kept = np.asarray(np.isfinite(values).all(axis=1))
+    if not kept[0]:
         return [], {}
-    values = np.full(matrices.shape[:2], np.nan, dtype=complex)
-    values[good] = np.linalg.eigvals(matrices[good])
-    base, kept = values[0], np.flatnonzero(good)
-    for i in kept:  # each in the place of its nearest
-        distance = np.abs(base[:, None] - values[i])
-        values[i] = values[i][linear_sum_assignment(distance)[1]]
-    out, other = [], {}
     for mode in modes_of(A[0], names):
         if mode.name.endswith(".lag"):
             continue
         s = mode.eigenvalue
         oscillates = abs(s.imag) > REAL
         ends = [s, s.conjugate()] if oscillates else [s]
-        drawn = values[:, [int(np.argmin(np.abs(base - one))) for one in ends]]
+        drawn = values[:, [int(np.argmin(np.abs(values[0] - one))) for one in ends]]
         changed = oscillation(drawn) != oscillates
         share = float(np.mean(changed[kept]))
         if share > 0.0:

@@ -9,11 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
-from stoop.base.arrays import FloatArray
+from stoop.base.arrays import ComplexArray, FloatArray
 from stoop.base.dual import Dual
 from stoop.base.notices import Notice, notice
 from stoop.base.variables import EULER
@@ -24,6 +24,8 @@ from stoop.simulation.trim import Trim, Trims
 from stoop.vehicle import Vehicle
 from stoop.vehicle.arrays import array_equations, euler_angles, flow_angles
 
+INTEGRATORS: Final = ("psi", "h")  #: states that nothing depends on, or next to nothing
+REAL: Final = 1e-9  #: 1/s; a smaller imaginary part is rounding
 _MINIMAL = {
     "full": ("V", "alpha", "beta", "p", "q", "r", "phi", "theta", "psi", "h"),
     "longitudinal": ("V", "alpha", "q", "theta", "h"),
@@ -173,7 +175,7 @@ def _delays(vehicle: Vehicle, inputs: tuple[str, ...], values: FloatArray) -> tu
 
 def modes_of(A: FloatArray, names: tuple[str, ...]) -> tuple[Mode, ...]:
     """Name the modes by the states that take part in them."""
-    keep = [i for i, n in enumerate(names) if n not in ("psi", "h")]  # pure integrators of the rest
+    keep = [i for i, n in enumerate(names) if n not in INTEGRATORS]
     values, vectors = np.linalg.eig(A[np.ix_(keep, keep)])
     try:
         left = np.linalg.inv(vectors)
@@ -188,8 +190,24 @@ def modes_of(A: FloatArray, names: tuple[str, ...]) -> tuple[Mode, ...]:
         frequency = float(abs(s))
         damping = float(-s.real / frequency) if frequency else 1.0
         constant = float(-1.0 / s.real) if s.real else np.inf
-        found.append(Mode(_mode_name(weights, abs(s.imag) > 1e-9), complex(s), frequency, damping, constant))
+        found.append(Mode(_mode_name(weights, abs(s.imag) > REAL), complex(s), frequency, damping, constant))
     return tuple(sorted(found, key=lambda m: -m.frequency))
+
+
+def tracked_eigenvalues(A: FloatArray) -> ComplexArray:
+    """Return the eigenvalues (B, n) of matrices (B, n, n), each in the place of the nearest of the first.
+
+    Those of a matrix that is not finite are NaN; so are all where the first is not finite.
+    """
+    from scipy.optimize import linear_sum_assignment
+
+    values = np.full(A.shape[:2], np.nan, dtype=complex)
+    finite = np.flatnonzero(np.isfinite(A).all(axis=(1, 2)))
+    if finite.size and finite[0] == 0:
+        values[finite] = np.linalg.eigvals(A[finite])
+        for i in finite:
+            values[i] = values[i][linear_sum_assignment(np.abs(values[0][:, None] - values[i]))[1]]
+    return values
 
 
 def _mode_name(weights: dict[str, float], oscillates: bool) -> str:
