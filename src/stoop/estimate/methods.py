@@ -87,6 +87,12 @@ _METHODS: Final[dict[str, Method]] = {
         "likewise, on the Fourier coefficients of a band",
         simulates=False,
     ),
+    "two-stage": Method(
+        "stoop.estimate.two_stage:two_stage",
+        REGRESSION,
+        "aircraft: flight path first, then forces and moments along it",
+        simulates=False,
+    ),
 }
 
 

@@ -14,10 +14,10 @@ V. Klein and E. A. Morelli, *Aircraft System Identification: Theory and Practice
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from typing import Any, ClassVar, Final
+from typing import Any, ClassVar, Final, Self
 
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
@@ -141,12 +141,14 @@ def _parsed(term: str, names: frozenset[str]) -> Any:
     return terms.parse(term, names, "term")
 
 
-def histories(vehicle: Vehicle, piece: Piece) -> tuple[History, ...]:
+def histories(
+    vehicle: Vehicle, piece: Piece, motion_of: Callable[[Vehicle, Piece], Motion] = Motion.of
+) -> tuple[History, ...]:
     """Return the coefficient histories of every complete stretch of a piece that is long enough."""
     present = complete(vehicle, piece)
     if not present.any():
         return ()
-    motion = Motion.of(vehicle, piece)
+    motion = motion_of(vehicle, piece)
     shortest, edges = max(MIN_SAMPLES, round(0.5 * MIN_SEGMENT / piece.dt)), np.cumsum([0, *present])
     stretches = [slice(edges[a], edges[b]) for a, b in runs(present) if b - a >= shortest]
     rates, time = [motion.states[c] for c in RATES if c in vehicle.outputs], piece.time[motion.samples]
@@ -238,7 +240,7 @@ class AircraftEquations(Equations):
         return tuple(name for name in free if not name.endswith(".bias"))
 
     @classmethod
-    def of(cls, layout: Layout, pieces: Sequence[Piece]) -> AircraftEquations:
+    def of(cls, layout: Layout, pieces: Sequence[Piece]) -> Self:
         """Return the equations of measured maneuvers."""
         if not any("." not in p.name for p in layout.parameters):
             return cls(layout, ())

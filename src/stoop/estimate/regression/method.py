@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property, partial
@@ -18,6 +18,7 @@ from stoop.estimate.estimate import Estimate, simulation_inflation
 from stoop.estimate.fit import SHORT, Options, estimation_problem
 from stoop.estimate.noise import channel_residuals, noise_variance
 from stoop.estimate.regression import kind_of
+from stoop.estimate.regression.aircraft import AircraftEquations
 from stoop.estimate.regression.least_squares import (
     Domain,
     Equations,
@@ -27,6 +28,7 @@ from stoop.estimate.regression.least_squares import (
     estimate,
 )
 from stoop.estimate.regression.linear_problem import LinearProblem
+from stoop.estimate.regression.rotors import RotorEquations
 from stoop.estimate.shooting_windows import outputs_by_window
 from stoop.flight import Flight
 from stoop.optimize.ledger import Evaluations, Halt
@@ -134,12 +136,13 @@ def regression(
     options: Options,
     *_: Any,
     domain: Domain,
+    kinds: Callable[[Vehicle], type[AircraftEquations] | type[RotorEquations]] = kind_of,
 ) -> RegressionEstimate:
     """Fit the free numbers to measured accelerations; a method of `stoop.estimate.methods` for each domain.
 
     An IdentificationError says where the motion was nowhere measured completely, or what is for aircraft only.
     """
-    kind = kind_of(vehicle)
+    kind = kinds(vehicle)
     if domain.name not in kind.explanations:
         raise IdentificationError(
             f"{vehicle.where}: frequency-domain regression is for aircraft; use --method equation-error or multiple-shooting"

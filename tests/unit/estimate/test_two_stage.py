@@ -1,0 +1,116 @@
+"""Two stages: known truth comes back within its intervals where noise of a vane misleads equation error."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from stoop.assessment.error_bars import error_bars
+from stoop.base.arrays import FloatArray
+from stoop.errors import IdentificationError
+from stoop.estimate import methods
+from stoop.estimate.estimate import Estimate
+from stoop.estimate.fit import Options
+from stoop.estimate.regression.aircraft import Motion
+from stoop.estimate.two_stage import reconstructed
+from stoop.flight import Flight
+from stoop.problem.prepare import prepare
+from stoop.problem.windows import Window
+from stoop.simulation.fly import simulate_flight
+from stoop.simulation.maneuver import parse_maneuver
+from stoop.vehicle import Vehicle, parse_vehicle
+from stoop.vehicle.builtin import resolve_vehicle
+
+COEFFICIENTS = ("CL0", "CLalpha", "Cm0", "Cmalpha", "Cmq", "Cmelevator")
+WINDOW = Window("sim", 0.0, 10.0)
+FLIGHTS = 10
+MANEUVER = """
+duration = 10.0
+rate = 50.0
+noise = { alpha = 0.015 }
+[[input]]
+control = "elevator"
+shape = "3-2-1-1"
+start = 0.5
+step = 0.4
+amplitude = 0.05
+[[input]]
+control = "elevator"
+shape = "doublet"
+start = 5.0
+step = 0.6
+amplitude = 0.04
+"""
+BIASES = """
+[sensors.q]
+bias = { value = 0.0, free = true, prior = 0.01 }
+[sensors.az]
+bias = { value = 0.0, free = true, prior = 0.1 }
+"""
+TRUTH = {"sensors.q.bias": 0.008, "sensors.az.bias": 0.1}
+
+
+@pytest.fixture(scope="module")
+def vehicle() -> Vehicle:
+    full = parse_vehicle(resolve_vehicle("twin-boom").text + BIASES, "biased").reduced("longitudinal")
+    free = (*COEFFICIENTS, "CD0", *TRUTH)
+    return full.with_numbers(
+        {p.name: {"free": False} for p in full.parameters if p.free and p.name not in free}
+    )
+
+
+def flown(vehicle: Vehicle, seed: int, maneuver: str = MANEUVER, noise: bool = True) -> Flight:
+    true = vehicle.with_numbers({name: {"value": x} for name, x in TRUTH.items()})
+    return simulate_flight(true, parse_maneuver(maneuver, "m"), seed=seed, noise=noise, name="sim")
+
+
+def fitted(method: str, vehicle: Vehicle, flight: Flight) -> Estimate:
+    found: Estimate = methods.find(method).fitter()(
+        vehicle, {"sim": flight}, [WINDOW], Options(method=method), None, None
+    )
+    return found
+
+
+def errors(method: str, vehicle: Vehicle) -> tuple[FloatArray, FloatArray]:
+    """Return the errors (flights, k) of the coefficients over their size, and over their standard errors."""
+    shares, scores = [], []
+    for seed in range(FLIGHTS):
+        found = fitted(method, vehicle, flown(vehicle, seed))
+        std = dict(zip(found.estimates, error_bars(found).std, strict=False))
+        away = np.array([found.estimates[n] - vehicle.value(n) for n in COEFFICIENTS])
+        shares.append(away / [abs(vehicle.value(n)) for n in COEFFICIENTS])
+        scores.append(away / [std[n] for n in COEFFICIENTS])
+    return np.array(shares), np.array(scores)
+
+
+def test_known_truth_comes_back_within_its_intervals(vehicle: Vehicle) -> None:
+    """Of 60 intervals at 95 %, 50 hold the truth but for a chance of 1e-3; output error is the yardstick."""
+    share, score = errors("two-stage", vehicle)
+    best, _ = errors("output-error", vehicle)
+    misled, refuted = errors("equation-error", vehicle)
+    assert np.sum(np.abs(score) < 1.96) >= 50
+    assert np.sum(np.abs(refuted) < 1.96) < 30
+    rms, least, most = (np.sqrt(np.mean(x**2, axis=0)) for x in (share, best, misled))
+    assert (rms < 0.1).all()
+    assert (rms < 5.0 * least).all()
+    assert (rms < 0.6 * most).all()
+
+
+def test_states_and_biases_are_reconstructed(vehicle: Vehicle) -> None:
+    """Against the flight without noise: the vane's noise of 0.015 rad is filtered to a tenth."""
+    silent = vehicle.with_numbers({name: {"value": 0.0} for name in TRUTH})
+    true = simulate_flight(silent, parse_maneuver(MANEUVER, "m"), noise=False, name="sim")
+    (piece,) = prepare(vehicle, {"sim": flown(vehicle, 1)}, [WINDOW]).pieces
+    noise = {c: getattr(vehicle.file.sensors, c).sigma for c in vehicle.outputs} | {"alpha": 0.015}
+    found, measured = reconstructed(vehicle, piece, noise), Motion.of(vehicle, piece)
+    alpha = true.column("alpha")[measured.samples]
+    assert np.sqrt(np.mean((measured.states["alpha"] - alpha) ** 2)) == pytest.approx(0.015, rel=0.1)
+    assert np.sqrt(np.mean((found.states["alpha"] - alpha) ** 2)) < 0.0015
+    bias = np.mean(measured.states["q"] - found.states["q"])
+    assert bias == pytest.approx(TRUTH["sensors.q.bias"], abs=1e-3)
+
+
+def test_rotors_are_refused_with_the_methods_that_take_them() -> None:
+    vehicle = resolve_vehicle("quad-x")
+    with pytest.raises(IdentificationError, match="two-stage is for aircraft; use --method"):
+        methods.find("two-stage").fitter()(vehicle, {}, [WINDOW], Options(method="two-stage"))
