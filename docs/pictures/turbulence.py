@@ -12,7 +12,7 @@ from pictures.registry import picture
 from pictures.sketch import BLUE, GREEN, ORANGE, SOFT, VIOLET, plots
 from stoop.base.arrays import FloatArray
 from stoop.simulation.initial import initial_states, parameter_rows
-from stoop.simulation.trim import trim
+from stoop.simulation.steady_flight import trim
 from stoop.vehicle.arrays import array_equations
 from stoop.vehicle.builtin import builtin_text
 from stoop.vehicle.load import parse_vehicle

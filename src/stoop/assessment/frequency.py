@@ -22,7 +22,7 @@ from stoop.base.notices import Notice, notice
 from stoop.results.result import Result
 from stoop.simulation import LinearModel, Trim
 from stoop.simulation.linearize import linearize, linearize_lanes
-from stoop.simulation.trim import neighbors
+from stoop.simulation.steady_flight import neighbors
 from stoop.vehicle import Vehicle
 
 DRAWS: Final = 100  #: a standard deviation is known to 7 %

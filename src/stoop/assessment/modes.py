@@ -47,7 +47,8 @@ from stoop.simulation.linearize import (
     modes_of,
     tracked_eigenvalues,
 )
-from stoop.simulation.trim import Trims, neighbors
+from stoop.simulation.steady_flight import neighbors
+from stoop.simulation.trim import Trims
 from stoop.vehicle import Vehicle
 
 DRAWS: Final = 1000

@@ -57,7 +57,7 @@ def linearize_arguments(parser: argparse.ArgumentParser) -> None:
 def _trimmed(arguments: argparse.Namespace) -> tuple[Vehicle, Trim, str]:
     """Return the vehicle, the steady flight that the command line asks for, and that in words."""
     from stoop.simulation import trim
-    from stoop.simulation.trim import steady_flight
+    from stoop.simulation.steady_flight import steady_flight
     from stoop.vehicle.builtin import resolve_vehicle
     from stoop.vehicle.schema import Quantity
 

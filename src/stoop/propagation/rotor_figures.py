@@ -16,15 +16,8 @@ from stoop.propagation.quantities import Curve, Samples, curve
 from stoop.propagation.wing_figures import FEW, SPEEDS, Domain, Found, Grouped, stretches
 from stoop.simulation.newton import solve
 from stoop.simulation.rotors import accelerations, allocation, channel_range, effects
-from stoop.simulation.trim import (
-    ROTOR_SCALES,
-    TOLERANCE,
-    Conditions,
-    OnRotors,
-    Trims,
-    level_channels,
-    neutral_inputs,
-)
+from stoop.simulation.steady_flight import ROTOR_SCALES, TOLERANCE, Conditions, OnRotors, level_channels
+from stoop.simulation.trim import Trims, neutral_inputs
 from stoop.vehicle import Vehicle
 
 FASTER: Final = 0.5  #: m/s; faster than what was flown by less is within

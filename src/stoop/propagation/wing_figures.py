@@ -16,7 +16,7 @@ from stoop.propagation.aerodynamics import lift_maximum, static_margin
 from stoop.propagation.modes import mode_samples
 from stoop.propagation.quantities import Curve, Samples, curve
 from stoop.propagation.wings import Linear, Steady, level_flight, linear_flights, steady_flights
-from stoop.simulation.trim import THRUST, WING_ANGLES, OnWings
+from stoop.simulation.steady_flight import THRUST, WING_ANGLES, OnWings
 from stoop.vehicle import Vehicle
 from stoop.vehicle.defaults import full_command
 

@@ -12,7 +12,8 @@ from stoop.base.arrays import BoolArray, FloatArray
 from stoop.simulation.initial import commanded
 from stoop.simulation.linearize import linear_models
 from stoop.simulation.newton import solve
-from stoop.simulation.trim import TOLERANCE, WING_ANGLES, Conditions, OnWings, neutral_inputs
+from stoop.simulation.steady_flight import TOLERANCE, WING_ANGLES, Conditions, OnWings
+from stoop.simulation.trim import neutral_inputs
 from stoop.vehicle import Vehicle
 from stoop.vehicle.defaults import full_command
 

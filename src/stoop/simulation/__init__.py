@@ -2,7 +2,8 @@
 
 from stoop.simulation.initial import START_NAMES, initial_states, parameter_rows
 from stoop.simulation.linearize import LinearModel, Mode, linearize
-from stoop.simulation.trim import Trim, trim
+from stoop.simulation.steady_flight import trim
+from stoop.simulation.trim import Trim
 
 __all__ = [
     "START_NAMES",

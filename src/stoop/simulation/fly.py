@@ -20,8 +20,9 @@ from stoop.simulation.initial import commanded, initial_states, parameter_rows, 
 from stoop.simulation.maneuver import Maneuver, check_maneuver, load_maneuver
 from stoop.simulation.on_rotors import fly_on_rotors
 from stoop.simulation.rotors import channel_range
+from stoop.simulation.steady_flight import OnRotors, OnWings, SteadyFlight, steady_flight, trim
 from stoop.simulation.trajectories import Flown
-from stoop.simulation.trim import OnRotors, OnWings, SteadyFlight, Trim, inputs_about, steady_flight, trim
+from stoop.simulation.trim import Trim, inputs_about
 from stoop.vehicle import Vehicle
 from stoop.vehicle.defaults import WIND_NUMBERS
 from stoop.vehicle.schema import CHANNELS, WIND

@@ -37,7 +37,7 @@ from stoop.base.schema_errors import first_complaint
 from stoop.base.toml import parse_source, read_source
 from stoop.errors import ManeuverError
 from stoop.simulation.rotors import EXCITATIONS, SETPOINTS
-from stoop.simulation.trim import SteadyFlight, steady_flight
+from stoop.simulation.steady_flight import SteadyFlight, steady_flight
 from stoop.vehicle import Vehicle
 from stoop.vehicle.schema import Number, Table
 

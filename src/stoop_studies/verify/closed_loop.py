@@ -20,7 +20,8 @@ from stoop.simulation import parameter_rows, trajectories
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.initial import initial_states
 from stoop.simulation.maneuver import Maneuver
-from stoop.simulation.trim import inputs_about, trim
+from stoop.simulation.steady_flight import trim
+from stoop.simulation.trim import inputs_about
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop_studies.verify import scenes

@@ -11,7 +11,7 @@ from stoop.assessment.covariance import NORMAL_95
 from stoop.assessment.modes import Linearized, differentiated, mode_estimates, state_equation_estimates
 from stoop.simulation import trim
 from stoop.simulation.linearize import linearize, modes_of, state_matrix
-from stoop.simulation.trim import neighbors
+from stoop.simulation.steady_flight import neighbors
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 

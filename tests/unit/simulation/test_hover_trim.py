@@ -10,7 +10,8 @@ from stoop.errors import SimulationError
 from stoop.simulation import linearize, parameter_rows, trim
 from stoop.simulation.initial import initial_states
 from stoop.simulation.rotors import accelerations, channel_range, effects
-from stoop.simulation.trim import Trim, neighbors
+from stoop.simulation.steady_flight import neighbors
+from stoop.simulation.trim import Trim
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import builtin_vehicle
 
