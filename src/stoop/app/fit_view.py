@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import time
+from collections.abc import Mapping
 from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any, Final
@@ -19,6 +20,7 @@ from stoop.assessment.extensions import GIVEN
 from stoop.base.numbers import number
 from stoop.estimate import methods
 from stoop.results.result import Result, read_result
+from stoop.strategy import DECISIONS
 
 MAX_CHIPS: Final = 12  #: of one kind
 USUAL: Final = "chosen by the data"
@@ -68,10 +70,22 @@ class FitView(View):
         self._method = pn.widgets.Select(
             label="method", options=[USUAL, *methods.names()], width=190, margin=(0, 8, 4, 0)
         )
+        self._decisions = {
+            one.name: pn.widgets.Checkbox(
+                label=f"{one.name}: {one.question}", value=one.default, margin=(0, 12, 0, 0)
+            )
+            for one in DECISIONS
+        }
         self._why = parts.html()
         self._start = parts.button("Run the fit", self.act(self._run), "primary", align="end")
         self.body[:] = [
             pn.FlexBox(self._method, self._start, align_items="flex-end"),
+            pn.Card(
+                pn.Column(*self._decisions.values(), margin=0),
+                title="Decisions of the fit",
+                collapsed=True,
+                sizing_mode="stretch_width",
+            ),
             self._why,
             self._head,
             self._stage,
@@ -203,4 +217,16 @@ class FitView(View):
         )
 
     def _run(self) -> None:
-        self.project.identify([] if self._method.value == USUAL else ["--method", str(self._method.value)])
+        method = [] if self._method.value == USUAL else ["--method", str(self._method.value)]
+        self.project.identify(
+            [*method, *switches({n: bool(box.value) for n, box in self._decisions.items()})]
+        )
+
+
+def switches(chosen: Mapping[str, bool]) -> list[str]:
+    """Return the options of ``stoop identify`` with which a fit takes the chosen decisions."""
+    if not any(chosen.values()):
+        return ["--textbook"]
+    off = [one.name for one in DECISIONS if one.default and not chosen[one.name]]
+    extended = ["--extend"] if chosen["extensions"] else []
+    return [*extended, *(word for name in off for word in ("--without", name))]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
@@ -9,7 +10,9 @@ from functools import cache
 import numpy as np
 import pytest
 
+from stoop.app.fit_view import switches
 from stoop.base.notices import notice
+from stoop.cli.identify import add_arguments, strategy_of
 from stoop.errors import IdentificationError
 from stoop.estimate.fit import Options
 from stoop.estimate.fit import fit as output_error
@@ -183,3 +186,48 @@ def test_a_record_on_one_line() -> None:
     applied = DecisionRecord("bounds", "applied", "Clp at a bound", "bounds widened", 12.34, seconds=1.0)
     lines = decision_lines([applied, DecisionRecord("gusts"), DecisionRecord("faults", "off")])
     assert lines == ["bounds: bounds widened, log-likelihood +12.3, 1.0 s", "off: faults"]
+
+
+@pytest.mark.parametrize(
+    ("words", "names"),
+    [
+        ([], Strategy.default().names),
+        (["--textbook"], frozenset()),
+        (["--textbook", "--extend"], {"extensions"}),
+        (["--without", "bounds", "--without", "gusts"], Strategy.default().names - {"bounds", "gusts"}),
+        (["--only", "faults", "--only", "bounds"], {"faults", "bounds"}),
+    ],
+)
+def test_switches_of_the_command_line(words: list[str], names: frozenset[str]) -> None:
+    assert strategy_of(parsed(words)).names == names
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--textbook", "--without", "bounds"], "--textbook and --without: give one of them"),
+        (["--only", "bounds", "--without", "gusts"], "--only and --without: give one of them"),
+        (["--extend", "--without", "extensions"], "--extend and --without extensions contradict"),
+        (["--without", "bound"], "decision 'bound': not known; .*bounds"),
+    ],
+)
+def test_impossible_switches_are_one_line(words: list[str], said: str) -> None:
+    with pytest.raises(IdentificationError, match=said) as error:
+        strategy_of(parsed(words))
+    assert "\n" not in str(error.value)
+
+
+def test_the_app_writes_the_switches_that_give_the_checked_decisions() -> None:
+    for chosen in (
+        Strategy.default(),
+        Strategy.textbook(),
+        Strategy.default().without("bounds").including("extensions"),
+    ):
+        words = switches({one.name: one.name in chosen.names for one in DECISIONS})
+        assert strategy_of(parsed(words)).names == chosen.names
+
+
+def parsed(words: list[str]) -> argparse.Namespace:
+    parser = argparse.ArgumentParser()
+    add_arguments(parser)
+    return parser.parse_args(["a.ulg", "--vehicle", "twin-boom", "--maneuver", "0:5", "-o", "out", *words])
