@@ -46,11 +46,6 @@ CASES: Final[Mapping[str, Callable[[int], scenes.Scene]]] = {
     "quadrotor-wrong-mass": partial(defects.fly, "mass"),
 }
 FIGURES: Final = ("coverage", "bias", "log_likelihood", "theil", "seconds")
-SHOWN: Final = study.columns(
-    "without; applied:d=vehicles where it applied; coverage:+.3f; coverage_se:.3f=±; bias:+.2f=rms error, standard errors; "
-    "bias_se:.2f=±; log_likelihood:+.3f=log-likelihood held back, a sample; log_likelihood_se:.3f=±; theil:+.4f; "
-    "theil_se:.4f=±; seconds:+.1f; failed:d"
-)
 
 
 def strategies(default: Decided) -> Iterator[tuple[str, Strategy]]:
@@ -125,13 +120,10 @@ def show(setting: Setting, samples: study.Samples) -> Findings:
     ]
     every = [row for row in records if row["case"] == "every"]
     single = [row for row in every if " + " not in row["without"]]
-    pairs = [row for row in every if " + " in row["without"]]
     idle = sorted({one.name for one in DECISIONS} - {row["without"] for row in single})
     claims = [_claim(row) for row in single if row["without"] != "all"]
-    tables = [study.page_table(f"Without it less with it, {len(pooled)} vehicles", SHOWN, single)]
-    tables += [study.page_table("Pairs", SHOWN, pairs)] if pairs else []
     applied = holds("Every decision applied somewhere", not idle, f"never: {', '.join(idle) or 'none'}")
-    return Findings.of("What decisions are worth", [applied, *claims], tables, records)
+    return Findings.of("What decisions are worth", [applied, *claims], records, summary=every)
 
 
 def _rows(results: Sequence[Mapping[str, Any]]) -> Iterator[dict[str, Any]]:
