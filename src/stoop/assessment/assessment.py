@@ -27,6 +27,7 @@ from stoop.assessment.error_bars import ErrorBars, error_bars
 from stoop.assessment.uncertainty import method_agreement
 from stoop.base.arrays import FloatArray, IntArray
 from stoop.base.npz import read_arrays
+from stoop.base.text import duration
 from stoop.errors import IdentificationError
 from stoop.estimate import methods
 from stoop.estimate.estimate import Estimate
@@ -136,7 +137,8 @@ def refits(
     """Execute a campaign of refits, in a temporary store without a given one; each run counts as `unit` in the progress."""
 
     def report(done: Tally) -> None:
-        watch(f"{progress.format(done.done * unit, done.total * unit)} {done.note}".rstrip())
+        left = "" if done.seconds_left is None else f", {duration(done.seconds_left)} left"
+        watch(f"{progress.format(done.done * unit, done.total * unit)}{done.note and ' '}{done.note or left}")
 
     with tempfile.TemporaryDirectory(prefix="stoop-") as folder:
         return execute(plan, store or Path(folder) / "refits.sqlite", pool, report)

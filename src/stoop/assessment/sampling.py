@@ -26,6 +26,7 @@ improved R-hat for assessing convergence of MCMC", *Bayesian Analysis* 16(2), 20
 from __future__ import annotations
 
 import importlib
+import time
 import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -36,6 +37,7 @@ from scipy.special import expit
 
 from stoop.assessment.uncertainty import MAX_RHAT
 from stoop.base.arrays import FloatArray
+from stoop.base.text import remaining
 from stoop.errors import IdentificationError
 from stoop.kernels.kernel import thread_count
 
@@ -307,9 +309,11 @@ def ensemble(target: Density, coordinates: Coordinates, seed: int, watch: Watch)
         if steps:
             state = walk.run_mcmc(state, steps, skip_initial_state_check=True)
             reference = reference.fitted(walk.get_chain(discard=steps // 2, flat=True))
+    began = time.perf_counter()
     while walk.iteration < SAMPLER.max_steps:
         state = walk.run_mcmc(state, SAMPLER.steps_per_round, skip_initial_state_check=True)
-        watch(f"posterior: {walk.iteration} steps of every walker")
+        left = remaining(time.perf_counter() - began, walk.iteration, SAMPLER.max_steps)
+        watch(f"posterior: {walk.iteration} of at most {SAMPLER.max_steps} steps of every walker{left}")
         xi = np.swapaxes(walk.get_chain(), 0, 1)
         found, volume = coordinates.points(xi.reshape(-1, k))
         heights = walk.get_log_prob().T - volume.reshape(xi.shape[:2])

@@ -19,6 +19,7 @@ maneuvers as the test of error bars).
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from itertools import combinations
@@ -42,7 +43,7 @@ from stoop.assessment.maneuver_advice import advice, flown_model
 from stoop.assessment.verdict import CONFIRMED
 from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice, notice
-from stoop.base.text import enumerated
+from stoop.base.text import enumerated, remaining
 from stoop.errors import StoopError
 from stoop.estimate import methods
 from stoop.estimate.estimate import Estimate
@@ -256,8 +257,10 @@ def repeatability(
     fitter, stopped, remarks = methods.find(options.method).fitter(), False, list[Notice]()
     nothing = SingleEstimate(math.nan, math.nan, counted=False)
     singles = {p.name: [nothing] * len(windows) for p in layout.parameters}
+    began = time.perf_counter()
     for i, window in enumerate(windows):
-        watch(f"repeatability: {window}")
+        left = remaining(time.perf_counter() - began, i, len(windows))
+        watch(f"repeatability: {window}, {i + 1} of {len(windows)}{left}")
         try:
             own = None if stopped else fitter(layout.vehicle, flights, [window], options, None, None)
             stopped = own is None or own.outcome.status == "interrupted"

@@ -33,6 +33,18 @@ def nearest(name: str, among: Iterable[str], cutoff: float = 0.6) -> str:
     return f"the nearest of {len(choices)} names are {enumerated(close(0.0))}"
 
 
+def duration(seconds: float) -> str:
+    """Return a duration as 0:07, 12:30 or 3:05:00."""
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours}:{minutes:02d}:{rest:02d}" if hours else f"{minutes}:{rest:02d}"
+
+
+def remaining(seconds: float, done: float, total: float) -> str:
+    """Return the time left, such as ``, 0:30 left``, at the speed of the `seconds` so far; empty where it is not known."""
+    return f", {duration(seconds * (total - done) / done)} left" if 0.0 < done < total else ""
+
+
 def enumerated(names: Iterable[str]) -> str:
     """Return names as a phrase: ``a, b and c``."""
     *first, last = list(names) or ["none"]

@@ -14,11 +14,16 @@ from typing import Any, Final
 
 from stoop.base.text import show
 from stoop.cli.main import DEBUG_HELP, all_verbs, load_verb
-from stoop.cli.options import WINDOW
+from stoop.cli.options import PAGE, WINDOW
 
 SHELLS: Final = ("bash", "zsh", "fish")
 VEHICLE_NAMES: Final = ("vehicle", "subject")  #: arguments that take a vehicle file, or a built-in vehicle
-FILES: Final = ("PATH", "FILE|LINE", WINDOW)  #: what else takes a file; windows are also read from a file
+FILES: Final = (
+    "PATH",
+    PAGE,
+    "FILE|LINE",
+    WINDOW,
+)  #: what else takes a file; windows are also read from a file
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 from stoop.base.files import check_target, write_text_atomic
 from stoop.base.text import show
 from stoop.cli import options
-from stoop.cli.page import busy, page, words
+from stoop.cli.page import page, words
+from stoop.cli.progress import busy
 from stoop.errors import FlightError, ManeuverError, VehicleError
 from stoop.exporters.targets import TARGETS
 

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 from stoop.base.files import check_target, check_targets
 from stoop.cli import options
-from stoop.cli.page import busy, fixed, numbers, page, words
-from stoop.cli.progress import Watch
+from stoop.cli.page import fixed, numbers, page, words
+from stoop.cli.progress import Watch, busy
 from stoop.errors import FlightError
 
 if TYPE_CHECKING:
@@ -134,7 +134,7 @@ def rotors_arguments(parser: argparse.ArgumentParser) -> None:
     add("--chance", metavar="P", type=options.positive, default=CHANCE, help=chance)
     options.add_mapping(parser)
     options.add_output(
-        parser, "a page with the factors of all rotors and the flights", metavar="FILE", required=False
+        parser, "a page with the factors of all rotors and the flights", metavar=options.PAGE, required=False
     )
 
 

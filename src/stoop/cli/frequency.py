@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 from stoop.base.files import check_target
 from stoop.base.text import show
 from stoop.cli import options
-from stoop.cli.page import busy, fixed, numbers, page, points, to_json, words
+from stoop.cli.page import fixed, numbers, page, points, to_json, words
+from stoop.cli.progress import busy
 from stoop.errors import FlightError
 
 if TYPE_CHECKING:
@@ -27,7 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--input", help="control or channel, such as elevator (default: those that move)", **several)
     add("--channel", help="output, such as q (default: p q r ax ay az)", **several)
     add("--band", metavar="LOW:HIGH", help="rad/s (default: what the windows resolve, to 10 Hz at most)")
-    options.add_output(parser, "a page with Bode plots", metavar="PAGE.html", required=False)
+    options.add_output(parser, "a page with Bode plots", metavar=options.PAGE, required=False)
     add("--json", action="store_true", help="print JSON (SI units, rad, rad/s) instead of tables")
 
 

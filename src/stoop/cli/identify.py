@@ -226,7 +226,7 @@ def _identify(
     from stoop.workflow.outputs import place_outputs
 
     state = checkpoint.load() if arguments.resume else None
-    watch.count_from(0.0 if state is None else state.evaluations.trajectories)
+    watch.count_from(0.0 if state is None else state.evaluations.trajectories, arguments.budget)
 
     def see(progress: Progress) -> None:
         checkpoint.keep(progress.state)

@@ -15,7 +15,8 @@ from stoop.base.notices import of_severity
 from stoop.base.numbers import count
 from stoop.base.text import show
 from stoop.cli import options
-from stoop.cli.page import Page, alike, busy, fixed, numbers, page, points, shown_unit, to_json, words
+from stoop.cli.page import Page, alike, fixed, numbers, page, points, shown_unit, to_json, words
+from stoop.cli.progress import busy
 
 if TYPE_CHECKING:
     from stoop.flight import FlightSummary
@@ -32,7 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     options.add_flight(parser, "flight log", several=False)
     parser.add_argument("--json", action="store_true", help="print JSON (SI units, rad) instead of tables")
     options.add_output(
-        parser, "a page of the flight, as stoop look writes it", metavar="FILE", required=False
+        parser, "a page of the flight, as stoop look writes it", metavar=options.PAGE, required=False
     )
     saved = "also write the flight as it was read (one grid, SI, body axes), for other verbs and tools"
     parser.add_argument("--save", metavar="FLIGHT.nc", type=Path, help=saved)
@@ -155,7 +156,7 @@ def _show_channels(out: Page, rows: Sequence[ChannelRow]) -> None:
 def look_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `stoop look`."""
     options.add_flight(parser, "flight log", several=False)
-    options.add_output(parser, f"the page (default: {PAGE})", metavar="FILE", required=False)
+    options.add_output(parser, f"the page (default: {PAGE})", metavar=options.PAGE, required=False)
     parser.set_defaults(output=Path(PAGE))
 
 

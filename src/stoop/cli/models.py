@@ -9,7 +9,8 @@ from typing import Any, Final
 
 from stoop.base.files import check_targets
 from stoop.cli import options
-from stoop.cli.page import busy, fixed, numbers, page, words
+from stoop.cli.page import fixed, numbers, page, words
+from stoop.cli.progress import busy
 from stoop.errors import IdentificationError, StoopError
 
 HERE: Final = Path("stoop-demo")

@@ -25,6 +25,7 @@ VEHICLE_HELP: Final = f"vehicle file (TOML), or {BUILT_IN_HELP}"
 LOG_HELP: Final = (
     ".ulg, .bin, .log, .usd, .bbl, .nc, .mat, .parquet, .csv, a ROS bag, or a folder of CSV files"
 )
+PAGE: Final = "PAGE.html"
 WINDOW: Final = "[FLIGHT@]START:STOP[#LOADING]"
 HOVERING: Final = "the vehicle's reference; hover for a vehicle with rotors"
 SEVERAL: Final[dict[str, Any]] = {"nargs": "+", "action": "extend", "default": []}
@@ -111,8 +112,15 @@ def add_output(
 ) -> None:
     """Add the output folder or file, and the permission to replace what an earlier run has written there."""
     text = f"folder for {what}" if metavar == "DIR" else what
-    parser.add_argument("-o", "--output", metavar=metavar, type=Path, required=required, help=text)
+    kind = page_path if metavar == PAGE else Path
+    parser.add_argument("-o", "--output", metavar=metavar, type=kind, required=required, help=text)
     parser.add_argument("--overwrite", action="store_true", help=f"replace {replaced}")
+
+
+def page_path(text: str) -> Path:
+    """Return the file of a page: a name without an ending gets ``.html``, unless a folder has it."""
+    path = Path(text)
+    return path if path.suffix or path.is_dir() or not path.name else path.with_name(f"{path.name}.html")
 
 
 def add_verbose(parser: argparse.ArgumentParser, what: str) -> None:

@@ -8,8 +8,7 @@ import os
 import shlex
 import sys
 import textwrap
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 from typing import TYPE_CHECKING, Any, Final
@@ -201,19 +200,6 @@ def page() -> Page:
     from rich.console import Console
 
     return Page(Console(markup=False, highlight=False, emoji=False))
-
-
-@contextmanager
-def busy(what: str) -> Iterator[None]:
-    """Show on a terminal that work goes on; a pipe sees nothing of it."""
-    if not sys.stderr.isatty() or os.environ.get("TERM") == "dumb":
-        yield
-        return
-    from rich.console import Console
-    from rich.text import Text
-
-    with Console(stderr=True).status(Text(printable(what))):
-        yield
 
 
 def to_json(document: Mapping[str, Any]) -> str:

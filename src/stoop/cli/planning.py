@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import math
 import shlex
-import sys
+import time
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING, Any, Final
 from stoop.base.files import check_targets
 from stoop.base.notices import as_notice
 from stoop.base.numbers import count
-from stoop.base.text import enumerated, show
+from stoop.base.text import enumerated, remaining
 from stoop.base.variables import EULER, RATES
 from stoop.cli import options
-from stoop.cli.page import Page, busy, fixed, numbers, page, points, words
-from stoop.cli.progress import Watch
+from stoop.cli.page import Page, fixed, numbers, page, points, words
+from stoop.cli.progress import LiveLine, Watch, busy
 from stoop.errors import SimulationError, VehicleError
 from stoop.results.text import estimate_blocks
 from stoop.simulation.maneuver import unit_of
@@ -208,14 +208,20 @@ def design(arguments: argparse.Namespace) -> int:
         band=arguments.band, optimizer=arguments.optimizer, seed=arguments.seed,
     )  # fmt: skip
     families: list[str] = []
+    began: dict[str, float] = {}
 
-    def see(family: str, _: Any) -> None:
+    def see(family: str, progress: Any) -> None:
         if family not in families:
             families.append(family)
-            show(f"stoop: designing: {family}", sys.stderr)
+            began[family] = time.perf_counter()
+            live.warn(f"designing: {family}")
+        spent = progress.trajectories
+        left = remaining(time.perf_counter() - began[family], spent, plan.evaluations)
+        live.turn_to(f"designing: {family}, {spent:.0f} of {plan.evaluations} maneuvers{left}")
 
     setup = Setup(vehicle, steady, limits, knowledge, noise)
-    proposal = propose(setup, plan, shapes, see, source)
+    with LiveLine("designing") as live:
+        proposal = propose(setup, plan, shapes, see, source)
     flight = flight_files(proposal, target, throws) if target else {}
     write_proposal(proposal, folder, _command(arguments), arguments.overwrite, flight)
 

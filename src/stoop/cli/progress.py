@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import argparse
+import math
+import os
 import sys
 import time
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
-from stoop.base.text import printable, show
+from stoop.base.text import duration, printable, show
 from stoop.cli.options import at_least_one
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+
+    from rich.text import Text
 
     from stoop.optimize import Progress
     from stoop.parallel import Json, Plan, Pool, Tally
@@ -21,6 +26,20 @@ if TYPE_CHECKING:
 
 QUIET = 5.0  #: s between lines of a plain log
 INTERRUPTED = 130  #: exit code
+
+
+@dataclass(frozen=True)
+class Timed:
+    """A text beside the time since `began` (`time.perf_counter`), which goes on as the line is drawn."""
+
+    text: str
+    began: float
+
+    def __rich__(self) -> Text:
+        """Return the line as it is now."""
+        from rich.text import Text
+
+        return Text(f"{printable(self.text)}  [{duration(time.perf_counter() - self.began)}]")
 
 
 class LiveLine:
@@ -33,11 +52,10 @@ class LiveLine:
 
     def __enter__(self) -> Self:
         """Open the live line where there is a terminal."""
-        if sys.stderr.isatty():
+        if sys.stderr.isatty() and os.environ.get("TERM") != "dumb":
             from rich.console import Console
-            from rich.text import Text
 
-            self._status = Console(stderr=True).status(Text(printable(self._first)))
+            self._status = Console(stderr=True).status(Timed(self._first, self._began))
             self._status.start()
         return self
 
@@ -53,9 +71,7 @@ class LiveLine:
 
     def _update(self, work: str) -> None:
         if self._status is not None:
-            from rich.text import Text
-
-            self._status.update(Text(printable(work)))
+            self._status.update(Timed(work, self._began))
 
     def show(self, text: str, now: float, news: bool = False) -> None:
         """Show how far it is; in a log a line where there is news, or none was printed for some seconds."""
@@ -73,12 +89,17 @@ class LiveLine:
             show(line, sys.stderr)
 
 
+def busy(work: str) -> LiveLine:
+    """Return a line that shows on a terminal that work goes on; a pipe sees nothing of it."""
+    return LiveLine(work)
+
+
 class Watch(LiveLine):
     """Shows generation, cost and speed of a search."""
 
     def __init__(self, first: str = "estimating the weights", file: ProgressFile | None = None) -> None:
         super().__init__(first)
-        self._before, self._file = 0.0, file
+        self._before, self._budget, self._file = 0.0, math.inf, file
         if file is not None:
             file.turn_to(first)
 
@@ -98,9 +119,9 @@ class Watch(LiveLine):
         if self._file is not None:
             self._file.note(work)
 
-    def count_from(self, trajectories: float) -> None:
-        """Leave out of the speed what an earlier run has spent."""
-        self._before = trajectories
+    def count_from(self, trajectories: float, budget: float = math.inf) -> None:
+        """Leave out of the speed what an earlier run has spent; the search may spend a `budget` in all."""
+        self._before, self._budget = trajectories, budget
 
     def see(self, progress: Progress) -> None:
         """Show one generation."""
@@ -110,6 +131,9 @@ class Watch(LiveLine):
             f"generation {progress.state.generation}  {progress.event.kind}  cost {progress.cost:.6g}  "
             f"{progress.trajectories:.0f} trajectories  {speed:.0f}/s"
         )
+        left = (self._budget - progress.trajectories) / speed if speed > 0.0 else math.inf
+        if self._status is not None and math.isfinite(left):
+            text += f"  at most {duration(max(left, 0.0))} left"
         self.show(text, now)
 
 
@@ -129,17 +153,10 @@ class Display(LiveLine):
         if tally.note:
             parts.append(tally.note)
         elif tally.seconds_left is not None and tally.done < tally.total:
-            parts.append(f"{clock(tally.seconds_left)} left")
+            parts.append(f"{duration(tally.seconds_left)} left")
         news = tally.note not in ("", self._note) or (tally.done == tally.total and tally.seconds > QUIET)
         self._note = tally.note
         self.show(f"{self._first}: {', '.join(parts)}", time.perf_counter(), news)
-
-
-def clock(seconds: float) -> str:
-    """Return a duration as 0:07, 12:30 or 3:05:00."""
-    minutes, rest = divmod(round(seconds), 60)
-    hours, minutes = divmod(minutes, 60)
-    return f"{hours}:{minutes:02d}:{rest:02d}" if hours else f"{minutes}:{rest:02d}"
 
 
 def add_campaign_arguments(parser: argparse.ArgumentParser) -> None:

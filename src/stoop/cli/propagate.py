@@ -10,7 +10,8 @@ from typing import Final
 from stoop.base.files import check_target
 from stoop.base.text import show
 from stoop.cli import options
-from stoop.cli.page import busy, numbers, page, shown_unit, to_json, words
+from stoop.cli.page import numbers, page, shown_unit, to_json, words
+from stoop.cli.progress import busy
 from stoop.errors import SimulationError, StoopError
 
 SOURCES: Final = ("posterior", "covariance")
@@ -39,7 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add("--seed", metavar="N", type=options.count, default=0, help="seed of the draws (default: 0)")
     add("--json", action="store_true", help="print JSON (SI units, rad) instead of tables")
-    options.add_output(parser, "page with tables and fan plots", metavar="PAGE.html", required=False)
+    options.add_output(parser, "page with tables and fan plots", metavar=options.PAGE, required=False)
 
 
 def expressions_of(texts: list[str]) -> dict[str, str]:

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any, Final
 from stoop.base.files import check_target, write_text_atomic
 from stoop.base.text import show
 from stoop.cli import options
-from stoop.cli.page import blocks, busy, fixed, numbers, page, shown_unit, to_json, words
+from stoop.cli.page import blocks, fixed, numbers, page, shown_unit, to_json, words
+from stoop.cli.progress import busy
 from stoop.errors import SimulationError
 
 if TYPE_CHECKING:

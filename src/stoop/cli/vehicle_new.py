@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 from stoop.base.files import check_target, write_text_atomic
 from stoop.base.text import printable, show
 from stoop.cli import options
-from stoop.cli.page import busy, page
+from stoop.cli.page import page
+from stoop.cli.progress import busy
 
 if TYPE_CHECKING:
     from stoop.vehicle_draft.request import Evidence, Question, Request

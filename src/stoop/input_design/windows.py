@@ -7,6 +7,7 @@ the information at these estimates chooses, and the standard errors of the fit t
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -16,6 +17,7 @@ import numpy as np
 
 from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice, notice
+from stoop.base.text import remaining
 from stoop.base.variables import RATES
 from stoop.errors import FlightError
 from stoop.flight import Flight, Maneuver
@@ -381,8 +383,10 @@ def _about_vehicle(
             disjoint.append(one)
     kept, matrices = [], []
     model = linearization_point(vehicle, [p for _, p in disjoint], fitted.values)
-    for i, (candidate, problem) in enumerate(problems, 1):
-        tell(f"information of window {i} of {len(problems)}")
+    began = time.perf_counter()
+    for i, (candidate, problem) in enumerate(problems):
+        left = remaining(time.perf_counter() - began, i, len(problems))
+        tell(f"information of window {i + 1} of {len(problems)}{left}")
         matrix = model.information(problem)
         if matrix is not None:
             kept.append(candidate)

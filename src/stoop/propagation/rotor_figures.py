@@ -20,6 +20,9 @@ from stoop.simulation.steady_flight import ROTOR_SCALES, TOLERANCE, Conditions, 
 from stoop.simulation.trim import Trims, neutral_inputs
 from stoop.vehicle import Vehicle
 
+#: group of figures, and name of a curve, whose rad/s are speeds of rotors
+HOVER: Final = "Hover"
+ROTOR_COMMAND: Final = "mean rotor command"
 FASTER: Final = 0.5  #: m/s; faster than what was flown by less is within
 ANGULAR: Final = {"p": "roll", "q": "pitch", "r": "yaw"}
 RATES: Final = ("u", "v", "w", "p", "q", "r")
@@ -94,20 +97,20 @@ class _Study:
             self.notices.append(notice("propagate-no-hover", share=failed))
         unit = "1" if self.vehicle.drive == "command" else "rad/s"
         mean = "hover throttle" if unit == "1" else "rotor speed in hover"
-        yield "Hover", _samples(mean, unit, self.commands.mean(axis=0))
+        yield HOVER, _samples(mean, unit, self.commands.mean(axis=0))
         for name, command in zip(self.area.names, self.commands, strict=True):
-            yield "Hover", _samples(f"{name} in hover", unit, command)
+            yield HOVER, _samples(f"{name} in hover", unit, command)
         if np.isfinite(self.area.full).all():
             full = np.repeat(self.area.full[:, None], self.count, axis=1)
             gravity = self.rows[self.vehicle.rows["environment.gravity"]]
             lift = self._with_channels(full)[2] - self._with_channels(np.nan_to_num(self.commands))[2]
             # in hover lift is weight: what full command adds is the excess
-            yield "Hover", _samples("thrust over weight at full command", "1", 1.0 - lift / gravity)
+            yield HOVER, _samples("thrust over weight at full command", "1", 1.0 - lift / gravity)
         else:
             self.notices.append(notice("propagate-no-full-command"))
         if "rotors.lag" in self.vehicle.rows:
             lag = self.rows[self.vehicle.rows["rotors.lag"]]
-            yield "Hover", _samples("rotor time constant", "s", lag)
+            yield HOVER, _samples("rotor time constant", "s", lag)
 
     def authority(self) -> Iterator[Grouped]:
         """Yield the greatest angular accelerations from hover, all rotors within idle and full, the lift about kept."""
@@ -136,7 +139,7 @@ class _Study:
             low, high, share = float(where[0]), float(where[-1]), float(failed.max())
             self.notices.append(notice("propagate-no-trim", low=low, high=high, share=share))
         unit = "1" if self.vehicle.drive == "command" else "rad/s"
-        drawn = {"theta": ("rad", np.array(theta)), "mean rotor command": (unit, np.array(throttle))}
+        drawn = {"theta": ("rad", np.array(theta)), ROTOR_COMMAND: (unit, np.array(throttle))}
         return [curve(n, unit, speeds, v) for n, (unit, v) in drawn.items()]
 
 

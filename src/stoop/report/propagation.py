@@ -18,8 +18,10 @@ from stoop.base.numbers import (
     rounded_to_error,
     share,
 )
+from stoop.base.units import FACTORS
 from stoop.propagation.propagation import EXPRESSIONS, Propagation
 from stoop.propagation.quantities import Curve, Figure
+from stoop.propagation.rotor_figures import HOVER, ROTOR_COMMAND
 from stoop.report.charts import fan_panel
 from stoop.report.sheet import Bullets, Code, Legend, Page, Panel, Panels, Part, Prose, Section, Sheet, Table
 
@@ -44,8 +46,15 @@ SOURCES: Final = {
 
 
 def shown(figure: Figure) -> tuple[float, str]:
-    """Return by what a figure is multiplied to be shown, and in which unit: angles in degrees, modes in rad/s."""
+    """Return by what a figure is multiplied to be shown, and in which unit: angles in degrees, modes in rad/s, rotors in rpm."""
+    if figure.group == HOVER:
+        return rotor_unit(figure.unit)
     return (1.0, figure.unit) if figure.group in (MODES, EXPRESSIONS) else factor_and_unit(figure.unit)
+
+
+def rotor_unit(unit: str) -> tuple[float, str]:
+    """Return by what a figure of rotors is multiplied to be shown, and in which unit: speeds in revolutions per minute."""
+    return (1.0 / FACTORS["rpm"], "rpm") if unit == "rad/s" else factor_and_unit(unit)
 
 
 def rests_on_prior(figure: Figure) -> bool:
@@ -123,7 +132,7 @@ def _fixed(value: float, decimals: int | None) -> str:
 
 
 def _panel(found: Propagation, one: Curve) -> Panel:
-    factor, unit = factor_and_unit(one.unit)
+    factor, unit = rotor_unit(one.unit) if one.name == ROTOR_COMMAND else factor_and_unit(one.unit)
     drawing = fan_panel(
         one.airspeed,
         factor * one.estimate,
