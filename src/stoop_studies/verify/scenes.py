@@ -15,7 +15,6 @@ from stoop.base.arrays import FloatArray
 from stoop.base.units import FOOT, KNOT
 from stoop.flight import Flight
 from stoop.problem.windows import Window
-from stoop.report.sheet import Table
 from stoop.simulation import trim
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import Maneuver
@@ -75,16 +74,6 @@ def step_maneuvers(
         )
         for name, own in steps.items()
     }
-
-
-def inputs_table(steps: Mapping[str, tuple[Step, ...]]) -> Table:
-    """Return the inputs of every maneuver for a page."""
-    rows = tuple(
-        (name, control, shape, f"{start:g}", f"{step:g}", f"{amplitude:g}")
-        for name, own in steps.items()
-        for control, shape, start, step, amplitude in own
-    )
-    return Table("Inputs", ("maneuver", "control", "shape", "start, s", "step, s", "amplitude, rad"), rows)
 
 
 def multisine_maneuver(
