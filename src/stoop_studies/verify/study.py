@@ -69,7 +69,6 @@ EXPERIMENTS: Final[Mapping[str, tuple[str, str]]] = {
         ("hexacopter", "forces of a real hexacopter predicted in sprints, beside its owners' model; reads --data DIR"),
         ("propellers", "cut propellers and added weights on real quadrotors; reads --data DIR"),
         ("handbook", "a priori derivatives beside those of published airplanes; reads --data DIR"),
-        ("robustness", "hostile inputs to everything that reads them, kills, full disks (100 times 10,000); reads --data DIR"),
     )
 }  # fmt: skip
 SUITE: Final = Suite(

@@ -11,20 +11,20 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from scipy.io import savemat
+from studies.robustness import differential
+from studies.robustness.differential import compare_samples, longest_run
+from studies.robustness.other_readers import Samples, TooSlowError, limited
+from studies.robustness.readers import in_this_process
+from studies.robustness.trials import BrokenPromiseError
 
 from stoop import logs
 from stoop.checks.kinematics import Motion
-from stoop.errors import LogError, OutputError, StoopError
+from stoop.errors import LogError, OutputError
 from stoop.exporters.flight_logs import save_flight_as
 from stoop.exporters.log_bytes import ulog, ulog_text
 from stoop.flight import Flight, from_columns, load
 from stoop.logs import netcdf
 from stoop.logs.recording import Defect, increasing
-from stoop_studies.robustness import differential, other_readers
-from stoop_studies.robustness.differential import compare_samples, longest_run, try_differential
-from stoop_studies.robustness.other_readers import Samples, TooSlowError, limited
-from stoop_studies.robustness.readers import in_this_process
-from stoop_studies.robustness.trials import BrokenPromiseError
 
 FMT = "FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns\nFMT, 130, 25, IMU, Qff, TimeUS,GyrX,GyrY\n"
 
@@ -73,12 +73,6 @@ def test_another_reader_is_stopped() -> None:
 def run_on() -> None:
     while True:
         pass
-
-
-def test_a_missing_package_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(other_readers.importlib.util, "find_spec", lambda _: None)
-    with pytest.raises(StoopError, match="pip install pyulog"):
-        next(try_differential("ulog", 1, 1))
 
 
 def test_a_refusal_of_what_another_reads_is_seen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,39 +2,68 @@
 
 from __future__ import annotations
 
+import math
+import random
 import signal
 import time
-from collections import Counter
+from contextlib import closing
 from pathlib import Path
 from unittest import mock
 
 import pytest
+from studies.robustness import disk_full, interruptions
+from studies.robustness.campaign import FACTOR, check
+from studies.robustness.interruptions import INTERRUPTIONS, Kill
+from studies.robustness.small_runs import COMMANDS, OUT, inputs, undisturbed
+from studies.robustness.trials import REFUSED, SAME, Child, Ended
 
 from stoop.base import files
 from stoop.errors import OutputError
-from stoop_studies.robustness import disk_full, interruptions
-from stoop_studies.robustness.interruptions import Kill
-from stoop_studies.robustness.small_runs import COMMANDS, OUT, inputs, undisturbed
-from stoop_studies.robustness.trials import REFUSED, SAME
+
+
+def full_disks(name: str, count: int) -> list[Ended]:
+    undisturbed(COMMANDS[name])
+    with closing(Child(disk_full.try_full_disk, disk_full.BOUNDS)) as child:
+        return [child(name, number) for number in range(count)]
 
 
 @pytest.mark.parametrize("name", ["maneuvers", "table", "compare"])
 def test_full_disks(name: str) -> None:
-    tried = list(disk_full.try_disk_full(name, 1, 8))
-    assert [one for one in tried if one.outcome not in (SAME, REFUSED)] == []
-    assert any(one.outcome == REFUSED for one in tried)
+    ended = full_disks(name, 8)
+    assert [one for one in ended if one.outcome not in (SAME, REFUSED)] == []
+    assert any(one.outcome == REFUSED for one in ended)
 
 
 def test_where_no_disk_can_be_made_files_are_held_short(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(disk_full, "has_name_spaces", lambda: False)
-    outcomes = Counter(one.outcome for one in disk_full.try_disk_full("maneuvers", 3, 4))
-    assert outcomes == {REFUSED: 4}
+    assert {one.outcome for one in full_disks("maneuvers", 4)} == {REFUSED}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", COMMANDS)
+def test_a_full_disk_costs_no_file(name: str) -> None:
+    """An error of one line, the old files as they were, nothing half-written; and all is done when there is space again."""
+    for ended in full_disks(name, math.ceil(FACTOR)):
+        check("full disks", f"{name} on a full disk", ended)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", INTERRUPTIONS)
+def test_a_verb_that_is_killed_leaves_the_files_of_an_undisturbed_run(name: str) -> None:
+    """Killed several times and started again: files are whole after each kill, and in the end those of one run, to the byte."""
+    for number in range(math.ceil(FACTOR)):
+        kills, problem = interruptions.killed(name, random.Random(f"kills {name} {number}"))  # noqa: S311
+        check(
+            "kills",
+            f"{name} killed",
+            Ended("fault" if problem else SAME, f"{problem} after {', '.join(map(str, kills))}"),
+        )
 
 
 def test_leftovers_that_pile_up_are_seen(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(files, "_lock", lambda folder, wait=False: None)
-    tried = interruptions.try_interruptions("compare", 4, 12)
-    assert any("piles up" in one.message or "left" in one.message for one in tried), "up to the first"
+    problems = (interruptions.killed("compare", random.Random(seed))[1] for seed in range(12))  # noqa: S311
+    assert any("piles up" in problem or "left" in problem for problem in problems), "up to the first"
 
 
 @pytest.mark.parametrize("kill", [None, Kill(signal.SIGKILL, change=9), Kill(signal.SIGTERM, after=0.1)])
@@ -48,15 +77,6 @@ def test_a_verb_that_hangs_is_no_kill(
     monkeypatch.setattr(interruptions, "PATIENCE", 0.3)
     monkeypatch.setattr(interruptions, "main", hang)
     assert interruptions.run_and_kill(("a",), tmp_path, kill) == -signal.SIGALRM
-
-
-def test_a_run_that_fails_before_its_first_kill_is_a_fault(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(interruptions, "_one_run", lambda *_: ([], "left: a"))
-    monkeypatch.setattr(interruptions, "baseline", lambda _: None)
-    tried = list(interruptions.try_interruptions("compare", 1, 2))
-    assert [(one.number, one.damage, one.outcome) for one in tried] == [
-        (n, "no kill", "fault") for n in (0, 1)
-    ]
 
 
 def test_half_written_files_are_seen(tmp_path: Path) -> None:
@@ -88,9 +108,9 @@ def test_a_file_left_half_written_on_a_full_disk_is_seen() -> None:
 
     undisturbed(COMMANDS["maneuvers"])
     with mock.patch("stoop.workflow.design.write_files", in_place):
-        tried = list(disk_full.try_disk_full("maneuvers", 5, 20))
-    assert any("old files changed" in one.message for one in tried)
-    assert any("left" in one.message for one in tried)
+        ended = full_disks("maneuvers", 20)
+    assert any("old files changed" in one.message for one in ended)
+    assert any("left" in one.message for one in ended)
 
 
 def test_the_inputs_are_whole() -> None:

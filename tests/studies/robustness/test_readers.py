@@ -3,36 +3,29 @@
 from __future__ import annotations
 
 import contextlib
-import itertools
 import json
 import os
+import random
 import runpy
 import sys
 import types
 import warnings
+from contextlib import closing
 from pathlib import Path
-from random import Random
 from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from studies.robustness import readers
+from studies.robustness.damage import FORMS, damaged
+from studies.robustness.readers import READER
+from studies.robustness.sample_logs import SAMPLES, samples
+from studies.robustness.trials import CONTAINED, Child, try_case
 
 from stoop.errors import LogError
 from stoop.logs import guard
 from stoop.logs.recording import Recording, Stream
-from stoop_studies.robustness import readers
-from stoop_studies.robustness.damaged_logs import DAMAGES, FORMS, Sample
-from stoop_studies.robustness.log_grammars import Draw
-from stoop_studies.robustness.readers import FLIGHT, READER, Series
-from stoop_studies.robustness.sample_logs import SAMPLES, samples
-from stoop_studies.robustness.trials import BAD, CONTAINED, try_case
-
-
-@pytest.mark.parametrize("reader", readers.GUARDED)
-def test_others_code_in_a_process_of_its_own(reader: str) -> None:
-    tried = list(readers.try_logs(Series(reader, 3, guarded=True), 2))
-    assert [t.number for t in tried] == [0, 1]
-    assert not {t.outcome for t in tried} & set(BAD)
 
 
 @pytest.mark.parametrize("reader", SAMPLES)
@@ -54,51 +47,39 @@ def test_what_is_opened_and_closed_is_what_it_was(form: str) -> None:
         data = sample.files[sample.targets[0]]
         opened = FORMS[form].open(data)
         assert FORMS[form].open(FORMS[form].close(opened)) == opened
-        spans = FORMS[form].spans(opened)
-        assert all(0 <= a < b <= len(opened) for a, b in spans)
-        assert len(spans) > 5
+        marks = FORMS[form].marks(opened)
+        assert marks == sorted(set(marks))
+        assert 0 <= marks[0] <= marks[-1] <= len(opened)
+        assert len(marks) > 5
 
 
-def test_a_number_makes_a_case_and_another_another(tmp_path: Path) -> None:
-    def written(number: int) -> bytes:
-        case = readers.damaged_case(Series("ulog", 1), number)
-        with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(readers, "ask", lambda path, *_: (path.read_bytes().hex(), frozenset()))
-            patch.setattr(readers, "_sound", lambda *_: ("", frozenset()))
-            case.run(tmp_path)
-        return (tmp_path / "a.ulg").read_bytes()
+@pytest.mark.parametrize("form", FORMS)
+def test_content_is_damaged_in_every_way(form: str) -> None:
+    """More than half of a hundred are unlike all others."""
+    data = next(s.files[s.targets[0]] for reader in SAMPLES for s in samples(reader) if s.form == form)
+    made = []
 
-    contents = [written(number) for number in range(150)]
-    assert contents == [written(number) for number in range(150)]
-    assert len(set(contents)) > 130
-    cases = [readers.damaged_case(Series("ulog", 1), number) for number in range(150)]
-    assert {c.damage for c in cases} == set(DAMAGES)
-    assert {c.way for c in cases} == {READER, FLIGHT}
+    @settings(max_examples=100, derandomize=True, database=None, deadline=None)
+    @given(damaged(data, data, form))
+    def collect(content: bytes) -> None:
+        made.append(content)
+
+    collect()
+    assert len(set(made)) > 50
 
 
-@pytest.mark.parametrize("form", readers.DRAWN)
-def test_a_number_makes_a_log(form: str) -> None:
-    def logs(seed: int) -> list[Sample]:
-        return [readers.DRAWN[form](Draw(Random(n + seed), 0.1)) for n in range(20)]  # noqa: S311
+def test_others_code_that_dies_is_contained() -> None:
+    """A case that dies in this process, but not in one of its own."""
 
-    assert logs(0) == logs(0)
-    assert logs(0)[0] != logs(100)[0]
-
-
-def test_others_code_that_dies_is_contained(monkeypatch: pytest.MonkeyPatch) -> None:
-    """One case of two dies in this process, but not in one of its own."""
-    real, asked = readers._ask, itertools.count()
-
-    def ask(guarded: bool, *rest: Any) -> tuple[str, frozenset[str]]:
-        if not guarded and next(asked) == 1:
+    def dies(_: Path, log: str, guarded: bool = False) -> str:
+        if not guarded:
             os.abort()
-        return real(guarded, *rest)
+        return "read"
 
-    monkeypatch.setattr(readers, "_ask", ask)
-    monkeypatch.setattr(readers, "_sound", lambda *_: ("", frozenset()))
-    tried = list(readers.try_logs(Series("matlab", 5), 2))
-    assert [t.outcome == CONTAINED for t in tried] == [False, True]
-    assert tried[1].message.startswith("crash: signal 6")
+    with closing(Child(dies)) as child, closing(Child(dies)) as apart:
+        ended = readers.contained("matlab", child, apart, "log")
+        assert readers.contained("ulog", child, apart, "log").outcome == "crash"
+    assert ended == (CONTAINED, "signal 6; ")
 
 
 @pytest.mark.parametrize(
@@ -115,8 +96,7 @@ def test_a_recording_that_breaks_its_promises_is_a_fault(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, streams: dict[str, Stream]
 ) -> None:
     monkeypatch.setattr(readers.logs, "read", lambda path, _: Recording(path, "table", streams))
-    cases = (readers.damaged_case(Series("csv", 1), n) for n in range(99))
-    assert try_case(next(c for c in cases if c.way == READER), tmp_path).outcome == "fault"
+    assert try_case(readers.try_drawn, tmp_path, samples("csv")[0], READER).outcome == "fault"
 
 
 def test_an_impatient_guard_leaves_its_child_less_time(
@@ -137,23 +117,15 @@ def test_an_impatient_guard_leaves_its_child_less_time(
 
 @pytest.mark.parametrize("reader", ["csv", "mapping", "netcdf-3", "maneuver"])
 def test_the_script_that_is_guided_by_coverage(monkeypatch: pytest.MonkeyPatch, reader: str) -> None:
-    """With a stand-in for atheris, which need not be installed: it damages what the script has put into the corpus."""
+    """With a stand-in for atheris, which need not be installed: it gives the script's test bytes to draw from."""
     calls: list[Any] = []
-
-    def fuzz() -> None:
-        (_, corpus), read, mutate = calls
-        logs = [path.read_bytes() for path in sorted(Path(corpus).iterdir())]
-        for seed in range(40):
-            read(mutate(logs[seed % len(logs)], 4096, seed))
-
     fake = types.SimpleNamespace(
         instrument_imports=lambda include: contextlib.nullcontext(),
-        Mutate=lambda data, most: data[: most // 2],
-        Setup=lambda argv, read, custom_mutator: calls.extend((argv, read, custom_mutator)),
-        Fuzz=fuzz,
+        Setup=lambda argv, test: calls.append(test),
+        Fuzz=lambda: [calls[0](random.Random(seed).randbytes(2000)) for seed in range(40)],  # noqa: S311
     )
     monkeypatch.setitem(sys.modules, "atheris", fake)
     script = runpy.run_path(str(Path(__file__).parents[3] / "scripts" / "fuzz_readers.py"))
     with warnings.catch_warnings():
         script["main"](reader, [])
-    assert len(calls) == 3
+    assert len(calls) == 1

@@ -17,14 +17,9 @@ from itertools import count
 from pathlib import Path
 
 import pytest
-
-from stoop.base import files
-from stoop.cli.main import all_verbs, main
-from stoop.flight.flight import flight_name
-from stoop.parallel import pools
-from stoop_studies.robustness import disk_full
-from stoop_studies.robustness.interruptions import Kill, differences, run_and_kill
-from stoop_studies.robustness.small_runs import (
+from studies.robustness import disk_full
+from studies.robustness.interruptions import Kill, differences, run_and_kill
+from studies.robustness.small_runs import (
     COMMANDS,
     OUT,
     Ended,
@@ -33,7 +28,12 @@ from stoop_studies.robustness.small_runs import (
     run,
     undisturbed,
 )
-from stoop_studies.robustness.trials import PAGE, lay_out
+from studies.robustness.trials import PAGE, lay_out
+
+from stoop.base import files
+from stoop.cli.main import all_verbs, main
+from stoop.flight.flight import flight_name
+from stoop.parallel import pools
 
 QUICK = ("maneuvers", "simulink", "flight", "table", "linearize", "map", "vehicle", "figure")
 READ_ONLY = 1  #: of mount.h

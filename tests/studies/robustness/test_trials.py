@@ -2,42 +2,42 @@
 
 from __future__ import annotations
 
+import csv
 import os
+from collections import Counter
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-
-from stoop.errors import LogError
-from stoop_studies.robustness.trials import (
+from studies.robustness import campaign
+from studies.robustness.trials import (
     BAD,
     LIMIT,
     READ,
     REFUSED,
     Bounds,
     BrokenPromiseError,
-    Case,
-    Tried,
-    count_outcomes,
-    try_all,
+    Child,
+    Ended,
     try_case,
 )
 
-
-def _read(_: Path) -> str:
-    return READ
+from stoop.errors import LogError
 
 
-def _tried(bad: Callable[[], Any], bounds: Bounds | None = None) -> list[Tried]:
+def _tried(bad: Callable[[], Any], bounds: Bounds | None = None) -> list[Ended]:
     """Try four cases, of which one, the second, ends badly."""
 
-    def run(_: Path) -> str:
-        bad()
+    def run(_: Path, number: int) -> str:
+        if number == 1:
+            bad()
         return READ
 
-    return list(try_all(lambda n: Case(n, "a", "b", run if n == 1 else _read), range(4), bounds or Bounds()))
+    with closing(Child(run, bounds)) as child:
+        return [child(number) for number in range(4)]
 
 
 def _loop() -> None:
@@ -48,7 +48,6 @@ def _loop() -> None:
 def test_a_crash_is_seen_and_the_others_are_tried() -> None:
     tried = _tried(os.abort)
     assert [t.outcome for t in tried] == [READ, "crash", READ, READ]
-    assert [t.number for t in tried] == [0, 1, 2, 3]
     assert tried[1].message == "signal 6"
 
 
@@ -83,7 +82,7 @@ def test_what_is_no_error_of_ours_is_a_failure(tmp_path: Path, raised: Exception
     def run(_: Path) -> str:
         raise raised
 
-    assert try_case(Case(0, "a", "b", run), tmp_path).outcome in BAD
+    assert try_case(run, tmp_path).outcome in BAD
 
 
 @pytest.mark.parametrize(
@@ -93,7 +92,7 @@ def test_an_error_of_ours_is_none(tmp_path: Path, message: str, outcome: str) ->
     def run(folder: Path) -> str:
         raise LogError(f"{folder}{message}")
 
-    assert try_case(Case(0, "a", "b", run), tmp_path) == Tried(0, "a", "b", outcome, message)
+    assert try_case(run, tmp_path) == Ended(outcome, message)
 
 
 def test_the_folder_is_empty_for_every_case(tmp_path: Path) -> None:
@@ -104,10 +103,15 @@ def test_the_folder_is_empty_for_every_case(tmp_path: Path) -> None:
         (folder / "file").write_text("x")
         return READ
 
-    assert [try_case(Case(n, "a", "b", run), tmp_path).outcome for n in range(2)] == [READ, READ]
+    assert [try_case(run, tmp_path).outcome for _ in range(2)] == [READ, READ]
 
 
-def test_counts_are_those_of_the_cases() -> None:
-    result = count_outcomes(Tried(n, "w", "d", "crash" if n == 3 else READ, "") for n in range(5))
-    assert result["counts"] == {"w/d/crash": 1, "w/d/read": 4}
-    assert [one["number"] for one in result["found"]] == [3]
+def test_counts_are_those_of_the_cases(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(campaign, "COUNTS", Counter())
+    for outcome in (READ, READ, REFUSED):
+        campaign.check("a", "b", Ended(outcome))
+    with pytest.raises(AssertionError, match="crash: signal 6"):
+        campaign.check("a", "b", Ended("crash", "signal 6"))
+    campaign.write_counts(tmp_path / "a.csv")
+    (row,) = csv.DictReader((tmp_path / "a.csv").read_text().splitlines())
+    assert [row[name] for name in ("surface", "cases", READ, REFUSED, "failed")] == ["b", "4", "2", "1", "1"]

@@ -1,1 +1,0 @@
-"""Hostile inputs and failing machines: generators of bad files, and the trials that count what comes of them."""

@@ -1,0 +1,169 @@
+"""Verbs on small inputs, for faults of the machine: what they write undisturbed, and how to run them in a copy of this process.
+
+Two things in a result differ by nature from run to run, and are the same here: the time it took (``seconds`` in
+result.json, and on the page), and the command on the page, which may have gained ``--resume``.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import os
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import Executor, Future
+from contextlib import AbstractContextManager, ExitStack, contextmanager
+from dataclasses import dataclass
+from functools import cache
+from importlib import resources
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from types import SimpleNamespace
+from typing import Any, Final
+from unittest import mock
+
+from studies.robustness.trials import lay_out
+
+from stoop.cli.main import main
+from stoop.parallel.pools import Given, Workers
+
+MANEUVER: Final = """\
+format = "stoop-maneuver/1"
+duration = 12.0
+rate = 50.0
+airspeed = 35.0
+altitude = 200.0
+
+[[input]]
+control = "elevator"
+shape = "3-2-1-1"
+start = 1.0
+step = 0.3
+amplitude = 0.2
+"""
+OUT: Final = "out"  #: where every verb writes
+SEARCH: Final = "search.npz"
+STORES: Final = ".sqlite"  #: ending of stores, which hold what was done in the order in which it was done
+IDENTIFY: Final = ("identify", "sim.nc", "--vehicle", "v.toml", "--maneuver", "0:8")
+DIMENSIONS: Final = ("--template", "glider", "--mass", "2.1", "--span", "2.5", "--area", "0.4")
+TO: Final = ("-o", OUT)
+COMMANDS: Final[Mapping[str, tuple[str, ...]]] = {
+    "identify": (*IDENTIFY, "--validate", "8:12", *TO),
+    "search": (*IDENTIFY, "--optimizer", "de-rand-1-bin", "--generations", "8", *TO),
+    "bootstrap": (*IDENTIFY, "--bootstrap", "100", *TO),
+    "validate": ("validate", "model", "sim.nc", "--maneuver", "8:12", *TO),
+    "compatibility": ("compatibility", "sim.nc", *TO),
+    "structure": ("structure", "v.toml", "sim.nc", "--maneuver", "0:8", *TO),
+    "maneuvers": ("maneuvers", "sim.nc", *TO),
+    "design": (
+        "design", "v.toml", "--duration", "4", "--evaluations", "4", "--shape", "square", *TO,
+    ),
+    "jsbsim": ("export", "v.toml", "--to", "jsbsim", *TO),
+    "state-space": ("export", "model", "--to", "state-space", *TO),
+    "simulink": ("export", "v.toml", "--to", "simulink", *TO),
+    "flight": ("simulate", "v.toml", "--maneuver", "m.toml", "-o", f"{OUT}/flight.nc"),
+    "log": ("simulate", "v.toml", "--maneuver", "m.toml", "-o", f"{OUT}/flight.ulg"),
+    "table": ("simulate", "v.toml", "--maneuver", "m.toml", "-o", f"{OUT}/flight.csv"),
+    "linearize": ("linearize", "v.toml", "--json", f"{OUT}/linear.json"),
+    "map": ("map", "table.csv", "-o", f"{OUT}/map.toml"),
+    "vehicle": ("vehicle", "quad-x", "-o", f"{OUT}/v.toml"),
+    "vehicle new": ("vehicle", "new", *DIMENSIONS, "-o", f"{OUT}/v.toml"),
+    "compare": (
+        "compare", "--optimizers", "ps-gde-lm,ga", "--problems", "paper-N", "--seeds", "3", "--budget", "300", *TO,
+    ),
+    "reproduce": ("reproduce", "noise", "--runs", "1", *TO),
+    "figure": ("reproduce", "figure1", "--runs", "1", *TO),
+}  # fmt: skip  #: name -> command on the inputs
+
+
+@cache
+def inputs() -> Mapping[str, bytes]:
+    """Return the files that the verbs read, by name."""
+    with TemporaryDirectory(prefix="stoop-") as place, contextlib.chdir(place):
+        folder = Path(place)
+        source = resources.files("stoop").joinpath("data/twin_boom.toml").read_text(encoding="utf-8")
+        source = source.replace("notes = [", 'model = { reduce = "longitudinal" }\nnotes = [')
+        (folder / "v.toml").write_text(source, encoding="utf-8")
+        (folder / "m.toml").write_text(MANEUVER, encoding="utf-8")
+        done(("simulate", "twin-boom", "--maneuver", "m.toml", "-o", "sim.nc"))
+        done(("simulate", "twin-boom", "--maneuver", "m.toml", "-o", "table.csv"))
+        (folder / "model").mkdir()
+        done((*IDENTIFY, "-o", "model"))
+        found = (path for path in sorted(folder.rglob("*")) if path.is_file())
+        return {path.relative_to(folder).as_posix(): path.read_bytes() for path in found}
+
+
+class AtOnce(Executor):
+    """Does a task when it is given; a pool without processes, whose death would not be that of this one."""
+
+    def submit(self, work: Callable[..., Any], /, *given: Any, **named: Any) -> Future[Any]:
+        """Return what is done already."""
+        future: Future[Any] = Future()
+        future.set_result(work(*given, **named))
+        return future
+
+
+def _here(_: object) -> AbstractContextManager[Workers]:
+    return Given(AtOnce(), 1).open()
+
+
+@contextmanager
+def reproducible_outputs(threads: int = 1) -> Iterator[None]:
+    """Hold what differs by nature between runs: elapsed time and command; states are saved at each step, campaigns run here."""
+    with ExitStack() as held:
+        held.enter_context(mock.patch("stoop.workflow.fit_result.time", SimpleNamespace(perf_counter=float)))
+        held.enter_context(
+            mock.patch("stoop.workflow.identification.time", SimpleNamespace(perf_counter=float))
+        )
+        held.enter_context(mock.patch("stoop.cli.options.command_line", return_value="stoop"))
+        held.enter_context(mock.patch("stoop.workflow.checkpoint.INTERVAL", 0.0))
+        held.enter_context(mock.patch("stoop.parallel.pools.LocalProcesses.open", _here))
+        held.enter_context(mock.patch.dict(os.environ, {"STOOP_THREADS": str(threads)}))
+        yield
+
+
+@dataclass(frozen=True)
+class Ended:
+    """How a verb ended: its exit code, and the lines on stderr."""
+
+    code: int
+    stderr_lines: tuple[str, ...]
+
+
+def run(words: tuple[str, ...], threads: int = 1) -> Ended:
+    """Run a verb in this process and its folder."""
+    with (
+        reproducible_outputs(threads),
+        contextlib.redirect_stdout(io.StringIO()),
+        contextlib.redirect_stderr(io.StringIO()) as stderr,
+    ):
+        code = main(words)
+    return Ended(code, tuple(stderr.getvalue().splitlines()))
+
+
+def done(words: tuple[str, ...]) -> None:
+    """Run a verb that cannot fail."""
+    ended = run(words)
+    if ended.code:
+        raise RuntimeError(f"{' '.join(words)}: {ended.stderr_lines[-1:]}")
+
+
+def written(folder: Path) -> dict[str, bytes]:
+    """Return what lies in a folder, hidden and empty folders included; of a folder the content is empty."""
+    found = {}
+    for path in sorted(folder.rglob("*")):
+        name = path.relative_to(folder).as_posix()
+        if path.is_file():
+            found[name] = path.read_bytes()
+        elif path.name.startswith("."):
+            found[f"{name}/"] = b""
+    return found
+
+
+@cache
+def undisturbed(words: tuple[str, ...]) -> Mapping[str, bytes]:
+    """Return what a verb writes when nothing happens; stores left out."""
+    with TemporaryDirectory(prefix="stoop-") as place, contextlib.chdir(place):
+        lay_out(Path(place), inputs())
+        Path(OUT).mkdir()
+        done(words)
+        return {name: x for name, x in written(Path(OUT)).items() if not name.endswith(STORES)}

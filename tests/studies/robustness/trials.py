@@ -1,0 +1,191 @@
+"""Hostile inputs in a copy of this process: each ends in an error of ours or in a result that keeps its promises.
+
+A child tries one case after the other. Its memory is limited, and the processor time of a case is limited by the system, which
+ends the process whatever code it is in. When it dies, the case at hand is to blame, and the next case gets another child.
+"""
+
+from __future__ import annotations
+
+import faulthandler
+import gc
+import os
+import resource
+import shutil
+import signal
+import traceback
+import warnings
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from multiprocessing import Pipe
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import NamedTuple
+
+from stoop.base import notices
+from stoop.errors import StoopError
+
+REFUSED, LIMIT, LISTED, UNNOTICED, SAME, READ, CONTAINED = (
+    "refused", "limit", "listed", "unnoticed", "same", "read", "contained",
+)  # fmt: skip
+BAD = ("fault", "crash", "hang", "memory")  #: outcomes that are failures
+STATM, PAGE = Path("/proc/self/statm"), 4096
+MAX_FILE = 2**28  #: bytes of a file that may be written
+
+
+class Ended(NamedTuple):
+    """The outcome of a case, and its message."""
+
+    outcome: str
+    message: str = ""
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """What a case may take."""
+
+    seconds: int = 3  #: of processor time
+    wall: float = 120.0  #: s without an answer after which the process is ended
+    address_space: int = 2**30  #: bytes beyond what the process has at its beginning
+    memory: int = 2**28  #: bytes
+
+
+class BrokenPromiseError(Exception):
+    """A result is not what it promises to be."""
+
+
+def promise(kept: object, what: str) -> None:
+    """Raise `BrokenPromiseError` where a promise is not kept."""
+    if not kept:
+        raise BrokenPromiseError(what)
+
+
+def lay_out(folder: Path, files: Mapping[str, bytes]) -> None:
+    """Write files, by their places in a folder."""
+    for place, content in files.items():
+        (folder / place).parent.mkdir(parents=True, exist_ok=True)
+        (folder / place).write_bytes(content)
+
+
+def try_case(work: Callable[..., str], folder: Path, *given: object) -> Ended:
+    """Run a case in an empty folder, and leave that empty."""
+    try:
+        try:
+            return Ended(work(folder, *given))
+        except MemoryError:  # perhaps of the garbage of the cases before
+            _empty(folder)
+            gc.collect()
+            return Ended(work(folder, *given))
+    except StoopError as error:
+        message = str(error).replace(str(folder), "")
+        if not (message and message.isprintable()):
+            return Ended("fault", f"a message of more than one line, or none: {message[:200]!r}")
+        return Ended(LIMIT if "memory" in message else REFUSED, message)
+    except MemoryError:
+        return Ended("memory", "MemoryError")
+    except BrokenPromiseError as error:
+        return Ended("fault", f"broken promise: {error}")
+    except Exception as error:
+        frames = traceback.extract_tb(error.__traceback__)
+        place = ([frame for frame in frames if "stoop" in frame.filename] or frames)[-1]
+        return Ended(
+            "fault", f"{type(error).__name__} at {place.filename}:{place.lineno}: {str(error)[:200]!r}"
+        )
+    finally:
+        _empty(folder)
+
+
+def _empty(folder: Path) -> None:
+    for entry in folder.iterdir():
+        if entry.is_dir() and not entry.is_symlink():
+            shutil.rmtree(entry, ignore_errors=True)
+        else:
+            entry.unlink()
+
+
+class Child:
+    """Calls ``work(folder, *given)``, which returns an outcome, in a copy of this process."""
+
+    def __init__(self, work: Callable[..., str], bounds: Bounds | None = None) -> None:
+        self._work, self._bounds, self._pid = work, bounds or Bounds(), 0
+
+    def __call__(self, *given: object) -> Ended:
+        """Return how a case ended. A hang is one that hangs again: not a machine that stood still."""
+        ended = self._ask(given)
+        return self._ask(given) if ended.outcome == "hang" else ended
+
+    def _ask(self, given: tuple[object, ...]) -> Ended:
+        if not self._pid:
+            self._start()
+        try:
+            self._pipe.send(given)
+            if self._pipe.poll(self._bounds.wall):
+                return Ended(*self._pipe.recv())
+        except (EOFError, ConnectionError):
+            return self._buried()
+        os.kill(self._pid, signal.SIGKILL)
+        self._buried()
+        return Ended("hang", f"no answer for {self._bounds.wall:g} s")
+
+    def _start(self) -> None:
+        self._pipe, other = Pipe()
+        self._place = TemporaryDirectory(prefix="stoop-")  # not the child's, which may die
+        self._pid = os.fork()
+        if self._pid == 0:
+            self._pipe.close()
+            self._answer(other)  # never comes back
+        other.close()
+
+    def _buried(self) -> Ended:
+        code = os.waitstatus_to_exitcode(os.waitpid(self._pid, 0)[1])
+        self._pid = 0
+        self._pipe.close()
+        self._place.cleanup()
+        if code == -signal.SIGXCPU:
+            return Ended("hang", f"more than {self._bounds.seconds} s of processor time")
+        return Ended("crash", f"signal {-code}" if code < 0 else f"the process ended with {code}")
+
+    def close(self) -> None:
+        """End the process."""
+        if self._pid:
+            self._pipe.close()
+            os.kill(self._pid, signal.SIGKILL)
+            self._buried()
+
+    def _answer(self, pipe) -> None:
+        """Answer calls within the limits until none comes; then end the process, whatever happens."""
+        try:
+            self._limit()
+            while True:
+                given = pipe.recv()
+                before, used = _peak(), resource.getrusage(resource.RUSAGE_SELF)
+                soft = int(used.ru_utime + used.ru_stime) + self._bounds.seconds + 1
+                resource.setrlimit(resource.RLIMIT_CPU, (soft, resource.RLIM_INFINITY))
+                ended = try_case(self._work, Path(self._place.name), *given)
+                if (more := _peak() - before) > self._bounds.memory:
+                    ended = Ended("memory", f"{more >> 20} MiB; {ended.message}")
+                pipe.send(tuple(ended))
+        finally:
+            os._exit(0)
+
+    def _limit(self) -> None:
+        faulthandler.disable()
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        for stream in (1, 2):  # neither what libraries print of damage, nor where a process died
+            os.dup2(nowhere, stream)
+        for one in (signal.SIGINT, signal.SIGXCPU):
+            signal.signal(one, signal.SIG_DFL)
+        size = int(STATM.read_text().split()[0]) * PAGE + self._bounds.address_space
+        for limit, most in (
+            (resource.RLIMIT_AS, size), (resource.RLIMIT_CORE, 0), (resource.RLIMIT_FSIZE, MAX_FILE),
+        ):  # fmt: skip
+            resource.setrlimit(limit, (most, most))
+        warnings.simplefilter("error")  # a user would see them
+        notices.detector_failed = _raised  # a user would have its notice
+
+
+def _peak() -> int:
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+
+
+def _raised(detector: str, error: Exception) -> notices.Notice:
+    raise error
