@@ -1,9 +1,9 @@
-"""Filter error: a Kalman filter corrects the model with every measurement, so that gusts do not count as its errors.
+"""Filter error: a Kalman filter corrects the states with each measurement, so that gusts are not errors of the model.
 
-The methods ``filter-error`` and ``filter-error-ekf``, and ``stabilized-output-error``, whose process noise is not estimated but
-stated and small, so that the filter keeps an unstable model near the record and does little else: maximum likelihood of the
-innovations by Fisher's scoring, damped as Levenberg and Marquardt do, within bounds; it starts from the file's values and from
-the regression, and the gains are linearized anew along the states that the filter finds.
+The methods ``filter-error`` and ``filter-error-ekf`` estimate the process noise; ``stabilized-output-error`` states a small one,
+which keeps an unstable model near the record. All maximize the likelihood of the innovations within bounds by Fisher's scoring
+with the damping of Levenberg and Marquardt. The search starts from the values of the file and from equation error. The gains are
+linearized again along the filtered states.
 
 References
 ----------
@@ -55,26 +55,33 @@ from stoop.simulation import parameter_rows
 from stoop.simulation.delays import output_delays
 from stoop.vehicle import Vehicle
 
-FIRST_STEPS: Final = 20  #: at most, of the first ascents, of which the best goes on
-MAX_LINEARIZATIONS: Final = 3  #: along the states that the filter finds
-MAX_SWEEPS: Final = 20  #: of the filter over the record, for outliers behind outliers
+#: at most, of the first searches, of which the best goes on
+FIRST_STEPS: Final = 20
+#: along the states that the filter finds
+MAX_LINEARIZATIONS: Final = 3
+#: of the filter over the record, for outliers behind outliers
+MAX_SWEEPS: Final = 20
 
 
 @dataclass(frozen=True)
 class Tolerances:
     """Differences of -ln L; a seventieth of a standard error is 1e-4."""
 
-    first: float = 1e-2  #: left to gain at the end of the first ascents, before the gains are linearized anew
-    last: float = 1e-4  #: left to gain at the end of scoring
-    linearization: float = 0.05  #: change by another linearization that needs no further one
-    agreement: float = 0.1  #: of two ascents that found the same maximum
+    #: left to gain at the end of the first searches, before the gains are linearized anew
+    first: float = 1e-2
+    #: left to gain at the end of scoring
+    last: float = 1e-4
+    #: change by another linearization that needs no further one
+    linearization: float = 0.05
+    #: of two searches that found the same maximum
+    agreement: float = 0.1
 
 
 TOLERANCES: Final = Tolerances()
 
 
 class ScoringModel(StagedModel):
-    """Fisher's scoring on a likelihood, from z within its bounds, until less than a tolerance of -ln L is left to gain.
+    """Fisher's scoring of a likelihood within bounds; it ends when the predicted gain of -ln L is below `tolerance`.
 
     The cost is twice the negative logarithm of the posterior; the history (i, 2) holds iterations and cost.
     """
@@ -107,7 +114,7 @@ class ScoringModel(StagedModel):
         return self.status != "interrupted" and bool(np.isfinite(self.cost))
 
     def linearize(self) -> None:
-        """Take gradient and information; unknowns that a bound holds are left out."""
+        """Compute gradient and information of the unknowns that no bound holds."""
         with np.errstate(over="ignore", invalid="ignore"):  # a perturbation that diverges leads to no step
             at = self.likelihood.score(self.z)
         g = at.gradient
@@ -118,7 +125,7 @@ class ScoringModel(StagedModel):
 
     @property
     def optimal(self) -> bool:
-        """Whether less than the tolerance is left to gain."""
+        """Whether the predicted gain is below the tolerance."""
         if not self.current:
             self.linearize()
         return 0.5 * float(self.gradient @ self._solve(self.gradient, 0.0)) < self.tolerance
@@ -147,10 +154,13 @@ class ScoringModel(StagedModel):
         self.z, self.cost, self.current = trial.point, trial.cost, False
 
 
-def ascend(
+def maximize(
     stages: Stages, likelihood: Likelihood, z: FloatArray, tolerance: float, steps: float = np.inf
 ) -> ScoringModel:
-    """Ascend from z until so much of -ln L is left to gain, by so many steps at most; Ctrl-C keeps the best so far."""
+    """Maximize the log-likelihood from z (k,).
+
+    Stop when the predicted gain of the next step is below `tolerance`, or after `steps`; Ctrl-C keeps the best so far.
+    """
     model = ScoringModel(likelihood, z, tolerance)
     try:
         model.status = stages.search(model, TenfoldDamping(1e-3, growth=4.0, smallest=1e-9), steps)
@@ -275,7 +285,8 @@ class FilterError:
     """Filter error with one kind of gain."""
 
     gain: Gain
-    stated: float | None = None  #: process noise that is not estimated, see :class:`Noise`
+    #: process noise that is not estimated, see :class:`Noise`
+    stated: float | None = None
 
     @on_one_blas_thread
     def __call__(
@@ -296,20 +307,20 @@ class FilterError:
             Noise(vehicle, first_guess(vehicle, problem.pieces), variances, self.stated),
             undelayed(problem),
         )
-        price, ascents = float(problem.dimension + problem.extra + noise.size + 2), []
+        price, searches = float(problem.dimension + problem.extra + noise.size + 2), []
         stages = Stages(methods.SCORING, price, options.generations, options.budget, callback, state)
         for x in starts(problem):
             z = np.concatenate([x, np.zeros(problem.extra), noise.start])
             likelihood = Likelihood.of(shifted, noise, self.gain, z)
-            best = ascend(stages, likelihood, z, TOLERANCES.first, FIRST_STEPS)
+            best = maximize(stages, likelihood, z, TOLERANCES.first, FIRST_STEPS)
             if best.usable:  # once more with gains that suit where that led
                 likelihood = best.likelihood.along(best.z)
-                best = ascend(stages, likelihood, best.z, TOLERANCES.first, FIRST_STEPS)
-            ascents.append(best)
+                best = maximize(stages, likelihood, best.z, TOLERANCES.first, FIRST_STEPS)
+            searches.append(best)
             if best.status == "interrupted":
                 break
-        best = min(ascents, key=lambda a: a.cost)
-        if ascents[-1].status == "interrupted":
+        best = min(searches, key=lambda a: a.cost)
+        if searches[-1].status == "interrupted":
             best.status = "interrupted"
         recorded = problem
         for _ in range(MAX_LINEARIZATIONS):
@@ -320,11 +331,11 @@ class FilterError:
                 cleaned = without_outliers(best.likelihood, best.z, problem)
             if cleaned is not problem:
                 problem, likelihood = cleaned, replace(best.likelihood, problem=undelayed(cleaned))
-                best = ascend(stages, likelihood, best.z, TOLERANCES.first, FIRST_STEPS)
+                best = maximize(stages, likelihood, best.z, TOLERANCES.first, FIRST_STEPS)
                 if not best.usable:
                     break
             before = best.cost
-            best = ascend(stages, best.likelihood.along(best.z), best.z, TOLERANCES.last)
+            best = maximize(stages, best.likelihood.along(best.z), best.z, TOLERANCES.last)
             if 0.5 * abs(before - best.cost) < TOLERANCES.linearization:
                 break
         if not np.isfinite(best.cost):
@@ -332,7 +343,7 @@ class FilterError:
                 f"{vehicle.where}: the filter diverges from every start; check values, bounds and units, or shorten "
                 "the maneuver"
             )
-        found = _fit(problem, prepared, best, sorted(a.cost for a in ascents), stages)
+        found = _fit(problem, prepared, best, sorted(a.cost for a in searches), stages)
         return replace(found, notices=(*found.notices, *_missing(recorded, problem)))
 
 
@@ -380,7 +391,7 @@ def _fit(
     costs: Sequence[float],
     stages: Stages,
 ) -> FilterEstimate:
-    """Return the fit of the best ascent; `costs` are those of the ascents from each start, ascending.
+    """Return the fit of the best ascent; `costs` are those of the searches from each start, ascending.
 
     Its notices are how to read the estimates, what noise was found, and whether starts led to different maxima.
     """

@@ -29,13 +29,16 @@ from stoop.problem import Piece
 from stoop.vehicle import Vehicle
 from stoop.vehicle.vehicle import RIGID_STATES
 
-FIRST_INTENSITY: Final = {"u": 0.3, "v": 0.3, "w": 0.3, "p": 0.1, "q": 0.1, "r": 0.1}  #: per root second
+#: per root second
+FIRST_INTENSITY: Final = {"u": 0.3, "v": 0.3, "w": 0.3, "p": 0.1, "q": 0.1, "r": 0.1}
 #: share of these that a stated process noise has: a filter that follows the record of an unstable vehicle and takes hardly any
 #: more noise from it than one that knows of no disturbance. With a tenth, errors of the unstable derivatives grow by a quarter
 STATED: Final = 0.01
-RANGE: Final = (1e-3, 1e3)  #: of the first guess: bounds of an intensity
+#: of the first guess: bounds of an intensity
+RANGE: Final = (1e-3, 1e3)
 MAX_DOUBLINGS: Final = 60
-TOLERANCE: Final = 1e-10  #: relative change of the covariance; the next one is about its square
+#: relative change of the covariance; the next one is about its square
+TOLERANCE: Final = 1e-10
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,10 +48,10 @@ class Noise:
     vehicle: Vehicle
     #: (n_y,), first guess of the standard deviation of each channel, its unit; NaN where not measured
     first: FloatArray
-    given: FloatArray | None = None  #: (n_y,), variances that are not estimated
-    stated: float | None = (
-        None  #: share of `FIRST_INTENSITY` that intensities are, where they are not estimated
-    )
+    #: (n_y,), variances that are not estimated
+    given: FloatArray | None = None
+    #: share of `FIRST_INTENSITY` that intensities are, where they are not estimated
+    stated: float | None = None
 
     @cached_property
     def disturbed(self) -> tuple[str, ...]:
@@ -116,9 +119,12 @@ def first_guess(vehicle: Vehicle, pieces: Sequence[Piece]) -> FloatArray:
 class Gains:
     """Gains and innovation covariances of a piece."""
 
-    gain: FloatArray  #: (G, n_e n_y, B)
-    covariance: FloatArray  #: (B, G, n_y, n_y), what is not measured has 1 on the diagonal
-    which: IntArray  #: (n,), which of the G each sample has
+    #: (G, n_e n_y, B)
+    gain: FloatArray
+    #: (B, G, n_y, n_y), what is not measured has 1 on the diagonal
+    covariance: FloatArray
+    #: (n,), which of the G each sample has
+    which: IntArray
 
     def repeated(self, count: int) -> Gains:
         """Return the gains of one candidate for so many."""
@@ -129,10 +135,14 @@ class Gains:
 class Plan:
     """Where a piece is linearized and what was measured: independent of the candidate."""
 
-    points: IntArray  #: (n,), point of linearization of each sample, counted from zero
-    measured: BoolArray  #: (n, n_y), where something was measured
-    patterns: BoolArray  #: (G, n_y), which channels were measured together
-    which: IntArray  #: (n,), pattern of each sample
+    #: (n,), point of linearization of each sample, counted from zero
+    points: IntArray
+    #: (n, n_y), where something was measured
+    measured: BoolArray
+    #: (G, n_y), which channels were measured together
+    patterns: BoolArray
+    #: (n,), pattern of each sample
+    which: IntArray
 
 
 @dataclass(frozen=True)

@@ -48,12 +48,18 @@ STEP: Final = 1e-6
 class Innovations:
     """Innovations of one piece, whitened, and their dependence on the unknowns."""
 
-    white: FloatArray  #: (n, n_y), S^-1/2 v
-    logdet: float  #: sum of the logarithms of det S
-    entries: IntArray  #: (j,), unknowns that touch this piece
-    slopes: FloatArray  #: (n, n_y, j), S^-1/2 dv/d(unknown)
-    spreads: FloatArray  #: (G, n_y, n_y, j), S^-1/2 dS/d(unknown) S^-1/2 of each gain
-    which: IntArray  #: (n,), gain of each sample
+    #: (n, n_y), S^-1/2 v
+    white: FloatArray
+    #: sum of the logarithms of det S
+    logdet: float
+    #: (j,), unknowns that touch this piece
+    entries: IntArray
+    #: (n, n_y, j), S^-1/2 dv/d(unknown)
+    slopes: FloatArray
+    #: (G, n_y, n_y, j), S^-1/2 dS/d(unknown) S^-1/2 of each gain
+    spreads: FloatArray
+    #: (n,), gain of each sample
+    which: IntArray
 
     @classmethod
     def of(cls, v: FloatArray, gains: Gains, entries: IntArray, taken: FloatArray) -> Innovations:
@@ -117,10 +123,13 @@ class Score:
 class Likelihood:
     """The likelihood of a joint fit as a function of [parameters | nuisances | logarithms of noise]."""
 
-    problem: Misfit  #: layout of the first two parts, pieces without late readings, and priors
-    noise: Noise  #: layout of the third
+    #: layout of the first two parts, pieces without late readings, and priors
+    problem: Misfit
+    #: layout of the third
+    noise: Noise
     gain: Gain
-    points: tuple[Points, ...]  #: where each piece is linearized for the gains of `anchor`
+    #: where each piece is linearized for the gains of `anchor`
+    points: tuple[Points, ...]
     #: (k,), unknowns whose gains find the states at which any candidate is linearized, so that its points follow its own
     #: states: were they fixed, the size of the innovations would seem to depend on what shifts states and readings
     #: together (a bias of the vane against the lift at zero incidence)

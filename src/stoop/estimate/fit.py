@@ -56,7 +56,8 @@ from stoop.problem.prepare import (
 from stoop.problem.windows import Window
 from stoop.vehicle import Vehicle
 
-MAX_BYTES = 2e9  #: of the sensitivities of all samples
+#: of the sensitivities of all samples
+MAX_BYTES = 2e9
 
 
 @dataclass(frozen=True)
@@ -71,8 +72,10 @@ class Alternation:
         return abs(before - problem.noise_logdet) < self.tolerance * len(problem.weights.covariance)
 
 
-SETTLING: Final = Alternation(3, 0.05)  #: before the weights are fixed for the search
-ALTERNATION: Final = Alternation(30, 1e-3)  #: after it
+#: before the weights are fixed for the search
+SETTLING: Final = Alternation(3, 0.05)
+#: after it
+ALTERNATION: Final = Alternation(30, 1e-3)
 SHORT: Final = optimize.Settings(iterations=40, gain=1e-4, predicted=1e-4, stall=0, stall_damping=np.inf)
 
 

@@ -36,7 +36,8 @@ GUST_SHARES: Final = {
     "v": (0.5**0.5, 0.5),
     "w": (0.5**0.5, 0.5),
 }  #: of the intensity in each gust state
-LINEARIZATIONS: Final = 2  #: of the gains: at what was measured, then along the states that the filter finds
+#: of the gains: at what was measured, then along the states that the filter finds
+LINEARIZATIONS: Final = 2
 
 
 def gust_deviations(vehicle: Vehicle) -> dict[str, float]:

@@ -1,7 +1,7 @@
 """The initial state of a prediction, estimated with the fitted model from a short stretch of the record before it.
 
-A state read off one noisy sample, or one that was not recorded, would dominate the comparison. The model itself tells which
-initial state explains the readings of the stretch: least squares over the initial state of the stretch, with the numbers of
+The error of a state that was read from one noisy sample, or not recorded, would dominate the comparison. The model determines
+the initial state from the readings of the stretch, by least squares over the initial state of the stretch, with the numbers of
 the model fixed, the noise covariance of the fit, and the wide priors that a fit gives initial states,
 
     x0 = argmin |W (z - y(x0, theta))|^2 + |(x0 - m) / s|^2,   P = (J_x' J_x + S^-2)^-1,
@@ -39,17 +39,21 @@ from stoop.problem.windows import Window
 from stoop.results.result import Covariance, NoiseCovariance
 from stoop.vehicle import Parameter, Vehicle
 
-STRETCH: Final = 1.0  #: s before a prediction, from which its initial state is estimated
-MIN_STRETCH: Final = 0.2  #: s of it that there must be; else the beginning of the prediction is used
-PARAMETER_WIDTH: Final = 100.0  #: standard errors on either side, of which a difference takes 1e-7
+#: s before a prediction, from which its initial state is estimated
+STRETCH: Final = 1.0
+#: s of it that there must be; else the beginning of the prediction is used
+MIN_STRETCH: Final = 0.2
+#: standard errors on either side, of which a difference takes 1e-7
+PARAMETER_WIDTH: Final = 100.0
 
 
 @dataclass(frozen=True)
 class BiasPrior:
-    """What fitted maneuvers tell of a sensor's bias in another one, SI."""
+    """Prior of a sensor's bias in a window, from fitted maneuvers, SI."""
 
     mean: float
-    deviation: float = 0.0  #: standard deviation; 0 where one maneuver alone cannot tell
+    #: standard deviation; 0 where one maneuver alone cannot tell
+    deviation: float = 0.0
 
 
 def bias_priors(
@@ -98,7 +102,8 @@ class Predictor:
     vehicle: Vehicle
     covariance: Covariance
     noise: NoiseCovariance
-    filter: FittedFilter | None = None  #: of a fit by a filter
+    #: of a fit by a filter
+    filter: FittedFilter | None = None
 
     @property
     def weights(self) -> Weights:

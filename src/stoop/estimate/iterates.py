@@ -1,7 +1,7 @@
-"""Who watches a fit sees its iterates: the problem, the point, and the simulated readings there.
+"""Iterates of a running fit, for displays: the problem, the point, and the simulated readings there.
 
-A watcher is set for a block, not passed on, so that every method shows what it does where it does it. It decides how often it
-looks: the readings are simulated only when it asks for them.
+A context manager sets the observer for all estimators that run within it. The readings are simulated only when the observer
+asks for them.
 """
 
 from __future__ import annotations
@@ -20,12 +20,14 @@ from stoop.problem import Misfit
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """A point that a fit has reached, the best with the weights that count there."""
+    """The best point of a fit so far, with the current weights."""
 
     problem: Misfit
-    z: FloatArray  #: (D + E,)
+    #: (D + E,)
+    z: FloatArray
     cost: float
-    simulate: Callable[[], Sequence[FloatArray]]  #: readings (n, n_y) of each piece of the problem
+    #: readings (n, n_y) of each piece of the problem
+    simulate: Callable[[], Sequence[FloatArray]]
 
     @property
     def parameters(self) -> dict[str, float]:
@@ -39,7 +41,7 @@ _watcher: ContextVar[Callable[[Candidate], None] | None] = ContextVar("watcher",
 
 @contextmanager
 def watched(see: Callable[[Candidate], None]) -> Iterator[None]:
-    """Let `see` be shown the iterates of fits in the block."""
+    """Call `see` with the iterates of fits within the block."""
     token = _watcher.set(see)
     try:
         yield
@@ -50,7 +52,7 @@ def watched(see: Callable[[Candidate], None]) -> Iterator[None]:
 def show(
     problem: Misfit, z: FloatArray, cost: float, simulate: Callable[[], Sequence[FloatArray]] | None = None
 ) -> None:
-    """Show a point (at least (D + E,), more is left out) to who watches, if anybody does."""
+    """Pass a point to the observer, if there is one; entries behind the first D + E are left out."""
     see = _watcher.get()
     if see is None or not np.isfinite(cost):
         return

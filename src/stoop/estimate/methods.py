@@ -23,19 +23,22 @@ if TYPE_CHECKING:
     from stoop.estimate.refit_problem import RefitProblem
 
 DEFAULT: Final = "output-error"
-SCORING: Final = "scoring"  #: the search of filter error, in its states
+#: the search of filter error, in its states
+SCORING: Final = "scoring"
 
 
 @dataclass(frozen=True)
 class Method:
     """One method; its function is imported when it is first used."""
 
-    fit: str  #: ``"module:function"``, see the head of this module
-    estimate: str  #: ``"module:class"``, the :class:`stoop.estimate.estimate.Estimate` that it returns
-    purpose: str  #: what it is for, in a few words
-    simulates: bool = (
-        True  #: whether residuals are those of a simulation, whose likelihood posterior and profile show
-    )
+    #: ``"module:function"``, see the head of this module
+    fit: str
+    #: ``"module:class"``, the :class:`stoop.estimate.estimate.Estimate` that it returns
+    estimate: str
+    #: what it is for, in a few words
+    purpose: str
+    #: whether residuals are those of a simulation, whose likelihood posterior and profile show
+    simulates: bool = True
 
     def fitter(self) -> Callable[..., Any]:
         """Return the function that fits."""

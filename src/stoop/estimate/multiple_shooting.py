@@ -1,9 +1,9 @@
 """Multiple shooting: short windows with states of their own, which meet as the fit converges.
 
-An unstable vehicle cannot be flown open loop from a wrong start, and in the long run not even from the right one:
-the simulation runs away long before its end, and no gradient is left to follow. Over a window of a second it
-cannot run far. Each window begins in a state of its own, first as measured; that each ends where the next begins is
-demanded ever more strictly. The end is that of output error: windows that meet are one flight.
+The open-loop simulation of an unstable vehicle diverges from a wrong start, and in the long run also from the right one,
+so that output error has no useful gradient. Over a window of a second the divergence is small. Each window has an initial
+state of its own, at first as measured. Continuity constraints between windows are weighted more and more; once the windows are
+continuous, the estimate is that of output error.
 
 Gauss-Newton alternates with noise-covariance estimation. Where no start of a vehicle with rotors is near enough for
 Gauss-Newton, an optimizer first searches windows that begin as they were measured: each is then a piece of its own, so that
@@ -63,14 +63,16 @@ from stoop.problem.prepare import Prepared
 from stoop.problem.windows import Window
 from stoop.vehicle import Vehicle
 
-TOLERANCE: Final = 1e-4  #: of half the cost that is left to gain
+#: of half the cost that is left to gain
+TOLERANCE: Final = 1e-4
 MIN_DAMPING: Final = 1e-10
 DAMPING: Final = partial(TenfoldDamping, 1e-4, growth=8.0, acceleration=1.0, smallest=MIN_DAMPING)
-JOINING_STEPS: Final = 10  #: at most, of windows that come to meet; three are usual
-SECOND_BUDGET: Final = (
-    3000.0  #: trajectories of a search after Gauss-Newton from a fair start did not converge
-)
-POOR: Final = 0.7  #: of the cost of constant readings: a start that is no better is none
+#: at most, of windows that come to meet; three are usual
+JOINING_STEPS: Final = 10
+#: trajectories of a search after Gauss-Newton from a fair start did not converge
+SECOND_BUDGET: Final = 3000.0
+#: of the cost of constant readings: a start that is no better is none
+POOR: Final = 0.7
 
 
 class GaussNewtonModel(StagedModel):
@@ -108,7 +110,7 @@ class GaussNewtonModel(StagedModel):
 
     @property
     def optimal(self) -> bool:
-        """Whether less than the tolerance is left to gain."""
+        """Whether the predicted gain is below the tolerance."""
         if self.current:  # an optimum was looked for when the derivatives were taken
             return False
         self.linearize()
@@ -155,7 +157,8 @@ class Refined:
     iterations: int
     status: Status
     noise_converged: bool = False
-    noise: NoiseModel | None = None  #: None before it is estimated, or where it is given
+    #: None before it is estimated, or where it is given
+    noise: NoiseModel | None = None
 
 
 def refined(
@@ -184,7 +187,8 @@ def refined(
     except KeyboardInterrupt:
         joined, interrupted = at, True
     if not interrupted and joined.cost < POOR * problem.problem.reference(len(problem.problem.prices) - 1):
-        at, schedule = joined, schedule[-1:]  # windows that need not meet would let a good start go
+        # without continuity constraints the search can leave a good starting point
+        at, schedule = joined, schedule[-1:]
     iterations, before, recorded, noise = 0, np.inf, problem.problem, None
     status: Status = "interrupted" if interrupted else "stalled"
     noise_converged = False
@@ -264,13 +268,20 @@ class LinearizedNodes(RefitProblem):
     """
 
     kind: ClassVar = "windows"
-    problem: Misfit  #: layout, weights, priors and pieces, late readings moved ahead
-    edges: tuple[tuple[int, ...], ...]  #: first sample of each window, then the number of samples
-    gap_weights: FloatArray  #: (e,), what a gap is multiplied with
-    center: FloatArray  #: (D + E,), the estimate
-    nodes: tuple[FloatArray, ...]  #: (n_x, w), states with which the windows of each piece begin there
-    follow: tuple[FloatArray, ...]  #: (w, e, D + E), how they change with the search vector
-    strict: bool = False  #: whether windows are to meet, so that states must follow to the second order
+    #: layout, weights, priors and pieces, late readings moved ahead
+    problem: Misfit
+    #: first sample of each window, then the number of samples
+    edges: tuple[tuple[int, ...], ...]
+    #: (e,), what a gap is multiplied with
+    gap_weights: FloatArray
+    #: (D + E,), the estimate
+    center: FloatArray
+    #: (n_x, w), states with which the windows of each piece begin there
+    nodes: tuple[FloatArray, ...]
+    #: (w, e, D + E), how they change with the search vector
+    follow: tuple[FloatArray, ...]
+    #: whether windows are to meet, so that states must follow to the second order
+    strict: bool = False
 
     @classmethod
     def of(cls, problem: ShootingProblem, at: Iterate) -> LinearizedNodes:
@@ -451,7 +462,7 @@ class ShootingEstimate(Estimate):
 
     def reading_slopes(self, index: int) -> FloatArray:
         """Return the derivatives (n, n_y, k) of the readings of a piece, NaN where nothing was measured."""
-        own, weights = self.evidence.pieces[index], self.problem.piece_weights[index]
+        own, weights = self.evidence.pieces[index], self.shooting.problem.piece_weights[index]
         columns = [weights.colored(one, own.present) for one in np.moveaxis(own.jacobian, 2, 0)]
         return np.where(own.present[:, :, None], np.stack(columns, axis=2), np.nan)
 

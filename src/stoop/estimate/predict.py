@@ -1,8 +1,8 @@
-"""Prediction: windows simulated with a fitted model; nothing is fitted there. The specific force of rotors beside the record.
+"""Prediction: windows simulated with a fitted model without fitting its parameters; specific force of rotors.
 
 A hovering vehicle cannot be simulated for long, but its forces can be compared with the accelerometers sample by sample.
-Rotors shake them, so both sides are low-passed at `CUTOFF`, with zero phase and per stretch without a hole. Two reference
-models stand beside: a constant, and thrust in proportion to the sum of the squared commands.
+Rotors shake them, so both sides are low-passed at `CUTOFF`, with zero phase, in each stretch without a hole. Two reference
+models are compared: a constant, and thrust in proportion to the sum of the squared commands.
 """
 
 from __future__ import annotations
@@ -46,7 +46,8 @@ from stoop.simulation import START_NAMES, parameter_rows, trim
 from stoop.vehicle import Vehicle
 from stoop.vehicle.vehicle import AIR_FRAME, GROUND_FRAME
 
-CUTOFF: Final = 5.0  #: Hz, of the specific force
+#: Hz, of the specific force
+CUTOFF: Final = 5.0
 
 
 def identified_vehicle(fit: Estimate) -> Vehicle:
@@ -69,7 +70,7 @@ def predictor(fit: Estimate, covariance: FloatArray) -> Predictor:
 
 
 def expected_biases(fit: Estimate, flight: str) -> dict[str, BiasPrior]:
-    """Return what the fitted maneuvers tell of each bias in a window of a flight."""
+    """Return the prior of each sensor bias in a window of a flight, from the fitted maneuvers."""
     of_maneuver: list[dict[str, float]] = [{} for _ in fit.prepared.windows]
     widths = {}
     for nuisance, entry in zip(fit.problem.layout.nuisances, fit.z[fit.problem.dimension :], strict=True):
@@ -321,12 +322,15 @@ def low_passed(columns: FloatArray, dt: float) -> FloatArray:
 class PredictionModel:
     """How a kind of vehicle is predicted."""
 
-    length: float = np.inf  #: s after which a prediction begins anew
-    codes: tuple[str, ...] = ()  #: of notices about that
+    #: s after which a prediction begins anew
+    length: float = np.inf
+    #: of notices about that
+    codes: tuple[str, ...] = ()
     starts: tuple[
         Callable[[Vehicle, Piece], tuple[Mapping[str, float], str]], ...
     ] = ()  #: where not measured
-    curves: tuple[Callable[..., ForceCurves], ...] = ()  #: of the specific force, as :func:`force_curves`
+    #: of the specific force, as :func:`force_curves`
+    curves: tuple[Callable[..., ForceCurves], ...] = ()
 
 
 _PREDICTIONS: Final = {

@@ -51,8 +51,10 @@ READ: Final = ("V", "alpha", "beta", "phi", "theta")
 #: states (of u, v, w, phi, theta) that the equations of a reduced model have; the others are as measured
 MODELED: Final = {"full": (0, 1, 2, 3, 4), "longitudinal": (0, 2, 4), "lateral": (1, 3)}
 MAX_STEPS: Final = 20
-TOLERANCE: Final = 1e-3  #: of a step, in standard deviations of the readings, rms
-DIFFERENCE: Final = 1e-5  #: m/s, rad, m/s2, rad/s, for derivatives
+#: of a step, in standard deviations of the readings, rms
+TOLERANCE: Final = 1e-3
+#: m/s, rad, m/s2, rad/s, for derivatives
+DIFFERENCE: Final = 1e-5
 
 
 def rates(states: FloatArray, inertial: FloatArray) -> FloatArray:

@@ -1,8 +1,7 @@
-"""What an estimate rests on, in one form for every estimator: residuals, sensitivities and prior information.
+"""Residuals, sensitivities and prior information of a fit, for any estimator.
 
-Output error gives the residuals and sensitivities of its simulation, filter error those of the innovations, multiple
-shooting those of its windows, a regression its equation errors and regressors. One path leads from here to error bars
-(``stoop.assessment``).
+The residuals of output error are those of the simulation, of filter error the innovations, of multiple shooting those of
+the windows, of a regression the equation errors. ``stoop.assessment`` computes error bars from them.
 """
 
 from __future__ import annotations
@@ -18,13 +17,16 @@ from stoop.base.arrays import BoolArray, FloatArray
 from stoop.problem.layout import Layout
 from stoop.problem.misfit import Misfit
 
-AT_BOUND: Final = 1e-6  #: of the width of the bounds: an estimate that is nearer lies at its bound
-NULL_EIGENVALUE: Final = 1e-13  #: of the greatest scaled eigenvalue; below it is rounding, not information
-STEP: Final = (
-    0.3  #: of a standard error, the others known, in second differences; from 0.1 to 1 there is no difference
-)
-CANDIDATES: Final = 512  #: simulated at a time
-NULL_COMPONENT: Final = 1e-3  #: an unknown with a larger component in a null direction is not determined
+#: of the width of the bounds: an estimate that is nearer lies at its bound
+AT_BOUND: Final = 1e-6
+#: of the greatest scaled eigenvalue; below it is rounding, not information
+NULL_EIGENVALUE: Final = 1e-13
+#: of a standard error, the others known, in second differences; from 0.1 to 1 there is no difference
+STEP: Final = 0.3
+#: simulated at a time
+CANDIDATES: Final = 512
+#: an unknown with a larger component in a null direction is not determined
+NULL_COMPONENT: Final = 1e-3
 
 
 @dataclass(frozen=True)
@@ -34,15 +36,19 @@ class Unknown:
     A noise intensity is the logarithm of a standard deviation; it takes part and is not reported.
     """
 
-    name: str  #: of the vehicle for a parameter, of :class:`~stoop.problem.Nuisance` for a nuisance
+    #: of the vehicle for a parameter, of :class:`~stoop.problem.Nuisance` for a nuisance
+    name: str
     kind: Literal["parameter", "nuisance", "noise"]
-    estimate: float  #: SI
-    size: float  #: SI, with which a standard error is compared: larger of start and estimate, or a nuisance's prior
-    width: float = np.inf  #: SI, of its bounds; infinite without bounds
-    prior: float = np.inf  #: SI, standard deviation of its prior; infinite without one
-    fixed: Literal["", "bound", "method"] = (
-        ""  #: why it has no error bar: at a bound, or not estimated by the method
-    )
+    #: SI
+    estimate: float
+    #: SI, with which a standard error is compared: larger of start and estimate, or a nuisance's prior
+    size: float
+    #: SI, of its bounds; infinite without bounds
+    width: float = np.inf
+    #: SI, standard deviation of its prior; infinite without one
+    prior: float = np.inf
+    #: why it has no error bar: at a bound, or not estimated by the method
+    fixed: Literal["", "bound", "method"] = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,16 +59,18 @@ class PieceEvidence:
     Where windows of the piece begin anew, residuals are no stationary noise, but alike from window to window.
     """
 
-    residual: FloatArray  #: (n, n_y), W (measured - model), NaN where there is no measurement
-    jacobian: FloatArray  #: (n, n_y, k), W d(model)/d(unknown), not used beside a missing measurement
-    maneuver: int = 0  #: of which the piece is
-    edges: tuple[
-        int, ...
-    ] = ()  #: first sample of each of w windows that begin anew, and the number of samples
-    gaps: FloatArray | None = (
-        None  #: (w - 1, e), whitened residuals of their continuity (end of one, start of the next)
-    )
-    gap_jacobian: FloatArray | None = None  #: (w - 1, e, k), derivatives of the gaps
+    #: (n, n_y), W (measured - model), NaN where there is no measurement
+    residual: FloatArray
+    #: (n, n_y, k), W d(model)/d(unknown), not used beside a missing measurement
+    jacobian: FloatArray
+    #: of which the piece is
+    maneuver: int = 0
+    #: first sample of each of w windows that begin anew, and the number of samples
+    edges: tuple[int, ...] = ()
+    #: (w - 1, e), whitened residuals of their continuity (end of one, start of the next)
+    gaps: FloatArray | None = None
+    #: (w - 1, e, k), derivatives of the gaps
+    gap_jacobian: FloatArray | None = None
 
     @property
     def present(self) -> BoolArray:
@@ -108,19 +116,20 @@ class PieceEvidence:
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """What the estimates of any method rest on; k unknowns: parameters, nuisances, then noise intensities.
+    """Residuals, sensitivities and information about k unknowns: parameters, nuisances, then noise intensities.
 
     The inflation is the factor by which the noise covariance in W exceeds that of the residuals, because neighboring
     residuals are correlated; the Cramer-Rao bound for white residuals takes it off again.
     """
 
-    unknowns: tuple[
-        Unknown, ...
-    ]  #: those of the layout in its order, estimated or not; then noise intensities
+    #: those of the layout in its order, estimated or not; then noise intensities
+    unknowns: tuple[Unknown, ...]
     pieces: tuple[PieceEvidence, ...]
-    prior: FloatArray  #: (k, k), information beside the residuals, per SI unit: priors, size of innovations, continuity
+    #: (k, k), information beside the residuals, per SI unit: priors, size of innovations, continuity
+    prior: FloatArray
     inflation: float = 1.0
-    white: bool = False  #: whether residuals are uncorrelated by construction (Fourier coefficients): no color is corrected
+    #: whether residuals are uncorrelated by construction (Fourier coefficients): no color is corrected
+    white: bool = False
 
     @property
     def free(self) -> NDArray[np.intp]:
@@ -207,9 +216,12 @@ def observed_information(problem: Misfit, z: FloatArray, evidence: Evidence) -> 
 class Inverse:
     """Inverse of an information matrix on the directions that it determines."""
 
-    factor: FloatArray  #: (k, r); factor @ factor.T is the pseudo-inverse; r directions are determined
-    determined: BoolArray  #: (k,) bool; which unknowns have no part in a direction without information
-    eigenvalues: FloatArray  #: (k,), of the information scaled to a unit diagonal, ascending
+    #: (k, r); factor @ factor.T is the pseudo-inverse; r directions are determined
+    factor: FloatArray
+    #: (k,) bool; which unknowns have no part in a direction without information
+    determined: BoolArray
+    #: (k,), of the information scaled to a unit diagonal, ascending
+    eigenvalues: FloatArray
 
     @property
     def matrix(self) -> FloatArray:

@@ -23,9 +23,12 @@ class Nuisance:
     #: state, ``sensors.CHANNEL.bias`` for a bias
     name: str
     maneuver: int
-    piece: int | None  #: the piece whose initial state it is; None for a bias
-    center: float  #: SI, where its entry is zero
-    scale: float  #: SI, its prior standard deviation: value = center + scale * entry
+    #: the piece whose initial state it is; None for a bias
+    piece: int | None
+    #: SI, where its entry is zero
+    center: float
+    #: SI, its prior standard deviation: value = center + scale * entry
+    scale: float
 
     @property
     def is_bias(self) -> bool:
@@ -40,12 +43,18 @@ class Layout:
     vehicle: Vehicle
     parameters: tuple[Parameter, ...]
     nuisances: tuple[Nuisance, ...]
-    dimension: int = field(init=False)  #: number D of free parameters
-    extra: int = field(init=False)  #: number E of nuisances
-    lower: FloatArray = field(init=False)  #: lower bounds (D,), SI
-    width: FloatArray = field(init=False)  #: width of the bounds (D,), SI
-    rows: IntArray = field(init=False)  #: kernel row of each free parameter
-    scales: FloatArray = field(init=False)  #: SI size of one unit of each entry of the vector, (D + E,)
+    #: number D of free parameters
+    dimension: int = field(init=False)
+    #: number E of nuisances
+    extra: int = field(init=False)
+    #: lower bounds (D,), SI
+    lower: FloatArray = field(init=False)
+    #: width of the bounds (D,), SI
+    width: FloatArray = field(init=False)
+    #: kernel row of each free parameter
+    rows: IntArray = field(init=False)
+    #: SI size of one unit of each entry of the vector, (D + E,)
+    scales: FloatArray = field(init=False)
     #: entries with a prior, its mean and its standard deviation, in units of the vector
     priors: tuple[IntArray, FloatArray, FloatArray] = field(init=False)
 

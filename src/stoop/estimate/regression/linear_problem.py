@@ -23,14 +23,18 @@ class LinearProblem(RefitProblem):
     """
 
     kind: ClassVar = "regression"
-    problem: Misfit  #: its layout has the priors that the regression used
-    center: FloatArray  #: (D + E,), the estimates
-    stretches: tuple[
-        PieceEvidence, ...
-    ]  #: equation errors (n, q) and regressors (n, q, D + E) of each stretch
-    deviations: Mapping[str, float]  #: equation -> standard deviation of its errors, SI; q entries
-    dt: float  #: s from row to row; infinite for rows that are no samples of time
-    bounded: bool  #: whether the bounds of the parameters hold
+    #: its layout has the priors that the regression used
+    problem: Misfit
+    #: (D + E,), the estimates
+    center: FloatArray
+    #: equation errors (n, q) and regressors (n, q, D + E) of each stretch
+    stretches: tuple[PieceEvidence, ...]
+    #: equation -> standard deviation of its errors, SI; q entries
+    deviations: Mapping[str, float]
+    #: s from row to row; infinite for rows that are no samples of time
+    dt: float
+    #: whether the bounds of the parameters hold
+    bounded: bool
 
     @classmethod
     def of(

@@ -38,7 +38,8 @@ from stoop.problem.observation import observation_model
 from stoop.problem.windows import Window
 from stoop.vehicle import Vehicle
 
-FAIR_R2: Final = 0.5  #: below, the estimates of an equation are doubtful
+#: below, the estimates of an equation are doubtful
+FAIR_R2: Final = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -221,7 +222,8 @@ def _from_start(problem: Misfit, z: FloatArray) -> tuple[Misfit, FloatArray, flo
     return problem, z, cost, spent
 
 
-equation_error: Final = partial(regression, domain=TimeDomain())  #: on smoothed samples
+#: on smoothed samples
+equation_error: Final = partial(regression, domain=TimeDomain())
 frequency_domain: Final = partial(
     regression, domain=FrequencyDomain()
 )  #: on Fourier coefficients of a band, of aircraft
