@@ -18,7 +18,7 @@ from stoop.errors import IdentificationError
 from stoop.estimate import methods
 from stoop.estimate.estimate import Estimate
 from stoop.estimate.fit import Options
-from stoop.estimate.predict import expected_biases, fitted_model, predict
+from stoop.estimate.predict import expected_biases, predict, predictor
 from stoop.flight import Flight
 from stoop.flight.flight import from_columns
 from stoop.problem.windows import Window
@@ -148,7 +148,7 @@ def test_an_estimate_comes_back_with_the_same_bits(
     assert pack(again.refit_problem, {}) == pack(found.refit_problem, {})
     ahead = [
         predict(
-            fitted_model(one, error_bars(one).covariance),
+            predictor(one, error_bars(one).covariance),
             flights,
             [Window("b", 1.0, 3.5)],
             [expected_biases(one, "b")],
