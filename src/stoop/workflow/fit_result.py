@@ -124,7 +124,7 @@ def fitted_model(
         result=result,
         flights=tuple(flights.values()),
         traces=traces,
-        estimate=fit,
+        fresh=fit,
         convergence=fit.outcome.history,
         command=command,
         files=files,

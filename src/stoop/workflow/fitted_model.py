@@ -22,6 +22,7 @@ from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice
 from stoop.base.text import printable, printable_lines
 from stoop.errors import StoopError
+from stoop.estimate import methods
 from stoop.estimate.estimate import Estimate
 from stoop.estimate.initial_state import BiasPrior, bias_priors
 from stoop.estimate.predict import ForceFigures, force_figures
@@ -33,8 +34,9 @@ from stoop.results.result import AirDataTrace, ManeuverTrace, ParameterEstimate,
 from stoop.results.verdict import Verdict
 from stoop.vehicle import Vehicle
 from stoop.vehicle.notation import symbols
+from stoop.workflow.archive import unpacked
 from stoop.workflow.curves import channel_units
-from stoop.workflow.outputs import check_folder, place_outputs
+from stoop.workflow.outputs import ESTIMATE, RESULT, check_folder, place_outputs
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -69,8 +71,10 @@ class FittedModel:
         As they were fitted, air data reconstructed; none if the folder has lost them, see `missing`.
     traces : tuple of ManeuverTrace
         Measured and simulated readings of each of ``result.maneuvers``.
-    estimate : Estimate, optional
-        Evidence of the estimator; None for a model of an older folder.
+    fresh : Estimate, optional
+        Of a fit of this session; that of a folder is read from `archive` at its first use.
+    archive : bytes
+        State of the estimate, see :attr:`estimate`; empty for a folder of an older version.
     convergence : (k, 2) array
         Trajectories spent, and the best cost so far.
     command : str
@@ -89,7 +93,8 @@ class FittedModel:
     result: Result
     flights: tuple[Flight, ...] = ()
     traces: tuple[ManeuverTrace, ...] = ()
-    estimate: Estimate | None = None
+    fresh: Estimate | None = None
+    archive: bytes = b""
     convergence: FloatArray = field(default_factory=lambda: np.empty((0, 2)))
     command: str = ""
     files: tuple[Path, ...] = ()
@@ -122,10 +127,27 @@ class FittedModel:
         """
         from stoop.assessment.assessment import assess
 
-        if self.estimate is None:
-            raise StoopError(f"{self.source}: holds no evidence of the fit to assess; fit again")
         result, files = assess(self.result, self.estimate, assessments, watch or (lambda text: None))
         return replace(self.with_result(result), attachments={**self.attachments, **files})
+
+    @cached_property
+    def estimate(self) -> Estimate:
+        """Evidence of the estimator: residuals, sensitivities and the problem near the optimum.
+
+        Raises
+        ------
+        StoopError
+            The folder of the model is of an older version, which kept none, or does not hold that of its result.
+        """
+        if self.fresh is not None:
+            return self.fresh
+        where = f"{self.source}: {ESTIMATE}"
+        if not self.archive:
+            raise StoopError(f"{where} is missing, so that the fit cannot be assessed; fit again")
+        found = methods.restore(self.result.method, unpacked(self.archive, where), where)
+        if found.estimates != {name: p.estimate for name, p in self.parameters.items()}:
+            raise StoopError(f"{where}: holds another fit than {RESULT} beside it; fit again")
+        return found
 
     def with_result(self, result: Result) -> FittedModel:
         """Return this model with another result, its verdict made anew."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from functools import wraps
 from pathlib import Path
@@ -19,8 +19,9 @@ from stoop.flight import load as load_flight
 from stoop.results.result import Result, read_result
 from stoop.vehicle import Vehicle, load_vehicle
 from stoop.vehicle.builtin import resolve_vehicle
+from stoop.workflow.archive import Curves, unpacked_curves, without_curves
 from stoop.workflow.fitted_model import FittedModel
-from stoop.workflow.outputs import ATTACHED, RESULT, flight_file
+from stoop.workflow.outputs import ARCHIVES, ATTACHED, CURVES, ESTIMATE, RESULT, flight_file
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -111,8 +112,21 @@ def load(path: str | Path) -> FittedModel:
         flights, missing = _flights(folder, result), ""
     except StoopError as error:
         flights, missing = (), str(error)
+    files, count = _read(folder, (*ARCHIVES, *ATTACHED)), len(result.maneuvers)
+    curves = Curves(tuple(without_curves(count)))
+    if CURVES in files:
+        curves = unpacked_curves(files[CURVES], count, str(folder / CURVES))
     return FittedModel(
-        vehicle, result, flights, attachments=_attachments(folder), folder=folder, missing=missing
+        vehicle,
+        result,
+        flights,
+        curves.traces,
+        archive=files.get(ESTIMATE, b""),
+        convergence=curves.convergence,
+        command=curves.command,
+        attachments={name: content for name, content in files.items() if name in ATTACHED},
+        folder=folder,
+        missing=missing,
     )
 
 
@@ -126,8 +140,9 @@ def _flights(folder: Path, result: Result) -> tuple[Flight, ...]:
     return tuple(replace(load_flight(place), name=name) for name, place in places.items())
 
 
-def _attachments(folder: Path) -> Mapping[str, bytes]:
-    places = [folder / name for name in ATTACHED]
+def _read(folder: Path, names: Iterable[str]) -> Mapping[str, bytes]:
+    """Return the content of those files that a folder has."""
+    places = [folder / name for name in names]
     return {p.name: p.read_bytes() for p in places if p.is_file() and p.stat().st_size < MAX_ATTACHED}
 
 

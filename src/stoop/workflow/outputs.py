@@ -21,11 +21,14 @@ from stoop.results.result import to_json
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.document import keys_of, write_entry, write_fields
 from stoop.vehicle.vehicle import leaves
+from stoop.workflow.archive import Curves, packed, packed_curves
 
 if TYPE_CHECKING:
     from stoop.workflow.fitted_model import FittedModel
 
 RESULT: Final = "result.json"  #: moved into place last: where it is, the others are
+ESTIMATE, CURVES = ARCHIVES = ("estimate.npz", "traces.npz")
+"""State of the estimate, and curves of the maneuvers, see `stoop.workflow.archive`."""
 ATTACHED: Final = ("posterior.nc",)  #: files that some results have
 PACKAGES: Final = ("stoop", "numpy", "scipy", "numba", "sympy", "xarray")
 TABLES: Final = (".csv", ".csv.gz")  #: endings of the files that are read of a folder, beside its mapping
@@ -33,7 +36,8 @@ TABLES: Final = (".csv", ".csv.gz")  #: endings of the files that are read of a 
 
 def output_names(flights: Sequence[str]) -> tuple[str, ...]:
     """Return the names of all files that are written for flights of these names, in the order of moving."""
-    return ("vehicle.toml", *(flight_file(name, len(flights)) for name in flights), "report.html", RESULT)
+    kept = (flight_file(name, len(flights)) for name in flights)
+    return ("vehicle.toml", *kept, *ARCHIVES, "report.html", RESULT)
 
 
 def flight_file(name: str, count: int) -> str:
@@ -75,6 +79,9 @@ def place_outputs(model: FittedModel, folder: Path, overwrite: bool = False) -> 
     files: dict[str, bytes | str] = dict(model.attachments)
     files["vehicle.toml"] = with_values(model.vehicle, {n: p.estimate for n, p in model.parameters.items()})
     files |= {flight_file(flight.name, len(model.flights)): flight_bytes(flight) for flight in model.flights}
+    if archive := model.archive or (packed(model.fresh.state()) if model.fresh else b""):
+        files[ESTIMATE] = archive
+    files[CURVES] = packed_curves(Curves(model.traces, model.convergence, model.command))
     files |= {"report.html": render(model), RESULT: to_json(model.result)}
     make_folder(folder)
     if not overwrite and any((folder / name).exists() for name in files):
@@ -84,8 +91,8 @@ def place_outputs(model: FittedModel, folder: Path, overwrite: bool = False) -> 
         raise OutputError(
             f"{folder}: another run has written there meanwhile; this one's result is in {aside}"
         )
-    # an old mark must not stand beside new files, nor an old posterior beside a new result
-    obsolete = [RESULT, *(set(ATTACHED) - set(files))] if (folder / RESULT).exists() else []
+    # an old mark must not stand beside new files, nor an old posterior or estimate beside a new result
+    obsolete = [RESULT, *({*ATTACHED, *ARCHIVES} - set(files))] if (folder / RESULT).exists() else []
     write_files(folder, files, obsolete)
     return folder
 
