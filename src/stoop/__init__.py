@@ -128,7 +128,10 @@ def __getattr__(name: str) -> Any:
     if name == "errors":
         return importlib.import_module("stoop.errors")
     if name not in _PLACES:
-        raise AttributeError(f"module 'stoop' has no attribute '{name}'")
+        from stoop.base.text import nearest
+
+        advice = "" if name.startswith("_") else f"; {nearest(name, __all__)}"
+        raise AttributeError(f"module 'stoop' has no attribute '{name}'{advice}")
     found = getattr(importlib.import_module(_PLACES[name]), _OTHER_NAMES.get(name, name))
     globals()[name] = found
     return found

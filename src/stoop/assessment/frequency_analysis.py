@@ -12,6 +12,7 @@ from stoop.assessment.frequency import ModelResponse
 from stoop.assessment.handling import Bandwidth, EquivalentSystem
 from stoop.base.arrays import BoolArray
 from stoop.base.notices import Notice
+from stoop.base.text import Summarized
 from stoop.errors import FlightError
 from stoop.flight.frequency import FrequencyResponse
 from stoop.problem.windows import Window
@@ -36,8 +37,8 @@ class Figures:
     system: EquivalentSystem | None
 
 
-@dataclass(frozen=True, eq=False)
-class FrequencyAnalysis:
+@dataclass(frozen=True, eq=False, repr=False)
+class FrequencyAnalysis(Summarized):
     """Frequency responses of flights, and of a model beside them."""
 
     flights: tuple[str, ...]

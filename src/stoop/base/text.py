@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable
+from dataclasses import fields
 from typing import TextIO
 
 MOST_LISTED = 12  #: names in a message
@@ -43,6 +44,16 @@ def duration(seconds: float) -> str:
 def remaining(seconds: float, done: float, total: float) -> str:
     """Return the time left, such as ``, 0:30 left``, at the speed of the `seconds` so far; empty where it is not known."""
     return f", {duration(seconds * (total - done) / done)} left" if 0.0 < done < total else ""
+
+
+class Summarized:
+    """A record whose text names its fields, with the length of those that have one, in place of their contents."""
+
+    def __repr__(self) -> str:
+        """Return the fields on one line."""
+        values = ((item.name, getattr(self, item.name)) for item in fields(self))  # type: ignore[arg-type]
+        named = [f"{name} ({len(x)})" if hasattr(x, "__len__") else name for name, x in values]
+        return printable(f"<{type(self).__name__}: {', '.join(named)}>")
 
 
 def enumerated(names: Iterable[str]) -> str:

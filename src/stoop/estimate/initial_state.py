@@ -202,7 +202,7 @@ def predict_stretch(
     z = optimize.refine(problem, np.zeros(problem.extra), 0).z
     parameters, covariance = model.uncertain()
     full = replace(problem, layout=Layout(model.vehicle, parameters, tuple(starts)))
-    found = _with_deviation(
+    found = with_deviation(
         full, np.concatenate([np.full(len(parameters), 0.5), z]), covariance, stretch.first
     )
     if model.filter is None:
@@ -234,7 +234,7 @@ def innovations(
     )
 
 
-def _with_deviation(problem: Misfit, z: FloatArray, covariance: FloatArray, first: int) -> Predicted:
+def with_deviation(problem: Misfit, z: FloatArray, covariance: FloatArray, first: int) -> Predicted:
     """Return the readings from sample `first` on, with their standard deviations by linear propagation."""
     d = problem.dimension
     with np.errstate(invalid="ignore", over="ignore"):

@@ -31,18 +31,20 @@ from stoop.estimate.initial_state import (
     innovations,
     predict_stretch,
     stretch_before,
+    with_deviation,
 )
 from stoop.estimate.instability import growth
 from stoop.estimate.regression.rotors import lagged_command, stretches
 from stoop.estimate.shooting_windows import WINDOW_LENGTH
 from stoop.estimate.shooting_windows import edges as window_edges
 from stoop.flight import Flight
-from stoop.problem import Piece, on_circle
+from stoop.problem import Layout, Misfit, Piece, on_circle
 from stoop.problem.observation import START_TIME
 from stoop.problem.prepare import Prepared, decoupled, prepare
 from stoop.problem.windows import Window
 from stoop.results.result import Covariance, NoiseCovariance
 from stoop.simulation import START_NAMES, parameter_rows, trim
+from stoop.simulation.initial import check_states
 from stoop.vehicle import Vehicle
 from stoop.vehicle.vehicle import AIR_FRAME, GROUND_FRAME
 
@@ -136,6 +138,56 @@ def predict(
         None if model.filter is None else tuple(v for v, _ in filtered),
         None if model.filter is None else tuple(s for _, s in filtered),
     )
+
+
+def predict_from(
+    model: Predictor,
+    flights: Mapping[str, Flight],
+    windows: Sequence[Window],
+    biases: Mapping[str, BiasPrior],
+    start: Mapping[str, float],
+) -> Prediction:
+    """Simulate windows open loop from a given initial state; neither it nor a sensor bias is estimated there.
+
+    Parameters
+    ----------
+    model, flights, windows
+        As of :func:`predict`.
+    biases : mapping
+        Priors of the sensors' biases, whose means are taken.
+    start : mapping
+        States of the vehicle's ``start_names``, SI, at the start of each window; the others are read off the flight by
+        `stoop.problem.observation.guess_start`, as all are after a hole in the record.
+
+    Raises
+    ------
+    SimulationError
+        A state is unknown or not finite.
+    """
+    check_states(model.vehicle, start)
+    means = {name: prior.mean for name, prior in biases.items()}
+    pieces, found, notices = list[Piece](), list[Predicted](), list[Notice]()
+    for i, window in enumerate(windows):
+        vehicle = decoupled(model.vehicle, flights, [window])
+        biased = vehicle.with_numbers({name: {"value": value} for name, value in means.items()})
+        prepared = prepare(biased, flights, [window])
+        notices += prepared.notices
+        for k, piece in enumerate(prepared.pieces):
+            own = {**piece.start, **({} if k else start)}
+            pieces.append(replace(piece, maneuver=i, start=own, changes={**piece.changes, **means}))
+            found.append(_open_loop(replace(model, vehicle=vehicle), pieces[-1]))
+    noise = np.nan_to_num(model.variance)
+    deviations = tuple(np.sqrt(one.deviation**2 + noise) for one in found)
+    prepared = Prepared(tuple(windows), tuple(pieces), tuple(notices))
+    return Prediction(prepared, tuple(one.readings for one in found), deviations)
+
+
+def _open_loop(model: Predictor, piece: Piece) -> Predicted:
+    """Return the readings of a piece from its start, and their standard deviations by the parameters alone."""
+    parameters, covariance = model.uncertain()
+    layout, ladder = Layout(model.vehicle, parameters, ()), ((len(piece.time),),)
+    problem = Misfit(layout, (replace(piece, maneuver=0),), model.weights, ladder)
+    return with_deviation(problem, np.full(len(parameters), 0.5), covariance, 0)
 
 
 def _of_window(

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Final
 
+from stoop.base.text import Summarized
 from stoop.errors import SimulationError
 from stoop.exporters.jsbsim_flight import Record, own_readings, relative_differences
 from stoop.exporters.reference_flight import ReferenceFlight, reference_flight
@@ -75,8 +76,8 @@ class ModelData:
         return trim(self.vehicle, condition.airspeed, altitude, condition.climb_angle, self.density)
 
 
-@dataclass(frozen=True, eq=False)
-class Exported:
+@dataclass(frozen=True, eq=False, repr=False)
+class Exported(Summarized):
     """Files by their place below the output folder, the main one, and notes for the user."""
 
     files: Mapping[str, bytes]

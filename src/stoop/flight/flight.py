@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence, Set
+import importlib
+from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -11,6 +12,7 @@ import numpy as np
 
 from stoop.base.arrays import FloatArray, run_slices
 from stoop.base.html import table
+from stoop.base.names import unknown_name
 from stoop.base.notices import Notice, notice
 from stoop.base.rotations import continuous, euler_angles, normalized, quaternions_of, wrap
 from stoop.base.text import printable
@@ -132,6 +134,26 @@ class Flight:
     def names(self) -> frozenset[str]:
         """Variables of the flight."""
         return frozenset(self.channels)
+
+    def __getitem__(self, name: str) -> xr.DataArray:
+        """Return a variable over ``time``, labeled."""
+        if name not in self.names and name != "time":
+            raise unknown_name(name, self.channels)
+        found: xr.DataArray = self.data[name]
+        return found
+
+    def __contains__(self, name: object) -> bool:
+        """Tell whether the flight has a variable."""
+        return name in self.names
+
+    def __iter__(self) -> Iterator[str]:
+        """Iterate over the names of the variables."""
+        return iter(self.channels)
+
+    def plot(self) -> Any:
+        """Return the page of the flight, as :func:`stoop.look` does."""
+        # By name: pages are drawn rooms above this one, and nothing here depends on them.
+        return importlib.import_module("stoop.api").look(self)
 
     def column(self, name: str) -> FloatArray:
         """Return a variable, shape (n,), SI, NaN where there is no data."""

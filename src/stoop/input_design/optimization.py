@@ -15,6 +15,7 @@ from stoop.base.arrays import FloatArray
 from stoop.base.blas import on_one_blas_thread
 from stoop.base.notices import Notice, notice
 from stoop.base.schema_errors import first_complaint
+from stoop.base.text import Summarized
 from stoop.errors import SimulationError
 from stoop.input_design.information import Forecast, Setup
 from stoop.input_design.inputs import COUNTED_SHAPES, LEAD, SHAPES, USUAL_SHAPES, Frame, Shape, StepInputs
@@ -227,8 +228,8 @@ def mean_ratio(std: FloatArray, reference: FloatArray) -> float:
     return float(np.mean(std[both] / reference[both])) if both.any() else float("nan")
 
 
-@dataclass(frozen=True, eq=False)
-class Proposal:
+@dataclass(frozen=True, eq=False, repr=False)
+class Proposal(Summarized):
     """What to fly next: one design per family, the best first, beside the textbook's maneuver.
 
     Attributes

@@ -12,7 +12,6 @@ import numpy as np
 
 from stoop.base.arrays import FloatArray, IntArray
 from stoop.vehicle import Parameter, Vehicle
-from stoop.vehicle.schema import CHANNELS, WIND
 
 
 @dataclass(frozen=True)
@@ -61,9 +60,7 @@ class Layout:
     @classmethod
     def of(cls, vehicle: Vehicle, nuisances: Sequence[Nuisance]) -> Layout:
         """Take the vehicle's free numbers as parameters, less sensor biases: those are nuisances."""
-        biases = {f"sensors.{c}.bias" for c in (*WIND, *CHANNELS)}
-        free = tuple(p for p in vehicle.parameters if p.free and p.name not in biases)
-        return cls(vehicle, free, tuple(nuisances))
+        return cls(vehicle, vehicle.free_parameters, tuple(nuisances))
 
     def __post_init__(self) -> None:
         lower = np.array([p.lower for p in self.parameters])

@@ -27,6 +27,7 @@ from stoop.base.arrays import FloatArray
 from stoop.base.blas import on_one_blas_thread
 from stoop.base.notices import Notice, distinct, notice, of_severity
 from stoop.base.numbers import finite_or_none
+from stoop.base.text import Summarized
 from stoop.base.units import DEGREE
 from stoop.base.variables import EULER, POSITION, QUATERNION, VELOCITY, WRAPPED
 from stoop.errors import IdentificationError
@@ -141,8 +142,8 @@ class Trace:
     reconstructed: Mapping[str, FloatArray]
 
 
-@dataclass(frozen=True)
-class Compatibility:
+@dataclass(frozen=True, repr=False)
+class Compatibility(Summarized):
     """Result of a compatibility check."""
 
     flight: str

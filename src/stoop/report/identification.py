@@ -116,7 +116,7 @@ def identification_sheet(identification: Model) -> sheet.Sheet:
     roles = [m.role for m in result.maneuvers]
     fitted = count(roles.count("fit"), "fitted maneuver")
     predicted = f", {roles.count('validation')} predicted" if "validation" in roles else ""
-    lead = f"{count(len(result.parameters), 'parameter')} from {fitted}{predicted} · optimizer {result.optimizer}"
+    lead = f"{result.free_count} from {fitted}{predicted} · optimizer {result.optimizer}"
 
     # The maneuvers, what the figures rest on, the equations, and what was found in the data.
     rows = tuple(
@@ -306,11 +306,19 @@ def _lost(result: Result, role: Role) -> list[str]:
     ]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Plots:
     """Plots of an identification, such as ``result.plot.maneuvers()``."""
 
     identification: Model
+
+    def __repr__(self) -> str:
+        """Return the names of the plots on one line."""
+        return "<Plots: maneuvers, residuals, estimates, uncertainty, correlation, modes, report>"
+
+    def __call__(self, role: Role = "fit") -> sheet.Page:
+        """Return the maneuvers, as :meth:`maneuvers` does."""
+        return self.maneuvers(role)
 
     def maneuvers(self, role: Role = "fit") -> sheet.Page:
         """Return measured and simulated readings of the fitted maneuvers, or of those of ``"validation"``."""

@@ -19,6 +19,7 @@ import numpy as np
 from stoop.base.arrays import FloatArray
 from stoop.base.files import write_text_atomic
 from stoop.base.notices import AS_SENTENCES, Notice, as_notice, from_dict, of_severity
+from stoop.base.numbers import count
 from stoop.base.text import printable
 from stoop.base.toml import is_of_type, parse_json, read_source
 from stoop.errors import StoopError
@@ -314,6 +315,13 @@ class Result:
     innovation_correlation: float = NAN
 
     @property
+    def free_count(self) -> str:
+        """Number of free parameters, and of the initial states and biases that were estimated with them, in words."""
+        groups = [one.values for one in self.initial_states] + [one.values for one in self.biases]
+        nuisances = sum(map(len, groups))
+        return f"{count(len(self.parameters), 'free parameter')} and {count(nuisances, 'nuisance')}"
+
+    @property
     def warnings(self) -> tuple[str, ...]:
         """The sentences of the notices that make the result doubtful."""
         return tuple(map(str, of_severity(self.notices, "warning")))
@@ -338,7 +346,7 @@ class Result:
 
     def __repr__(self) -> str:
         """Return the size and status on one line."""
-        return printable(f"<Result: {len(self.parameters)} parameters, {self.method}, {self.status}>")
+        return printable(f"<Result: {self.free_count}, {self.method}, {self.status}>")
 
     def _repr_html_(self) -> str:
         from stoop.results.labelled import html_table

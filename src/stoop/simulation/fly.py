@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -16,7 +17,7 @@ from stoop.errors import ManeuverError, SimulationError
 from stoop.flight import VARIABLES, Flight, from_columns
 from stoop.simulation import trajectories
 from stoop.simulation.delays import late_outputs
-from stoop.simulation.initial import commanded, initial_states, parameter_rows, rigid_states
+from stoop.simulation.initial import check_states, commanded, initial_states, parameter_rows, rigid_states
 from stoop.simulation.maneuver import Maneuver, check_maneuver, load_maneuver
 from stoop.simulation.on_rotors import fly_on_rotors
 from stoop.simulation.rotors import channel_range
@@ -45,6 +46,7 @@ def simulate(
     seed: int = 0,
     noise: bool = False,
     name: str = "simulated",
+    initial_state: Mapping[str, float] | None = None,
 ) -> Flight:
     """Simulate a vehicle from trimmed flight.
 
@@ -65,6 +67,8 @@ def simulate(
         Of the sensors, with the standard deviations of the vehicle file.
     name : str
         As in ``FLIGHT@START:STOP``.
+    initial_state : mapping, optional
+        States of the vehicle's ``start_names`` at the start, SI, in place of the trimmed ones; of inputs as arrays.
 
     Returns
     -------
@@ -80,15 +84,21 @@ def simulate(
     if isinstance(inputs, str | Path):
         inputs = load_maneuver(inputs)
     if isinstance(inputs, Maneuver):
+        if initial_state is not None:
+            raise ManeuverError(
+                "initial_state: a maneuver begins in steady flight; give the inputs as arrays"
+            )
         return simulate_flight(vehicle, inputs, seed, noise, name)
     time, columns = _columns(vehicle, inputs, time)
     point = trim(vehicle, airspeed, altitude)
+    check_states(vehicle, initial_state or {})
     moved = {c: columns[c] - point.deflections[c] for c in columns if c not in vehicle.recorded}
     channels = inputs_about(vehicle, point, moved, len(time))
     for channel in (c for c in columns if c in vehicle.recorded):
         channels[:, vehicle.recorded.index(channel)] = columns[channel]
     gusts = np.random.default_rng([seed, _GUSTS])
-    flown = _open_loop(vehicle, time, channels, point, gusts, windy=False)
+    begun = replace(point, start={**point.start, **(initial_state or {})})
+    flown = _open_loop(vehicle, time, channels, begun, gusts, windy=False)
     _check_finite(vehicle, flown, "reduce the inputs")
     sigma = np.array([getattr(vehicle.file.sensors, c).sigma for c in vehicle.outputs]) * float(noise)
     return _record(vehicle, flown, sigma, altitude, seed, name, {} if noise else None)
@@ -194,7 +204,7 @@ def _columns(
         raise ManeuverError(
             "inputs: the time does not run on at one rate; interpolate the inputs to equal steps"
         )
-    has_measurements = isinstance(inputs, Flight) or hasattr(table, "data_vars")
+    has_measurements = isinstance(inputs, Flight) or hasattr(table, "data_vars") or hasattr(table, "columns")
     columns = {}
     for key in table:
         if key == "time" or (has_measurements and key not in known):

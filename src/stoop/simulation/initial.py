@@ -9,7 +9,9 @@ from numpy.typing import ArrayLike
 
 from stoop.base.arrays import FloatArray
 from stoop.base.rotations import quaternions_of
+from stoop.base.text import nearest
 from stoop.base.variables import EULER
+from stoop.errors import SimulationError
 from stoop.vehicle import Vehicle
 from stoop.vehicle.vehicle import AIR_FRAME, GROUND_FRAME
 
@@ -78,6 +80,16 @@ def initial_states(
         else:
             out[i] = rigid[name] if name in rigid else np.asarray(start.get(name, 0.0))
     return out
+
+
+def check_states(vehicle: Vehicle, states: Mapping[str, float]) -> None:
+    """Refuse an initial state, SI, that the vehicle does not have, or that is not finite: SimulationError."""
+    known = (*vehicle.start_names, *(name for name in vehicle.states if name.endswith(".lag")))
+    for name, value in states.items():
+        if name not in known:
+            raise SimulationError(f"initial state: no state is called '{name}'; {nearest(name, known)}")
+        if not np.isfinite(value):
+            raise SimulationError(f"initial state: {name} is {value}; give a finite number, SI")
 
 
 def commanded(vehicle: Vehicle, control: str, rows: FloatArray, inputs: FloatArray) -> FloatArray:

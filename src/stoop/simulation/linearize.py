@@ -16,6 +16,7 @@ import numpy as np
 from stoop.base.arrays import ComplexArray, FloatArray
 from stoop.base.dual import Dual
 from stoop.base.notices import Notice, notice
+from stoop.base.text import Summarized
 from stoop.base.variables import EULER
 from stoop.simulation.delays import input_delays, output_delays
 from stoop.simulation.initial import initial_states, mixing_of, parameter_rows
@@ -44,8 +45,8 @@ class Mode:
     time_constant: float  #: minus one over the real part, s
 
 
-@dataclass(frozen=True)
-class LinearModel:
+@dataclass(frozen=True, repr=False)
+class LinearModel(Summarized):
     """x' = A x + B u, y = C x + D u about a steady flight, with delays in series; SI and rad."""
 
     states: tuple[str, ...]

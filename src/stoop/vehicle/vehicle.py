@@ -8,14 +8,15 @@ import json
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, SupportsIndex, overload
 
 import numpy as np
 from pydantic import BaseModel
 
 from stoop.base.arrays import FloatArray
 from stoop.base.html import table
-from stoop.base.numbers import number
+from stoop.base.names import unknown_name
+from stoop.base.numbers import count, number
 from stoop.base.text import nearest, printable
 from stoop.errors import VehicleError
 from stoop.kernels import Kernel, load_kernel
@@ -23,6 +24,7 @@ from stoop.vehicle import terms
 from stoop.vehicle.defaults import COEFFICIENTS, bounds, free_by_default, unit
 from stoop.vehicle.schema import CHANNELS, WIND, Quantity, Term, VehicleFile
 
+_BIASES = frozenset(f"sensors.{channel}.bias" for channel in (*WIND, *CHANNELS))
 RIGID_STATES = ("u", "v", "w", "p", "q", "r", "e0", "e1", "e2", "e3", "h")
 GUST_STATES = {
     "u": ("gust.u",),
@@ -113,6 +115,29 @@ class Parameter:
         return self.value if self.mean is None else self.mean
 
 
+class Parameters(tuple[Parameter, ...]):
+    """Numbers of a vehicle in order, and by name: ``vehicle.parameters["Clp"].value``."""
+
+    __slots__ = ()
+
+    @overload
+    def __getitem__(self, key: SupportsIndex | str) -> Parameter: ...
+    @overload
+    def __getitem__(self, key: slice) -> tuple[Parameter, ...]: ...
+    def __getitem__(self, key: SupportsIndex | slice | str) -> Parameter | tuple[Parameter, ...]:
+        """Return a number by its name or place, or some by a slice."""
+        if not isinstance(key, str):
+            return super().__getitem__(key)
+        found = next((p for p in self if p.name == key), None)
+        if found is None:
+            raise unknown_name(key, [p.name for p in self])
+        return found
+
+    def __repr__(self) -> str:
+        """Return how many there are, and how many are free, on one line."""
+        return f"<Parameters: {len(self)}, {sum(p.free for p in self)} of them free>"
+
+
 def noise_input(axis: str) -> str:
     """Return the name of the white noise (unit intensity) that drives the gust along an axis."""
     return f"gust.{axis}.noise"
@@ -197,8 +222,10 @@ class Vehicle:
 
     def __repr__(self) -> str:
         """Return name and size on one line."""
-        free = sum(p.free for p in self.parameters)
-        return printable(f"<Vehicle {self.name}: {free} of {len(self.parameters)} numbers free>")
+        free, biases = len(self.free_parameters), len(self.free_biases)
+        held = len(self.parameters) - free - biases
+        text = f"{count(free, 'free parameter')}, {biases} free sensor {'bias' if biases == 1 else 'biases'}, {held} held"
+        return printable(f"<Vehicle {self.name}: {text}>")
 
     def _repr_html_(self) -> str:
         units = {"1": ""}
@@ -214,8 +241,18 @@ class Vehicle:
         """Name in the file."""
         return self.file.name
 
+    @property
+    def free_biases(self) -> tuple[Parameter, ...]:
+        """Free biases of sensors: nuisances, estimated anew in every maneuver."""
+        return tuple(p for p in self.parameters if p.free and p.name in _BIASES)
+
+    @property
+    def free_parameters(self) -> tuple[Parameter, ...]:
+        """Free numbers less the biases of sensors."""
+        return tuple(p for p in self.parameters if p.free and p.name not in _BIASES)
+
     @functools.cached_property
-    def parameters(self) -> tuple[Parameter, ...]:
+    def parameters(self) -> Parameters:
         """Every number of the file that is not tied to another, in the order of the kernel's rows.
 
         A reduced model estimates its own coefficients; numbers that its equations do not contain are never free.
@@ -235,7 +272,7 @@ class Vehicle:
             out.append(
                 Parameter(name, q.value, low, high, free and name not in absent, q.prior, symbol, q.mean)
             )
-        return tuple(out)
+        return Parameters(out)
 
     @functools.cached_property
     def rows(self) -> dict[str, int]:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from stoop.base.notices import Notice, distinct
+from stoop.base.text import Summarized
 from stoop.flight import Flight
 from stoop.vehicle.load import parse_vehicle
 from stoop.vehicle.vehicle import Vehicle
@@ -16,8 +17,8 @@ from stoop.vehicle_draft.request import Request, completed, evidence
 from stoop.vehicle_draft.rotorcraft import Multirotor
 
 
-@dataclass(frozen=True, eq=False)
-class Drafted:
+@dataclass(frozen=True, eq=False, repr=False)
+class Drafted(Summarized):
     """A vehicle file that was drafted."""
 
     text: str  #: TOML

@@ -12,6 +12,7 @@ import numpy as np
 
 from stoop.base.csv_text import csv_text
 from stoop.base.files import write_text_atomic
+from stoop.base.text import Summarized
 from stoop.errors import OutputError
 from stoop.exporters.exporter import Condition, ModelData
 from stoop.simulation.derivatives import Derivatives, Table
@@ -25,8 +26,8 @@ FORMAT: Final = "stoop-derivatives/1"
 ENDINGS: Final = (".csv", ".json")
 
 
-@dataclass(frozen=True, eq=False)
-class Reported:
+@dataclass(frozen=True, eq=False, repr=False)
+class Reported(Summarized):
     """Derivatives along one set of axes in the forms that were asked for, with the steady flight."""
 
     model: ModelData

@@ -19,6 +19,7 @@ import numpy as np
 from stoop.assessment.assessment import Assessment
 from stoop.assessment.verdict import verdict
 from stoop.base.arrays import FloatArray
+from stoop.base.names import Names
 from stoop.base.notices import Notice
 from stoop.base.text import printable, printable_lines
 from stoop.errors import StoopError
@@ -173,7 +174,7 @@ class FittedModel:
     @property
     def parameters(self) -> Mapping[str, ParameterEstimate]:
         """Estimates by name, such as ``model.parameters["Clp"].std_error``."""
-        return self.result.parameters
+        return Names(self.result.parameters)
 
     @property
     def notices(self) -> tuple[Notice, ...]:
@@ -211,9 +212,7 @@ class FittedModel:
     def __repr__(self) -> str:
         """Return vehicle, size and status on one line."""
         r = self.result
-        return printable(
-            f"<FittedModel of {self.vehicle.name}: {len(r.parameters)} parameters, {r.method}, {r.status}>"
-        )
+        return printable(f"<FittedModel of {self.vehicle.name}: {r.free_count}, {r.method}, {r.status}>")
 
     def _repr_html_(self) -> str:
         return self.result._repr_html_()

@@ -6,10 +6,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias, Union
 
-from stoop.errors import FlightError
+from stoop.errors import FlightError, VehicleError
 from stoop.flight import Flight, load
 from stoop.flight.flight import from_columns
 from stoop.vehicle import Vehicle
+from stoop.vehicle.builtin import resolve_vehicle
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -17,6 +18,23 @@ if TYPE_CHECKING:
 
 OneFlight: TypeAlias = Union[Flight, str, Path, "pd.DataFrame", "xr.Dataset"]
 Flights: TypeAlias = OneFlight | Sequence[OneFlight]
+
+
+def as_vehicle(given: Any) -> Vehicle:
+    """Return a vehicle from a vehicle, the name of a built-in one or a vehicle file.
+
+    Raises
+    ------
+    VehicleError
+        It is none of these.
+    """
+    if isinstance(given, Vehicle):
+        return given
+    if isinstance(given, str | Path):
+        return resolve_vehicle(given)
+    raise VehicleError(
+        f"a vehicle is expected first, not a {type(given).__name__}; give the vehicle, then the flights"
+    )
 
 
 def as_flight(given: Any) -> Flight:

@@ -62,6 +62,7 @@ def simulate(
     seed: int = 0,
     noise: bool = False,
     name: str = "simulated",
+    initial_state: Mapping[str, float] | None = None,
 ) -> Flight:
     """Simulate a model from trimmed flight.
 
@@ -82,6 +83,8 @@ def simulate(
         Of the sensors, with the standard deviations of the vehicle file.
     name : str
         As in ``FLIGHT@START:STOP``.
+    initial_state : mapping, optional
+        States at the start, SI, in place of the trimmed ones, such as ``{"alpha": 0.05}``; of inputs as arrays.
 
     Returns
     -------
@@ -96,5 +99,13 @@ def simulate(
     """
     vehicle = model.vehicle if isinstance(model, FittedModel) else model
     return simulated(
-        vehicle, inputs, time, airspeed=airspeed, altitude=altitude, seed=seed, noise=noise, name=name
+        vehicle,
+        inputs,
+        time,
+        airspeed=airspeed,
+        altitude=altitude,
+        seed=seed,
+        noise=noise,
+        name=name,
+        initial_state=initial_state,
     )

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import inspect
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from stoop import optimize
 from stoop.base.blas import on_one_blas_thread
+from stoop.base.text import nearest
 from stoop.checks.vehicle import require_channels
 from stoop.errors import FlightError
 from stoop.estimate import methods
@@ -19,10 +21,9 @@ from stoop.flight import Flight, without
 from stoop.problem.windows import Window, Windows, as_windows
 from stoop.strategy import Decided, Strategy, run
 from stoop.vehicle import Vehicle
-from stoop.vehicle.builtin import resolve_vehicle
 from stoop.workflow.fit_result import fitted_model
 from stoop.workflow.fitted_model import FittedModel
-from stoop.workflow.flights import Flights, as_flights
+from stoop.workflow.flights import Flights, as_flights, as_vehicle
 from stoop.workflow.outputs import by_name, flight_files, input_hashes
 
 DEFAULTS = Options()
@@ -60,6 +61,7 @@ def identify(
     callback: Callable[[optimize.Progress], None] | None = None,
     extend: bool = False,
     strategy: Strategy | Literal["default", "textbook"] = STRATEGY,
+    **settings: Any,
 ) -> FittedModel:
     """Estimate the free numbers of a vehicle from maneuvers of one or more flights, and predict others.
 
@@ -81,6 +83,8 @@ def identify(
         Whether the model gains what the data ask for: the decision ``extensions``.
     strategy : Strategy, "default" or "textbook"
         Decisions that the fit takes by itself, see :class:`stoop.Strategy`; ``"textbook"`` takes none.
+    **settings
+        Fields of :class:`stoop.Options` by name, in place of those of `options`: ``method="equation-error"``, ``seed=1``.
 
     Returns
     -------
@@ -92,9 +96,22 @@ def identify(
     StoopError
         One line that says what is wrong and what to do.
     """
+    options = with_settings(options, settings, "fit", identify)
     decisions = Strategy.named(strategy)
     decisions = decisions.including("extensions") if extend else decisions
     return finish(search(vehicle, flights, maneuvers, validate, options, callback, strategy=decisions))
+
+
+def with_settings(
+    options: Options, settings: Mapping[str, Any], verb: str, function: Callable[..., Any]
+) -> Options:
+    """Return options with some of their fields replaced; raises `TypeError` about a keyword that there is not."""
+    known = [item.name for item in fields(options)]
+    own = [name for name in inspect.signature(function).parameters if name != "settings"]
+    for name in settings:
+        if name not in known:
+            raise TypeError(f"{verb}() has no keyword '{name}'; {nearest(name, [*own, *known])}")
+    return replace(options, **settings)
 
 
 @on_one_blas_thread
@@ -117,7 +134,7 @@ def search(
     were read (mapping, noise covariance), for the result's ``inputs``; `watch` is told what is fitted.
     """
     began = time.perf_counter()
-    vehicle = vehicle if isinstance(vehicle, Vehicle) else resolve_vehicle(vehicle)
+    vehicle = vehicle if isinstance(vehicle, Vehicle) else as_vehicle(vehicle)
     methods.find(options.method)
     known = by_name(as_flights(flights), "identify")
     rates = sorted({f"{flight.rate:g}" for flight in known.values()})

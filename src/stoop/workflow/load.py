@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from functools import wraps
 from pathlib import Path
-from typing import Concatenate, Final, ParamSpec, TypeVar
+from typing import Any, Concatenate, Final, ParamSpec, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 from stoop.base.numbers import MAX_NUMBER
+from stoop.base.text import nearest
 from stoop.errors import StoopError
 from stoop.estimate.noise import is_covariance
 from stoop.flight import Flight
@@ -58,6 +60,7 @@ def takes_model(
 
     @wraps(function)
     def run(model: FittedModel | Place, *arguments: P.args, **keywords: P.kwargs) -> T:
+        _check_keywords(function, keywords)
         return function(fitted_model(model), *arguments, **keywords)
 
     return run  # type: ignore[return-value]  # of the keyword "model", which no function has twice
@@ -70,9 +73,18 @@ def takes_model_or_vehicle(
 
     @wraps(function)
     def run(model: FittedModel | Vehicle | Place, *arguments: P.args, **keywords: P.kwargs) -> T:
+        _check_keywords(function, keywords)
         return function(model_or_vehicle(model), *arguments, **keywords)
 
     return run  # type: ignore[return-value]  # of the keyword "model", which no function has twice
+
+
+def _check_keywords(function: Callable[..., Any], keywords: Mapping[str, Any]) -> None:
+    """Raise `TypeError` about a keyword that a function does not have, with those that resemble it."""
+    known = list(inspect.signature(function).parameters)
+    for name in keywords:
+        if name not in known:
+            raise TypeError(f"{function.__name__}() has no keyword '{name}'; {nearest(name, known)}")
 
 
 def load(path: str | Path) -> FittedModel:

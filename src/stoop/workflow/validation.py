@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -21,7 +22,7 @@ from stoop.checks.vehicle import require_channels
 from stoop.errors import FlightError, StoopError
 from stoop.estimate.fitted_filter import FittedFilter
 from stoop.estimate.initial_state import Predictor
-from stoop.estimate.predict import predict
+from stoop.estimate.predict import predict, predict_from
 from stoop.flight import Flight, without, without_faults
 from stoop.flight.flight import flight_name
 from stoop.flight.maneuvers import find_maneuvers
@@ -89,7 +90,13 @@ class Validated:
 
 
 @takes_model
-def validate(model: FittedModel, flights: Flights, windows: Windows = (), command: str = "") -> Validated:
+def validate(
+    model: FittedModel,
+    flights: Flights,
+    windows: Windows = (),
+    command: str = "",
+    initial_state: Mapping[str, float] | Literal["measured"] | None = None,
+) -> Validated:
     """Predict windows that were not fitted.
 
     Parameters
@@ -100,6 +107,10 @@ def validate(model: FittedModel, flights: Flights, windows: Windows = (), comman
         The maneuvers found in the flights when absent.
     command : str, optional
         For the page.
+    initial_state : mapping, or "measured", optional
+        States at the start of each window, SI, from which the model is simulated open loop: ``{"alpha": 0.05}``; the states
+        that it leaves out are those measured, as all are of "measured". When absent the initial state and the sensor biases
+        are estimated from the second before the window.
 
     Returns
     -------
@@ -139,7 +150,11 @@ def validate(model: FittedModel, flights: Flights, windows: Windows = (), comman
             continue
         flight = without_faults(without(flight, [(w.start, w.stop) for w in own]))
         biases = model.biases(fitted_as[name])
-        ahead = predict(predictor, {name: flight}, own, [biases] * len(own))
+        if initial_state is None:
+            ahead = predict(predictor, {name: flight}, own, [biases] * len(own))
+        else:
+            start = {} if initial_state == "measured" else dict(initial_state)
+            ahead = predict_from(predictor, {name: flight}, own, biases, start)
         group = Simulated(
             "validation", ahead.prepared, ahead.readings, None, ahead.deviations, ahead.innovations
         )
