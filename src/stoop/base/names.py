@@ -6,13 +6,17 @@ from collections.abc import Iterable
 from typing import TypeVar
 
 from stoop.base.text import nearest
-from stoop.errors import StoopError
+from stoop.errors import StoopError, one_line
 
 T = TypeVar("T")
 
 
 class UnknownNameError(StoopError, KeyError):
     """Nothing has this name."""
+
+    def __str__(self) -> str:
+        """Return the message; a KeyError alone would quote it."""
+        return one_line(str(self.args[0]))
 
 
 def unknown_name(name: object, among: Iterable[str]) -> UnknownNameError:

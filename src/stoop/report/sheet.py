@@ -20,6 +20,7 @@ from xml.etree import ElementTree as ET
 from markupsafe import Markup, escape
 
 from stoop.base.files import write_text_atomic
+from stoop.base.text import printable
 from stoop.report.palette import COLORS, variables
 from stoop.report.time_history import TimeHistory
 from stoop.report.track import Track
@@ -250,11 +251,15 @@ class Sheet:
     verdict: Verdict | None = None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Page:
     """A page that works offline; a notebook shows it, still, in a frame of its own."""
 
     content: Sheet
+
+    def __repr__(self) -> str:
+        """Return the title on one line."""
+        return printable(f"<Page {self.content.title}: save(path) writes it, a notebook shows it>")
 
     def save(self, path: str | Path) -> Path:
         """Write the page as HTML, whole or not at all."""

@@ -13,7 +13,7 @@ from stoop.errors import OutputError
 from stoop.workflow import FittedModel
 from stoop.workflow.outputs import check_folder, output_names, place_outputs
 
-NAMES = ("vehicle.toml", "flight.nc", "report.html", "result.json")
+NAMES = ("vehicle.toml", "flight.nc", "estimate.npz", "traces.npz", "report.html", "result.json")
 
 
 def test_an_existing_result_is_not_overwritten(job: FittedModel, tmp_path: Path) -> None:
@@ -30,7 +30,7 @@ def test_a_disk_that_is_full_at_the_last_file_leaves_nothing_behind(
 ) -> None:
     def full(path: Path, content: bytes) -> None:
         path.write_bytes(content[:100])
-        if path.name == "3":
+        if path.name == "5":
             raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("stoop.base.files._write_through", full)
@@ -53,6 +53,8 @@ def test_the_mark_of_a_whole_result_comes_last() -> None:
         "vehicle.toml",
         "flight-a.nc",
         "flight-b.nc",
+        "estimate.npz",
+        "traces.npz",
         "report.html",
         "result.json",
     )
