@@ -25,6 +25,7 @@ from studies.robustness.verb_outputs import check_outputs, strict_json
 from stoop.cli.main import USER_ERROR, main
 from stoop.errors import StoopError
 from stoop.vehicle_draft.request import TEMPLATES
+from stoop.workflow.outputs import ARCHIVES
 
 COMPILING, FITTING = (
     7,
@@ -289,7 +290,11 @@ VERBS = {
         lambda c: ["compatibility", c.flight(*SHORT, most=3), *c.options("--window", share=0.15, words=SPANS), *TO],
         2, ("out/compatibility.html", "out/compatibility.json", "out/flight.nc"),
     ),
-    "identify": Verb(_identify, 6, ("out/result.json", "out/report.html", "out/vehicle.toml", "out/flight.nc")),
+    "identify": Verb(
+        _identify,
+        6,
+        tuple(f"out/{name}" for name in ("result.json", "report.html", "vehicle.toml", "flight.nc", *ARCHIVES)),
+    ),
     "validate": Verb(
         lambda c: [
             "validate", c.identified("short", 0.5), c.flight("short", most=3), "--maneuver", c.one("2:4", SPANS, 0.15), *TO
