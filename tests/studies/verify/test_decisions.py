@@ -14,7 +14,10 @@ def record(**without: dict[str, float | str]) -> dict[str, object]:
 
 def test_a_decision_whose_absence_makes_errors_larger_earns_its_place() -> None:
     samples = {
-        "a": [record(bounds={**GOOD, "bias": 2.0}, gusts=GOOD), record(bounds={**GOOD, "bias": 3.0}, gusts=GOOD)],
+        "a": [
+            record(bounds={**GOOD, "bias": 2.0}, gusts=GOOD),
+            record(bounds={**GOOD, "bias": 3.0}, gusts=GOOD),
+        ],
         "b": [{"failed": True, "without": {}}, record(faults={"error": "diverges"})],
     }
     found = decisions.show(Setting(1), samples)
