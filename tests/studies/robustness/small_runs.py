@@ -42,6 +42,7 @@ amplitude = 0.2
 """
 OUT: Final = "out"  #: where every verb writes
 SEARCH: Final = "search.npz"
+TIMED: Final = ("bounds", "gusts", "run", "sensor_delays")  #: decisions whose seconds are in result.json
 STORES: Final = ".sqlite"  #: ending of stores, which hold what was done in the order in which it was done
 IDENTIFY: Final = ("identify", "sim.nc", "--vehicle", "v.toml", "--maneuver", "0:8")
 DIMENSIONS: Final = ("--template", "glider", "--mass", "2.1", "--span", "2.5", "--area", "0.4")
@@ -110,10 +111,13 @@ def _here(_: object) -> AbstractContextManager[Workers]:
 def reproducible_outputs(threads: int = 1) -> Iterator[None]:
     """Hold what differs by nature between runs: elapsed time and command; states are saved at each step, campaigns run here."""
     with ExitStack() as held:
-        held.enter_context(mock.patch("stoop.workflow.fit_result.time", SimpleNamespace(perf_counter=float)))
-        held.enter_context(
-            mock.patch("stoop.workflow.identification.time", SimpleNamespace(perf_counter=float))
-        )
+        clock = SimpleNamespace(perf_counter=float)
+        for name in (
+            "workflow.fit_result",
+            "workflow.identification",
+            *(f"strategy.{name}" for name in TIMED),
+        ):
+            held.enter_context(mock.patch(f"stoop.{name}.time", clock))
         held.enter_context(mock.patch("stoop.cli.options.command_line", return_value="stoop"))
         held.enter_context(mock.patch("stoop.workflow.checkpoint.INTERVAL", 0.0))
         held.enter_context(mock.patch("stoop.parallel.pools.LocalProcesses.open", _here))
