@@ -12,7 +12,7 @@ from stoop.assessment.goodness_of_fit import theil
 from stoop.base.variables import VARIABLES
 from stoop.estimate.initial_state import (
     BiasPrior,
-    FittedModel,
+    Predictor,
     bias_priors,
     predict_stretch,
     stretch_before,
@@ -33,16 +33,14 @@ ROUGH = {"V": 0.8, "alpha": 0.02, "q": 0.05, "theta": 0.02, "ax": 0.5, "az": 1.0
 RUNS = 24
 
 
-def model_of(
-    vehicle: Vehicle, sigma: dict[str, float], errors: dict[str, float] | None = None
-) -> FittedModel:
+def model_of(vehicle: Vehicle, sigma: dict[str, float], errors: dict[str, float] | None = None) -> Predictor:
     """Return a vehicle whose noise is known, and some of whose numbers have a standard error."""
     names = tuple(errors or {})
     covariance = Covariance(
         names, np.diag([v**2 for v in (errors or {}).values()]).reshape(len(names), len(names))
     )
     variance = np.diag([sigma[c] ** 2 for c in vehicle.outputs])
-    return FittedModel(vehicle, covariance, NoiseCovariance(vehicle.outputs, variance))
+    return Predictor(vehicle, covariance, NoiseCovariance(vehicle.outputs, variance))
 
 
 @pytest.fixture(scope="module")
@@ -58,7 +56,7 @@ def noisy(truth: Flight, sigma: dict[str, float], seed: int) -> Flight:
     return replace(truth, data=data.assign(changed))
 
 
-def ahead(model: FittedModel, flight: Flight, window: Window) -> Prediction:
+def ahead(model: Predictor, flight: Flight, window: Window) -> Prediction:
     return predict(model, {flight.name: flight}, [window], [{}])
 
 

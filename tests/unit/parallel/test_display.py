@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 from unit.parallel.works import walks
 
-from stoop.cli.progress import QUIET, Display, add_campaign_arguments, clock, pool, run_campaign
+from stoop.base.text import duration
+from stoop.cli.progress import QUIET, Display, add_campaign_arguments, pool, run_campaign
 from stoop.parallel import Dask, LocalProcesses, Tally
 
 
@@ -72,8 +73,8 @@ def test_a_terminal_gets_a_live_line(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize(
     ("seconds", "text"), [(0.4, "0:00"), (59.6, "1:00"), (750.0, "12:30"), (11100.0, "3:05:00")]
 )
-def test_clock(seconds: float, text: str) -> None:
-    assert clock(seconds) == text
+def test_duration(seconds: float, text: str) -> None:
+    assert duration(seconds) == text
 
 
 def test_a_campaign_from_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
