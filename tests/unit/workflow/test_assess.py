@@ -28,9 +28,9 @@ def here() -> Given:
 
 
 def test_a_problem_comes_back_from_text_to_the_last_bit(job: FittedModel) -> None:
-    problem = job.estimate.problem
+    problem = job.estimate.refit_problem
     again, arrays = unpack(pack(problem, {"z": job.estimate.z}))
-    assert again.layout.vehicle.structure == problem.layout.vehicle.structure
+    assert again.problem.layout.vehicle.structure == problem.problem.layout.vehicle.structure
     rung = len(problem.prices) - 1
     assert np.array_equal(arrays["z"], job.estimate.z)
     assert np.array_equal(
