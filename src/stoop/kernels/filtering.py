@@ -6,8 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stoop.base.arrays import FloatArray
+from stoop.kernels.arrays import fits, matrix
 from stoop.kernels.filter import WIDTH
-from stoop.kernels.kernel import Kernel, fits, matrix, riccati_module
+from stoop.kernels.kernel import Kernel, riccati_module
 
 IntArray = NDArray[np.int64]
 

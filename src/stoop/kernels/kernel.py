@@ -17,11 +17,11 @@ from types import CodeType, ModuleType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from stoop.base import cache
 from stoop.base.arrays import FloatArray
 from stoop.errors import KernelError
+from stoop.kernels.arrays import fits, matrix
 from stoop.kernels.fingerprint import environment
 from stoop.kernels.lanes import LOOPS
 from stoop.kernels.symbolic import SymbolicModel
@@ -50,13 +50,6 @@ if hasattr(
     os, "register_at_fork"
 ):  # the child of a fork has the pool, but not its threads, and would wait for ever
     os.register_at_fork(after_in_child=_pool.cache_clear)
-
-
-def matrix(a: FloatArray) -> FloatArray:
-    """Return an array that Numba sees as writable and C-contiguous (else it would compile anew)."""
-    if a.dtype == np.float64 and a.flags.carray:
-        return a  # the check of np.require takes ten times as long
-    return np.require(a, dtype=np.float64, requirements=["C", "W"])
 
 
 @dataclass(frozen=True)
@@ -216,12 +209,6 @@ class Kernel:
         run(0, edges[1])
         for other in others:
             other.result()
-
-
-def fits(name: str, array: NDArray[Any], shape: tuple[int, ...]) -> None:
-    """Refuse an array of another shape: compiled code would read beyond its end."""
-    if array.shape != shape:
-        raise ValueError(f"{name}: shape {array.shape} instead of {shape}")
 
 
 class _SourceLoader(SourceFileLoader):

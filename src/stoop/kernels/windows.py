@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stoop.base.arrays import FloatArray
+from stoop.kernels.arrays import fits, matrix
 from stoop.kernels.lanes import indent, model_source, next_inputs
 
 if TYPE_CHECKING:
@@ -54,8 +55,6 @@ def windows(
         After how many steps the state is wanted.
     dt : float, s
     """
-    from stoop.kernels.kernel import fits, matrix
-
     nx, nu, np_, ny = kernel.sizes
     count = parameters.shape[1]
     fits("parameters", parameters, (np_, count))
