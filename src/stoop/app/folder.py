@@ -28,10 +28,11 @@ from stoop.vehicle.load import parse_vehicle
 FILE: Final = "app.toml"  #: names the log
 VEHICLE, WINDOWS, MAPPING = "vehicle.toml", "windows.toml", "mapping.toml"
 LOOK = "look.html"  #: page of the flight, beside what was read
+#: of a run: the vehicle from which it begins, and how far it is
 START, PROGRESS = (
     "start.toml",
     "progress.json",
-)  #: of a run: the vehicle from which it begins, and how far it is
+)
 OWN_FORMAT: Final = "netcdf"  #: of flights of stoop, which need no mapping
 FIT: Final = "stoop identify LOG --vehicle vehicle.toml --maneuver windows.toml -o DIR"
 

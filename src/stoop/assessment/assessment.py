@@ -46,10 +46,11 @@ SHARED_STEPS: Final = 6  #: at most, with the derivatives at the optimum
 SHARED_TOLERANCE: Final = 0.5  #: standard errors left to go when the shared derivatives have done their work
 OWN_STEPS: Final = 8  #: at most, with the refit's own derivatives
 STEP_TOLERANCE: Final = 0.05  #: standard errors of the last step; what is left after it is smaller still
+#: assessments of the shape of a likelihood that need not be quadratic
 NONLINEAR: Final = (
     "posterior",
     "profile",
-)  #: assessments of the shape of a likelihood that need not be quadratic
+)
 MIN_REDUCTION: Final = 0.2  #: of a step by the next; a longer one asks for a curvature of its own
 
 

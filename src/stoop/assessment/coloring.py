@@ -45,15 +45,13 @@ MAX_ORDER: Final = 40
 SAMPLES_PER_LAG: Final = 50  #: short records get a lower order, or the autoregression fits its own noise
 #: of what the fit absorbed, which depends on the noise model; afterwards it changes below 1 %
 ROUNDS: Final = 3
-BAND_DEGREES: Final = (
-    2.5  #: independent frequencies of the narrowest band, per channel; with fewer than 1 all channels cohere
-)
+#: independent frequencies of the narrowest band, per channel; with fewer than 1 all channels cohere
+BAND_DEGREES: Final = 2.5
 BAND_GROWTH: Final = 1.5  #: width of a band over that of the one below
 #: least eigenvalue of the Hessian over the information: a cost that bends less is no parabola over a standard error
 MIN_CURVATURE: Final = 0.1
-MIN_COHERENCY: Final = (
-    1e-6  #: least eigenvalue; what the fit absorbed is an estimate and can leave a negative one
-)
+#: least eigenvalue; what the fit absorbed is an estimate and can leave a negative one
+MIN_COHERENCY: Final = 1e-6
 
 
 @dataclass(frozen=True, eq=False)

@@ -111,9 +111,8 @@ class ErrorBars:
     uncertainty: Uncertainty  #: of the `free` unknowns
     free: IntArray  #: (f,); the unknowns that are estimated and not at a bound; noise intensities come last
     contributions: tuple[Contribution, ...] = ()  #: of controls and motions
-    scatter: Scatter | None = (
-        None  #: of maneuvers or flights, whichever is larger; None where there is one maneuver
-    )
+    #: of maneuvers or flights, whichever is larger; None where there is one maneuver
+    scatter: Scatter | None = None
 
     def rejected(self, reason: Notice) -> ErrorBars:
         """Return error bars of which none is a confident statement, for one reason; earlier doubts stay."""

@@ -56,9 +56,8 @@ SAMPLES_PER_LAG: Final = 5  #: samples for each of them at least
 WHITENESS_LEVEL: Final = 0.05  #: chance of calling white residuals colored
 OUTLIER: Final = 8.0  #: standard deviations by the median; Gaussian residuals have none beyond
 CUTOFF: Final = 10.0  #: Hz; above it there is no rigid-body motion worth matching, only vibration
-DIVERGED: Final = (
-    1e100  #: in place of a reading that a simulation did not reach: it counts as an error, not as missing
-)
+#: in place of a reading that a simulation did not reach: it counts as an error, not as missing
+DIVERGED: Final = 1e100
 BLOCK: Final = 1.0  #: s that are left out together
 
 

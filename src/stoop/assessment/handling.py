@@ -79,9 +79,8 @@ class EquivalentSystem:
     name: str  #: short period, roll or Dutch roll
     input: str
     output: str
-    parameters: Mapping[
-        str, DerivedValue
-    ]  #: gain, zero (1/s), frequency (rad/s), damping, time_constant (s), delay (s)
+    #: gain, zero (1/s), frequency (rad/s), damping, time_constant (s), delay (s)
+    parameters: Mapping[str, DerivedValue]
     cost: float  #: J; below 50 to 100 is usually taken as a good fit
     lowest: float  #: rad/s, of the frequencies that it was fitted to
     highest: float
@@ -206,9 +205,8 @@ MIN_POINTS: Final = 8  #: of a response, for five parameters
 BOUNDS: Final = (1e-3, 1e3)  #: of zero, frequency, damping and time constant
 MAX_DELAY: Final = 1.0  #: s
 MIN_DELAY: Final = 1e-6  #: s; what the bound of the search leaves is none
-MAX_LOG_ERROR: Final = (
-    1.0  #: standard error of the logarithm of a parameter, beyond which it is not determined
-)
+#: standard error of the logarithm of a parameter, beyond which it is not determined
+MAX_LOG_ERROR: Final = 1.0
 
 
 def equivalent_system(known: Known, input_name: str, output: str) -> EquivalentSystem | None:

@@ -50,9 +50,8 @@ class SamplerSettings:
     corner: float = 0.3  #: standard deviations over which a bound is rounded
     #: independent draws' worth, in the middle and in the tails of every parameter (Vehtari et al. 2021, section 4)
     min_sample_size: float = 400.0
-    max_std_error: float = (
-        0.03  #: Monte Carlo standard error of every parameter's standard deviation, of this
-    )
+    #: Monte Carlo standard error of every parameter's standard deviation, of this
+    max_std_error: float = 0.03
     chains: int = 4  #: as R-hat's authors ask for
     tuning: int = 300  #: draws of every chain that find length and scale of steps, and are thrown away
     draws: int = 900  #: of every chain

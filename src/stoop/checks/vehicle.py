@@ -22,9 +22,10 @@ from stoop.vehicle import Vehicle
 from stoop.vehicle.checks import principal_moments
 from stoop.vehicle.usual import ROTORS_ONLY, WINGED
 
+#: beginnings of channels that drive a vehicle
 DRIVES: Final = (
     "elevator", "aileron", "rudder", "flap", "control_", "motor_", "servo_", "pwm_", "rotor_", "thr",
-)  #: beginnings of channels that drive a vehicle  # fmt: skip
+)  # fmt: skip
 ROUNDING: Final = 1e-9
 
 

@@ -99,9 +99,8 @@ GROUP: Final = "stoop.verbs"  #: entry points of other packages, each a mapping 
 GARBAGE: Final = 50_000  #: new objects until cycles are looked for; with 700 it took a tenth of the time
 BUG, USER_ERROR, INTERRUPTED, UNREAD = 1, 2, 130, 141
 BUG_MESSAGE = "this is a bug in stoop: please report it with the lines above and your command"
-OPTION_CUTOFF: Final = (
-    0.7  #: least resemblance of options; names resemble each other by their two dashes already
-)
+#: least resemblance of options; names resemble each other by their two dashes already
+OPTION_CUTOFF: Final = 0.7
 DEBUG_HELP = "show the traceback of every error (or set STOOP_DEBUG=1)"
 EXAMPLES: Final = """\
 examples:

@@ -18,9 +18,8 @@ from stoop.base.text import printable, printable_lines, show
 if TYPE_CHECKING:
     from rich.console import Console
 
-UNLIMITED: Final = (
-    10_000  #: characters in a line of a pipe: nothing is wrapped or cut, so that programs can read it
-)
+#: characters in a line of a pipe: nothing is wrapped or cut, so that programs can read it
+UNLIMITED: Final = 10_000
 GAP: Final = "  "
 MIN_WIDTH: Final = 16  #: characters of a text that is cut
 

@@ -56,9 +56,8 @@ class HoverLimits:
     distinct: float = 6.63
     odd_chance: float = 0.01  #: below which the unexplained part counts
     power: float = 0.8  #: how often a loss of the stated least size is detected
-    many: int = (
-        8  #: number of healthy flights after which further ones hardly lower the least detectable loss
-    )
+    #: number of healthy flights after which further ones hardly lower the least detectable loss
+    many: int = 8
     helps: float = 0.9  #: of the least detectable loss, below which an advice is worth following
 
 

@@ -26,10 +26,10 @@ from stoop.base.arrays import FloatArray
 from stoop.base.blas import on_one_blas_thread
 from stoop.base.notices import Notice, notice
 from stoop.errors import IdentificationError
-from stoop.estimate import iterates, methods
+from stoop.estimate import iterates
 from stoop.estimate.estimate import Estimate, simulated
 from stoop.estimate.filter_gains import GAINS, STATED, Gain, Noise, Steady, Varying, first_guess
-from stoop.estimate.filter_likelihood import FrozenFilter, Likelihood, Score
+from stoop.estimate.filter_likelihood import SCORING, FrozenFilter, Likelihood, Score
 from stoop.estimate.fit import DEFAULTS, Options, estimation_problem, starts
 from stoop.estimate.fitted_filter import FittedFilter, with_gusts
 from stoop.estimate.instability import largest_growth
@@ -308,7 +308,7 @@ class FilterError:
             undelayed(problem),
         )
         price, searches = float(problem.dimension + problem.extra + noise.size + 2), []
-        stages = Stages(methods.SCORING, price, options.generations, options.budget, callback, state)
+        stages = Stages(SCORING, price, options.generations, options.budget, callback, state)
         for x in starts(problem):
             z = np.concatenate([x, np.zeros(problem.extra), noise.start])
             likelihood = Likelihood.of(shifted, noise, self.gain, z)
@@ -412,7 +412,7 @@ def _fit(
             ADVICE[status],
             best.history,
             stages.state,
-            methods.SCORING,
+            SCORING,
         ),
         best.cost,
         runs,

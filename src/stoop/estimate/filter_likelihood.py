@@ -41,6 +41,8 @@ from stoop.problem import Misfit
 from stoop.simulation.delays import distinct_inputs, late_inputs, late_outputs
 from stoop.simulation.trajectories import readings_along
 
+#: name of the search of filter error, in its states
+SCORING: Final = "scoring"
 STEP: Final = 1e-6
 
 

@@ -17,12 +17,11 @@ from stoop.errors import IdentificationError
 from stoop.estimate.estimate import Estimate
 from stoop.estimate.filter_error import ScoringModel
 from stoop.estimate.filter_gains import Noise, Steady, first_guess
-from stoop.estimate.filter_likelihood import Likelihood
+from stoop.estimate.filter_likelihood import SCORING, Likelihood
 from stoop.estimate.fit import DEFAULTS, estimation_problem
 from stoop.estimate.fitted_filter import with_gusts
 from stoop.estimate.gusts import with_turbulence
 from stoop.estimate.linearization import undelayed
-from stoop.estimate.methods import SCORING
 from stoop.flight import Flight
 from stoop.optimize.levenberg_marquardt import Stages, TenfoldDamping
 from stoop.problem import Nuisance

@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     from stoop.estimate.refit_problem import RefitProblem
 
 DEFAULT: Final = "output-error"
-#: the search of filter error, in its states
-SCORING: Final = "scoring"
 
 
 @dataclass(frozen=True)

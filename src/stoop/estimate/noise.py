@@ -20,9 +20,8 @@ from stoop.problem import Misfit, on_circle
 
 FLOOR: Final = 1e-4  #: of a channel's spread: no channel is trusted further than that
 SENSOR_FLOOR: Final = 1e-3  #: of the noise that the vehicle file gives a sensor, likewise
-FIRST_GUESS: Final = (
-    0.5  #: of a channel's spread: noise before anything is known, so that no channel dominates
-)
+#: of a channel's spread: noise before anything is known, so that no channel dominates
+FIRST_GUESS: Final = 0.5
 MAX_LAG: Final = 2.0  #: s; residuals further apart are taken as independent
 MAX_BYTES: Final = 100_000  #: of a covariance file
 

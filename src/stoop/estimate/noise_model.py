@@ -58,9 +58,8 @@ class Limits:
     #: twice the gain in the logarithm of the likelihood, by independent samples; two more parameters, one at its bound, gain
     #: 40 by chance less often than once in 10^8 channels, and residuals that a model error colors seldom
     likelihood_ratio: float = 40.0
-    stretch: float = (
-        3.0  #: samples over which outliers correlate, from which they are of the model and not of the sensor
-    )
+    #: samples over which outliers correlate, from which they are of the model and not of the sensor
+    stretch: float = 3.0
     variance_ratio: float = 1.2  #: by which the variance of an estimate must fall
     #: excess kurtosis, below which no mixture is fitted, for time: one of which the wide part is less than half, and that
     #: lowers the variance by that ratio, has a larger one
@@ -68,9 +67,8 @@ class Limits:
     level: float = 1e-8  #: of Bartlett's test: that of the likelihood ratio
     min_samples: float = 4.0  #: independent ones, below which a variance is not estimated
     weight: float = 0.1  #: below which a filter leaves a reading out
-    clipped: float = (
-        3.0  #: robust standard deviations, to which residuals are limited in the variance of a maneuver
-    )
+    #: robust standard deviations, to which residuals are limited in the variance of a maneuver
+    clipped: float = 3.0
     named: float = 1.5  #: times the noise of the other maneuvers, from which a maneuver is named
 
 
@@ -167,9 +165,8 @@ def shrunk(variances: FloatArray, samples: FloatArray) -> FloatArray:
 class NoiseModel:
     """Shape and size of the noise of every channel."""
 
-    mixtures: tuple[
-        Mixture | None, ...
-    ]  #: (n_y,) of the residuals over `relative`; None where they are normal
+    #: (n_y,) of the residuals over `relative`; None where they are normal
+    mixtures: tuple[Mixture | None, ...]
     information: FloatArray  #: (n_y,), share of the information that is left: mean derivative m of the score
     relative: FloatArray  #: (k, n_y), standard deviation in each maneuver over that of the channel
     unequal: tuple[bool, ...]  #: (n_y,), whether maneuvers differ

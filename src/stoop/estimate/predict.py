@@ -378,9 +378,8 @@ class PredictionModel:
     length: float = np.inf
     #: of notices about that
     codes: tuple[str, ...] = ()
-    starts: tuple[
-        Callable[[Vehicle, Piece], tuple[Mapping[str, float], str]], ...
-    ] = ()  #: where not measured
+    #: where not measured
+    starts: tuple[Callable[[Vehicle, Piece], tuple[Mapping[str, float], str]], ...] = ()
     #: of the specific force, as :func:`force_curves`
     curves: tuple[Callable[..., ForceCurves], ...] = ()
 

@@ -40,9 +40,8 @@ class Trajectory:
     record: FloatArray  #: (n_u, n_r), inputs of the whole piece as they arrive
     samples: IntArray  #: (n,), of the record
     dt: float  #: s
-    correction: FloatArray | None = (
-        None  #: (n, n_x, n_y), of the state by an excess of the readings, of a filter
-    )
+    #: (n, n_x, n_y), of the state by an excess of the readings, of a filter
+    correction: FloatArray | None = None
 
     @cached_property
     def inputs(self) -> FloatArray:
@@ -131,9 +130,8 @@ class Responses:
 
     extensions: tuple[Extension, ...] = ()
     pieces: tuple[FloatArray, ...] = ()  #: (n, n_y, m), of the readings
-    gaps: tuple[
-        FloatArray, ...
-    ] = ()  #: (w - 1, e, m), of the gaps between windows; empty where there are none
+    #: (w - 1, e, m), of the gaps between windows; empty where there are none
+    gaps: tuple[FloatArray, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -40,9 +40,8 @@ _AXES_OF: Final = {
     "elevon": ("aileron", "elevator"), "V-tail": ("elevator", "rudder"),
 }  # fmt: skip
 """Kind of a surface -> commands that it serves."""
-MIN_MOMENT: Final = (
-    1e-3  #: of the largest about any axis, below which nothing turns the vehicle about an axis
-)
+#: of the largest about any axis, below which nothing turns the vehicle about an axis
+MIN_MOMENT: Final = 1e-3
 MIN_SHARE: Final = 0.2  #: of the largest moment about an axis, below which a control is not used for it
 ROUNDING: Final = 1e-9  #: of a full deflection
 SAG: Final = 0.02  #: m, of the undercarriage under the weight

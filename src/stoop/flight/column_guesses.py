@@ -30,10 +30,11 @@ from stoop.flight.flight import from_columns
 LONGEST_NAME: Final = 200  #: letters; no longer name tells anything, and matching takes the square of it
 MIN_ANGLE: Final = 3.0 * DEGREE  #: rad; no flight stays below
 _BRACKETS: Final = re.compile(r"\s*[(\[]\s*([^)\]]*?)\s*[)\]]\s*$")
+#: what was asked for, or left over: not what was measured
 _ASKED: Final = re.compile(
     r"\b(des|desired|sp|setpoint|target|ref|reference|demand|dem|nav|raw|err|error|bias|std|var|cov)\b"
     r"|delta (?:heading|q|v|x|z|angle)"
-)  #: what was asked for, or left over: not what was measured
+)
 _AXES: Final = (("x", "0", "r(?:oll)?"), ("y", "1", "p(?:itch)?"), ("z", "2", "y(?:aw)?"))
 _REASONS: Final = {
     "size": "its size", "median": "its size", "weight": "its weight", "z-axis": "its weight",

@@ -24,13 +24,13 @@ from stoop.flight.gridding import MAX_GAP, TIME_TOLERANCE, SourceRate, complete,
 if TYPE_CHECKING:
     import xarray as xr
 
+#: of logs; what stands before them is the name of the flight
 ENDINGS: Final = (
     ".gz", ".csv", ".ulg", ".ulog", ".nc", ".cdf", ".bin", ".log", ".usd", ".bbl", ".bfl", ".mat", ".parquet", ".pq",
     ".bag", ".mcap", ".db3",
-)  #: of logs; what stands before them is the name of the flight  # fmt: skip
-MAX_TRIM: Final = (
-    0.05  #: of a window, that may lie beyond the record: rounded times; more is another clock or a wrong log
-)
+)  # fmt: skip
+#: of a window, that may lie beyond the record: rounded times; more is another clock or a wrong log
+MAX_TRIM: Final = 0.05
 MIN_SEGMENT: Final = 0.5  #: s; shorter pieces say nothing about the aircraft and are dropped
 NAN: Final = float("nan")
 

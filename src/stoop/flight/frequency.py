@@ -37,13 +37,11 @@ from scipy.special import stdtrit
 from stoop.base.arrays import BoolArray, ComplexArray, FloatArray, run_slices
 
 OVERLAP: Final = 0.5  #: of successive windows
-CYCLES: Final = (
-    2.0  #: of a frequency that a window holds at least: half the width of the main lobe of Hann's window
-)
+#: of a frequency that a window holds at least: half the width of the main lobe of Hann's window
+CYCLES: Final = 2.0
 MAX_LENGTH: Final = 20.0  #: s, of a window
-LENGTHS: Final = (
-    5  #: of windows, down to a quarter of the longest: what is shorter has more leakage than noise
-)
+#: of windows, down to a quarter of the longest: what is shorter has more leakage than noise
+LENGTHS: Final = 5
 SPARE_WINDOWS: Final = 2  #: without overlap, of the longest length, beyond the number of inputs
 MIN_SAMPLES: Final = 16  #: of a window
 POINTS_PER_OCTAVE: Final = 12

@@ -279,9 +279,8 @@ def _open(folder: Path, key: str, name: str) -> ModuleType:
     return module
 
 
-_emitted: dict[
-    str, Emitted
-] = {}  #: by key: the compiled modules and those that take arrays have the same functions
+#: by key: the compiled modules and those that take arrays have the same functions
+_emitted: dict[str, Emitted] = {}
 
 
 def _emit(key: str, model: Callable[[], SymbolicModel]) -> Emitted:

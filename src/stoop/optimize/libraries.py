@@ -51,9 +51,8 @@ from stoop.optimize.problem import Problem
 from stoop.optimize.state import Event, RandomStream, State
 
 LARGE: Final = 1e100  #: stands for an infinite cost, which other libraries cannot handle
-RESTARTS: Final = (
-    9  #: of CMA-ES with a larger population, as BIPOP is usually run; those with a small one do not count
-)
+#: of CMA-ES with a larger population, as BIPOP is usually run; those with a small one do not count
+RESTARTS: Final = 9
 PROCESS_LOCK: Final = threading.RLock()  #: for what the whole process shares, as the number of BLAS threads
 
 

@@ -67,9 +67,8 @@ class Outcome:
     status: Status  #: "converged" is found and confirmed
     advice: str  #: what to change if it did not converge; empty if it did
     history: FloatArray = field(repr=False)  #: (k, 2), trajectories spent and best cost at each improvement
-    state: State | None = field(
-        repr=False
-    )  #: after the last whole step, to resume from; None if there was none
+    #: after the last whole step, to resume from; None if there was none
+    state: State | None = field(repr=False)
     optimizer: str  #: registered name
 
 

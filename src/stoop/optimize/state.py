@@ -69,9 +69,8 @@ class State:
     generation: int  #: steps taken
     stream: RandomStream
     evaluations: Evaluations
-    converged: bool = (
-        False  #: an optimum was found and confirmed (see the optimizer's docstring for what confirms it)
-    )
+    #: an optimum was found and confirmed (see the optimizer's docstring for what confirms it)
+    converged: bool = False
 
 
 @dataclass(frozen=True)

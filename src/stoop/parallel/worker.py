@@ -26,13 +26,15 @@ from stoop.parallel.plan import from_text, to_text
 
 #: that compute numbers
 LIBRARIES: Final = ("stoop", "numpy", "scipy", "xarray", "pydantic", "pymoo", "cma", "ioh", "pygmo")
+#: folders and files of stoop that compute numbers; those of a work function's own count by `work_sources`
 ROOMS: Final = (
     "assessment", "base", "data", "estimate", "flight", "kernels", "logs", "optimize", "problem", "results", "simulation",
     "vehicle",
-)  # fmt: skip  #: folders and files of stoop that compute numbers; those of a work function's own count by `work_sources`
+)  # fmt: skip
+#: of stoop, what every environment has, or what computes no numbers
 EXCLUDED: Final = frozenset(
     f"stoop.{name}" for name in (*ROOMS, "parallel", "cli", "report", "errors", "base.files")
-)  #: of stoop, what every environment has, or what computes no numbers
+)
 Roots = Mapping[str, list[Path]]  #: top-level package or module -> its folders, or its file
 
 

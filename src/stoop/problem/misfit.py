@@ -93,9 +93,8 @@ class Piece:
     inputs: FloatArray  #: (n, n_u)
     measured: FloatArray  #: (n, n_y), NaN where missing
     start: Mapping[str, float]  #: initial state by name (V ... psi, h), where its nuisances are zero
-    changes: Mapping[str, float] = field(
-        default_factory=dict
-    )  #: numbers that differ in this maneuver (its loading)
+    #: numbers that differ in this maneuver (its loading)
+    changes: Mapping[str, float] = field(default_factory=dict)
     moved: tuple[int, ...] = ()  #: samples by which each channel's readings were moved ahead; empty for none
     #: (n_y,) standard deviation of the noise over that in the weights of the problem; empty where it is the same
     relative_noise: tuple[float, ...] = ()

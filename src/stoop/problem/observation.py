@@ -143,14 +143,12 @@ def integrated_attitude(
 class ObservationModel:
     """The frame in which a kind of vehicle is observed."""
 
-    start_scales: Mapping[
-        str, float
-    ]  #: prior standard deviations of initial states, deliberately wide; m/s, rad, rad/s
+    #: prior standard deviations of initial states, deliberately wide; m/s, rad, rad/s
+    start_scales: Mapping[str, float]
     open_loop: bool  #: whether a simulation stays near the record; else predictions begin anew every window
     default_start: Callable[[Vehicle], dict[str, float]]  #: initial state where nothing was measured
-    states: Callable[
-        [Vehicle, Mapping[str, Any]], dict[str, Any]
-    ]  #: for readings without bias and scale error
+    #: for readings without bias and scale error
+    states: Callable[[Vehicle, Mapping[str, Any]], dict[str, Any]]
 
     def start_names(self, vehicle: Vehicle) -> tuple[str, ...]:
         """Return the initial states that are estimated, those of lagged actuators last."""

@@ -34,9 +34,8 @@ from stoop.vehicle import Vehicle
 SPIKE_SAMPLES: Final = 7  #: of a running median, which takes off up to three spikes
 SPIKE_RATIO: Final = 30.0  #: stated standard deviations; vibration and gusts stay below
 MIN_RANKS: Final = 50  #: samples, from which a rank correlation of `NEIGHBOR_CORRELATION` is seen
-NEIGHBOR_CORRELATION: Final = (
-    0.3  #: rank correlation of neighbors, below which they say nothing of one another
-)
+#: rank correlation of neighbors, below which they say nothing of one another
+NEIGHBOR_CORRELATION: Final = 0.3
 
 
 @dataclass(frozen=True, eq=False)

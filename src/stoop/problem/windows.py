@@ -48,9 +48,8 @@ class Window:
 
 
 OneWindow: TypeAlias = str | tuple[float, float] | slice | Window
-Windows: TypeAlias = (
-    OneWindow | Sequence[OneWindow]
-)  #: "140:145", (140, 145), slice(140, 145); one or several
+#: "140:145", (140, 145), slice(140, 145); one or several
+Windows: TypeAlias = OneWindow | Sequence[OneWindow]
 
 
 def as_windows(given: Windows, flights: Mapping[str, Flight]) -> tuple[Window, ...]:

@@ -46,9 +46,8 @@ class Propagation:
     notices: tuple[Notice, ...]
     expressions: Mapping[str, str] = field(default_factory=dict)
     undetermined: tuple[str, ...] = ()
-    extrapolated: tuple[
-        tuple[float, float], ...
-    ] = ()  #: m/s, stretches of the curves outside of what was fitted
+    #: m/s, stretches of the curves outside of what was fitted
+    extrapolated: tuple[tuple[float, float], ...] = ()
     seconds: float = 0.0
 
     def __getitem__(self, name: str) -> Figure:

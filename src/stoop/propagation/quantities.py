@@ -43,9 +43,8 @@ class Figure:
     failed: float  #: share of the draws for which the quantity does not exist
     #: parameters and the share of the variance that would vanish if each were known, to first order, the largest first
     sources: tuple[tuple[str, float], ...] = ()
-    prior_share: float = (
-        0.0  #: of the variance that would vanish if all that rest on priors or bounds were known
-    )
+    #: of the variance that would vanish if all that rest on priors or bounds were known
+    prior_share: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -48,9 +48,8 @@ class Found:
     figures: tuple[Grouped, ...]
     curves: tuple[Curve, ...]
     notices: tuple[Notice, ...]
-    extrapolated: tuple[
-        tuple[float, float], ...
-    ] = ()  #: m/s, stretches of the curves outside of what was fitted
+    #: m/s, stretches of the curves outside of what was fitted
+    extrapolated: tuple[tuple[float, float], ...] = ()
 
 
 def wing_figures(vehicle: Vehicle, rows: FloatArray, domain: Domain) -> Found:

@@ -53,9 +53,8 @@ GROUPS: Final = (
     ("rotor speeds", "rotor_"),
     ("output pulses", "pwm_"),
 )  #: variables that share a panel, or the beginning of their names
-UNSHOWN: Final = frozenset(
-    ("q0", "q1", "q2", "q3", "vn_smooth", "ve_smooth", "vd_smooth")
-)  #: shown otherwise
+#: shown otherwise
+UNSHOWN: Final = frozenset(("q0", "q1", "q2", "q3", "vn_smooth", "ve_smooth", "vd_smooth"))
 LONG: Final = 0.9  #: share of the flight; a fault of it all is listed and not shaded
 MAX_ERROR: Final = 0.7  #: of a response's magnitude, beyond which it is not drawn
 LEAD: Final = """\

@@ -58,10 +58,11 @@ STYLE: Final = {
     "grid.color": light("grid"), "xtick.color": light("tick"), "ytick.color": light("tick"),
     "axes.labelcolor": light("tick"), "text.color": light("ink"), "xtick.labelsize": 10.5, "ytick.labelsize": 10.5,
 }  # fmt: skip
+#: what Matplotlib writes and a page need not hold
 SURPLUS: Final = re.compile(
     r"<metadata>.*?</metadata>|<style.*?</style>|<!--.*?-->|(?<=<g) id=\"[^\"]*\"|font-family: [^;\"]*;? ?"
     r"| transform=\"rotate\(-0 [^\"]*\"|; stroke-linecap: round"
-)  #: what Matplotlib writes and a page need not hold
+)
 PLACES: Final = re.compile(r' (?:d|x|y)="[^"]*"')  #: attributes of which tenths of a pixel are enough
 HUNDREDTHS: Final = re.compile(r"(?<=\.\d)\d+")
 

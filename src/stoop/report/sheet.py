@@ -32,9 +32,8 @@ ITEM: Final = "- "  #: begins a line of a list
 NUMERIC: Final = re.compile(r"[<>≤≥≈~±×]?\s?[−+-]?(\d|[.]\d|∞|nan\b|inf\b)")
 WORD: Final = re.compile(r"[^\W\d_]{4,}")  #: a cell with a word in it is text, whatever it begins with
 QUOTED: Final = re.compile(r"`([^`\n]+)`")
-MAX_UNWRAPPED: Final = (
-    34  #: characters of a cell; longer ones may wrap (`td.wrap` of the style sheet is as wide)
-)
+#: characters of a cell; longer ones may wrap (`td.wrap` of the style sheet is as wide)
+MAX_UNWRAPPED: Final = 34
 MAX_BESIDE: Final = 3  #: columns that a narrow page has room for
 EMPTY: Final = ("", "–", "—", "-")
 MATHML: Final = "http://www.w3.org/1998/Math/MathML"

@@ -24,9 +24,8 @@ from stoop.report.plots import MARKERS, NARROW, strip_pictures, swatch
 from stoop.report.series import DASHES, Look, Range, Series, Shade, Strip, looks_of, spanning
 
 BAND: Final = "95 % band"  #: name of the bands in the legend
-MAX_SAMPLES: Final = (
-    25_000  #: of a time axis; a longer one is kept in blocks, whole within as many samples of shades
-)
+#: of a time axis; a longer one is kept in blocks, whole within as many samples of shades
+MAX_SAMPLES: Final = 25_000
 MAX_BLOCKS: Final = 5_000
 STILL_COLUMNS: Final = 240  #: of a still picture
 RESPONSE_HEIGHT, RESIDUAL_HEIGHT = 128.0, 44.0  #: px of strips

@@ -72,9 +72,8 @@ class NoiseCovariance:
 
     channels: tuple[str, ...]
     matrix: FloatArray
-    inflation: float = (
-        1.0  #: factor on the covariance in the weights, because neighboring residuals are correlated
-    )
+    #: factor on the covariance in the weights, because neighboring residuals are correlated
+    inflation: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -203,12 +202,10 @@ class GoodnessOfFit:
     fit_percent: float = NAN
     #: the channel's unit; standard deviation of the measurement noise below 10 Hz, no more than the fit's and the record's own
     noise: float = NAN
-    signal_to_noise: float = (
-        NAN  #: rms of the measured motion about its mean, below 10 Hz and without noise, over `noise`
-    )
-    inside: float = (
-        NAN  #: share of the measured samples within the 95 % band of a prediction; NaN for a fitted maneuver
-    )
+    #: rms of the measured motion about its mean, below 10 Hz and without noise, over `noise`
+    signal_to_noise: float = NAN
+    #: share of the measured samples within the 95 % band of a prediction; NaN for a fitted maneuver
+    inside: float = NAN
     innovations: InnovationFigures = InnovationFigures()  #: NaN except in validation of a fit by a filter
 
     @property
@@ -304,9 +301,8 @@ class Result:
     #: which of them to trust and why; sentences in the JSON
     trust: tuple[Notice, ...] = field(default=(), metadata=AS_SENTENCES)
     identifiability: IdentifiabilityAnalysis = field(default_factory=IdentifiabilityAnalysis)
-    extensions: ExtensionTests = field(
-        default_factory=ExtensionTests
-    )  #: what the data ask for beside the model
+    #: what the data ask for beside the model
+    extensions: ExtensionTests = field(default_factory=ExtensionTests)
     #: decisions that the fit took by itself; empty in files of older versions
     decisions: tuple[DecisionRecord, ...] = ()
     verdict: Verdict = field(default_factory=Verdict)  #: whether to use the model, for what, and why
@@ -374,9 +370,8 @@ class ChannelTrace:
 
     measured: FloatArray
     simulated: FloatArray
-    deviation: FloatArray | None = (
-        None  #: of a prediction, (n,), standard deviation, measurement noise included
-    )
+    #: of a prediction, (n,), standard deviation, measurement noise included
+    deviation: FloatArray | None = None
 
 
 @dataclass(frozen=True, eq=False)

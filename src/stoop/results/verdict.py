@@ -40,9 +40,8 @@ class Verdict:
 
     grade: Grade = ""
     uses: tuple[Use, ...] = ()
-    reasons: tuple[
-        Notice, ...
-    ] = ()  #: warnings, the gravest first, then (information) what speaks for the model
+    #: warnings, the gravest first, then (information) what speaks for the model
+    reasons: tuple[Notice, ...] = ()
     advice: tuple[Notice, ...] = ()  #: flights that would settle what is open
 
     @property

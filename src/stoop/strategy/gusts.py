@@ -9,6 +9,7 @@ from typing import Final
 from stoop.base.notices import Notice, notice
 from stoop.errors import IdentificationError
 from stoop.estimate import methods
+from stoop.estimate.filter_likelihood import SCORING
 from stoop.estimate.gusts import exceed_sensors, gust_levels, unexplained, with_turbulence
 from stoop.results.decisions import DecisionRecord
 from stoop.strategy.decision import Change, Decision, Fitted, Fitter, Setup
@@ -74,7 +75,7 @@ def _with_bias(found: Fitted) -> Fitted:
 
 def _in_calm_air(setup: Setup, doubts: tuple[Notice, ...]) -> Setup:
     """Return the fit by the method of calm air; the state of a filter's search is none of its."""
-    state = None if setup.state is None or setup.state.optimizer == methods.SCORING else setup.state
+    state = None if setup.state is None or setup.state.optimizer == SCORING else setup.state
     kept = tuple(one for one in setup.notices if one.code != "gusts-filtered")
     return replace(setup, in_calm="", state=state, notices=(*kept, *doubts)).by(setup.in_calm)
 

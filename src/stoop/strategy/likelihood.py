@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from stoop.estimate import methods
 from stoop.estimate.estimate import Estimate
+from stoop.estimate.filter_likelihood import SCORING
 
 
 def log_likelihood_rise(before: Estimate, after: Estimate) -> tuple[float, float]:
@@ -18,7 +18,7 @@ def log_likelihood_rise(before: Estimate, after: Estimate) -> tuple[float, float
         counts = np.isfinite(residuals).sum(axis=0) / before.inflation
         count = float(counts.sum())
         variance = np.nanmean(residuals[:, counts > 0.0] ** 2, axis=0)
-        filtered = fit.outcome.optimizer == methods.SCORING  # a cost is twice minus the log-likelihood
+        filtered = fit.outcome.optimizer == SCORING  # a cost is twice minus the log-likelihood
         deviances.append(fit.cost if filtered else float(counts[counts > 0.0] @ np.log(variance)))
     return 0.5 * (deviances[0] - deviances[1]), count
 

@@ -76,9 +76,8 @@ class _Tape:
     """Every operation of an evaluation with its value, so that a change repeats only what depends on it."""
 
     values: list[Any] = field(default_factory=list)
-    operations: list[tuple[int, Any, tuple[int, ...]]] = field(
-        default_factory=list
-    )  #: place, ufunc, operands
+    #: place, ufunc, operands
+    operations: list[tuple[int, Any, tuple[int, ...]]] = field(default_factory=list)
 
     def place(self, value: Any) -> int:
         """Return where an operand stands."""

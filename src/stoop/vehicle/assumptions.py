@@ -31,15 +31,12 @@ class Usual:
     #: measurements are stamped late
     delay: float = 0.02
     delay_std: float = 0.02
-    sensor_delay_std: float = (
-        0.05  #: s, from a reading to its time stamp: filters, buses, logging, receivers of GNSS
-    )
-    thrust: float = (
-        0.2  #: standard deviation of coefficients of thrust, in parts of them: propeller data against flight
-    )
-    lag_samples: float = (
-        0.4  #: shortest lag that is integrated, in samples: a step of Runge-Kutta is stable to 1 / 0.36
-    )
+    #: s, from a reading to its time stamp: filters, buses, logging, receivers of GNSS
+    sensor_delay_std: float = 0.05
+    #: standard deviation of coefficients of thrust, in parts of them: propeller data against flight
+    thrust: float = 0.2
+    #: shortest lag that is integrated, in samples: a step of Runge-Kutta is stable to 1 / 0.36
+    lag_samples: float = 0.4
 
 
 USUAL: Final = Usual()

@@ -45,9 +45,8 @@ class Quantity(BaseModel):
     value: Number = 0.0  #: SI units and radians
     bounds: tuple[Number, Number] | None = None  #: of the estimate
     free: Switch | None = None  #: true to estimate, false to fix; when absent by prior and kind of number
-    prior: Annotated[Number, Field(gt=0.0)] | None = (
-        None  #: standard deviation around the value; "guess": `GUESS`
-    )
+    #: standard deviation around the value; "guess": `GUESS`
+    prior: Annotated[Number, Field(gt=0.0)] | None = None
     mean: Number | None = None  #: that the prior is about; the value when absent
     tie: str | None = None  #: name of the number that this one equals
 
@@ -294,9 +293,8 @@ class Rotors(Table):
     gain: Quantity = Quantity(value=1.0)  #: x per unit of the channel
     idle: Quantity = Quantity(value=0.0)  #: of the channel
     nominal_voltage: Quantity | None = None  #: V
-    voltage_average: Annotated[float, Field(gt=0.0, le=3600.0)] | None = (
-        None  #: s, of the voltage that counts
-    )
+    #: s, of the voltage that counts
+    voltage_average: Annotated[float, Field(gt=0.0, le=3600.0)] | None = None
     lag: Quantity | None = None  #: s, first order
     delay: Quantity | None = None  #: s, of the recorded channels
     T0: Quantity | None = None  #: N

@@ -73,9 +73,8 @@ class _Reduction:
     gusts: tuple[str, ...]
     added: tuple[str, ...]  #: states that a filter corrects by adding
     rotated: tuple[str, ...]  #: angles that the equations integrate, about which a filter rotates
-    held: Mapping[
-        str, tuple[str, ...]
-    ]  #: channels of the states that are left out, and what stands for each as inputs
+    #: channels of the states that are left out, and what stands for each as inputs
+    held: Mapping[str, tuple[str, ...]]
 
 
 _LONGITUDINAL = ("CL", "CD", "Cm")
@@ -212,13 +211,11 @@ class Vehicle:
     """A vehicle file with its numbers in one list."""
 
     file: VehicleFile
-    text: str = field(
-        repr=False
-    )  #: the TOML as written, so that an identified vehicle keeps the user's comments
+    #: the TOML as written, so that an identified vehicle keeps the user's comments
+    text: str = field(repr=False)
     where: str  #: name of the file in messages
-    measured: tuple[
-        str, ...
-    ] = ()  #: channels of held states that a record supplies, among :attr:`held_channels`
+    #: channels of held states that a record supplies, among :attr:`held_channels`
+    measured: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         """Return name and size on one line."""

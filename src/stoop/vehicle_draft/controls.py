@@ -35,9 +35,8 @@ SMALL_WEIGHT: Final = 0.25  #: of the largest weight of outputs; less takes no p
 class Mixer:
     """How a deflection is made of channels."""
 
-    gains: Mapping[str, float] = field(
-        default_factory=dict
-    )  #: rad per unit; empty: the channel is the deflection
+    #: rad per unit; empty: the channel is the deflection
+    gains: Mapping[str, float] = field(default_factory=dict)
     centers: Mapping[str, float] = field(default_factory=dict)
     comment: str = ""
     sign: float = 1.0  #: -1 where a recorded deflection is positive the other way

@@ -34,21 +34,16 @@ from stoop.vehicle_draft.strips import (
 )
 
 VISCOSITY: Final = 1.46e-5  #: kinematic, of air at sea level, m2/s
-SECTION: Final = (
-    0.95 * 2.0 * math.pi
-)  #: lift slope of airfoils, per rad (Raymer, section 12.4: 0.95 of theory)
-FLAP_EFFICIENCY: Final = (
-    0.8  #: of thin-airfoil theory at moderate deflections (Roskam VI, fig. 8.14; Nelson, fig. 2.21)
-)
-TAIL_PRESSURE: Final = (
-    0.9  #: dynamic pressure at a tail over the free stream's (Raymer, section 16.3: 0.85 to 0.95)
-)
-END_PLATE: Final = (
-    1.55  #: effective over geometric aspect ratio of a fin with body and tail (Raymer, section 16.4)
-)
-ROLL_SIDEWASH: Final = (
-    0.5  #: share of the wash of a roll that arrives at a fin: DATCOM 7.1.2 has all in CQp, none in Cnp
-)
+#: lift slope of airfoils, per rad (Raymer, section 12.4: 0.95 of theory)
+SECTION: Final = 0.95 * 2.0 * math.pi
+#: of thin-airfoil theory at moderate deflections (Roskam VI, fig. 8.14; Nelson, fig. 2.21)
+FLAP_EFFICIENCY: Final = 0.8
+#: dynamic pressure at a tail over the free stream's (Raymer, section 16.3: 0.85 to 0.95)
+TAIL_PRESSURE: Final = 0.9
+#: effective over geometric aspect ratio of a fin with body and tail (Raymer, section 16.4)
+END_PLATE: Final = 1.55
+#: share of the wash of a roll that arrives at a fin: DATCOM 7.1.2 has all in CQp, none in Cnp
+ROLL_SIDEWASH: Final = 0.5
 SOURCE: Final = "handbook formulas"
 
 
@@ -276,10 +271,11 @@ def fuselage(geometry: Geometry) -> dict[str, float]:
     }
 
 
+#: position of the wing's root quarter chord on the body, and factor per rad
 _GILRUTH: Final[tuple[FloatArray, FloatArray]] = (
     np.array([0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7]),
     np.array([0.115, 0.172, 0.344, 0.487, 0.688, 0.888, 1.146]),
-)  #: position of the wing's root quarter chord on the body, and factor per rad
+)
 
 
 def skin_friction(reynolds: float) -> float:

@@ -31,9 +31,8 @@ class Range:
 
 
 LIFT: Final = Range(0.1, 1.6)  #: CL in steady flight: a wing without flaps stalls at 1.2 to 1.6
-USUAL_LIFT: Final = Range(
-    0.25, 1.1
-)  #: between those at which drag is least and power is least, with some room
+#: between those at which drag is least and power is least, with some room
+USUAL_LIFT: Final = Range(0.25, 1.1)
 ASPECT: Final = Range(2.0, 40.0)
 WING_LOADING: Final = Range(1.0, 120.0)  #: kg/m2: an indoor model to a small jet
 DISC_LOADING: Final = Range(22.0, 250.0)  #: N/m2, of the rotors that hover

@@ -39,10 +39,11 @@ ATTITUDES: Final = {"q": "theta", "p": "phi"}  #: attitude of which a rate is ne
 MIN_MOVEMENT: Final = 0.02  #: standard deviation of an input, of that of the largest
 MODEL_BAND: Final = (0.1, 60.0)  #: rad/s
 MODEL_POINTS: Final = 300
+#: rad/s, of a model's equivalent system if no flight is known; bandwidths lie above its low end
 FIT_BAND: Final = (
     1.0,
     10.0,
-)  #: rad/s, of a model's equivalent system if no flight is known; bandwidths lie above its low end
+)
 
 
 @takes_model_or_vehicle

@@ -30,9 +30,8 @@ SENSOR_FAULTS: Final = {
     "clipped": "sensor-fault-left-out",
     "stuck": "sensor-fault-left-out",
 }  #: kinds of faults that affect a fit -> code
-PRIOR_CONFLICT: Final = (
-    5.0  #: standard deviations from the prior's mean, from which an estimate contradicts it
-)
+#: standard deviations from the prior's mean, from which an estimate contradicts it
+PRIOR_CONFLICT: Final = 5.0
 MIN_CORRELATION_TIME: Final = 2.0  #: samples; from here on residuals count as colored
 BASIC_METHODS: Final = ("corrected", "cramer_rao")  #: of uncertainty, that every result has
 SHOWN: Final = (

@@ -47,9 +47,8 @@ from stoop_studies.optimizers.local_search import LevenbergMarquardt, QuasiNewto
 FEWEST: Final = 4  #: members at the end; the mutation needs as many
 TERMINAL: Final = -1.0  #: a rate of the memory below zero: only crossover rate 0 works, and stays
 FIXED: Final = 0.9  #: scale and rate of the entry that jSO never learns
-STRATEGY: Final = Strategy(
-    elite=0.2, separation=0.1
-)  #: larger than the default's, chosen on BBOB instances 6 to 15
+#: larger than the default's, chosen on BBOB instances 6 to 15
+STRATEGY: Final = Strategy(elite=0.2, separation=0.1)
 Choice = Callable[[FloatArray, float, Generator], IntArray]
 
 

@@ -46,9 +46,10 @@ SIGMA: Final = {
 
 IDLE, SPAN = 1075.0, 875.0  #: us, and us from idle to full (authors)
 _H: Final = float(np.sqrt(0.75))
+#: PX4's Hexarotor x: roll, pitch, yaw of each output
 MIXER: Final = np.array(
     [[-1, 0, -1], [1, 0, 1], [0.5, _H, -1], [-0.5, -_H, 1], [-0.5, _H, 1], [0.5, -_H, -1]]
-)  #: PX4's Hexarotor x: roll, pitch, yaw of each output
+)
 
 
 def pose(name: str, seed: int, **arguments: object) -> Posed:

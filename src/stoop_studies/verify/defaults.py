@@ -308,9 +308,8 @@ class Limits:
     far: float = 5.0  #: standard errors that no number is off
     verdicts: float = 0.95  #: share that is right
     seconds: float = 60.0
-    moved: float = (
-        3.0  #: of a channel: its motion over the slow error of its record, from which it counts as moved
-    )
+    #: of a channel: its motion over the slow error of its record, from which it counts as moved
+    moved: float = 3.0
     slow: float = 0.5  #: s, over which that error is averaged
     #: a number that a use needs is wrong from so many standard errors and from this share of its size
     wrong_errors: float = 3.0

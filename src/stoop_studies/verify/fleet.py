@@ -31,9 +31,8 @@ class Spread:
     """How far a made-up vehicle is from its parent: standard deviations of logarithms, and ranges."""
 
     derivative: float = 0.2
-    slope: float = (
-        0.05  #: of CLalpha and Clp, beside what the aspect ratio makes of them (lifting line, A / (A + 2))
-    )
+    #: of CLalpha and Clp, beside what the aspect ratio makes of them (lifting line, A / (A + 2))
+    slope: float = 0.05
     area: float = 0.12
     aspect: float = 0.1
     radius: float = 0.1  #: of gyration

@@ -47,19 +47,21 @@ CLIMB: Final = 3.0  #: m/s: propellers are told apart from still air only where 
 COMMANDED: Final = {0: (6.0, 0.06, 6, 0), 1: (6.0, 0.06, 6, 2), 2: (1.4, 0.05, 7, 5)}
 EXCITED: Final = {0: (2.5, 0.4, 9, 1), 1: (2.5, 0.4, 9, 2), 2: (1.0, 0.3, 8, 3), 3: (1.5, 1.0, 6, 4)}
 #: axis -> amplitude (m/s, rad/s2, m/s2), lowest frequency (Hz), how many sines, which phases
+#: files of JSBSim's package
 PARTS: Final = (
     *(f"aircraft/F450/{name}.xml" for name in ("Metrics", "Mass", "Propulsion", "Aero")),
     *(f"engine/{name}.xml" for name in ("DJI_E305", "DJI_9450")),
-)  #: files of JSBSim's package
+)
 ROTORS: Final = ("front_right", "rear_left", "front_left", "rear_right")  #: in the order of JSBSim's engines
 SPEED, THRUST, TORQUE = (
     f"propulsion/engine[{{}}]/{name}" for name in ("propeller-rpm", "thrust-lbs", "propeller-torque-ftlb")
 )
 RPM: Final = FACTORS["rpm"]
 FOOT_POUND: Final = FOOT * POUND_FORCE  #: N m
+#: channels: command, speed (rad/s), thrust (N) and torque (N m) of each rotor
 MOTORS, TURNS, LIFTS, TWISTS = (
     tuple(f"{of}_{i + 1}" for i in range(4)) for of in ("motor", "rotor", "thrust", "torque")
-)  #: channels: command, speed (rad/s), thrust (N) and torque (N m) of each rotor
+)
 READ: Final = {
     **dict(zip(VELOCITY, ((f"velocities/v-{a}-fps", FOOT) for a in ("north", "east", "down")), strict=True)),
     **{a: (f"velocities/{a}i-rad_sec", 1.0) for a in RATES},
@@ -74,9 +76,8 @@ READ: Final = {
 }  #: channel -> property and its unit: gyros sense the rate in space; the accelerometer is at the center of gravity  # fmt: skip
 GRAVITY: Final = 9.8  #: m/s2, of the autopilot
 HOVER: Final = 0.42  #: command that about carries the weight
-SIGNS: Final = np.array(
-    [[-1, 1, 1, 1], [1, -1, 1, 1], [1, 1, -1, 1], [-1, -1, -1, 1]]
-)  #: roll, pitch, yaw, heave
+#: roll, pitch, yaw, heave
+SIGNS: Final = np.array([[-1, 1, 1, 1], [1, -1, 1, 1], [1, 1, -1, 1], [-1, -1, -1, 1]])
 GAINS: Final = np.array([1 / 520.0, 1 / 520.0, 1 / 47.0, 1 / 43.0])  #: command per rad/s2 and m/s2
 MAX_ANGLE: Final = 0.25  #: rad, of bank and pitch
 NOISE: Final = {

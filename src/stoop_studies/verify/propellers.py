@@ -26,10 +26,11 @@ MIN_NORMAL_FLIGHTS: Final = 2
 CHANGED: Final = "M3"  #: the rotor that was cut or loaded
 NORMAL: Final = "normal"  #: what was done to a flight: nothing
 DIGITS: Final = 6  #: decimals of the tables, so many that rounding them again gives what the page shows
+#: of a file
 NAME: Final = (
     r"(?:normal_flight|cut_propeller_M3_\dmm_\dmm_(?P<cut>\d\d)mm|add_weight_(?P<weight>W\d)_near_M3)"
     r"__(?P<airframe>E\d+)_log(?P<log>\d\d)\.usd"
-)  #: of a file
+)
 
 
 @dataclass(frozen=True)

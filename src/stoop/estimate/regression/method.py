@@ -224,6 +224,5 @@ def _from_start(problem: Misfit, z: FloatArray) -> tuple[Misfit, FloatArray, flo
 
 #: on smoothed samples
 equation_error: Final = partial(regression, domain=TimeDomain())
-frequency_domain: Final = partial(
-    regression, domain=FrequencyDomain()
-)  #: on Fourier coefficients of a band, of aircraft
+#: on Fourier coefficients of a band, of aircraft
+frequency_domain: Final = partial(regression, domain=FrequencyDomain())

@@ -68,9 +68,8 @@ class Stretch:
     piece: Piece
     samples: slice
     measured: FloatArray  #: (n, i), rad/s2 and m/s2
-    motion: Mapping[
-        str, FloatArray
-    ]  #: readings (n,) of velocity, rates and attitude; assumed where not recorded
+    #: readings (n,) of velocity, rates and attitude; assumed where not recorded
+    motion: Mapping[str, FloatArray]
 
     def modeled(
         self, vehicle: Vehicle, rows: FloatArray, cache: dict[bytes, FloatArray] | None = None

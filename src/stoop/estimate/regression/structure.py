@@ -42,9 +42,8 @@ MAX_CANDIDATES: Final = 200  #: of one coefficient
 CORRELATION_LIMIT: Final = 0.95  #: above, the data hardly distinguish two candidates
 FAIR_R2: Final = 0.5  #: below, what was chosen is no structure
 MIN_ROWS: Final = 3
-MIN_MOVE: Final = (
-    1.0  #: standard errors by which a neighbor moves with a term that was left out: more is a bias to report
-)
+#: standard errors by which a neighbor moves with a term that was left out: more is a bias to report
+MIN_MOVE: Final = 1.0
 NOT_MEASURED: Final = (
     "airspeed, flow angles, rates, attitude and accelerations must be measured together, for "
     "longer than a few periods of the lowest frequency; choose other windows"

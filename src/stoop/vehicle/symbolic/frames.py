@@ -39,9 +39,8 @@ Vector = tuple[Any, Any, Any]
 Quaternion = tuple[Any, Any, Any, Any]
 NULL = sp.Integer(0)
 ZERO: Vector = (NULL, NULL, NULL)
-SLOW = sp.Rational(
-    1, 10
-)  #: m/s; below it the direction of the air fades out, where a vehicle may stand still
+#: m/s; below it the direction of the air fades out, where a vehicle may stand still
+SLOW = sp.Rational(1, 10)
 _ROOT3 = sp.sqrt(3).evalf(20)
 
 
