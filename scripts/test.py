@@ -35,6 +35,7 @@ CHECKS = {
     "format": ["ruff", "format", "--check", "."],
     "types": ["mypy"],
     "layers": ["lint-imports"],
+    "structure": ["python", "scripts/structure.py"],
     "tests": _tests("standard"),
     "docs": ["sphinx-build", "-q", "-W", "--keep-going", "docs", "{scratch}/site"],
 }
