@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import io
 import sys
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -12,13 +13,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console
+from rich.text import Text
 
 import stoop
 import stoop_studies
 from stoop.base.text import printable, show
 from stoop.cli.main import VERBS, main
 from stoop.cli.page import Page, words
-from stoop.cli.progress import LiveLine
+from stoop.cli.progress import LiveLine, Timed
 from stoop.flight import load
 from stoop.vehicle import load_vehicle
 
@@ -56,7 +58,12 @@ def test_rich_is_given_texts_or_told_that_there_is_no_markup() -> None:
     for path, name, call in CALLS:
         if path.name in ("page.py", "progress.py") and name in ("print", "status", "update"):
             given = ast.unparse(call)
-            assert "Text(" in given or "markup=False" in given or "print(grid)" in given, given
+            kinds = ("Text(", "Timed(", "markup=False", "print(grid)")
+            assert any(kind in given for kind in kinds), given
+    line = Timed("[bold]a\x1b[2J", time.perf_counter()).__rich__()
+    assert isinstance(line, Text)
+    assert line.plain.startswith("[bold]a")
+    assert line.plain.isprintable()
 
 
 def test_nothing_writes_to_the_terminal_directly() -> None:

@@ -479,7 +479,9 @@ def test_every_module_behind_the_equations_enters_the_key() -> None:
     sources = [*(here / "symbolic").glob("*.py"), *(here / name for name in _EQUATION_SOURCES)]
     behind = {name for path in sources for name in imports(path)}
     equations = {m.removeprefix("stoop.vehicle.") for m in behind if m.startswith("stoop.vehicle.")}
-    texts = {f"stoop.base.{m}" for m in ("arrays", "text", "names", "html")}  # types, messages, tables to print
+    texts = {
+        f"stoop.base.{m}" for m in ("arrays", "text", "names", "html")
+    }  # types, messages, tables to print
     numbers = {m.removeprefix("stoop.base.") for m in behind - texts if m.startswith("stoop.base.")}
     expected = {f"{m}.py" for m in equations if "symbolic" not in m} | {f"../base/{m}.py" for m in numbers}
     assert expected == set(_EQUATION_SOURCES)
