@@ -47,8 +47,8 @@ def runs(tier: str, smallest: str) -> bool:
 
 
 def seconds_of_files(tests: Iterable[str], long: Mapping[str, str]) -> Counter[str]:
-    """Return file -> seconds that its long tests take, of the tests given."""
+    """Return file -> seconds that its long tests take, of the tests given, summed in their order: workers must agree."""
     total: Counter[str] = Counter()
-    for name in {name for test in tests for name in names(test) if name in long}:
+    for name in dict.fromkeys(name for test in tests for name in names(test) if name in long):
         total[name.partition("::")[0]] += float(long[name])
     return total

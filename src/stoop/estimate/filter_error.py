@@ -1,4 +1,4 @@
-"""Filter error: a Kalman filter corrects the states with each measurement, so that gusts are not errors of the model.
+"""Filter error: a Kalman filter corrects the states with each measurement, which separates gusts from errors of the model.
 
 The methods ``filter-error`` and ``filter-error-ekf`` estimate the process noise; ``stabilized-output-error`` states a small one,
 which keeps an unstable model near the record. All maximize the likelihood of the innovations within bounds by Fisher's scoring
@@ -110,7 +110,7 @@ class ScoringModel(StagedModel):
 
     @property
     def usable(self) -> bool:
-        """Whether to go on from here."""
+        """Whether cost and gradient are finite."""
         return self.status != "interrupted" and bool(np.isfinite(self.cost))
 
     def linearize(self) -> None:
@@ -150,7 +150,7 @@ class ScoringModel(StagedModel):
         return Trial(there, self.likelihood.cost(there), 0.0)
 
     def accept(self, trial: Trial, ratio: float) -> None:
-        """Go there."""
+        """Move to the point of the step."""
         self.z, self.cost, self.current = trial.point, trial.cost, False
 
 
@@ -350,7 +350,7 @@ class FilterError:
 def without_outliers(likelihood: Likelihood, z: FloatArray, problem: Misfit) -> Misfit:
     """Return the problem, the readings as recorded, with outliers of the innovations as not measured; itself without any.
 
-    A filter that has lost one outlier shows what it has hidden, so it runs until no further one is found.
+    An outlier masks later ones until it is removed, so the search repeats until it finds no further one.
     """
     vehicle, dt = problem.layout.vehicle, problem.pieces[0].dt
     for _ in range(MAX_SWEEPS):
@@ -393,7 +393,7 @@ def _fit(
 ) -> FilterEstimate:
     """Return the fit of the best ascent; `costs` are those of the searches from each start, ascending.
 
-    Its notices are how to read the estimates, what noise was found, and whether starts led to different maxima.
+    Its notices report the method, the estimated noise, and starts that led to different maxima.
     """
     likelihood, status = best.likelihood, best.status
     z, (iterations, runs) = best.z[: likelihood.known], stages.spent

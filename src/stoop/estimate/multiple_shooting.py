@@ -1,13 +1,13 @@
-"""Multiple shooting: short windows with states of their own, which meet as the fit converges.
+"""Multiple shooting: short windows with initial states of their own and continuity constraints between them.
 
-The open-loop simulation of an unstable vehicle diverges from a wrong start, and in the long run also from the right one,
-so that output error has no useful gradient. Over a window of a second the divergence is small. Each window has an initial
-state of its own, at first as measured. Continuity constraints between windows are weighted more and more; once the windows are
-continuous, the estimate is that of output error.
+The open-loop simulation of an unstable vehicle diverges from a wrong initial state, and in the long run also from the right
+one, so that output error has no useful gradient. Over a window of a second the divergence is small. Each window has an initial
+state of its own, which begins as measured. The weight of the continuity constraints increases step by step; with continuous
+windows the estimate is that of output error.
 
-Gauss-Newton alternates with noise-covariance estimation. Where no start of a vehicle with rotors is near enough for
-Gauss-Newton, an optimizer first searches windows that begin as they were measured: each is then a piece of its own, so that
-even a wrong candidate can be simulated to their end.
+Gauss-Newton alternates with noise-covariance estimation. If Gauss-Newton converges from no start of a vehicle with rotors, an
+optimizer first searches with windows that begin as measured: each is then a piece of its own, so that even a wrong candidate
+can be simulated to its end.
 
 References
 ----------
@@ -63,11 +63,11 @@ from stoop.problem.prepare import Prepared
 from stoop.problem.windows import Window
 from stoop.vehicle import Vehicle
 
-#: of half the cost that is left to gain
+#: least predicted reduction of half the cost
 TOLERANCE: Final = 1e-4
 MIN_DAMPING: Final = 1e-10
 DAMPING: Final = partial(TenfoldDamping, 1e-4, growth=8.0, acceleration=1.0, smallest=MIN_DAMPING)
-#: at most, of windows that come to meet; three are usual
+#: largest number of rounds of increasing weights; three are usual
 JOINING_STEPS: Final = 10
 #: trajectories of a search after Gauss-Newton from a fair start did not converge
 SECOND_BUDGET: Final = 3000.0
@@ -84,7 +84,7 @@ class GaussNewtonModel(StagedModel):
 
     @property
     def point(self) -> FloatArray:
-        """The search vector, then what the windows begin with."""
+        """The search vector, then the initial states of the windows."""
         return np.concatenate([self.at.z, *(own.ravel() for own in self.at.nodes)])
 
     def go_to(self, point: FloatArray) -> None:
@@ -96,7 +96,7 @@ class GaussNewtonModel(StagedModel):
         self.cost, self.current = self.at.cost, False
 
     def linearize(self) -> None:
-        """Take the derivatives of every window."""
+        """Compute the derivatives of every window."""
         self.windows: list[list[Weighted]] = [
             self.problem.weigh(shots) for shots in self.problem.linearize(self.at)
         ]
@@ -121,7 +121,7 @@ class GaussNewtonModel(StagedModel):
         return self._solve(damping)[:2]
 
     def _solve(self, damping: float) -> tuple[FloatArray, list[Reduced], float]:
-        """Return the step of the search vector, the eliminated states, and what both take off the cost."""
+        """Return the step of the search vector, the eliminated states, and the reduction of the cost by both."""
         normal, gradient, found = self.problem.reduce(self.at, self.windows, damping)
         d = self.problem.problem.dimension
         x, slope = self.at.z[:d], gradient[:d]
@@ -150,7 +150,7 @@ class GaussNewtonModel(StagedModel):
 
 @dataclass(frozen=True, eq=False)
 class Refined:
-    """Where the alternation of Gauss-Newton and noise estimate ended."""
+    """Result of the alternation of Gauss-Newton and noise estimation."""
 
     problem: ShootingProblem
     at: Iterate
@@ -168,9 +168,9 @@ def refined(
     stages: Stages,
     interrupted: bool = False,
 ) -> Refined:
-    """Alternate Gauss-Newton, with gaps that count ever more, and noise-covariance estimation until both converge.
+    """Alternate Gauss-Newton, with increasing weights of the gaps, and noise-covariance estimation until both converge.
 
-    It begins at the best of some vectors (D + E,), and ends there after an interrupted search.
+    It begins at the best of several vectors (D + E,), and returns that one after an interrupted search.
     """
     vehicle = problem.problem.layout.vehicle
     schedule = window_model(vehicle).strictness
@@ -232,7 +232,7 @@ def _residuals(problem: ShootingProblem, at: Iterate, own: Misfit) -> list[Float
 
 
 def as_one_flight(problem: ShootingProblem, at: Iterate, schedule: Sequence[float]) -> Iterate:
-    """Return the iterate with windows that meet ever more strictly, the parameters held."""
+    """Return the iterate with increasing weights of the gaps, the parameters held."""
     for strictness in schedule:
         stricter = replace(problem, strictness=strictness)
         model = GaussNewtonModel(stricter, stricter.leveled(at), held=True)
@@ -260,11 +260,10 @@ def windowed_problem(shooting: ShootingProblem) -> Misfit:
 
 @dataclass(frozen=True, eq=False)
 class LinearizedNodes(RefitProblem):
-    """Readings of windows and gaps between them as residuals, the states that windows begin with following.
+    """Readings of windows and gaps between them as residuals, functions of the search vector alone.
 
-    They follow parameters and nuisances as the linear model at the estimate has them, so residuals and gaps are functions
-    of the search vector alone. Where gaps count strictly, a Gauss-Newton step of these states alone closes what the
-    curvature opens.
+    The initial states of the windows are linear functions of parameters and nuisances, by the linear model at the estimate. With
+    strict continuity, a Gauss-Newton step of these states alone removes the gaps that the curvature causes.
     """
 
     kind: ClassVar = "windows"
@@ -272,7 +271,7 @@ class LinearizedNodes(RefitProblem):
     problem: Misfit
     #: first sample of each window, then the number of samples
     edges: tuple[tuple[int, ...], ...]
-    #: (e,), what a gap is multiplied with
+    #: (e,), weights of a gap
     gap_weights: FloatArray
     #: (D + E,), the estimate
     center: FloatArray
@@ -280,7 +279,7 @@ class LinearizedNodes(RefitProblem):
     nodes: tuple[FloatArray, ...]
     #: (w, e, D + E), how they change with the search vector
     follow: tuple[FloatArray, ...]
-    #: whether windows are to meet, so that states must follow to the second order
+    #: whether windows are continuous, so that states must be accurate to the second order
     strict: bool = False
 
     @classmethod
@@ -338,7 +337,7 @@ class LinearizedNodes(RefitProblem):
         return np.concatenate([np.array(rows), self.problem.layout.prior_residuals(Z)], axis=1)
 
     def jacobian(self, z: FloatArray, rung: int, r: FloatArray) -> tuple[FloatArray, float]:
-        """Return the derivative of the residuals, the states following, and the trajectories it took."""
+        """Return the derivative of the residuals, states of windows included, and the trajectories used."""
         at, readings, gaps = Iterate(z, tuple(self._nodes(z)), 0.0, 0.0), [], []
         for windows in self._shooting.linearize(at):
             by_window, slopes = self._shooting.sensitivities(windows, np.ones(len(z)))
@@ -347,7 +346,7 @@ class LinearizedNodes(RefitProblem):
         return np.concatenate([*readings, *gaps, self.problem.layout.prior_jacobian()]), float(len(z))
 
     def responses(self, z: FloatArray) -> Responses:
-        """Return how readings and gaps respond to extensions of the vehicle at z (D + E,), the windows' states following."""
+        """Return the responses of readings and gaps to extensions of the vehicle at z (D + E,), states of windows eliminated."""
         model, nodes = ExtendedModel.of(self.problem.layout.vehicle), self._nodes(z)
         pieces, gaps, ones = [], [], np.ones(len(model.extensions))
         linear = self._shooting.linearize(Iterate(z, tuple(nodes), 0.0, 0.0))
@@ -375,7 +374,7 @@ class LinearizedNodes(RefitProblem):
         return [weights.colored(np.where(there, w, 0.0), there) for weights, w, there in each]
 
     def _nodes(self, z: FloatArray) -> list[FloatArray]:
-        """Return the states that the windows of each piece begin with, following the search vector."""
+        """Return the initial states of the windows of each piece at a search vector."""
         found = [
             shots.perturbed(nodes, (follow @ (z - self.center)).T)
             for shots, nodes, follow in zip(self.shots, self.nodes, self.follow, strict=True)
@@ -442,12 +441,12 @@ class ShootingEstimate(Estimate):
 
     @cached_property
     def evidence(self) -> Evidence:
-        """Residuals and sensitivities of the windows, their states left free."""
+        """Residuals and sensitivities of the windows, their initial states unknown."""
         return self.shooting.evidence(self.optimum)
 
     @cached_property
     def refit_problem(self) -> LinearizedNodes:
-        """Readings and gaps of the windows, whose states follow the search vector."""
+        """Readings and gaps of the windows as functions of the search vector."""
         return LinearizedNodes.of(self.shooting, self.optimum)
 
     @cached_property
@@ -494,7 +493,7 @@ class MultipleShooting:
         padded, start = list(np.pad(guesses, [(0, 0), (0, problem.extra)])), None
 
         def search(budget: float) -> optimize.Outcome:
-            """Return how a global search ended, its vector that of the whole problem."""
+            """Return the outcome of a global search, with the vector of the whole problem."""
             stop = replace(options, budget=budget).stop(0.0, len(guesses))
             found = optimize.minimize(
                 options.create_optimizer(stop.budget), windowed, seed=options.seed, starts=guesses,

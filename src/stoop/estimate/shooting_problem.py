@@ -1,4 +1,4 @@
-"""The least-squares problem of windows that do not meet yet.
+"""The least-squares problem of windows with gaps between them.
 
 The states of the windows couple to their neighbors and to the search vector only, so they are eliminated one after the other
 (a Schur complement), and a step costs in proportion to the number of windows. The gaps' scale in winds, which decides how
@@ -68,7 +68,7 @@ class Node:
 
 @dataclass(frozen=True, eq=False)
 class Reduced:
-    """What is left of a piece."""
+    """Reduced normal equations of a piece."""
 
     normal: FloatArray  #: (j, j), of half the cost, the windows' states at their best
     gradient: FloatArray  #: (j,), of half the cost, the windows' states at their best
@@ -85,7 +85,7 @@ class Reduced:
         return np.array(out)
 
     def following(self, scales: FloatArray) -> list[FloatArray]:
-        """Return how the state of each window changes with the search vector, (e, j) each, per unit of `scales`."""
+        """Return the derivative (e, j) of each window's initial state by the search vector, per unit of `scales`."""
         out = [np.zeros((self.states, len(scales)))]
         for node in self.nodes:
             out.append(-(node.unknowns / scales + node.before @ out[-1]))
@@ -147,7 +147,7 @@ class ShootingProblem:
 
     @classmethod
     def of(cls, problem: Misfit, length: float) -> ShootingProblem:
-        """Return the problem in windows of about so many seconds, with gaps that count as strictly as any."""
+        """Return the problem in windows of about a given length, s, with the largest weights of the gaps."""
         vehicle, model = problem.layout.vehicle, window_model(problem.layout.vehicle)
         rows, scales = parameter_rows(vehicle), []
         for name in vehicle.moves:
@@ -171,7 +171,7 @@ class ShootingProblem:
 
     @cached_property
     def gap_weights(self) -> FloatArray:
-        """What a gap (e,) is multiplied with."""
+        """Weights (e,) of a gap."""
         return self.strictness / self.scales
 
     def whitened(self, z: FloatArray, nodes: Sequence[FloatArray]) -> list[tuple[FloatArray, FloatArray]]:
@@ -198,7 +198,7 @@ class ShootingProblem:
         return Iterate(z, tuple(nodes), total if np.isfinite(total) else np.inf, worst / self.strictness)
 
     def worst_gap(self, at: Iterate) -> str:
-        """Return where windows meet worst, in words."""
+        """Return the largest gap, in words."""
         vehicle, worst, text = self.problem.layout.vehicle, -1.0, "there is one window"
         for shots, (_, gaps) in zip(self.shots, self.whitened(at.z, at.nodes), strict=True):
             if not gaps.size or np.max(np.abs(gaps)) <= worst:
@@ -212,9 +212,9 @@ class ShootingProblem:
         return text
 
     def leveled(self, at: Iterate) -> Iterate:
-        """Return the iterate with altitudes taken from where the window before ended.
+        """Return the iterate with each altitude set to that at the end of the preceding window.
 
-        Not at every step: an altitude that follows its window says nothing of its own, but changes the cost.
+        Not at every step: such an altitude carries no information, but changes the cost.
         """
         row, leveled = self.problem.layout.vehicle.states.index("h"), []
         for shots, own in zip(self.shots, at.nodes, strict=True):
@@ -264,7 +264,7 @@ class ShootingProblem:
     def moved(
         self, nodes: Sequence[FloatArray], pieces: Sequence[Reduced], step: FloatArray
     ) -> list[FloatArray]:
-        """Return what windows begin with after a step (j,) of the search vector, as the eliminated states follow it."""
+        """Return the initial states of the windows after a step (j,) of the search vector, by the eliminated equations."""
         return [
             shots.perturbed(own, r.moves(step).T) if r.nodes else own
             for shots, own, r in zip(self.shots, nodes, pieces, strict=True)
@@ -273,8 +273,8 @@ class ShootingProblem:
     def closed(self, at: Iterate, pieces: Sequence[Sequence[Weighted]]) -> Iterate:
         """Return the iterate with windows closed by one step of their states, with derivatives taken near by.
 
-        A step along the linear model of gaps opens them again by its curvature, which their weight punishes, however good the
-        step is for the readings (the effect of Maratos; Nocedal and Wright, *Numerical Optimization*, 2nd ed., section 15.4).
+        A step along the linear model of the gaps reopens them by curvature, and their weight then rejects steps that improve
+        the readings (the Maratos effect; Nocedal and Wright, *Numerical Optimization*, 2nd ed., section 15.4).
         """
         found = []
         for windows, (white, gaps) in zip(pieces, self.whitened(at.z, at.nodes), strict=True):
@@ -302,10 +302,9 @@ class ShootingProblem:
     def sensitivities(
         self, windows: Sequence[Shot], scales: FloatArray
     ) -> tuple[list[FloatArray], FloatArray]:
-        """Return the derivatives (n, n_y, j) of each window's readings and (w - 1, e, j) of the gaps, states following.
+        """Return the derivatives (n, n_y, j) of each window's readings and (w - 1, e, j) of the gaps, states eliminated.
 
-        The states that windows begin with follow the search vector as suits them best, so this is what is left of the whole
-        problem once its states are eliminated.
+        The initial states of the windows take their optimum for each search vector.
         """
         follow = reduced(self.weigh(windows), 0.0).following(scales)
         readings = [w.by_unknown / scales + w.by_state @ own for w, own in zip(windows, follow, strict=True)]
@@ -316,7 +315,7 @@ class ShootingProblem:
         return readings, slopes
 
     def evidence(self, at: Iterate) -> Evidence:
-        """Return residuals and sensitivities of the search vector, the states that windows begin with left free."""
+        """Return residuals and sensitivities of the search vector, the initial states of the windows unknown."""
         layout, model = self.problem.layout, window_model(self.problem.layout.vehicle)
         rows = layout.prior_jacobian() / layout.scales
         information, pieces = rows.T @ rows, []

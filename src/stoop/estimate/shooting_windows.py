@@ -1,4 +1,4 @@
-"""Windows of a piece: what each one reads, where it ends, and how both depend on what it begins with.
+"""Windows of a piece: readings and end states of each, and their derivatives by initial states and search vector.
 
 Axes: k = sample, i = reading, e = number of a perturbation of the state, j = unknown of the search vector, w = window.
 """
@@ -48,7 +48,7 @@ MAX_LANES: Final = 4096  #: simulated side by side; more would only take memory
 
 @dataclass(frozen=True, eq=False)
 class WindowModel:
-    """How the windows of a kind of vehicle begin and meet."""
+    """Initial states and continuity of the windows of a kind of vehicle."""
 
     winds: tuple[str, ...]  #: readings to which each window adds a wind of its own
     #: a gap counts so many times its scale, one after the other; one entry where windows need not meet
@@ -116,13 +116,13 @@ _MODELS: Final = {AIR_FRAME: AIRCRAFT, GROUND_FRAME: ROTORCRAFT}
 
 
 def window_model(vehicle: Vehicle) -> WindowModel:
-    """Return how the windows of a vehicle begin and meet."""
+    """Return initial states and continuity of the windows of a vehicle."""
     return _MODELS[observation_model(vehicle)]
 
 
 @dataclass(frozen=True, eq=False)
 class Products:
-    """What of the readings of a window enters normal equations, however its gap is weighted."""
+    """Products of the readings of a window in the normal equations, independent of the weight of its gap."""
 
     by_unknown: FloatArray  #: (j, j), of the derivatives by the search vector with themselves
     by_state: FloatArray  #: (e, e), of those by the state that the window begins with
@@ -158,8 +158,8 @@ class Shot:
 class Shots:
     """The windows of one piece.
 
-    Nodes are what the windows begin with: states (n_x, w), and below them, where windows have winds, by how much the wind
-    of each differs, m/s north, east, down; winds are perturbed like states.
+    Nodes are the initial states (n_x, w) of the windows and, for windows with winds, the differences of the wind of each below
+    them, m/s north, east, down; winds are perturbed like states.
     """
 
     problem: Misfit
@@ -209,7 +209,7 @@ class Shots:
     def measured_starts(self, z: FloatArray | None = None) -> dict[str, FloatArray]:
         """Return what :func:`~stoop.simulation.initial_states` takes of every window, (w,) each, for a search vector.
 
-        A rotor or surface with a lag begins where its commands have brought it, which depends on the lag.
+        The initial state of a rotor or surface with a lag follows from its earlier commands and the lag.
         """
         piece, vehicle, model = self.piece, self.vehicle, window_model(self.vehicle)
         at, width = list(self.edges[:-1]), max(1, round(SMOOTHING_TIME / piece.dt))
@@ -385,7 +385,7 @@ def residual(problem: Misfit, readings: FloatArray, measured: FloatArray) -> Flo
 
 
 def edges(samples: int, length: int) -> tuple[int, ...]:
-    """Return where windows of about so many samples begin, and the number of samples."""
+    """Return the first samples of windows of about `length` samples, and the number of samples."""
     count = max(1, round(samples / length))
     return tuple(int(e) for e in np.linspace(0, samples, count + 1).round())
 

@@ -33,7 +33,7 @@ NULL_COMPONENT: Final = 1e-3
 class Unknown:
     """One number that an estimator solves for.
 
-    A noise intensity is the logarithm of a standard deviation; it takes part and is not reported.
+    A noise intensity is the logarithm of a standard deviation; it is estimated with the others and not reported.
     """
 
     #: of the vehicle for a parameter, of :class:`~stoop.problem.Nuisance` for a nuisance
@@ -56,7 +56,7 @@ class PieceEvidence:
     """Residuals of one piece at the estimate, weighted by the inverse square root W of the noise covariance.
 
     W' W is the inverse noise covariance. Residuals, gaps, and W are dimensionless; derivatives are per SI unit of the unknown.
-    Where windows of the piece begin anew, residuals are no stationary noise, but alike from window to window.
+    Residuals of a piece in windows are not stationary noise: they repeat from window to window.
     """
 
     #: (n, n_y), W (measured - model), NaN where there is no measurement
@@ -65,7 +65,7 @@ class PieceEvidence:
     jacobian: FloatArray
     #: of which the piece is
     maneuver: int = 0
-    #: first sample of each of w windows that begin anew, and the number of samples
+    #: first sample of each of w windows with initial states of their own, and the number of samples
     edges: tuple[int, ...] = ()
     #: (w - 1, e), whitened residuals of their continuity (end of one, start of the next)
     gaps: FloatArray | None = None
@@ -74,25 +74,25 @@ class PieceEvidence:
 
     @property
     def present(self) -> BoolArray:
-        """Where there is a measurement, (n, n_y)."""
+        """Whether there is a measurement, (n, n_y)."""
         return np.isfinite(self.residual)
 
     @property
     def continuity_residuals(self) -> tuple[FloatArray, FloatArray]:
-        """Gaps (w - 1, e) and their derivatives (w - 1, e, k), both empty where no windows begin anew."""
+        """Gaps (w - 1, e) and their derivatives (w - 1, e, k), both empty for a piece without windows."""
         if self.gaps is None or self.gap_jacobian is None:
             return np.zeros((0, 0)), np.zeros((0, 0, self.jacobian.shape[2]))
         return self.gaps, self.gap_jacobian
 
     def filled(self) -> tuple[FloatArray, FloatArray]:
-        """Return residual and jacobian with zeros for what is missing."""
+        """Return residual and jacobian with zeros for missing readings."""
         there = self.present
         if there.all():
             return self.residual, self.jacobian
         return np.where(there, self.residual, 0.0), np.where(there[:, :, None], self.jacobian, 0.0)
 
     def rows(self) -> tuple[FloatArray, FloatArray]:
-        """Return all residuals (N,) and their derivatives (N, k), zeros for what is missing; gaps last."""
+        """Return all residuals (N,) and their derivatives (N, k), zeros for missing readings; gaps last."""
         (residual, jacobian), (gaps, slopes) = self.filled(), self.continuity_residuals
         count = jacobian.shape[2]
         if not gaps.size:
@@ -119,7 +119,7 @@ class Evidence:
     """Residuals, sensitivities and information about k unknowns: parameters, nuisances, then noise intensities.
 
     The inflation is the factor by which the noise covariance in W exceeds that of the residuals, because neighboring
-    residuals are correlated; the Cramer-Rao bound for white residuals takes it off again.
+    residuals are correlated; the Cramer-Rao bound for white residuals divides by it.
     """
 
     #: those of the layout in its order, estimated or not; then noise intensities
@@ -184,8 +184,8 @@ def simulation_evidence(problem: Misfit, z: FloatArray, inflation: float) -> Evi
 def observed_information(problem: Misfit, z: FloatArray, evidence: Evidence) -> FloatArray:
     """Return the Hessian (f, f) of half the cost by the free entries of z, per SI unit, by second differences.
 
-    The information of Gauss and Newton, by which steps are chosen, lacks the product of residuals and second derivatives, which
-    residuals of a wrong model leave large. Not finite where a simulation nearby diverges.
+    The Gauss-Newton information, which determines steps, omits the products of residuals and second derivatives; these are large
+    for a wrong model. Not finite where a simulation nearby diverges.
     """
     free = evidence.free
     total = evidence.prior[np.ix_(free, free)]
@@ -232,7 +232,7 @@ class Inverse:
 def invert(information: FloatArray) -> Inverse:
     """Invert an information matrix (k, k), scaled to a unit diagonal so that units do not matter.
 
-    Directions without information are left out (pseudo-inverse), and the unknowns that they touch are named.
+    Directions without information are left out (pseudo-inverse); `determined` excludes the unknowns with a part in them.
     """
     diagonal = np.sqrt(np.maximum(np.diag(information), 0.0))
     scale = np.where(diagonal > 0.0, diagonal, 1.0)
@@ -242,8 +242,8 @@ def invert(information: FloatArray) -> Inverse:
 def invert_rows(rows: FloatArray) -> Inverse:
     """Invert the information ``rows.T @ rows`` of sensitivities (n, k), by QR and singular values of the scaled rows.
 
-    The product is not formed: it squares the condition number, and so takes twice the digits from the standard errors of
-    what the rows hardly determine (Golub and Van Loan, Matrix Computations, section 5.3).
+    The product is not formed: it squares the condition number, which doubles the loss of digits in the standard errors of
+    unknowns that the rows hardly determine (Golub and Van Loan, Matrix Computations, section 5.3).
     """
     diagonal = np.sqrt(np.einsum("nk,nk->k", rows, rows))
     triangle = np.linalg.qr(rows / np.where(diagonal > 0.0, diagonal, 1.0), mode="r")
