@@ -11,6 +11,7 @@ from stoop import optimize
 from stoop.cli.main import main
 from stoop_studies.problems import Posed, pose
 
+DOCS = Path(__file__).parents[2] / "docs"
 EXAMPLE = Path(__file__).parents[2] / "examples" / "vtail.toml"
 WINDOWS = ["140:145", "146:152", "160:168.3"]
 
@@ -50,4 +51,7 @@ def test_the_command_writes_a_page(log: Path, tmp_path: Path) -> None:
     with (tmp_path / "compare.csv").open(encoding="utf-8", newline="") as file:
         table = list(csv.DictReader(file))
     assert [row["problem"] for row in table] == ["flight"] * 2
-    assert "5 prior standard deviations" in (tmp_path / "compare.html").read_text(encoding="utf-8")
+    assert "#compare" in (tmp_path / "compare.html").read_text(encoding="utf-8"), (
+        "how the nuisances are searched"
+    )
+    assert "5 prior standard deviations" in (DOCS / "studies.md").read_text(encoding="utf-8")

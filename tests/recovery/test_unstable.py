@@ -11,6 +11,7 @@ from stoop.assessment.error_bars import error_bars
 from stoop.estimate.estimate import Estimate
 from stoop.estimate.fit import Options
 from stoop.estimate.instability import PREDICTED_GROWTH, growth, growth_at_start
+from stoop.estimate.methods import find
 from stoop.problem.prepare import prepare
 from stoop.problem.windows import Window
 from stoop.simulation import parameter_rows, trim
@@ -79,7 +80,7 @@ def test_who_names_output_error_is_warned(scene: Scene) -> None:
     )  # fmt: skip
     other = choose_method("multiple-shooting", scene.start, scene.flights.values(), WINDOW)
     assert (other.name, other.notices) == ("multiple-shooting", ())
-    fit = named.fit(scene.start, scene.flights, WINDOW, Options(budget=3000))[1]
+    fit = find(named.name).fitter()(scene.start, scene.flights, WINDOW, Options(budget=3000))
     assert fit.outcome.status != "converged"
 
 

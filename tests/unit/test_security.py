@@ -183,8 +183,7 @@ def watched(folder: Path, *words: str) -> str:
     """Run a verb that may write in a folder, the cache of compiled code and the folder of temporary files only."""
     temporary = folder / "tmp"
     temporary.mkdir(exist_ok=True)
-    cache = Path(os.environ.get("STOOP_CACHE_DIR") or Path.home() / ".cache" / "stoop" / "kernels")
-    allowed = [str(folder), str(cache.absolute()), "/dev/null"]
+    allowed = [str(folder), str(cache.cache_folder()), "/dev/null"]
     environment = {**os.environ, "ALLOWED": os.pathsep.join(allowed), "TMPDIR": str(temporary),
                    "PYTHONDONTWRITEBYTECODE": "1"}  # fmt: skip
     done = subprocess.run(

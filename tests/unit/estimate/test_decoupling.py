@@ -15,6 +15,7 @@ from stoop.errors import FlightError
 from stoop.estimate import methods
 from stoop.estimate.estimate import Estimate
 from stoop.estimate.fit import Options, estimation_problem, fit
+from stoop.estimate.refit_problem import SimulationProblem
 from stoop.flight import Flight
 from stoop.problem.observation import motion_inputs, recorded_motion
 from stoop.problem.prepare import decoupled
@@ -163,7 +164,7 @@ def test_readings_become_states_at_the_center_of_gravity_without_errors_of_the_s
 
 def test_refits_keep_what_the_record_supplies(full: Vehicle) -> None:
     problem, _ = estimation_problem(full.reduced("lateral"), {"sim": flown(full, 0.06)}, [WINDOW], Options())
-    text = pack(problem, {})
+    text = pack(SimulationProblem(problem), {})
     assert json.dumps(text)
     again, _ = unpack(text)
     z = np.concatenate([problem.layout.start, np.zeros(problem.extra)])

@@ -102,7 +102,7 @@ from stoop.flight.mapping_draft import draft
 path = Path("a.mat")
 calls = (
     stoop.logs.read, load, draft, stoop.load_flight, stoop.check, stoop.reconstruct, stoop.new_vehicle,
-    lambda log: stoop.fit("twin-boom", log, ["0:5"]), lambda log: stoop.predict("nowhere", log, ["0:5"]),
+    lambda log: stoop.fit("twin-boom", log, ["0:5"]), stoop.look,
 )
 for call in calls:
     try:

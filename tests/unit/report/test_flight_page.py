@@ -133,7 +133,7 @@ def test_look_writes_a_page_and_info_the_same_beside_its_tables(
     capsys.readouterr()
     assert main(["look", str(log), "--mapping", str(mapping), "-o", str(one)]) == 0
     assert f"wrote {one}" in capsys.readouterr().out
-    assert main(["info", str(log), "--mapping", str(mapping), "-o", str(two)]) == 0
+    assert main(["info", str(log), "--mapping", str(mapping), "-o", str(two), "--verbose"]) == 0
     assert "Channels" in capsys.readouterr().out
     made = [re.sub(r"<pre.*?</pre>", "", page.read_text("utf-8"), flags=re.DOTALL) for page in (one, two)]
     assert made[0] == made[1]

@@ -27,9 +27,11 @@ ONE = Options(generations=1)
 def test_writes_everything_and_reads_it_back(job: FittedModel, tmp_path: Path) -> None:
     folder = job.save(tmp_path / "out")
     assert sorted(p.name for p in folder.iterdir()) == [
+        "estimate.npz",
         "flight.nc",
         "report.html",
         "result.json",
+        "traces.npz",
         "vehicle.toml",
     ]
     result = read_result(folder / "result.json")

@@ -108,7 +108,7 @@ def test_what_was_not_fitted_is_predicted_window_by_window(job):
 
 def test_motors_that_were_logged_slowly_are_fitted_by_their_accelerations(start, flight):
     sources = {name: replace(s, rate=43.0) if "motor" in name else s for name, s in flight.sources.items()}
-    found = identify(start, replace(flight, sources=sources), ["0:16"]).identification
+    found = identify(start, replace(flight, sources=sources), ["0:16"])
     assert found.result.method == "equation-error"
     (why,) = [n for n in found.result.basis if n.code == "motors-logged-slowly"]
     assert why.values["rate"] == 43.0
