@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Final
@@ -25,7 +26,7 @@ from stoop.assessment.error_bars import ErrorBars, error_bars
 from stoop.assessment.extensions import extension_tests
 from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice, notice
-from stoop.errors import VehicleError
+from stoop.errors import IdentificationError, VehicleError
 from stoop.estimate.estimate import Estimate
 from stoop.estimate.predict import expected_biases, predict, predictor
 from stoop.results.extensions import ExtensionTest
@@ -99,6 +100,9 @@ def extend(setup: Setup) -> Change | None:
         if not missing:
             break
         tried = _tried(trial, best, missing)
+        if not tried:
+            missing = missing[1:]
+            continue
         strongest = max(tried, key=lambda one: one.rise)
         notices[strongest.test.name] = decided = strongest.decided(bool(trial.held_back))
         if (
@@ -123,13 +127,14 @@ def extend(setup: Setup) -> Change | None:
 
 
 def _tried(setup: Setup, best: Candidate, missing: Sequence[ExtensionTest]) -> list[Trial]:
-    """Return fits of the strongest extension and of its rivals."""
+    """Return fits of the strongest extension and of its rivals, but for those that the method refuses."""
     known, tests = {one.name: one for one in catalogue(best.vehicle)}, {one.name: one for one in missing}
     tried = []
     for name in (missing[0].name, *[n for n in missing[0].rivals if n in tests][:MAX_RIVALS]):
         setup.watch(f"extension: {name}")
         longer = _freed(best.vehicle, known[name], tests[name].change)
-        tried.append(Trial.of(tests[name], _fit(setup, longer), best))
+        with suppress(IdentificationError):  # a filter needs delays that are known
+            tried.append(Trial.of(tests[name], _fit(setup, longer), best))
     return tried
 
 
@@ -146,6 +151,8 @@ def _freed(vehicle: Vehicle, extension: Extension, change: float) -> Vehicle:
 def _fit(setup: Setup, vehicle: Vehicle) -> Candidate:
     fit = partial(bounds.widen, fit=estimate) if bounds.NAME in setup.names else estimate
     found = fit(replace(setup, vehicle=vehicle)).estimate
+    if found.outcome.status == "interrupted":
+        raise KeyboardInterrupt  # half a search is no trial
     bars = error_bars(found)
     return Candidate(vehicle, found, bars, _predictive_score(setup, found, bars))
 

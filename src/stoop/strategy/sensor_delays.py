@@ -16,6 +16,7 @@ from stoop.assessment.error_bars import error_bars
 from stoop.assessment.extensions import LIMITS, extension_tests
 from stoop.base.interrupts import deferred_interrupt
 from stoop.base.notices import Notice, attempt, notice
+from stoop.errors import IdentificationError
 from stoop.estimate.estimate import Estimate
 from stoop.results.decisions import DecisionRecord
 from stoop.results.extensions import ExtensionTests
@@ -32,28 +33,32 @@ DOING: Final = "delays of sensors were looked for"
 
 def free_delays(setup: Setup, fit: Fitter) -> Fitted:
     """Return the fit with the delays of sensors that it asks for among its unknowns."""
-    first = best = fit(setup)
+    saved = first = best = fit(setup)
     tested, cut = test(first.estimate)
-    began, vehicle, freed = (
-        time.perf_counter(),
-        setup.vehicle,
-        dict[str, str](),
-    )  # name: that of its parameter
-    while not cut and (extension := _late_sensor(vehicle, tested.tests)):
+    began, vehicle = time.perf_counter(), setup.vehicle
+    freed = dict[str, str]()  # name: that of its parameter
+    ended = first.estimate.outcome.status != "interrupted"
+    while ended and not cut and (extension := _late_sensor(vehicle, tested.tests)):
         entries = extension.entries({"value": 0.0, "prior": USUAL.sensor_delay_std})
-        vehicle = with_entries(vehicle, entries)
+        longer = with_entries(vehicle, entries)
         setup.watch(f"delay: {extension.name}")
         try:
-            found = fit(setup.again(vehicle))
-        except KeyboardInterrupt:  # what was found without it stands
+            base, found = best, fit(setup.again(longer))
+            cut = found.estimate.outcome.status == "interrupted"
+            if not cut and found.setup.options.method != best.setup.options.method:
+                base = fit(found.setup.again(vehicle))  # likelihoods of two methods do not compare
+                cut = base.estimate.outcome.status == "interrupted"
+        except KeyboardInterrupt:
             cut = True
+        except IdentificationError:  # a filter that was named needs delays that are known
             break
-        if penalized_rise(best.estimate, found.estimate) <= 0.0:
+        if cut or penalized_rise(base.estimate, found.estimate) <= 0.0:  # what was found without it stands
             break
         freed[extension.name] = ".".join(next(iter(entries)))
-        best = found
+        first = first if base is best else base
+        best, vehicle = found, longer
         tested, cut = test(best.estimate)
-    outcome = replace(best.estimate.outcome, state=first.estimate.outcome.state)  # saved, and resumed
+    outcome = replace(best.estimate.outcome, state=saved.estimate.outcome.state)  # saved, and resumed
     best = replace(best, estimate=replace(best.estimate, outcome=outcome), tested=tested)
     if freed:
         rise = log_likelihood_rise(first.estimate, best.estimate)[0]

@@ -9,7 +9,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from stoop.errors import VehicleError
+from stoop.errors import IdentificationError, VehicleError
 from stoop.estimate.fit import Options
 from stoop.problem.windows import Window
 from stoop.results.extensions import ExtensionTest, ExtensionTests
@@ -59,6 +59,15 @@ def test_right_model_stays() -> None:
     assert job.vehicle.structure == base.structure
 
 
+def asked_of(monkeypatch: pytest.MonkeyPatch, fitted: object, missing: object) -> None:
+    """Let score tests ask for extensions `one` and `two` of a vehicle that is the set of those it has."""
+    named = tuple(SimpleNamespace(name=name) for name in ("one", "two"))
+    monkeypatch.setattr(extension, "_fit", fitted)
+    monkeypatch.setattr(extension, "extension_tests", missing)
+    monkeypatch.setattr(extension, "catalogue", lambda vehicle: named)
+    monkeypatch.setattr(extension, "_freed", lambda vehicle, added, change: vehicle | {added.name})
+
+
 def test_after_a_refusal_the_next_is_tried_and_what_was_refused_once_more(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -77,11 +86,7 @@ def test_after_a_refusal_the_next_is_tried_and_what_was_refused_once_more(
     def missing(fit: SimpleNamespace, bars: None) -> ExtensionTests:
         return ExtensionTests(10, 0.01, tuple(t for t in (one, two) if t.name not in fit.names))
 
-    named = tuple(SimpleNamespace(name=name) for name in ("one", "two"))
-    monkeypatch.setattr(extension, "_fit", fitted)
-    monkeypatch.setattr(extension, "extension_tests", missing)
-    monkeypatch.setattr(extension, "catalogue", lambda vehicle: named)
-    monkeypatch.setattr(extension, "_freed", lambda vehicle, added, change: vehicle | {added.name})
+    asked_of(monkeypatch, fitted, missing)
     monkeypatch.setattr(
         extension, "penalized_rise", lambda before, after: -1.0 if after.names == {"one"} else 1.0
     )
@@ -96,6 +101,42 @@ def test_after_a_refusal_the_next_is_tried_and_what_was_refused_once_more(
     assert found is not None
     assert found.setup.vehicle == set()
     assert [n.code for n in found.setup.notices] == ["extension-refused"] * 2
+
+
+def test_what_the_method_refuses_is_passed_over(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A filter needs delays that are known: it refuses `one`, and goes on with `two`."""
+    one, two = (
+        ExtensionTest(name, "delay", 0.02, 0.01, "s", t, 0.0, 1.0, name, change=0.02)
+        for name, t in (("one", 9.0), ("two", 6.0))
+    )
+
+    def fitted(setup: object, vehicle: set[str]) -> SimpleNamespace:
+        if "one" in vehicle:
+            raise IdentificationError("delays of sensors must be known")
+        fit = SimpleNamespace(names=vehicle, inflation=1.0)
+        ahead = np.full(4, float(len(vehicle)))
+        return SimpleNamespace(vehicle=vehicle, fit=fit, bars=None, prediction=ahead)
+
+    def missing(fit: SimpleNamespace, bars: None) -> ExtensionTests:
+        return ExtensionTests(10, 0.01, tuple(t for t in (one, two) if t.name not in fit.names))
+
+    asked_of(monkeypatch, fitted, missing)
+    monkeypatch.setattr(extension, "penalized_rise", lambda before, after: 1.0)
+    monkeypatch.setattr(extension, "log_likelihood_rise", lambda before, after: (1.0, 1.0))
+    setup = setup_of(Strategy.default(), cast("Any", set()), {}, [], [Window("held", 0.0, 1.0)])
+    found = extension.extend(setup)
+    assert found is not None
+    assert found.setup.vehicle == {"two"}
+    assert [n.subject for n in found.setup.notices] == ["two"]
+
+
+def test_an_interrupted_trial_is_not_taken_for_a_refused_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    stopped = SimpleNamespace(estimate=SimpleNamespace(outcome=SimpleNamespace(status="interrupted")))
+    monkeypatch.setattr(extension, "estimate", lambda setup: stopped)
+    monkeypatch.setattr(extension, "error_bars", lambda fit: pytest.fail("half a search has no error bars"))
+    vehicle = resolve_vehicle("twin-boom")
+    with pytest.raises(KeyboardInterrupt):
+        extension.extend(setup_of(Strategy.textbook(), vehicle, {}, [], [Window("held", 0.0, 1.0)]))
 
 
 def test_a_change_to_an_impossible_body_begins_nearer_the_present_value() -> None:

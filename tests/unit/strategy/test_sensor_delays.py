@@ -2,16 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 
 import pytest
 
+from stoop.assessment.error_bars import error_bars
+from stoop.errors import IdentificationError
+from stoop.estimate.estimate import Estimate
 from stoop.estimate.fit import Options
 from stoop.flight import Flight
+from stoop.results.extensions import ExtensionTest, ExtensionTests
+from stoop.strategy import Strategy, sensor_delays
+from stoop.strategy.decision import Fitted, Setup, estimate
+from stoop.strategy.run import setup_of
 from stoop.vehicle import Vehicle
 from stoop.vehicle.document import with_entries
+from stoop.vehicle.extensions import catalogue
 from stoop.workflow.identification import Search, search
 from stoop_studies.verify import scenes
+from tests.unit.strategy.test_strategy import WINDOWS, known
+from tests.unit.strategy.test_strategy import flights as calm_flights
 
 SEED = 3
 
@@ -64,3 +76,108 @@ def test_what_is_in_time_stays_as_it_is() -> None:
     done = searched(flights)
     assert freed(done) == []
     assert not any(name.endswith(".delay") for name in done.fit.estimates)
+
+
+@cache
+def calm() -> Fitted:
+    options = Options(seed=1, budget=400.0, method="output-error")
+    return estimate(setup_of(Strategy.default(), known(), calm_flights(), WINDOWS, options=options))
+
+
+def stopped(found: Fitted, status: str) -> Fitted:
+    outcome = replace(found.estimate.outcome, status=status, state=None, advice="")
+    return replace(found, estimate=replace(found.estimate, outcome=outcome))
+
+
+@pytest.fixture
+def asks_for_a_delay(monkeypatch: pytest.MonkeyPatch) -> list[tuple[float, float]]:
+    """Score tests that ask for the delay of a sensor once; costs of the fits whose likelihoods are compared."""
+    late = next(one for one in catalogue(known()) if one.readings)
+    test = ExtensionTest(late.name, "delay", 0.02, 0.001, "s", 20.0, 1e-9, 200.0, "x", 0.02)
+    asked, compared, bars = [ExtensionTests(10, 0.05, (test,))], list[tuple[float, float]](), None
+
+    def tested(found: Estimate) -> tuple[sensor_delays.Tested, bool]:
+        nonlocal bars
+        bars = bars or error_bars(found)
+        return sensor_delays.Tested(bars, asked.pop() if asked else ExtensionTests()), False
+
+    def rise(before: Estimate, after: Estimate) -> float:
+        compared.append((before.cost, after.cost))
+        return before.cost - after.cost
+
+    monkeypatch.setattr(sensor_delays, "test", tested)
+    monkeypatch.setattr(sensor_delays, "penalized_rise", rise)
+    monkeypatch.setattr(sensor_delays, "log_likelihood_rise", lambda *fits: (rise(*fits), 1.0))
+    monkeypatch.setattr(sensor_delays, "_notices", lambda *args: [])
+    return compared
+
+
+def longer(setup: Setup) -> bool:
+    """Whether a fit is that with a delay among its unknowns."""
+    return setup.vehicle is not known()
+
+
+def freeing(fitter: Callable[[Setup], Fitted]) -> tuple[Fitted, list[Setup]]:
+    asked = list[Setup]()
+
+    def fit(setup: Setup) -> Fitted:
+        asked.append(setup)
+        return fitter(setup)
+
+    return sensor_delays.free_delays(calm().setup, fit), asked
+
+
+def test_a_filter_that_refuses_a_delay_keeps_its_fit(asks_for_a_delay: list[tuple[float, float]]) -> None:
+    def refusing(setup: Setup) -> Fitted:
+        if longer(setup):
+            raise IdentificationError("delays of sensors must be known")
+        return calm()
+
+    found, asked = freeing(refusing)
+    assert [longer(one) for one in asked] == [False, True]
+    assert found.estimate.estimates == calm().estimate.estimates
+    assert found.estimate.outcome.status == calm().estimate.outcome.status
+    assert not found.records
+
+
+def test_after_an_interrupted_fit_there_is_no_further_one(
+    asks_for_a_delay: list[tuple[float, float]],
+) -> None:
+    found, asked = freeing(lambda setup: stopped(calm(), "interrupted"))
+    assert len(asked) == 1
+    assert found.estimate.outcome.status == "interrupted"
+
+
+def test_an_interrupted_further_fit_leaves_the_first_and_says_so(
+    asks_for_a_delay: list[tuple[float, float]],
+) -> None:
+    found, asked = freeing(lambda setup: stopped(calm(), "interrupted" if longer(setup) else "converged"))
+    assert len(asked) == 2
+    assert not asks_for_a_delay
+    assert found.estimate.outcome.status == "interrupted"
+    assert sensor_delays.DOING in found.estimate.outcome.advice
+    assert not found.records
+
+
+@pytest.mark.parametrize("gain", [3.0, -3.0])
+def test_likelihoods_of_two_methods_are_not_compared(
+    asks_for_a_delay: list[tuple[float, float]], gain: float
+) -> None:
+    """A filter falls back to the method of calm air: the fit by that method without the delay is the one to beat."""
+    filtered = calm().setup.by("filter-error")
+
+    def fit(setup: Setup) -> Fitted:
+        free = longer(setup)
+        by_filter = setup.options.method == "filter-error" and not free
+        cost = 1000.0 if by_filter else 20.0 - gain * free
+        done = setup if by_filter else setup.by("output-error")
+        return stopped(replace(calm(), setup=done, estimate=replace(calm().estimate, cost=cost)), "converged")
+
+    found = sensor_delays.free_delays(filtered, fit)
+    assert asks_for_a_delay[0] == (20.0, 20.0 - gain)
+    if gain > 0.0:
+        assert found.records[sensor_delays.NAME].gained == gain
+        assert found.estimate.cost == 20.0 - gain
+    else:
+        assert not found.records
+        assert found.estimate.cost == 1000.0
