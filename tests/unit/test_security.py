@@ -183,7 +183,9 @@ def watched(folder: Path, *words: str) -> str:
     """Run a verb that may write in a folder, the cache of compiled code and the folder of temporary files only."""
     temporary = folder / "tmp"
     temporary.mkdir(exist_ok=True)
-    allowed = [str(folder), str(cache.cache_folder()), "/dev/null"]
+    compiled = cache.cache_folder()
+    compiled.parent.mkdir(parents=True, exist_ok=True)  # a new user has none
+    allowed = [str(folder), str(compiled), "/dev/null"]
     environment = {**os.environ, "ALLOWED": os.pathsep.join(allowed), "TMPDIR": str(temporary),
                    "PYTHONDONTWRITEBYTECODE": "1"}  # fmt: skip
     done = subprocess.run(
