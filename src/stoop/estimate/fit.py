@@ -94,8 +94,7 @@ class Options:
     covariance : (n_y,) or (n_y, n_y) array, optional
         A given noise covariance, the inverse of eq. (3)'s Q; estimated when absent.
     method : str
-        Name, see :func:`stoop.estimate.methods.names`; the vehicle's own when empty: multiple shooting with rotors,
-        output error without.
+        Name, see :func:`stoop.estimate.methods.names`; the strategy decides when empty.
     treatment : Treatment
         What the estimator may decide by itself about data and noise.
     """

@@ -126,7 +126,7 @@ def names() -> tuple[str, ...]:
 
 def find(name: str) -> Method:
     """Return a method by its name, output error where none is named; an IdentificationError says that there is none."""
-    found = _METHODS.get(name or DEFAULT)
+    found = _METHODS.get(str(name or DEFAULT))
     if found is None:
-        raise IdentificationError(f"method '{name}': not known; {nearest(name, _METHODS)}")
+        raise IdentificationError(f"method '{name}': not known; {nearest(str(name), _METHODS)}")
     return found

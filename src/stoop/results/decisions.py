@@ -43,7 +43,11 @@ class DecisionRecord:
 
 
 def decision_lines(decisions: Iterable[DecisionRecord]) -> list[str]:
-    """Return one line for each decision that applied, and one for those that were switched off."""
+    """Return one line for each decision that applied, and one for those that were switched off or not needed."""
     known = list(decisions)
     off = [one.name for one in known if one.state == "off"]
-    return [one.line for one in known if one.state == "applied"] + [f"off: {', '.join(off)}"] * bool(off)
+    idle = sum(one.state == "not needed" for one in known)
+    rest = [f"off: {', '.join(off)}"] * bool(off) + [
+        f"looked at and not needed: {idle} of {len(known)}"
+    ] * bool(idle)
+    return [one.line for one in known if one.state == "applied"] + ["; ".join(rest)] * bool(rest)

@@ -36,7 +36,7 @@ def look_for_gusts(setup: Setup) -> Change | None:
     found = f"gusts of {gusts['u']:.2f}, {gusts['v']:.2f} and {gusts['w']:.2f} m/s rms (u, v, w)"
     if not setup.free_method or late_sensors(setup):
         ignored = notice("gusts-ignored", **gusts, method=calm, other=IN_GUSTS)
-        return Change(setup.noting(ignored), found, f"nothing: {calm} takes no gusts")
+        return Change(setup.noting(ignored), found, f"{calm} kept, which takes no gusts")
     why = notice("gusts-filtered", **gusts, method=IN_GUSTS, other=calm)
     kept = tuple(one for one in setup.notices if one.code not in REPLACED)
     changed = replace(setup, in_calm=calm, notices=(*kept, why)).by(IN_GUSTS)
@@ -47,9 +47,13 @@ def fit_in_gusts(setup: Setup, fit: Fitter) -> Fitted:
     """Return the fit with gusts; by the method of calm air where the filter diverges or does not explain the residuals."""
     if not setup.in_calm:
         return _with_bias(fit(setup))
-    began = time.perf_counter()
+    began, filtered = time.perf_counter(), replace(setup, vehicle=with_turbulence(setup.vehicle))
+    if (
+        setup.state is not None and setup.state.optimizer != SCORING
+    ):  # of the search in calm air, which goes on
+        filtered = replace(filtered, callback=None, state=None)
     try:
-        found = fit(replace(setup, vehicle=with_turbulence(setup.vehicle)))
+        found = fit(filtered)
         doubts = unexplained(found.estimate, setup.options.method, setup.in_calm)
     except IdentificationError as error:  # a filter that diverges from every start
         doubts = (notice("filter-diverges", text=str(error), method=setup.in_calm),)

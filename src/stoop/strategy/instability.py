@@ -37,7 +37,7 @@ def stabilize(setup: Setup) -> Change | None:
         code, rate=growth.rate, seconds=growth.seconds, factor=growth.factor, method=name, other=other
     )
     found = f"errors grow by a factor of {growth.factor:.0e} over {growth.seconds:.1f} s"
-    return Change(setup.by(name).noting(about), found, name if free else f"nothing: {name} was named")
+    return Change(setup.by(name).noting(about), found, name if free else f"{name} kept, which was named")
 
 
 INSTABILITY = Decision(

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from stoop.base.notices import Notice
+from stoop.errors import IdentificationError
 from stoop.estimate.estimate import Estimate
 from stoop.estimate.fit import Options
 from stoop.estimate.methods import DEFAULT as OUTPUT_ERROR
@@ -74,6 +75,8 @@ def setup_of(
     options: Options = DEFAULTS,
 ) -> Setup:
     """Return a fit before any decision."""
+    if options.treatment != DEFAULTS.treatment:
+        raise IdentificationError("treatment: a strategy decides it; switch decisions off with strategy=")
     known = replace(options, method=options.method or OUTPUT_ERROR, treatment=strategy.treatment)
     return Setup(vehicle, flights, tuple(fitted), tuple(held_back), known, not options.method, strategy.names)
 

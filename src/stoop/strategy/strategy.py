@@ -63,7 +63,11 @@ class Strategy:
     names: frozenset[str]
 
     def __post_init__(self) -> None:
-        for name in sorted(self.names - set(NAMES)):
+        if not isinstance(self.names, frozenset):
+            raise IdentificationError(
+                f"Strategy({self.names!r}): names are a frozenset; write Strategy.only('faults')"
+            )
+        for name in sorted(map(str, self.names - set(NAMES))):
             raise IdentificationError(f"decision '{name}': not known; {nearest(name, NAMES)}")
 
     @classmethod
@@ -81,6 +85,10 @@ class Strategy:
         """Return a strategy from itself or from its name."""
         if isinstance(strategy, Strategy):
             return strategy
+        if not isinstance(strategy, str):
+            raise IdentificationError(
+                f"strategy {strategy!r}: give 'default', 'textbook' or such as Strategy.default().without('faults')"
+            )
         known = {"default": cls.default, "textbook": cls.textbook}
         if strategy not in known:
             raise IdentificationError(f"strategy '{strategy}': not known; {nearest(strategy, known)}")
@@ -88,15 +96,16 @@ class Strategy:
 
     def without(self, *names: str) -> Strategy:
         """Return the strategy with some decisions switched off."""
-        return Strategy(self.names - Strategy(frozenset(names)).names)
+        return Strategy(_of(self, "without") - Strategy(frozenset(names)).names)
 
-    def only(self, *names: str) -> Strategy:
+    @classmethod
+    def only(cls, *names: str) -> Strategy:
         """Return the strategy with some decisions and no other."""
-        return Strategy(frozenset(names))
+        return cls(frozenset(names))
 
     def including(self, *names: str) -> Strategy:
         """Return the strategy with some decisions switched on."""
-        return Strategy(self.names | set(names))
+        return Strategy(_of(self, "including") | set(names))
 
     @cached_property
     def decisions(self) -> tuple[Decision, ...]:
@@ -112,3 +121,12 @@ class Strategy:
         if self.names == Strategy.default().names:
             return "<Strategy: default>"
         return f"<Strategy: {', '.join(one.name for one in self.decisions) or 'textbook'}>"
+
+
+def _of(strategy: object, verb: str) -> frozenset[str]:
+    """Return the decisions of a strategy; a method that is called on the class has a name in its place."""
+    if not isinstance(strategy, Strategy):
+        raise IdentificationError(
+            f"Strategy.{verb}('{strategy}'): of which? write Strategy.default().{verb}('{strategy}')"
+        )
+    return strategy.names

@@ -85,7 +85,7 @@ class Checkpoint:
         if problem != self._problem:
             raise OutputError(
                 f"{self._path.parent}: the interrupted search is another one (vehicle, free numbers, flights, mapping, "
-                "noise, windows, method, optimizer or seed differ); leave --resume out"
+                "noise, windows, decisions, method, optimizer or seed differ); leave --resume out"
             )
         return state
 

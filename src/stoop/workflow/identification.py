@@ -106,7 +106,7 @@ def with_settings(
     options: Options, settings: Mapping[str, Any], verb: str, function: Callable[..., Any]
 ) -> Options:
     """Return options with some of their fields replaced; raises `TypeError` about a keyword that there is not."""
-    known = [item.name for item in fields(options)]
+    known = [item.name for item in fields(options) if item.name != "treatment"]  # a strategy decides it
     own = [name for name in inspect.signature(function).parameters if name != "settings"]
     for name in settings:
         if name not in known:

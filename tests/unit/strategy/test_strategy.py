@@ -6,6 +6,7 @@ import argparse
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from stoop.cli.identify import add_arguments, strategy_of
 from stoop.errors import IdentificationError
 from stoop.estimate.fit import Options
 from stoop.estimate.fit import fit as output_error
+from stoop.estimate.methods import find
 from stoop.estimate.treatment import Treatment
 from stoop.flight import Flight
 from stoop.flight.faults import Fault
@@ -28,8 +30,10 @@ from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import builtin_vehicle, resolve_vehicle
 from stoop.vehicle.document import with_entries
 from stoop.workflow.checkpoint import identity
+from stoop.workflow.identification import identify
 
 DOUBLET = {"control": "elevator", "shape": "doublet", "start": 0.5, "step": 0.5, "amplitude": 0.05}
+OTHERS = "off: faults; looked at and not needed: 1 of 3"
 WINDOWS = (Window("a", 0.0, 5.0), Window("b", 0.0, 5.0))
 FREE = ("Cmalpha", "Cmq", "Cmelevator")
 PLAIN = Treatment(
@@ -153,13 +157,50 @@ def test_assumptions_free_the_lag_that_a_file_leaves_out() -> None:
     assert states(decided(only, flights()))["assumptions"] == "not needed"
 
 
-@pytest.mark.parametrize("switch", [Strategy.without, Strategy.only, Strategy.including])
-def test_an_unknown_decision_is_told_with_the_nearest_name(switch: Callable[..., Strategy]) -> None:
+@pytest.mark.parametrize("switch", ["without", "only", "including"])
+def test_an_unknown_decision_is_told_with_the_nearest_name(switch: str) -> None:
     with pytest.raises(
         IdentificationError, match=r"decision 'noise-shap': not known; .*noise-shape"
     ) as error:
-        switch(Strategy.default(), "noise-shap")
+        getattr(Strategy.default(), switch)("noise-shap")
     assert "\n" not in str(error.value)
+
+
+def test_only_needs_no_strategy_to_begin_with() -> None:
+    assert Strategy.only("faults").names == Strategy.default().only("faults").names == {"faults"}
+
+
+def wrong(call: object) -> Any:
+    """Return what is called, or given, in spite of its types."""
+    return call
+
+
+@pytest.mark.parametrize(
+    ("call", "advice"),
+    [
+        (lambda: wrong(Strategy.without)("faults"), r"write Strategy\.default\(\)\.without\('faults'\)"),
+        (lambda: wrong(Strategy.including)("bounds"), r"write Strategy\.default\(\)\.including\('bounds'\)"),
+        (lambda: Strategy(wrong(["faults"])), r"write Strategy\.only\('faults'\)"),
+        (lambda: Strategy.named(wrong(None)), r"strategy None: give 'default', 'textbook' or"),
+        (lambda: Strategy.named(wrong(["faults"])), r"strategy \['faults'\]: give 'default', 'textbook' or"),
+        (lambda: Strategy.default().without(wrong(5)), "decision '5': not known"),
+        (lambda: find(wrong(5)), "method '5': not known"),
+        (lambda: find(wrong(["output-error"])), "method .*: not known"),
+    ],
+)
+def test_what_is_no_strategy_or_method_is_one_line_with_the_fix(
+    call: Callable[[], object], advice: str
+) -> None:
+    with pytest.raises(IdentificationError, match=advice) as error:
+        call()
+    assert "\n" not in str(error.value)
+
+
+def test_treatment_is_decided_by_the_strategy_alone() -> None:
+    with pytest.raises(IdentificationError, match="switch decisions off with strategy="):
+        run(Strategy.default(), known(), flights(), WINDOWS, options=Options(treatment=PLAIN))
+    with pytest.raises(TypeError, match="no keyword 'treatment'"):
+        identify(known(), [*flights().values()], ["a@0:5"], treatment=PLAIN)
 
 
 def test_a_strategy_by_its_name() -> None:
@@ -185,7 +226,10 @@ def test_decisions_are_part_of_the_identity_of_a_search() -> None:
 def test_a_record_on_one_line() -> None:
     applied = DecisionRecord("bounds", "applied", "Clp at a bound", "bounds widened", 12.34, seconds=1.0)
     lines = decision_lines([applied, DecisionRecord("gusts"), DecisionRecord("faults", "off")])
-    assert lines == ["bounds: bounds widened, log-likelihood +12.3, 1.0 s", "off: faults"]
+    assert lines == ["bounds: bounds widened, log-likelihood +12.3, 1.0 s", OTHERS]
+    assert decision_lines([applied, DecisionRecord("faults", "off")])[1:] == ["off: faults"]
+    assert decision_lines([DecisionRecord("gusts")]) == ["looked at and not needed: 1 of 1"]
+    assert decision_lines([]) == []
 
 
 @pytest.mark.parametrize(

@@ -8,15 +8,21 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from stoop.base.notices import notice
 from stoop.base.units import KNOT
 from stoop.errors import IdentificationError
 from stoop.estimate import methods
 from stoop.estimate.filter_error import FilterError
+from stoop.estimate.filter_likelihood import SCORING
+from stoop.estimate.fit import Options
 from stoop.estimate.gusts import LIMITS, exceed_sensors, gust_levels, unexplained, with_turbulence
 from stoop.problem.windows import Window
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import parse_maneuver
-from stoop.strategy.run import FIT_ALONE, MethodChoice, choose_method, fit
+from stoop.strategy import Strategy
+from stoop.strategy import gusts as decision
+from stoop.strategy.decision import Fitted
+from stoop.strategy.run import FIT_ALONE, MethodChoice, choose_method, fit, setup_of
 from stoop.vehicle import parse_vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop_studies.verify import scenes
@@ -114,6 +120,10 @@ def test_gusts_choose_the_filter_and_who_names_another_is_warned():
         named = choose_method(name, vehicle, flights.values(), WINDOWS)
         assert (named.name, named.instead) == (name, "")
         assert [(n.code, n.severity) for n in named.notices] == [("gusts-ignored", "warning")]
+        change = decision.look_for_gusts(
+            setup_of(Strategy.default(), vehicle, flights, WINDOWS, options=Options(method=name))
+        )
+        assert change.done == f"{name} kept, which takes no gusts"
     for name in ("filter-error", "equation-error"):
         assert choose_method(name, vehicle, flights.values(), WINDOWS) == MethodChoice(name)
     delay = "\n[sensors]\nalpha = { delay = { value = 0.02, free = true, bounds = [0.0, 0.1] } }\n"
@@ -180,3 +190,26 @@ def test_a_filter_that_diverges_is_replaced(gusty_start, gusty_flight, monkeypat
     assert method == "output-error"
     assert {n.code for n in found.notices} - {"bounds-widened"} == {"filter-diverges"}
     assert methods.find(method).simulates
+
+
+@pytest.mark.parametrize(("optimizer", "resumed"), [("ps-gde-lm", None), (SCORING, SCORING)])
+def test_a_filter_begins_with_the_state_of_a_filter_only(monkeypatch, optimizer, resumed):
+    """An interrupted search in calm air, after a filter that explained nothing, goes on where it was."""
+    vehicle, state = resolve_vehicle("twin-boom"), SimpleNamespace(optimizer=optimizer)
+    setup = setup_of(Strategy.default(), vehicle, {}, WINDOWS, options=Options(method="output-error"))
+    setup = replace(setup, in_calm="output-error", state=state, callback=print).by("filter-error")
+    asked = []
+
+    def fitted(one):
+        asked.append(one)
+        return Fitted(one, None)
+
+    doubt = notice("filter-diverges", text="", method="output-error")
+    monkeypatch.setattr(decision, "unexplained", lambda *args: (doubt,))
+    decision.fit_in_gusts(setup, fitted)
+    filtered, calm = asked
+    assert getattr(filtered.state, "optimizer", None) == resumed
+    assert (filtered.callback is None) == (resumed is None)
+    assert calm.options.method == "output-error"
+    assert getattr(calm.state, "optimizer", None) == (None if resumed else optimizer)
+    assert calm.callback is print
