@@ -87,7 +87,8 @@ class Estimate(ABC):
         entry ``head`` is a JSON document in UTF-8. The state of the search, with which a search goes on, is not among them.
         """
         vehicle, outcome = self.problem.layout.vehicle, self.outcome
-        limits = {p.name: dict(leaves(vehicle.file))[p.name].bounds for p in vehicle.parameters}
+        numbers = dict(leaves(vehicle.file))
+        limits = {p.name: numbers[p.name].bounds for p in vehicle.parameters}
         head = {
             "problem": problem_document(self.problem),
             "text": vehicle.text,
@@ -118,6 +119,7 @@ class Estimate(ABC):
         limits = {name: {"bounds": tuple(pair)} for name, pair in head["bounds"].items()}
         vehicle = replace(problem.layout.vehicle, text=head["text"]).with_numbers(limits)
         problem = replace(problem, layout=replace(problem.layout, vehicle=vehicle))
+        _check_sizes(problem, arrays)
         pieces = tuple(
             replace(piece, measured=arrays[f"recorded.{i}"], moved=(), relative_noise=())
             for i, piece in enumerate(problem.pieces)
@@ -211,6 +213,30 @@ class Estimate(ABC):
                 measured = noise * np.square(piece.relative_noise or 1.0)
                 found.append(np.sqrt(np.maximum(variance, 0.0) + measured))
         return tuple(found)
+
+
+def _check_sizes(problem: Misfit, arrays: Mapping[str, Any]) -> None:
+    """Raise `ValueError` if arrays of a state do not have the sizes and the type that its problem gives them."""
+    vehicle, weights, pieces = problem.layout.vehicle, problem.weights, problem.pieces
+    channels, unknowns = len(vehicle.outputs), (problem.layout.dimension + problem.layout.extra,)
+    expected = [(arrays["z"], unknowns), (arrays["outcome.z"], arrays["outcome.z"].shape[:1])]
+    expected += [(matrix, (channels, channels)) for matrix in (weights.covariance, weights.root)]
+    for i, p in enumerate(pieces):
+        n = p.time.size
+        sizes = ((p.time, (n,)), (p.inputs, (n, len(vehicle.inputs))))
+        measured = ((x, (n, channels)) for x in (p.measured, arrays[f"recorded.{i}"]))
+        expected += [*sizes, *measured]
+    ladder = [len(rung) == len(pieces) for rung in problem.ladder]
+    steps = (0 < a <= p.time.size for rung in problem.ladder for a, p in zip(rung, pieces, strict=False))
+    if not (
+        pieces
+        and ladder
+        and all((*ladder, *steps))
+        and all(p.time.size > 1 for p in pieces)
+        and set(vehicle.measured) <= set(vehicle.held_channels)
+        and all(x.shape == shape and x.dtype == np.float64 for x, shape in expected)
+    ):
+        raise ValueError("arrays of other sizes than its problem")
 
 
 def simulated(problem: Misfit, z: FloatArray) -> tuple[FloatArray, ...]:

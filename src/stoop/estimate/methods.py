@@ -107,7 +107,15 @@ def restore(name: str, arrays: Mapping[str, Any], where: str) -> Estimate:
     """
     try:
         return find(name).estimates().restored(arrays)
-    except (KeyError, TypeError, ValueError, AttributeError, IndexError, StoopError) as error:
+    except (
+        LookupError,
+        TypeError,
+        ValueError,
+        AttributeError,
+        ArithmeticError,
+        RecursionError,
+        StoopError,
+    ) as error:
         raise IdentificationError(
             f"{where}: holds no estimate of {name or DEFAULT} that this version reads ({error}); fit again"
         ) from error

@@ -72,6 +72,10 @@ def load(path: str | Path, mapping: str | Path | None = None, rate: float = 100.
     FlightError
         When it holds no known variable, or degrees where radians belong.
     """
+    if not isinstance(path, str | Path):
+        raise FlightError(
+            f"the path of a log is expected, not a {type(path).__name__}; give a table straight to stoop.fit or stoop.look"
+        )
     path = Path(path)
     recording, mapped = read_mapped(path, Path(mapping) if mapping is not None else None)
     if mapped is None:

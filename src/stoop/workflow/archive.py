@@ -16,7 +16,7 @@ from stoop.base.npz import read_arrays
 from stoop.errors import StoopError
 from stoop.results.result import ChannelTrace, ManeuverTrace
 
-MAX_BYTES: Final = 2**31
+MAX_BYTES: Final = 2**28
 """To which an archive may unfold."""
 DAMAGED: Final = (ValueError, EOFError, OSError, RuntimeError, KeyError, zipfile.BadZipFile, zlib.error)
 READINGS: Final = ("measured", "simulated", "deviation")
@@ -80,17 +80,26 @@ def without_curves(count: int) -> Sequence[ManeuverTrace]:
     return [ManeuverTrace(np.empty(0), {}) for _ in range(count)]
 
 
+def _curve(arrays: Mapping[str, Any], key: str) -> FloatArray:
+    """Return a curve (n,) as it is kept: a conversion would multiply the memory of small integers."""
+    values: FloatArray = arrays[key]
+    if values.dtype != np.float64 or values.ndim != 1:
+        raise ValueError(f"{key} is no curve")
+    return values
+
+
 def _trace(arrays: Mapping[str, Any], index: int) -> ManeuverTrace:
     """Return the curves of one maneuver, each as long as its time."""
-    time = np.asarray(arrays[f"{index}.time"], dtype=np.float64)
+    time = _curve(arrays, f"{index}.time")
     groups: dict[str, dict[str, FloatArray]] = {kind: {} for kind in (*READINGS, "input", "baseline")}
-    for key, values in arrays.items():
+    for key in arrays:
         number, _, rest = key.partition(".")
         kind, _, name = rest.partition(".")
         if number == str(index) and kind in groups:
+            values = _curve(arrays, key)
             if values.shape != time.shape:
                 raise ValueError(f"{key} has {values.size} samples for {time.size} times")
-            groups[kind][name] = np.asarray(values, dtype=np.float64)
+            groups[kind][name] = values
     channels = {
         name: ChannelTrace(measured, groups["simulated"][name], groups["deviation"].get(name))
         for name, measured in groups["measured"].items()

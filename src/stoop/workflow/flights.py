@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias, Union
 
+import numpy as np
+import numpy.typing as npt
+
+from stoop.base.arrays import FloatArray
 from stoop.errors import FlightError, VehicleError
 from stoop.flight import Flight, load
 from stoop.flight.flight import from_columns
@@ -53,19 +58,33 @@ def as_flight(given: Any) -> Flight:
         raise FlightError(
             f"a flight is expected, not the vehicle {given.name}; give the vehicle before the flight"
         )
-    names = [str(name) for name in getattr(given, "data_vars", getattr(given, "columns", ()))]
+    names = list(getattr(given, "data_vars", getattr(given, "columns", ())))
     if not names:
         kind = type(given).__name__
         raise FlightError(
             f"a flight is expected, not a {kind}; give a Flight, a path, a DataFrame or a Dataset"
         )
+    if "time" not in given and getattr(getattr(given, "index", None), "name", None) == "time":
+        given = given.reset_index()
+    if "time" not in given:
+        raise FlightError("the table has no column 'time'; add it, seconds at one rate")
+    time = given["time"].to_numpy()
+    if time.dtype.kind in "mM" and time.size:
+        time = (time - time.flat[0]) / np.timedelta64(1, "s")
+    columns = {str(name): _numbers(str(name), given[name].to_numpy()) for name in names if name != "time"}
+    name = re.sub(r"[/\\@#:\0]", "-", str(given.attrs.get("name", "flight")))
+    return from_columns(name, _numbers("time", time), columns, source="dataset")
+
+
+def _numbers(name: str, values: npt.NDArray[Any]) -> FloatArray:
+    """Return a column of numbers; raises `FlightError` if it holds something else."""
+    kind = "dates" if values.dtype.kind in "mM" else "text"
     try:
-        time = given["time"].to_numpy()
-    except KeyError:
-        raise FlightError("the table has no column 'time'; add it, seconds at one rate") from None
-    columns = {name: given[name].to_numpy() for name in names if name != "time"}
-    name = str(given.attrs.get("name", "flight"))
-    return from_columns(name, time, columns, source="dataset")
+        if values.dtype.kind in "biufO":
+            return np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        pass
+    raise FlightError(f"column '{name}' holds {kind}, not numbers; leave it out or give SI numbers")
 
 
 def as_flights(given: Any) -> list[Flight]:

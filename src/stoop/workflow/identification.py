@@ -134,7 +134,7 @@ def search(
     were read (mapping, noise covariance), for the result's ``inputs``; `watch` is told what is fitted.
     """
     began = time.perf_counter()
-    vehicle = vehicle if isinstance(vehicle, Vehicle) else as_vehicle(vehicle)
+    vehicle = as_vehicle(vehicle)
     methods.find(options.method)
     known = by_name(as_flights(flights), "identify")
     rates = sorted({f"{flight.rate:g}" for flight in known.values()})

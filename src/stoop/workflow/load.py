@@ -23,7 +23,7 @@ from stoop.vehicle import Vehicle, load_vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.workflow.archive import Curves, unpacked_curves, without_curves
 from stoop.workflow.fitted_model import FittedModel
-from stoop.workflow.outputs import ARCHIVES, ATTACHED, CURVES, ESTIMATE, RESULT, flight_file
+from stoop.workflow.outputs import ARCHIVES, ATTACHED, CURVES, ESTIMATE, RESULT, flight_file, flight_places
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -143,12 +143,15 @@ def load(path: str | Path) -> FittedModel:
 
 
 def _flights(folder: Path, result: Result) -> tuple[Flight, ...]:
-    """Return the flights of a folder; raises `StoopError` if one is missing."""
+    """Return the flights of a folder, those without a window last; raises `StoopError` if one is missing."""
     names = tuple(dict.fromkeys(m.flight for m in result.maneuvers))
-    alone = folder / flight_file("", 1)
-    places = {name: folder / flight_file(name, 2) for name in names}
-    if len(names) == 1 and not places[names[0]].exists():
+    alone, several = folder / flight_file("", 1), [folder / flight_file(name, 2) for name in names]
+    if len(names) == 1 and (alone.exists() or not several[0].exists()):
         places = {names[0]: alone}
+    else:
+        others = [p for p in flight_places(folder) if p != alone and p not in several]
+        unused = {p.stem.removeprefix("flight-"): p for p in others}
+        places = dict(zip(names, several, strict=True)) | unused
     return tuple(replace(load_flight(place), name=name) for name, place in places.items())
 
 
@@ -171,6 +174,7 @@ def _check(result: Result, file: Path) -> None:
     sizes = ((len(covariance.matrix), len(covariance.names)), (len(noise.matrix), len(noise.channels)))
     plain = result.uncertainty.get("cramer_rao")
     places = {b.maneuver for b in result.biases} | {i.maneuver for i in result.initial_states}
+    process = result.process_noise
     checks = (
         (lost is not None, f"has no estimate of {lost}"),
         (
@@ -190,6 +194,12 @@ def _check(result: Result, file: Path) -> None:
         (
             not is_covariance(noise.matrix * noise.inflation),
             "has a noise covariance that is not positive definite",
+        ),
+        (
+            len(process.intensities) != len(process.states)
+            or not all(0.0 < x < np.inf for x in process.intensities)
+            or not 0.0 <= process.share <= 1.0,
+            "has process noise without positive intensities",
         ),
         (
             any(p.prior_std <= 0.0 for p in result.parameters.values()),

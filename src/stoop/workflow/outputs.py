@@ -41,7 +41,9 @@ def output_names(flights: Sequence[str]) -> tuple[str, ...]:
 
 
 def flight_file(name: str, count: int) -> str:
-    """Return the name of a flight's file, one of so many."""
+    """Return the name of a flight's file, one of so many; raises `OutputError` if it would lie in another folder."""
+    if count > 1 and (name != Path(name).name or "\\" in name or "\0" in name):
+        raise OutputError(f"flight '{name}': cannot name a file; give the flight another name")
     return "flight.nc" if count == 1 else f"flight-{name}.nc"
 
 
@@ -92,9 +94,24 @@ def place_outputs(model: FittedModel, folder: Path, overwrite: bool = False) -> 
             f"{folder}: another run has written there meanwhile; this one's result is in {aside}"
         )
     # an old mark must not stand beside new files, nor an old posterior or estimate beside a new result
-    obsolete = [RESULT, *({*ATTACHED, *ARCHIVES} - set(files))] if (folder / RESULT).exists() else []
+    obsolete = [RESULT, *sorted(_leftover(folder, model) - set(files))] if (folder / RESULT).exists() else []
     write_files(folder, files, obsolete)
     return folder
+
+
+def _leftover(folder: Path, model: FittedModel) -> set[str]:
+    """Return the names of what an earlier result may have left, which would be read with the new one; inputs stay."""
+    flights = flight_places(folder) if model.flights else []
+    read = [path for path in model.files if path.exists()]
+    own = {place.name for place in flights if not any(place.samefile(path) for path in read)}
+    return {*ATTACHED, *ARCHIVES, *own}
+
+
+def flight_places(folder: Path) -> list[Path]:
+    """Return the files of flights that a folder of a result holds, by name."""
+    return sorted(
+        p for p in folder.glob("flight*.nc") if p.name == "flight.nc" or p.name.startswith("flight-")
+    )
 
 
 def with_values(vehicle: Vehicle, values: dict[str, float]) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 from collections.abc import Collection, Mapping
 from dataclasses import replace
 from typing import Any
@@ -165,3 +166,34 @@ def test_arrays_of_another_method_are_refused_in_one_line(aircraft: Problem) -> 
             IdentificationError, match=r"^m\.npz: holds no estimate of output-error .*fit again$"
         ):
             methods.restore("output-error", damaged, "m.npz")
+
+
+def changed(arrays: Mapping[str, Any], **entries: Any) -> dict[str, Any]:
+    """Return the arrays with other entries of the problem in their head."""
+    head = json.loads(arrays["head"].tobytes())
+    head["problem"] |= entries
+    return {**arrays, "head": np.frombuffer(json.dumps(head).encode(), np.uint8)}
+
+
+def test_arrays_of_wrong_sizes_are_refused_in_one_line(aircraft: Problem) -> None:
+    """Each array of the state shorter, longer, with another dimension, as text, and absent."""
+    found, _ = fitted("output-error", aircraft)
+    whole = saved(found)
+    mutations = [
+        lambda x: x[:-1],
+        lambda x: np.concatenate([x, x[:1]]),
+        lambda x: x[None],
+        lambda x: x.astype("U3"),
+    ]
+    mutated = ("z", "time.0", "inputs.0", "measured.0", "recorded.0", "covariance", "root")
+    damaged = [whole | {name: change(whole[name])} for name in mutated for change in mutations]
+    damaged += [{k: x for k, x in whole.items() if k != name} for name in mutated]
+    entries: list[dict[str, Any]] = [{"pieces": []}, {"ladder": []}, {"measured": ["nothing"]}]
+    entries += [{"ladder": [rung]} for rung in ([], [0], [10**6], [1, 1], ["a"])]
+    damaged += [changed(whole, **one) for one in entries]
+    damaged += [whole | {"head": np.frombuffer(b"[" * 100_000, np.uint8)}]
+    for arrays in damaged:
+        with pytest.raises(
+            IdentificationError, match=r"^m\.npz: holds no estimate of output-error .*fit again$"
+        ):
+            methods.restore("output-error", arrays, "m.npz")

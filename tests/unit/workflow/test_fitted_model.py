@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -254,3 +255,42 @@ def test_exchanged_arguments_are_named(job: stoop.FittedModel, wrong: stoop.Vehi
         stoop.predict(flight, job)
     with pytest.raises(StoopError, match="a flight is expected, not the vehicle"):
         stoop.check(wrong)
+
+
+@pytest.mark.parametrize(
+    ("damage", "match"),
+    [
+        (lambda a: a | {"0.time": a["0.time"][:, None]}, "is no curve"),
+        (
+            lambda a: {k: x.astype(np.int8) if k.startswith("0.input") else x for k, x in a.items()},
+            "is no curve",
+        ),
+    ],
+)
+def test_curves_are_columns_of_double_precision(
+    folder: Path, tmp_path: Path, damage: Callable[[Any], Any], match: str
+) -> None:
+    copy = Path(shutil.copytree(folder, tmp_path / "copy"))
+    with np.load(copy / "traces.npz") as file:
+        arrays = dict(file)
+    np.savez(copy / "traces.npz", **damage(arrays))
+    with pytest.raises(StoopError, match=match):
+        stoop.load(copy)
+
+
+@pytest.mark.parametrize(
+    "process",
+    [
+        {"states": ["u"], "intensities": [], "share": 0.0},
+        {"states": ["u"], "intensities": [-1.0], "share": 0.0},
+        {"states": ["u"], "intensities": [None], "share": 0.0},
+        {"states": ["u"], "intensities": [1.0], "share": 2.0},
+    ],
+)
+def test_process_noise_has_positive_intensities(folder: Path, tmp_path: Path, process: Any) -> None:
+    copy = Path(shutil.copytree(folder, tmp_path / "copy"))
+    document = json.loads((copy / "result.json").read_text())
+    document["process_noise"] = {"gain": "steady", **process}
+    (copy / "result.json").write_text(json.dumps(document))
+    with pytest.raises(StoopError, match="process noise without positive intensities"):
+        stoop.load(copy)

@@ -11,7 +11,8 @@ import pytest
 
 from stoop.errors import OutputError
 from stoop.workflow import FittedModel
-from stoop.workflow.outputs import check_folder, output_names, place_outputs
+from stoop.workflow.load import load
+from stoop.workflow.outputs import check_folder, flight_file, output_names, place_outputs
 
 NAMES = ("vehicle.toml", "flight.nc", "estimate.npz", "traces.npz", "report.html", "result.json")
 
@@ -131,3 +132,31 @@ def test_an_old_mark_does_not_stand_beside_new_files(
     with pytest.raises(KeyboardInterrupt):
         job.save(tmp_path, overwrite=True)
     assert not (tmp_path / "result.json").exists()
+
+
+def test_flights_of_an_earlier_run_do_not_stand_beside_those_of_this_one(
+    job: FittedModel, tmp_path: Path
+) -> None:
+    (flight,) = job.flights
+    unused = replace(flight, name="unused", data=flight.data)
+    older = replace(job, flights=(flight, unused))
+    folder = older.save(tmp_path / "result")
+    assert [one.name for one in load(folder).flights] == [flight.name, "unused"]
+    job.save(folder, overwrite=True)
+    assert sorted(p.name for p in folder.iterdir()) == sorted(NAMES)
+    assert [one.name for one in load(folder).flights] == [flight.name]
+    older.save(folder, overwrite=True)
+    assert not (folder / "flight.nc").exists()
+
+
+def test_an_input_of_the_name_of_a_flight_stays(job: FittedModel, tmp_path: Path) -> None:
+    folder = job.save(tmp_path / "result")
+    mine = folder / "flight-mine.nc"
+    mine.write_text("mine")
+    replace(job, files=(mine,)).save(folder, overwrite=True)
+    assert mine.read_text() == "mine"
+
+
+def test_the_name_of_a_flight_leads_to_no_other_folder() -> None:
+    with pytest.raises(OutputError, match="cannot name a file"):
+        flight_file("a/../../x", 2)
