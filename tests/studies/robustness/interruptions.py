@@ -38,6 +38,7 @@ from studies.robustness.trials import lay_out
 from studies.robustness.verb_outputs import check_file
 
 from stoop.base.files import SCRATCH
+from stoop.base.npz import read_arrays
 from stoop.cli.main import INTERRUPTED, main
 from stoop.optimize import load_state
 
@@ -227,10 +228,18 @@ def _check_store(path: Path) -> None:
             raise ValueError("damaged")
 
 
+def _check_archive(path: Path) -> object:
+    """Read the state of a search, or the arrays of a result."""
+    if path.name == "search.npz":
+        return load_state(path)
+    with path.open("rb") as file:
+        return read_arrays(file, 2**31)
+
+
 CHECKS: Final[Mapping[str, Callable[[Path], object]]] = {
     **dict.fromkeys((".json", ".toml", ".html", ".nc"), check_file),
     ".csv": _check_table,
-    ".npz": load_state,
+    ".npz": _check_archive,
     STORES: _check_store,
 }  #: ending -> reads the whole file, or fails
 
