@@ -104,6 +104,8 @@ class Predictor:
     noise: NoiseCovariance
     #: of a fit by a filter
     filter: FittedFilter | None = None
+    #: whether a reduced vehicle takes the states that it leaves out from the record
+    recorded_motion: bool = True
 
     @property
     def weights(self) -> Weights:

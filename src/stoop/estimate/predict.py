@@ -59,7 +59,7 @@ def identified_vehicle(fit: Estimate) -> Vehicle:
     return fit.problem.layout.vehicle.with_numbers(changes)
 
 
-def predictor(fit: Estimate, covariance: FloatArray) -> Predictor:
+def predictor(fit: Estimate, covariance: FloatArray, recorded_motion: bool = True) -> Predictor:
     """Return what predictions of a fit need; `covariance` (k, k) of its unknowns, parameters first."""
     names = tuple(p.name for p in fit.problem.layout.parameters)
     outputs = fit.problem.layout.vehicle.outputs
@@ -68,6 +68,7 @@ def predictor(fit: Estimate, covariance: FloatArray) -> Predictor:
         Covariance(names, covariance[: len(names), : len(names)]),
         NoiseCovariance(outputs, fit.measurement_noise, fit.inflation),
         fit.predictor,
+        recorded_motion,
     )
 
 
@@ -168,7 +169,7 @@ def predict_from(
     means = {name: prior.mean for name, prior in biases.items()}
     pieces, found, notices = list[Piece](), list[Predicted](), list[Notice]()
     for i, window in enumerate(windows):
-        vehicle = decoupled(model.vehicle, flights, [window])
+        vehicle = _coupled(model, flights, window)
         biased = vehicle.with_numbers({name: {"value": value} for name, value in means.items()})
         prepared = prepare(biased, flights, [window])
         notices += prepared.notices
@@ -180,6 +181,11 @@ def predict_from(
     deviations = tuple(np.sqrt(one.deviation**2 + noise) for one in found)
     prepared = Prepared(tuple(windows), tuple(pieces), tuple(notices))
     return Prediction(prepared, tuple(one.readings for one in found), deviations)
+
+
+def _coupled(model: Predictor, flights: Mapping[str, Flight], window: Window) -> Vehicle:
+    """Return the vehicle of a window, with the states that it leaves out from the record where the fit took them there."""
+    return decoupled(model.vehicle, flights, [window]) if model.recorded_motion else model.vehicle
 
 
 def _open_loop(model: Predictor, piece: Piece) -> Predicted:
@@ -194,7 +200,7 @@ def _of_window(
     model: Predictor, flights: Mapping[str, Flight], window: Window, priors: Mapping[str, BiasPrior]
 ) -> tuple[Prepared, list[Predicted], tuple[tuple[FloatArray, FloatArray], ...]]:
     """Prepare and predict one window with the biases of its flight; its innovations where there is a filter."""
-    model = replace(model, vehicle=decoupled(model.vehicle, flights, [window]))
+    model = replace(model, vehicle=_coupled(model, flights, window))
     biases = {name: prior.mean for name, prior in priors.items()}
     biased = model.vehicle.with_numbers({name: {"value": value} for name, value in biases.items()})
     prepared, kind = prepare(biased, flights, [window]), _PREDICTIONS[biased.frame]

@@ -42,6 +42,11 @@ class DecisionRecord:
         )
 
 
+def switched_off(decisions: Iterable[DecisionRecord], name: str) -> bool:
+    """Return whether a decision was switched off."""
+    return any(one.name == name and one.state == "off" for one in decisions)
+
+
 def decision_lines(decisions: Iterable[DecisionRecord]) -> list[str]:
     """Return one line for each decision that applied, and one for those that were switched off or not needed."""
     known = list(decisions)

@@ -162,7 +162,8 @@ def _predictive_score(setup: Setup, fit: Estimate, bars: ErrorBars) -> FloatArra
     if not setup.held_back:
         return np.empty(0)
     own_biases = [expected_biases(fit, window.flight) for window in setup.held_back]
-    ahead = predict(predictor(fit, bars.covariance), setup.flights, setup.held_back, own_biases)
+    model = predictor(fit, bars.covariance, setup.options.treatment.recorded_motion)
+    ahead = predict(model, setup.flights, setup.held_back, own_biases)
     return ahead.log_likelihood(fit.problem.layout.vehicle.outputs)
 
 

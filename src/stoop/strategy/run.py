@@ -149,7 +149,9 @@ def fit(
         if decision.data is not None:
             setup = _decided(setup, decision.name, decision.data)
     # so that the errors of windows come before the search
-    prepare(decoupled(vehicle, setup.flights, held_back), setup.flights, held_back)
+    coupled = strategy.treatment.recorded_motion
+    here = decoupled(vehicle, setup.flights, held_back) if coupled else vehicle
+    prepare(here, setup.flights, held_back)
     setup = replace(setup, callback=callback, state=state, watch=watch)
     for decision in strategy.decisions:
         if decision.problem is not None:

@@ -62,7 +62,10 @@ def fitted_model(
     vehicle, color = fit.problem.layout.vehicle, fit.inflation
     if too_few(fit.problem, slowest_rate(fit, flights)):
         bars = bars.rejected(notice("error-bars-of-few-samples"))
-    parameters, model = _parameters(fit, bars), predictor(fit, bars.covariance)
+    parameters, model = (
+        _parameters(fit, bars),
+        predictor(fit, bars.covariance, options.treatment.recorded_motion),
+    )
     bands = fit.deviations(bars.covariance)
     groups = [Simulated("fit", fit.prepared, fit.readings, left_out_residuals(fit), bands)]
     if predicted:

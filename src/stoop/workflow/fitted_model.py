@@ -31,6 +31,7 @@ from stoop.flight import Flight
 from stoop.problem import Piece
 from stoop.problem.prepare import decoupled, prepare
 from stoop.problem.windows import Window
+from stoop.results.decisions import switched_off
 from stoop.results.result import AirDataTrace, ManeuverTrace, ParameterEstimate, Quantity, Result, Role
 from stoop.results.verdict import Verdict
 from stoop.vehicle import Vehicle
@@ -240,8 +241,9 @@ class FittedModel:
 
     @cached_property
     def coupled(self) -> Vehicle:
-        """The vehicle as it was fitted: with the states that it leaves out taken from the record."""
-        return self.vehicle if self.missing else decoupled(self.vehicle, self.by_name, self.windows())
+        """The vehicle as it was fitted: with the states that it leaves out taken from the record, unless that was off."""
+        off = switched_off(self.result.decisions, "recorded-motion")
+        return self.vehicle if self.missing or off else decoupled(self.vehicle, self.by_name, self.windows())
 
     def pieces(self) -> list[list[Piece]]:
         """Return the pieces of each fitted maneuver; raises `StoopError` if the flights are missing."""

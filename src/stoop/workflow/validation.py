@@ -28,6 +28,7 @@ from stoop.flight.flight import flight_name
 from stoop.flight.maneuvers import find_maneuvers
 from stoop.problem.prepare import decoupled, prepare
 from stoop.problem.windows import Window, Windows, as_windows
+from stoop.results.decisions import switched_off
 from stoop.results.result import ManeuverResult, ManeuverTrace, plain, to_json
 from stoop.workflow import outputs
 from stoop.workflow.curves import Simulated, baseline_maneuver, maneuver_curves
@@ -127,7 +128,8 @@ def validate(
     of = model.result
     floors = {c: one.noise for m in of.maneuvers if m.role == "fit" for c, one in m.channels.items()}
     found_by = FittedFilter.of_result(vehicle, of.noise_covariance, of.process_noise)
-    predictor = Predictor(vehicle, of.covariance, of.noise_covariance, found_by)
+    coupled = not switched_off(of.decisions, "recorded-motion")
+    predictor = Predictor(vehicle, of.covariance, of.noise_covariance, found_by, coupled)
     for flight in known.values():
         require_channels(vehicle, flight, f"which result {model.source} is")
     fitted_as = {name: _fitted_as(model, one) for name, one in known.items()}

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from stoop import load
 from stoop.assessment.assessment import pack, unpack
 from stoop.assessment.error_bars import error_bars
 from stoop.base.units import KNOT
 from stoop.errors import FlightError
-from stoop.estimate import methods
+from stoop.estimate import methods, predict
 from stoop.estimate.estimate import Estimate
 from stoop.estimate.fit import Options, estimation_problem, fit
 from stoop.estimate.refit_problem import SimulationProblem
@@ -23,11 +25,13 @@ from stoop.problem.windows import Window
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.initial import rigid_states
 from stoop.simulation.maneuver import Maneuver
+from stoop.strategy import Strategy
 from stoop.strategy.run import FIT_ALONE
 from stoop.strategy.run import fit as fit_by
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.vehicle.vehicle import motion_input
+from stoop.workflow.identification import identify
 from stoop_studies.verify import closed_loop
 
 SIGMA = dict.fromkeys(("alpha", "beta", "p", "q", "r", "phi", "theta", "psi"), 0.002)
@@ -88,6 +92,23 @@ def test_a_longitudinal_model_is_right_while_the_aircraft_rolls(full: Vehicle) -
     sigmas, shares = errors(full, found, ("CL0", "CLalpha", "Cm0", "Cmalpha", "Cmq", "Cmelevator"))
     assert np.all(np.abs(sigmas) < 3.0)
     assert np.all(np.abs(shares) < 0.03)
+
+
+def test_a_fit_without_recorded_motion_is_predicted_without_it(
+    full: Vehicle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The fit, its predictions and its saved model have the same equations."""
+    lateral, flight = full.reduced("lateral"), flown(full, -0.1)
+    lateral = lateral.with_numbers({p.name: {"free": p.name == "Clp"} for p in lateral.parameters if p.free})
+    options = Options(budget=200.0, method="output-error")
+    usual = identify(
+        lateral, flight, "sim@0:8", "sim@8:12", options, strategy=Strategy.only("recorded-motion")
+    )
+    assert usual.coupled.measured
+    monkeypatch.setattr(predict, "decoupled", lambda *args: pytest.fail("taken from the record"))
+    found = identify(lateral, flight, "sim@0:8", "sim@8:12", options, strategy="textbook")
+    assert found.coupled.measured == load(found.save(tmp_path / "out")).coupled.measured == ()
+    assert found.validate(flight, "sim@12:16").record
 
 
 def test_what_was_not_recorded_is_held_and_told(full: Vehicle) -> None:
