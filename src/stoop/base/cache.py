@@ -224,6 +224,7 @@ def _locked(place: Path) -> int:
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
         if not os.path.samestat(place.stat(), os.fstat(handle)):
             raise FileNotFoundError(place)
+        os.utime(handle)  # held from now: an old lock would be discarded as stale
     except OSError:
         os.close(handle)
         raise

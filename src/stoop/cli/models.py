@@ -173,7 +173,7 @@ def validate(arguments: argparse.Namespace) -> int:
     with busy("reading and predicting"):
         flights = [load(path, arguments.mapping) for path in arguments.flight]
         done = validated(arguments.result, flights, arguments.maneuver, options.command_line())
-    done.save(arguments.output)
+    done.save(arguments.output, arguments.overwrite)
     out, record, verdict = page(), done.record, done.model.result.verdict
     refused = verdict.grade == "do not use"
     out.line(prediction_verdict(record.maneuvers, (), refused).headline)

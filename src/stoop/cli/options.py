@@ -118,8 +118,10 @@ def add_output(
 
 
 def page_path(text: str) -> Path:
-    """Return the file of a page: a name without an ending gets ``.html``, unless a folder has it."""
+    """Return the file of a page: a name without an ending gets ``.html``, unless a folder has it; others are refused."""
     path = Path(text)
+    if path.suffix.lower() not in ("", ".html", ".htm") and not path.is_dir():
+        raise argparse.ArgumentTypeError(f"{text}: a page is written as .html; name it so")
     return path if path.suffix or path.is_dir() or not path.name else path.with_name(f"{path.name}.html")
 
 

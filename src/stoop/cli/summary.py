@@ -45,10 +45,9 @@ def _verdict(out: Page, result: Result, verbose: bool) -> None:
         out.bullets([*reasons, *result.verdict.advice])
         return
     out.bullets(map(text.shortened, reasons[:REASONS]))
-    left, warned = max(len(reasons) - REASONS, 0), count(len(result.warnings), "warning")
-    out.line(
-        f"  {count(left, 'more reason')}, {warned} and what would settle them: in the report, or by --verbose"
-    )
+    left = ((len(reasons) - REASONS, "more reason"), (len(result.warnings), "warning"))
+    if known := [count(number, what) for number, what in left if number > 0]:
+        out.line(f"  {', '.join(known)} and what would settle them: in the report, or by --verbose")
 
 
 def _estimates(out: Page, result: Result) -> None:

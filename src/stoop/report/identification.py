@@ -14,6 +14,7 @@ from stoop.assessment.verdict import CONFIRMED
 from stoop.assessment.verdict import verdict as judge
 from stoop.base.notices import of_severity
 from stoop.base.numbers import NOTHING, count, listed, number, window
+from stoop.base.text import nearest
 from stoop.errors import StoopError
 from stoop.report import sheet
 from stoop.report.charts import convergence_panel
@@ -322,6 +323,8 @@ class Plots:
 
     def maneuvers(self, role: Role = "fit") -> sheet.Page:
         """Return measured and simulated readings of the fitted maneuvers, or of those of ``"validation"``."""
+        if role not in ("fit", "validation"):
+            raise StoopError(f"plot: no role '{role}'; {nearest(role, ('fit', 'validation'))}")
         return self._page(role_section(self.identification, role), f"no maneuver of role {role}")
 
     def residuals(self) -> sheet.Page:

@@ -187,7 +187,7 @@ class GoodnessOfFit:
     """Goodness of fit of one channel in one maneuver."""
 
     rmse: float  #: the channel's unit; root mean square of measured minus simulated
-    #: theil's inequality coefficient, 0 perfect, 1 worst; channels low-passed at 10 Hz, zero phase
+    #: Theil's inequality coefficient, 0 perfect, 1 worst; channels low-passed at 10 Hz, zero phase
     theil: float
     r2: float  #: coefficient of determination; at most 1, negative when the mean of the data does better
     baseline_theil: float = NAN  #: the same coefficient of a first-order lag, NaN where no lag applies
@@ -381,9 +381,9 @@ class ManeuverTrace:
     #: (n,), s; the log's own clock; segments follow each other with one NaN sample between them
     time: FloatArray
     channels: Mapping[str, ChannelTrace]  #: the observed channels in the order of eq. (2)
-    #: ); what drove the simulation: surfaces, throttle, thrust
+    #: (n,) each; what drove the simulation: surfaces, throttle, thrust
     inputs: Mapping[str, FloatArray] = field(default_factory=dict)
-    #: ); the first-order lag's curve for the channels that have one
+    #: (n,) each; the first-order lag's curve for the channels that have one
     baseline: Mapping[str, FloatArray] = field(default_factory=dict)
 
 

@@ -103,7 +103,10 @@ def window_line(maneuver: ManeuverResult) -> str:
         text = f"better than a first-order lag in {better} of {count(len(compared), 'channel')}"
         parts.append(f"{text} (not in {_named(lost)})" if lost else text)
     else:
-        parts.append("no channel moves more than its noise")
+        still = all(one.below_noise for one in found.values())
+        parts.append(
+            "no channel moves more than its noise" if still else "no first-order lag to compare with"
+        )
     within = {name: one.within for name, one in found.items() if math.isfinite(one.within)}
     if within:
         least = min(within, key=lambda name: within[name])

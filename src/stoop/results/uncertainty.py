@@ -21,7 +21,7 @@ MANY: Final = 20  #: parameters compared, from which some scatter by chance
 class Interval:
     """Standard error and 95 % interval of one parameter by one method."""
 
-    std_error: float = NAN  #: the parameter's unit; naN when the method gives none
+    std_error: float = NAN  #: the parameter's unit; NaN when the method gives none
     #: the parameter's unit; ends of the 95 % interval; NaN for an end that the data leave open
     ci95_lower: float = NAN
     ci95_upper: float = NAN

@@ -88,7 +88,7 @@ def check_states(vehicle: Vehicle, states: Mapping[str, float]) -> None:
     for name, value in states.items():
         if name not in known:
             raise SimulationError(f"initial state: no state is called '{name}'; {nearest(name, known)}")
-        if not np.isfinite(value):
+        if not (np.issubdtype(np.asarray(value).dtype, np.number) and np.isfinite(value)):
             raise SimulationError(f"initial state: {name} is {value}; give a finite number, SI")
 
 

@@ -55,7 +55,7 @@ class Search:
 def identify(
     vehicle: Vehicle | str | Path,
     flights: Flights,
-    maneuvers: Windows,
+    maneuvers: Windows = (),
     validate: Windows = (),
     options: Options = DEFAULTS,
     callback: Callable[[optimize.Progress], None] | None = None,
@@ -143,7 +143,7 @@ def search(
         raise FlightError(f"identify: the flights are sampled at {text} Hz; bring them to one rate first")
     if not maneuvers:
         raise FlightError(
-            "identify: no maneuver is given; name at least one window START:STOP, see stoop info"
+            "fit: no maneuver is given; name at least one window START:STOP, see stoop.look or stoop info"
         )
     fitted, predicted = as_windows(maneuvers, known), as_windows(validate, known)
     twice = "the same samples would count twice; give windows that lie apart"

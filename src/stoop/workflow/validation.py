@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 
 from stoop.assessment.verdict import diverged
-from stoop.base.files import make_folder, write_files
+from stoop.base.files import check_targets, make_folder, write_files
 from stoop.base.notices import Notice, as_notice, notice, of_severity
 from stoop.base.numbers import count
 from stoop.base.text import printable
@@ -78,13 +78,14 @@ class Validated:
         )
         return printable(f"<Validated {r.vehicle}: {text}>")
 
-    def save(self, folder: str | Path) -> None:
+    def save(self, folder: str | Path, overwrite: bool = False) -> None:
         """Write ``validation.html`` and ``validation.json`` into a folder, both or none.
 
-        Raises `OutputError`: they cannot be written.
+        Raises `OutputError`: they cannot be written, or are there already.
         """
         from stoop.report.identification import render_validation
 
+        check_targets(Path(folder), NAMES, overwrite)
         make_folder(Path(folder))
         texts = render_validation(self.model), self.record.to_json()
         write_files(Path(folder), dict(zip(NAMES, texts, strict=True)))
@@ -123,6 +124,10 @@ def validate(
     StoopError
         A window was fitted, or cannot be flown.
     """
+    if not (initial_state is None or initial_state == "measured" or isinstance(initial_state, Mapping)):
+        raise StoopError(
+            f"initial_state = {initial_state!r}: give \"measured\", or states by name in SI such as {{'alpha': 0.05}}"
+        )
     known = outputs.by_name(as_flights(flights), "validate")
     vehicle = model.vehicle
     of = model.result
@@ -155,7 +160,7 @@ def validate(
         if initial_state is None:
             ahead = predict(predictor, {name: flight}, own, [biases] * len(own))
         else:
-            start = {} if initial_state == "measured" else dict(initial_state)
+            start = {} if isinstance(initial_state, str) else dict(initial_state)
             ahead = predict_from(predictor, {name: flight}, own, biases, start)
         group = Simulated(
             "validation", ahead.prepared, ahead.readings, None, ahead.deviations, ahead.innovations

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import io
 import json
 import math
@@ -9,6 +10,7 @@ import math
 import pytest
 from rich.console import Console
 
+from stoop.cli.options import page_path
 from stoop.cli.page import UNLIMITED, Page, numbers, page, to_json, words
 
 HOSTILE = "[bold red]x[/] \x1b[31m [link=file:///etc] :smile:"
@@ -77,3 +79,11 @@ def test_json_is_strict() -> None:
     text = to_json({"nan": math.nan, "deep": [{"inf": (math.inf, 1.0)}], "text": "\x1b\udcff"})
     assert json.loads(text) == {"nan": None, "deep": [{"inf": [None, 1.0]}], "text": "\x1b\udcff"}
     assert text.isascii()
+
+
+def test_a_page_has_the_ending_of_a_page() -> None:
+    assert page_path("a.HTM").name == "a.HTM"
+    with pytest.raises(
+        argparse.ArgumentTypeError, match=r"^a\.pdf: a page is written as \.html; name it so$"
+    ):
+        page_path("a.pdf")

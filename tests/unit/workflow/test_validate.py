@@ -6,12 +6,14 @@ import json
 import shutil
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+import stoop
 from stoop.cli.main import main
-from stoop.errors import FlightError, SimulationError, StoopError
+from stoop.errors import FlightError, OutputError, SimulationError, StoopError
 from stoop.flight import Flight, load, save
 from stoop.workflow import FittedModel
 from stoop.workflow.validation import validate
@@ -168,3 +170,24 @@ def test_the_verb_writes_page_and_figures(
     assert page.count("Content-Security-Policy") == 1
     assert main(words) == 2
     assert "add --overwrite" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("start", ["measurd", {"alpha": "x"}, 3])
+def test_a_wrong_initial_state_is_one_line(job: FittedModel, folder: Path, start: Any) -> None:
+    with pytest.raises(StoopError, match=r"initial.state"):
+        validate(folder, [moved_on(job.flights[0])], ["100:108"], initial_state=start)
+
+
+def test_a_validation_is_not_overwritten_unasked(job: FittedModel, folder: Path, tmp_path: Path) -> None:
+    found = validate(folder, [moved_on(job.flights[0])], ["100:108"])
+    found.save(tmp_path)
+    with pytest.raises(OutputError, match="overwrite=True"):
+        found.save(tmp_path)
+    found.save(tmp_path, overwrite=True)
+
+
+def test_an_unknown_role_and_a_fit_without_windows_are_one_line(job: FittedModel) -> None:
+    with pytest.raises(StoopError, match=r"no role 'validatio'; did you mean validation\?"):
+        job.plot.maneuvers("validatio")  # type: ignore[arg-type]
+    with pytest.raises(FlightError, match=r"^fit: no maneuver is given; name at least one window START:STOP"):
+        stoop.fit(job.vehicle, job.flights[0])
