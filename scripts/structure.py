@@ -24,7 +24,7 @@ FLAG = re.compile(
 )  #: tests whether a vehicle has rotors
 #: room -> lines at most; "stoop" is the whole package, for which the design asks 68,000, and 9,000 for its studies
 BUDGETS = {
-    "stoop": 75950,
+    "stoop": 76250,
     "stoop_studies": 13150,
     "api": 200,
     "app": 2850,
@@ -32,7 +32,7 @@ BUDGETS = {
     "base": 1950,
     "checks": 2150,
     "cli": 3600,
-    "estimate": 8550,
+    "estimate": 8600,
     "exporters": 7600,
     "flight": 5550,
     "input_design": 2150,
@@ -49,7 +49,7 @@ BUDGETS = {
     "strategy": 1150,
     "vehicle": 3600,
     "vehicle_draft": 3350,
-    "workflow": 3850,
+    "workflow": 3950,
 }
 #: modules that an allowed import cycle goes through, imports in functions counted: registries that name their entries
 REGISTRIES = {"stoop.optimize.registry", "stoop.vehicle.vehicle", "stoop.workflow.fitted_model"}
