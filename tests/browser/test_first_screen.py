@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-import importlib.util
-import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
+from naive.identification import example
 from playwright.sync_api import Browser, Page
 
 from stoop.report.identification import identification_sheet, render_validation
 from stoop.report.model import Model
 from stoop.report.sheet import render_sheet
 
-EXAMPLES = Path(__file__).parents[1] / "unit" / "report" / "examples.py"
 SCREEN = 900
 TOP = "(place) => Math.round(document.querySelector(place).getBoundingClientRect().top + scrollY)"
 CLOSED = "[...document.querySelectorAll('details')].filter((one) => !one.open).length"
@@ -24,14 +22,7 @@ CLOSED = "[...document.querySelectorAll('details')].filter((one) => !one.open).l
 
 @pytest.fixture(scope="module")
 def identification() -> Model:
-    spec = importlib.util.spec_from_file_location("report_examples", EXAMPLES)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    found: Model = module.example()
-    return found
+    return example()
 
 
 @pytest.fixture(scope="module")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import importlib.util
 import io
 import re
 from collections.abc import Iterator
@@ -13,12 +12,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from naive.identification import example
 from playwright.sync_api import Browser, Page
 
 from stoop.report.identification import Plots
 from stoop.report.model import Model
 
-EXAMPLES = Path(__file__).parents[1] / "unit" / "report" / "examples.py"
 PLACES = "Bokeh.documents[0].roots().map((one) => [one.x_range.start, one.x_range.end])"
 
 
@@ -52,12 +51,7 @@ class Seen:
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Model]:
-    spec = importlib.util.spec_from_file_location("report_examples", EXAMPLES)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    identification = module.example(("CL0", "CLalpha"))
+    identification = example(("CL0", "CLalpha"))
     path = tmp_path_factory.mktemp("page") / "report.html"
     return Plots(identification).maneuvers().save(path), identification
 
@@ -80,14 +74,19 @@ def opened(browser: Browser, made: tuple[Path, Model], **options: Any) -> Seen:
     return seen
 
 
+def _show_strips(page: Page) -> None:
+    """Wait until every strip of the first history is drawn: figures are made when they come into sight."""
+    page.wait_for_selector(".history.live canvas")
+    strips = page.locator(".history").first.locator(".strips")
+    for i in range(strips.count()):
+        strips.nth(i).scroll_into_view_if_needed()
+        strips.nth(i).locator("canvas").first.wait_for(state="attached")
+
+
 @pytest.fixture
 def seen(browser: Browser, made: tuple[Path, Model]) -> Iterator[Seen]:
     seen = opened(browser, made)
-    seen.page.wait_for_selector(".history.live canvas")
-    strips = seen.page.locator(".history").first.locator(".strips")
-    for i in range(strips.count()):  # figures are made when they come into sight
-        strips.nth(i).scroll_into_view_if_needed()
-        strips.nth(i).locator("canvas").first.wait_for(state="attached")
+    _show_strips(seen.page)
     yield seen
     assert seen.troubles == []
     seen.page.close()
@@ -180,7 +179,7 @@ def test_a_page_is_no_wider_than_the_screen_and_dark_where_that_is_wished(
 ) -> None:
     seen = opened(browser, made, color_scheme="dark")
     seen.page.set_viewport_size({"width": width, "height": 900})
-    seen.page.wait_for_selector(".history.live canvas")
+    _show_strips(seen.page)
     assert seen.run("document.documentElement.scrollWidth") <= width
     colors = seen.run(
         "Bokeh.documents[0].roots().flatMap((f) => f.renderers).map((r) => r.glyph.line_color?.value)"
