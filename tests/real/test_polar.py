@@ -9,7 +9,7 @@ import pytest
 
 from stoop.errors import FlightError
 from stoop.flight import Flight, load
-from stoop.reconstruction.polar import Polar, Propulsion
+from stoop.performance.polar import Polar, Propulsion
 from stoop.workflow.reconstruction import drag_polar
 
 PUBLISHED = {0.5: (0.052, 0.046, 0.063), 1.0: (0.065, 0.056, 0.072)}

@@ -6,8 +6,8 @@ from importlib.resources import files
 
 import pytest
 
-from stoop.estimate.effectiveness import Balance, Reference, assess, hover, judge
 from stoop.flight import Flight
+from stoop.performance.effectiveness import Balance, Reference, assess, hover, judge
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle import Vehicle, parse_vehicle

@@ -37,8 +37,8 @@ from stoop.assessment.coloring import ColoredNoise, half_spectrum_scale
 from stoop.base.arrays import FloatArray, IntArray
 from stoop.base.notices import Notice, notice
 from stoop.base.variables import RATES
+from stoop.checks.excitation import deflections
 from stoop.estimate.estimate import Estimate
-from stoop.estimate.excitation import deflections
 from stoop.problem.evidence import Evidence, PieceEvidence, invert
 from stoop.vehicle import Vehicle, terms
 

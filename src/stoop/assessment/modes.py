@@ -34,7 +34,6 @@ from stoop.base.notices import notice
 from stoop.base.variables import EULER
 from stoop.errors import SimulationError
 from stoop.estimate.estimate import Estimate
-from stoop.estimate.predict import identified_vehicle
 from stoop.problem.observation import observation_model
 from stoop.results.modes import ConditionModes, DerivedValue, MeasuredMode, ModeEstimate, StateEquations
 from stoop.simulation import Trim, trim
@@ -285,7 +284,7 @@ def modes(fit: Estimate, parameters: tuple[str, ...], covariance: FloatArray) ->
 def _at(
     fit: Estimate, condition: Condition, parameters: tuple[str, ...], covariance: FloatArray
 ) -> ConditionModes:
-    vehicle, start = identified_vehicle(fit).coupled_to(()), condition.start
+    vehicle, start = fit.identified_vehicle.coupled_to(()), condition.start
     if condition.loading:
         vehicle = vehicle.with_numbers({name: {"value": value} for name, value in condition.loading.items()})
     place = (start["V"], start["h"], start["alpha"])

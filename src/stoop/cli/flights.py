@@ -15,8 +15,8 @@ from stoop.cli.progress import Watch, busy
 from stoop.errors import FlightError
 
 if TYPE_CHECKING:
-    from stoop.estimate.effectiveness import Assessment, Hover, Reference
     from stoop.flight import Flight
+    from stoop.performance.effectiveness import Assessment, Hover, Reference
 
 CHANCE = 0.05
 MAX_VOLTAGE_DIFFERENCE = 0.05  #: relative; beyond it a flight is named
@@ -91,7 +91,7 @@ def polar(arguments: argparse.Namespace) -> int:
     """Fit a drag polar, write where asked to, and print what was found."""
     from stoop.assessment.covariance import NORMAL_95
     from stoop.flight import load
-    from stoop.reconstruction.polar import Propulsion
+    from stoop.performance.polar import Propulsion
     from stoop.report.reconstruction import MEANINGS, lift_grid
     from stoop.workflow.reconstruction import POLAR, drag_polar, write_polar
 
@@ -141,8 +141,8 @@ def rotors_arguments(parser: argparse.ArgumentParser) -> None:
 def rotors(arguments: argparse.Namespace) -> int:
     """Compare flights near hover with healthy ones, and say which rotor gives less than its command says."""
     from stoop.checks.rotors import foreign_motors
-    from stoop.estimate import effectiveness
     from stoop.flight import load
+    from stoop.performance import effectiveness
     from stoop.problem.windows import whole
     from stoop.vehicle.builtin import resolve_vehicle
 
@@ -204,7 +204,7 @@ def rotors(arguments: argparse.Namespace) -> int:
 
 def _compare(title: str, found: Sequence[Assessment], chance: float) -> None:
     """Print verdicts, with the rotor whose loss explains most and those that explain it nearly as well."""
-    from stoop.estimate.effectiveness import indistinct, judge
+    from stoop.performance.effectiveness import indistinct, judge
 
     if not found:
         return

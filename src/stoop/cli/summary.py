@@ -13,7 +13,7 @@ from stoop.results.decisions import decision_lines
 from stoop.results.verdict import grouped
 
 if TYPE_CHECKING:
-    from stoop.estimate.predict import ForceFigures
+    from stoop.prediction.predict import ForceFigures
     from stoop.results.result import ManeuverResult, Result
 
 #: reasons of the verdict that are printed without --verbose

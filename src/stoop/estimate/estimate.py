@@ -28,6 +28,7 @@ from stoop.problem.evidence import Evidence, Unknown, unknowns_of
 from stoop.problem.prepare import Prepared
 from stoop.problem.windows import Window
 from stoop.results.result import ProcessNoise
+from stoop.vehicle import Vehicle
 from stoop.vehicle.vehicle import leaves
 
 #: fields of an outcome that are no arrays
@@ -79,6 +80,14 @@ class Estimate(ABC):
         """Free parameters, SI."""
         values = self.problem.layout.physical(self.z[None, :])[0]
         return {p.name: float(v) for p, v in zip(self.problem.layout.parameters, values, strict=True)}
+
+    @property
+    def identified_vehicle(self) -> Vehicle:
+        """The vehicle with its free numbers at their estimates; priors keep their means."""
+        layout = self.problem.layout
+        means = {p.name: {"mean": p.prior_mean} for p in layout.parameters if p.prior is not None}
+        changes = {name: {"value": value, **means.get(name, {})} for name, value in self.estimates.items()}
+        return layout.vehicle.with_numbers(changes)
 
     def state(self) -> dict[str, Any]:
         """Return arrays from which :meth:`restored` builds the same estimate, with the same bits, without the flights.

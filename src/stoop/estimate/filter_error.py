@@ -385,11 +385,7 @@ def _missing(recorded: Misfit, problem: Misfit) -> list[Notice]:
 
 
 def _fit(
-    problem: Misfit,
-    prepared: Prepared,
-    best: ScoringModel,
-    costs: Sequence[float],
-    stages: Stages,
+    problem: Misfit, prepared: Prepared, best: ScoringModel, costs: Sequence[float], stages: Stages
 ) -> FilterEstimate:
     """Return the fit of the best ascent; `costs` are those of the searches from each start, ascending.
 
@@ -404,15 +400,7 @@ def _fit(
         prepared,
         z,
         optimize.Outcome(
-            z,
-            best.cost,
-            runs,
-            iterations,
-            status,
-            ADVICE[status],
-            best.history,
-            stages.state,
-            SCORING,
+            z, best.cost, runs, iterations, status, ADVICE[status], best.history, stages.state, SCORING
         ),
         best.cost,
         runs,

@@ -19,17 +19,12 @@ import numpy as np
 from stoop import optimize
 from stoop.base.arrays import FloatArray
 from stoop.base.notices import notice
+from stoop.checks.excitation import with_mass_held
 from stoop.checks.vehicle import require_channels, require_data
 from stoop.errors import IdentificationError
 from stoop.estimate import iterates
 from stoop.estimate.estimate import Estimate, simulation_inflation
-from stoop.estimate.excitation import with_mass_held
-from stoop.estimate.noise import (
-    channel_residuals,
-    effective_variance,
-    first_variance,
-    noise_covariance,
-)
+from stoop.estimate.noise import channel_residuals, effective_variance, first_variance, noise_covariance
 from stoop.estimate.noise_model import with_noise
 from stoop.estimate.refit_problem import SimulationProblem
 from stoop.estimate.regression import start_value
@@ -39,11 +34,7 @@ from stoop.flight import Flight
 from stoop.optimize.ledger import Evaluations, Halt
 from stoop.optimize.local_refinement import FULL
 from stoop.problem import Layout, Misfit, Weights
-from stoop.problem.evidence import (
-    Evidence,
-    observed_information,
-    simulation_evidence,
-)
+from stoop.problem.evidence import Evidence, observed_information, simulation_evidence
 from stoop.problem.misfit import horizon_ladder
 from stoop.problem.prepare import (
     Prepared,

@@ -62,9 +62,7 @@ _METHODS: Final[dict[str, Method]] = {
     ),
     "filter-error": Method("stoop.estimate.filter_error:steady", FILTER, "flights in turbulence"),
     "filter-error-ekf": Method(
-        "stoop.estimate.filter_error:varying",
-        FILTER,
-        "likewise, with a gain that follows large maneuvers",
+        "stoop.estimate.filter_error:varying", FILTER, "likewise, with a gain that follows large maneuvers"
     ),
     "stabilized-output-error": Method(
         "stoop.estimate.filter_error:stabilized",

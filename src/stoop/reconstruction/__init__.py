@@ -1,1 +1,1 @@
-"""Whether a flight's channels agree with each other: flight-path reconstruction, delays, the drag polar."""
+"""Whether the channels of a flight agree with each other: flight-path reconstruction and delays."""

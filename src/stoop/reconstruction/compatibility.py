@@ -17,12 +17,7 @@ import numpy as np
 from stoop import optimize
 from stoop.assessment.contributions import systematic_shifts
 from stoop.assessment.covariance import standard_errors
-from stoop.assessment.error_bars import (
-    Identifiability,
-    Uncertainty,
-    estimate_uncertainty,
-    identifiability,
-)
+from stoop.assessment.error_bars import Identifiability, Uncertainty, estimate_uncertainty, identifiability
 from stoop.base.arrays import FloatArray
 from stoop.base.blas import on_one_blas_thread
 from stoop.base.notices import Notice, distinct, notice, of_severity

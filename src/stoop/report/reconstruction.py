@@ -13,8 +13,8 @@ from stoop.base.notices import Notice, of_severity
 from stoop.base.numbers import NOTHING, factor_and_unit, number, rounded_to_error
 from stoop.base.units import DEGREE
 from stoop.base.variables import VARIABLES, WRAPPED
+from stoop.performance.polar import Polar
 from stoop.reconstruction.compatibility import Compatibility
-from stoop.reconstruction.polar import Polar
 from stoop.report.plots import plot
 from stoop.report.series import Series, Shade
 from stoop.report.sheet import Bullets, Code, Figure, Prose, Section, Sheet, Table

@@ -10,8 +10,8 @@ from markupsafe import Markup
 
 from stoop.base.numbers import number
 from stoop.base.variables import RATES
-from stoop.estimate.effectiveness import Assessment, judge
 from stoop.flight import Flight
+from stoop.performance.effectiveness import Assessment, judge
 from stoop.report.flight import channel_panels
 from stoop.report.palette import light
 from stoop.report.plots import HEIGHT, WIDTH, canvas, svg

@@ -28,7 +28,7 @@ from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice, notice
 from stoop.errors import IdentificationError, VehicleError
 from stoop.estimate.estimate import Estimate
-from stoop.estimate.predict import expected_biases, predict, predictor
+from stoop.prediction.predict import expected_biases, predict, predictor
 from stoop.results.extensions import ExtensionTest
 from stoop.strategy import bounds
 from stoop.strategy.decision import Change, Decision, Setup, estimate

@@ -6,8 +6,8 @@ from collections.abc import Callable
 from typing import Final
 
 from stoop.base.notices import Notice, paragraph
+from stoop.checks.excitation import MASS, with_mass_held
 from stoop.estimate.estimate import Estimate
-from stoop.estimate.excitation import MASS, with_mass_held
 from stoop.strategy.decision import Decision, Setup
 
 

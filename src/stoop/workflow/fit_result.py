@@ -20,11 +20,11 @@ from stoop.assessment.uncertainty import with_uncertainty
 from stoop.assessment.verdict import uses, verdict
 from stoop.base.notices import Notice, as_notice, attempt, notice, of_severity
 from stoop.base.variables import VARIABLES
+from stoop.checks.excitation import ratios, too_few
 from stoop.errors import VehicleError
 from stoop.estimate.estimate import Estimate
-from stoop.estimate.excitation import ratios, too_few
-from stoop.estimate.predict import expected_biases, predict, predictor
 from stoop.flight import Flight
+from stoop.prediction.predict import expected_biases, predict, predictor
 from stoop.problem.windows import Window
 from stoop.results.result import (
     InitialState,

@@ -25,9 +25,9 @@ from stoop.base.text import printable, printable_lines
 from stoop.errors import StoopError
 from stoop.estimate import methods
 from stoop.estimate.estimate import Estimate
-from stoop.estimate.initial_state import BiasPrior, bias_priors
-from stoop.estimate.predict import ForceFigures, force_figures
 from stoop.flight import Flight
+from stoop.prediction.initial_state import BiasPrior, bias_priors
+from stoop.prediction.predict import ForceFigures, force_figures
 from stoop.problem import Piece
 from stoop.problem.prepare import decoupled, prepare
 from stoop.problem.windows import Window

@@ -14,11 +14,11 @@ from stoop.assessment.error_bars import ErrorBars
 from stoop.assessment.verdict import CONFIRMED
 from stoop.base.notices import Notice, as_notice, attempt, notice, of_severity, paragraph
 from stoop.base.variables import EULER, RATES, SPECIFIC_FORCE, VELOCITY
+from stoop.checks.excitation import excitation_notices
 from stoop.checks.vehicle import check_lift, check_rotors, inertia_notices
 from stoop.estimate.estimate import Estimate
-from stoop.estimate.excitation import excitation_notices
-from stoop.estimate.predict import ForceFigures
 from stoop.flight import Flight
+from stoop.prediction.predict import ForceFigures
 from stoop.results.result import ManeuverResult, ParameterEstimate, Result
 from stoop.results.uncertainty import ParameterIdentifiability, Repeatability
 from stoop.vehicle import Vehicle

@@ -21,11 +21,11 @@ from stoop.base.variables import RATES, SPECIFIC_FORCE
 from stoop.checks.vehicle import require_channels
 from stoop.errors import FlightError, StoopError
 from stoop.estimate.fitted_filter import FittedFilter
-from stoop.estimate.initial_state import Predictor
-from stoop.estimate.predict import predict, predict_from
 from stoop.flight import Flight, without, without_faults
 from stoop.flight.flight import flight_name
 from stoop.flight.maneuvers import find_maneuvers
+from stoop.prediction.initial_state import Predictor
+from stoop.prediction.predict import predict, predict_from
 from stoop.problem.prepare import decoupled, prepare
 from stoop.problem.windows import Window, Windows, as_windows
 from stoop.results.decisions import switched_off

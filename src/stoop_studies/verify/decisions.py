@@ -22,7 +22,7 @@ from stoop.base.numbers import finite_or_none
 from stoop.base.units import KNOT
 from stoop.errors import IdentificationError
 from stoop.estimate.fit import Options
-from stoop.estimate.predict import expected_biases, predict, predictor
+from stoop.prediction.predict import expected_biases, predict, predictor
 from stoop.strategy import DECISIONS, Decided, Strategy, run
 from stoop_studies.findings import Claim, Findings, Setting, holds
 from stoop_studies.verify import closed_loop, defects, scenes, study

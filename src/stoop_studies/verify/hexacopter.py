@@ -25,9 +25,9 @@ from stoop.base.rotations import quaternions_of, to_body
 from stoop.base.units import FACTORS
 from stoop.base.variables import EULER, SPECIFIC_FORCE, VELOCITY
 from stoop.errors import StoopError
-from stoop.estimate import predict
 from stoop.estimate.fit import Options
 from stoop.flight import Flight, load
+from stoop.prediction import predict
 from stoop.problem.windows import Window
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.workflow.identification import Search, search
@@ -160,7 +160,7 @@ def identified(flight: Flight, span: Span, file: Vehicle, predicted: Sequence[Sp
 
 def forces(done: Search) -> tuple[predict.ForceFigures, ...]:
     """Return the residuals of the fitted window, and of the predicted one."""
-    vehicle, windows = predict.identified_vehicle(done.fit), done.fit.prepared.windows
+    vehicle, windows = done.fit.identified_vehicle, done.fit.prepared.windows
     biases = partial(predict.expected_biases, done.fit)
     return predict.force_figures(vehicle, done.flights, windows, done.predicted, biases)
 
@@ -168,7 +168,7 @@ def forces(done: Search) -> tuple[predict.ForceFigures, ...]:
 def curves(done: Search, window: Window) -> predict.ForceCurves:
     """Return measured and modelled specific force below 5 Hz."""
     biases = predict.mean_biases(done.fit, window.flight)
-    return predict.force_curves(predict.identified_vehicle(done.fit), done.flights, window, biases)
+    return predict.force_curves(done.fit.identified_vehicle, done.flights, window, biases)
 
 
 def authors_residuals(log: Log, fitted: predict.ForceCurves, shown: predict.ForceCurves) -> dict[str, float]:
@@ -277,7 +277,7 @@ def coefficient_records(ahead: Search, whole: Search, theirs: Blades) -> list[di
     errors = {n: std[f"rotors.{name}"] / scale for n, (name, scale) in scales.items()}
     errors["lag of the motors"] = std["rotors.lag"]
     columns = []
-    for own in (predict.identified_vehicle(done.fit) for done in (ahead, whole)):
+    for own in (done.fit.identified_vehicle for done in (ahead, whole)):
         blades = {n: own.value(f"rotors.{name}") / scale for n, (name, scale) in scales.items()}
         blades["ch2"] = -own.value("rotors.drag_inflow") / size
         columns.append(quantities(Blades(**blades), own.value("rotors.lag")))

@@ -14,8 +14,8 @@ from typing import Any, Final
 import numpy as np
 
 from stoop.errors import StoopError
-from stoop.estimate import effectiveness
 from stoop.flight import load
+from stoop.performance import effectiveness
 from stoop.vehicle import parse_vehicle
 from stoop_studies.findings import Claim, Findings, Setting, counted, holds, number
 from stoop_studies.verify.study import Samples, Verification, published_files, vehicle_text

@@ -14,11 +14,12 @@ from stoop.assessment.assessment import pack, unpack
 from stoop.assessment.error_bars import error_bars
 from stoop.base.units import KNOT
 from stoop.errors import FlightError
-from stoop.estimate import methods, predict
+from stoop.estimate import methods
 from stoop.estimate.estimate import Estimate
 from stoop.estimate.fit import Options, estimation_problem, fit
 from stoop.estimate.refit_problem import SimulationProblem
 from stoop.flight import Flight
+from stoop.prediction import predict
 from stoop.problem.observation import motion_inputs, recorded_motion
 from stoop.problem.prepare import decoupled
 from stoop.problem.windows import Window

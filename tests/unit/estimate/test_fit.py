@@ -11,11 +11,11 @@ from stoop import optimize
 from stoop.errors import FlightError, IdentificationError, VehicleError
 from stoop.estimate.estimate import Estimate
 from stoop.estimate.fit import Options, estimation_problem, fit, refine, settle, starts
-from stoop.estimate.initial_state import Predictor
 from stoop.estimate.noise import channel_residuals, noise_variance
-from stoop.estimate.predict import expected_biases, identified_vehicle, mean_biases, predict
 from stoop.estimate.regression import start_value
 from stoop.flight import Flight
+from stoop.prediction.initial_state import Predictor
+from stoop.prediction.predict import expected_biases, mean_biases, predict
 from stoop.problem import Misfit
 from stoop.problem.observation import along_body, first_complete, guess_start, imu_axes
 from stoop.problem.windows import Window
@@ -207,7 +207,7 @@ def model_of(found: Estimate) -> Predictor:
     """Return the fitted model, its parameters taken as known."""
     layout = found.problem.layout
     noise = NoiseCovariance(layout.vehicle.outputs, found.problem.weights.covariance)
-    return Predictor(identified_vehicle(found), Covariance((), np.empty((0, 0))), noise)
+    return Predictor(found.identified_vehicle, Covariance((), np.empty((0, 0))), noise)
 
 
 def test_biases_for_a_prediction_come_from_the_same_flight(aircraft: Vehicle, wrong: Vehicle) -> None:

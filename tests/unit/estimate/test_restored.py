@@ -19,9 +19,9 @@ from stoop.errors import IdentificationError
 from stoop.estimate import methods
 from stoop.estimate.estimate import Estimate
 from stoop.estimate.fit import Options
-from stoop.estimate.predict import expected_biases, predict, predictor
 from stoop.flight import Flight
 from stoop.flight.flight import from_columns
+from stoop.prediction.predict import expected_biases, predict, predictor
 from stoop.problem.windows import Window
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import parse_maneuver

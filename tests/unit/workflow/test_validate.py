@@ -110,7 +110,7 @@ def test_a_state_that_was_not_recorded_is_estimated_about_steady_flight_and_name
         raise SimulationError("none found")
 
     if not steady:
-        monkeypatch.setattr("stoop.estimate.predict.trim", fails)
+        monkeypatch.setattr("stoop.prediction.predict.trim", fails)
     flight = moved_on(job.flights[0])
     blind = replace(flight, name="blind", data=flight.data.assign(alpha=np.nan * flight.data["alpha"]))
     found = validate(folder, [blind], ["100:108"])

@@ -11,9 +11,9 @@ from scipy.stats import norm
 
 from stoop.estimate.fit import Options
 from stoop.estimate.fitted_filter import FittedFilter
-from stoop.estimate.initial_state import Predictor
-from stoop.estimate.predict import predict
 from stoop.flight import Flight
+from stoop.prediction.initial_state import Predictor
+from stoop.prediction.predict import predict
 from stoop.problem.prepare import prepare
 from stoop.problem.windows import Window
 from stoop.results.result import Covariance, NoiseCovariance, ProcessNoise, Result, from_json, to_json

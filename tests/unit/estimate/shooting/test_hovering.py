@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from stoop.checks.excitation import in_ratio, ratios
 from stoop.checks.rotors import foreign_motors, rotor_notices
 from stoop.errors import FlightError, IdentificationError
 from stoop.estimate import methods
-from stoop.estimate.excitation import in_ratio, ratios
 from stoop.estimate.fit import Options, estimation_problem
 from stoop.flight import from_columns
 from stoop.problem.windows import Window

@@ -20,7 +20,12 @@ from stoop.base.numbers import factor_and_unit
 from stoop.base.variables import SPECIFIC_FORCE, VARIABLES
 from stoop.errors import SimulationError
 from stoop.estimate.estimate import Estimate
-from stoop.estimate.initial_state import (
+from stoop.estimate.instability import growth
+from stoop.estimate.regression.rotors import lagged_command, stretches
+from stoop.estimate.shooting_windows import WINDOW_LENGTH
+from stoop.estimate.shooting_windows import edges as window_edges
+from stoop.flight import Flight
+from stoop.prediction.initial_state import (
     MIN_STRETCH,
     STRETCH,
     BiasPrior,
@@ -33,11 +38,6 @@ from stoop.estimate.initial_state import (
     stretch_before,
     with_deviation,
 )
-from stoop.estimate.instability import growth
-from stoop.estimate.regression.rotors import lagged_command, stretches
-from stoop.estimate.shooting_windows import WINDOW_LENGTH
-from stoop.estimate.shooting_windows import edges as window_edges
-from stoop.flight import Flight
 from stoop.problem import Layout, Misfit, Piece, on_circle
 from stoop.problem.observation import START_TIME
 from stoop.problem.prepare import Prepared, decoupled, prepare
@@ -52,19 +52,12 @@ from stoop.vehicle.vehicle import AIR_FRAME, GROUND_FRAME
 CUTOFF: Final = 5.0
 
 
-def identified_vehicle(fit: Estimate) -> Vehicle:
-    """Return the vehicle with its free numbers at their estimates; priors keep their means."""
-    means = {p.name: {"mean": p.prior_mean} for p in fit.problem.layout.parameters if p.prior is not None}
-    changes = {name: {"value": value, **means.get(name, {})} for name, value in fit.estimates.items()}
-    return fit.problem.layout.vehicle.with_numbers(changes)
-
-
 def predictor(fit: Estimate, covariance: FloatArray, recorded_motion: bool = True) -> Predictor:
     """Return what predictions of a fit need; `covariance` (k, k) of its unknowns, parameters first."""
     names = tuple(p.name for p in fit.problem.layout.parameters)
     outputs = fit.problem.layout.vehicle.outputs
     return Predictor(
-        identified_vehicle(fit),
+        fit.identified_vehicle,
         Covariance(names, covariance[: len(names), : len(names)]),
         NoiseCovariance(outputs, fit.measurement_noise, fit.inflation),
         fit.predictor,
@@ -123,7 +116,7 @@ def predict(
     """Simulate windows with a fitted model; no parameter is fitted there.
 
     `biases` are the priors of the sensors' in each window, by the names of the vehicle's numbers. They and the initial state
-    are estimated from the record before each window, see :mod:`stoop.estimate.initial_state`.
+    are estimated from the record before each window, see :mod:`stoop.prediction.initial_state`.
     """
     parts = [_of_window(model, flights, w, b) for w, b in zip(windows, biases, strict=True)]
     pieces = [replace(p, maneuver=i) for i, (part, *_) in enumerate(parts) for p in part.pieces]

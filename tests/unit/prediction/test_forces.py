@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stoop.estimate.predict import CUTOFF, ForceCurves, force_curves, low_passed
 from stoop.flight import Flight
 from stoop.flight.flight import from_columns
+from stoop.prediction.predict import CUTOFF, ForceCurves, force_curves, low_passed
 from stoop.problem.prepare import with_average_voltage
 from stoop.problem.windows import Window
 from stoop.simulation import initial_states, parameter_rows

@@ -10,15 +10,15 @@ import pytest
 from stoop.assessment.baseline import baseline_matches
 from stoop.assessment.goodness_of_fit import theil
 from stoop.base.variables import VARIABLES
-from stoop.estimate.initial_state import (
+from stoop.flight import Flight
+from stoop.prediction.initial_state import (
     BiasPrior,
     Predictor,
     bias_priors,
     predict_stretch,
     stretch_before,
 )
-from stoop.estimate.predict import Prediction, predict
-from stoop.flight import Flight
+from stoop.prediction.predict import Prediction, predict
 from stoop.problem.prepare import prepare
 from stoop.problem.windows import Window
 from stoop.results.result import Covariance, NoiseCovariance

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from stoop.base.notices import Notice
-from stoop.estimate.excitation import excitation_notices
+from stoop.checks.excitation import excitation_notices
 from stoop.estimate.fit import Options, estimation_problem
 from stoop.flight import Flight
 from stoop.problem import Misfit

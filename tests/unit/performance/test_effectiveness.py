@@ -11,7 +11,8 @@ import sympy as sp
 import xarray as xr
 
 from stoop.errors import FlightError, VehicleError
-from stoop.estimate.effectiveness import (
+from stoop.flight import Flight
+from stoop.performance.effectiveness import (
     USUAL,
     Balance,
     Battery,
@@ -27,11 +28,10 @@ from stoop.estimate.effectiveness import (
     leave_one_out,
     pooled,
 )
-from stoop.flight import Flight
 from stoop.vehicle import Vehicle, load_vehicle, parse_vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 
-EXAMPLE = Path(__file__).parents[4] / "examples" / "crazyflie.toml"
+EXAMPLE = Path(__file__).parents[3] / "examples" / "crazyflie.toml"
 HALF = -0.0103 + 0.6 * 0.1825 - 0.36 * 0.0401  #: N, thrust of a rotor at a command of 0.6
 CROOKED = """
 format = "stoop-vehicle/1"

@@ -7,7 +7,7 @@ import pytest
 
 from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice
-from stoop.estimate.excitation import collinear
+from stoop.checks.excitation import collinear
 
 TIME = 0.01 * np.arange(2000)
 RNG = np.random.default_rng(0)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from stoop.reconstruction.polar import Blocks, Propulsion, fit_polar, useful_power
+from stoop.performance.polar import Blocks, Propulsion, fit_polar, useful_power
 from stoop.report.reconstruction import polar_sheet
 from stoop.report.sheet import render_sheet
 
