@@ -30,7 +30,6 @@ COLORS: Final[dict[str, tuple[str, str]]] = {
     "fault": ("#fbe0e3", "#4d222a"), "fault-edge": ("#e08a95", "#c06a78"),
     "hole": ("#eceef1", "#262b34"),
     "grid": ("#e9ebef", "#2c323c"), "zero": ("#c9ced6", "#4a5361"),
-    "contour": ("#64748b", "#8f9db3"),
     "ink": ("#111828", "#e7eaf0"), "tick": ("#55606e", "#a9b2c0"), "paper": ("#fffffe", "#14171d"),
 }  #: role -> color on light and on dark paper
 # fmt: on

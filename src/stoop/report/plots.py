@@ -1,4 +1,4 @@
-"""Plots as SVG text, drawn by Matplotlib: series over one pair of axes, stacked over a common x axis, contours.
+"""Plots as SVG text, drawn by Matplotlib: series over one pair of axes, stacked over a common x axis, densities.
 
 Colors become variables of the style sheet. Series differ by color and dash, so that twenty can be distinguished on paper
 too; their names stand in a list below the plot, where no two can overlap.
@@ -24,7 +24,6 @@ from stoop.report.series import (
     DASHES,
     Kind,
     Look,
-    Mark,
     Range,
     Series,
     Shade,
@@ -47,7 +46,6 @@ LEFT, RIGHT, TOP, FLOOR = 58.0, 14.0, 24.0, 40.0  #: px around the boxes
 NAMED: Final = 18.0  #: px from the lowest box to the name of the x axis, below its numbers
 NARROW: Final = 420.0  #: px of a plot of which two or three lie side by side
 MAP_QUANTILES: Final = (0.05, 0.995)  #: of what a heat map shows, which are darkest and brightest
-LEVELS: Final = 14  #: of a contour plot
 MARKERS: Final = (("o", "full"), ("o", "none"), ("s", "full"))
 STYLE: Final = {
     "svg.fonttype": "none", "svg.hashsalt": "stoop", "text.parse_math": False, "font.size": 11.0,
@@ -170,41 +168,6 @@ def strip_pictures(
     return [pictures[i] for i in range(len(groups))]
 
 
-def contour_plot(
-    x: FloatArray,
-    y: FloatArray,
-    values: FloatArray,
-    trail: FloatArray | None,
-    marks: Sequence[Mark],
-    x_label: str,
-    y_label: str,
-    description: str,
-    levels: FloatArray | None = None,
-) -> Markup:
-    """Return lines of equal value of `values` (ny, nx) over rising `x` (nx,) and `y` (ny,), with a path over them.
-
-    `trail` (k, 2) are points joined in order, a dot at each; `levels` (l,) are by default spread so that each lies
-    between equally many grid points.
-    """
-    points = [Series(m.name, np.array([m.x]), np.array([m.y]), "points") for m in marks]
-    chosen = looks_of([Series("path", x, x), *points])
-    with canvas(WIDTH, [1.3 * HEIGHT]) as (figure, (axes,)):
-        wanted = contour_levels(values) if levels is None else levels
-        if len(wanted):
-            masked = np.ma.masked_invalid(values)
-            axes.contour(
-                x, y, masked, levels=wanted, colors=light("contour"), linewidths=1.0, linestyles="solid"
-            )
-        axes.set_xlim(float(x[0]), float(x[-1]))
-        axes.set_ylim(float(y[0]), float(y[-1]))
-        if trail is not None:
-            axes.plot(*trail.T, color=light("hue1"), marker="o", markersize=4.0)
-        for one in points:
-            _draw(axes, one, chosen[one.name])
-        _label(axes, x_label, y_label)
-        return _with_legend(svg(figure, description), points, chosen, fewest=1)
-
-
 def heat_maps(
     x: FloatArray, y: FloatArray, densities: Mapping[str, FloatArray], x_label: str, y_label: str
 ) -> list[Markup]:
@@ -236,15 +199,6 @@ def heat_maps(
             pictures.append(svg(figure, description))
             image.remove()
     return pictures
-
-
-def contour_levels(values: FloatArray, count: int = LEVELS) -> FloatArray:
-    """Return `count` levels (count,) with equally many grid values between each; none where all are equal."""
-    finite = values[np.isfinite(values)]
-    if not finite.size or finite.min() == finite.max():
-        return np.empty(0)
-    levels: FloatArray = np.unique(np.quantile(finite, (np.arange(count) + 0.5) / count))
-    return levels
 
 
 @contextmanager

@@ -57,15 +57,6 @@ class Shade:
 
 
 @dataclass(frozen=True)
-class Mark:
-    """A named point of a contour plot."""
-
-    name: str
-    x: float
-    y: float
-
-
-@dataclass(frozen=True)
 class Look:
     """Color and dash or marker of a series; its number counts the series that chose no role."""
 

@@ -13,14 +13,12 @@ if TYPE_CHECKING:
 
 FOLDER = Path("stoop-reproduce")
 NAMES = (
-    "table1", "figure1", "figure2", "figure3", "lateral", "longitudinal-full", "sweep", "ablation", "noise",
+    "table1", "figure3", "lateral", "longitudinal-full", "sweep", "ablation", "noise",
     "multirotor",
 )  # fmt: skip
 READERS = ("multirotor",)  #: of published data
 WHAT = """\
   table1             GA, PSO, PS-GDE and the default at 500 to 2000 iterations (50 runs each)
-  figure1            the logistic map, and what it is worth as a first population
-  figure2            the local search along the gradient, and the pseudo-code as printed
   figure3            the response to the elevator, trim and modes
   lateral            18 lateral and directional terms; do asymmetry terms absorb sensor biases?
   longitudinal-full  14 longitudinal terms; do V terms catch the propulsion?

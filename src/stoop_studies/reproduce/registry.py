@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from stoop_studies.reproduce.figure2 import Figure2
-from stoop_studies.reproduce.figures import Figure1, Figure3
+from stoop_studies.reproduce.figure3 import Figure3
 from stoop_studies.reproduce.lateral import Lateral
 from stoop_studies.reproduce.longitudinal import LongitudinalFull
 from stoop_studies.reproduce.multirotor import Multirotor
@@ -15,7 +14,7 @@ from stoop_studies.reproduce.suite import PaperExperiment
 from stoop_studies.reproduce.table1 import Table1
 
 _ALL: Final[tuple[PaperExperiment, ...]] = (
-    Table1(), Figure1(), Figure2(), Figure3(), Lateral(), LongitudinalFull(), Sweep(), Ablation(), Noise(),
+    Table1(), Figure3(), Lateral(), LongitudinalFull(), Sweep(), Ablation(), Noise(),
     Multirotor(),
 )  # fmt: skip
 EXPERIMENTS: Final = {experiment.name: experiment for experiment in _ALL}

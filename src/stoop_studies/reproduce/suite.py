@@ -77,7 +77,7 @@ def _options(setting: Setting) -> str:
 SUITE: Final = Suite(
     "reproduce",
     "The PS-GDE paper, run again",
-    "Every table and figure of the paper, what it claims in passing, and what its experiment leaves out.",
+    "Table 1 and Figure 3 of the paper, what it claims in passing, and what its experiment leaves out.",
     _options,
 )
 

@@ -72,7 +72,7 @@ COMMANDS: Final[Mapping[str, tuple[str, ...]]] = {
         "compare", "--optimizers", "ps-gde-lm,ga", "--problems", "paper-N", "--seeds", "3", "--budget", "300", *TO,
     ),
     "reproduce": ("reproduce", "noise", "--runs", "1", *TO),
-    "figure": ("reproduce", "figure1", "--runs", "1", *TO),
+    "figure": ("reproduce", "figure3", "--runs", "1", *TO),
 }  # fmt: skip  #: name -> command on the inputs
 
 

@@ -1,4 +1,4 @@
-"""Plots: data at the right pixels, names in the legend, contours where the values are."""
+"""Plots: data at the right pixels, names in the legend."""
 
 from __future__ import annotations
 
@@ -19,12 +19,10 @@ from stoop.report.plots import (
     RIGHT,
     TOP,
     WIDTH,
-    contour_levels,
-    contour_plot,
     plot,
     stacked_plots,
 )
-from stoop.report.series import Mark, Series, Shade, Strip, thinned
+from stoop.report.series import Series, Shade, Strip, thinned
 
 BOX = WIDTH - LEFT - RIGHT
 SVG = "{http://www.w3.org/2000/svg}"
@@ -118,32 +116,6 @@ def test_strips_share_one_axis_and_one_legend() -> None:
     assert len(paths(html, "hue0")) == 2
     assert len(paths(html, "hue1")) == 1
     assert keys(html) == ["measured", "simulated"]
-
-
-def test_a_contour_of_a_cone_is_a_circle() -> None:
-    x, y = np.linspace(-2.0, 2.0, 81), np.linspace(-1.7, 1.7, 81)
-    X, Y = np.meshgrid(x, y)
-    html = contour_plot(x, y, np.hypot(X, Y), None, (), "x", "y", "d", levels=np.array([1.5]))
-    (circle,) = paths(html, "contour")
-    at = np.column_stack([circle[:, 0] / BOX * 4.0 - 2.0, 1.7 - circle[:, 1] / (1.3 * HEIGHT) * 3.4])
-    assert np.hypot(*at.T) == pytest.approx(1.5, abs=2e-3)
-    assert np.hypot(*np.diff(at, axis=0).T).sum() == pytest.approx(3.0 * np.pi, rel=3e-3)  # all around
-
-
-def test_levels_part_the_grid_evenly_and_none_lie_in_a_plane() -> None:
-    values = np.exp(np.linspace(0.0, 9.0, 100)).reshape(10, 10)
-    counts = np.diff(np.searchsorted(values.ravel(), contour_levels(values, 10)))
-    assert counts.min() == counts.max() == 10
-    assert contour_levels(np.ones((3, 3))).size == 0
-    assert contour_levels(np.full((3, 3), np.nan)).size == 0
-
-
-def test_a_contour_plot_names_its_marks() -> None:
-    axis = np.linspace(0.0, 1.0, 9)
-    values = np.add.outer(axis, axis)
-    marks = (Mark("start", 0.1, 0.2), Mark("end", 0.9, 0.8))
-    html = contour_plot(axis, axis, values, np.array([[0.1, 0.2], [0.9, 0.8]]), marks, "a", "b", "d")
-    assert keys(html) == ["start", "end"]
 
 
 def test_every_stretch_has_its_edges() -> None:
