@@ -1,62 +1,70 @@
-"""The page on the hexacopter says what the committed tables say, and its files are those that were verified."""
+"""The page on the hexacopter says what the notebook prints, and its files are those that the studies read."""
 
 from __future__ import annotations
 
-import csv
+import json
 from importlib.resources import files
 
+import pytest
+
 from docs.pages import DOCS, ROOT, table
-from stoop_studies.verify.hexacopter import MAPPING
 from stoop_studies.verify.study import vehicle_text
 
 PAGE = DOCS / "hexacopter.md"
+NOTEBOOK = ROOT / "examples" / "hexacopter.ipynb"
 AXES = ("ax", "ay", "az")
 
 
-def records(name: str) -> list[dict[str, str]]:
-    with (DOCS / "verify" / name).open(newline="") as file:
-        return list(csv.DictReader(file))
+def printed() -> list[tuple[str, ...]]:
+    """Return the rows of the tables that the notebook prints."""
+    cells = json.loads(NOTEBOOK.read_text(encoding="utf-8"))["cells"]
+    text = "".join(
+        "".join(o["text"]) for c in cells for o in c.get("outputs", ()) if o["output_type"] == "stream"
+    )
+    return [tuple(line.strip("| ").split(" | ")) for line in text.splitlines() if line.startswith("|")]
 
 
-def digits(row: dict[str, str], *names: str) -> list[str]:
-    return [f"{float(row[name]):.3f}" for name in names]
+def residuals() -> dict[tuple[str, str], dict[str, str]]:
+    """Return window and axis -> the row of the table of residuals."""
+    head, *rows = printed()[:10]
+    return {row[1:3]: dict(zip(head, row, strict=True)) for row in rows}
 
 
-def test_the_tables_are_those_that_were_written() -> None:
-    numbers = ("model", "constant", "static_thrust", "authors_here", "authors_published")
-    shown = table(PAGE, "Results", "fitted").rows
-    for cells, row in zip(shown, records("hexacopter.csv"), strict=True):
-        assert list(cells) == [row["fitted"], row["window"], row["axis"], *digits(row, *numbers)]
-    shown = table(PAGE, "Results", "without").rows
-    for cells, row in zip(shown, records("hexacopter-without.csv"), strict=True):
-        assert list(cells) == [row["left_out"], *digits(row, *AXES)]
-    numbers = ("value", "std_error", "of_whole_flight", "authors")
-    shown = table(PAGE, "Comparison with the published coefficients", "quantity").rows
-    for cells, row in zip(shown, records("hexacopter-coefficients.csv"), strict=True):
-        assert list(cells) == [row["quantity"], row["unit"], *(f"{float(row[n]):.4g}" for n in numbers)]
+@pytest.mark.parametrize(
+    ("heading", "first"),
+    [
+        ("Results", "fitted"),
+        ("Results", "without"),
+        ("Comparison with the published coefficients", "quantity"),
+    ],
+)
+def test_the_tables_are_those_that_are_printed(heading: str, first: str) -> None:
+    shown, rows = table(PAGE, heading, first), printed()
+    start = rows.index(shown.head)
+    assert list(shown.rows) == rows[start + 1 : start + 1 + len(shown.rows)]
+    assert len(rows) == 10 + 8 + 12, "all are on the page"
 
 
 def test_what_is_said_of_them() -> None:
-    text = " ".join(PAGE.read_text(encoding="utf-8").split())
-    rows = records("hexacopter.csv")
-    sprints = {r["axis"]: r for r in rows if r["window"] == "214:260"}
-    whole = {r["axis"]: r for r in rows if r["fitted"] == "140:281"}
-    for found, name in ((sprints, "model"), (sprints, "authors_here"), (whole, "model")):
-        a, b, c = (digits(found[axis], name)[0] for axis in AXES)
+    text, rows = " ".join(PAGE.read_text(encoding="utf-8").split()), residuals()
+    for window, name in (("214:260", "model"), ("214:260", "authors here"), ("140:281", "model")):
+        a, b, c = (rows[window, axis][name] for axis in AXES)
         assert f"{a} (ax), {b} (ay) and {c} (az)" in text
-    shares = [
-        float(r["model"]) / float(r[k]) for r in sprints.values() for k in ("constant", "static_thrust")
-    ]
+    sprints = [rows["214:260", axis] for axis in AXES]
+    shares = [float(r["model"]) / float(r[k]) for r in sprints for k in ("constant", "static thrust")]
     assert f"at most {max(shares):.2f} is left" in text
-    assert all(float(r["model"]) < float(r["authors_here"]) for r in sprints.values())
-    assert float(sprints["ax"]["model"]) > float(sprints["ax"]["authors_published"]), "the page says so"
-    assert all(float(r["model"]) < float(r["authors_published"]) for r in whole.values())
+    assert all(float(r["model"]) < float(r["authors here"]) for r in sprints)
+    assert float(sprints[0]["model"]) > float(sprints[0]["authors published"]), "the page says so"
+    whole = [rows["140:281", axis] for axis in AXES]
+    assert all(float(r["model"]) < float(r["authors published"]) for r in whole)
 
 
-def test_the_examples_are_what_was_verified() -> None:
-    package, name = MAPPING
-    mapping = files(package).joinpath(name).read_text(encoding="utf-8")
-    for example, text in ((name, mapping), ("hexacopter.toml", vehicle_text("hexacopter"))):
+def test_the_examples_are_those_of_the_studies() -> None:
+    mapping = files("stoop_studies.problems").joinpath("hexacopter_mapping.toml").read_text(encoding="utf-8")
+    for example, text in (
+        ("hexacopter_mapping.toml", mapping),
+        ("hexacopter.toml", vehicle_text("hexacopter")),
+    ):
         assert (ROOT / "examples" / example).read_text(encoding="utf-8") == text
     clocks = mapping.partition('extends = "px4"')[2].strip()
     assert clocks in PAGE.read_text(encoding="utf-8").replace("   ", "")

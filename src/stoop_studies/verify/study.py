@@ -66,7 +66,6 @@ EXPERIMENTS: Final[Mapping[str, tuple[str, str]]] = {
         ("propagate", "intervals of trims, modes, limits and control hold the truth (60 flights and more)"),
         ("jsbsim", "stock aircraft of JSBSim identified from their outputs (10 flights each)"),
         ("multirotor", "JSBSim's F450 identified from its outputs (10 flights, by speeds and by commands)"),
-        ("hexacopter", "forces of a real hexacopter predicted in sprints, beside its owners' model; reads --data DIR"),
         ("propellers", "cut propellers and added weights on real quadrotors; reads --data DIR"),
         ("handbook", "a priori derivatives beside those of published airplanes; reads --data DIR"),
     )

@@ -26,7 +26,8 @@ from stoop.strategy.run import fit as fit_by
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop_studies.findings import Claim, Findings, Setting, holds
-from stoop_studies.verify import closed_loop, hexacopter, scenes, study
+from stoop_studies.problems import hexacopter
+from stoop_studies.verify import closed_loop, scenes, study
 from stoop_studies.verify.study import vehicle_text
 
 COUNTS: Final = (
@@ -211,10 +212,11 @@ class Real:
 
 
 _HAND: Final = ((140, 145), (146, 152), (160, 168.3))
-_LEARNED: Final = (hexacopter.LEARNED,)
+#: package and file
+_MAPPING: Final = ("stoop_studies.problems", "hexacopter_mapping.toml")
 REAL: Final[Mapping[str, Real]] = {
     "v-tail": Real("V-tail aeroplane", "altlnt-vtail-8kg-px4/flight2", "v_tail", None, _HAND),
-    "hexacopter": Real("hexacopter", hexacopter.FOLDER, "hexacopter", hexacopter.MAPPING, _LEARNED),
+    "hexacopter": Real("hexacopter", hexacopter.FOLDER, "hexacopter", _MAPPING, ((140.0, 214.0),)),
 }
 
 
