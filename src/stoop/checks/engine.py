@@ -50,9 +50,15 @@ class Thresholds:
 LIMITS: Final = Thresholds()
 
 
+TABLE: Final = "the table"  #: file of lines that are columns in memory
+
+
 @dataclass(frozen=True)
 class Line:
-    """One line of a mapping that the user wrote: file "M.toml", key "variables.p"; the unit is empty where none is."""
+    """One line of a mapping that the user wrote: file "M.toml", key "variables.p"; the unit is empty where none is.
+
+    A column of a table in memory, which has no mapping, is a line of `TABLE`.
+    """
 
     file: str
     key: str
@@ -109,6 +115,15 @@ class Edit(Generic[State]):
     complete: bool = False
     prior: float = 0.0  #: logarithm of its odds before any data, against an edit as likely as any
     value: str = ""  #: what the line says then, such as a unit
+
+    def advice(self, lines: Lines) -> str:
+        """Return what to write and where; what to multiply where columns stand in no file."""
+        place = where(self.lines, lines)
+        if any(name not in lines or lines[name].file != TABLE for name in self.lines):
+            return f"{self.fix} for {place}"
+        if self.kind in ("sign", "scale"):
+            return f"multiply {place} by {self.fix.rpartition(' ')[2]}"
+        return f"convert {place} from {self.value}" if self.kind == "unit" else f"{self.fix} for {place}"
 
 
 class Evidence(Protocol):
@@ -232,7 +247,7 @@ class Finding(Generic[State]):
 
     def values(self, lines: Lines) -> dict[str, str | float | tuple[str, ...]]:
         """Return what a notice says of wrong lines of a mapping, and of what to write."""
-        alternatives = tuple(f"{s.edit.fix} for {where(s.edit.lines, lines)}" for s in self.edits)
+        alternatives = tuple(s.edit.advice(lines) for s in self.edits)
         return {
             "lines": self.best.lines,
             "fix": self.best.fix,

@@ -156,7 +156,7 @@ def _by_words(name: str) -> tuple[str, float, tuple[str, ...]] | None:
         variable = rule.variable.format(n=(number or 0) + (" at " in text or number == 0))
         known = number is not None and variable in VARIABLES
         return (variable, rule.scale, rule.doubts) if known else None
-    return None
+    return (name, 1.0, ()) if name in VARIABLES else None
 
 
 def without_unit(column: str) -> tuple[str, str]:

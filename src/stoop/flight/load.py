@@ -17,9 +17,8 @@ from stoop.base.files import write_bytes_atomic
 from stoop.base.notices import Notice, attempt, from_dict, notice
 from stoop.base.toml import parse_json
 from stoop.base.variables import EULER, QUATERNION, RATES, VARIABLES
-from stoop.checks.engine import read_lines
+from stoop.checks.engine import TABLE, Line, Lines, read_lines
 from stoop.checks.kinematics import check_rates
-from stoop.checks.lines import Signal
 from stoop.checks.mapping import Judgment, check_mapping
 from stoop.errors import FlightError, LogError
 from stoop.flight.air_data import with_air
@@ -96,30 +95,17 @@ def load(path: str | Path, mapping: str | Path | None = None, rate: float = 100.
         sources[TRUE] = sources[EQUIVALENT]
     if {EQUIVALENT, TRUE} <= data.keys():
         recorded = [replace(f, variable=TRUE) if f.variable == EQUIVALENT else f for f in recorded]
-    body_rates = {name: sources[name].rate for name in RATES if name in sources}
     # a mapping is judged in flight: on the ground estimators hold zeros, and sensors stand still
     gridded = Flight(flight_name(path), path, Gridded(grid.time, data), rate, sources)
     up = attempt(failed, np.ones(grid.time.size, dtype=bool), in_flight, gridded)
     recorded = [
         fault
         for fault in recorded
-        if fault.variable in data and (fault.kind != "stuck" or _within(fault, grid.time[up]))
+        if fault.variable in data
+        and (fault.kind != "stuck" or up[(grid.time >= fault.start) & (grid.time <= fault.stop)].any())
     ]
-    by_name: dict[str, list[Fault]] = {}
-    for fault in recorded:
-        by_name.setdefault(fault.variable, []).append(fault)
-    sound = not any(0.0 < known < SUSPECT_CLOCK for known in body_rates.values())
-    in_air, judged, signals = _in_air(channels, grid.time, data, up, by_name)
-    lines = read_lines(mapped.places)
-    nothing = Judgment((), (), {})
-    found = attempt(failed, nothing, check_mapping, signals, judged if sound else {}, rate, lines)
-    if found.refused:
-        raise FlightError(f"{path}: {str(found.refused[0]).removesuffix('.')}")
-    contradictions = [*found.notices, *attempt(failed, [], check_rates, found.corrected(in_air), rate, lines)]
+    contradictions = _contradictions(gridded, up, channels, recorded, read_lines(mapped.places), failed)
     inconsistent = any(one.code.startswith(INCONSISTENT) for one in contradictions)
-    late = attempt(failed, [], attitude_delay, channels) if inconsistent else []
-    if late:  # which explains an attitude unlike its rates
-        contradictions = [*found.notices, *late]
     span = float(grid.time[0]), float(grid.time[-1])
     of_mapping = [contradiction(one, *span) for one in contradictions]
     faults = (*recorded, *attempt(failed, [], rest_faults, grid.time, data, rate), *of_mapping)
@@ -156,6 +142,7 @@ def load(path: str | Path, mapping: str | Path | None = None, rate: float = 100.
     flight = attempt(failed, flight, with_air, flight)
     # what this record cannot show, whatever is fitted to it
     limits = []
+    body_rates = {name: sources[name].rate for name in RATES if name in sources}
     slow = {name: known for name, known in body_rates.items() if 0.0 < known < SLOW_RATES}
     if slow:
         lowest = min(slow.values())
@@ -167,36 +154,68 @@ def load(path: str | Path, mapping: str | Path | None = None, rate: float = 100.
     return flight.with_notices((*limits, *failed))
 
 
-def _in_air(
-    channels: Sequence[Channels],
-    time: FloatArray,
-    data: Mapping[str, FloatArray],
+def _contradictions(
+    flight: Flight,
     up: BoolArray,
-    faults: Mapping[str, Sequence[Fault]],
-) -> tuple[dict[str, FloatArray], dict[str, FloatArray], dict[str, Signal]]:
-    """Return what is known of the flight, for detectors: channels that hold no number are not among it.
+    channels: Sequence[Channels],
+    faults: Sequence[Fault],
+    lines: Lines,
+    failed: list[Notice],
+) -> list[Notice]:
+    """Return what contradicts the units, signs and axes of a flight's columns, from samples in the air (`up`).
 
-    These are columns on the grid, the same without what was clipped or stuck, and the samples as recorded; NaN on the ground.
+    Columns without a number are left out; clipped and stuck samples are not judged. Raises `FlightError` for angles in degrees.
     """
+    time, rate = flight.time, flight.rate
+    data = {name: flight.column(name) for name in flight.channels}
     # copies count: a sparse log may be gigabytes on its grid
-    in_air = dict(data) if up.all() else {name: np.where(up, x, np.nan) for name, x in data.items()}
-    judged = {name: without_faulty(time, x, faults.get(name, ())) for name, x in in_air.items()}
+    in_air = data if up.all() else {name: np.where(up, x, np.nan) for name, x in data.items()}
     signals = {
         name: (group.time, np.where(np.interp(group.time, time, up) > 0.5, x, np.nan))
         for group in channels
         for name, x in group.values.items()
     }
     empty = empty_columns(in_air) | empty_columns({name: x for name, (_, x) in signals.items()})
-    return (
-        {name: x for name, x in in_air.items() if name not in empty},
-        {name: x for name, x in judged.items() if name not in empty},
-        {name: one for name, one in signals.items() if name not in empty},
+    in_air = {name: x for name, x in in_air.items() if name not in empty}
+    signals = {name: one for name, one in signals.items() if name not in empty}
+    judged: dict[str, FloatArray] = {}
+    # slower body rates are those of a wrong clock
+    if not any(0.0 < flight.sources[name].rate < SUSPECT_CLOCK for name in RATES if name in flight.sources):
+        judged = {
+            name: without_faulty(time, x, [fault for fault in faults if fault.variable == name])
+            for name, x in in_air.items()
+        }
+    found = attempt(failed, Judgment((), (), {}), check_mapping, signals, judged, rate, lines)
+    if found.refused:
+        raise FlightError(f"{flight.path or flight.name}: {str(found.refused[0]).removesuffix('.')}")
+    of_rates = attempt(failed, [], check_rates, found.corrected(in_air), rate, lines)
+    if any(one.code.startswith(INCONSISTENT) for one in (*found.notices, *of_rates)):
+        # a late attitude explains one unlike its rates
+        of_rates = attempt(failed, [], attitude_delay, channels) or of_rates
+    return [*found.notices, *of_rates]
+
+
+def with_contradictions(flight: Flight) -> Flight:
+    """Return a flight made of columns with what contradicts their units, signs and axes, as `load` finds it in a log.
+
+    Raises
+    ------
+    FlightError
+        When angles or rates are in degrees.
+    """
+    failed: list[Notice] = []
+    channels = [
+        Channels(TABLE, flight.time, {name: flight.column(name) for name in flight.sources}),
+    ]
+    up = attempt(failed, np.ones(flight.time.size, dtype=bool), in_flight, flight)
+    recorded = attempt(failed, [], recorded_faults, channels)
+    lines = {name: Line(TABLE, f"'{name}'") for name in flight.sources}
+    found = _contradictions(flight, up, channels, recorded, lines, failed)
+    span = float(flight.time[0]), float(flight.time[-1])
+    faults = tuple(contradiction(one, *span) for one in found)
+    return replace(
+        flight, data=vars(flight)["data"], faults=faults, notices=(*flight.notices, *found, *failed)
     )
-
-
-def _within(fault: Fault, times: FloatArray) -> bool:
-    """Tell whether a fault was seen at any of some times (n,), s."""
-    return bool(((times >= fault.start) & (times <= fault.stop)).any())
 
 
 def without_faults(flight: Flight) -> Flight:

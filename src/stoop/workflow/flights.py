@@ -11,9 +11,12 @@ import numpy as np
 import numpy.typing as npt
 
 from stoop.base.arrays import FloatArray
+from stoop.base.units import FACTORS
+from stoop.base.variables import VARIABLES
 from stoop.errors import FlightError, VehicleError
 from stoop.flight import Flight, load
 from stoop.flight.flight import from_columns
+from stoop.flight.load import with_contradictions
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 
@@ -45,10 +48,12 @@ def as_vehicle(given: Any) -> Vehicle:
 def as_flight(given: Any) -> Flight:
     """Return a flight from a flight, a log, or columns over ``time`` (s) that are variables of the registry in SI.
 
+    Units, signs and axes of columns are checked as `stoop.flight.load` checks those of a log.
+
     Raises
     ------
     FlightError
-        It is none of these, or has no ``time``.
+        It is none of these, has no ``time``, or angles in degrees.
     """
     if isinstance(given, Flight):
         return given
@@ -72,8 +77,12 @@ def as_flight(given: Any) -> Flight:
     if time.dtype.kind in "mM" and time.size:
         time = (time - time.flat[0]) / np.timedelta64(1, "s")
     columns = {str(name): _numbers(str(name), given[name].to_numpy()) for name in names if name != "time"}
+    for key in columns.keys() & VARIABLES.keys():
+        stated, unit = str(given[key].attrs.get("units", "")), VARIABLES[key].unit
+        if stated in FACTORS and stated != unit and unit != "1":
+            raise FlightError(f"column '{key}' is in {stated} by its attribute 'units'; give it in {unit}")
     name = re.sub(r"[/\\@#:\0]", "-", str(given.attrs.get("name", "flight")))
-    return from_columns(name, _numbers("time", time), columns, source="dataset")
+    return with_contradictions(from_columns(name, _numbers("time", time), columns, source="dataset"))
 
 
 def _numbers(name: str, values: npt.NDArray[Any]) -> FloatArray:

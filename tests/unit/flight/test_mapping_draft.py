@@ -173,6 +173,8 @@ NAMES = {
     "V": "V vt TAS", "airspeed_pitot": "airspeed ARSPD", "airspeed_equivalent": "IAS EAS calibrated_airspeed",
     "rotor_3": "rpm3 esc[2].rpm motor3_rpm RPM[2] Omega3 w3",
     "motor_2": "motor2 motor.m2 motors[1]", "pwm_4": "pwm_4 C4 ch4 output[3]", "voltage": "vbat battery_voltage Volt",
+    "control_roll": "ControlRoll ctrl_roll roll_control roll_cmd cmd_roll", "control_pitch": "control.pitch u_pitch",
+    "control_yaw": "yaw_command control_yaw", "control_throttle": "throttle_cmd control_throttle_pct thr_control",
     "": "DesRoll roll_setpoint lat FrameNumber status xyz[0] p1 checksum",
 }  # fmt: skip
 
@@ -181,6 +183,23 @@ NAMES = {
 def test_names(name: str, variable: str) -> None:
     guess = recognized(name)
     assert (guess.variable if guess else "") == variable
+
+
+@pytest.mark.parametrize("name", sorted(VARIABLES.keys() - {"height"}))
+def test_a_variable_is_known_by_its_own_name(name: str) -> None:
+    guess = recognized(name)
+    assert guess is not None
+    assert (guess.variable, guess.scale) == (name, 1.0)
+
+
+def test_normalized_controls_are_drafted_beside_angles(tmp_path: Path) -> None:
+    controls = {f"control_{axis}": 60.0 * np.sin(k * T) for k, axis in enumerate(("roll", "pitch", "yaw"), 1)}
+    columns = flown() | controls | {"roll_cmd": 0.2 * np.cos(T), "control_throttle": 0.5 + 0.1 * np.sin(T)}
+    text = draft(written(tmp_path, columns)).text
+    found = tomllib.loads(text)["variables"]
+    assert found["phi"]["column"] == "phi"
+    assert {name: found[name]["unit"] for name in controls} == dict.fromkeys(controls, "percent")
+    assert found["control_throttle"] == {"column": "control_throttle", "unit": "1"}
 
 
 @settings(max_examples=60, deadline=None)

@@ -59,3 +59,108 @@ def test_a_table_is_no_path() -> None:
 def test_a_name_stays_within_its_folder() -> None:
     given = table().set_index("time").to_xarray().assign_attrs(name="a/../../../evil/x@0#b:c\\d")
     assert as_flight(given).name == "a-..-..-..-evil-x-0-b-c-d"
+
+
+def turning() -> dict[str, Any]:
+    """An airplane that turns about all axes in level flight: 30 s at 100 Hz, SI."""
+    t = 0.01 * np.arange(3000)
+    phi, theta, psi = 0.4 * np.sin(1.7 * t), 0.3 * np.sin(2.3 * t), 0.5 * np.sin(1.1 * t)
+    dphi, dtheta, dpsi = 0.68 * np.cos(1.7 * t), 0.69 * np.cos(2.3 * t), 0.55 * np.cos(1.1 * t)
+    return {
+        "time": t, "phi": phi, "theta": theta, "psi": psi,
+        "p": dphi - dpsi * np.sin(theta),
+        "q": dtheta * np.cos(phi) + dpsi * np.sin(phi) * np.cos(theta),
+        "r": -dtheta * np.sin(phi) + dpsi * np.cos(phi) * np.cos(theta),
+        "ax": G * np.sin(theta), "ay": -G * np.sin(phi) * np.cos(theta), "az": -G * np.cos(phi) * np.cos(theta),
+        "V": 20.0 + 0.1 * np.sin(t), "voltage": np.full(3000, 12.0),
+    }  # fmt: skip
+
+
+G = 9.80665
+FORCES = ("ax", "ay", "az")
+
+
+@pytest.mark.parametrize("form", ["table", "dataset"])
+def test_a_right_table_is_not_accused(form: str) -> None:
+    given = pd.DataFrame(turning())
+    found = as_flight(given if form == "table" else given.set_index("time").to_xarray())
+    assert (found.notices, found.faults) == ((), ())
+
+
+@pytest.mark.parametrize(
+    ("names", "factor", "advice"),
+    [
+        (("theta",), 180 / np.pi, "convert 'theta' in the table from deg"),
+        (("p", "q", "r"), 180 / np.pi, "convert 'p', 'q' and 'r' in the table from deg/s"),
+    ],
+)
+@pytest.mark.parametrize("form", ["table", "dataset"])
+def test_degrees_in_a_table_are_an_error(
+    form: str, names: tuple[str, ...], factor: float, advice: str
+) -> None:
+    given = pd.DataFrame({n: x * (factor if n in names else 1.0) for n, x in turning().items()})
+    with pytest.raises(FlightError, match=rf"^flight: [^\n]*{advice}$"):
+        as_flight(given if form == "table" else given.set_index("time").to_xarray())
+
+
+@pytest.mark.parametrize(
+    ("names", "factor", "kind", "advice"),
+    [
+        (FORCES, 1 / G, "wrong unit", "convert 'ax', 'ay' and 'az' in the table from g"),
+        (("voltage",), 1e3, "wrong unit", "convert 'voltage' in the table from mV"),
+        (("q",), -1.0, "inconsistent", "multiply 'q' in the table by -1"),
+    ],
+)
+def test_what_contradicts_a_table_is_a_fault_with_its_column(
+    names: tuple[str, ...], factor: float, kind: str, advice: str
+) -> None:
+    found = as_flight(pd.DataFrame({n: x * (factor if n in names else 1.0) for n, x in turning().items()}))
+    (fault,) = found.faults
+    assert (fault.kind, fault.variable) == (kind, names[0])
+    assert fault.message.endswith(advice)
+    assert fault.notice in found.notices
+
+
+def test_knots_and_feet_contradict_the_motion(dynamic: pd.DataFrame) -> None:
+    assert as_flight(dynamic).faults == ()
+    for names, factor, unit in ((("V",), 1.94384, "kt"), (("vn", "ve", "vd"), 3.28084, "ft/s")):
+        wrong = dynamic.assign(**{name: factor * dynamic[name] for name in names})
+        (fault,) = as_flight(wrong).faults
+        assert unit in fault.message, fault.message
+
+
+@pytest.fixture(scope="module")
+def dynamic() -> pd.DataFrame:
+    """An airplane that pitches, banks and changes its speed, with its velocity over ground, in calm air."""
+    t = 0.01 * np.arange(6000)
+    speed, theta, phi = 20.0 + 4.0 * np.sin(0.5 * t), 0.2 * np.sin(0.8 * t), 0.5 * np.sin(0.6 * t)
+    psi = 0.9 * np.sin(0.3 * t)
+    dphi, dtheta, dpsi = (np.gradient(x, t) for x in (phi, theta, psi))
+    velocity = speed * np.array([np.cos(theta) * np.cos(psi), np.cos(theta) * np.sin(psi), -np.sin(theta)])
+    force = np.gradient(velocity, t, axis=1) - np.array([[0.0], [0.0], [G]])
+    c, s = np.cos, np.sin
+    rows = [
+        [c(theta) * c(psi), c(theta) * s(psi), -s(theta)],
+        [s(phi) * s(theta) * c(psi) - c(phi) * s(psi), s(phi) * s(theta) * s(psi) + c(phi) * c(psi), s(phi) * c(theta)],
+        [c(phi) * s(theta) * c(psi) + s(phi) * s(psi), c(phi) * s(theta) * s(psi) - s(phi) * c(psi), c(phi) * c(theta)],
+    ]  # fmt: skip
+    ax, ay, az = np.einsum("ijk,jk->ik", np.array(rows), force)
+    rng = np.random.default_rng(0)
+    columns = {
+        "phi": phi, "theta": theta, "psi": psi, "V": speed, "alpha": 0.0 * t, "beta": 0.0 * t,
+        "p": dphi - dpsi * s(theta), "q": dtheta * c(phi) + dpsi * s(phi) * c(theta),
+        "r": -dtheta * s(phi) + dpsi * c(phi) * c(theta), "ax": ax, "ay": ay, "az": az,
+        **dict(zip(("vn", "ve", "vd"), velocity, strict=True)),
+    }  # fmt: skip
+    return pd.DataFrame({"time": t, **{n: x + 1e-3 * rng.normal(size=t.size) for n, x in columns.items()}})
+
+
+def test_units_that_a_dataset_states_are_not_ignored() -> None:
+    given = pd.DataFrame(turning()).set_index("time").to_xarray()
+    given["theta"].attrs["units"] = "rad"
+    assert as_flight(given).faults == ()
+    given["voltage"].attrs["units"] = "mV"
+    with pytest.raises(
+        FlightError, match=r"^column 'voltage' is in mV by its attribute 'units'; give it in V$"
+    ):
+        as_flight(given)
