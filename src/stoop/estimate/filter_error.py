@@ -14,7 +14,7 @@ M. R. Osborne, "Fisher's method of scoring", *International Statistical Review* 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, ClassVar, Final
@@ -24,18 +24,17 @@ import numpy as np
 from stoop import optimize
 from stoop.base.arrays import FloatArray
 from stoop.base.blas import on_one_blas_thread
-from stoop.base.notices import Notice, notice
+from stoop.base.notices import notice
 from stoop.errors import IdentificationError
 from stoop.estimate import iterates
 from stoop.estimate.estimate import Estimate, simulated
 from stoop.estimate.filter_gains import GAINS, STATED, Gain, Noise, Steady, Varying, first_guess
 from stoop.estimate.filter_likelihood import SCORING, FrozenFilter, Likelihood, Score
-from stoop.estimate.fit import DEFAULTS, Options, estimation_problem, starts
+from stoop.estimate.fit import Callback, Fitter, Options, State, starts
 from stoop.estimate.fitted_filter import FittedFilter, with_gusts
 from stoop.estimate.instability import largest_growth
 from stoop.estimate.linearization import Points, undelayed
 from stoop.estimate.noise_model import outlying_innovations
-from stoop.flight import Flight
 from stoop.optimize.levenberg_marquardt import (
     ADVICE,
     Damping,
@@ -49,11 +48,9 @@ from stoop.optimize.minimize import Status
 from stoop.problem import Misfit
 from stoop.problem.evidence import Evidence, PieceEvidence, Unknown, unknowns_of
 from stoop.problem.prepare import Prepared
-from stoop.problem.windows import Window
 from stoop.results.result import ProcessNoise
 from stoop.simulation import parameter_rows
 from stoop.simulation.delays import output_delays
-from stoop.vehicle import Vehicle
 
 #: at most, of the first searches, of which the best goes on
 FIRST_STEPS: Final = 20
@@ -281,7 +278,7 @@ class FilterEstimate(Estimate):
 
 
 @dataclass(frozen=True)
-class FilterError:
+class FilterError(Fitter[FilterEstimate]):
     """Filter error with one kind of gain."""
 
     gain: Gain
@@ -289,24 +286,15 @@ class FilterError:
     stated: float | None = None
 
     @on_one_blas_thread
-    def __call__(
-        self,
-        vehicle: Vehicle,
-        flights: Mapping[str, Flight],
-        windows: Sequence[Window],
-        options: Options = DEFAULTS,
-        callback: Callable[[optimize.Progress], None] | None = None,
-        state: optimize.State | None = None,
+    def search(
+        self, problem: Misfit, prepared: Prepared, options: Options, callback: Callback, state: State
     ) -> FilterEstimate:
-        """Maximize the likelihood of the innovations, see :mod:`stoop.estimate.methods`."""
-        problem, prepared = estimation_problem(vehicle, flights, windows, options)
-        problem = with_gusts(problem)
-        given = options.covariance
+        """Maximize the likelihood of the innovations."""
+        recorded = problem = with_gusts(problem)
+        vehicle, given = problem.layout.vehicle, options.covariance
         variances = np.diag(given) if given is not None and given.ndim == 2 else given
-        noise, shifted = (
-            Noise(vehicle, first_guess(vehicle, problem.pieces), variances, self.stated),
-            undelayed(problem),
-        )
+        noise = Noise(vehicle, first_guess(vehicle, problem.pieces), variances, self.stated)
+        shifted = undelayed(problem)
         price, searches = float(problem.dimension + problem.extra + noise.size + 2), []
         stages = Stages(SCORING, price, options.generations, options.budget, callback, state)
         for x in starts(problem):
@@ -322,13 +310,11 @@ class FilterError:
         best = min(searches, key=lambda a: a.cost)
         if searches[-1].status == "interrupted":
             best.status = "interrupted"
-        recorded = problem
         for _ in range(MAX_LINEARIZATIONS):
             if not best.usable:
                 break
-            cleaned = problem
-            if options.treatment.noise_shape:
-                cleaned = without_outliers(best.likelihood, best.z, problem)
+            left_out = options.treatment.noise_shape
+            cleaned = without_outliers(best.likelihood, best.z, problem) if left_out else problem
             if cleaned is not problem:
                 problem, likelihood = cleaned, replace(best.likelihood, problem=undelayed(cleaned))
                 best = maximize(stages, likelihood, best.z, TOLERANCES.first, FIRST_STEPS)
@@ -343,8 +329,8 @@ class FilterError:
                 f"{vehicle.where}: the filter diverges from every start; check values, bounds and units, or shorten "
                 "the maneuver"
             )
-        found = _fit(problem, prepared, best, sorted(a.cost for a in searches), stages)
-        return replace(found, notices=(*found.notices, *_missing(recorded, problem)))
+        costs = sorted(a.cost for a in searches)
+        return _estimate(recorded, problem, prepared, best, costs, stages)
 
 
 def without_outliers(likelihood: Likelihood, z: FloatArray, problem: Misfit) -> Misfit:
@@ -354,7 +340,8 @@ def without_outliers(likelihood: Likelihood, z: FloatArray, problem: Misfit) -> 
     """
     vehicle, dt = problem.layout.vehicle, problem.pieces[0].dt
     for _ in range(MAX_SWEEPS):
-        masks = outlying_innovations(likelihood.standardized(z), dt)
+        found = FrozenFilter.of(likelihood, z).standardized(z[: likelihood.known])
+        masks = outlying_innovations([v for v, _ in found], dt)
         if not any(mask.any() for mask in masks):
             break
         pieces = []
@@ -370,45 +357,28 @@ def without_outliers(likelihood: Likelihood, z: FloatArray, problem: Misfit) -> 
     return problem
 
 
-def _missing(recorded: Misfit, problem: Misfit) -> list[Notice]:
-    """Return how many readings of which channels were taken as not measured, if any."""
-    before, after = (np.concatenate([np.isfinite(p.measured) for p in m.pieces]) for m in (recorded, problem))
-    lost, outputs = (before & ~after).sum(axis=0), problem.layout.vehicle.outputs
-    found = {c: n for c, n in zip(outputs, lost.tolist(), strict=True) if n}
-    share = float(lost.sum() / before[:, lost > 0].sum()) if found else 0.0
-    count, counts = sum(found.values()), tuple(map(float, found.values()))
-    return (
-        [notice("outliers-missing", channels=tuple(found), counts=counts, count=count, share=share)]
-        if found
-        else []
-    )
-
-
-def _fit(
-    problem: Misfit, prepared: Prepared, best: ScoringModel, costs: Sequence[float], stages: Stages
+def _estimate(
+    recorded: Misfit,
+    problem: Misfit,
+    prepared: Prepared,
+    best: ScoringModel,
+    costs: Sequence[float],
+    stages: Stages,
 ) -> FilterEstimate:
-    """Return the fit of the best ascent; `costs` are those of the searches from each start, ascending.
+    """Return the estimate of the best search; `costs` are those of the searches from each start, ascending.
 
-    Its notices report the method, the estimated noise, and starts that led to different maxima.
+    Its notices report the method, the estimated noise, starts that led to different maxima, and the readings, as
+    `recorded`, that were taken as not measured.
     """
     likelihood, status = best.likelihood, best.status
     z, (iterations, runs) = best.z[: likelihood.known], stages.spent
-    growth = largest_growth(problem, z)
+    growth, score = largest_growth(problem, z), likelihood.score(best.z)
     unstable = notice("filter-predicts", factor=growth.factor, seconds=growth.seconds, rate=growth.rate)
+    outcome = optimize.Outcome(
+        z, best.cost, runs, iterations, status, ADVICE[status], best.history, stages.state, SCORING
+    )
     found = FilterEstimate(
-        problem,
-        prepared,
-        z,
-        optimize.Outcome(
-            z, best.cost, runs, iterations, status, ADVICE[status], best.history, stages.state, SCORING
-        ),
-        best.cost,
-        runs,
-        (),
-        likelihood,
-        best.z,
-        growth.excessive,
-        likelihood.score(best.z),
+        problem, prepared, z, outcome, best.cost, runs, (), likelihood, best.z, growth.excessive, score
     )
     process = found.process_noise
     notices = [
@@ -419,6 +389,12 @@ def _fit(
         notices.append(notice("process-noise", states=process.states, intensities=process.intensities))
     if len(costs) > 1 and not 0.5 * (costs[1] - costs[0]) < TOLERANCES.agreement:
         notices.append(notice("starts-disagree"))
+    before, after = (np.concatenate([np.isfinite(p.measured) for p in m.pieces]) for m in (recorded, problem))
+    if (lost := (before & ~after).sum(axis=0)).any():
+        channels = tuple(c for c, n in zip(problem.layout.vehicle.outputs, lost, strict=True) if n)
+        share, counts = float(lost.sum() / before[:, lost > 0].sum()), tuple(map(float, lost[lost > 0]))
+        count = int(lost.sum())
+        notices.append(notice("outliers-missing", channels=channels, counts=counts, count=count, share=share))
     return replace(found, notices=tuple(notices))
 
 

@@ -207,17 +207,6 @@ class Likelihood:
             pieces.append(piece)
         return Score(gradient, information, tuple(pieces))
 
-    def standardized(self, z: FloatArray) -> list[FloatArray]:
-        """Return the innovations (n, n_y) of each piece over their standard deviations, NaN where nothing was measured."""
-        out = []
-        for i, piece in enumerate(self.problem.pieces):
-            rows, start = self.problem.candidates(z[None, : self.known], i)
-            gains = self.gains(z[None, :], rows, start, i)
-            v = run_filter(self.problem, i, rows, start, gains)[0][0]
-            variance = np.diagonal(gains.covariance[0], axis1=1, axis2=2)[gains.which]
-            out.append(np.where(np.isfinite(piece.measured), v / np.sqrt(variance), np.nan))
-        return out
-
     def prior(self, z: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return gradient (k,) and information (k, k) of the priors."""
         rows = np.pad(self.problem.layout.prior_jacobian(), [(0, 0), (0, self.noise.size)])
@@ -338,6 +327,18 @@ class FrozenFilter(RefitProblem):
             variance = np.diagonal(gains.covariance[0], axis1=1, axis2=2)[gains.which]
             found.append(np.where(np.isfinite(piece.measured), np.sqrt(variance), np.nan))
         return tuple(found)
+
+    def standardized(self, z: FloatArray) -> tuple[tuple[FloatArray, FloatArray], ...]:
+        """Return the innovations (n, n_y) of each piece over their standard deviations, and these, at z (D + E,).
+
+        Innovations are NaN where nothing was measured.
+        """
+        out = []
+        for i, (piece, gains) in enumerate(zip(self.problem.pieces, self.gains, strict=True)):
+            v = run_filter(self.problem, i, *self.problem.candidates(z[None, :], i), gains)[0][0]
+            expected = np.sqrt(np.diagonal(gains.covariance[0], axis1=1, axis2=2))[gains.which]
+            out.append((np.where(np.isfinite(piece.measured), v / expected, np.nan), expected))
+        return tuple(out)
 
     @property
     def arrays(self) -> dict[str, Any]:

@@ -9,10 +9,11 @@ Klein and Morelli, *Aircraft System Identification*, 2nd ed., AIAA, 2016, sectio
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import Any, ClassVar, Final
+from typing import Any, ClassVar, Final, Generic, TypeAlias, TypeVar
 
 import numpy as np
 
@@ -49,6 +50,9 @@ from stoop.vehicle import Vehicle
 
 #: of the sensitivities of all samples
 MAX_BYTES = 2e9
+Callback: TypeAlias = Callable[[optimize.Progress], None] | None
+State: TypeAlias = optimize.State | None
+FittedT = TypeVar("FittedT", bound=Estimate, covariant=True)
 
 
 @dataclass(frozen=True)
@@ -112,17 +116,29 @@ class Options:
         """Name of the optimizer."""
         return self.optimizer if isinstance(self.optimizer, str) else self.optimizer.name
 
-    def create_optimizer(self, budget: float) -> optimize.Optimizer[Any]:
-        """Return the optimizer; one that goes by name may plan with a budget of trajectories."""
-        if isinstance(self.optimizer, str):
-            return optimize.create(self.optimizer, budget)
-        return self.optimizer
+    def minimized(
+        self, problem: Misfit, starts: FloatArray, spent: float, callback: Callback, state: State
+    ) -> optimize.Outcome:
+        """Return the outcome of a global search from starts (k, ...), after `spent` trajectories.
 
-    def stop(self, spent: float, starts: int) -> optimize.Stop:
-        """Return when the search stops after so many trajectories; a fifth of the rest is for the refinement."""
-        return optimize.Stop(
-            self.generations, max(0.8 * (self.budget - spent), float(starts)), self.target_cost
+        A fifth of the rest of the budget is for the refinement. An optimizer that goes by name may plan with its budget.
+
+        Raises
+        ------
+        IdentificationError
+            No candidate can be simulated.
+        """
+        stop = optimize.Stop(
+            self.generations, max(0.8 * (self.budget - spent), float(len(starts))), self.target_cost
         )
+        given = self.optimizer
+        optimizer = optimize.create(given, stop.budget) if isinstance(given, str) else given
+        outcome = optimize.minimize(
+            optimizer, problem, seed=self.seed, starts=starts, stop=stop, callback=callback, state=state
+        )
+        if not np.isfinite(outcome.cost):
+            raise IdentificationError(f"{problem.layout.vehicle.where}: {outcome.advice}")
+        return outcome
 
 
 @dataclass(frozen=True, eq=False)
@@ -222,43 +238,59 @@ def starts(problem: Misfit) -> FloatArray:
     return np.array([own] if guess is None else [own, guess])
 
 
-def fit(
-    vehicle: Vehicle,
-    flights: Mapping[str, Flight],
-    windows: Sequence[Window],
-    options: Options = DEFAULTS,
-    callback: Callable[[optimize.Progress], None] | None = None,
-    state: optimize.State | None = None,
-) -> OutputErrorEstimate:
-    """Fit the free numbers of a vehicle to windows of flights, jointly.
+class Fitter(ABC, Generic[FittedT]):
+    """A method that searches for the free numbers of a vehicle; :mod:`stoop.estimate.methods` names the methods."""
 
-    Without a given noise covariance the weights are settled first, by local refinements from the best start; the search
-    then runs with fixed weights from there; at last refinement and noise estimate alternate until both converge.
-    """
-    problem, prepared = estimation_problem(vehicle, flights, windows, options)
-    guesses, spent = starts(problem), 0.0
-    if options.covariance is None:
-        settled = settle(problem, guesses)
-        problem, spent, z = settled.problem, settled.spent, settled.z
-        if settled.interrupted:
-            cost = float(np.sum(problem.residuals(z[None, :], len(problem.prices) - 1) ** 2))
-            advice = "stopped by the user before the search: the estimates are those of a first local refinement; run it again"
-            outcome = optimize.Outcome(
-                z, cost, 0.0, 0, "interrupted", advice, np.empty((0, 2)), None, options.optimizer_name
-            )
-            return replace(refine(problem, prepared, outcome), trajectories=spent)
-        guesses = np.concatenate([z[None, :], np.pad(guesses, [(0, 0), (0, problem.extra)])])
-    stop = options.stop(spent, len(guesses))
-    outcome = optimize.minimize(
-        options.create_optimizer(stop.budget), problem, seed=options.seed, starts=guesses,
-        stop=stop, callback=iterates.shown(problem, callback), state=state,
-    )  # fmt: skip
-    if not np.isfinite(outcome.cost):
-        raise IdentificationError(f"{vehicle.where}: {outcome.advice}")
-    left = options.budget - spent - outcome.trajectories
-    given = options.covariance is not None
-    done = refine(problem, prepared, outcome, left, estimate_noise=not given, treatment=options.treatment)
-    return replace(done, trajectories=done.trajectories + spent)
+    def __call__(
+        self,
+        vehicle: Vehicle,
+        flights: Mapping[str, Flight],
+        windows: Sequence[Window],
+        options: Options = DEFAULTS,
+        callback: Callback = None,
+        state: State = None,
+    ) -> FittedT:
+        """Fit the free numbers of a vehicle to windows of flights, jointly."""
+        problem, prepared = estimation_problem(vehicle, flights, windows, options)
+        return self.search(problem, prepared, options, callback, state)
+
+    @abstractmethod
+    def search(
+        self, problem: Misfit, prepared: Prepared, options: Options, callback: Callback, state: State
+    ) -> FittedT:
+        """Return the estimate for a problem whose weights are those of the vehicle file, or given."""
+
+
+class OutputError(Fitter[OutputErrorEstimate]):
+    """Output error with fixed weights, then with those of the residuals."""
+
+    def search(
+        self, problem: Misfit, prepared: Prepared, options: Options, callback: Callback, state: State
+    ) -> OutputErrorEstimate:
+        """Search from the best start, then alternate refinement and noise estimate until both converge.
+
+        Without a given noise covariance local refinements from the best start determine the weights of the search.
+        """
+        guesses, spent = starts(problem), 0.0
+        if options.covariance is None:
+            settled = settle(problem, guesses)
+            problem, spent, z = settled.problem, settled.spent, settled.z
+            if settled.interrupted:
+                cost = float(np.sum(problem.residuals(z[None, :], len(problem.prices) - 1) ** 2))
+                advice = "stopped by the user before the search: the estimates are those of a first refinement; run it again"
+                outcome = optimize.Outcome(
+                    z, cost, 0.0, 0, "interrupted", advice, np.empty((0, 2)), None, options.optimizer_name
+                )
+                return replace(refine(problem, prepared, outcome), trajectories=spent)
+            guesses = np.concatenate([z[None, :], np.pad(guesses, [(0, 0), (0, problem.extra)])])
+        outcome = options.minimized(problem, guesses, spent, iterates.shown(problem, callback), state)
+        left = options.budget - spent - outcome.trajectories
+        given = options.covariance is not None
+        done = refine(problem, prepared, outcome, left, estimate_noise=not given, treatment=options.treatment)
+        return replace(done, trajectories=done.trajectories + spent)
+
+
+fit = OutputError()
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,7 +23,7 @@ import numpy as np
 from stoop import optimize
 from stoop.base.arrays import FloatArray
 from stoop.estimate.filter_gains import GAINS, Gain, Noise
-from stoop.estimate.filter_likelihood import FrozenFilter, Likelihood, run_filter
+from stoop.estimate.filter_likelihood import FrozenFilter, Likelihood
 from stoop.estimate.linearization import linearized, measured_points, undelayed
 from stoop.problem import Layout, Misfit, Nuisance, Piece
 from stoop.results.result import NoiseCovariance, ProcessNoise
@@ -102,13 +102,7 @@ class FittedFilter:
             frozen = FrozenFilter.of(likelihood, z)
             z = np.concatenate([optimize.refine(frozen, z[: problem.extra], 0).z, tail])
             likelihood = likelihood.along(z)
-        frozen, out = FrozenFilter.of(likelihood, z), []
-        for i, (piece, gains) in enumerate(zip(problem.pieces, frozen.gains, strict=True)):
-            candidates = problem.candidates(z[None, : problem.extra], i)
-            v = run_filter(problem, i, *candidates, gains)[0][0]
-            expected = np.sqrt(np.diagonal(gains.covariance[0], axis1=1, axis2=2))[gains.which]
-            out.append((np.where(np.isfinite(piece.measured), v / expected, np.nan), expected))
-        return tuple(out)
+        return FrozenFilter.of(likelihood, z).standardized(z[: problem.extra])
 
     def disturbance(self, vehicle: Vehicle, piece: Piece) -> FloatArray:
         """Return the variance (n, n_y) of readings by gusts and other process noise since the beginning of a piece."""

@@ -19,7 +19,7 @@ R. V. Jategaonkar, *Flight Vehicle System Identification*, 2nd ed., AIAA, 2015, 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from itertools import pairwise
@@ -34,7 +34,7 @@ from stoop.base.notices import notice
 from stoop.errors import IdentificationError
 from stoop.estimate import iterates
 from stoop.estimate.estimate import Estimate
-from stoop.estimate.fit import ALTERNATION, DEFAULTS, Options, estimation_problem, starts
+from stoop.estimate.fit import ALTERNATION, Callback, Fitter, Options, State, starts
 from stoop.estimate.linearization import aligned, as_recorded
 from stoop.estimate.noise import first_variance, noise_covariance
 from stoop.estimate.noise_model import NoiseModel, with_noise
@@ -42,7 +42,6 @@ from stoop.estimate.refit_problem import RefitProblem
 from stoop.estimate.response import ExtendedModel, Responses, whitened
 from stoop.estimate.shooting_problem import Iterate, Reduced, ShootingProblem, Weighted, reduced
 from stoop.estimate.shooting_windows import WINDOW_LENGTH, Shots, window_model
-from stoop.flight import Flight
 from stoop.optimize.levenberg_marquardt import (
     ADVICE,
     Damping,
@@ -60,8 +59,6 @@ from stoop.problem import Layout, Misfit, Weights
 from stoop.problem.archive import PIECE_TUPLES
 from stoop.problem.evidence import Evidence
 from stoop.problem.prepare import Prepared
-from stoop.problem.windows import Window
-from stoop.vehicle import Vehicle
 
 #: least predicted reduction of half the cost
 TOLERANCE: Final = 1e-4
@@ -467,24 +464,17 @@ class ShootingEstimate(Estimate):
 
 
 @dataclass(frozen=True)
-class MultipleShooting:
+class MultipleShooting(Fitter[ShootingEstimate]):
     """Multiple shooting in windows of a length, s."""
 
     length: float = WINDOW_LENGTH
 
     @on_one_blas_thread
-    def __call__(
-        self,
-        vehicle: Vehicle,
-        flights: Mapping[str, Flight],
-        windows: Sequence[Window],
-        options: Options = DEFAULTS,
-        callback: Callable[[optimize.Progress], None] | None = None,
-        state: optimize.State | None = None,
+    def search(
+        self, problem: Misfit, prepared: Prepared, options: Options, callback: Callback, state: State
     ) -> ShootingEstimate:
-        """Fit windows, see :mod:`stoop.estimate.methods`."""
-        problem, prepared = estimation_problem(vehicle, flights, windows, options)
-        shifted, model = aligned(problem, problem.layout.start), window_model(vehicle)
+        """Fit windows by Gauss-Newton, after a global search where no start is near enough."""
+        shifted, model = aligned(problem, problem.layout.start), window_model(problem.layout.vehicle)
         if options.covariance is None:
             shifted = shifted.weighted(Weights.of(first_variance(shifted)))
         shooting, guesses = ShootingProblem.of(shifted, self.length), starts(shifted)
@@ -492,16 +482,11 @@ class MultipleShooting:
         stages = Stages("gauss-newton", price, options.generations, options.budget, callback, state)
         padded, start = list(np.pad(guesses, [(0, 0), (0, problem.extra)])), None
 
-        def search(budget: float) -> optimize.Outcome:
+        def global_search(budget: float) -> optimize.Outcome:
             """Return the outcome of a global search, with the vector of the whole problem."""
-            stop = replace(options, budget=budget).stop(0.0, len(guesses))
-            found = optimize.minimize(
-                options.create_optimizer(stop.budget), windowed, seed=options.seed, starts=guesses,
-                stop=stop, callback=iterates.shown(windowed, stages.started), state=stages.start,
-            )  # fmt: skip
+            limited, shown = replace(options, budget=budget), iterates.shown(windowed, stages.started)
+            found = limited.minimized(windowed, guesses, 0.0, shown, stages.start)
             stages.start = found.state
-            if not np.isfinite(found.cost):
-                raise IdentificationError(f"{vehicle.where}: {found.advice}")
             d, extra = problem.dimension, problem.extra - windowed.extra
             return replace(found, z=np.concatenate([found.z[:d], np.zeros(extra), found.z[d:]]))
 
@@ -510,23 +495,23 @@ class MultipleShooting:
             poor = POOR * windowed.reference(0)
             begun = state is not None and not isinstance(state, StagesState)
             if begun or not float(np.min(windowed.costs(guesses, 0))) < poor:
-                start = search(options.budget)
+                start = global_search(options.budget)
         cut = start is not None and start.status == "interrupted"
         found = refined(shooting, padded if start is None else [start.z], options, stages, cut)
         if start is None and found.status == "stalled" and model.global_start:
-            start = search(min(SECOND_BUDGET, options.budget - stages.spent[1]))
+            start = global_search(min(SECOND_BUDGET, options.budget - stages.spent[1]))
             again = refined(shooting, [start.z], options, stages, start.status == "interrupted")
             if again.status in ("converged", "interrupted"):
                 found = again if again.status == "converged" else replace(found, status="interrupted")
-        return self._fit(problem, prepared, found, start, stages.state)
+        return self._estimate(problem, prepared, found, start, stages.state)
 
-    def _fit(
+    def _estimate(
         self,
         problem: Misfit,
         prepared: Prepared,
         found: Refined,
         start: optimize.Outcome | None,
-        state: optimize.State | None,
+        state: State,
     ) -> ShootingEstimate:
         at, status, windowed = found.at, found.status, found.problem
         many = float(found.iterations * (problem.dimension + problem.extra + 2))
@@ -544,19 +529,10 @@ class MultipleShooting:
             notices += found.noise.notices(problem, [str(w) for w in prepared.windows])
         if not found.noise_converged and status != "interrupted":
             notices.append(notice("noise-not-converged"))
-        return ShootingEstimate(
-            problem,
-            prepared,
-            at.z,
-            optimize.Outcome(
-                at.z, at.cost, many, found.iterations, status, advice, history, state, optimizer
-            ),
-            at.cost,
-            many,
-            tuple(notices),
-            windowed,
-            at,
+        outcome = optimize.Outcome(
+            at.z, at.cost, many, found.iterations, status, advice, history, state, optimizer
         )
+        return ShootingEstimate(problem, prepared, at.z, outcome, at.cost, many, tuple(notices), windowed, at)
 
 
 fit = MultipleShooting()

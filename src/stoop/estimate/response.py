@@ -110,20 +110,6 @@ def fly(vehicle: Vehicle, rows: FloatArray, start: FloatArray, inputs: FloatArra
     return np.moveaxis(out, 0, 1)
 
 
-def fly_together(
-    vehicle: Vehicle,
-    rows: Sequence[FloatArray],
-    starts: Sequence[FloatArray],
-    inputs: Sequence[FloatArray],
-    dt: float,
-) -> list[FloatArray]:
-    """Return the states (n_x, n) of several records side by side, each (n_p, 1), (n_x, 1), (n_u, n)."""
-    longest = max(record.shape[1] for record in inputs)
-    padded = [np.pad(x, [(0, 0), (0, longest - x.shape[1])], mode="edge") for x in inputs]
-    states = fly(vehicle, np.hstack(rows), np.hstack(starts), np.stack(padded, axis=-1), dt)
-    return [states[:, : record.shape[1], i].copy() for i, record in enumerate(inputs)]
-
-
 @dataclass(frozen=True, eq=False)
 class Responses:
     """Whitened responses of each piece to m extensions, per SI unit."""
@@ -237,7 +223,11 @@ def simulation_responses(problem: Misfit, z: FloatArray) -> Responses:
     model, out = ExtendedModel.of(problem.layout.vehicle), []
     known, starts = zip(*(problem.candidates(z[None, :], i) for i in range(len(problem.pieces))), strict=True)
     records = [model.received(*both) for both in zip(problem.pieces, known, strict=True)]
-    flown = fly_together(model.base, known, starts, records, problem.pieces[0].dt)
+    longest = max(record.shape[1] for record in records)
+    padded = [np.pad(x, [(0, 0), (0, longest - x.shape[1])], mode="edge") for x in records]
+    dt = problem.pieces[0].dt
+    together = fly(model.base, np.hstack(known), np.hstack(starts), np.stack(padded, axis=-1), dt)
+    flown = [together[:, : record.shape[1], i].copy() for i, record in enumerate(records)]
     trajectories = [
         Trajectory(
             model.equations, model.rows(own[:, 0]), states, record, np.arange(len(piece.time)), piece.dt
