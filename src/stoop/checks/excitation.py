@@ -41,7 +41,7 @@ MASS: Final = "mass.mass"
 
 
 def excitation_notices(problem: Misfit, z: FloatArray, recorded_rate: float = np.inf) -> list[Notice]:
-    """Return what the fitted windows cannot tell, whatever is fitted.
+    """Return notices of what the fitted windows cannot determine.
 
     The motion of the estimate z (D + E,) stands for the measured one: it has no noise and no holes. `recorded_rate` is that
     of the slowest of the compared channels in the log, Hz.
@@ -166,6 +166,7 @@ def ratios(vehicle: Vehicle, estimates: dict[str, tuple[float, float]]) -> str:
         for p in named
     )
     return (
-        f"Only ratios to the mass are told, for no mass, inertia or force is known beforehand: {MASS} was held at {mass:g} kg. "
-        f"Per kg: {each}. Another mass multiplies all of them; weigh the vehicle and write mass.mass, or give inertia a prior."
+        "Only ratios to the mass are determined, for no mass, inertia or force is known beforehand: "
+        f"{MASS} was held at {mass:g} kg. Per kg: {each}. "
+        "Another mass multiplies all of them; weigh the vehicle and write mass.mass, or give inertia a prior."
     )

@@ -39,9 +39,9 @@ OUTCOME: Final = ("cost", "trajectories", "generation", "status", "advice", "opt
 class Estimate(ABC):
     """Estimates of the free numbers of a vehicle from windows of flights.
 
-    A child adds as fields what its estimator found beside the search vector, and derives everything else from them. All of
-    it can be saved: ``numpy.savez(file, **estimate.state())`` keeps an estimate, `stoop.estimate.methods.restore` brings it
-    back, so that whatever reads an estimate (error bars, bootstrap, profile, prediction) gives the same numbers.
+    A child adds the results of its estimator as fields, and derives everything else from them.
+    ``numpy.savez(file, **estimate.state())`` saves an estimate and `stoop.estimate.methods.restore` restores it: error bars,
+    bootstrap, profile and predictions of both have the same bits.
     """
 
     #: class of `refit_problem`
@@ -53,11 +53,11 @@ class Estimate(ABC):
     z: FloatArray
     #: of the search
     outcome: optimize.Outcome
-    #: twice the negative logarithm of the posterior at the optimum, less what does not depend on the unknowns
+    #: twice the negative logarithm of the posterior at the optimum, less its constant terms
     cost: float
     #: whole-trajectory equivalents, refinement included
     trajectories: float
-    #: how to read the estimates, and what makes them doubtful, beside those of `prepared`
+    #: of the method, and of doubtful estimates, beside those of `prepared`
     notices: tuple[Notice, ...]
 
     @property

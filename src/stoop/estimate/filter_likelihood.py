@@ -342,7 +342,7 @@ class FrozenFilter(RefitProblem):
 
     @property
     def arrays(self) -> dict[str, Any]:
-        """What :meth:`restored` needs beside `problem`."""
+        """Arrays that :meth:`restored` takes beside `problem`."""
         names = ("gain", "covariance", "which")
         return {f"gains.{n}.{i}": getattr(g, n) for i, g in enumerate(self.gains) for n in names}
 

@@ -57,7 +57,7 @@ FittedT = TypeVar("FittedT", bound=Estimate, covariant=True)
 
 @dataclass(frozen=True)
 class Alternation:
-    """At most so many rounds of refinement and noise estimate, until log det R per channel changes by less."""
+    """Rounds of refinement and noise estimate: at most `rounds`, until log det R per channel changes by < `tolerance`."""
 
     rounds: int
     tolerance: float
@@ -84,14 +84,14 @@ class Options:
         Name, see :func:`stoop.optimize.names`, or an optimizer of your own, such as a composition with your mutation.
     seed : int
     generations, budget, target_cost
-        When to stop, see :class:`stoop.optimize.Stop`; a fifth of the budget is kept for the refinement; the few
-        refinements that settle the weights count, but are never cut short.
+        Limits of the search, see :class:`stoop.optimize.Stop`. A fifth of the budget is kept for the refinement. The
+        refinements that settle the weights count, but the budget does not limit them.
     covariance : (n_y,) or (n_y, n_y) array, optional
         A given noise covariance, the inverse of eq. (3)'s Q; estimated when absent.
     method : str
         Name, see :func:`stoop.estimate.methods.names`; the strategy decides when empty.
     treatment : Treatment
-        What the estimator may decide by itself about data and noise.
+        Decisions about data and noise that the estimator may take.
     """
 
     optimizer: str | optimize.Optimizer[Any] = "ps-gde-lm"
@@ -306,7 +306,7 @@ class Settled:
 def settle(problem: Misfit, guesses: FloatArray) -> Settled:
     """Settle the weights by a few short local refinements from the best start.
 
-    No budget cuts this short: the weights decide what a cost means, so a search that is resumed with more
+    No budget limits these rounds: the weights define the cost, so a search that is resumed with more
     budget must find the same ones.
     """
     problem = problem.weighted(Weights.of(first_variance(problem)))
@@ -336,8 +336,8 @@ def refine(
 ) -> OutputErrorEstimate:
     """Alternate noise-covariance estimation and Gauss-Newton refinement until the likelihood converges.
 
-    Population optimizers get their nuisances here. An interrupted search is not refined; Ctrl-C during the refinement
-    keeps what there is.
+    Population optimizers get their nuisances here. An interrupted search is not refined. Ctrl-C during the refinement
+    keeps the best estimates so far.
     """
     z, before, spent, recorded, noise = outcome.z, np.inf, 0.0, problem, None
     converged = interrupted = outcome.status == "interrupted"
@@ -368,9 +368,9 @@ def refine(
 def _refined(
     problem: Misfit, z: FloatArray, settings: optimize.Settings, budget: float = np.inf
 ) -> tuple[FloatArray, float, str]:
-    """Refine locally on the full record; return where that led, the trajectories, and what cut it short, if anything.
+    """Refine locally on the full record; return the point, the number of trajectories, and the reason of an early stop.
 
-    Ctrl-C or a spent budget keeps the best so far.
+    Ctrl-C or a spent budget keeps the best point so far; the reason is empty without them.
     """
     ledger = optimize.Ledger(problem, Evaluations.none(problem), budget)
     try:

@@ -38,13 +38,13 @@ def gust_bias(fit: Estimate, flights: Mapping[str, Flight]) -> tuple[Notice, ...
     named = sorted(
         (n for n, (_, size) in biases.items() if abs(size) > MIN_BIAS), key=lambda n: -abs(biases[n][1])
     )
-    told = tuple(f"{n} {biases[n][0]:+.3g} ({biases[n][1]:+.1f})" for n in named[:SHOWN])
-    return (notice("gusts-bias", parameters=told, count=len(named)),) if named else ()
+    shown = tuple(f"{n} {biases[n][0]:+.3g} ({biases[n][1]:+.1f})" for n in named[:SHOWN])
+    return (notice("gusts-bias", parameters=shown, count=len(named)),) if named else ()
 
 
 @on_one_blas_thread
 def gust_biases(fit: Estimate, flights: Mapping[str, Flight]) -> dict[str, tuple[float, float]]:
-    """Return the bias of each parameter, SI and in standard errors of filter error; none where no filter can tell."""
+    """Return the bias of each parameter, SI and in standard errors of filter error; none where no filter applies."""
     own, vehicle = fit.problem.layout, with_turbulence(fit.problem.layout.vehicle)
     try:
         problem = with_gusts(estimation_problem(vehicle, flights, fit.prepared.windows, DEFAULTS)[0])

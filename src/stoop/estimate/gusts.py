@@ -8,8 +8,8 @@ the velocity over ground, so with measured V, alpha and beta, in body axes,
 is the change of the wind, whatever the aircraft's coefficients are, and whoever moves the surfaces. Biases of the sensors and
 an error of the attitude make d linear in time, scale factors and misalignment of the vanes make it proportional to the
 integral, positions of sensors to the rates, scale factors of gyros and air data to the integral of omega x v_air by each
-rate: these are removed by least squares. Neighboring samples tell what is left from
-white noise.
+rate: these are removed by least squares. The covariance of neighboring
+samples separates the remainder from white noise.
 
 References
 ----------
@@ -48,7 +48,7 @@ AXES: Final = ("u", "v", "w")
 class GustLimits:
     """When gusts are taken for more than errors of sensors, and the table that describes them."""
 
-    #: gusts of so many standard deviations of an air data sensor, by the vehicle file; of simulated flights of
+    #: size of gusts, in standard deviations of an air data sensor by the vehicle file; of simulated flights of
     #: `stoop verify feedback` at most 0.3 in calm air, with scale errors of 8 % too, 1 to 2 in light turbulence
     sigmas: float = 0.5
     seconds: float = 4.0  #: of a window; of a shorter one the least squares would leave nothing
@@ -136,7 +136,7 @@ def with_turbulence(vehicle: Vehicle) -> Vehicle:
 
 
 def unexplained(fit: Estimate, method: str, instead: str) -> tuple[Notice, ...]:
-    """Return why gusts do not explain the residuals of a filter-error fit, if they do not; an interrupted fit may go on."""
+    """Return why gusts do not explain the residuals of a filter-error fit, if they do not; an interrupted fit may be resumed."""
     if fit.outcome.status == "interrupted":
         return ()
     if fit.outcome.status != "converged":

@@ -1,7 +1,7 @@
 """Iterates of a running fit, for displays: the problem, the point, and the simulated readings there.
 
-A context manager sets the observer for all estimators that run within it. The readings are simulated only when the observer
-asks for them.
+A context manager sets the observer of all estimators that run within it. Readings are simulated only when the observer
+calls `Candidate.simulate`.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 ``fit(vehicle, flights, windows, options, callback, state) -> Estimate``
     Turns windows of flights into an estimate; `stoop.estimate.fit.estimation_problem` gives the problem.
 
-    `callback` gets the state after each step and `state` is one to go on from; regressions ignore both.
+    `callback` receives the state after each step, and a search resumes from `state`; regressions ignore both.
 
 To add a method, write its function and its :class:`stoop.estimate.estimate.Estimate`, and add one row to `_METHODS`.
 """
@@ -33,7 +33,7 @@ class Method:
     fit: str
     #: ``"module:class"``, the :class:`stoop.estimate.estimate.Estimate` that it returns
     estimate: str
-    #: what it is for, in a few words
+    #: purpose, in a few words
     purpose: str
     #: whether residuals are those of a simulation, whose likelihood posterior and profile show
     simulates: bool = True

@@ -299,7 +299,7 @@ class LinearizedNodes(RefitProblem):
 
     @property
     def arrays(self) -> dict[str, Any]:
-        """What :meth:`restored` needs beside `problem`."""
+        """Arrays that :meth:`restored` takes beside `problem`."""
         out: dict[str, Any] = {"gap_weights": self.gap_weights, "center": self.center}
         out["strict"] = np.array(self.strict)
         for i, (edges, nodes, follow) in enumerate(zip(self.edges, self.nodes, self.follow, strict=True)):

@@ -52,7 +52,7 @@ EM_TOLERANCE: Final = 1e-7  #: change of the mean logarithm of the likelihood at
 
 
 @dataclass(frozen=True)
-class Limits:
+class NoiseLimits:
     """When residuals are taken as other than normal, and other in each maneuver."""
 
     #: twice the gain in the logarithm of the likelihood, by independent samples; two more parameters, one at its bound, gain
@@ -72,7 +72,7 @@ class Limits:
     named: float = 1.5  #: times the noise of the other maneuvers, from which a maneuver is named
 
 
-LIMITS: Final = Limits()
+LIMITS: Final = NoiseLimits()
 
 
 @dataclass(frozen=True)

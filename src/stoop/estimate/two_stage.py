@@ -33,12 +33,13 @@ from scipy.sparse import coo_array, vstack
 from scipy.sparse.linalg import spsolve
 
 from stoop.base.arrays import FloatArray, IntArray
+from stoop.base.notices import Notice, notice
 from stoop.base.units import STANDARD_GRAVITY
 from stoop.base.variables import RATES, SPECIFIC_FORCE
 from stoop.errors import IdentificationError
 from stoop.estimate.filter_gains import first_guess
 from stoop.estimate.regression.aircraft import AircraftEquations, Motion, histories
-from stoop.estimate.regression.least_squares import TimeDomain
+from stoop.estimate.regression.least_squares import Estimates, TimeDomain
 from stoop.estimate.regression.method import regression
 from stoop.problem import Layout, Piece
 from stoop.problem.observation import observation_model, true_values
@@ -140,8 +141,8 @@ class Path:
         residual = [(white @ gap[:, :, None]).ravel(), left.T.ravel(), bias[list(self.biased)] / self.prior]
         return np.concatenate(residual), vstack(slopes)
 
-    def reconstructed(self) -> tuple[FloatArray, FloatArray]:
-        """Return the likeliest states (5, n) and biases (11,) of specific force, rates and readings."""
+    def reconstructed(self) -> tuple[FloatArray, FloatArray, bool]:
+        """Return the likeliest states (5, n), biases (11,) of specific force, rates, readings, and whether they converged."""
         states, bias, some = self.states.copy(), np.zeros(11), list(self.modeled)
         count = states.shape[1] * len(some)
         for _ in range(MAX_STEPS):
@@ -151,9 +152,9 @@ class Path:
             states[some] += step[:count].reshape(-1, len(some)).T
             bias[list(self.biased)] += step[count:]
             change = (readings(states) - before) / self.sigma[:, None]
-            if not np.sqrt(np.mean(change**2)) > TOLERANCE:
-                break
-        return states, bias
+            if not (size := np.sqrt(np.mean(change**2))) > TOLERANCE:
+                return states, bias, bool(np.isfinite(size) and np.isfinite(states).all())
+        return states, bias, False
 
 
 def specific_force(vehicle: Vehicle, motion: Motion, time: FloatArray) -> FloatArray:
@@ -170,12 +171,15 @@ def specific_force(vehicle: Vehicle, motion: Motion, time: FloatArray) -> FloatA
     return found
 
 
-def reconstructed(vehicle: Vehicle, piece: Piece, noise: Mapping[str, float]) -> Motion:
-    """Return the motion of a piece with the reconstructed states; `noise` of each output, its unit."""
+def reconstructed(vehicle: Vehicle, piece: Piece, noise: Mapping[str, float]) -> tuple[Motion, bool]:
+    """Return the motion of a piece with the reconstructed states, and whether these converged.
+
+    The `noise` is the standard deviation of each output, its unit. States that are not finite stay as measured.
+    """
     motion = Motion.of(vehicle, piece)
     time, states = piece.time[motion.samples], motion.states
     if len(time) < 2:
-        return motion
+        return motion, True
     rigid, known = rigid_states(states), {p.name: p for p in vehicle.parameters if p.free}
     free = {i: known[n] for i, c in enumerate((*INERTIAL, *READ)) if (n := f"sensors.{c}.bias") in known}
     path = Path(
@@ -190,19 +194,22 @@ def reconstructed(vehicle: Vehicle, piece: Piece, noise: Mapping[str, float]) ->
         tuple(free),
         np.array([p.prior or 1.0 for p in free.values()]),
     )
-    found, bias = path.reconstructed()
+    found, bias, converged = path.reconstructed()
     if not np.isfinite(found).all():
-        return motion
+        return motion, False
     biases = dict(zip(INERTIAL, bias.tolist(), strict=False))
     flown = dict(zip(READ, readings(found), strict=True))
     flown |= {c: states[c] - biases[c] for c in RATES}
     read = {c: y - biases[c] for c, y in motion.readings.items()}
-    return replace(motion, states={**states, **flown}, readings=read)
+    return replace(motion, states={**states, **flown}, readings=read), converged
 
 
+@dataclass(frozen=True, eq=False)
 class ReconstructedEquations(AircraftEquations):
     """The coefficients of an aircraft along reconstructed states."""
 
+    #: s, start of each piece whose reconstruction did not converge
+    not_converged: tuple[float, ...] = ()
     explanations: ClassVar[Mapping[str, str]] = {"time": "two-stage"}
 
     @classmethod
@@ -220,8 +227,19 @@ class ReconstructedEquations(AircraftEquations):
         vehicle = layout.vehicle
         stated = np.array([getattr(vehicle.file.sensors, c).sigma for c in vehicle.outputs])
         sigma = np.fmax(first_guess(vehicle, pieces), stated)
-        motion = partial(reconstructed, noise=dict(zip(vehicle.outputs, sigma.tolist(), strict=True)))
-        return cls(layout, tuple(h for piece in pieces for h in histories(vehicle, piece, motion)))
+        noise, lost = dict(zip(vehicle.outputs, sigma.tolist(), strict=True)), list[float]()
+
+        def motion(vehicle: Vehicle, piece: Piece) -> Motion:
+            found, converged = reconstructed(vehicle, piece, noise)
+            lost.extend([] if converged else [float(piece.time[0])])
+            return found
+
+        found = tuple(h for piece in pieces for h in histories(vehicle, piece, motion))
+        return cls(layout, found, tuple(lost))
+
+    def notices(self, _: Estimates) -> list[Notice]:
+        """Return where the flight path is doubtful."""
+        return [notice("path-not-converged", times=self.not_converged)] if self.not_converged else []
 
 
 two_stage: Final = partial(regression, domain=TimeDomain(), kinds=ReconstructedEquations.of_vehicle)

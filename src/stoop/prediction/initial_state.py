@@ -52,7 +52,7 @@ class BiasPrior:
     """Prior of a sensor's bias in a window, from fitted maneuvers, SI."""
 
     mean: float
-    #: standard deviation; 0 where one maneuver alone cannot tell
+    #: standard deviation; 0 where one maneuver alone does not determine it
     deviation: float = 0.0
 
 
@@ -61,12 +61,12 @@ def bias_priors(
 ) -> dict[str, BiasPrior]:
     """Return the prior of each bias in a window of a flight, from the flight and the biases of each fitted maneuver.
 
-    Maneuvers of the same flight tell, if it was fitted, else the averages of flights; of one flight alone its maneuvers. The
-    variance between m of them is pooled over all sensors, in units of the `widths` (the standard deviations that the vehicle
-    file gives), and counts as one more observation of each sensor's own: of two or three maneuvers a variance alone is hardly
-    known (moderated variance, G. K. Smyth, *Statistical Applications in Genetics and Molecular Biology* 3(1), 2004). That
-    of a further maneuver about their mean is 1 + 1/m times as large, and its 95 % range that of Student's t with the degrees
-    of freedom by F. E. Satterthwaite, *Biometrics Bulletin* 2(6), 1946.
+    The prior is from maneuvers of the same flight, if it was fitted, else from the averages of flights, or from the maneuvers
+    of a single other flight. The variance between m of them is pooled over all sensors, in units of the `widths` (the standard
+    deviations that the vehicle file gives), and counts as one more observation of each sensor's own, because two or three
+    maneuvers hardly determine a variance (moderated variance, G. K. Smyth, *Statistical Applications in Genetics and Molecular
+    Biology* 3(1), 2004). The variance of a further maneuver about their mean is 1 + 1/m times as large, and its 95 % range that
+    of Student's t with the degrees of freedom by F. E. Satterthwaite, *Biometrics Bulletin* 2(6), 1946.
     """
     by_flight: dict[str, list[Mapping[str, float]]] = {}
     for name, own in fitted:
@@ -160,7 +160,7 @@ class Stretch:
 
 
 def stretch_before(vehicle: Vehicle, flights: Mapping[str, Flight], window: Window, piece: Piece) -> Stretch:
-    """Lengthen a piece of a window into the record before it, as far as that goes without a hole."""
+    """Return a piece of a window with the record before it, up to `STRETCH` and without a hole."""
     n = len(piece.time)
     begin = max(float(piece.time[0]) - STRETCH, float(flights[window.flight].time[0]))
     if piece.time[0] - begin >= MIN_STRETCH:
@@ -218,10 +218,8 @@ def innovations(
 ) -> tuple[tuple[FloatArray, FloatArray], ...]:
     """Return the innovations (n, n_y) of the pieces of one window over their standard deviations, and these.
 
-    There are none without a filter.
-
-    A bias is about that of the fitted maneuvers, as far as they differ; the window is long enough to estimate it where one
-    maneuver alone cannot tell how far.
+    There are none without a filter. The prior of a bias is that of the fitted maneuvers; where one maneuver alone does not
+    determine its scatter, the scatter is that of the vehicle file.
     """
     if model.filter is None:
         return ()

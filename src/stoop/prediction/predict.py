@@ -53,7 +53,7 @@ CUTOFF: Final = 5.0
 
 
 def predictor(fit: Estimate, covariance: FloatArray, recorded_motion: bool = True) -> Predictor:
-    """Return what predictions of a fit need; `covariance` (k, k) of its unknowns, parameters first."""
+    """Return the predictor of a fit; `covariance` (k, k) is that of its unknowns, parameters first."""
     names = tuple(p.name for p in fit.problem.layout.parameters)
     outputs = fit.problem.layout.vehicle.outputs
     return Predictor(
@@ -150,8 +150,8 @@ def predict_from(
     biases : mapping
         Priors of the sensors' biases, whose means are taken.
     start : mapping
-        States of the vehicle's ``start_names``, SI, at the start of each window; the others are read off the flight by
-        `stoop.problem.observation.guess_start`, as all are after a hole in the record.
+        States of the vehicle's ``start_names``, SI, at the start of each window; the others, and all after a hole in the
+        record, are those of `stoop.problem.observation.guess_start`.
 
     Raises
     ------
@@ -177,7 +177,7 @@ def predict_from(
 
 
 def _coupled(model: Predictor, flights: Mapping[str, Flight], window: Window) -> Vehicle:
-    """Return the vehicle of a window, with the states that it leaves out from the record where the fit took them there."""
+    """Return the vehicle of a window; it takes the states that it leaves out from the record if the fit did so."""
     return decoupled(model.vehicle, flights, [window]) if model.recorded_motion else model.vehicle
 
 
@@ -234,7 +234,7 @@ def _of_window(
 
 
 def _about_steady_flight(vehicle: Vehicle, stretch: Stretch) -> tuple[Stretch, tuple[str, ...], str]:
-    """Begin the search for a state that was not recorded at steady flight; return which these are, and the notice's code."""
+    """Return the stretch with unrecorded states of its start at steady flight, their channels, and the notice's code."""
     piece = stretch.piece
     early = np.isfinite(piece.measured[piece.time <= piece.time[0] + START_TIME]).any(axis=0)
     recorded = dict(zip(vehicle.outputs, early, strict=True))
@@ -249,7 +249,7 @@ def _about_steady_flight(vehicle: Vehicle, stretch: Stretch) -> tuple[Stretch, t
 def _unrecorded_start(
     code: str, window: Window, vehicle: Vehicle, missing: Sequence[str], found: Predicted
 ) -> Notice:
-    """Return the notice of states that were not recorded: how well the model's response before the window gives them."""
+    """Return the notice of states that were not recorded, with their standard errors at the start of the window."""
     errors = []
     for c in missing:
         factor, unit = factor_and_unit(VARIABLES[c].unit)
@@ -258,7 +258,7 @@ def _unrecorded_start(
 
 
 def _trimmed_start(vehicle: Vehicle, piece: Piece) -> tuple[Mapping[str, float], str]:
-    """Return the steady flight at the airspeed and altitude of a piece, and the code of what is told of it."""
+    """Return the steady flight at the airspeed and altitude of a piece, and the code of its notice."""
     loaded = vehicle.with_numbers({name: {"value": value} for name, value in piece.changes.items()})
     logged = "density" in vehicle.inputs
     density = float(piece.inputs[0, vehicle.inputs.index("density")]) if logged else None

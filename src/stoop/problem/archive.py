@@ -16,7 +16,7 @@ PIECE_TUPLES: Final = ("moved", "relative_noise")
 
 
 def problem_document(problem: Misfit) -> dict[str, Any]:
-    """Return what is no array of a problem, as JSON's own types."""
+    """Return the problem without its arrays, as types of JSON."""
     layout = problem.layout
     # without bounds: the layout has them, and a set value may lie outside
     unbounded = layout.vehicle.with_numbers({p.name: {"bounds": None} for p in layout.vehicle.parameters})

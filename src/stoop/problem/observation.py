@@ -114,8 +114,8 @@ def integrated_attitude(
 ) -> dict[str, FloatArray]:
     """Return the attitude angles (n,), rad, that were not recorded, as the recorded rates turn the vehicle from its start.
 
-    Where no channel holds the attitude, the rates are still known to tell it from one window to the next; what they do not
-    tell, the angles at the start, is at its default. Empty where a rate was not recorded either.
+    Without a channel for the attitude, integrated rates give its change from window to window; the angles at the start have
+    their defaults. Empty where a rate was not recorded either.
 
     Parameters
     ----------

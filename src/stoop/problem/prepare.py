@@ -1,4 +1,4 @@
-"""Flights and windows -> pieces, nuisances and what the user should know."""
+"""Flights and windows -> pieces, nuisances and notices."""
 
 from __future__ import annotations
 
@@ -115,7 +115,7 @@ def with_average_voltage(vehicle: Vehicle, flight: Flight) -> Flight:
     """Return the flight with a voltage as slow as the vehicle's rotors take it (`rotors.voltage_average`, s).
 
     A battery sags while motors pull. That goes with the command and is in the thrust's polynomial already; and it is
-    quicker than most logs hold the voltage. What is left over many seconds is how far the battery is drained.
+    quicker than most logs hold the voltage. The mean over many seconds shows the charge of the battery.
     """
     rotors = vehicle.file.rotors
     if rotors is None or rotors.voltage_average is None or "voltage" not in flight.names:
@@ -235,7 +235,7 @@ def _all_spikes(columns: Sequence[FloatArray], sigma: float) -> bool:
 
 
 def nuisances(vehicle: Vehicle, prepared: Prepared) -> tuple[Nuisance, ...]:
-    """Return what differs between maneuvers: initial states of every piece, free biases of every maneuver.
+    """Return the nuisances: initial states of every piece, free biases of every maneuver.
 
     The prior of how far a lagged actuator is off its command at the start is a share of its largest command.
 

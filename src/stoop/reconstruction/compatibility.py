@@ -47,7 +47,7 @@ _AIR: Final = ("V", "airspeed_pitot", "alpha", "beta")
 
 @dataclass(frozen=True)
 class ChannelNoise:
-    """What is known of the residual of a channel before the fit, SI, and the notice of one that is too large."""
+    """Prior knowledge of the residual of a channel, SI, and the notice of a residual that is too large."""
 
     least: float  #: no channel is trusted further
     first: float  #: before anything is known
@@ -170,7 +170,7 @@ class Compatibility(Summarized):
 
 @on_one_blas_thread
 def check(flight: Flight, windows: Sequence[tuple[float, float]] = ()) -> tuple[Compatibility, Estimate]:
-    """Estimate what the sensors of a flight do to its channels, and find what contradicts.
+    """Estimate the instrument errors of a flight, and find channels that contradict each other.
 
     Parameters
     ----------
@@ -233,7 +233,7 @@ def _rms(values: FloatArray) -> float:
 
 
 def _estimate(pieces: Pieces) -> Estimate:
-    """Estimate everything that the logged channels can tell of each other."""
+    """Estimate instrument errors and initial states from the logged channels."""
     sigma = np.array([CHANNELS[name].first for name in OUTPUTS])
     problem = Problem(instrument_errors(pieces.logged), pieces.pieces, sigma)
     # everything at its prior, the wind as the air data reconstruction has it
@@ -283,7 +283,7 @@ def _estimate(pieces: Pieces) -> Estimate:
 
 
 def _sigma(problem: Problem, z: FloatArray) -> FloatArray:
-    """Return by what each channel is to be weighted: noise times the root of its own correlation time.
+    """Return the weighting of each channel: its noise times the root of its correlation time.
 
     Channels were recorded at different rates and interpolated; one that is sampled ten times between two of
     its own readings must not count ten times.

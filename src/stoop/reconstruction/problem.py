@@ -36,7 +36,7 @@ class PieceLimits:
     """How a flight is cut."""
 
     longest: float = 10.0  #: s of one piece: integrated rates drift, and a new initial state stops that
-    shortest: float = 3.0  #: s; less tells nothing beside its own initial state ...
+    shortest: float = 3.0  #: s; a shorter piece determines its initial state only ...
     least: int = 15  #: samples: nor do fewer of a slow record
     pieces: int = 12  #: more hardly narrow what is alike in all of them
     rate: float = 50.0  #: Hz at which channels are compared; integration runs at the rate of the grid
@@ -79,7 +79,7 @@ class Piece:
 
 @dataclass(frozen=True, eq=False)
 class Pieces:
-    """What is compared; `logged`: measured channels that take part, inputs first."""
+    """The pieces of a flight; `logged` are the measured channels that are compared, inputs first."""
 
     flight: Flight
     logged: tuple[str, ...]
@@ -114,7 +114,7 @@ def cut_pieces(flight: Flight, windows: Sequence[tuple[float, float]] = ()) -> P
         grounded = f"by speed and lift it is in the air for no {shortest:.3g} s; choose a window"
         raise FlightError(f"{flight.name}: {holes if spans else grounded}")
     notices = [*distinct(notices)]
-    if len(pieces) > PIECES.pieces:  # the others tell next to nothing more
+    if len(pieces) > PIECES.pieces:  # the others add next to no information
         spreads = [np.std(piece.inputs, axis=0) for piece in pieces]
         movement = [-float(np.sum(spread[3:]) + np.sum(spread[:3]) / 9.81) for spread in spreads]
         order = np.argsort(movement, kind="stable")[: PIECES.pieces]
@@ -257,7 +257,7 @@ class Problem:
         return total
 
     def outputs(self, z: FloatArray, index: int) -> FloatArray:
-        """Return what the sensors of one piece would have read where it is compared (m, 13)."""
+        """Return the readings (m, 13) of one piece at the samples that are compared."""
         return np.asarray(self.trajectories(z[None, :], index)[0])
 
     def errors(self, z: FloatArray) -> list[FloatArray]:
@@ -267,7 +267,7 @@ class Problem:
 
     @np.errstate(invalid="ignore", over="ignore")  # about to diverge: large numbers overflow
     def trajectories(self, Z: FloatArray, index: int) -> FloatArray:
-        """Return what is read (B, m, 13) where one piece is compared; gyros of the same delay are integrated together."""
+        """Return the readings (B, m, 13) of one piece; gyros of the same delay are integrated together."""
         piece = self.pieces[index]
         values = dict(zip((u.name for u in self.unknowns), self.values(Z).T, strict=True))
         scales = {f"{name}.scale" for name in SCALED}

@@ -102,12 +102,26 @@ def test_states_and_biases_are_reconstructed(vehicle: Vehicle) -> None:
     true = simulate_flight(silent, parse_maneuver(MANEUVER, "m"), noise=False, name="sim")
     (piece,) = prepare(vehicle, {"sim": flown(vehicle, 1)}, [WINDOW]).pieces
     noise = {c: getattr(vehicle.file.sensors, c).sigma for c in vehicle.outputs} | {"alpha": 0.015}
-    found, measured = reconstructed(vehicle, piece, noise), Motion.of(vehicle, piece)
+    (found, converged), measured = reconstructed(vehicle, piece, noise), Motion.of(vehicle, piece)
+    assert converged
     alpha = true.column("alpha")[measured.samples]
     assert np.sqrt(np.mean((measured.states["alpha"] - alpha) ** 2)) == pytest.approx(0.015, rel=0.1)
     assert np.sqrt(np.mean((found.states["alpha"] - alpha) ** 2)) < 0.0015
     bias = np.mean(measured.states["q"] - found.states["q"])
     assert bias == pytest.approx(TRUTH["sensors.q.bias"], abs=1e-3)
+
+
+def test_a_reconstruction_that_does_not_converge_is_told(
+    vehicle: Vehicle, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    flight = flown(vehicle, 1)
+    assert "path-not-converged" not in [one.code for one in fitted("two-stage", vehicle, flight).notices]
+    monkeypatch.setattr("stoop.estimate.two_stage.MAX_STEPS", 1)
+    (found,) = [
+        one for one in fitted("two-stage", vehicle, flight).notices if one.code == "path-not-converged"
+    ]
+    assert "from 0 s on" in str(found)
+    assert found.severity == "warning"
 
 
 def test_rotors_are_refused_with_the_methods_that_take_them() -> None:

@@ -274,9 +274,8 @@ class Equations(ABC):
         """Return the estimates with R2 of each equation, and the equations without those that the data do not explain."""
         return found, self
 
-    @staticmethod
-    def notices(_: Estimates) -> list[Notice]:
-        """Return what the estimates do not rest on."""
+    def notices(self, _: Estimates) -> list[Notice]:
+        """Return which equations or data the estimates do not rest on."""
         return []
 
 

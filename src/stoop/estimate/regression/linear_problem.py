@@ -64,7 +64,7 @@ class LinearProblem(RefitProblem):
 
     @property
     def arrays(self) -> dict[str, Any]:
-        """What :meth:`restored` needs beside `problem`."""
+        """Arrays that :meth:`restored` takes beside `problem`."""
         out: dict[str, Any] = {n: np.array(getattr(self, n)) for n in ("center", "dt", "bounded")}
         out |= {
             "equations": np.array(list(self.deviations)),

@@ -162,7 +162,7 @@ def regression(
         notice("r-squared", "", equations=tuple(found.r2), r2=tuple(found.r2.values())),
         *([notice("not-in-regression", ", ".join(fixed))] if fixed else []),
         *(notice("low-r-squared", name, r2=max(r2, 0.0)) for name, r2 in found.r2.items() if r2 < FAIR_R2),
-        *kind.notices(found),
+        *equations.notices(found),
     ]
     flown, cost, spent = problem, 0.0, 0.0
     if open_loop := observation_model(vehicle).open_loop:

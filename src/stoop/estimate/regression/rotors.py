@@ -302,8 +302,7 @@ class RotorEquations(Equations):
         kept = tuple(n for n in ACCELERATIONS if n not in MOMENTS or r2.get(n, 1.0) > MIN_R2)
         return replace(found, r2=r2), self if kept == self.equations else replace(self, equations=kept)
 
-    @staticmethod
-    def notices(estimates: Estimates) -> list[Notice]:
+    def notices(self, estimates: Estimates) -> list[Notice]:
         """Return which moments were left out."""
         dropped = tuple(n for n in MOMENTS if n not in estimates.r2)
         return [notice("moment-not-explained", "", moments=dropped, limit=MIN_R2)] if dropped else []
