@@ -28,10 +28,12 @@ from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice, notice
 from stoop.errors import IdentificationError, VehicleError
 from stoop.estimate.estimate import Estimate
+from stoop.estimate.gusts import with_turbulence
 from stoop.prediction.predict import expected_biases, predict, predictor
 from stoop.results.extensions import ExtensionTest
 from stoop.strategy import bounds
-from stoop.strategy.decision import Change, Decision, Setup, estimate
+from stoop.strategy.decision import Change, Decision, Fitted, Fitter, Setup, estimate
+from stoop.strategy.gusts import fit_in_gusts
 from stoop.strategy.likelihood import log_likelihood_rise, penalized_rise
 from stoop.vehicle import Vehicle
 from stoop.vehicle.document import with_entries
@@ -94,7 +96,12 @@ def extend(setup: Setup) -> Change | None:
     trial = replace(setup, callback=None, state=None)
     if not setup.held_back and len(setup.fitted) > 1:
         trial = replace(trial, fitted=setup.fitted[:-1], held_back=setup.fitted[-1:])
-    first = best = _fit(trial, setup.vehicle)
+    if trial.in_calm:  # whether gusts explain the residuals is decided once, for all candidates
+        found = fit_in_gusts(trial, _fitter(trial))
+        trial = replace(trial, in_calm=found.setup.in_calm, options=found.setup.options)
+        first = best = _candidate(found, setup.vehicle)
+    else:
+        first = best = _fit(trial, setup.vehicle)
     notices, missing = dict[str, Notice](), extension_tests(best.fit, best.bars).found
     for _ in range(MAX_ROUNDS):
         if not missing:
@@ -148,23 +155,28 @@ def _freed(vehicle: Vehicle, extension: Extension, change: float) -> Vehicle:
     return with_entries(vehicle, extension.free_entries(change))
 
 
+def _fitter(setup: Setup) -> Fitter:
+    return partial(bounds.widen, fit=estimate) if bounds.NAME in setup.names else estimate
+
+
 def _fit(setup: Setup, vehicle: Vehicle) -> Candidate:
-    fit = partial(bounds.widen, fit=estimate) if bounds.NAME in setup.names else estimate
-    found = fit(replace(setup, vehicle=vehicle)).estimate
-    if found.outcome.status == "interrupted":
+    """Return the fit of a vehicle; by a filter with gusts among the unknowns, which the vehicle itself does not get."""
+    flown = with_turbulence(vehicle) if setup.in_calm else vehicle
+    return _candidate(_fitter(setup)(replace(setup, vehicle=flown)), vehicle)
+
+
+def _candidate(found: Fitted, vehicle: Vehicle) -> Candidate:
+    """Return a fit of a vehicle with the log-likelihood of each held-back sample under its prediction."""
+    setup, fit = found.setup, found.estimate
+    if fit.outcome.status == "interrupted":
         raise KeyboardInterrupt  # half a search is no trial
-    bars = error_bars(found)
-    return Candidate(vehicle, found, bars, _predictive_score(setup, found, bars))
-
-
-def _predictive_score(setup: Setup, fit: Estimate, bars: ErrorBars) -> FloatArray:
-    """Return the log-likelihood (n,) of each held-back sample under its prediction."""
+    bars = error_bars(fit)
     if not setup.held_back:
-        return np.empty(0)
+        return Candidate(vehicle, fit, bars, np.empty(0))
     own_biases = [expected_biases(fit, window.flight) for window in setup.held_back]
     model = predictor(fit, bars.covariance, setup.options.treatment.recorded_motion)
     ahead = predict(model, setup.flights, setup.held_back, own_biases)
-    return ahead.log_likelihood(fit.problem.layout.vehicle.outputs)
+    return Candidate(vehicle, fit, bars, ahead.log_likelihood(fit.problem.layout.vehicle.outputs))
 
 
 EXTENSIONS = Decision(

@@ -155,7 +155,9 @@ def validate(
         own = [w for w in chosen if w.flight == name]
         if not own:
             continue
-        flight = without_faults(without(flight, [(w.start, w.stop) for w in own]))
+        flight = without(flight, [(w.start, w.stop) for w in own])
+        if not switched_off(of.decisions, "faults"):
+            flight = without_faults(flight)
         biases = model.biases(fitted_as[name])
         if initial_state is None:
             ahead = predict(predictor, {name: flight}, own, [biases] * len(own))

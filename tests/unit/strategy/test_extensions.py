@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
@@ -15,8 +16,10 @@ from stoop.problem.windows import Window
 from stoop.results.extensions import ExtensionTest, ExtensionTests
 from stoop.strategy import Strategy
 from stoop.strategy import extensions as extension
+from stoop.strategy.decision import Fitted, Setup
 from stoop.strategy.extensions import _freed
 from stoop.strategy.run import setup_of
+from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.vehicle.document import with_entries
 from stoop.vehicle.extensions import extended
@@ -130,9 +133,47 @@ def test_what_the_method_refuses_is_passed_over(monkeypatch: pytest.MonkeyPatch)
     assert [n.subject for n in found.setup.notices] == ["two"]
 
 
+@pytest.mark.parametrize("explained", [True, False])
+def test_in_gusts_every_trial_has_them_or_none(monkeypatch: pytest.MonkeyPatch, explained: bool) -> None:
+    """The filter's first fit decides; the extended vehicle has no table of gusts: the fit that follows adds it."""
+    one = ExtensionTest(
+        "controls.aileron.lag", "lag", 0.04, 0.01, "s", 4.0, 0.0, 1.0, "controls.aileron.lag", change=0.04
+    )
+    fits: list[tuple[str, bool]] = []
+
+    def fitted(setup: Setup) -> Fitted:
+        fits.append((setup.options.method, bool(setup.vehicle.gusts)))
+        outcome = SimpleNamespace(status="converged")
+        of_filter = 0.0 if explained else 0.9
+        found: Any = SimpleNamespace(
+            outcome=outcome, innovation_correlation=of_filter, inflation=1.0, first=not added(setup.vehicle)
+        )
+        return Fitted(setup, found)
+
+    def added(vehicle: Vehicle) -> bool:
+        return one.name in {p.name for p in vehicle.parameters}
+
+    def missing(fit: SimpleNamespace, bars: None) -> ExtensionTests:
+        return ExtensionTests(10, 0.01, (one,) * fit.first)
+
+    monkeypatch.setattr(extension, "estimate", fitted)
+    monkeypatch.setattr(extension, "error_bars", lambda fit: None)
+    monkeypatch.setattr(extension, "extension_tests", missing)
+    monkeypatch.setattr(extension, "penalized_rise", lambda before, after: 1.0)
+    monkeypatch.setattr(extension, "log_likelihood_rise", lambda before, after: (1.0, 1.0))
+    setup = setup_of(Strategy.textbook(), resolve_vehicle("twin-boom"), {}, [])
+    found = extension.extend(replace(setup, in_calm="output-error").by("filter-error"))
+    assert found is not None
+    assert added(found.setup.vehicle)
+    assert not found.setup.vehicle.gusts
+    assert (found.setup.options.method, found.setup.in_calm) == ("filter-error", "output-error")
+    calm = ("output-error", False)
+    assert fits == [("filter-error", True)] + ([("filter-error", True)] if explained else [calm, calm])
+
+
 def test_an_interrupted_trial_is_not_taken_for_a_refused_one(monkeypatch: pytest.MonkeyPatch) -> None:
-    stopped = SimpleNamespace(estimate=SimpleNamespace(outcome=SimpleNamespace(status="interrupted")))
-    monkeypatch.setattr(extension, "estimate", lambda setup: stopped)
+    stopped: Any = SimpleNamespace(outcome=SimpleNamespace(status="interrupted"))
+    monkeypatch.setattr(extension, "estimate", lambda setup: Fitted(setup, stopped))
     monkeypatch.setattr(extension, "error_bars", lambda fit: pytest.fail("half a search has no error bars"))
     vehicle = resolve_vehicle("twin-boom")
     with pytest.raises(KeyboardInterrupt):

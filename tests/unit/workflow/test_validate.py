@@ -12,9 +12,12 @@ import numpy as np
 import pytest
 
 import stoop
+from stoop.base.notices import notice
 from stoop.cli.main import main
 from stoop.errors import FlightError, OutputError, SimulationError, StoopError
 from stoop.flight import Flight, load, save
+from stoop.flight.faults import Fault
+from stoop.results.decisions import DecisionRecord
 from stoop.workflow import FittedModel
 from stoop.workflow.validation import validate
 
@@ -191,3 +194,17 @@ def test_an_unknown_role_and_a_fit_without_windows_are_one_line(job: FittedModel
         job.plot.maneuvers("validatio")  # type: ignore[arg-type]
     with pytest.raises(FlightError, match=r"^fit: no maneuver is given; name at least one window START:STOP"):
         stoop.fit(job.vehicle, job.flights[0])
+
+
+@pytest.mark.parametrize(("state", "kept"), [("off", True), ("not needed", False)])
+def test_faulty_samples_are_those_of_the_fit(job: FittedModel, state: Any, kept: bool) -> None:
+    """A fit without the decision takes every sample as measured, and so do its predictions."""
+    said = notice("samples-not-measured", variables=("q",))
+    faulty = replace(job.flights[0], faults=(Fault("stuck", "q", 0.0, 22.0, 24.0, said),))
+    result = replace(job.result, decisions=(DecisionRecord("faults", state),))
+    found = validate(replace(job, result=result), faulty, ["20:28"])
+    time, measured = found.model.traces[0].time, found.model.traces[0].channels["q"].measured
+    inside = (time >= 22.0) & (time <= 24.0)
+    assert np.isfinite(measured[inside]).all() == kept
+    assert np.isfinite(measured[~inside]).all()
+    assert (str(said) in found.record.notes) != kept
