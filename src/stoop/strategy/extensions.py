@@ -81,11 +81,9 @@ class Trial:
     def decided(self, held_back: bool) -> Notice:
         """Return whether the extension is kept: notice ``extension-kept``, ``-kept-unchecked`` or ``-refused``."""
         kept = self.rise > 0.0 and (self.ahead > -CONFIDENCE * self.spread or not held_back)
-        code = (
-            "extension-refused" if not kept else "extension-kept" if held_back else "extension-kept-unchecked"
-        )
+        code = "extension-kept" if held_back else "extension-kept-unchecked"
         figures = {"gain": self.rise, "ahead": self.ahead, "spread": self.spread}
-        return notice(code, self.test.name, line=self.test.line, **figures)
+        return notice(code if kept else "extension-refused", self.test.name, line=self.test.line, **figures)
 
 
 def extend(setup: Setup) -> Change | None:
@@ -112,9 +110,8 @@ def extend(setup: Setup) -> Change | None:
             continue
         strongest = max(tried, key=lambda one: one.rise)
         notices[strongest.test.name] = decided = strongest.decided(bool(trial.held_back))
-        if (
-            decided.code != "extension-refused"
-        ):  # what was refused beside another model may be right beside this one
+        # what was refused beside another model may be right beside this one
+        if decided.code != "extension-refused":
             best = strongest.candidate
             missing = extension_tests(best.fit, best.bars).found
         else:

@@ -46,11 +46,15 @@ def look_for_gusts(setup: Setup) -> Change | None:
 def fit_in_gusts(setup: Setup, fit: Fitter) -> Fitted:
     """Return the fit with gusts; by the method of calm air where the filter diverges or does not explain the residuals."""
     if not setup.in_calm:
-        return _with_bias(fit(setup))
+        found = fit(setup)
+        if not any(n.code == "gusts-ignored" for n in found.setup.notices):
+            return found
+        from stoop.estimate.gust_bias import gust_bias
+
+        return found.noting(*gust_bias(found.estimate, found.setup.flights))
     began, filtered = time.perf_counter(), replace(setup, vehicle=with_turbulence(setup.vehicle))
-    if (
-        setup.state is not None and setup.state.optimizer != SCORING
-    ):  # of the search in calm air, which goes on
+    # a state of the search in calm air, which goes on
+    if setup.state is not None and setup.state.optimizer != SCORING:
         filtered = replace(filtered, callback=None, state=None)
     try:
         found = fit(filtered)
@@ -66,15 +70,6 @@ def fit_in_gusts(setup: Setup, fit: Fitter) -> Fitted:
         seconds=time.perf_counter() - began,
     )
     return fit(_in_calm_air(setup, doubts)).recorded(record)
-
-
-def _with_bias(found: Fitted) -> Fitted:
-    """Return the fit with the bias by gusts that its method ignores, if there are any."""
-    from stoop.estimate.gust_bias import gust_bias
-
-    if not any(n.code == "gusts-ignored" for n in found.setup.notices):
-        return found
-    return found.noting(*gust_bias(found.estimate, found.setup.flights))
 
 
 def _in_calm_air(setup: Setup, doubts: tuple[Notice, ...]) -> Setup:

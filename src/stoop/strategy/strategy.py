@@ -118,9 +118,8 @@ class Strategy:
         return Treatment(**{one.treatment: one.name in self.names for one in DECISIONS if one.treatment})
 
     def __repr__(self) -> str:
-        if self.names == Strategy.default().names:
-            return "<Strategy: default>"
-        return f"<Strategy: {', '.join(one.name for one in self.decisions) or 'textbook'}>"
+        listed = ", ".join(one.name for one in self.decisions) or "textbook"
+        return f"<Strategy: {'default' if self == Strategy.default() else listed}>"
 
 
 def _of(strategy: object, verb: str) -> frozenset[str]:

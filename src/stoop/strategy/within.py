@@ -29,11 +29,8 @@ def _recorded_motion(setup: Setup, fit: Estimate) -> str:
 
 def _held_numbers(setup: Setup, fit: Estimate) -> str:
     """Return that the mass could be anything."""
-    return (
-        "neither mass nor inertia nor a force is known"
-        if with_mass_held(setup.vehicle) is not setup.vehicle
-        else ""
-    )
+    held = with_mass_held(setup.vehicle) is not setup.vehicle
+    return "neither mass nor inertia nor a force is known" if held else ""
 
 
 RECORDED_MOTION: Final = Decision(
