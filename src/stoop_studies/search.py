@@ -24,7 +24,7 @@ def search(arguments: Mapping[str, Json], stops: Sequence[int | None]) -> list[J
     Parameters
     ----------
     arguments : mapping
-        ``optimizer``: a name, or a table (`stoop_studies.variants`). ``problem``: a name. ``seed``: of both.
+        ``optimizer``: a name, or a variant (`stoop_studies.variants`). ``problem``: a name. ``seed``: of both.
         ``budget``: evaluations, or None. ``to_target``: whether to end at the target. ``history``: at most so
         many rows are kept (default 200). The rest are the problem's own arguments.
     stops : sequence of int or None
@@ -56,8 +56,7 @@ def searched(
 ) -> list[dict[str, Json]]:
     """Do what `search` does, on a problem that is posed already."""
     budget = None if arguments.get("budget") is None else _number(arguments["budget"])
-    variant = arguments["optimizer"]
-    optimizer = build(variant if isinstance(variant, dict) else str(variant), budget)
+    optimizer = build(str(arguments["optimizer"]), budget)
     target = posed.target if arguments.get("to_target") else -np.inf
     rows, seed = int(_number(arguments.get("history", HISTORY_ROWS))), int(_number(arguments["seed"]))
     generations = [FOREVER if s is None else s for s in stops]

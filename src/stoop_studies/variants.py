@@ -1,7 +1,6 @@
-"""Optimizers as a plan writes them: a name, or a table of what differs from the paper's PS-GDE.
+"""Optimizers by name, and variants of the paper's PS-GDE: ``ps-gde:scale=0.5:mutation=unordered:search=none``.
 
-``{"name": "ps-gde", "scale": 0.5, "mutation": "unordered", "search": "none"}`` is PS-GDE with F = 0.5, without
-sorting and without local search. What is left out is as the paper has it.
+That is PS-GDE with F = 0.5, without sorting and without local search. What is left out is as the paper has it.
 """
 
 from __future__ import annotations
@@ -18,48 +17,60 @@ from stoop_studies.optimizers.evolution import chaos, uniform
 from stoop_studies.optimizers.local_search import LevenbergMarquardt, PreySchedule, SteepestDescent
 from stoop_studies.optimizers.mutation import ordered, unordered
 
+#: what can be chosen by a word
 PIECES: Final[Mapping[str, Mapping[str, Any]]] = {
     "mutation": {"ordered": ordered, "unordered": unordered},
     "initialization": {"chaos": chaos, "uniform": uniform, "latin-hypercube": latin_hypercube},
     "search": {"steepest": SteepestDescent(), "levenberg": LevenbergMarquardt(), "none": None},
-}  #: what a table may name
-_COMPOSED: Final = ("mutation", "initialization", "scale", "rate", "members")
+    "swapped": {"no": False, "yes": True},
+}
+#: what is a number
+NUMBERS: Final = {"scale": float, "rate": float, "members": int, "period": int, "share": float}
 _SCHEDULED: Final = ("search", "period", "share", "swapped")
-Variant = str | Mapping[str, Any]
 
 
-def build(variant: Variant, budget: float | None = None) -> Optimizer[Any]:
-    """Return the optimizer that a plan asks for.
+def build(name: str, budget: float | None = None) -> Optimizer[Any]:
+    """Return the optimizer of a name, or a variant of PS-GDE.
 
     Parameters
     ----------
-    variant : str or mapping
+    name : str
     budget : float, optional
         Evaluations planned; for optimizers that plan ahead.
 
     Raises
     ------
     IdentificationError
-        There is no such optimizer, or a table says something else than these pieces.
+        There is no such optimizer, or a variant of another one or of something else than these pieces.
     """
-    if isinstance(variant, str):
-        return optimize.create(variant, budget)
-    changes = {k: _piece(k, v) for k, v in variant.items() if k != "name"}
-    unknown = set(changes) - {*_COMPOSED, *_SCHEDULED}
-    if variant.get("name") != "ps-gde" or unknown:
-        wrong = min(unknown, default=f"name {variant.get('name')}")
-        raise IdentificationError(f"variant: no {wrong} can be chosen; variants are of ps-gde and its pieces")
-    scheduled = {"search": PIECES["search"]["steepest"]} | {
-        k: v for k, v in changes.items() if k in _SCHEDULED
-    }
+    base, *changes = name.split(":")
+    if not changes:
+        return optimize.create(name, budget)
+    if base != "ps-gde":
+        raise IdentificationError(f"optimizer {name}: there are variants of ps-gde only")
+    given = dict(_piece(name, *change.partition("=")[::2]) for change in changes)
+    scheduled = {"search": SteepestDescent(), **{k: given.pop(k) for k in _SCHEDULED if k in given}}
     prey = None if scheduled["search"] is None else PreySchedule(**scheduled)
-    return ps_gde(prey=prey, **{k: v for k, v in changes.items() if k in _COMPOSED})
+    return ps_gde(prey=prey, **given)
 
 
-def _piece(key: str, value: Any) -> Any:
-    """Return the piece of a name, or the number itself."""
+def needs_residuals(name: str) -> bool:
+    """Whether an optimizer or a variant asks for residuals; such a one cannot be run on a problem that has only costs."""
+    return optimize.needs_residuals(name.partition(":")[0]) or "search=levenberg" in name.split(":")
+
+
+def _piece(variant: str, key: str, word: str) -> tuple[str, Any]:
+    """Return the field and the value of a change."""
+    if key in NUMBERS:
+        try:
+            return key, NUMBERS[key](word)
+        except ValueError:
+            raise IdentificationError(f"optimizer {variant}: {key} is a number, not '{word}'") from None
     if key not in PIECES:
-        return value
-    if value not in PIECES[key]:
-        raise IdentificationError(f"variant: no {key} {value}; use one of {', '.join(PIECES[key])}")
-    return PIECES[key][value]
+        known = ", ".join((*PIECES, *NUMBERS))
+        raise IdentificationError(f"optimizer {variant}: no {key} can be chosen; use one of {known}")
+    if word not in PIECES[key]:
+        raise IdentificationError(
+            f"optimizer {variant}: no {key} {word}; use one of {', '.join(PIECES[key])}"
+        )
+    return key, PIECES[key][word]

@@ -1,4 +1,4 @@
-"""What a plan may write in place of an optimizer's name."""
+"""What may stand in place of an optimizer's name."""
 
 from __future__ import annotations
 
@@ -15,29 +15,28 @@ from stoop_studies.variants import build
 
 def test_a_name_is_the_optimizer_itself() -> None:
     assert build("de-rand-1-bin") == create("de-rand-1-bin")
-    assert build({"name": "ps-gde"}) == create("ps-gde")
+    assert build("ps-gde:scale=0.6") == create("ps-gde")
 
 
-def test_a_table_exchanges_pieces() -> None:
-    wild = build({"name": "ps-gde", "mutation": "unordered", "initialization": "uniform", "search": "none"})
+def test_a_variant_exchanges_pieces() -> None:
+    wild = build("ps-gde:mutation=unordered:initialization=uniform:search=none")
     assert wild == ps_gde(unordered, uniform, None)
-    assert build({"name": "ps-gde", "scale": 0.5, "rate": 0.8, "members": 30}) == ps_gde(
-        scale=0.5, rate=0.8, members=30
-    )
-    levenberg = build({"name": "ps-gde", "search": "levenberg", "period": 5, "share": 0.1})
+    assert build("ps-gde:scale=0.5:rate=0.8:members=30") == ps_gde(scale=0.5, rate=0.8, members=30)
+    levenberg = build("ps-gde:search=levenberg:period=5:share=0.1")
     assert levenberg == ps_gde(prey=PreySchedule(LevenbergMarquardt(), 5, 0.1))
-    printed = build({"name": "ps-gde", "swapped": True})
+    printed = build("ps-gde:swapped=yes")
     assert printed == ps_gde(prey=PreySchedule(SteepestDescent(), swapped=True))
 
 
 @pytest.mark.parametrize(
-    ("table", "words"),
+    ("name", "words"),
     [
-        ({"name": "ga"}, "no name ga can be chosen"),
-        ({"name": "ps-gde", "speed": 2}, "no speed can be chosen"),
-        ({"name": "ps-gde", "mutation": "magic"}, "no mutation magic; use one of ordered, unordered"),
+        ("ga:scale=0.5", "there are variants of ps-gde only"),
+        ("ps-gde:speed=2", "no speed can be chosen"),
+        ("ps-gde:scale=fast", "scale is a number, not 'fast'"),
+        ("ps-gde:mutation=magic", "no mutation magic; use one of ordered, unordered"),
     ],
 )
-def test_what_there_is_not_is_said(table: dict[str, object], words: str) -> None:
+def test_what_there_is_not_is_said(name: str, words: str) -> None:
     with pytest.raises(IdentificationError, match=words):
-        build(table)
+        build(name)

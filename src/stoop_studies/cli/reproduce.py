@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 FOLDER = Path("stoop-reproduce")
 NAMES = (
-    "table1", "figure3", "lateral", "longitudinal-full", "sweep", "ablation", "noise",
+    "table1", "figure3", "lateral", "longitudinal-full", "noise",
     "multirotor",
 )  # fmt: skip
 READERS = ("multirotor",)  #: of published data
@@ -22,8 +22,6 @@ WHAT = """\
   figure3            the response to the elevator, trim and modes
   lateral            18 lateral and directional terms; do asymmetry terms absorb sensor biases?
   longitudinal-full  14 longitudinal terms; do V terms catch the propulsion?
-  sweep              NC, pr, F and CR about the paper's values
-  ablation           which idea of PS-GDE helps
   noise              scatter against the Cramer-Rao bound (200 seeds)
   multirotor         the four optimizers on a simulated quadrotor, and with --data on a real hexacopter
   all                each of these, and an index"""

@@ -12,7 +12,7 @@ from stoop.base.text import nearest
 from stoop.errors import IdentificationError
 from stoop.optimize.problem import ScalarProblem
 from stoop.parallel import Json, Plan, Run
-from stoop_studies import problems
+from stoop_studies import problems, variants
 from stoop_studies.compare.race import Race, read_race
 
 WORK: Final = "stoop_studies.compare.race:race"
@@ -50,7 +50,7 @@ class Field:
             for p in self.problems
             if p != FLIGHT and isinstance(problems.pose(p, self.seeds[0]).problem, ScalarProblem)
         ]
-        needy = [o for o in self.optimizers if optimize.needs_residuals(o)] if bare else []
+        needy = [o for o in self.optimizers if variants.needs_residuals(o)] if bare else []
         return [(p, o) for p in bare for o in needy]
 
     def baseline(self, problem: str) -> str:
@@ -117,8 +117,8 @@ def check_optimizers(names: Sequence[str]) -> None:
         One line with the nearest names, or with what to install.
     """
     for name in names:
-        _check(name, "optimizer", optimize.names())
-        optimize.create(name)
+        _check(name.partition(":")[0], "optimizer", optimize.names())
+        variants.build(name)
 
 
 def check_problems(names: Sequence[str], flown: bool, first_seed: int = 1) -> None:

@@ -48,12 +48,6 @@ class PaperExperiment(ABC):
         """Return what the runs, by key, show."""
 
 
-def search_run(key: str, optimizer: Any, problem: str, seed: int, stop: int | None, **more: Any) -> Run:
-    """Return one search; ``more`` are arguments of `stoop_studies.search.search`."""
-    arguments = {"optimizer": optimizer, "problem": problem, "seed": seed, "history": 0, **more}
-    return Run(key, SEARCH, arguments, stop)
-
-
 def minus(text: str) -> str:
     """Return a number with a true minus sign."""
     return text.replace("-", "−")
@@ -158,8 +152,9 @@ class Searches:
 
     def runs(self) -> list[Run]:
         """Return one run per method, seed and number of iterations."""
+        common = {"problem": self.problem, "history": 0, **self.arguments}
         return [
-            search_run(self._key(m, s, n), METHODS[m], self.problem, s, n, **self.arguments)
+            Run(self._key(m, s, n), SEARCH, {"optimizer": METHODS[m], "seed": s, **common}, n)
             for m, stops in self.stops.items()
             for s in self.seeds
             for n in stops
@@ -174,18 +169,14 @@ class Searches:
             own = [results[self._key(method, s, stop)] for s in self.seeds]
             values = np.array([r["values"] for r in own], dtype=float)
             costs, spent = (np.array([r[n] for r in own], dtype=float) for n in ("cost", "evaluations"))
+            hits = np.array([np.inf if r.get("hit") is None else r["hit"] for r in own], dtype=float)
             picked = values if order is None else values[:, list(order)]
-            return Group(method, stop, truth, picked, costs, hits_of(own), spent)
+            return Group(method, stop, truth, picked, costs, hits, spent)
 
         return {m: [group(m, n) for n in stops] for m, stops in self.stops.items()}
 
     def _key(self, method: str, seed: int, stop: int | None) -> str:
         return self.key.format(who=METHODS[method], seed=seed, stop=stop)
-
-
-def hits_of(results: Sequence[Mapping[str, Any]]) -> FloatArray:
-    """Return evaluations up to the target (n,); inf where a run did not reach it."""
-    return np.array([np.inf if r.get("hit") is None else r["hit"] for r in results], dtype=float)
 
 
 def bound_deviations(posed: Posed, values: FloatArray | None = None) -> FloatArray:

@@ -13,7 +13,6 @@ from stoop_studies.findings import Setting, number
 from stoop_studies.problems import pose
 from stoop_studies.problems.paper import paper
 from stoop_studies.reproduce.noise import Noise, scatter
-from stoop_studies.reproduce.races import KNOBS, Race, Sweep, holm, mann_whitney
 from stoop_studies.reproduce.suite import METHODS, bound_deviations
 from stoop_studies.reproduce.table1 import ITERATIONS, Table1, columns, printed_costs
 
@@ -115,37 +114,6 @@ def test_noise_tells_who_ended_elsewhere_and_how_far_the_methods_are_apart() -> 
     assert [r["elsewhere"] for r in pooled.values()] == [0, 1]
     assert pooled["ps-gde"]["largest_difference_over_bound"] == pytest.approx(0.25)
     assert pooled["ps-gde-lm"]["scatter_over_bound"] == pytest.approx(1.0)
-
-
-def test_a_sweep_runs_the_papers_own_variant_once() -> None:
-    values = sum(len(knob.values) for knob in KNOBS)
-    assert len(Sweep().variants) == values
-    assert len(Sweep().plan(SETTING).runs) == (values - 3) * SETTING.runs
-
-
-def race(*hits: float) -> Race:
-    return Race(np.array(hits), np.zeros(len(hits)))
-
-
-def test_races_count_lost_runs() -> None:
-    mixed = race(100.0, 300.0, np.inf)
-    assert (mixed.solved, mixed.median) == (2, 300.0)
-    assert mixed.expected == pytest.approx((400.0 + 60_000.0) / 2.0)
-    assert race(np.inf, np.inf).expected == np.inf
-    assert race(np.inf, 5.0, np.inf).median == np.inf
-
-
-def test_rank_test_and_its_correction() -> None:
-    fast, slow = race(*np.arange(1.0, 21.0)), race(*np.arange(101.0, 121.0))
-    assert mann_whitney(fast, slow) == pytest.approx(6.8e-8, rel=0.02), (
-        "all 400 pairs: z = -5.396 with continuity"
-    )
-    assert mann_whitney(fast, fast) > 0.9
-    assert mann_whitney(race(np.inf, np.inf), race(np.inf, np.inf)) == 1.0
-    # Holm's own example: 0.01 x 4, then 0.02 x 3, then the largest so far
-    assert holm({"a": 0.02, "b": 0.01, "c": 0.04, "d": 0.03}) == pytest.approx(
-        {"b": 0.04, "a": 0.06, "d": 0.06, "c": 0.06}
-    )
 
 
 @pytest.mark.parametrize(

@@ -65,6 +65,7 @@ def test_a_flight_is_part_of_the_command() -> None:
     ("words", "told"),
     [
         (["--optimizers", "ps-gde,cmaes"], "optimizer cmaes"),
+        (["--optimizers", "ps-gde:speed=2"], "no speed can be chosen"),
         (["--problems", "paper-M"], "did you mean paper-W"),
         (["--problems", "bbob-99"], "bbob-"),
         (["--problems", "bbob-01", "--first-seed", "0"], "instance 0"),
