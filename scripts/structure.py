@@ -35,7 +35,7 @@ BUDGETS = {
     "estimate": 7300,
     "exporters": 7600,
     "flight": 5550,
-    "input_design": 2150,
+    "input_design": 2280,
     "kernels": 1900,
     "logs": 5000,
     "optimize": 2600,

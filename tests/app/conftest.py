@@ -172,7 +172,7 @@ def hover(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def quadrotor(tmp_path: Path, hover: Path) -> Path:
     """Return the folder of an app with the log of a quadrotor, its vehicle, and two windows."""
     from stoop.app.folder import Project
-    from stoop.problem.windows import Entry
+    from stoop.input_design.windows_file import Entry
     from stoop.vehicle.builtin import builtin_text
 
     project = Project(tmp_path / "project")

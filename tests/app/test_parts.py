@@ -17,7 +17,7 @@ from stoop.app.plots import drawn_costs, drawn_curves, thinned
 from stoop.app.uploads import safe_name
 from stoop.errors import StoopError, VehicleError
 from stoop.estimate.iterates import watched
-from stoop.problem.windows import Entry
+from stoop.input_design.windows_file import Entry
 from stoop.report.comparison import Compared, comparison_sheet
 from stoop.report.series import Series
 from stoop.simulation.fly import simulate_flight

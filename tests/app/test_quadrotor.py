@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from stoop.problem.windows import read_windows
+from stoop.input_design.windows_file import read_windows
 
 
 def test_from_a_sent_log_to_an_export(app, tab, hover: Path) -> None:

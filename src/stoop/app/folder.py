@@ -20,9 +20,9 @@ from stoop.base.toml import parse_source, read_source
 from stoop.errors import OutputError, StoopError
 from stoop.flight.flight import flight_name
 from stoop.flight.mapping import READY
+from stoop.input_design.windows_file import Entry, read_windows, written
 from stoop.logs.csv_tables import mapping_beside
 from stoop.logs.read import kind as log_kind
-from stoop.problem.windows import Entry, read_windows, written
 from stoop.vehicle.load import parse_vehicle
 
 FILE: Final = "app.toml"  #: names the log

@@ -13,7 +13,7 @@ from stoop.app.folder import WINDOWS
 from stoop.app.plots import Strips, read_flight
 from stoop.app.view import View
 from stoop.errors import StoopError
-from stoop.problem.windows import Entry
+from stoop.input_design.windows_file import Entry
 
 USES: Final = {
     "fit": "fit",

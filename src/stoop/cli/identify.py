@@ -109,7 +109,8 @@ def run(arguments: argparse.Namespace) -> int:
     from stoop.checks.vehicle import check_vehicle
     from stoop.estimate.iterates import watched
     from stoop.flight.flight import flight_name
-    from stoop.problem.windows import expanded, files_among, parse_window
+    from stoop.input_design.windows_file import expanded, files_among
+    from stoop.problem.windows import parse_window
     from stoop.strategy.run import choose_method
     from stoop.workflow import Bootstrap, Posterior, Profile
     from stoop.workflow.checkpoint import Checkpoint, identity

@@ -45,7 +45,7 @@ def maneuvers(arguments: argparse.Namespace) -> int:
     """Find windows, write them, and print what was found."""
     from stoop.flight import load, without_faults
     from stoop.input_design.windows import doubts, find_windows
-    from stoop.problem.windows import NAME
+    from stoop.input_design.windows_file import NAME
     from stoop.vehicle.assumptions import with_assumptions
     from stoop.vehicle.builtin import resolve_vehicle
     from stoop.workflow.design import WINDOW_FILES, write_windows
@@ -79,7 +79,7 @@ def maneuvers(arguments: argparse.Namespace) -> int:
 
 def _show_windows(found: Found, folder: Path, following: Sequence[str], verbose: bool) -> None:
     """Print how many windows are proposed, the windows, the next command, and what may be expected of them."""
-    from stoop.problem.windows import NAME
+    from stoop.input_design.windows_file import NAME
     from stoop.report.design import span_of
 
     out, proposed = page(), found.windows

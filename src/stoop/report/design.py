@@ -188,7 +188,7 @@ def windows_sheet(
     found: Found, flights: Mapping[str, Flight], vehicle: str, command: str, following: Sequence[str]
 ) -> Sheet:
     """Return the page; `vehicle` is its name or empty, `following` the words of the command that takes the file."""
-    from stoop.problem.windows import NAME
+    from stoop.input_design.windows_file import NAME
 
     criterion = BY_VEHICLE.format(vehicle=vehicle) if vehicle else BY_COMMAND
     sections = [

@@ -26,7 +26,7 @@ from stoop.input_design.information import Knowledge, Limits, Setup
 from stoop.input_design.optimization import Plan, Proposal, propose
 from stoop.input_design.sensitivity import sensor_noise
 from stoop.input_design.windows import Found
-from stoop.problem.windows import NAME, Entry, written
+from stoop.input_design.windows_file import NAME, Entry, written
 from stoop.simulation import Trim, trim
 from stoop.simulation.maneuver import Maneuver, unit_of
 from stoop.vehicle import Vehicle

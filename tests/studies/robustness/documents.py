@@ -31,8 +31,8 @@ from stoop.base.notices import Notice
 from stoop.errors import StoopError
 from stoop.estimate.noise import read_covariance
 from stoop.flight.mapping import read_flight_mapping
-from stoop.problem.windows import expanded, read_windows
-from stoop.problem.windows import written as windows_text
+from stoop.input_design.windows_file import expanded, read_windows
+from stoop.input_design.windows_file import written as windows_text
 from stoop.report.identification import render_validation
 from stoop.results.result import Result, from_json, read_result
 from stoop.simulation.maneuver import check_maneuver, load_maneuver

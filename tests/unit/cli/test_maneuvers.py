@@ -14,7 +14,7 @@ from stoop.cli.main import main
 from stoop.flight import Flight, from_columns, load, save
 from stoop.input_design.candidates import candidates
 from stoop.input_design.windows import doubts, find_windows
-from stoop.problem.windows import read_windows
+from stoop.input_design.windows_file import read_windows
 from stoop.vehicle import load_vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from stoop.errors import FlightError
-from stoop.problem.windows import Entry, expanded, read_windows, written
+from stoop.input_design.windows_file import Entry, expanded, read_windows, written
 
 GOOD = (
     Entry(
