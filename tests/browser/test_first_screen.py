@@ -17,6 +17,8 @@ from stoop.report.sheet import render_sheet
 
 SCREEN = 900
 TOP = "(place) => Math.round(document.querySelector(place).getBoundingClientRect().top + scrollY)"
+BOTTOM = TOP.replace("().top", "().bottom")
+CUT = "[...document.querySelectorAll('.compact figcaption')].filter((one) => one.scrollWidth > one.clientWidth).length"
 CLOSED = "[...document.querySelectorAll('details')].filter((one) => !one.open).length"
 
 
@@ -46,6 +48,7 @@ def test_the_first_screen_has_verdict_and_prediction_and_the_second_the_estimate
     assert page.evaluate(TOP, ".verdict") < 0.25 * SCREEN
     assert page.evaluate(TOP, "#curves .history .panels") < 0.75 * SCREEN
     assert page.locator("#curves .chip").first.text_content() == "validation"
+    assert page.evaluate(BOTTOM, "#curves .history .panels") < SCREEN
     assert page.evaluate(TOP, "#estimates") < 2 * SCREEN
     assert page.evaluate("document.documentElement.scrollHeight") < 4 * SCREEN
     sides = page.locator(".verdict .sides > div")
@@ -86,6 +89,8 @@ def test_a_narrow_dark_screen_holds_the_page(page: Page) -> None:
     page.wait_for_selector(".compact canvas")
     assert page.evaluate("document.documentElement.scrollWidth") <= 420
     assert page.evaluate(TOP, "#curves .history") < 1.5 * SCREEN
+    assert page.locator(".compact .score").first.is_visible()
+    assert page.evaluate(CUT) == 0
 
 
 def test_the_page_of_a_validation_begins_with_its_curves(

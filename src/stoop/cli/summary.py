@@ -10,14 +10,12 @@ from stoop.base.numbers import count
 from stoop.cli.page import Page, page
 from stoop.results import text
 from stoop.results.decisions import decision_lines
-from stoop.results.verdict import grouped
+from stoop.results.verdict import REASONS, grouped, shortened
 
 if TYPE_CHECKING:
     from stoop.prediction.predict import ForceFigures
     from stoop.results.result import ManeuverResult, Result
 
-#: reasons of the verdict that are printed without --verbose
-REASONS: Final = 3
 #: determined parameters that get a line each, with their interval
 ROWS: Final = 12
 
@@ -44,7 +42,7 @@ def _verdict(out: Page, result: Result, verbose: bool) -> None:
     if verbose:
         out.bullets([*reasons, *result.verdict.advice])
         return
-    out.bullets(map(text.shortened, reasons[:REASONS]))
+    out.bullets(map(shortened, reasons[:REASONS]))
     left = ((len(reasons) - REASONS, "more reason"), (len(result.warnings), "warning"))
     if known := [count(number, what) for number, what in left if number > 0]:
         out.line(f"  {', '.join(known)} and what would settle them: in the report, or by --verbose")

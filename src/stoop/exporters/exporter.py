@@ -9,7 +9,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Final
 
-from stoop.base.text import Summarized
+from stoop.base.numbers import count
+from stoop.base.text import printable_lines
 from stoop.errors import SimulationError
 from stoop.exporters.jsbsim_flight import Record, own_readings, relative_differences
 from stoop.exporters.reference_flight import ReferenceFlight, reference_flight
@@ -30,6 +31,7 @@ class Condition:
 
 
 DEFAULT: Final = Condition()
+MOST_FILES: Final = 7  #: that a short text names
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,12 +79,21 @@ class ModelData:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Exported(Summarized):
+class Exported:
     """Files by their place below the output folder, the main one, and notes for the user."""
 
     files: Mapping[str, bytes]
     main: str
     notes: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        """Return the largest files with their sizes, the main one first, and the number of notes."""
+        found = f"{count(len(self.files), 'file')}, {sum(map(len, self.files.values()))} bytes"
+        lines = [f"<Exported: {found}; {count(len(self.notes), 'note')}>"]
+        names = sorted(self.files, key=lambda name: (name != self.main, -len(self.files[name])))
+        lines += [f"{name}  {len(self.files[name])} bytes" for name in names[:MOST_FILES]]
+        lines += [f"and {len(names) - MOST_FILES} more"] * (len(names) > MOST_FILES)
+        return printable_lines("\n".join(lines))
 
     def with_notes(self, notes: Iterable[str]) -> Exported:
         """Return the files with further notes."""

@@ -12,7 +12,6 @@ from markupsafe import Markup
 
 from stoop.assessment.verdict import CONFIRMED
 from stoop.assessment.verdict import verdict as judge
-from stoop.base.notices import of_severity
 from stoop.base.numbers import NOTHING, count, listed, number, window
 from stoop.base.text import nearest
 from stoop.errors import StoopError
@@ -44,8 +43,8 @@ from stoop.report.maneuvers import (
 )
 from stoop.report.model import Model
 from stoop.results.result import Result, Role
-from stoop.results.text import determined, shortened
-from stoop.results.verdict import Grade, Verdict, grouped
+from stoop.results.text import determined
+from stoop.results.verdict import REASONS, Grade, Verdict, grouped, shortened
 
 ENDINGS: Final = {
     "converged": "The search converged",
@@ -64,8 +63,6 @@ VALIDATION_LEAD: Final = (
     "learned from the fitted maneuvers, is given all commands, and is granted a bias of its own. A model that a lag can match "
     "has shown little."
 )
-REASONS: Final = 3  #: against a model, and for it, that the first screen has
-CAUTIONS: Final = ("verdict-unresolved",)  #: information that is no merit
 SAME_AGAIN: Final = "With the same versions and CPU features, this seed gives the same numbers again."
 
 
@@ -213,13 +210,9 @@ def _provenance_section(identification: Model, *, validation: bool) -> sheet.Sec
 def verdict(result: Result) -> sheet.Verdict:
     """Return the verdict of a result with the strongest reasons against it and for it."""
     found = _judged(result)
-    against = [
-        *of_severity(found.reasons, "warning"),
-        *(one for one in found.reasons if one.code in CAUTIONS),
-    ]
-    merits = [one for one in found.reasons if one.severity == "info" and one.code not in CAUTIONS]
-    supports = [*(f"{shortened(one)}." for one in grouped(merits)), *_successes(result)]
-    shown = tuple(f"{shortened(one)}." for one in grouped(against)[:REASONS])
+    against, merits = found.sides
+    supports = [*(f"{shortened(one)}." for one in merits), *_successes(result)]
+    shown = tuple(f"{shortened(one)}." for one in against[:REASONS])
     return sheet.Verdict(
         LEVELS[found.grade], f"{found.headline}.", against=shown, supports=tuple(supports[:REASONS])
     )

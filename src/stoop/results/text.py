@@ -1,37 +1,20 @@
-"""A result in a few lines of text: reasons of the verdict, estimates by group, windows."""
+"""A result in a few lines of text: estimates by group, windows."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 from statistics import median
 from typing import Final
 
-from stoop.base.notices import Notice, Value
 from stoop.base.numbers import count, rounded_to_error
 from stoop.base.text import enumerated
 from stoop.results.result import ManeuverResult, ParameterEstimate
+from stoop.results.verdict import few_names
 
-#: names of a list that a short sentence holds
-MAX_NAMES: Final = 3
 #: characters of a line of estimates
 LINE: Final = 118
 GAP: Final = "    "
-
-
-def shortened(found: Notice, most: int = MAX_NAMES) -> Notice:
-    """Return a notice whose lists of names hold `most` of them, the others counted."""
-    values = {name: _few(value, most) for name, value in found.values.items()}
-    return replace(found, values=values)
-
-
-def _few(value: Value, most: int) -> Value:
-    """Return a list of names with `most` of them, the others counted; whatever else is given as it is."""
-    if not isinstance(value, tuple) or len(value) <= most + 1:
-        return value
-    names = tuple(name for name in value if isinstance(name, str))
-    return (*names[:most], f"{len(names) - most} more") if len(names) == len(value) else value
 
 
 def with_error(value: float, error: float) -> str:
@@ -101,7 +84,7 @@ def window_line(maneuver: ManeuverResult) -> str:
             [n for n, one in found.items() if one.lost],
         )
         text = f"better than a first-order lag in {better} of {count(len(compared), 'channel')}"
-        parts.append(f"{text} (not in {_named(lost)})" if lost else text)
+        parts.append(f"{text} (not in {enumerated(few_names(lost))})" if lost else text)
     else:
         still = all(one.below_noise for one in found.values())
         parts.append(
@@ -115,11 +98,6 @@ def window_line(maneuver: ManeuverResult) -> str:
             f"{within[least]:.0%} of {least}"
         )
     return f"{maneuver.window}: {'; '.join(parts)}"
-
-
-def _named(names: Sequence[str]) -> str:
-    few = _few(tuple(names), MAX_NAMES)
-    return enumerated(map(str, few)) if isinstance(few, tuple) else str(few)
 
 
 def matched_line(maneuvers: Sequence[ManeuverResult]) -> str:

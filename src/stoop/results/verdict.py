@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, Literal, TypeAlias
 
 from stoop.base.notices import Notice, notice, of_severity
-from stoop.base.text import enumerated
+from stoop.base.numbers import count
+from stoop.base.text import enumerated, printable, printable_lines
 
 Grade: TypeAlias = Literal["", "trusted", "usable", "do not use"]
+MAX_NAMES: Final = 3  #: names of a list that a short sentence holds
+REASONS: Final = 3  #: against a model, and for it, in a short text
+CAUTIONS: Final = ("verdict-unresolved",)  #: information that is no merit
 
 
 @dataclass(frozen=True)
@@ -34,7 +38,7 @@ class Use:
     against: tuple[Notice, ...] = ()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Verdict:
     """Whether to use a model, and for what; the grade is empty where none was made."""
 
@@ -55,6 +59,14 @@ class Verdict:
         return of_severity(self.reasons, "warning")
 
     @property
+    def sides(self) -> tuple[tuple[Notice, ...], tuple[Notice, ...]]:
+        """Reasons against the model, cautions last, and reasons for it; see :func:`grouped`."""
+        known = of_severity(self.reasons, "info")
+        cautions = tuple(one for one in known if one.code in CAUTIONS)
+        merits = tuple(one for one in known if one.code not in CAUTIONS)
+        return grouped((*self.against, *cautions)), grouped(merits)
+
+    @property
     def headline(self) -> Notice:
         """The verdict in one line."""
         others = tuple(use.name for use in self.uses if not use.justified)
@@ -64,18 +76,50 @@ class Verdict:
         uses = self.justified or ("what was fitted",)  # of a file without uses
         return notice(code + ("-in-part" if others else ""), uses=uses, others=others)
 
+    def __repr__(self) -> str:
+        """Return the headline and the number of reasons on one line."""
+        if not self.grade:
+            return "<Verdict: none was made>"
+        against, merits = map(len, self.sides)
+        return printable(f"<Verdict: {self.headline}; {count(against, 'reason')} against, {merits} for>")
+
+    def __str__(self) -> str:
+        """Return the headline, and the strongest reasons against the model and for it, on ten lines at most."""
+        if not self.grade:
+            return "verdict: none was made"
+        lines = [f"verdict: {self.headline}"]
+        for title, reasons in zip(("against", "for"), self.sides, strict=True):
+            more = len(reasons) - REASONS
+            lines += [
+                f"{title}, the strongest {REASONS} of {len(reasons)}:" if more > 0 else f"{title}:"
+            ] * bool(reasons)
+            lines += [f"- {shortened(one)}" for one in reasons[:REASONS]]
+        return printable_lines("\n".join(lines))
+
+
+def shortened(found: Notice, most: int = MAX_NAMES) -> Notice:
+    """Return a notice whose lists of names hold `most` of them, the others counted."""
+    lists = {k: v for k, v in found.values.items() if isinstance(v, tuple) and isinstance((*v, "")[0], str)}
+    return replace(found, values={**found.values, **{k: few_names(v, most) for k, v in lists.items()}})
+
+
+def few_names(names: Sequence[object], most: int = MAX_NAMES) -> tuple[str, ...]:
+    """Return names, of a long list `most` of them and the number of the others."""
+    shown = tuple(map(str, names))
+    return shown if len(shown) <= most + 1 else (*shown[:most], f"{len(shown) - most} more")
+
 
 def grouped(reasons: Sequence[Notice]) -> tuple[Notice, ...]:
-    """Return reasons as they are told: what is missing for one use, and findings of one kind, in one notice each."""
+    """Return reasons with the needs of one use, and findings of one kind, in one notice each."""
     out: dict[tuple[str, ...], list[Notice]] = {}
     for found in reasons:
         kind = "verdict-needs" if found.code in _NEEDS else found.code
         key = (kind, str(found.values["use"]) if kind == "verdict-needs" else "")
         out.setdefault(key if kind in _TOGETHER else (kind, str(found)), []).append(found)
-    return tuple(one for (kind, _), own in out.items() for one in _told(kind, own))
+    return tuple(one for (kind, _), own in out.items() for one in _combined(kind, own))
 
 
-def _told(kind: str, own: Sequence[Notice]) -> Sequence[Notice]:
+def _combined(kind: str, own: Sequence[Notice]) -> Sequence[Notice]:
     """Return notices of one kind as one, where they are several or too long for a verdict."""
     first = own[0].values
     if kind == "contribution-in-doubt" and "variables" in first:

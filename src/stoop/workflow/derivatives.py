@@ -6,34 +6,75 @@ import json
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from stoop.base.csv_text import csv_text
 from stoop.base.files import write_text_atomic
-from stoop.base.text import Summarized
+from stoop.base.text import printable_lines
 from stoop.errors import OutputError
 from stoop.exporters.exporter import Condition, ModelData
-from stoop.simulation.derivatives import Derivatives, Table
+from stoop.simulation.derivatives import LOADS, Derivatives, Table
 from stoop.simulation.derivatives import derivatives as about
 from stoop.vehicle import Vehicle
 from stoop.workflow.export import model_data
 from stoop.workflow.fitted_model import FittedModel
 from stoop.workflow.load import takes_model_or_vehicle
 
+if TYPE_CHECKING:
+    import pandas as pd
+
 FORMAT: Final = "stoop-derivatives/1"
 ENDINGS: Final = (".csv", ".json")
+SHOWN: Final = 10  #: motions and controls that a short text has room for
+ROUNDING: Final = 1e-12  #: of the largest value, shown as zero
+
+
+COLUMNS: Final = ("axes", "form", "name", "value", "unit", "std_error", "identified")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Reported(Summarized):
+class DerivativeTables:
     """Derivatives along one set of axes in the forms that were asked for, with the steady flight."""
 
     model: ModelData
     found: Derivatives
     tables: tuple[Table, ...]
     flight: dict[str, float]  #: airspeed, m/s; altitude, m; alpha, rad
+
+    def __repr__(self) -> str:
+        """Return the steady flight, and a matrix of the first form: loads in rows, motions and controls in columns."""
+        table, flight = self.tables[0], self.flight
+        lines = [
+            f"<{type(self).__name__} of {self.model.vehicle.name}: {' and '.join(t.form for t in self.tables)}, "
+            f"{table.axes} axes, {flight['airspeed']:.1f} m/s, alpha {math.degrees(flight['alpha']):.1f} deg>"
+        ]
+        names = [name.split("_", 1) for name in table.names]
+        motions = [by for _, by in names[: len(names) // len(LOADS)]][:SHOWN]
+        matrix = table.values.reshape(len(LOADS), -1)[:, :SHOWN]
+        matrix = np.where(np.abs(matrix) > ROUNDING * np.abs(matrix).max(), matrix, 0.0)
+        widths = [max(10, len(by) + 1) for by in motions]
+        lines.append("  " + "".join(f"{by:>{w}}" for by, w in zip(motions, widths, strict=True)))
+        for (load, _), row in zip(names[:: len(names) // len(LOADS)], matrix.tolist(), strict=True):
+            lines.append(f"{load:<2}" + "".join(f"{x:>{w}.3g}" for x, w in zip(row, widths, strict=True)))
+        return printable_lines("\n".join([*lines, "units and standard errors: to_dataframe()"]))
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """Return one row for each derivative; the standard error is infinite where the flight does not determine it."""
+        import pandas as pd
+
+        return pd.DataFrame(self.rows(), columns=list(COLUMNS))
+
+    def rows(self) -> list[tuple[str, str, str, float, str, float, bool]]:
+        """Return axes, form, name, value, unit, standard error, and whether the flight determines it, of each derivative."""
+        return [
+            (t.axes, t.form, *row)
+            for t in self.tables
+            for row in zip(
+                t.names, t.values.tolist(), t.units, t.std_errors.tolist(), t.identified.tolist(), strict=True
+            )
+        ]
 
 
 @takes_model_or_vehicle
@@ -44,7 +85,7 @@ def derivatives(
     climb_angle: float = 0.0,
     axes: str = "stability",
     dimensional: bool = False,
-) -> Reported:
+) -> DerivativeTables:
     """Return the stability and control derivatives of a model about a steady flight.
 
     Parameters
@@ -69,7 +110,7 @@ def derivatives(
     forms = ("dimensional", "specific") if dimensional else ("nondimensional",)
     speed = float(np.linalg.norm(found.velocity))
     flight = {"airspeed": speed, "altitude": point.start["h"], "alpha": found.alpha}
-    return Reported(data, found, tuple(map(found.table, forms)), flight)
+    return DerivativeTables(data, found, tuple(map(found.table, forms)), flight)
 
 
 def check_ending(target: Path) -> None:
@@ -78,26 +119,19 @@ def check_ending(target: Path) -> None:
         raise OutputError(f"{target}: no format of derivatives; end its name in {' or '.join(ENDINGS)}")
 
 
-def save_derivatives(reported: Reported, target: Path) -> None:
+def save_derivatives(reported: DerivativeTables, target: Path) -> None:
     """Write derivatives as CSV, one a row, or as JSON, with their covariance."""
     check_ending(target)
     text = as_csv(reported) if target.suffix.lower() == ".csv" else as_json(reported)
     write_text_atomic(target, text)
 
 
-def as_csv(reported: Reported) -> str:
-    """Return rows of form, name, value, unit, standard error and whether the flight determines it."""
-    rows = []
-    for table in reported.tables:
-        values, errors, identified = (x.tolist() for x in (table.values, table.std_errors, table.identified))
-        rows += [
-            (table.axes, table.form, name, values[i], table.units[i], _finite(errors[i]), identified[i])
-            for i, name in enumerate(table.names)
-        ]
-    return csv_text(("axes", "form", "name", "value", "unit", "std_error", "identified"), rows)
+def as_csv(reported: DerivativeTables) -> str:
+    """Return one row for each derivative; the standard error is empty where the flight does not determine it."""
+    return csv_text(COLUMNS, [(*row[:5], _finite(row[5]), row[6]) for row in reported.rows()])
 
 
-def as_json(reported: Reported) -> str:
+def as_json(reported: DerivativeTables) -> str:
     """Return everything, SI and rad; what is not known is null."""
     vehicle, reference = reported.model.vehicle, reported.found.reference
     content = {

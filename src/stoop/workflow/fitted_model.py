@@ -10,6 +10,7 @@ import importlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from html import escape
 from pathlib import Path
 from types import MethodType
 from typing import TYPE_CHECKING, Any
@@ -216,15 +217,16 @@ class FittedModel:
         return printable(f"<FittedModel of {self.vehicle.name}: {r.free_count}, {r.method}, {r.status}>")
 
     def _repr_html_(self) -> str:
-        return self.result._repr_html_()
+        lines = "<br>".join(escape(line) for line in str(self.verdict).split("\n"))
+        return f"<p>{lines}</p>{self.result._repr_html_()}"
 
     def __str__(self) -> str:
-        """Return the estimates as a table, and the verdict."""
+        """Return the verdict with its strongest reasons, the decisions, and the estimates as a table."""
         from stoop.results.decisions import decision_lines
         from stoop.workflow.summary import estimates_table
 
         decisions = "\n".join(decision_lines(self.result.decisions))
-        parts = estimates_table(self.result.parameters), decisions, f"verdict: {self.result.verdict.headline}"
+        parts = str(self.verdict), decisions, estimates_table(self.result.parameters)
         return printable_lines("\n\n".join(filter(None, parts)))
 
     @property

@@ -11,11 +11,11 @@ from stoop.base.notices import notice
 from stoop.results.text import (
     determined,
     estimate_blocks,
-    shortened,
     undetermined_lines,
     window_line,
     with_error,
 )
+from stoop.results.verdict import shortened
 
 
 @pytest.mark.parametrize(

@@ -17,6 +17,7 @@ import stoop
 from stoop.errors import FlightError, SimulationError, StoopError
 from stoop.flight import Flight
 from stoop.parallel import Given
+from stoop.results.verdict import Verdict
 from stoop.workflow.outputs import ARCHIVES
 
 
@@ -182,6 +183,9 @@ ROUGHLY: dict[str, Callable[[stoop.FittedModel], Any]] = {
     "linear": lambda m: m.linearize(airspeed=33.0),
     "frequency": lambda m: m.frequency(m.flights[0]),
     "exported": lambda m: m.export("state-space"),
+    "derivatives": lambda m: stoop.derivatives("twin-boom"),
+    "dimensional derivatives": lambda m: stoop.derivatives("twin-boom", dimensional=True),
+    "verdict": lambda m: m.verdict,
 }
 
 
@@ -190,6 +194,34 @@ def test_no_text_of_an_object_is_long(name: str, job: stoop.FittedModel) -> None
     text = repr(ROUGHLY[name](job))
     assert len(text.splitlines()) <= 10
     assert len(text) < 1000
+
+
+def test_a_model_is_printed_with_its_verdict_and_reasons_first(job: stoop.FittedModel) -> None:
+    shown = str(job.verdict)
+    lines = shown.splitlines()
+    assert lines[0] == f"verdict: {job.verdict.headline}"
+    assert 3 <= len(lines) <= 10
+    assert str(job).startswith(shown + "\n\n")
+    assert all(name in str(job).removeprefix(shown) for name in job.parameters)
+    page = job._repr_html_()
+    assert page.startswith("<p>verdict: ")
+    assert page.index("<br>") < page.index("<table>")
+    assert str(Verdict()) == "verdict: none was made"
+
+
+def test_derivatives_and_exports_are_shown_as_what_they_are(job: stoop.FittedModel) -> None:
+    found = stoop.derivatives("twin-boom")
+    table = found.to_dataframe().set_index("name")
+    matrix = [line.split() for line in repr(found).splitlines()[1:-1]]
+    assert [row[0] for row in matrix[1:]] == ["CX", "CY", "CZ", "Cl", "Cm", "Cn"]
+    for load, *values in matrix[1:]:
+        for by, value in zip(matrix[0], values, strict=True):
+            assert float(value) == pytest.approx(table.loc[f"{load}_{by}", "value"], rel=6e-3, abs=1e-12)
+    assert len(table) == found.tables[0].values.size
+    assert table.loc["Cm_alpha", "unit"] == "1"
+    exported = job.export("state-space")
+    assert all(name in repr(exported) for name in exported.files)
+    assert f"{len(exported.files[exported.main])} bytes" in repr(exported)
 
 
 def test_one_count_of_free_numbers(job: stoop.FittedModel) -> None:

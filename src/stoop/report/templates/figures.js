@@ -52,7 +52,7 @@
     // Put the figures of a panel into their places.
     fill(i) {
       const strips = this.content.panels[i];
-      this.figures[i] = strips.map((strip, k) => this.figure(strip, k === strips.length - 1, this.tables, this.content.shades));
+      this.figures[i] = strips.map((strip, k) => this.figure(strip, k === strips.length - 1, this.tables, this.content.shades, this.panels[i].clientWidth));
       for (const figure of this.figures[i]) {
         const place = document.createElement("div");
         this.panels[i].append(place);
@@ -65,7 +65,7 @@
       }
     }
 
-    figure(strip, last, tables, shades) {
+    figure(strip, last, tables, shades, width) {
       const tools = [
         new Bokeh.BoxZoomTool({ dimensions: "auto", name: "zoom" }), new Bokeh.PanTool({ name: "pan" }),
         new Bokeh.BoxSelectTool({ dimensions: "width", renderers: [], name: "window" }),
@@ -86,6 +86,7 @@
           major_label_text_color: style("--tick"), major_label_text_font_size: "11px",
         });
       x.visible = last;
+      x.ticker.desired_num_ticks = Math.min(6, Math.max(3, Math.floor((width - 70) / 50)));
       y.ticker.desired_num_ticks = Math.max(2, Math.round(strip.height / 24));
       for (const grid of figure.center.filter((one) => one.type === "Grid")) grid.grid_line_color = style("--grid");
       for (const { start, stop, color, edge } of shades)
