@@ -32,14 +32,10 @@ class DecisionRecord:
         """The decision on one line."""
         if self.state != "applied":
             return f"{self.name}: {self.state}"
-        gains = [
-            f"log-likelihood {value:+.1f}{where}"
-            for value, where in ((self.gained, ""), (self.held_back, " held back"))
-            if math.isfinite(value)
-        ]
-        return ", ".join(
-            [f"{self.name}: {self.done}", *gains, *([f"{self.seconds:.1f} s"] * (self.seconds >= 0.05))]
-        )
+        known = ((self.gained, ""), (self.held_back, " held back"))
+        gains = [f"log-likelihood {value:+.1f}{where}" for value, where in known if math.isfinite(value)]
+        spent = [f"{self.seconds:.1f} s"] * (self.seconds >= 0.05)
+        return ", ".join([f"{self.name}: {self.done}", *gains, *spent])
 
 
 def switched_off(decisions: Iterable[DecisionRecord], name: str) -> bool:
@@ -52,7 +48,6 @@ def decision_lines(decisions: Iterable[DecisionRecord]) -> list[str]:
     known = list(decisions)
     off = [one.name for one in known if one.state == "off"]
     idle = sum(one.state == "not needed" for one in known)
-    rest = [f"off: {', '.join(off)}"] * bool(off) + [
-        f"looked at and not needed: {idle} of {len(known)}"
-    ] * bool(idle)
+    rest = [f"off: {', '.join(off)}"] * bool(off)
+    rest += [f"looked at and not needed: {idle} of {len(known)}"] * bool(idle)
     return [one.line for one in known if one.state == "applied"] + ["; ".join(rest)] * bool(rest)

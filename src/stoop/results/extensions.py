@@ -36,7 +36,7 @@ class ExtensionTests:
     into the estimates unseen.
     """
 
-    tested: int = 0  #: extensions that the data can tell from the model; 0 where nothing was tested
+    tested: int = 0  #: extensions that the data distinguish from the model; 0 where nothing was tested
     level: float = math.nan  #: of all tests together
     found: tuple[ExtensionTest, ...] = ()
     unresolved: tuple[str, ...] = ()
@@ -45,6 +45,5 @@ class ExtensionTests:
     def standing(self) -> tuple[ExtensionTest, ...]:
         """The strongest, and those that stay significant once it is there."""
         chances = (self.tested * math.erfc(abs(t.beside) / math.sqrt(2.0)) for t in self.found[1:])
-        return self.found[:1] + tuple(
-            t for t, p in zip(self.found[1:], chances, strict=True) if p < self.level
-        )
+        pairs = zip(self.found[1:], chances, strict=True)
+        return self.found[:1] + tuple(test for test, chance in pairs if chance < self.level)

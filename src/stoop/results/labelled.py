@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from stoop.base.arrays import FloatArray
 from stoop.base.html import table
 from stoop.base.numbers import number, rounded_to_error
 from stoop.errors import StoopError
@@ -50,15 +51,16 @@ def to_xarray(
     names = list(result.parameters)
     channels = list(dict.fromkeys(c for trace in traces for c in trace.channels))
     lengths = [trace.time.size for trace in traces]
-    readings = {}
-    for kind in ("measured", "simulated"):  # (n, n_y), all maneuvers one after the other
-        stacked = [np.empty((0, len(channels)))]
-        for trace in traces:
-            nothing = np.full(trace.time.size, np.nan)
-            found = [getattr(trace.channels[c], kind) if c in trace.channels else nothing for c in channels]
-            stacked.append(np.reshape(found, (len(channels), trace.time.size)).T)
-        readings[kind] = np.concatenate(stacked)
-    measured, simulated = readings["measured"], readings["simulated"]
+
+    def stacked(kind: str) -> FloatArray:
+        """Return readings (n, n_y) of a kind, all maneuvers one after the other."""
+        out = np.full((sum(lengths), len(channels)), np.nan)
+        for rows, trace in zip(np.split(out, np.cumsum(lengths)), traces, strict=False):
+            for channel, own in trace.channels.items():
+                rows[:, channels.index(channel)] = getattr(own, kind)
+        return out
+
+    measured, simulated = stacked("measured"), stacked("simulated")
     index = np.repeat(np.arange(len(lengths)), lengths)
     roles = np.array([m.role for m in result.maneuvers])
     time = np.concatenate([trace.time for trace in traces]) if lengths else np.empty(0)

@@ -37,6 +37,12 @@ Role: TypeAlias = Literal["fit", "validation"]
 SCHEMA: Final = "stoop-result/1"
 NAN: Final = math.nan
 MAX_BYTES: Final = 2**24  #: of a file
+#: process noise by method, in files that hold it in a notice
+FILTERS: Final[Mapping[str, Mapping[str, Any]]] = {
+    "filter-error": {"gain": "steady"},
+    "filter-error-ekf": {"gain": "varying"},
+    "stabilized-output-error": {"gain": "steady", "share": 0.01},
+}
 MIN_SIGNAL_TO_NOISE: Final = 1.0  #: of a channel's motion; below it chance decides between models
 
 
@@ -430,22 +436,12 @@ def from_json(text: str, where: str = "result") -> Result:
         if "notices" not in document:  # written before notices had codes
             document["notices"] = [as_notice(str(one)).to_dict() for one in document.get("warnings", ())]
         if "process_noise" not in document:  # written when only a notice held it
-            document["process_noise"] = _process_noise(document)
+            found = [one["values"] for one in document["notices"] if one.get("code") == "process-noise"]
+            document["process_noise"] = {**FILTERS.get(document.get("method", ""), {}), **dict(*found[:1])}
         return cast("Result", _decode(Result, document))
     except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
         what = f"lacks the key {error}" if isinstance(error, KeyError) else f"is malformed ({error})"
         raise StoopError(f"{where}: {what}; write it again with stoop identify") from error
-
-
-def _process_noise(document: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the process noise of a document that names the filter by its method and the intensities in a notice."""
-    filters: dict[str, dict[str, Any]] = {
-        "filter-error": {"gain": "steady"},
-        "filter-error-ekf": {"gain": "varying"},
-        "stabilized-output-error": {"gain": "steady", "share": 0.01},
-    }
-    found = [one["values"] for one in document["notices"] if one.get("code") == "process-noise"]
-    return {**filters.get(document.get("method", ""), {}), **(found[0] if found else {})}
 
 
 def read_result(path: Path) -> Result:

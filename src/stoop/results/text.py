@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from statistics import median
 from typing import Final
 
@@ -42,18 +42,15 @@ def estimate_blocks(estimates: Mapping[str, tuple[float, float]], width: int = L
     groups: dict[str, list[str]] = {}
     for name in estimates:
         groups.setdefault(group_of(name), []).append(name)
-    return [line for names in groups.values() for line in _in_columns(names, estimates, width)]
-
-
-def _in_columns(
-    names: Sequence[str], estimates: Mapping[str, tuple[float, float]], width: int
-) -> Iterator[str]:
-    longest = max(map(len, names))
-    cells = [f"{name:{longest}}  {with_error(*estimates[name])}" for name in names]
-    wide = max(map(len, cells)) + len(GAP)
-    columns = max((width + len(GAP)) // wide, 1)
-    for i in range(0, len(cells), columns):
-        yield "".join(f"{cell:{wide}}" for cell in cells[i : i + columns]).rstrip()
+    lines = []
+    for names in groups.values():
+        longest = max(map(len, names))
+        cells = [f"{name:{longest}}  {with_error(*estimates[name])}" for name in names]
+        wide = max(map(len, cells)) + len(GAP)
+        columns = max((width + len(GAP)) // wide, 1)
+        rows = (cells[i : i + columns] for i in range(0, len(cells), columns))
+        lines += ["".join(f"{cell:{wide}}" for cell in row).rstrip() for row in rows]
+    return lines
 
 
 def determined(parameters: Mapping[str, ParameterEstimate]) -> dict[str, ParameterEstimate]:
@@ -79,19 +76,14 @@ def window_line(maneuver: ManeuverResult) -> str:
         white = sum(one.innovations.whiteness.verdict == "white" for one in filtered)
         parts.append(f"innovations white in {white} of {count(len(filtered), 'channel')}")
     elif compared:
-        better, lost = (
-            sum(one.better for one in compared.values()),
-            [n for n, one in found.items() if one.lost],
-        )
+        better, lost = sum(one.better for one in compared.values()), [n for n in found if found[n].lost]
         text = f"better than a first-order lag in {better} of {count(len(compared), 'channel')}"
         parts.append(f"{text} (not in {enumerated(few_names(lost))})" if lost else text)
+    elif all(one.below_noise for one in found.values()):
+        parts.append("no channel moves more than its noise")
     else:
-        still = all(one.below_noise for one in found.values())
-        parts.append(
-            "no channel moves more than its noise" if still else "no first-order lag to compare with"
-        )
-    within = {name: one.within for name, one in found.items() if math.isfinite(one.within)}
-    if within:
+        parts.append("no first-order lag to compare with")
+    if within := {name: one.within for name, one in found.items() if math.isfinite(one.within)}:
         least = min(within, key=lambda name: within[name])
         parts.append(
             f"within the 95 % band {median(within.values()):.0%} of the readings of the median channel, "

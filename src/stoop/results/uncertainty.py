@@ -136,13 +136,9 @@ class Repeatability:
         compared = [one for one in self.parameters.values() if one.verdict]
         if not compared:
             return notice("repeatability-nothing-compared")
-        return notice(
-            "repeatability" if len(compared) < MANY else "repeatability-of-many",
-            compared=len(compared),
-            scatter=sum(one.verdict == "scatter" for one in compared),
-            by_chance=SCATTER_LEVEL * len(compared),
-            ratio=self.scatter_ratio,
-        )
+        code = "repeatability" if len(compared) < MANY else "repeatability-of-many"
+        found, chance = sum(one.verdict == "scatter" for one in compared), SCATTER_LEVEL * len(compared)
+        return notice(code, compared=len(compared), scatter=found, by_chance=chance, ratio=self.scatter_ratio)
 
     @property
     def share_agreeing(self) -> float:

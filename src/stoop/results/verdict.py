@@ -132,9 +132,8 @@ def _combined(kind: str, own: Sequence[Notice]) -> Sequence[Notice]:
         uses = tuple(f"{one.subject} in {_listed(one, 'channels')}" for one in own)
         return (notice("verdict-channels-of-uses", uses=uses),)
     names = tuple(f"{one.subject} (t = {one.values['statistic']:.1f})" for one in own)
-    return (
-        notice("verdict-lacks-several", names=names, lines="; ".join(str(one.values["line"]) for one in own)),
-    )
+    lines = "; ".join(str(one.values["line"]) for one in own)
+    return (notice("verdict-lacks-several", names=names, lines=lines),)
 
 
 def _listed(found: Notice, key: str) -> str:

@@ -6,7 +6,7 @@ import json
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -29,8 +29,6 @@ FORMAT: Final = "stoop-derivatives/1"
 ENDINGS: Final = (".csv", ".json")
 SHOWN: Final = 10  #: motions and controls that a short text has room for
 ROUNDING: Final = 1e-12  #: of the largest value, shown as zero
-
-
 COLUMNS: Final = ("axes", "form", "name", "value", "unit", "std_error", "identified")
 
 
@@ -46,10 +44,9 @@ class DerivativeTables:
     def __repr__(self) -> str:
         """Return the steady flight, and a matrix of the first form: loads in rows, motions and controls in columns."""
         table, flight = self.tables[0], self.flight
-        lines = [
-            f"<{type(self).__name__} of {self.model.vehicle.name}: {' and '.join(t.form for t in self.tables)}, "
-            f"{table.axes} axes, {flight['airspeed']:.1f} m/s, alpha {math.degrees(flight['alpha']):.1f} deg>"
-        ]
+        forms, place = " and ".join(t.form for t in self.tables), f"{flight['airspeed']:.1f} m/s"
+        place += f", alpha {math.degrees(flight['alpha']):.1f} deg"
+        lines = [f"<DerivativeTables of {self.model.vehicle.name}: {forms}, {table.axes} axes, {place}>"]
         names = [name.split("_", 1) for name in table.names]
         motions = [by for _, by in names[: len(names) // len(LOADS)]][:SHOWN]
         matrix = table.values.reshape(len(LOADS), -1)[:, :SHOWN]
@@ -134,6 +131,16 @@ def as_csv(reported: DerivativeTables) -> str:
 def as_json(reported: DerivativeTables) -> str:
     """Return everything, SI and rad; what is not known is null."""
     vehicle, reference = reported.model.vehicle, reported.found.reference
+    tables = []
+    for t in reported.tables:
+        table = {
+            "form": t.form, "names": t.names, "units": t.units, "values": t.values.tolist(),
+            "identified": t.identified.tolist(),
+        }  # fmt: skip
+        if t.known.names:
+            table["std_errors"] = [_finite(x) for x in t.std_errors.tolist()]
+            table["covariance"] = [[_finite(x) for x in row] for row in t.covariance.tolist()]
+        tables.append(table)
     content = {
         "format": FORMAT,
         "vehicle": vehicle.name,
@@ -142,23 +149,9 @@ def as_json(reported: DerivativeTables) -> str:
         "reference": reference,
         "controls": reported.found.controls,
         "steady_loads": dict(zip("XYZLMN", reported.found.loads.tolist(), strict=True)),
-        "tables": [_table(t) for t in reported.tables],
+        "tables": tables,
     }
     return json.dumps(content, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
-
-
-def _table(table: Table) -> dict[str, Any]:
-    out: dict[str, Any] = {
-        "form": table.form,
-        "names": table.names,
-        "units": table.units,
-        "values": table.values.tolist(),
-        "identified": table.identified.tolist(),
-    }
-    if table.known.names:
-        out["std_errors"] = [_finite(x) for x in table.std_errors.tolist()]
-        out["covariance"] = [[_finite(x) for x in row] for row in table.covariance.tolist()]
-    return out
 
 
 def _finite(x: float) -> float | None:
