@@ -65,13 +65,11 @@ class DerivativeTables:
 
     def rows(self) -> list[tuple[str, str, str, float, str, float, bool]]:
         """Return axes, form, name, value, unit, standard error, and whether the flight determines it, of each derivative."""
-        return [
-            (t.axes, t.form, *row)
-            for t in self.tables
-            for row in zip(
-                t.names, t.values.tolist(), t.units, t.std_errors.tolist(), t.identified.tolist(), strict=True
-            )
-        ]
+        out = []
+        for t in self.tables:
+            columns = (t.values.tolist(), t.units, t.std_errors.tolist(), t.identified.tolist())
+            out += [(t.axes, t.form, *row) for row in zip(t.names, *columns, strict=True)]
+        return out
 
 
 @takes_model_or_vehicle
@@ -130,7 +128,6 @@ def as_csv(reported: DerivativeTables) -> str:
 
 def as_json(reported: DerivativeTables) -> str:
     """Return everything, SI and rad; what is not known is null."""
-    vehicle, reference = reported.model.vehicle, reported.found.reference
     tables = []
     for t in reported.tables:
         table = {
@@ -143,10 +140,10 @@ def as_json(reported: DerivativeTables) -> str:
         tables.append(table)
     content = {
         "format": FORMAT,
-        "vehicle": vehicle.name,
+        "vehicle": reported.model.vehicle.name,
         "axes": reported.found.axes,
         "flight": reported.flight,
-        "reference": reference,
+        "reference": reported.found.reference,
         "controls": reported.found.controls,
         "steady_loads": dict(zip("XYZLMN", reported.found.loads.tolist(), strict=True)),
         "tables": tables,
