@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from stoop.reconstruction.compatibility import Compatibility
     from stoop.report.sheet import Page
     from stoop.vehicle_draft.draft import Drafted
-    from stoop.workflow.design import FlownBy
 
 
 def look(flight: OneFlight) -> Page:
@@ -153,7 +152,7 @@ def reconstruct(flight: OneFlight, windows: Windows = ()) -> tuple[Compatibility
 def save_design(
     proposal: Proposal,
     folder: str | Path,
-    target: FlownBy | None = None,
+    target: str | None = None,
     throws: Mapping[str, float] | None = None,
     overwrite: bool = False,
 ) -> Path:
@@ -164,8 +163,8 @@ def save_design(
     proposal : Proposal
         Of :func:`design`.
     folder : path
-    target : {"pilot", "ardupilot", "px4", "crazyflie"}, optional
-        Who flies it.
+    target : str, optional
+        Who flies it: "pilot", "ardupilot", "px4" or "crazyflie".
     throws : mapping, optional
         Deflection of each surface at full output, rad.
     overwrite : bool

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from docs.pages import DOCS, ROOT, run_python, table
-from stoop.workflow.design import TARGETS
+from stoop.exporters.targets import FLOWN_BY, flown_by
 
 PAGE = DOCS / "design.md"
 COLUMNS = (
@@ -51,7 +51,7 @@ def test_the_loop_is_as_good_as_its_notebook_says() -> None:
 
 def test_files_are_those_that_are_written() -> None:
     rows = table(PAGE, "Files to fly it with", "--for").rows
-    for name, target in TARGETS.items():
+    for name, target in ((name, flown_by(name)) for name in FLOWN_BY):
         named = {
             file for row in rows if row[0].strip("`") == name for file in re.findall(r"`([\w.]+)`", row[2])
         }

@@ -8,28 +8,12 @@ from pathlib import Path
 from typing import Final
 
 from stoop.base.text import show
-from stoop.cli import options
 from stoop.cli.page import page
 from stoop.errors import StoopError
 from stoop.flight.flight import flight_name
 
 FOLDER: Final = "stoop-app"
-MAX_UPLOAD: Final = 4.0  #: GB
 NEEDED: Final = "app: the package panel is not installed; pip install 'stoop[app]'"
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of this verb."""
-    add = parser.add_argument
-    folder = f"folder of all that is made, also of an earlier time (default: {FOLDER}-LOG, or {FOLDER})"
-    add("log", metavar="FLIGHT", type=Path, nargs="?", help=f"flight log: {options.LOG_HELP}")
-    add("--folder", metavar="DIR", type=Path, help=folder)
-    add(
-        "--port", metavar="N", type=_port, help="port on this machine (default: the first free one from 5010)"
-    )
-    add("--no-browser", action="store_true", help="only print the address")
-    upload = "largest log that a browser may send (default: %(default)g)"
-    add("--max-upload", metavar="GB", type=options.positive, default=MAX_UPLOAD, help=upload)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -61,10 +45,3 @@ def run(arguments: argparse.Namespace) -> int:
     out.line("Ctrl-C ends the app; runs go on, and the same command shows them again")
     server.run()
     return 0
-
-
-def _port(text: str) -> int:
-    value: int = options.at_least_one(text)
-    if value > 65_535:
-        raise argparse.ArgumentTypeError(f"{text} is no port; write 1 to 65535")
-    return value

@@ -9,26 +9,12 @@ from __future__ import annotations
 import argparse
 import shlex
 from collections.abc import Iterable
-from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 from stoop.base.text import show
-from stoop.cli.main import DEBUG_HELP, all_verbs, load_verb
-from stoop.cli.options import PAGE, WINDOW
-
-SHELLS: Final = ("bash", "zsh", "fish")
-VEHICLE_NAMES: Final = ("vehicle", "subject")  #: arguments that take a vehicle file, or a built-in vehicle
-FILES: Final = (
-    "PATH",
-    PAGE,
-    "FILE|LINE",
-    WINDOW,
-)  #: what else takes a file; windows are also read from a file
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of this verb."""
-    parser.add_argument("shell", metavar="SHELL", choices=SHELLS, help=f"one of {', '.join(SHELLS)}")
+from stoop.base.verbs import Verb
+from stoop.cli.main import DEBUG_HELP, all_verbs
+from stoop.cli.options import add_options
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -51,16 +37,16 @@ def all_parsers() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="store_true", help="print the version and exit")
     parser.add_argument("--debug", action="store_true", help=DEBUG_HELP)
     verbs, known = parser.add_subparsers(), all_verbs()
-    parsers = {name: _parser(place, BUILT_IN) for name, (place, _) in known.items()}
+    parsers = {name: _parser(verb, BUILT_IN) for name, verb in known.items()}
     for name in (name for name in known if " " not in name):
-        verb = _add(verbs, name, parsers[name], known[name][1])
+        verb = _add(verbs, name, parsers[name], known[name].summary)
         seconds = [other for other in known if other.startswith(f"{name} ")]
         if seconds:
             options = [action for action in parsers[name]._actions if action.option_strings]
             verb._actions[:] = parsers[name]._actions[:] = options
             words = verb.add_subparsers()
             for second in seconds:
-                _add(words, second.partition(" ")[2], parsers[second], known[second][1])
+                _add(words, second.partition(" ")[2], parsers[second], known[second].summary)
             for vehicle in BUILT_IN:
                 _add(words, vehicle, parsers[name], builtin_title(vehicle))
     return parser
@@ -73,29 +59,23 @@ def _add(verbs: Any, name: str, verb: argparse.ArgumentParser, purpose: str) -> 
     return added
 
 
-def _parser(place: str, vehicles: Iterable[str]) -> argparse.ArgumentParser:
-    """Return the parser of a verb, its arguments marked."""
+def _parser(verb: Verb, vehicles: Iterable[str]) -> argparse.ArgumentParser:
+    """Return the parser of a verb, its arguments marked by what completes them beside choices."""
+    import shtab
+
+    kinds: dict[str, Any] = {
+        "vehicle": _vehicles(vehicles), "folder": shtab.DIRECTORY, **dict.fromkeys(("file", "page", "source"), shtab.FILE),
+    }  # fmt: skip
     parser = argparse.ArgumentParser()
-    load_verb(place)[0](parser)
+    added = add_options(parser, verb.options)
     parser.add_argument("--debug", action="store_true", help=DEBUG_HELP)
-    for action in parser._actions:
-        completed = _completed(action, vehicles)
-        if completed is not None:
-            action.complete = completed  # type: ignore[attr-defined]
+    for option in verb.options:
+        action = added[option.key]
+        if option.kind in kinds:
+            action.complete = kinds[option.kind]  # type: ignore[attr-defined]
         if action.metavar and (":" in action.metavar or not isinstance(action.metavar, str)):
             action.metavar = action.dest.upper()  # a colon would end the name in the script for zsh
     return parser
-
-
-def _completed(action: argparse.Action, vehicles: Iterable[str]) -> Any:
-    """Return what shtab completes an argument by, beside choices; None where it takes numbers or free text."""
-    import shtab
-
-    if action.dest in VEHICLE_NAMES:
-        return _vehicles(vehicles)
-    if action.metavar == "DIR":
-        return shtab.DIRECTORY
-    return shtab.FILE if action.type is Path or action.metavar in FILES else None
 
 
 def _vehicles(names: Iterable[str]) -> dict[str, Any]:

@@ -5,15 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from stoop.cli import options
 from stoop.cli.page import page, words
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of this verb."""
-    name = "name of an example; without it all are listed"
-    parser.add_argument("name", metavar="EXAMPLE", nargs="?", help=name)
-    options.add_output(parser, "the files (default: its name)", "files in DIR", required=False)
 
 
 def run(arguments: argparse.Namespace) -> int:

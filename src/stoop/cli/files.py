@@ -12,21 +12,9 @@ from stoop.cli import options
 from stoop.cli.page import page, words
 from stoop.cli.progress import busy
 from stoop.errors import FlightError, ManeuverError, VehicleError
-from stoop.exporters.targets import TARGETS
 
 if TYPE_CHECKING:
     from stoop.vehicle import Vehicle
-
-
-def vehicle_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of `stoop vehicle`."""
-    name = "name of a built-in vehicle; without it all are listed"
-    parser.add_argument("name", metavar="TEMPLATE", nargs="?", help=name)
-    equations = (
-        "print the equations of motion of a vehicle file, or of a built-in vehicle, as LaTeX, one a line"
-    )
-    parser.add_argument("--equations", action="store_true", help=equations)
-    options.add_output(parser, "file to write", metavar="FILE.toml", required=False)
 
 
 def vehicle(arguments: argparse.Namespace) -> int:
@@ -61,12 +49,6 @@ def vehicle(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def map_log_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of `stoop map`."""
-    options.add_flight(parser, "flight log", several=False, mapping=False)
-    options.add_output(parser, "file to write", metavar="M.toml", required=False)
-
-
 def map_log(arguments: argparse.Namespace) -> int:
     """Draft a mapping of a log; print or write it."""
     from stoop.flight.mapping_draft import draft
@@ -84,19 +66,6 @@ def map_log(arguments: argparse.Namespace) -> int:
     out.line(f"{output}: {made.mapped} variables, {made.unsure} of them unsure")
     out.command("next: ", ["stoop", "info", str(arguments.flight), "--mapping", str(output)])
     return 0
-
-
-def export_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of `stoop export`."""
-    subject = (
-        f"folder (or result.json) of stoop identify, or a vehicle file (TOML), or {options.BUILT_IN_HELP}"
-    )
-    parser.add_argument("subject", metavar="MODEL", help=subject)
-    tools = "tool to export to: " + ", ".join(f"{name} ({one.title})" for name, one in TARGETS.items())
-    parser.add_argument("--to", dest="target", choices=tuple(TARGETS), required=True, help=tools)
-    options.add_output(parser, "the files", "files in DIR")
-    options.add_condition(parser, f"of the steady flight, m/s (default: {options.HOVERING})", high=None)
-    options.add_climb_angle(parser)
 
 
 def export(arguments: argparse.Namespace) -> int:
@@ -118,28 +87,6 @@ def export(arguments: argparse.Namespace) -> int:
         out.line(f"wrote {arguments.output / place}")
     out.bullets(found.notes)
     return 0
-
-
-def simulate_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of `stoop simulate`."""
-    add = parser.add_argument
-    add("vehicle", metavar="VEHICLE", help=options.VEHICLE_HELP)
-    add(
-        "--maneuver",
-        metavar="M.toml",
-        type=Path,
-        required=True,
-        help="maneuver file (TOML): initial condition and inputs",
-    )
-    options.add_output(parser, "the flight file to write: .nc, or a log", metavar="FLIGHT")
-    add("--no-noise", action="store_true", help="perfect sensors")
-    add(
-        "--seed",
-        metavar="N",
-        type=options.count,
-        default=0,
-        help="seed of sensor noise and gusts (default: 0)",
-    )
 
 
 def simulate(arguments: argparse.Namespace) -> int:

@@ -6,7 +6,7 @@ import argparse
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from stoop.base.files import check_target, check_targets
 from stoop.cli import options
@@ -18,16 +18,7 @@ if TYPE_CHECKING:
     from stoop.flight import Flight
     from stoop.performance.effectiveness import Assessment, Hover, Reference
 
-CHANCE = 0.05
 MAX_VOLTAGE_DIFFERENCE = 0.05  #: relative; beyond it a flight is named
-
-
-def compatibility_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of `stoop compatibility`."""
-    options.add_flight(parser, "flight log", several=False)
-    options.add_window(parser, "windows to compare (default: the airborne part)")
-    files = "compatibility.html, compatibility.json and the corrected flight.nc"
-    options.add_output(parser, files, "these files if they exist", required=False)
 
 
 def compatibility(arguments: argparse.Namespace) -> int:
@@ -66,27 +57,6 @@ def compatibility(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def polar_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of `stoop polar`."""
-    add = parser.add_argument
-    options.add_flight(parser, "flight log", several=False)
-    add("--mass", metavar="KG", type=options.positive, required=True, help="mass of the aircraft as flown")
-    add(
-        "--area",
-        metavar="M2",
-        type=options.positive,
-        required=True,
-        help="wing area, the reference of CL and CD",
-    )
-    efficiency = "efficiency of motor, controller and blades, and its standard error (default: 0.7 0.1)"
-    pair: Any = {"metavar": ("ETA", "STD"), "nargs": 2, "type": options.positive, "default": (0.7, 0.1)}
-    add("--efficiency", **pair, help=efficiency)
-    disc = "diameter of the propeller's disc (default: unknown, about 0.35 times the square root of the area)"
-    add("--disc", metavar="M", type=options.positive, help=disc)
-    options.add_window(parser, "windows to use (default: the airborne part)")
-    options.add_output(parser, "polar.html and polar.json", "these files if they exist", required=False)
-
-
 def polar(arguments: argparse.Namespace) -> int:
     """Fit a drag polar, write where asked to, and print what was found."""
     from stoop.assessment.covariance import NORMAL_95
@@ -119,23 +89,6 @@ def polar(arguments: argparse.Namespace) -> int:
         write_polar(found, notices, flight, folder, options.command_line(), others)
         out.line(f"page: {folder / POLAR[0]}")
     return 0
-
-
-def rotors_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of `stoop rotors`."""
-    add, logs = parser.add_argument, {"metavar": "FLIGHT", "type": Path, "nargs": "+"}
-    healthy = "logs of flights near hover of the same vehicle in healthy condition, preferably three or more"
-    add("flight", help="logs of the flights near hover to examine", **logs)  # type: ignore[arg-type]
-    add("--healthy", required=True, help=healthy, **logs)  # type: ignore[arg-type]
-    add("--vehicle", metavar="V", required=True, help="vehicle file with rotors, or a built-in name")
-    one = "the flights to examine are all of the same configuration"
-    add("--together", action="store_true", help=one)
-    chance = "probability of a false alarm on a healthy flight (default: 0.05)"
-    add("--chance", metavar="P", type=options.positive, default=CHANCE, help=chance)
-    options.add_mapping(parser)
-    options.add_output(
-        parser, "a page with the factors of all rotors and the flights", metavar=options.PAGE, required=False
-    )
 
 
 def rotors(arguments: argparse.Namespace) -> int:

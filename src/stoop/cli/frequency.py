@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from stoop.base.files import check_target
 from stoop.base.text import show
@@ -14,22 +14,6 @@ from stoop.errors import FlightError
 
 if TYPE_CHECKING:
     from stoop.assessment.frequency_analysis import FrequencyAnalysis
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of this verb."""
-    add = parser.add_argument
-    options.add_flight(parser)
-    model = "vehicle file, built-in vehicle, or folder of stoop identify: its responses are drawn beside those of the flight"
-    add("--vehicle", metavar="V", help=model)
-    window = "windows to use, in seconds of the log's clock (default: those that the model was fitted to, else the airborne part)"
-    add("--maneuver", metavar=options.WINDOW, help=window, **options.SEVERAL)
-    several: Any = {"metavar": "NAME", **options.SEVERAL}
-    add("--input", help="control or channel, such as elevator (default: those that move)", **several)
-    add("--channel", help="output, such as q (default: p q r ax ay az)", **several)
-    add("--band", metavar="LOW:HIGH", help="rad/s (default: what the windows resolve, to 10 Hz at most)")
-    options.add_output(parser, "a page with Bode plots", metavar=options.PAGE, required=False)
-    add("--json", action="store_true", help="print JSON (SI units, rad, rad/s) instead of tables")
 
 
 def run(arguments: argparse.Namespace) -> int:

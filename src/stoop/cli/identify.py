@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import math
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
@@ -26,81 +25,6 @@ if TYPE_CHECKING:
     from stoop.workflow.checkpoint import Checkpoint
 
 STORES: Final = ("bootstrap.sqlite", "profile.sqlite")  #: in the output folder while the assessments go on
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of this verb."""
-    add = parser.add_argument
-    fit = "windows to fit, in seconds of the log's clock, or the windows.toml of stoop maneuvers"
-    predict = "windows to predict, not used in the fit (default: those of windows.toml)"
-    noise = "noise covariance (variances in a row, or a square matrix) instead of estimating it"
-    methods = (
-        "output-error, multiple-shooting or another of docs/method.md "
-        "(default: output-error; with rotors multiple-shooting, or equation-error where motors were logged below 100 Hz)"
-    )
-    names = "optimizer: ps-gde-lm (default), ps-gde, scipy-least-squares or another of docs/optimizers.md"
-    refits = "block bootstrap with N replicates (default: 1000)"
-    lines = "profile likelihood of these parameters (default: the doubtful ones)"
-    options.add_flight(parser)
-    add("--vehicle", metavar="V.toml", required=True, help=options.VEHICLE_HELP)
-    add("--maneuver", metavar=options.WINDOW, nargs="+", action="extend", required=True, help=fit)
-    add("--validate", metavar=options.WINDOW, **options.SEVERAL, help=predict)
-    options.add_free_fix(parser)
-    add("--noise", metavar="Q.csv", type=Path, help=noise)
-    add("--method", metavar="NAME", default="", help=methods)
-    add("--optimizer", metavar="NAME", default="ps-gde-lm", help=names)
-    add("--seed", metavar="N", type=options.count, default=0, help="seed of the search (default: 0)")
-    add(
-        "--generations",
-        metavar="N",
-        type=options.at_least_one,
-        default=2000,
-        help="largest number of generations (default: %(default)s)",
-    )
-    add(
-        "--budget",
-        metavar="TRAJECTORIES",
-        type=options.positive,
-        default=100_000.0,
-        help="largest number of trajectories (default: %(default).0f)",
-    )
-    add(
-        "--target-cost",
-        metavar="J",
-        type=options.finite,
-        default=-math.inf,
-        help="stop the search at this cost",
-    )
-    add("--bootstrap", metavar="N", nargs="?", const=1000, type=options.at_least_one, help=refits)
-    add("--posterior", action="store_true", help="sample the posterior; writes posterior.nc")
-    add("--profile", metavar="NAME", nargs="*", help=lines)
-    options.add_output(parser, "result, vehicle, flight and report", "a result in DIR")
-    add("--repeatability", action="store_true", help="also fit each maneuver alone, and compare")
-    add(
-        "--extend",
-        action="store_true",
-        help="add to the model what the data ask for, if a held-back window confirms it",
-    )
-    nothing = "take no decision: output error, or the method that is named, of the data as they are"
-    add("--textbook", action="store_true", help=nothing)
-    add(
-        "--without",
-        metavar="DECISION",
-        action="append",
-        default=[],
-        help="switch a decision off, see docs/decisions.md",
-    )
-    add(
-        "--only",
-        metavar="DECISION",
-        action="append",
-        default=[],
-        help="take this decision and no other; repeatable",
-    )
-    add("--resume", action="store_true", help="continue the unfinished search in DIR")
-    state = "keep the latest state of the search in this file (JSON: cost, parameters, curves), for other programs"
-    add("--progress", metavar="FILE", type=Path, help=state)
-    options.add_verbose(parser, "all estimates with intervals, figures of every channel, warnings and notes")
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -7,7 +7,6 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from itertools import groupby
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stoop.base.files import check_target, write_bytes_atomic
@@ -24,20 +23,7 @@ if TYPE_CHECKING:
     from stoop.input_design.overview import Overview
     from stoop.input_design.windows import Found
 
-PAGE = "look.html"
 MAX_STREAMS, MAX_NAMES = 12, 24  #: lines and names shown of what is not mapped; JSON holds all
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of this verb."""
-    options.add_flight(parser, "flight log", several=False)
-    parser.add_argument("--json", action="store_true", help="print JSON (SI units, rad) instead of tables")
-    options.add_output(
-        parser, "a page of the flight, as stoop look writes it", metavar=options.PAGE, required=False
-    )
-    saved = "also write the flight as it was read (one grid, SI, body axes), for other verbs and tools"
-    parser.add_argument("--save", metavar="FLIGHT.nc", type=Path, help=saved)
-    options.add_verbose(parser, "the range of every channel, all notes, and what no mapping names")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -151,13 +137,6 @@ def _show_channels(out: Page, rows: Sequence[ChannelRow]) -> None:
         words("missing", [_percent(row.missing) for row in rows]),
         words("meaning", [row.meaning for row in rows]),
     )
-
-
-def look_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of `stoop look`."""
-    options.add_flight(parser, "flight log", several=False)
-    options.add_output(parser, f"the page (default: {PAGE})", metavar=options.PAGE, required=False)
-    parser.set_defaults(output=Path(PAGE))
 
 
 def look(arguments: argparse.Namespace) -> int:

@@ -17,84 +17,19 @@ import re
 import signal
 import sys
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from functools import partial
 from itertools import pairwise, takewhile
 from typing import Any, Final, NoReturn
 
 from stoop.base.interrupts import restore_interrupts, unblock_interrupts
 from stoop.base.text import nearest, printable, show
+from stoop.base.verbs import Verb, verbs
+from stoop.cli.options import add_options
 from stoop.errors import StoopError
 
-VERBS: Final[dict[str, tuple[str, str]]] = {
-    "demo": (
-        "stoop.cli.models:demo",
-        "simulate a flight, identify it, compare with the truth; needs no file",
-    ),
-    "app": ("stoop.cli.app", "open the local app in a browser: from a log to a report, step by step"),
-    "info": ("stoop.cli.info", "show what a flight log contains: channels, gaps, faults, maneuvers"),
-    "look": ("stoop.cli.info:look", "write a page of a flight log: curves, path, spectra, windows"),
-    "map": ("stoop.cli.files:map_log", "draft a mapping from the columns of a log to variables and units"),
-    "maneuvers": (
-        "stoop.cli.planning:maneuvers",
-        "select windows of a flight to fit and to predict, by information",
-    ),
-    "compatibility": (
-        "stoop.cli.flights:compatibility",
-        "check data compatibility: biases, scales and delays of all sensors",
-    ),
-    "identify": ("stoop.cli.identify", "estimate a vehicle's coefficients from flight logs, with error bars"),
-    "validate": (
-        "stoop.cli.models:validate",
-        "predict flights with an identified model that was not fitted to them",
-    ),
-    "agreement": (
-        "stoop.cli.models:agreement",
-        "compare flights or maneuvers of one aircraft that were identified apart",
-    ),
-    "polar": (
-        "stoop.cli.flights:polar",
-        "drag polar of a flight without surface channels, with intervals",
-    ),
-    "rotors": (
-        "stoop.cli.flights:rotors",
-        "find a weak rotor: hover flights against those of the healthy vehicle",
-    ),
-    "structure": (
-        "stoop.cli.models:structure",
-        "determine the model structure (terms of coefficients) from flights",
-    ),
-    "vehicle": ("stoop.cli.files:vehicle", "list the built-in vehicles, or copy the file of one for editing"),
-    "vehicle new": (
-        "stoop.cli.vehicle_new",
-        "draft a vehicle file from mass, dimensions and a log; asks on a terminal",
-    ),
-    "simulate": ("stoop.cli.files:simulate", "simulate a maneuver and write a flight file"),
-    "trim": ("stoop.cli.steady:trim", "find the controls of a steady straight flight"),
-    "linearize": (
-        "stoop.cli.steady:linearize",
-        "compute the linear model and its modes about a steady flight",
-    ),
-    "frequency": (
-        "stoop.cli.frequency",
-        "estimate frequency responses of flights; Bode plots against a model",
-    ),
-    "propagate": (
-        "stoop.cli.propagate",
-        "carry a result's uncertainty into trims, limits, modes, control",
-    ),
-    "derivatives": (
-        "stoop.cli.steady:derivatives",
-        "compute stability and control derivatives, with standard errors",
-    ),
-    "export": (
-        "stoop.cli.files:export",
-        "export a vehicle to JSBSim, Gazebo, Simulink, FMI, RotorPy, or A, B, C, D",
-    ),
-    "design": ("stoop.cli.planning:design", "design the next maneuver, for small standard errors"),
-    "example": ("stoop.cli.example", "list the examples, or copy the notebook and the files of one"),
-    "completion": ("stoop.cli.completion", "print a script that completes commands in bash, zsh or fish"),
-}  #: verb -> its module (and function, beside FUNCTION_arguments, where it holds several), one line of help
-GROUP: Final = "stoop.verbs"  #: entry points of other packages, each a mapping as `VERBS`
+VERBS: Final = verbs()  #: of this package, by name
+GROUP: Final = "stoop.verbs"  #: entry points of other packages, each a mapping of names to verbs
 
 GARBAGE: Final = 50_000  #: new objects until cycles are looked for; with 700 it took a tenth of the time
 BUG, USER_ERROR, INTERRUPTED, UNREAD = 1, 2, 130, 141
@@ -225,20 +160,28 @@ def parser_for(given: Sequence[str]) -> Parser:
     )
     parser.add_argument("--version", action=_Version, nargs=0, help="print the version and exit")
     parser.add_argument("--debug", action="store_true", help=DEBUG_HELP)
-    listed = "\n".join(f"{name:<13} {purpose}" for name, (_, purpose) in known.items())
+    listed = "\n".join(f"{name:<13} {verb.summary}" for name, verb in known.items())
     # The list in the description is better laid out than argparse's own.
-    verbs = parser.add_subparsers(
+    added = parser.add_subparsers(
         prog="stoop", title="verbs", metavar="VERB", required=True, help=argparse.SUPPRESS, description=listed
     )
-    for name, (place, purpose) in known.items():
-        verb = verbs.add_parser(name, description=f"{purpose[0].upper()}{purpose[1:]}.", allow_abbrev=False)
+    for name, verb in known.items():
+        summary = f"{verb.summary[0].upper()}{verb.summary[1:]}."
+        one = added.add_parser(name, description=summary, allow_abbrev=False)
         if name == chosen:
-            add_arguments, run = load_verb(place)
-            add_arguments(verb)
-            verb.add_argument("--debug", action="store_true", default=argparse.SUPPRESS, help=DEBUG_HELP)
-            verb.set_defaults(run=run, complain=verb.error)
-    parser.verbs = verbs.choices
+            add_options(one, verb.options)
+            if verb.epilog:
+                one.formatter_class, one.epilog = argparse.RawDescriptionHelpFormatter, verb.epilog
+            one.add_argument("--debug", action="store_true", default=argparse.SUPPRESS, help=DEBUG_HELP)
+            one.set_defaults(run=partial(_run, verb), complain=one.error)
+    parser.verbs = added.choices
     return parser
+
+
+def _run(verb: Verb, arguments: argparse.Namespace) -> int:
+    """Import the module of a verb, and run it."""
+    module, _, function = verb.run.partition(":")
+    return int(getattr(importlib.import_module(module), function)(arguments))
 
 
 def _verb(words: Sequence[str]) -> str | None:
@@ -267,17 +210,7 @@ def _check_options(parser: Parser, words: Sequence[str]) -> None:
             parser.error(f"there is no option {option}; {nearest(option, known, OPTION_CUTOFF)}")
 
 
-def load_verb(
-    place: str,
-) -> tuple[Callable[[argparse.ArgumentParser], None], Callable[[argparse.Namespace], int]]:
-    """Import a verb from its place in `VERBS`; return what adds its arguments, and what runs it."""
-    module, _, function = place.partition(":")
-    found = importlib.import_module(module)
-    names = f"{function}_arguments" if function else "add_arguments", function or "run"
-    return getattr(found, names[0]), getattr(found, names[1])
-
-
-def all_verbs() -> dict[str, tuple[str, str]]:
+def all_verbs() -> dict[str, Verb]:
     """Return the verbs of this package and of those that are registered with it; looking these up takes time."""
     from importlib.metadata import entry_points
 

@@ -5,33 +5,13 @@ from __future__ import annotations
 import argparse
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 from stoop.base.files import check_targets
 from stoop.cli import options
 from stoop.cli.page import fixed, numbers, page, words
 from stoop.cli.progress import busy
 from stoop.errors import IdentificationError, StoopError
-
-HERE: Final = Path("stoop-demo")
-BAND: Final = "0.1:2"
-EPILOG: Final = """\
-criteria:
-  f      stepwise regression, partial F-ratio against chance among all candidates (the default)
-  press  stepwise regression, prediction sum of squares
-  pse    multivariate orthogonal functions, predicted squared error
-
-candidates, one line per coefficient, in a file or on the command line:
-  Cm: alpha, q, elevator, alpha^2, alpha*elevator"""
-
-
-def demo_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of `stoop demo`."""
-    add = parser.add_argument
-    folder, seed = "folder for the results", "seed of sensor noise, start values and search"
-    add("-o", "--output", metavar="DIR", type=Path, default=HERE, help=f"{folder} (default: {HERE})")
-    add("--seed", metavar="N", type=options.count, default=0, help=f"{seed} (default: 0)")
-    add("--overwrite", action="store_true", help="replace files in DIR, even those not from an earlier demo")
 
 
 def demo(arguments: argparse.Namespace) -> int:
@@ -61,30 +41,6 @@ def demo(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def structure_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of `stoop structure`."""
-    parser.formatter_class, parser.epilog = argparse.RawDescriptionHelpFormatter, EPILOG
-    add = parser.add_argument
-    window = "windows to use, in seconds of the log's clock"
-    terms = (
-        "file of candidates, or lines such as 'Cm: alpha, q, alpha^2' (default: those of docs/structure.md)"
-    )
-    add("vehicle", metavar="VEHICLE", help=options.VEHICLE_HELP)
-    options.add_flight(parser)
-    add("--maneuver", metavar=options.WINDOW, nargs="+", action="extend", required=True, help=window)
-    add("--candidates", metavar="FILE|LINE", nargs="+", default=[], help=terms)
-    add(
-        "--criterion",
-        choices=("f", "press", "pse"),
-        default="f",
-        help="criterion for the selection of terms (default: f)",
-    )
-    keep = "parameter whose term stays, whatever the criterion says, such as CLq"
-    add("--keep", metavar="NAME", **options.SEVERAL, help=keep)
-    add("--band", metavar="LOW:HIGH", default=BAND, help=f"frequency band, Hz (default: {BAND})")
-    options.add_output(parser, "vehicle, table and page", "an earlier structure in DIR")
-
-
 def structure(arguments: argparse.Namespace) -> int:
     """Choose, write, and print what was chosen."""
     from stoop.base.toml import read_source
@@ -109,7 +65,7 @@ def structure(arguments: argparse.Namespace) -> int:
     except ValueError:
         low = high = 0.0
     if not 0.0 <= low < high < 1e4:
-        raise IdentificationError(f"--band {arguments.band}: write LOW:HIGH in Hz, for example {BAND}")
+        raise IdentificationError(f"--band {arguments.band}: write LOW:HIGH in Hz, for example 0.1:2")
     criteria: dict[str, Any] = {
         "f": stepwise,
         "press": lambda rows: stepwise(rows, Press()),
@@ -148,17 +104,6 @@ def structure(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def validate_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of `stoop validate`."""
-    windows = "windows to predict (default: the maneuvers that stoop info finds)"
-    result = "folder of stoop identify, or its result.json"
-    parser.add_argument("result", metavar="RESULT", type=Path, help=result)
-    options.add_flight(parser, "flight log(s) that were not fitted")
-    parser.add_argument("--maneuver", metavar=options.WINDOW, **options.SEVERAL, help=windows)
-    options.add_output(parser, "page and figures", "a validation in DIR")
-    options.add_verbose(parser, "the figures of every channel, and what was found while preparing the data")
-
-
 def validate(arguments: argparse.Namespace) -> int:
     """Predict, write, and print how well."""
     from stoop.flight import load
@@ -188,12 +133,6 @@ def validate(arguments: argparse.Namespace) -> int:
     out.line()
     out.line(f"page: {arguments.output / NAMES[0]}")
     return 0
-
-
-def agreement_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of `stoop agreement`."""
-    results = "folders of stoop identify, or the result.json in them: flights or maneuvers of one aircraft, fitted apart"
-    parser.add_argument("result", metavar="RESULT", type=Path, nargs="+", help=results)
 
 
 def agreement(arguments: argparse.Namespace) -> int:

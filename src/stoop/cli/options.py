@@ -1,4 +1,4 @@
-"""Options that verbs share, their numbers and windows, and what follows from them."""
+"""Options of verbs for argparse, their numbers and windows, and what follows from them."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from stoop.base.numbers import MAX_NUMBER
 from stoop.base.text import show
+from stoop.base.verbs import Option, plain
 from stoop.errors import FlightError, IdentificationError
 
 if TYPE_CHECKING:
@@ -20,15 +21,6 @@ if TYPE_CHECKING:
     from stoop.vehicle import Vehicle
 
 COMPILING: Final = "preparing the equations (some seconds the first time)"
-BUILT_IN_HELP: Final = "a built-in vehicle: twin-boom, quad-x, quad-plus, hexa-x, octo-x, quadplane"
-VEHICLE_HELP: Final = f"vehicle file (TOML), or {BUILT_IN_HELP}"
-LOG_HELP: Final = (
-    ".ulg, .bin, .log, .usd, .bbl, .nc, .mat, .parquet, .csv, a ROS bag, or a folder of CSV files"
-)
-PAGE: Final = "PAGE.html"
-WINDOW: Final = "[FLIGHT@]START:STOP[#LOADING]"
-HOVERING: Final = "the vehicle's reference; hover for a vehicle with rotors"
-SEVERAL: Final[dict[str, Any]] = {"nargs": "+", "action": "extend", "default": []}
 
 
 def _reader(allowed: Callable[[Any], bool], what: str, whole: bool = False) -> Callable[[str], Any]:
@@ -46,22 +38,79 @@ def _reader(allowed: Callable[[Any], bool], what: str, whole: bool = False) -> C
     return read
 
 
-count = _reader(lambda n: n >= 0, "a whole number, zero or above", whole=True)
-at_least_one = _reader(lambda n: n >= 1, "a whole number, one or above", whole=True)
+def page_path(text: str) -> Path:
+    """Return the file of a page: a name without an ending gets ``.html``, unless a folder has it; others are refused."""
+    path = Path(text)
+    if path.suffix.lower() not in ("", ".html", ".htm") and not path.is_dir():
+        raise argparse.ArgumentTypeError(f"{text}: a page is written as .html; name it so")
+    return path if path.suffix or path.is_dir() or not path.name else path.with_name(f"{path.name}.html")
+
+
+def names(text: str) -> tuple[str, ...]:
+    """Return names that commas separate, each once."""
+    found = tuple(dict.fromkeys(name.strip() for name in text.split(",") if name.strip()))
+    if not found:
+        raise argparse.ArgumentTypeError("names are missing; separate them by commas")
+    return found
+
+
 positive = _reader(lambda x: 1.0 / MAX_NUMBER <= x <= MAX_NUMBER, "a positive number from 1e-30 to 1e30")
-finite = _reader(lambda x: abs(x) <= MAX_NUMBER, "a number up to 1e30")
+#: kind of an option's value -> what reads it
+READERS: Final[dict[str, Callable[[str], Any]]] = {
+    **dict.fromkeys(("text", "vehicle", "source"), str),
+    **dict.fromkeys(("file", "folder"), Path),
+    "page": page_path,
+    "names": names,
+    "count": _reader(lambda n: n >= 0, "a whole number, zero or above", whole=True),
+    "at-least-one": _reader(lambda n: n >= 1, "a whole number, one or above", whole=True),
+    "positive": positive,
+    "finite": _reader(lambda x: abs(x) <= MAX_NUMBER, "a number up to 1e30"),
+}
 
 
-def within(low: float, high: float, unit: str, factor: float = 1.0) -> Callable[[str], float]:
-    """Return what reads a number between two limits, in a unit, and returns it times a factor."""
+def reader(option: Option) -> Callable[[str], Any]:
+    """Return what reads a value of an option; an angle within limits is returned in rad."""
+    if option.range is None:
+        return READERS[option.kind]
+    low, high = option.range
+    base = READERS["finite" if option.kind == "text" else option.kind]
 
-    def read(text: str) -> float:
-        value: float = finite(text)
+    def read(text: str) -> Any:
+        value = base(text)
         if not low <= value <= high:
-            raise argparse.ArgumentTypeError(f"{text} is not between {low:g} and {high:g} {unit}")
-        return value * factor
+            raise argparse.ArgumentTypeError(
+                f"{text} is not between {low:g} and {high:g} {option.unit}".rstrip()
+            )
+        return math.radians(value) if option.unit == "deg" else value
 
     return read
+
+
+def add_options(parser: argparse.ArgumentParser, options: Sequence[Option]) -> dict[str, argparse.Action]:
+    """Add the options of a verb; return what argparse made of them, by their names in the program."""
+    groups: dict[str, Any] = {"": parser}
+    for option in options:
+        if option.group not in groups:
+            groups[option.group] = parser.add_mutually_exclusive_group()
+    return {option.key: _add(groups[option.group], option) for option in options}
+
+
+def _add(parser: Any, option: Option) -> argparse.Action:
+    usual = f" (default: {option.usual})" if option.usual else ""
+    settings: dict[str, Any] = {"help": plain(option.meaning + usual).replace("%", "%%")}
+    if option.kind == "switch":
+        settings["action"] = "store_true"
+    else:
+        default = [] if option.repeat and not option.required else option.default
+        settings |= {"type": reader(option), "metavar": option.metavar or None, "default": default}
+        settings |= {"choices": tuple(option.choices) or None, "const": option.const}
+        settings |= {"nargs": option.many} if option.many else {}
+        if option.repeat:
+            settings["action"] = "extend" if option.many else "append"
+    if not option.positional:
+        settings |= {"dest": option.key, "required": option.required}
+    added: argparse.Action = parser.add_argument(*filter(None, (option.short, option.name)), **settings)
+    return added
 
 
 def ends(text: str) -> tuple[float, float]:
@@ -71,77 +120,6 @@ def ends(text: str) -> tuple[float, float]:
     except ValueError:
         return math.nan, math.nan
     return low, high
-
-
-def add_flight(
-    parser: argparse.ArgumentParser, what: str = "flight log(s)", several: bool = True, mapping: bool = True
-) -> None:
-    """Add one flight log or several, and their mapping."""
-    many: Any = {"nargs": "+"} if several else {}
-    parser.add_argument("flight", metavar="FLIGHT", type=Path, help=f"{what}: {LOG_HELP}", **many)
-    if mapping:
-        add_mapping(parser)
-
-
-def add_mapping(parser: argparse.ArgumentParser) -> None:
-    """Add the mapping of a log."""
-    text = "TOML: columns, units and axes of the log (drafted by stoop map)"
-    parser.add_argument("--mapping", metavar="M.toml", type=Path, help=text)
-
-
-def add_window(parser: argparse.ArgumentParser, what: str) -> None:
-    """Add --window START:STOP, which may be given several times or several at a time."""
-    parser.add_argument(
-        "--window", metavar="START:STOP", **SEVERAL, help=f"{what}; in seconds of the log's clock"
-    )
-
-
-def add_free_fix(parser: argparse.ArgumentParser) -> None:
-    """Add which numbers are estimated."""
-    add, each = parser.add_argument, {"metavar": "NAME", "action": "append", "default": list[str]()}
-    add("--free", **each, help="estimate this number of the vehicle file")  # type: ignore[arg-type]
-    add("--fix", **each, help="do not estimate this number")  # type: ignore[arg-type]
-
-
-def add_output(
-    parser: argparse.ArgumentParser,
-    what: str,
-    replaced: str = "the output file if it exists",
-    metavar: str = "DIR",
-    required: bool = True,
-) -> None:
-    """Add the output folder or file, and the permission to replace what an earlier run has written there."""
-    text = f"folder for {what}" if metavar == "DIR" else what
-    kind = page_path if metavar == PAGE else Path
-    parser.add_argument("-o", "--output", metavar=metavar, type=kind, required=required, help=text)
-    parser.add_argument("--overwrite", action="store_true", help=f"replace {replaced}")
-
-
-def page_path(text: str) -> Path:
-    """Return the file of a page: a name without an ending gets ``.html``, unless a folder has it; others are refused."""
-    path = Path(text)
-    if path.suffix.lower() not in ("", ".html", ".htm") and not path.is_dir():
-        raise argparse.ArgumentTypeError(f"{text}: a page is written as .html; name it so")
-    return path if path.suffix or path.is_dir() or not path.name else path.with_name(f"{path.name}.html")
-
-
-def add_verbose(parser: argparse.ArgumentParser, what: str) -> None:
-    """Add --verbose, which prints `what` too."""
-    parser.add_argument("--verbose", action="store_true", help=f"also print {what}")
-
-
-def add_condition(parser: argparse.ArgumentParser, speed: str, high: float | None = 200.0) -> None:
-    """Add airspeed and altitude, within what the standard atmosphere of the equations reaches."""
-    above = "m above sea level (default: " + ("200)" if high is not None else "the flight's, else 200)")
-    add = parser.add_argument
-    add("--airspeed", metavar="V", type=within(0.1, 10_000.0, "m/s"), help=speed)
-    add("--altitude", metavar="H", type=within(-1000.0, 11_000.0, "m"), default=high, help=above)
-
-
-def add_climb_angle(parser: argparse.ArgumentParser) -> None:
-    """Add the angle of climb."""
-    angle = within(-89.0, 89.0, "degrees", math.radians(1.0))
-    parser.add_argument("--climb-angle", metavar="DEG", type=angle, default=0.0, help="degrees (default: 0)")
 
 
 def windows(texts: Sequence[str]) -> tuple[tuple[float, float], ...]:

@@ -26,19 +26,7 @@ from stoop.simulation.maneuver import unit_of
 if TYPE_CHECKING:
     from stoop.input_design.windows import Expected, Found
 
-FAMILIES: Final = ("square", "3-2-1-1", "doublet", "multisine", "2-1-1", "sweep")
-FLOWN_BY: Final = ("pilot", "ardupilot", "px4", "crazyflie")
 IN_DEGREES: Final = ("alpha", "beta", *EULER, *RATES)  #: channels that are given in degrees
-
-
-def maneuvers_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of `stoop maneuvers`."""
-    without = "without it, windows that excite each axis separately are selected"
-    options.add_flight(parser, "flight log(s) of one vehicle")
-    parser.add_argument("--vehicle", metavar="V.toml", default="", help=f"{options.VEHICLE_HELP}; {without}")
-    options.add_free_fix(parser)
-    options.add_output(parser, "windows.toml and windows.html", "earlier windows in DIR")
-    options.add_verbose(parser, "a line for each expected standard error")
 
 
 def maneuvers(arguments: argparse.Namespace) -> int:
@@ -128,50 +116,16 @@ def _show_expected(out: Page, expected: Sequence[Expected], verbose: bool) -> No
     )
 
 
-def design_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of `stoop design`."""
-    add = parser.add_argument
-    vehicle = "vehicle file, built-in vehicle, or folder of stoop identify"
-    limits = "limits of a channel: deg, deg/s, otherwise SI units (default: about the trim)"
-    evaluations = "maneuvers evaluated for each family (default: 2000; on rotors 200)"
-    add("vehicle", metavar="VEHICLE", help=vehicle)
-    options.add_output(parser, "maneuver, page and numbers", "an earlier design in the folder")
-    options.add_condition(parser, "m/s (default: the vehicle's reference; on rotors hover)")
-    flown = "also write the files with which a pilot or this autopilot flies it"
-    add("--for", dest="target", choices=FLOWN_BY, help=flown)
-    throw = "deflection of a surface at full output or full stick, degrees"
-    add("--throw", metavar="CONTROL=DEG", **options.SEVERAL, help=throw)
-    beat = "seconds of a count, for a maneuver by hand (default: 0.5 with --for pilot)"
-    add("--beat", metavar="S", type=options.positive, default=None, help=beat)
-    duration = "seconds (default: 20; by hand 40, sweeps of multirotors 60)"
-    add("--duration", metavar="S", type=options.positive, default=None, help=duration)
-    amplitude = "largest deflection from the trim, degrees (default: 3; on rotors rad/s2 and m/s2)"
-    add("--amplitude", metavar="[CONTROL=]DEG", **options.SEVERAL, help=amplitude)
-    min_amplitude = "smallest amplitude that can be flown, likewise (default: 0.5)"
-    add("--min-amplitude", metavar="[CONTROL=]DEG", **options.SEVERAL, help=min_amplitude)
-    slew = "largest rate of the controls (default: 60)"
-    add("--slew", metavar="DEG/S", type=options.positive, default=60.0, help=slew)
-    add("--within", metavar="CHANNEL=LOW:HIGH", **options.SEVERAL, help=limits)
-    band = "highest frequency of a multisine (default: 2)"
-    add("--band", metavar="HZ", type=options.positive, default=2.0, help=band)
-    add("--shape", choices=FAMILIES, nargs="+", default=[], help="families to try (default: by --for)")
-    add("--free", metavar="NAME", **options.SEVERAL, help="numbers to estimate besides those of the file")
-    add("--fix", metavar="NAME", **options.SEVERAL, help="numbers not to estimate")
-    add("--optimizer", metavar="NAME", default="ps-gde", help="see stoop compare --help (default: ps-gde)")
-    add("--evaluations", metavar="N", type=options.at_least_one, default=None, help=evaluations)
-    add("--seed", metavar="N", type=options.count, default=0, help="seed of the search (default: 0)")
-
-
 def design(arguments: argparse.Namespace) -> int:
     """Design a maneuver, write it, and print the expected standard errors."""
     import numpy as np
 
+    from stoop.exporters.targets import flown_by
     from stoop.input_design.information import Limits, Setup, usual_amplitudes
     from stoop.input_design.optimization import propose
     from stoop.simulation import trim
     from stoop.workflow.design import (
         DESIGN_FILES,
-        TARGETS,
         flight_files,
         known_before,
         min_amplitudes,
@@ -181,7 +135,7 @@ def design(arguments: argparse.Namespace) -> int:
     from stoop.workflow.load import model_or_vehicle
 
     folder, target = arguments.output, arguments.target
-    check_targets(folder, (*DESIGN_FILES, *(TARGETS[target].names if target else ())), arguments.overwrite)
+    check_targets(folder, (*DESIGN_FILES, *(flown_by(target).names if target else ())), arguments.overwrite)
     vehicle, knowledge, noise, source = known_before(model_or_vehicle(arguments.vehicle))
     vehicle = options.with_free(vehicle, arguments.free, arguments.fix)
     with busy(options.COMPILING):
@@ -202,7 +156,7 @@ def design(arguments: argparse.Namespace) -> int:
         min_amplitudes(vehicle.controls, target, _sizes(arguments.min_amplitude, "--min-amplitude", controls)),
     )  # fmt: skip
     if target:
-        TARGETS[target].check(target, vehicle, steady, limits.amplitude, throws)
+        flown_by(target).check(target, vehicle, steady, limits.amplitude, throws)
     plan, shapes = usual_plan(
         steady, target, arguments.shape, arguments.duration, arguments.beat, arguments.evaluations,
         band=arguments.band, optimizer=arguments.optimizer, seed=arguments.seed,

@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 from stoop.base.text import duration, printable, show
-from stoop.cli.options import at_least_one
+from stoop.base.verbs import shared_options
+from stoop.cli.options import add_options
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -161,11 +162,8 @@ class Display(LiveLine):
 
 def add_campaign_arguments(parser: argparse.ArgumentParser) -> None:
     """Add where the runs are done."""
-    where = parser.add_mutually_exclusive_group()
-    workers = "worker processes on this machine (default: its processors)"
-    where.add_argument("--workers", metavar="N", type=at_least_one, help=workers)
-    scheduler = "run on an existing Dask cluster, tcp://HOST:PORT"
-    where.add_argument("--scheduler", metavar="ADDRESS", help=scheduler)
+    shared = shared_options()
+    add_options(parser, (shared["workers"], shared["scheduler"]))
 
 
 def pool(arguments: argparse.Namespace) -> Pool:

@@ -14,33 +14,8 @@ from stoop.cli.page import numbers, page, shown_unit, to_json, words
 from stoop.cli.progress import busy
 from stoop.errors import SimulationError, StoopError
 
-SOURCES: Final = ("posterior", "covariance")
 LIMITS: Final = (0.0, 10_000.0)  #: m/s, of airspeeds
 MIN_DRAWS: Final = 100  #: below which a 95 % interval says little
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of this verb."""
-    add = parser.add_argument
-    add("result", metavar="RESULT", type=Path, help="folder of stoop identify, or its result.json")
-    given = "expression of the vehicle's numbers, such as 'ratio=CLalpha/CD0'; may be given several times"
-    add("--expression", metavar="NAME=EXPR", **options.SEVERAL, help=given)
-    speeds = "airspeeds of the curves, m/s (default: those of the fitted maneuvers)"
-    add("--airspeed", metavar="A:B", help=speeds)
-    height = options.within(-1000.0, 11_000.0, "m")
-    add("--altitude", metavar="H", type=height, help="m above sea level (default: the flight's)")
-    where = "where the draws come from (default: the posterior if it was sampled, else the covariance)"
-    add("--source", choices=SOURCES, help=where)
-    add(
-        "--draws",
-        metavar="N",
-        type=options.at_least_one,
-        default=2000,
-        help="number of draws (default: 2000)",
-    )
-    add("--seed", metavar="N", type=options.count, default=0, help="seed of the draws (default: 0)")
-    add("--json", action="store_true", help="print JSON (SI units, rad) instead of tables")
-    options.add_output(parser, "page with tables and fan plots", metavar=options.PAGE, required=False)
 
 
 def expressions_of(texts: list[str]) -> dict[str, str]:

@@ -26,35 +26,6 @@ STATE_UNITS: Final = {"h": "m", "u": "m/s", "v": "m/s", "w": "m/s"}
 ROUNDING: Final = 1e-12  #: of the largest entry: what solver and rounding errors leave where zero belongs
 
 
-def _point_arguments(parser: argparse.ArgumentParser, reductions: list[str], reduced: str) -> None:
-    add = parser.add_argument
-    heading = options.within(-360.0, 360.0, "degrees", math.radians(1.0))
-    three: Any = {"metavar": ("N", "E", "D"), "nargs": 3, "type": options.within(-200.0, 200.0, "m/s")}
-    add("vehicle", metavar="VEHICLE", help=options.VEHICLE_HELP)
-    options.add_condition(parser, f"m/s (default: {options.HOVERING})")
-    options.add_climb_angle(parser)
-    add("--velocity", **three, help="on rotors: velocity over ground, m/s (default: 0 0 0)")
-    add("--wind", **three, help="on rotors: wind, m/s, towards north, east, down")
-    add("--heading", metavar="DEG", type=heading, default=0.0, help="on rotors: degrees (default: 0)")
-    density = "kg/m3, instead of the density of the vehicle file"
-    add("--density", metavar="RHO", type=options.within(1e-6, 10_000.0, "kg/m3"), help=density)
-    add("--reduce", choices=reductions, help=reduced)
-
-
-def trim_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of `stoop trim`."""
-    _point_arguments(parser, ["longitudinal"], "trim these equations only")
-    parser.add_argument("--json", action="store_true", help="print JSON (SI units, rad) instead of tables")
-
-
-def linearize_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of `stoop linearize`."""
-    _point_arguments(parser, ["longitudinal", "lateral"], "keep these equations only")
-    text = "write JSON (- prints it) instead of tables"
-    parser.add_argument("--json", metavar="FILE", type=Path, help=text)
-    parser.add_argument("--overwrite", action="store_true", help="replace the output file if it exists")
-
-
 def _trimmed(arguments: argparse.Namespace) -> tuple[Vehicle, Trim, str]:
     """Return the vehicle, the steady flight that the command line asks for, and that in words."""
     from stoop.simulation import trim
@@ -225,24 +196,6 @@ def linear_document(vehicle: Vehicle, point: Trim, model: LinearModel, climb_ang
         "output_delays": model.output_delays.tolist(),
         "modes": modes,
     }
-
-
-def derivatives_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of `stoop derivatives`."""
-    subject = (
-        f"folder (or result.json) of stoop identify, or a vehicle file (TOML), or {options.BUILT_IN_HELP}"
-    )
-    parser.add_argument("subject", metavar="MODEL", help=subject)
-    parser.add_argument(
-        "--axes", choices=("body", "stability"), default="stability", help="axes (default: stability)"
-    )
-    both = "with dimensions: of forces and moments, and these over mass and moments of inertia"
-    parser.add_argument("--dimensional", action="store_true", help=both)
-    options.add_output(
-        parser, "write a table (.csv), or all with the covariance (.json)", metavar="FILE", required=False
-    )
-    options.add_condition(parser, f"of the steady flight, m/s (default: {options.HOVERING})", high=None)
-    options.add_climb_angle(parser)
 
 
 def derivatives(arguments: argparse.Namespace) -> int:

@@ -21,42 +21,6 @@ if TYPE_CHECKING:
 NUMBERS = ("mass", "span", "chord", "area")
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments."""
-    from stoop.vehicle_draft.power import ENGINES
-    from stoop.vehicle_draft.request import AERODYNAMICS, TEMPLATES
-
-    add = parser.add_argument
-    add(
-        "flight",
-        metavar="FLIGHT",
-        type=Path,
-        nargs="*",
-        help="logs of this vehicle; none: from dimensions alone",
-    )
-    options.add_mapping(parser)
-    add("--template", metavar="T", help=f"kind of vehicle: {', '.join(TEMPLATES)} (default: by the log)")
-    add("--mass", metavar="KG", type=options.positive, help="as flown, kg")
-    add(
-        "--span",
-        metavar="M",
-        type=options.positive,
-        help="of the wing; of a multirotor the largest distance between motors, m",
-    )
-    add("--chord", metavar="M", type=options.positive, help="mean chord of the wing, m")
-    add("--area", metavar="M2", type=options.positive, help="of the wing, m2 (default: span times chord)")
-    add("--engine", metavar="E", help=f"one of {', '.join(ENGINES)} (default: by the log)")
-    add("--geometry", metavar="G.toml", type=Path, help="geometry file: wing, tails, fuselage, surfaces")
-    add(
-        "--aerodynamics",
-        metavar="A",
-        default="handbook",
-        help=f"derivatives of the geometry file by one of {', '.join(AERODYNAMICS)} (default: handbook)",
-    )
-    add("--name", metavar="TEXT", help="name of the vehicle")
-    options.add_output(parser, "file to write", metavar="V.toml")
-
-
 def run(arguments: argparse.Namespace) -> int:
     """Draft, print what speaks against it and what comes next."""
     from stoop.flight import load

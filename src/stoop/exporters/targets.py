@@ -1,19 +1,22 @@
-"""The table of the targets of ``stoop export``, which command line, Python, app and documentation read.
+"""The tables of the targets of ``stoop export`` and ``stoop design``, which command line, Python, app and documentation read.
 
-A new target is a module with a subclass of `stoop.exporters.exporter.Exporter`, a row here, and its row in ``docs/export.md``.
+A new target is a module with a subclass of `stoop.exporters.exporter.Exporter` (or with a `stoop.exporters.injection.Target`, of
+a designed maneuver), a row here, and its row in ``docs/export.md`` (or ``docs/fly-the-maneuver.md``).
 """
 
 from __future__ import annotations
 
 import importlib
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from stoop.base.text import nearest
 from stoop.errors import StoopError
 
 if TYPE_CHECKING:
     from stoop.exporters.exporter import Condition, Exported, Exporter, ModelData
+    from stoop.exporters.injection import Target as Injected
 
 
 @dataclass(frozen=True)
@@ -23,18 +26,17 @@ class Target:
     Attributes
     ----------
     title : the tool, as the app and the documentation name it
-    module : of the exporter, below ``stoop.exporters``; imported when the target is chosen
-    name : of the exporter's class in the module
+    module : of what writes its files, below ``stoop.exporters``; imported when the target is chosen
+    name : of the exporter's class, or of the target of a designed maneuver, in the module
     """
 
     title: str
     module: str
     name: str
 
-    def exporter(self) -> type[Exporter]:
-        """Return the class of the exporter."""
-        found: type[Exporter] = getattr(importlib.import_module(f"stoop.exporters.{self.module}"), self.name)
-        return found
+    def load(self) -> Any:
+        """Return what writes its files."""
+        return getattr(importlib.import_module(f"stoop.exporters.{self.module}"), self.name)
 
 
 TARGETS: Final = {
@@ -47,6 +49,18 @@ TARGETS: Final = {
     "rotorpy": Target("RotorPy", "rotorpy_target", "RotorPy"),
     "gazebo": Target("Gazebo", "gazebo", "Gazebo"),
 }
+FLOWN_BY: Final = {
+    "pilot": Target("a pilot, by hand", "pilot_card", "PILOT"),
+    "ardupilot": Target("ArduPilot", "ardupilot_injection", "ARDUPILOT"),
+    "px4": Target("PX4", "px4_injection", "PX4"),
+    "crazyflie": Target("Crazyflie", "crazyflie_injection", "CRAZYFLIE"),
+}  #: who flies a designed maneuver
+
+
+def flown_by(target: str) -> Injected:
+    """Return what writes the files with which a pilot or an autopilot flies a maneuver; raises `StoopError`: no such target."""
+    found: Injected = _loaded(FLOWN_BY, target, "a designed maneuver")
+    return found
 
 
 def export(model: ModelData, target: str, condition: Condition | None = None) -> Exported:
@@ -57,7 +71,11 @@ def export(model: ModelData, target: str, condition: Condition | None = None) ->
     StoopError
         There is no such target, the model cannot be exported so, or no steady flight is found.
     """
-    if target not in TARGETS:
-        raise StoopError(f"there is no target {target!r} of an export; {nearest(target, TARGETS)}")
-    exporter = TARGETS[target].exporter()
+    exporter: type[Exporter] = _loaded(TARGETS, target, "an export")
     return (exporter(model) if condition is None else exporter(model, condition)).export()
+
+
+def _loaded(table: Mapping[str, Target], target: str, of: str) -> Any:
+    if target not in table:
+        raise StoopError(f"there is no target {target!r} of {of}; {nearest(target, table)}")
+    return table[target].load()

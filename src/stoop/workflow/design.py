@@ -7,7 +7,7 @@ import math
 import shlex
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final, Literal
+from typing import Any, Final
 
 import numpy as np
 import tomlkit
@@ -16,11 +16,8 @@ from stoop.base.arrays import FloatArray
 from stoop.base.csv_text import csv_text
 from stoop.base.files import check_targets, make_folder, write_files
 from stoop.base.numbers import finite_or_none
-from stoop.exporters.ardupilot_injection import ARDUPILOT
-from stoop.exporters.crazyflie_injection import CRAZYFLIE
 from stoop.exporters.injection import Injection
-from stoop.exporters.pilot_card import PILOT
-from stoop.exporters.px4_injection import PX4
+from stoop.exporters.targets import FLOWN_BY, flown_by
 from stoop.flight import Flight
 from stoop.input_design.information import Knowledge, Limits, Setup
 from stoop.input_design.optimization import Plan, Proposal, propose
@@ -35,16 +32,9 @@ from stoop.workflow.load import takes_model_or_vehicle
 from stoop.workflow.outputs import versions
 from stoop.workflow.summary import refusal
 
-FlownBy = Literal["pilot", "ardupilot", "px4", "crazyflie"]
 DESIGN_FILES: Final = ("maneuver.toml", "reference.toml", "maneuver.csv", "design.html", "design.json")
 """In the order of writing: where the last one is, the others are."""
 WINDOW_FILES: Final = (NAME, "windows.html")
-TARGETS: Final = {
-    "pilot": PILOT,
-    "ardupilot": ARDUPILOT,
-    "px4": PX4,
-    "crazyflie": CRAZYFLIE,
-}  #: who flies a maneuver
 BEAT: Final = 0.5  #: s, that a pilot flies by
 BY_HAND: Final = math.radians(2.0)  #: smallest amplitude of a surface that a pilot makes evenly (our choice)
 EVALUATIONS, ROTOR_EVALUATIONS = 2000, 200  #: of a family
@@ -91,7 +81,7 @@ def design(
     min_amplitude: Mapping[str, float] | None = None,
     beat: float | None = None,
     evaluations: int | None = None,
-    target: FlownBy | None = None,
+    target: str | None = None,
 ) -> Proposal:
     """Design the maneuver that makes the standard errors smallest.
 
@@ -116,8 +106,8 @@ def design(
         Of counts, where a pilot flies the steps by hand; 0.5 s when absent for the target "pilot".
     evaluations : int, optional
         Maneuvers tried for each family; 2000 when absent, on rotors 200.
-    target : {"pilot", "ardupilot", "px4", "crazyflie"}, optional
-        Who flies it: chooses families that it can fly.
+    target : str, optional
+        Who flies it, of `stoop.exporters.targets.FLOWN_BY`: chooses families that it can fly.
 
     Raises
     ------
@@ -170,7 +160,7 @@ def flight_files(
 
     Parameters
     ----------
-    target : of :data:`TARGETS`
+    target : of `stoop.exporters.targets.FLOWN_BY`
     throws : control to its deflection at full output, rad
 
     Raises
@@ -179,7 +169,7 @@ def flight_files(
         The target cannot fly it; with what can be changed.
     """
     setup, best, known = proposal.setup, proposal.best, dict(throws or {})
-    flies = TARGETS[target]
+    flies = flown_by(target)
     flies.check(target, setup.vehicle, setup.trim, setup.limits.amplitude, known)
     injection = Injection(
         setup.vehicle,
@@ -240,7 +230,7 @@ def _earlier_files(folder: Path) -> list[str]:
         written = json.loads((folder / DESIGN_FILES[-1]).read_text("utf-8")).get("files", [])
     except (OSError, ValueError, AttributeError, RecursionError):
         return []
-    return [name for one in TARGETS.values() for name in one.names if name in written]
+    return [name for target in FLOWN_BY for name in flown_by(target).names if name in written]
 
 
 def maneuver_toml(maneuver: Maneuver, comment: str) -> str:

@@ -7,41 +7,14 @@ import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from stoop.cli.options import at_least_one, count, positive
 from stoop.cli.page import page
-from stoop.cli.progress import add_campaign_arguments, run_campaign
+from stoop.cli.progress import run_campaign
 from stoop.errors import IdentificationError
 
 if TYPE_CHECKING:
     from stoop_studies.compare.field import Field
 
 _WINDOW = "[FLIGHT@]START:STOP[#LOADING]"
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of this verb."""
-    add = parser.add_argument
-    add("-o", "--output", metavar="DIR", type=Path, required=True, help="folder for tables, page and store")
-    add("--optimizers", metavar="A,B", type=_names, help="who runs (default: all that are installed)")
-    problems = "on what: paper-N, paper-W+noise, bbob-08, flight, ... (default: six of the paper's)"
-    add("--problems", metavar="P,Q", type=_names, help=problems)
-    add("--seeds", metavar="N", type=at_least_one, default=20, help="runs of each pair (default: 20)")
-    add("--first-seed", metavar="N", type=count, default=1, help="the others follow (default: 1)")
-    budget = "evaluations that a run may take (default: 20000)"
-    add("--budget", metavar="N", type=positive, default=20_000.0, help=budget)
-    add("--flight", metavar="PATH", nargs="+", help="flight log(s) of the problem 'flight'")
-    add("--vehicle", metavar="V.toml", help="its vehicle")
-    add("--maneuver", metavar=_WINDOW, nargs="+", action="extend", default=[], help="its windows")
-    add_campaign_arguments(parser)
-    again = "begin anew: forget the runs in DIR, and replace files of something else"
-    add("--overwrite", action="store_true", help=again)
-
-
-def _names(text: str) -> tuple[str, ...]:
-    found = tuple(dict.fromkeys(name.strip() for name in text.split(",") if name.strip()))
-    if not found:
-        raise argparse.ArgumentTypeError("names are missing; separate them by commas")
-    return found
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -5,13 +5,11 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Callable, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from stoop.base.text import printable, show
-from stoop.cli.options import at_least_one, count
 from stoop.cli.page import page
-from stoop.cli.progress import add_campaign_arguments, run_campaign
+from stoop.cli.progress import run_campaign
 from stoop.errors import StoopError
 
 if TYPE_CHECKING:
@@ -19,26 +17,8 @@ if TYPE_CHECKING:
     from stoop_studies.outputs import Suite
 
 EVERYTHING = "all"
+CONTINUES = "The same command again goes on from where the last one was stopped."
 CORRECTABLE = 2  #: exit status where something is missing that the user can supply
-
-
-def add_experiment_arguments(
-    parser: argparse.ArgumentParser, names: Sequence[str], what: str, folder: Path
-) -> None:
-    """Add what to run, how many times, where, and into which folder; ``what`` has one line on each experiment."""
-    parser.formatter_class = argparse.RawDescriptionHelpFormatter
-    parser.epilog = (
-        f"experiments:\n{what}\n\nThe same command again goes on from where the last one was stopped."
-    )
-    add = parser.add_argument
-    add("experiment", metavar="EXPERIMENT", choices=(*names, EVERYTHING), help="one of those below")
-    where = f"folder for page, table and store (default: {folder})"
-    add("-o", "--output", metavar="DIR", type=Path, default=folder, help=where)
-    add("--runs", metavar="N", type=at_least_one, help="seeds of each case (default: as the list below says)")
-    add("--seed", metavar="N", type=count, default=0, help="the first of them (default: 0)")
-    add_campaign_arguments(parser)
-    again = "begin anew: forget the runs in DIR, and replace files of something else"
-    add("--overwrite", action="store_true", help=again)
 
 
 def run_experiments(

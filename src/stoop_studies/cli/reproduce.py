@@ -3,37 +3,30 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 from typing import TYPE_CHECKING
 
-from stoop_studies.cli.experiments import add_experiment_arguments, run_experiments
+from stoop_studies.cli.experiments import CONTINUES, EVERYTHING, run_experiments
 
 if TYPE_CHECKING:
     from stoop_studies.findings import Experiment, Setting
 
-FOLDER = Path("stoop-reproduce")
 NAMES = (
     "table1", "figure3", "lateral", "longitudinal-full", "noise",
     "multirotor",
 )  # fmt: skip
 READERS = ("multirotor",)  #: of published data
-WHAT = """\
+EPILOG = f"""\
+experiments:
   table1             GA, PSO, PS-GDE and the default at 500 to 2000 iterations (50 runs each)
   figure3            the response to the elevator, trim and modes
   lateral            18 lateral and directional terms; do asymmetry terms absorb sensor biases?
   longitudinal-full  14 longitudinal terms; do V terms catch the propulsion?
   noise              scatter against the Cramer-Rao bound (200 seeds)
   multirotor         the four optimizers on a simulated quadrotor, and with --data on a real hexacopter
-  all                each of these, and an index"""
+  all                each of these, and an index
 
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of this verb."""
-    add_experiment_arguments(parser, NAMES, WHAT, FOLDER)
-    bounds = "bounds: N as wide as each value, W eight times, S from zero (default: N; noise: W)"
-    parser.add_argument("--box", choices=("N", "S", "W"), help=bounds)
-    data = "folder of published data (multirotor: the log of the hexacopter; left out without it)"
-    parser.add_argument("--data", metavar="DIR", type=Path, help=data)
+{CONTINUES}"""
+CHOICES = (*NAMES, EVERYTHING)
 
 
 def run(arguments: argparse.Namespace) -> int:

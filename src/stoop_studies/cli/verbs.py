@@ -2,16 +2,10 @@
 
 from __future__ import annotations
 
+import tomllib
+from importlib.resources import files
 from typing import Final
 
-VERBS: Final[dict[str, tuple[str, str]]] = {
-    "reproduce": ("stoop_studies.cli.reproduce", "run the PS-GDE paper's experiments and say what holds"),
-    "verify": (
-        "stoop_studies.cli.verify",
-        "measure what stoop claims of its own accuracy, and say what holds",
-    ),
-    "compare": (
-        "stoop_studies.cli.compare",
-        "optimizers on the same problems, counted the same way: who is ahead",
-    ),
-}  #: verb -> its module, one line of help
+from stoop.base.verbs import read_verbs
+
+VERBS: Final = read_verbs(tomllib.loads((files("stoop_studies.cli") / "verbs.toml").read_text("utf-8")))

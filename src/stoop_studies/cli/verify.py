@@ -3,26 +3,29 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 from typing import TYPE_CHECKING
 
-from stoop_studies.cli.experiments import EVERYTHING, add_experiment_arguments, run_experiments
+from stoop_studies.cli.experiments import CONTINUES, EVERYTHING, run_experiments
 
 if TYPE_CHECKING:
     from stoop_studies.findings import Experiment, Setting
 
-FOLDER = Path("stoop-verify")
 
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of this verb."""
+def choices() -> tuple[str, ...]:
+    """Return the names of the experiments, and that of all."""
     from stoop_studies.verify.study import EXPERIMENTS
 
-    lines = [f"  {name:<12} {line}" for name, (_, line) in EXPERIMENTS.items()]
-    what = "\n".join((*lines, f"  {EVERYTHING:<12} each of these, and an index"))
-    add_experiment_arguments(parser, tuple(EXPERIMENTS), what, FOLDER)
-    data = "folder of published data, for an experiment that reads some (nist: any files of the form of NIST StRD)"
-    parser.add_argument("--data", metavar="DIR", type=Path, help=data)
+    return (*EXPERIMENTS, EVERYTHING)
+
+
+def epilog() -> str:
+    """Return the list of experiments at the end of the help."""
+    from stoop_studies.verify.study import EXPERIMENTS
+
+    lines = {name: line for name, (_, line) in EXPERIMENTS.items()} | {
+        EVERYTHING: "each of these, and an index"
+    }
+    return "\n".join(("experiments:", *(f"  {n:<12} {line}" for n, line in lines.items()), "", CONTINUES))
 
 
 def run(arguments: argparse.Namespace) -> int:

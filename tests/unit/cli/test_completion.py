@@ -11,7 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from stoop.cli.completion import SHELLS, all_parsers
+from stoop.base.verbs import verbs
+from stoop.cli.completion import all_parsers
 from stoop.cli.main import all_verbs, main, parser_for
 from stoop.exporters.targets import TARGETS
 from stoop.vehicle.builtin import BUILT_IN
@@ -23,6 +24,7 @@ COMP_WORDS=("$@"); COMP_CWORD=$(($# - 1)); COMPREPLY=()
 _shtab_stoop 2> /dev/null # compopt complains where nobody types
 printf '%s\\n' "${COMPREPLY[@]}"
 """
+SHELLS = tuple(verbs()["completion"].option("shell").choices)
 INSTALLED = [shell for shell in SHELLS if shell == "bash" or shutil.which(shell)]
 posix = pytest.mark.skipif(os.name == "nt", reason="paths of Windows are not those of its bash")
 

@@ -8,11 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from stoop.base.verbs import verbs
 from stoop.cli.main import main
-from stoop.cli.planning import design_arguments
+from stoop.cli.options import add_options
+from stoop.exporters.targets import flown_by
 from stoop.simulation.maneuver import load_maneuver, parse_maneuver
 from stoop.vehicle import load_vehicle
-from stoop.workflow.design import DESIGN_FILES, TARGETS, known_before, maneuver_toml
+from stoop.workflow.design import DESIGN_FILES, known_before, maneuver_toml
 
 QUICK = (
     "--duration",
@@ -136,7 +138,7 @@ def test_priors_are_what_a_vehicle_file_knows(examples: Path) -> None:
 
 def test_an_option_given_twice_counts_twice() -> None:
     parser = argparse.ArgumentParser()
-    design_arguments(parser)
+    add_options(parser, verbs()["design"].options)
     words = [
         "--amplitude",
         "elevator=3",
@@ -174,7 +176,7 @@ def test_files_for_an_autopilot_and_their_refusal(tmp_path: Path, capsys: pytest
     assert main([*command, *throws]) == 0
     assert "fly_px4.py" in capsys.readouterr().out
     names = {path.name for path in (tmp_path / "next").iterdir()}
-    assert names == {*DESIGN_FILES, *TARGETS["px4"].names}
+    assert names == {*DESIGN_FILES, *flown_by("px4").names}
     assert "How to fly it" in (tmp_path / "next" / "design.html").read_text()
     document = json.loads((tmp_path / "next" / "design.json").read_text())
     assert document["limits"]["min_amplitude"]["elevator"] == pytest.approx(np.radians(0.5))

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import pytest
 
+from stoop.base.verbs import Verb
 from stoop.cli import main as entry
 from stoop.cli.main import VERBS, main
 from stoop.errors import StoopError
@@ -35,10 +36,9 @@ HEAVY = (
 def verb(monkeypatch: pytest.MonkeyPatch, run: Callable[[object], int]) -> None:
     """Register a verb called `fake`."""
     module = types.ModuleType("fake_verb")
-    module.add_arguments = lambda parser: None  # type: ignore[attr-defined]
     module.run = run  # type: ignore[attr-defined]
     monkeypatch.setitem(sys.modules, "fake_verb", module)
-    monkeypatch.setitem(VERBS, "fake", ("fake_verb", "does what the test says"))
+    monkeypatch.setitem(VERBS, "fake", Verb("fake", "does what the test says", "fake_verb:run"))
 
 
 def raising(error: BaseException) -> Callable[[object], int]:
@@ -52,14 +52,14 @@ def test_help_lists_every_verb(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["--help"]) == 0
     out, err = capsys.readouterr()
     assert err == ""
-    for name, (_, purpose) in VERBS.items():
-        assert re.search(rf"^  {name} +{re.escape(purpose)}$", out, re.MULTILINE)
+    for name, verb in VERBS.items():
+        assert re.search(rf"^  {name} +{re.escape(verb.summary)}$", out, re.MULTILINE)
     assert all(len(line) <= 90 for line in out.splitlines())
 
 
 @pytest.mark.parametrize("name", VERBS)
 def test_every_verb_explains_itself(name: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert importlib.util.find_spec(VERBS[name][0].partition(":")[0]) is not None
+    assert importlib.util.find_spec(VERBS[name].run.partition(":")[0]) is not None
     assert main([name, "--help"]) == 0
     out, err = capsys.readouterr()
     assert out.startswith(f"usage: stoop {name}")
@@ -270,9 +270,10 @@ def test_reader_that_leaves_early_is_no_error(words: list[str], flight_file: Pat
 
 
 def test_warnings_of_libraries_do_not_reach_the_user(tmp_path: Path) -> None:
-    module = "import warnings\ndef add_arguments(parser): pass\ndef run(arguments): warnings.warn('boo'); return 0\n"
+    module = "import warnings\ndef run(arguments): warnings.warn('boo'); return 0\n"
     (tmp_path / "noisy.py").write_text(module)
-    words = "import sys; from stoop.cli import main as m; m.VERBS['noisy'] = ('noisy', 'warns'); sys.exit(m.main())"
+    registered = "m.VERBS['noisy'] = m.Verb('noisy', 'warns', 'noisy:run')"
+    words = f"import sys; from stoop.cli import main as m; {registered}; sys.exit(m.main())"
     command = [sys.executable, "-c", words, "noisy"]
     assert subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True).stderr == ""
     loud = subprocess.run([*command, "--debug"], cwd=tmp_path, capture_output=True, text=True, check=True)

@@ -53,7 +53,7 @@ def test_the_page_has_the_table() -> None:
 
 
 def test_every_row_names_an_exporter() -> None:
-    found = [target.exporter() for target in TARGETS.values()]
+    found = [target.load() for target in TARGETS.values()]
     assert all(issubclass(one, Exporter) and one is not Exporter for one in found)
     assert len(set(found)) == len(found)
 
@@ -87,7 +87,9 @@ def test_modules_are_imported_when_chosen() -> None:
     """The table costs the command line no import of an exporter."""
     import subprocess
 
-    code = "import sys, stoop.cli.files; print([m for m in sys.modules if m.startswith('stoop.exporters.')])"
+    choices = "[o.choices for v in verbs().values() for o in v.options]"
+    names = "[m for m in sys.modules if m.startswith('stoop.exporters.')]"
+    code = f"import sys, stoop.cli.files; from stoop.base.verbs import verbs; {choices}; print({names})"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "['stoop.exporters.targets']"
 

@@ -13,7 +13,9 @@ import pytest
 
 from stoop.app.fit_view import switches
 from stoop.base.notices import notice
-from stoop.cli.identify import add_arguments, strategy_of
+from stoop.base.verbs import verbs
+from stoop.cli.identify import strategy_of
+from stoop.cli.options import add_options
 from stoop.errors import IdentificationError
 from stoop.estimate.fit import Options
 from stoop.estimate.fit import fit as output_error
@@ -273,5 +275,5 @@ def test_the_app_writes_the_switches_that_give_the_checked_decisions() -> None:
 
 def parsed(words: list[str]) -> argparse.Namespace:
     parser = argparse.ArgumentParser()
-    add_arguments(parser)
+    add_options(parser, verbs()["identify"].options)
     return parser.parse_args(["a.ulg", "--vehicle", "twin-boom", "--maneuver", "0:5", "-o", "out", *words])

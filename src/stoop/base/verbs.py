@@ -1,0 +1,205 @@
+"""The table of verbs: parsers, help, completion, ``docs/commands.md`` and fields of the app follow from ``data/verbs.toml``."""
+
+from __future__ import annotations
+
+import functools
+import importlib
+import re
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from importlib.resources import files
+from typing import Any
+
+from stoop.base.text import MOST_LISTED
+
+_LINK = re.compile(r"\[([^\]]*)\]\((?:([\w-]+\.md)[^)]*|[^)]*)\)")
+_PLACE = re.compile(r"[\w.]+:\w+")  #: a text that stands for an object of a module
+
+
+@dataclass(frozen=True)
+class Option:
+    """An argument of a verb: one row of the table.
+
+    Attributes
+    ----------
+    name : str
+        Such as ``--airspeed``, or without dashes that of a positional argument.
+    help : str
+        What it is, as Markdown, without its default.
+    kind : str
+        What a value is: ``text``; ``switch``, which takes none; ``file``, ``folder``, ``page`` (an HTML file); ``vehicle`` (a
+        name or a file), ``source`` (a text, or a file that holds it), ``names``; ``count``, ``at-least-one``, ``positive``,
+        ``finite``.
+    metavar : str or sequence of str
+        A value, or several of a fixed number, as the help calls it.
+    unit : str
+        Unit of a value on the command line.
+    range : sequence of two floats, optional
+        Limits of a number, in its unit; an angle with limits becomes rad.
+    default : any
+        When it is not given.
+    otherwise : str
+        What holds then, in words, if `default` does not say it; Markdown.
+    allowed : sequence, or str
+        Choices, or the place ``module:NAME`` of an iterable of them.
+    required : bool
+    many : int or str
+        Number of values: a number, or ``?``, ``*``, ``+`` as in argparse.
+    repeat : bool
+        Whether it may be given several times; the values are joined.
+    const : any
+        Value of an option that is given without one.
+    short : str
+        One-letter form.
+    group : str
+        Options of one group exclude each other.
+    dest : str
+        Name in the program, if it is not `name`.
+    parameter : str
+        Name of the parameter of the verb's Python function, if it is not `dest`.
+    """
+
+    name: str
+    help: str
+    kind: str = "text"
+    metavar: str | tuple[str, ...] = ""
+    unit: str = ""
+    range: tuple[float, float] | None = None
+    default: Any = None
+    otherwise: str = ""
+    allowed: tuple[str, ...] | str = ()
+    required: bool = False
+    many: int | str = ""
+    repeat: bool = False
+    const: Any = None
+    short: str = ""
+    group: str = ""
+    dest: str = ""
+    parameter: str = ""
+
+    @property
+    def positional(self) -> bool:
+        """Whether it is an argument without a name."""
+        return not self.name.startswith("-")
+
+    @property
+    def key(self) -> str:
+        """Name of the value in the program."""
+        return self.dest or self.name.lstrip("-").replace("-", "_")
+
+    @property
+    def choices(self) -> dict[str, str]:
+        """Choices, each with its title, which is empty for most."""
+        found = _resolved(self.allowed)
+        titles = found if isinstance(found, Mapping) else {}
+        return {name: str(getattr(titles.get(name), "title", "")) for name in found}
+
+    @property
+    def usual(self) -> str:
+        """What holds when it is not given, as Markdown; empty if nothing does."""
+        value = self.default
+        if self.otherwise or value is None or value == "" or value == float("-inf"):
+            return self.otherwise
+        values = value if isinstance(value, tuple) else (value,)
+        return " ".join(f"{v:g}" if isinstance(v, float) else str(v) for v in values)
+
+    @property
+    def meaning(self) -> str:
+        """What it is, with unit and choices (if they are not too many for a line), as Markdown."""
+        unit = f" [{self.unit}]" if self.unit else ""
+        listed = self.choices if self.metavar and len(self.choices) <= MOST_LISTED else ()
+        named = [f"`{name}`" + (f" ({self.choices[name]})" * bool(self.choices[name])) for name in listed]
+        return self.help + unit + (f"; one of {', '.join(named)}" if named else "")
+
+
+@dataclass(frozen=True)
+class Verb:
+    """A verb of the command line.
+
+    Attributes
+    ----------
+    name : str
+        One word, or two.
+    summary : str
+        What it does, on one line.
+    run : str
+        Place ``module:function`` of the function that runs it; the module is imported when the verb is chosen.
+    options : sequence of Option
+    python : str
+        Place of the function of the Python interface that does the same; empty if there is none.
+    closing : str
+        Text at the end of its help, or the place of one.
+    """
+
+    name: str
+    summary: str
+    run: str
+    options: tuple[Option, ...] = ()
+    python: str = ""
+    closing: str = ""
+
+    @property
+    def epilog(self) -> str:
+        """Text at the end of its help."""
+        return str(_resolved(self.closing)).strip("\n")
+
+    def option(self, key: str) -> Option:
+        """Return the option whose value has this name in the program."""
+        return next(one for one in self.options if one.key == key)
+
+
+def plain(markdown: str) -> str:
+    """Return a text without the marks of Markdown: a link to another page becomes the name of its file."""
+    told = _LINK.sub(lambda m: m[1] + (f" (docs/{m[2]})" if m[2] else ""), markdown)
+    return told.replace("`", "")
+
+
+@functools.cache
+def shared_options() -> dict[str, Option]:
+    """Return the options that several verbs share, by the names under which the table has them."""
+    return {name: _option(row, {}) for name, row in _table()["options"].items()}
+
+
+@functools.cache
+def verbs() -> dict[str, Verb]:
+    """Return the verbs of stoop, by name."""
+    return read_verbs({"verbs": _table()["verbs"]})
+
+
+def read_verbs(table: Mapping[str, Any]) -> dict[str, Verb]:
+    """Return the verbs of a table such as ``data/verbs.toml``, which may name the shared options of that."""
+    shared = shared_options() | {n: _option(row, {}) for n, row in table.get("options", {}).items()}
+    found = {}
+    for name, row in table["verbs"].items():
+        options = tuple(_option(one, shared) for one in row["options"])
+        found[name] = Verb(
+            name, row["summary"], row["run"], options, row.get("python", ""), row.get("epilog", "")
+        )
+    return found
+
+
+@functools.cache
+def _table() -> dict[str, Any]:
+    return tomllib.loads((files("stoop.data") / "verbs.toml").read_text("utf-8"))
+
+
+def _option(row: str | Mapping[str, Any], shared: Mapping[str, Option]) -> Option:
+    """Return the option of a row: the name of a shared one, changes of one, or all fields of its own."""
+    if isinstance(row, str):
+        return shared[row]
+    fields: dict[str, Any] = {
+        k: tuple(v) if isinstance(v, list) else v for k, v in row.items() if k != "like"
+    }
+    if "choices" in fields:
+        fields["allowed"] = fields.pop("choices")
+    return replace(shared[row["like"]], **fields) if "like" in row else Option(**fields)
+
+
+def _resolved(value: Any) -> Any:
+    """Return a value, or what the place ``module:NAME`` holds: an object, or a function that returns it."""
+    if not isinstance(value, str) or not _PLACE.fullmatch(value):
+        return value
+    module, _, name = value.partition(":")
+    found = getattr(importlib.import_module(module), name)
+    return found() if callable(found) else found

@@ -1,0 +1,152 @@
+"""Parsers, help, completion, docs/commands.md and defaults of the Python interface agree with the table of verbs."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import importlib.util
+import inspect
+import re
+from dataclasses import MISSING, fields
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import pytest
+
+import stoop
+from stoop.base.verbs import Option, Verb, plain, read_verbs, verbs
+from stoop.cli.completion import all_parsers
+from stoop.cli.main import all_verbs, parser_for
+from stoop.cli.options import READERS, reader
+from stoop.vehicle.builtin import BUILT_IN
+
+ROOT = Path(__file__).parents[3]
+PAGE = ROOT / "docs" / "commands.md"
+COMPLETED = ("file", "folder", "page", "source", "vehicle")
+NOTHING = (None, "", (), {}, [], float("-inf"))  #: defaults by which nothing is given
+
+
+@pytest.fixture(scope="module")
+def script() -> ModuleType:
+    """Return the script that writes the page."""
+    spec = importlib.util.spec_from_file_location("commands", ROOT / "scripts" / "commands.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(scope="module")
+def completed() -> argparse.ArgumentParser:
+    return all_parsers()
+
+
+def inner(parser: argparse.ArgumentParser, name: str) -> argparse.ArgumentParser:
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            return action.choices[name]
+    raise LookupError(name)
+
+
+def parameters(verb: Verb) -> dict[str, Any]:
+    """Return the parameters of a verb's Python function and their defaults; a fit takes fields of its options too."""
+    module, _, name = verb.python.partition(":")
+    function = inspect.unwrap(getattr(importlib.import_module(module), name))
+    found = {n: p.default for n, p in inspect.signature(function).parameters.items()}
+    if "settings" in found:
+        found |= {f.name: f.default for f in fields(stoop.Options) if f.default is not MISSING}
+    return found
+
+
+@pytest.mark.parametrize("name", all_verbs())
+def test_all_that_a_verb_shows_follows_from_its_row(
+    name: str, script: ModuleType, completed: argparse.ArgumentParser
+) -> None:
+    verb = all_verbs()[name]
+    words = name.split()
+    module, _, function = verb.run.partition(":")
+    assert callable(getattr(importlib.import_module(module), function))
+
+    parser = parser_for([name]).verbs[name]
+    actions = {a.dest: a for a in parser._actions if a.dest not in ("help", "debug")}
+    assert list(actions) == [option.key for option in verb.options]
+    assert len({option.name for option in verb.options}) == len(verb.options)
+    told = " ".join(parser.format_help().split())
+    assert f"{verb.summary[0].upper()}{verb.summary[1:]}." in told
+    text = PAGE.read_text("utf-8")
+    section = text.partition(f"## `stoop {name}`\n")[2].partition("\n## ")[0]
+    of_shell = completed
+    for word in words:
+        of_shell = inner(of_shell, word)
+    shells = {a.dest: a for a in of_shell._actions}
+    for option in verb.options:
+        action = actions[option.key]
+        assert plain(option.meaning) in (action.help or "").replace("%%", "%")
+        assert option.usual == "" or f"(default: {plain(option.usual)})" in (action.help or "")
+        assert f"| {option.meaning} |" in section
+        assert tuple(action.choices or ()) == tuple(option.choices)
+        if option.key in shells:  # `stoop vehicle` completes the names of vehicles as verbs
+            assert hasattr(shells[option.key], "complete") == (option.kind in COMPLETED)
+    if verb.python:
+        check_python(verb)
+    assert "\n".join(script.options_table(verb)) in text
+
+
+def check_python(verb: Verb) -> None:
+    """Check that parameters of the Python function that are options have the same defaults."""
+    known = parameters(verb)
+    shared = {o.parameter or o.key: o for o in verb.options if (o.parameter or o.key) in known}
+    assert len(shared) >= min(2, len(known))
+    for name, option in shared.items():
+        default = False if option.kind == "switch" else option.default
+        if known[name] is inspect.Parameter.empty:
+            assert option.required or option.positional, name
+        elif not isinstance(default, (bool, int, float, str)) or default in NOTHING:
+            assert known[name] in NOTHING, name
+        else:
+            assert known[name] == default, name
+
+
+def test_the_page_is_up_to_date(script: ModuleType) -> None:
+    """`python scripts/commands.py` writes it."""
+    text = PAGE.read_text("utf-8")
+    assert script.page(text) == text
+
+
+def test_named_parameters_are_those_of_the_function() -> None:
+    for verb in verbs().values():
+        known = parameters(verb) if verb.python else {}
+        assert not verb.python or not [
+            o.name for o in verb.options if o.parameter and o.parameter not in known
+        ]
+
+
+def test_vehicles_in_the_help_are_the_built_in_ones() -> None:
+    listed = re.findall(r"built-in vehicle: ([\w, -]+)", verbs()["identify"].option("vehicle").help)
+    assert listed == [", ".join(BUILT_IN)]
+
+
+def test_an_angle_becomes_radians_within_its_limits() -> None:
+    read = reader(verbs()["trim"].option("climb_angle"))
+    assert read("45") == pytest.approx(0.7853981633974483)
+    with pytest.raises(argparse.ArgumentTypeError, match="90 is not between -89 and 89 deg"):
+        read("90")
+
+
+def test_a_table_of_another_package_may_name_and_change_shared_options() -> None:
+    row = {"summary": "s", "run": "m:f", "options": ["flight", {"like": "seed", "default": 7}]}
+    verb = read_verbs({"verbs": {"other": row}})["other"]
+    assert verb.options[0] is verbs()["info"].options[0]
+    assert (verb.option("seed").default, verb.option("seed").kind) == (7, "count")
+
+
+def test_every_kind_has_a_reader() -> None:
+    kinds = {option.kind for verb in all_verbs().values() for option in verb.options}
+    assert kinds - {"switch"} <= set(READERS)
+
+
+def test_marks_of_markdown_do_not_reach_a_terminal() -> None:
+    option = Option("--x", "a [link](page.md#part), [here](#x), `code`")
+    assert plain(option.meaning) == "a link (docs/page.md), here, code"
