@@ -59,8 +59,7 @@ FLOWN_BY: Final = {
 
 def flown_by(target: str) -> Injected:
     """Return what writes the files with which a pilot or an autopilot flies a maneuver; raises `StoopError`: no such target."""
-    found: Injected = _loaded(FLOWN_BY, target, "a designed maneuver")
-    return found
+    return _loaded(FLOWN_BY, target, "a designed maneuver")  # type: ignore[no-any-return]
 
 
 def export(model: ModelData, target: str, condition: Condition | None = None) -> Exported:
