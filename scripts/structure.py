@@ -33,7 +33,7 @@ BUDGETS = {
     "checks": 2320,
     "cli": 3100,
     "estimate": 7300,
-    "exporters": 7600,
+    "exporters": 7625,
     "flight": 5550,
     "input_design": 2280,
     "kernels": 1900,
@@ -51,7 +51,7 @@ BUDGETS = {
     "strategy": 1150,
     "vehicle": 3600,
     "vehicle_draft": 3350,
-    "workflow": 3950,
+    "workflow": 3945,
 }
 #: modules that an allowed import cycle goes through, imports in functions counted: registries that name their entries
 REGISTRIES = {"stoop.optimize.registry", "stoop.vehicle.vehicle", "stoop.workflow.fitted_model"}
