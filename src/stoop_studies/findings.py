@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final, Protocol, TypeVar
+from typing import Any, Final, Protocol
 
 import numpy as np
 
@@ -16,7 +16,6 @@ from stoop.report.sheet import Code, Figure, Prose, Section, Sheet, Table
 #: longer tables are left to the CSV file
 MAX_ROWS: Final = 150
 CLAIMS_HEAD: Final = ("verdict", "statement: what was measured")
-Row = TypeVar("Row")
 Results = Mapping[str, Any]
 #: name of a column -> its cell
 Record = Mapping[str, Cell]
@@ -72,7 +71,6 @@ class Findings:
     """The findings of one study: claims, sections of its page, the table (head, rows) of the CSV file, further tables by name."""
 
     title: str
-    lead: str
     claims: tuple[Claim, ...]
     sections: tuple[Section, ...]
     head: tuple[str, ...]
@@ -94,21 +92,8 @@ class Findings:
         tables = [table_of(name.capitalize(), own) for name, own in named.items() if own]
         kept = [table for table in tables if len(table.rows) <= MAX_ROWS]
         sections = (Section("Measured", (*kept[: bool(summary)], *figures, *kept[bool(summary) :])),)
-        return cls.tabulated(title, "", claims, sections, records, parts)
-
-    @classmethod
-    def tabulated(
-        cls,
-        title: str,
-        lead: str,
-        claims: Iterable[Claim],
-        sections: tuple[Section, ...],
-        records: Sequence[Record],
-        parts: Mapping[str, Sequence[Record]] | None = None,
-    ) -> Findings:
-        """Return findings whose tables are records: their keys are the names of the columns."""
-        tables = {n: (tuple(own[0]) if own else (), _values(own)) for n, own in (parts or {}).items()}
-        return cls(title, lead, tuple(claims), sections, tuple(records[0]), _values(records), tables)
+        own = {n: (tuple(p[0]) if p else (), _values(p)) for n, p in (parts or {}).items()}
+        return cls(title, tuple(claims), sections, tuple(records[0]), _values(records), own)
 
     @property
     def csv(self) -> str:
@@ -124,7 +109,7 @@ class Findings:
         table = Table("Each statement compared with the numbers below", CLAIMS_HEAD, claim_rows(self.claims))
         verdicts = Section("Claims", (table,))
         made = Section("Made by", (Code(command),))
-        return Sheet(self.title, f"{self.lead}\n\n{lead}".strip(), (verdicts, *self.sections, made))
+        return Sheet(self.title, lead, (verdicts, *self.sections, made))
 
 
 def _values(records: Sequence[Record]) -> tuple[tuple[Cell, ...], ...]:
@@ -184,9 +169,3 @@ def table_of(caption: str, records: Sequence[Record]) -> Table:
 
     rows = tuple(tuple(map(cell, record.values())) for record in records)
     return Table(caption, tuple(name.replace("_", " ") for name in records[0]), rows)
-
-
-def tabulated(caption: str, columns: Mapping[str, Callable[[Row], str]], rows: Iterable[Row]) -> Table:
-    """Return a table with one column for each name and function of a row."""
-    cells = tuple(tuple(text(row) for text in columns.values()) for row in rows)
-    return Table(caption, tuple(columns), cells)

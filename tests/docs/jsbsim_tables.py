@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Callable
-from typing import Any
 
 from docs.pages import DOCS
-from stoop_studies.verify.jsbsim import SHARE, SIGMAS, parameter_table
+from stoop_studies.findings import number
+from stoop_studies.verify.jsbsim import SHARE, SIGMAS
 
 
 def records(name: str, model: str) -> list[dict[str, str]]:
@@ -16,18 +16,34 @@ def records(name: str, model: str) -> list[dict[str, str]]:
         return [row for row in csv.DictReader(file) if next(iter(row.values())) == model]
 
 
-def shown(name: str, model: str) -> list[tuple[Any, ...]]:
+def _digits(count: int) -> Callable[[str], str]:
+    return lambda cell: number(float(cell), count)
+
+
+def _signed(cell: str) -> str:
+    return f"{float(cell):+.1f}".replace("-", "−") if cell else "–"
+
+
+COLUMNS: dict[str, Callable[[str], str]] = {
+    "parameter": str,
+    "jsbsim": _digits(4),
+    "estimate": _digits(4),
+    "sigma": _digits(2),
+    "difference_in_sigma": _signed,
+    "difference_percent": _signed,
+    "agrees": str,
+    "flights_that_agree": str,
+    "mean_difference_in_sigma": _signed,
+}
+
+
+def shown(name: str, model: str) -> list[tuple[str, ...]]:
     """Return what the page shows of them."""
-    read: dict[str, Callable[[str], Any]] = {
-        **dict.fromkeys(("aircraft", "recorded", "parameter"), str),
-        **dict.fromkeys(("flights", "flights_that_agree"), int),
-        "agrees": "yes".__eq__,
-    }
-    parsed = [
-        {k: read.get(k, lambda cell: float(cell) if cell else None)(v) for k, v in r.items()}
+    rows = [
+        {**r, "flights_that_agree": f"{r['flights_that_agree']} of {r['flights']}"}
         for r in records(name, model)
     ]
-    return list(parameter_table("", "", parsed).rows)
+    return [tuple(form(row[key]) for key, form in COLUMNS.items()) for row in rows]
 
 
 def check_summary(name: str, model: str, summary: tuple[str, ...], runs: int) -> None:

@@ -37,16 +37,34 @@ def test_what_is_claimed_holds() -> None:
     assert len({r["airplane"] for r in records()}) == len(handbook.airplanes())
 
 
+def shown(value: float | None, form: str) -> str:
+    return "–" if value is None else format(value, form)
+
+
 def test_the_tables_are_those_that_were_written() -> None:
-    (section,) = findings().sections
-    pooled, *each, per_airplane = section.parts
-    assert [tuple(r) for r in table(PAGE, "What holds", "method").rows] == list(pooled.rows)
-    assert [tuple(r) for r in table(PAGE, "Each airplane", "airplane").rows] == list(per_airplane.rows)
-    shown = {row[0]: list(row[1:]) for row in table(PAGE, "Standard deviations", "term").rows}
-    assert set(shown) == set(METHOD)
-    written = [{row[0]: row[4] for row in t.rows} for t in each]
+    head, rows = findings().parts["pooled"]
+    forms = dict(zip(head, ("", "d", "d", ".2f", ".1f", ".2f", ".1f"), strict=True))
+    pooled = [
+        tuple(format(cell, form) for cell, form in zip(row, forms.values(), strict=True)) for row in rows
+    ]
+    assert [tuple(r) for r in table(PAGE, "What holds", "method").rows] == pooled
+    airplanes = handbook.by_airplane(records())
+    own = [
+        (r["airplane"], r["kind"], *(shown(r[f"{m}_rms"], ".2f") for m in handbook.METHODS))
+        for r in airplanes
+    ]
+    assert [tuple(r) for r in table(PAGE, "Each airplane", "airplane").rows] == own
+    terms = {row[0]: list(row[1:]) for row in table(PAGE, "Standard deviations", "term").rows}
+    assert set(terms) == set(METHOD)
+    counted = [r for r in records() if r["kind"] != handbook.UNCOUNTED]
+    written = []
+    for method in handbook.METHODS:
+        given = [r for r in counted if r[f"{method}_z"] is not None]
+        written.append({r["derivative"]: r["rms_z"] for r in handbook.by_derivative(given, method)})
     for name, rule in METHOD.items():
-        assert shown[name] == [f"{rule.share:g}", f"{rule.floor:g}", *(w.get(name, "–") for w in written)]
+        assert terms[name] == [
+            f"{rule.share:g}", f"{rule.floor:g}", *(shown(w.get(name), ".2f") for w in written)
+        ]  # fmt: skip
 
 
 @pytest.mark.parametrize("key", [k for k, a in handbook.airplanes().items() if "derivatives" in a])

@@ -32,7 +32,7 @@ from stoop.report.sheet import Code, Figure, Prose, Section, Sheet, Table, rende
 from stoop_studies.compare.field import Field
 from stoop_studies.compare.measures import Score, duel, score
 from stoop_studies.compare.race import Race
-from stoop_studies.findings import tabulated
+from stoop_studies.findings import Record, table_of
 from stoop_studies.outputs import GUIDE
 
 STORE: Final = "compare.sqlite"
@@ -206,20 +206,20 @@ def _overview(field: Field, scores: Mapping[str, Sequence[Score]]) -> Section:
 
 
 def _problem(problem: str, scores: Sequence[Score], field: Field, races: Races) -> Section:
-    table = tabulated(
-        f"Sorted by expected running time; ratio to {scores[0].baseline}",
+    rows: list[Record] = [
         {
-            "optimizer": lambda s: s.optimizer,
-            "successes": lambda s: s.rate_text,
-            "ERT": lambda s: s.ert_text,
-            "95 %": lambda s: s.ert.interval,
-            "ratio": lambda s: s.ratio_text,
-            "95 % of the ratio": lambda s: s.ratio.interval,
-            "median of successes": lambda s: number(s.median, 3),
-            "wrong optima": lambda s: str(s.wrong),
-        },
-        scores,
-    )
+            "optimizer": s.optimizer,
+            "successes": s.rate_text,
+            "ERT": s.ert_text,
+            "95 %": s.ert.interval,
+            "ratio": s.ratio_text,
+            "95 % of the ratio": s.ratio.interval,
+            "median of successes": number(s.median, 3),
+            "wrong optima": s.wrong,
+        }
+        for s in scores
+    ]
+    table = table_of(f"Sorted by expected running time; ratio to {scores[0].baseline}", rows)
     groups = {o: races[problem, o] for p, o in field.pairs if p == problem}
     drawn = distributions(groups, problem, field.optimizers)
     figure = Figure("Share of targets reached against evaluations", drawn)
@@ -236,23 +236,22 @@ def _together(field: Field, races: Races) -> Section:
         f"Instances (problem and seed) solved, beside {baseline}; p: that chance parts those solved by one alone so "
         "unevenly (two-sided sign test); evaluations over the baseline's, geometric mean over instances both solved"
     )
-    table = tabulated(
-        caption,
+    rows: list[Record] = [
         {
-            "optimizer": lambda d: d.optimizer,
-            "solved": lambda d: str(d.both + d.only_own),
-            "both": lambda d: str(d.both),
-            "it alone": lambda d: str(d.only_own),
-            "baseline alone": lambda d: str(d.only_other),
-            "neither": lambda d: str(d.neither),
-            "p": lambda d: number(d.probability, 2),
-            "evaluations, both": lambda d: "–" if math.isnan(d.ratio) else f"{number(d.ratio, 3)}×",
-        },
-        duels,
-    )
+            "optimizer": d.optimizer,
+            "solved": d.both + d.only_own,
+            "both": d.both,
+            "it alone": d.only_own,
+            "baseline alone": d.only_other,
+            "neither": d.neither,
+            "p": number(d.probability, 2),
+            "evaluations, both": "–" if math.isnan(d.ratio) else f"{number(d.ratio, 3)}×",
+        }
+        for d in duels
+    ]
     drawn = distributions(groups, "all problems", field.optimizers)
-    parts = (table, Figure("Over all problems that an optimizer ran on", drawn))
-    return Section("All problems together", parts)
+    figure = Figure("Over all problems that an optimizer ran on", drawn)
+    return Section("All problems together", (table_of(caption, rows), figure) if rows else (figure,))
 
 
 def _how(field: Field) -> Section:

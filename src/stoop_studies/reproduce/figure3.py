@@ -12,7 +12,7 @@ from stoop.report.series import Series, Strip
 from stoop.report.sheet import Figure, Table
 from stoop.simulation import Mode, linearize
 from stoop.simulation.trajectories import Flown
-from stoop_studies.findings import Claim, Findings, Results, Setting, holds, number, reproduces, tabulated
+from stoop_studies.findings import Claim, Findings, Results, Setting, holds, number, reproduces, table_of
 from stoop_studies.problems.paper import SAMPLES, paper
 from stoop_studies.reproduce.suite import PaperExperiment
 
@@ -46,16 +46,15 @@ class Figure3(PaperExperiment):
             "Elevator, airspeed, angle of attack, pitch rate, pitch angle",
             stacked_plots(strips, "time, s", "Response curves"),
         )
-        linear = tabulated(
-            "Linear modes about the trim",
+        linear = [
             {
-                "mode": lambda m: m.name,
-                "frequency, rad/s": lambda m: f"{m.frequency:.3f}",
-                "damping ratio": lambda m: f"{m.damping:.3f}",
-                "period, s": lambda m: f"{2 * np.pi / m.frequency:.2f}",
-            },
-            modes.values(),
-        )
+                "mode": m.name,
+                "frequency, rad/s": f"{m.frequency:.3f}",
+                "damping ratio": f"{m.damping:.3f}",
+                "period, s": f"{2 * np.pi / m.frequency:.2f}",
+            }
+            for m in modes.values()
+        ]
         alpha, elevator, thrust = _trim(flown)
         printed = (
             ("alpha, deg", "5.88", number(alpha, 4)),
@@ -69,7 +68,10 @@ class Figure3(PaperExperiment):
             dict(zip(columns, r, strict=True))
             for r in zip(*(c.tolist() for c in columns.values()), strict=True)
         ]
-        shown, claims = (figure, trim, linear), _response_claims(flown, curves, modes)
+        shown, claims = (
+            (figure, trim, table_of("Linear modes about the trim", linear)),
+            _response_claims(flown, curves, modes),
+        )
         return Findings.of("Figure 3: response to the elevator", claims, rows, figures=shown)
 
 

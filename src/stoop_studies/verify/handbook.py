@@ -13,12 +13,11 @@ from scipy.io import loadmat
 
 from stoop.base.arrays import FloatArray
 from stoop.errors import StoopError
-from stoop.report.sheet import Section
 from stoop.vehicle.defaults import EQUATION_1
 from stoop.vehicle_draft import aerosandbox, handbook
 from stoop.vehicle_draft.apriori import Apriori
 from stoop.vehicle_draft.geometry import Geometry
-from stoop_studies.findings import Claim, Findings, Setting, holds
+from stoop_studies.findings import Claim, Findings, Setting, holds, table_of
 from stoop_studies.verify import study
 
 RMS: Final = (0.75, 1.25)  #: where the root mean square of z must lie, pooled
@@ -30,18 +29,6 @@ METHODS: Final = {
     "lattice": "AeroSandbox, measured geometry",
     "sizes": "handbook, mass, span and chord only",
 }
-DERIVATIVES: Final = study.columns(
-    "derivative; count:d=airplanes; rms_error:.3g=rms error; bias:+.2f=mean z; rms_z:.2f=rms z; "
-    "within_2:.0f=|z| < 2, %"
-)
-AIRPLANES: Final[study.Columns] = {
-    "airplane": ("airplane", str), "kind": ("derivatives from", str),
-    **{f"{m}_rms": (heading, ".2f") for m, heading in METHODS.items()},
-}  # fmt: skip
-POOLED: Final = study.columns(
-    "method; airplanes:d; count:d=derivatives; rms_z:.2f=rms z; within_2:.1f=|z| < 2, %; "
-    "left_out_rms:.2f=rms z, left out; left_out_within_2:.1f=|z| < 2, left out, %"
-)
 
 
 @cache
@@ -136,17 +123,11 @@ def show(setting: Setting, samples: study.Samples) -> Findings:
     counted = [r for r in rows if r["kind"] != UNCOUNTED]
     own = {m: [r for r in counted if r[f"{m}_z"] is not None] for m in METHODS}
     pooled = [_pooled(method, own[method]) for method in METHODS]
-    tables = (
-        study.page_table("Errors in standard deviations", POOLED, pooled),
-        *(
-            study.page_table(heading, DERIVATIVES, _by_derivative(own[m], m))
-            for m, heading in METHODS.items()
-        ),
-        study.page_table("Root mean square of z by airplane", AIRPLANES, _by_airplane(rows)),
-    )
+    each = [table_of(words, by_derivative(own[m], m)) for m, words in METHODS.items()]
+    tables = (*each, table_of("Root mean square of z by airplane", by_airplane(rows)))
     claims = [c for record in pooled for c in _claims(record)]
-    title, sections = "A priori derivatives beside published ones", (Section("Measured", tables),)
-    return Findings.tabulated(title, "", claims, sections, rows, {"pooled": pooled})
+    title = "A priori derivatives beside published ones"
+    return Findings.of(title, claims, rows, {"pooled": pooled}, figures=tables)
 
 
 def _pooled(method: str, rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
@@ -173,7 +154,8 @@ def _claims(record: Mapping[str, Any]) -> Iterator[Claim]:
         )
 
 
-def _by_derivative(rows: Sequence[Mapping[str, Any]], method: str) -> list[dict[str, Any]]:
+def by_derivative(rows: Sequence[Mapping[str, Any]], method: str) -> list[dict[str, Any]]:
+    """Return the errors of a method by derivative."""
     records = []
     for name in (n for group in EQUATION_1.values() for n in group):
         own = [r for r in rows if r["derivative"] == name]
@@ -189,7 +171,8 @@ def _by_derivative(rows: Sequence[Mapping[str, Any]], method: str) -> list[dict[
     return records
 
 
-def _by_airplane(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+def by_airplane(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Return the root mean square of z of each method by airplane."""
     records = []
     for name in dict.fromkeys(r["airplane"] for r in rows):
         own = [r for r in rows if r["airplane"] == name]

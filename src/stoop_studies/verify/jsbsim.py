@@ -23,7 +23,6 @@ from scipy.stats import norm
 from stoop.base.arrays import FloatArray
 from stoop.base.units import FOOT, SLUG
 from stoop.flight import Flight, from_columns
-from stoop.report.sheet import Section, Table
 from stoop.vehicle import Vehicle, terms
 from stoop.vehicle.load import parse_vehicle
 from stoop.workflow import identify
@@ -235,17 +234,13 @@ def _digits(values: FloatArray, digits: int = 6) -> list[float]:
     return [0.0 if abs(v) < ZERO else float(f"{v:.{digits}g}") for v in values.tolist()]
 
 
-def _signed(value: float) -> str:
-    return f"{value:+.1f}".replace("-", "−")
-
-
 def comparison(
     subject: jsbsim_flight.Subject, results: Sequence[Mapping[str, Any]], kind: str, what: str
-) -> tuple[Table, list[dict[str, Any]], list[Claim]]:
+) -> tuple[list[dict[str, Any]], list[Claim]]:
     """Compare the estimates of one subject over its flights with the truth.
 
     Results are those of `Case.estimates`, one per flight; ``kind`` is the column that names the subject, ``what`` what a
-    parameter is called. Returns the table of the page, the records and the claims.
+    parameter is called. Returns the records and the claims.
     """
     names = list(results[0]["truth"])
     truth = np.array([results[0]["truth"][n] for n in names])
@@ -286,41 +281,22 @@ def comparison(
             f"mean square {number(square)}, which is 1 if noise is all that there is",
         ),
     ]
-    return parameter_table(subject.title, what, records), records, claims
-
-
-def parameter_table(title: str, what: str, records: Sequence[Mapping[str, Any]]) -> Table:
-    """Return the table of a page for records of a subject."""
-    columns: study.Columns = {
-        "parameter": (what, str),
-        "jsbsim": ("JSBSim", lambda v: number(v, 4)),
-        "estimate": ("estimate", lambda v: number(v, 4)),
-        "sigma": ("standard error", lambda v: number(v, 2)),
-        "difference_in_sigma": ("difference in standard errors", _signed),
-        "difference_percent": ("in %", _signed),
-        "agrees": ("agrees", lambda agrees: "yes" if agrees else "no"),
-        "agreeing": ("flights that agree", str),
-        "mean_difference_in_sigma": ("mean, in standard errors", _signed),
-    }
-    shown = [{**r, "agreeing": counted(r["flights_that_agree"], r["flights"])} for r in records]
-    return study.page_table(title, columns, shown)
+    return records, claims
 
 
 def findings(
-    title: str, kind: str, what: str, subjects: Sequence[jsbsim_flight.Subject], samples: study.Samples,
-    noise: Mapping[str, float],
-) -> Findings:  # fmt: skip
+    title: str, kind: str, what: str, subjects: Sequence[jsbsim_flight.Subject], samples: study.Samples
+) -> Findings:
     """Return how far the estimates of some subjects are off; ``kind`` and ``what`` as in `comparison`."""
     found = [comparison(subject, samples[subject.model], kind, what) for subject in subjects]
-    tables, records, claims = zip(*found, strict=True)
-    sections = (Section("Measured", (*tables, study.noise_table(noise))),)
-    return Findings.tabulated(title, "", itertools.chain(*claims), sections, list(itertools.chain(*records)))
+    records, claims = (list(itertools.chain(*column)) for column in zip(*found, strict=True))
+    return Findings.of(title, claims, records)
 
 
 def show(setting: Setting, samples: study.Samples) -> Findings:
     """Return how far the derivatives are off."""
     title = "Stock aircraft of JSBSim, identified from their outputs"
-    return findings(title, "aircraft", "derivative", jsbsim_flight.FLEET, samples, NOISE)
+    return findings(title, "aircraft", "derivative", jsbsim_flight.FLEET, samples)
 
 
 EXPERIMENT: Final = study.Verification(

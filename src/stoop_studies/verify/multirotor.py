@@ -362,7 +362,7 @@ def identify_once(case: str, seed: int) -> dict[str, Any]:
 def show(setting: Setting, samples: Samples) -> Findings:
     """Return how far the estimates are off."""
     title = "JSBSim's F450, identified from its outputs"
-    return findings(title, "recorded", "parameter", RECORDS, samples, NOISE)
+    return findings(title, "recorded", "parameter", RECORDS, samples)
 
 
 EXPERIMENT: Final = Verification("multirotor", show, runs=10, work="identify_once", cases=(SPEEDS, COMMANDS))

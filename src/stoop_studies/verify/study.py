@@ -4,8 +4,7 @@ A study is a module of this package with
 
 - ``CASES``: names of cases, with whatever the function needs of each;
 - a function ``(case, seed) -> record`` under `work`: numbers, texts, lists and tables of these, nothing else;
-- a function ``show(setting, samples) -> Findings``: from the records of each case to claims, tables and rows
-  (`Findings.of`, `page_table`);
+- a function ``show(setting, samples) -> Findings``: from the records of each case to claims, tables and rows (`Findings.of`);
 - ``EXPERIMENT = Verification(NAME, show, runs, work, cases)``,
 
 and one line in `EXPERIMENTS`. Runs, workers, store, resumption, CSV files, page and index are those of the harness.
@@ -17,7 +16,7 @@ import functools
 import importlib
 import re
 import shlex
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
@@ -28,10 +27,8 @@ import numpy as np
 from stoop.assessment.covariance import NORMAL_95
 from stoop.base.arrays import FloatArray
 from stoop.base.numbers import finite_or_none
-from stoop.base.variables import VARIABLES
 from stoop.errors import StoopError
 from stoop.parallel import Json, Plan, Run
-from stoop.report.sheet import Table
 from stoop_studies.findings import Claim, Experiment, Findings, Results, Setting, holds
 from stoop_studies.outputs import Suite
 
@@ -80,8 +77,6 @@ SUITE: Final = Suite(
 Samples = Mapping[str, Sequence[Mapping[str, Any]]]
 #: see `stoop.parallel.Run`
 Work = Callable[[Mapping[str, Any], Sequence[int | None]], list[Any]]
-#: key of a record -> heading and format on a page
-Columns = Mapping[str, tuple[str, str | Callable[[Any], str]]]
 
 
 def load_experiment(name: str) -> Experiment:
@@ -164,48 +159,12 @@ def work(function: Callable[..., dict[str, Json]]) -> Work:
     return run
 
 
-def columns(text: str) -> Columns:
-    """Return the columns of a page: ``key:format=heading; ...``.
-
-    A format is one of Python's, or ``%`` for a share in percent; without one the cell is text. A heading is the key unless
-    another is given.
-    """
-    found = (one.strip().partition("=") for one in text.split(";"))
-    split = ((*left.partition(":")[::2], heading) for left, _, heading in found)
-    return {key: (heading or key, percent if form == "%" else form or str) for key, form, heading in split}
-
-
-def page_table(
-    caption: str, columns: Columns, records: Iterable[Mapping[str, Any]], missing: str = "–"
-) -> Table:
-    """Return a table of records for a page: some of their keys, in order, and ``missing`` for None."""
-
-    def cell(value: Any, form: str | Callable[[Any], str]) -> str:
-        if value is None:
-            return missing
-        return format(value, form) if isinstance(form, str) else form(value)
-
-    rows = tuple(tuple(cell(r[key], form) for key, (_, form) in columns.items()) for r in records)
-    return Table(caption, tuple(heading for heading, _ in columns.values()), rows)
-
-
 def records_of(table: pd.DataFrame) -> list[dict[str, Any]]:
     """Return the rows of a table as records; what is not finite is None."""
     columns = [
         [finite_or_none(v) if isinstance(v, float) else v for v in table[name].tolist()] for name in table
     ]
     return [dict(zip(map(str, table), row, strict=True)) for row in zip(*columns, strict=True)]
-
-
-def percent(value: float) -> str:
-    """Return a share in percent, to a tenth."""
-    return f"{100 * value:.1f}"
-
-
-def noise_table(noise: Mapping[str, float]) -> Table:
-    """Return the standard deviations of white noise by channel, each with its unit."""
-    rows = tuple((c, f"{sigma:g} {VARIABLES[c].unit}") for c, sigma in noise.items())
-    return Table("White, one standard deviation", ("channel", "noise"), rows)
 
 
 def or_none(values: FloatArray) -> list[float | None]:

@@ -30,7 +30,7 @@ class Quick:
 
     def findings(self, setting: Setting, results: Results) -> Findings:
         claim = holds("three is three", setting.runs == 3, f"{setting.runs}")
-        return Findings("Quick", "A lead.", (claim,), (), ("runs",), ((setting.runs,),))
+        return Findings("Quick", (claim,), (), ("runs",), ((setting.runs,),))
 
 
 @pytest.fixture
