@@ -78,8 +78,7 @@ class Estimate(ABC):
     @property
     def estimates(self) -> dict[str, float]:
         """Free parameters, SI."""
-        values = self.problem.layout.physical(self.z[None, :])[0]
-        return {p.name: float(v) for p, v in zip(self.problem.layout.parameters, values, strict=True)}
+        return self.problem.layout.values(self.z)
 
     @property
     def identified_vehicle(self) -> Vehicle:

@@ -35,7 +35,6 @@ from stoop.estimate.linearization import (
 from stoop.estimate.refit_problem import RefitProblem
 from stoop.estimate.response import ExtendedModel, Responses, Trajectory
 from stoop.kernels import filtering
-from stoop.optimize import forward_jacobian
 from stoop.optimize.normal_equations import gram
 from stoop.problem import Misfit
 from stoop.simulation.delays import distinct_inputs, late_inputs, late_outputs
@@ -358,10 +357,6 @@ class FrozenFilter(RefitProblem):
             v, _ = run_filter(self.problem, i, *self.problem.candidates(Z, i), gains.repeated(len(Z)))
             parts.append(-whitened_by(root, v, gains.which).reshape(len(Z), -1))
         return np.concatenate([*parts, self.problem.layout.prior_residuals(Z)], axis=1)
-
-    def jacobian(self, z: FloatArray, rung: int, r: FloatArray) -> tuple[FloatArray, float]:
-        """Return the derivative of the residuals by forward differences, and the trajectories it took."""
-        return forward_jacobian(self, z, rung, r)
 
     def responses(self, z: FloatArray) -> Responses:
         """Return how the innovations respond to extensions of the vehicle at z (D + E,), the gains fixed."""

@@ -32,8 +32,7 @@ class Candidate:
     @property
     def parameters(self) -> dict[str, float]:
         """Free parameters, SI."""
-        values = self.problem.layout.physical(self.z[None, :])[0]
-        return {p.name: float(v) for p, v in zip(self.problem.layout.parameters, values, strict=True)}
+        return self.problem.layout.values(self.z)
 
 
 _watcher: ContextVar[Callable[[Candidate], None] | None] = ContextVar("watcher", default=None)

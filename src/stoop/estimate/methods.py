@@ -29,7 +29,7 @@ DEFAULT: Final = "output-error"
 class Method:
     """One method; its function is imported when it is first used."""
 
-    #: ``"module:function"``, see the head of this module
+    #: ``"module:function"`` of this package, see the head of this module
     fit: str
     #: ``"module:class"``, the :class:`stoop.estimate.estimate.Estimate` that it returns
     estimate: str
@@ -51,48 +51,48 @@ class Method:
 
 def _imported(name: str) -> Any:
     module, _, attribute = name.partition(":")
-    return getattr(importlib.import_module(module), attribute)
+    return getattr(importlib.import_module(f"stoop.estimate.{module}"), attribute)
 
 
-FILTER: Final = "stoop.estimate.filter_error:FilterEstimate"
-REGRESSION: Final = "stoop.estimate.regression.method:RegressionEstimate"
+FILTER: Final = "filter_error:FilterEstimate"
+REGRESSION: Final = "regression.method:RegressionEstimate"
 _METHODS: Final[dict[str, Method]] = {
-    DEFAULT: Method(
-        "stoop.estimate.fit:fit", "stoop.estimate.fit:OutputErrorEstimate", "flights in calm air"
-    ),
-    "filter-error": Method("stoop.estimate.filter_error:steady", FILTER, "flights in turbulence"),
+    DEFAULT: Method("fit:fit", "fit:OutputErrorEstimate", "flights in calm air"),
+    "filter-error": Method("filter_error:steady", FILTER, "flights in turbulence"),
     "filter-error-ekf": Method(
-        "stoop.estimate.filter_error:varying", FILTER, "likewise, with a gain that follows large maneuvers"
+        "filter_error:varying", FILTER, "likewise, with a gain that follows large maneuvers"
     ),
     "stabilized-output-error": Method(
-        "stoop.estimate.filter_error:stabilized",
+        "filter_error:stabilized",
         FILTER,
         "unstable vehicles in calm air: measurements keep the simulation near the record",
     ),
     "multiple-shooting": Method(
-        "stoop.estimate.multiple_shooting:fit",
-        "stoop.estimate.multiple_shooting:ShootingEstimate",
+        "multiple_shooting:fit",
+        "multiple_shooting:ShootingEstimate",
         "vehicles that are unstable or fly on rotors: short windows",
     ),
     "equation-error": Method(
-        "stoop.estimate.regression.method:equation_error",
+        "regression.method:equation_error",
         REGRESSION,
         "a first look without a simulation: smoothed samples",
-        simulates=False,
+        False,
     ),
     "frequency-domain": Method(
-        "stoop.estimate.regression.method:frequency_domain",
+        "regression.method:frequency_domain",
         REGRESSION,
         "likewise, on the Fourier coefficients of a band",
-        simulates=False,
+        False,
     ),
     "two-stage": Method(
-        "stoop.estimate.two_stage:two_stage",
+        "two_stage:two_stage",
         REGRESSION,
         "aircraft: flight path first, then forces and moments along it",
-        simulates=False,
+        False,
     ),
 }
+#: errors of arrays that are not those of an estimate
+UNREADABLE: Final = (LookupError, TypeError, ValueError, AttributeError, ArithmeticError, RecursionError)
 
 
 def restore(name: str, arrays: Mapping[str, Any], where: str) -> Estimate:
@@ -105,15 +105,7 @@ def restore(name: str, arrays: Mapping[str, Any], where: str) -> Estimate:
     """
     try:
         return find(name).estimates().restored(arrays)
-    except (
-        LookupError,
-        TypeError,
-        ValueError,
-        AttributeError,
-        ArithmeticError,
-        RecursionError,
-        StoopError,
-    ) as error:
+    except (*UNREADABLE, StoopError) as error:
         raise IdentificationError(
             f"{where}: holds no estimate of {name or DEFAULT} that this version reads ({error}); fit again"
         ) from error

@@ -73,9 +73,9 @@ class RefitProblem(Derived, ABC):
     def residuals(self, Z: FloatArray, rung: int) -> FloatArray:
         """Return whitened modeled minus measured values, then the residuals of the priors, (B, n_r)."""
 
-    @abstractmethod
     def jacobian(self, z: FloatArray, rung: int, r: FloatArray) -> tuple[FloatArray, float]:
-        """Return the derivative (n_r, D + E) of residuals r at z, and the trajectories it took."""
+        """Return the derivative (n_r, D + E) of residuals r at z, and the trajectories it took; by forward differences."""
+        return optimize.forward_jacobian(self, z, rung, r)
 
     @abstractmethod
     def in_units(self, white: Sequence[FloatArray]) -> list[FloatArray]:

@@ -140,11 +140,6 @@ class Stretch:
     first: int
     samples: int
 
-    @property
-    def before(self) -> bool:
-        """Whether the initial state is estimated from before the prediction."""
-        return self.first > 0
-
     def part(self, vehicle: Vehicle, start: int, stop: int) -> Stretch:
         """Return the prediction of some of the samples of the prediction, with as long a stretch before them."""
         n = round(STRETCH / self.piece.dt)

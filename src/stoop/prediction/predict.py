@@ -221,7 +221,7 @@ def _of_window(
         found.append(whole)
         if missing:
             notices.append(_unrecorded_start(code, window, biased, missing, whole))
-        late += [] if stretch.before else [float(piece.time[0])]
+        late += [] if stretch.first else [float(piece.time[0])]
     if late:
         notices.append(
             notice(

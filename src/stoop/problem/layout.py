@@ -89,6 +89,11 @@ class Layout:
         """Return free parameters (B, D) in SI for vectors (B, D + E) or their first D entries."""
         return np.asarray(self.lower + Z[:, : self.dimension] * self.width)
 
+    def values(self, z: FloatArray) -> dict[str, float]:
+        """Return the free parameters, SI, by name for a vector (D + E,) or its first D entries."""
+        found = self.physical(z[None, :])[0].tolist()
+        return dict(zip((p.name for p in self.parameters), found, strict=True))
+
     def unit(self, values: FloatArray) -> FloatArray:
         """Return a point of the unit box for parameter values (D,) in SI."""
         return np.clip((values - self.lower) / self.width, 0.0, 1.0)

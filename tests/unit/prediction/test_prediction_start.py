@@ -98,7 +98,7 @@ def test_an_uncertain_parameter_widens_the_band_by_what_it_does(
     window, value = Window("sim", 6.0, 10.0), aircraft.value(name)
     (piece,) = prepare(aircraft, {"sim": truth}, [window]).pieces
     stretch = stretch_before(aircraft, {"sim": truth}, window, piece)
-    assert stretch.before
+    assert stretch.first > 0
     assert stretch.samples == pytest.approx(1.0 / piece.dt, abs=1)
     others = [aircraft.with_numbers({name: {"value": value + 1e-3 * error * s}}) for s in (1.0, -1.0)]
     up, down = (predict_stretch(model_of(other, ROUGH), stretch).readings for other in others)

@@ -196,8 +196,7 @@ def _evidence(
 def _fixed_layout(problem: Misfit, z: FloatArray) -> Layout:
     """Return a layout without unknowns, of the vehicle with its estimates."""
     layout = problem.layout
-    values = layout.physical(z[None, :])[0]
-    numbers = {p.name: {"value": float(v)} for p, v in zip(layout.parameters, values, strict=True)}
+    numbers = {name: {"value": value} for name, value in layout.values(z).items()}
     return replace(layout, vehicle=layout.vehicle.with_numbers(numbers), parameters=(), nuisances=())
 
 

@@ -95,10 +95,16 @@ class Stretch:
         rates, outputs = vehicle.kernel().evaluate(every, states, inputs)
         angular = rates[[vehicle.states.index(c) for c in RATES]].T
         felt = outputs[[vehicle.outputs.index(c) for c in SPECIFIC_FORCE]].T
+        numbers = {name: float(rows[row, 0]) for name, row in vehicle.rows.items()}
+        mounting, axes = imu_axes(vehicle, rows[:, 0]), (RATES, SPECIFIC_FORCE)
+        gyro, force = (np.array([numbers.get(f"sensors.{c}.scale", 1.0) for c in some]) for some in axes)
+        sensor, center = (
+            np.array([numbers.get(f"{point}.{c}", 0.0) for c in "xyz"])
+            for point in ("sensors.accelerometer_position", "mass.center_of_gravity")
+        )
+        arm = sensor - center if "sensors.accelerometer_position.x" in numbers else np.zeros(3)
         # the lever arm turns with the measured angular acceleration, not with the modeled one
-        mounting = imu_axes(vehicle, rows[:, 0])
-        gyro, force = (_scales(vehicle, axes, rows[:, 0]) for axes in (RATES, SPECIFIC_FORCE))
-        lever = np.cross(self.measured[:, :3] / gyro @ mounting - angular, _sensor_arm(vehicle, rows[:, 0]))
+        lever = np.cross(self.measured[:, :3] / gyro @ mounting - angular, arm)
         return np.concatenate([angular @ mounting.T * gyro, felt + lever @ mounting.T * force], axis=1)
 
 
@@ -139,21 +145,6 @@ def lagged_command(
         lag = vehicle.rows.get(f"{prefix}.lag")
         cache[key] = command if lag is None else first_order_lag(command, float(rows[lag, 0]), piece.dt)
     return cache[key]
-
-
-def _scales(vehicle: Vehicle, channels: Sequence[str], rows: FloatArray) -> FloatArray:
-    """Return the scales (c,) of instruments."""
-    found = (vehicle.rows.get(f"sensors.{c}.scale") for c in channels)
-    return np.array([1.0 if row is None else rows[row] for row in found])
-
-
-def _sensor_arm(vehicle: Vehicle, rows: FloatArray) -> FloatArray:
-    """Return the position of the accelerometers (3,), m from the center of gravity; zero where the file has none."""
-    names = ("sensors.accelerometer_position", "mass.center_of_gravity")
-    sensor, center = (
-        [rows[vehicle.rows[f"{n}.{c}"]] if f"{n}.{c}" in vehicle.rows else 0.0 for c in "xyz"] for n in names
-    )
-    return np.subtract(sensor, center) if f"{names[0]}.x" in vehicle.rows else np.zeros(3)
 
 
 @dataclass(frozen=True, eq=False)
