@@ -37,14 +37,7 @@ from stoop.optimize.local_refinement import FULL
 from stoop.problem import Layout, Misfit, Weights
 from stoop.problem.evidence import Evidence, observed_information, simulation_evidence
 from stoop.problem.misfit import horizon_ladder
-from stoop.problem.prepare import (
-    Prepared,
-    decoupled,
-    motion_notices,
-    nuisances,
-    prepare,
-    without_stuck_channels,
-)
+from stoop.problem.prepare import Prepared, decoupled, nuisances, prepare, without_stuck_channels
 from stoop.problem.windows import Window
 from stoop.vehicle import Vehicle
 
@@ -207,8 +200,11 @@ def estimation_problem(
         require_channels(vehicle, flights[name])
     prepared = prepare(vehicle, flights, windows)
     prepared = without_stuck_channels(vehicle, prepared) if allowed.stuck_channels else prepared
-    held = motion_notices(vehicle, flights, windows)
-    prepared = replace(prepared, notices=(*prepared.notices, *held))
+    for window in windows:  # states that a reduced model holds constant, because they were not recorded
+        here = decoupled(vehicle, flights, [window]).measured
+        if lost := tuple(c for c in vehicle.held_channels if c not in here):
+            held = notice("motion-not-recorded", str(window), model=vehicle.reduce, channels=lost)
+            prepared = replace(prepared, notices=(*prepared.notices, held))
     require_data(vehicle, prepared.windows, prepared.pieces)
     layout = Layout.of(vehicle, nuisances(vehicle, prepared))
     if layout.dimension == 0:

@@ -178,17 +178,12 @@ class NoiseModel:
         ones, none = np.ones((maneuvers, channels)), (False,) * channels
         return cls((None,) * channels, np.ones(channels), ones, none, np.zeros(ones.shape, np.bool_))
 
-    @property
-    def is_plain(self) -> bool:
-        """Whether nothing speaks against normal noise that is the same in all maneuvers."""
-        return not any(self.unequal) and not any(self.mixtures)
-
     def adjusted(self, problem: Misfit, residuals: Sequence[FloatArray]) -> Misfit:
         """Return a problem, of the readings as recorded, with pseudo-observations, and with the noise of each maneuver.
 
         The residuals (n, n_y) of each piece are measured less simulated. Readings of unknown noise become NaN: not measured.
         """
-        if self.is_plain:
+        if not any(self.unequal) and not any(self.mixtures):
             return problem
         pieces = []
         for piece, own in zip(problem.pieces, residuals, strict=True):

@@ -77,11 +77,6 @@ def expected_biases(fit: Estimate, flight: str) -> dict[str, BiasPrior]:
     return bias_priors(list(zip(flights, of_maneuver, strict=True)), flight, widths)
 
 
-def mean_biases(fit: Estimate, flight: str) -> dict[str, float]:
-    """Return each bias averaged over the fitted maneuvers of a flight, or of all flights if it has none."""
-    return {name: prior.mean for name, prior in expected_biases(fit, flight).items()}
-
-
 @dataclass(frozen=True, eq=False)
 class Prediction:
     """Predicted windows: readings (n, n_y) of each piece, and their standard deviations, measurement noise included.

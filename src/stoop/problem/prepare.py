@@ -99,18 +99,6 @@ def decoupled(vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence
     return vehicle.coupled_to(there if there >= set(REQUIRED.get(vehicle.reduce, ())) else ())
 
 
-def motion_notices(
-    vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence[Window]
-) -> list[Notice]:
-    """Return which states a reduced model holds constant in a window, because they were not recorded."""
-    out = []
-    for window in windows:
-        here = decoupled(vehicle, flights, [window]).measured
-        if lost := tuple(c for c in vehicle.held_channels if c not in here):
-            out.append(notice("motion-not-recorded", str(window), model=vehicle.reduce, channels=lost))
-    return out
-
-
 def with_average_voltage(vehicle: Vehicle, flight: Flight) -> Flight:
     """Return the flight with a voltage as slow as the vehicle's rotors take it (`rotors.voltage_average`, s).
 
