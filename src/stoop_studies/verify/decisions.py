@@ -85,7 +85,7 @@ def _identified(posed: Posed, strategy: Strategy, seed: int) -> tuple[Decided | 
 
 
 def _accuracy(posed: Posed, done: Decided) -> tuple[float, float, float, float]:
-    """Return coverage, rms error in standard errors, mean logarithmic score, and rms relative error of the estimates.
+    """Return coverage, rms error in standard errors, mean logarithmic score, and median relative error of the estimates.
 
     The score is the logarithm of the density that estimate and standard error give the truth, in parts of its size: it rewards
     intervals that are right and narrow. A number without a standard error does not count as covered.
@@ -102,7 +102,7 @@ def _accuracy(posed: Posed, done: Decided) -> tuple[float, float, float, float]:
         float(np.sum(np.abs(ratio) <= NORMAL_95)) / len(errors),
         float(np.sqrt(np.mean(ratio**2))) if ratio.size else np.nan,
         float(np.mean(-0.5 * ratio**2 - np.log(sigma[given] / size[given]))) if ratio.size else np.nan,
-        float(np.sqrt(np.mean(relative**2))),
+        float(np.median(np.abs(relative))),
     )
 
 
