@@ -195,7 +195,7 @@ def test_progress_and_comparison_of_fits(tmp_path: Path) -> None:
         done = search(misled(vehicle, 0), flight, ["0:30"])
     found = json.loads(file.read_text("utf-8"))
     assert found["format"] == "stoop-progress/1"
-    assert set(found["parameters"]) == set(done.fit.estimates)
+    assert set(found["parameters"]) == set(done.estimate.estimates)
     assert found["parameters"]["CLalpha"]["unit"] == "1/rad"
     assert math.isfinite(found["cost"])
     piece = found["curves"][0]

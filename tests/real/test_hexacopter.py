@@ -68,7 +68,7 @@ def test_its_motors_are_not_accused(flight: Flight) -> None:
 def test_its_motors_choose_the_method(flight: Flight) -> None:
     """So that the command of the page needs none, and prints the verified table."""
     found = choose_method("", VEHICLE, [flight])
-    assert found.name == "equation-error"
+    assert found.options.method == "equation-error"
     assert [n.code for n in found.notices] == ["motors-logged-slowly"]
 
 

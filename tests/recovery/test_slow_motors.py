@@ -97,8 +97,8 @@ def log() -> Log:
 def test_half_the_threshold_is_too_slow_and_twice_is_not(log: Log) -> None:
     """At 25, 50, 100, 125, 250 Hz: 2.44, 0.39, 0.13, 0.05, 0.01 by windows; 0.34, 0.24, 0.06, 0.03, 0.001 by regression."""
     slow, fast = log.at(0.5 * MIN_MOTOR_RATE), log.at(2.5 * MIN_MOTOR_RATE)
-    assert choose_method("", log.vehicle, [slow]).name == REGRESSION
-    assert choose_method("", log.vehicle, [fast]).name == WINDOWS
+    assert choose_method("", log.vehicle, [slow]).options.method == REGRESSION
+    assert choose_method("", log.vehicle, [fast]).options.method == WINDOWS
     assert log.off(2.5 * MIN_MOTOR_RATE, WINDOWS) < 0.03
     wrong = log.off(0.5 * MIN_MOTOR_RATE, WINDOWS)
     assert wrong > 0.2

@@ -75,12 +75,12 @@ def test_curves_are_predictions_near_the_record(found: tuple[str, Estimate]) -> 
 
 def test_who_names_output_error_is_warned(scene: Scene) -> None:
     named = choose_method("output-error", scene.start, scene.flights.values(), WINDOW)
-    assert (named.name, [(n.code, n.severity) for n in named.notices]) == (
+    assert (named.options.method, [(n.code, n.severity) for n in named.notices]) == (
         "output-error", [("unstable-open-loop", "warning")],
     )  # fmt: skip
     other = choose_method("multiple-shooting", scene.start, scene.flights.values(), WINDOW)
-    assert (other.name, other.notices) == ("multiple-shooting", ())
-    fit = find(named.name).fitter()(scene.start, scene.flights, WINDOW, Options(budget=3000))
+    assert (other.options.method, other.notices) == ("multiple-shooting", ())
+    fit = find(named.options.method).fitter()(scene.start, scene.flights, WINDOW, Options(budget=3000))
     assert fit.outcome.status != "converged"
 
 
@@ -88,6 +88,6 @@ def test_a_short_window_or_a_stable_aircraft_is_simulated(scene: Scene) -> None:
     """Over three seconds an error grows by less than a hundred."""
     assert growth_at_start(scene.start, scene.flights, WINDOW).excessive
     short = (Window("pitch", 1.0, 4.0),)
-    assert choose_method("", scene.start, scene.flights.values(), short).name == "output-error"
+    assert choose_method("", scene.start, scene.flights.values(), short).options.method == "output-error"
     calm = closed_loop.aircraft_scene(0.0, 3)
-    assert choose_method("", calm.start, calm.flights.values(), calm.windows).name == "output-error"
+    assert choose_method("", calm.start, calm.flights.values(), calm.windows).options.method == "output-error"

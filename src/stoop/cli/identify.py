@@ -67,7 +67,8 @@ def run(arguments: argparse.Namespace) -> int:
             watch.warn(str(doubt))
         files = file_hashes([*flight_files(flights), *options.given_paths(arguments.mapping)])
         chosen = replace(
-            settings, method=choose_method(settings.method, vehicle, flights, fitted, strategy).name
+            settings,
+            method=choose_method(settings.method, vehicle, flights, fitted, strategy).options.method,
         )
         problem = identity(vehicle, files, arguments.maneuver, arguments.validate, chosen, strategy)
         checkpoint = Checkpoint(arguments.output, problem, watch.warn)
@@ -129,7 +130,7 @@ def _read(arguments: argparse.Namespace) -> tuple[Vehicle, list[Flight], Options
     if arguments.posterior or arguments.profile is not None:
         asked = {"posterior": arguments.posterior, "profile": arguments.profile is not None}
         chosen = choose_method(arguments.method, vehicle, flights, strategy=strategy_of(arguments))
-        check_method(chosen.name, [n for n in asked if asked[n]])
+        check_method(chosen.options.method, [n for n in asked if asked[n]])
         if arguments.posterior:
             libraries()
         check_names([p.name for p in vehicle.parameters if p.free], arguments.profile or ())
@@ -171,18 +172,18 @@ def _identify(
         strategy_of(arguments),
         watch.turn_to,
     )
-    decided, repeated = done.decided, None
+    repeated = None
     if arguments.repeatability:
-        checkpoint.keep_last(decided.estimate.outcome)  # the search that was done is safe meanwhile
-        repeated = repeatability(decided.estimate, decided.flights, decided.options, watch.turn_to)
+        checkpoint.keep_last(done.estimate.outcome)  # the search that was done is safe meanwhile
+        repeated = repeatability(done.estimate, done.flights, done.options, watch.turn_to)
     with deferred_interrupt() as ctrl_c:
-        checkpoint.keep_last(decided.estimate.outcome)
+        checkpoint.keep_last(done.estimate.outcome)
         watch.turn_to("error bars, predictions and report")
         model = finish(done)
         watch.keep(model.traces)
         model = model.with_result(with_repeatability(model.result, repeated)) if repeated else model
         place_outputs(model, arguments.output, arguments.overwrite or arguments.resume)
-    return model, ctrl_c.came or decided.estimate.outcome.status == "interrupted"
+    return model, ctrl_c.came or done.estimate.outcome.status == "interrupted"
 
 
 def _assess(

@@ -1,6 +1,6 @@
 """Decisions that a fit takes by itself, each with a switch."""
 
-from stoop.strategy.run import Decided, run
+from stoop.strategy.run import fit
 from stoop.strategy.strategy import DECISIONS, Strategy
 
-__all__ = ["DECISIONS", "Decided", "Strategy", "run"]
+__all__ = ["DECISIONS", "Strategy", "fit"]

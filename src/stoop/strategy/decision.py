@@ -8,10 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
 from typing import Any, TypeAlias
 
-from stoop.assessment.error_bars import ErrorBars
-from stoop.base.notices import Notice
+from stoop.assessment.error_bars import ErrorBars, error_bars
+from stoop.assessment.extensions import extension_tests
+from stoop.base.interrupts import deferred_interrupt
+from stoop.base.notices import Notice, attempt
 from stoop.estimate import methods
 from stoop.estimate.estimate import Estimate
 from stoop.estimate.fit import Options
@@ -82,14 +86,47 @@ class Tested:
     failed: tuple[Notice, ...] = ()
 
 
+@dataclass(frozen=True)
+class Provenance:
+    """Where a fit comes from: hashes of its inputs by name, files, command line, `time.perf_counter` at its start."""
+
+    inputs: Mapping[str, str] = field(default_factory=dict)
+    files: tuple[Path, ...] = ()
+    command: str = ""
+    began: float = 0.0
+
+
 @dataclass(frozen=True, eq=False)
 class Fitted:
-    """An estimate with the fit that it is of."""
+    """An estimate with the fit that it is of, and what is known of it."""
 
     setup: Setup
     estimate: Estimate
+    #: of decisions around the fit
     records: Records = field(default_factory=dict)
-    tested: Tested | None = None
+    #: None until something asks for it
+    tests: Tested | None = None
+    #: one record for each decision of the table, once the fit is finished
+    decisions: tuple[DecisionRecord, ...] = ()
+    provenance: Provenance = field(default_factory=Provenance)
+
+    @cached_property
+    def tested(self) -> Tested:
+        """Error bars, and score tests of extensions of the model."""
+        tested, cut = (self.tests, False) if self.tests else test(self.estimate)
+        if cut:
+            raise KeyboardInterrupt
+        return tested
+
+    @property
+    def flights(self) -> Mapping[str, Flight]:
+        """As they were fitted."""
+        return self.setup.flights
+
+    @property
+    def options(self) -> Options:
+        """With the method that was used."""
+        return self.setup.options
 
     def recorded(self, record: DecisionRecord) -> Fitted:
         """Return the estimate with one more record."""
@@ -105,6 +142,14 @@ class Fitted:
             self.estimate.outcome, status="interrupted", advice=f"stopped by the user while {doing}"
         )
         return replace(self, estimate=replace(self.estimate, outcome=outcome))
+
+
+def test(found: Estimate) -> tuple[Tested, bool]:
+    """Return error bars and score tests of a fit, and whether Ctrl-C came meanwhile: a search that has ended is not lost."""
+    with deferred_interrupt() as ctrl_c:
+        failed, bars = list[Notice](), error_bars(found)
+        tests = attempt(failed, ExtensionTests(), extension_tests, found, bars)
+    return Tested(bars, tests, tuple(failed)), ctrl_c.came
 
 
 Fitter: TypeAlias = Callable[[Setup], Fitted]

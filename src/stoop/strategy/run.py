@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
-from stoop.base.notices import Notice
 from stoop.errors import IdentificationError
-from stoop.estimate.estimate import Estimate
 from stoop.estimate.fit import Options
 from stoop.estimate.methods import DEFAULT as OUTPUT_ERROR
 from stoop.flight import Flight
@@ -17,12 +15,12 @@ from stoop.problem.prepare import decoupled, prepare
 from stoop.problem.windows import Window
 from stoop.results.decisions import DecisionRecord
 from stoop.strategy.assumptions import ASSUMPTIONS
-from stoop.strategy.decision import Change, Fitted, Fitter, Setup, Tested, estimate
+from stoop.strategy.decision import Change, Fitted, Fitter, Setup, estimate, test
 from stoop.strategy.faults import FAULTS
 from stoop.strategy.gusts import GUSTS
 from stoop.strategy.instability import INSTABILITY
 from stoop.strategy.method import METHOD
-from stoop.strategy.sensor_delays import SENSOR_DELAYS, test
+from stoop.strategy.sensor_delays import SENSOR_DELAYS
 from stoop.strategy.strategy import DECISIONS, Strategy
 from stoop.vehicle import Vehicle
 
@@ -30,40 +28,6 @@ DEFAULTS = Options()
 CHOICE = Strategy.textbook().only(METHOD.name, INSTABILITY.name, GUSTS.name)
 #: of a vehicle that is complete, and data that are clean
 FIT_ALONE = Strategy.default().without(FAULTS.name, ASSUMPTIONS.name, SENSOR_DELAYS.name)
-
-
-@dataclass(frozen=True, eq=False)
-class Decided:
-    """A finished fit.
-
-    Attributes
-    ----------
-    estimate
-        Of the last fit; its notices hold those of the decisions.
-    tested : Tested
-        Its error bars, and the score tests of extensions of its model.
-    flights : mapping of str to Flight
-        As they were fitted.
-    options : Options
-        With the method that was used.
-    decisions : tuple of DecisionRecord
-        One for each decision of the table.
-    """
-
-    estimate: Estimate
-    tested: Tested
-    flights: Mapping[str, Flight]
-    options: Options
-    decisions: tuple[DecisionRecord, ...]
-
-
-@dataclass(frozen=True)
-class MethodChoice:
-    """A method, why where neither the user nor the vehicle alone decided, and the one instead where gusts explain nothing."""
-
-    name: str
-    notices: tuple[Notice, ...] = ()
-    instead: str = ""
 
 
 def setup_of(
@@ -87,17 +51,17 @@ def choose_method(
     flights: Iterable[Flight],
     windows: Sequence[Window] = (),
     strategy: Strategy = CHOICE,
-) -> MethodChoice:
-    """Return the method that a strategy takes for a vehicle and flights, where a name is given mostly that."""
+) -> Setup:
+    """Return a fit by the method that a strategy takes for a vehicle and flights, where a name is given mostly that."""
     known = {one.name: one for one in flights}
     setup = setup_of(strategy, vehicle, known, windows, options=replace(DEFAULTS, method=name))
     for decision in strategy.decisions:
         if decision.name in CHOICE.names and decision.problem is not None:
             setup = _decided(setup, decision.name, decision.problem)
-    return MethodChoice(setup.options.method, setup.notices, setup.in_calm)
+    return setup
 
 
-def run(
+def fit(
     strategy: Strategy,
     vehicle: Vehicle,
     flights: Mapping[str, Flight],
@@ -107,7 +71,7 @@ def run(
     callback: Callable[..., None] | None = None,
     state: Any = None,
     watch: Callable[[str], None] = lambda text: None,
-) -> Decided:
+) -> Fitted:
     """Fit the free numbers of a vehicle to windows of flights by the decisions of a strategy.
 
     Parameters
@@ -124,26 +88,6 @@ def run(
     watch : callable
         Called with the name of each further fit.
     """
-    found = fit(strategy, vehicle, flights, fitted, held_back, options, callback, state, watch)
-    tested, cut = (found.tested, False) if found.tested else test(found.estimate)
-    if cut:
-        found = found.interrupted("error bars were computed")
-    last = found.setup
-    return Decided(found.estimate, tested, last.flights, last.options, _records(strategy, found))
-
-
-def fit(
-    strategy: Strategy,
-    vehicle: Vehicle,
-    flights: Mapping[str, Flight],
-    fitted: Sequence[Window],
-    held_back: Sequence[Window] = (),
-    options: Options = DEFAULTS,
-    callback: Callable[..., None] | None = None,
-    state: Any = None,
-    watch: Callable[[str], None] = lambda text: None,
-) -> Fitted:
-    """Return the last fit of :func:`run`, with its method and its records; tested only where a decision asks for it."""
     setup = setup_of(strategy, vehicle, flights, fitted, held_back, options)
     for decision in strategy.decisions:
         if decision.data is not None:
@@ -161,7 +105,15 @@ def fit(
         if decision.around is not None:
             fitter = _enclosed(fitter, decision.around)
     found = fitter(setup)
-    return found.noting(*found.setup.notices)
+    found = found.noting(*found.setup.notices)
+    return replace(found, decisions=_records(strategy, found))
+
+
+def with_tests(found: Fitted) -> Fitted:
+    """Return a fit with its error bars and score tests; Ctrl-C meanwhile makes it one that was interrupted."""
+    tested, cut = (found.tests, False) if found.tests else test(found.estimate)
+    found = replace(found, tests=tested)
+    return found.interrupted("error bars were computed") if cut else found
 
 
 def _enclosed(fitter: Fitter, around: Callable[[Setup, Fitter], Fitted]) -> Fitter:

@@ -12,15 +12,13 @@ import time
 from dataclasses import replace
 from typing import Final
 
-from stoop.assessment.error_bars import error_bars
-from stoop.assessment.extensions import LIMITS, extension_tests
-from stoop.base.interrupts import deferred_interrupt
-from stoop.base.notices import Notice, attempt, notice
+from stoop.assessment.extensions import LIMITS
+from stoop.base.notices import Notice, notice
 from stoop.errors import IdentificationError
 from stoop.estimate.estimate import Estimate
 from stoop.results.decisions import DecisionRecord
 from stoop.results.extensions import ExtensionTests
-from stoop.strategy.decision import Decision, Fitted, Fitter, Setup, Tested
+from stoop.strategy.decision import Decision, Fitted, Fitter, Setup, Tested, test
 from stoop.strategy.likelihood import log_likelihood_rise, penalized_rise
 from stoop.vehicle import Vehicle
 from stoop.vehicle.assumptions import USUAL
@@ -59,7 +57,7 @@ def free_delays(setup: Setup, fit: Fitter) -> Fitted:
         best, vehicle = found, longer
         tested, cut = test(best.estimate)
     outcome = replace(best.estimate.outcome, state=saved.estimate.outcome.state)  # saved, and resumed
-    best = replace(best, estimate=replace(best.estimate, outcome=outcome), tested=tested)
+    best = replace(best, estimate=replace(best.estimate, outcome=outcome), tests=tested)
     if freed:
         rise = log_likelihood_rise(first.estimate, best.estimate)[0]
         record = DecisionRecord(
@@ -68,14 +66,6 @@ def free_delays(setup: Setup, fit: Fitter) -> Fitted:
         )  # fmt: skip
         best = best.noting(*_notices(best.estimate, tested, freed)).recorded(record)
     return best.interrupted(DOING) if cut else best
-
-
-def test(found: Estimate) -> tuple[Tested, bool]:
-    """Return error bars and score tests of a fit, and whether Ctrl-C came meanwhile: a search that has ended is not lost."""
-    with deferred_interrupt() as ctrl_c:
-        failed, bars = list[Notice](), error_bars(found)
-        tests = attempt(failed, ExtensionTests(), extension_tests, found, bars)
-    return Tested(bars, tests, tuple(failed)), ctrl_c.came
 
 
 def _late_sensor(vehicle: Vehicle, tests: ExtensionTests) -> Extension | None:

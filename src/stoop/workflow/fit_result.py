@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path
 from typing import Final
 
 import numpy as np
@@ -25,7 +24,6 @@ from stoop.errors import VehicleError
 from stoop.estimate.estimate import Estimate
 from stoop.flight import Flight
 from stoop.prediction.predict import expected_biases, predict, predictor
-from stoop.problem.windows import Window
 from stoop.results.result import (
     InitialState,
     ParameterEstimate,
@@ -34,7 +32,7 @@ from stoop.results.result import (
     SensorBiases,
     WindEstimate,
 )
-from stoop.strategy import Decided
+from stoop.strategy.decision import Fitted
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.workflow.curves import Simulated, maneuver_curves
 from stoop.workflow.fitted_model import FittedModel
@@ -44,21 +42,10 @@ from stoop.workflow.summary import basis_notices, data_notices, fit_warnings, sl
 START_UNITS: Final = {"V": "m/s", "p": "rad/s", "q": "rad/s", "r": "rad/s"}  #: of initial states; others rad
 
 
-def fitted_model(
-    decided: Decided,
-    predicted: Sequence[Window],
-    inputs: Mapping[str, str],
-    began: float,
-    command: str,
-    files: tuple[Path, ...] = (),
-) -> FittedModel:
-    """Return the model of a fit: error bars, predictions, modes and notices.
-
-    The `predicted` windows were not fitted; `inputs` are hashes of `files` by name; `began` is
-    `time.perf_counter` at the start.
-    """
-    fit, bars = decided.estimate, decided.tested.bars
-    flights, options = decided.flights, decided.options
+def fitted_model(decided: Fitted) -> FittedModel:
+    """Return the model of a finished search: error bars, predictions, modes and notices."""
+    fit, bars, origin = decided.estimate, decided.tested.bars, decided.provenance
+    flights, options, predicted = decided.flights, decided.options, decided.setup.held_back
     vehicle, color = fit.problem.layout.vehicle, fit.inflation
     if too_few(fit.problem, slowest_rate(fit, flights)):
         bars = bars.rejected(notice("error-bars-of-few-samples"))
@@ -93,7 +80,7 @@ def fitted_model(
         advice=fit.outcome.advice,
         notices=fit_warnings(parameters, bars, maneuvers, fit, flights),
         versions=versions(),
-        inputs=inputs,
+        inputs=origin.inputs,
         method=options.method,
         decisions=decided.decisions,
         process_noise=fit.process_noise,
@@ -120,7 +107,7 @@ def fitted_model(
         *data_notices([*of_flights, *of_severity(prepared, "info")]),
         *failed,
     ]
-    result = replace(result, notices=tuple(notices), seconds=time.perf_counter() - began)
+    result = replace(result, notices=tuple(notices), seconds=time.perf_counter() - origin.began)
     result = replace(result, verdict=verdict(result, uses(vehicle, flown_model(result, fit).sizes)))
     return FittedModel(
         vehicle=model.vehicle.coupled_to(()),
@@ -129,8 +116,8 @@ def fitted_model(
         traces=traces,
         fresh=fit,
         convergence=fit.outcome.history,
-        command=command,
-        files=files,
+        command=origin.command,
+        files=origin.files,
     )
 
 

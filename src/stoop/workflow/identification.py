@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -15,11 +15,12 @@ from stoop.base.text import nearest
 from stoop.checks.vehicle import require_channels
 from stoop.errors import FlightError
 from stoop.estimate import methods
-from stoop.estimate.estimate import Estimate
 from stoop.estimate.fit import Options
-from stoop.flight import Flight, without
-from stoop.problem.windows import Window, Windows, as_windows
-from stoop.strategy import Decided, Strategy, run
+from stoop.flight import without
+from stoop.problem.windows import Windows, as_windows
+from stoop.strategy import Strategy, fit
+from stoop.strategy.decision import Fitted, Provenance
+from stoop.strategy.run import with_tests
 from stoop.vehicle import Vehicle
 from stoop.workflow.fit_result import fitted_model
 from stoop.workflow.fitted_model import FittedModel
@@ -28,28 +29,6 @@ from stoop.workflow.outputs import by_name, flight_files, input_hashes
 
 DEFAULTS = Options()
 STRATEGY = Strategy.default()
-
-
-@dataclass(frozen=True, eq=False)
-class Search:
-    """A finished search; predictions are still to come, see :func:`finish`."""
-
-    decided: Decided
-    predicted: tuple[Window, ...]
-    inputs: Mapping[str, str]
-    files: tuple[Path, ...]
-    began: float
-    command: str
-
-    @property
-    def fit(self) -> Estimate:
-        """The last fit."""
-        return self.decided.estimate
-
-    @property
-    def flights(self) -> Mapping[str, Flight]:
-        """As they were fitted."""
-        return self.decided.flights
 
 
 def identify(
@@ -127,7 +106,7 @@ def search(
     files: Sequence[Path] = (),
     strategy: Strategy = STRATEGY,
     watch: Callable[[str], None] = lambda text: None,
-) -> Search:
+) -> Fitted:
     """Do the long part of :func:`identify`; wrong input raises its error before the search.
 
     Further arguments: the `state` of an interrupted search to resume; the `command` line, for the report; other `files` that
@@ -158,12 +137,9 @@ def search(
     inputs = input_hashes(vehicle, known, files)
     for name, flight in known.items():
         known[name] = without(flight, [(w.start, w.stop) for w in predicted if w.flight == name])
-    decided = run(strategy, vehicle, known, fitted, predicted, options, callback, state, watch)
+    found = fit(strategy, vehicle, known, fitted, predicted, options, callback, state, watch)
     read = (Path(vehicle.where), *flight_files(known.values()), *files)
-    return Search(decided, predicted, inputs, read, began, command)
+    return replace(with_tests(found), provenance=Provenance(inputs, read, command, began))
 
 
-@on_one_blas_thread
-def finish(done: Search) -> FittedModel:
-    """Add error bars, predictions and goodness of fit to a finished search."""
-    return fitted_model(done.decided, done.predicted, done.inputs, done.began, done.command, done.files)
+finish = on_one_blas_thread(fitted_model)

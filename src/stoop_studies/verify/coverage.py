@@ -12,7 +12,7 @@ import pandas as pd
 from stoop.base.arrays import FloatArray
 from stoop.base.numbers import finite_or_none
 from stoop.estimate.fit import Options
-from stoop.strategy import run
+from stoop.strategy import fit
 from stoop.strategy.run import FIT_ALONE
 from stoop_studies.findings import Claim, Findings, Setting, holds
 from stoop_studies.verify import scenes, study
@@ -75,7 +75,7 @@ def cover(case: str, seed: int) -> dict[str, Any]:
     """Fly a case and identify it as users do; a standard error is None where a bound holds the parameter."""
     method = CASES[case].method
     scene, options = CASES[case].fly(seed), Options(seed=seed, method=method)
-    done = run(DECISIONS, scene.start, scene.flights, scene.windows, options=options)
+    done = fit(DECISIONS, scene.start, scene.flights, scene.windows, options=options)
     bars = done.tested.bars
     return study.errors_of(done.estimate, scene.truth, bars, cramer_rao=bars.cramer_rao_std)
 

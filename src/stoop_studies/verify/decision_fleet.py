@@ -25,7 +25,8 @@ from stoop.problem.windows import Window
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import Maneuver
 from stoop.vehicle import Vehicle, parse_vehicle
-from stoop_studies.verify import closed_loop, defects, hexacopter, scenes
+from stoop_studies.problems import hexacopter
+from stoop_studies.verify import closed_loop, defects, scenes
 from stoop_studies.verify.study import vehicle_text
 
 FITTED: Final = ("first", "second")
@@ -273,7 +274,7 @@ REAL: Final[Mapping[str, Real]] = {
     "real-hexacopter": Real(
         "hexacopter",
         {hexacopter.FOLDER: ((140, 160), (160, 180), (180, 200), (200, 214), (214, 237), (237, 260))},
-        hexacopter.MAPPING,
+        ("stoop_studies.problems", "hexacopter_mapping.toml"),
     ),
     "real-a430": Real(
         "a430",

@@ -24,7 +24,8 @@ from stoop.base.numbers import finite_or_none
 from stoop.errors import StoopError
 from stoop.estimate.fit import Options
 from stoop.prediction.predict import expected_biases, predict, predictor
-from stoop.strategy import DECISIONS, Decided, Strategy, run
+from stoop.strategy import DECISIONS, Strategy, fit
+from stoop.strategy.decision import Fitted
 from stoop_studies.findings import Claim, Findings, Setting, holds
 from stoop_studies.verify import decision_fleet, study
 from stoop_studies.verify.decision_fleet import CASES, REAL, Posed
@@ -44,7 +45,7 @@ NONE: Final = "all"  #: the name of the fit without any decision
 NOT_SHOWN: Final = "not shown"
 
 
-def strategies(default: Decided, seed: int) -> Iterator[tuple[str, Strategy]]:
+def strategies(default: Fitted, seed: int) -> Iterator[tuple[str, Strategy]]:
     """Yield no decision, and the default ones without each that applied and without each pair."""
     applied = [one.name for one in default.decisions if one.state == "applied"]
     yield NONE, Strategy.textbook()
@@ -72,11 +73,11 @@ def compare(case: str, seed: int, data: str = "") -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _identified(posed: Posed, strategy: Strategy, seed: int) -> tuple[Decided | None, dict[str, Any]]:
+def _identified(posed: Posed, strategy: Strategy, seed: int) -> tuple[Fitted | None, dict[str, Any]]:
     """Return a fit and its `FIGURES`; a fit that fails has none. Seconds are those of the processor."""
     began, options = time.process_time(), Options(seed=seed, budget=BUDGET)
     try:
-        done = run(strategy, posed.start, posed.flights, posed.windows, options=options)
+        done = fit(strategy, posed.start, posed.flights, posed.windows, options=options)
         seconds = time.process_time() - began
         values = (*_accuracy(posed, done), *_prediction(posed, done), seconds)
     except StoopError as error:
@@ -84,7 +85,7 @@ def _identified(posed: Posed, strategy: Strategy, seed: int) -> tuple[Decided | 
     return done, {name: finite_or_none(value) for name, value in zip(FIGURES, values, strict=True)}
 
 
-def _accuracy(posed: Posed, done: Decided) -> tuple[float, float, float, float]:
+def _accuracy(posed: Posed, done: Fitted) -> tuple[float, float, float, float]:
     """Return coverage, rms error in standard errors, mean logarithmic score, and median relative error of the estimates.
 
     The score is the logarithm of the density that estimate and standard error give the truth, in parts of its size: it rewards
@@ -106,7 +107,7 @@ def _accuracy(posed: Posed, done: Decided) -> tuple[float, float, float, float]:
     )
 
 
-def _prediction(posed: Posed, done: Decided) -> tuple[float, float]:
+def _prediction(posed: Posed, done: Fitted) -> tuple[float, float]:
     """Return the log-likelihood of a sample and the median of Theil's coefficient in the window that is held back."""
     treatment = done.options.treatment
     model = predictor(done.estimate, done.tested.bars.covariance, treatment.recorded_motion)

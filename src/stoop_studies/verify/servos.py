@@ -115,7 +115,7 @@ def identify(case: str, seed: int) -> dict[str, Any]:
     }  # the truth's, so that they count in no error
     vehicle = parse_vehicle(vehicle_text("quick_start"), "quick start").with_numbers(unknown)
     windows = [Window(name, 0.0, DURATION) for name in flown]
-    fit = search(vehicle, list(flown.values()), windows).fit
+    fit = search(vehicle, list(flown.values()), windows).estimate
     std = dict(zip((p.name for p in fit.problem.layout.parameters), error_bars(fit).std, strict=False))
     found = fit.estimates
     return {

@@ -13,8 +13,9 @@ from stoop.estimate.methods import find
 from stoop.flight import Flight
 from stoop.flight.flight import dataset, from_columns
 from stoop.flight.gridding import Channels, grid_channels
+from stoop.strategy.decision import Setup
 from stoop.strategy.method import MIN_MOTOR_RATE
-from stoop.strategy.run import MethodChoice, choose_method
+from stoop.strategy.run import choose_method
 from stoop.vehicle.builtin import builtin_vehicle
 
 MOTORS = tuple(f"motor_{i}" for i in range(1, 5))
@@ -28,10 +29,16 @@ def logged(rate: float, grid: float = 100.0) -> Flight:
     return Flight("log", None, dataset(laid.time, data), grid, sources)
 
 
+def plain(setup: Setup) -> str:
+    """Return the method of a fit that no decision has a word on."""
+    assert (setup.notices, setup.in_calm) == ((), "")
+    return setup.options.method
+
+
 @pytest.mark.parametrize(("rate", "name"), [(43.0, "equation-error"), (250.0, "multiple-shooting")])
 def test_motors_that_were_logged_slowly_choose(rate: float, name: str) -> None:
     found = choose_method("", builtin_vehicle("quad-x"), [replace(logged(250.0), name="fast"), logged(rate)])
-    assert found.name == name
+    assert found.options.method == name
     assert [(n.code, n.values["rate"]) for n in found.notices] == (
         [("motors-logged-slowly", pytest.approx(43.0, abs=0.5))] if rate < MIN_MOTOR_RATE else []
     )
@@ -40,8 +47,8 @@ def test_motors_that_were_logged_slowly_choose(rate: float, name: str) -> None:
 def test_what_lies_on_the_grid_as_it_was_logged_is_not_slow() -> None:
     """A simulated flight at 50 Hz holds all that was commanded, and a clock of 99.9 Hz is one of 100 Hz."""
     vehicle = builtin_vehicle("quad-x")
-    assert choose_method("", vehicle, [logged(50.0, grid=50.0)]) == MethodChoice("multiple-shooting")
-    assert choose_method("", vehicle, [logged(99.9)]) == MethodChoice("multiple-shooting")
+    assert plain(choose_method("", vehicle, [logged(50.0, grid=50.0)])) == "multiple-shooting"
+    assert plain(choose_method("", vehicle, [logged(99.9)])) == "multiple-shooting"
 
 
 def test_gyros_and_accelerometers_alone_are_regressed() -> None:
@@ -50,19 +57,20 @@ def test_gyros_and_accelerometers_alone_are_regressed() -> None:
     columns = {c: np.sin(time) for c in (*RATES, *SPECIFIC_FORCE, *MOTORS)}
     vehicle, log = builtin_vehicle("quad-x"), from_columns("log", time, columns)
     found = choose_method("", vehicle, [log])
-    assert (found.name, [n.code for n in found.notices]) == ("equation-error", ["no-states-recorded"])
+    assert (found.options.method, [n.code for n in found.notices]) == (
+        "equation-error",
+        ["no-states-recorded"],
+    )
     other = from_columns("log", time, {**columns, "theta": 0.1 * np.sin(time)})
-    assert choose_method("", vehicle, [log, other]).name == "multiple-shooting"
+    assert choose_method("", vehicle, [log, other]).options.method == "multiple-shooting"
 
 
 def test_who_names_a_method_gets_it() -> None:
     slow = logged(43.0)
-    assert choose_method("multiple-shooting", builtin_vehicle("quad-x"), [slow]) == MethodChoice(
-        "multiple-shooting"
-    )
-    assert choose_method("", builtin_vehicle("twin-boom"), [slow]) == MethodChoice("output-error")
+    assert plain(choose_method("multiple-shooting", builtin_vehicle("quad-x"), [slow])) == "multiple-shooting"
+    assert plain(choose_method("", builtin_vehicle("twin-boom"), [slow])) == "output-error"
     unknown = replace(slow, sources={})
-    assert choose_method("", builtin_vehicle("quad-x"), [unknown]) == MethodChoice("multiple-shooting")
+    assert plain(choose_method("", builtin_vehicle("quad-x"), [unknown])) == "multiple-shooting"
 
 
 def test_an_unknown_method_is_said() -> None:

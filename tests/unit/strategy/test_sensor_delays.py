@@ -20,7 +20,7 @@ from stoop.strategy.run import setup_of
 from stoop.vehicle import Vehicle
 from stoop.vehicle.document import with_entries
 from stoop.vehicle.extensions import catalogue
-from stoop.workflow.identification import Search, search
+from stoop.workflow.identification import search
 from stoop_studies.verify import scenes
 from tests.unit.strategy.test_strategy import WINDOWS, known
 from tests.unit.strategy.test_strategy import flights as calm_flights
@@ -40,15 +40,15 @@ def flown(names: tuple[str, ...], late: tuple[str, ...]) -> list[Flight]:
     return out
 
 
-def searched(flights: list[Flight], vehicle: Vehicle | None = None) -> Search:
+def searched(flights: list[Flight], vehicle: Vehicle | None = None) -> Fitted:
     windows = [f"{one.name}@0:{scenes.DURATION}" for one in flights]
     return search(
         vehicle or scenes.aircraft(), flights, windows, options=Options(seed=1, method="output-error")
     )
 
 
-def freed(done: Search) -> list[str]:
-    return [one.subject for one in done.fit.notices if one.code == "sensor-delay-freed"]
+def freed(done: Fitted) -> list[str]:
+    return [one.subject for one in done.estimate.notices if one.code == "sensor-delay-freed"]
 
 
 @pytest.mark.slow
@@ -63,9 +63,9 @@ def test_a_late_sensor_is_found(late: tuple[str, ...], name: str, number: str) -
     flights = flown(("roll",), late)
     done = searched(flights)
     assert freed(done) == [name]
-    index = [p.name for p in done.fit.problem.layout.parameters].index(number)
-    assert abs(done.fit.estimates[number] - scenes.LATE) < 3.0 * done.decided.tested.bars.std[index]
-    assert done.decided.tested.bars.std[index] < 0.005
+    index = [p.name for p in done.estimate.problem.layout.parameters].index(number)
+    assert abs(done.estimate.estimates[number] - scenes.LATE) < 3.0 * done.tested.bars.std[index]
+    assert done.tested.bars.std[index] < 0.005
     # a file that gives the delay decides for itself
     given = with_entries(scenes.aircraft(), {("sensors", one, "delay"): 0.0 for one in late})
     assert freed(searched(flights, given)) == []
@@ -75,7 +75,7 @@ def test_what_is_in_time_stays_as_it_is() -> None:
     flights = flown(("roll",), ())
     done = searched(flights)
     assert freed(done) == []
-    assert not any(name.endswith(".delay") for name in done.fit.estimates)
+    assert not any(name.endswith(".delay") for name in done.estimate.estimates)
 
 
 @cache

@@ -27,7 +27,8 @@ from stoop.problem.windows import Window
 from stoop.results.decisions import DecisionRecord, decision_lines
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import Maneuver
-from stoop.strategy import DECISIONS, Decided, Strategy, run
+from stoop.strategy import DECISIONS, Strategy, fit
+from stoop.strategy.decision import Fitted
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import builtin_vehicle, resolve_vehicle
 from stoop.vehicle.document import with_entries
@@ -99,20 +100,20 @@ CALLED_FOR: dict[str, Callable[[], dict[str, Flight]]] = {
 }
 
 
-def decided(strategy: Strategy, given: dict[str, Flight], vehicle: Vehicle | None = None) -> Decided:
-    return run(strategy, vehicle or known(), given, WINDOWS, options=Options(seed=1, budget=4000.0))
+def decided(strategy: Strategy, given: dict[str, Flight], vehicle: Vehicle | None = None) -> Fitted:
+    return fit(strategy, vehicle or known(), given, WINDOWS, options=Options(seed=1, budget=4000.0))
 
 
-def states(done: Decided) -> dict[str, str]:
+def states(done: Fitted) -> dict[str, str]:
     return {one.name: one.state for one in done.decisions}
 
 
 @pytest.fixture(scope="module")
-def clean() -> Decided:
+def clean() -> Fitted:
     return decided(Strategy.default(), flights())
 
 
-def test_clean_data_of_a_complete_vehicle_call_for_no_decision(clean: Decided) -> None:
+def test_clean_data_of_a_complete_vehicle_call_for_no_decision(clean: Fitted) -> None:
     applied = {name for name, state in states(clean).items() if state == "applied"}
     assert applied <= {"recorded-motion"}
     assert states(clean)["extensions"] == "off"
@@ -133,17 +134,17 @@ def test_a_decision_applies_where_the_data_call_for_it_and_its_switch_turns_it_o
     assert with_it.estimate.estimates != without.estimate.estimates
 
 
-def test_textbook_is_output_error_to_the_last_bit(clean: Decided) -> None:
+def test_textbook_is_output_error_to_the_last_bit(clean: Fitted) -> None:
     """Of data that call for four decisions, beside the estimator itself; by default the estimates differ."""
     given = {name: {**spiked_everywhere(), "b": changed("b", "q", noisy)["b"]}[name] for name in "ab"}
     options = Options(seed=1, budget=4000.0)
-    done = run(Strategy.textbook(), known(), given, WINDOWS, options=options)
+    done = fit(Strategy.textbook(), known(), given, WINDOWS, options=options)
     alone = output_error(known(), given, WINDOWS, replace(options, method="output-error", treatment=PLAIN))
     assert done.options.method == "output-error"
     assert done.estimate.estimates == alone.estimates
     assert done.estimate.cost == alone.cost
     assert np.array_equal(done.estimate.z, alone.z)
-    usual = run(Strategy.default(), known(), given, WINDOWS, options=options)
+    usual = fit(Strategy.default(), known(), given, WINDOWS, options=options)
     assert usual.estimate.estimates != alone.estimates
 
 
@@ -200,7 +201,7 @@ def test_what_is_no_strategy_or_method_is_one_line_with_the_fix(
 
 def test_treatment_is_decided_by_the_strategy_alone() -> None:
     with pytest.raises(IdentificationError, match="switch decisions off with strategy="):
-        run(Strategy.default(), known(), flights(), WINDOWS, options=Options(treatment=PLAIN))
+        fit(Strategy.default(), known(), flights(), WINDOWS, options=Options(treatment=PLAIN))
     with pytest.raises(TypeError, match="no keyword 'treatment'"):
         identify(known(), [*flights().values()], ["a@0:5"], treatment=PLAIN)
 

@@ -175,7 +175,7 @@ def test_overlapping_windows_of_a_flight_are_refused(wrong: Vehicle, flight: Fli
 def test_windows_that_touch_or_are_of_two_flights_do_not_overlap(wrong: Vehicle, flight: Flight) -> None:
     flights = {name: replace(flight, name=name) for name in ("a", "b")}
     done = search(wrong, list(flights.values()), ["a@0:10", "a@10:15", "b@0:10"], ["a@15:20", "b@10:20"], ONE)
-    windows = [str(w) for w in (*done.fit.prepared.windows, *done.predicted)]
+    windows = [str(w) for w in (*done.estimate.prepared.windows, *done.setup.held_back)]
     assert windows == ["a@0:10", "a@10:15", "b@0:10", "a@15:20", "b@10:20"]
 
 

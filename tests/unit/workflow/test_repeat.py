@@ -48,7 +48,7 @@ def repeated(flights: list[Flight]) -> FittedModel:
     windows = [f"{flight.name}@0:8" for flight in flights]
     done = search(aircraft(), flights, windows, options=Options())
     job = finish(done)
-    found = repeatability(done.fit, done.flights, done.decided.options, lambda _: None)
+    found = repeatability(done.estimate, done.flights, done.options, lambda _: None)
     return job.with_result(replace(job.result, repeatability=found))
 
 

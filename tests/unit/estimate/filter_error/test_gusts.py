@@ -21,8 +21,8 @@ from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import parse_maneuver
 from stoop.strategy import Strategy
 from stoop.strategy import gusts as decision
-from stoop.strategy.decision import Fitted
-from stoop.strategy.run import FIT_ALONE, MethodChoice, choose_method, fit, setup_of
+from stoop.strategy.decision import Fitted, Setup
+from stoop.strategy.run import FIT_ALONE, choose_method, fit, setup_of
 from stoop.vehicle import parse_vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop_studies.verify import scenes
@@ -100,35 +100,39 @@ def test_gusts_show_in_proportion():
     assert exceed_sensors(resolve_vehicle("twin-boom"), weak)
 
 
+def plain(setup: Setup) -> str:
+    """Return the method of a fit that no decision has a word on."""
+    assert (setup.notices, setup.in_calm) == ((), "")
+    return setup.options.method
+
+
 def test_without_a_vane_nothing_is_known():
     flight = flown(2.0)["sim"]
     blind = {"sim": replace(flight, data=flight.data.drop_vars("beta"))}
     assert np.isnan(levels(blind)).all()
     sources = {"alpha": SimpleNamespace(source="reconstructed", rate=50.0)}
     assert np.isnan(levels({"sim": replace(flight, sources=sources)})).all()
-    assert choose_method("", resolve_vehicle("twin-boom"), blind.values(), WINDOWS) == MethodChoice(
-        "output-error"
-    )
+    assert plain(choose_method("", resolve_vehicle("twin-boom"), blind.values(), WINDOWS)) == "output-error"
 
 
 def test_gusts_choose_the_filter_and_who_names_another_is_warned():
     vehicle, flights = resolve_vehicle("twin-boom"), flown(2.0)
     found = choose_method("", vehicle, flights.values(), WINDOWS)
-    assert (found.name, found.instead) == ("filter-error", "output-error")
+    assert (found.options.method, found.in_calm) == ("filter-error", "output-error")
     assert [n.code for n in found.notices] == ["gusts-filtered"]
     for name in ("output-error", "multiple-shooting"):
         named = choose_method(name, vehicle, flights.values(), WINDOWS)
-        assert (named.name, named.instead) == (name, "")
+        assert (named.options.method, named.in_calm) == (name, "")
         assert [(n.code, n.severity) for n in named.notices] == [("gusts-ignored", "warning")]
         change = decision.look_for_gusts(
             setup_of(Strategy.default(), vehicle, flights, WINDOWS, options=Options(method=name))
         )
         assert change.done == f"{name} kept, which takes no gusts"
     for name in ("filter-error", "equation-error"):
-        assert choose_method(name, vehicle, flights.values(), WINDOWS) == MethodChoice(name)
+        assert plain(choose_method(name, vehicle, flights.values(), WINDOWS)) == name
     delay = "\n[sensors]\nalpha = { delay = { value = 0.02, free = true, bounds = [0.0, 0.1] } }\n"
     late = choose_method("", parse_vehicle(vehicle.text + delay, "late"), flights.values(), WINDOWS)
-    assert (late.name, [n.code for n in late.notices]) == ("output-error", ["gusts-ignored"])
+    assert (late.options.method, [n.code for n in late.notices]) == ("output-error", ["gusts-ignored"])
 
 
 def test_a_table_of_the_file_is_kept_and_a_reduced_model_has_its_own_axes(gusty):
