@@ -308,7 +308,7 @@ def pressing(times: int) -> Callable[..., FittedModel]:
 
 
 def test_ctrl_c_after_the_search_waits_for_the_result(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("stoop.workflow.identification.fitted_model", pressing(1))
+    monkeypatch.setattr("stoop.workflow.identification.finish", pressing(1))
     assert main(identify(place, "--maneuver", "0:20", out="late")) == 130
     assert json.loads((place / "late" / "result.json").read_text())["status"] == "converged"
     assert not (place / "late" / "search.npz").exists()
@@ -318,7 +318,7 @@ def test_ctrl_c_twice_stops_and_the_search_is_still_there(
     place: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with monkeypatch.context() as patched:
-        patched.setattr("stoop.workflow.identification.fitted_model", pressing(2))
+        patched.setattr("stoop.workflow.identification.finish", pressing(2))
         assert main(identify(place, "--maneuver", "0:20", out="twice")) == 130
     assert [p.name for p in (place / "twice").iterdir()] == ["search.npz"]
     assert main(identify(place, "--maneuver", "0:20", "--resume", out="twice")) == 0
