@@ -10,7 +10,7 @@ from stoop.base.files import check_target, write_text_atomic
 from stoop.base.text import show
 from stoop.cli import options
 from stoop.cli.page import page, words
-from stoop.cli.progress import busy
+from stoop.cli.progress import LiveLine
 from stoop.errors import FlightError, ManeuverError, VehicleError
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ def vehicle(arguments: argparse.Namespace) -> int:
         from stoop.vehicle.builtin import resolve_vehicle
         from stoop.vehicle.symbolic import build_model
 
-        with busy(options.COMPILING):
+        with LiveLine(options.COMPILING):
             lines = build_model(resolve_vehicle(name)).latex
         for line in lines:
             show(line)
@@ -56,7 +56,7 @@ def map_log(arguments: argparse.Namespace) -> int:
     output: Path | None = arguments.output
     if output is not None:
         check_target(output, arguments.overwrite)
-    with busy("reading the log"):
+    with LiveLine("reading the log"):
         made = draft(arguments.flight)
     if output is None:
         show(made.text.removesuffix("\n"))
@@ -72,7 +72,7 @@ def export(arguments: argparse.Namespace) -> int:
     """Export, and print what was written and how it flies."""
     from stoop.workflow.export import export as exported
 
-    with busy(options.COMPILING):
+    with LiveLine(options.COMPILING):
         found = exported(
             arguments.subject,
             arguments.target,
@@ -112,7 +112,7 @@ def simulate(arguments: argparse.Namespace) -> int:
         raise VehicleError(f"{vehicle.where}: the input '{lost}' is no variable of stoop; {advice}")
     maneuver = load_maneuver(arguments.maneuver)
     try:
-        with busy(options.COMPILING):
+        with LiveLine(options.COMPILING):
             flight = simulate_flight(vehicle, maneuver, arguments.seed, not arguments.no_noise, target.stem)
             flown = numbers_set(vehicle, flown_trim(vehicle, maneuver))
     except ManeuverError as error:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from stoop.base.files import check_target, check_targets
 from stoop.cli import options
 from stoop.cli.page import fixed, numbers, page, words
-from stoop.cli.progress import Watch, busy
+from stoop.cli.progress import LiveLine, Watch
 from stoop.errors import FlightError
 
 if TYPE_CHECKING:
@@ -31,9 +31,9 @@ def compatibility(arguments: argparse.Namespace) -> int:
     folder, others = arguments.output, options.given_paths(arguments.mapping)
     if folder is not None:
         check_targets(folder, COMPATIBILITY, arguments.overwrite, [arguments.flight, *others])
-    with busy("reading the log"):
+    with LiveLine("reading the log"):
         flight = load(arguments.flight, arguments.mapping)
-    with busy("integrating and comparing"):
+    with LiveLine("integrating and comparing"):
         result, corrected = check_compatibility(flight, options.windows(arguments.window))
     out = page()
     out.heading("Sensors")
@@ -68,7 +68,7 @@ def polar(arguments: argparse.Namespace) -> int:
     folder, others = arguments.output, options.given_paths(arguments.mapping)
     if folder is not None:
         check_targets(folder, POLAR, arguments.overwrite, [arguments.flight, *others])
-    with busy("reading the log"):
+    with LiveLine("reading the log"):
         flight = load(arguments.flight, arguments.mapping)
     efficiency, spread = arguments.efficiency
     propulsion = Propulsion(efficiency, spread, arguments.disc)

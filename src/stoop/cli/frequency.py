@@ -9,7 +9,7 @@ from stoop.base.files import check_target
 from stoop.base.text import show
 from stoop.cli import options
 from stoop.cli.page import fixed, numbers, page, points, to_json, words
-from stoop.cli.progress import busy
+from stoop.cli.progress import LiveLine
 from stoop.errors import FlightError
 
 if TYPE_CHECKING:
@@ -25,9 +25,9 @@ def run(arguments: argparse.Namespace) -> int:
     if target is not None:
         check_target(target, arguments.overwrite)
     band = _band(arguments.band)
-    with busy("reading the log"):
+    with LiveLine("reading the log"):
         flights = [load(path, arguments.mapping) for path in arguments.flight]
-    with busy("estimating frequency responses"):
+    with LiveLine("estimating frequency responses"):
         found = frequency_responses(
             flights, arguments.maneuver, arguments.vehicle, arguments.input, arguments.channel, band
         )
@@ -35,7 +35,7 @@ def run(arguments: argparse.Namespace) -> int:
         from stoop.report.frequency import frequency_sheet
         from stoop.report.sheet import write_sheet
 
-        with busy("drawing"):
+        with LiveLine("drawing"):
             write_sheet(frequency_sheet(found, options.command_line()), target)
     if arguments.json:
         show(to_json(found.to_dict()))

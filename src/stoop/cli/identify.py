@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from contextlib import nullcontext
+from contextlib import nullcontext, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -28,7 +28,18 @@ STORES: Final = ("bootstrap.sqlite", "profile.sqlite")  #: in the output folder 
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Identify, write, and print what was found."""
+    """Identify, write, and print what was found; a refusal leaves no folder."""
+    folder: Path = arguments.output
+    made = [path for path in (folder, *folder.parents) if not path.exists()]
+    try:
+        return _run(arguments)
+    finally:
+        for path in made:
+            with suppress(OSError):  # it holds something
+                path.rmdir()
+
+
+def _run(arguments: argparse.Namespace) -> int:
     from stoop.assessment.profile import DOUBTFUL
     from stoop.checks.vehicle import check_vehicle
     from stoop.estimate.iterates import watched

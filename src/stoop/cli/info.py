@@ -15,7 +15,7 @@ from stoop.base.numbers import count
 from stoop.base.text import show
 from stoop.cli import options
 from stoop.cli.page import Page, alike, fixed, numbers, page, points, shown_unit, to_json, words
-from stoop.cli.progress import busy
+from stoop.cli.progress import LiveLine
 
 if TYPE_CHECKING:
     from stoop.flight import FlightSummary
@@ -157,7 +157,7 @@ def _overview(arguments: argparse.Namespace) -> Overview:
     from stoop.flight import load
     from stoop.input_design.overview import overview
 
-    with busy("reading the log"):
+    with LiveLine("reading the log"):
         return overview(load(arguments.flight, arguments.mapping))
 
 
@@ -165,7 +165,7 @@ def _write_page(arguments: argparse.Namespace, seen: Overview) -> None:
     from stoop.report.flight import flight_sheet
     from stoop.report.sheet import write_sheet
 
-    with busy("drawing"):
+    with LiveLine("drawing"):
         write_sheet(
             flight_sheet(seen, options.command_line(), _following(arguments, seen.found)), arguments.output
         )

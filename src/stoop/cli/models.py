@@ -10,7 +10,7 @@ from typing import Any
 from stoop.base.files import check_targets
 from stoop.cli import options
 from stoop.cli.page import fixed, numbers, page, words
-from stoop.cli.progress import busy
+from stoop.cli.progress import LiveLine
 from stoop.errors import IdentificationError, StoopError
 
 
@@ -82,7 +82,7 @@ def structure(arguments: argparse.Namespace) -> int:
     flights = by_name([load(path, arguments.mapping) for path in arguments.flight], "structure")
     choose = criteria[arguments.criterion]
     domain = FrequencyDomain(low, high)
-    with busy(options.COMPILING):
+    with LiveLine(options.COMPILING):
         found = determined(vehicle, flights, arguments.maneuver, candidates, choose, domain, arguments.keep)
     write_structure(found, arguments.output, options.command_line())
 
@@ -115,7 +115,7 @@ def validate(arguments: argparse.Namespace) -> int:
 
     inputs = [*arguments.flight, *options.given_paths(arguments.mapping)]
     check_targets(arguments.output, NAMES, arguments.overwrite, inputs)
-    with busy("reading and predicting"):
+    with LiveLine("reading and predicting"):
         flights = [load(path, arguments.mapping) for path in arguments.flight]
         done = validated(arguments.result, flights, arguments.maneuver, options.command_line())
     done.save(arguments.output, arguments.overwrite)

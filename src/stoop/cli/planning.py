@@ -18,7 +18,7 @@ from stoop.base.text import enumerated, remaining
 from stoop.base.variables import EULER, RATES
 from stoop.cli import options
 from stoop.cli.page import Page, fixed, numbers, page, points, words
-from stoop.cli.progress import LiveLine, Watch, busy
+from stoop.cli.progress import LiveLine, Watch
 from stoop.errors import SimulationError, VehicleError
 from stoop.results.text import estimate_blocks
 from stoop.simulation.maneuver import unit_of
@@ -45,7 +45,7 @@ def maneuvers(arguments: argparse.Namespace) -> int:
     if (free or fix) and not given:
         raise VehicleError("--free and --fix choose numbers of a vehicle file; name it with --vehicle")
     vehicle = options.with_free(resolve_vehicle(given), free, fix) if given else None
-    with busy("reading the log"):
+    with LiveLine("reading the log"):
         read = [without_faults(load(path, arguments.mapping)) for path in arguments.flight]
         flights = by_name(read, "maneuvers")
     if vehicle is not None:
@@ -138,7 +138,7 @@ def design(arguments: argparse.Namespace) -> int:
     check_targets(folder, (*DESIGN_FILES, *(flown_by(target).names if target else ())), arguments.overwrite)
     vehicle, knowledge, noise, source = known_before(model_or_vehicle(arguments.vehicle))
     vehicle = options.with_free(vehicle, arguments.free, arguments.fix)
-    with busy(options.COMPILING):
+    with LiveLine(options.COMPILING):
         steady = trim(vehicle, arguments.airspeed, arguments.altitude)
     controls = tuple(usual_amplitudes(vehicle, steady))
     throws = _sizes(arguments.throw, "--throw", controls)

@@ -44,7 +44,7 @@ class Timed:
 
 
 class LiveLine:
-    """A line on stderr that says how far the work is."""
+    """A line on stderr that says on a terminal that work goes on, and how far it is."""
 
     def __init__(self, first: str) -> None:
         self._first = first
@@ -88,11 +88,6 @@ class LiveLine:
             self._status.console.print(line, markup=False, highlight=False, soft_wrap=True)
         else:
             show(line, sys.stderr)
-
-
-def busy(work: str) -> LiveLine:
-    """Return a line that shows on a terminal that work goes on; a pipe sees nothing of it."""
-    return LiveLine(work)
 
 
 class Watch(LiveLine):

@@ -11,7 +11,7 @@ from stoop.base.files import check_target
 from stoop.base.text import show
 from stoop.cli import options
 from stoop.cli.page import numbers, page, shown_unit, to_json, words
-from stoop.cli.progress import busy
+from stoop.cli.progress import LiveLine
 from stoop.errors import SimulationError, StoopError
 
 LIMITS: Final = (0.0, 10_000.0)  #: m/s, of airspeeds
@@ -53,7 +53,7 @@ def run(arguments: argparse.Namespace) -> int:
     if count < MIN_DRAWS:
         raise StoopError(f"--draws {count}: an interval of 95 % needs {MIN_DRAWS} or more")
     expressions, airspeed = expressions_of(arguments.expression), airspeeds_of(arguments.airspeed)
-    with busy("carrying the draws"):
+    with LiveLine("carrying the draws"):
         found = propagate(
             arguments.result,
             expressions,

@@ -12,7 +12,7 @@ from stoop.base.files import check_target, write_text_atomic
 from stoop.base.text import show
 from stoop.cli import options
 from stoop.cli.page import blocks, fixed, numbers, page, shown_unit, to_json, words
-from stoop.cli.progress import busy
+from stoop.cli.progress import LiveLine
 from stoop.errors import SimulationError
 
 if TYPE_CHECKING:
@@ -30,10 +30,12 @@ def _trimmed(arguments: argparse.Namespace) -> tuple[Vehicle, Trim, str]:
     """Return the vehicle, the steady flight that the command line asks for, and that in words."""
     from stoop.simulation import trim
     from stoop.simulation.steady_flight import steady_flight
-    from stoop.vehicle.builtin import resolve_vehicle
+    from stoop.vehicle import Vehicle
     from stoop.vehicle.schema import Quantity
+    from stoop.workflow.load import model_or_vehicle
 
-    vehicle, given = resolve_vehicle(arguments.vehicle), arguments.density
+    model, given = model_or_vehicle(arguments.vehicle), arguments.density
+    vehicle = model if isinstance(model, Vehicle) else model.vehicle
     choice = vehicle.file.environment.density
     if given is not None and choice != "log":
         environment = vehicle.file.environment.model_copy(update={"density": Quantity(value=given)})
@@ -46,7 +48,7 @@ def _trimmed(arguments: argparse.Namespace) -> tuple[Vehicle, Trim, str]:
             raise SimulationError(f"--{name.replace('_', '-')}: {vehicle.where} {flight.advice}")
     # A lateral model holds speed and incidence, so its steady flight is that of the full equations.
     flown = vehicle.reduced("full") if vehicle.reduce == "lateral" else vehicle
-    with busy(options.COMPILING):
+    with LiveLine(options.COMPILING):
         point = trim(
             flown, arguments.airspeed, arguments.altitude, arguments.climb_angle, given,
             arguments.velocity, arguments.wind, arguments.heading,
@@ -207,7 +209,7 @@ def derivatives(arguments: argparse.Namespace) -> int:
     if target is not None:
         check_ending(target)
         check_target(target, arguments.overwrite)
-    with busy(options.COMPILING):
+    with LiveLine(options.COMPILING):
         found = about(
             arguments.subject,
             arguments.airspeed,

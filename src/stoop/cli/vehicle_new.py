@@ -13,7 +13,7 @@ from stoop.base.files import check_target, write_text_atomic
 from stoop.base.text import printable, show
 from stoop.cli import options
 from stoop.cli.page import page
-from stoop.cli.progress import busy
+from stoop.cli.progress import LiveLine
 
 if TYPE_CHECKING:
     from stoop.vehicle_draft.request import Evidence, Question, Request
@@ -34,11 +34,11 @@ def run(arguments: argparse.Namespace) -> int:
     geometry = None if arguments.geometry is None else Geometry.load(arguments.geometry)
     given = {key: getattr(arguments, key) for key in ("template", *NUMBERS, "engine", "name", "aerodynamics")}
     request = with_geometry(Request(geometry=geometry, **given))
-    with busy("reading the log"):
+    with LiveLine("reading the log"):
         flights = [load(path, arguments.mapping) for path in arguments.flight]
     if sys.stdin.isatty() and sys.stdout.isatty():
         request = asked(request, evidence(flights), lambda question: input(printable(question)), show)
-    with busy("drafting"):
+    with LiveLine("drafting"):
         drafted = draft(request, flights, str(output))
     write_text_atomic(output, drafted.text)
     out = page()

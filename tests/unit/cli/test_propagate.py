@@ -76,3 +76,14 @@ def test_bad_input_is_one_line(
     error = capsys.readouterr().err
     assert message in error
     assert error.count("\n") == 1
+
+
+def test_the_folder_of_a_result_is_linearized_as_its_vehicle_file(
+    fitted: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    shown = []
+    for model in (fitted, fitted / "vehicle.toml"):
+        capsys.readouterr()
+        assert main(["linearize", str(model)]) == 0
+        shown.append(capsys.readouterr().out)
+    assert shown[0] == shown[1]
