@@ -18,8 +18,8 @@ import numpy as np
 import numpy.typing as npt
 
 from stoop.base.arrays import FloatArray
-from stoop.errors import LogError, listed
-from stoop.logs.recording import Defect, Recording, Stream, clean_stream, log_size
+from stoop.errors import listed
+from stoop.logs.recording import Defect, Recording, Stream, add_stream, log_size, nothing_read
 
 CLOCK: Final = re.compile(
     r"(t|times?|time[_ ]?stamp|sys_?time|rec_?time|sec|seconds)"
@@ -103,19 +103,15 @@ def assemble(
         columns, stated, lost = _columns(group)
         found += left_out(path, lost, f"of another's name, or beyond column {MAX_WIDTH}")
         time = np.arange(group.samples, dtype=np.float64) if group.time is None else group.time
-        streams[name], dropped = clean_stream(name, time, columns)
-        found.extend(dropped)
+        there = add_stream(streams, found, name, time, columns)
         if group.time is None:
             message = "no column looks like a time; samples are counted, name the clock in a mapping"
             found.append(Defect("no clock", name, message))
-        if not streams[name].time.size:
-            del streams[name]
-            continue
-        units |= {name: stated} if stated else {}
-        info[f"clock of {name}"] = group.description
+        if there:
+            units |= {name: stated} if stated else {}
+            info[f"clock of {name}"] = group.description
     if not streams:
-        because = f" ({found[0]})" if found else ""
-        raise LogError(f"{path}: no array holds samples{because}; name a file with recorded channels")
+        raise nothing_read(path, "no array holds samples", found, "name a file with recorded channels")
     parameters = {".".join(a.place): float(a.values.flat[0]) for a in arrays if a.values.size == 1}
     return Recording(path, kind, streams, tuple(found), {}, parameters, info, units, unread)
 

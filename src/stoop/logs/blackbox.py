@@ -14,8 +14,10 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+import re
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import Final
 
@@ -28,7 +30,7 @@ from stoop.logs import blackbox_walk as frames
 from stoop.logs.arrays import max_values
 from stoop.logs.blackbox_units import Columns, Settings, physical
 from stoop.logs.blackbox_walk import Bytes, Integers, walk
-from stoop.logs.recording import Defect, Recording, Stream, clean_stream, read_bounded
+from stoop.logs.recording import Defect, Recording, Stream, add_stream, nothing_read
 
 FIRST: Final = b"H Product:Blackbox"  #: begins each log
 GOODBYE: Final = np.frombuffer(b"End of log\0", np.uint8)
@@ -43,7 +45,6 @@ PAUSE: Final = 10.0  #: s between two logs of a file, where their clocks do not 
 class Limits:
     """What is read of a file, and kept."""
 
-    size: int = 2**28  #: bytes; flash holds 2 to 64 MiB, and a card some minutes in that
     logs: int = 200  #: of a file
     header: int = 2**18  #: bytes of the header of a log; those of firmwares have 10 KiB
     places: int = 10  #: damaged places that are listed one by one
@@ -63,12 +64,13 @@ class Session:
     defects: tuple[Defect, ...]
 
 
-def read_blackbox(path: Path, topics: frozenset[str] | None = None) -> Recording:
+def parse_blackbox(path: Path, data: bytes, topics: frozenset[str] | None = None) -> Recording:
     """Read a blackbox log.
 
     Parameters
     ----------
-    path : the file
+    path : its name
+    data : its content
     topics : names of the streams wanted; all are read, which costs nothing
 
     Returns
@@ -80,12 +82,7 @@ def read_blackbox(path: Path, topics: frozenset[str] | None = None) -> Recording
     LogError
         When it is no such log, or nothing of it can be read.
     """
-    return parse_blackbox(read_bounded(path, LIMITS.size, "copy it again from flash or card"), path)
-
-
-def parse_blackbox(data: bytes, path: Path) -> Recording:
-    """Read a log that is already in memory; `path` is its name."""
-    begins = [at for at, _ in zip(_occurrences(data), range(LIMITS.logs + 1), strict=False)]
+    begins = [one.start() for one in islice(re.finditer(re.escape(FIRST), data), LIMITS.logs + 1)]
     defects: list[Defect] = []
     if len(begins) > LIMITS.logs:
         defects.append(Defect("skipped", path.name, f"more than {LIMITS.logs} logs; the first ones are read"))
@@ -120,8 +117,7 @@ def assemble(path: Path, form: str, sessions: list[Session], defects: list[Defec
     """
     sessions = [one for one in sessions if frames.I in one.rows and len(one.rows[frames.I]) > 1]
     if not sessions:
-        because = f" ({defects[0]})" if defects else ""
-        raise LogError(f"{path}: no frame can be read{because}; save it again from the flight controller")
+        raise nothing_read(path, "no frame can be read", defects, "save it again from the flight controller")
     parts: dict[str, list[tuple[FloatArray, Columns]]] = {}
     units: dict[str, dict[str, str]] = {}
     before, listed = -np.inf, []
@@ -148,12 +144,8 @@ def assemble(path: Path, form: str, sessions: list[Session], defects: list[Defec
     streams: dict[str, Stream] = {}
     for name, found in parts.items():
         clock_of_all: FloatArray = np.concatenate([time for time, _ in found])
-        if not clock_of_all.size:
-            continue
-        stream, dropped = clean_stream(name, clock_of_all, _joined(found))
-        defects += dropped
-        if stream.time.size:
-            streams[name] = stream
+        if clock_of_all.size:
+            add_stream(streams, defects, name, clock_of_all, _joined(found))
     first_settings = sessions[0].settings
     info = {key: first_settings.text(name) for key, name in INFO.items() if first_settings.text(name)}
     if len(sessions) > 1:
@@ -183,13 +175,6 @@ def _joined(parts: list[tuple[FloatArray, Columns]]) -> Columns:
         )
         for name in names
     }
-
-
-def _occurrences(data: bytes) -> Iterator[int]:
-    at = data.find(FIRST)
-    while at >= 0:
-        yield at
-        at = data.find(FIRST, at + len(FIRST))
 
 
 def _header(data: bytes, at: int, end: int) -> tuple[dict[str, str], int]:

@@ -26,7 +26,7 @@ from stoop.errors import LogError, one_line
 from stoop.logs.blackbox import INFO
 from stoop.logs.blackbox_units import Columns, Settings, physical
 from stoop.logs.csv_tables import parse_table, unpack
-from stoop.logs.recording import Defect, Recording, Stream, clean_stream
+from stoop.logs.recording import Defect, Recording, Stream, add_stream
 
 MAX_SETTINGS: Final = 2**18  #: bytes before the header line
 _START: Final = re.compile(rb'(^|\n)(?="?loopIteration"?, *"?time)')
@@ -77,10 +77,8 @@ def read_blackbox_csv(path: Path, topics: frozenset[str] | None = None) -> Recor
     for stream in ("main", "gps"):
         rows, columns, units[stream], assumed = _columns(stream, raw, stated, settings)
         listed += [Defect("assumed", f"{path.name} {stream}", text) for text in assumed]
-        part, dropped = clean_stream(stream, time[rows], columns)
-        listed += dropped
-        if part.time.size and columns:
-            streams[stream] = part
+        if columns:
+            add_stream(streams, listed, stream, time[rows], columns)
     if not streams:
         raise LogError(f"{path}: no sample with a time is left; decode the log again")
     info = {key: settings.text(name) for key, name in INFO.items() if settings.text(name)}

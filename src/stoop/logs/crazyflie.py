@@ -23,9 +23,8 @@ import numpy as np
 
 from stoop.base.units import FACTORS
 from stoop.errors import LogError
-from stoop.logs.recording import Defect, Recording, Stream, clean_stream, read_bounded
+from stoop.logs.recording import Defect, Recording, Stream, add_stream
 
-MAX_BYTES: Final = 2**26  #: 20 variables at 1 kHz for eleven minutes; a battery lasts seven
 MAX_VARIABLES: Final = 4096  #: of all event types together; the firmware allows some dozens
 MAX_LISTED: Final = 20  #: damaged places that are listed one by one
 MAX_SEARCHES: Final = 1000  #: for the next event after damage
@@ -47,12 +46,13 @@ def record_type(version: int, variables: list[tuple[str, str]]) -> np.dtype[Any]
     return np.dtype([(name or f"\0{i}", kind) for i, (name, kind) in enumerate(fields)])
 
 
-def read_crazyflie(path: Path, topics: frozenset[str] | None = None) -> Recording:
+def parse_crazyflie(path: Path, data: bytes, topics: frozenset[str] | None = None) -> Recording:
     """Read a micro-SD log of a Crazyflie.
 
     Parameters
     ----------
-    path : the file
+    path : its name
+    data : its content
     topics : names of the events wanted; None means all
 
     Returns
@@ -64,11 +64,6 @@ def read_crazyflie(path: Path, topics: frozenset[str] | None = None) -> Recordin
     LogError
         When it is no such log, or nothing of it can be read.
     """
-    return parse_crazyflie(read_bounded(path, MAX_BYTES, "copy it again from the card"), path, topics)
-
-
-def parse_crazyflie(data: bytes, path: Path, topics: frozenset[str] | None = None) -> Recording:
-    """Read a log that is already in memory; `path` is only its name."""
     version, layouts, begin = _header(data, path)
     stated = int.from_bytes(data[-CHECKSUM:], "little")
     whole = len(data) - CHECKSUM >= begin and zlib.crc32(memoryview(data)[:-CHECKSUM]) == stated
@@ -84,10 +79,7 @@ def parse_crazyflie(data: bytes, path: Path, topics: frozenset[str] | None = Non
             records = np.ascontiguousarray(rows[np.asarray(offsets[key])]).view(layout)[:, 0]
             _, stamp, *columns = layout.names or ()
             time = records[stamp].astype(np.float64) * STAMPS[version][1]
-            stream, dropped = clean_stream(name, time, {column: records[column] for column in columns})
-            defects.extend(dropped)
-            if stream.time.size:
-                streams[name] = stream
+            add_stream(streams, defects, name, time, {column: records[column] for column in columns})
     if not any(len(places) for places in offsets.values()):
         raise LogError(f"{path}: no event was recorded; start the log before the flight and stop it after")
     info = {"log version": str(version), "checksum": "fits" if whole else "does not fit"}

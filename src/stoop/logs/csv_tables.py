@@ -18,7 +18,7 @@ from stoop.base.toml import parse_source, quoted, quoted_key, read_source
 from stoop.base.units import FACTORS, MICROSECOND
 from stoop.errors import LogError
 from stoop.logs.arrays import MIN_RISING, max_values
-from stoop.logs.recording import Defect, Recording, Stream, clean_stream, reason, unreadable
+from stoop.logs.recording import Defect, Recording, Stream, clean_stream, nothing_read, reason, unreadable
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -330,8 +330,7 @@ def read_px4_folder(folder: Path) -> Recording:
             continue
         streams[f"{file.topic}/{file.instance}" if file.topic in streams else file.topic] = stream
     if not streams:
-        because = f" ({defects[0]})" if defects else ""
-        raise LogError(f"{folder}: no topic holds data{because}; export the log again with ulog2csv")
+        raise nothing_read(folder, "no topic holds data", defects, "export the log again with ulog2csv")
     return Recording(folder, "px4-csv", streams, tuple(defects))
 
 

@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 import mmap
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import chain, repeat
@@ -26,9 +26,18 @@ import numpy as np
 import numpy.typing as npt
 
 from stoop.base.arrays import FloatArray
-from stoop.errors import LogError, listed, one_line
-from stoop.logs.dataflash_survey import gather, ignore, survey
-from stoop.logs.recording import Defect, Numbers, Recording, Stream, clean_stream, unreadable
+from stoop.errors import listed, one_line
+from stoop.logs.dataflash_survey import gather, survey
+from stoop.logs.recording import (
+    Defect,
+    Numbers,
+    Recording,
+    Stream,
+    add_stream,
+    checked_size,
+    nothing_read,
+    unreadable,
+)
 
 TYPES: Final = {
     "a": "(32,)<i2", "b": "<i1", "B": "<u1", "h": "<i2", "H": "<u2", "i": "<i4", "I": "<u4",
@@ -159,18 +168,11 @@ def _copy_private(path: Path) -> memoryview:
     """Return a copy of a file in memory of this process alone.
 
     A mapped file would end the process when another one truncates it, and would not be the same in both walks when it is
-    written. The pages of the copy are given back one by one (`_page_release`).
+    written. The pages of the copy are given back one by one.
     """
     try:
         with path.open("rb") as file:
-            size = file.seek(0, 2)
-            file.seek(0)
-            if not size:
-                raise LogError(f"{path}: the log is empty; copy it again from the autopilot")
-            if size > LIMITS.size:
-                raise LogError(
-                    f"{path}: larger than {LIMITS.size >> 30} GiB; cut the log to the flight of interest"
-                )
+            size = checked_size(path, file, LIMITS.size)
             private = {"flags": mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS} if hasattr(mmap, "MAP_PRIVATE") else {}
             content = memoryview(mmap.mmap(-1, size, **private))  # lives as long as an array over it
             return content[: file.readinto(content)]
@@ -183,10 +185,18 @@ def parse_dataflash(
 ) -> Recording:
     """Read a log from memory; see `read_dataflash`."""
     data = np.frombuffer(content, np.uint8)
+    memory = content.obj if isinstance(content, memoryview) else None
+
+    def release(at: int) -> None:
+        """Give back the pages of a private copy that were gathered, so that a log is not in memory twice."""
+        whole = at // mmap.PAGESIZE * mmap.PAGESIZE
+        if whole and isinstance(memory, mmap.mmap) and hasattr(mmap, "MADV_DONTNEED"):
+            memory.madvise(mmap.MADV_DONTNEED, 0, whole)
+
     found = survey(data)
     layouts, defects = _layouts(found.definitions, found.count, path.name)
     wanted = [k for k, layout in sorted(layouts.items()) if is_wanted(layout.name, topics)]
-    blocks = gather(data, found, wanted, _page_release(content))
+    blocks = gather(data, found, wanted, release)
     kinds = [Messages(layouts[k], block.reshape(-1).view(layouts[k].row)) for k, block in blocks.items()]
     for start, end in found.gaps[: LIMITS.places].tolist():
         message = f"{end - start} bytes are no message and were skipped"
@@ -202,19 +212,6 @@ def parse_dataflash(
         defects.append(Defect("skipped", path.name, message))
     names = sorted(layout.name for k, layout in layouts.items() if k not in wanted)
     return replace(assemble(path, kinds, defects), unread=dict.fromkeys(names, ()))
-
-
-def _page_release(content: bytes | memoryview) -> Callable[[int], None]:
-    """Return what gives back the pages of a private copy that were gathered, so that a log is not in memory twice."""
-    memory = content.obj if isinstance(content, memoryview) else None
-    if not isinstance(memory, mmap.mmap) or not hasattr(mmap, "MADV_DONTNEED"):
-        return ignore
-
-    def release(at: int) -> None:
-        if whole := at // mmap.PAGESIZE * mmap.PAGESIZE:
-            memory.madvise(mmap.MADV_DONTNEED, 0, whole)
-
-    return release
 
 
 def _layouts(
@@ -261,15 +258,13 @@ def assemble(path: Path, kinds: Sequence[Messages], defects: Sequence[Defect]) -
     units: dict[str, Mapping[str, str]] = {}
     found = list(defects)
     for name, kind in named.items():
-        for place, stream in _streams(kind, numbered.get(name), found) if name not in DESCRIPTIVE else ():
-            streams[place] = stream
-            own = {c: u for c, u in stated.get(name, {}).items() if c in stream.columns}
-            units |= {place: own} if own else {}
+        for place, time, columns in _instances(kind, numbered.get(name), found):
+            if add_stream(streams, found, place, time, columns):
+                own = {c: u for c, u in stated.get(name, {}).items() if c in columns}
+                units |= {place: own} if own else {}
     if not streams:
-        because = f" ({found[0]})" if found else ""
-        raise LogError(
-            f"{path}: no message holds samples with a time{because}; copy it again from the autopilot"
-        )
+        remedy = "copy it again from the autopilot"
+        raise nothing_read(path, "no message holds samples with a time", found, remedy)
     parameters: dict[str, float] = {}  # the first value of each: later ones were changed in flight
     if (stored := named.get("PARM")) is not None:
         for name, value in zip(stored.texts("Name"), stored.numbers("Value").tolist(), strict=False):
@@ -278,10 +273,12 @@ def assemble(path: Path, kinds: Sequence[Messages], defects: Sequence[Defect]) -
     return Recording(path, "dataflash", streams, tuple(found), {}, parameters, _texts(named), units)
 
 
-def _streams(kind: Messages, numbered: str | None, defects: list[Defect]) -> Iterator[tuple[str, Stream]]:
-    """Yield each instance of one kind of messages with its name; add what is wrong to the defects."""
+def _instances(
+    kind: Messages, numbered: str | None, defects: list[Defect]
+) -> Iterator[tuple[str, FloatArray, Numbers]]:
+    """Yield name, time [s] and columns of each instance of one kind of messages; add what is wrong to the defects."""
     layout, rows = kind.layout, kind.rows
-    if set(layout.letters) <= {*TEXTS} or not rows.size:
+    if layout.name in DESCRIPTIVE or set(layout.letters) <= {*TEXTS} or not rows.size:
         return
     # Logs before 2014 count milliseconds; their GPS messages call so the time of the week, and the logger's "T".
     clock, period = "", 1e-3
@@ -297,10 +294,15 @@ def _streams(kind: Messages, numbered: str | None, defects: list[Defect]) -> Ite
         numbers = rows[str(layout.columns.index(numbered))]
         marks, count = np.unique(numbers, return_counts=True)
         kept = np.sort(np.argsort(-count, kind="stable")[: LIMITS.instances])
-        instances = {
-            _instance_name(m): _part(rows, numbers == m if m == m else numbers != numbers)  # NaN is one, too
-            for m in marks[kept]
-        }
+        instances = {}
+        for mark in marks[kept]:  # a number, or a text; the first has no name
+            called = decoded(mark) if isinstance(mark, bytes) else f"{float(mark):g}" if mark else ""
+            places = np.flatnonzero(
+                numbers == mark if mark == mark else numbers != numbers
+            )  # NaN is one, too
+            step = int(places[1] - places[0]) if places.size > 1 else 1
+            even = bool(np.all(np.diff(places) == step))  # as instances mostly are: no copy is needed
+            instances[called] = rows[places[0] :: step][: places.size] if even else rows[places]
         if marks.size > LIMITS.instances:
             message = f"{marks.size} instances; the {LIMITS.instances} with the most samples are kept"
             defects.append(Defect("skipped", layout.name, message))
@@ -311,26 +313,7 @@ def _streams(kind: Messages, numbered: str | None, defects: list[Defect]) -> Ite
             {name: x for name, x in known.raw.items() if name != clock}, divisors=known.divisors
         )
         if columns:
-            stream, dropped = clean_stream(place, known[clock] * period, columns)
-            defects.extend(dropped)
-            if stream.time.size:
-                yield place, stream
-
-
-def _part(rows: npt.NDArray[Any], mask: npt.NDArray[np.bool_]) -> npt.NDArray[Any]:
-    """Return some rows, without a copy where they follow each other at equal steps, as instances mostly do."""
-    places = np.flatnonzero(mask)
-    step = int(places[1] - places[0]) if places.size > 1 else 1
-    if np.all(np.diff(places) == step):
-        return rows[places[0] :: step][: places.size]
-    return rows[places]
-
-
-def _instance_name(value: Any) -> str:
-    """Return the name of an instance: a number, or a text; none for the first."""
-    if isinstance(value, bytes):
-        return decoded(value)
-    return f"{float(value):g}" if value else ""
+            yield place, known[clock] * period, columns
 
 
 def _units(named: Mapping[str, Messages]) -> tuple[dict[str, dict[str, str]], dict[str, str]]:

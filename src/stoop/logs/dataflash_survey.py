@@ -31,18 +31,14 @@ class Survey:
     cut: int  #: place of a last message that is cut; -1 if there is none
 
 
-def ignore(at: int) -> None:
-    """Do nothing with the progress of a walk."""
-
-
 def survey(data: Bytes) -> Survey:
     """Walk over a log, (size,) bytes, and count."""
     nothing = np.zeros(MAX_LAYOUTS, np.int64)
-    return _walk(data, nothing, nothing, np.empty(0, np.uint8), ignore)
+    return _walk(data, nothing, nothing, np.empty(0, np.uint8))
 
 
 def gather(
-    data: Bytes, found: Survey, kept: Sequence[int], passed: Callable[[int], None] = ignore
+    data: Bytes, found: Survey, kept: Sequence[int], passed: Callable[[int], None] | None = None
 ) -> dict[int, Bytes]:
     """Walk over a surveyed log again and copy the bodies of some layouts; `passed` is called with each place reached.
 
@@ -59,7 +55,9 @@ def gather(
     return {k: out[ends[i] : ends[i + 1]].reshape(-1, found.length[k] - 3) for i, k in enumerate(kept)}
 
 
-def _walk(data: Bytes, room: Integers, place: Integers, out: Bytes, passed: Callable[[int], None]) -> Survey:
+def _walk(
+    data: Bytes, room: Integers, place: Integers, out: Bytes, passed: Callable[[int], None] | None = None
+) -> Survey:
     definitions = np.zeros((MAX_LAYOUTS, FMT_LENGTH - 3), np.uint8)
     length, count = np.zeros((2, MAX_LAYOUTS), np.int64)
     unknown, gaps = np.zeros(256, np.int64), np.zeros((64, 2), np.int64)
@@ -76,7 +74,8 @@ def _walk(data: Bytes, room: Integers, place: Integers, out: Bytes, passed: Call
         at = step(
             at, stop, data, layout_of, length, definitions, count, unknown, gaps, state, place, room, out
         )
-        passed(min(at, data.size))
+        if passed is not None:
+            passed(min(at, data.size))
     layouts, damaged, lost, cut = state.tolist()
     return Survey(
         definitions[:layouts], length[:layouts], count[:layouts], unknown, gaps[:damaged], damaged, lost, cut

@@ -15,15 +15,13 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from stoop.errors import LogError, one_line
+from stoop.errors import one_line
 from stoop.logs.csv_tables import numbers, whole_lines
 from stoop.logs.dataflash import TEXTS, Layout, Messages, assemble, decoded, is_wanted, make_layout
-from stoop.logs.recording import Defect, Recording, read_bounded
+from stoop.logs.recording import Defect, Recording
 
-MAX_BYTES: Final = 256 * 2**20  #: of text, twenty minutes of a busy log
 MAX_LINE: Final = 1024
 MAX_KINDS: Final = 256  #: ids of messages are bytes
-_EMPTY: Final = "copy it again from the autopilot"
 
 
 @dataclass
@@ -48,26 +46,20 @@ class _Lines:
             self.misfits += 1
 
 
-def read_dataflash_text(path: Path, topics: frozenset[str] | None = None) -> Recording:
+def parse_dataflash_text(path: Path, content: bytes, topics: frozenset[str] | None = None) -> Recording:
     """Read a .log file.
 
     Parameters
     ----------
-    path : the file
+    path : its name
+    content : its text
     topics : names of messages wanted; None means all
 
     Raises
     ------
     LogError
-        When it is empty, no DataFlash log, larger than `MAX_BYTES`, or holds no sample.
+        When it is no DataFlash log, or holds no sample.
     """
-    return parse_dataflash_text(path, read_bounded(path, MAX_BYTES, _EMPTY), topics)
-
-
-def parse_dataflash_text(path: Path, content: bytes, topics: frozenset[str] | None = None) -> Recording:
-    """Read a log from memory; see `read_dataflash_text`."""
-    if not content:
-        raise LogError(f"{path}: the log is empty; {_EMPTY}")
     content, cut = whole_lines(content, path.name)
     kinds, defects = _by_name(path.name, content, topics)
     messages = []

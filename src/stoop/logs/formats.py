@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import importlib
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
+
+from stoop.logs.recording import Recording
 
 HEAD: Final = 2**16  #: bytes that are examined; the attributes of a netCDF file stand there
 HDF5: Final = b"\x89HDF\r\n\x1a\n"
@@ -24,14 +28,28 @@ class Format:
     package: str = ""  #: of a library that is not among stoop's dependencies
     extra: str = ""
     hdf5_only: bool = False  #: whether only files of HDF5 need the package
+    most: int = 0  #: bytes of a file that is read whole before its reader is called; 0: the reader opens it
+    remedy: str = ""  #: for an empty file of these
+
+    def function(self) -> Callable[..., Recording]:
+        """Return the reader."""
+        module, _, name = self.reader.partition(":")
+        found: Callable[..., Recording] = getattr(importlib.import_module(f"stoop.logs.{module}"), name)
+        return found
 
 
 FORMATS: Final = {
     "ulog": Format("ulog:read_ulog", (b"ULog\x01\x12\x35",), (".ulg", ".ulog")),
     "dataflash": Format("dataflash:read_dataflash", (PULSE,)),
-    "dataflash-text": Format("dataflash_text:read_dataflash_text", (b"FMT,",)),
-    "crazyflie": Format("crazyflie:read_crazyflie", (b"\xbc\x01", b"\xbc\x02"), (".usd",)),
-    "blackbox": Format("blackbox:read_blackbox", (b"H Product:Blackbox",), (".bbl", ".bfl")),
+    # of text, twenty minutes of a busy log
+    "dataflash-text": Format("dataflash_text:parse_dataflash_text", (b"FMT,",), most=2**28,
+                             remedy="copy it again from the autopilot"),
+    # 20 variables at 1 kHz for eleven minutes; a battery lasts seven
+    "crazyflie": Format("crazyflie:parse_crazyflie", (b"\xbc\x01", b"\xbc\x02"), (".usd",), most=2**26,
+                        remedy="copy it again from the card"),
+    # flash holds 2 to 64 MiB, and a card some minutes in that
+    "blackbox": Format("blackbox:parse_blackbox", (b"H Product:Blackbox",), (".bbl", ".bfl"), most=2**28,
+                       remedy="copy it again from flash or card"),
     "blackbox-csv": Format("blackbox_csv:read_blackbox_csv"),
     "matlab": Format("matlab:parse_matlab", (b"MATLAB 5.0 MAT-file", b"MATLAB 7.3 MAT-file"), (".mat",),
                      "MATLAB file", "h5py", "matlab", hdf5_only=True),

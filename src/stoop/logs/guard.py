@@ -9,7 +9,6 @@ The child is a new interpreter: ``python -m stoop.logs.guard FORMAT FOLDER``; th
 from __future__ import annotations
 
 import contextlib
-import importlib
 import importlib.util
 import json
 import os
@@ -212,11 +211,8 @@ def parse(known: str, path: Path, topics: frozenset[str] | None = None) -> Recor
     if known not in FORMATS:
         raise LogError(f"{path}: {known} is no format")
     form = FORMATS[known]
-    module, _, function = form.reader.partition(":")
     try:
-        recording: Recording = getattr(importlib.import_module(f"stoop.logs.{module}"), function)(
-            path, topics
-        )
+        return form.function()(path, topics)
     except LogError:
         raise
     except MemoryError:
@@ -227,7 +223,6 @@ def parse(known: str, path: Path, topics: frozenset[str] | None = None) -> Recor
         raise LogError(
             f"{path}: damaged {form.name} ({reason(error)}); copy it again, or export it as CSV"
         ) from None
-    return recording
 
 
 def main(known: str, where: str) -> None:

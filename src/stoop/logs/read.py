@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import importlib
 from pathlib import Path
 
 from stoop.errors import LogError
 from stoop.logs.formats import DECODED, FORMATS, HDF5, HEAD, PULSE
 from stoop.logs.guard import read_guarded
-from stoop.logs.recording import Recording, unreadable
+from stoop.logs.recording import Recording, read_bounded, unreadable
 
 
 def read(path: Path, mapping: Path | None = None, topics: frozenset[str] | None = None) -> Recording:
@@ -70,11 +69,11 @@ def is_bag_folder(path: Path) -> bool:
 
 def read_as(known: str, path: Path, topics: frozenset[str] | None = None) -> Recording:
     """Read a file of a known format, a key of `FORMATS`; see `read`."""
-    if FORMATS[known].name:
+    form = FORMATS[known]
+    if form.name:
         return read_guarded(known, path, topics)
-    module, _, function = FORMATS[known].reader.partition(":")
-    recording: Recording = getattr(importlib.import_module(f"stoop.logs.{module}"), function)(path, topics)
-    return recording
+    content = (read_bounded(path, form.most, form.remedy),) if form.most else ()
+    return form.function()(path, *content, topics)
 
 
 def kind(path: Path) -> str:

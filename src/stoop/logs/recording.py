@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import os
 from bisect import bisect_left
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, BinaryIO, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -122,6 +122,17 @@ def read_bounded(path: Path, most: int, remedy: str) -> bytes:
     return content
 
 
+def checked_size(path: Path, file: BinaryIO, most: int) -> int:
+    """Return the bytes of a log of an autopilot; `LogError` when there are none, or more than `most`."""
+    size = file.seek(0, 2)
+    file.seek(0)
+    if not size:
+        raise LogError(f"{path}: the log is empty; copy it again from the autopilot")
+    if size > most:
+        raise LogError(f"{path}: larger than {most >> 30} GiB; cut the log to the flight of interest")
+    return size
+
+
 def reason(error: BaseException, most: int = 120) -> str:
     """Return the message of an exception as one short line."""
     return " ".join(str(error).split())[:most] or type(error).__name__
@@ -151,6 +162,27 @@ def clean_stream(
         return Stream(time, Numbers(columns)), ()
     message = f"{lost} of {time.size} samples dropped: time stands still or runs back"
     return Stream(time[keep], Numbers(columns, keep)), (Defect("time order", place, message),)
+
+
+def add_stream(
+    streams: dict[str, Stream],
+    defects: list[Defect],
+    name: str,
+    time: FloatArray,
+    columns: Mapping[str, npt.NDArray[Any]],
+) -> bool:
+    """Add a stream by `clean_stream`, and its defects; return whether any sample is left."""
+    stream, dropped = clean_stream(name, time, columns)
+    defects += dropped
+    if stream.time.size:
+        streams[name] = stream
+    return stream.time.size > 0
+
+
+def nothing_read(path: Path, what: str, defects: Sequence[Defect], remedy: str) -> LogError:
+    """Return the error of a log without a usable stream, with the first defect as its cause."""
+    because = f" ({defects[0]})" if defects else ""
+    return LogError(f"{path}: {what}{because}; {remedy}")
 
 
 def increasing(time: FloatArray) -> IntArray:

@@ -30,7 +30,7 @@ from stoop.base.arrays import FloatArray
 from stoop.errors import LogError
 from stoop.logs.arrays import max_values
 from stoop.logs.netcdf import MAX_DEPTH
-from stoop.logs.recording import Defect, Recording, Stream, clean_stream, reason
+from stoop.logs.recording import Defect, Recording, Stream, add_stream, nothing_read, reason
 
 #: type -> (constants, fields), as rosbags parses them
 FieldDefinitions: TypeAlias = Mapping[str, tuple[Any, Any]]
@@ -193,15 +193,14 @@ class _Topic:
             column.append(numbers.get(name, math.nan))
         return len(self.columns) + 1
 
-    def stream(self, name: str, start: int) -> tuple[Stream | None, list[Defect]]:
-        """Return the stream; its time [s] counts from the beginning of the bag, by the messages' stamps if usable."""
-        defects: list[Defect] = []
+    def add(self, streams: dict[str, Stream], defects: list[Defect], name: str, start: int) -> None:
+        """Add the stream; its time [s] counts from the beginning of the bag, by the messages' stamps if usable."""
         if self.undecoded:
             message = f"{self.undecoded} messages skipped: they do not match their definition"
             defects.append(Defect("corrupt", name, message))
         columns = {key: np.frombuffer(column) for key, column in self.columns.items() if key not in STAMP}
         if not columns:
-            return None, defects
+            return
         time: FloatArray = (np.frombuffer(self.recorded, np.int64) - start).astype(np.float64) * NANOSECOND
         if all(key in self.columns for key in STAMP):
             seconds, nanoseconds = (np.frombuffer(self.columns[key]) for key in STAMP)
@@ -211,8 +210,7 @@ class _Topic:
             else:
                 message = "header.stamp is empty or of another clock; the time of recording is used"
                 defects.append(Defect("time order", name, message))
-        stream, dropped = clean_stream(name, time, columns)
-        return stream, [*defects, *dropped]
+        add_stream(streams, defects, name, time, columns)
 
 
 def parse_rosbag(path: Path, topics: frozenset[str] | None = None) -> Recording:
@@ -235,13 +233,9 @@ def parse_rosbag(path: Path, topics: frozenset[str] | None = None) -> Recording:
         defects += _append_messages(path, reader, kept, known)
     streams: dict[str, Stream] = {}
     for name, topic in known.items():
-        stream, found = topic.stream(name, start)
-        defects += found
-        if stream is not None and stream.time.size:
-            streams[name] = stream
+        topic.add(streams, defects, name, start)
     if not streams:
-        because = f" ({defects[0]})" if defects else ""
-        raise LogError(f"{path}: no topic holds numbers{because}; name a bag with sensor messages")
+        raise nothing_read(path, "no topic holds numbers", defects, "name a bag with sensor messages")
     info = {"definitions": source, "body frame": "flu", "world frame": "enu"}
     info["start"] = f"{start * NANOSECOND:.3f} s after 1970"
     unread: dict[str, tuple[str, ...]] = dict.fromkeys(unwanted, ())

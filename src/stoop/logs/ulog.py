@@ -23,7 +23,7 @@ import numpy.typing as npt
 from stoop.base.units import MICROSECOND
 from stoop.errors import LogError, listed
 from stoop.logs import ulog_walk
-from stoop.logs.recording import Defect, Recording, Stream, clean_stream, unreadable
+from stoop.logs.recording import Defect, Recording, Stream, add_stream, checked_size, unreadable
 from stoop.logs.ulog_messages import PADDING, BodyError, Formats, Metadata, decoded
 
 MAGIC: Final = b"ULog\x01\x12\x35"
@@ -73,17 +73,11 @@ def read_ulog(path: Path, topics: frozenset[str] | None = None) -> Recording:
     """
     try:
         with path.open("rb") as file:
-            size = file.seek(0, 2)
-            file.seek(0)
-            if not size:
-                raise LogError(f"{path}: the log is empty; copy it again from the autopilot")
+            size = checked_size(path, file, LIMITS.size)
             if file.read(len(MAGIC)) != MAGIC:
                 raise LogError(
                     f"{path}: not a ULog file, its first bytes are wrong; copy it again from the autopilot"
                 )
-            if size > LIMITS.size:
-                most = LIMITS.size >> 30
-                raise LogError(f"{path}: larger than {most} GiB; cut the log to the flight of interest")
             found = scan(file, size, topics)
     except OSError as error:
         raise unreadable(path, error) from None
@@ -134,11 +128,8 @@ def _streams(path: Path, found: Scanner) -> tuple[dict[str, Stream], list[Defect
             continue
         time = table["timestamp"].astype(np.float64)
         time *= MICROSECOND
-        stream, dropped = clean_stream(name, time, {key: table[key] for key in names if key != "timestamp"})
-        fields += len(stream.columns)
-        defects.extend(dropped)
-        if stream.time.size:
-            streams[name] = stream
+        fields += len(names) - 1
+        add_stream(streams, defects, name, time, {key: table[key] for key in names if key != "timestamp"})
     return streams, defects
 
 

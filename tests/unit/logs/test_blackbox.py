@@ -137,16 +137,16 @@ def test_an_independent_decoder_reads_the_same(tmp_path: Path) -> None:
 def test_compiled_is_interpreted(monkeypatch: pytest.MonkeyPatch) -> None:
     content = bytearray(log(300))
     content[9000:9100] = bytes(100)
-    slow = parse_blackbox(bytes(content), PATH)
+    slow = parse_blackbox(PATH, bytes(content))
     monkeypatch.setattr(blackbox, "SMALL", 0)
-    fast = parse_blackbox(bytes(content), PATH)
+    fast = parse_blackbox(PATH, bytes(content))
     assert fast.defects == slow.defects
     for name, stream in slow.streams.items():
         assert all(np.array_equal(x, fast.streams[name].columns[key]) for key, x in stream.columns.items())
 
 
 def test_units() -> None:
-    known, recording = numbers(), parse_blackbox(log(), PATH)
+    known, recording = numbers(), parse_blackbox(PATH, log())
     main = recording.streams["main"]
     np.testing.assert_allclose(main.time, 1e-6 * known["time"], atol=1e-12)
     expected = {
@@ -178,7 +178,7 @@ def test_units() -> None:
 def test_motors(lines: dict[str, str], raw_value: int, share: float) -> None:
     values = numbers() | {"motor[0]": np.full(N, raw_value)}
     content = blackbox_bytes(FIELDS, values, HEADER | lines)
-    motor = parse_blackbox(content, PATH).streams["main"].columns["motor[0]"]
+    motor = parse_blackbox(PATH, content).streams["main"].columns["motor[0]"]
     np.testing.assert_allclose(motor, share, atol=1e-6)
 
 
@@ -189,7 +189,7 @@ def test_motors(lines: dict[str, str], raw_value: int, share: float) -> None:
 def test_volts_by_version(firmware: str, volts: float) -> None:
     values = numbers() | {"vbatLatest": np.full(N, 2400)}
     content = blackbox_bytes(FIELDS, values, HEADER | {"Firmware revision": firmware})
-    assert parse_blackbox(content, PATH).streams["main"].columns["vbatLatest"][5] == pytest.approx(volts)
+    assert parse_blackbox(PATH, content).streams["main"].columns["vbatLatest"][5] == pytest.approx(volts)
 
 
 def test_every_sixteenth_iteration() -> None:
@@ -209,7 +209,7 @@ def test_every_sixteenth_iteration() -> None:
 
 def test_time_goes_on_after_71_minutes() -> None:
     values = numbers() | {"time": 2**32 - 50_000 + 1000 * np.arange(N)}
-    time = parse_blackbox(blackbox_bytes(FIELDS, values, HEADER), PATH).streams["main"].time
+    time = parse_blackbox(PATH, blackbox_bytes(FIELDS, values, HEADER)).streams["main"].time
     np.testing.assert_allclose(np.diff(time), 1e-3, atol=1e-9)
 
 
@@ -217,7 +217,7 @@ def test_a_pause_of_the_log() -> None:
     values = numbers()
     values["loopIteration"][50:] += 700
     values["time"][50:] += 700_000
-    recording = parse_blackbox(blackbox_bytes(FIELDS, values, HEADER), PATH)
+    recording = parse_blackbox(PATH, blackbox_bytes(FIELDS, values, HEADER))
     assert recording.defects == ()
     assert recording.streams["main"].time.size == N
     assert np.max(np.diff(recording.streams["main"].time)) == pytest.approx(0.701, abs=1e-4)
@@ -227,7 +227,7 @@ def test_several_logs_of_a_file() -> None:
     later = numbers(seed=2)
     later["time"] = later["time"] + 60_000_000
     anew = blackbox_bytes(FIELDS[:-4], numbers(seed=3), HEADER)
-    recording = parse_blackbox(log() + blackbox_bytes(FIELDS, later, HEADER) + anew, PATH)
+    recording = parse_blackbox(PATH, log() + blackbox_bytes(FIELDS, later, HEADER) + anew)
     time = recording.streams["main"].time
     assert time.size == 3 * N
     assert time[N] - time[0] == pytest.approx(60.0, abs=0.01)
@@ -243,7 +243,7 @@ def test_damage_costs_what_builds_on_it() -> None:
     content = bytearray(log())
     place = len(content) // 2
     content[place : place + 60] = bytes(60)
-    recording, whole = parse_blackbox(bytes(content), PATH), numbers()
+    recording, whole = parse_blackbox(PATH, bytes(content)), numbers()
     main = recording.streams["main"]
     assert {defect.kind for defect in recording.defects} == {"corrupt", "dropout"}
     assert N - writer.INTERVAL - 2 <= main.time.size < N
@@ -255,14 +255,14 @@ def test_damage_costs_what_builds_on_it() -> None:
 
 def test_erased_flash_behind_a_log_without_end() -> None:
     content = log().removesuffix(writer.GOODBYE) + b"\xff" * 1000
-    recording = parse_blackbox(content, PATH)
+    recording = parse_blackbox(PATH, content)
     assert recording.streams["main"].time.size >= N - 1
 
 
 @pytest.mark.parametrize("end", range(60, 2400, 290))
 def test_cut_anywhere(end: int) -> None:
     content = log()[: -2400 + end]
-    recording = parse_blackbox(content, PATH)
+    recording = parse_blackbox(PATH, content)
     assert 0 < recording.streams["main"].time.size <= N
 
 
@@ -276,7 +276,7 @@ def test_damage_anywhere(edits: list[tuple[int, bytes, int]], end: int) -> None:
     for at, piece, lost in edits:
         content = content[:at] + piece + content[at + lost :]
     try:
-        recording = parse_blackbox(content, PATH)
+        recording = parse_blackbox(PATH, content)
     except LogError:
         return
     for stream in recording.streams.values():
@@ -294,7 +294,7 @@ def test_fields_that_take_no_bytes_do_not_fill_memory() -> None:
         f"H Field P {key}:{','.join(['0' if key == 'predictor' else '9'] * 251)}\n"
         for key in ("predictor", "encoding")
     )
-    recording = parse_blackbox(head.encode() + b"I" * 60_000, PATH)
+    recording = parse_blackbox(PATH, head.encode() + b"I" * 60_000)
     assert "more numbers" in " ".join(map(str, recording.defects))
 
 
@@ -310,7 +310,7 @@ def test_fields_that_take_no_bytes_do_not_fill_memory() -> None:
 )
 def test_what_cannot_be_read(wrong: bytes, word: str) -> None:
     with pytest.raises(LogError, match=word):
-        parse_blackbox(wrong, PATH)
+        parse_blackbox(PATH, wrong)
 
 
 @pytest.mark.parametrize("name", ["a.bbl", "a.BFL", "LOG00001.TXT", "noending"])
@@ -345,7 +345,7 @@ def decoded(values: dict[str, npt.NDArray[Any]]) -> str:
 @pytest.mark.parametrize(("table", "assumed"), [(explorer, 0), (decoded, 3)])
 def test_decoded_tables_are_the_raw_log(table: Any, assumed: int, tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text(table(numbers()), encoding="utf-8")
-    found, known = read(tmp_path / "a.csv"), parse_blackbox(log(), PATH)
+    found, known = read(tmp_path / "a.csv"), parse_blackbox(PATH, log())
     assert found.format == "blackbox-csv"
     assert [defect.kind for defect in found.defects] == ["assumed"] * assumed
     np.testing.assert_allclose(found.streams["main"].time, known.streams["main"].time)

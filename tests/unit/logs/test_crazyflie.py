@@ -49,7 +49,7 @@ def by_hand() -> bytes:
 
 
 def test_layout_as_documented() -> None:
-    stream = parse_crazyflie(by_hand(), PATH).streams["fixedFrequency"]
+    stream = parse_crazyflie(PATH, by_hand()).streams["fixedFrequency"]
     assert stream.time.tolist() == [1.5]
     assert {name: column.tolist() for name, column in stream.columns.items()} == {
         "pm.vbatMV": [3700.0],
@@ -73,13 +73,13 @@ def test_comes_back(events: dict[str, Event], version: int, tick: float, tmp_pat
 
 
 def test_only_the_events_asked_for(events: dict[str, Event]) -> None:
-    recording = parse_crazyflie(crazyflie_bytes(events), PATH, frozenset({"modeChanged"}))
+    recording = parse_crazyflie(PATH, crazyflie_bytes(events), frozenset({"modeChanged"}))
     assert set(recording.streams) == {"modeChanged"}
 
 
 def test_cut_end(events: dict[str, Event]) -> None:
     whole = crazyflie_bytes(events)
-    recording = parse_crazyflie(whole[:-30], PATH)
+    recording = parse_crazyflie(PATH, whole[:-30])
     (defect,) = recording.defects
     assert defect.kind == "truncated"
     place = int(str(defect).split("at byte ")[1].split(",")[0])
@@ -90,7 +90,7 @@ def test_cut_end(events: dict[str, Event]) -> None:
 def test_wrong_value(events: dict[str, Event]) -> None:
     whole = bytearray(crazyflie_bytes(events))
     whole[-9] ^= 0x40
-    recording = parse_crazyflie(bytes(whole), PATH)
+    recording = parse_crazyflie(PATH, bytes(whole))
     assert [defect.kind for defect in recording.defects] == ["corrupt"]
     assert "checksum" in str(recording.defects[0])
     assert recording.streams["fixedFrequency"].time.size == N
@@ -99,14 +99,14 @@ def test_wrong_value(events: dict[str, Event]) -> None:
 def test_lost_bytes_cost_only_their_events(events: dict[str, Event]) -> None:
     whole = crazyflie_bytes(events)
     middle = len(whole) // 2
-    recording = parse_crazyflie(whole[:middle] + whole[middle + 5 :], PATH)
+    recording = parse_crazyflie(PATH, whole[:middle] + whole[middle + 5 :])
     assert any("unknown event at byte" in str(defect) for defect in recording.defects)
     assert recording.streams["fixedFrequency"].time.size >= N - 5
 
 
 def test_two_logs_in_one_file_do_not_confuse_the_clock(events: dict[str, Event]) -> None:
     whole = crazyflie_bytes(events)
-    stream = parse_crazyflie(whole + whole, PATH).streams["fixedFrequency"]
+    stream = parse_crazyflie(PATH, whole + whole).streams["fixedFrequency"]
     assert np.all(np.diff(stream.time) > 0.0)
 
 
@@ -127,7 +127,7 @@ def test_two_logs_in_one_file_do_not_confuse_the_clock(events: dict[str, Event])
 )
 def test_what_is_no_log_is_said_in_one_line(content: bytes, words: str) -> None:
     with pytest.raises(LogError, match=words) as caught:
-        parse_crazyflie(content, PATH)
+        parse_crazyflie(PATH, content)
     assert "\n" not in str(caught.value)
 
 
@@ -139,18 +139,18 @@ def test_damaged_anywhere(events: dict[str, Event]) -> None:
         for place in rng.integers(0, len(content), rng.integers(1, 30)):
             content[place] = rng.integers(256)
         with suppress(LogError):
-            recording = parse_crazyflie(bytes(content[: rng.integers(1, len(content) + 1)]), PATH)
+            recording = parse_crazyflie(PATH, bytes(content[: rng.integers(1, len(content) + 1)]))
             assert all(np.all(np.diff(stream.time) > 0.0) for stream in recording.streams.values())
 
 
 def test_nothing_but_unknown_events_ends_soon() -> None:
     head = b"\xbc\x02\x00\x01\x00\x01\x00n\0\x00\x00"
     hostile = head + (b"\x01\x00" + b"\xff" * 8 + b"\x07\x00") * 50_000
-    recording = parse_crazyflie(hostile, PATH)
+    recording = parse_crazyflie(PATH, hostile)
     assert len(recording.defects) < 30
 
 
 def test_a_name_that_cannot_be_printed_is_damage(tmp_path: Path) -> None:
     event = Event(1, np.arange(3.0), {"a": np.zeros(3, "f4")})
     with pytest.raises(LogError, match="a name is not text"):
-        parse_crazyflie(crazyflie_bytes({"fix\x06d": event}), tmp_path / "a.usd")
+        parse_crazyflie(tmp_path / "a.usd", crazyflie_bytes({"fix\x06d": event}))

@@ -13,9 +13,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from stoop.errors import LogError
-from stoop.logs import csv_tables
+from stoop.logs import csv_tables, read
 from stoop.logs.csv_tables import read_table
-from stoop.logs.dataflash_text import read_dataflash_text
 
 any_file = settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 
@@ -162,7 +161,7 @@ def test_whole_numbers_beyond_float64_are_infinite(tmp_path: Path, sign: str) ->
     log = tmp_path / "a.log"
     rows = "".join(f"IMU, {1000 * i}, {large if i == 7 else i}\n" for i in range(60))
     log.write_text(f"FMT, 130, 19, IMU, Qf, TimeUS,GyrX\n{rows}")
-    gyro = read_dataflash_text(log).streams["IMU"].columns["GyrX"]
+    gyro = read(log).streams["IMU"].columns["GyrX"]
     assert gyro[6:9].tolist() == [6.0, float(f"{sign}inf"), 8.0]
 
 
@@ -179,7 +178,7 @@ def test_a_number_is_read_alike_by_all_readers_of_text(cell: str, tmp_path: Path
     for lines in (5, 60):
         rows = "".join(f"IMU, {1000 * i}, {cell if i == 3 else 1}\n" for i in range(lines))
         (tmp_path / "a.log").write_text(f"FMT, 130, 19, IMU, Qf, TimeUS,GyrX\n{rows}", encoding="utf-8")
-        found.append(read_dataflash_text(tmp_path / "a.log").streams["IMU"].columns["GyrX"][3])
+        found.append(read(tmp_path / "a.log").streams["IMU"].columns["GyrX"][3])
     np.testing.assert_array_equal(found, found[0])
 
 
