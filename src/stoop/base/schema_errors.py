@@ -73,15 +73,14 @@ def _message(first: Any, model: type[BaseModel]) -> str:
     if kind == "union_tag_invalid":
         return f"{context['discriminator']} is '{context['tag']}'; choose one of {context['expected_tags']}"
     plain = first["msg"].removeprefix("Value error, ")
-    return _REMEDIES.get(kind) or (plain if kind == "value_error" else f"{_softened(plain)}; correct it")
-
-
-def _softened(text: str) -> str:
-    return (
-        text[:1].lower() + text[1:]
-        if not text.startswith("Input ")
-        else text.replace("Input should", "it must")
+    if kind in _REMEDIES or kind == "value_error":
+        return _REMEDIES.get(kind) or plain
+    shown = (
+        plain.replace("Input should", "it must")
+        if plain.startswith("Input ")
+        else plain[:1].lower() + plain[1:]
     )
+    return f"{shown}; correct it"
 
 
 def _known(location: tuple[int | str, ...], model: type[BaseModel]) -> str:
@@ -90,21 +89,12 @@ def _known(location: tuple[int | str, ...], model: type[BaseModel]) -> str:
     for part in location[:-1]:
         holders = [m for m in tables if part in m.model_fields]
         inner = [t for m in holders for t in _tables(m.model_fields[str(part)].annotation)]
-        tables = inner or _tagged(tables, part)
+        # the tables that a tag chooses; a part that is no tag is a name of the user's
+        fields_of = [(m, m.model_fields[t].annotation) for m in tables for t in _TAGS if t in m.model_fields]
+        tables = inner or [m for m, values in fields_of if part in get_args(values)] or tables
     fields = list(dict.fromkeys(f.alias or name for m in tables for name, f in m.model_fields.items()))
     near = difflib.get_close_matches(str(location[-1]), fields, 1)
     return f"did you mean {near[0]}?" if near else "known here: " + ", ".join(fields)
-
-
-def _tagged(tables: list[type[BaseModel]], part: Any) -> list[type[BaseModel]]:
-    """Return the tables that a tag chooses; a part that is no tag is a name of the user's."""
-    chosen = [
-        m
-        for m in tables
-        for t in _TAGS
-        if t in m.model_fields and part in get_args(m.model_fields[t].annotation)
-    ]
-    return chosen or tables
 
 
 def _tables(annotation: Any) -> list[type[BaseModel]]:

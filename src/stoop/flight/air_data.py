@@ -384,7 +384,7 @@ def _notices(
 
 def _pitot_notices(air: AirData, speed: float, density: float) -> list[Notice]:
     """Return the calibration, and how the reading at rest agrees with it: a pressure offset fades as 1 / V."""
-    found, error = [], air.pitot_error(speed)
+    found, error = [], speed / air.pitot_scale + air.pitot_offset - speed  # reading minus truth
     if np.isfinite(air.pitot_scale):
         line = {"offset": air.pitot_offset, "offset_std": air.pitot_offset_std, "scale": air.pitot_scale}
         line |= {"scale_std": air.pitot_scale_std, "speed": speed, "error": abs(error)}

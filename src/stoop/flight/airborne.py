@@ -134,8 +134,11 @@ def lift_command(flight: Flight) -> FloatArray | None:
 
 
 def _moving(flight: Flight, kind: str, size: int) -> list[str]:
-    """Return the channels of a kind that are not still at zero."""
-    outputs = [n for n in range(1, size + 1) if kind != "pwm" or _may_be_motor(flight, n)]
+    """Return the channels of a kind that are not still at zero; of pulses those that ArduPilot's parameters allow a motor."""
+    functions = {
+        n: flight.parameters.get(f"SERVO{n}_FUNCTION", 0.0) for n in range(1, size + 1)
+    }  # 0: none said
+    outputs = [n for n, use in functions.items() if kind != "pwm" or use == 0.0 or use in MOTOR_FUNCTIONS]
     there = [name for name in (f"{kind}_{n}" for n in outputs) if name in flight.names]
     return [name for name in there if np.nanmax(np.abs(np.append(flight.column(name), 0.0))) > 0.0]
 
@@ -165,12 +168,6 @@ def require_motors_ran(flight: Flight) -> None:
             f"{flight.name}: the motors never ran (their commands reach {100.0 * most:.0f} % at most): nothing flew in this "
             "log; give a log of a flight, or check the scale of the motor channels in the mapping"
         )
-
-
-def _may_be_motor(flight: Flight, output: int) -> bool:
-    """Tell whether an output may drive a motor, as far as ArduPilot's parameters in the log say what it does."""
-    function = flight.parameters.get(f"SERVO{output}_FUNCTION", 0.0)
-    return function == 0.0 or function in MOTOR_FUNCTIONS  # 0: nothing is said
 
 
 def hovered(flight: Flight) -> bool:

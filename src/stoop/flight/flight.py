@@ -68,10 +68,6 @@ class AirData:
     #: wind_e_log, beta, beta_from_force
     traces: Mapping[str, FloatArray] = field(default_factory=dict, compare=False, repr=False)
 
-    def pitot_error(self, speed: float) -> float:
-        """Return reading minus truth at a true airspeed [m/s]."""
-        return speed / self.pitot_scale + self.pitot_offset - speed
-
 
 @dataclass(frozen=True, eq=False)
 class Gridded:

@@ -26,7 +26,7 @@ F. E. Satterthwaite, "An approximate distribution of estimates of variance compo
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -122,7 +122,11 @@ def estimate_responses(
     """
     found = []
     for column, output in enumerate(outputs):
-        pieces = [piece for one in stretches for piece in _complete(one, column)]
+        pieces = []  # rate, and the inputs and this output (n, p + 1) where there is no gap
+        for one in stretches:
+            values = np.column_stack([one.inputs, one.outputs[:, column]])
+            present: BoolArray = np.asarray(np.isfinite(values).all(axis=1))
+            pieces += [(one.rate, values[run]) for run in run_slices(present)]
         chosen = lengths or window_lengths([len(v) / rate for rate, v in pieces], len(inputs))
         chosen = [x for x in chosen if all(x * rate >= MIN_SAMPLES for rate, _ in pieces)]
         if not chosen or not pieces:
@@ -134,13 +138,6 @@ def estimate_responses(
         if hertz.size:
             found += _responses(_windows(pieces, chosen, hertz), hertz, inputs, output)
     return found
-
-
-def _complete(one: Stretch, column: int) -> list[tuple[float, FloatArray]]:
-    """Return rate and the inputs and one output (n, p + 1) of the parts of a stretch that have no gap."""
-    values = np.column_stack([one.inputs, one.outputs[:, column]])
-    present: BoolArray = np.asarray(np.isfinite(values).all(axis=1))
-    return [(one.rate, values[run]) for run in run_slices(present)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -293,12 +290,3 @@ def _weights(
         ratio = error / least if least > 0.0 else 1.0 if error == least else np.inf
         weights[own] = min(ratio, 1e6) ** WEIGHT_POWER / own.sum()
     return weights
-
-
-def stretches_of(
-    columns: Mapping[str, FloatArray], inputs: Sequence[str], outputs: Sequence[str], rate: float
-) -> Stretch:
-    """Return the stretch of named columns (n,)."""
-    return Stretch(
-        rate, np.column_stack([columns[n] for n in inputs]), np.column_stack([columns[n] for n in outputs])
-    )

@@ -17,7 +17,7 @@ from typing import Final
 
 import numpy as np
 
-from stoop.base.arrays import BoolArray, ComplexArray, FloatArray, run_slices
+from stoop.base.arrays import ComplexArray, FloatArray, run_slices
 from stoop.flight.flight import Flight
 from stoop.flight.frequency import FrequencyResponse, Stretch, estimate_responses
 from stoop.flight.maneuvers import MOTION, commands
@@ -54,10 +54,20 @@ def power_spectra(flight: Flight, names: Sequence[str]) -> list[PowerSpectrum]:
     """Return the power spectra of those of the channels that hold a window without a gap."""
     found = []
     for name in names:
-        windows = _windows(flight.column(name)[:, None], flight.rate, POWER_WINDOW)
-        if windows is not None:
-            density = np.mean(np.abs(windows[:, :, 0]) ** 2, axis=0)[1:]
-            found.append(PowerSpectrum(name, _frequency(flight, windows), density, _averages(len(windows))))
+        values = flight.column(name)
+        stretches = run_slices(np.isfinite(values))
+        longest = max((one.stop - one.start for one in stretches), default=0)
+        size = min(round(POWER_WINDOW * flight.rate), 2 * longest // (MIN_WINDOWS + 1)) // 2 * 2
+        if size < MIN_SAMPLES:
+            continue
+        starts = np.concatenate([np.arange(one.start, one.stop - size + 1, size // 2) for one in stretches])
+        windows = _transformed(values[starts[:, None] + np.arange(size)], flight.rate)
+        density = np.mean(np.abs(windows) ** 2, axis=0)[1:]
+        # how many independent windows as many half-overlapping ones are worth (Welch 1967)
+        count = len(windows)
+        averages = count / (1.0 + 2.0 * OVERLAP_CORRELATION**2 * (count - 1) / count)
+        frequency = flight.rate * np.arange(1, size // 2 + 1) / size
+        found.append(PowerSpectrum(name, frequency, density, averages))
     return found
 
 
@@ -84,32 +94,8 @@ def frequency_responses(flight: Flight) -> list[FrequencyResponse]:
     return found
 
 
-def _windows(values: FloatArray, rate: float, seconds: float) -> ComplexArray | None:
-    """Return the transforms (w, m, k) of windows of k channels `values` (n, k) without gaps; None if there is none."""
-    present: BoolArray = np.asarray(np.isfinite(values).all(axis=1))
-    stretches = run_slices(present)
-    longest = max((one.stop - one.start for one in stretches), default=0)
-    length = min(round(seconds * rate), 2 * longest // (MIN_WINDOWS + 1)) // 2 * 2
-    if length < MIN_SAMPLES:
-        return None
-    starts = np.concatenate([np.arange(one.start, one.stop - length + 1, length // 2) for one in stretches])
-    return _transformed(values[starts[:, None] + np.arange(length)], rate)
-
-
 def _transformed(windows: FloatArray, rate: float) -> ComplexArray:
-    """Return the transforms (w, m, ...) of windows (w, n, ...); their squared magnitudes are one-sided densities."""
-    length = windows.shape[1]
-    taper = np.hanning(length + 1)[:-1].reshape(-1, *[1] * (windows.ndim - 2))
+    """Return the transforms (w, m) of windows (w, n); their squared magnitudes are one-sided densities."""
+    taper = np.hanning(windows.shape[1] + 1)[:-1]
     left = windows - windows.mean(axis=1, keepdims=True)
     return np.asarray(np.fft.rfft(left * taper, axis=1) * np.sqrt(2.0 / (rate * np.sum(taper**2))))
-
-
-def _frequency(flight: Flight, windows: ComplexArray) -> FloatArray:
-    """Return the frequencies of transforms without zero, Hz; the windows have an even number of samples."""
-    count = windows.shape[1] - 1
-    return np.asarray(flight.rate * np.arange(1, count + 1) / (2.0 * count))
-
-
-def _averages(count: int) -> float:
-    """Return how many independent windows as many half-overlapping ones are worth (Welch 1967)."""
-    return count / (1.0 + 2.0 * OVERLAP_CORRELATION**2 * (count - 1) / count)

@@ -237,7 +237,8 @@ def _check_meta(
         raise OutputError(
             f"{path}: holds the runs of {there['plan']}, not of {here['plan']}; name another file"
         )
-    objects = [{k: _object(x[k], path) for k in ("settings", "environment")} for x in (here, there)]
+    values = [{k: _read(x[k], path) for k in ("settings", "environment")} for x in (here, there)]
+    objects = [{k: v if isinstance(v, dict) else {} for k, v in x.items()} for x in values]
     if there["settings"] != here["settings"]:
         ours, theirs = ({k: to_text(v, k) for k, v in x["settings"].items()} for x in objects)
         name = min(n for n in {*ours, *theirs} if ours.get(n) != theirs.get(n))
@@ -252,11 +253,6 @@ def _check_meta(
             "name another file to start anew"
         )
     _write_meta(connection, {"environment": to_text({**kept, **environment}, "environment")})
-
-
-def _object(text: str, path: Path) -> dict[str, Json]:
-    value = _read(text, path)
-    return value if isinstance(value, dict) else {}
 
 
 def _cut(text: str | None) -> str:
