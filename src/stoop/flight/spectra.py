@@ -27,7 +27,6 @@ SPECTROGRAM_WINDOW: Final = 2.0  #: s
 MIN_WINDOWS: Final = 4  #: a flight that holds fewer gets shorter ones
 MIN_SAMPLES: Final = 16  #: of a window
 MAX_COLUMNS: Final = 400  #: of a spectrogram
-OVERLAP_CORRELATION: Final = 1.0 / 6.0  #: of Hann windows that overlap by half (Welch, for white noise)
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +36,6 @@ class PowerSpectrum:
     name: str
     frequency: FloatArray  #: (m,) Hz, without zero
     density: FloatArray  #: (m,), the channel's unit squared per Hz
-    averages: float  #: effective number of independent windows
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,11 +61,7 @@ def power_spectra(flight: Flight, names: Sequence[str]) -> list[PowerSpectrum]:
         starts = np.concatenate([np.arange(one.start, one.stop - size + 1, size // 2) for one in stretches])
         windows = _transformed(values[starts[:, None] + np.arange(size)], flight.rate)
         density = np.mean(np.abs(windows) ** 2, axis=0)[1:]
-        # how many independent windows as many half-overlapping ones are worth (Welch 1967)
-        count = len(windows)
-        averages = count / (1.0 + 2.0 * OVERLAP_CORRELATION**2 * (count - 1) / count)
-        frequency = flight.rate * np.arange(1, size // 2 + 1) / size
-        found.append(PowerSpectrum(name, frequency, density, averages))
+        found.append(PowerSpectrum(name, flight.rate * np.arange(1, size // 2 + 1) / size, density))
     return found
 
 
