@@ -139,8 +139,6 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     for item in items:
         if found[item.nodeid] == "full":
             item.add_marker(pytest.mark.full)
-        elif item.get_closest_marker("slow"):
-            found[item.nodeid] = "standard"
     config.hook.pytest_deselected(items=[i for i in items if not tiers.runs(chosen, found[i.nodeid])])
     items[:] = [i for i in items if tiers.runs(chosen, found[i.nodeid])]
     if hasattr(config, "workerinput"):  # of xdist: a long file that begins last would keep one worker alone

@@ -36,7 +36,7 @@ def names(test: str) -> tuple[str, ...]:
 def tier_of(test: str, tiers: Mapping[str, str], long: Mapping[str, str]) -> str:
     """Return the smallest tier that runs a test: quick, standard or full."""
     by_hand = next((tiers[name] for name in names(test) if name in tiers), "")
-    if by_hand in ("quick", "full"):
+    if by_hand:
         return by_hand
     return "standard" if any(name in long for name in names(test)) else "quick"
 

@@ -7,8 +7,6 @@ import json
 import re
 from pathlib import Path
 
-import pytest
-
 from docs.pages import DOCS, ROOT, run_python, table
 from stoop.exporters.targets import FLOWN_BY, flown_by
 
@@ -60,6 +58,5 @@ def test_files_are_those_that_are_written() -> None:
         )
 
 
-@pytest.mark.slow
 def test_python_of_the_page(tmp_path: Path) -> None:
     assert "Cmelevator" in run_python(PAGE, tmp_path)

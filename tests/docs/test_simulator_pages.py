@@ -27,7 +27,6 @@ def test_derivatives_and_linear_systems(tmp_path: Path) -> None:
     assert re.fullmatch(r"pitch rate 0\.\d+ rad/s", second)
 
 
-@pytest.mark.slow
 def test_the_quadrotor_flies_in_rotorpy(tmp_path: Path) -> None:
     pytest.importorskip("rotorpy")
     said = run_python(DOCS / "rotorpy.md", tmp_path)
@@ -39,7 +38,6 @@ def test_the_quadrotor_flies_in_rotorpy(tmp_path: Path) -> None:
     assert "to [1. 1. 3.] by RotorPy's controller" in said
 
 
-@pytest.mark.slow
 def test_the_models_fly_by_the_equations_of_gazebo(tmp_path: Path) -> None:
     said = run_python(DOCS / "gazebo.md", tmp_path)
     apart = [float(x) for x in re.findall(r"within (\S+) of each channel", said)]
@@ -60,7 +58,6 @@ def test_derivatives_are_written(ending: str, tmp_path: Path) -> None:
     assert main(["derivatives", "twin-boom", "-o", str(tmp_path / "out.txt")]) == 2
 
 
-@pytest.mark.slow
 def test_rotors_in_jsbsim(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     for name, _, worst, shown, _ in table(DOCS / "export.md", "Rotors", "vehicle", "flight").rows:
         vehicle, _, speed = name.replace("`", "").partition(" at ")
@@ -75,7 +72,6 @@ def test_rotors_in_jsbsim(capsys: pytest.CaptureFixture[str], tmp_path: Path) ->
         assert found[1] == worst
 
 
-@pytest.mark.slow
 def test_autopilots_in_the_loop(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     rows = table(DOCS / "sitl.md", "Accuracy", "vehicle", "under").rows
     for name, title in dict.fromkeys((row[0].replace("`", ""), row[1]) for row in rows):

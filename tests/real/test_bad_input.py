@@ -120,7 +120,6 @@ def test_ten_hertz_without_air_data_is_said_before_anything_is_fitted(stanford: 
     assert "no air data" in notes
 
 
-@pytest.mark.slow
 def test_ten_hertz_without_air_data_is_not_invented(slow: FittedModel) -> None:
     result = slow.result
     words = " ".join(result.warnings)
@@ -161,7 +160,6 @@ def test_rates_that_stop_at_one_number_are_clipped_and_the_attitude_disagrees(
     assert {f.variable for f in flight.faults if f.kind == "inconsistent"} == {"p", "q", "r"}
 
 
-@pytest.mark.slow
 def test_a_clipped_rate_counts_as_not_measured_and_is_said(shared_data: Path, tmp_path: Path) -> None:
     flight = a430(shared_data, "short_loop_6_20230227_120302", tmp_path)
     job = identify(parse_vehicle(A430, "a430"), flight, ["3:6"], options=BUDGET)
@@ -174,7 +172,6 @@ def test_a_clipped_rate_counts_as_not_measured_and_is_said(shared_data: Path, tm
     assert np.isnan(used).any()
 
 
-@pytest.mark.slow
 def test_a_window_without_excitation_is_said(shared_data: Path) -> None:
     from stoop.vehicle import load_vehicle
 

@@ -34,7 +34,6 @@ def test_initial_states_and_biases_are_searched_with_the_parameters(posed: Posed
     assert posed.target < 0.01 * posed.reference
 
 
-@pytest.mark.slow
 def test_the_default_gets_there_without_starting_values(posed: Posed) -> None:
     stop = optimize.Stop(generations=10**9, budget=50_000.0, target_cost=posed.target)
     outcome = optimize.minimize(optimize.create(), posed.problem, seed=1001, stop=stop)
@@ -43,7 +42,6 @@ def test_the_default_gets_there_without_starting_values(posed: Posed) -> None:
     assert found["CLalpha"] > 0.0 > found["Cmalpha"]
 
 
-@pytest.mark.slow
 def test_the_command_writes_a_page(log: Path, tmp_path: Path) -> None:
     words = ["compare", "-o", str(tmp_path), "--optimizers", "ps-gde-lm,ps-gde", "--problems", "flight"]
     flown = ["--flight", str(log), "--vehicle", str(EXAMPLE), "--maneuver", *WINDOWS]

@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import pytest
 
 from stoop.assessment.error_bars import error_bars
 from stoop.estimate.fit import Options
@@ -21,7 +20,6 @@ SPAN = (143.0, 196.0)  #: s; five stretches with holes between
 FIRM = ("CLalpha", "CQbeta", "Cmelevator", "Cnr", "Cnrudder")
 
 
-@pytest.mark.slow  # its equations are compiled
 def test_in_real_time_as_in_batch(vtail_flight: Flight) -> None:
     """What the flight tells firmly agrees within two standard errors, though only one sees the whole record."""
     flight = vtail_flight

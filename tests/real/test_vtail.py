@@ -79,7 +79,6 @@ def test_says_that_plain_cramer_rao_is_too_small(job: FittedModel) -> None:
     assert any("Cramer-Rao" in str(s) for s in job.result.basis)
 
 
-@pytest.mark.slow
 def test_the_posterior_mixes(shared_data: Path) -> None:
     """32 parameters of lateral motion, at an eighth of the usual rate: R-hat at most 1.01, widths near the corrected errors."""
     flight = load(shared_data / "altlnt-vtail-8kg-px4" / "flight2", rate=12.5)

@@ -30,7 +30,6 @@ def test_the_doublets_of_the_v_tail_are_found_without_a_vehicle(vtail_flight: Fl
     assert [w.axis for w in kept if w.use == "validate"] == ["roll"], "the axis that was flown twice"
 
 
-@pytest.mark.slow
 def test_the_doublets_of_the_v_tail_tell_its_numbers(vtail_flight: Flight) -> None:
     flight = vtail_flight
     found = find_windows({flight.name: flight}, load_vehicle(EXAMPLES / "vtail.toml"))
@@ -41,7 +40,6 @@ def test_the_doublets_of_the_v_tail_tell_its_numbers(vtail_flight: Flight) -> No
     assert all(e.std_error > 0.0 for e in found.expected)
 
 
-@pytest.mark.slow
 def test_climbs_and_sprints_of_the_hexacopter_are_found(shared_data: Path) -> None:
     flight = load(shared_data / "altlnt-hexacopter-px4", EXAMPLES / "hexacopter_mapping.toml")
     found = find_windows({flight.name: flight}, load_vehicle(EXAMPLES / "hexacopter.toml"))

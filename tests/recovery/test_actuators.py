@@ -85,7 +85,6 @@ def recovered(method: str, seed: int) -> tuple[Estimate, FloatArray]:
     return found, np.array([(found.estimates[n] - value) / std[n] for n, value in known.items()])
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("method", ["output-error", "multiple-shooting", "filter-error"])
 def test_a_servo_comes_back(method: str) -> None:
     found, z = recovered(method, 1)

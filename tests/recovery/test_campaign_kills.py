@@ -24,7 +24,6 @@ import stoop
 CASE = Path(__file__).with_name("campaign_case.py")
 KILLS = 8
 AGAIN = 5  #: executions that one kill may cost: what is under way or on its way to the store
-pytestmark = pytest.mark.slow
 
 
 @dataclass

@@ -118,7 +118,6 @@ def test_a_known_delay_leaves_the_noise_as_it_is_in_gusts() -> None:
         assert noise[channel] == pytest.approx(getattr(prompt.file.sensors, channel).sigma, rel=0.15)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("method", ["multiple-shooting"])
 def test_intervals_hold_the_truth(method: str) -> None:
     z = np.array([recovered(method, delayed_vehicle(), seed)[1] for seed in range(40)])

@@ -45,7 +45,7 @@ LOW_PASS = maneuver(
 )
 
 
-@pytest.mark.parametrize("method", ["equation-error", pytest.param("", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("method", ["equation-error", ""])
 def test_the_ground_effect_of_rotors_is_recovered(method: str) -> None:
     true = parse_vehicle(QUAD, "quad")
     flight = simulate_flight(true, parse_maneuver(LOW_HOVER, "m"), seed=1, name="low")

@@ -9,7 +9,6 @@ from stoop_studies.verify.jsbsim import SHARE, SIGMAS
 from stoop_studies.verify.multirotor import COMMANDS, SPEEDS, flown_case
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("recorded", [SPEEDS, COMMANDS])
 def test_a_quadrotor_is_found_from_its_outputs(recorded: str) -> None:
     """Thrust, torque, inflow, lag, drag, damping and inertia within three standard errors or 2 %."""

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
 from stoop_studies.verify.jsbsim import SHARE, SIGMAS, flown_case
 
 
-@pytest.mark.slow
 def test_a_trainer_is_found_from_its_outputs() -> None:
     """Every derivative within three standard errors or 2 %; together they scatter as they say."""
     trainer = flown_case("T37")

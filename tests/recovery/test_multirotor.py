@@ -109,7 +109,6 @@ def by_name(flights: Flights, gusts: float) -> dict[str, np.ndarray]:
     return {name: np.array([flown(name, gusts, seed) for seed in seeds]) for name, seeds in flights.items()}
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("air", "gusts", "flights", "worst", "most"), AIR)
 def test_error_bars_are_right_and_as_the_page_says(
     air: str, gusts: float, flights: Flights, worst: float, most: float

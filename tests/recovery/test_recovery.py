@@ -100,7 +100,6 @@ def test_all_32_parameters_of_eq_1(aircraft: Vehicle) -> None:
     assert sum(v * v for v in z.values()) < 62.5, "chi square of 32, 99.9 %"
 
 
-@pytest.mark.slow
 def test_standard_errors_are_exact_over_seeds(aircraft: Vehicle) -> None:
     """16 flights, 512 estimates: one in 20 beyond two standard errors, one in 370 beyond three."""
     all_z = []

@@ -9,8 +9,6 @@ import pytest
 
 from stoop.cli.main import main
 
-pytestmark = pytest.mark.slow
-
 
 def reproduce(folder: Path, name: str, runs: int, workers: int = 1) -> list[dict[str, str]]:
     """Run an experiment and return its table."""

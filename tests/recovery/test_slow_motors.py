@@ -93,7 +93,6 @@ def log() -> Log:
     return Log(vehicle, simulate_flight(vehicle, parse_maneuver(maneuver(), "shaken"), seed=1, name="log"))
 
 
-@pytest.mark.slow
 def test_half_the_threshold_is_too_slow_and_twice_is_not(log: Log) -> None:
     """At 25, 50, 100, 125, 250 Hz: 2.44, 0.39, 0.13, 0.05, 0.01 by windows; 0.34, 0.24, 0.06, 0.03, 0.001 by regression."""
     slow, fast = log.at(0.5 * MIN_MOTOR_RATE), log.at(2.5 * MIN_MOTOR_RATE)

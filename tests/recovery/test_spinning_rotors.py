@@ -64,7 +64,7 @@ def flight(true: Vehicle) -> Flight:
     return simulate_flight(true, parse_maneuver(MANEUVER, "m"), seed=3, name="sim")
 
 
-@pytest.mark.parametrize("method", ["equation-error", pytest.param("", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("method", ["equation-error", ""])
 def test_what_spins_rotors_up_is_found(true: Vehicle, flight: Flight, method: str) -> None:
     found = identify(true.with_numbers(WRONG), flight, ["0:16"], options=Options(method=method))
     parameters = found.result.parameters

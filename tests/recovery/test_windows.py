@@ -58,7 +58,6 @@ def test_known_maneuvers_are_found_and_calm_flight_is_not(
     assert np.mean(moved) >= 0.75
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("name", "inputs"), [("quad-x", QUAD), ("twin-boom", AIRCRAFT)])
 def test_error_bars_come_out_as_foretold(
     name: str, inputs: tuple[tuple[str, str, float, float, float], ...]

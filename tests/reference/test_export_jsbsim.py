@@ -28,8 +28,7 @@ from stoop.simulation import initial_states, parameter_rows, trim
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop_studies.verify.export import INPUTS, load
 
-SLOW = pytest.mark.slow
-VEHICLES = ["twin-boom", *(pytest.param(n, marks=SLOW) for n in ("v-tail", "flying-wing", "crooked"))]
+VEHICLES = ["twin-boom", "v-tail", "flying-wing", "crooked"]
 SCATTERED = ("alpha", "beta", "p", "q", "r", "phi", "theta", "psi")
 DENSER = 1e-5  #: JSBSim's standard atmosphere, relative; measured 8.1e-6 at sea level
 
@@ -92,8 +91,8 @@ def apart(root: Path, record: Record, steps: int = 1) -> float:
     ("name", "most"),
     [
         ("twin-boom", 1e-4),
-        pytest.param("v-tail", 1e-4, marks=SLOW),
-        pytest.param("flying-wing", 3e-4, marks=SLOW),
+        ("v-tail", 1e-4),
+        ("flying-wing", 3e-4),
     ],
 )
 def test_thirty_seconds_open_loop(name: str, most: float, tmp_path: Path) -> None:
@@ -104,7 +103,6 @@ def test_thirty_seconds_open_loop(name: str, most: float, tmp_path: Path) -> Non
     assert apart(tmp_path, record) < most
 
 
-@SLOW
 @pytest.mark.parametrize("delays", [(0.0237, 0.0004), (0.02, 0.01), (0.001, 0.0015)])
 def test_delays_of_any_length(delays: tuple[float, float], tmp_path: Path) -> None:
     """Less than a frame, whole frames, whole samples, none of these: on JSBSim's frames all fly alike."""
@@ -115,7 +113,6 @@ def test_delays_of_any_length(delays: tuple[float, float], tmp_path: Path) -> No
     assert apart(tmp_path, record, 10) < 1e-4
 
 
-@SLOW
 def test_servos_with_play_and_a_rate_limit(tmp_path: Path) -> None:
     plain = load("crooked")
     servos = {"elevator": {"rate_limit": 0.15, "dead_zone": 0.01}, "aileron": {"dead_zone": 0.02}}
@@ -132,7 +129,6 @@ def test_servos_with_play_and_a_rate_limit(tmp_path: Path) -> None:
     assert apart(tmp_path, record, 10) < 2e-4
 
 
-@SLOW
 def test_a_surface_that_begins_away_from_its_command(tmp_path: Path) -> None:
     vehicle = load("v-tail")
     point = trim(vehicle, None, 200.0)

@@ -17,7 +17,6 @@ from stoop.simulation import initial_states, parameter_rows, trim
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import builtin_text, builtin_vehicle, resolve_vehicle
 
-SLOW = pytest.mark.slow
 EXAMPLES = Path(__file__).parents[2] / "examples"
 SCATTER = {"u": 4.0, "v": 4.0, "w": 4.0, "p": 1.0, "q": 1.0, "r": 1.0, "phi": 0.4, "theta": 0.4, "psi": 1.0}
 #: rotors by their speed, with inertia, a momentum disc, in-plane drag by inflow, and the ground
@@ -59,8 +58,8 @@ def exported(root: Path, vehicle: Vehicle) -> str:
         ("hexacopter.toml", 1e-12),
         ("quadplane", 2e-5),  # JSBSim's standard atmosphere
         ("speeds", 2e-5),
-        pytest.param("octo-x", 2e-5, marks=SLOW),
-        pytest.param("crazyflie.toml", 2e-5, marks=SLOW),
+        ("octo-x", 2e-5),
+        ("crazyflie.toml", 2e-5),
     ],
 )
 def test_accelerations_at_random_states(name: str, tolerance: float, tmp_path: Path) -> None:
@@ -98,12 +97,12 @@ def test_accelerations_at_random_states(name: str, tolerance: float, tmp_path: P
     ("name", "airspeed", "most"),
     [
         ("quad-x", None, 3e-4),
-        pytest.param("hexacopter.toml", None, 3e-4, marks=SLOW),
-        pytest.param("hexa-x", None, 3e-4, marks=SLOW),
-        pytest.param("quadplane", None, 3e-4, marks=SLOW),
-        pytest.param("quadplane", 18.0, 5e-4, marks=SLOW),
-        pytest.param("speeds", None, 5e-4, marks=SLOW),
-        pytest.param("drag", 35.0, 5e-4, marks=SLOW),
+        ("hexacopter.toml", None, 3e-4),
+        ("hexa-x", None, 3e-4),
+        ("quadplane", None, 3e-4),
+        ("quadplane", 18.0, 5e-4),
+        ("speeds", None, 5e-4),
+        ("drag", 35.0, 5e-4),
     ],
 )
 def test_thirty_seconds(name: str, airspeed: float | None, most: float, tmp_path: Path) -> None:
@@ -116,7 +115,6 @@ def test_thirty_seconds(name: str, airspeed: float | None, most: float, tmp_path
     assert max(compare(tmp_path, record).relative.values()) < most
 
 
-@SLOW
 def test_delayed_rotors(tmp_path: Path) -> None:
     """On JSBSim's frames the line between samples is the one of our finer steps."""
     text = builtin_text("quad-x").replace("[rotors]", "[rotors]\ndelay = 0.0237")
@@ -130,7 +128,6 @@ def test_delayed_rotors(tmp_path: Path) -> None:
     assert np.abs(own_readings(early) - flown.own).max() > 0.01, "it shows"
 
 
-@SLOW
 def test_rotors_without_a_lag_are_a_step_late(tmp_path: Path) -> None:
     vehicle = vehicle_of("lagless")
     assert vehicle.sloped

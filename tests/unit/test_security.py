@@ -230,7 +230,6 @@ def test_reading_a_log_reaches_no_network_and_writes_nothing_elsewhere(folder: P
     watched(folder, "info", "a.mat")
 
 
-@pytest.mark.slow
 def test_a_fit_reaches_no_network_and_writes_nothing_elsewhere(folder: Path) -> None:
     words = (
         "--vehicle",

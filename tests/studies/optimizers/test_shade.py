@@ -140,9 +140,7 @@ def test_size_falls_on_a_straight_line_and_the_best_stay() -> None:
 
 # --------------------------------------------------------------------------------------------- the whole
 @pytest.mark.parametrize(("make", "is_jso"), [(LShade, False), (JSO, True)])
-@pytest.mark.parametrize(
-    ("cost", "target"), [(ellipsoid, 1e-9), pytest.param(rastrigin, 1e-6, marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize(("cost", "target"), [(ellipsoid, 1e-9), (rastrigin, 1e-6)])
 def test_as_quick_as_the_naive_twin(
     make: Callable[..., Any], is_jso: bool, cost: Callable[[np.ndarray], np.ndarray], target: float
 ) -> None:

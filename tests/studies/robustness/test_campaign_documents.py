@@ -28,7 +28,6 @@ def test_sound_documents_are_read(kind: str, tmp_path: Path) -> None:
                 path.rmdir() if path.is_dir() else path.unlink()
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("kind", DOCUMENTS)
 def test_hostile_documents_end_well(kind: str) -> None:
     """In an error of one line, or they are read; what is read is written and read again."""

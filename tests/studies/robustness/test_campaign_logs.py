@@ -14,7 +14,6 @@ from studies.robustness.readers import BOUNDS, GUARDED
 from studies.robustness.sample_logs import SAMPLES
 from studies.robustness.trials import Child
 
-pytestmark = pytest.mark.slow
 UNBOUNDED = replace(BOUNDS, memory=2**40)  #: of others' code, in a process of its own or in ours
 
 

@@ -12,7 +12,6 @@ from studies.robustness.commands import BOUNDS, VERBS
 from studies.robustness.trials import Child
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", VERBS)
 def test_hostile_commands_end_well(name: str) -> None:
     """They do their work and write whole files, or end in an error of one line; no control characters are printed."""

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-import pytest
 from studies.robustness.commands import run_quietly
 from studies.robustness.trials import BAD, READ, Bounds, Child
 
@@ -24,7 +23,6 @@ az = {column = "az", unit = "m/s2"}
 KEPT = 6 * 8 * 4 * SAMPLES  #: bytes of the flight: time and five channels
 
 
-@pytest.mark.slow
 def test_a_table_of_a_million_samples(tmp_path: Path) -> None:
     random = np.random.default_rng(3)
     columns = {name: random.standard_normal(SAMPLES).round(4) for name in ("p", "q", "r", "ax", "az")}

@@ -39,7 +39,6 @@ def test_where_no_disk_can_be_made_files_are_held_short(monkeypatch: pytest.Monk
     assert {one.outcome for one in full_disks("maneuvers", 4)} == {REFUSED}
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", COMMANDS)
 def test_a_full_disk_costs_no_file(name: str) -> None:
     """An error of one line, the old files as they were, nothing half-written; and all is done when there is space again."""
@@ -47,7 +46,6 @@ def test_a_full_disk_costs_no_file(name: str) -> None:
         check("full disks", f"{name} on a full disk", ended)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", INTERRUPTIONS)
 def test_a_verb_that_is_killed_leaves_the_files_of_an_undisturbed_run(name: str) -> None:
     """Killed several times and started again: files are whole after each kill, and in the end those of one run, to the byte."""

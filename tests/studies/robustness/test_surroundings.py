@@ -276,7 +276,6 @@ def test_the_same_bits_on_any_number_of_threads(threads: int, place: Path) -> No
     assert differences(undisturbed(COMMANDS["bootstrap"]), place / OUT) == ""
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("workers", ["1", "2", "3", "4"])
 def test_the_same_bits_on_any_number_of_workers(workers: str, place: Path) -> None:
     (place / OUT).mkdir()

@@ -128,7 +128,6 @@ def test_the_start_is_wrong_and_knows_no_bias() -> None:
         assert (p.value, p.free, p.prior) == (0.0, True, prior)
 
 
-@pytest.mark.slow
 def test_outliers_are_added_to_the_same_noise() -> None:
     """So that the scatter of estimates compares with that in white noise, seed by seed."""
     clean = white(np.random.default_rng(3), 50_000, 2)

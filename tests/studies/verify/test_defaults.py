@@ -207,7 +207,6 @@ def test_a_glider_on_its_hill_does_not_hover(tmp_path: Path) -> None:
     assert up[0] > flown.time[0] + instruments.GROUND
 
 
-@pytest.mark.slow
 def test_the_scale_of_the_airspeed_is_that_of_the_loaded_flight(tmp_path: Path) -> None:
     """A pitot that reads 8 % low is calibrated when its log is loaded: what a model has to find is the rest, 1 %."""
     flown = fly(32, tmp_path)

@@ -68,7 +68,6 @@ def test_entries_of_a_file() -> None:
     assert text == "a = 3\n[b]\n\n[b.d]\ne = 0.5\n"
 
 
-@pytest.mark.slow  # equations of two vehicles are compiled
 def test_a_defect_does_harm_and_the_right_file_none() -> None:
     assert worst(fly("none", 3), "output-error") < 4.0
     assert worst(fly("lag-aileron", 3), "output-error") > 8.0

@@ -59,7 +59,6 @@ def test_every_case_has_a_row() -> None:
     assert rows["lag-aileron"]["most_often"] == "controls.aileron.delay"
 
 
-@pytest.mark.slow  # equations are compiled
 def test_one_flight() -> None:
     (result,) = examine({"case": "lag-aileron", "seed": 1}, [None])
     (found,) = result["flights"]

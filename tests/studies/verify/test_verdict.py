@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import pytest
-
 from stoop_studies.findings import Setting
 from stoop_studies.verify.defects import RIGHT
 from stoop_studies.verify.study import run_key
@@ -56,7 +54,6 @@ def test_every_case_has_a_row() -> None:
     assert (rows["lag-all"]["bad"], rows["lag-all"]["do not use"]) == (4, 4)
 
 
-@pytest.mark.slow  # equations are compiled
 def test_a_lag_of_all_servos_is_refused_by_name() -> None:
     (result,) = examine({"case": "lag-all", "seed": 1}, [None])
     (found,) = result["flights"]

@@ -47,7 +47,6 @@ def test_a_log_that_is_all_maneuver(kind: str) -> None:
         assert any(w.use == "fit" for w in find_windows({"cut": cut}).windows)
 
 
-@pytest.mark.slow
 def test_errors_are_as_foretold_from_a_wrong_start() -> None:
     (found,) = propose({"case": "aircraft-steps-moderate", "seed": 1}, [None])
     assert found["found"] == found["maneuvers"] == 3

@@ -85,7 +85,6 @@ def lacking_in_gusts(truth: Vehicle, names: tuple[str, ...], seed: int) -> Exten
     return extension_tests(done, error_bars(done))
 
 
-@pytest.mark.slow
 def test_lag_is_named_in_gusts() -> None:
     right = scenes.turbulent_aircraft()
     found = lacking_in_gusts(
@@ -96,7 +95,6 @@ def test_lag_is_named_in_gusts() -> None:
     assert best.value == pytest.approx(0.04, rel=0.3)
 
 
-@pytest.mark.slow
 def test_right_aircraft_lacks_nothing_in_gusts() -> None:
     assert lacking_in_gusts(scenes.turbulent_aircraft(), ("pitch", "roll"), 1).found == ()
 

@@ -99,7 +99,6 @@ def test_bootstrap_and_profile_agree_with_the_corrected_errors(job: FittedModel)
         assert found[name].std_error == pytest.approx(corrected[name].std_error, rel=0.35)
 
 
-@pytest.mark.slow
 def test_the_posterior_agrees_with_the_corrected_errors(monkeypatch: pytest.MonkeyPatch) -> None:
     # Two parameters are no V-tail. That of multiple shooting has the same sampler, and the likelihood of the profile above.
     few = dataclasses.replace(sampling.SAMPLER, tuning=100, draws=200)

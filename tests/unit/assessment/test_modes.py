@@ -145,7 +145,6 @@ def test_derivatives_of_the_matrix_against_trims_done_again(aircraft: Vehicle) -
         np.testing.assert_allclose(derivative, expected, rtol=0.0, atol=1e-5 * np.abs(expected).max())
 
 
-@pytest.mark.slow
 def test_intervals_against_a_monte_carlo_that_trims_every_draw(aircraft: Vehicle) -> None:
     found, values = of_aircraft(aircraft)
     sigma = np.array([0.03 * abs(v) for v in values.values()])

@@ -67,7 +67,6 @@ def test_a_clean_flight_is_not_accused(seed: int) -> None:
     assert accused(seed) == []
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(6, 36))
 def test_none_of_many_clean_flights_is_accused(seed: int) -> None:
     assert accused(seed) == []

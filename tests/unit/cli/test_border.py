@@ -225,7 +225,6 @@ def test_a_verb_prints_nasty_texts(
     assert code in ((0, 2) if expected is None else (expected,)), shown
 
 
-@pytest.mark.slow
 def test_the_verbs_of_a_fit_print_nasty_texts(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for command, expected in (
         ("identify @f.nc --vehicle @v.toml --maneuver 0:20 --validate 20:28 --budget 300 -o @fit", 0),

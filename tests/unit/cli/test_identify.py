@@ -339,7 +339,6 @@ def test_speed_is_of_this_run_alone(
     assert "5200 trajectories  20/s" in capsys.readouterr().err
 
 
-@pytest.mark.slow
 def test_ctrl_c_keeps_the_best_and_resume_goes_on(place: Path) -> None:
     """A long search by a slow optimizer, interrupted as a user would, then resumed to its end."""
     words = identify(

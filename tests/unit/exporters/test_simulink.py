@@ -131,7 +131,6 @@ def test_it_flies_with_the_slopes_of_channels_that_spin_rotors_up(twin_boom: Veh
         assert s[vehicle.states.index("r")] == pytest.approx(6e-5 / 0.03 * (u[k + 1, 0] - 990.0), abs=1e-12)
 
 
-@pytest.mark.slow
 def test_also_for_an_aircraft_that_uses_every_table() -> None:
     vehicle = load("crooked")
     check(vehicle, trim(vehicle, None, 200.0), equations(vehicle, "crooked"))

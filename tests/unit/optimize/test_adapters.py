@@ -72,7 +72,9 @@ def test_ctrl_c_gets_through(name: str) -> None:
         "scipy-de",
         "scipy-least-squares",
         "cma",
-        *(pytest.param(n, marks=pytest.mark.slow) for n in ("pymoo-ga", "pymoo-pso", "pygmo-sade")),
+        "pymoo-ga",
+        "pymoo-pso",
+        "pygmo-sade",
     ],
 )
 def test_a_run_can_be_repeated_from_its_state(

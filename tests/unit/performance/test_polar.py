@@ -40,7 +40,6 @@ def flown(seed: int, count: int = 80, gusty: float = 0.15) -> Blocks:
     )  # fmt: skip
 
 
-@pytest.mark.slow
 def test_intervals_hold_the_truth() -> None:
     CL = np.array([0.5, 0.8, 1.1])
     truth = TRUTH[0] + TRUTH[1] * (CL - TRUTH[2]) ** 2

@@ -52,7 +52,6 @@ def test_a_point_at_rest_in_a_turn_reads_what_geometry_says() -> None:
     assert rates[STATES.index("pn"), 0] == pytest.approx(20.0)
 
 
-@pytest.mark.slow
 def test_delays_wind_and_vanes_come_back(checked: tuple[object, object]) -> None:
     result, delays = checked
     found = result.findings  # type: ignore[attr-defined]
@@ -195,7 +194,6 @@ def test_an_attitude_that_was_logged_in_part_keeps_its_parts() -> None:
     assert corrected_flight(found).names == part.names
 
 
-@pytest.mark.slow
 def test_noise_that_gyros_integrate_does_not_give_vanes_a_place() -> None:
     """Vanes at the center of gravity, 50 Hz, calm air: their place was -0.60 +- 0.12 m, and said to be an error."""
     examples = Path(__file__).parents[3] / "examples"

@@ -30,7 +30,9 @@ def readings(vehicle: Vehicle, point: Trim) -> dict[str, float]:
     [
         "quad-x",
         "quad-plus",
-        *(pytest.param(n, marks=pytest.mark.slow) for n in ("hexa-x", "octo-x", "quadplane")),
+        "hexa-x",
+        "octo-x",
+        "quadplane",
     ],
 )
 def test_templates_hover_on_equal_rotors(name: str) -> None:
@@ -172,7 +174,6 @@ def test_modes_of_a_hover(even: Vehicle) -> None:
     assert model.A[at["v"], at["phi"]] == pytest.approx(G)
 
 
-@pytest.mark.slow
 def test_a_quadplane_flies_on_its_wings_too() -> None:
     vehicle = builtin_vehicle("quadplane")
     point = trim(vehicle, 18.0)

@@ -88,7 +88,9 @@ def test_set_points_are_reached(quad: Vehicle) -> None:
     [
         "quad-x",
         "quad-plus",
-        *(pytest.param(n, marks=pytest.mark.slow) for n in ("hexa-x", "octo-x", "quadplane")),
+        "hexa-x",
+        "octo-x",
+        "quadplane",
     ],
 )
 def test_templates_answer_steps_and_come_to_rest(name: str) -> None:
@@ -120,7 +122,6 @@ def test_the_examples_fly_without_an_end_of_range() -> None:
     assert [found.code for found in flight.notices] == ["simulated"]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", ["hexa-x", "octo-x", "quadplane"])
 def test_larger_vehicles_fly_the_examples(name: str) -> None:
     file = "maneuver_quadplane.toml" if name == "quadplane" else "maneuver_quad.toml"
@@ -216,7 +217,6 @@ def test_the_battery_falls_and_the_autopilot_makes_up_for_it(quad: Vehicle) -> N
     assert np.sqrt(np.mean((tired.outputs - fresh.outputs) ** 2)) < 0.01
 
 
-@pytest.mark.slow
 def test_gusts_push_and_the_autopilot_holds(quad: Vehicle) -> None:
     gusty = parse_vehicle(
         quad.text
@@ -282,7 +282,6 @@ def test_a_flight_too_coarse_to_be_simulated(quad: Vehicle) -> None:
         fly(quad, maneuver(400.0, pulse("roll", 1.0), rate=2.0))
 
 
-@pytest.mark.slow
 def test_a_quadplane_flies_on_its_wings_in_a_wind() -> None:
     vehicle = builtin_vehicle("quadplane")
     inputs = [{"control": "elevator", "shape": "doublet", "start": 1.0, "step": 0.4, "amplitude": 0.03}]
@@ -296,7 +295,6 @@ def test_a_quadplane_flies_on_its_wings_in_a_wind() -> None:
     assert np.abs(replayed(vehicle, flown, 0.01) - flown.outputs).max() < 1e-9
 
 
-@pytest.mark.slow
 def test_an_aircraft_in_a_wind_records_its_speed_over_ground(twin_boom: Vehicle) -> None:
     inputs = [{"control": "aileron", "shape": "doublet", "start": 1.0, "step": 0.4, "amplitude": 0.05}]
     wind = (4.0, -3.0, 0.5)

@@ -51,7 +51,6 @@ def freed(done: Fitted) -> list[str]:
     return [one.subject for one in done.estimate.notices if one.code == "sensor-delay-freed"]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("late", "name", "number"),
     [

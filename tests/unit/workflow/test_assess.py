@@ -55,7 +55,6 @@ def test_the_bootstrap_agrees_with_corrected_errors_on_white_noise(bootstrapped:
     assert any("Bootstrap" in str(s) for s in bootstrapped.result.trust)
 
 
-@pytest.mark.slow
 def test_any_number_of_workers_gives_the_same_replicates(case: AssessedFit, tmp_path: Path) -> None:
     plan = bootstrap_plan(case, 3 * CHUNK)
     one, two = (execute(plan, tmp_path / f"{n}.sqlite", LocalProcesses(n)) for n in (1, 2))
@@ -120,7 +119,6 @@ def test_attachments_lie_beside_the_result_and_go_with_it(job: FittedModel, tmp_
     assert not (folder / "posterior.nc").exists()
 
 
-@pytest.mark.slow
 def test_the_posterior_is_read_back_by_arviz(job: FittedModel, tmp_path: Path) -> None:
     import arviz
 

@@ -79,7 +79,6 @@ def test_maneuvers_alike_are_one_condition(wrong: Vehicle, flight: Flight) -> No
     assert [c.maneuvers for c in conditions(found)] == [(0, 1), (2,)]  # the phugoid was 6 % slower later
 
 
-@pytest.mark.slow
 def test_intervals_hold_the_truth_as_often_as_they_should(aircraft: Vehicle) -> None:
     others = {p.name: {"free": False} for p in aircraft.parameters if p.free and p.name not in FREE}
     vehicle, off = aircraft.with_numbers(others), []

@@ -70,7 +70,6 @@ def test_a_gain_that_follows_the_flight_finds_the_same(gusty_start, gusty_flight
         assert varying.estimates[name] == pytest.approx(steady.estimates[name], rel=0.05)
 
 
-@pytest.mark.slow
 def test_output_error_is_too_sure_where_filter_error_is_not(gusty, gusty_start):
     fixed = gusty_start.with_numbers({f"turbulence.{a}.intensity": {"free": False} for a in "uw"})
     off, held = {"filter-error": [], "output-error": []}, {"filter-error": [], "output-error": []}

@@ -113,7 +113,6 @@ def with_servo(full: Vehicle, servo: str) -> Vehicle:
     return parse_vehicle(text, "late").with_numbers({"propulsion.thrust": {"value": thrust}})
 
 
-@pytest.mark.slow  # its equations are compiled
 def test_lags_and_delays_of_controls_are_those_of_the_batch(full: Vehicle, noisy: Flight) -> None:
     late = with_servo(full, "lag = 0.06\ndelay = 0.05\n")
     equations, batch = batch_of(late, noisy)
@@ -122,7 +121,6 @@ def test_lags_and_delays_of_controls_are_those_of_the_batch(full: Vehicle, noisy
         assert found[name].value == pytest.approx(batch.values[equations.names.index(name)], rel=0.02)
 
 
-@pytest.mark.slow  # its equations are compiled
 def test_a_servo_is_followed_sample_by_sample(full: Vehicle, noisy: Flight) -> None:
     slow = with_servo(full, "rate_limit = 0.1\ndead_zone = 0.02\ndelay = 0.02\n")
     found = flown(slow, noisy, online(slow, noisy))
