@@ -122,7 +122,7 @@ def test_programs_are_started_in_one_place() -> None:
     assert found == {
         ("logs/guard.py", "subprocess.run"),
         ("app/steps.py", "subprocess.Popen"),
-        ("app/browser.py", "webbrowser.open"),
+        ("app/server.py", "webbrowser.open"),
         ("exporters/fmu.py", "subprocess.run"),
     }
     assert all("shell" not in {k.arg for k in call.keywords} for _, _, call in calls())

@@ -112,7 +112,7 @@ class FitView(View):
             self._stage[:] = [parts.html(f"<p class='soft'>{text}</p>")]
         elif self._detail != (step.name, step.state):
             self._detail = (step.name, step.state)
-            show = {"running": self._running, "failed": self._failed, "done": self._done}
+            show = {"running": self._running, "done": self._done, "failed": self._failed}
             self._stage[:] = show[step.state](step)
 
     def _choice(self, step: Step) -> pn.widgets.Button:
@@ -154,15 +154,8 @@ class FitView(View):
         self._seen = None
         self._told, self._curves.object, self._values.object = "reading", "", ""
         stop = parts.button("Stop", self.act(step.stop))
-        return [
-            self._clock,
-            parts.html(parts.BAR),
-            stop,
-            parts.html(parts.soft(RUNNING)),
-            self._curves,
-            self._values,
-            parts.html(parts.command(step)),
-        ]
+        lead = [self._clock, parts.html(parts.BAR), stop, parts.html(parts.soft(RUNNING))]
+        return [*lead, self._curves, self._values, parts.html(parts.command(step))]
 
     def _failed(self, step: Step) -> list[Any]:
         return [parts.html(parts.error(step.error) + parts.printed(step.output) + parts.command(step))]
@@ -185,30 +178,27 @@ class FitView(View):
         lacking = [test.name for test in standing if test.kind not in GIVEN]
         contradicted = [test.name for test in standing if test.kind in GIVEN]
         out: list[Any] = []
-        for what, names, change in (
-            ("at a bound or not identifiable: fix at the value of the file", doubtful, self._fix),
-            ("the model lacks, by the data: free", lacking, self._free),
-            ("contradicted by the data: measure again, or free", contradicted, self._free),
+        for what, names, free in (
+            ("at a bound or not identifiable: fix at the value of the file", doubtful, False),
+            ("the model lacks, by the data: free", lacking, True),
+            ("contradicted by the data: measure again, or free", contradicted, True),
         ):
             if names:
                 chips = pn.FlexBox(margin=0)
                 for i, name in enumerate(names[:MAX_CHIPS]):
-                    act = self.act(partial(change, name, chips, i))
+                    act = self.act(partial(self._change, free, name, chips, i))
                     chips.append(parts.button(name, act, button_style="outline"))
                 out += [parts.html(parts.soft(what)), chips]
         return out
 
-    def _fix(self, name: str, chips: Any, i: int) -> None:
-        self._change(numbers.edited(self.project.vehicle, {name: {"free": False}}), f"{name} is fixed")
-        chips[i].disabled = True
-
-    def _free(self, name: str, chips: Any, i: int) -> None:
-        self._change(numbers.freed(self.project.vehicle, name), f"{name} is free")
-        chips[i].disabled = True
-
-    def _change(self, text: str, done: str) -> None:
+    def _change(self, free: bool, name: str, chips: Any, i: int) -> None:
+        """Free a number, or fix it."""
+        text = self.project.vehicle
+        text = numbers.freed(text, name) if free else numbers.edited(text, {name: {"free": False}})
         self.project.save_vehicle(text, None)
+        done = f"{name} is {'free' if free else 'fixed'}"
         self.say(f"{done} in {VEHICLE}; run the fit again to see what it changes", good=True)
+        chips[i].disabled = True
 
     def _continue(self, step: Step) -> None:
         self.project.take_vehicle(step.file(VEHICLE).read_text("utf-8"))

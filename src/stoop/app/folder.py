@@ -29,10 +29,7 @@ FILE: Final = "app.toml"  #: names the log
 VEHICLE, WINDOWS, MAPPING = "vehicle.toml", "windows.toml", "mapping.toml"
 LOOK = "look.html"  #: page of the flight, beside what was read
 #: of a run: the vehicle from which it begins, and how far it is
-START, PROGRESS = (
-    "start.toml",
-    "progress.json",
-)
+START, PROGRESS = "start.toml", "progress.json"
 OWN_FORMAT: Final = "netcdf"  #: of flights of stoop, which need no mapping
 FIT: Final = "stoop identify LOG --vehicle vehicle.toml --maneuver windows.toml -o DIR"
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, ClassVar, Final
 
@@ -17,22 +18,18 @@ from stoop.app.view import View
 from stoop.errors import StoopError
 
 ENDINGS: Final = (
-    ".ulg",
-    ".bin",
-    ".log",
-    ".usd",
-    ".bbl",
-    ".bfl",
-    ".mat",
-    ".parquet",
-    ".bag",
-    ".mcap",
-    ".csv",
-    ".csv.gz",
-    ".nc",
-)
+    ".ulg", ".bin", ".log", ".usd", ".bbl", ".bfl", ".mat", ".parquet", ".bag", ".mcap", ".csv", ".csv.gz", ".nc",
+)  # fmt: skip
 MAX_FOUND: Final = 12  #: logs of the folder around that are offered
 UNSURE: Final = re.compile(r"^(?P<line>[^#]*\S)\s*#\s*unsure:\s*(?P<doubt>.*)$")
+
+
+def near() -> list[Path]:
+    """Return the logs in the folder where the app was started."""
+    with suppress(OSError):
+        every = sorted(p for p in Path.cwd().absolute().iterdir() if not p.name.startswith("."))
+        return [p for p in every if p.name.lower().endswith(ENDINGS)][:MAX_FOUND]
+    return []
 
 
 class DropZone(pn.custom.JSComponent):
@@ -63,27 +60,17 @@ class LogView(View):
         elif step.state == "failed":
             again = parts.button("Read again", self.act(project.read_log))
             mapping = parts.button("Draft a mapping", self.act(project.draft_mapping))
-            shown[:] = [
-                self._head(),
-                parts.html(parts.error(step.error) + parts.command(step)),
-                pn.Row(again, mapping),
-                *self._choice(),
-            ]
+            shown[:] = [self._head(), parts.failed(step), pn.Row(again, mapping), *self._choice()]
         elif step.kind == "map":
             shown[:] = [self._head(), *self._mapping(step)]
         else:
             shown[:] = [self._head(), *self._flight(step)]
         if refused is not None:
-            shown[:] = [*self._refused(refused), *shown]
-
-    def _refused(self, step: Step) -> list[Any]:
-        name = log_of(step)
-        draft = self.act(lambda: self.project.open_log(name, draft=True))
-        text = f"{Path(name).name} was not taken, {Path(self.project.log).name} stays: {step.error}"
-        return [
-            parts.html(parts.error(text) + parts.command(step)),
-            parts.button("Draft a mapping for it", draft),
-        ]
+            name = log_of(refused)
+            draft = self.act(lambda: project.open_log(name, draft=True))
+            text = f"{Path(name).name} was not taken, {Path(project.log).name} stays: {refused.error}"
+            said = parts.html(parts.error(text) + parts.command(refused))
+            shown[:] = [said, parts.button("Draft a mapping for it", draft), *shown]
 
     def _head(self) -> pn.pane.HTML:
         path = self.project.root / self.project.log
@@ -107,7 +94,7 @@ class LogView(View):
         path.param.watch(lambda e: self.act(opened)(), "enter_pressed")
         offers = {
             "logs of this folder: use": [Path(name) for name in self.project.former],
-            "logs in the folder where the app was started": self._near(),
+            "logs in the folder where the app was started": near(),
         }
         found = [
             one
@@ -119,17 +106,6 @@ class LogView(View):
 
     def _offer(self, path: Path) -> pn.widgets.Button:
         return parts.button(path.name, self.act(lambda: self.project.open_log(path)), description=str(path))
-
-    def _near(self) -> list[Path]:
-        try:
-            every = sorted(
-                p
-                for p in Path.cwd().absolute().iterdir()
-                if p.name.lower().endswith(ENDINGS) and not p.name.startswith(".")
-            )
-        except OSError:
-            return []
-        return every[:MAX_FOUND]
 
     def _mapping(self, step: Step) -> list[Any]:
         lines = step.file(MAPPING).read_text("utf-8").splitlines()

@@ -50,19 +50,8 @@ def rows_of(vehicle: Vehicle) -> list[Row]:
         keys = keys_of(vehicle, p.name)
         group = ".".join(keys[:-1]) if keys[0] in ("aerodynamics", "controls", "rotor") else keys[0]
         text = _help(vehicle, p.name, keys, quantities.get(p.name))
-        out.append(
-            Row(
-                p.name,
-                group,
-                p.value,
-                "" if p.unit == "1" else p.unit,
-                p.free,
-                p.prior,
-                p.lower,
-                p.upper,
-                text,
-            )
-        )
+        unit = "" if p.unit == "1" else p.unit
+        out.append(Row(p.name, group, p.value, unit, p.free, p.prior, p.lower, p.upper, text))
     return out
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
+from functools import partial
 from typing import Any, Final
 
 import panel as pn
@@ -32,7 +33,7 @@ class Page:
         self.project = project
         self.views: dict[str, View] = {kind.title: kind(project, self.go) for kind in VIEWS}
         self.buttons = {
-            title: parts.button(f"{i} {title}", self._goer(title), css_classes=["step"])
+            title: parts.button(f"{i} {title}", partial(self.go, title), css_classes=["step"])
             for i, title in enumerate(self.views, 1)
         }
         self.shown = ""
@@ -72,9 +73,6 @@ class Page:
         if title in self._stale:
             self._refresh(title)
         self.stage[:] = [self.views[title].panel]
-
-    def _goer(self, title: str) -> Callable[[], None]:
-        return lambda: self.go(title)
 
     def tick(self) -> None:
         """Show what has changed in the folder."""

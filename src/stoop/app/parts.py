@@ -19,6 +19,7 @@ CODE: Final[dict[str, Any]] = {
     "sizing_mode": "stretch_width",
     "stylesheets": ["textarea { font: 12px/1.5 ui-monospace, Menlo, Consolas, monospace; }"],
 }  #: options of a field for a file
+DIGITS: Final = frozenset(("", *"0123456789-−.±"))  #: with which a cell of a number begins
 STATES: Final = {"running": "running", "done": "done", "failed": "not done"}
 
 
@@ -86,10 +87,16 @@ def command(step: Step) -> str:
     return printed(step.command, f"command of {step.name}")
 
 
+def failed(step: Step) -> pn.pane.HTML:
+    """Return what a step that failed says is wrong, and its command."""
+    return html(error(step.error) + command(step))
+
+
 def table(heads: Sequence[str], rows: Iterable[Sequence[object]], wide: Sequence[int] = ()) -> str:
     """Return a table; columns of numbers are flush right, those named by `wide` may wrap."""
     body = list(rows)
-    numeric = {i for i in range(len(heads)) if body and all(_is_number(str(row[i])) for row in body)}
+    cells_of = [[str(row[i]).strip()[:1] for row in body] for i in range(len(heads))]
+    numeric = {i for i, own in enumerate(cells_of) if own and all(c in DIGITS for c in own)}
     kinds = ["number" if i in numeric else "wide" if i in wide else "" for i in range(len(heads))]
     head = "".join(
         f'<th class="{kind}">{escaped(text)}</th>' for kind, text in zip(kinds, heads, strict=True)
@@ -102,10 +109,6 @@ def table(heads: Sequence[str], rows: Iterable[Sequence[object]], wide: Sequence
     return (
         f'<div class="scroll"><table><thead><tr>{head}</tr></thead><tbody>{rows_text}</tbody></table></div>'
     )
-
-
-def _is_number(text: str) -> bool:
-    return text in ("", "-") or text.strip()[:1].isdigit() or text.strip()[:1] in "-−.±"
 
 
 def button(name: str, act: Callable[[], Any], kind: str = "default", **options: Any) -> pn.widgets.Button:

@@ -112,7 +112,7 @@ class Strips:
             "−": (0.0, 2.0),
             "whole flight": (0.0, math.inf),
         }
-        buttons = [button(name, self._mover(*move), margin=(0, 4, 4, 0)) for name, move in steer.items()]
+        buttons = [button(name, partial(self._move, *by), margin=(0, 4, 4, 0)) for name, by in steer.items()]
         self.panel = pn.Column(pn.FlexBox(*buttons), *shown, sizing_mode="stretch_width", margin=0)
 
     def mark(self, windows: Iterable[tuple[float, float, str]]) -> None:
@@ -166,18 +166,14 @@ class Strips:
             plot.xaxis.axis_label = "s, the log's own clock"
         return plot
 
-    def _mover(self, shift: float, factor: float) -> Callable[[], None]:
-        """Return what moves the view by a share of its width, and widens it."""
-
-        def moved() -> None:
-            low, high = float(self._time[0]), float(self._time[-1])
-            width = self._range.end - self._range.start
-            middle = 0.5 * (self._range.start + self._range.end) + shift * width
-            half = 0.5 * min(width * factor, high - low)
-            middle = min(max(middle, low + half), high - half)
-            self._range.update(start=middle - half, end=middle + half)
-
-        return moved
+    def _move(self, shift: float, factor: float) -> None:
+        """Move the view by a share of its width, and widen it."""
+        low, high = float(self._time[0]), float(self._time[-1])
+        width = self._range.end - self._range.start
+        middle = 0.5 * (self._range.start + self._range.end) + shift * width
+        half = 0.5 * min(width * factor, high - low)
+        middle = min(max(middle, low + half), high - half)
+        self._range.update(start=middle - half, end=middle + half)
 
     def _zoomed(self, attr: str, old: Any, new: Any) -> None:
         start, stop = float(self._range.start), float(self._range.end)

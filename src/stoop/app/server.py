@@ -7,6 +7,7 @@ import hmac
 import logging
 import secrets
 import warnings
+import webbrowser
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final
@@ -38,6 +39,14 @@ ICON: Final = (
     '<path d="M2 2 L14 6 L8 8 L6 14 Z" fill="#1f5fa8"/></svg>'
 )
 SHOWN: Final = (".html",)  #: endings of files that the browser shows; others are downloaded
+
+
+def open_address(address: str) -> bool:
+    """Open an address in the user's browser; return whether there is one."""
+    try:
+        return webbrowser.open(address)
+    except (webbrowser.Error, OSError):
+        return False
 
 
 class Gate(httputil.HTTPServerConnectionDelegate):
@@ -214,8 +223,8 @@ class Server:
         """Serve until Ctrl-C; the runs go on."""
         import signal
 
-        signal.signal(signal.SIGINT, lambda *_: self._server.io_loop.add_callback_from_signal(self.stop))
-        signal.signal(signal.SIGTERM, lambda *_: self._server.io_loop.add_callback_from_signal(self.stop))
+        for ending in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(ending, lambda *_: self._server.io_loop.add_callback_from_signal(self.stop))
         self._server.start()
         self._server.io_loop.start()
 

@@ -99,12 +99,9 @@ class Step:
         if "Traceback" in text:
             return "this is a bug in stoop; the step's errors.txt has the details"
         if product and not (self.folder / product).exists():
-            interrupted = "stoop: interrupted" in text
-            return (
-                "stopped before there was a result"
-                if interrupted
-                else "ended without a result: it was killed, or the disk is full"
-            )
+            if "stoop: interrupted" in text:
+                return "stopped before there was a result"
+            return "ended without a result: it was killed, or the disk is full"
         return ""
 
     @property

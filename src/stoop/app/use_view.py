@@ -52,10 +52,7 @@ class UseView(View):
         if not self._runs:
             self.body[:] = [parts.html("<p class='soft'>A result or a vehicle is needed first.</p>")]
             return
-        names = [
-            *reversed([n for n in self._runs if n != THE_FILE]),
-            *([THE_FILE] if THE_FILE in self._runs else []),
-        ]
+        names = [*reversed([n for n in self._runs if n != THE_FILE]), *(self._runs.keys() & {THE_FILE})]
         self._subject.param.update(
             options=names, value=self._subject.value if self._subject.value in names else names[0]
         )
@@ -77,25 +74,15 @@ class UseView(View):
         ]
 
     def _export(self) -> None:
-        words = ["export", self._model(), "--to", self._target.value, "-o"]
+        words = ["export", self._runs[self._subject.value], "--to", self._target.value, "-o"]
         self.project.start("exports", lambda at: [*words, at])
 
     def _design(self) -> None:
         if not (self._duration.value and self._amplitude.value):
             raise StoopError("Write duration and deflection")
-        words = [
-            "design",
-            self._model(),
-            "--duration",
-            f"{self._duration.value:g}",
-            "--amplitude",
-            f"{self._amplitude.value:g}",
-            "-o",
-        ]
+        limits = f"--duration {self._duration.value:g} --amplitude {self._amplitude.value:g} -o".split()
+        words = ["design", self._runs[self._subject.value], *limits]
         self.project.start("designs", lambda at: [*words, at])
-
-    def _model(self) -> str:
-        return self._runs[self._subject.value]
 
     def _steps(self, kind: str, doing: str) -> list[Any]:
         return [
@@ -108,7 +95,7 @@ class UseView(View):
         if step.running:
             return [parts.html(head), *self.waiting(step, doing)]
         if step.state == "failed":
-            return [parts.html(head + parts.error(step.error) + parts.command(step))]
+            return [parts.html(head), parts.failed(step)]
         places = [str(p.relative_to(self.project.root)) for p in step.files]
         links = "".join(
             f'<li><a href="{parts.address(p)}" download>{parts.escaped(p)}</a></li>' for p in places

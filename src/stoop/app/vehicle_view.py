@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
@@ -29,16 +30,7 @@ ELSEWHERE: Final = (
 )
 HEADS: Final = {"name": "number", "value": "value", "unit": "unit", "free": "free", "prior": "prior ±", "low": "lower",
                 "high": "upper", "help": "what it is"}  # fmt: skip
-WIDTHS: Final = {
-    "name": 165,
-    "value": 84,
-    "unit": 60,
-    "free": 48,
-    "prior": 80,
-    "low": 100,
-    "high": 100,
-    "help": 420,
-}
+WIDTHS: Final = dict(zip(HEADS, (165, 84, 60, 48, 80, 100, 100, 420), strict=True))
 
 
 class VehicleView(View):
@@ -83,16 +75,11 @@ class VehicleView(View):
             for field in numbers.FIELDS:
                 old, new = getattr(before, field), now[field]
                 if field == "free":
-                    same = bool(new) == old
+                    new = bool(new)
                 else:
-                    new = (
-                        None
-                        if new is None or new == "" or (isinstance(new, float) and math.isnan(new))
-                        else float(new)
-                    )
+                    new = None if new is None or new == "" or math.isnan(float(new)) else float(new)
                     old = None if old is None or not math.isfinite(old) else old
-                    same = new == old
-                if not same:
+                if new != old:
                     out.setdefault(before.name, {})[field] = new
         return out
 
@@ -129,7 +116,7 @@ class VehicleView(View):
         )
         built = [
             pn.Row(
-                parts.button(name, self._taker(name), width=110),
+                parts.button(name, self.act(partial(lambda n: self.take(builtin_text(n)), name)), width=110),
                 parts.html(parts.escaped(builtin_title(name)), margin=(8, 0)),
             )
             for name in BUILT_IN
@@ -143,18 +130,11 @@ class VehicleView(View):
             sizing_mode="stretch_width", margin=0,
         )  # fmt: skip
 
-    def _taker(self, name: str) -> Any:
-        return self.act(lambda: self.take(builtin_text(name)))
-
     def _request(self) -> Any:
         """Return the form of `stoop vehicle new`."""
         kind = pn.widgets.Select(label="kind", options=[BY_LOG, *TEMPLATES], width=150)
         engine = pn.widgets.Select(label="engine", options=[BY_LOG, *ENGINES], width=120)
-        asked = {
-            "mass": "mass as flown, kg",
-            "span": "span, m",
-            "chord": "mean chord, m",
-        }
+        asked = {"mass": "mass as flown, kg", "span": "span, m", "chord": "mean chord, m"}
         fields = {
             key: pn.widgets.FloatInput(label=label, value=None, start=0.0, width=130, step=0.01)
             for key, label in asked.items()
@@ -162,17 +142,10 @@ class VehicleView(View):
 
         def drafted() -> None:
             words = ["vehicle", "new", *(self.project.source if self.project.log else [])]
-            given = {
-                "template": kind.value,
-                "engine": engine.value,
-                **{k: f.value for k, f in fields.items()},
-            }
+            given = {"template": kind.value, "engine": engine.value} | {k: f.value for k, f in fields.items()}
             for key, value in given.items():
-                words += (
-                    []
-                    if value in (None, BY_LOG)
-                    else [f"--{key}", f"{value:g}" if isinstance(value, float) else str(value)]
-                )
+                if value not in (None, BY_LOG):
+                    words += [f"--{key}", f"{value:g}" if isinstance(value, float) else str(value)]
             self.project.start("drafts", lambda at: [*words, "-o", f"{at}/{VEHICLE}"])
             self.say("The draft is shown below as soon as it is made", good=True)
 
@@ -184,7 +157,7 @@ class VehicleView(View):
         if step.running:
             return pn.Column(*self.waiting(step, "drafting the vehicle from the log and the numbers"))
         if step.state == "failed":
-            return parts.html(parts.error(step.error) + parts.command(step))
+            return parts.failed(step)
         text = step.file(VEHICLE).read_text("utf-8")
         shown = f"<div class='note'><pre>{parts.escaped(step.output)}</pre></div>{parts.command(step)}"
         return pn.Column(
@@ -241,7 +214,9 @@ class VehicleView(View):
         buttons = pn.FlexBox(
             parts.button("Save", self.act(self.save), "primary"),
             parts.button("Discard edits", self.act(self._discard)),
-            parts.button("Check by trim", self.act(self._trim)),
+            parts.button(
+                "Check by trim", self.act(lambda: self.project.start("trims", lambda at: ["trim", VEHICLE]))
+            ),
             parts.button("Next: the windows", self.act(self._onward)),
             unsaved,
         )
@@ -285,9 +260,6 @@ class VehicleView(View):
             self.project.propose_windows()
         self.go("Windows")
 
-    def _trim(self) -> None:
-        self.project.start("trims", lambda at: ["trim", VEHICLE])
-
     def _show_checks(self) -> None:
         """Show the trim and the equations."""
         shown: list[Any] = []
@@ -300,13 +272,8 @@ class VehicleView(View):
                 parts.error(trim.error)
                 or f"<details open><summary>trim</summary><pre>{parts.escaped(trim.output)}</pre></details>"
             )
-            shown.append(
-                parts.html(
-                    parts.busy(trim, "looking for a steady flight")
-                    if trim.running
-                    else done + parts.command(trim)
-                )
-            )
+            busy = parts.busy(trim, "looking for a steady flight")
+            shown.append(parts.html(busy if trim.running else done + parts.command(trim)))
         if written is not None and written.running:
             shown.append(parts.html(parts.busy(written, "writing the equations")))
         elif written is not None:

@@ -15,11 +15,8 @@ from stoop.app.view import View
 from stoop.errors import StoopError
 from stoop.input_design.windows_file import Entry
 
-USES: Final = {
-    "fit": "fit",
-    "predict": "validate",
-    "not used": "",
-}  #: as shown -> as in the file; empty: not accepted
+#: as shown -> as in the file; empty: not accepted
+USES: Final = {"fit": "fit", "predict": "validate", "not used": ""}
 HINT: Final = "Drag across the strips to brush a window; Ctrl and the wheel zoom. Blue is fitted, orange predicted, grey unused."
 WHY: Final = "why these windows, and what to expect of them"
 BRUSHED: Final = "brushed"  #: why such a window is there
@@ -81,17 +78,14 @@ class WindowsView(View):
         if step.running:
             return self.waiting(step, "choosing windows by their information about the free numbers")
         if step.state == "failed":
-            return [parts.html(parts.error(step.error) + parts.command(step))]
+            return [parts.failed(step)]
         page = parts.html(parts.fold(WHY, parts.frame(f"{step.name}/windows.html", "windows")))
         proposed = step.file(WINDOWS).read_text("utf-8")
         if proposed == (self.project.root / WINDOWS).read_text("utf-8"):
             return [page]
         note = parts.html(parts.note(f"{step.name} proposes other windows than those below"))
-        return [
-            note,
-            parts.button("Take the proposal", self.act(lambda: self.project.take_proposal(step))),
-            page,
-        ]
+        take = parts.button("Take the proposal", self.act(lambda: self.project.take_proposal(step)))
+        return [note, take, page]
 
     def _row(self, entry: Entry) -> Any:
         shown = next(name for name, use in USES.items() if use == (entry.use if entry.accept else ""))
@@ -107,11 +101,8 @@ class WindowsView(View):
             field.param.watch(lambda e, key=key: self._change(entry, **{key: e.new}), "value")
             ends.append(field)
         remove = parts.button("Remove", lambda: self._replace(entry, None), margin=(2, 8, 2, 0))
-        why = " · ".join(
-            text
-            for text in (entry.axis, entry.why, f"loading {entry.loading}" if entry.loading else "")
-            if text
-        )
+        loading = f"loading {entry.loading}" if entry.loading else ""
+        why = " · ".join(filter(None, (entry.axis, entry.why, loading)))
         text = parts.html(
             f"<span class='soft'>{parts.escaped(why)}</span>",
             margin=(7, 0),

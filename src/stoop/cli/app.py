@@ -24,10 +24,9 @@ def run(arguments: argparse.Namespace) -> int:
         if error.name not in ("panel", "bokeh", "param", "tornado"):
             raise
         raise StoopError(NEEDED) from None
-    from stoop.app import browser
     from stoop.app.folder import Project
     from stoop.app.page import page_of
-    from stoop.app.server import Server
+    from stoop.app.server import Server, open_address
 
     log: Path | None = arguments.log
     name = FOLDER if log is None else f"{FOLDER}-{flight_name(log)}"
@@ -40,7 +39,7 @@ def run(arguments: argparse.Namespace) -> int:
     out = page()
     out.line(f"folder: {project.root}")
     show(f"open: {server.address}")
-    if not arguments.no_browser and not browser.open_address(server.address):
+    if not arguments.no_browser and not open_address(server.address):
         out.line("no browser was found: copy the address above into one on this machine")
     out.line("Ctrl-C ends the app; runs go on, and the same command shows them again")
     server.run()

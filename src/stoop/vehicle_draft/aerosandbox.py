@@ -9,15 +9,14 @@ from __future__ import annotations
 import importlib
 import math
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any, Final
 
 import numpy as np
 
 from stoop.base.arrays import FloatArray
-from stoop.base.atmosphere import SEA_LEVEL_DENSITY
 from stoop.errors import VehicleError
 from stoop.vehicle_draft import handbook
-from stoop.vehicle_draft.apriori import Apriori
 from stoop.vehicle_draft.geometry import Geometry
 from stoop.vehicle_draft.parts import Flap, Surface
 
@@ -25,73 +24,51 @@ STATIONS: Final = 9  #: of a half, beside those at the ends of control surfaces
 CHORDWISE: Final = 6
 ANGLE: Final = 0.02  #: step of angles, rad
 RATE: Final = 0.02  #: step of dimensionless rates
-SOURCE: Final = "AeroSandbox vortex lattice"
+#: motion or control -> step, and what the change of a coefficient is divided by
+STEPS: Final = {
+    **dict.fromkeys(("alpha", "beta"), (ANGLE, ANGLE)),
+    **dict.fromkeys(("p", "q", "r"), (RATE, RATE)),
+    **dict.fromkeys(("elevator", "aileron", "rudder"), (ANGLE, ANGLE / handbook.FLAP_EFFICIENCY)),
+}
 OUTPUTS: Final = {"CL": "CL", "CQ": "CY", "Cl": "Cl", "Cm": "Cm", "Cn": "Cn"}  #: of eq. (1) -> of AeroSandbox
 
 
-def derivatives(
-    geometry: Geometry,
-    airspeed: float,
-    alpha: float | None = None,
-    density: float = SEA_LEVEL_DENSITY,
-    lift: float | None = None,
-) -> dict[str, Apriori]:
-    """Return the derivatives of eq. (1) at a working point; arguments as those of `handbook.derivatives`.
+def nominal(geometry: Geometry, point: handbook.WorkingPoint) -> dict[str, float]:
+    """Return the terms of eq. (1) at a working point, those of lifting surfaces by the lattice.
 
     Raises
     ------
     VehicleError
         AeroSandbox is not installed.
     """
-    library = _library()
-    point = handbook.WorkingPoint.of(geometry, airspeed, alpha, density, lift)
-    values = handbook.nominal(geometry, point)
-    values |= {n: v for n, v in _lattice(library, geometry, point).items() if n in values}
-    for name, change in (handbook.fuselage(geometry) | handbook.lag(geometry)).items():
-        values[name] += change
-    return handbook.a_priori(geometry, point, values, SOURCE)
-
-
-def _library() -> Any:
     try:
-        return importlib.import_module("aerosandbox")
+        library = importlib.import_module("aerosandbox")
     except ImportError:
         raise VehicleError(
             "--aerodynamics: AeroSandbox is not installed; pip install 'stoop[geometry]', or take the handbook"
         ) from None
+    values, base = handbook.nominal(geometry, point), _coefficients(library, geometry, point, {})
+    for variable, (step, per) in STEPS.items():
+        moved = _coefficients(library, geometry, point, {variable: step})
+        found = {name + variable: (moved[name] - base[name]) / per for name in OUTPUTS}
+        values |= {name: value for name, value in found.items() if name in values}
+    for name, change in (handbook.fuselage(geometry) | handbook.lag(geometry)).items():
+        values[name] += change
+    return values
 
 
-def _lattice(library: Any, geometry: Geometry, point: handbook.WorkingPoint) -> dict[str, float]:
-    """Return the derivatives of the lifting surfaces."""
-    base = _coefficients(library, geometry, point, {}, {})
-    found: dict[str, float] = {}
-    for motion in ("alpha", "beta", "p", "q", "r"):
-        step = ANGLE if motion in ("alpha", "beta") else RATE
-        _write(found, motion, base, _coefficients(library, geometry, point, {motion: step}, {}), step)
-    for control in ("elevator", "aileron", "rudder"):
-        moved = _coefficients(library, geometry, point, {}, {control: ANGLE})
-        _write(found, control, base, moved, ANGLE / handbook.FLAP_EFFICIENCY)
-    return found
-
-
-def _write(
-    found: dict[str, float], variable: str, base: Mapping[str, float], moved: Mapping[str, float], step: float
-) -> None:
-    found.update({name + variable: (moved[name] - base[name]) / step for name in OUTPUTS})
+#: arguments as those of `handbook.derivatives`
+derivatives: Final = partial(handbook.derivatives, method=nominal, source="AeroSandbox vortex lattice")
 
 
 def _coefficients(
-    library: Any,
-    geometry: Geometry,
-    point: handbook.WorkingPoint,
-    motion: Mapping[str, float],
-    controls: Mapping[str, float],
+    library: Any, geometry: Geometry, point: handbook.WorkingPoint, moved: Mapping[str, float]
 ) -> dict[str, float]:
     """Return the coefficients of the lattice, body axes, with one motion or one control moved."""
     wing, speed = geometry.wing, point.airspeed
     rate = {"p": 2.0 * speed / wing.span, "q": 2.0 * speed / wing.chord, "r": 2.0 * speed / wing.span}
     airplane = library.Airplane(
-        wings=_wings(library, geometry, point, controls),
+        wings=_wings(library, geometry, point, moved),
         xyz_ref=[0.0, 0.0, 0.0],
         s_ref=wing.area,
         c_ref=wing.chord,
@@ -99,9 +76,9 @@ def _coefficients(
     )
     flow = library.OperatingPoint(
         velocity=speed,
-        alpha=math.degrees(point.alpha + motion.get("alpha", 0.0)),
-        beta=math.degrees(motion.get("beta", 0.0)),
-        **{axis: per * motion.get(axis, 0.0) for axis, per in rate.items()},
+        alpha=math.degrees(point.alpha + moved.get("alpha", 0.0)),
+        beta=math.degrees(moved.get("beta", 0.0)),
+        **{axis: per * moved.get(axis, 0.0) for axis, per in rate.items()},
     )
     found = library.VortexLatticeMethod(
         airplane,
@@ -213,8 +190,8 @@ def _section(
             airfoil = airfoil.add_control_surface(
                 deflection=math.degrees(deflection), hinge_point_x=1.0 - flap.chord
             )
-    edge = (quarter[0] + 0.25 * chord, quarter[1], quarter[2])
-    return library.WingXSec(xyz_le=_turned(edge), chord=chord, twist=math.degrees(pitch), airfoil=airfoil)
+    edge = [-(quarter[0] + 0.25 * chord), quarter[1], -quarter[2]]  # in its axes: aft, right, up
+    return library.WingXSec(xyz_le=edge, chord=chord, twist=math.degrees(pitch), airfoil=airfoil)
 
 
 def _moved(surface: Any, center: Sequence[float]) -> Any:
@@ -223,8 +200,3 @@ def _moved(surface: Any, center: Sequence[float]) -> Any:
         return None
     position = tuple(a - b for a, b in zip(surface.position, center, strict=True))
     return surface.model_copy(update={"position": position})
-
-
-def _turned(point: Sequence[float]) -> list[float]:
-    """Return a point in the axes of AeroSandbox: aft, right, up."""
-    return [-point[0], point[1], -point[2]]

@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import Final
 
 from stoop.base.atmosphere import SEA_LEVEL_DENSITY
-from stoop.base.notices import Notice
+from stoop.base.notices import Notice, notice
 from stoop.base.units import DEGREE, STANDARD_GRAVITY
 from stoop.flight import Flight
 from stoop.vehicle.defaults import COEFFICIENTS, EQUATION_1, MOMENT_ARMS
@@ -16,13 +16,21 @@ from stoop.vehicle.load import STANDARD_CONTROLS
 from stoop.vehicle_draft import inertia, plausibility
 from stoop.vehicle_draft.apriori import Apriori
 from stoop.vehicle_draft.autopilot import Scale
-from stoop.vehicle_draft.controls import AXES, Mixer, default_controls, find_controls, recorded
+from stoop.vehicle_draft.controls import AXES, default_controls, find_controls, recorded
 from stoop.vehicle_draft.geometry import Geometry
 from stoop.vehicle_draft.power import USUAL, Drive, find_drive, speed_gain
 from stoop.vehicle_draft.request import AERODYNAMICS, Evidence, Request
-from stoop.vehicle_draft.sheet import MEANINGS, plain, point, quantity
-from stoop.vehicle_draft.steady import Steady, steady_flight
-from stoop.vehicle_draft.tables import PRIORS, FileText, body_drag, rotor_tables
+from stoop.vehicle_draft.steady import steady_flight
+from stoop.vehicle_draft.tables import (
+    MEANINGS,
+    PRIORS,
+    FileText,
+    body_drag,
+    plain,
+    point,
+    quantity,
+    rotor_tables,
+)
 
 #: what stoop says of a vehicle that nobody has flown yet: CL of its working point
 CRUISE_LIFT: Final = 0.5
@@ -43,9 +51,10 @@ class Airplane(FileText):
             self.template, self.mass, r.span or 0.0, r.chord, r.area
         )
         self.steady = steady_flight(seen.flights)
-        yaws = self.template != "flying-wing" or _has_rudder(seen)
-        self.wanted = wanted = STANDARD_CONTROLS if yaws else STANDARD_CONTROLS[:2]
         flight = seen.flight
+        rudder = any(surface.shares[2] for surface in seen.setup.surfaces)
+        yaws = self.template != "flying-wing" or rudder or (flight is not None and recorded(flight, "rudder"))
+        self.wanted = wanted = STANDARD_CONTROLS if yaws else STANDARD_CONTROLS[:2]
         self.controls = (
             default_controls(wanted) if flight is None else find_controls(flight, seen.setup, wanted)
         )
@@ -267,7 +276,12 @@ class Airplane(FileText):
             mixer, flight = self.controls.mixers.get(control), self.seen.flight
             if mixer is None or slope not in found or name not in found:
                 continue
-            level = _median_deflection(self.steady, mixer, control) if flight is not None else 0.0
+            level = 0.0  # median deflection in steady flight, rad
+            if flight is not None:
+                gains = mixer.gains or {control: 1.0}
+                middles = {n: self.steady.median(n) - mixer.centers.get(n, 0.0) for n in gains}
+                level = sum(gain * middles[n] for n, gain in gains.items())
+                level = level if math.isfinite(level) else 0.0
             own, effect = found[name], found[slope]
             middle = PRIORS.middle if mixer.gains else 0.0
             std = math.sqrt(own.std**2 + (effect.std * level) ** 2 + (effect.value * middle) ** 2)
@@ -283,18 +297,6 @@ class Airplane(FileText):
         speeds = {f.name: steady_flight([f]).airspeed()[0] for f in self.seen.flights}
         found += plausibility.of_controls(self.controls, self.wanted, self.seen)
         found += plausibility.of_flights(self.controls.channels, speeds, self.seen)
-        return [*found, *plausibility.of_excitation(self.seen), *plausibility.of_setup(self.seen.setup)]
-
-
-def _has_rudder(seen: Evidence) -> bool:
-    shares = any(surface.shares[2] for surface in seen.setup.surfaces)
-    return shares or (seen.flight is not None and recorded(seen.flight, "rudder"))
-
-
-def _median_deflection(steady: Steady, mixer: Mixer, control: str) -> float:
-    """Return the median deflection in steady flight, rad; zero where no log has its channels."""
-    channels = list(mixer.gains or {control: 1.0})
-    levels = [steady.median(name) - mixer.centers.get(name, 0.0) for name in channels]
-    gains = list((mixer.gains or {control: 1.0}).values())
-    level = sum(g * x for g, x in zip(gains, levels, strict=True))
-    return level if math.isfinite(level) else 0.0
+        found += plausibility.of_excitation(self.seen)
+        uses = tuple(dict.fromkeys(self.seen.setup.others.values()))  # of outputs that the draft leaves out
+        return [*found, *([notice("draft-left-out", self.seen.setup.autopilot, uses=uses)] if uses else [])]

@@ -7,7 +7,7 @@ of :mod:`stoop.vehicle_draft`: elevator trailing edge down, aileron right wing d
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Final
 
@@ -27,6 +27,7 @@ AXES: Final[Mapping[str, tuple[int, str, str, float]]] = {
     "rudder": (2, "control_yaw", "r", -1.0),
 }
 THROW: Final = 0.35  #: rad, of a full command
+THROW_TEXT: Final = f"{THROW:g} rad ({THROW / DEGREE:.0f} deg)"
 ENOUGH: Final = 0.6  #: of the fastest rate: at half of it commands are aliased
 SMALL_WEIGHT: Final = 0.25  #: of the largest weight of outputs; less takes no part in an axis
 
@@ -74,14 +75,12 @@ def find_controls(flight: Flight, setup: Setup, wanted: tuple[str, ...]) -> Cont
     wanted : tuple of str
         Controls that the template has.
     """
-    options: list[Callable[[], Controls]] = [
-        lambda: _of_outputs(flight, setup, "servo_"),
-        lambda: _of_outputs(flight, setup, "pwm_"),
-        lambda: _of_moments(flight, wanted),
-    ]
     found = _recorded(flight, wanted)
     if not found.mixers:
-        known = [one for option in options if (one := option()).mixers]
+        there = [name for name in wanted if recorded(flight, AXES[name][1])]
+        moments = Controls({name: _moment(name) for name in there}, "the autopilot's normalized moments")
+        outputs = (_of_outputs(flight, setup, kind) for kind in ("servo_", "pwm_"))
+        known = [one for one in (*outputs, moments) if one.mixers]
         rates = [min(flight.sources[n].rate for n in one.channels) for one in known]
         fast = (one for one, rate in zip(known, rates, strict=True) if rate >= ENOUGH * max(rates))
         found = next(fast, None) or _by_motion(flight, wanted)
@@ -139,22 +138,13 @@ def _of_outputs(flight: Flight, setup: Setup, kind: str) -> Controls:
                 centers |= {channel: scale.zero} if scale != Scale(0.0, scale.unit) else {}
                 names.append(f"{surface.name} {channel}")
         if gains:
-            mixers[control] = Mixer(gains, centers, f"{', '.join(names)}; full throw taken as {_throw()}")
+            mixers[control] = Mixer(gains, centers, f"{', '.join(names)}; full throw taken as {THROW_TEXT}")
     return Controls(mixers, f"outputs by {setup.autopilot}'s parameters")
-
-
-def _throw() -> str:
-    return f"{THROW:g} rad ({THROW / DEGREE:.0f} deg)"
 
 
 def _moment(control: str) -> Mixer:
     _, channel, _, sign = AXES[control]
-    return Mixer({channel: sign * THROW}, {}, f"a full command is taken as {_throw()}")
-
-
-def _of_moments(flight: Flight, wanted: tuple[str, ...]) -> Controls:
-    there = [name for name in wanted if recorded(flight, AXES[name][1])]
-    return Controls({name: _moment(name) for name in there}, "the autopilot's normalized moments")
+    return Mixer({channel: sign * THROW}, {}, f"a full command is taken as {THROW_TEXT}")
 
 
 def _by_motion(flight: Flight, wanted: tuple[str, ...]) -> Controls:

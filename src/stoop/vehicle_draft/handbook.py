@@ -8,7 +8,7 @@ named where they stand. Subsonic and incompressible, without propeller stream an
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -18,20 +18,11 @@ from stoop.base.arrays import FloatArray
 from stoop.base.atmosphere import SEA_LEVEL_DENSITY
 from stoop.base.units import STANDARD_GRAVITY
 from stoop.vehicle.defaults import EQUATION_1
-from stoop.vehicle_draft.apriori import Apriori
+from stoop.vehicle_draft.apriori import METHOD, Apriori, typical_std
 from stoop.vehicle_draft.geometry import Geometry
 from stoop.vehicle_draft.parts import Fin, Surface, Tail
 from stoop.vehicle_draft.proportions import flaps, mean_chord, quarter_chord
-from stoop.vehicle_draft.spread import METHOD, typical_std
-from stoop.vehicle_draft.strips import (
-    MOTIONS,
-    Response,
-    Strips,
-    lift_slope,
-    strips,
-    to_flap,
-    to_motion,
-)
+from stoop.vehicle_draft.strips import MOTIONS, Response, Strips, lift_slope, strips, to_flap, to_motion
 
 VISCOSITY: Final = 1.46e-5  #: kinematic, of air at sea level, m2/s
 #: lift slope of airfoils, per rad (Raymer, section 12.4: 0.95 of theory)
@@ -44,7 +35,6 @@ TAIL_PRESSURE: Final = 0.9
 END_PLATE: Final = 1.55
 #: share of the wash of a roll that arrives at a fin: DATCOM 7.1.2 has all in CQp, none in Cnp
 ROLL_SIDEWASH: Final = 0.5
-SOURCE: Final = "handbook formulas"
 
 
 @dataclass(frozen=True)
@@ -76,6 +66,8 @@ def derivatives(
     alpha: float | None = None,
     density: float = SEA_LEVEL_DENSITY,
     lift: float | None = None,
+    method: Callable[[Geometry, WorkingPoint], dict[str, float]] | None = None,
+    source: str = "handbook formulas",
 ) -> dict[str, Apriori]:
     """Return the derivatives of eq. (1) at a working point, body axes, as a vehicle file takes them.
 
@@ -90,19 +82,18 @@ def derivatives(
         Of the air, kg/m3.
     lift : float, optional
         Lift coefficient of the working point; by default that of level flight.
+    method : callable, optional
+        Gives the values at a working point; `nominal` by default.
+    source : str
+        Names the method.
+
+    Standard deviations are those of the method, and of what is typical of the geometry.
     """
     point = WorkingPoint.of(geometry, airspeed, alpha, density, lift)
-    return a_priori(geometry, point, nominal(geometry, point), SOURCE)
-
-
-def a_priori(
-    geometry: Geometry, point: WorkingPoint, values: Mapping[str, float], source: str
-) -> dict[str, Apriori]:
-    """Return derivatives with their standard deviations: of the method, and of what is typical of the geometry."""
     typical = typical_std(geometry, lambda g: nominal(g, point.for_geometry(g)))
     return {
         name: Apriori(value, math.hypot(METHOD[name].std(value), typical[name]), source)
-        for name, value in values.items()
+        for name, value in (method or nominal)(geometry, point).items()
     }
 
 
@@ -287,7 +278,8 @@ def _drag(geometry: Geometry, airspeed: float, lift: float, slope: float) -> dic
     """Return the drag: friction, and a parabolic polar (Raymer, sections 12.5 and 12.6)."""
     wing, body = geometry.wing, geometry.fuselage
     wetted = 0.0
-    for surface, count in ((wing, 1), (geometry.tail, 1), (geometry.fin, 2 if _is_pair(geometry) else 1)):
+    fins = 2 if geometry.fin is not None and geometry.fin.position[1] != 0.0 else 1
+    for surface, count in ((wing, 1), (geometry.tail, 1), (geometry.fin, fins)):
         if surface is not None:
             friction = skin_friction(airspeed * mean_chord(surface) / VISCOSITY)
             wetted += 2.05 * count * surface.area * friction * 1.3
@@ -300,7 +292,3 @@ def _drag(geometry: Geometry, airspeed: float, lift: float, slope: float) -> dic
         "CDalpha": 2.0 * induced * lift * slope,
         "CDalpha2": induced * slope**2,
     }
-
-
-def _is_pair(geometry: Geometry) -> bool:
-    return geometry.fin is not None and geometry.fin.position[1] != 0.0

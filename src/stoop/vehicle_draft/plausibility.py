@@ -11,7 +11,6 @@ from stoop.base.notices import Notice, notice
 from stoop.base.units import STANDARD_GRAVITY
 from stoop.flight.airborne import carried_by_rotors
 from stoop.flight.maneuvers import find_maneuvers
-from stoop.vehicle_draft.autopilot import Setup
 from stoop.vehicle_draft.controls import AXES, Controls
 from stoop.vehicle_draft.geometry import WINGED, Geometry
 from stoop.vehicle_draft.power import Lift, running_rotors
@@ -156,10 +155,3 @@ def of_flights(channels: Sequence[str], airspeeds: Mapping[str, float], known: E
         if fast > 2.0 * slow:
             out.append(notice("draft-other-speed", high, speed=fast, other=low, slow=slow))
     return out
-
-
-def of_setup(setup: Setup) -> list[Notice]:
-    """Return which outputs of the autopilot the draft leaves out."""
-    if not setup.others:
-        return []
-    return [notice("draft-left-out", setup.autopilot, uses=tuple(dict.fromkeys(setup.others.values())))]

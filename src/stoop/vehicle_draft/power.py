@@ -102,13 +102,9 @@ class Lift:
     def scaled(self, size: float) -> Lift:
         """Return them with another largest distance."""
         factor = size / self.size() if self.size() > 0.0 else 1.0
-        places = [replace(r, position=_times(r.position, factor)) for r in self.rotors]
-        return replace(self, rotors=tuple(places))
-
-
-def _times(point: Point, factor: float) -> Point:
-    x, y, z = point
-    return x * factor, y * factor, z * factor
+        places = [(x * factor, y * factor, z * factor) for x, y, z in (r.position for r in self.rotors)]
+        rotors = (replace(r, position=place) for r, place in zip(self.rotors, places, strict=True))
+        return replace(self, rotors=tuple(rotors))
 
 
 def command(flight: Flight, drive: Drive) -> np.ndarray:

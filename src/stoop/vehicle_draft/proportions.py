@@ -170,16 +170,16 @@ def completed(given: Geometry) -> Geometry:
 
 def _wing(draft: _Draft) -> None:
     given, usual = draft.given, draft.usual
-    draft.tables["wing"] = _sized(given.wing, "wing", given.mass)
-    draft.fill(
-        "wing",
-        taper=usual.taper,
-        sweep=usual.sweep,
-        dihedral=usual.dihedral,
-        incidence=usual.incidence,
-        camber=usual.camber,
-        thickness=usual.thickness,
-    )
+    known = {key for key in ("area", "span", "chord") if not math.isnan(getattr(given.wing, key))}
+    if len(known) < 2:
+        low, high = 9.81 * given.mass / 250.0, 9.81 * given.mass / 40.0
+        raise VehicleError(
+            f"wing: needs two of area, span and chord, has {' and '.join(sorted(known)) or 'none'}; "
+            f"with {given.mass:g} kg the area is usually {low:.2g} to {high:.2g} m2"
+        )
+    draft.tables["wing"] = given.wing.model_copy(update=_third(given.wing))
+    keys = ("taper", "sweep", "dihedral", "incidence", "camber", "thickness")
+    draft.fill("wing", **{key: getattr(usual, key) for key in keys})
     _check_area(draft.place("wing", (0.0, 0.0), (0.0, 0.0), (0.0, 0.0)), "wing")
 
 
@@ -254,18 +254,6 @@ def _flaps(draft: _Draft) -> None:
             draft.tables[name] = draft.tables[name].model_copy(update={kinds[0]: Flap()})
         for kind in kinds:
             draft.flap(name, kind, shapes.get(kind, usual.elevator))
-
-
-def _sized(surface: Wing, name: str, mass: float) -> Wing:
-    """Return a wing with area, span and chord."""
-    known = {key for key in ("area", "span", "chord") if not math.isnan(getattr(surface, key))}
-    if len(known) < 2:
-        low, high = 9.81 * mass / 250.0, 9.81 * mass / 40.0
-        raise VehicleError(
-            f"{name}: needs two of area, span and chord, has {' and '.join(sorted(known)) or 'none'}; "
-            f"with {mass:g} kg the area is usually {low:.2g} to {high:.2g} m2"
-        )
-    return surface.model_copy(update=_third(surface))
 
 
 def _third(surface: Surface) -> dict[str, float]:

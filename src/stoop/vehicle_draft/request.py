@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
@@ -12,6 +12,7 @@ from stoop.flight import Flight
 from stoop.flight.airborne import carried_by_rotors
 from stoop.vehicle.usual import ASPECT_RATIOS, MASS_BY_SPAN
 from stoop.vehicle_draft import aerosandbox, handbook
+from stoop.vehicle_draft.apriori import Apriori
 from stoop.vehicle_draft.autopilot import Setup, read_setup
 from stoop.vehicle_draft.controls import recorded
 from stoop.vehicle_draft.geometry import WINGED, Geometry
@@ -20,7 +21,10 @@ from stoop.vehicle_draft.power import ENGINES, Lift, find_drive, find_rotors, ru
 ROTORCRAFT: Final = {"quad": 4, "hexa": 6, "octo": 8}  #: template -> rotors
 TEMPLATES: Final = (*WINGED, *ROTORCRAFT)
 #: method of a priori derivatives -> its function
-AERODYNAMICS: Final = {"handbook": handbook.derivatives, "aerosandbox": aerosandbox.derivatives}
+AERODYNAMICS: Final[Mapping[str, Callable[..., dict[str, Apriori]]]] = {
+    "handbook": handbook.derivatives,
+    "aerosandbox": aerosandbox.derivatives,
+}
 #: kg/m2, over the square of the largest distance between motors: 0.034 kg of 0.09 m to 7 kg of 1.05 m
 MASS_BY_FRAME: Final = (3.0, 12.0)
 
@@ -86,11 +90,8 @@ class Evidence:
 
     def engine(self, template: str) -> str:
         """Return the engine that the log shows."""
-        return "none" if template == "glider" and not self.driven() else "electric"
-
-    def driven(self) -> bool:
-        """Tell whether a motor of the log ran."""
-        return self.flight is not None and find_drive(self.flight, self.setup) is not None
+        driven = self.flight is not None and find_drive(self.flight, self.setup) is not None
+        return "none" if template == "glider" and not driven else "electric"
 
 
 def evidence(flights: Sequence[Flight]) -> Evidence:
@@ -117,9 +118,7 @@ def with_geometry(request: Request) -> Request:
     held |= {"chord": geometry.wing.chord, "area": geometry.wing.area}
     for key, value in held.items():
         given = getattr(request, key)
-        same = (
-            given == value if isinstance(value, str) else given and math.isclose(given, value, rel_tol=0.02)
-        )
+        same = given == value if isinstance(value, str) else math.isclose(given or 0.0, value, rel_tol=0.02)
         if given is not None and not same:
             text = value if isinstance(value, str) else f"{value:.4g}"
             raise VehicleError(f"--{key}: is {given}, and {text} in the geometry; leave one of them out")

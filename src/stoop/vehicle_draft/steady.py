@@ -91,28 +91,17 @@ def steady_flight(flights: Sequence[Flight], wings: bool = True) -> Steady:
     masks = []
     for flight in flights:
         up = airborne(flight) if wings else flying(flight)
-        calm = up & _calm(flight, wings)
+        limits = dict.fromkeys(RATES, (-STEADY.rate, STEADY.rate))
+        limits["az"] = -STANDARD_GRAVITY * STEADY.load[1], -STANDARD_GRAVITY * STEADY.load[0]
+        limits |= {"phi": (-STEADY.bank, STEADY.bank)} if wings else {}
+        calm = up.copy()
+        for name, (low, high) in limits.items():
+            if name in flight.names:
+                calm &= (flight.column(name) >= low) & (flight.column(name) <= high)
+        if not wings and flight.names >= set(VELOCITY):
+            calm &= np.hypot(flight.column("vn"), flight.column("ve")) < FLYING.hover_speed
         masks.append(calm if calm.sum() >= STEADY.samples else up)
     return Steady(tuple(flights), tuple(masks))
-
-
-def _calm(flight: Flight, wings: bool) -> BoolArray:
-    good = np.ones(flight.time.size, dtype=bool)
-
-    def limit(name: str, low: float, high: float) -> None:
-        if name in flight.names:
-            x = flight.column(name)
-            good[~((x >= low) & (x <= high))] = False
-
-    for name in RATES:
-        limit(name, -STEADY.rate, STEADY.rate)
-    low, high = (-STANDARD_GRAVITY * share for share in STEADY.load[::-1])
-    limit("az", low, high)
-    if wings:
-        limit("phi", -STEADY.bank, STEADY.bank)
-    elif flight.names >= set(VELOCITY):
-        good &= np.hypot(flight.column("vn"), flight.column("ve")) < FLYING.hover_speed
-    return good
 
 
 def turning(flight: Flight, u: FloatArray, rate: str) -> float:

@@ -40,10 +40,7 @@ MIN_MOVEMENT: Final = 0.02  #: standard deviation of an input, of that of the la
 MODEL_BAND: Final = (0.1, 60.0)  #: rad/s
 MODEL_POINTS: Final = 300
 #: rad/s, of a model's equivalent system if no flight is known; bandwidths lie above its low end
-FIT_BAND: Final = (
-    1.0,
-    10.0,
-)
+FIT_BAND: Final = (1.0, 10.0)
 
 
 @takes_model_or_vehicle
@@ -113,15 +110,24 @@ def frequency_responses(
             )
     if not windows:
         masks = {f.name: flying(f) for f in flights}
-        windows = tuple(w for f in flights for w in _spans(f, masks[f.name]))
+        windows = tuple(
+            Window(f.name, float(f.time[r.start]), float(f.time[r.stop - 1]))
+            for f in flights
+            for r in run_slices(masks[f.name])
+        )
     steady = None if vehicle is None else _steady(flights, masks, vehicle)
     columns = [_columns(f, vehicle, inputs, steady) for f in flights]
     names, notices = _moving(columns, [masks[f.name] for f in flights], inputs)
-    wanted = _outputs(flights, outputs)
+    shared = [n for n in flights[0].channels if all(n in f.names for f in flights)]
+    for name in outputs:
+        if name not in shared:
+            raise FlightError(f"--channel {name}: no such channel of the flights; {nearest(name, shared)}")
+    wanted = list(outputs) or [n for n in OUTPUTS if n in shared]
     stretches = [
-        _stretch(f, own, one, names, wanted)
+        _stretch(f, f.between(w.start, w.stop), one, names, wanted)
         for f, one in zip(flights, columns, strict=True)
-        for own in _windows_of(f, windows)
+        for w in windows
+        if w.flight == f.name
     ]
     responses = estimate_responses(stretches, names, wanted, band)
     if not responses:
@@ -137,15 +143,6 @@ def frequency_responses(
         tuple(named), windows, tuple(names), tuple(wanted), tuple(responses), modeled, tuple(figures), condition,
         tuple(notices),
     )  # fmt: skip
-
-
-def _spans(flight: Flight, mask: BoolArray) -> list[Window]:
-    runs = run_slices(mask)
-    return [Window(flight.name, float(flight.time[r.start]), float(flight.time[r.stop - 1])) for r in runs]
-
-
-def _windows_of(flight: Flight, windows: Sequence[Window]) -> list[slice]:
-    return [flight.between(w.start, w.stop) for w in windows if w.flight == flight.name]
 
 
 def _columns(
@@ -200,14 +197,6 @@ def _moving(
             "no input moves in these windows; choose windows with maneuvers (stoop maneuvers finds them) or name one by --input"
         )
     return moving, [notice("frequency-input-still", inputs=still)] if still else []
-
-
-def _outputs(flights: Sequence[Flight], outputs: Sequence[str]) -> list[str]:
-    shared = [n for n in flights[0].channels if all(n in f.names for f in flights)]
-    for name in outputs:
-        if name not in shared:
-            raise FlightError(f"--channel {name}: no such channel of the flights; {nearest(name, shared)}")
-    return list(outputs) or [n for n in OUTPUTS if n in shared]
 
 
 def _stretch(

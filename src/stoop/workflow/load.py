@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
 from functools import wraps
 from pathlib import Path
@@ -57,34 +57,28 @@ def takes_model(
     function: Callable[Concatenate[FittedModel, P], T],
 ) -> Callable[Concatenate[FittedModel | Place, P], T]:
     """Let the first argument of a function also be the folder of a fitted model."""
-
-    @wraps(function)
-    def run(model: FittedModel | Place, *arguments: P.args, **keywords: P.kwargs) -> T:
-        _check_keywords(function, keywords)
-        return function(fitted_model(model), *arguments, **keywords)
-
-    return run  # type: ignore[return-value]  # of the keyword "model", which no function has twice
+    return _read_first(function, fitted_model)
 
 
 def takes_model_or_vehicle(
     function: Callable[Concatenate[FittedModel | Vehicle, P], T],
 ) -> Callable[Concatenate[FittedModel | Vehicle | Place, P], T]:
     """Let the first argument of a function also be a folder, a vehicle file or the name of a built-in vehicle."""
+    return _read_first(function, model_or_vehicle)
+
+
+def _read_first(function: Callable[..., T], read: Callable[[Any], Any]) -> Callable[..., T]:
+    """Return a function that reads its first argument; an unknown keyword is answered by those that resemble it."""
 
     @wraps(function)
-    def run(model: FittedModel | Vehicle | Place, *arguments: P.args, **keywords: P.kwargs) -> T:
-        _check_keywords(function, keywords)
-        return function(model_or_vehicle(model), *arguments, **keywords)
+    def run(model: Any, *arguments: Any, **keywords: Any) -> T:
+        known = list(inspect.signature(function).parameters)
+        for name in keywords:
+            if name not in known:
+                raise TypeError(f"{function.__name__}() has no keyword '{name}'; {nearest(name, known)}")
+        return function(read(model), *arguments, **keywords)
 
-    return run  # type: ignore[return-value]  # of the keyword "model", which no function has twice
-
-
-def _check_keywords(function: Callable[..., Any], keywords: Mapping[str, Any]) -> None:
-    """Raise `TypeError` about a keyword that a function does not have, with those that resemble it."""
-    known = list(inspect.signature(function).parameters)
-    for name in keywords:
-        if name not in known:
-            raise TypeError(f"{function.__name__}() has no keyword '{name}'; {nearest(name, known)}")
+    return run
 
 
 def load(path: str | Path) -> FittedModel:
@@ -124,7 +118,8 @@ def load(path: str | Path) -> FittedModel:
         flights, missing = _flights(folder, result), ""
     except StoopError as error:
         flights, missing = (), str(error)
-    files, count = _read(folder, (*ARCHIVES, *ATTACHED)), len(result.maneuvers)
+    places, count = [folder / name for name in (*ARCHIVES, *ATTACHED)], len(result.maneuvers)
+    files = {p.name: p.read_bytes() for p in places if p.is_file() and p.stat().st_size < MAX_ATTACHED}
     curves = Curves(tuple(without_curves(count)))
     if CURVES in files:
         curves = unpacked_curves(files[CURVES], count, str(folder / CURVES))
@@ -155,12 +150,6 @@ def _flights(folder: Path, result: Result) -> tuple[Flight, ...]:
     return tuple(replace(load_flight(place), name=name) for name, place in places.items())
 
 
-def _read(folder: Path, names: Iterable[str]) -> Mapping[str, bytes]:
-    """Return the content of those files that a folder has."""
-    places = [folder / name for name in names]
-    return {p.name: p.read_bytes() for p in places if p.is_file() and p.stat().st_size < MAX_ATTACHED}
-
-
 def _check(result: Result, file: Path) -> None:
     """Refuse a result that no fit writes: a file that was edited, or cut and mended."""
     lost = next((name for name, p in result.parameters.items() if not np.isfinite(p.estimate)), None)
@@ -183,7 +172,7 @@ def _check(result: Result, file: Path) -> None:
         ),
         *((rows != names, f"has a covariance of {rows} rows for {names} names") for rows, names in sizes),
         (
-            any(_size(some) > MAX_NUMBER for some in numbers)
+            any(np.any((x := np.abs(np.ravel(some)))[np.isfinite(x)] > MAX_NUMBER) for some in numbers)
             or any(0.0 < p.std_error < 1.0 / MAX_NUMBER for p in result.parameters.values()),
             "has numbers out of range (1e-30 to 1e30)",
         ),
@@ -218,9 +207,3 @@ def _check(result: Result, file: Path) -> None:
     wrong = next((text for failed, text in checks if failed), None)
     if wrong is not None:
         raise StoopError(f"{file}: {wrong}; write it again with stoop identify")
-
-
-def _size(numbers: npt.ArrayLike) -> float:
-    """Return the size of the largest number that is finite."""
-    values = np.abs(np.asarray(numbers, dtype=np.float64))
-    return float(np.max(values, initial=0.0, where=np.isfinite(values)))

@@ -56,21 +56,18 @@ class ProgressFile:
 
     def see(self, candidate: Candidate) -> None:
         """Note a point of the search, unless the last was noted a moment ago."""
-        if self._due:
+        if time.monotonic() - self._written >= INTERVAL:
             cost, costs = candidate.cost, self._content["costs"]
             if not costs or costs[-1][1] != cost:
                 costs.append([round(time.monotonic() - self._began, 2), _rounded(cost)])
                 del costs[: max(0, len(costs) - MAX_COSTS)]
-            self._content |= {
-                "cost": _rounded(cost),
-                "parameters": _parameters(candidate),
-                "curves": _curves(candidate),
+            values = candidate.parameters
+            parameters = {
+                p.name: {"value": _rounded(values[p.name], 8), "unit": p.unit, "bounds": [p.lower, p.upper]}
+                for p in candidate.problem.layout.parameters
             }
+            self._content |= {"cost": _rounded(cost), "parameters": parameters, "curves": _curves(candidate)}
             self._write()
-
-    @property
-    def _due(self) -> bool:
-        return time.monotonic() - self._written >= INTERVAL
 
     def _write(self) -> None:
         self._written = time.monotonic()
@@ -103,14 +100,6 @@ def _trace(trace: ManeuverTrace) -> dict[str, Any]:
         for name, one in trace.channels.items()
     }
     return {"time": _listed(trace.time[every], 8), "channels": channels}
-
-
-def _parameters(candidate: Candidate) -> dict[str, dict[str, Any]]:
-    values, layout = candidate.parameters, candidate.problem.layout
-    return {
-        p.name: {"value": _rounded(values[p.name], 8), "unit": p.unit, "bounds": [p.lower, p.upper]}
-        for p in layout.parameters
-    }
 
 
 def _curves(candidate: Candidate) -> list[dict[str, Any]]:

@@ -162,7 +162,7 @@ def test_the_spread_is_that_of_draws():
     """To first order: the scatter of derivatives over typical geometries that are drawn."""
     sizes = Geometry.typical("conventional", 8.5, 2.32, area=0.66)
     rng = np.random.default_rng(1)
-    from stoop.vehicle_draft.spread import shifted, typical_std
+    from stoop.vehicle_draft.apriori import shifted, typical_std
 
     keep = ("wing.dihedral", "center_of_gravity.x", "tail.incidence", "wing.aileron.chord", "fin.sweep")
     sizes = sizes.model_copy(update={"spread": {k: 0.3 * sizes.spread[k] for k in keep}})
