@@ -10,8 +10,8 @@ import pytest
 
 from docs.pages import DOCS, table
 from stoop.vehicle_draft import handbook as methods
-from stoop.vehicle_draft.geometry import Geometry
 from stoop.vehicle_draft.apriori import METHOD
+from stoop.vehicle_draft.geometry import Geometry
 from stoop_studies.findings import Findings, Setting
 from stoop_studies.verify import handbook
 

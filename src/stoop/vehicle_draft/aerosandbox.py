@@ -24,6 +24,7 @@ STATIONS: Final = 9  #: of a half, beside those at the ends of control surfaces
 CHORDWISE: Final = 6
 ANGLE: Final = 0.02  #: step of angles, rad
 RATE: Final = 0.02  #: step of dimensionless rates
+SOURCE: Final = "AeroSandbox vortex lattice"
 #: motion or control -> step, and what the change of a coefficient is divided by
 STEPS: Final = {
     **dict.fromkeys(("alpha", "beta"), (ANGLE, ANGLE)),
@@ -58,7 +59,7 @@ def nominal(geometry: Geometry, point: handbook.WorkingPoint) -> dict[str, float
 
 
 #: arguments as those of `handbook.derivatives`
-derivatives: Final = partial(handbook.derivatives, method=nominal, source="AeroSandbox vortex lattice")
+derivatives: Final = partial(handbook.derivatives, method=nominal, source=SOURCE)
 
 
 def _coefficients(
