@@ -164,7 +164,7 @@ class WindowsView(View):
     def _propose(self) -> None:
         if not self.project.vehicle:
             raise StoopError(
-                "Choose a vehicle first: windows are proposed by what they tell of its free numbers"
+                "Choose a vehicle first: windows are proposed by how well they determine its free numbers"
             )
         self.project.propose_windows()
 

@@ -47,10 +47,7 @@ SHARED_TOLERANCE: Final = 0.5  #: standard errors left to go when the shared der
 OWN_STEPS: Final = 8  #: at most, with the refit's own derivatives
 STEP_TOLERANCE: Final = 0.05  #: standard errors of the last step; what is left after it is smaller still
 #: assessments of the shape of a likelihood that need not be quadratic
-NONLINEAR: Final = (
-    "posterior",
-    "profile",
-)
+NONLINEAR: Final = ("posterior", "profile")
 MIN_REDUCTION: Final = 0.2  #: of a step by the next; a longer one asks for a curvature of its own
 
 

@@ -34,15 +34,7 @@ import numpy as np
 from scipy.signal import lfilter
 from scipy.special import ndtr, ndtri
 
-from stoop.assessment.assessment import (
-    AssessedFit,
-    Finding,
-    Optimum,
-    Watch,
-    refit,
-    refits,
-    unpacked_optimum,
-)
+from stoop.assessment.assessment import AssessedFit, Finding, Optimum, Watch, refit, refits, unpacked_optimum
 from stoop.assessment.coloring import ColoredNoise
 from stoop.assessment.covariance import MIN_WINDOWS, NORMAL_95, leave_window_out
 from stoop.base.arrays import BoolArray, FloatArray

@@ -97,11 +97,7 @@ def error_correlation(frequency: FloatArray, window: FloatArray) -> FloatArray:
 
 
 def flight_draws(
-    frequency: FloatArray,
-    response: ComplexArray,
-    error: FloatArray,
-    window: FloatArray,
-    seed: int = 0,
+    frequency: FloatArray, response: ComplexArray, error: FloatArray, window: FloatArray, seed: int = 0
 ) -> ComplexArray:
     """Return draws (d, m) of a response with these relative random errors."""
     power, basis = np.linalg.eigh(error_correlation(frequency, window))

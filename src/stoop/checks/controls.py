@@ -79,11 +79,7 @@ class Controls:
         return out
 
     def _left(
-        self,
-        state: Assignment,
-        left: FloatArray,
-        controls: tuple[tuple[str, float], ...],
-        late: int,
+        self, state: Assignment, left: FloatArray, controls: tuple[tuple[str, float], ...], late: int
     ) -> FloatArray:
         """Return what controls, each with an effect of its sign, leave of an acceleration (n,)."""
         for name, sign in controls:

@@ -150,7 +150,7 @@ def _require_flight(vehicle: Vehicle, windows: Sequence[Window], pieces: Sequenc
     for piece in pieces:
         if not np.isfinite(piece.measured[:, columns]).any():
             raise IdentificationError(
-                f"{windows[piece.maneuver]}: none of the rates p, q, r was recorded, and without them nothing tells moments "
+                f"{windows[piece.maneuver]}: none of the rates p, q, r was recorded, and without them nothing determines moments "
                 "or lag; log the gyroscope, or name its columns in the mapping file ([variables] p = ..., see stoop map)"
             )
         off = _off(vehicle, piece)

@@ -184,7 +184,7 @@ def with_units(lines: Sequence[DraftLine], columns: Mapping[str, Signal]) -> lis
         if VARIABLES[line.variable].kind == "command":
             new = _command(line, columns[line.variable][1])
         elif not line.unit and line.variable.startswith("rotor_"):
-            new = replace(line, unit="rpm").doubted("rpm or rad/s: nothing tells")
+            new = replace(line, unit="rpm").doubted("rpm or rad/s: nothing shows which")
         elif not line.unit:
             new = replace(line, unit=VARIABLES[line.variable].unit)
         known.setdefault(new.variable, new)
@@ -308,7 +308,7 @@ def _agreeing(
     for name in force:
         line = known[name]
         if "az" not in force:
-            doubt = "m/s2 or g: without az gravity cannot tell"
+            doubt = "m/s2 or g: without az gravity does not show it"
             known[name] = line if line.stated else line.doubted(doubt)
             continue
         text = f"gravity reads {weight / FACTORS[known['az'].unit]:.3g}"

@@ -182,7 +182,7 @@ def make_grid(start: float, stop: float, rate: float, width: int, place: str) ->
         )
     if np.spacing(max(abs(start), abs(stop))) * rate > TIME_RESOLUTION:
         raise FlightError(
-            f"{place}: its clock begins at {start:g} s, where numbers of 64 bits do not tell the samples of {rate:g} Hz apart; "
+            f"{place}: its clock begins at {start:g} s, where numbers of 64 bits do not distinguish the samples of {rate:g} Hz; "
             "check the unit of the time"
         )
     first = int(np.ceil((start - TIME_TOLERANCE) * rate))

@@ -139,7 +139,7 @@ def physical(raw: Columns, settings: Settings, stream: str) -> tuple[Columns, di
             columns[name] = np.maximum(share, 0.0).astype(np.float32)  # 0 of DSHOT is a stopped motor
             units[name] = "1"
         if not told:
-            assumed.append(f"the range of motors is not told; {low:g} to {high:g} is assumed")
+            assumed.append(f"the range of motors is not stated; {low:g} to {high:g} is assumed")
     if all(f"imuQuaternion[{k}]" in raw for k in range(3)):
         norm = np.sum([np.square(columns[f"imuQuaternion[{k}]"], dtype=np.float64) for k in range(3)], axis=0)
         columns["imuQuaternion[w]"] = np.sqrt(np.maximum(1.0 - norm, 0.0))  # never negative, as it is logged
@@ -156,10 +156,10 @@ def _factors(raw: Columns, settings: Settings) -> tuple[list[tuple[str, float, s
     fine, one, poles = settings.fine, settings.number("acc_1G"), settings.number("motor_poles")
     if not one >= 1.0:
         one = ACC_1G
-        assumed += [f"acc_1G is not told; {one:g} is assumed for 1 g"] if "accSmooth[2]" in raw else []
+        assumed += [f"acc_1G is not stated; {one:g} is assumed for 1 g"] if "accSmooth[2]" in raw else []
     if not poles >= 2.0:
         poles = POLES
-        assumed += [f"motor_poles is not told; {poles:g} is assumed"] if "eRPM[0]" in raw else []
+        assumed += [f"motor_poles is not stated; {poles:g} is assumed"] if "eRPM[0]" in raw else []
     return [
         (r"(gyroADC|gyroUnfilt|gyroRaw2?)\[\d\]", settings.gyro_scale / fine, "deg/s"),
         (r"setpoint\[[012]\]", 1.0 / fine, "deg/s"),

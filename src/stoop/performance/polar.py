@@ -103,7 +103,7 @@ def blocks(
         power = np.where(throttle <= SWITCHED_OFF, 0.0, np.nan)
     else:
         raise FlightError(
-            f"{flight.name}: nothing tells the power: neither voltage and current of the battery, nor a throttle that "
+            f"{flight.name}: nothing shows the power: neither voltage and current of the battery, nor a throttle that "
             "shows where the motor is off; log one of them"
         )
     good = airborne(flight) & np.isfinite(np.column_stack([power, *column.values()])).all(axis=1)

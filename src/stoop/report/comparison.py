@@ -114,7 +114,7 @@ def _nearer(a: Compared, b: Compared) -> str:
             pairs += [(one.theil, same[c].theil) for c, one in maneuver.channels.items() if c in same]
     known = [(x, y) for x, y in pairs if math.isfinite(x) and math.isfinite(y)]
     if not known:
-        return "No window is predicted by both: nothing tells which of them predicts better."
+        return "No window is predicted by both: nothing shows which of them predicts better."
     nearer = sum(y < x for x, y in known)
     return (
         f"Of {count(len(known), 'channel')} that both predict, B is nearer to the flight in {nearer}, "

@@ -213,10 +213,7 @@ def _place(result: Result, index: int) -> str:
 
 
 def quantity_table(
-    identification: Model,
-    caption: str,
-    place: str,
-    groups: Iterable[tuple[str, Mapping[str, Quantity]]],
+    identification: Model, caption: str, place: str, groups: Iterable[tuple[str, Mapping[str, Quantity]]]
 ) -> Table:
     """Return quantities with their standard errors, each group named at its first."""
     rows: list[tuple[str, ...]] = []

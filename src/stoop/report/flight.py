@@ -13,13 +13,7 @@ from stoop.base.numbers import NOTHING, factor_and_unit, number
 from stoop.base.variables import RATES, VARIABLES, WRAPPED
 from stoop.flight import Flight, FlightSummary
 from stoop.flight.frequency import FrequencyResponse
-from stoop.flight.spectra import (
-    PowerSpectrum,
-    Spectrogram,
-    frequency_responses,
-    power_spectra,
-    spectrogram,
-)
+from stoop.flight.spectra import PowerSpectrum, Spectrogram, frequency_responses, power_spectra, spectrogram
 from stoop.report.bode import response_panels
 from stoop.report.design import KINDS
 from stoop.report.plots import heat_maps, plot

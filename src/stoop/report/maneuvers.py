@@ -21,14 +21,7 @@ from stoop.report.estimates import label, quantity_table
 from stoop.report.model import Model
 from stoop.report.series import Range, Series, Shade, Strip, spanning
 from stoop.report.time_history import HistoryPanel, TimeHistory, holes, with_residual
-from stoop.results.result import (
-    AirDataTrace,
-    GoodnessOfFit,
-    ManeuverResult,
-    ManeuverTrace,
-    Role,
-    TheilShares,
-)
+from stoop.results.result import AirDataTrace, GoodnessOfFit, ManeuverResult, ManeuverTrace, Role, TheilShares
 
 MAX_VALUE: Final = 1e15  #: a simulation that has left for infinity is not drawn beyond
 COLORED: Final = 4.0  #: standard errors of an autocorrelation that are no matter of chance in any channel

@@ -20,18 +20,7 @@ from stoop.base.arrays import FloatArray
 from stoop.base.numbers import MAX_NUMBER, RAISED
 from stoop.base.text import printable
 from stoop.report.palette import as_variables, light
-from stoop.report.series import (
-    DASHES,
-    Kind,
-    Look,
-    Range,
-    Series,
-    Shade,
-    Strip,
-    looks_of,
-    spanning,
-    thinned,
-)
+from stoop.report.series import DASHES, Kind, Look, Range, Series, Shade, Strip, looks_of, spanning, thinned
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -134,12 +134,7 @@ def _fixed(value: float, decimals: int | None) -> str:
 def _panel(found: Propagation, one: Curve) -> Panel:
     factor, unit = rotor_unit(one.unit) if one.name == ROTOR_COMMAND else factor_and_unit(one.unit)
     drawing = fan_panel(
-        one.airspeed,
-        factor * one.estimate,
-        factor * one.bands,
-        "airspeed, m/s",
-        one.name,
-        found.extrapolated,
+        one.airspeed, factor * one.estimate, factor * one.bands, "airspeed, m/s", one.name, found.extrapolated
     )
     lost = float(np.max(one.failed, initial=0.0))
     note = f"no value for up to {share(lost)} of the draws" if lost > 0.0 else ""

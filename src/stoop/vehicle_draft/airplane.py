@@ -102,7 +102,7 @@ class Airplane(FileText):
             self.airspeed = math.sqrt(
                 2.0 * self.mass * STANDARD_GRAVITY / (SEA_LEVEL_DENSITY * wing.area * CRUISE_LIFT)
             )
-            said = f"m/s, level flight at CL = {CRUISE_LIFT:g}: no log tells"
+            said = f"m/s, level flight at CL = {CRUISE_LIFT:g}: no log shows it"
         sheet.entry("airspeed", plain(self.airspeed), f"V*: {said}")
         if math.isfinite(self.alpha):
             said = f"alpha*: rad ({self.alpha / DEGREE:.1f} deg), median of the same flight"
@@ -158,7 +158,7 @@ class Airplane(FileText):
             self.sheet.lines += ["", "# No propulsion: no motor ran in this log."]
             return
         battery = f"; {power:.0f} W from the battery" if power > 0.0 else ""
-        self.sheet.table("propulsion", f"no channel of the log tells the throttle{battery}")
+        self.sheet.table("propulsion", f"no channel of the log shows the throttle{battery}")
         self.sheet.word("kind", "constant")
         said = (
             f"N, what steady flight needs at L/D = {USUAL.lift_over_drag:g}; map the throttle if there is one"

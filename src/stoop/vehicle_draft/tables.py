@@ -135,7 +135,7 @@ class FileText:
         sheet.entry("mass", plain(self.mass), "kg, as given: forces are known per mass only, so weigh it")
         sheet.table(
             "mass.inertia",
-            "kg m2; a flight tells moments per inertia: a swing test is worth more than this guess",
+            "kg m2; a flight determines moments per inertia: a swing test is worth more than this guess",
         )
         for axis, moment in moments.items():
             sheet.entry(axis, known(moment), moment.source)
