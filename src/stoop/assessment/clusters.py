@@ -43,7 +43,7 @@ from scipy import stats
 
 from stoop.assessment.coloring import ColoredNoise, Coloring
 from stoop.assessment.covariance import NORMAL_95
-from stoop.base.arrays import BoolArray, FloatArray
+from stoop.base.arrays import FloatArray
 
 
 @dataclass(frozen=True)
@@ -125,7 +125,10 @@ def cluster_influence(
         noisy[g] += block.basis.T @ (middle @ (block.basis @ direction))
         noisy[g] += inverse.factor.T @ (segment.gap_information @ row)
         priors = priors - segment.gap_information
-    for g, own in enumerate(_own_unknowns(coloring, cluster_of, clusters)):
+    sees = np.zeros((clusters, len(coloring.prior)), dtype=np.bool_)
+    for segment, g in zip(coloring.segments, cluster_of, strict=True):
+        sees[g] |= segment.filled()[1].any(axis=(0, 1))
+    for g, own in enumerate(sees & (sees.sum(axis=0) == 1)):  # unknowns that act on one cluster only
         score[g, own] = 0.0
         prior = priors[np.ix_(own, own)] @ row[own]
         seen[g, own] += prior
@@ -154,14 +157,6 @@ def cluster_influence(
     )
 
 
-def _own_unknowns(coloring: Coloring, cluster_of: Sequence[int], clusters: int) -> BoolArray:
-    """Return which unknowns (G, k) act on one cluster only."""
-    sees = np.zeros((clusters, len(coloring.prior)), dtype=np.bool_)
-    for segment, g in zip(coloring.segments, cluster_of, strict=True):
-        sees[g] |= segment.filled()[1].any(axis=(0, 1))
-    return np.asarray(sees & (sees.sum(axis=0) == 1))
-
-
 def moderated_scatter(influence: Influence, clusters: int) -> Scatter:
     """Return the scatter of clusters, each parameter's own ratio moderated by that of all."""
     compared = influence.degrees > 0.0
@@ -169,9 +164,8 @@ def moderated_scatter(influence: Influence, clusters: int) -> Scatter:
     weights, right = _weights(influence.ratio[compared], influence.degrees[compared], degrees, logs)
     widths = np.full(len(compared), right)
     for d, row in zip(degrees, weights, strict=True):
-        share = (
-            0.0 if np.isinf(d) else influence.degrees / (d + influence.degrees)
-        )  # of a parameter's own ratio
+        # of a parameter's own ratio
+        share = 0.0 if np.isinf(d) else influence.degrees / (d + influence.degrees)
         quantile = stats.t.ppf(0.975, d + influence.degrees) / NORMAL_95
         variances = (1.0 - share) * np.exp(logs)[:, None] + share * influence.ratio
         widths += row @ np.sqrt(np.maximum(variances, 1.0)) * quantile

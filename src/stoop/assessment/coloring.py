@@ -227,8 +227,9 @@ class Coloring:
         share, pairs = counts / np.maximum(counts[:, :1], 1.0), np.maximum(counts, 1.0)
         autocovariance, blocks = sums / pairs, self.single_blocks
         for _ in range(ROUNDS):
-            process = autoregressions(autocovariance)
-            own = [(block, _power(*process, block.size)) for block in blocks]
+            coefficients, innovation = autoregressions(autocovariance)
+            gain = ColoredNoise(coefficients, np.diag(innovation)).gain
+            own = [(block, np.abs(gain(block.size).T) ** 2 * innovation[:, None]) for block in blocks]
             spread = self.spread([block.separate_middle(power) for block, power in own])
             absorbed = np.zeros_like(share)
             for block, power in own:
@@ -337,7 +338,9 @@ class _Block:
             * half_spectrum_scale(self.size)[:, None]
             / noise.gain(self.size)
         )
-        return _by_band(white[:, :, None] * white.conj()[:, None, :], edges, self.size)
+        powers = white[:, :, None] * white.conj()[:, None, :]
+        first = np.searchsorted(band_numbers(edges, self.size), np.arange(len(edges)))
+        return np.stack([powers[a:b].sum(axis=0) for a, b in itertools.pairwise(first)])
 
     def whitened(self, noise: ColoredNoise) -> _Whitened:
         """Return the sensitivities over the frequency response of a noise, and times its conjugate, by its bands."""
@@ -401,20 +404,8 @@ def _hermitian(products: FloatArray) -> ComplexArray:
     return np.asarray(same + 1j * cross)
 
 
-def _power(coefficients: FloatArray, power: FloatArray, size: int) -> FloatArray:
-    """Return the power spectra (ny, f) of autoregressions (ny, order) with innovations of variances (ny,)."""
-    gain = ColoredNoise(coefficients, np.diag(power)).gain(size).T
-    return np.asarray(np.abs(gain) ** 2 * power[:, None])
-
-
 def half_spectrum_scale(size: int) -> FloatArray:
     """Return factors (size // 2 + 1,) with which squares of a real transform add up to those of the series."""
     twice = np.full(size // 2 + 1, 2.0)
     twice[[0, -1] if size % 2 == 0 else 0] = 1.0
     return np.sqrt(twice / size)
-
-
-def _by_band(values: ComplexArray, edges: FloatArray, size: int) -> ComplexArray:
-    """Return the sums (b, ny, ny) over each band of values (size // 2 + 1, ny, ny)."""
-    first = np.searchsorted(band_numbers(edges, size), np.arange(len(edges)))
-    return np.stack([values[a:b].sum(axis=0) for a, b in itertools.pairwise(first)])

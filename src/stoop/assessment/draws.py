@@ -191,9 +191,8 @@ def truncated_normal(
     rest = covariance[np.ix_(far, far)] - gain @ covariance[np.ix_(near, far)]
     noise = generator.standard_normal((count, int(far.sum()))) @ _root(rest).T
     out[:, far] = mean[far] + (first - mean[near]) @ gain.T + noise
-    return np.clip(
-        out, low, high
-    )  # a bound NEAR standard errors away, or an estimate beyond its bound by rounding
+    # a bound NEAR standard errors away, or an estimate beyond its bound by rounding
+    return np.clip(out, low, high)
 
 
 def _root(matrix: FloatArray) -> FloatArray:

@@ -153,9 +153,8 @@ def error_bars(fit: Estimate) -> ErrorBars:
     known, k = [unknowns[i] for i in free], sum(u.kind != "noise" for u in unknowns)
     conditional_std = np.zeros(len(unknowns))
     conditional_std[free] = standard_errors(corrected)
-    told = identifiability(
-        known, found.information, corrected
-    )  # what is not known, however alike maneuvers are
+    # what is not known, however alike maneuvers are
+    each_known = identifiability(known, found.information, corrected)
     each = contributions(fit.problem.layout.vehicle, evidence, found.information, found.noise)
     doubtful = {n: c.variable for c in each if c.systematic > EXCITATION.refused for n in c.parameters}
     scatter = _scatter(fit, found, sum(u.kind == "parameter" for u in known))
@@ -163,7 +162,7 @@ def error_bars(fit: Estimate) -> ErrorBars:
         stretch = np.ones(len(free))
         stretch[: len(scatter.stretch)] = scatter.stretch
         corrected = corrected * np.outer(stretch, stretch)
-    own = {u.name: j for u, j in zip(known, told, strict=True) if u.kind == "parameter"}
+    own = {u.name: j for u, j in zip(known, each_known, strict=True) if u.kind == "parameter"}
     for name in (n for n in doubtful if own[n].identifiable):
         reason = notice("systematic-residuals", doubtful[name])
         own[name] = replace(own[name], identifiable=False, reason=reason)

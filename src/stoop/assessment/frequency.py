@@ -1,4 +1,4 @@
-r"""Frequency responses of a linear model with their 95 % band, from the covariance of the parameters.
+r"""Frequency responses of flights and of a linear model with its 95 % band, and what follows from them.
 
 .. math:: H(\omega) = e^{-j\omega\tau_y}\,[C (j\omega I - A)^{-1} B + D]\,e^{-j\omega\tau_u}
 
@@ -9,21 +9,29 @@ root mean square change of magnitude (in dB) and phase.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from stoop.assessment.covariance import NORMAL_95
 from stoop.assessment.draws import from_covariance
-from stoop.base.arrays import ComplexArray, FloatArray
+from stoop.assessment.handling import Bandwidth, EquivalentSystem
+from stoop.base.arrays import BoolArray, ComplexArray, FloatArray
 from stoop.base.notices import Notice, notice
+from stoop.base.text import Summarized
+from stoop.errors import FlightError
+from stoop.flight.frequency import FrequencyResponse
+from stoop.problem.windows import Window
 from stoop.results.result import Result
 from stoop.simulation import LinearModel, Trim
 from stoop.simulation.linearize import linearize, linearize_lanes
 from stoop.simulation.steady_flight import neighbors
 from stoop.vehicle import Vehicle
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 DRAWS: Final = 100  #: a standard deviation is known to 7 %
 MIN_GROWTH: Final = 0.05  #: 1/s; a slower divergence (of the spiral, the phugoid) disturbs no test
@@ -111,3 +119,109 @@ def uncertain_model(
     numbers = {drawn.names[i]: drawn.values[:, i].copy() for i in kept}
     models = linearize_lanes(vehicle, neighbors(point)(numbers))
     return UncertainModel(base, tuple(models), (*notices, *drawn.notices))
+
+
+AXES: Final = {"p": ("aileron", "roll"), "q": ("elevator", "pitch"), "r": ("rudder", "yaw")}
+"""The surface that usually drives a rate, and the axis of the rotors that does."""
+MIN_COHERENCE: Final = 0.6  #: below it a response is usually not used
+MAX_ERROR: Final = 0.7  #: 95 % of the magnitude over the magnitude, beyond which a response is not known
+
+
+@dataclass(frozen=True)
+class Figures:
+    """What follows from one response of the flight or the model."""
+
+    source: str  #: "flight" or "model"
+    input: str
+    output: str
+    bandwidth: Bandwidth | None  #: of the attitude; none of r
+    system: EquivalentSystem | None
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class FrequencyAnalysis(Summarized):
+    """Frequency responses of flights, and of a model beside them."""
+
+    flights: tuple[str, ...]
+    windows: tuple[Window, ...]
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    responses: tuple[FrequencyResponse, ...]  #: of the flights
+    model: Mapping[tuple[str, str], ModelResponse]  #: by input and output
+    figures: tuple[Figures, ...]
+    condition: Mapping[str, float]  #: airspeed (m/s), altitude (m), density (kg/m3) of the model
+    notices: tuple[Notice, ...]
+
+    def response(self, input: str, output: str) -> FrequencyResponse:  # noqa: A002 (the word of the field)
+        """Return one response of the flights; raises `FlightError` if there is none."""
+        for one in self.responses:
+            if (one.input, one.output) == (input, output):
+                return one
+        raise FlightError(f"no response of {output} to {input}; there are those of {', '.join(self.outputs)}")
+
+    def to_xarray(self) -> xr.Dataset:
+        """Return all responses of the flights.
+
+        Returns
+        -------
+        xarray.Dataset
+            ``magnitude`` (unit of the output over that of the input), ``phase`` (rad), ``coherence``, ``bound`` (95 % random
+            error, relative, and of the phase in rad) over ``output``, ``input`` and ``frequency`` (rad/s); NaN where an output
+            was not estimated.
+        """
+        import xarray as xr
+
+        frequency = np.unique(np.concatenate([r.frequency for r in self.responses] or [np.zeros(0)]))
+        values = np.full((4, len(self.outputs), len(self.inputs), len(frequency)), np.nan)
+        for r in self.responses:
+            place = (self.outputs.index(r.output), self.inputs.index(r.input))
+            at = np.searchsorted(frequency, r.frequency)
+            rows = (np.abs(r.response), np.angle(r.response), r.coherence, r.bound)
+            for own, row in zip(values, rows, strict=True):
+                own[(*place, at)] = row
+        names = ("magnitude", "phase", "coherence", "bound")
+        over = ("output", "input", "frequency")
+        coordinates = {"output": list(self.outputs), "input": list(self.inputs), "frequency": frequency}
+        return xr.Dataset(
+            {name: (over, own) for name, own in zip(names, values, strict=True)}, coords=coordinates
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what a JSON document holds; SI, rad and rad/s."""
+        responses = []
+        for r in self.responses:
+            modeled = self.model.get((r.input, r.output))
+            numbers = {"coherence": r.coherence, "bound": r.bound, "known": known(r)}
+            own = {name: values.tolist() for name, values in (_curve(r) | numbers).items()}
+            of_model = None
+            if modeled is not None:
+                widths = modeled.magnitude_half_width, modeled.phase_half_width
+                bands = dict(zip(("magnitude_half_width_db", "phase_half_width"), widths, strict=True))
+                of_model = {name: values.tolist() for name, values in (_curve(modeled) | bands).items()}
+            responses.append({"input": r.input, "output": r.output, **own, "model": of_model})
+        figures = []
+        for one in self.figures:
+            band = None if one.bandwidth is None else {n: vars(e) for n, e in vars(one.bandwidth).items()}
+            system = None
+            if one.system is not None:
+                parameters = {n: vars(e) for n, e in one.system.parameters.items()}
+                system = {**vars(one.system), "parameters": parameters}
+            place = {"source": one.source, "input": one.input, "output": one.output}
+            figures.append({**place, "bandwidth": band, "equivalent_system": system})
+        return {
+            "format": "stoop-frequency/1",
+            "windows": [str(w) for w in self.windows],
+            "condition": dict(self.condition),
+            "responses": responses,
+            "figures": figures,
+            "notices": [one.to_dict() for one in self.notices],
+        }
+
+
+def known(response: FrequencyResponse) -> BoolArray:
+    """Return at which frequencies (m,) a response is known: coherence and random error."""
+    return np.asarray((response.coherence >= MIN_COHERENCE) & (response.bound < MAX_ERROR))
+
+
+def _curve(one: FrequencyResponse | ModelResponse) -> dict[str, Any]:
+    return {"frequency": one.frequency, "real": one.response.real, "imag": one.response.imag}

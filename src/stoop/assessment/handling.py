@@ -178,25 +178,18 @@ class Form:
     shape: Transfer
 
 
-def _first_order(s: ComplexArray, x: FloatArray) -> ComplexArray:
-    return np.asarray(1.0 / (x[0] * s + 1.0))
-
-
 def _second_order(s: ComplexArray, x: FloatArray) -> ComplexArray:
     zero, frequency, damping = x
     return np.asarray((s + zero) / (s**2 + 2.0 * damping * frequency * s + frequency**2))
 
 
-def _lagged_integrator(s: ComplexArray, x: FloatArray) -> ComplexArray:
-    return np.asarray(1.0 / (s * (x[0] * s + 1.0)))
-
-
 FORMS: Final[Mapping[str, Form]] = {
     "q": Form("short period", ("zero", "frequency", "damping"), _second_order),
-    "p": Form("roll", ("time_constant",), _first_order),
+    "p": Form("roll", ("time_constant",), lambda s, x: np.asarray(1.0 / (x[0] * s + 1.0))),
     "r": Form("Dutch roll", ("zero", "frequency", "damping"), _second_order),
 }  #: by the rate
-ON_ROTORS: Final = Form("rotors", ("time_constant",), _lagged_integrator)  #: to an axis that rotors command
+#: to an axis that rotors command
+ON_ROTORS: Final = Form("rotors", ("time_constant",), lambda s, x: np.asarray(1.0 / (s * (x[0] * s + 1.0))))
 MIN_POINTS: Final = 8  #: of a response, for five parameters
 BOUNDS: Final = (1e-3, 1e3)  #: of zero, frequency, damping and time constant
 MAX_DELAY: Final = 1.0  #: s

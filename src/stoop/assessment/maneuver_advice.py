@@ -31,7 +31,7 @@ from stoop.vehicle import Vehicle, terms
 from stoop.vehicle.defaults import MOMENT_ARMS
 
 MIN_VARIATION: Final = 0.1  #: of the coefficient's own variation, that a term must reach to show itself
-TIED: Final = 0.95  #: correlation from which two regressors cannot be told apart
+TIED: Final = 0.95  #: correlation from which two regressors cannot be distinguished
 #: rad: a 3-2-1-1 of unit step T holds half of its greatest power or more from 0.3 / T to 2.6 / T rad/s; with this over
 #: the natural frequency as its step that frequency lies in the upper half of the band
 STEP_ANGLE: Final = 1.6

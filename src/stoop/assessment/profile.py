@@ -121,9 +121,8 @@ class ProfileLikelihood:
         bound = 1.0 if direction > 0.0 else 0.0
         reach = abs(bound - self.center)
         sigma = self.factor * float(np.sqrt(self.variance))
-        distance = min(
-            NORMAL_95 * sigma if sigma > 0.0 else FIRST_STEP, reach
-        )  # where a linear model would pass
+        # where a linear model would pass
+        distance = min(NORMAL_95 * sigma if sigma > 0.0 else FIRST_STEP, reach)
         known, starts = [(0.0, 0.0)], [self.optimum.z]  # distance and root of the statistic
         for _ in range(MAX_REFITS if reach > 0.0 else 0):
             value = bound if distance >= reach else self.center + direction * distance

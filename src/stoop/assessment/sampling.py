@@ -186,7 +186,7 @@ class Chains:
 
     @property
     def converged(self) -> bool:
-        """Whether all chains tell the same, often enough."""
+        """Whether the chains agree, with enough independent draws."""
         enough = self.sample_size >= SAMPLER.min_sample_size
         return (
             enough and self.figures["rhat"] <= MAX_RHAT and self.figures["std_error"] <= SAMPLER.max_std_error

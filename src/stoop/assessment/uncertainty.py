@@ -50,7 +50,7 @@ from stoop.estimate.estimate import Estimate
 from stoop.estimate.fit import Options
 from stoop.flight import Flight
 from stoop.problem.evidence import invert
-from stoop.results.result import ManeuverResult, ParameterEstimate, Result
+from stoop.results.result import ParameterEstimate, Result
 from stoop.results.uncertainty import (
     SCATTER_LEVEL,
     IdentifiabilityAnalysis,
@@ -149,9 +149,8 @@ def method_agreement(
     pairs = ((given, "cramer_rao"), ("bootstrap", given), ("posterior", "corrected"))
     color, bootstrap, posterior = (_ratios(sure, methods, *pair) for pair in pairs)
     apart = _ratios(sure, methods, "corrected", "conditional")
-    contained = (
-        float(np.median(list(apart.values()))) if apart else 1.0
-    )  # of scatter, in the corrected errors
+    # of scatter, in the corrected errors
+    contained = float(np.median(list(apart.values()))) if apart else 1.0
     out = [notice("agreement-maneuvers", ratio=contained) if apart else notice("agreement-one-maneuver")]
     typical = float(np.median(list(color.values()))) if color else 1.0
     scattered = repeated.scatter_ratio / contained
@@ -290,7 +289,8 @@ def agreement(results: Mapping[str, Result]) -> Repeatability:
         Two results share samples of a flight, or nothing that was estimated is in all.
     """
     for (name, one), (other, two) in combinations(results.items(), 2):
-        shared = [(a, b) for a in one.maneuvers for b in two.maneuvers if _overlap(a, b)]
+        pairs = [(a, b) for a in one.maneuvers for b in two.maneuvers if a.role == b.role == "fit"]
+        shared = [(a, b) for a, b in pairs if a.flight == b.flight and a.start < b.stop and b.start < a.stop]
         if shared and _digests(one).items() & _digests(two).items():
             a, b = shared[0]
             raise StoopError(
@@ -364,11 +364,6 @@ def _stretch(results: Iterable[Result], name: str) -> float:
             given = _alone(result, name, conditional.parameters[name].std_error)
             ratios += [whole.std_error / given.std_error] if given.counted else []
     return max(ratios)
-
-
-def _overlap(one: ManeuverResult, two: ManeuverResult) -> bool:
-    fitted = one.role == two.role == "fit" and one.flight == two.flight
-    return fitted and one.start < two.stop and two.start < one.stop
 
 
 def _digests(result: Result) -> dict[str, str]:

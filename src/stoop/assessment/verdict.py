@@ -84,12 +84,12 @@ def uses(vehicle: Vehicle, sizes: Mapping[str, float] | None = None) -> tuple[Us
     of_effect = sizes or {}
     free = [p.name for p in vehicle.parameters if p.free]
     known = set(terms.STATE_VARIABLES) | set(vehicle.file.controls)
-    parts = {
-        name: (coefficient, _linear_in(terms.parse(text, known, vehicle.where)))
-        for coefficient, group in vehicle.terms.items()
-        for name, text in group.items()
-        if name in free
-    }
+    parts: dict[str, tuple[str, str | None]] = {}  # coefficient, and the variable that a term is linear in
+    for coefficient, group in vehicle.terms.items():
+        for name in (n for n in group if n in free):
+            tree = terms.parse(group[name], known, vehicle.where)
+            constant = None if terms.variables(tree) else ""
+            parts[name] = coefficient, tree.id if isinstance(tree, ast.Name) else constant
 
     def coefficients(coefficient: str, variable: str = "") -> list[str]:
         return [name for name, part in parts.items() if part == (coefficient, variable)]
@@ -112,9 +112,8 @@ def uses(vehicle: Vehicle, sizes: Mapping[str, float] | None = None) -> tuple[Us
         return [name for name in free if name.startswith(prefixes)]
 
     dynamics: list[tuple[str, Sequence[str]]] = []
-    over: dict[
-        str, str
-    ] = {}  # what a flight shows over a moment of inertia, unless coefficients hold for a stated one
+    # what a flight shows over a moment of inertia, unless coefficients hold for a stated one
+    over: dict[str, str] = {}
     stated = "reference.inertia.x" in vehicle.rows
     for coefficient, (axis, rate, angle) in MOMENTS.items():
         about = [
@@ -157,13 +156,6 @@ def uses(vehicle: Vehicle, sizes: Mapping[str, float] | None = None) -> tuple[Us
     )
 
 
-def _linear_in(tree: ast.expr) -> str | None:
-    """Return the variable that a term is linear in, empty for a constant; None for all other terms."""
-    if isinstance(tree, ast.Name):
-        return tree.id
-    return None if terms.variables(tree) else ""
-
-
 def verdict(result: Result, needed: Sequence[Use]) -> Verdict:
     """Return the verdict on a result; `needed` are the uses of its vehicle, see :func:`uses`."""
     sizes = _sizes(result, needed)
@@ -175,12 +167,15 @@ def verdict(result: Result, needed: Sequence[Use]) -> Verdict:
         grade, judged = "do not use", tuple(replace(use, justified=False) for use in judged)
     elif not doubts and not _lost(_judging(result)):
         grade = "trusted"
-    said = {
-        found.subject for found in refusals if found.code.startswith("verdict-form")
-    }  # with what they move
+    # with what they move
+    said = {found.subject for found in refusals if found.code.startswith("verdict-form")}
     doubts = [found for found in doubts if found.code != "verdict-lacks" or found.subject not in said]
     against = [*refusals, *(found for use in judged for found in use.against), *doubts]
-    named = dict.fromkeys(name for found in against for name in _parameters(found))
+    named: dict[str, None] = {}  # parameters of the reasons, in their order
+    for found in against:
+        several = found.values.get("parameters", ())
+        names = (*(several if isinstance(several, tuple) else ()), found.values.get("parameter", ""))
+        named |= dict.fromkeys(str(name) for name in names if name)
     known = result.identifiability.parameters
     shared: dict[str, list[str]] = {}
     for name in (name for name in named if name in known and known[name].advice):
@@ -441,9 +436,3 @@ def _merits(result: Result) -> Iterator[Notice]:
         yield notice("verdict-agree-alone", compared=compared, scatter=scatter)
     elif fitted > 1:
         yield notice("verdict-agree", maneuvers=fitted)
-
-
-def _parameters(found: Notice) -> tuple[str, ...]:
-    """Return the parameters that a reason names."""
-    several, one = found.values.get("parameters", ()), found.values.get("parameter", "")
-    return (*(several if isinstance(several, tuple) else ()), *([one] if one else []))

@@ -13,7 +13,7 @@ from stoop.cli.progress import LiveLine
 from stoop.errors import FlightError
 
 if TYPE_CHECKING:
-    from stoop.assessment.frequency_analysis import FrequencyAnalysis
+    from stoop.assessment.frequency import FrequencyAnalysis
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -56,7 +56,7 @@ def _band(text: str | None) -> tuple[float, float] | None:
 
 
 def _print(found: FrequencyAnalysis) -> None:
-    from stoop.assessment.frequency_analysis import known
+    from stoop.assessment.frequency import known
     from stoop.report.frequency import UNITS, condition_text, estimates, interval
 
     out = page()

@@ -46,8 +46,8 @@ Stretches of the flight that are worth fitting: those in which a pilot or an inj
 usual, chosen by {criterion}. Each was \
 taken because it adds most for its length to those before it; the choice ends when another adds less than 5 % to the error \
 bars. One of each axis that was flown twice is held out, where the others determine enough: what a model predicts there shows \
-what it is worth. The windows avoid gaps, the ground, stuck sensors and saturated motors. Edit {name} beside this page to accept, \
-move or decline, then run the command at the end."""
+what it is worth. The windows avoid gaps, the ground, stuck sensors and saturated motors. Edit {name} beside this page to \
+accept, move or decline, then run the command at the end."""
 BY_VEHICLE: Final = (
     "their information about the free numbers of {vehicle} (Fisher's information, D-optimality)"
 )

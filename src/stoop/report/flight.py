@@ -7,13 +7,12 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from markupsafe import Markup
 
 from stoop.base.numbers import NOTHING, factor_and_unit, number
 from stoop.base.variables import RATES, VARIABLES, WRAPPED
 from stoop.flight import Flight, FlightSummary
 from stoop.flight.frequency import FrequencyResponse
-from stoop.flight.spectra import PowerSpectrum, Spectrogram, frequency_responses, power_spectra, spectrogram
+from stoop.flight.spectra import frequency_responses, power_spectra, spectrogram
 from stoop.report.bode import response_panels
 from stoop.report.design import KINDS
 from stoop.report.plots import heat_maps, plot
@@ -128,28 +127,22 @@ def _spectra(flight: Flight) -> Section | None:
         found = power_spectra(flight, [n for n in names if n in flight.names])
         if found:
             unit = VARIABLES[names[0]].unit
-            panels.append(Panel(title, _densities(found, title, unit)))
+            curves = [Series(one.name, one.frequency, one.density) for one in found]
+            about = f"Power spectra: {title}"
+            drawn = plot(curves, "Hz", f"({unit})²/Hz", about, log_x=True, log_y=True)
+            panels.append(Panel(title, drawn))
     if not panels:
         return None
     known = [n for n in (*RATES, *ACCELERATIONS) if n in flight.names and np.isfinite(flight.column(n)).any()]
-    maps = _spectrograms([spectrogram(flight, name) for name in known])
+    maps: list[Panel] = []
+    if known:  # all pictures have the same axes
+        over_time = [spectrogram(flight, name) for name in known]
+        densities = {f"Spectrogram of {one.name}": one.density for one in over_time}
+        pictures = heat_maps(over_time[0].time, over_time[0].frequency, densities, "time, s", "Hz")
+        maps = [Panel(n, p, meaning=VARIABLES[n].meaning) for n, p in zip(known, pictures, strict=True)]
     parts: list[Part] = [Prose(SPECTRA_LEAD.format(window=10.0), muted=True), Panels(panels, "large")]
     parts += [Prose("Over time, brighter is stronger by decades:", muted=True), Panels(maps)] if maps else []
     return Section("Spectra", parts)
-
-
-def _spectrograms(found: Sequence[Spectrogram]) -> list[Panel]:
-    """Return the pictures of spectrograms of one flight, which have the same axes."""
-    if not found:
-        return []
-    densities = {f"Spectrogram of {one.name}": one.density for one in found}
-    drawn = heat_maps(found[0].time, found[0].frequency, densities, "time, s", "Hz")
-    return [Panel(o.name, d, meaning=VARIABLES[o.name].meaning) for o, d in zip(found, drawn, strict=True)]
-
-
-def _densities(found: Sequence[PowerSpectrum], title: str, unit: str) -> Markup:
-    curves = [Series(one.name, one.frequency, one.density) for one in found]
-    return plot(curves, "Hz", f"({unit})²/Hz", f"Power spectra: {title}", log_x=True, log_y=True)
 
 
 def _responses(found: Sequence[FrequencyResponse]) -> Section | None:

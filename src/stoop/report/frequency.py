@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import Final
 
-from stoop.assessment.frequency_analysis import (
+from stoop.assessment.frequency import (
     AXES,
     MAX_ERROR,
     MIN_COHERENCE,

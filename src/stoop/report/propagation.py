@@ -83,7 +83,9 @@ def propagation_page(found: Propagation, command: str = "") -> Page:
         )
     if told:
         sections.append(Section("Cautions", told))
-    sections.append(Section("Figures", (Prose(READ, muted=True), *_tables(found))))
+    groups = groupby(found.figures, lambda one: one.group)
+    tables = [Table(group, HEAD, tuple(_row(one) for one in some)) for group, some in groups]
+    sections.append(Section("Figures", (Prose(READ, muted=True), *tables)))
     if found.curves:
         fans = Panels([_panel(found, c) for c in found.curves])
         sections.append(
@@ -99,17 +101,13 @@ def propagation_page(found: Propagation, command: str = "") -> Page:
     return Page(Sheet(f"What the uncertainty means: {found.vehicle}", lead, tuple(sections)))
 
 
-def _tables(found: Propagation) -> list[Table]:
-    groups = groupby(found.figures, lambda one: one.group)
-    return [Table(group, HEAD, tuple(_row(one) for one in some)) for group, some in groups]
-
-
 def _row(one: Figure) -> tuple[str, ...]:
     factor, unit = shown(one)
     values = (one.estimate, one.std_error, one.ci95_lower, one.ci95_upper)
     estimate, error, low, high = (factor * v for v in values)
     value, std = rounded_to_error(estimate, error)
-    digits = _decimals(error)
+    # two digits of the error
+    digits = max(0, 1 - math.floor(math.log10(error))) if math.isfinite(error) and error > 0.0 else None
     ends = tuple(NOTHING if not math.isfinite(v) else _fixed(v, digits) for v in (low, high))
     sources = [f"{name} {share(part)}" for name, part in one.sources]
     if one.std_error == 0.0:
@@ -117,13 +115,6 @@ def _row(one: Figure) -> tuple[str, ...]:
     if rests_on_prior(one):
         sources.append("mostly priors")
     return (one.name, value, std, *ends, readable_unit(unit) or NOTHING, ", ".join(sources) or NOTHING)
-
-
-def _decimals(error: float) -> int | None:
-    """Return the decimals that show two digits of an error; None where there is none."""
-    if not (math.isfinite(error) and error > 0.0):
-        return None
-    return max(0, 1 - math.floor(math.log10(error)))
 
 
 def _fixed(value: float, decimals: int | None) -> str:

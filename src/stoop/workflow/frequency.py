@@ -10,8 +10,16 @@ from typing import Final
 import numpy as np
 
 from stoop.assessment.covariance import NORMAL_95
-from stoop.assessment.frequency import ModelResponse, UncertainModel, uncertain_model
-from stoop.assessment.frequency_analysis import AXES, MIN_COHERENCE, Figures, FrequencyAnalysis, known
+from stoop.assessment.frequency import (
+    AXES,
+    MIN_COHERENCE,
+    Figures,
+    FrequencyAnalysis,
+    ModelResponse,
+    UncertainModel,
+    known,
+    uncertain_model,
+)
 from stoop.assessment.handling import FORMS, Known, bandwidth, equivalent_system, flight_draws
 from stoop.base.arrays import BoolArray, FloatArray, run_slices
 from stoop.base.notices import Notice, notice
