@@ -217,8 +217,7 @@ class FittedModel:
         return printable(f"<FittedModel of {self.vehicle.name}: {r.free_count}, {r.method}, {r.status}>")
 
     def _repr_html_(self) -> str:
-        lines = "<br>".join(escape(line) for line in str(self.verdict).split("\n"))
-        return f"<p>{lines}</p>{self.result._repr_html_()}"
+        return f'<p style="white-space: pre-line">{escape(str(self.verdict))}</p>{self.result._repr_html_()}'
 
     def __str__(self) -> str:
         """Return the verdict with its strongest reasons, the decisions, and the estimates as a table."""
