@@ -15,6 +15,7 @@ from stoop.app import numbers, parts, steps
 from stoop.app.folder import ChangedError, Project, version
 from stoop.app.plots import drawn_costs, drawn_curves, thinned
 from stoop.app.uploads import safe_name
+from stoop.base.verbs import plain, verbs
 from stoop.errors import StoopError, VehicleError
 from stoop.estimate.iterates import watched
 from stoop.input_design.windows_file import Entry
@@ -286,3 +287,20 @@ def test_windows_are_kept_in_the_order_of_time(tmp_path: Path) -> None:
         [Entry(flight="f", start=5.0, stop=6.0), Entry(flight="f", start=1.0, stop=2.0, use="validate")]
     )
     assert [w.start for w in project.windows] == [1.0, 5.0]
+
+
+def test_a_field_shows_what_the_table_of_verbs_says_of_its_option() -> None:
+    design, export = verbs()["design"], verbs()["export"]
+    duration = parts.field(design.option("duration"))
+    assert (duration.label, duration.value) == ("duration, s", None)
+    assert duration.description == plain(design.option("duration").meaning)
+    assert duration.placeholder == "20; by hand 40, sweeps of multirotors 60"
+    assert parts.field(design.option("slew")).value == 60.0
+    assert parts.field(export.option("target"), "export to").options["Simulink"] == "simulink"
+
+
+def test_a_field_gives_the_words_of_a_command_or_none() -> None:
+    design = verbs()["design"]
+    assert parts.given(design.option("duration"), None) == []
+    assert parts.given(design.option("duration"), 12.5) == ["--duration", "12.5"]
+    assert parts.given(design.option("amplitude"), "3 rudder=5") == ["--amplitude", "3", "rudder=5"]

@@ -18,6 +18,7 @@ from stoop.app.steps import COMMAND, Step
 from stoop.app.view import View
 from stoop.assessment.extensions import GIVEN
 from stoop.base.numbers import number
+from stoop.base.verbs import plain, verbs
 from stoop.estimate import methods
 from stoop.results.result import Result, read_result
 from stoop.strategy import DECISIONS
@@ -68,7 +69,11 @@ class FitView(View):
         self._stage = pn.Column(margin=0, sizing_mode="stretch_width")
         self._detail: tuple[str, str] = ("", "")
         self._method = pn.widgets.Select(
-            label="method", options=[USUAL, *methods.names()], width=190, margin=(0, 8, 4, 0)
+            label="method",
+            options=[USUAL, *methods.names()],
+            width=190,
+            margin=(0, 8, 4, 0),
+            description=plain(verbs()["identify"].option("method").meaning),
         )
         self._decisions = {
             one.name: pn.widgets.Checkbox(

@@ -13,6 +13,7 @@ from tornado.escape import url_escape
 
 from stoop.app.steps import Step
 from stoop.base.text import printable, printable_lines
+from stoop.base.verbs import Option, plain
 
 BAR: Final = "<div class='bar'><i></i></div>"  #: work goes on
 CODE: Final[dict[str, Any]] = {
@@ -116,6 +117,30 @@ def button(name: str, act: Callable[[], Any], kind: str = "default", **options: 
     made = pn.widgets.Button(label=printable(name), button_type=kind, **{"margin": (4, 8, 4, 0), **options})
     made.on_click(lambda _: act())
     return made
+
+
+def field(option: Option, label: str = "", **settings: Any) -> Any:
+    """Return a field for an option of a verb, with its unit, help and default; empty where the verb chooses by itself."""
+    unit = f", {option.unit}" if option.unit else ""
+    shared: dict[str, Any] = {
+        "label": f"{label or option.key.replace('_', ' ')}{unit}",
+        "description": plain(option.meaning),
+    }
+    shared |= {"margin": (0, 12, 4, 0), **settings}
+    if option.choices:
+        titles = {title or name: name for name, title in option.choices.items()}
+        return pn.widgets.Select(options=titles, **shared)
+    shared["placeholder"] = plain(option.usual)
+    if option.kind == "positive":
+        return pn.widgets.FloatInput(value=option.default, start=0.0, **shared)
+    return pn.widgets.TextInput(value=option.default or "", **shared)
+
+
+def given(option: Option, value: Any) -> list[str]:
+    """Return the words of a command that give an option a value of its field; none for an empty field."""
+    if value is None or value == "":
+        return []
+    return [option.name, *([f"{value:g}"] if isinstance(value, float) else str(value).split())]
 
 
 def card(title: str, *inside: Any) -> pn.Card:

@@ -13,13 +13,14 @@ from stoop.app.folder import VEHICLE
 from stoop.app.steps import Step
 from stoop.app.view import View
 from stoop.base.notices import from_dict, of_severity
-from stoop.errors import StoopError
-from stoop.exporters.targets import TARGETS
+from stoop.base.verbs import verbs
 
 DESIGN: Final = (
     "Inputs for which the standard errors of the free numbers are the smallest, within the limits."
 )
 THE_FILE: Final = "vehicle.toml, as it is"
+TARGET: Final = verbs()["export"].option("target")
+LIMITS: Final = tuple(map(verbs()["design"].option, ("duration", "amplitude")))
 
 
 class UseView(View):
@@ -30,17 +31,8 @@ class UseView(View):
     def __init__(self, project: Any, go: Any) -> None:
         super().__init__(project, go)
         self._subject = pn.widgets.Select(label="model", width=220, margin=(0, 12, 4, 0))
-        self._target = pn.widgets.Select(
-            label="export to",
-            options={one.title: name for name, one in TARGETS.items()},
-            width=190,
-            margin=(0, 12, 4, 0),
-        )
-        self._duration = pn.widgets.FloatInput(
-            label="duration, s", value=20.0, start=1.0, width=110, margin=(0, 12, 4, 0)
-        )
-        self._amplitude = pn.widgets.FloatInput(label="largest deflection, deg", value=3.0, start=0.1, end=89.0, width=150,
-                                                margin=(0, 12, 4, 0))  # fmt: skip
+        self._target = parts.field(TARGET, "export to", width=190)
+        self._limits = {option: parts.field(option, width=190) for option in LIMITS}
         self._shown: Any = None
 
     def refresh(self) -> None:
@@ -62,7 +54,7 @@ class UseView(View):
             align_items="flex-end",
         )
         design_button = parts.button("Design the next maneuver", self.act(self._design), "primary")
-        design = pn.FlexBox(self._duration, self._amplitude, design_button, align_items="flex-end")
+        design = pn.FlexBox(*self._limits.values(), design_button, align_items="flex-end")
         self.body[:] = [
             self._subject,
             parts.html("<h2>For another tool</h2>"),
@@ -74,14 +66,12 @@ class UseView(View):
         ]
 
     def _export(self) -> None:
-        words = ["export", self._runs[self._subject.value], "--to", self._target.value, "-o"]
+        words = ["export", self._runs[self._subject.value], *parts.given(TARGET, self._target.value), "-o"]
         self.project.start("exports", lambda at: [*words, at])
 
     def _design(self) -> None:
-        if not (self._duration.value and self._amplitude.value):
-            raise StoopError("Write duration and deflection")
-        limits = f"--duration {self._duration.value:g} --amplitude {self._amplitude.value:g} -o".split()
-        words = ["design", self._runs[self._subject.value], *limits]
+        limits = [word for option, one in self._limits.items() for word in parts.given(option, one.value)]
+        words = ["design", self._runs[self._subject.value], *limits, "-o"]
         self.project.start("designs", lambda at: [*words, at])
 
     def _steps(self, kind: str, doing: str) -> list[Any]:

@@ -16,6 +16,7 @@ from stoop.app.numbers import WHERE, Row
 from stoop.app.steps import COMMAND
 from stoop.app.view import View
 from stoop.base.numbers import count
+from stoop.base.verbs import verbs
 from stoop.errors import StoopError
 from stoop.problem.layout import Layout
 from stoop.report.sheet import mathml
@@ -134,18 +135,15 @@ class VehicleView(View):
         """Return the form of `stoop vehicle new`."""
         kind = pn.widgets.Select(label="kind", options=[BY_LOG, *TEMPLATES], width=150)
         engine = pn.widgets.Select(label="engine", options=[BY_LOG, *ENGINES], width=120)
-        asked = {"mass": "mass as flown, kg", "span": "span, m", "chord": "mean chord, m"}
+        new = verbs()["vehicle new"]
         fields = {
-            key: pn.widgets.FloatInput(label=label, value=None, start=0.0, width=130, step=0.01)
-            for key, label in asked.items()
+            key: parts.field(new.option(key), width=150, step=0.01) for key in ("mass", "span", "chord")
         }
 
         def drafted() -> None:
             words = ["vehicle", "new", *(self.project.source if self.project.log else [])]
-            given = {"template": kind.value, "engine": engine.value} | {k: f.value for k, f in fields.items()}
-            for key, value in given.items():
-                if value not in (None, BY_LOG):
-                    words += [f"--{key}", f"{value:g}" if isinstance(value, float) else str(value)]
+            for key, one in {"template": kind, "engine": engine, **fields}.items():
+                words += parts.given(new.option(key), None if one.value == BY_LOG else one.value)
             self.project.start("drafts", lambda at: [*words, "-o", f"{at}/{VEHICLE}"])
             self.say("The draft is shown below as soon as it is made", good=True)
 
