@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -18,23 +18,9 @@ from stoop.base.arrays import IntArray
 
 PRODUCT: Final = "H Product:Blackbox flight data recorder by Nicholas Sherlock\n"
 GOODBYE: Final = b"E\xffEnd of log\0"
-SIGNED_VB, UNSIGNED_VB, NEG_14BIT, TAG8_8SVB, TAG2_3S32, TAG8_4S16, NULL, TAG2_3SVARIABLE = (
-    0, 1, 3, 6, 7, 8, 9, 10,
-)  # fmt: skip
-(
-    ZERO,
-    PREVIOUS,
-    STRAIGHT_LINE,
-    AVERAGE_2,
-    MINTHROTTLE,
-    MOTOR_0,
-    INC,
-    HOME_COORD,
-    P_1500,
-    VBATREF,
-    LAST_TIME,
-    MINMOTOR,
-) = range(12)
+SIGNED_VB, UNSIGNED_VB, NEG_14BIT, TAG8_8SVB, NULL = 0, 1, 3, 6, 9
+ZERO, PREVIOUS, STRAIGHT_LINE, AVERAGE_2, MINTHROTTLE, MOTOR_0 = range(6)
+INC, HOME_COORD, P_1500, VBATREF, LAST_TIME, MINMOTOR = range(6, 12)
 INTERVAL: Final = 32  #: frames from one I frame to the next
 
 
@@ -80,53 +66,6 @@ def narrowed(value: int, bits: int) -> int:
     return (value + (1 << bits - 1)) % (1 << bits) - (1 << bits - 1)
 
 
-def _fits(value: int, bits: int) -> bool:
-    return narrowed(value, bits) == value
-
-
-def _packed(values: Sequence[tuple[int, int]]) -> bytes:
-    """Return numbers of some bits each, (number, bits), the highest bits first, filled up to whole bytes."""
-    total = size = 0
-    for value, bits in values:
-        total, size = total << bits | value & (1 << bits) - 1, size + bits
-    rest = -size % 8
-    return (total << rest).to_bytes((size + rest) // 8, "big")
-
-
-def tag2_3s32(values: Sequence[int]) -> bytes:
-    """Return three numbers of 2, 4 or 6 bits each, or of 1 to 4 bytes."""
-    if all(_fits(x, 2) for x in values):
-        return _packed([(0, 2), *((x, 2) for x in values)])
-    if all(_fits(x, 4) for x in values):
-        return _packed([(1, 2), (0, 2), *((x, 4) for x in values)])
-    if all(_fits(x, 6) for x in values):
-        return _packed([(2, 2), (values[0], 6), (0, 2), (values[1], 6), (0, 2), (values[2], 6)])
-    return _wide(values)
-
-
-def tag2_3svariable(values: Sequence[int]) -> bytes:
-    """Return three numbers of 2, 2 and 2, 5, 5 and 4, or 8, 7 and 7 bits, or of 1 to 4 bytes."""
-    for tag, widths in enumerate(((2, 2, 2), (5, 5, 4), (8, 7, 7))):
-        if all(map(_fits, values, widths)):
-            return _packed([(tag, 2), *zip(values, widths, strict=True)])
-    return _wide(values)
-
-
-def _wide(values: Sequence[int]) -> bytes:
-    sizes = [next((n for n in (1, 2, 3) if _fits(x, 8 * n)), 4) for x in values]
-    lead = 3 << 6 | sum(n - 1 << 2 * k for k, n in enumerate(sizes))
-    return bytes([lead]) + b"".join(
-        narrowed(x, 32).to_bytes(4, "little", signed=True)[:n] for x, n in zip(values, sizes, strict=True)
-    )
-
-
-def tag8_4s16(values: Sequence[int]) -> bytes:
-    """Return four numbers of 0, 4, 8 or 16 bits; those beyond lose their highest bits, as in the firmware."""
-    widths = [next(n for n in (0, 4, 8, 16) if n == 16 or (_fits(x, n) if n else x == 0)) for x in values]
-    lead = sum({0: 0, 4: 1, 8: 2, 16: 3}[n] << 2 * k for k, n in enumerate(widths))
-    return bytes([lead]) + _packed([*zip(values, widths, strict=True)])
-
-
 def tag8_8svb(values: Sequence[int]) -> bytes:
     """Return up to eight numbers behind a byte that tells which of them are not zero; one alone has no such byte."""
     if len(values) == 1:
@@ -141,15 +80,13 @@ _SINGLE: Final[Mapping[int, Callable[[int], bytes]]] = {
     NEG_14BIT: lambda x: unsigned_vb(-x & 0x3FFF),
     NULL: lambda x: b"",
 }
-_GROUPS: Final[Mapping[int, tuple[Callable[[Sequence[int]], bytes], int]]] = {
-    TAG8_8SVB: (tag8_8svb, 8),
-    TAG2_3S32: (tag2_3s32, 3),
-    TAG2_3SVARIABLE: (tag2_3svariable, 3),
-    TAG8_4S16: (tag8_4s16, 4),
+Groups: TypeAlias = Mapping[int, tuple[Callable[[Sequence[int]], bytes], int]]
+GROUPS: Final[Groups] = {
+    TAG8_8SVB: (tag8_8svb, 8)
 }  #: encoding -> how a group is written, and its most numbers
 
 
-def encoded(encodings: Sequence[int], values: Sequence[int]) -> bytes:
+def encoded(encodings: Sequence[int], values: Sequence[int], groups: Groups = GROUPS) -> bytes:
     """Return the bytes of a frame without its letter."""
     out, k = [], 0
     while k < len(values):
@@ -158,7 +95,7 @@ def encoded(encodings: Sequence[int], values: Sequence[int]) -> bytes:
             out.append(_SINGLE[encoding](values[k]))
             k += 1
             continue
-        write, most = _GROUPS[encoding]
+        write, most = groups[encoding]
         size = 1
         while size < most and k + size < len(values) and encodings[k + size] == encoding:
             size += 1
@@ -173,6 +110,7 @@ def blackbox_bytes(
     values: Mapping[str, npt.NDArray[Any]],
     settings: Mapping[str, object] | None = None,
     others: Mapping[str, Rows] | None = None,
+    groups: Groups = GROUPS,
 ) -> bytes:
     """Return one log of a file.
 
@@ -182,6 +120,7 @@ def blackbox_bytes(
     values : field -> (n,) whole numbers
     settings : lines of the header; ``minthrottle``, ``vbatref`` and ``motorOutput`` are also what predictors refer to
     others : letter (G, H or S) -> frames that follow main frames
+    groups : encodings of several fields, which firmwares have more of than stoop writes
 
     A gap in ``loopIteration`` is begun anew by an event and an I frame.
     """
@@ -190,12 +129,19 @@ def blackbox_bytes(
     for letter, rows in (others or {}).items():
         head += _defined(letter, rows.fields)
     head += [f"H {name}:{value}\n" for name, value in known.items()]
-    frames = _main_frames(fields, values, known)
-    extra = sorted(
-        (int(at), order, frame)
-        for order, (letter, rows) in enumerate((others or {}).items())
-        for at, frame in _other_frames(letter, rows, others or {})
-    )
+    frames = _main_frames(fields, values, known, groups)
+    homes, extra = (others or {}).get("H"), []
+    for order, (letter, rows) in enumerate((others or {}).items()):
+        table = {f.name: np.asarray(rows.values[f.name]).astype(np.int64) for f in rows.fields}
+        if homes is not None:  # coordinates count from the last home position
+            last = np.maximum(np.searchsorted(homes.after, rows.after, side="right") - 1, 0)
+            for axis, name in enumerate(f.name for f in rows.fields if f.predictor == HOME_COORD):
+                table[name] -= np.asarray(homes.values[f"GPS_home[{axis}]"]).astype(np.int64)[last]
+        others_of = zip(*(x.tolist() for x in table.values()), strict=True)
+        encodings = [f.encoding for f in rows.fields]
+        for at, row in zip(rows.after.tolist(), others_of, strict=True):
+            extra.append((int(at), order, letter.encode() + encoded(encodings, row, groups)))
+    extra.sort()
     out, k = [], 0
     for i, frame in enumerate(frames):
         out.append(frame)
@@ -216,7 +162,10 @@ def _defined(letter: str, fields: Sequence[Field], as_p: bool = False) -> list[s
 
 
 def _main_frames(
-    fields: Sequence[Field], values: Mapping[str, npt.NDArray[Any]], settings: Mapping[str, Any]
+    fields: Sequence[Field],
+    values: Mapping[str, npt.NDArray[Any]],
+    settings: Mapping[str, Any],
+    groups: Groups,
 ) -> Iterator[bytes]:
     """Yield each main frame."""
     table = np.column_stack([np.asarray(values[f.name]).astype(np.int64) for f in fields])
@@ -229,9 +178,8 @@ def _main_frames(
         MINMOTOR: int(str(settings.get("motorOutput", "0")).split(",")[0]),
     }
     for k, f in enumerate(fields):
-        base[:, k] = (
-            table[:, names.index("motor[0]")] if f.predictor == MOTOR_0 else constants.get(f.predictor, 0)
-        )
+        first_motor = f.predictor == MOTOR_0
+        base[:, k] = table[:, names.index("motor[0]")] if first_motor else constants.get(f.predictor, 0)
     whole = (table - base).tolist()
     iterations, stamps = table[:, names.index("loopIteration")], table[:, names.index("time")].tolist()
     jumps = np.flatnonzero(np.diff(iterations, prepend=iterations[:1] - 1) != 1)
@@ -253,25 +201,9 @@ def _main_frames(
     own, changes = [f.encoding for f in fields], [f.p_encoding for f in fields]
     for i, start in enumerate(starts.tolist()):
         if start != i:
-            yield b"P" + encoded(changes, differences[i])
+            yield b"P" + encoded(changes, differences[i], groups)
             continue
         resume = b""
         if i in resumed and i:
             resume = b"E\x0e" + unsigned_vb(int(iterations[i])) + unsigned_vb(stamps[i])
-        yield resume + b"I" + encoded(own, whole[i])
-
-
-def _other_frames(letter: str, rows: Rows, others: Mapping[str, Rows]) -> Iterator[tuple[int, bytes]]:
-    """Yield main frame that each frame follows, and its bytes; coordinates count from the last home position."""
-    table = {f.name: np.asarray(rows.values[f.name]).astype(np.int64).tolist() for f in rows.fields}
-    encodings = [f.encoding for f in rows.fields]
-    homes = others.get("H")
-    axis = 0
-    for f in rows.fields:
-        if f.predictor == HOME_COORD and homes is not None:
-            at = np.searchsorted(homes.after, rows.after, side="right") - 1
-            home = np.asarray(homes.values[f"GPS_home[{axis}]"]).astype(np.int64)[np.maximum(at, 0)]
-            table[f.name] = [x - int(h) for x, h in zip(table[f.name], home, strict=True)]
-            axis += 1
-    for i, at in enumerate(rows.after.tolist()):
-        yield at, letter.encode() + encoded(encodings, [table[f.name][i] for f in rows.fields])
+        yield resume + b"I" + encoded(own, whole[i], groups)

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import importlib.util
 import math
+import tempfile
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import Path
 from typing import Final
 
+from stoop.base.files import write_files
 from stoop.base.numbers import count
 from stoop.base.text import printable_lines
 from stoop.errors import SimulationError
@@ -117,6 +122,11 @@ class Exporter(ABC):
         """The steady flight of the condition; SimulationError where there is none."""
         return self.model.trim(self.condition)
 
+    @property
+    def actuators(self) -> tuple[str, ...]:
+        """Names of dead zones, rate limits and delays that do something."""
+        return held_numbers(self.vehicle, ("dead_zone", "rate_limit", "delay"))
+
     @abstractmethod
     def files(self) -> Exported:
         """Return the files, and notes on them."""
@@ -128,6 +138,19 @@ class Exporter(ABC):
     def fly(self, made: Exported) -> Exported:
         """Fly the files in the tool; return them with notes on the agreement with our simulation, or why they were not flown."""
         return made
+
+    def without_actuators(self, note: Callable[[tuple[str, ...]], str]) -> list[str]:
+        """Return a note on the dead zones, rate limits and delays, where there are some, and what they make of each maneuver."""
+        costs = map(cost_without_actuators, self.model.maneuvers)
+        return [note(self.actuators), *costs] if self.actuators else []
+
+    def along_reference(self, point: Trim, compare: Callable[[ReferenceFlight], list[str]]) -> list[str]:
+        """Return the notes of a comparison along the reference flight from a steady flight, or why there is no such flight."""
+        try:
+            flight = reference_flight(self.vehicle, point)
+        except SimulationError as error:
+            return [f"Not flown: {error}."]
+        return ["Not flown: the open loop diverges within 3 s."] if flight is None else compare(flight)
 
     def export(self) -> Exported:
         """Return the files with all notes: of the model, on the files, on what the tool lacks, on the flight.
@@ -146,15 +169,17 @@ def encoded(texts: Mapping[str, str]) -> dict[str, bytes]:
     return {place: text.encode("utf-8", errors="replace") for place, text in texts.items()}
 
 
-def along_reference(
-    vehicle: Vehicle, point: Trim, compare: Callable[[ReferenceFlight], list[str]]
-) -> list[str]:
-    """Return the notes of a comparison along the reference flight from a steady flight, or why there is no such flight."""
-    try:
-        flight = reference_flight(vehicle, point)
-    except SimulationError as error:
-        return [f"Not flown: {error}."]
-    return ["Not flown: the open loop diverges within 3 s."] if flight is None else compare(flight)
+def installed(package: str) -> bool:
+    """Return whether a package that not every installation has is there."""
+    return importlib.util.find_spec(package) is not None
+
+
+@contextmanager
+def written(content: Mapping[str, str] | Mapping[str, bytes]) -> Iterator[Path]:
+    """Give a temporary folder with files, in which a tool flies them before they are written where the user wants them."""
+    with tempfile.TemporaryDirectory(prefix="stoop-export-") as root:
+        write_files(Path(root), content)
+        yield Path(root)
 
 
 def agreement(flight: ReferenceFlight, found: Mapping[str, float]) -> str:
@@ -163,33 +188,19 @@ def agreement(flight: ReferenceFlight, found: Mapping[str, float]) -> str:
     return f"{flight.title}: within {found[worst]:.1e} of each channel's maximum ({worst})"
 
 
-def actuator_numbers(vehicle: Vehicle) -> tuple[str, ...]:
-    """Return the names of dead zones, rate limits and delays that do something."""
-    return held_numbers(vehicle, ("dead_zone", "rate_limit", "delay"))
-
-
-def cost_without_actuators(model: ModelData) -> list[str]:
-    """Return how far the fitted maneuvers move where dead zones, rate limits and delays are left out, one line each."""
-    notes = []
-    for maneuver in model.maneuvers:
-        own = {n: {"value": neutral} for n, neutral in _without_actuators(maneuver.vehicle).items()}
-        try:
-            whole = own_readings(maneuver)
-            less = own_readings(replace(maneuver, vehicle=maneuver.vehicle.with_numbers(own)))
-        except SimulationError as error:
-            notes.append(f"{maneuver.title}: {error}.")
-            continue
-        shares = relative_differences(maneuver.vehicle, whole, less)
-        worst = max(shares, key=lambda name: shares[name])
-        notes.append(
-            f"{maneuver.title}: without them readings move by up to {100.0 * shares[worst]:.2g} % of a channel's "
-            f"maximum ({worst})."
-        )
-    return notes
-
-
-def _without_actuators(vehicle: Vehicle) -> dict[str, float]:
-    """Return the numbers of dead zones, rate limits and delays, and values at which they do nothing."""
-    idle, own = {"dead_zone": 0.0, "rate_limit": math.inf, "delay": 0.0}, dict(leaves(vehicle.file))
-    untied = [n for n in vehicle.rows if n in own and own[n].tie is None]  # the others follow
-    return {n: idle[end] for n in untied if (end := n.rpartition(".")[2]) in idle}
+def cost_without_actuators(maneuver: Record) -> str:
+    """Return how far a fitted maneuver moves where dead zones, rate limits and delays are left out."""
+    idle, own = {"dead_zone": 0.0, "rate_limit": math.inf, "delay": 0.0}, dict(leaves(maneuver.vehicle.file))
+    untied = [n for n in maneuver.vehicle.rows if n in own and own[n].tie is None]  # the others follow
+    neutral = {n: {"value": idle[end]} for n in untied if (end := n.rpartition(".")[2]) in idle}
+    try:
+        whole = own_readings(maneuver)
+        less = own_readings(replace(maneuver, vehicle=maneuver.vehicle.with_numbers(neutral)))
+    except SimulationError as error:
+        return f"{maneuver.title}: {error}."
+    shares = relative_differences(maneuver.vehicle, whole, less)
+    worst = max(shares, key=lambda name: shares[name])
+    return (
+        f"{maneuver.title}: without them readings move by up to {100.0 * shares[worst]:.2g} % of a channel's "
+        f"maximum ({worst})."
+    )

@@ -2,23 +2,68 @@
 
 from __future__ import annotations
 
-import tempfile
+import shutil
 from functools import cached_property
 from pathlib import Path
+from typing import Any, Final
 
-from stoop.base.files import write_files
+import numpy as np
+
+from stoop.base.arrays import FloatArray
 from stoop.base.notices import notice
-from stoop.exporters import fmu, fmu_flight
-from stoop.exporters.exporter import (
-    Exported,
-    Exporter,
-    actuator_numbers,
-    agreement,
-    along_reference,
-    cost_without_actuators,
-)
+from stoop.errors import StoopError, one_line
+from stoop.exporters import fmu
+from stoop.exporters.exporter import Exported, Exporter, agreement, installed, written
 from stoop.exporters.jsbsim_flight import file_name
-from stoop.exporters.reference_flight import ReferenceFlight
+from stoop.exporters.reference_flight import ReferenceFlight, slopes
+from stoop.vehicle.vehicle import slope_input
+
+INSTALL: Final = "pip install 'stoop[fmi]'"
+
+
+def fly_unit(place: Path, flight: ReferenceFlight) -> FloatArray:
+    """Return the readings (n, n_y) of a unit at the samples of a flight, by FMPy with a communication step per sample.
+
+    Raises
+    ------
+    StoopError
+        FMPy is not installed, or the unit has no library for this platform.
+    """
+    try:
+        import fmpy as imported
+    except ModuleNotFoundError:
+        raise StoopError(f"FMPy: the package is not installed; {INSTALL}") from None
+    fmpy: Any = imported
+    vehicle = flight.vehicle
+    known = {v.name for v in fmpy.read_model_description(str(place)).modelVariables}
+    names = [n for n in vehicle.inputs if n in known and slope_input(n) in known]
+    columns = [vehicle.inputs.index(n) for n in names]
+    signals = np.zeros(
+        len(flight.time), dtype=[(n, float) for n in ("time", *names, *map(slope_input, names))]
+    )
+    rates = slopes(flight.inputs, flight.dt)
+    for name, column in zip(names, columns, strict=True):
+        signals[name], signals[slope_input(name)] = flight.inputs[:, column], rates[:, column]
+    out = np.full(flight.readings.shape, np.nan)
+    unpacked = fmpy.extract(str(place))
+    try:
+        for part in flight.parts():
+            local = signals[part].copy()
+            local["time"] = flight.time[part] - flight.time[part.start]
+            start = {
+                f"start.{n}": x
+                for n, x in zip(vehicle.states, flight.states[part.start].tolist(), strict=True)
+            }
+            found = fmpy.simulate_fmu(
+                unpacked, stop_time=float(local["time"][-1]), step_size=flight.dt, output_interval=flight.dt,
+                input=local, output=list(vehicle.outputs), start_values=start, fmi_type="CoSimulation",
+            )  # fmt: skip
+            out[part] = np.column_stack([found[n] for n in vehicle.outputs])
+    except Exception as error:  # FMPy raises Exception itself
+        raise StoopError(f"FMPy: {one_line(str(error))}") from None
+    finally:
+        shutil.rmtree(unpacked, ignore_errors=True)
+    return out
 
 
 class FMU(Exporter):
@@ -40,13 +85,9 @@ class FMU(Exporter):
 
     def lacks(self) -> list[str]:
         """Return dead zones, rate limits and delays, and what they make."""
-        actuators = actuator_numbers(self.vehicle)
-        if not actuators:
-            return []
-        return [
-            str(notice("functions-without-actuators", numbers=actuators)),
-            *cost_without_actuators(self.model),
-        ]
+        return self.without_actuators(
+            lambda numbers: str(notice("functions-without-actuators", numbers=numbers))
+        )
 
     def fly(self, made: Exported) -> Exported:
         """Fly both units along the reference flight."""
@@ -54,16 +95,15 @@ class FMU(Exporter):
             return made.with_notes(
                 ["The units hold sources only, no C compiler was found: fmpy compile NAME.fmu"]
             )
-        if not fmu_flight.installed():
-            return made.with_notes([f"Not flown: the package fmpy is not installed; {fmu_flight.INSTALL}."])
+        if not installed("fmpy"):
+            return made.with_notes([f"Not flown: the package fmpy is not installed; {INSTALL}."])
 
         def compared(flight: ReferenceFlight) -> list[str]:
             notes = []
-            with tempfile.TemporaryDirectory(prefix="stoop-export-") as root:
-                write_files(Path(root), made.files)
+            with written(made.files) as root:
                 for version, place in zip(fmu.VERSIONS, made.files, strict=True):
-                    found = flight.differences(fmu_flight.fly_unit(Path(root) / place, flight))
+                    found = flight.differences(fly_unit(root / place, flight))
                     notes.append(f"FMI {version} in FMPy, {agreement(flight, found)}.")
             return notes
 
-        return made.with_notes(along_reference(self.vehicle, self.point, compared))
+        return made.with_notes(self.along_reference(self.point, compared))

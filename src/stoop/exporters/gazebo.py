@@ -2,27 +2,129 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import itertools
+import math
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from functools import cached_property, partial
+from typing import Final
 
+import numpy as np
+
+from stoop.base.arrays import FloatArray
+from stoop.base.rotations import euler_angles, normalized, product, to_body, to_ground
 from stoop.exporters import gazebo_autopilots, gazebo_files, rotorpy_flight
-from stoop.exporters.exporter import (
-    Exported,
-    Exporter,
-    ModelData,
-    actuator_numbers,
-    agreement,
-    along_reference,
-    cost_without_actuators,
-    encoded,
-)
-from stoop.exporters.gazebo_flight import flown_alphas, fly_gazebo
+from stoop.exporters.exporter import Exported, Exporter, ModelData, agreement, encoded
 from stoop.exporters.gazebo_model import GazeboModel, gazebo_model, unsupported_rotor_numbers
+from stoop.exporters.gazebo_plugins import Motor, Surface, damping_loads, motor_loads, wing_loads
 from stoop.exporters.gazebo_wing import unsupported_wing_terms
-from stoop.exporters.reference_flight import ReferenceFlight
+from stoop.exporters.jsbsim_flight import Record
+from stoop.exporters.reference_flight import ReferenceFlight, states_of
 from stoop.simulation import Trim
+from stoop.simulation.initial import commanded, mixed_inputs, parameter_rows
 from stoop.vehicle import Vehicle
+
+SHORTEST: Final = 0.5  #: of the shortest lag, the longest step
+
+
+class _Equations:
+    """State: velocity and rates along body axes, quaternion, speeds of the motors, angles of the joints."""
+
+    def __init__(self, model: GazeboModel) -> None:
+        self.model, self.names = model, model.vehicle.inputs
+        self.gravity = np.array([0.0, 0.0, model.vehicle.value("environment.gravity")])
+        self.inverse = np.linalg.inv(model.inertia)
+        self.motors = slice(10, 10 + len(model.motors))
+        actuators: list[Motor | Surface] = [*model.motors, *model.surfaces]
+        self.actuators, lags = actuators, np.array([a.lag for a in actuators])
+        self.lags, self.prompt = np.where(lags > 0.0, lags, 1.0), lags == 0.0
+
+    def commands(self, inputs: FloatArray) -> FloatArray:
+        """Return commanded speeds and angles for recorded channels (n_u,)."""
+        known = dict(zip(self.names, inputs.tolist(), strict=True))
+        return np.array([a.command(known) for a in self.actuators])
+
+    def loads(self, x: FloatArray, commands: FloatArray) -> FloatArray:
+        """Return force and moment (6,) about the center of gravity; what has no lag is where it is commanded to be."""
+        velocity, rates = x[:3].tolist(), x[3:6].tolist()
+        x = np.concatenate([x[:10], np.where(self.prompt, commands, x[10:])])
+        out = motor_loads(self.model.motors, x[self.motors].tolist(), velocity, rates)
+        if self.model.damping is not None:
+            out = out + damping_loads(self.model.damping, velocity, rates)
+        if self.model.wing is not None:
+            out = out + wing_loads(self.model.wing, x[self.motors.stop :].tolist(), velocity, rates)
+        return np.asarray(out)
+
+    def rates(self, x: FloatArray, inputs: FloatArray) -> FloatArray:
+        """Return the derivatives of the state."""
+        V, omega, q = x[:3], x[3:6], x[6:10]
+        commands = self.commands(inputs)
+        load = self.loads(x, commands)
+        dV = load[:3] / self.model.mass + to_body(q[None], self.gravity)[0] - np.cross(omega, V)
+        turning = self.inverse @ (load[3:] - np.cross(omega, self.model.inertia @ omega))
+        dq = 0.5 * product(q[None], np.array([[0.0, *omega]]))[0]
+        return np.concatenate([dV, turning, dq, (commands - x[10:]) / self.lags])
+
+    def step(self, x: FloatArray, before: FloatArray, after: FloatArray, dt: float) -> FloatArray:
+        """Return the state after a step of the Runge-Kutta method of order four, inputs linear in between."""
+        middle = 0.5 * (before + after)
+        k1 = self.rates(x, before)
+        k2 = self.rates(x + 0.5 * dt * k1, middle)
+        k3 = self.rates(x + 0.5 * dt * k2, middle)
+        k4 = self.rates(x + dt * k3, after)
+        out = x + dt / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+        out[6:10] = normalized(out[6:10])
+        return np.asarray(out)
+
+
+def fly_gazebo(model: GazeboModel, flight: ReferenceFlight) -> FloatArray:
+    """Return :data:`stoop.exporters.rotorpy_flight.CHANNELS` (n, 12) by the equations of Gazebo.
+
+    At restarts motors and joints are where our own lags are, if the vehicle has lags, else at their commands.
+    """
+    vehicle, equations = flight.vehicle, _Equations(model)
+    lags = equations.lags[~equations.prompt].tolist()
+    steps = math.ceil(flight.dt / SHORTEST / min(lags)) if lags else 1
+    columns = [vehicle.states.index(n) for n in ("u", "v", "w", "p", "q", "r", "e0", "e1", "e2", "e3")]
+    rows, out = parameter_rows(vehicle), np.full((len(flight.time), 12), np.nan)
+    for part in flight.parts():
+        own = flight.states[part.start]
+        x = np.concatenate([own[columns], equations.commands(_lagged(model, flight, part.start, rows))])
+        for k in range(part.start, part.stop):
+            q = x[6:10]
+            force = equations.loads(x, equations.commands(flight.inputs[k]))[:3] / model.mass
+            out[k] = np.concatenate([to_ground(q, x[:3]), x[3:6], euler_angles(q), force])
+            if k + 1 < part.stop:
+                grid = np.linspace(flight.inputs[k], flight.inputs[k + 1], steps + 1)
+                for before, after in itertools.pairwise(grid):
+                    x = equations.step(x, before, after, flight.dt / steps)
+    return out
+
+
+def flown_alphas(records: Iterable[Record]) -> tuple[float, float] | None:
+    """Return the range of the angles of attack, rad, that maneuvers flew on wings, at more than half of V*; None without any."""
+    found: list[float] = []
+    for record in records:
+        vehicle, states = record.vehicle, states_of(record)
+        u, w = (states[:, vehicle.states.index(a)] for a in "uw")
+        flying = u > 0.5 * vehicle.value("reference.airspeed", math.inf)
+        found += np.arctan2(w, u)[flying & np.isfinite(w)].tolist()
+    return (min(found), max(found)) if found else None
+
+
+def _lagged(model: GazeboModel, flight: ReferenceFlight, k: int, rows: FloatArray) -> FloatArray:
+    """Return the channels (n_u,) that would hold rotors and surfaces where our lags are at a sample."""
+    vehicle, out = flight.vehicle, flight.inputs[k].copy()
+    x = dict(zip(vehicle.states, flight.states[k].tolist(), strict=True))
+    for name in vehicle.rotors:
+        if f"{name}.lag" in x and vehicle.value("rotors.lag") > 0.0:
+            column = vehicle.inputs.index(vehicle.file.rotor[name].channel)
+            gain = vehicle.value("rotors.gain", 1.0)
+            out[column] += (x[f"{name}.lag"] - float(commanded(vehicle, name, rows, out)[0])) / gain
+    behind = {c: x[f"{c}.lag"] for c in vehicle.controls if f"{c}.lag" in x}
+    if behind:
+        out = mixed_inputs(vehicle, behind, out)
+    return np.asarray(out)
 
 
 class Gazebo(Exporter):
@@ -69,9 +171,7 @@ class Gazebo(Exporter):
 
     def lacks(self) -> list[str]:
         """Return dead zones, rate limits and delays, and what they make."""
-        actuators = actuator_numbers(self.vehicle)
-        note = f"Not exported: {', '.join(actuators)}."
-        return [note, *cost_without_actuators(self.full)] if actuators else []
+        return self.without_actuators(lambda numbers: f"Not exported: {', '.join(numbers)}.")
 
     def fly(self, made: Exported) -> Exported:
         """Fly hover and cruise by the equations of Gazebo's systems, and return what these leave out."""
@@ -80,7 +180,7 @@ class Gazebo(Exporter):
         for start, unsupported in starts:
             if start is not None:
                 compare = partial(self._compared, unsupported)
-                made = made.with_notes(along_reference(self.vehicle, start, compare))
+                made = made.with_notes(self.along_reference(start, compare))
         return made
 
     def _compared(

@@ -12,6 +12,7 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
@@ -20,10 +21,14 @@ from numpy.typing import NDArray
 from sympy.printing.octave import OctaveCodePrinter
 
 from stoop.base.arrays import FloatArray
+from stoop.base.notices import notice
 from stoop.errors import one_line
+from stoop.exporters.exporter import Exported, Exporter, encoded
+from stoop.exporters.jsbsim_flight import file_name
 from stoop.simulation import LinearModel, Trim, initial_states, linearize, parameter_rows
 from stoop.simulation.derivatives import ParameterCovariance
 from stoop.simulation.initial import commanded
+from stoop.simulation.linearize import left_out
 from stoop.vehicle import Vehicle
 from stoop.vehicle.symbolic import build_model
 from stoop.vehicle.vehicle import slope_input
@@ -341,3 +346,46 @@ set_param([model '/u'], 'PortDimensions', num2str(numel(u0)));
 set_param(model, 'SolverType', 'Fixed-step', 'Solver', 'ode4', 'FixedStep', '0.01');
 save_system(model);
 """
+
+
+class LinearExporter(Exporter):
+    """An export that holds the linear model about the steady flight."""
+
+    @cached_property
+    def linear(self) -> StateSpace:
+        """The linear model, with standard errors."""
+        return state_space(self.vehicle, self.point, self.model.covariance)
+
+    def lacks(self) -> list[str]:
+        """Return what a linear model cannot express."""
+        return [str(one) for one in left_out(self.vehicle)]
+
+
+class StateSpaceFiles(LinearExporter):
+    """A, B, C, D as JSON and as ``.mat``."""
+
+    def files(self) -> Exported:
+        """Return both files."""
+        name = file_name(self.vehicle.name)
+        files = {
+            f"{name}.json": json_text(self.linear).encode("utf-8"),
+            f"{name}.mat": mat_bytes(variables(self.linear)),
+        }
+        return Exported(files, f"{name}.json")
+
+
+class Simulink(LinearExporter):
+    """MATLAB functions, the script that builds a Simulink model, and the numbers."""
+
+    def files(self) -> Exported:
+        """Return functions, script and numbers."""
+        made = matlab(self.vehicle, self.point, self.linear)
+        files = encoded(made.texts) | {f"{made.name}.mat": mat_bytes(made.variables)}
+        return Exported(files, f"{made.name}_simulink.m")
+
+    def lacks(self) -> list[str]:
+        """Return what the functions and the linear model cannot express."""
+        sloped = tuple(map(slope_input, self.vehicle.sloped))
+        notes = [notice("functions-without-actuators", numbers=self.actuators)] if self.actuators else []
+        notes += [notice("slopes-of-channels", channels=sloped)] if sloped else []
+        return [*map(str, notes), *super().lacks()]

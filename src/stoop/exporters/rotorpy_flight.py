@@ -14,6 +14,8 @@ import numpy as np
 from stoop.base.arrays import FloatArray
 from stoop.base.rotations import FLIP, euler_angles, normalized, to_body, to_ground, wrap
 from stoop.errors import StoopError
+from stoop.exporters import rotorpy_model
+from stoop.exporters.exporter import Exported, Exporter, agreement, encoded, installed, written
 from stoop.exporters.reference_flight import ReferenceFlight
 from stoop.simulation import parameter_rows
 from stoop.simulation.loads import body_loads
@@ -27,14 +29,9 @@ _ACCELERATIONS: Final = ("longitudinal", "lateral", "vertical", "roll", "pitch",
 INTEGRATOR: Final = {"method": "RK45", "rtol": 1e-6, "atol": 1e-8}  #: so that the models are compared
 
 
-def installed() -> bool:
-    """Return whether RotorPy is there."""
-    return importlib.util.find_spec("rotorpy") is not None
-
-
 def load_script(place: Path) -> Any:
     """Return the script of `RotorpyModel` as a module."""
-    if not installed():
+    if not installed("rotorpy"):
         raise StoopError(f"RotorPy: the package is not installed; {INSTALL}")
     spec = importlib.util.spec_from_file_location(f"_stoop_{place.stem}", place)
     if spec is None or spec.loader is None:
@@ -140,3 +137,41 @@ def differences(ours: FloatArray, theirs: FloatArray) -> dict[str, float]:
             strict=True,
         )
     )
+
+
+class RotorPy(Exporter):
+    """A quadrotor for RotorPy: its own model, and a class with the identified equations."""
+
+    def files(self) -> Exported:
+        """Return parameters and script."""
+        made = rotorpy_model.rotorpy_model(self.vehicle, self.point)
+        return Exported(encoded(made.texts), f"{made.name}_rotorpy.py", self.model.unidentified)
+
+    def lacks(self) -> list[str]:
+        """Return dead zones, rate limits and delays, and what they make."""
+        advice = "RotorPy has no {}: give it channels as rotors receive them."
+        return self.without_actuators(lambda numbers: advice.format(", ".join(numbers)))
+
+    def fly(self, made: Exported) -> Exported:
+        """Fly both vehicles along the reference flight, and return what RotorPy's own model leaves out of it."""
+
+        def compared(flight: ReferenceFlight) -> list[str]:
+            left_out = costs(flight, rotorpy_model.limits(self.vehicle))
+            notes = [
+                f"RotorPy's own model has no {name}: {100.0 * share:.2g} % of {channel} (rms over the compared flight)."
+                for name, (share, channel) in left_out.items()
+            ]
+            if not installed("rotorpy"):
+                return [
+                    *notes,
+                    f"Not flown: the package rotorpy is not installed; {INSTALL}.",
+                ]
+            with written(made.files) as root:
+                module = load_script(root / made.main)
+            ours = motion(held_flight(flight))
+            for title, stock in (("the identified equations", False), ("RotorPy's own model", True)):
+                found = differences(ours, fly_rotorpy(module, flight, stock))
+                notes.append(f"RotorPy with {title}, {agreement(flight, found)}.")
+            return notes
+
+        return made.with_notes(self.along_reference(self.point, compared))

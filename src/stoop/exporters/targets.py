@@ -41,19 +41,19 @@ class Target:
 
 TARGETS: Final = {
     "jsbsim": Target("JSBSim", "jsbsim", "JSBSim"),
-    "ardupilot-jsbsim": Target("ArduPilot in the loop with JSBSim", "sitl_targets", "ArduPilotJSBSim"),
-    "px4-jsbsim": Target("PX4 in the loop with JSBSim", "sitl_targets", "PX4JSBSim"),
-    "state-space": Target("state space (A, B, C, D)", "matlab_targets", "StateSpaceFiles"),
-    "simulink": Target("Simulink", "matlab_targets", "Simulink"),
+    "ardupilot-jsbsim": Target("ArduPilot in the loop with JSBSim", "sitl_folders", "ArduPilotJSBSim"),
+    "px4-jsbsim": Target("PX4 in the loop with JSBSim", "sitl_folders", "PX4JSBSim"),
+    "state-space": Target("state space (A, B, C, D)", "matlab", "StateSpaceFiles"),
+    "simulink": Target("Simulink", "matlab", "Simulink"),
     "fmu": Target("FMI", "fmu_target", "FMU"),
-    "rotorpy": Target("RotorPy", "rotorpy_target", "RotorPy"),
+    "rotorpy": Target("RotorPy", "rotorpy_flight", "RotorPy"),
     "gazebo": Target("Gazebo", "gazebo", "Gazebo"),
 }
 FLOWN_BY: Final = {
-    "pilot": Target("a pilot, by hand", "pilot_card", "PILOT"),
-    "ardupilot": Target("ArduPilot", "ardupilot_injection", "ARDUPILOT"),
-    "px4": Target("PX4", "px4_injection", "PX4"),
-    "crazyflie": Target("Crazyflie", "crazyflie_injection", "CRAZYFLIE"),
+    "pilot": Target("a pilot, by hand", "injection_targets", "PILOT"),
+    "ardupilot": Target("ArduPilot", "injection_targets", "ARDUPILOT"),
+    "px4": Target("PX4", "injection_targets", "PX4"),
+    "crazyflie": Target("Crazyflie", "injection_targets", "CRAZYFLIE"),
 }  #: who flies a designed maneuver
 
 

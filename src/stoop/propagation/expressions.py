@@ -67,5 +67,4 @@ class Expression:
 
     def samples(self, rows: FloatArray) -> Samples:
         """Return the quantity; the first lane of (n_p, 1 + D) is the estimate."""
-        value = self.values(rows)
-        return Samples(self.name, "", float(value[0]), value[1:])
+        return Samples.of(self.name, "", self.values(rows))

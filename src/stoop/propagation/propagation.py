@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field, fields
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -59,19 +59,9 @@ class Propagation:
         """Return the figures, one a row, by their names."""
         import pandas as pd
 
-        keys = (
-            "group",
-            "unit",
-            "estimate",
-            "std_error",
-            "ci95_lower",
-            "ci95_upper",
-            "median",
-            "failed",
-            "prior_share",
-        )
+        keys = [one.name for one in fields(Figure) if one.name not in ("name", "sources")]
         rows = {one.name: {key: getattr(one, key) for key in keys} for one in self.figures}
-        return pd.DataFrame.from_dict(rows, orient="index", columns=list(keys)).rename_axis("quantity")
+        return pd.DataFrame.from_dict(rows, orient="index", columns=keys).rename_axis("quantity")
 
     def to_xarray(self) -> xr.Dataset:
         """Return the curves over the airspeed with their percentiles, each with its unit."""
@@ -80,32 +70,20 @@ class Propagation:
         parts = []
         for one in self.curves:
             units = {"units": one.unit}
-            variables: dict[str, Any] = {
-                one.name: ("airspeed", one.estimate, units),
-                f"{one.name} bands": (("percentile", "airspeed"), one.bands, units),
-            }
-            coordinates = {
-                "airspeed": ("airspeed", one.airspeed, {"units": "m/s"}),
-                "percentile": list(PERCENTILES),
-            }
+            variables: dict[str, Any] = {one.name: ("airspeed", one.estimate, units)}
+            variables[f"{one.name} bands"] = (("percentile", "airspeed"), one.bands, units)
+            speeds = ("airspeed", one.airspeed, {"units": "m/s"})
+            coordinates = {"airspeed": speeds, "percentile": list(PERCENTILES)}
             parts.append(xr.Dataset(variables, coordinates))
         return xr.merge(parts, join="outer")
 
     def document(self) -> dict[str, Any]:
         """Return all but the draws for JSON, SI and rad."""
-        from dataclasses import asdict
-
-        curves = [
-            {
-                "name": c.name,
-                "unit": c.unit,
-                "airspeed": c.airspeed.tolist(),
-                "estimate": c.estimate.tolist(),
-                "failed": c.failed.tolist(),
-            }
-            | {f"p{p:g}": band.tolist() for p, band in zip(PERCENTILES, c.bands, strict=True)}
-            for c in self.curves
-        ]
+        curves = []
+        for c in self.curves:
+            bands = {f"p{p:g}": band for p, band in zip(PERCENTILES, c.bands, strict=True)}
+            columns = {"airspeed": c.airspeed, "estimate": c.estimate, "failed": c.failed, **bands}
+            curves.append({"name": c.name, "unit": c.unit, **{k: x.tolist() for k, x in columns.items()}})
         return {
             "format": FORMAT,
             "vehicle": self.vehicle,
@@ -130,16 +108,10 @@ class Propagation:
         )
 
     def _repr_html_(self) -> str:
-        rows = [
-            (
-                f.name,
-                number(f.estimate),
-                number(f.std_error),
-                f"{number(f.ci95_lower)} … {number(f.ci95_upper)}",
-                f.unit,
-            )
-            for f in self.figures
-        ]
+        rows = []
+        for f in self.figures:
+            interval = f"{number(f.ci95_lower)} … {number(f.ci95_upper)}"
+            rows.append((f.name, number(f.estimate), number(f.std_error), interval, f.unit))
         return table(repr(self).strip("<>"), ("quantity", "estimate", "std error", "95 %", "unit"), rows)
 
 

@@ -9,7 +9,8 @@ from typing import Final
 
 import numpy as np
 
-from stoop.base.arrays import FloatArray
+from stoop.base.arrays import BoolArray, ComplexArray, FloatArray
+from stoop.simulation.linearize import INTEGRATORS, REAL, modes_of, tracked_eigenvalues
 
 PERCENTILES: Final = (2.5, 25.0, 50.0, 75.0, 97.5)
 MIN_SHARE: Final = 0.1  #: of the variance; what a parameter adds less is not named
@@ -26,6 +27,11 @@ class Samples:
     unit: str
     estimate: float
     draws: FloatArray  #: (D,)
+
+    @classmethod
+    def of(cls, name: str, unit: str, values: FloatArray) -> Samples:
+        """Return a quantity from its values (1 + D,), that of the estimate first."""
+        return cls(name, unit, float(values[0]), np.asarray(values[1:]))
 
 
 @dataclass(frozen=True)
@@ -116,3 +122,48 @@ def curve(name: str, unit: str, airspeed: FloatArray, values: FloatArray) -> Cur
     for i in np.flatnonzero(good.sum(axis=0) >= MIN_DRAWS):
         bands[:, i] = np.percentile(draws[good[:, i], i], PERCENTILES)
     return Curve(name, unit, airspeed, estimate, bands, 1.0 - good.mean(axis=0))
+
+
+def mode_samples(A: FloatArray, names: tuple[str, ...]) -> tuple[list[Samples], dict[str, float]]:
+    """Return frequency and damping of oscillations, and time constants of the others, and shares of another character.
+
+    `A` (1 + D, n, n) are those of the estimate and of the draws. A draw whose pair has become two real modes has the frequency
+    and damping of their product; one whose real mode has joined another is counted.
+    """
+    keep = [i for i, n in enumerate(names) if n not in INTEGRATORS]
+    values, out, other = tracked_eigenvalues(A[:, keep][:, :, keep]), list[Samples](), dict[str, float]()
+    kept = np.asarray(np.isfinite(values).all(axis=1))
+    if not kept[0]:
+        return [], {}
+    for mode in modes_of(A[0], names):
+        if mode.name.endswith(".lag"):
+            continue
+        s = mode.eigenvalue
+        oscillates = abs(s.imag) > REAL
+        ends = [s, s.conjugate()] if oscillates else [s]
+        drawn = values[:, [int(np.argmin(np.abs(values[0] - one))) for one in ends]]
+        changed = oscillation(drawn) != oscillates
+        share = float(np.mean(changed[kept]))
+        if share > 0.0:
+            other[mode.name] = share
+        out += _samples(mode.name, drawn, oscillates)
+    return out, other
+
+
+def oscillation(drawn: ComplexArray) -> BoolArray:
+    """Tell of which lanes (B, 1 or 2) the eigenvalue is not real."""
+    return np.asarray(np.abs(drawn[:, 0].imag) > REAL)
+
+
+def _samples(name: str, drawn: ComplexArray, oscillates: bool) -> list[Samples]:
+    middle = drawn.mean(axis=1).real
+    with np.errstate(divide="ignore", invalid="ignore"):
+        if oscillates:
+            frequency = np.sqrt(np.maximum(np.prod(drawn, axis=1).real, 0.0))
+            damping = -middle / frequency
+            found = {f"{name}, frequency": (frequency, "rad/s"), f"{name}, damping": (damping, "1")}
+        else:  # its inverse passes through infinity where the mode becomes unstable
+            found = {f"{name}, eigenvalue": (middle, "1/s")}
+            if (middle[np.isfinite(middle)] < 0.0).all():
+                found[f"{name}, time constant"] = (-1.0 / middle, "s")
+    return [Samples.of(n, unit, v) for n, (v, unit) in found.items()]

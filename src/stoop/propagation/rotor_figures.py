@@ -13,7 +13,7 @@ from stoop.base.arrays import BoolArray, FloatArray
 from stoop.base.notices import Notice, notice
 from stoop.errors import SimulationError
 from stoop.propagation.quantities import Curve, Samples, curve
-from stoop.propagation.wing_figures import FEW, SPEEDS, Domain, Found, Grouped, stretches
+from stoop.propagation.wing_figures import FEW, SPEEDS, Domain, Found, Grouped, over_speeds, stretches
 from stoop.simulation.newton import solve
 from stoop.simulation.rotors import accelerations, allocation, channel_range, effects
 from stoop.simulation.steady_flight import ROTOR_SCALES, TOLERANCE, Conditions, OnRotors, level_channels
@@ -80,14 +80,11 @@ class _Study:
         """Return all numbers and curves."""
         figures = (*self.hovering(), *self.authority())
         curves, flown = tuple(self.curves()), self.domain.speeds
-        beyond = (
-            ()
-            if flown is None
-            else stretches(curves[0].airspeed, curves[0].airspeed, (0.0, flown[1]), FASTER)
-        )
-        if beyond and flown is not None:
-            (low, high), most = beyond[0], flown[1]
-            self.notices.append(notice("propagate-faster-than-flown", low=low, high=high, flown=most))
+        if flown is None:
+            return Found(figures, curves, tuple(self.notices))
+        beyond = stretches(curves[0].airspeed, curves[0].airspeed, (0.0, flown[1]), FASTER)
+        for low, high in beyond[:1]:
+            self.notices.append(notice("propagate-faster-than-flown", low=low, high=high, flown=flown[1]))
         return Found(figures, curves, tuple(self.notices), beyond)
 
     def hovering(self) -> Iterator[Grouped]:
@@ -97,20 +94,20 @@ class _Study:
             self.notices.append(notice("propagate-no-hover", share=failed))
         unit = "1" if self.vehicle.drive == "command" else "rad/s"
         mean = "hover throttle" if unit == "1" else "rotor speed in hover"
-        yield HOVER, _samples(mean, unit, self.commands.mean(axis=0))
+        yield HOVER, Samples.of(mean, unit, self.commands.mean(axis=0))
         for name, command in zip(self.area.names, self.commands, strict=True):
-            yield HOVER, _samples(f"{name} in hover", unit, command)
+            yield HOVER, Samples.of(f"{name} in hover", unit, command)
         if np.isfinite(self.area.full).all():
             full = np.repeat(self.area.full[:, None], self.count, axis=1)
             gravity = self.rows[self.vehicle.rows["environment.gravity"]]
             lift = self._with_channels(full)[2] - self._with_channels(np.nan_to_num(self.commands))[2]
             # in hover lift is weight: what full command adds is the excess
-            yield HOVER, _samples("thrust over weight at full command", "1", 1.0 - lift / gravity)
+            yield HOVER, Samples.of("thrust over weight at full command", "1", 1.0 - lift / gravity)
         else:
             self.notices.append(notice("propagate-no-full-command"))
         if "rotors.lag" in self.vehicle.rows:
             lag = self.rows[self.vehicle.rows["rotors.lag"]]
-            yield HOVER, _samples("rotor time constant", "s", lag)
+            yield HOVER, Samples.of("rotor time constant", "s", lag)
 
     def authority(self) -> Iterator[Grouped]:
         """Yield the greatest angular accelerations from hover, all rotors within idle and full, the lift about kept."""
@@ -118,11 +115,10 @@ class _Study:
             return
         room = np.minimum(self.area.full[:, None] - self.commands, self.commands - self.area.idle[:, None])
         for i, (state, axis) in enumerate(ANGULAR.items()):
-            signs = np.sign(
-                np.where(np.abs(self.effect[i]) > 1e-9 * np.abs(self.effect[i]).max(), self.effect[i], 0.0)
-            )
+            effect = self.effect[i]
+            signs = np.sign(np.where(np.abs(effect) > 1e-9 * np.abs(effect).max(), effect, 0.0))
             found = self._with_channels(self.commands + signs[:, None] * room)[RATES.index(state)]
-            yield "Control authority", _samples(f"{axis} acceleration from hover", "rad/s2", np.abs(found))
+            yield "Control authority", Samples.of(f"{axis} acceleration from hover", "rad/s2", np.abs(found))
 
     def curves(self) -> list[Curve]:
         """Return pitch angle and throttle over the speed."""
@@ -133,15 +129,7 @@ class _Study:
             theta.append(np.where(flies, guess[1] * ROTOR_SCALES[1], np.nan))
             throttle.append(commands.mean(axis=0))
             lost.append(1.0 - float(np.mean(flies[1:])))
-        failed = np.array(lost)
-        if (failed > FEW).any():
-            where = speeds[failed > FEW]
-            low, high, share = float(where[0]), float(where[-1]), float(failed.max())
-            self.notices.append(notice("propagate-no-trim", low=low, high=high, share=share))
+        self.notices += over_speeds("propagate-no-trim", speeds, np.array(lost))
         unit = "1" if self.vehicle.drive == "command" else "rad/s"
         drawn = {"theta": ("rad", np.array(theta)), ROTOR_COMMAND: (unit, np.array(throttle))}
         return [curve(n, unit, speeds, v) for n, (unit, v) in drawn.items()]
-
-
-def _samples(name: str, unit: str, value: FloatArray) -> Samples:
-    return Samples(name, unit, float(value[0]), np.asarray(value[1:]))

@@ -12,10 +12,16 @@ from stoop.base.arrays import BoolArray, FloatArray, runs
 from stoop.base.notices import Notice, notice
 from stoop.base.units import STANDARD_GRAVITY
 from stoop.errors import SimulationError
-from stoop.propagation.aerodynamics import lift_maximum, static_margin
-from stoop.propagation.modes import mode_samples
-from stoop.propagation.quantities import Curve, Samples, curve
-from stoop.propagation.wings import Linear, Steady, level_flight, linear_flights, steady_flights
+from stoop.propagation.quantities import Curve, Samples, curve, mode_samples
+from stoop.propagation.wings import (
+    Linear,
+    Steady,
+    level_flight,
+    lift_maximum,
+    linear_flights,
+    static_margin,
+    steady_flights,
+)
 from stoop.simulation.steady_flight import THRUST, WING_ANGLES, OnWings
 from stoop.vehicle import Vehicle
 from stoop.vehicle.defaults import full_command
@@ -105,15 +111,12 @@ class _Study:
         at, group = self.at, "Level flight"
         for name in ("alpha", "beta", "phi"):
             if name in at.start:
-                yield group, _samples(name, "rad", at.start[name])
+                yield group, Samples.of(name, "rad", at.start[name])
         for name, value in at.deflections.items():
-            yield group, _samples(name, "rad", value)
+            yield group, Samples.of(name, "rad", value)
         for name, value in at.thrust.items():
-            yield group, _samples(*_thrust(name), value)
-        self._tell_overpowered(self.domain.reference, at)
-
-    def _tell_overpowered(self, speed: float, at: Steady) -> None:
-        share = float(np.mean(at.overpowered[1:]))
+            yield group, Samples.of(*_thrust(name), value)
+        share, speed = float(np.mean(at.overpowered[1:])), self.domain.reference
         if share > FEW:
             self.notices.append(notice("propagate-overpowered", airspeed=speed, share=share))
 
@@ -136,7 +139,10 @@ class _Study:
             quantities[shown] = (unit, [p.thrust[name] for p in points])
         if not points[0].thrust:
             quantities["flight-path angle"] = ("rad", [p.climb for p in points])
-        self._tell_failed(speeds, points)
+        failed = np.array([1.0 - np.mean(p.flies[1:]) for p in points])
+        short = np.array([np.mean(p.overpowered[1:]) for p in points])
+        self.notices += over_speeds("propagate-no-trim", speeds, failed)
+        self.notices += over_speeds("propagate-overpowered-between", speeds, short)
         self._tell_extrapolation(speeds, np.array([p.start["alpha"] for p in points]))
         return [curve(n, unit, speeds, np.array(v)) for n, (unit, v) in quantities.items()]
 
@@ -157,21 +163,6 @@ class _Study:
                 before = now
         return [out[i] for i in range(len(speeds))]
 
-    def _tell_failed(self, speeds: FloatArray, points: list[Steady]) -> None:
-        failed = np.array([1.0 - np.mean(p.flies[1:]) for p in points])
-        if (failed > FEW).any():
-            where = speeds[failed > FEW]
-            self.notices.append(
-                notice(
-                    "propagate-no-trim", low=float(where[0]), high=float(where[-1]), share=float(failed.max())
-                )
-            )
-        short = np.array([np.mean(p.overpowered[1:]) for p in points])
-        if (short > FEW).any():
-            where = speeds[short > FEW]
-            low, high, share = float(where[0]), float(where[-1]), float(short.max())
-            self.notices.append(notice("propagate-overpowered-between", low=low, high=high, share=share))
-
     def _tell_extrapolation(self, speeds: FloatArray, alpha: FloatArray) -> None:
         flown = self.domain.alpha
         if flown is None:
@@ -179,10 +170,9 @@ class _Study:
             return
         self.beyond = stretches(speeds, alpha[:, 0], flown, OUTSIDE)
         if self.beyond:
-            low, high = self.beyond[0][0], self.beyond[-1][-1]
-            self.notices.append(
-                notice("propagate-extrapolated", low=low, high=high, first=flown[0], last=flown[1])
-            )
+            (low, _), (_, high) = self.beyond[0], self.beyond[-1]
+            found = notice("propagate-extrapolated", low=low, high=high, first=flown[0], last=flown[1])
+            self.notices.append(found)
 
     def stability(self) -> Iterator[Grouped]:
         """Yield static margin and neutral point with fixed controls."""
@@ -191,8 +181,8 @@ class _Study:
             return
         margin = static_margin(vehicle, self.rows, self.at.start, self.at.deflections)
         chord = self.rows[vehicle.rows["reference.chord"]]
-        yield "Static stability", _samples("static margin", "chord", margin)
-        yield "Static stability", _samples("neutral point behind the c.g.", "m", margin * chord)
+        yield "Static stability", Samples.of("static margin", "chord", margin)
+        yield "Static stability", Samples.of("neutral point behind the c.g.", "m", margin * chord)
 
     def modes(self, models: Linear) -> Iterator[Grouped]:
         """Yield the modes at the airspeed."""
@@ -218,8 +208,8 @@ class _Study:
         stalled = bool(stalls[0])
         name = "stall speed" if stalled else "lowest airspeed, alpha as flown"
         if stalled:
-            yield "Limits", _samples("angle of attack of greatest lift", "rad", limit)
-        yield "Limits", _samples(name, "m/s", found.start["V"])
+            yield "Limits", Samples.of("angle of attack of greatest lift", "rad", limit)
+        yield "Limits", Samples.of(name, "m/s", found.start["V"])
         self.slowest = float(found.start["V"][0])
         code = "propagate-stall" if stalled else "propagate-no-stall"
         self.notices.append(notice(code, alpha=high, share=share))
@@ -243,9 +233,9 @@ class _Study:
             full = full_deflection(self.vehicle, self.rows, control)
             if full is None:
                 unlimited.append(control)
-                yield group, _samples(f"{what} per {control}", unit.replace("rad", "1"), value)
+                yield group, Samples.of(f"{what} per {control}", unit.replace("rad", "1"), value)
             else:
-                yield group, _samples(f"{what}, full {control}", unit, value * full)
+                yield group, Samples.of(f"{what}, full {control}", unit, value * full)
         if unlimited:
             self.notices.append(notice("propagate-no-range", controls=tuple(dict.fromkeys(unlimited))))
 
@@ -266,21 +256,29 @@ class _Study:
         mass = self.rows[self.vehicle.rows["mass.mass"]]
         self.drawn.append(curve("glide ratio without thrust", "1", speeds, ratio))
         here = self._at_speed(gliding, self.domain.reference, points[nearest].solution)
-        yield "Glide without thrust", _samples("glide ratio at the airspeed", "1", glide_ratio(here.climb))
+        yield "Glide without thrust", Samples.of("glide ratio at the airspeed", "1", glide_ratio(here.climb))
         best, where, edge = peak_of(speeds, ratio)
         least, slow, low_edge = peak_of(speeds, -sink)
         if edge[0] or np.mean(edge[1:]) > FEW:
             share = float(np.mean(edge[1:]))
             self.notices.append(notice("propagate-glide-at-end", low=low, high=high, share=share))
         if not edge[0]:
-            yield "Glide without thrust", _samples("best glide ratio", "1", best)
-            yield "Glide without thrust", _samples("airspeed of the best glide", "m/s", where)
+            yield "Glide without thrust", Samples.of("best glide ratio", "1", best)
+            yield "Glide without thrust", Samples.of("airspeed of the best glide", "m/s", where)
         if not low_edge[0]:
-            yield "Glide without thrust", _samples("least sink rate", "m/s", -least)
-            yield "Glide without thrust", _samples("airspeed of the least sink", "m/s", slow)
+            yield "Glide without thrust", Samples.of("least sink rate", "m/s", -least)
+            yield "Glide without thrust", Samples.of("airspeed of the least sink", "m/s", slow)
             power = -least * mass * STANDARD_GRAVITY
-            yield "Glide without thrust", _samples("least power that must be replaced", "W", power)
+            yield "Glide without thrust", Samples.of("least power that must be replaced", "W", power)
         self.notices.append(notice("propagate-no-power"))
+
+
+def over_speeds(code: str, speeds: FloatArray, shares: FloatArray) -> list[Notice]:
+    """Return a notice of the speeds (n,) where a share (n,) of the draws is above :data:`FEW`, if there are some."""
+    where = speeds[shares > FEW]
+    if not where.size:
+        return []
+    return [notice(code, low=float(where[0]), high=float(where[-1]), share=float(shares.max()))]
 
 
 def stretches(
@@ -323,10 +321,6 @@ def peak_of(x: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray, 
         top, place = here - 0.25 * (before - after) * shift, x[inner] + shift * (x[1] - x[0])
     edge = (at == 0) | (at == len(x) - 1) | ~np.isfinite(top) | ~(bend < 0.0)
     return np.where(edge, np.nan, top), np.where(edge, np.nan, place), edge
-
-
-def _samples(name: str, unit: str, value: FloatArray) -> Samples:
-    return Samples(name, unit, float(value[0]), np.asarray(value[1:]))
 
 
 def _thrust(name: str) -> tuple[str, str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -21,7 +21,7 @@ from stoop.simulation.initial import check_states, commanded, initial_states, pa
 from stoop.simulation.maneuver import Maneuver, check_maneuver, load_maneuver
 from stoop.simulation.on_rotors import fly_on_rotors
 from stoop.simulation.rotors import channel_range
-from stoop.simulation.steady_flight import OnRotors, OnWings, SteadyFlight, steady_flight, trim
+from stoop.simulation.steady_flight import trim
 from stoop.simulation.trajectories import Flown
 from stoop.simulation.trim import Trim, inputs_about
 from stoop.vehicle import Vehicle
@@ -48,39 +48,7 @@ def simulate(
     name: str = "simulated",
     initial_state: Mapping[str, float] | None = None,
 ) -> Flight:
-    """Simulate a vehicle from trimmed flight.
-
-    Parameters
-    ----------
-    vehicle : Vehicle
-    inputs : Maneuver, path of a maneuver file, mapping of str to (n,) array, xarray.Dataset, or Flight
-        Arrays by recorded channel, as a log holds them, or by control: deflection, rad. Absent inputs keep their
-        trimmed values. Open loop; only a maneuver is flown by the autopilot that flight on rotors needs.
-    time : (n,) array, s, optional
-        At one rate; needed where `inputs` has no ``time``.
-    airspeed : float, m/s, optional
-        Of the trimmed flight, V* of the vehicle file when absent.
-    altitude : float, m
-    seed : int
-        Of gusts and sensor noise.
-    noise : bool
-        Of the sensors, with the standard deviations of the vehicle file.
-    name : str
-        As in ``FLIGHT@START:STOP``.
-    initial_state : mapping, optional
-        States of the vehicle's ``start_names`` at the start, SI, in place of the trimmed ones; of inputs as arrays.
-
-    Returns
-    -------
-    Flight
-
-    Raises
-    ------
-    ManeuverError
-        An input that the vehicle does not have, of another length than the time, or not finite.
-    SimulationError
-        No trim, or the flight diverges.
-    """
+    """Simulate a vehicle from trimmed flight: :func:`stoop.simulate`, which has the parameters."""
     if isinstance(inputs, str | Path):
         inputs = load_maneuver(inputs)
     if isinstance(inputs, Maneuver):
@@ -154,24 +122,14 @@ def fly(vehicle: Vehicle, maneuver: Maneuver, seed: int = 0) -> Flown:
         No trim, or the flight diverges.
     """
     check_maneuver(vehicle, maneuver)
-    point = flown_trim(vehicle, maneuver)
-    rng = np.random.default_rng([seed, _GUSTS])
-    flight, advice = _FLIGHTS[steady_flight(vehicle, maneuver.airspeed)]
-    flown = flight(vehicle, maneuver, point, rng)
+    point, rng, advice = flown_trim(vehicle, maneuver), np.random.default_rng([seed, _GUSTS]), ""
+    if point.on_wings:
+        inputs = inputs_about(vehicle, point, maneuver.deflections(), len(maneuver.time))
+        flown = _open_loop(vehicle, maneuver.time, inputs, point, rng, maneuver.wind is not None)
+    else:
+        flown, advice = fly_on_rotors(vehicle, maneuver, point, rng), "raise the rate of the maneuver, "
     _check_finite(vehicle, flown, f"{advice}reduce the amplitude or check the vehicle's stability")
     return flown
-
-
-def _fly_open_loop(vehicle: Vehicle, maneuver: Maneuver, point: Trim, rng: np.random.Generator) -> Flown:
-    inputs = inputs_about(vehicle, point, maneuver.deflections(), len(maneuver.time))
-    return _open_loop(vehicle, maneuver.time, inputs, point, rng, maneuver.wind is not None)
-
-
-#: equations of the steady flight -> what flies from there, and advice where that diverges
-_FLIGHTS: Final[dict[type[SteadyFlight], tuple[Callable[..., Flown], str]]] = {
-    OnWings: (_fly_open_loop, ""),
-    OnRotors: (fly_on_rotors, "raise the rate of the maneuver, "),
-}
 
 
 def flown_trim(vehicle: Vehicle, maneuver: Maneuver) -> Trim:

@@ -103,23 +103,7 @@ class LinearModel(Summarized):
 
 
 def linearize(vehicle: Vehicle, point: Trim) -> LinearModel:
-    """Return A, B, C, D and the modes of a vehicle at a trim point.
-
-    Inputs are control deflections in rad (the mixer is undone) and the channels of thrust and rotors, if any. On rotors
-    the states are velocities along the body axes in place of airspeed and flow angles.
-
-    Parameters
-    ----------
-    vehicle : Vehicle
-    point : Trim
-        As of :func:`stoop.trim`.
-
-    Returns
-    -------
-    LinearModel
-        ``states``, ``inputs`` and ``outputs`` (names), ``A``, ``B``, ``C``, ``D``, ``modes``, ``input_delays`` and
-        ``output_delays``, s; SI and rad.
-    """
+    """Return A, B, C, D and the modes of a vehicle at a trim point: :func:`stoop.linearize`."""
     return linearize_lanes(vehicle, point.lanes(vehicle))[0]
 
 

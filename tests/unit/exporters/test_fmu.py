@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from stoop.errors import StoopError
-from stoop.exporters import fmu, fmu_flight
+from stoop.exporters import fmu, fmu_target
 from stoop.exporters.reference_flight import reference_flight
 from stoop.simulation import Trim, initial_states, parameter_rows, trim
 from stoop.simulation.derivatives import ParameterCovariance
@@ -54,7 +54,7 @@ def test_it_flies_as_the_kernel_does(name: str, version: str, tmp_path: Path) ->
     assert np.ptp(flight.readings, axis=0).min() > 0.02  # every channel moves
     place = tmp_path / "unit.fmu"
     place.write_bytes(fmu.unit_bytes(fmu.make_unit(vehicle, point), version, fmu.find_compiler()))
-    found = flight.differences(fmu_flight.fly_unit(place, flight))
+    found = flight.differences(fmu_target.fly_unit(place, flight))
     assert max(found.values()) < 1e-11
 
 

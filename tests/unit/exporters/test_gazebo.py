@@ -14,7 +14,7 @@ from stoop.base.autopilots import FRAMES
 from stoop.errors import SimulationError, VehicleError
 from stoop.exporters import gazebo_autopilots, gazebo_files, rotorpy_flight
 from stoop.exporters.exporter import ModelData
-from stoop.exporters.gazebo_flight import flown_alphas, fly_gazebo
+from stoop.exporters.gazebo import flown_alphas, fly_gazebo
 from stoop.exporters.gazebo_model import GazeboModel, gazebo_model, unsupported_rotor_numbers
 from stoop.exporters.gazebo_plugins import damping_loads, motor_loads, wing_loads
 from stoop.exporters.gazebo_wing import unsupported_wing_terms

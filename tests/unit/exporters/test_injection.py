@@ -15,11 +15,8 @@ import numpy as np
 import pytest
 
 from stoop.errors import SimulationError
-from stoop.exporters.ardupilot_injection import ARDUPILOT
-from stoop.exporters.crazyflie_injection import CRAZYFLIE
 from stoop.exporters.injection import Injection, corners
-from stoop.exporters.pilot_card import PILOT
-from stoop.exporters.px4_injection import PX4
+from stoop.exporters.injection_targets import ARDUPILOT, CRAZYFLIE, PILOT, PX4
 from stoop.simulation import trim
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import Maneuver, Sweep, parse_maneuver

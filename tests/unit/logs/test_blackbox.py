@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +14,14 @@ from hypothesis import strategies as st
 
 from stoop.errors import LogError
 from stoop.exporters import blackbox_bytes as writer
-from stoop.exporters.blackbox_bytes import Field, Rows, blackbox_bytes
+from stoop.exporters.blackbox_bytes import Field, Rows
 from stoop.logs import blackbox, read
 from stoop.logs import blackbox_walk as walk
 from stoop.logs.blackbox import parse_blackbox
+
+from .blackbox_groups import ALL_GROUPS, TAG2_3S32, TAG8_4S16
+
+blackbox_bytes = partial(writer.blackbox_bytes, groups=ALL_GROUPS)
 
 PATH = Path("flight.bbl")
 N = 100
@@ -26,8 +31,8 @@ HEADER = {"minthrottle": 1070, "maxthrottle": 2000, "vbatref": 2466, "motorOutpu
 FIELDS = (
     Field("loopIteration", False, 0, 1, 6, 9),
     Field("time", False, 0, 1, 2, 0),
-    *(Field(f"axisI[{k}]", True, 0, 0, 1, writer.TAG2_3S32) for k in range(3)),
-    *(Field(f"rcCommand[{k}]", True, 0, 0, 1, writer.TAG8_4S16) for k in range(4)),
+    *(Field(f"axisI[{k}]", True, 0, 0, 1, TAG2_3S32) for k in range(3)),
+    *(Field(f"rcCommand[{k}]", True, 0, 0, 1, TAG8_4S16) for k in range(4)),
     Field("vbatLatest", False, writer.VBATREF, writer.NEG_14BIT, 1, writer.TAG8_8SVB),
     Field("amperageLatest", True, 0, 0, 1, writer.TAG8_8SVB),
     *(Field(f"gyroADC[{k}]", True, 0, 0, writer.AVERAGE_2) for k in range(3)),

@@ -10,10 +10,9 @@ import pytest
 
 from stoop.assessment.draws import Draws
 from stoop.errors import SimulationError
-from stoop.propagation.aerodynamics import lift_maximum, static_margin
 from stoop.propagation.propagation import propagate_draws
 from stoop.propagation.wing_figures import Domain, peak_of
-from stoop.propagation.wings import level_flight, linear_flights, steady_flights
+from stoop.propagation.wings import level_flight, lift_maximum, linear_flights, static_margin, steady_flights
 from stoop.simulation import linearize, trim
 from stoop.simulation.initial import parameter_rows
 from stoop.vehicle import Vehicle, load_vehicle

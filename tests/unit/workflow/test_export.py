@@ -13,7 +13,7 @@ import pytest
 from stoop.errors import OutputError, StoopError
 from stoop.estimate.fit import Options
 from stoop.exporters.exporter import Condition, ModelData
-from stoop.exporters.jsbsim_page import EXPORT_PAGE as PAGE
+from stoop.exporters.jsbsim import EXPORT_PAGE as PAGE
 from stoop.exporters.targets import export
 from stoop.flight import Flight
 from stoop.vehicle import parse_vehicle
