@@ -49,27 +49,16 @@ def frame(rotors: Sequence[MotorOutput]) -> Frame:
 
 def _numbers(rotors: Sequence[MotorOutput], places: Sequence[tuple[float, Spin]]) -> tuple[int, ...] | None:
     """Return the number of each rotor in a frame, one to one; None where they do not match."""
-    found = [
-        n
-        for rotor in rotors
-        for n, place in enumerate(places, 1)
-        if rotor.spin == place[1] and _upright(rotor) and _apart(rotor, place[0]) <= AZIMUTH_TOLERANCE
-    ]
-    return (
-        tuple(found)
-        if sorted(found) == list(range(1, len(places) + 1)) and len(rotors) == len(places)
-        else None
-    )
-
-
-def _upright(rotor: MotorOutput) -> bool:
-    return -rotor.axis[2] > math.hypot(*rotor.axis[:2])
-
-
-def _apart(rotor: MotorOutput, azimuth: float) -> float:
-    """Return the angle, deg, between a rotor and an azimuth, seen from above."""
-    here = math.degrees(math.atan2(rotor.position[1], rotor.position[0]))
-    return abs((here - azimuth + 180.0) % 360.0 - 180.0)
+    found = []
+    for rotor in rotors:
+        x, y, _ = rotor.position
+        here, upright = math.degrees(math.atan2(y, x)), -rotor.axis[2] > math.hypot(*rotor.axis[:2])
+        for n, (azimuth, spin) in enumerate(places, 1):
+            apart = abs((here - azimuth + 180.0) % 360.0 - 180.0)  # seen from above, deg
+            if upright and rotor.spin == spin and apart <= AZIMUTH_TOLERANCE:
+                found.append(n)
+    matched = len(rotors) == len(places) and sorted(found) == list(range(1, len(places) + 1))
+    return tuple(found) if matched else None
 
 
 def servo(n: int, function: int, trim: float) -> dict[str, float]:

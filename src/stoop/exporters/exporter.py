@@ -198,7 +198,7 @@ def cost_without_actuators(maneuver: Record) -> str:
         less = own_readings(replace(maneuver, vehicle=maneuver.vehicle.with_numbers(neutral)))
     except SimulationError as error:
         return f"{maneuver.title}: {error}."
-    shares = relative_differences(maneuver.vehicle, whole, less)
+    shares = relative_differences(maneuver.vehicle.outputs, whole, less)
     worst = max(shares, key=lambda name: shares[name])
     return (
         f"{maneuver.title}: without them readings move by up to {100.0 * shares[worst]:.2g} % of a channel's "

@@ -188,7 +188,14 @@ def unit_bytes(made: Unit, version: str, compiler: str | None = None) -> bytes:
     StoopError
         The compiler fails.
     """
-    text = _source(made, version)
+    templates = files("stoop.exporters") / "templates"
+    model, interface = (
+        (templates / f"{n}.c").read_text(encoding="utf-8") for n in ("fmi_model", f"fmi{version[0]}")
+    )
+    settable = [q for q in made.quantities if q.causality in ("independent", "parameter", "input")]
+    defaults = ",\n    ".join(repr(q.start) for q in settable)
+    model = model.replace("/* EQUATIONS */", made.source).replace("/* DEFAULTS */", f"\n    {defaults}\n")
+    text = "\n".join([f'#define TOKEN "{made.token}"\n', model, interface])
     content = {"modelDescription.xml": description(made, version), f"sources/{made.name}.c": text.encode()}
     if version == "3.0":
         content["sources/buildDescription.xml"] = _build_description(made)
@@ -231,19 +238,6 @@ def compiled(text: str, compiler: str) -> bytes:
         if done.returncode != 0 or not library.is_file():
             raise StoopError(f"{compiler}: cannot compile the unit: {one_line(done.stderr)[:300]}")
         return library.read_bytes()
-
-
-def _source(made: Unit, version: str) -> str:
-    """Return the whole C of a unit: equations, integration, and the interface of a version."""
-    templates = files("stoop.exporters") / "templates"
-    parts = {n: (templates / f"{n}.c").read_text(encoding="utf-8") for n in ("fmi_model", f"fmi{version[0]}")}
-    model, interface = parts.values()
-    head = f'#define TOKEN "{made.token}"\n'
-    defaults = ",\n    ".join(
-        repr(q.start) for q in made.quantities if q.causality in ("independent", "parameter", "input")
-    )
-    model = model.replace("/* EQUATIONS */", made.source).replace("/* DEFAULTS */", f"\n    {defaults}\n")
-    return "\n".join([head, model, interface])
 
 
 def description(made: Unit, version: str) -> bytes:

@@ -18,7 +18,7 @@ from stoop.exporters.exporter import Exported, Exporter, ModelData, agreement, e
 from stoop.exporters.gazebo_model import GazeboModel, gazebo_model, unsupported_rotor_numbers
 from stoop.exporters.gazebo_plugins import Motor, Surface, damping_loads, motor_loads, wing_loads
 from stoop.exporters.gazebo_wing import unsupported_wing_terms
-from stoop.exporters.jsbsim_flight import Record
+from stoop.exporters.jsbsim_flight import Record, relative_differences
 from stoop.exporters.reference_flight import ReferenceFlight, states_of
 from stoop.simulation import Trim
 from stoop.simulation.initial import commanded, mixed_inputs, parameter_rows
@@ -193,6 +193,6 @@ class Gazebo(Exporter):
         ]
         ours = rotorpy_flight.motion(flight)
         for title, model in self.models.items():
-            found = rotorpy_flight.differences(ours, fly_gazebo(model, flight))
+            found = relative_differences(rotorpy_flight.CHANNELS, ours, fly_gazebo(model, flight))
             notes.append(f"Gazebo's equations for {title}, {agreement(flight, found)}.")
         return notes

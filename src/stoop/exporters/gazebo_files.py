@@ -172,23 +172,13 @@ def _base(made: GazeboModel, size: tuple[float, float, float]) -> Element:
     out = _element("link", name=BASE)
     mass, center, tensor = base_properties(made)
     out.append(_inertial(mass, tensor, center))
-    for kind in ("collision", "visual"):
-        out.append(
-            _shape(
-                kind,
-                f"{BASE}_{kind}",
-                _group("box", {"size": size}),
-                "0.6 0.6 0.6 1" if kind == "visual" else "",
-            )
-        )
+    for kind, color in (("collision", ""), ("visual", "0.6 0.6 0.6 1")):
+        out.append(_shape(kind, f"{BASE}_{kind}", _group("box", {"size": size}), color))
     rates = {"imu": 250, "air_pressure": 50, "magnetometer": 100, "navsat": 30}
     for kind, rate in rates.items():
-        content: dict[str, object] = {
-            "always_on": True,
-            "update_rate": 1000 if made.blades and kind == "imu" else rate,
-        }
+        content: dict[str, object] = {"always_on": True, "update_rate": rate}
         if made.blades:  # ArduPilot's plugin reads an inertial unit whose axes are forward, right, down
-            content = {"pose": (0.0, 0.0, 0.0, math.pi, 0.0, 0.0), **content}
+            content = {"pose": (0.0, 0.0, 0.0, math.pi, 0.0, 0.0), "always_on": True, "update_rate": 1000}
         if kind == "imu" or not made.blades:
             out.append(_group("sensor", content, name=f"{kind}_sensor", type=kind))
     return out
@@ -207,14 +197,8 @@ def _rotor(made: GazeboModel, i: int, motor: Motor) -> tuple[Element, Element]:
     mass, moment = light(made)
     link.append(_inertial(mass, moment * np.eye(3), np.zeros(3)))
     radius = made.vehicle.value("rotors.radius", 0.0) or 0.1 * max(body_size(made)[:2])
-    link.append(
-        _shape(
-            "visual",
-            f"rotor_{i}_visual",
-            _group("cylinder", {"radius": radius, "length": 0.01}),
-            "0.2 0.2 0.8 1",
-        )
-    )
+    disk = _group("cylinder", {"radius": radius, "length": 0.01})
+    link.append(_shape("visual", f"rotor_{i}_visual", disk, "0.2 0.2 0.8 1"))
     joint = _joint(f"rotor_{i}_joint", f"rotor_{i}")
     axis = _group("axis", {"xyz": "0 0 1"})
     axis.append(_group("limit", {"lower": -1e16, "upper": 1e16}))
@@ -339,9 +323,8 @@ def world(made: GazeboModel, name: str) -> str:
     """Return a world with the model on level ground, with the systems that ArduPilot's plugin needs."""
     root = _element("sdf", version=SDF)
     out = SubElement(root, "world", {"name": name})
-    out.append(
-        _group("physics", {"max_step_size": 0.001, "real_time_factor": 1.0}, name="1ms", type="ignore")
-    )
+    steps = {"max_step_size": 0.001, "real_time_factor": 1.0}
+    out.append(_group("physics", steps, name="1ms", type="ignore"))
     out.append(leaf("gravity", _text((0.0, 0.0, -made.vehicle.value("environment.gravity")))))
     for system in ("Physics", "UserCommands", "SceneBroadcaster", "Imu"):
         out.append(_system(system, {}))
@@ -349,11 +332,8 @@ def world(made: GazeboModel, name: str) -> str:
         "surface_model": "EARTH_WGS84", "world_frame_orientation": "ENU", "latitude_deg": -35.363262,
         "longitude_deg": 149.165237, "elevation": 584, "heading_deg": 0,
     }))  # fmt: skip
-    out.append(
-        _group(
-            "light", {"pose": "0 0 10 0 0 0", "direction": "-0.5 0.1 -0.9"}, name="sun", type="directional"
-        )
-    )
+    light_from = {"pose": "0 0 10 0 0 0", "direction": "-0.5 0.1 -0.9"}
+    out.append(_group("light", light_from, name="sun", type="directional"))
     ground = SubElement(out, "model", {"name": "ground"})
     ground.append(leaf("static", "1"))
     link = SubElement(ground, "link", {"name": "ground"})

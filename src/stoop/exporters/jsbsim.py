@@ -85,13 +85,13 @@ def _differences(flown: Comparison) -> Table:
     vehicle, measured = flown.record.vehicle, flown.record.measured
     columns = {"JSBSim, flat planet": flown.relative}
     if actuators(vehicle):
-        columns["on JSBSim's frames"] = relative_differences(vehicle, flown.fine, flown.flat)
-    columns["JSBSim, Earth"] = relative_differences(vehicle, flown.own, flown.earth)
+        columns["on JSBSim's frames"] = relative_differences(vehicle.outputs, flown.fine, flown.flat)
+    columns["JSBSim, Earth"] = relative_differences(vehicle.outputs, flown.own, flown.earth)
     head = ["channel", "largest magnitude", *columns]
     errors: list[FloatArray] = []
     if measured is not None:
         head += ["flight less simulation, rms", "flight less JSBSim, rms"]
-        errors = [differences(vehicle, y, measured) for y in (flown.own, flown.flat)]
+        errors = [differences(vehicle.outputs, y, measured) for y in (flown.own, flown.flat)]
     rows = []
     for i, name in enumerate(vehicle.outputs):
         factor, unit = factor_and_unit(VARIABLES[name].unit)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
@@ -147,20 +147,20 @@ def _joined(parts: Iterable[FloatArray]) -> FloatArray:
     return np.concatenate([first, *(part[1:] for part in rest)])
 
 
-def differences(vehicle: Vehicle, a: FloatArray, b: FloatArray) -> FloatArray:
-    """Return b - a of readings (n, n_y), angles taken to the nearest turn."""
+def differences(names: Sequence[str], a: FloatArray, b: FloatArray) -> FloatArray:
+    """Return b - a of channels (n, n_y), angles taken to the nearest turn."""
     out = b - a
-    angles = [name in WRAPPED for name in vehicle.outputs]
+    angles = [name in WRAPPED for name in names]
     out[:, angles] -= 2.0 * np.pi * np.round(out[:, angles] / (2.0 * np.pi))
     return out
 
 
-def relative_differences(vehicle: Vehicle, ours: FloatArray, theirs: FloatArray) -> dict[str, float]:
+def relative_differences(names: Sequence[str], ours: FloatArray, theirs: FloatArray) -> dict[str, float]:
     """Return the largest difference of each channel over the channel's largest magnitude."""
-    difference = np.abs(differences(vehicle, ours, theirs)).max(axis=0)
+    difference = np.abs(differences(names, ours, theirs)).max(axis=0)
     largest = np.abs(ours).max(axis=0)
     relative = difference / np.where(largest > 0.0, largest, 1.0)
-    return dict(zip(vehicle.outputs, relative.tolist(), strict=True))
+    return dict(zip(names, relative.tolist(), strict=True))
 
 
 def every_control(vehicle: Vehicle, point: Trim, duration: float = 30.0) -> Maneuver:
@@ -456,7 +456,7 @@ class Comparison:
     @property
     def relative(self) -> dict[str, float]:
         """Largest difference of each channel over its largest magnitude, JSBSim against our simulation."""
-        return relative_differences(self.record.vehicle, self.own, self.flat)
+        return relative_differences(self.record.vehicle.outputs, self.own, self.flat)
 
     def __str__(self) -> str:
         """Return the largest difference of all channels as a sentence."""

@@ -19,11 +19,10 @@ from stoop.base.units import FOOT, POUND_FORCE
 from stoop.exporters.jsbsim_model import (
     DENSITY,
     THRUST,
+    Printer,
     air_density,
     component,
     constant_thrust,
-    convert,
-    deflection,
     function,
     lag,
     leaf,
@@ -36,7 +35,6 @@ from stoop.exporters.jsbsim_model import (
 )
 from stoop.vehicle import Vehicle
 from stoop.vehicle.symbolic import airflow, forces
-from stoop.vehicle.symbolic.frames import Numbers
 from stoop.vehicle.vehicle import slope_input
 
 number_place: Final = "stoop/number/{}".format  #: property of a number of the vehicle
@@ -63,53 +61,11 @@ def rotor_lag(vehicle: Vehicle) -> float | None:
     return time_constant(vehicle.value("rotors.lag"))[0] if "rotors.lag" in vehicle.rows else None
 
 
-class _Printer:
-    """Symbols of a vehicle's equations, the properties that stand for them, and what has been printed with them."""
-
-    def __init__(self, vehicle: Vehicle) -> None:
-        self.vehicle, self.numbers = vehicle, Numbers(vehicle)
-        self.names: dict[Any, str] = {}
-        self.used: set[Any] = set()  #: symbols of what was printed
-        # mass properties are JSBSim's own, and lags are filters: what the expressions have of them are constants
-        constant = ("mass.", "rotors.lag")
-        self.known = {
-            s: sp.Float(x)
-            for s, x in zip(self.numbers.symbols, vehicle.values.tolist(), strict=True)
-            if s.name.startswith(constant)
-        }
-        # a constant thrust has its property on every vehicle
-        own = dict.fromkeys(("propulsion.thrust",), THRUST) if constant_thrust(vehicle) else {}
-        unknown = [s for s in self.numbers.symbols if s not in self.known]
-        self.names |= {s: own.get(s.name, number_place(s.name)) for s in unknown}
-
-    def symbol(self, name: str, place: str) -> Any:
-        """Return a symbol whose value is a property."""
-        made = sp.Symbol(name, real=True)
-        self.names[made] = place
-        return made
-
-    def channels(self) -> dict[str, Any]:
-        """Return the channels as they are received, and their slopes."""
-        places = received(self.vehicle) | {slope_input(c): _slope(c) for c in self.vehicle.sloped}
-        return {name: self.symbol(f"channel {name}", place) for name, place in places.items()}
-
-    def element(self, expr: Any) -> Element:
-        """Return what computes an expression."""
-        expr = sp.sympify(expr).xreplace(self.known)
-        self.used |= expr.free_symbols
-        return convert(expr, self.names)
-
-
-def _spins(printer: _Printer) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return the commanded x of each rotor, and the rate of x where that acts on the body, in symbols."""
-    vehicle = printer.vehicle
-    positions = {
-        f"{r}.lag": printer.symbol(f"position {r}", f"stoop/lagged-x/{r}") for r in vehicle.file.rotor
-    }
-    channels = printer.channels()
-    return forces.rotor_commands(printer.numbers, channels), forces.spins(
-        printer.numbers, positions, channels
-    )[1]
+def _channels(printer: Printer) -> dict[str, Any]:
+    """Return the channels as they are received, and their slopes."""
+    sloped = printer.vehicle.sloped
+    places = received(printer.vehicle) | {slope_input(c): _slope(c) for c in sloped}
+    return {name: printer.symbol(f"channel {name}", place) for name, place in places.items()}
 
 
 def summed_loads(vehicle: Vehicle, center: Element) -> tuple[list[Element], Element]:
@@ -117,7 +73,12 @@ def summed_loads(vehicle: Vehicle, center: Element) -> tuple[list[Element], Elem
 
     `center` is the location of the center of gravity.
     """
-    printer = _Printer(vehicle)
+    # mass properties are JSBSim's own, and lags are filters: what the expressions have of them are constants
+    printer = Printer(vehicle, ("mass.", "rotors.lag"))
+    # a constant thrust has its property on every vehicle
+    own = dict.fromkeys(("propulsion.thrust",), THRUST) if constant_thrust(vehicle) else {}
+    unknown = [s for s in printer.numbers.symbols if s not in printer.known]
+    printer.names |= {s: own.get(s.name, number_place(s.name)) for s in unknown}
     channels, reactions = list(_rotors(printer)), _reactions(printer, center)
     numbers = [
         _declared(place, vehicle.value(s.name))
@@ -127,11 +88,16 @@ def summed_loads(vehicle: Vehicle, center: Element) -> tuple[list[Element], Elem
     return [*numbers, *channels], reactions
 
 
-def _rotors(printer: _Printer) -> Iterator[Element]:
+def _rotors(printer: Printer) -> Iterator[Element]:
     """Yield properties and channels of the flight control section that take recorded channels to rotor speeds."""
     vehicle = printer.vehicle
     constant = rotor_lag(vehicle)
-    commands, rates = _spins(printer)
+    positions = {
+        f"{r}.lag": printer.symbol(f"position {r}", f"stoop/lagged-x/{r}") for r in vehicle.file.rotor
+    }
+    inputs = _channels(printer)
+    commands = forces.rotor_commands(printer.numbers, inputs)
+    rates = forces.spins(printer.numbers, positions, inputs)[1]  # of x, where that acts on the body
     inertia = "rotors.inertia" in vehicle.rows
     for name in vehicle.file.rotor if constant is not None else ():
         yield _declared(rotor_start(name), 0.0)
@@ -164,12 +130,12 @@ def _rotors(printer: _Printer) -> Iterator[Element]:
         yield out
 
 
-def _reactions(printer: _Printer, center: Element) -> Element:
+def _reactions(printer: Printer, center: Element) -> Element:
     """Return the external reactions that are the loads of a vehicle."""
     vehicle = printer.vehicle
     speeds = {a: f"stoop/air/{a}-m_sec" for a in "uvw"}
     velocity = tuple(printer.symbol(f"air {a}", place) for a, place in speeds.items())
-    omega = tuple(printer.symbol(a, f"velocities/{a}-aero-rad_sec") for a in "pqr")
+    omega = printer.rates()
     spins = {r: printer.symbol(f"x {r}", rotor_speed(r)) for r in vehicle.file.rotor}
     turned = vehicle.file.rotor if "rotors.inertia" in vehicle.rows else ()
     total = forces.total(
@@ -178,8 +144,8 @@ def _reactions(printer: _Printer, center: Element) -> Element:
             airflow(vehicle, (velocity[0], velocity[1], velocity[2])),
             printer.symbol("density", DENSITY),
             (omega[0], omega[1], omega[2]),
-            {c: printer.symbol(f"control {c}", deflection(c)) for c in vehicle.controls},
-            printer.channels(),
+            printer.deflections(),
+            _channels(printer),
             (velocity[0], velocity[1], velocity[2]),
             spins,
             {r: printer.symbol(f"rate {r}", f"stoop/rate/{r}") for r in turned},

@@ -115,29 +115,55 @@ coefficient: Final = "aero/coefficient/{}".format  #: name of the function of an
 _delayed: Final = "stoop/delayed/{}".format  #: property of a channel as the surfaces receive it
 
 
+class Printer:
+    """Symbols of a vehicle's equations, the properties that stand for them, and what has been printed with them.
+
+    Numbers of the vehicle whose names begin with one of `constant` are printed as they are.
+    """
+
+    def __init__(self, vehicle: Vehicle, constant: tuple[str, ...] = ("",)) -> None:
+        self.vehicle, self.numbers = vehicle, Numbers(vehicle)
+        values = zip(self.numbers.symbols, vehicle.values.tolist(), strict=True)
+        self.known = {s: sp.Float(x) for s, x in values if s.name.startswith(constant)}
+        self.names: dict[Any, str] = {}
+        self.used: set[Any] = set()  #: symbols of what was printed
+
+    def symbol(self, name: str, place: str) -> Any:
+        """Return a symbol whose value is a property."""
+        made = sp.Symbol(name, real=True)
+        self.names[made] = place
+        return made
+
+    def rates(self) -> tuple[Any, ...]:
+        """Return p, q, r."""
+        return tuple(self.symbol(a, f"velocities/{a}-aero-rad_sec") for a in "pqr")
+
+    def deflections(self) -> dict[str, Any]:
+        """Return the deflections of the controls, rad."""
+        return {c: self.symbol(f"control {c}", deflection(c)) for c in self.vehicle.controls}
+
+    def element(self, expr: Any) -> Element:
+        """Return what computes an expression."""
+        expr = sp.sympify(expr).xreplace(self.known)
+        self.used |= expr.free_symbols
+        return convert(expr, self.names)
+
+
 def physics(vehicle: Vehicle) -> tuple[forces.Surroundings, Callable[[Any], Element]]:
     """Return symbols for what JSBSim knows, and what converts an expression of them, with the vehicle's numbers in place.
 
     The symbols are air-relative motion, density, rates, deflections and channels.
     """
-    names: dict[Any, str] = {}
-
-    def symbol(name: str, place: str) -> Any:
-        made = sp.Symbol(name, real=True)
-        names[made] = place
-        return made
-
-    V = symbol("V", AIRSPEED)
-    alpha, beta = symbol("alpha", "aero/alpha-rad"), symbol("beta", "aero/beta-rad")
+    printer = Printer(vehicle)
+    V = printer.symbol("V", AIRSPEED)
+    alpha, beta = (printer.symbol(a, f"aero/{a}-rad") for a in ("alpha", "beta"))
     air = Air(V, V**2, alpha, beta, sp.cos(alpha), sp.sin(alpha), sp.cos(beta), sp.sin(beta))
-    p, q, r = (symbol(a, f"velocities/{a}-aero-rad_sec") for a in "pqr")
-    density = symbol("density", DENSITY)
-    deflections = {c: symbol(f"control {c}", deflection(c)) for c in vehicle.controls}
-    channels = {c: symbol(f"channel {c}", channel(c)) for c in vehicle.inputs}
-    n = Numbers(vehicle)
-    numbers = {s: sp.Float(x) for s, x in zip(n.symbols, vehicle.values.tolist(), strict=True)}
-    surroundings = forces.Surroundings(n, air, density, (p, q, r), deflections, channels)
-    return surroundings, lambda expr: convert(sp.sympify(expr).xreplace(numbers), names)
+    channels = {c: printer.symbol(f"channel {c}", channel(c)) for c in vehicle.inputs}
+    p, q, r = printer.rates()
+    density, deflections = printer.symbol("density", DENSITY), printer.deflections()
+    return forces.Surroundings(
+        printer.numbers, air, density, (p, q, r), deflections, channels
+    ), printer.element
 
 
 def constant_thrust(vehicle: Vehicle) -> dict[str, float]:

@@ -74,7 +74,7 @@ class ReferenceFlight:
 
     def differences(self, readings: FloatArray) -> dict[str, float]:
         """Return the largest difference of each channel from other readings (n, n_y), over the channel's largest magnitude."""
-        return relative_differences(self.vehicle, self.readings, readings)
+        return relative_differences(self.vehicle.outputs, self.readings, readings)
 
 
 def reference_flight(vehicle: Vehicle, point: Trim) -> ReferenceFlight | None:
@@ -138,19 +138,15 @@ def states_of(record: Record) -> FloatArray:
 
 
 def _starts(record: Record, states: FloatArray) -> list[tuple[int, dict[str, float]]]:
-    """Return samples and starts of restarts along states (n, n_x)."""
-    count, every = len(states), max(1, round(RESTART / record.dt))
-    return [(k, _start(record.vehicle, states[k], record.inputs[k])) for k in range(0, count - 1, every)]
-
-
-def _start(vehicle: Vehicle, state: FloatArray, inputs: FloatArray) -> dict[str, float]:
-    """Return states (n_x,) as the start of a record, whose lags are given as differences from their commands."""
-    x, rows = dict(zip(vehicle.states, state.tolist(), strict=True)), parameter_rows(vehicle)
-    angles = euler_angles(np.array([[x.pop(f"e{i}") for i in range(4)]]))[0]
-    lags = [name for name in x if name.endswith(".lag")]
-    for name in lags:
-        x[name] -= float(commanded(vehicle, name.removesuffix(".lag"), rows, inputs)[0])
-    return x | dict(zip(EULER, angles.tolist(), strict=True))
+    """Return samples and starts of restarts along states (n, n_x); lags are differences from their commands."""
+    vehicle, rows, out = record.vehicle, parameter_rows(record.vehicle), []
+    for k in range(0, len(states) - 1, max(1, round(RESTART / record.dt))):
+        x = dict(zip(vehicle.states, states[k].tolist(), strict=True))
+        angles = euler_angles(np.array([[x.pop(f"e{i}") for i in range(4)]]))[0]
+        for name in (n for n in x if n.endswith(".lag")):
+            x[name] -= float(commanded(vehicle, name.removesuffix(".lag"), rows, record.inputs[k])[0])
+        out.append((k, x | dict(zip(EULER, angles.tolist(), strict=True))))
+    return out
 
 
 def set_points(altitude: float) -> Maneuver:

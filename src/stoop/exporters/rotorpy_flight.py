@@ -12,10 +12,11 @@ from typing import Any, Final
 import numpy as np
 
 from stoop.base.arrays import FloatArray
-from stoop.base.rotations import FLIP, euler_angles, normalized, to_body, to_ground, wrap
+from stoop.base.rotations import FLIP, euler_angles, normalized, to_body, to_ground
 from stoop.errors import StoopError
 from stoop.exporters import rotorpy_model
 from stoop.exporters.exporter import Exported, Exporter, agreement, encoded, installed, written
+from stoop.exporters.jsbsim_flight import relative_differences
 from stoop.exporters.reference_flight import ReferenceFlight
 from stoop.simulation import parameter_rows
 from stoop.simulation.loads import body_loads
@@ -125,20 +126,6 @@ def costs(flight: ReferenceFlight, left_out: Mapping[str, float]) -> dict[str, t
     return out
 
 
-def differences(ours: FloatArray, theirs: FloatArray) -> dict[str, float]:
-    """Return the largest difference of each channel over the channel's largest magnitude."""
-    apart = theirs - ours
-    apart[:, 6:9] = wrap(apart[:, 6:9])
-    largest = np.abs(ours).max(axis=0)
-    return dict(
-        zip(
-            CHANNELS,
-            (np.abs(apart).max(axis=0) / np.where(largest > 0.0, largest, 1.0)).tolist(),
-            strict=True,
-        )
-    )
-
-
 class RotorPy(Exporter):
     """A quadrotor for RotorPy: its own model, and a class with the identified equations."""
 
@@ -170,7 +157,7 @@ class RotorPy(Exporter):
                 module = load_script(root / made.main)
             ours = motion(held_flight(flight))
             for title, stock in (("the identified equations", False), ("RotorPy's own model", True)):
-                found = differences(ours, fly_rotorpy(module, flight, stock))
+                found = relative_differences(CHANNELS, ours, fly_rotorpy(module, flight, stock))
                 notes.append(f"RotorPy with {title}, {agreement(flight, found)}.")
             return notes
 

@@ -307,7 +307,7 @@ class AutopilotFolder(Exporter):
         hosts = ((root / PLANET, Host(to_commands=settings)), (None, Host(self.rate, {}, settings)))
         own = own_readings(record)
         flown = (jsbsim_readings(root, name, record, place, host) for place, host in hosts)
-        exact, theirs = (max(relative_differences(record.vehicle, own, y).values()) for y in flown)
+        exact, theirs = (max(relative_differences(record.vehicle.outputs, own, y).values()) for y in flown)
         steps = frames_per_sample(record.dt, self.rate) / record.dt
         return (
             f"{record.title}, by the properties that {self.title} writes: JSBSim within {exact:.1e} of each channel's "

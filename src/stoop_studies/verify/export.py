@@ -76,7 +76,7 @@ def compare(vehicle_name: str, inputs: str) -> pd.DataFrame:
         earth = jsbsim_flight.jsbsim_readings(root, name, record, None)
     pairs = ((own, flat), (own, faster), (fine, flat), (own, earth))
     differences = {
-        n: jsbsim_flight.relative_differences(record.vehicle, *pair)
+        n: jsbsim_flight.relative_differences(record.vehicle.outputs, *pair)
         for n, pair in zip(DIFFERENCES, pairs, strict=True)
     }
     table = pd.DataFrame(differences).rename_axis("channel").reset_index()

@@ -99,7 +99,7 @@ def differences(vehicle: Vehicle, point: Trim) -> dict[str, float]:
     assert flight is not None
     assert flight.time[-1] == pytest.approx(30.0)
     ours, theirs = rotorpy_flight.motion(flight), fly_gazebo(gazebo_model(vehicle, point), flight)
-    found = rotorpy_flight.differences(ours, theirs)
+    found = rotorpy_flight.relative_differences(rotorpy_flight.CHANNELS, ours, theirs)
     moves = (
         np.abs(ours).max(axis=0) > 1e-3
     )  # others rest: a wing without ailerons and rudder flies straight on

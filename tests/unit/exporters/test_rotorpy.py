@@ -40,7 +40,9 @@ def test_the_identified_equations_fly_as_the_kernel_does(tmp_path: Path) -> None
     vehicle = builtin_vehicle("quad-x")
     flight, script = short(vehicle), script_of(vehicle, tmp_path)
     ours = rotorpy_flight.motion(rotorpy_flight.held_flight(flight))
-    found = rotorpy_flight.differences(ours, rotorpy_flight.fly_rotorpy(script, flight, stock=False))
+    found = rotorpy_flight.relative_differences(
+        rotorpy_flight.CHANNELS, ours, rotorpy_flight.fly_rotorpy(script, flight, stock=False)
+    )
     moving = [n for n in found if n not in ("r", "psi", "vd", "fy", "p", "phi", "ve")]  # others rest yet
     assert max(found[n] for n in moving) < 1e-3
 
@@ -63,7 +65,9 @@ def test_its_own_model_holds_a_vehicle_of_its_own_terms(tmp_path: Path) -> None:
     assert made["rotor_pos"]["m1"] == [0.177, -0.177, 0.03]
     flight, script = short(vehicle), script_of(vehicle, tmp_path)
     ours = rotorpy_flight.motion(rotorpy_flight.held_flight(flight))
-    found = rotorpy_flight.differences(ours, rotorpy_flight.fly_rotorpy(script, flight, stock=True))
+    found = rotorpy_flight.relative_differences(
+        rotorpy_flight.CHANNELS, ours, rotorpy_flight.fly_rotorpy(script, flight, stock=True)
+    )
     assert max(found[n] for n in ("vn", "q", "theta", "fz")) < 1e-3
     assert rotorpy_model.limits(vehicle) == {}
 
