@@ -53,7 +53,7 @@ def test_our_simulation_of_a_maneuver_is_the_one_of_the_report(job: FittedModel,
 
     fitted = model.maneuvers[0]
     vehicle = fitted.vehicle
-    apart = differences(vehicle, own_readings(fitted), fitted.measured)
+    apart = differences(vehicle.outputs, own_readings(fitted), fitted.measured)
     figures = job.result.maneuvers[0].channels
     rms = dict(zip(vehicle.outputs, np.sqrt(np.nanmean(apart**2, axis=0)), strict=True))
     assert rms == pytest.approx({c: f.rmse for c, f in figures.items()}, rel=1e-9)
