@@ -13,7 +13,7 @@ import numpy as np
 
 from benchmarks.table import Row
 from stoop.assessment.error_bars import error_bars
-from stoop.estimate.fit import Fit, Options, fit
+from stoop.estimate.fit import Options, OutputErrorEstimate, fit
 from stoop_studies.verify.scenes import Scene, in_white_noise
 
 PART = "joint"
@@ -47,14 +47,14 @@ def run() -> list[Row]:
     ]
 
 
-def _identified(scene: Scene, seed: int) -> Fit:
+def _identified(scene: Scene, seed: int) -> OutputErrorEstimate:
     options = Options(seed=seed)
     found = fit(scene.start, scene.flights, scene.windows, options)
     error_bars(found)
     return found
 
 
-def _flown(found: Fit) -> float:
+def _flown(found: OutputErrorEstimate) -> float:
     """Return the processor time of as many trajectories, outputs kept, s."""
     problem = found.problem
     Z = np.repeat(found.z[None, :], BATCH, axis=0)

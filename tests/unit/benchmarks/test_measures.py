@@ -35,6 +35,11 @@ def part(monkeypatch: pytest.MonkeyPatch) -> Any:
     return load
 
 
+@pytest.mark.parametrize("name", sorted(file.stem for file in (ROOT / "benchmarks").glob("[a-z]*.py")))
+def test_every_part_finds_what_it_measures(part: Any, name: str) -> None:
+    assert part(name)
+
+
 def test_operations_are_counted_through_calls(part: Any) -> None:
     count = part("flops").operations
     assert count(SOURCE, ("half",)) == 2, "a product and a difference; magnitude and sign are free"
