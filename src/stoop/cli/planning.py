@@ -21,7 +21,7 @@ from stoop.cli.page import Page, fixed, numbers, page, points, words
 from stoop.cli.progress import LiveLine, Watch
 from stoop.errors import SimulationError, VehicleError
 from stoop.results.text import estimate_blocks
-from stoop.simulation.maneuver import unit_of
+from stoop.simulation.maneuver import MANUAL_THROTTLE, unit_of
 
 if TYPE_CHECKING:
     from stoop.input_design.windows import Expected, Found
@@ -195,6 +195,8 @@ def design(arguments: argparse.Namespace) -> int:
         )
     if target == "pilot" and not throws:
         out.bullets(["the card has no percentages of the stick: give the throws by --throw CONTROL=DEG"])
+    if any(name.startswith("sid_") for name in flight):
+        out.bullets([MANUAL_THROTTLE])
     if np.any(setup.known):
         out.bullets([proposal.robustness.notice])
     out.line(f"maneuver: {folder / 'maneuver.toml'}")

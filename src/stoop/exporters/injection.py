@@ -30,7 +30,6 @@ AXIS_OF: Final = {
     "vtail_left": "pitch", "vtail_right": "pitch",
 }  #: of a surface by its name, whose moment gives the sign of its output  # fmt: skip
 
-
 MAX_ANGLE: Final = 0.6  #: rad, of bank and pitch without an envelope
 MAX_AIRSPEED: Final = 999.0  #: m/s, likewise
 

@@ -30,7 +30,7 @@ from stoop.base.arrays import FloatArray
 from stoop.base.csv_text import csv_text
 from stoop.errors import SimulationError
 from stoop.exporters.injection import AXES, AXIS_OF, Injection, Target, corners, pair, template
-from stoop.simulation.maneuver import PATTERNS, Steps, Sweep, amplitude_text
+from stoop.simulation.maneuver import MANUAL_THROTTLE, PATTERNS, Steps, Sweep, amplitude_text
 from stoop.simulation.rotors import AXES as ROTOR_AXES
 from stoop.simulation.rotors import allocation, channel_range, effects
 
@@ -53,7 +53,9 @@ HEAD: Final = """\
 FLIGHT CARD: {name}
 Airspeed {V:.3g} m/s, altitude {h:.0f} m, straight and level, throttle fixed, calm air.
 Beat {beat:g} s: {pace} counts a second, aloud. One stop for each stick, the same to both sides.
-Manual mode, or the mode with the least feedback. Begin with half of each stop; fly each line twice.
+Manual mode of any autopilot, or its mode with the least feedback.
+Fly each line twice, each time trimmed anew: first with half of the stop, then with the whole one.
+The page predicts the standard errors of the lines with the whole stop.
 """
 TAIL: Final = """\
 {limits}Write down: time, line, wind, what went wrong. Words to stop: "knock it off".
@@ -119,6 +121,8 @@ PILOT: Final = Target(
 FUNCTIONS: Final = {
     "aileron": 4, "elevator": 19, "rudder": 21, "elevon_left": 77, "elevon_right": 78, "vtail_left": 79, "vtail_right": 80,
 }  #: SERVOn_FUNCTION  # fmt: skip
+PLANE: Final = "ArduPilot Plane 4.3 or later"
+COPTER: Final = "ArduPilot Copter 4.0 or later"  #: which has the mode System ID
 TOLERANCE: Final = 0.002  #: of the largest output, of the lines between the points of the script
 HEAP: Final = 100_000  #: bytes of SCR_HEAP_SIZE that the script takes
 POINT_BYTES: Final = 200  #: that a point takes while the script is compiled (measured: Lua 5.3, 64 bit)
@@ -162,11 +166,11 @@ def _script(injection: Injection) -> dict[str, str]:
             f"ardupilot: {count} points do not fit into a script; lower --band, shorten --duration, or take --shape square"
         )
     lua = template(
-        "ardupilot_maneuver.lua.txt", name=injection.name, inputs="\n".join(inputs), duration=f"{time[-1]:g}",
+        "ardupilot_maneuver.lua.txt", name=injection.name, inputs="\n".join(inputs), duration=f"{time[-1]:g}", firmware=PLANE,
         **_edges(injection, "{}"),
     )  # fmt: skip
     parameters = {"SCR_ENABLE": 1, "SCR_HEAP_SIZE": heap, **_logs(PLANE_BITS)}
-    return {"maneuver.lua": lua, "ardupilot.param": _text(parameters)}
+    return {"maneuver.lua": lua, "ardupilot.param": _text(PLANE, parameters)}
 
 
 def _sweeps(injection: Injection) -> dict[str, str]:
@@ -199,17 +203,17 @@ def _sweeps(injection: Injection) -> dict[str, str]:
                 raise SimulationError(
                     f"ardupilot: {key} of {spec.control} would be {values[key]:.4g}, outside {low:g} to {high:g}; {advice}"
                 )
-        out[f"sid_{spec.control}.param"] = _text(values)
-    return {**out, "ardupilot.param": _text(_logs(COPTER_BITS))}
+        out[f"sid_{spec.control}.param"] = _text(COPTER, values, f"# {MANUAL_THROTTLE}\n")
+    return {**out, "ardupilot.param": _text(COPTER, _logs(COPTER_BITS))}
 
 
 def _logs(bits: tuple[int, ...]) -> dict[str, float]:
     return {"LOG_BITMASK": sum(1 << bit for bit in bits), "LOG_DISARMED": 0, "LOG_FILE_RATEMAX": 0}
 
 
-def _text(parameters: dict[str, float]) -> str:
-    """Return a parameter file as ground stations load it."""
-    return "".join(
+def _text(firmware: str, parameters: dict[str, float], remark: str = "") -> str:
+    """Return a parameter file as ground stations load it, headed by the firmware that it is for."""
+    return f"# {firmware}\n{remark}" + "".join(
         f"{key},{value:.6g}\n" if isinstance(value, float) else f"{key},{value}\n"
         for key, value in parameters.items()
     )
@@ -222,6 +226,7 @@ ARDUPILOT: Final = Target(
 )  # fmt: skip
 
 
+PX4_FIRMWARE: Final = "PX4 1.14 or later"
 KNOWN: Final = ("aileron", "elevator", "rudder")
 STREAM: Final = 50.0  #: Hz of the set-points
 TYPES: Final = {int: 6, float: 9}  #: of parameters, MAV_PARAM_TYPE
@@ -251,24 +256,24 @@ def _px4_files(injection: Injection) -> dict[str, str]:
         columns[f"{axis}_output"] = np.interp(time, maneuver.time, moved.get(axis, np.zeros(len(expected))))
         columns[f"{axis}_rate_rad_s"] = np.interp(time, maneuver.time, expected - expected[0])
     script = template(
-        "px4_offboard.py.txt", name=injection.name, pitch_trim=f"{injection.trim.start['theta']:.5f}",
+        "px4_offboard.py.txt", name=injection.name, firmware=PX4_FIRMWARE, pitch_trim=f"{injection.trim.start['theta']:.5f}",
         **_edges(injection, "()"),
     )  # fmt: skip
     lines = [f"1\t1\t{key}\t{value}\t{TYPES[type(value)]}" for key, value in PARAMETERS.items()]
     return {
         "fly_px4.py": script,
-        "px4_setpoints.csv": _setpoints(columns, 9),
-        "px4.params": "# Onboard parameters: vehicle, component, name, value, type\n"
+        "px4_setpoints.csv": _setpoints(PX4_FIRMWARE, columns, 9),
+        "px4.params": f"# {PX4_FIRMWARE}\n# Onboard parameters: vehicle, component, name, value, type\n"
         + "\n".join(lines)
         + "\n",
     }
 
 
-def _setpoints(columns: Mapping[str, FloatArray], digits: int) -> str:
-    """Return a table of set-points (n,) by column."""
+def _setpoints(firmware: str, columns: Mapping[str, FloatArray], digits: int) -> str:
+    """Return a table of set-points (n,) by column, headed by the firmware that it is for."""
     rows = zip(*columns.values(), strict=True)
     texts = ([f"{round(v, digits) + 0.0:.{digits}g}" for v in row] for row in rows)
-    return csv_text(tuple(columns), texts, "\n")
+    return f"# {firmware}\n" + csv_text(tuple(columns), texts, "\n")
 
 
 PX4: Final = Target(
@@ -286,8 +291,10 @@ LOGGED: Final = (
     *(f"motor.m{i}" for i in range(1, 5)), "pm.vbat",
 )  #: one block of the card  # fmt: skip
 BUFFER: Final = 512  #: bytes
+CRAZYFLIE_FIRMWARE: Final = "Crazyflie firmware 2021.01 or later"
+#: The firmware reads lines of 31 characters at most, comments included.
 CONFIG: Final = """\
-1     # version
+1     # firmware 2021.01+
 {buffer}   # buffer size in bytes
 stoop # file name
 0     # enable on startup
@@ -341,9 +348,13 @@ def _crazyflie_files(injection: Injection) -> dict[str, str]:
     )
     return {
         "fly_crazyflie.py": template(
-            "crazyflie_setpoints.py.txt", name=injection.name, roll=roll, pitch=pitch
+            "crazyflie_setpoints.py.txt",
+            name=injection.name,
+            firmware=CRAZYFLIE_FIRMWARE,
+            roll=roll,
+            pitch=pitch,
         ),
-        "crazyflie_setpoints.csv": _setpoints(columns, 6),
+        "crazyflie_setpoints.csv": _setpoints(CRAZYFLIE_FIRMWARE, columns, 6),
         "config.txt": CONFIG.format(buffer=BUFFER, rate=RATE, variables="\n".join(LOGGED)),
     }
 

@@ -17,7 +17,7 @@ from stoop.report.plots import plot
 from stoop.report.series import Series, Shade, ShadeKind, Strip
 from stoop.report.sheet import Bullets, Code, Figure, Prose, Section, Sheet, Table
 from stoop.report.time_history import HistoryPanel, TimeHistory
-from stoop.simulation.maneuver import unit_of
+from stoop.simulation.maneuver import MANUAL_THROTTLE, unit_of
 
 if TYPE_CHECKING:  # the page of a flight takes colors and commands from here, and needs no optimization
     from stoop.input_design.optimization import Proposal
@@ -128,7 +128,10 @@ def design_sheet(proposal: Proposal, command: str, flown: Mapping[str, str] | No
     by_hand: tuple[Section, ...] = ()
     if flown:
         listed = tuple((name, FLOWN_FILES.get(name, SWEEP_FILE)) for name in flown)
-        by_hand = (Section("How to fly it", (Table("", ("file", "what it is"), listed), Prose(HOW_TO_FLY))),)
+        sweeps = any(name.startswith("sid_") for name in flown)
+        warned = (Bullets((MANUAL_THROTTLE,)),) if sweeps else ()
+        how = (Table("", ("file", "what it is"), listed), *warned, Prose(HOW_TO_FLY))
+        by_hand = (Section("How to fly it", how),)
     if "card.txt" in flown:
         by_hand = (Section("Flight card", (Code(flown["card.txt"]),)),)
     sections = (

@@ -27,7 +27,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Final, Literal
 
 import numpy as np
 from pydantic import AfterValidator, Field, ValidationError, ValidationInfo, model_validator
@@ -216,6 +216,13 @@ class Multisine(_TimedSignal):
             phase = -np.pi * k * (k + 1) / self.waves
             waves += np.sin(2.0 * np.pi * harmonic * (t - self.start) / self.duration + phase)
         return self._inside(t, self.amplitude * waves / max(float(np.max(np.abs(waves))), 1e-12))
+
+
+#: `mode_systemid.cpp`: "Axis requires manual throttle"
+MANUAL_THROTTLE: Final = (
+    "enter System ID in flight from a mode with manual throttle (Stabilize, Acro): newer firmware refuses others, and "
+    "throughout the sweep the throttle stick alone holds the height"
+)
 
 
 class Harmonics(_TimedSignal):

@@ -117,6 +117,7 @@ class Plane:
             self.parameters.setdefault(f"SERVO{n}_REVERSED", 0.0)
         self.sent: dict[int, list[tuple[float, int]]] = {}
         self.said: list[str] = []
+        self.angles = ""  # "_rad" where the angles carry their unit, as from ArduPilot 4.7 on
 
     def api(self) -> dict[str, dict[str, Any]]:
         return {
@@ -125,7 +126,7 @@ class Plane:
             "vehicle": {"get_mode": lambda _: self.mode, "get_likely_flying": lambda _: self.airspeed > 3.0},
             "arming": {"is_armed": lambda _: True},
             "ahrs": {
-                "get_roll": lambda _: self.roll, "get_pitch": lambda _: 0.05,
+                f"get_roll{self.angles}": lambda _: self.roll, f"get_pitch{self.angles}": lambda _: 0.05,
                 "airspeed_estimate": lambda _: self.airspeed,
             },
             "gcs": {"send_text": lambda _, __, text: self.said.append(text)},
@@ -225,8 +226,10 @@ def test_the_script_of_a_plane_needs_a_servo_of_each_control() -> None:
         (lambda p: setattr(p, "aux", 0 if p.ms > 3000 else p.aux), "switched off"),
     ],
 )
-def test_the_script_of_a_plane_ends_beyond_limits(upset: Any, said: str) -> None:
+@pytest.mark.parametrize("angles", ["", "_rad"])
+def test_the_script_of_a_plane_ends_beyond_limits(upset: Any, said: str, angles: str) -> None:
     plane = Plane()
+    plane.angles = angles
     flown_by(plane, 5.0, upset)
     assert plane.said[-1] == f"maneuver: {said}"
     assert max(t for t, _ in plane.sent[1]) <= 3.02
@@ -266,7 +269,9 @@ def test_parameters_of_sweeps_give_the_designed_signal() -> None:
     for spec in one.maneuver.input:
         assert isinstance(spec, Sweep)
         lines = files[f"sid_{spec.control}.param"].splitlines()
-        p = {key: float(value) for key, value in (line.split(",") for line in lines)}
+        assert "manual throttle" in lines[1]
+        assert lines[1].startswith("# ")
+        p = {key: float(value) for key, value in (line.split(",") for line in lines[2:])}
         assert p["SID_AXIS"] == {"roll": 10, "heave": 13}[spec.control]
         t = one.maneuver.time
         want = np.array([spec.amplitude * waveform(p, float(x) - spec.start) for x in t])
@@ -445,7 +450,7 @@ def test_limits_keep_their_signs() -> None:
 
 
 def test_parameters_of_px4_are_lines_of_five() -> None:
-    lines = PX4.write(wings())["px4.params"].splitlines()[1:]
+    lines = PX4.write(wings())["px4.params"].splitlines()[2:]
     assert [len(line.split("\t")) for line in lines] == [5] * len(lines)
 
 
@@ -490,6 +495,20 @@ def test_a_maneuver_that_climbs_is_refused() -> None:
         CRAZYFLIE.write(injection("quad-x", text))
 
 
+@pytest.mark.parametrize(
+    ("target", "name", "text", "firmware"),
+    [
+        (ARDUPILOT, "twin-boom", WINGS, "ArduPilot Plane 4.3"), (ARDUPILOT, "quad-x", SWEEPS, "ArduPilot Copter 4.0"),
+        (PX4, "twin-boom", WINGS, "PX4 1.14"), (CRAZYFLIE, "quad-x", DOUBLETS, "irmware 2021.01"),
+    ],
+)  # fmt: skip
+def test_each_file_names_its_firmware(target: Any, name: str, text: str, firmware: str) -> None:
+    for file, written in target.write(injection(name, text)).items():
+        assert firmware in "".join(written.splitlines()[:3]), file
+        if file == "config.txt":
+            assert max(map(len, written.splitlines())) < 32, "the firmware reads no longer lines"
+
+
 # --- the pilot's card
 
 
@@ -512,6 +531,7 @@ def test_the_card_counts_the_steps() -> None:
     ]  # fmt: skip
     assert "ELEVATOR 3-2-1-1: stop at 2.5 deg (10 % of the stick)" in text
     assert "AILERON doublet: stop at 2 deg\n" in text
+    assert "each time trimmed anew: first with half of the stop, then with the whole one" in text
     assert max(map(len, text.splitlines())) < 110
 
 
