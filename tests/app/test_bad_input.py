@@ -95,7 +95,7 @@ def test_without_its_packages_one_line_says_what_to_install(
     assert main(["app", "--folder", str(tmp_path)]) == 2
     assert (
         capsys.readouterr().err
-        == "stoop: error: app: the package panel is not installed; pip install 'stoop[app]'\n"
+        == "stoop: error: app: the package panel is not installed; pip install '.[app]' in a clone of stoop\n"
     )
 
 

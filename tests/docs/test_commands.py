@@ -15,6 +15,7 @@ from stoop.cli.main import all_verbs, main, one_verb, parser_for
 from stoop.results.result import read_result
 from stoop.vehicle.builtin import resolve_vehicle
 
+TEXTS = (".py", ".toml", ".md", ".ipynb", ".txt")  #: endings of what may advise an installation
 PAGE = DOCS / "commands.md"
 WRITTEN = [(page.relative_to(ROOT).as_posix(), line) for page in PAGES for line in commands(page)]
 STOOP = [
@@ -169,3 +170,23 @@ def test_demo_runs(workplace: Path, capsys: pytest.CaptureFixture[str]) -> None:
     run(demo)
     assert "truth" in capsys.readouterr().out
     assert (workplace / "stoop-demo" / "report.html").exists()
+
+
+def test_nothing_is_installed_from_an_index_that_has_no_stoop() -> None:
+    """Pages, notebooks and messages install from a clone, as README does, by names of extras that there are."""
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"][
+        "optional-dependencies"
+    ]
+    sources = [p for folder in ("src", "examples") for p in (ROOT / folder).rglob("*.*") if p.suffix in TEXTS]
+    installed = set()
+    for place in (*PAGES, *sources):
+        text = place.read_text(encoding="utf-8")
+        assert not re.search(r"pip install (-\S+ )*['\"]?stoop\b", text), place
+        installed |= {
+            e for found in re.findall(r"pip install '\.\[([\w,]+)\]'", text) for e in found.split(",")
+        }
+        installed |= (
+            set(re.findall(r"\binstall\([\"'](\w+)[\"']\)", text)) if place.suffix == ".py" else set()
+        )
+    assert "app" in installed
+    assert installed <= set(extras)

@@ -79,7 +79,7 @@ def test_bad_requests_are_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(IdentificationError, match="bbob-25: there is none"):
         problems.pose("bbob-25", 1)
     monkeypatch.setitem(sys.modules, "ioh", None)
-    with pytest.raises(IdentificationError, match=r"pip install 'stoop\[compare\]'"):
+    with pytest.raises(IdentificationError, match=r"pip install '\.\[compare\]'"):
         problems.pose("bbob-01", 1)
 
 

@@ -211,9 +211,7 @@ def test_a_package_that_is_missing_is_named(monkeypatch: pytest.MonkeyPatch) -> 
 
     def lacking(name: str = "ps-gde-lm", budget: float | None = None) -> object:
         if name == "ps-gde":
-            raise IdentificationError(
-                "optimizer ps-gde: needs x; install it with: pip install 'stoop[compare]'"
-            )
+            raise IdentificationError("optimizer ps-gde: needs x; install it with: pip install '.[compare]'")
         return create(name, budget)
 
     monkeypatch.setattr(optimize, "create", lacking)

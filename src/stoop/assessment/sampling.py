@@ -37,6 +37,7 @@ from scipy.special import expit
 
 from stoop.assessment.uncertainty import MAX_RHAT
 from stoop.base.arrays import FloatArray
+from stoop.base.extras import install
 from stoop.base.text import remaining
 from stoop.errors import IdentificationError
 from stoop.kernels.kernel import thread_count
@@ -74,9 +75,7 @@ class SamplerSettings:
 
 
 SAMPLER: Final = SamplerSettings()
-MISSING: Final = (
-    "the posterior needs nutpie (or emcee) and arviz; install them with pip install 'stoop[posterior]'"
-)
+MISSING: Final = f"the posterior needs nutpie (or emcee) and arviz; {install('posterior')}"
 
 
 class Density(Protocol):

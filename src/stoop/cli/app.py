@@ -7,13 +7,14 @@ import importlib
 from pathlib import Path
 from typing import Final
 
+from stoop.base.extras import install
 from stoop.base.text import show
 from stoop.cli.page import page
 from stoop.errors import StoopError
 from stoop.flight.flight import flight_name
 
 FOLDER: Final = "stoop-app"
-NEEDED: Final = "app: the package panel is not installed; pip install 'stoop[app]'"
+NEEDED: Final = f"app: the package panel is not installed; {install('app')}"
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from stoop.base.arrays import FloatArray
+from stoop.base.extras import install
 from stoop.base.files import write_files
 from stoop.base.units import DEGREE, MICROSECOND
 from stoop.base.variables import EULER, QUATERNION
@@ -310,7 +311,7 @@ def parquet_table(flight: Flight) -> tuple[bytes, str]:
         import pyarrow as pa
         from pyarrow import parquet
     except ImportError:
-        message = "Parquet is written by pyarrow, which is not installed: pip install 'stoop[parquet]'"
+        message = f"Parquet is written by pyarrow, which is not installed: {install('parquet')}"
         raise OutputError(message) from None
     (columns, mapping), content = _table(flight), io.BytesIO()
     parquet.write_table(pa.table(columns), content)

@@ -10,6 +10,7 @@ from typing import Any, Final
 import numpy as np
 
 from stoop.base.arrays import FloatArray
+from stoop.base.extras import install
 from stoop.base.notices import notice
 from stoop.errors import StoopError, one_line
 from stoop.exporters import fmu
@@ -18,7 +19,7 @@ from stoop.exporters.jsbsim_flight import file_name
 from stoop.exporters.reference_flight import ReferenceFlight, slopes
 from stoop.vehicle.vehicle import slope_input
 
-INSTALL: Final = "pip install 'stoop[fmi]'"
+INSTALL: Final = install("fmi")
 
 
 def fly_unit(place: Path, flight: ReferenceFlight) -> FloatArray:

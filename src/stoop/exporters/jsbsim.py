@@ -10,6 +10,7 @@ from typing import Final
 import numpy as np
 
 from stoop.base.arrays import FloatArray
+from stoop.base.extras import install
 from stoop.base.numbers import NOTHING, factor_and_unit
 from stoop.base.variables import VARIABLES, WRAPPED
 from stoop.errors import SimulationError
@@ -127,7 +128,7 @@ def _history(flown: Comparison) -> TimeHistory:
     return TimeHistory(panels)
 
 
-NOT_FLOWN: Final = "Not flown: the package jsbsim is not installed; pip install 'stoop[jsbsim]'."
+NOT_FLOWN: Final = f"Not flown: the package jsbsim is not installed; {install('jsbsim')}."
 SLOPES: Final = (
     "The reaction of rotors without a lag to their spin-up is computed from the last step of JSBSim, so it is a step late "
     "({}); give rotors.lag to have it exactly."

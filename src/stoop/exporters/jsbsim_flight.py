@@ -19,6 +19,7 @@ from typing import Any, Final
 import numpy as np
 
 from stoop.base.arrays import FloatArray
+from stoop.base.extras import install
 from stoop.base.notices import Notice, notice
 from stoop.base.rotations import quaternions_of
 from stoop.base.units import FOOT, POUND_FORCE, SLUG
@@ -263,7 +264,7 @@ def simulator(root: Path | None) -> Any:
     try:
         import jsbsim as imported
     except ModuleNotFoundError:
-        raise StoopError("JSBSim: the package is not installed; pip install 'stoop[jsbsim]'") from None
+        raise StoopError(f"JSBSim: the package is not installed; {install('jsbsim')}") from None
     jsbsim: Any = imported
     jsbsim.FGJSBBase().debug_lvl = 0
     out = jsbsim.FGFDMExec(None if root is None else str(root))

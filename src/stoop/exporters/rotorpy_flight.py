@@ -12,6 +12,7 @@ from typing import Any, Final
 import numpy as np
 
 from stoop.base.arrays import FloatArray
+from stoop.base.extras import install
 from stoop.base.rotations import FLIP, euler_angles, normalized, to_body, to_ground
 from stoop.errors import StoopError
 from stoop.exporters import rotorpy_model
@@ -22,7 +23,7 @@ from stoop.simulation import parameter_rows
 from stoop.simulation.loads import body_loads
 from stoop.simulation.trajectories import FINER, next_state
 
-INSTALL: Final = "pip install 'stoop[rotorpy]'"
+INSTALL: Final = install("rotorpy")
 TURN: Final = np.array([1.0, 1.0, -1.0, -1.0])  #: of a quaternion, whose scalar RotorPy has last
 CHANNELS: Final = ("vn", "ve", "vd", "p", "q", "r", "phi", "theta", "psi", "fx", "fy", "fz")
 """What is compared: motion, and the specific force at the center of gravity."""

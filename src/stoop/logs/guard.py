@@ -21,6 +21,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from stoop.base.extras import install
 from stoop.errors import LogError, StoopError
 from stoop.logs.formats import FORMATS, HDF5
 from stoop.logs.recording import (
@@ -74,10 +75,7 @@ def read_guarded(known: str, path: Path, topics: frozenset[str] | None = None) -
     """Read a log of a format that needs a library, once the library is known to be there; see `read_in_child`."""
     form = FORMATS[known]
     if (not form.hdf5_only or is_hdf5(path)) and importlib.util.find_spec(form.package) is None:
-        raise LogError(
-            f"{path}: this {form.name} needs the package {form.package}; "
-            f"install it with pip install 'stoop[{form.extra}]'"
-        )
+        raise LogError(f"{path}: this {form.name} needs the package {form.package}; {install(form.extra)}")
     return read_in_child(known, path, topics)
 
 

@@ -44,6 +44,7 @@ from numpy.random import Generator
 from threadpoolctl import ThreadpoolController, threadpool_limits
 
 from stoop.base.arrays import FloatArray
+from stoop.base.extras import install
 from stoop.errors import IdentificationError
 from stoop.optimize.ledger import HUGE, Evaluations, Halt, Ledger
 from stoop.optimize.population import MEMBERS, latin_hypercube
@@ -177,9 +178,7 @@ def require(module: str) -> ModuleType:
         with redirect_stdout(StringIO()):
             return importlib.import_module(module)
     except ImportError:
-        raise IdentificationError(
-            f"optimizer: needs the package {package}; install it with: pip install 'stoop[compare]'"
-        ) from None
+        raise IdentificationError(f"optimizer: needs the package {package}; {install('compare')}") from None
 
 
 def scipy_de() -> Library:

@@ -20,6 +20,7 @@ from multiprocessing.context import SpawnProcess
 from queue import SimpleQueue
 from typing import Any, Final, Protocol, TypeAlias, final
 
+from stoop.base.extras import install
 from stoop.errors import CampaignError, StoopError
 from stoop.parallel.plan import Task
 from stoop.parallel.worker import Report, perform
@@ -311,7 +312,7 @@ class Dask:
             from distributed import Client
         except ImportError:
             raise CampaignError(
-                "a Dask scheduler needs the package distributed; pip install 'stoop[distributed]'"
+                f"a Dask scheduler needs the package distributed; {install('distributed')}"
             ) from None
         # the campaign reports a lost scheduler in one line: the log of Dask's client is switched off
         loggers = [logging.getLogger(name) for name in ("distributed", "distributed.client")]

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from stoop.base.arrays import FloatArray
+from stoop.base.extras import install
 from stoop.base.html import table
 from stoop.base.numbers import number, rounded_to_error
 from stoop.errors import StoopError
@@ -104,7 +105,7 @@ def to_arviz(attachments: Mapping[str, bytes]) -> Any:
     try:
         import arviz
     except ImportError:
-        raise StoopError("ArviZ is not installed; pip install 'stoop[posterior]'") from None
+        raise StoopError(f"ArviZ is not installed; {install('posterior')}") from None
     with tempfile.TemporaryDirectory(prefix="stoop-") as folder, arviz.rc_context({"data.load": "eager"}):
         path = Path(folder) / "posterior.nc"
         path.write_bytes(content)

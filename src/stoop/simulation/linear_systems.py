@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from stoop.base.arrays import FloatArray
+from stoop.base.extras import install
 from stoop.errors import SimulationError, StoopError
 
 if TYPE_CHECKING:
@@ -89,9 +90,7 @@ def control_system(model: LinearModel, order: int | None = None) -> Any:
     try:
         import control
     except ModuleNotFoundError:
-        raise StoopError(
-            "python-control: the package is not installed; pip install 'stoop[control]'"
-        ) from None
+        raise StoopError(f"python-control: the package is not installed; {install('control')}") from None
     matrices, states = with_delays(model, order)
     # Names of python-control may not hold dots, of which it makes those of subsystems.
     signals = {"states": states, "inputs": model.inputs, "outputs": model.outputs}

@@ -15,6 +15,7 @@ from typing import Any, Final
 import numpy as np
 
 from stoop.base.arrays import FloatArray
+from stoop.base.extras import install
 from stoop.errors import VehicleError
 from stoop.vehicle_draft import handbook
 from stoop.vehicle_draft.geometry import Geometry
@@ -46,7 +47,7 @@ def nominal(geometry: Geometry, point: handbook.WorkingPoint) -> dict[str, float
         library = importlib.import_module("aerosandbox")
     except ImportError:
         raise VehicleError(
-            "--aerodynamics: AeroSandbox is not installed; pip install 'stoop[geometry]', or take the handbook"
+            f"--aerodynamics: AeroSandbox is not installed; {install('geometry')}, or take the handbook"
         ) from None
     values, base = handbook.nominal(geometry, point), _coefficients(library, geometry, point, {})
     for variable, (step, per) in STEPS.items():

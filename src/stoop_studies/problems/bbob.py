@@ -18,6 +18,7 @@ from typing import Any, Final
 import numpy as np
 
 from stoop.base.arrays import FloatArray
+from stoop.base.extras import install
 from stoop.errors import IdentificationError
 from stoop.optimize.problem import ScalarProblem
 from stoop_studies.problems import Posed, take_none
@@ -40,9 +41,7 @@ class Bbob(ScalarProblem):
         try:
             import ioh
         except ImportError:
-            raise IdentificationError(
-                "problem bbob: needs the package ioh; install it with: pip install 'stoop[compare]'"
-            ) from None
+            raise IdentificationError(f"problem bbob: needs the package ioh; {install('compare')}") from None
         self.dimension = dimension
         self.function: Any = ioh.get_problem(function, instance, dimension, ioh.ProblemClass.BBOB)
         self.least = float(self.function.optimum.y)

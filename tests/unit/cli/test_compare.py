@@ -100,12 +100,12 @@ def test_a_missing_package_is_said_for_those_asked_for_and_listed_for_all_others
 
     def lacking(name: str = "ps-gde-lm", budget: float | None = None) -> object:
         if name != "ps-gde-lm":
-            raise IdentificationError(f"optimizer {name}: needs it; pip install 'stoop[compare]'")
+            raise IdentificationError(f"optimizer {name}: needs it; pip install '.[compare]'")
         return create(name, budget)
 
     monkeypatch.setattr(optimize, "create", lacking)
     line = refusal(["-o", str(tmp_path / "out"), *SMALL], capsys)
-    assert "pip install 'stoop[compare]'" in line
+    assert "pip install '.[compare]'" in line
     few = ["--problems", "paper-N", "--seeds", "1", "--budget", "100", "--workers", "1"]
     assert main(["compare", "-o", str(tmp_path / "out"), *few]) == 0
     page = (tmp_path / "out" / "compare.html").read_text(encoding="utf-8")

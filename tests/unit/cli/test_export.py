@@ -62,6 +62,6 @@ def test_without_the_package_the_files_are_written_all_the_same(
 ) -> None:
     monkeypatch.setitem(sys.modules, "jsbsim", None)
     assert main(["export", "twin-boom", "--to", "jsbsim", "-o", str(tmp_path)]) == 0
-    assert "pip install 'stoop[jsbsim]'" in capsys.readouterr().out
+    assert "pip install '.[jsbsim]'" in capsys.readouterr().out
     assert list(tmp_path.glob("aircraft/*/*.xml"))
     assert not (tmp_path / "export.html").exists()

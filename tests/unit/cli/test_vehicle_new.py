@@ -85,7 +85,7 @@ def test_without_the_vortex_lattice(
     target = tmp_path / "v.toml"
     command = ["vehicle", "new", "--geometry", str(path), "--aerodynamics", "aerosandbox", "-o", str(target)]
     assert main(command) == 2
-    assert "pip install 'stoop[geometry]'" in capsys.readouterr().err
+    assert "pip install '.[geometry]'" in capsys.readouterr().err
     assert not target.exists()
 
 

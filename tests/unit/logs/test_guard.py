@@ -64,7 +64,7 @@ def test_a_package_that_is_missing(log: Path, monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.setattr(importlib.util, "find_spec", lambda _: None)
     assert read_guarded("matlab", log).streams  # of version 5: SciPy reads it
     with pytest.raises(
-        LogError, match=r"needs the package rosbags; install it with pip install 'stoop\[ros\]'$"
+        LogError, match=r"needs the package rosbags; pip install '\.\[ros\]' in a clone of stoop$"
     ):
         read_guarded("rosbag", log)
 

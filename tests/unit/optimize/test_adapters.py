@@ -162,7 +162,7 @@ def test_a_missing_package_is_named(name: str, monkeypatch: pytest.MonkeyPatch) 
 
     monkeypatch.setattr("importlib.import_module", missing)
     assert name in optimize.names()
-    with pytest.raises(IdentificationError, match=rf"{package}; .*pip install 'stoop\[compare\]'") as error:
+    with pytest.raises(IdentificationError, match=rf"{package}; .*pip install '\.\[compare\]'") as error:
         optimize.create(name)
     assert "\n" not in str(error.value)
 

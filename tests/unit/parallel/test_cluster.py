@@ -160,7 +160,7 @@ def test_after_a_wrong_address_the_right_command_is_taken(tmp_path: Path) -> Non
 
 def test_without_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(CampaignError, match=r"pip install 'stoop\[distributed\]'"):
+    with pytest.raises(CampaignError, match=r"pip install '\.\[distributed\]'"):
         execute(walks(tmp_path / "log", 1), tmp_path / "s", Dask("tcp://127.0.0.1:1"))
 
 

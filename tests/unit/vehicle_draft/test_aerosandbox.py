@@ -42,7 +42,7 @@ def test_rates_are_about_the_center_of_gravity():
 
 def test_a_missing_package_is_one_line(monkeypatch):
     monkeypatch.setitem(sys.modules, "aerosandbox", None)
-    with pytest.raises(VehicleError, match=r"pip install 'stoop\[geometry\]'"):
+    with pytest.raises(VehicleError, match=r"pip install '\.\[geometry\]'"):
         aerosandbox.derivatives(Geometry.typical("glider", 2.0, 2.5, 0.2), 12.0)
 
 
