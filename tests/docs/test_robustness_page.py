@@ -24,6 +24,7 @@ from stoop.logs import (
     ulog,
 )
 from stoop.logs import dataflash_walk as scan
+from stoop.logs.formats import FORMATS
 from stoop.optimize import state
 from stoop.results import result
 
@@ -78,10 +79,10 @@ def test_the_limits_are_those_of_the_code() -> None:
         "DataFlash `.bin`": [f"{dataflash.LIMITS.size >> 30} GiB", f"{scan.MAX_LAYOUTS} kinds",
                              f"{dataflash.LIMITS.instances} instances",
                              f"{dataflash.LIMITS.parameters // 1000} 000 parameters"],
-        "DataFlash `.log`": [f"{dataflash_text.MAX_BYTES >> 20} MiB", f"{dataflash_text.MAX_KINDS} kinds",
+        "DataFlash `.log`": [f"{FORMATS['dataflash-text'].most >> 20} MiB", f"{dataflash_text.MAX_KINDS} kinds",
                              f"{dataflash_text.MAX_LINE >> 10} KiB"],
-        "Crazyflie": [f"{crazyflie.MAX_BYTES >> 20} MiB", f"{crazyflie.MAX_VARIABLES} variables"],
-        "blackbox": [f"{blackbox.LIMITS.size >> 20} MiB", f"{blackbox.LIMITS.logs} logs",
+        "Crazyflie": [f"{FORMATS['crazyflie'].most >> 20} MiB", f"{crazyflie.MAX_VARIABLES} variables"],
+        "blackbox": [f"{FORMATS['blackbox'].most >> 20} MiB", f"{blackbox.LIMITS.logs} logs",
                      f"{blackbox_walk.MAX_FIELDS} fields"],
         "CSV, plain or packed": [f"{csv_tables.MAX_BYTES >> 20} MiB", f"{csv_tables.MAX_ROWS // 10**6} million lines",
                                  f"{csv_tables.MAX_COLUMNS} columns"],

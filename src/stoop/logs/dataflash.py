@@ -17,7 +17,7 @@ import mmap
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import chain, repeat
 from pathlib import Path
 from typing import Any, Final
@@ -164,6 +164,14 @@ def read_dataflash(path: Path, topics: frozenset[str] | None = None) -> Recordin
     return parse_dataflash(path, _copy_private(path), topics)
 
 
+def release_pages(content: bytes | memoryview, at: int) -> None:
+    """Give back the pages of a private copy before a place in it, so that a log is not in memory twice."""
+    memory = content.obj if isinstance(content, memoryview) else None
+    whole = at // mmap.PAGESIZE * mmap.PAGESIZE
+    if whole and isinstance(memory, mmap.mmap) and hasattr(mmap, "MADV_DONTNEED"):
+        memory.madvise(mmap.MADV_DONTNEED, 0, whole)
+
+
 def _copy_private(path: Path) -> memoryview:
     """Return a copy of a file in memory of this process alone.
 
@@ -185,18 +193,10 @@ def parse_dataflash(
 ) -> Recording:
     """Read a log from memory; see `read_dataflash`."""
     data = np.frombuffer(content, np.uint8)
-    memory = content.obj if isinstance(content, memoryview) else None
-
-    def release(at: int) -> None:
-        """Give back the pages of a private copy that were gathered, so that a log is not in memory twice."""
-        whole = at // mmap.PAGESIZE * mmap.PAGESIZE
-        if whole and isinstance(memory, mmap.mmap) and hasattr(mmap, "MADV_DONTNEED"):
-            memory.madvise(mmap.MADV_DONTNEED, 0, whole)
-
     found = survey(data)
     layouts, defects = _layouts(found.definitions, found.count, path.name)
     wanted = [k for k, layout in sorted(layouts.items()) if is_wanted(layout.name, topics)]
-    blocks = gather(data, found, wanted, release)
+    blocks = gather(data, found, wanted, partial(release_pages, content))
     kinds = [Messages(layouts[k], block.reshape(-1).view(layouts[k].row)) for k, block in blocks.items()]
     for start, end in found.gaps[: LIMITS.places].tolist():
         message = f"{end - start} bytes are no message and were skipped"

@@ -102,7 +102,7 @@ def test_the_copy_of_a_log_is_given_back_as_it_is_gathered(tmp_path: Path) -> No
     content = dataflash._copy_private(path)
     path.write_bytes(b"")
     assert bytes(content) == b"\xa3" * (3 * mmap.PAGESIZE), "not what lies on the disk now"
-    dataflash._page_release(content)(2 * mmap.PAGESIZE + 5)
+    dataflash.release_pages(content, 2 * mmap.PAGESIZE + 5)
     assert bytes(content[: 2 * mmap.PAGESIZE]) == bytes(2 * mmap.PAGESIZE)
     assert bytes(content[2 * mmap.PAGESIZE :]) == b"\xa3" * mmap.PAGESIZE
 
