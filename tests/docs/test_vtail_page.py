@@ -16,7 +16,6 @@ from stoop.assessment.uncertainty import agreement
 from stoop.cli.main import main
 from stoop.cli.summary import show_fit
 from stoop.flight import load
-from stoop.report.propagation import rests_on_prior
 from stoop.results.result import Result, read_result
 from stoop.results.verdict import grouped
 from stoop.vehicle.builtin import resolve_vehicle
@@ -116,7 +115,7 @@ def test_the_example_of_propagated_uncertainty(workplace: Path) -> None:
         scale = math.degrees(1.0) if unit == "deg/s" else 1.0
         values = [scale * v for v in (one.estimate, one.std_error, one.ci95_lower, one.ci95_upper)]
         assert values == pytest.approx([float(n) for n in numbers], abs=0.25 * scale * one.std_error), name
-        assert on_priors == ("yes" if rests_on_prior(one) else "no")
+        assert on_priors == ("yes" if one.rests_on_prior else "no")
 
 
 def test_sizes(result: Result) -> None:

@@ -68,7 +68,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.json:
         show(to_json(found.document()))
         return 0
-    from stoop.report.propagation import rests_on_prior, shown
+    from stoop.report.propagation import shown
 
     out, domain = page(), found.domain
     out.line(found.vehicle)
@@ -84,7 +84,7 @@ def run(arguments: argparse.Namespace) -> int:
             )
         ]  # fmt: skip
         units = words("", [shown_unit(unit) for _, unit in scales])
-        prior = words("", ["mostly priors" if rests_on_prior(one) else "" for one in rows])
+        prior = words("", ["mostly priors" if one.rests_on_prior else "" for one in rows])
         out.heading(group)
         out.table(words("", [one.name for one in rows]), *columns, units, prior)
     out.bullets(found.notices, "what they rest on")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
 from typing import TYPE_CHECKING, Any, Final
 
@@ -15,10 +15,17 @@ from stoop.base.html import table
 from stoop.base.notices import Notice, notice
 from stoop.base.numbers import number
 from stoop.base.text import printable
-from stoop.propagation.expressions import parse_expressions
-from stoop.propagation.quantities import PERCENTILES, Curve, Figure, figure
+from stoop.propagation.expressions import Expression, parse_expressions
+from stoop.propagation.quantities import (
+    PERCENTILES,
+    Curve,
+    Figure,
+    conditional_draws,
+    figure,
+    variance_removed,
+)
 from stoop.propagation.rotor_figures import rotor_figures
-from stoop.propagation.wing_figures import FEW, Domain, wing_figures
+from stoop.propagation.wing_figures import FEW, Domain, Found, Grouped, wing_figures
 from stoop.simulation.initial import parameter_rows
 from stoop.vehicle import Vehicle
 
@@ -132,18 +139,43 @@ def propagate_draws(
     """
     begun = time.perf_counter()
     parsed = parse_expressions(expressions or {}, vehicle)
-    changes = dict(zip(draws.names, draws.values.T, strict=True))
-    estimate = parameter_rows(vehicle)
-    rows = np.hstack([estimate, parameter_rows(vehicle, changes, len(draws.values))])
-    study = rotor_figures if vehicle.rotors else wing_figures
-    found = study(vehicle, rows, domain)
-    grouped = [*found.figures, *((EXPRESSIONS, one.samples(rows)) for one in parsed.values())]
-    figures = tuple(figure(g, s, draws.names, draws.values, draws.undetermined) for g, s in grouped)
-    notices = [*draws.notices, *found.notices]
-    notices += [notice("propagate-figure-failed", f.name, share=f.failed) for f in figures if f.failed > FEW]
+    found, grouped = _quantities(vehicle, draws.names, draws.values, domain, parsed)
+    known, shares = np.isin(draws.names, draws.undetermined), dict[str, float]()
+    if known.any():
+        at = np.array([vehicle.value(name) for name in draws.names])
+        held = conditional_draws(draws.values, known, at)
+        given = {one.name: one.draws for _, one in _quantities(vehicle, draws.names, held, domain, parsed)[1]}
+        none = np.full(len(held), np.nan)
+        shares = {
+            s.name: variance_removed(s.draws, given.get(s.name, none), int(known.sum())) for _, s in grouped
+        }
+    figures = tuple(figure(g, s, draws.names, draws.values, shares.get(s.name, 0.0)) for g, s in grouped)
+    notices = [*draws.notices, *found.notices, *_figure_notices(figures, draws.undetermined)]
     return Propagation(
         vehicle.name, result, draws.source, len(draws.values), seed, domain,
         figures, found.curves, {s.name: s.draws for _, s in grouped},
         tuple(notices), dict(expressions or {}), draws.undetermined, found.extrapolated,
         time.perf_counter() - begun,
     )  # fmt: skip
+
+
+def _quantities(
+    vehicle: Vehicle,
+    names: Sequence[str],
+    values: FloatArray,
+    domain: Domain,
+    parsed: Mapping[str, Expression],
+) -> tuple[Found, list[Grouped]]:
+    """Return what a vehicle says at its estimates and with the values (D, k) of the parameters named, expressions included."""
+    changes = dict(zip(names, values.T, strict=True))
+    rows = np.hstack([parameter_rows(vehicle), parameter_rows(vehicle, changes, len(values))])
+    found = (rotor_figures if vehicle.rotors else wing_figures)(vehicle, rows, domain)
+    return found, [*found.figures, *((EXPRESSIONS, one.samples(rows)) for one in parsed.values())]
+
+
+def _figure_notices(figures: Sequence[Figure], undetermined: tuple[str, ...]) -> Iterator[Notice]:
+    """Yield one notice of the figures that rest on priors, and one of those that do not exist for some of the draws."""
+    if on_prior := tuple(one.name for one in figures if one.rests_on_prior):
+        yield notice("propagate-rests-on-priors", figures=on_prior, parameters=undetermined)
+    if failed := {one.name: one.failed for one in figures if one.failed > FEW}:
+        yield notice("propagate-figure-failed", figures=tuple(failed), share=max(failed.values()))

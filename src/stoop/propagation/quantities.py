@@ -15,6 +15,7 @@ from stoop.simulation.linearize import INTEGRATORS, REAL, modes_of, tracked_eige
 PERCENTILES: Final = (2.5, 25.0, 50.0, 75.0, 97.5)
 MIN_SHARE: Final = 0.1  #: of the variance; what a parameter adds less is not named
 MOST_NAMED: Final = 3  #: parameters that most of the variance comes from
+ON_PRIOR: Final = 0.5  #: share of the variance, from which a figure rests on priors
 ROUNDING: Final = 1e-9  #: relative; a smaller spread is none
 MIN_DRAWS: Final = 20  #: from which quantiles are taken
 
@@ -49,8 +50,13 @@ class Figure:
     failed: float  #: share of the draws for which the quantity does not exist
     #: parameters and the share of the variance that would vanish if each were known, to first order, the largest first
     sources: tuple[tuple[str, float], ...] = ()
-    #: of the variance that would vanish if all that rest on priors or bounds were known
+    #: of the variance that vanishes when all parameters that rest on priors or bounds are held at their estimates
     prior_share: float = 0.0
+
+    @property
+    def rests_on_prior(self) -> bool:
+        """Whether most of the uncertainty is that of priors and bounds."""
+        return self.prior_share >= ON_PRIOR
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +72,7 @@ class Curve:
 
 
 def figure(
-    group: str, one: Samples, names: Sequence[str], draws: FloatArray, undetermined: Sequence[str]
+    group: str, one: Samples, names: Sequence[str], draws: FloatArray, prior_share: float = 0.0
 ) -> Figure:
     """Return a quantity with its uncertainty; `draws` (D, k) are those of the parameters named."""
     good = np.isfinite(one.draws)
@@ -81,10 +87,9 @@ def figure(
     shares = variance_shares(draws[good], values)
     strongest = sorted(zip(names, shares, strict=True), key=lambda pair: -pair[1])[:MOST_NAMED]
     sources = tuple((n, float(s)) for n, s in strongest if s >= MIN_SHARE)
-    on_prior = [i for i, n in enumerate(names) if n in set(undetermined)]
     return Figure(
         group, one.name, one.unit, one.estimate, float(np.std(values, ddof=1)), low, high, middle, failed, sources,
-        joint_share(draws[good][:, on_prior], values),
+        prior_share,
     )  # fmt: skip
 
 
@@ -101,17 +106,35 @@ def variance_shares(draws: FloatArray, values: FloatArray) -> FloatArray:
     return np.asarray(correlation**2)
 
 
-def joint_share(draws: FloatArray, values: FloatArray) -> float:
-    """Return the share of the variance of values (D,) that would vanish if all parameters of draws (D, k) were known."""
-    y = values - values.mean()
-    total = float(y @ y)
-    if not (draws.shape[1] and total > 0.0):
-        return 0.0
-    centered = draws - draws.mean(axis=0)
+def conditional_draws(draws: FloatArray, known: BoolArray, at: FloatArray) -> FloatArray:
+    """Return draws (D, k) of the parameters given the values `at` (k,) of those that are `known` (k,).
+
+    The others move by their linear regression on the known ones, which is exact for a normal distribution.
+    """
+    off = draws[:, known] - at[known]
+    centered = off - off.mean(axis=0)
     scale = centered.std(axis=0)
-    Z = centered / np.where(scale > 0.0, scale, 1.0)
-    left = y - Z @ np.linalg.lstsq(Z, y, rcond=None)[0]
-    return min(max(1.0 - float(left @ left) / total, 0.0), 1.0)
+    safe = np.where(scale > 0.0, scale, 1.0)
+    others = draws[:, ~known]
+    slope = np.linalg.lstsq(centered / safe, others - others.mean(axis=0), rcond=None)[0]
+    out = np.repeat(at[None, :], len(draws), axis=0)
+    out[:, ~known] = others - (off / safe) @ slope
+    return out
+
+
+def variance_removed(values: FloatArray, given: FloatArray, known: int) -> float:
+    """Return the share of the variance of values (D,) that vanishes when `known` parameters are known.
+
+    `given` (D,) are the values of :func:`conditional_draws`, whose regression takes a degree of freedom for each known parameter.
+    The share is one where the quantity does not exist without the spread of these parameters.
+    """
+    both = np.isfinite(values) & np.isfinite(given)
+    count = int(both.sum())
+    if count < MIN_DRAWS:
+        return 1.0
+    total = float(np.var(values[both]))
+    left = float(np.var(given[both])) * count / max(count - known, 1)
+    return min(max(1.0 - left / total, 0.0), 1.0) if total > 0.0 else 0.0
 
 
 def curve(name: str, unit: str, airspeed: FloatArray, values: FloatArray) -> Curve:

@@ -187,9 +187,9 @@ class _Study:
     def modes(self, models: Linear) -> Iterator[Grouped]:
         """Yield the modes at the airspeed."""
         found, other = mode_samples(models.A, models.names)
-        for name, share in other.items():
-            if share > FEW:
-                self.notices.append(notice("propagate-other-character", name, share=share))
+        if many := {name: share for name, share in other.items() if share > FEW}:
+            found_notice = notice("propagate-other-character", modes=tuple(many), share=max(many.values()))
+            self.notices.append(found_notice)
         yield from (("Modes", one) for one in found)
 
     def limits(self) -> Iterator[Grouped]:

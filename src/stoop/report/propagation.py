@@ -12,7 +12,6 @@ from stoop.base.notices import of_severity
 from stoop.base.numbers import (
     NOTHING,
     factor_and_unit,
-    listed,
     number,
     readable_unit,
     rounded_to_error,
@@ -23,10 +22,9 @@ from stoop.propagation.propagation import EXPRESSIONS, Propagation
 from stoop.propagation.quantities import Curve, Figure
 from stoop.propagation.rotor_figures import HOVER, ROTOR_COMMAND
 from stoop.report.charts import fan_panel
-from stoop.report.sheet import Bullets, Code, Legend, Page, Panel, Panels, Part, Prose, Section, Sheet, Table
+from stoop.report.sheet import Bullets, Code, Legend, Page, Panel, Panels, Prose, Section, Sheet, Table
 
 MODES: Final = "Modes"  #: whose frequencies stay in rad/s
-ON_PRIOR: Final = 0.5  #: share of the variance, from which a figure rests on priors
 HEAD: Final = ("", "estimate", "std error", "95 % from", "to", "unit", "depends most on")
 LEGEND: Final = (
     ("swatch fan-estimate", "estimate"), ("swatch fan-median", "median of the draws"), ("swatch fan-half", "50 % band"),
@@ -57,11 +55,6 @@ def rotor_unit(unit: str) -> tuple[float, str]:
     return (1.0 / FACTORS["rpm"], "rpm") if unit == "rad/s" else factor_and_unit(unit)
 
 
-def rests_on_prior(figure: Figure) -> bool:
-    """Whether most of the uncertainty is that of priors and bounds."""
-    return figure.prior_share >= ON_PRIOR
-
-
 def propagation_page(found: Propagation, command: str = "") -> Page:
     """Return the page."""
     domain, sections = found.domain, list[Section]()
@@ -72,17 +65,8 @@ def propagation_page(found: Propagation, command: str = "") -> Page:
         + (f"numbers: at {domain.reference:g} m/s." if domain.reference else "numbers: in hover.")
     )
     warnings, notes = of_severity(found.notices, "warning"), of_severity(found.notices, "info")
-    told: list[Part] = [Bullets(warnings, "warnings")] if warnings else []
-    prior = [f.name for f in found.figures if rests_on_prior(f)]
-    if prior:
-        told.append(
-            Prose(
-                f"More than half of the variance of {'; '.join(prior)} is that of parameters which rest on their priors or "
-                f"bounds, not on the flight ({listed(list(found.undetermined), 20)})."
-            )
-        )
-    if told:
-        sections.append(Section("Cautions", told))
+    if warnings:
+        sections.append(Section("Cautions", (Bullets(warnings, "warnings"),)))
     groups = groupby(found.figures, lambda one: one.group)
     tables = [Table(group, HEAD, tuple(_row(one) for one in some)) for group, some in groups]
     sections.append(Section("Figures", (Prose(READ, muted=True), *tables)))
@@ -112,7 +96,7 @@ def _row(one: Figure) -> tuple[str, ...]:
     sources = [f"{name} {share(part)}" for name, part in one.sources]
     if one.std_error == 0.0:
         sources.append("not estimated")
-    if rests_on_prior(one):
+    if one.rests_on_prior:
         sources.append("mostly priors")
     return (one.name, value, std, *ends, readable_unit(unit) or NOTHING, ", ".join(sources) or NOTHING)
 

@@ -30,7 +30,7 @@ def test_a_linear_expression_has_the_error_of_the_delta_method(vehicle: Vehicle)
     one = parse_expressions({"sum": "2*CLalpha - 30*CD0 + mass.inertia.yy/60"}, vehicle)["sum"]
     drawn = parameter_rows(vehicle, dict(zip(names, values.T, strict=True)), len(values))
     rows = np.hstack([parameter_rows(vehicle), drawn])
-    found = figure("Expressions", one.samples(rows), names, values, ())
+    found = figure("Expressions", one.samples(rows), names, values)
     gradient = np.array([2.0, -30.0])
     std = float(np.sqrt(gradient @ covariance @ gradient))
     assert found.estimate == pytest.approx(2 * 4.78 - 30 * 0.06 + 2.0)
@@ -43,7 +43,8 @@ def test_a_value_that_does_not_exist_is_counted(vehicle: Vehicle) -> None:
     values = np.array([[0.0], [1.0]] * 20)
     found = propagate_draws(vehicle, Draws(("CDV",), values, "covariance"), DOMAIN, {"inverse": "1/CDV"})
     assert found["inverse"].failed == 0.5
-    assert [n.subject for n in found.notices if n.code == "propagate-figure-failed"] == ["inverse"]
+    (told,) = (n for n in found.notices if n.code == "propagate-figure-failed")
+    assert told.values == {"figures": ("inverse",), "share": 0.5}
 
 
 @pytest.mark.parametrize(
