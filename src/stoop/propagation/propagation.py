@@ -176,6 +176,6 @@ def _quantities(
 def _figure_notices(figures: Sequence[Figure], undetermined: tuple[str, ...]) -> Iterator[Notice]:
     """Yield one notice of the figures that rest on priors, and one of those that do not exist for some of the draws."""
     if on_prior := tuple(one.name for one in figures if one.rests_on_prior):
-        yield notice("propagate-rests-on-priors", figures=on_prior, parameters=undetermined)
+        yield notice("propagate-rests-on-priors", figures="; ".join(on_prior), parameters=undetermined)
     if failed := {one.name: one.failed for one in figures if one.failed > FEW}:
-        yield notice("propagate-figure-failed", figures=tuple(failed), share=max(failed.values()))
+        yield notice("propagate-figure-failed", figures="; ".join(failed), share=max(failed.values()))

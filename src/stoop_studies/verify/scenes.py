@@ -100,9 +100,10 @@ def multisine_maneuver(
 
 
 @functools.cache
-def maneuvers() -> Mapping[str, Maneuver]:
-    """Return the maneuvers of `STEPS` by name."""
-    return step_maneuvers(STEPS, DURATION, RATE)
+def maneuvers(still: str = "") -> Mapping[str, Maneuver]:
+    """Return the maneuvers of `STEPS` by name; the control `still` does not move."""
+    steps = {name: tuple(s for s in own if s[0] != still) for name, own in STEPS.items()}
+    return step_maneuvers(steps, DURATION, RATE)
 
 
 def whole_maneuvers() -> tuple[Window, ...]:
@@ -197,14 +198,15 @@ def _in_sensor_noise(
     factors: Mapping[str, float] = MappingProxyType({}),
     left_out: str = "",
     late: Sequence[str] = (),
+    still: str = "",
 ) -> Scene:
     """Return flights whose (biased) sensors read noise of a kind that the seed draws.
 
     The noise of a maneuver is larger by its factor; one maneuver may be flown and left out; the readings of some channels may
-    be recorded `LATE` seconds late.
+    be recorded `LATE` seconds late; one control may be held `still` throughout.
     """
     rng, truth, flights = np.random.default_rng(seed), aircraft(), {}
-    for name, maneuver in maneuvers().items():
+    for name, maneuver in maneuvers(still).items():
         flight = simulate_flight(with_biases(truth, rng), maneuver, noise=False, name=name)
         errors = sensor_noise(truth) * noise(rng, len(maneuver.time), len(truth.outputs))
         errors *= factors.get(name, 1.0)

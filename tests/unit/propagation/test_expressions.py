@@ -44,7 +44,7 @@ def test_a_value_that_does_not_exist_is_counted(vehicle: Vehicle) -> None:
     found = propagate_draws(vehicle, Draws(("CDV",), values, "covariance"), DOMAIN, {"inverse": "1/CDV"})
     assert found["inverse"].failed == 0.5
     (told,) = (n for n in found.notices if n.code == "propagate-figure-failed")
-    assert told.values == {"figures": ("inverse",), "share": 0.5}
+    assert told.values == {"figures": "inverse", "share": 0.5}
 
 
 @pytest.mark.parametrize(
