@@ -29,7 +29,7 @@ BUDGETS = {
     "api": 200,
     "app": 2850,
     "assessment": 6200,
-    "base": 2130,
+    "base": 2200,
     "checks": 2320,
     "cli": 3100,
     "estimate": 7300,

@@ -9,7 +9,7 @@ from typing import Final
 
 from markupsafe import Markup
 
-from stoop.base.files import make_folder, write_files
+from stoop.base.files import check_targets, make_folder, write_files
 from stoop.errors import OutputError
 from stoop.parallel import Plan
 from stoop.parallel.store import forget
@@ -83,6 +83,7 @@ def carry_out(
     store, page = folder / f"{name}.sqlite", page_path(folder, name)
     tables = {"": f"{name}.csv", **{part: f"{name}-{part}.csv" for part in experiment.parts}}
     make_folder(folder)
+    check_targets(folder, (page.name, *tables.values()), overwrite=True)
     if overwrite:
         forget(store)
     elif page.exists() or (any((folder / t).exists() for t in tables.values()) and not store.exists()):

@@ -1,19 +1,66 @@
-"""Output files: refused before the work begins, and written whole or not at all."""
+"""The one writer of outputs and the one reader of small inputs.
+
+An output is refused before the work begins, and written whole or not at all. It replaces nothing but a regular file, and none
+that the running command has read.
+"""
 
 from __future__ import annotations
 
 import errno
 import os
 import shutil
+import stat
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from contextvars import ContextVar
 from pathlib import Path
 from typing import Final
 
 from stoop.errors import OutputError
 
 SCRATCH: Final = ".stoop-unfinished-"  #: beginning of the names of hidden folders in which files are made
+#: device and inode of each file that the running command reads -> its path; None outside of a command
+_READ: ContextVar[dict[tuple[int, int], Path] | None] = ContextVar("_READ", default=None)
+
+
+@contextmanager
+def recorded_inputs() -> Iterator[None]:
+    """Record the files that are read meanwhile: no output replaces one of them."""
+    token = _READ.set({})
+    try:
+        yield
+    finally:
+        _READ.reset(token)
+
+
+def note_input(path: Path | str) -> None:
+    """Record a file as read by the running command, if there is such a file."""
+    if (known := _READ.get()) is not None:
+        with suppress(OSError, ValueError):
+            status = Path(path).stat()
+            known[status.st_dev, status.st_ino] = Path(path)
+
+
+def read_bounded(path: Path | str, max_bytes: int) -> bytes:
+    """Return the content of a regular file, and record it as an input.
+
+    What is read is counted, whatever size the system states; a device or a FIFO, which has no end, is not read.
+
+    Raises
+    ------
+    OSError
+        It cannot be opened, is no regular file, or holds more than `max_bytes`.
+    """
+    nonblocking = getattr(os, "O_NONBLOCK", 0)  # else a FIFO is waited for
+    with open(path, "rb", opener=lambda name, flags: os.open(name, flags | nonblocking)) as file:
+        if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+            raise OSError(errno.EINVAL, "no regular file")
+        content = file.read(max_bytes + 1)
+    if len(content) > max_bytes:
+        raise OSError(errno.EFBIG, f"larger than {max_bytes} bytes")
+    note_input(path)
+    return content
 
 
 @contextmanager
@@ -76,7 +123,8 @@ def write_files(folder: Path, files: Mapping[str, bytes | str], obsolete: Iterab
     Raises
     ------
     OutputError
-        The folder is missing or not writable, or the disk is full; the files that were there stay, and none is left half-written.
+        The folder is missing or not writable, the disk is full, or a target is no regular file or was read by the running
+        command; the files that were there stay, and none is left half-written.
     """
     target = folder.joinpath(*[*files][:1])
     try:
@@ -87,10 +135,10 @@ def write_files(folder: Path, files: Mapping[str, bytes | str], obsolete: Iterab
                 _write_through(made / str(i), data)
             for target in map(folder.joinpath, files):
                 target.parent.mkdir(parents=True, exist_ok=True)
-                if target.is_dir():
-                    raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+                is_replaceable(target)
             for target in map(folder.joinpath, obsolete):
-                target.unlink(missing_ok=True)
+                if is_replaceable(target):
+                    target.unlink()
             for i, target in enumerate(map(folder.joinpath, files)):
                 (made / str(i)).replace(target)
     except OSError as error:
@@ -117,17 +165,42 @@ def _write_through(path: Path, content: bytes) -> None:
         os.fsync(handle.fileno())
 
 
+def is_replaceable(target: Path) -> bool:
+    """Tell whether an output would replace a file.
+
+    Raises
+    ------
+    OutputError
+        It is a folder, a link, a device, a FIFO or a socket, or the running command reads it.
+    """
+    try:
+        status = target.lstat()
+    except (FileNotFoundError, NotADirectoryError):
+        return False
+    if stat.S_ISDIR(status.st_mode):
+        raise OutputError(f"{target}: this is a folder; name a file in it")
+    if stat.S_ISLNK(status.st_mode):
+        raise OutputError(
+            f"{target}: is a link and would be replaced; name the file that it leads to, or another"
+        )
+    if not stat.S_ISREG(status.st_mode):
+        raise OutputError(f"{target}: is no regular file and would be replaced; choose another name")
+    place = (_READ.get() or {}).get((status.st_dev, status.st_ino))
+    # The number of a file that is gone may be that of a new one.
+    if place is not None and place.exists() and place.samefile(target):
+        raise OutputError(f"{target}: is read by this run and would be replaced; choose another name")
+    return True
+
+
 def check_target(path: Path, overwrite: bool) -> None:
-    """Refuse a file that exists, or that has no folder to lie in.
+    """Refuse a file that exists or may not be replaced, or that has no folder to lie in.
 
     Raises
     ------
     OutputError
         With what to do instead.
     """
-    if path.is_dir():
-        raise OutputError(f"{path}: this is a folder; name a file in it")
-    if path.exists() and not overwrite:
+    if is_replaceable(path) and not overwrite:
         raise OutputError(
             f"{path}: exists already; add --overwrite (in Python overwrite=True) to replace it, or choose another name"
         )
@@ -150,7 +223,7 @@ def check_targets(folder: Path, names: Sequence[str], overwrite: bool, inputs: S
             raise OutputError(
                 f"{target}: is read by this run and would be replaced; name another folder with -o"
             )
-        if target.exists() and not overwrite:
+        if is_replaceable(target) and not overwrite:
             raise OutputError(
                 f"{target}: exists already; add --overwrite (in Python overwrite=True) to replace it, or name another folder"
             )

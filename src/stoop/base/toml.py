@@ -11,6 +11,7 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
+from stoop.base.files import read_bounded
 from stoop.errors import StoopError
 
 MAX_BYTES = 1_000_000
@@ -26,7 +27,7 @@ _APART = re.compile(
 def read_source(
     path: Path | str, what: str, error: type[StoopError], max_bytes: int = MAX_BYTES, ending: str = ".toml"
 ) -> str:
-    """Return the text of a file.
+    """Return the text of a regular file, see `read_bounded`.
 
     Parameters
     ----------
@@ -41,9 +42,8 @@ def read_source(
         Of such files, for the advice where a folder is named.
     """
     try:
-        if Path(path).stat().st_size > max_bytes:
-            raise error(f"{path}: larger than {max_bytes} bytes; this is no {what} file, check the path")
-        return Path(path).read_text(encoding="utf-8")
+        text = read_bounded(path, max_bytes).decode("utf-8")
+        return text.replace("\r\n", "\n").replace("\r", "\n")
     except IsADirectoryError:
         inside = sorted(p.name for p in Path(path).glob(f"*{ending}"))
         advice = f"name {' or '.join(inside[:3])} in it" if inside else "check the path"

@@ -28,8 +28,9 @@ class Option:
     help : str
         What it is, as Markdown, without its default.
     kind : str
-        What a value is: ``text``; ``switch``, which takes none; ``file``, ``folder``, ``page`` (an HTML file); ``vehicle`` (a
-        name or a file), ``source`` (a text, or a file that holds it), ``names``; ``count``, ``at-least-one``, ``positive``,
+        What a value is: ``text``; ``switch``, which takes none; what is read: ``file``, ``data`` (a folder), ``vehicle`` (a
+        name or a file), ``source`` (a text, or a file that holds it); what is written: ``output`` (a file), ``output-or-print``
+        (likewise, or ``-``), ``page`` (an HTML file), ``folder``; ``names``; ``count``, ``at-least-one``, ``positive``,
         ``finite``.
     metavar : str or sequence of str
         A value, or several of a fixed number, as the help calls it.

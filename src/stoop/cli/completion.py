@@ -64,7 +64,8 @@ def _parser(verb: Verb, vehicles: Iterable[str]) -> argparse.ArgumentParser:
     import shtab
 
     kinds: dict[str, Any] = {
-        "vehicle": _vehicles(vehicles), "folder": shtab.DIRECTORY, **dict.fromkeys(("file", "page", "source"), shtab.FILE),
+        "vehicle": _vehicles(vehicles), **dict.fromkeys(("data", "folder"), shtab.DIRECTORY),
+        **dict.fromkeys(("file", "page", "source", "output", "output-or-print"), shtab.FILE),
     }  # fmt: skip
     parser = argparse.ArgumentParser()
     added = add_options(parser, verb.options)

@@ -42,7 +42,6 @@ def vehicle(arguments: argparse.Namespace) -> int:
         show(builtin_text(name).removesuffix("\n"))
     else:
         text = builtin_text(name)
-        check_target(output, arguments.overwrite)
         write_text_atomic(output, text)
         out.line(f"{output}: the built-in vehicle {name}, with its comments; edit its numbers")
         out.command("next: ", ["stoop", "trim", str(output)])
@@ -54,8 +53,6 @@ def map_log(arguments: argparse.Namespace) -> int:
     from stoop.flight.mapping_draft import draft
 
     output: Path | None = arguments.output
-    if output is not None:
-        check_target(output, arguments.overwrite)
     with LiveLine("reading the log"):
         made = draft(arguments.flight)
     if output is None:
@@ -102,7 +99,6 @@ def simulate(arguments: argparse.Namespace) -> int:
 
     target: Path = arguments.output
     check_ending(target)
-    check_target(target, arguments.overwrite)
     if target.suffix.lower() != OWN:
         check_target(mapping_beside(target), arguments.overwrite)
     vehicle = resolve_vehicle(arguments.vehicle)

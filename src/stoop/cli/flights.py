@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from stoop.base.files import check_target, check_targets
+from stoop.base.files import check_targets
 from stoop.cli import options
 from stoop.cli.page import fixed, numbers, page, words
 from stoop.cli.progress import LiveLine, Watch
@@ -30,7 +30,7 @@ def compatibility(arguments: argparse.Namespace) -> int:
 
     folder, others = arguments.output, options.given_paths(arguments.mapping)
     if folder is not None:
-        check_targets(folder, COMPATIBILITY, arguments.overwrite, [arguments.flight, *others])
+        check_targets(folder, COMPATIBILITY, arguments.overwrite)
     with LiveLine("reading the log"):
         flight = load(arguments.flight, arguments.mapping)
     with LiveLine("integrating and comparing"):
@@ -67,7 +67,7 @@ def polar(arguments: argparse.Namespace) -> int:
 
     folder, others = arguments.output, options.given_paths(arguments.mapping)
     if folder is not None:
-        check_targets(folder, POLAR, arguments.overwrite, [arguments.flight, *others])
+        check_targets(folder, POLAR, arguments.overwrite)
     with LiveLine("reading the log"):
         flight = load(arguments.flight, arguments.mapping)
     efficiency, spread = arguments.efficiency
@@ -109,8 +109,6 @@ def rotors(arguments: argparse.Namespace) -> int:
     for path in paths:  # it would be compared with itself, or count twice
         if known.count(path.resolve()) > 1:
             raise FlightError(f"{path}: given twice; name each flight once, in question or under --healthy")
-    if arguments.output is not None:
-        check_target(arguments.output, arguments.overwrite)
     balance = effectiveness.Balance(resolve_vehicle(arguments.vehicle))
     flights: dict[str, Flight] = {}
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from stoop.base.files import check_target
 from stoop.base.text import show
 from stoop.cli import options
 from stoop.cli.page import fixed, numbers, page, points, to_json, words
@@ -22,8 +21,6 @@ def run(arguments: argparse.Namespace) -> int:
     from stoop.workflow.frequency import frequency_responses
 
     target = arguments.output
-    if target is not None:
-        check_target(target, arguments.overwrite)
     band = _band(arguments.band)
     with LiveLine("reading the log"):
         flights = [load(path, arguments.mapping) for path in arguments.flight]

@@ -44,7 +44,7 @@ def _run(arguments: argparse.Namespace) -> int:
     from stoop.checks.vehicle import check_vehicle
     from stoop.estimate.iterates import watched
     from stoop.flight.flight import flight_name
-    from stoop.input_design.windows_file import expanded, files_among
+    from stoop.input_design.windows_file import expanded
     from stoop.problem.windows import parse_window
     from stoop.strategy.run import choose_method
     from stoop.workflow import Bootstrap, Posterior, Profile
@@ -52,12 +52,9 @@ def _run(arguments: argparse.Namespace) -> int:
     from stoop.workflow.outputs import check_folder, file_hashes, flight_files
     from stoop.workflow.progress import ProgressFile
 
-    windows = files_among([*arguments.maneuver, *arguments.validate])
-    others = options.given_paths(arguments.mapping, arguments.noise)
-    inputs = [Path(arguments.vehicle), *arguments.flight, *windows, *others]
     attached = ("posterior.nc",) if arguments.posterior else ()
     names = [flight_name(path) for path in arguments.flight]
-    check_folder(arguments.output, names, arguments.overwrite or arguments.resume, inputs, attached)
+    check_folder(arguments.output, names, arguments.overwrite or arguments.resume, more=attached)
     arguments.maneuver, arguments.validate = expanded(arguments.maneuver, arguments.validate)
     strategy, (vehicle, flights, settings) = strategy_of(arguments), _read(arguments)
     known = {flight.name: flight for flight in flights}

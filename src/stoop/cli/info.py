@@ -9,7 +9,7 @@ from dataclasses import asdict
 from itertools import groupby
 from typing import TYPE_CHECKING, Any
 
-from stoop.base.files import check_target, write_bytes_atomic
+from stoop.base.files import write_bytes_atomic
 from stoop.base.notices import of_severity
 from stoop.base.numbers import count
 from stoop.base.text import show
@@ -28,10 +28,6 @@ MAX_STREAMS, MAX_NAMES = 12, 24  #: lines and names shown of what is not mapped;
 
 def run(arguments: argparse.Namespace) -> int:
     """Read, describe, print."""
-    if arguments.output is not None:
-        check_target(arguments.output, arguments.overwrite)
-    if arguments.save is not None:
-        check_target(arguments.save, overwrite=False)
     seen = _overview(arguments)
     summary, found = seen.summary, seen.found
     if arguments.output is not None:
@@ -141,7 +137,6 @@ def _show_channels(out: Page, rows: Sequence[ChannelRow]) -> None:
 
 def look(arguments: argparse.Namespace) -> int:
     """Write the page of a flight."""
-    check_target(arguments.output, arguments.overwrite)
     seen = _overview(arguments)
     _write_page(arguments, seen)
     out = page()

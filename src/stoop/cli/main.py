@@ -22,10 +22,11 @@ from functools import partial
 from itertools import pairwise, takewhile
 from typing import Any, Final, NoReturn
 
+from stoop.base.files import recorded_inputs
 from stoop.base.interrupts import restore_interrupts, unblock_interrupts
 from stoop.base.text import nearest, printable, show
 from stoop.base.verbs import Verb, verbs
-from stoop.cli.options import add_options
+from stoop.cli.options import add_options, check_outputs
 from stoop.errors import StoopError
 
 VERBS: Final = verbs()  #: of this package, by name
@@ -179,9 +180,11 @@ def parser_for(given: Sequence[str]) -> Parser:
 
 
 def _run(verb: Verb, arguments: argparse.Namespace) -> int:
-    """Import the module of a verb, and run it."""
+    """Import the module of a verb, and run it; one with ``--overwrite`` replaces nothing that it reads."""
     module, _, function = verb.run.partition(":")
-    return int(getattr(importlib.import_module(module), function)(arguments))
+    with recorded_inputs() if hasattr(arguments, "overwrite") else contextlib.nullcontext():
+        check_outputs(verb.options, arguments)
+        return int(getattr(importlib.import_module(module), function)(arguments))
 
 
 def _verb(words: Sequence[str]) -> str | None:

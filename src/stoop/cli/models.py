@@ -7,7 +7,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from stoop.base.files import check_targets
+from stoop.base.files import check_targets, recorded_inputs
 from stoop.cli import options
 from stoop.cli.page import fixed, numbers, page, words
 from stoop.cli.progress import LiveLine
@@ -22,7 +22,7 @@ def demo(arguments: argparse.Namespace) -> int:
     from stoop.workflow.summary import estimates_table
 
     overwrite = arguments.overwrite
-    with suppress(StoopError):  # the result of an earlier demo nobody will miss
+    with suppress(StoopError), recorded_inputs():  # the result of an earlier demo nobody will miss
         overwrite |= {m.flight for m in read_result(arguments.output / RESULT).maneuvers} == {NAME}
     check_folder(arguments.output, [NAME], overwrite)
     job, truth = identify_demo(arguments.seed)
@@ -58,8 +58,7 @@ def structure(arguments: argparse.Namespace) -> int:
     from stoop.workflow.structure import FILES, write_structure
     from stoop.workflow.structure import structure as determined
 
-    inputs = [Path(arguments.vehicle), *arguments.flight]
-    check_targets(arguments.output, FILES, arguments.overwrite, inputs)
+    check_targets(arguments.output, FILES, arguments.overwrite)
     try:
         low, high = (float(part) for part in arguments.band.split(":"))
     except ValueError:
@@ -113,8 +112,7 @@ def validate(arguments: argparse.Namespace) -> int:
     from stoop.workflow.validation import NAMES
     from stoop.workflow.validation import validate as validated
 
-    inputs = [*arguments.flight, *options.given_paths(arguments.mapping)]
-    check_targets(arguments.output, NAMES, arguments.overwrite, inputs)
+    check_targets(arguments.output, NAMES, arguments.overwrite)
     with LiveLine("reading and predicting"):
         flights = [load(path, arguments.mapping) for path in arguments.flight]
         done = validated(arguments.result, flights, arguments.maneuver, options.command_line())

@@ -11,15 +11,17 @@ from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+from stoop.base.files import check_target, note_input
 from stoop.base.numbers import MAX_NUMBER
 from stoop.base.text import show
 from stoop.base.verbs import Option, plain
-from stoop.errors import FlightError, IdentificationError
+from stoop.errors import FlightError, IdentificationError, OutputError
 
 if TYPE_CHECKING:
     from stoop.input_design.windows import Found
     from stoop.vehicle import Vehicle
 
+STDOUT: Final = Path("-")  #: the file that stands for standard output
 COMPILING: Final = "preparing the equations (some seconds the first time)"
 
 
@@ -58,7 +60,7 @@ positive = _reader(lambda x: 1.0 / MAX_NUMBER <= x <= MAX_NUMBER, "a positive nu
 #: kind of an option's value -> what reads it
 READERS: Final[dict[str, Callable[[str], Any]]] = {
     **dict.fromkeys(("text", "vehicle", "source"), str),
-    **dict.fromkeys(("file", "folder"), Path),
+    **dict.fromkeys(("file", "data", "folder", "output", "output-or-print"), Path),
     "page": page_path,
     "names": names,
     "count": _reader(lambda n: n >= 0, "a whole number, zero or above", whole=True),
@@ -111,6 +113,29 @@ def _add(parser: Any, option: Option) -> argparse.Action:
         settings |= {"dest": option.key, "required": option.required}
     added: argparse.Action = parser.add_argument(*filter(None, (option.short, option.name)), **settings)
     return added
+
+
+def check_outputs(options: Sequence[Option], arguments: argparse.Namespace) -> None:
+    """Record the files that a verb is given to read, and refuse outputs that would replace what they may not.
+
+    Raises
+    ------
+    OutputError
+        Before any work is done.
+    """
+    given = [(option.kind, getattr(arguments, option.key)) for option in options]
+    for kind, value in given:
+        for one in value if isinstance(value, list) else [value]:
+            if kind in ("file", "vehicle", "source") and one is not None:
+                note_input(one)
+    targets: list[Path] = []
+    for kind, value in given:
+        if kind in ("output", "page") or (kind == "output-or-print" and value != STDOUT):
+            targets += [] if value is None else [value]
+    for target in targets:
+        check_target(target, arguments.overwrite)
+    if len({target.absolute() for target in targets}) < len(targets):
+        raise OutputError(f"{targets[-1]}: named for two outputs; name another file for one of them")
 
 
 def ends(text: str) -> tuple[float, float]:

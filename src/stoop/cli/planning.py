@@ -40,8 +40,7 @@ def maneuvers(arguments: argparse.Namespace) -> int:
     from stoop.workflow.outputs import by_name
 
     given, free, fix = arguments.vehicle, arguments.free, arguments.fix
-    inputs = [*arguments.flight, *options.given_paths(arguments.mapping), *([Path(given)] if given else [])]
-    check_targets(arguments.output, WINDOW_FILES, arguments.overwrite, inputs)
+    check_targets(arguments.output, WINDOW_FILES, arguments.overwrite)
     if (free or fix) and not given:
         raise VehicleError("--free and --fix choose numbers of a vehicle file; name it with --vehicle")
     vehicle = options.with_free(resolve_vehicle(given), free, fix) if given else None

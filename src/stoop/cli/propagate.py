@@ -7,7 +7,6 @@ from itertools import groupby
 from pathlib import Path
 from typing import Final
 
-from stoop.base.files import check_target
 from stoop.base.text import show
 from stoop.cli import options
 from stoop.cli.page import numbers, page, shown_unit, to_json, words
@@ -47,8 +46,6 @@ def run(arguments: argparse.Namespace) -> int:
     from stoop.workflow.propagation import propagate
 
     target: Path | None = arguments.output
-    if target is not None:
-        check_target(target, arguments.overwrite)
     count = arguments.draws
     if count < MIN_DRAWS:
         raise StoopError(f"--draws {count}: an interval of 95 % needs {MIN_DRAWS} or more")

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from stoop.base.files import check_target, write_text_atomic
+from stoop.base.files import write_text_atomic
 from stoop.base.text import show
 from stoop.cli import options
 from stoop.cli.page import blocks, fixed, numbers, page, shown_unit, to_json, words
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from stoop.simulation import LinearModel, Trim
     from stoop.vehicle import Vehicle
 
-STDOUT: Final = Path("-")
 ANGLES: Final = ("alpha", "beta", "theta", "phi")
 CONSTANT_THRUST: Final = "propulsion.thrust"
 STATE_UNITS: Final = {"h": "m", "u": "m/s", "v": "m/s", "w": "m/s"}
@@ -152,8 +151,6 @@ def linearize(arguments: argparse.Namespace) -> int:
     from stoop.simulation.linearize import left_out
 
     target: Path | None = arguments.json
-    if target is not None and target != STDOUT:
-        check_target(target, arguments.overwrite)
     vehicle, point, where = _trimmed(arguments)
     model, out = linear_model(vehicle, point), page()
     if target is None:
@@ -163,7 +160,7 @@ def linearize(arguments: argparse.Namespace) -> int:
         out.bullets(left_out(vehicle))
         return 0
     text = to_json(linear_document(vehicle, point, model, arguments.climb_angle))
-    if target == STDOUT:
+    if target == options.STDOUT:
         show(text)
         return 0
     write_text_atomic(target, text + "\n")
@@ -208,7 +205,6 @@ def derivatives(arguments: argparse.Namespace) -> int:
     target: Path | None = arguments.output
     if target is not None:
         check_ending(target)
-        check_target(target, arguments.overwrite)
     with LiveLine(options.COMPILING):
         found = about(
             arguments.subject,

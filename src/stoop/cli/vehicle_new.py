@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from stoop.base.files import check_target, write_text_atomic
+from stoop.base.files import write_text_atomic
 from stoop.base.text import printable, show
 from stoop.cli import options
 from stoop.cli.page import page
@@ -30,7 +30,6 @@ def run(arguments: argparse.Namespace) -> int:
     from stoop.vehicle_draft.request import Request, evidence, with_geometry
 
     output: Path = arguments.output
-    check_target(output, arguments.overwrite)
     geometry = None if arguments.geometry is None else Geometry.load(arguments.geometry)
     given = {key: getattr(arguments, key) for key in ("template", *NUMBERS, "engine", "name", "aerodynamics")}
     request = with_geometry(Request(geometry=geometry, **given))

@@ -6,6 +6,7 @@ changes the weights (Klein and Morelli, *Aircraft System Identification*, 2nd ed
 
 from __future__ import annotations
 
+import io
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
@@ -15,6 +16,7 @@ import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
 
 from stoop.base.arrays import FloatArray
+from stoop.base.files import read_bounded
 from stoop.errors import IdentificationError
 from stoop.problem import Misfit, on_circle
 
@@ -134,11 +136,10 @@ def read_covariance(path: Path, channels: Sequence[str]) -> FloatArray:
     """
     wanted = f"one row of {len(channels)} variances, or a {len(channels)} by {len(channels)} matrix, for {', '.join(channels)}"
     try:
-        if path.stat().st_size > MAX_BYTES:
-            raise IdentificationError(f"{path}: too large for a covariance; write {wanted}")
+        text = read_bounded(path, MAX_BYTES).decode()
         with warnings.catch_warnings():
             warnings.simplefilter("error")  # that it is empty
-            matrix = np.loadtxt(path, delimiter=",", ndmin=2, dtype=np.float64)
+            matrix = np.loadtxt(io.StringIO(text), delimiter=",", ndmin=2, dtype=np.float64)
     except FileNotFoundError:
         raise IdentificationError(f"{path}: no such file; check the name") from None
     except (OSError, ValueError, UserWarning):

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from stoop.base.arrays import FloatArray
+from stoop.base.files import note_input
 from stoop.base.toml import parse_source, quoted, quoted_key, read_source
 from stoop.base.units import FACTORS, MICROSECOND
 from stoop.errors import LogError
@@ -256,6 +257,7 @@ def unpack(path: Path) -> tuple[bytes, tuple[Defect, ...]]:
     defects: tuple[Defect, ...] = ()
     stream = zlib.decompressobj(wbits=31)
     try:
+        note_input(path)
         with path.open("rb") as file:
             if path.suffix != ".gz":
                 text += file.read(min(MAX_BYTES, os.fstat(file.fileno()).st_size) + 1)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from stoop.base.files import note_input
 from stoop.errors import LogError
 from stoop.logs.formats import DECODED, FORMATS, HDF5, HEAD, PULSE
 from stoop.logs.guard import read_guarded
@@ -40,6 +41,10 @@ def read(path: Path, mapping: Path | None = None, topics: frozenset[str] | None 
         raise LogError(f"{path}: cannot be read ({why}); check the name and its permissions") from None
     if not exists:
         raise LogError(f"{path}: no such file or folder; check the name")
+    if not folder and not path.is_file():
+        raise LogError(f"{path}: no regular file; copy the log into one")
+    for file in path.iterdir() if is_bag_folder(path) else [path]:
+        note_input(file)
     mapped = mapping is not None or mapping_beside(path).is_file()
     if folder:
         if is_bag_folder(path):

@@ -13,7 +13,7 @@ from typing import Any, Final
 import numpy as np
 
 from stoop.base.arrays import FloatArray
-from stoop.base.files import write_text_atomic
+from stoop.base.files import read_bounded, write_text_atomic
 from stoop.errors import OutputError
 from stoop.estimate.iterates import Candidate
 from stoop.results.result import ChannelTrace, ManeuverTrace
@@ -22,6 +22,7 @@ FORMAT: Final = "stoop-progress/1"
 INTERVAL: Final = 0.5  #: s between two writes
 MAX_SAMPLES: Final = 200  #: of a curve
 MAX_KEPT: Final = 2000  #: likewise, of a result
+MAX_BYTES: Final = 2**26  #: of a progress file
 CURVES: Final = ("measured", "simulated")
 MAX_COSTS: Final = 2000  #: in the history
 
@@ -79,7 +80,7 @@ class ProgressFile:
 def read_curves(path: Path) -> tuple[ManeuverTrace, ...]:
     """Return the curves of a result that a progress file holds; none where the fit has not ended."""
     with suppress(OSError, ValueError):
-        found = json.loads(path.read_text("utf-8")).get("maneuvers", ())
+        found = json.loads(read_bounded(path, MAX_BYTES)).get("maneuvers", ())
         return tuple(
             ManeuverTrace(
                 np.array(one["time"], dtype=np.float64),

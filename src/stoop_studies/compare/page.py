@@ -21,7 +21,7 @@ import numpy as np
 from markupsafe import Markup
 
 from stoop.base.csv_text import csv_text
-from stoop.base.files import write_files
+from stoop.base.files import check_targets, write_files
 from stoop.base.numbers import count, number
 from stoop.base.text import enumerated
 from stoop.errors import OutputError
@@ -61,6 +61,7 @@ def prepare(folder: Path, overwrite: bool) -> None:
     """
     if folder.exists() and not folder.is_dir():
         raise OutputError(f"{folder}: is a file; name a folder")
+    check_targets(folder, (SCORES, RUNS, PAGE), overwrite=True)
     if (store := folder / STORE).exists():
         if overwrite:
             forget(store)

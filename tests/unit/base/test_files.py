@@ -11,7 +11,16 @@ from pathlib import Path
 
 import pytest
 
-from stoop.base.files import SCRATCH, scratch, write_files, write_text_atomic
+from stoop.base.files import (
+    SCRATCH,
+    check_target,
+    note_input,
+    read_bounded,
+    recorded_inputs,
+    scratch,
+    write_files,
+    write_text_atomic,
+)
 from stoop.errors import OutputError
 
 
@@ -46,7 +55,7 @@ def test_none_is_replaced_on_a_full_disk(
 def test_a_folder_in_the_way_is_seen_before_anything_is_replaced(tmp_path: Path) -> None:
     write_text_atomic(tmp_path / "a", "old")
     (tmp_path / "b").mkdir()
-    with pytest.raises(OutputError, match="b: cannot be written"):
+    with pytest.raises(OutputError, match="b: this is a folder"):
         write_files(tmp_path, {"a": "new", "b": "new"})
     assert contents(tmp_path) == {"a": "old"}
 
@@ -109,3 +118,48 @@ def test_hidden_folders_of_others_stay(tmp_path: Path) -> None:
         (tmp_path / name / "file").write_text("mine")
     write_text_atomic(tmp_path / "a", "new")
     assert len(list(tmp_path.glob(".stoop*/file"))) == 3
+
+
+def test_what_a_command_has_read_stays_until_it_ends(tmp_path: Path) -> None:
+    (tmp_path / "a").write_text("mine")
+    with recorded_inputs():
+        assert read_bounded(tmp_path / "a", 4) == b"mine"
+        for obsolete, files in (([], {"b": "new", "a": "new"}), (["a"], {"b": "new"})):
+            with pytest.raises(OutputError, match="a: is read by this run"):
+                write_files(tmp_path, files, obsolete)
+        assert contents(tmp_path) == {"a": "mine"}
+    write_files(tmp_path, {"a": "new"})
+    assert contents(tmp_path) == {"a": "new"}
+
+
+def test_a_number_of_a_file_that_is_gone_is_no_input(tmp_path: Path) -> None:
+    """File systems give the number of a removed file to the next one: a command writes its own file again and again."""
+    with recorded_inputs():
+        for i in range(20):
+            read = tmp_path / f"read-{i}"
+            read.write_text("x")
+            note_input(read)
+            read.unlink()
+            write_text_atomic(tmp_path / "own", str(i))
+    assert contents(tmp_path) == {"own": "19"}
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no such devices")
+@pytest.mark.parametrize("device", ["/dev/null", "/dev/full", "/dev/stdout", "/dev/tty"])
+def test_a_device_is_never_replaced(device: str) -> None:
+    with pytest.raises(OutputError, match="would be replaced"):
+        check_target(Path(device), overwrite=True)
+
+
+def test_what_is_read_is_counted_and_not_believed(tmp_path: Path) -> None:
+    (tmp_path / "a").write_bytes(b"12345")
+    assert read_bounded(tmp_path / "a", 5) == b"12345"
+    with pytest.raises(OSError, match="larger than 4 bytes"):
+        read_bounded(tmp_path / "a", 4)
+
+
+@pytest.mark.skipif(not Path("/proc/cpuinfo").exists(), reason="no files that state no size")
+def test_a_file_that_states_no_size_has_the_same_limit() -> None:
+    assert Path("/proc/cpuinfo").stat().st_size == 0
+    with pytest.raises(OSError, match="larger than 9 bytes"):
+        read_bounded("/proc/cpuinfo", 9)
