@@ -304,3 +304,7 @@ def test_a_field_gives_the_words_of_a_command_or_none() -> None:
     assert parts.given(design.option("duration"), None) == []
     assert parts.given(design.option("duration"), 12.5) == ["--duration", "12.5"]
     assert parts.given(design.option("amplitude"), "3 rudder=5") == ["--amplitude", "3", "rudder=5"]
+    assert parts.given(design.option("amplitude"), "-3e-1") == ["--amplitude", "-3e-1"]
+    for smuggled in ("3 --overwrite", "3 -o /elsewhere", "--"):
+        with pytest.raises(StoopError, match="is no value of it"):
+            parts.given(design.option("amplitude"), smuggled)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Sequence
 from functools import cache
 from html import escape
@@ -14,6 +15,7 @@ from tornado.escape import url_escape
 from stoop.app.steps import Step
 from stoop.base.text import printable, printable_lines
 from stoop.base.verbs import Option, plain
+from stoop.errors import StoopError
 
 BAR: Final = "<div class='bar'><i></i></div>"  #: work goes on
 CODE: Final[dict[str, Any]] = {
@@ -137,10 +139,22 @@ def field(option: Option, label: str = "", **settings: Any) -> Any:
 
 
 def given(option: Option, value: Any) -> list[str]:
-    """Return the words of a command that give an option a value of its field; none for an empty field."""
+    """Return the words of a command that give an option a value of its field; none for an empty field.
+
+    Raises
+    ------
+    StoopError
+        A word would be an option of its own.
+    """
     if value is None or value == "":
         return []
-    return [option.name, *([f"{value:g}"] if isinstance(value, float) else str(value).split())]
+    words = [f"{value:g}"] if isinstance(value, float) else str(value).split()
+    for word in words:
+        if word.startswith("-") and not re.fullmatch(r"-[\d.]+(e[-+]?\d+)?", word):
+            raise StoopError(
+                f"{option.name}: {word} is no value of it; write numbers or names, separated by blanks"
+            )
+    return [option.name, *words]
 
 
 def card(title: str, *inside: Any) -> pn.Card:

@@ -183,12 +183,12 @@ def _standard_error(values: FloatArray) -> float:
 
 
 def _significant(row: Mapping[str, Any]) -> tuple[list[str], list[str]]:
-    """Return the figures that are worse and better without a decision, by Student's t at `LEVEL` for all of them together."""
+    """Return the figures that are worse and better without a decision, by Student's t at `LEVEL` for all figures of a decision."""
     quality = {figure: sign for figure, sign in FIGURES.items() if sign}
     worse, better = list[str](), list[str]()
     for figure, sign in quality.items():
         mean, se, n = (row[f"{figure}{end}"] for end in ("", "_se", "_n"))
-        if n < MIN_VEHICLES or not se:
+        if n < MIN_VEHICLES or se is None:
             continue
         limit = float(student.ppf(1.0 - LEVEL / len(quality) / 2.0, n - 1))
         if abs(mean) > limit * se:
