@@ -183,7 +183,7 @@ def _standard_error(values: FloatArray) -> float:
 
 
 def _significant(row: Mapping[str, Any]) -> tuple[list[str], list[str]]:
-    """Return the figures that are worse and better without a decision, by Student's t at `LEVEL` for all figures of a decision."""
+    """Return which figures are worse and better without a decision, by Student's t at `LEVEL` for all its figures."""
     quality = {figure: sign for figure, sign in FIGURES.items() if sign}
     worse, better = list[str](), list[str]()
     for figure, sign in quality.items():
