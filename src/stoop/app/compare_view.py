@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any, Final
 
 import panel as pn
@@ -10,6 +9,7 @@ import panel as pn
 from stoop.app import parts
 from stoop.app.fit_view import finished, result
 from stoop.app.folder import PROGRESS, VEHICLE, modified
+from stoop.app.places import inside, reading
 from stoop.app.steps import Step
 from stoop.app.view import View
 from stoop.base.files import make_folder
@@ -67,9 +67,10 @@ class CompareView(View):
     def tick(self) -> None:
         """Make the page that is wanted."""
         if self._wanted:
-            place, self._wanted = self.project.root / self._wanted, ""
+            wanted, self._wanted = self._wanted, ""
 
             def made() -> None:
+                place = inside(self.project.root, wanted)
                 make_folder(place.parent)
                 write_sheet(comparison_sheet(*map(compared, self._both)), place)
                 self._turn()
@@ -79,6 +80,7 @@ class CompareView(View):
 
 def compared(step: Step) -> Compared:
     """Return a run with the numbers of its vehicle, and its curves."""
-    vehicle = load_vehicle(Path(step.file(VEHICLE)))
+    vehicle = load_vehicle(step.file(VEHICLE))
     values = {p.name: p.value for p in vehicle.parameters}
-    return Compared(step.name, result(step), values, read_curves(step.file(PROGRESS)))
+    with reading(step.file(PROGRESS)):
+        return Compared(step.name, result(step), values, read_curves(step.file(PROGRESS)))

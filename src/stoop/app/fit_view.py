@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Mapping
 from functools import lru_cache, partial
@@ -13,6 +12,7 @@ import panel as pn
 
 from stoop.app import numbers, parts
 from stoop.app.folder import PROGRESS, VEHICLE, Project, modified
+from stoop.app.places import document_of, reading
 from stoop.app.plots import drawn_costs, drawn_curves
 from stoop.app.steps import COMMAND, Step
 from stoop.app.view import View
@@ -137,14 +137,16 @@ class FitView(View):
         folder = self.project.root / self._chosen
         seconds = max(time.time() - 1e-9 * modified(folder / COMMAND), 0.0)
         self._clock.object = f"<p><b>{parts.escaped(self._told)} · {seconds:.0f} s</b></p>"
-        try:
-            changed = modified(folder / PROGRESS)
-            if (self._chosen, changed) == self._seen:
-                return
-            progress = json.loads((folder / PROGRESS).read_text("utf-8"))
-        except (OSError, ValueError):
+        changed = modified(folder / PROGRESS)
+        if (self._chosen, changed) == self._seen:
             return
         self._seen = (self._chosen, changed)
+        with reading(folder / PROGRESS):
+            progress = document_of(folder, PROGRESS)
+            if progress:
+                self._show_progress(progress)
+
+    def _show_progress(self, progress: Mapping[str, Any]) -> None:
         known = progress.get("cost") is not None and "cost" not in progress["work"]
         self._told = " · ".join([progress["work"], *([f"cost {progress['cost']:g}"] if known else [])])
         rows = [
@@ -206,7 +208,7 @@ class FitView(View):
         chips[i].disabled = True
 
     def _continue(self, step: Step) -> None:
-        self.project.take_vehicle(step.file(VEHICLE).read_text("utf-8"))
+        self.project.take_vehicle(step.text(VEHICLE))
         self.say(
             f"The estimates of {step.name} stand in {VEHICLE}; the file before is kept beside it", good=True
         )

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
-import json
+import itertools
 import os
-import shlex
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
@@ -14,9 +14,10 @@ from typing import Any, Final
 import tomlkit
 
 from stoop.app import steps
+from stoop.app.places import bytes_of, document_of, inside, recalled, remember, resolved, text_of
 from stoop.app.steps import Step
 from stoop.base.files import make_folder, write_bytes_atomic, write_text_atomic
-from stoop.base.toml import parse_source, read_source
+from stoop.base.toml import parse_source
 from stoop.errors import OutputError, StoopError
 from stoop.flight.flight import flight_name
 from stoop.flight.mapping import READY
@@ -31,6 +32,7 @@ LOOK = "look.html"  #: page of the flight, beside what was read
 #: of a run: the vehicle from which it begins, and how far it is
 START, PROGRESS = "start.toml", "progress.json"
 OWN_FORMAT: Final = "netcdf"  #: of flights of stoop, which need no mapping
+KEPT: Final = re.compile(r"(windows|mapping)-[0-9]{1,9}\.toml")  #: copies of files, beside them
 FIT: Final = "stoop identify LOG --vehicle vehicle.toml --maneuver windows.toml -o DIR"
 
 
@@ -65,10 +67,17 @@ class Project:
 
         Raises `StoopError`: there is no such file.
         """
-        place = Path(self.root, Path(path).expanduser()).absolute()
-        if not place.exists():
+        try:
+            place = Path(self.root, Path(path).expanduser()).absolute()
+        except RuntimeError:  # a user whom nobody knows
+            raise StoopError(f"{path}: there is no such log; check the path") from None
+        target = resolved(place)
+        if not target.exists():
             raise StoopError(f"{place}: there is no such log; check the path")
+        if not target.is_relative_to(self.root.resolve()):
+            remember("log", target)
         name = str(place.relative_to(self.root)) if place.is_relative_to(self.root) else str(place)
+        name = f"./{name}" if name.startswith("-") else name  # no option of a command
         known = name in self.former
         self._turn_to(name)
         if draft or self.needs_mapping:
@@ -78,31 +87,61 @@ class Project:
 
     def _logs(self) -> tuple[str, dict[str, dict[str, str]]]:
         """Return the log, and of each former one where its windows and mapping are kept."""
-        if not (self.root / FILE).exists():
-            return "", {}
-        found = parse_source(read_source(self.root / FILE, "app", OutputError), FILE, OutputError)
-        return str(found.get("log", "")), dict(found.get("former", {}))
+        found = parse_source(text_of(self.root, FILE), FILE, OutputError)
+        log, former = found.get("log", ""), found.get("former", {})
+        names = [log, *former] if isinstance(former, dict) else [None]
+        if not all(isinstance(n, str) and not n.startswith("-") and "\0" not in n for n in names):
+            raise OutputError(f"{FILE}: a log in it is no path; mend or remove {FILE}")
+        for kept in former.values():
+            pairs = kept.items() if isinstance(kept, dict) else [("", "")]
+            if not all(
+                isinstance(k, str) and KEPT.fullmatch(k) and f in (WINDOWS, MAPPING) for f, k in pairs
+            ):
+                raise OutputError(
+                    f"{FILE}: [former] names a file other than copies of {WINDOWS} and {MAPPING}; mend or remove {FILE}"
+                )
+        return log, former
+
+    def _place(self, name: str) -> Path:
+        """Return a place in the folder; raises `OutputError` where it leads outside."""
+        return inside(self.root, name)
+
+    def _check_places(self) -> None:
+        """Raise `OutputError` where a file that the app or its commands read leads outside the folder."""
+        for name in (FILE, VEHICLE, WINDOWS, MAPPING):
+            self._place(name)
+
+    @property
+    def log_file(self) -> Path:
+        """Path of the log; raises `OutputError`: it lies outside the folder, and the person has not opened it."""
+        path = self.root / self.log
+        target = resolved(path)
+        if not target.is_relative_to(self.root.resolve()) and recalled("log", target) is None:
+            raise OutputError(
+                f"{path}: lies outside this folder, and you have not opened it; open it by its path first"
+            )
+        return path
 
     def _turn_to(self, name: str, keep: bool = True) -> None:
         """Put a log in the place of the present one, which is kept among the former ones with its windows and mapping."""
         log, former = self._logs()
         if log and log != name:
-            held = [file for file in (WINDOWS, MAPPING) if (self.root / file).exists()]
+            held = [file for file in (WINDOWS, MAPPING) if self._place(file).exists()]
             copies = {file: self._keep_copy(file) for file in held}
             former |= {log: copies} if keep else {}
             for file in held:
                 (self.root / file).unlink()
         for file, kept in former.pop(name, {}).items():
             with contextlib.suppress(FileNotFoundError):
-                (self.root / Path(kept).name).replace(self.root / file)
+                self._place(kept).replace(self._place(file))
         lead = "# what stoop app shows in this folder\n"
-        write_text_atomic(self.root / FILE, lead + tomlkit.dumps({"log": name, "former": former}))
+        write_text_atomic(self._place(FILE), lead + tomlkit.dumps({"log": name, "former": former}))
 
     @property
     def needs_mapping(self) -> bool:
         """Whether the columns of the log have no known meaning, and nobody has given it."""
-        path = self.root / self.log
-        if (self.root / MAPPING).exists() or mapping_beside(path).is_file() or path.is_dir():
+        path = self.log_file
+        if self._place(MAPPING).exists() or mapping_beside(path).is_file() or path.is_dir():
             return False
         with contextlib.suppress(OSError):
             return log_kind(path) not in (*READY, OWN_FORMAT)
@@ -111,7 +150,9 @@ class Project:
     @property
     def source(self) -> list[str]:
         """The words by which a command reads the log."""
-        return [self.log, *(["--mapping", MAPPING] if (self.root / MAPPING).exists() else [])]
+        own = ["--mapping", MAPPING] if self._place(MAPPING).exists() else []
+        _ = self.log_file  # refuses one that the person has not opened
+        return [self.log, *own]
 
     @property
     def readings(self) -> list[Step]:
@@ -139,11 +180,12 @@ class Project:
 
     def draft_mapping(self) -> Step:
         """Draft the mapping of the log."""
-        return self.start("map", lambda at: ["map", self.log, "-o", f"{at}/{MAPPING}"])
+        log = str(self.source[0])
+        return self.start("map", lambda at: ["map", log, "-o", f"{at}/{MAPPING}"])
 
     def take_mapping(self, text: str) -> None:
         """Keep a mapping, and read the log by it."""
-        write_text_atomic(self.root / MAPPING, text)
+        write_text_atomic(self._place(MAPPING), text)
         self.read_log()
 
     def read_log(self) -> Step:
@@ -155,12 +197,7 @@ class Project:
     def info(self) -> dict[str, Any]:
         """What `stoop info` found in the log; empty where it has not."""
         step = self.flight
-        if step is None:
-            return {}
-        with contextlib.suppress(ValueError, OSError):
-            found: dict[str, Any] = json.loads(step.file(steps.OUTPUT).read_text("utf-8"))
-            return found
-        return {}
+        return {} if step is None else document_of(step.folder, steps.OUTPUT)
 
     @property
     def flight_name(self) -> str:
@@ -172,9 +209,7 @@ class Project:
     @property
     def vehicle(self) -> str:
         """Text of the vehicle file; empty where there is none."""
-        with contextlib.suppress(OSError):
-            return (self.root / VEHICLE).read_text("utf-8")
-        return ""
+        return text_of(self.root, VEHICLE)
 
     def save_vehicle(self, text: str, before: str | None) -> None:
         """Keep a vehicle.
@@ -191,24 +226,25 @@ class Project:
                 "The vehicle was changed in another tab or editor since this form was filled. Your edits are kept in the form: "
                 "reload the file to see the other changes, or save again to replace them"
             )
-        write_text_atomic(self.root / VEHICLE, text)
+        write_text_atomic(self._place(VEHICLE), text)
 
     def take_vehicle(self, text: str) -> None:
         """Use another vehicle; the one that was there is kept under another name."""
         self._keep_copy(VEHICLE)
-        write_text_atomic(self.root / VEHICLE, text)
+        write_text_atomic(self._place(VEHICLE), text)
 
     # The windows.
 
     @property
     def windows(self) -> tuple[Entry, ...]:
         """The windows; raises `StoopError` for a file that was edited and cannot be read."""
-        return read_windows(self.root / WINDOWS) if (self.root / WINDOWS).exists() else ()
+        place = self._place(WINDOWS)
+        return read_windows(place) if place.exists() else ()
 
     def save_windows(self, entries: Sequence[Entry]) -> None:
         """Keep windows, in the order of time."""
         ordered = sorted(entries, key=lambda e: (e.flight, e.start))
-        write_text_atomic(self.root / WINDOWS, written(ordered, FIT))
+        write_text_atomic(self._place(WINDOWS), written(ordered, FIT))
 
     def propose_windows(self) -> Step:
         """Select windows by their information for the vehicle."""
@@ -218,16 +254,17 @@ class Project:
     def take_proposal(self, step: Step) -> None:
         """Use proposed windows; those that were there are kept under another name."""
         self._keep_copy(WINDOWS)
-        write_text_atomic(self.root / WINDOWS, step.file(WINDOWS).read_text("utf-8"))
+        write_text_atomic(self._place(WINDOWS), step.text(WINDOWS))
 
     def tend(self) -> None:
         """Use the first proposal of windows where nobody has chosen any; go back to the log before one that cannot be read."""
+        self._check_places()
         own = [s.state for s in self.readings if log_of(s) == self.log]
         unread = own[-1:] == ["failed"] and "done" not in own
-        if unread and self.former and not (self.root / MAPPING).exists():
+        if unread and self.former and not self._place(MAPPING).exists():
             self._turn_to(self.former[0], keep=False)
         step = self.latest("maneuvers")
-        if step is not None and not (self.root / WINDOWS).exists() and step.state == "done":
+        if step is not None and not self._place(WINDOWS).exists() and step.state == "done":
             self.take_proposal(step)
 
     # The runs.
@@ -235,13 +272,13 @@ class Project:
     @property
     def lacking(self) -> str:
         """What a fit lacks, in words; empty where it can be run."""
-        if not self.log:
-            return "Open a log first"
-        if not self.info:
-            return "The log is not read yet"
-        if not self.vehicle:
-            return "Choose a vehicle first"
         try:
+            if not self.log:
+                return "Open a log first"
+            if not self.info:
+                return "The log is not read yet"
+            if not self.vehicle:
+                return "Choose a vehicle first"
             parse_vehicle(self.vehicle, VEHICLE)
             fitted = any(e.accept and e.use == "fit" for e in self.windows)
         except StoopError as error:
@@ -259,7 +296,8 @@ class Project:
         return self.start("runs", words, inputs)
 
     def start(self, kind: str, words: Any, inputs: dict[str, str] | None = None) -> Step:
-        """Start a step, see `steps.start`."""
+        """Start a step, see `steps.start`; refused where a file that commands read leads outside the folder."""
+        self._check_places()
         return steps.start(self.root, kind, words, inputs)
 
     def steps(self, kind: str) -> list[Step]:
@@ -280,16 +318,16 @@ class Project:
     def _keep_copy(self, name: str) -> str:
         """Keep a file, if there is one, under another name before it is replaced; return that name."""
         stem, ending = Path(name).stem, Path(name).suffix
-        names = (f"{stem}-{n}{ending}" for n in range(1, 10_000))
-        kept = next(other for other in names if not (self.root / other).exists())
-        if (self.root / name).exists():
-            write_bytes_atomic(self.root / kept, (self.root / name).read_bytes())
+        names = (f"{stem}-{n}{ending}" for n in itertools.count(1))
+        kept = next(other for other in names if not os.path.lexists(self.root / other))
+        if self._place(name).exists():
+            write_bytes_atomic(self.root / kept, bytes_of(self.root, name))
         return kept
 
 
 def log_of(step: Step) -> str:
     """Return the log that a step reads."""
-    return next(iter(shlex.split(step.command)[2:]), "")
+    return next(iter(step.words[2:]), "")
 
 
 def version(text: str) -> str:

@@ -12,7 +12,8 @@ import param
 
 from stoop.app import parts
 from stoop.app.folder import LOOK, MAPPING, log_of
-from stoop.app.steps import Step
+from stoop.app.places import reading
+from stoop.app.steps import OUTPUT, Step
 from stoop.app.uploads import size
 from stoop.app.view import View
 from stoop.errors import StoopError
@@ -51,6 +52,11 @@ class LogView(View):
         """Show the choice, the mapping, or the flight."""
         project, shown = self.project, self.body
         step, refused = project.reading, project.refused
+        try:
+            _ = project.log_file
+        except StoopError as error:
+            shown[:] = [parts.html(parts.error(error)), *self._choice()]
+            return
         if not project.log:
             shown[:] = self._choice()
         elif step is None:
@@ -108,7 +114,7 @@ class LogView(View):
         return parts.button(path.name, self.act(lambda: self.project.open_log(path)), description=str(path))
 
     def _mapping(self, step: Step) -> list[Any]:
-        lines = step.file(MAPPING).read_text("utf-8").splitlines()
+        lines = step.text(MAPPING).splitlines()
         found = {i: match for i, line in enumerate(lines) if (match := UNSURE.match(line))}
         wide = {"sizing_mode": "stretch_width", "margin": (2, 0)}
         asked = {
@@ -138,9 +144,10 @@ class LogView(View):
 
     def _flight(self, step: Step) -> list[Any]:
         info = self.project.info
-        size = f"{info['rate']:g} Hz grid, {len(info['channels'])} channels"
-        span = f"{info['start']:.1f} to {info['stop']:.1f} s on the log's own clock, {size}"
-        faults = [fault["message"] for fault in info["faults"] if "message" in fault]
+        with reading(step.file(OUTPUT)):
+            size = f"{info['rate']:g} Hz grid, {len(info['channels'])} channels"
+            span = f"{info['start']:.1f} to {info['stop']:.1f} s on the log's own clock, {size}"
+            faults = [fault["message"] for fault in info["faults"] if "message" in fault]
         findings = f"<h3>Suspected faults</h3>{parts.bullets(faults)}" if faults else ""
         return [
             parts.html(f"<p>{parts.escaped(span)}</p>"),

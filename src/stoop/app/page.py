@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
+from contextlib import suppress
 from functools import partial
 from typing import Any, Final
 
@@ -14,11 +15,13 @@ from stoop.app.compare_view import CompareView
 from stoop.app.fit_view import FitView
 from stoop.app.folder import Project
 from stoop.app.log_view import LogView
+from stoop.app.places import tail_of
 from stoop.app.steps import COMMANDS
 from stoop.app.use_view import UseView
 from stoop.app.vehicle_view import VehicleView
 from stoop.app.view import BUG, View
 from stoop.app.windows_view import WindowsView
+from stoop.base.toml import MAX_BYTES
 from stoop.errors import StoopError
 
 ENDED: Final = "The app has ended or cannot be reached. Runs go on; start it again with the same command."
@@ -40,12 +43,14 @@ class Page:
         self._signature: Any = None
         self._stale: set[str] = set()
         self.stage = pn.Column(sizing_mode="stretch_width", margin=0)
+        self.trouble = parts.html()  #: what is wrong with the folder itself
         self.commands = parts.html(margin=(24, 0, 8, 0))
         head = f"<header><h1>stoop</h1><span class='soft'>{parts.escaped(project.root)}</span></header>"
         bar = pn.FlexBox(*self.buttons.values(), sizing_mode="stretch_width", margin=(6, 0))
         self.panel = pn.Column(
             parts.html(head),
             bar,
+            self.trouble,
             self.stage,
             self.commands,
             sizing_mode="stretch_width",
@@ -59,10 +64,11 @@ class Page:
     def start(self) -> str:
         """The step to begin with: the last that has something to show."""
         project = self.project
-        if project.steps("runs"):
-            return "Fit"
-        if project.vehicle and project.info:
-            return "Windows"
+        with suppress(StoopError):  # the view says it
+            if project.steps("runs"):
+                return "Fit"
+            if project.vehicle and project.info:
+                return "Windows"
         return "Log"
 
     def go(self, title: str) -> None:
@@ -76,7 +82,7 @@ class Page:
 
     def tick(self) -> None:
         """Show what has changed in the folder."""
-        self.project.tend()
+        self.trouble.object = self._guarded("Log", self.project.tend)
         signature = self.project.signature
         if signature != self._signature:
             self._signature = signature
@@ -85,23 +91,29 @@ class Page:
                 self._refresh(self.shown)
             self.commands.object = self._all_commands()
         elif self.shown:  # what was just put on the page is changed at the next look: a browser takes one step after the other
-            self.views[self.shown].tick()
+            said = self._guarded(self.shown, self.views[self.shown].tick)
+            self.trouble.object = said or self.trouble.object
 
     def _refresh(self, title: str) -> None:
         self._stale.discard(title)
         view = self.views[title]
+        if said := self._guarded(title, view.refresh):
+            view.body[:] = [parts.html(said)]
+
+    def _guarded(self, title: str, what: Callable[[], object]) -> str:
+        """Read the folder; return in one line why that failed, such as a file that was edited; empty where it did not."""
         try:
-            view.refresh()
-        except (StoopError, OSError) as error:  # a file that was edited, or went away
-            view.body[:] = [parts.html(parts.error(error))]
+            what()
+        except (StoopError, OSError) as error:
+            return parts.error(error)
         except Exception:
             logging.getLogger("stoop.app").exception(title)
-            view.body[:] = [parts.html(parts.error(BUG))]
+            return parts.error(BUG)
+        return ""
 
     def _all_commands(self) -> str:
-        try:
-            text = (self.project.root / COMMANDS).read_text("utf-8")
-        except OSError:
+        text = tail_of(self.project.root, COMMANDS, MAX_BYTES)
+        if not text:
             return ""
         folder = parts.escaped(self.project.root)
         lead = f"<p class='soft'>In {folder}, where {COMMANDS} holds them too:</p>"

@@ -5,17 +5,20 @@ from __future__ import annotations
 import errno
 import hmac
 import logging
+import re
 import secrets
 import warnings
 import webbrowser
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final
+from urllib.parse import unquote_to_bytes
 
 import tornado.web
 from bokeh.util.warnings import BokehUserWarning
 from tornado import httputil
 
+from stoop.app.places import inside, resolved
 from stoop.app.uploads import Upload
 from stoop.errors import StoopError
 
@@ -23,6 +26,7 @@ ADDRESS: Final = "127.0.0.1"
 FIRST_PORT: Final = 5010
 TRIED: Final = 50  #: ports, from the first, where none is asked for
 TOKEN_BYTES: Final = 24
+MAX_PATH: Final = 4000  #: characters of the address of a request
 MAX_MESSAGE: Final = 64 << 20  #: bytes of one message of a page; logs are uploaded otherwise
 #: nothing is loaded from, sent to or framed by another place; `blob:` and `unsafe-eval` are what Bokeh and Panel need
 PAGE_POLICY: Final = (
@@ -47,6 +51,25 @@ def open_address(address: str) -> bool:
         return webbrowser.open(address)
     except (webbrowser.Error, OSError):
         return False
+
+
+def odd(path: str) -> str:
+    """Return why the path of a request names no place of the app; empty where it may name one."""
+    place, _, query = path.partition("?")
+    try:
+        parts = unquote_to_bytes(place).decode("utf-8").split("/")
+        unquote_to_bytes(query).decode("utf-8")
+    except UnicodeDecodeError:
+        return "the address is not UTF-8 text"
+    if len(place) > MAX_PATH:
+        return f"the address is longer than {MAX_PATH} characters"
+    if (
+        not "".join(parts).isprintable()
+        or {"", "."} & {*parts[1:-1]}
+        or ".." in {*re.split(r"[/\\]", "/".join(parts))}
+    ):
+        return "the address names no place of the app"
+    return ""
 
 
 class Gate(httputil.HTTPServerConnectionDelegate):
@@ -94,13 +117,15 @@ class _Gated(httputil.HTTPMessageDelegate):
         start_line: httputil.RequestStartLine | httputil.ResponseStartLine,
         headers: httputil.HTTPHeaders,
     ) -> Any:
-        """Answer 403, or let the application read on."""
+        """Answer 403 or 400, or let the application read on."""
         path = start_line.path if isinstance(start_line, httputil.RequestStartLine) else ""
         why = self._gate.refusal(path, headers)
+        code, reason = (403, "Forbidden") if why else (400, "Bad Request")
+        why = why or odd(path)
         if not why:
             self._inside = self._gate.application.start_request(self._server, self._connection)
             return self._inside.headers_received(start_line, headers)
-        body = f"403: {why}\n".encode()
+        body = f"{code}: {why}\n".encode()
         answer = httputil.HTTPHeaders(
             {
                 "Content-Type": "text/plain; charset=utf-8",
@@ -108,7 +133,7 @@ class _Gated(httputil.HTTPMessageDelegate):
                 "Connection": "close",
             }
         )
-        self._connection.write_headers(httputil.ResponseStartLine("HTTP/1.1", 403, "Forbidden"), answer, body)
+        self._connection.write_headers(httputil.ResponseStartLine("HTTP/1.1", code, reason), answer, body)
         self._connection.finish()
         return None
 
@@ -132,10 +157,16 @@ class Files(tornado.web.StaticFileHandler):
 
     def validate_absolute_path(self, root: str, absolute_path: str) -> str | None:
         """Return the path of a file that lies in the folder, links resolved."""
-        place, inside = Path(absolute_path).resolve(), Path(root).resolve()
-        if not place.is_relative_to(inside) or not place.is_file():
+        try:
+            place = resolved(inside(Path(root), absolute_path))
+        except StoopError:
+            raise tornado.web.HTTPError(404) from None
+        if not place.is_file():
             raise tornado.web.HTTPError(404)
         return str(place)
+
+    def compute_etag(self) -> None:
+        """Give none: no answer is stored, and a large file need not be read twice."""
 
     def set_extra_headers(self, path: str) -> None:
         """Keep what is shown apart from the app, and what is not shown from being run."""

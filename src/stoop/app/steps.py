@@ -1,13 +1,15 @@
 """Steps: commands of stoop that run as processes of their own and leave all that is known of them in a folder.
 
 A step's folder, such as ``runs/001``, holds its command, its process, its inputs as they were, and what it wrote. Its lock is
-held by the process alone, so that any server, also one that was started later, knows whether it still runs.
+held by the process alone, so that any server, also one that was started later, knows whether it still runs. Which process is
+asked to stop is kept outside the folder, which may come from someone else: its file `PROCESS` is for people alone.
 """
 
 from __future__ import annotations
 
 import contextlib
 import os
+import re
 import shlex
 import signal
 import subprocess
@@ -17,17 +19,20 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any, Final, Literal
 
+from stoop.app.places import inside, recalled, remember, tail_of, text_of
 from stoop.base.files import write_text_atomic
 from stoop.base.interrupts import blocked_interrupts
 from stoop.base.text import printable
-from stoop.errors import OutputError
+from stoop.errors import OutputError, StoopError
 
 State = Literal["running", "done", "failed"]
 COMMAND, PROCESS, LOCK, OUTPUT, ERRORS = "command.txt", "process.txt", "lock", "output.txt", "errors.txt"
 OWN: Final = frozenset((COMMAND, PROCESS, LOCK, OUTPUT, ERRORS))
 COMMANDS: Final = "commands.sh"  #: in the project's folder: all commands, in order
 ERROR: Final = "stoop: error: "  #: begins the line in which a verb says what the user can correct
-MAX_TEXT: Final = 20_000  #: characters of an output that are shown
+NUMBER: Final = re.compile("[0-9]{3,9}")  #: name of a step's folder
+MAX_TEXT: Final = 20_000  #: bytes of an output that are shown
+MAX_FILES, MAX_DEPTH = 500, 8  #: files of a step that are listed, and folders in each other
 #: kind of a step, which names its folder -> the file that is there when its verb has done its work
 PRODUCTS: Final = {
     "info": "flight.nc",
@@ -67,6 +72,14 @@ class Step:
         return self._text(COMMAND).strip()
 
     @property
+    def words(self) -> list[str]:
+        """The words of the command line; empty where they cannot be told apart."""
+        try:
+            return shlex.split(self.command)
+        except ValueError:  # a quote without its end
+            return []
+
+    @property
     def running(self) -> bool:
         """Whether its process is there."""
         if self.folder in _ended:
@@ -86,7 +99,7 @@ class Step:
         if self.running:
             return "running"
         product = PRODUCTS[self.kind]
-        done = (self.folder / product).exists() if product else not self.error
+        done = self._has(product) if product else not self.error
         return "done" if done else "failed"
 
     @property
@@ -98,7 +111,7 @@ class Step:
             return said[-1]
         if "Traceback" in text:
             return "this is a bug in stoop; the step's errors.txt has the details"
-        if product and not (self.folder / product).exists():
+        if product and not self._has(product):
             if "stoop: interrupted" in text:
                 return "stopped before there was a result"
             return "ended without a result: it was killed, or the disk is full"
@@ -107,42 +120,55 @@ class Step:
     @property
     def output(self) -> str:
         """What its verb has printed."""
-        return self._text(OUTPUT)[-MAX_TEXT:]
+        return self._text(OUTPUT)
 
     def file(self, name: str) -> Path:
-        """Return the path of one of its files."""
-        return self.folder / name
+        """Return the path of one of its files; raises `OutputError` where it leads out of the step's folder."""
+        return inside(self.folder, name)
+
+    def text(self, name: str) -> str:
+        """Return the text of one of its files, see `text_of`."""
+        return text_of(self.folder, name)
 
     @property
     def files(self) -> list[Path]:
-        """What its verb has written."""
-        return sorted(p for p in self.folder.rglob("*") if p.is_file() and p.name not in OWN)
+        """What its verb has written, no links."""
+        found: list[Path] = []
+        for base, folders, names in os.walk(self.folder):
+            if len(Path(base).relative_to(self.folder).parts) >= MAX_DEPTH or len(found) > MAX_FILES:
+                folders.clear()
+            own = (Path(base, name) for name in sorted(names)[:MAX_FILES] if name not in OWN)
+            found += [p for p in own if p.is_file() and not p.is_symlink()]
+        return sorted(found[:MAX_FILES])
 
     def stop(self) -> None:
         """Ask its process to stop, as Ctrl-C does: a search writes its best so far."""
         if not self.running:
             return
         with contextlib.suppress(OSError, ValueError):  # it has just ended
-            process = int(self._text(PROCESS))
+            process = int(recalled("process", self.folder) or "")
             if os.name == "posix":
                 os.killpg(process, signal.SIGINT)
             else:
                 os.kill(process, getattr(signal, "CTRL_BREAK_EVENT", signal.SIGTERM))
 
     def _text(self, name: str) -> str:
-        try:
-            return (self.folder / name).read_text(encoding="utf-8", errors="replace")
-        except OSError:
-            return ""
+        return tail_of(self.folder, name, MAX_TEXT)
+
+    def _has(self, name: str) -> bool:
+        with contextlib.suppress(StoopError):
+            return self.file(name).is_file()
+        return False
 
 
 def steps(root: Path, kind: str) -> list[Step]:
     """Return the steps of a kind, the oldest first."""
     try:
-        found = [p for p in (root / kind).iterdir() if p.name.isdecimal() and (p / COMMAND).exists()]
-    except OSError:
+        places = [p for p in inside(root, kind).iterdir() if NUMBER.fullmatch(p.name) and not p.is_symlink()]
+        found = [Step(p) for p in sorted(places, key=lambda p: int(p.name))]
+        return [step for step in found if step._has(COMMAND)]
+    except (OSError, StoopError):
         return []
-    return [Step(folder) for folder in sorted(found, key=lambda p: int(p.name))]
 
 
 def start(
@@ -165,7 +191,7 @@ def start(
     OutputError
         The folder cannot be written.
     """
-    folder = _new_folder(root / kind)
+    folder = _new_folder(inside(root, kind))
     step = Step(folder)
     arguments = [str(word) for word in words(step.name)]
     line = shlex.join(["stoop", *arguments])
@@ -173,7 +199,7 @@ def start(
         for name, text in (inputs or {}).items():
             write_text_atomic(folder / name, text)
         write_text_atomic(folder / COMMAND, f"{line}\n")
-        with (root / COMMANDS).open("a", encoding="utf-8") as log:
+        with inside(root, COMMANDS).open("a", encoding="utf-8") as log:
             log.write(f"{printable(line)}\n")
         with (
             (folder / OUTPUT).open("wb") as output,
@@ -181,6 +207,7 @@ def start(
             _locked(folder / LOCK) as kept,
         ):
             _children[folder] = child = _process(arguments, root, output, errors, kept)
+        remember("process", folder, str(child.pid))
         write_text_atomic(folder / PROCESS, f"{child.pid}\n")
     except OSError as error:
         raise OutputError(f"{step.name}: cannot be started ({error.strerror or error})") from None
@@ -190,7 +217,7 @@ def start(
 def _new_folder(parent: Path) -> Path:
     try:
         parent.mkdir(parents=True, exist_ok=True)
-        number = max((int(p.name) for p in parent.iterdir() if p.name.isdecimal()), default=0)
+        number = max((int(p.name) for p in parent.iterdir() if NUMBER.fullmatch(p.name)), default=0)
         while True:  # another browser may take the same number
             number += 1
             with contextlib.suppress(FileExistsError):
@@ -235,10 +262,10 @@ def _is_locked(path: Path) -> bool:
     try:
         import fcntl
 
-        with path.open("rb") as handle:
+        with inside(path.parent, path.name).open("rb") as handle:
             fcntl.flock(handle, fcntl.LOCK_SH | fcntl.LOCK_NB)
     except BlockingIOError:
         return True
-    except (ImportError, OSError):
+    except (ImportError, OSError, StoopError):
         return False
     return False

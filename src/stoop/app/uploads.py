@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import filecmp
+import itertools
+import os
 import re
 import shutil
 import tempfile
@@ -12,10 +14,13 @@ from typing import IO, Any
 
 import tornado.web
 
+from stoop.app.places import inside
 from stoop.base.text import printable
+from stoop.errors import StoopError
 
 RESERVE = 256 << 20  #: bytes of the disk that stay free for results
 MAX_NAME = 120  #: characters
+MAX_DIGITS = 18  #: of a number of bytes; the first are enough to refuse a longer one
 
 
 def safe_name(name: str) -> str:
@@ -48,14 +53,15 @@ class Upload(tornado.web.RequestHandler):
         """Refuse what is too large before it is sent."""
         connection: Any = self.request.connection
         connection.set_max_body_size(self.limit + 1)
+        self.name, self.into = self.get_query_argument("name", "log"), self.get_query_argument("into", "")
         asked = self.get_query_argument("size", "") or self.request.headers.get("Content-Length", "")
-        announced = int(asked) if asked.isdecimal() else 0
+        announced = int(asked[:MAX_DIGITS]) if asked.isdecimal() else 0
         if announced > self.limit:
             self.refuse(413, f"the log holds {size(announced)}, more than the limit of {size(self.limit)}; "
                              "give its path instead, or a larger --max-upload")  # fmt: skip
             return
         try:
-            self.folder.mkdir(parents=True, exist_ok=True)
+            inside(self.folder.parent, self.folder.name).mkdir(parents=True, exist_ok=True)
             left = shutil.disk_usage(self.folder).free - RESERVE
             if announced > left:
                 self.refuse(
@@ -64,8 +70,8 @@ class Upload(tornado.web.RequestHandler):
                 return
             if self.request.method == "POST":
                 self.file = tempfile.NamedTemporaryFile(dir=self.folder, prefix=".part-", delete=False)  # noqa: SIM115
-        except OSError as error:
-            self.refuse(507, f"the log cannot be kept ({error.strerror})")
+        except (OSError, StoopError) as error:
+            self.refuse(507, f"the log cannot be kept ({getattr(error, 'strerror', None) or error})")
 
     def refuse(self, code: int, why: str) -> None:
         """Answer with words."""
@@ -94,21 +100,21 @@ class Upload(tornado.web.RequestHandler):
         """Move the whole file to its place."""
         if self.file is None:
             return
-        name, into = self.get_query_argument("name", "log"), self.get_query_argument("into", "")
-        place = self.folder / safe_name(into) if into else self.folder
+        name, into = self.name, self.into
         try:
+            place = inside(self.folder, safe_name(into)) if into else self.folder
             self.file.close()
             place.mkdir(exist_ok=True)
             target = place / safe_name(name)
-            if target.exists() and not filecmp.cmp(self.file.name, target, shallow=False):
+            if os.path.lexists(target) and not filecmp.cmp(self.file.name, target, shallow=False):
                 if into:
                     self.refuse(409, f"{place.name} holds another table {target.name}; rename the folder")
                     return
-                names = (target.with_name(f"{n}-{target.name}") for n in range(1, 10_000))
-                target = next(other for other in names if not other.exists())
+                names = (target.with_name(f"{n}-{target.name}") for n in itertools.count(1))
+                target = next(other for other in names if not os.path.lexists(other))
             Path(self.file.name).replace(target)
-        except OSError as error:
-            self.refuse(507, f"the log cannot be kept ({error.strerror})")
+        except (OSError, StoopError) as error:
+            self.refuse(507, f"the log cannot be kept ({getattr(error, 'strerror', None) or error})")
             return
         self.file = None
         self.set_header("Content-Type", "text/plain; charset=utf-8")
@@ -116,6 +122,10 @@ class Upload(tornado.web.RequestHandler):
 
     def on_connection_close(self) -> None:
         """Throw away what a browser that went away has sent."""
+        self.discard()
+
+    def on_finish(self) -> None:
+        """Throw away what was not moved to its place, however the request ended."""
         self.discard()
 
     def discard(self) -> None:

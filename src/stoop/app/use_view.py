@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from typing import Any, Final
 
 import panel as pn
@@ -10,6 +9,7 @@ import panel as pn
 from stoop.app import parts
 from stoop.app.fit_view import finished
 from stoop.app.folder import VEHICLE
+from stoop.app.places import document_of, reading
 from stoop.app.steps import Step
 from stoop.app.view import View
 from stoop.base.notices import from_dict, of_severity
@@ -98,7 +98,6 @@ class UseView(View):
 
 def _warnings(step: Step) -> str:
     """Return what a design warns of: models that are as likely may leave the envelope."""
-    file = step.file("design.json")
-    content = json.loads(file.read_text("utf-8")) if file.exists() else {}
-    found = [from_dict(one) for one in content.get("notices", ())]
-    return "".join(parts.note(one) for one in of_severity(found, "warning"))
+    with reading(step.file("design.json")):
+        found = [from_dict(one) for one in document_of(step.folder, "design.json").get("notices", ())]
+        return "".join(parts.note(one) for one in of_severity(found, "warning"))

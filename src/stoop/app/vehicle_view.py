@@ -156,7 +156,7 @@ class VehicleView(View):
             return pn.Column(*self.waiting(step, "drafting the vehicle from the log and the numbers"))
         if step.state == "failed":
             return parts.failed(step)
-        text = step.file(VEHICLE).read_text("utf-8")
+        text = step.text(VEHICLE)
         shown = f"<div class='note'><pre>{parts.escaped(step.output)}</pre></div>{parts.command(step)}"
         return pn.Column(
             parts.html(shown), parts.button("Use this draft", self.act(lambda: self.take(text)), "primary")
@@ -285,10 +285,7 @@ class VehicleView(View):
         try:
             wanted = parse_vehicle(self.project.vehicle, WHERE).structure
             last = self.project.latest("equations")
-            if (
-                last is None
-                or parse_vehicle(last.file("start.toml").read_text("utf-8"), WHERE).structure != wanted
-            ):
+            if last is None or parse_vehicle(last.text("start.toml"), WHERE).structure != wanted:
                 inputs = {"start.toml": self.project.vehicle}
                 last = self.project.start(
                     "equations", lambda at: ["vehicle", f"{at}/start.toml", "--equations"], inputs

@@ -10,6 +10,7 @@ from pydantic import ValidationError
 
 from stoop.app import parts, steps
 from stoop.app.folder import WINDOWS
+from stoop.app.places import text_of
 from stoop.app.plots import Strips, read_flight
 from stoop.app.view import View
 from stoop.errors import StoopError
@@ -80,8 +81,7 @@ class WindowsView(View):
         if step.state == "failed":
             return [parts.failed(step)]
         page = parts.html(parts.fold(WHY, parts.frame(f"{step.name}/windows.html", "windows")))
-        proposed = step.file(WINDOWS).read_text("utf-8")
-        if proposed == (self.project.root / WINDOWS).read_text("utf-8"):
+        if step.text(WINDOWS) == text_of(self.project.root, WINDOWS):
             return [page]
         note = parts.html(parts.note(f"{step.name} proposes other windows than those below"))
         take = parts.button("Take the proposal", self.act(lambda: self.project.take_proposal(step)))

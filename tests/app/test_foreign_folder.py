@@ -1,0 +1,348 @@
+"""A project's folder that came from someone else: nothing outside it changes, and each bad file is one line on the page."""
+
+from __future__ import annotations
+
+import contextlib
+import http.client
+import json
+import os
+import shlex
+import signal
+import subprocess
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import tomlkit
+from hypothesis import HealthCheck, example, given, settings
+from hypothesis import strategies as st
+
+from app.conftest import App, start_app
+from stoop.app import places, steps
+from stoop.app.fit_view import FitView
+from stoop.app.folder import MAPPING, WINDOWS, Project
+from stoop.app.page import Page
+from stoop.app.steps import COMMAND, LOCK, PROCESS, Step
+from stoop.errors import StoopError
+
+pytestmark = [
+    pytest.mark.filterwarnings("ignore::PendingDeprecationWarning"),  # of Panel
+    pytest.mark.filterwarnings("ignore::DeprecationWarning"),
+]
+
+
+@pytest.fixture(autouse=True)
+def nothing_is_started(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Let no command run, and keep what the person did apart from other tests."""
+    monkeypatch.setattr(places, "cache_folder", lambda: tmp_path / "memory")
+    monkeypatch.setattr(places, "_session", {})
+    monkeypatch.setattr(steps, "_process", lambda *_: _ended())
+
+
+def _ended() -> subprocess.Popen[bytes]:
+    child = subprocess.Popen(["true"], start_new_session=True)
+    child.wait()
+    return child
+
+
+def snapshot(folder: Path, without: Path) -> dict[str, bytes | str | None]:
+    """Return every entry below a folder with its content, but for those below another."""
+    return {
+        str(p): str(p.readlink()) if p.is_symlink() else p.read_bytes() if p.is_file() else None
+        for p in sorted(folder.rglob("*"))
+        if not p.is_relative_to(without)
+    }
+
+
+def surroundings(tmp: Path) -> Path:
+    """Return an empty project beside files that are nobody's business."""
+    root = tmp / "around" / "project"
+    root.mkdir(parents=True)
+    (root.parent / "victim.txt").write_text("precious")
+    (root.parent / "other.csv").write_text("time_s,p\n0,1\n1,2\n")
+    (root.parent / "windows-1.toml").write_text("precious")
+    (root / "log.csv").write_text("time_s,p\n0,1\n1,2\n")
+    return root
+
+
+def use(root: Path) -> str:
+    """Do what a person does with a folder; return what the page says."""
+    said = []
+    for what in (
+        lambda: Page(Project(root)),
+        lambda: Project(root).open_log("log.csv"),
+        lambda: Project(root).open_log(root.parent / "other.csv"),
+        lambda: Project(root).open_log("log.csv"),
+        lambda: Project(root).take_vehicle("name = 'x'"),
+        lambda: Project(root).read_log(),
+        lambda: Project(root).propose_windows(),
+        lambda: Project(root).lacking,
+    ):
+        with contextlib.suppress(StoopError):
+            if isinstance(found := what(), Page):
+                for title in found.views:
+                    found.go(title)
+                    found._refresh(title)
+                    found.tick()
+                    body = found.views[title].body
+                    said += [str(pane.object) for pane in body if hasattr(pane, "object")]
+                said.append(found.trouble.object)
+    return "\n".join(said)
+
+
+HOSTILE = {
+    "key with ..": '[former."log.csv"]\n"../victim.txt" = "bait.txt"\n',
+    "absolute key": '[former."log.csv"]\n"{around}/victim.txt" = "bait.txt"\n',
+    "key that makes a file": '[former."log.csv"]\n"../new.txt" = "bait.txt"\n',
+    "kept name ..": '[former."log.csv"]\n"windows.toml" = ".."\n',
+    "kept path": '[former."log.csv"]\n"windows.toml" = "../windows-1.toml"\n',
+    "a list": 'former = ["log.csv"]\n',
+    "a number": "former = 3\n",
+    "a table of numbers": '[former]\n"log.csv" = 3\n',
+    "a log that is a table": "log = {a = 1}\n",
+    "an option": 'log = "--save=../victim.txt"\n',
+    "a NUL": 'log = "a\\u0000b"\n',
+    "a long log": 'log = "{long}"\n',
+    "nested": "former = " + "[" * 2000 + "]" * 2000,
+    "not TOML": 'log = "',
+    "bytes": b"log = '\xff\xfe'",
+}
+
+
+@pytest.mark.parametrize("kind", HOSTILE)
+def test_a_hostile_app_toml_changes_nothing_outside_the_folder(kind: str, tmp_path: Path) -> None:
+    root = surroundings(tmp_path)
+    (root / "bait.txt").write_text("bait")
+    text = HOSTILE[kind]
+    if isinstance(text, str):
+        text = text.replace("{around}", str(root.parent)).replace("{long}", "x" * 5000).encode()
+    (root / "app.toml").write_bytes(text)
+    before = snapshot(root.parent, root)
+    said = use(root)
+    assert snapshot(root.parent, root) == before
+    assert "app.toml" in said or "no file can have this path" in said
+    assert "this is a bug" not in said
+    assert "Traceback" not in said
+
+
+scalars = st.one_of(
+    st.booleans(), st.integers(), st.floats(), st.dates(), st.times(), st.datetimes(),
+    st.text(st.characters(exclude_categories=["Cs", "Cc"]), max_size=12),
+    st.sampled_from(["..", "../victim.txt", "/", "", ".", "log.csv", "../other.csv", "windows-1.toml", "~", "~nobody/x", "-o"]),
+)  # fmt: skip
+keys = st.one_of(
+    st.sampled_from(
+        ["log.csv", "../victim.txt", "windows.toml", "mapping.toml", "..", "/", "", "../other.csv"]
+    ),
+    st.text(st.characters(exclude_categories=["Cs", "Cc"]), max_size=8),
+)
+values = st.recursive(
+    scalars,
+    lambda inner: st.one_of(st.lists(inner, max_size=3), st.dictionaries(keys, inner, max_size=3)),
+    max_leaves=8,
+)
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    log=values,
+    former=st.one_of(values, st.dictionaries(keys, st.dictionaries(keys, values, max_size=3), max_size=3)),
+)
+@example(log="../other.csv", former={"log.csv": {"../victim.txt": "log.csv"}})
+def test_no_app_toml_reaches_outside_the_folder(
+    tmp_path_factory: pytest.TempPathFactory, log: Any, former: Any
+) -> None:
+    root = surroundings(tmp_path_factory.mktemp("any"))
+    try:
+        text = tomlkit.dumps({"log": log, "former": former})
+    except (ValueError, TypeError):  # of lists of several types
+        text = f"former = {json.dumps(former, default=str)}"
+    (root / "app.toml").write_text(text, "utf-8")
+    before = snapshot(root.parent, root)
+    project = Project(root)
+    for act in (
+        project.tend,
+        lambda: project.open_log("log.csv"),
+        lambda: project.open_log("../other.csv"),
+        lambda: project.open_log("log.csv"),
+        lambda: project.take_vehicle("x"),
+        lambda: project.source,
+    ):
+        with contextlib.suppress(StoopError):
+            act()
+    assert snapshot(root.parent, root) == before
+
+
+def link(root: Path, name: str) -> None:
+    (root / name).parent.mkdir(parents=True, exist_ok=True)
+    (root / name).symlink_to(root.parent / "victim.txt")
+
+
+def step(root: Path, name: str, command: str, files: dict[str, bytes | str]) -> None:
+    (root / name).mkdir(parents=True)
+    for file, content in {COMMAND: command, **files}.items():
+        (root / name / file).write_bytes(content if isinstance(content, bytes) else content.encode())
+
+
+FLIGHT = {"flight.nc": b"CDF\x01junk", "output.txt": "{}"}
+READ = "stoop info log.csv --json\n"
+FOLDERS: dict[str, Callable[[Path], object]] = {
+    **{
+        f"{name} is a link to a file outside": lambda root, name=name: link(root, name)
+        for name in ("commands.sh", "vehicle.toml", WINDOWS, MAPPING, "app.toml")
+    },
+    **{
+        f"{name} is a link to a folder outside": lambda root, name=name: (root / name).symlink_to(root.parent)
+        for name in ("info", "map", "runs", "maneuvers", "logs", "comparisons")
+    },
+    "a link to a device": lambda root: (root / "vehicle.toml").symlink_to("/dev/zero"),
+    "a link to itself": lambda root: (root / "vehicle.toml").symlink_to("vehicle.toml"),
+    "a pipe": lambda root: os.mkfifo(root / "vehicle.toml"),
+    "app.toml is a folder": lambda root: (root / "app.toml").mkdir(),
+    "a huge vehicle": lambda root: (
+        (root / "vehicle.toml").touch(), os.truncate(root / "vehicle.toml", 1 << 40),
+    ),
+    "a vehicle of bytes": lambda root: (root / "vehicle.toml").write_bytes(b"\xff\xfe\x00"),
+    "windows of bytes": lambda root: (root / WINDOWS).write_bytes(b"\xff\xfe\x00"),
+    "windows nested": lambda root: (root / WINDOWS).write_text("a = " + "[" * 5000),
+    "an open quote": lambda root: step(root, "info/001", "stoop info 'log.csv\n", FLIGHT),
+    "a command of bytes": lambda root: step(root, "info/001", "", {COMMAND: b"\xff\x00\xfe", **FLIGHT}),
+    "a name of digits": lambda root: step(root, f"info/{'9' * 250}", READ, FLIGHT),
+    "digits of another script": lambda root: step(root, "info/٣٣٣", READ, FLIGHT),
+    "output of bytes": lambda root: step(root, "info/001", READ, {**FLIGHT, "output.txt": b"\xff"}),
+    "output nested": lambda root: step(root, "info/001", READ, {**FLIGHT, "output.txt": "[" * 99_999}),
+    "output of another type": lambda root: step(root, "info/001", READ, {**FLIGHT, "output.txt": "[1]"}),
+    "info of other types": lambda root: step(
+        root, "info/001", READ, {**FLIGHT, "output.txt": '{"rate": "x", "channels": 3, "faults": 1}'}
+    ),
+    "a proposal of bytes": lambda root: step(root, "maneuvers/001", "stoop", {WINDOWS: b"\xff"}),
+    "a product that is a folder": lambda root: (root / "maneuvers/001/windows.toml").mkdir(parents=True),
+    "a result of another type": lambda root: step(root, "runs/001", "stoop", {"result.json": "[]"}),
+    "a design of another type": lambda root: (
+        step(root, "designs/001", "stoop", {"design.html": "", "design.json": '{"notices": [3]}'}),
+        (root / "vehicle.toml").write_text("x = 1"),
+    ),
+    "a lock that is a pipe": lambda root: (
+        step(root, "info/001", READ, FLIGHT), os.mkfifo(root / "info/001/lock"),
+    ),
+    "files deep in each other": lambda root: (
+        step(root, "exports/001", "stoop", {}), (root / "exports/001" / "/".join("d" * 900)).mkdir(parents=True),
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", FOLDERS)
+def test_a_file_of_any_content_is_one_line_on_the_page(
+    kind: str, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    root = surroundings(tmp_path)
+    (root / "app.toml").write_text('log = "log.csv"\n')
+    if "app.toml" in kind:
+        (root / "app.toml").unlink()
+    FOLDERS[kind](root)
+    before = snapshot(root.parent, root)
+    said = use(root)
+    assert snapshot(root.parent, root) == before
+    assert "this is a bug" not in said
+    assert not caplog.records
+    for name in ("commands.sh", "vehicle.toml", WINDOWS, MAPPING):
+        if kind == f"{name} is a link to a file outside":
+            assert name == "commands.sh" or "leads outside the folder" in said
+
+
+def test_a_progress_file_of_any_type_is_one_line(tmp_path: Path) -> None:
+    root = surroundings(tmp_path)
+    step(root, "runs/001", "stoop identify log.csv", {})
+    view = FitView(Project(root), lambda _: None)
+    view._chosen, view._detail = "runs/001", ("runs/001", "running")
+    contents = (
+        "[1]",
+        '{"work": 3}',
+        '{"work": "x", "costs": 3}',
+        '{"work": "x", "costs": [], "curves": [3]}',
+    )
+    for i, text in enumerate(contents):
+        (root / "runs/001/progress.json").write_text(text)
+        os.utime(root / "runs/001/progress.json", ns=(i + 1, i + 1))
+        with pytest.raises(StoopError, match="is not as stoop writes it"):
+            view.tick()
+
+
+@pytest.mark.skipif(os.name != "posix", reason="locks and groups of processes as POSIX has them")
+def test_a_process_that_the_app_did_not_start_is_never_stopped(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import fcntl
+
+    root = surroundings(tmp_path)
+    step(root, "runs/001", "stoop identify log.csv", {PROCESS: "4242\n"})
+    killed: list[tuple[int, int]] = []
+    monkeypatch.setattr(os, "killpg", lambda *words: killed.append(words))
+    found = Step(root / "runs" / "001")
+    with (root / "runs/001" / LOCK).open("wb") as handle:
+        fcntl.flock(handle, fcntl.LOCK_EX)
+        assert found.running
+        found.stop()
+        assert killed == []
+        places.remember("process", found.folder, "4343")  # as `start` does
+        places._session.clear()  # another server
+        found.stop()
+    assert killed == [(4343, signal.SIGINT)]
+
+
+def test_a_log_outside_the_folder_is_read_only_when_the_person_has_opened_it(tmp_path: Path) -> None:
+    root = surroundings(tmp_path)
+    (root / "app.toml").write_text('log = "../other.csv"\n')
+    for act in (lambda p: p.read_log(), lambda p: p.draft_mapping(), lambda p: p.propose_windows()):
+        with pytest.raises(StoopError, match="you have not opened it"):
+            act(Project(root))
+    Project(root).open_log(root.parent / "other.csv")
+    assert Project(root).source[0] == str(root.parent / "other.csv")
+    (root / "-o").write_text("time_s,p\n0,1\n")
+    Project(root).open_log("-o")
+    assert Project(root).source[0] == "./-o"
+    assert shlex.split(Project(root).readings[-1].command)[2] == "./-o"
+
+
+@pytest.fixture(scope="module")
+def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[App]:
+    """Return one app for these tests."""
+    one = start_app(tmp_path_factory.mktemp("odd") / "project")
+    yield one
+    one.kill()
+
+
+PATHS = {
+    "..": "files/../../x", "encoded ..": "files/%2e%2e/x", "encoded slash": "files/..%2fx", "//": "files//etc/passwd",
+    "absolute": "files/%2fetc/passwd", "dot": "files/./app.toml", "NUL": "files/a%00b", "newline": "files/a%0ab",
+    "bytes": "files/%ff%fe", "long": "files/" + "a" * 5000, "backslash": "files/..%5c..%5cx",
+    "upload //": "upload//?name=x", "upload ..": "../upload?name=x", "bytes of a name": "upload?name=%ff%fe",
+    "bytes of a folder": "upload?name=x&into=%ff",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("method", ["GET", "POST"])
+@pytest.mark.parametrize("kind", PATHS)
+def test_odd_paths_are_refused_and_leave_no_part(kind: str, method: str, running: App) -> None:
+    connection = http.client.HTTPConnection("127.0.0.1", running.port)
+    connection.request(method, f"/{running.token}/{PATHS[kind]}", body=b"abc" if method == "POST" else None)
+    assert connection.getresponse().status == 400
+    connection.close()
+    assert not list(running.folder.rglob(".part-*"))
+
+
+def test_a_name_of_many_characters_and_a_size_of_many_digits(running: App) -> None:
+    def ask(method: str, query: str) -> int:
+        connection = http.client.HTTPConnection("127.0.0.1", running.port)
+        connection.request(method, f"/{running.token}/upload?{query}", body=b"abc")
+        status = connection.getresponse().status
+        connection.close()
+        return status
+
+    assert ask("GET", f"size={'9' * 6000}") == 413
+    assert ask("POST", f"name={'n' * 6000}") == 200
+    (running.folder / "logs" / "tables").symlink_to(running.folder.parent)
+    assert ask("POST", "name=x.csv&into=tables") == 507
+    assert not (running.folder.parent / "x.csv").exists()
+    assert not list(running.folder.rglob(".part-*"))
