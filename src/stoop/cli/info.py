@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from itertools import groupby
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from stoop.input_design.overview import Overview
     from stoop.input_design.windows import Found
 
+_INDEX = re.compile(r"\d{1,9}")  #: of an element of an array
 MAX_STREAMS, MAX_NAMES = 12, 24  #: lines and names shown of what is not mapped; JSON holds all
 
 
@@ -216,7 +218,7 @@ def _as_arrays(names: Sequence[str]) -> list[str]:
 
     def run(numbered: tuple[int, str]) -> tuple[str, int]:
         array, _, index = numbered[1].removesuffix("]").rpartition("[")
-        return (array, int(index) - numbered[0]) if array and index.isdecimal() else numbered[::-1]
+        return (array, int(index) - numbered[0]) if array and _INDEX.fullmatch(index) else numbered[::-1]
 
     out = []
     for _, group in groupby(enumerate(names), run):

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from stoop.vehicle import Vehicle
 
 STDOUT: Final = Path("-")  #: the file that stands for standard output
+#: largest whole number of an option that has no range of its own: any generator of random numbers takes it as a seed
+MAX_COUNT: Final = 2**32 - 1
 COMPILING: Final = "preparing the equations (some seconds the first time)"
 
 
@@ -57,14 +59,14 @@ def names(text: str) -> tuple[str, ...]:
 
 
 positive = _reader(lambda x: 1.0 / MAX_NUMBER <= x <= MAX_NUMBER, "a positive number from 1e-30 to 1e30")
+#: kind of a whole number -> the smallest
+WHOLE: Final = {"count": 0, "at-least-one": 1}
 #: kind of an option's value -> what reads it
 READERS: Final[dict[str, Callable[[str], Any]]] = {
     **dict.fromkeys(("text", "vehicle", "source"), str),
     **dict.fromkeys(("file", "data", "folder", "output", "output-or-print"), Path),
     "page": page_path,
     "names": names,
-    "count": _reader(lambda n: n >= 0, "a whole number, zero or above", whole=True),
-    "at-least-one": _reader(lambda n: n >= 1, "a whole number, one or above", whole=True),
     "positive": positive,
     "finite": _reader(lambda x: abs(x) <= MAX_NUMBER, "a number up to 1e30"),
 }
@@ -72,6 +74,11 @@ READERS: Final[dict[str, Callable[[str], Any]]] = {
 
 def reader(option: Option) -> Callable[[str], Any]:
     """Return what reads a value of an option; an angle within limits is returned in rad."""
+    if (least := WHOLE.get(option.kind)) is not None:
+        first, last = option.range or (least, MAX_COUNT)
+        return _reader(
+            lambda n: first <= n <= last, f"a whole number from {first:.0f} to {last:.0f}", whole=True
+        )
     if option.range is None:
         return READERS[option.kind]
     low, high = option.range

@@ -320,8 +320,13 @@ class FilterError(Fitter[FilterEstimate]):
                 best = maximize(stages, likelihood, best.z, TOLERANCES.first, FIRST_STEPS)
                 if not best.usable:
                     break
-            before = best.cost
+            before, held = best.cost, best
             best = maximize(stages, best.likelihood.along(best.z), best.z, TOLERANCES.last)
+            if not np.isfinite(
+                best.cost
+            ):  # with gains of its own states it diverges: the maximum before stays
+                best, best.status = held, "stalled"
+                break
             if 0.5 * abs(before - best.cost) < TOLERANCES.linearization:
                 break
         if not np.isfinite(best.cost):

@@ -71,8 +71,9 @@ class Innovations:
         except np.linalg.LinAlgError:
             lower = np.full(S[0].shape, np.nan)
         if not (np.isfinite(lower).all() and np.isfinite(v[0]).all()):
-            empty = np.zeros((*v.shape[1:], 0)), np.zeros((0, ny, ny, 0))
-            return cls(v[0] * np.nan, np.inf, entries, *empty, which)
+            j = len(entries)
+            unknown = np.full((*v.shape[1:], j), np.nan), np.full((len(S[0]), ny, ny, j), np.nan)
+            return cls(np.full(v.shape[1:], np.nan), np.inf, entries, *unknown, which)
         root = np.linalg.inv(lower)
         logs = 2.0 * np.sum(np.log(np.diagonal(lower, axis1=1, axis2=2)), axis=1)
         white = whitened_by(root, v, which)

@@ -141,7 +141,7 @@ def _format(topic: Topic) -> bytes:
     fields = ["uint64_t timestamp;"]
     columns = []
     for column, x in topic.columns.items():
-        match = re.fullmatch(r"(.+)\[(\d+)\]", column)
+        match = re.fullmatch(r"(.+)\[(\d{1,9})\]", column)
         name, index = (match[1], int(match[2])) if match else (column, -1)
         columns.append((name, index, _TYPES[np.asarray(x).dtype]))
     for (name, is_array, kind), group in groupby(columns, key=lambda x: (x[0], x[1] >= 0, x[2])):

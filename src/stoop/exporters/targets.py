@@ -75,6 +75,6 @@ def export(model: ModelData, target: str, condition: Condition | None = None) ->
 
 
 def _loaded(table: Mapping[str, Target], target: str, of: str) -> Any:
-    if target not in table:
-        raise StoopError(f"there is no target {target!r} of {of}; {nearest(target, table)}")
+    if not isinstance(target, str) or target not in table:
+        raise StoopError(f"there is no target {target!r} of {of}; {nearest(str(target), table)}")
     return table[target].load()

@@ -206,7 +206,7 @@ def rotor_pulses(flight: Flight) -> list[str]:
     columns = [np.clip(flight.column(n), -x, x) for n, x in zip((*names, "p", "q"), limits, strict=True)]
     size = max(1, round(PULSES.block * flight.rate))
     count = flight.time.size // size
-    blocks = np.column_stack(columns)[: count * size].reshape(count, size, -1).mean(axis=1)
+    blocks = np.column_stack(columns)[: count * size].reshape(count, size, len(columns)).mean(axis=1)
     x, p, q = blocks[:, :-2], blocks[:, -2], blocks[:, -1]
     return names if _turns(x, p, q) and _turns(x, q, p) else []
 

@@ -118,13 +118,13 @@ def drop_outliers(group: Channels) -> tuple[Channels, list[Notice]]:
 
 
 def drop_impossible(
-    source: str, values: Mapping[str, FloatArray]
+    source: str, values: Mapping[str, FloatArray], most: float = MAX_VALUE
 ) -> tuple[dict[str, FloatArray], list[Notice]]:
     """Take impossibly large values as missing, in channels (n,) of one source, and say so."""
     kept, notices = dict(values), []
     for name, x in values.items():
-        if large := int(np.sum(np.abs(x) > MAX_VALUE)):
-            kept[name] = within_range(x, MAX_VALUE)
+        if large := int(np.sum(np.abs(x) > most)):
+            kept[name] = within_range(x, most)
             notices.append(notice("impossible-values", source, variable=name, count=large))
     return kept, notices
 

@@ -15,6 +15,7 @@ import numpy as np
 from stoop.base.arrays import BoolArray, FloatArray, empty_columns
 from stoop.base.files import write_bytes_atomic
 from stoop.base.notices import Notice, attempt, from_dict, notice
+from stoop.base.numbers import MAX_NUMBER
 from stoop.base.toml import parse_json
 from stoop.base.variables import EULER, QUATERNION, RATES, VARIABLES
 from stoop.checks.engine import TABLE, Line, Lines, read_lines
@@ -329,8 +330,8 @@ def _restore(recording: Recording, name: str) -> Flight:
     uniform = uniform and bool(np.all(np.abs(np.diff(stream.time) * rate - 1.0) < 1e-2))
     if not (uniform and data and set(data) <= set(sources)):
         raise LogError(foreign)
-    # a filter may have gone beyond what was recorded
-    data, dropped = drop_impossible(recording.path.name, data)
+    # what was possible when it was written stays, also where a filter went beyond what was recorded
+    data, dropped = drop_impossible(recording.path.name, data, MAX_NUMBER)
     columns = Gridded(stream.time, on_circle(data))
     return Flight(name, recording.path, columns, rate, sources, (*notices, *dropped), air, tuple(faults))
 

@@ -108,7 +108,12 @@ def minimize(
         if state is None:
             state = optimizer.init(ledger, seed, starts)
         while (status := _status(state, stop)) is None:
-            state, event = optimizer.step(state, ledger)
+            found = optimizer.step(state, ledger)
+            if not (isinstance(found, tuple) and len(found) == 2 and isinstance(found[0], State)):
+                raise IdentificationError(
+                    f"optimizer {optimizer.name}: its step returned {type(found).__name__}, not (state, event)"
+                )
+            state, event = found
             if callback is not None:
                 callback(Progress(state, event))
     except Halt as halt:

@@ -80,8 +80,10 @@ def project(rows: FloatArray, r: FloatArray) -> FloatArray:
 def solve_damped(normal: FloatArray, right: FloatArray, damping: float) -> FloatArray:
     """Solve (A + damping diag A) x = b, scaled to a unit diagonal, so that units do not matter.
 
-    A variable that nothing depends on (zero diagonal) stays where it is.
+    A variable that nothing depends on (zero diagonal) stays where it is. The solution is NaN where A or b is not finite.
     """
+    if not (np.isfinite(normal).all() and np.isfinite(right).all()):
+        return np.full(len(right), np.nan)
     scale = np.sqrt(np.maximum(np.diag(normal), 1e-24 * max(float(np.diag(normal).max()), 1e-276)))
     unit = normal / np.outer(scale, scale)
     unit[np.diag_indices_from(unit)] += damping

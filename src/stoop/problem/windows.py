@@ -6,13 +6,14 @@ A window is ``[FLIGHT@]START:STOP[#LOADING]``, seconds of the log's own clock, o
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
+from numbers import Real
+from typing import Any, TypeAlias
 
 import numpy as np
 
-from stoop.base.arrays import BoolArray
+from stoop.base.arrays import BoolArray, FloatArray
 from stoop.errors import FlightError
 from stoop.flight import Flight
 
@@ -31,8 +32,8 @@ class Window:
 
 
 OneWindow: TypeAlias = str | tuple[float, float] | slice | Window
-#: "140:145", (140, 145), slice(140, 145); one or several
-Windows: TypeAlias = OneWindow | Sequence[OneWindow]
+#: "140:145", (140, 145), slice(140, 145); one or several; an array (2,) or (n, 2)
+Windows: TypeAlias = OneWindow | Sequence[OneWindow] | FloatArray
 
 
 def as_windows(given: Windows, flights: Mapping[str, Flight]) -> tuple[Window, ...]:
@@ -43,9 +44,20 @@ def as_windows(given: Windows, flights: Mapping[str, Flight]) -> tuple[Window, .
     FlightError
         Of none of these forms, see :func:`parse_window`.
     """
-    pair = isinstance(given, tuple) and len(given) == 2 and all(isinstance(x, int | float) for x in given)
+    several: Any = given.tolist() if isinstance(given, np.ndarray) else given
+    pair = (
+        isinstance(several, tuple | list) and len(several) == 2 and all(isinstance(x, Real) for x in several)
+    )
+    if pair or isinstance(several, str | slice | Window):
+        several = [several]
+    if not isinstance(several, Iterable):
+        kind = type(given).__name__
+        raise FlightError(
+            f"windows: a {kind} is none; give '140:145', (140, 145), or a list or array of pairs, s"
+        )
     out = []
-    for one in [given] if pair or isinstance(given, str | slice | Window) else given:
+    for one in several:
+        one = one.tolist() if isinstance(one, np.ndarray) else one
         edges = (one.start, one.stop) if isinstance(one, slice) else one
         text = ":".join(map(str, edges)) if isinstance(edges, tuple | list) else str(edges)
         out.append(one if isinstance(one, Window) else parse_window(text, flights))

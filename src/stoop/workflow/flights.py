@@ -1,9 +1,9 @@
-"""Flights as a user gives them: a flight, the path of a log, a table with a column ``time``, a dataset; one or several."""
+"""Flights as a user gives them: a flight, the path of a log, a table or mapping with ``time``, a dataset; one or several."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias, Union
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
-OneFlight: TypeAlias = Union[Flight, str, Path, "pd.DataFrame", "xr.Dataset"]
+OneFlight: TypeAlias = Union[Flight, str, Path, "pd.DataFrame", "xr.Dataset", Mapping[str, npt.ArrayLike]]
 Flights: TypeAlias = OneFlight | Sequence[OneFlight]
 
 
@@ -63,16 +63,20 @@ def as_flight(given: Any) -> Flight:
         raise FlightError(
             f"a flight is expected, not the vehicle {given.name}; give the vehicle before the flight"
         )
+    if isinstance(given, Mapping) and not hasattr(given, "data_vars"):
+        given = _table(given)
     names = list(getattr(given, "data_vars", getattr(given, "columns", ())))
     if not names:
         kind = type(given).__name__
         raise FlightError(
-            f"a flight is expected, not a {kind}; give a Flight, a path, a DataFrame or a Dataset"
+            f"a flight is expected, not a {kind}; give a Flight, a path, a dict of columns, a DataFrame or a Dataset"
         )
     if "time" not in given and getattr(getattr(given, "index", None), "name", None) == "time":
         given = given.reset_index()
     if "time" not in given:
-        raise FlightError("the table has no column 'time'; add it, seconds at one rate")
+        raise FlightError(
+            "the table has no column 'time'; add it, or rename its time axis so, seconds at one rate"
+        )
     time = given["time"].to_numpy()
     if time.dtype.kind in "mM" and time.size:
         time = (time - time.flat[0]) / np.timedelta64(1, "s")
@@ -83,6 +87,19 @@ def as_flight(given: Any) -> Flight:
             raise FlightError(f"column '{key}' is in {stated} by its attribute 'units'; give it in {unit}")
     name = re.sub(r"[/\\@#:\0]", "-", str(given.attrs.get("name", "flight")))
     return with_contradictions(from_columns(name, _numbers("time", time), columns, source="dataset"))
+
+
+def _table(columns: Mapping[str, Any]) -> pd.DataFrame:
+    """Return columns (n,) by name as a table; raises `FlightError` if they are of other shapes."""
+    import pandas as pd
+
+    try:
+        return pd.DataFrame(dict(columns))
+    except (ValueError, TypeError) as error:
+        raise FlightError(
+            f"the dict holds no equally long columns of numbers ({error}); give {{'time': ..., 'V': ...}}, several flights "
+            "as a list"
+        ) from None
 
 
 def _numbers(name: str, values: npt.NDArray[Any]) -> FloatArray:

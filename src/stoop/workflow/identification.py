@@ -120,11 +120,11 @@ def search(
     if len(rates) > 1:
         text = " and ".join(rates)
         raise FlightError(f"identify: the flights are sampled at {text} Hz; bring them to one rate first")
-    if not maneuvers:
+    fitted, predicted = as_windows(maneuvers, known), as_windows(validate, known)
+    if not fitted:
         raise FlightError(
             "fit: no maneuver is given; name at least one window START:STOP, see stoop.look or stoop info"
         )
-    fitted, predicted = as_windows(maneuvers, known), as_windows(validate, known)
     twice = "the same samples would count twice; give windows that lie apart"
     both = "nothing may be fitted in a window that is predicted; move one of them"
     for i, window in enumerate((*fitted, *predicted)):

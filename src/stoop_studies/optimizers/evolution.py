@@ -21,6 +21,7 @@ import numpy as np
 from numpy.random import Generator
 
 from stoop.base.arrays import BoolArray, Factor, FloatArray
+from stoop.errors import IdentificationError
 from stoop.optimize.ledger import Evaluations, Ledger
 from stoop.optimize.population import MEMBERS, binomial, greedy
 from stoop.optimize.problem import Problem
@@ -116,7 +117,15 @@ class Islands:
         mutants = np.empty_like(X)
         for place in self.places(len(X)):
             own = scale[place] if isinstance(scale, np.ndarray) else scale
-            mutants[place] = mutation(X[place], F[place], own, generator)
+            found = mutation(X[place], F[place], own, generator)
+            numbers = isinstance(found, np.ndarray) and found.dtype.kind in "fiu"
+            if not numbers or found.shape != X[place].shape or not np.isfinite(found).all():
+                name = getattr(mutation, "__name__", type(mutation).__name__)
+                raise IdentificationError(
+                    f"mutation {name}: what it returned is no array of finite numbers {X[place].shape}, one mutant for each "
+                    "member; mend the function"
+                )
+            mutants[place] = found
         return mutants
 
     def places(self, members: int) -> list[slice]:

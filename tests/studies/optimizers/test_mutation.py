@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from stoop import optimize
+from stoop.errors import IdentificationError
 from stoop.optimize.population import binomial, midpoint
+from stoop_studies.optimizers.compositions import ps_gde
 from stoop_studies.optimizers.evolution import Islands, clip
 from stoop_studies.optimizers.mutation import (
     ScaledByCost,
@@ -24,6 +28,7 @@ from stoop_studies.optimizers.mutation import (
     unordered,
     weighted_centroid,
 )
+from stoop_studies.problems import pose
 
 SEEDS = st.integers(0, 2**32 - 1)
 OPERATORS = [
@@ -45,6 +50,33 @@ def test_distinct_indices_differ_from_each_other_and_the_parent(seed: int, n: in
     for i, column in enumerate(picks.T.tolist()):
         assert len({i, *column}) == k + 1
         assert all(0 <= j < n for j in column)
+
+
+def lost(X: np.ndarray, F: np.ndarray, scale: float, generator: np.random.Generator) -> None:
+    """Forget to return the mutants."""
+
+
+def undefined(X: np.ndarray, F: np.ndarray, scale: float, generator: np.random.Generator) -> np.ndarray:
+    return np.where(np.arange(X.size).reshape(X.shape) == 3, np.nan, X)
+
+
+@pytest.mark.parametrize(
+    ("mutation", "name"),
+    [
+        (lost, "lost"),
+        (undefined, "undefined"),
+        (lambda X, F, scale, generator: X[:-1], "<lambda>"),
+        (lambda X, F, scale, generator: X.tolist(), "<lambda>"),
+        (lambda X, F, scale, generator: X + np.inf, "<lambda>"),
+        (lambda X, F, scale, generator: X + 1j, "<lambda>"),
+    ],
+)
+def test_a_mutation_of_no_numbers_is_refused_by_its_name(mutation: Any, name: str) -> None:
+    posed = pose("bbob-01", 1)
+    with pytest.raises(
+        IdentificationError, match=f"^mutation {name}: what it returned is no array of finite"
+    ):
+        optimize.minimize(ps_gde(mutation=mutation), posed.problem, seed=1, stop=optimize.Stop(5))
 
 
 def test_distinct_indices_are_uniform() -> None:

@@ -121,7 +121,7 @@ def test_free_and_fix(place: Path) -> None:
         (["--maneuver", "0:20", "--fix", "sensors.p.bias"], "--fix sensors.p.bias: the equations of"),
         (["--maneuver", "0:20", "--target-cost", "nan"], "--target-cost: 'nan' is not a number"),
         (["--maneuver", "0:20", "--target-cost", "inf"], "--target-cost: 'inf' is not a number"),
-        (["--maneuver", "0:20", "--generations", "0"], "--generations: '0' is not a whole number, one or"),
+        (["--maneuver", "0:20", "--generations", "0"], "--generations: '0' is not a whole number from 1 to"),
         (["--maneuver", "0:20", "--budget", "-1"], "positive"),
         (["--maneuver", "0:20", "--budget", "inf"], "--budget: 'inf' is not a positive number"),
         (["--maneuver", "0:20", "--seed", "x"], "whole number"),

@@ -117,6 +117,11 @@ def test_elements_of_an_array_are_one_name() -> None:
     ]
 
 
+def test_an_index_of_thousands_of_digits_is_a_name() -> None:
+    names = ["a[1]", f"a[{'9' * 4301}]", "a[\u0663]"]
+    assert unmapped_lines({"log": names}) == [f"log: {' '.join(names)}"]
+
+
 def test_maneuvers_do_not_overlap() -> None:
     """The calm ends of two are taken once: the weaker is cut, but not into its input, 0.5 s after and 1 s before its ends."""
     found = [

@@ -56,7 +56,7 @@ def test_a_figure_is_page_and_table_and_the_same_bytes_again(
     ("words", "complaint"),
     [
         (["figure4"], "invalid choice: 'figure4'"),
-        (["figure3", "--runs", "0"], "'0' is not a whole number, one or above"),
+        (["figure3", "--runs", "0"], "'0' is not a whole number from 1 to 1000000"),
         (["figure3", "--seed", "-1"], "is not a whole number"),
         (["table1", "--box", "X"], "invalid choice: 'X'"),
         ([], "required: EXPERIMENT"),

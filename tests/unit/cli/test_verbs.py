@@ -18,7 +18,7 @@ import stoop
 from stoop.base.verbs import Option, Verb, plain, read_verbs, verbs
 from stoop.cli.completion import all_parsers
 from stoop.cli.main import all_verbs, parser_for
-from stoop.cli.options import READERS, reader
+from stoop.cli.options import READERS, WHOLE, reader
 from stoop.vehicle.builtin import BUILT_IN
 
 ROOT = Path(__file__).parents[3]
@@ -135,6 +135,19 @@ def test_an_angle_becomes_radians_within_its_limits() -> None:
         read("90")
 
 
+def test_every_whole_number_has_limits_that_its_program_can_take() -> None:
+    for verb in all_verbs().values():
+        for option in verb.options:
+            if option.kind not in WHOLE:
+                continue
+            read = reader(option)
+            for wrong in ("99999999999999999999", str(2**128), "9" * 4301, "-1", "1.5", "\u0663", ""):
+                with pytest.raises(argparse.ArgumentTypeError, match="is not a whole number from"):
+                    read(wrong)
+            assert option.default is None or read(str(option.default)) == option.default
+            assert option.const is None or read(str(option.const)) == option.const
+
+
 def test_a_table_of_another_package_may_name_and_change_shared_options() -> None:
     row = {"summary": "s", "run": "m:f", "options": ["flight", {"like": "seed", "default": 7}]}
     verb = read_verbs({"verbs": {"other": row}})["other"]
@@ -144,7 +157,7 @@ def test_a_table_of_another_package_may_name_and_change_shared_options() -> None
 
 def test_every_kind_has_a_reader() -> None:
     kinds = {option.kind for verb in all_verbs().values() for option in verb.options}
-    assert kinds - {"switch"} <= set(READERS)
+    assert kinds - {"switch"} <= set(READERS) | set(WHOLE)
 
 
 def test_marks_of_markdown_do_not_reach_a_terminal() -> None:

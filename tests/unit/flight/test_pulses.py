@@ -37,6 +37,15 @@ def copter(request: pytest.FixtureRequest) -> Flight:
     return pulsed(simulate_flight(resolve_vehicle(request.param), FLOWN, seed=3, name="f"))
 
 
+@pytest.mark.parametrize("samples", [2, 3, 9, 10])
+def test_a_flight_shorter_than_a_block_shows_no_motors(samples: int) -> None:
+    ripple = np.sin(np.arange(samples) + np.arange(6)[:, None])
+    pulses = {f"pwm_{n}": 1500.0 + 20.0 * ripple[n - 1] for n in range(1, 5)}
+    brief = from_columns("brief", 0.01 * np.arange(samples), {**pulses, "p": ripple[4], "q": ripple[5]})
+    assert rotor_pulses(brief) == []
+    assert not carried_by_rotors(brief)
+
+
 def test_pulses_that_turn_a_copter_are_motors(copter: Flight) -> None:
     motors = [str(name) for name in copter.data.data_vars if str(name).startswith("pwm_")]
     assert rotor_pulses(copter) == motors

@@ -51,6 +51,16 @@ def test_there_and_back_bit_for_bit(tmp_path: Path, values: FloatArray) -> None:
     assert_same(there, back)
 
 
+@pytest.mark.parametrize("large", [1.0000001e9, -3e9, 1e12, 1e29])
+def test_numbers_beyond_what_a_log_may_hold_come_back_too(tmp_path: Path, large: float) -> None:
+    """The filter of the grid goes beyond what was recorded, and columns may be set by hand."""
+    there = flight(np.arange(30.0))
+    data = there.data.assign(p=("time", np.linspace(0.9e9, large, 30), there.data["p"].attrs))
+    there = replace(there, data=data)
+    save(there, tmp_path / "g.nc")
+    assert_same(there, load(tmp_path / "g.nc"))
+
+
 def test_air_data_and_faults_come_back(tmp_path: Path) -> None:
     import dataclasses
 

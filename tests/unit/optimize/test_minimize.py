@@ -344,3 +344,19 @@ def test_bad_questions_get_one_line(oscillation: Callable[..., Any]) -> None:
         optimize.minimize(optimize.create("ps-gde"), oscillation(extra=0), seed=0, state=run.state)
     with pytest.raises(IdentificationError, match="no variable is free"):
         optimize.minimize(optimize.create(), oscillation(dimension=0), seed=0)
+
+
+def test_an_optimizer_whose_step_returns_no_state_is_refused_by_its_name(
+    oscillation: Callable[..., Any],
+) -> None:
+    class Forgetful:
+        name = "forgetful"
+
+        def init(self, *given: Any) -> Any:
+            return optimize.create().init(*given)
+
+        def step(self, state: Any, problem: Any) -> Any:
+            return None
+
+    with pytest.raises(IdentificationError, match=r"^optimizer forgetful: its step returned NoneType, not"):
+        optimize.minimize(Forgetful(), oscillation(), seed=1)

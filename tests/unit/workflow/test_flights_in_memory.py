@@ -9,7 +9,8 @@ import pandas as pd
 import pytest
 
 import stoop
-from stoop.errors import FlightError
+from stoop.errors import FlightError, StoopError
+from stoop.problem.windows import Window, as_windows
 from stoop.workflow.flights import as_flight
 
 TIME = np.arange(100) * 0.02
@@ -49,6 +50,67 @@ def test_an_index_of_times_is_the_time() -> None:
 def test_what_is_no_flight_is_refused_in_one_line(given: Any, match: str) -> None:
     with pytest.raises(FlightError, match=match):
         as_flight(given)
+
+
+@pytest.mark.parametrize("kind", [dict, lambda table: {n: list(x) for n, x in table.items()}, pd.DataFrame])
+def test_a_dict_of_columns_is_a_table(kind: Any) -> None:
+    found, same = as_flight(kind(table())), as_flight(table())
+    assert found.data.identical(same.data)
+    assert found.rate == 50.0
+
+
+@pytest.mark.parametrize(
+    ("given", "match"),
+    [
+        ({}, "a flight is expected"),
+        ({"time": 1.0, "q": 2.0}, "holds no equally long columns"),
+        ({"time": TIME, "q": TIME[1:]}, "holds no equally long columns"),
+        ({"time": TIME, "q": np.ones((100, 2))}, "holds no equally long columns"),
+        ({"one": table(), "other": table()}, r"column 'time'|several flights as a list"),
+        ({"q": TIME}, "no column 'time'"),
+        (np.zeros((3, 3)), "not a ndarray; give a Flight, a path, a dict of columns"),
+    ],
+)
+def test_a_dict_that_is_no_flight_is_refused_in_one_line(given: Any, match: str) -> None:
+    with pytest.raises(FlightError, match=match):
+        as_flight(given)
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        [0.5, 1.5],
+        (np.float32(0.5), np.float64(1.5)),
+        np.array([0.5, 1.5]),
+        np.array([[0.5, 1.5]]),
+        [[0.5, 1.5]],
+        [np.array([0.5, 1.5])],
+    ],
+)
+def test_windows_may_be_arrays_and_lists_of_numbers(given: Any) -> None:
+    flight = as_flight(table())
+    assert as_windows(given, {flight.name: flight}) == (Window(flight.name, 0.5, 1.5),)
+
+
+@pytest.mark.parametrize(
+    "given", [np.zeros((2, 3)), np.zeros((2, 2, 2)), np.ones(3), 3.0, np.float64(3.0), [None]]
+)
+def test_what_is_no_window_is_refused_in_one_line(given: Any) -> None:
+    flight = as_flight(table())
+    with pytest.raises(FlightError, match="140:145"):
+        as_windows(given, {flight.name: flight})
+
+
+@pytest.mark.parametrize("given", [(), [], np.empty((0, 2))])
+def test_a_fit_without_windows_says_so(given: Any) -> None:
+    with pytest.raises(FlightError, match="no maneuver is given"):
+        stoop.fit("twin-boom", table(), given)
+
+
+@pytest.mark.parametrize("target", [None, 3, ["jsbsim"]])
+def test_an_export_without_a_target_says_which_there_are(target: Any) -> None:
+    with pytest.raises(StoopError, match=r"there is no target .* of an export; .*jsbsim"):
+        stoop.export("twin-boom", to=target)
 
 
 def test_a_table_is_no_path() -> None:

@@ -280,9 +280,10 @@ class Equations(ABC):
 
 
 def estimate(equations: Equations, domain: Domain, bounded: bool = False) -> Estimates | None:
-    """Estimate the unknowns, within bounds or not; None where the motion was nowhere measured completely.
+    """Estimate the unknowns, within bounds or not.
 
-    A constant that the domain does not keep is found afterwards, from the means.
+    None where the motion was nowhere measured completely, or the equations diverge. A constant that the domain does not keep
+    is found afterwards, from the means.
     """
     first = _gauss_newton(equations, domain, bounded)
     if first is None:
@@ -298,7 +299,7 @@ def _gauss_newton(equations: Equations, domain: Domain, bounded: bool) -> Estima
     for _ in range(MAX_ITERATIONS):
         samples = equations.rows(values)
         rows = [t for r in samples if (t := r.transformed(domain)).y.size]
-        if not rows:
+        if not rows or not all(np.isfinite(r.y).all() and np.isfinite(r.X).all() for r in rows):
             return None
         found = equations.solved(rows, priors, values)
         before, values = values, found.values
