@@ -82,3 +82,7 @@ class CampaignError(StoopError):
 
 class OutputError(StoopError):
     """An output cannot be written."""
+
+
+class CacheWarning(UserWarning):
+    """Compiled equations cannot be kept for the next process."""

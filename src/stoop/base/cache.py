@@ -19,8 +19,11 @@ import shutil
 import stat
 import tempfile
 import time
+import warnings
 from collections.abc import Callable, Iterator
 from pathlib import Path
+
+from stoop.errors import CacheWarning
 
 MANIFEST = "manifest.json"
 BUILDING = ".building-"
@@ -33,7 +36,8 @@ PATIENCE = 600.0
 def cache_folder() -> Path:
     """Return where compiled modules are kept: ``STOOP_CACHE_DIR``, else the user's cache folder.
 
-    Where there is none, or others could put folders of theirs in its place, they are kept for this process only.
+    Where there is none and none can be made, or others could put folders of theirs in its place, they are kept for this
+    process only.
     """
     try:
         if given := os.environ.get("STOOP_CACHE_DIR"):
@@ -42,8 +46,24 @@ def cache_folder() -> Path:
             folder = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "stoop" / "kernels"
         folder = folder.resolve()  # nobody can lead it elsewhere afterwards
         if _ours_alone(folder):
+            folder.mkdir(parents=True, exist_ok=True, mode=0o700)
             return folder
-    except (RuntimeError, OSError):  # a user without a home, as containers have them; a link to itself
+    except (
+        RuntimeError,
+        OSError,
+    ):  # a user without a home, as containers have them; a link to itself; a read-only disk
+        pass
+    return _for_this_process()
+
+
+def fonts_folder() -> Path:
+    """Make the folder where Matplotlib keeps its list of fonts: in the cache, or for this process only."""
+    try:
+        folder = cache_folder() / "matplotlib"
+        folder.mkdir(exist_ok=True, mode=0o700)
+        if os.access(folder, os.W_OK):
+            return folder
+    except OSError:
         pass
     return _for_this_process()
 
@@ -82,6 +102,22 @@ def _has_no_other_member(group: int) -> bool:
 @functools.cache
 def _for_this_process() -> Path:
     return _until_exit(private())
+
+
+def _is_for_this_process(folder: Path) -> bool:
+    return _for_this_process.cache_info().currsize > 0 and folder == _for_this_process()
+
+
+def _warn() -> None:
+    """Warn, but not in each worker process, that what is compiled now is lost at the end."""
+    import multiprocessing
+
+    if multiprocessing.parent_process() is None:
+        warnings.warn(
+            "the cache cannot be written, so equations are compiled again by every command; "
+            "set STOOP_CACHE_DIR to a folder of yours",
+            CacheWarning, stacklevel=1,  # of one place: Python shows it once
+        )  # fmt: skip
 
 
 def checksums(folder: Path) -> dict[str, str]:
@@ -152,6 +188,7 @@ def provide(final: Path, make: Callable[[Path], None]) -> Path:
     try:
         folder = _from_cache(final, make)
     except OSError:  # a full disk
+        _warn()
         folder = _until_exit(private())
         make(folder)
     return folder if folder == final else _until_exit(folder)
@@ -167,6 +204,8 @@ def _from_cache(final: Path, make: Callable[[Path], None]) -> Path:
 
 def _build(final: Path, make: Callable[[Path], None]) -> Path:
     building = start_build(final.parent)
+    if building.parent != final.parent or _is_for_this_process(final.parent):
+        _warn()
     try:
         make(building)
         return seal(building, final)

@@ -7,6 +7,8 @@ from collections.abc import Iterable
 from dataclasses import fields
 from typing import TextIO
 
+from stoop.base.streams import flush_or_discard
+
 MOST_LISTED = 12  #: names in a message
 
 
@@ -78,5 +80,14 @@ def printable_lines(text: str) -> str:
 
 
 def show(text: str, stream: TextIO | None = None) -> None:
-    """Print lines on stdout or another stream: with `stoop.cli.page`, the only way by which text reaches a terminal."""
-    print(printable_lines(text), file=stream, flush=stream is not None)
+    """Print lines on stdout, or messages on another stream: with `stoop.cli.page`, the only way by which text reaches a terminal.
+
+    Messages that nobody can read, of a pipe without a reader or on a full disk, stop no work.
+    """
+    if stream is None:
+        print(printable_lines(text))
+        return
+    try:
+        print(printable_lines(text), file=stream, flush=True)
+    except OSError:
+        flush_or_discard(stream)

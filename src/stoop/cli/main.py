@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import atexit
 import contextlib
+import errno
 import gc
 import importlib
 import io
@@ -24,10 +25,11 @@ from typing import Any, Final, NoReturn
 
 from stoop.base.files import recorded_inputs
 from stoop.base.interrupts import restore_interrupts, unblock_interrupts
+from stoop.base.streams import flush_or_discard, open_missing_streams
 from stoop.base.text import nearest, printable, show
 from stoop.base.verbs import Verb, verbs
 from stoop.cli.options import add_options, check_outputs
-from stoop.errors import StoopError
+from stoop.errors import CacheWarning, StoopError
 
 VERBS: Final = verbs()  #: of this package, by name
 GROUP: Final = "stoop.verbs"  #: entry points of other packages, each a mapping of names to verbs
@@ -35,6 +37,8 @@ GROUP: Final = "stoop.verbs"  #: entry points of other packages, each a mapping 
 GARBAGE: Final = 50_000  #: new objects until cycles are looked for; with 700 it took a tenth of the time
 BUG, USER_ERROR, INTERRUPTED, UNREAD = 1, 2, 130, 141
 BUG_MESSAGE = "this is a bug in stoop: please report it with the lines above and your command"
+#: of a write, which names no file
+OUTPUT_ERRORS: Final = {errno.EBADF, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.ENOSPC}
 #: least resemblance of options; names resemble each other by their two dashes already
 OPTION_CUTOFF: Final = 0.7
 DEBUG_HELP = "show the traceback of every error (or set STOOP_DEBUG=1)"
@@ -51,6 +55,10 @@ class Parser(argparse.ArgumentParser):
     """A parser that complains in one line, as the rest of stoop does."""
 
     verbs: Mapping[str, Parser]  #: name -> parser of a verb; of the whole command only
+
+    def print_help(self, file: Any = None) -> None:
+        """Print the help; argparse itself says nothing where it cannot be written."""
+        show(self.format_help().rstrip("\n"), file)
 
     def error(self, message: str) -> NoReturn:
         """Print one line and leave with code 2 (the hook that argparse documents for this)."""
@@ -75,6 +83,7 @@ def main(given: Sequence[str] | None = None) -> int:
         atexit.register(
             gc.freeze
         )  # the interpreter would look through all objects, half a second, before it leaves
+        open_missing_streams()
         for stream in (sys.stdout, sys.stderr):
             if isinstance(stream, io.TextIOWrapper):  # an output that takes any character
                 stream.reconfigure(errors="backslashreplace")
@@ -82,6 +91,8 @@ def main(given: Sequence[str] | None = None) -> int:
             signal.signal(signal.SIGTERM, signal.default_int_handler)
         if not sys.warnoptions and "--debug" not in given:
             warnings.simplefilter("ignore")  # of libraries
+            warnings.simplefilter("default", CacheWarning)
+            warnings.formatwarning = lambda message, *_, **__: f"stoop: warning: {printable(str(message))}\n"
     debug = "--debug" in given or bool(os.environ.get("STOOP_DEBUG"))
     try:
         unblock_interrupts()
@@ -89,15 +100,13 @@ def main(given: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         return _complain("interrupted", INTERRUPTED)
     except BrokenPipeError:
-        return _close_output(UNREAD)
+        flush_or_discard(sys.stdout)
+        return UNREAD
     except (OSError, MemoryError) as error:  # a full disk, an output that went away, a log without end
         if debug:
             _print_traceback()
-        _close_output(USER_ERROR)
-        why = "the memory is not enough for this; give less data"
-        if isinstance(error, OSError):
-            why = f"{error.filename or 'the output'}: {error.strerror or error}"
-        return _complain(f"error: {why}", USER_ERROR)
+        flush_or_discard(sys.stdout)
+        return _complain(f"error: {_lacking(error)}", USER_ERROR)
     except Exception:
         _print_traceback()
         return _complain(BUG_MESSAGE, BUG)
@@ -132,9 +141,10 @@ def _guarded(given: Sequence[str], debug: bool) -> int:
 
 def _keep_fonts_in_cache() -> None:
     """Let Matplotlib keep its list of fonts where stoop keeps compiled code: a verb writes nowhere else."""
-    from stoop.base.cache import cache_folder
+    from stoop.base.cache import fonts_folder
 
-    os.environ.setdefault("MPLCONFIGDIR", str(cache_folder() / "matplotlib"))
+    with contextlib.suppress(OSError):  # no folder of temporary files: Matplotlib does without
+        os.environ.setdefault("MPLCONFIGDIR", str(fonts_folder()))
 
 
 def one_verb(given: Sequence[str]) -> list[str]:
@@ -234,8 +244,11 @@ def _print_traceback() -> None:
     show(traceback.format_exc(), sys.stderr)
 
 
-def _close_output(code: int) -> int:
-    """Let the interpreter flush into nothing when it ends; see the Python manual on SIGPIPE."""
-    with contextlib.suppress(OSError, ValueError):  # an output without a file descriptor has nothing to flush
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-    return code
+def _lacking(error: OSError | MemoryError) -> str:
+    """Say what the machine lacks, and what to do where that is not plain."""
+    if isinstance(error, MemoryError) or error.errno == errno.ENOMEM:
+        return "the memory is not enough for this; give less data"
+    if error.errno in (errno.EMFILE, errno.ENFILE):
+        return "too many open files for this process; allow it more (ulimit -n)"
+    named = error.filename or ("the output" if error.errno in OUTPUT_ERRORS else "this system")
+    return f"{named}: {error.strerror or error}"

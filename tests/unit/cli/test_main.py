@@ -15,7 +15,6 @@ from pathlib import Path
 import pytest
 
 from stoop.base.verbs import Verb
-from stoop.cli import main as entry
 from stoop.cli.main import VERBS, main
 from stoop.errors import StoopError
 
@@ -235,7 +234,6 @@ def test_fault_of_the_machine_is_one_line(
     error: BaseException, told: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     verb(monkeypatch, raising(error))
-    monkeypatch.setattr(entry, "_close_output", lambda code: code)
     assert main(["fake"]) == 2
     assert capsys.readouterr().err == f"stoop: error: {told}\n"
 

@@ -16,7 +16,7 @@ import pytest
 from naive import oscillator
 
 from stoop.base import cache
-from stoop.errors import KernelError
+from stoop.errors import CacheWarning, KernelError
 from stoop.kernels import Kernel, SymbolicModel, cache_folder, environment, kernel, load_kernel
 
 TESTS = Path(__file__).parents[2]
@@ -160,7 +160,8 @@ class TestLock:
     def test_a_place_where_no_folder_can_be_made(self, tmp_path: Path) -> None:
         place = Path("/proc/stoop") if Path("/proc").is_dir() else tmp_path / "file" / "cache"
         (tmp_path / "file").touch()
-        made = cache.provide(place / "a", lambda f: (f / "a.py").touch())
+        with pytest.warns(CacheWarning, match="set STOOP_CACHE_DIR"):
+            made = cache.provide(place / "a", lambda f: (f / "a.py").touch())
         assert (made / "a.py").exists()
 
 
@@ -350,7 +351,8 @@ class TestPlace:
         assert cache.intact(folder), "of itself it is sound"
         filled.chmod(0o777)
         built, model = count_builds()
-        k = load_kernel("pendulum", model)
+        with pytest.warns(CacheWarning):
+            k = load_kernel("pendulum", model)
         assert (built, value(k)) == ([1], expected)
         assert filled not in k.folder.parents
 
@@ -373,7 +375,8 @@ def test_an_unwritable_cache_still_compiles(
     monkeypatch.setenv("STOOP_CACHE_DIR", str(blocked / "cache"))
     for kept in ("_loaded", "_emitted"):
         monkeypatch.setattr(kernel, kept, {})
-    k = load_kernel("pendulum", oscillator.equations)
+    with pytest.warns(CacheWarning):
+        k = load_kernel("pendulum", oscillator.equations)
     assert value(k) == expected
     assert blocked not in k.folder.parents
 
@@ -407,7 +410,8 @@ def test_a_full_disk_below_the_cache_costs_time_only(
     forget: Path, expected: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     full_disk(monkeypatch, lambda p: forget in p.parents)
-    k = load_kernel("pendulum", oscillator.equations)
+    with pytest.warns(CacheWarning):
+        k = load_kernel("pendulum", oscillator.equations)
     assert value(k) == expected
     assert forget not in k.folder.parents
     assert k.folder.stat().st_mode & 0o777 == 0o700
@@ -416,7 +420,10 @@ def test_a_full_disk_below_the_cache_costs_time_only(
 
 def test_no_room_anywhere_is_said_in_one_line(forget: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     full_disk(monkeypatch, lambda _: True)
-    with pytest.raises(KernelError, match=r"No space left on device.*STOOP_CACHE_DIR"):
+    with (
+        pytest.raises(KernelError, match=r"No space left on device.*STOOP_CACHE_DIR"),
+        pytest.warns(CacheWarning),
+    ):
         load_kernel("pendulum", oscillator.equations)
 
 
@@ -480,7 +487,7 @@ def test_every_module_behind_the_equations_enters_the_key() -> None:
     behind = {name for path in sources for name in imports(path)}
     equations = {m.removeprefix("stoop.vehicle.") for m in behind if m.startswith("stoop.vehicle.")}
     texts = {
-        f"stoop.base.{m}" for m in ("arrays", "text", "names", "html")
+        f"stoop.base.{m}" for m in ("arrays", "text", "streams", "names", "html")
     }  # types, messages, tables to print
     numbers = {m.removeprefix("stoop.base.") for m in behind - texts if m.startswith("stoop.base.")}
     expected = {f"{m}.py" for m in equations if "symbolic" not in m} | {f"../base/{m}.py" for m in numbers}

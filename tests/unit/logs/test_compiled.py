@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from stoop.base import cache
+from stoop.errors import CacheWarning
 from stoop.logs import compiled, dataflash_survey
 from stoop.logs import dataflash_walk as plain
 
@@ -104,7 +105,8 @@ def test_without_room_anywhere_plain_python_walks(root: Path, monkeypatch: pytes
     shutil.rmtree(root)
     monkeypatch.setattr(cache, "start_build", full)
     monkeypatch.setattr(cache, "private", full)
-    assert compiled.dataflash() is plain
+    with pytest.warns(CacheWarning):
+        assert compiled.dataflash() is plain
 
 
 def test_numba_told_not_to_compile(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
