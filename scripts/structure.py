@@ -29,7 +29,7 @@ BUDGETS = {
     "api": 200,
     "app": 2970,
     "assessment": 6200,
-    "base": 2200,
+    "base": 2290,
     "checks": 2320,
     "cli": 3100,
     "estimate": 7300,
