@@ -27,7 +27,7 @@ BUDGETS = {
     "stoop": 76250,
     "stoop_studies": 13150,
     "api": 200,
-    "app": 2970,
+    "app": 2990,
     "assessment": 6200,
     "base": 2290,
     "checks": 2320,

@@ -107,7 +107,11 @@ def main(given: Sequence[str] | None = None) -> int:
             _print_traceback()
         flush_or_discard(sys.stdout)
         return _complain(f"error: {_lacking(error)}", USER_ERROR)
-    except Exception:
+    except Exception as error:
+        if isinstance(error, SystemError) and str(error).endswith(
+            "without exception set"
+        ):  # a C library without memory
+            return _complain(f"error: {_lacking(MemoryError())}", USER_ERROR)
         _print_traceback()
         return _complain(BUG_MESSAGE, BUG)
 

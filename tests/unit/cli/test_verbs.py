@@ -23,7 +23,7 @@ from stoop.vehicle.builtin import BUILT_IN
 
 ROOT = Path(__file__).parents[3]
 PAGE = ROOT / "docs" / "commands.md"
-COMPLETED = ("file", "folder", "page", "source", "vehicle")
+COMPLETED = ("data", "file", "folder", "output", "output-or-print", "page", "source", "vehicle")
 NOTHING = (None, "", (), {}, [], float("-inf"))  #: defaults by which nothing is given
 
 
