@@ -200,7 +200,7 @@ def test_unknown_noise_names_the_file(refused: Callable[..., str]) -> None:
     [
         ("flight.txt", "end its name in .nc"),
         ("flight", "end its name in .nc"),
-        ("", "end its name in .nc"),
+        ("", "this is a folder"),
         ("nowhere/flight.nc", "there is no folder nowhere; make it first"),
         ("folder.nc", "this is a folder"),
     ],
