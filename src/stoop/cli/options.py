@@ -132,7 +132,7 @@ def check_outputs(options: Sequence[Option], arguments: argparse.Namespace) -> N
     """
     given = [(option.kind, getattr(arguments, option.key)) for option in options]
     for kind, value in given:
-        for one in value if isinstance(value, list) else [value]:
+        for one in value if isinstance(value, list | tuple) else [value]:
             if kind in ("file", "vehicle", "source") and one is not None:
                 note_input(one)
     targets: list[Path] = []
