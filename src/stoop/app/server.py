@@ -12,11 +12,11 @@ import webbrowser
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final
-from urllib.parse import unquote_to_bytes
 
 import tornado.web
 from bokeh.util.warnings import BokehUserWarning
 from tornado import httputil
+from tornado.escape import url_unescape
 
 from stoop.app.places import inside, resolved
 from stoop.app.uploads import Upload
@@ -57,8 +57,8 @@ def odd(path: str) -> str:
     """Return why the path of a request names no place of the app; empty where it may name one."""
     place, _, query = path.partition("?")
     try:
-        parts = unquote_to_bytes(place).decode("utf-8").split("/")
-        unquote_to_bytes(query).decode("utf-8")
+        parts = url_unescape(place, None, plus=False).decode("utf-8").split("/")
+        url_unescape(query, None, plus=False).decode("utf-8")
     except UnicodeDecodeError:
         return "the address is not UTF-8 text"
     if len(place) > MAX_PATH:
