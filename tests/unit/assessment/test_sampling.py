@@ -200,5 +200,5 @@ def test_walkers_stand_in_where_nutpie_is_not_installed(
     if drawn:
         assert libraries() == drawn
     else:
-        with pytest.raises(IdentificationError, match=r"stoop\[posterior\]"):
+        with pytest.raises(IdentificationError, match=r"pip install '\.\[posterior\]'"):
             libraries()

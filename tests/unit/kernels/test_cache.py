@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import errno
+import functools
 import json
 import os
 import subprocess
@@ -373,6 +374,7 @@ def test_an_unwritable_cache_still_compiles(
     blocked = tmp_path / "file"
     blocked.write_text("a file stands where the folder should be")
     monkeypatch.setenv("STOOP_CACHE_DIR", str(blocked / "cache"))
+    monkeypatch.setattr(cache, "_for_this_process", functools.cache(cache._for_this_process.__wrapped__))
     for kept in ("_loaded", "_emitted"):
         monkeypatch.setattr(kernel, kept, {})
     with pytest.warns(CacheWarning):
