@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from stoop.base.cache import cache_folder
-from stoop.base.files import write_text_atomic
+from stoop.base.files import read_bounded, write_text_atomic
 from stoop.base.toml import MAX_BYTES, parse_json
 from stoop.errors import OutputError, StoopError
 
@@ -50,15 +50,11 @@ def bytes_of(root: Path, name: str | Path, limit: int = MAX_BYTES) -> bytes:
     """Return the content of a file of the folder, empty where there is none; raises `OutputError`."""
     path = inside(root, name)
     try:
-        with path.open("rb") as handle:
-            content = handle.read(limit + 1)
+        return read_bounded(path, limit)
     except FileNotFoundError:
         return b""
     except OSError as error:
         raise OutputError(f"{path}: cannot be read ({error.strerror or error}); mend or remove it") from None
-    if len(content) > limit:
-        raise OutputError(f"{path}: larger than {limit} bytes; this is no file of stoop, remove it")
-    return content
 
 
 def text_of(root: Path, name: str | Path, limit: int = MAX_BYTES) -> str:

@@ -48,10 +48,7 @@ def cache_folder() -> Path:
         if _ours_alone(folder):
             folder.mkdir(parents=True, exist_ok=True, mode=0o700)
             return folder
-    except (
-        RuntimeError,
-        OSError,
-    ):  # a user without a home, as containers have them; a link to itself; a read-only disk
+    except (RuntimeError, OSError):  # no home, as in containers; a link to itself; a read-only disk
         pass
     return _for_this_process()
 

@@ -320,14 +320,13 @@ class FilterError(Fitter[FilterEstimate]):
                 best = maximize(stages, likelihood, best.z, TOLERANCES.first, FIRST_STEPS)
                 if not best.usable:
                     break
-            before, held = best.cost, best
+            held = best
             best = maximize(stages, best.likelihood.along(best.z), best.z, TOLERANCES.last)
-            if not np.isfinite(
-                best.cost
-            ):  # with gains of its own states it diverges: the maximum before stays
+            # It diverges with gains of its own states: the maximum before stays.
+            if not np.isfinite(best.cost):
                 best, best.status = held, "stalled"
                 break
-            if 0.5 * abs(before - best.cost) < TOLERANCES.linearization:
+            if 0.5 * abs(held.cost - best.cost) < TOLERANCES.linearization:
                 break
         if not np.isfinite(best.cost):
             raise IdentificationError(

@@ -99,11 +99,6 @@ def read_windows(path: Path) -> tuple[Entry, ...]:
         raise FlightError(f"{path}: {one_line(first_complaint(error, document, WindowsFile))}") from None
 
 
-def files_among(texts: Sequence[str]) -> list[Path]:
-    """Return the files among windows of the command line."""
-    return [Path(text) for text in texts if text.endswith(".toml")]
-
-
 def expanded(maneuvers: Sequence[str], validate: Sequence[str]) -> tuple[list[str], list[str]]:
     """Replace files among windows by the accepted windows that they hold.
 
@@ -114,7 +109,7 @@ def expanded(maneuvers: Sequence[str], validate: Sequence[str]) -> tuple[list[st
     FlightError
         A file cannot be read, or nothing in it is accepted.
     """
-    files = [str(path) for path in files_among(maneuvers)]
+    files = [text for text in maneuvers if text.endswith(".toml")]
     found: list[list[str]] = []
     for use, texts in (("fit", maneuvers), ("validate", validate or files)):
         found.append([])

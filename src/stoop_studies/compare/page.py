@@ -59,8 +59,6 @@ def prepare(folder: Path, overwrite: bool) -> None:
     OutputError
         It is a file, holds tables of something else, or with `overwrite`: the store is another program's file, or in use.
     """
-    if folder.exists() and not folder.is_dir():
-        raise OutputError(f"{folder}: is a file; name a folder")
     check_targets(folder, (SCORES, RUNS, PAGE), overwrite=True)
     if (store := folder / STORE).exists():
         if overwrite:
