@@ -62,7 +62,7 @@ class Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Print one line and leave with code 2 (the hook that argparse documents for this)."""
-        self.exit(USER_ERROR, f"stoop: error: {printable(message)} (see {self.prog} --help)\n")
+        raise SystemExit(_complain(f"error: {printable(message)} (see {self.prog} --help)", USER_ERROR))
 
 
 class _Version(argparse.Action):

@@ -12,6 +12,26 @@ import pytest
 
 pytestmark = pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a POSIX shell and /dev/full")
 NOWHERE = "/proc/nowhere"
+DIMENSIONS = ("--template", "glider", "--mass", "2.1", "--span", "2.5", "--area", "0.4")
+IDENTIFY = ("--vehicle", "twin-boom", "--maneuver", "0:8", "--method", "equation-error")
+CHEAP: Mapping[str, Sequence[str]] = {
+    "version": ("--version",),
+    "help": ("--help",),
+    "no verb": ("nosuch",),
+    "vehicle": ("vehicle",),
+    "vehicle new": ("vehicle", "new", *DIMENSIONS, "-o", "v.toml"),
+    "info": ("info", "FLIGHT"),
+}
+LONG: Mapping[str, Sequence[str]] = {
+    "look": ("look", "FLIGHT", "-o", "page.html"),
+    "simulate": ("simulate", "twin-boom", "--maneuver", "MANEUVER", "-o", "f.nc"),
+    "identify": ("identify", "FLIGHT", *IDENTIFY, "-o", "result"),
+    "export": ("export", "twin-boom", "--to", "simulink", "-o", "e"),
+    "validate": ("validate", "MODEL", "FLIGHT", "--maneuver", "0:8", "-o", "v"),
+    "compare": ("compare", "--optimizers", "ga", "--problems", "paper-N", "--seeds", "2", "--budget", "100",
+                "--workers", "1", "-o", "c"),
+    "reproduce": ("reproduce", "noise", "--runs", "1", "--workers", "1", "-o", "r"),
+}  # fmt: skip
 #: shell around the command -> exit codes
 STREAMS = {
     'exec "$@" >&-': (0,),
@@ -56,10 +76,43 @@ def ended(
     return done
 
 
-def test_version(tmp_path: Path) -> None:
-    for shell, codes in {**STREAMS, **LIMITS}.items():
-        done = ended(["--version"], tmp_path, shell)
-        assert done.returncode in codes, (shell, done.stderr)
+@pytest.fixture
+def place(tmp_path: Path, flight_file: Path, examples: Path) -> dict[str, str]:
+    maneuver = examples / "maneuver_3211.toml"
+    return {"FLIGHT": str(flight_file), "MANEUVER": str(maneuver), "MODEL": str(tmp_path / "model")}
+
+
+def check(verb: Sequence[str], names: Mapping[str, str], folder: Path) -> None:
+    words = [names.get(word, word) for word in verb]
+    if "MODEL" in verb:
+        assert ended(["identify", names["FLIGHT"], *IDENTIFY, "-o", names["MODEL"]], folder).returncode == 0
+    for i, (shell, codes) in enumerate({**STREAMS, **LIMITS}.items()):
+        (inside := folder / f"limits-{i}").mkdir()
+        done = ended(words, inside, shell)
+        assert done.returncode in ((2,) if words == ["nosuch"] else codes), (shell, done.stderr)
     for name, changes in ENVIRONMENTS.items():
-        done = ended(["--version"], tmp_path, changes=changes)
-        assert (done.returncode, done.stderr) == (0, ""), name
+        (inside := folder / name).mkdir()
+        done = ended(words, inside, changes=changes)
+        assert done.returncode == 2 * (words == ["nosuch"]), (name, done.stderr)
+        warnings = [line for line in done.stderr.splitlines() if "cache" in line]
+        assert len(warnings) <= 1
+        assert all(line.startswith("stoop: warning: ") for line in warnings)
+
+
+@pytest.mark.parametrize("name", CHEAP)
+def test_cheap_verbs(name: str, place: dict[str, str], tmp_path: Path) -> None:
+    check(CHEAP[name], place, tmp_path)
+
+
+@pytest.mark.parametrize("name", LONG)
+def test_long_verbs(name: str, place: dict[str, str], tmp_path: Path) -> None:
+    check(LONG[name], place, tmp_path)
+
+
+def test_an_unwritable_cache_is_one_warning(examples: Path, tmp_path: Path) -> None:
+    words = ["simulate", "twin-boom", "--maneuver", str(examples / "maneuver_3211.toml"), "-o", "f.nc"]
+    done = ended(words, tmp_path, changes={"STOOP_CACHE_DIR": NOWHERE})
+    assert done.returncode == 0
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("stoop: warning: the cache cannot be written")
+    assert (tmp_path / "f.nc").exists()
