@@ -105,16 +105,18 @@ def _is_for_this_process(folder: Path) -> bool:
     return _for_this_process.cache_info().currsize > 0 and folder == _for_this_process()
 
 
-def _warn() -> None:
-    """Warn, but not in each worker process, that what is compiled now is lost at the end."""
+@functools.cache  # once: Python's own count begins again whenever a filter of warnings changes
+def _warn(folder: Path) -> None:
+    """Warn, but not in each worker process, that what is compiled for a folder now is lost at the end."""
     import multiprocessing
 
     if multiprocessing.parent_process() is None:
         warnings.warn(
             "the cache cannot be written, so equations are compiled again by every command; "
             "set STOOP_CACHE_DIR to a folder of yours",
-            CacheWarning, stacklevel=1,  # of one place: Python shows it once
-        )  # fmt: skip
+            CacheWarning,
+            stacklevel=1,
+        )
 
 
 def checksums(folder: Path) -> dict[str, str]:
@@ -185,7 +187,7 @@ def provide(final: Path, make: Callable[[Path], None]) -> Path:
     try:
         folder = _from_cache(final, make)
     except OSError:  # a full disk
-        _warn()
+        _warn(final.parent)
         folder = _until_exit(private())
         make(folder)
     return folder if folder == final else _until_exit(folder)
@@ -202,7 +204,7 @@ def _from_cache(final: Path, make: Callable[[Path], None]) -> Path:
 def _build(final: Path, make: Callable[[Path], None]) -> Path:
     building = start_build(final.parent)
     if building.parent != final.parent or _is_for_this_process(final.parent):
-        _warn()
+        _warn(final.parent)
     try:
         make(building)
         return seal(building, final)

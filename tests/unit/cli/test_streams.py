@@ -27,8 +27,8 @@ LONG: Mapping[str, Sequence[str]] = {
     "simulate": ("simulate", "twin-boom", "--maneuver", "MANEUVER", "-o", "f.nc"),
     "identify": ("identify", "FLIGHT", *IDENTIFY, "-o", "result"),
     "export": ("export", "twin-boom", "--to", "simulink", "-o", "e"),
-    "validate": ("validate", "MODEL", "FLIGHT", "--maneuver", "0:8", "-o", "v"),
-    "compare": ("compare", "--optimizers", "ga", "--problems", "paper-N", "--seeds", "2", "--budget", "100",
+    "validate": ("validate", "MODEL", "FLIGHT", "--maneuver", "20:28", "-o", "v"),
+    "compare": ("compare", "--optimizers", "ga", "--problems", "paper-N", "--seeds", "1", "--budget", "50",
                 "--workers", "1", "-o", "c"),
     "reproduce": ("reproduce", "noise", "--runs", "1", "--workers", "1", "-o", "r"),
 }  # fmt: skip
