@@ -10,6 +10,7 @@ from stoop.base.units import DEGREE
 
 MAX_NUMBER: Final = 1e30  #: in any unit; powers and products of larger numbers leave float64
 NOTHING: Final = "–"
+ROUNDING: Final = 1e-12  #: of the scale of a row, a column or a matrix: what solvers leave where zero belongs
 RAISED: Final = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 SHOWN_IN_DEGREES: Final = {"rad": "deg", "rad/s": "deg/s", "rad/s2": "deg/s2"}
 POWER: Final = re.compile(r"(?<=[a-zA-Z])\d+")
@@ -25,6 +26,11 @@ def number(value: float, digits: int = 4) -> str:
     if -4 < exponent < 6:
         return _minus(f"{value:.{max(0, digits - 1 - exponent)}f}")
     return _power(f"{value:.{digits - 1}e}")
+
+
+def without_rounding(value: float, scale: float) -> float:
+    """Return `value`, or zero where it is a rounding error beside the scale of the row, column or matrix it belongs to."""
+    return 0.0 if abs(value) <= ROUNDING * scale else value
 
 
 def finite_or_none(value: float) -> float | None:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from stoop.base.files import write_text_atomic
+from stoop.base.numbers import without_rounding
 from stoop.base.text import show
 from stoop.cli import options
 from stoop.cli.page import blocks, fixed, numbers, page, shown_unit, to_json, words
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
 ANGLES: Final = ("alpha", "beta", "theta", "phi")
 CONSTANT_THRUST: Final = "propulsion.thrust"
 STATE_UNITS: Final = {"h": "m", "u": "m/s", "v": "m/s", "w": "m/s"}
-ROUNDING: Final = 1e-12  #: of the largest entry: what solver and rounding errors leave where zero belongs
 
 
 def _trimmed(arguments: argparse.Namespace) -> tuple[Vehicle, Trim, str]:
@@ -98,7 +98,7 @@ def trim(arguments: argparse.Namespace) -> int:
     mixed = {name: value for name, value in _channels(vehicle, point).items() if name not in rows}
     if mixed:
         out.heading("Recorded channels that hold it")
-        values = [value if abs(value) > ROUNDING else 0.0 for value in mixed.values()]
+        values = [without_rounding(value, 1.0) for value in mixed.values()]
         units = [shown_unit(_thrust_unit(name)) for name in mixed]
         out.table(words("", mixed), numbers("value", values), words("", units))
     if not point.on_wings:
@@ -229,7 +229,7 @@ def derivatives(arguments: argparse.Namespace) -> int:
     for table in found.tables:
         # What is zero by symmetry, but for rounding, fills no line.
         scale = abs(table.values).reshape(6, -1).max(axis=1, initial=0.0).repeat(len(table.names) // 6)
-        kept = [i for i, x in enumerate(table.values) if abs(x) > ROUNDING * scale[i]]
+        kept = [i for i, x in enumerate(table.values.tolist()) if without_rounding(x, scale[i])]
         columns = [
             words("", [table.names[i] for i in kept]),
             numbers("value", [float(table.values[i]) for i in kept]),
@@ -275,8 +275,8 @@ def _print_model(vehicle: Vehicle, model: LinearModel) -> None:
     groups = (model.states, model.inputs, model.outputs)
     for name, (rows, heads) in sides.items():
         matrix = getattr(model, name)
-        floor = ROUNDING * float(abs(matrix).max(initial=0.0))
-        clean = [[x if abs(x) > floor else 0.0 for x in column] for column in matrix.T.tolist()]
+        scale = float(abs(matrix).max(initial=0.0))
+        clean = [[without_rounding(x, scale) for x in column] for column in matrix.T.tolist()]
         columns = [numbers(head, column) for head, column in zip(groups[heads], clean, strict=True)]
         for block in blocks(words(name, groups[rows]), columns, out.width):
             out.line()

@@ -17,6 +17,7 @@ from stoop.base.files import write_files
 from stoop.base.numbers import count
 from stoop.base.text import printable_lines
 from stoop.errors import SimulationError
+from stoop.exporters.agreement import EXPORT_PAGE, Compared, agreement_page
 from stoop.exporters.jsbsim_flight import Record, own_readings, relative_differences
 from stoop.exporters.reference_flight import ReferenceFlight, reference_flight
 from stoop.simulation import Trim, trim
@@ -90,6 +91,7 @@ class Exported:
     files: Mapping[str, bytes]
     main: str
     notes: tuple[str, ...] = ()
+    compared: tuple[Compared, ...] = ()
 
     def __repr__(self) -> str:
         """Return the largest files with their sizes, the main one first, and the number of notes."""
@@ -103,6 +105,11 @@ class Exported:
     def with_notes(self, notes: Iterable[str]) -> Exported:
         """Return the files with further notes."""
         return replace(self, notes=(*self.notes, *notes))
+
+    def with_flights(self, compared: Iterable[Compared]) -> Exported:
+        """Return the files with further compared flights, and a note on each."""
+        new = tuple(compared)
+        return replace(self, compared=(*self.compared, *new)).with_notes(map(str, new))
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,13 +151,16 @@ class Exporter(ABC):
         costs = map(cost_without_actuators, self.model.maneuvers)
         return [note(self.actuators), *costs] if self.actuators else []
 
-    def along_reference(self, point: Trim, compare: Callable[[ReferenceFlight], list[str]]) -> list[str]:
-        """Return the notes of a comparison along the reference flight from a steady flight, or why there is no such flight."""
+    def along_reference(
+        self, made: Exported, point: Trim, compare: Callable[[Exported, ReferenceFlight], Exported]
+    ) -> Exported:
+        """Return the files with the comparison along the flight from a steady flight, or why there is no such flight."""
         try:
             flight = reference_flight(self.vehicle, point)
         except SimulationError as error:
-            return [f"Not flown: {error}."]
-        return ["Not flown: the open loop diverges within 3 s."] if flight is None else compare(flight)
+            return made.with_notes([f"Not flown: {error}."])
+        diverges = ["Not flown: the open loop diverges within 3 s."]
+        return made.with_notes(diverges) if flight is None else compare(made, flight)
 
     def export(self) -> Exported:
         """Return the files with all notes: of the model, on the files, on what the tool lacks, on the flight.
@@ -161,7 +171,11 @@ class Exporter(ABC):
             The model cannot be exported so, or no steady flight is found.
         """
         made = self.files()
-        return self.fly(replace(made, notes=(*self.model.notes, *made.notes, *self.lacks())))
+        made = self.fly(replace(made, notes=(*self.model.notes, *made.notes, *self.lacks())))
+        if not made.compared:
+            return made
+        page = agreement_page(f"{self.vehicle.name}: agreement of the export", made.compared, made.notes)
+        return replace(made, files={**made.files, **encoded({EXPORT_PAGE: page})})
 
 
 def encoded(texts: Mapping[str, str]) -> dict[str, bytes]:
@@ -180,12 +194,6 @@ def written(content: Mapping[str, str] | Mapping[str, bytes]) -> Iterator[Path]:
     with tempfile.TemporaryDirectory(prefix="stoop-export-") as root:
         write_files(Path(root), content)
         yield Path(root)
-
-
-def agreement(flight: ReferenceFlight, found: Mapping[str, float]) -> str:
-    """Return the largest of the relative differences from a reference flight in words."""
-    worst = max(found, key=lambda name: found[name])
-    return f"{flight.title}: within {found[worst]:.1e} of each channel's maximum ({worst})"
 
 
 def cost_without_actuators(maneuver: Record) -> str:

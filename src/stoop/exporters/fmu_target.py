@@ -14,7 +14,8 @@ from stoop.base.extras import install
 from stoop.base.notices import notice
 from stoop.errors import StoopError, one_line
 from stoop.exporters import fmu
-from stoop.exporters.exporter import Exported, Exporter, agreement, installed, written
+from stoop.exporters.agreement import Compared
+from stoop.exporters.exporter import Exported, Exporter, installed, written
 from stoop.exporters.jsbsim_flight import file_name
 from stoop.exporters.reference_flight import ReferenceFlight, slopes
 from stoop.vehicle.vehicle import slope_input
@@ -99,12 +100,13 @@ class FMU(Exporter):
         if not installed("fmpy"):
             return made.with_notes([f"Not flown: the package fmpy is not installed; {INSTALL}."])
 
-        def compared(flight: ReferenceFlight) -> list[str]:
-            notes = []
+        def compare(made: Exported, flight: ReferenceFlight) -> Exported:
+            outputs, flown = self.vehicle.outputs, []
             with written(made.files) as root:
                 for version, place in zip(fmu.VERSIONS, made.files, strict=True):
-                    found = flight.differences(fly_unit(root / place, flight))
-                    notes.append(f"FMI {version} in FMPy, {agreement(flight, found)}.")
-            return notes
+                    found = fly_unit(root / place, flight)
+                    title = f"FMI {version} in FMPy"
+                    flown.append(Compared(title, flight.title, outputs, flight.readings, found))
+            return made.with_flights(flown)
 
-        return made.with_notes(self.along_reference(self.point, compared))
+        return self.along_reference(made, self.point, compare)

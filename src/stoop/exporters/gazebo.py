@@ -14,12 +14,14 @@ import numpy as np
 from stoop.base.arrays import FloatArray
 from stoop.base.rotations import euler_angles, normalized, product, to_body, to_ground
 from stoop.exporters import gazebo_autopilots, gazebo_files, rotorpy_flight
-from stoop.exporters.exporter import Exported, Exporter, ModelData, agreement, encoded
+from stoop.exporters.agreement import AXES, Compared, loads_along, omission, omitted_shares
+from stoop.exporters.exporter import Exported, Exporter, ModelData, encoded
 from stoop.exporters.gazebo_model import GazeboModel, gazebo_model, unsupported_rotor_numbers
 from stoop.exporters.gazebo_plugins import Motor, Surface, damping_loads, motor_loads, wing_loads
 from stoop.exporters.gazebo_wing import unsupported_wing_terms
-from stoop.exporters.jsbsim_flight import Record, relative_differences
+from stoop.exporters.jsbsim_flight import Record
 from stoop.exporters.reference_flight import ReferenceFlight, states_of
+from stoop.exporters.rotorpy_flight import CHANNELS
 from stoop.simulation import Trim
 from stoop.simulation.initial import commanded, mixed_inputs, parameter_rows
 from stoop.vehicle import Vehicle
@@ -101,6 +103,17 @@ def fly_gazebo(model: GazeboModel, flight: ReferenceFlight) -> FloatArray:
     return out
 
 
+def gazebo_loads(model: GazeboModel, flight: ReferenceFlight) -> FloatArray:
+    """Return force, N, and moment, N m, (n, 6) by the equations of Gazebo at the states of our flight, without gravity."""
+    vehicle, equations, rows = flight.vehicle, _Equations(model), parameter_rows(flight.vehicle)
+    states = flight.states[:, [vehicle.states.index(n) for n in (*"uvwpqr", "e0", "e1", "e2", "e3")]]
+    out = np.empty((len(states), 6))
+    for k, own in enumerate(states):
+        x = np.concatenate([own, equations.commands(_lagged(model, flight, k, rows))])
+        out[k] = equations.loads(x, equations.commands(flight.inputs[k]))
+    return out
+
+
 def flown_alphas(records: Iterable[Record]) -> tuple[float, float] | None:
     """Return the range of the angles of attack, rad, that maneuvers flew on wings, at more than half of V*; None without any."""
     found: list[float] = []
@@ -179,20 +192,17 @@ class Gazebo(Exporter):
         starts = ((px4.hover, unsupported_rotor_numbers), (px4.cruise, unsupported_wing_terms))
         for start, unsupported in starts:
             if start is not None:
-                compare = partial(self._compared, unsupported)
-                made = made.with_notes(self.along_reference(start, compare))
+                made = self.along_reference(made, start, partial(self._compared, unsupported))
         return made
 
     def _compared(
-        self, unsupported: Callable[[Vehicle], Mapping[str, float]], flight: ReferenceFlight
-    ) -> list[str]:
-        notes = [
-            f"Gazebo omits {name} or keeps only its slope at the steady flight; the term is {100.0 * share:.2g} % of "
-            f"{channel} (rms over the compared flight)."
-            for name, (share, channel) in rotorpy_flight.costs(flight, unsupported(self.vehicle)).items()
-        ]
-        ours = rotorpy_flight.motion(flight)
+        self, unsupported: Callable[[Vehicle], Mapping[str, float]], made: Exported, flight: ReferenceFlight
+    ) -> Exported:
+        shares = omitted_shares(flight, unsupported(self.vehicle))
+        made = made.with_notes(omission("Gazebo", name, x) for name, x in shares.items())
+        ours, names = np.hstack([loads_along(flight), rotorpy_flight.motion(flight)]), (*AXES, *CHANNELS)
+        flown = []
         for title, model in self.models.items():
-            found = relative_differences(rotorpy_flight.CHANNELS, ours, fly_gazebo(model, flight))
-            notes.append(f"Gazebo's equations for {title}, {agreement(flight, found)}.")
-        return notes
+            theirs = np.hstack([gazebo_loads(model, flight), fly_gazebo(model, flight)])
+            flown.append(Compared(f"Gazebo's equations for {title}", flight.title, names, ours, theirs))
+        return made.with_flights(flown)

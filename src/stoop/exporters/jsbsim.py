@@ -15,6 +15,7 @@ from stoop.base.numbers import NOTHING, factor_and_unit
 from stoop.base.variables import VARIABLES, WRAPPED
 from stoop.errors import SimulationError
 from stoop.exporters import jsbsim_aircraft
+from stoop.exporters.agreement import EXPORT_PAGE, Compared, agreement_table
 from stoop.exporters.exporter import Exported, Exporter, encoded, installed, written
 from stoop.exporters.jsbsim_aircraft import relative_errors
 from stoop.exporters.jsbsim_flight import (
@@ -34,7 +35,6 @@ from stoop.report.time_history import HistoryPanel, TimeHistory, with_residual
 from stoop.simulation import Trim
 from stoop.vehicle import Vehicle
 
-EXPORT_PAGE: Final = "export.html"
 ROLES: Final = {"flight": "measured", "stoop": "fit", "JSBSim": "lag"}
 WIDTHS: Final = {"flight": 2.8, "stoop": 2.2, "JSBSim": 1.2}  #: px: the later lie on the earlier
 EXPLANATION: Final = """\
@@ -75,7 +75,8 @@ def export_page(
         title = one.record.title
         measured = "Measured, by" if one.record.measured is not None else "By"
         caption = Prose(f"{measured} our simulation and by JSBSim, against time in s, and their difference.")
-        sections.append(Section(title, (_differences(one), caption, _history(one))))
+        beside = agreement_table(Compared("JSBSim, flat planet", title, vehicle.outputs, one.own, one.flat))
+        sections.append(Section(title, (_differences(one), beside, caption, _history(one))))
     sections.append(Section("Why they differ at all", (Prose(EXPLANATION.format(rate=FRAME_RATE)),)))
     sections += [Section("Notes", (Bullets(notes),))] if notes else []
     sections.append(Section("Fly it", (Code(SCRIPT.format(planet=PLANET, name=name)),)))

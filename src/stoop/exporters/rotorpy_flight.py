@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import importlib.util
 import sys
-from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
@@ -16,8 +15,8 @@ from stoop.base.extras import install
 from stoop.base.rotations import FLIP, euler_angles, normalized, to_body, to_ground
 from stoop.errors import StoopError
 from stoop.exporters import rotorpy_model
-from stoop.exporters.exporter import Exported, Exporter, agreement, encoded, installed, written
-from stoop.exporters.jsbsim_flight import relative_differences
+from stoop.exporters.agreement import Compared, omission, omitted_shares
+from stoop.exporters.exporter import Exported, Exporter, encoded, installed, written
 from stoop.exporters.reference_flight import ReferenceFlight
 from stoop.simulation import parameter_rows
 from stoop.simulation.loads import body_loads
@@ -27,7 +26,6 @@ INSTALL: Final = install("rotorpy")
 TURN: Final = np.array([1.0, 1.0, -1.0, -1.0])  #: of a quaternion, whose scalar RotorPy has last
 CHANNELS: Final = ("vn", "ve", "vd", "p", "q", "r", "phi", "theta", "psi", "fx", "fy", "fz")
 """What is compared: motion, and the specific force at the center of gravity."""
-_ACCELERATIONS: Final = ("longitudinal", "lateral", "vertical", "roll", "pitch", "yaw")
 INTEGRATOR: Final = {"method": "RK45", "rtol": 1e-6, "atol": 1e-8}  #: so that the models are compared
 
 
@@ -104,29 +102,6 @@ def fly_rotorpy(script: Any, flight: ReferenceFlight, stock: bool) -> FloatArray
     return out
 
 
-def costs(flight: ReferenceFlight, left_out: Mapping[str, float]) -> dict[str, tuple[float, str]]:
-    """Return for each number that is left out how much of the accelerations along a flight it makes: share and where most.
-
-    The share is the root mean square of the change over that of the acceleration, about its mean.
-    """
-    vehicle, states, inputs = flight.vehicle, flight.states.T.copy(), flight.inputs.T.copy()
-    names = ("u", "v", "w", "p", "q", "r")
-    places = [vehicle.states.index(n) for n in names]
-
-    def accelerations(changes: Mapping[str, float]) -> FloatArray:
-        rows = parameter_rows(vehicle, changes, states.shape[1])
-        return np.asarray(vehicle.kernel().evaluate(rows, states, inputs)[0][places])
-
-    whole, out = accelerations({}), {}
-    spread = np.std(whole, axis=1)
-    for name, end in left_out.items():
-        change = np.sqrt(np.mean((accelerations({name: end}) - whole) ** 2, axis=1))
-        shares = change / np.where(spread > 0.0, spread, 1.0)
-        worst = int(np.argmax(shares))
-        out[name] = float(shares[worst]), f"the {_ACCELERATIONS[worst]} acceleration"
-    return out
-
-
 class RotorPy(Exporter):
     """A quadrotor for RotorPy: its own model, and a class with the identified equations."""
 
@@ -143,23 +118,17 @@ class RotorPy(Exporter):
     def fly(self, made: Exported) -> Exported:
         """Fly both vehicles along the reference flight, and return what RotorPy's own model leaves out of it."""
 
-        def compared(flight: ReferenceFlight) -> list[str]:
-            left_out = costs(flight, rotorpy_model.limits(self.vehicle))
-            notes = [
-                f"RotorPy's own model has no {name}: {100.0 * share:.2g} % of {channel} (rms over the compared flight)."
-                for name, (share, channel) in left_out.items()
-            ]
+        def compare(made: Exported, flight: ReferenceFlight) -> Exported:
+            shares = omitted_shares(flight, rotorpy_model.limits(self.vehicle))
+            made = made.with_notes(omission("RotorPy's own model", name, x) for name, x in shares.items())
             if not installed("rotorpy"):
-                return [
-                    *notes,
-                    f"Not flown: the package rotorpy is not installed; {INSTALL}.",
-                ]
+                return made.with_notes([f"Not flown: the package rotorpy is not installed; {INSTALL}."])
             with written(made.files) as root:
                 module = load_script(root / made.main)
-            ours = motion(held_flight(flight))
+            ours, flown = motion(held_flight(flight)), []
             for title, stock in (("the identified equations", False), ("RotorPy's own model", True)):
-                found = relative_differences(CHANNELS, ours, fly_rotorpy(module, flight, stock))
-                notes.append(f"RotorPy with {title}, {agreement(flight, found)}.")
-            return notes
+                theirs = fly_rotorpy(module, flight, stock)
+                flown.append(Compared(f"RotorPy with {title}", flight.title, CHANNELS, ours, theirs))
+            return made.with_flights(flown)
 
-        return made.with_notes(self.along_reference(self.point, compared))
+        return self.along_reference(made, self.point, compare)

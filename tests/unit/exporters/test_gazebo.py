@@ -18,7 +18,7 @@ from stoop.exporters.gazebo import flown_alphas, fly_gazebo
 from stoop.exporters.gazebo_model import GazeboModel, gazebo_model, unsupported_rotor_numbers
 from stoop.exporters.gazebo_plugins import damping_loads, motor_loads, wing_loads
 from stoop.exporters.gazebo_wing import unsupported_wing_terms
-from stoop.exporters.jsbsim_flight import excitation_record
+from stoop.exporters.jsbsim_flight import excitation_record, relative_differences
 from stoop.exporters.px4_airframe import airframe_number
 from stoop.exporters.reference_flight import reference_flight
 from stoop.exporters.targets import export
@@ -99,7 +99,7 @@ def differences(vehicle: Vehicle, point: Trim) -> dict[str, float]:
     assert flight is not None
     assert flight.time[-1] == pytest.approx(30.0)
     ours, theirs = rotorpy_flight.motion(flight), fly_gazebo(gazebo_model(vehicle, point), flight)
-    found = rotorpy_flight.relative_differences(rotorpy_flight.CHANNELS, ours, theirs)
+    found = relative_differences(rotorpy_flight.CHANNELS, ours, theirs)
     moves = (
         np.abs(ours).max(axis=0) > 1e-3
     )  # others rest: a wing without ailerons and rudder flies straight on
@@ -434,7 +434,7 @@ def test_what_is_left_out() -> None:
 def test_a_longitudinal_fit_is_exported_whole() -> None:
     found = export(ModelData(builtin_vehicle("twin-boom").reduced("longitudinal")), "gazebo")
     assert any("longitudinal" in note and "six degrees of freedom" in note for note in found.notes)
-    assert any("CQV" in note and "% of the lateral acceleration" in note for note in found.notes)
+    assert any("CQV" in note and "% of Fy" in note for note in found.notes)
     assert b"<Clp>" not in found.files[found.main]
     assert b"<Cellp>-0.4" in found.files[found.main]
 

@@ -11,6 +11,8 @@ import pytest
 
 from stoop.errors import SimulationError
 from stoop.exporters import rotorpy_flight, rotorpy_model
+from stoop.exporters.agreement import omission, omitted_shares
+from stoop.exporters.jsbsim_flight import relative_differences
 from stoop.exporters.reference_flight import ReferenceFlight, reference_flight
 from stoop.simulation import trim
 from stoop.vehicle import Vehicle
@@ -40,7 +42,7 @@ def test_the_identified_equations_fly_as_the_kernel_does(tmp_path: Path) -> None
     vehicle = builtin_vehicle("quad-x")
     flight, script = short(vehicle), script_of(vehicle, tmp_path)
     ours = rotorpy_flight.motion(rotorpy_flight.held_flight(flight))
-    found = rotorpy_flight.relative_differences(
+    found = relative_differences(
         rotorpy_flight.CHANNELS, ours, rotorpy_flight.fly_rotorpy(script, flight, stock=False)
     )
     moving = [n for n in found if n not in ("r", "psi", "vd", "fy", "p", "phi", "ve")]  # others rest yet
@@ -65,7 +67,7 @@ def test_its_own_model_holds_a_vehicle_of_its_own_terms(tmp_path: Path) -> None:
     assert made["rotor_pos"]["m1"] == [0.177, -0.177, 0.03]
     flight, script = short(vehicle), script_of(vehicle, tmp_path)
     ours = rotorpy_flight.motion(rotorpy_flight.held_flight(flight))
-    found = rotorpy_flight.relative_differences(
+    found = relative_differences(
         rotorpy_flight.CHANNELS, ours, rotorpy_flight.fly_rotorpy(script, flight, stock=True)
     )
     assert max(found[n] for n in ("vn", "q", "theta", "fz")) < 1e-3
@@ -81,15 +83,16 @@ def test_what_is_left_out_is_measured() -> None:
     assert rotorpy_model.limits(quad) == {}
     flight = reference_flight(vehicle, trim(vehicle))
     assert flight is not None
-    share, where = rotorpy_flight.costs(flight, lost)["body_drag.rotation.x"]
-    p = flight.states[:, vehicle.states.index("p")]
-    assert where == "the roll acceleration"
-    assert share > 0.0
-    # roll acceleration by hand: -0.01 p / Ixx
-    change = np.sqrt(np.mean((0.01 * p / vehicle.value("mass.inertia.xx")) ** 2))
+    shares = omitted_shares(flight, lost)["body_drag.rotation.x"]
+    p, q, r = (flight.states[:, vehicle.states.index(n)] for n in "pqr")
+    # rolling moment by hand: -0.01 p of Ixx pdot + (Izz - Iyy) q r
     rows = np.repeat(vehicle.values[:, None], len(p), axis=1)
     rates = vehicle.kernel().evaluate(rows, flight.states.T.copy(), flight.inputs.T.copy())[0]
-    assert share == pytest.approx(change / rates[vehicle.states.index("p")].std(), rel=1e-9)
+    xx, yy, zz = (vehicle.value(f"mass.inertia.{a}") for a in ("xx", "yy", "zz"))
+    rolling = xx * rates[vehicle.states.index("p")] + (zz - yy) * q * r
+    assert shares[3] == pytest.approx(np.sqrt(np.mean((0.01 * p) ** 2)) / rolling.std(), rel=1e-9)
+    assert np.nan_to_num(np.delete(shares, 3)) == pytest.approx(0.0, abs=1e-12)
+    assert ", 0 % of My, 0 % of Mz (rms" in omission("A tool", "this", shares), "rounding prints as 0"
 
 
 def test_refusals() -> None:

@@ -1,0 +1,142 @@
+"""How another tool's flight agrees with ours: slope, correlation and error of every axis and channel, and what is omitted."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from stoop.base.arrays import FloatArray
+from stoop.base.numbers import NOTHING, ROUNDING, compact, factor_and_unit, number, without_rounding
+from stoop.base.variables import VARIABLES, WRAPPED
+from stoop.exporters.jsbsim_flight import differences, relative_differences
+from stoop.exporters.reference_flight import ReferenceFlight
+from stoop.report.sheet import Bullets, Prose, Section, Sheet, Table, render_sheet
+from stoop.simulation import parameter_rows
+from stoop.simulation.loads import body_loads
+
+EXPORT_PAGE: Final = "export.html"
+AXES: Final = {"Fx": "N", "Fy": "N", "Fz": "N", "Mx": "N m", "My": "N m", "Mz": "N m"}
+"""Force and moment about the center of gravity without gravity, body axes, as of :func:`stoop.simulation.loads.body_loads`."""
+SPECIFIC: Final = ("fx", "fy", "fz")  #: specific force at the center of gravity, m/s2
+EXPLANATION: Final = """\
+Axes are force and moment without gravity at the states of our simulation. Channels are those of the flight, which the other \
+tool begins at our state. Slope and correlation are those of the tool's values over ours; the error is the root mean square of \
+their difference, and beside it as a share of the standard deviation of ours: of an axis, what the tool does not express."""
+
+
+@dataclass(frozen=True, eq=False)
+class Compared:
+    """A flight by our simulation and by another tool.
+
+    Attributes
+    ----------
+    tool, flight : str
+        Titles.
+    names : of the columns: :data:`AXES`, channels
+    ours, theirs : (n, k), SI and rad
+    """
+
+    tool: str
+    flight: str
+    names: tuple[str, ...]
+    ours: FloatArray
+    theirs: FloatArray
+
+    @property
+    def spread(self) -> FloatArray:
+        """Standard deviation (k,) of ours; NaN where all that moves is rounding, of the largest value of the same unit."""
+        largest, units = np.abs(self.ours).max(axis=0), [unit_of(name) for name in self.names]
+        scale = [max(x for x, u in zip(largest, units, strict=True) if u == unit) for unit in units]
+        spread = self._unwrapped.std(axis=0)
+        return np.where(spread > ROUNDING * np.array(scale), spread, np.nan)
+
+    @property
+    def _unwrapped(self) -> FloatArray:
+        wrapped, out = [name in WRAPPED for name in self.names], self.ours.copy()
+        out[:, wrapped] = np.unwrap(out[:, wrapped], axis=0)
+        return out
+
+    @property
+    def statistics(self) -> dict[str, FloatArray]:
+        """Slope and correlation (k,) of theirs over ours, rms error (k,) and its share of the standard deviation of ours."""
+        error = differences(self.names, self.ours, self.theirs)
+        ours, spread = self._unwrapped, self.spread
+        theirs = ours + error
+        shared = np.mean((ours - ours.mean(axis=0)) * (theirs - theirs.mean(axis=0)), axis=0)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            correlation = shared / spread / theirs.std(axis=0)
+        rms = np.sqrt(np.mean(error**2, axis=0))
+        return {"slope": shared / spread**2, "correlation": correlation, "error": rms, "share": rms / spread}
+
+    def __str__(self) -> str:
+        """Return the largest difference of the channels, and the lowest correlation of all columns, as a sentence."""
+        found = relative_differences(self.names, self.ours, self.theirs)
+        worst = max((name for name in found if name not in AXES), key=lambda name: found[name])
+        known = {
+            n: r for n, r in zip(self.names, self.statistics["correlation"], strict=True) if np.isfinite(r)
+        }
+        lowest = min(known, key=lambda name: known[name], default="")
+        correlation = f"; lowest correlation {known[lowest]:.3g} ({lowest})" if lowest else ""
+        return f"{self.tool}, {self.flight}: within {found[worst]:.1e} of each channel's maximum ({worst}){correlation}."
+
+
+def unit_of(name: str) -> str:
+    """Return the SI unit of an axis or a channel."""
+    return AXES.get(name) or ("m/s2" if name in SPECIFIC else VARIABLES[name].unit)
+
+
+def agreement_table(compared: Compared) -> Table:
+    """Return the table of every axis and channel."""
+    found, rows = compared.statistics, []
+    columns = zip(compared.names, compared.spread, *found.values(), strict=True)
+    for name, spread, slope, correlation, error, share in columns:
+        factor, unit = factor_and_unit(unit_of(name))
+        sizes = (f"{number(factor * x, 3)} {unit}" if np.isfinite(x) else NOTHING for x in (spread, error))
+        rows.append((name, *sizes, percent(share), number(slope, 3), number(correlation, 3)))
+    head = ("", "standard deviation", "error, rms", "error, share", "slope", "correlation")
+    return Table(f"{compared.tool}, {compared.flight}", head, tuple(rows))
+
+
+def percent(share: float) -> str:
+    """Return a share in percent; rounding errors as 0."""
+    return f"{compact(100.0 * without_rounding(share, 1.0), 2)} %" if np.isfinite(share) else NOTHING
+
+
+def loads_along(flight: ReferenceFlight, changes: Mapping[str, float] | None = None) -> FloatArray:
+    """Return :data:`AXES` (n, 6) of a flight, with changed numbers at the same states."""
+    rows = parameter_rows(flight.vehicle, changes, len(flight.states))
+    return body_loads(flight.vehicle, rows, flight.states.T, flight.inputs.T).T
+
+
+def omitted_shares(flight: ReferenceFlight, omitted: Mapping[str, float]) -> dict[str, FloatArray]:
+    """Return the share (6,) of each of :data:`AXES` that each omitted number makes along a flight.
+
+    The share is the root mean square of the change over the standard deviation of the load; NaN for an axis without loads.
+
+    Parameters
+    ----------
+    flight : ReferenceFlight
+    omitted : mapping of number to the value at which it does nothing
+    """
+    whole = loads_along(flight)
+    spread = Compared("", "", tuple(AXES), whole, whole).spread
+    changes = {name: loads_along(flight, {name: end}) - whole for name, end in omitted.items()}
+    return {name: np.sqrt(np.mean(change**2, axis=0)) / spread for name, change in changes.items()}
+
+
+def omission(tool: str, name: str, shares: FloatArray) -> str:
+    """Return the note on a term that a tool does not express, with its share of each axis."""
+    parts = ", ".join(f"{percent(x)} of {axis}" for axis, x in zip(AXES, shares, strict=True))
+    return f"{tool} does not express {name}: {parts} (rms over the compared flight)."
+
+
+def agreement_page(title: str, compared: Sequence[Compared], notes: Sequence[str]) -> str:
+    """Return the page of how a tool's flights agree with ours, as HTML."""
+    sections = [Section("Agreement", (Prose(EXPLANATION), *map(agreement_table, compared)))]
+    sections += [Section("Notes", (Bullets(notes),))] if notes else []
+    return render_sheet(
+        Sheet(title, "Every axis and channel, by our simulation and by the tool.", tuple(sections))
+    )
