@@ -7,8 +7,10 @@ from pathlib import Path
 
 import pytest
 
+import stoop
 from docs.pages import DOCS, ROOT, run_python, table
 from stoop.cli.main import main
+from stoop.exporters.agreement import agreement_table
 
 
 def test_the_unit_flies(tmp_path: Path) -> None:
@@ -47,6 +49,15 @@ def test_the_models_fly_by_the_equations_of_gazebo(tmp_path: Path) -> None:
     )
     assert apart == pytest.approx([x for row in shown for x in row], rel=0.1)
     assert re.search(r"thrust over the square of the speed: 8\.\d+e-06 N s2", said)
+
+
+def test_axes_of_the_hexacopter_in_gazebo() -> None:
+    made = stoop.export(str(ROOT / "examples/hexacopter.toml"), "gazebo")
+    px4, ardupilot = (agreement_table(compared).rows for compared in made.compared)
+    shown = table(DOCS / "gazebo.md", "Accuracy", "axis").rows
+    assert list(shown) == [(a[0], a[3], a[5], b[3], b[5]) for a, b in zip(px4, ardupilot, strict=True)][:6]
+    (omitted,) = [note for note in made.notes if "rotors.drag_inflow" in note]
+    assert "11 % of Fx, 11 % of Fy, 0 % of Fz" in omitted
 
 
 @pytest.mark.parametrize("ending", [".csv", ".json"])

@@ -47,11 +47,15 @@ class Compared:
 
     @property
     def spread(self) -> FloatArray:
-        """Standard deviation (k,) of ours; NaN where all that moves is rounding, of the largest value of the same unit."""
-        largest, units = np.abs(self.ours).max(axis=0), [unit_of(name) for name in self.names]
-        scale = [max(x for x, u in zip(largest, units, strict=True) if u == unit) for unit in units]
+        """Standard deviation (k,) of ours; NaN where all that moves is rounding beside :attr:`scale`."""
         spread = self._unwrapped.std(axis=0)
-        return np.where(spread > ROUNDING * np.array(scale), spread, np.nan)
+        return np.where(spread > ROUNDING * self.scale, spread, np.nan)
+
+    @property
+    def scale(self) -> FloatArray:
+        """Largest magnitude (k,) of ours in all columns of the same unit."""
+        largest, units = np.abs(self.ours).max(axis=0), [unit_of(name) for name in self.names]
+        return np.array([max(x for x, u in zip(largest, units, strict=True) if u == unit) for unit in units])
 
     @property
     def _unwrapped(self) -> FloatArray:
@@ -61,13 +65,18 @@ class Compared:
 
     @property
     def statistics(self) -> dict[str, FloatArray]:
-        """Slope and correlation (k,) of theirs over ours, rms error (k,) and its share of the standard deviation of ours."""
+        """Slope and correlation (k,) of theirs over ours, rms error (k,) and its share of the standard deviation of ours.
+
+        The correlation is 0 where ours varies and theirs is constant: the tool has lost the axis.
+        """
         error = differences(self.names, self.ours, self.theirs)
         ours, spread = self._unwrapped, self.spread
         theirs = ours + error
         shared = np.mean((ours - ours.mean(axis=0)) * (theirs - theirs.mean(axis=0)), axis=0)
         with np.errstate(invalid="ignore", divide="ignore"):
             correlation = shared / spread / theirs.std(axis=0)
+        lost = np.isfinite(spread) & (theirs.std(axis=0) <= ROUNDING * spread)
+        correlation = np.where(lost, 0.0, correlation)
         rms = np.sqrt(np.mean(error**2, axis=0))
         return {"slope": shared / spread**2, "correlation": correlation, "error": rms, "share": rms / spread}
 
@@ -91,11 +100,13 @@ def unit_of(name: str) -> str:
 def agreement_table(compared: Compared) -> Table:
     """Return the table of every axis and channel."""
     found, rows = compared.statistics, []
-    columns = zip(compared.names, compared.spread, *found.values(), strict=True)
-    for name, spread, slope, correlation, error, share in columns:
+    columns = zip(compared.names, compared.scale, compared.spread, *found.values(), strict=True)
+    for name, scale, spread, slope, correlation, error, share in columns:
         factor, unit = factor_and_unit(unit_of(name))
-        sizes = (f"{number(factor * x, 3)} {unit}" if np.isfinite(x) else NOTHING for x in (spread, error))
-        rows.append((name, *sizes, percent(share), number(slope, 3), number(correlation, 3)))
+        sizes = (without_rounding(x, scale) for x in (spread, error))
+        shown = (f"{compact(factor * x)} {unit}" if np.isfinite(x) else NOTHING for x in sizes)
+        ratios = (number(without_rounding(x, 1.0), 3) for x in (slope, correlation))
+        rows.append((name, *shown, percent(share), *ratios))
     head = ("", "standard deviation", "error, rms", "error, share", "slope", "correlation")
     return Table(f"{compared.tool}, {compared.flight}", head, tuple(rows))
 
@@ -128,9 +139,10 @@ def omitted_shares(flight: ReferenceFlight, omitted: Mapping[str, float]) -> dic
 
 
 def omission(tool: str, name: str, shares: FloatArray) -> str:
-    """Return the note on a term that a tool does not express, with its share of each axis."""
+    """Return the note on a term that a tool does not have, with its share of each axis."""
     parts = ", ".join(f"{percent(x)} of {axis}" for axis, x in zip(AXES, shares, strict=True))
-    return f"{tool} does not express {name}: {parts} (rms over the compared flight)."
+    kept = "of which it keeps the slope at the steady flight at most"
+    return f"{tool} has no term for {name}, {kept}: {parts} (rms along the compared flight)."
 
 
 def agreement_page(title: str, compared: Sequence[Compared], notes: Sequence[str]) -> str:
