@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -50,16 +50,20 @@ def channel_range(vehicle: Vehicle) -> Range:
 
 
 def accelerations(
-    vehicle: Vehicle, start: Mapping[str, ArrayLike], inputs: FloatArray, rows: FloatArray | None = None
+    vehicle: Vehicle,
+    start: Mapping[str, ArrayLike],
+    inputs: FloatArray,
+    rows: FloatArray | None = None,
+    of: Sequence[str] = ("u", "v", "w", "p", "q", "r"),
 ) -> FloatArray:
-    """Return u', v', w', p', q', r' (6, B) for channels (n_u, B) after all lags have settled.
+    """Return the rates (6, B), or those of other states (n, B), for channels (n_u, B) after all lags have settled.
 
     `rows` are kernel parameters (n_p, B); the vehicle's own when absent.
     """
     rows = parameter_rows(vehicle, None, inputs.shape[1]) if rows is None else rows
     states = initial_states(vehicle, start, rows, inputs)
     rates, _ = vehicle.kernel().evaluate(rows, states, np.ascontiguousarray(inputs))
-    return rates[[vehicle.states.index(s) for s in ("u", "v", "w", "p", "q", "r")]]
+    return rates[[vehicle.states.index(s) for s in of]]
 
 
 def effects(

@@ -91,12 +91,14 @@ def neutral_inputs(
 
 
 def surface_moments(vehicle: Vehicle, point: Trim, control: str) -> FloatArray:
-    """Return p', q', r' (3,) per rad of a surface about a steady flight."""
+    """Return p', q', r' (3,) per rad of a surface about a steady flight; zero about axes that reduced equations do not have."""
     step = 1e-3
     inputs = inputs_about(vehicle, point, {control: np.array([step, -step])}, 2)
     rows = parameter_rows(vehicle, point.changes, 2)
-    rates = accelerations(vehicle, point.start, inputs.T, rows)
-    return np.asarray((rates[3:, 0] - rates[3:, 1]) / (2.0 * step))
+    kept = [axis for axis in "pqr" if axis in vehicle.states]
+    up, down = accelerations(vehicle, point.start, inputs.T, rows, kept).T
+    moments = dict(zip(kept, (up - down) / (2.0 * step), strict=True))
+    return np.array([moments.get(axis, 0.0) for axis in "pqr"])
 
 
 def inputs_about(vehicle: Vehicle, point: Trim, signals: Mapping[str, FloatArray], count: int) -> FloatArray:

@@ -11,6 +11,7 @@ from stoop.simulation import LinearModel, Trim, initial_states, linearize, param
 from stoop.simulation.fly import simulate
 from stoop.simulation.initial import mixed_inputs
 from stoop.simulation.linearize import left_out, modes_of
+from stoop.simulation.trim import surface_moments
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import builtin_vehicle
 from stoop.vehicle.load import parse_vehicle
@@ -226,3 +227,14 @@ def test_delays_in_series_with_the_matrices_give_the_simulated_response() -> Non
     assert np.max(np.abs(flown - delivered)) < 0.01 * np.max(np.abs(flown))
     undelayed = np.max(np.abs(flown - np.interp(time + 0.1, time, delivered)))
     assert undelayed > 0.2 * np.max(np.abs(flown)), "the test sees a delay that is left out"
+
+
+@pytest.mark.parametrize("reduce", ["longitudinal", "lateral"])
+def test_moments_of_surfaces_are_those_of_the_full_equations_where_reduced_ones_have_the_axis(
+    twin_boom: Vehicle, reduce: str
+) -> None:
+    kept = {"longitudinal": [0.0, 1.0, 0.0], "lateral": [1.0, 0.0, 1.0]}[reduce]
+    some = twin_boom.reduced(reduce)
+    for control in some.controls:
+        whole = surface_moments(twin_boom, trim(twin_boom), control)
+        assert np.allclose(surface_moments(some, trim(some), control), whole * kept, rtol=1e-6, atol=1e-6)
