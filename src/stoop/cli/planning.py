@@ -122,6 +122,7 @@ def design(arguments: argparse.Namespace) -> int:
     from stoop.exporters.targets import flown_by
     from stoop.input_design.information import Limits, Setup, usual_amplitudes
     from stoop.input_design.optimization import propose
+    from stoop.report.design import NO_IMPROVEMENT
     from stoop.simulation import trim
     from stoop.workflow.design import (
         DESIGN_FILES,
@@ -160,17 +161,17 @@ def design(arguments: argparse.Namespace) -> int:
         steady, target, arguments.shape, arguments.duration, arguments.beat, arguments.evaluations,
         band=arguments.band, optimizer=arguments.optimizer, seed=arguments.seed,
     )  # fmt: skip
-    families: list[str] = []
-    began: dict[str, float] = {}
+    began = 0.0
 
-    def see(family: str, progress: Any) -> None:
-        if family not in families:
-            families.append(family)
-            began[family] = time.perf_counter()
-            live.warn(f"designing: {family}")
-        spent = progress.trajectories
-        left = remaining(time.perf_counter() - began[family], spent, plan.evaluations)
-        live.turn_to(f"designing: {family}, {spent:.0f} of {plan.evaluations} maneuvers{left}")
+    def see(stage: str, progress: Any) -> None:
+        nonlocal began
+        now, far = time.perf_counter(), ""
+        if progress is None:
+            began = now
+        else:
+            left = remaining(now - began, progress.trajectories, plan.evaluations)
+            far = f", {progress.trajectories:.0f} of {plan.evaluations} maneuvers{left}"
+        live.show(f"designing: {stage}{far}", now, news=progress is None)
 
     setup = Setup(vehicle, steady, limits, knowledge, noise)
     with LiveLine("designing") as live:
@@ -186,12 +187,10 @@ def design(arguments: argparse.Namespace) -> int:
     out.table(words("", setup.names), numbers("now", now), *errors)
     out.line()
     ratios = [(one.shape, proposal.ratio(one)) for one in proposal.designs]
-    out.bullets(f"{shape}: mean standard error {r:.2f} of the textbook's 3-2-1-1" for shape, r in ratios)
+    out.bullets(f"{shape}: mean standard error {r:.2f} of the textbook's" for shape, r in ratios)
     out.bullets(why for _, why in proposal.refused)
-    if min(r for _, r in ratios) >= 1.0:
-        out.bullets(
-            ["no design is better than the textbook's input: fly reference.toml, or raise --evaluations"]
-        )
+    if not proposal.is_improvement:
+        out.bullets([NO_IMPROVEMENT[proposal.is_textbook]])
     if target == "pilot" and not throws:
         out.bullets(["the card has no percentages of the stick: give the throws by --throw CONTROL=DEG"])
     if any(name.startswith("sid_") for name in flight):

@@ -55,7 +55,7 @@ Airspeed {V:.3g} m/s, altitude {h:.0f} m, straight and level, throttle fixed, ca
 Beat {beat:g} s: {pace} counts a second, aloud. One stop for each stick, the same to both sides.
 Manual mode of any autopilot, or its mode with the least feedback.
 Fly each line twice, each time trimmed anew: first with half of the stop, then with the whole one.
-The page predicts the standard errors of the lines with the whole stop, flown once without a pause.
+The page predicts the standard errors of the lines with the whole stop, each flown once, from trim.
 """
 TAIL: Final = """\
 {limits}Write down: time, line, wind, what went wrong. Words to stop: "knock it off".

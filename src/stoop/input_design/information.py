@@ -15,6 +15,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -22,6 +23,7 @@ import numpy as np
 from stoop.assessment.covariance import marked, standard_errors
 from stoop.base.arrays import FloatArray
 from stoop.errors import IdentificationError, SimulationError
+from stoop.flight import Flight
 from stoop.input_design.sensitivity import BOX_INFORMATION, PIECES, CandidateProblem, VehicleInformation
 from stoop.problem import Layout, Misfit, Piece, Weights
 from stoop.problem.evidence import invert
@@ -29,7 +31,7 @@ from stoop.problem.prepare import Prepared, nuisances, prepare
 from stoop.problem.windows import Window
 from stoop.results.result import Result
 from stoop.simulation import Trim
-from stoop.simulation.fly import simulate_flight
+from stoop.simulation.fly import simulate_together
 from stoop.simulation.maneuver import Maneuver, amplitude_text
 from stoop.simulation.trim import inputs_about
 from stoop.vehicle import Vehicle
@@ -226,7 +228,8 @@ class Setup:
     """A vehicle in steady flight, the limits of its maneuvers, and the information about its parameters.
 
     The parameters are the free numbers of the vehicle, at their present values; ``noise`` (n_y, n_y) is the covariance of
-    the measurement noise.
+    the measurement noise. With ``retrim``, s, the aircraft flies as trimmed again that long before each input, as a pilot does
+    who flies one line of a card after the other; each line has an initial state of its own.
     """
 
     vehicle: Vehicle
@@ -234,6 +237,7 @@ class Setup:
     limits: Limits
     knowledge: Knowledge
     noise: FloatArray
+    retrim: float | None = None
 
     @cached_property
     def layout(self) -> Layout:
@@ -261,29 +265,8 @@ class Setup:
         return self.knowledge.among(self.names) * np.outer(self.layout.width, self.layout.width)
 
     def forecast(self, maneuver: Maneuver, only_inside: bool = False) -> Forecast:
-        """Return the predicted readings of a maneuver and their information.
-
-        With ``only_inside`` the information is zero where the flight leaves the envelope.
-        """
-        if not self.trim.on_wings:
-            return forecast_on_rotors(self, maneuver, only_inside)
-        vehicle, t = self.vehicle, maneuver.time
-        inputs = inputs_about(vehicle, self.trim, maneuver.deflections(), len(t))
-        blank = np.zeros((len(t), len(vehicle.outputs)))
-        piece = Piece(0, t, inputs, blank, self.trim.start, self.trim.changes)
-        prepared = Prepared((Window("design", 0.0, float(t[-1])),), (piece,), ())
-        layout = replace(self.layout, nuisances=nuisances(vehicle, prepared))
-        problem = Misfit(layout, (piece,), Weights.of(self.noise), ((len(t),),))
-        z = np.concatenate([self.layout.unit(self.values), np.zeros(problem.extra)])
-        with np.errstate(invalid="ignore", over="ignore"):
-            readings = problem.outputs(z, 0)
-        finite = bool(np.isfinite(readings).all())
-        excess = self.limits.excess(readings, self.vehicle.outputs) if finite else np.inf
-        if not finite or (only_inside and excess > 0.0):
-            return Forecast(readings, excess, np.zeros_like(self.known))
-        r = problem.residuals(z[None, :], 0)[0]
-        J, _ = problem.jacobian(z, 0, r)
-        return Forecast(readings, excess, marginal(J, problem.dimension))
+        """Return the predicted readings of a maneuver and their information: :func:`forecasts` of one flight."""
+        return forecasts([(self, maneuver)], only_inside)[0]
 
     def std(self, *forecasts: Forecast) -> FloatArray:
         """Return the standard errors (D,), SI, that flights with these forecasts leave, with what is known."""
@@ -331,14 +314,55 @@ def marginal(J: FloatArray, d: int) -> FloatArray:
     return 0.5 * (out + out.T)
 
 
-def forecast_on_rotors(setup: Setup, maneuver: Maneuver, only_inside: bool) -> Forecast:
-    """Return readings and information of a maneuver under the autopilot; as of :meth:`Setup.forecast`."""
-    vehicle, count = setup.vehicle, len(maneuver.time)
-    nothing = np.zeros_like(setup.known)
-    try:
-        flight = simulate_flight(vehicle, maneuver, noise=False, name="design")
-    except SimulationError:  # it diverges
-        return Forecast(np.full((count, len(vehicle.outputs)), np.nan), np.inf, nothing)
+def forecasts(flights: Sequence[tuple[Setup, Maneuver]], only_inside: bool = False) -> list[Forecast]:
+    """Return the predicted readings of maneuvers and their information; flights on rotors are flown side by side.
+
+    With ``only_inside`` the information is zero where the flight leaves the envelope.
+    """
+    hovering = {i: one for i, one in enumerate(flights) if not one[0].trim.on_wings}
+    vehicles = [(setup.vehicle, maneuver) for setup, maneuver in hovering.values()]
+    flown = dict(zip(hovering, simulate_together(vehicles, noise=False, name="design"), strict=True))
+    return [
+        forecast_on_rotors(*one, flown[i], only_inside)
+        if i in hovering
+        else forecast_on_wings(*one, only_inside)
+        for i, one in enumerate(flights)
+    ]
+
+
+def forecast_on_wings(setup: Setup, maneuver: Maneuver, only_inside: bool) -> Forecast:
+    """Return the forecast of a maneuver that is flown open loop; as of :func:`forecasts`."""
+    vehicle, t = setup.vehicle, maneuver.time
+    inputs = inputs_about(vehicle, setup.trim, maneuver.deflections(), len(t))
+    blank = np.zeros((len(t), len(vehicle.outputs)))
+    first = [] if setup.retrim is None else sorted(one.start - setup.retrim for one in maneuver.input)[1:]
+    edges = [0, *np.searchsorted(t, np.array(first) - 1e-9).tolist(), len(t)]
+    pieces = tuple(
+        Piece(0, t[a:b], inputs[a:b], blank[a:b], setup.trim.start, setup.trim.changes)
+        for a, b in pairwise(edges)
+    )
+    prepared = Prepared((Window("design", 0.0, float(t[-1])),), pieces, ())
+    layout = replace(setup.layout, nuisances=nuisances(vehicle, prepared))
+    problem = Misfit(layout, pieces, Weights.of(setup.noise), (tuple(len(p.time) for p in pieces),))
+    z = np.concatenate([setup.layout.unit(setup.values), np.zeros(problem.extra)])
+    with np.errstate(invalid="ignore", over="ignore"):
+        readings = np.concatenate([problem.outputs(z, i) for i in range(len(pieces))])
+    finite = bool(np.isfinite(readings).all())
+    excess = setup.limits.excess(readings, setup.vehicle.outputs) if finite else np.inf
+    if not finite or (only_inside and excess > 0.0):
+        return Forecast(readings, excess, np.zeros_like(setup.known))
+    r = problem.residuals(z[None, :], 0)[0]
+    J, _ = problem.jacobian(z, 0, r)
+    return Forecast(readings, excess, marginal(J, problem.dimension))
+
+
+def forecast_on_rotors(
+    setup: Setup, maneuver: Maneuver, flight: Flight | SimulationError, only_inside: bool
+) -> Forecast:
+    """Return readings and information of a flight under the autopilot; as of :func:`forecasts`."""
+    vehicle, nothing = setup.vehicle, np.zeros_like(setup.known)
+    if isinstance(flight, SimulationError):  # it diverges
+        return Forecast(np.full((len(maneuver.time), len(vehicle.outputs)), np.nan), np.inf, nothing)
     readings = np.column_stack([flight.column(c) for c in vehicle.outputs])
     excess = setup.limits.excess(readings, vehicle.outputs)
     if only_inside and excess > 0.0:

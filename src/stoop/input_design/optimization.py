@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, Final
@@ -17,12 +18,23 @@ from stoop.base.notices import Notice, notice
 from stoop.base.schema_errors import first_complaint
 from stoop.base.text import Summarized
 from stoop.errors import SimulationError
-from stoop.input_design.information import Forecast, Setup
-from stoop.input_design.inputs import COUNTED_SHAPES, LEAD, SHAPES, USUAL_SHAPES, Frame, Shape, StepInputs
+from stoop.input_design.information import Forecast, Setup, forecasts
+from stoop.input_design.inputs import (
+    COUNTED_SHAPES,
+    LEAD,
+    SHAPES,
+    STEADY,
+    USUAL_SHAPES,
+    CountedSteps,
+    Frame,
+    Shape,
+    StepInputs,
+)
 from stoop.optimize.problem import ScalarProblem
 from stoop.problem.evidence import invert
 from stoop.simulation.maneuver import Maneuver
 
+TEXTBOOK: Final = "textbook"  #: in place of a family, where the textbook's maneuver is proposed
 OUTSIDE: Final = 1e3  #: cost of leaving the envelope at all: every maneuver within it is better
 MIN_STEP: Final = 0.1  #: s
 MARGIN: Final = 0.02  #: of an envelope's width to its edge: forecasts of the search have a coarser step
@@ -35,7 +47,7 @@ class Plan:
     """What to design: duration, s; rate of the maneuver file and highest frequency of a multisine, Hz; and the search.
 
     ``evaluations`` is the number of maneuvers tried for one family of inputs. With a ``beat``, s, a pilot flies steps that are
-    counted aloud.
+    counted aloud, trimmed again before each row of them. ``textbook``: the textbook's maneuver may be what is proposed.
     """
 
     duration: float = 20.0
@@ -45,6 +57,7 @@ class Plan:
     evaluations: int = 2000
     seed: int = 0
     beat: float | None = None
+    textbook: bool = True
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,8 +88,8 @@ class InformationCost(ScalarProblem):
         """Return the costs (B,) of points (B, dimension)."""
         # an autopilot on rotors needs the whole rate
         rate = min(SEARCH_RATE, self.plan.rate) if self.setup.trim.on_wings else self.plan.rate
-        forecasts = [self.setup.forecast(self.maneuver(x, rate), only_inside=True) for x in X]
-        return np.array([OUTSIDE + f.excess if f.excess > 0.0 else -self.setup.gain(f) for f in forecasts])
+        found = forecasts([(self.setup, self.maneuver(x, rate)) for x in X], only_inside=True)
+        return np.array([OUTSIDE + f.excess if f.excess > 0.0 else -self.setup.gain(f) for f in found])
 
     def maneuver(self, x: FloatArray, rate: float) -> Maneuver:
         """Return the maneuver of a point, from the trim of the setup."""
@@ -107,10 +120,7 @@ def design(
     SimulationError
         No maneuver of the family stays within the envelope, or it cannot be flown.
     """
-    if plan.beat is not None and shape not in COUNTED_SHAPES:
-        raise SimulationError(
-            f"design: a pilot cannot fly a {shape} by a beat; choose --shape from {', '.join(COUNTED_SHAPES)}"
-        )
+    _check_beat(plan, [shape])
     margins = {c: MARGIN * (high - low) for c, (low, high) in setup.limits.envelope.items()}
     inner = {c: (a + margins[c], b - margins[c]) for c, (a, b) in setup.limits.envelope.items()}
     searched = replace(setup, limits=replace(setup.limits, envelope=inner))
@@ -136,28 +146,53 @@ def design(
     return Design(shape, maneuver, forecast, setup.gain(forecast), outcome.trajectories)
 
 
+def _check_beat(plan: Plan, shapes: Sequence[str]) -> None:
+    """Refuse families of which a pilot can fly none by a beat."""
+    if plan.beat is not None and not set(shapes) & set(COUNTED_SHAPES):
+        raise SimulationError(
+            f"design: a pilot cannot fly a {shapes[0]} by a beat; choose --shape from {', '.join(COUNTED_SHAPES)}"
+        )
+
+
 def textbook_maneuver(setup: Setup, plan: Plan) -> Maneuver:
     """Return the textbook maneuver: a 3-2-1-1 on one control after the other.
 
-    Steps are as long as the time allows or half as long, whichever has more information. It is as large as a design may
-    be, and smaller by common steps of 10 % only where it would leave the envelope.
+    Steps are as long as the time allows or half as long, whichever has more information; by a beat they are counted, and those of
+    a shorter pattern where the time holds no 3-2-1-1. It is as large as a design may be, and smaller by common steps of 10 %
+    only where it would leave the envelope.
     """
-    rows = StepInputs(_frame(setup, plan), "3-2-1-1")
-    problem = InformationCost(setup, rows, plan)
+    rows = _textbook_rows(_frame(setup, plan))
+    problem, each = InformationCost(setup, rows, plan), rows.dimension // len(setup.limits.amplitude)
     inside = []
     for point in rows.starts:
         for share in np.arange(1.0, 0.15, -0.1):
-            point[2::3] = 0.5 + 0.5 * share
+            point[each - 1 :: each] = 0.5 + 0.5 * share
             maneuver = problem.maneuver(point, plan.rate)
-            if setup.forecast(maneuver, only_inside=True).excess == 0.0:
-                inside.append(maneuver)
+            forecast = setup.forecast(maneuver, only_inside=True)
+            if forecast.excess == 0.0:
+                inside.append((setup.gain(forecast), maneuver))
                 break
     if not inside:
         raise SimulationError(
             f"design: even small 3-2-1-1 inputs leave the envelope within {plan.duration:g} s; "
             "lower --amplitude, widen --within, or design for a shorter time"
         )
-    return max(inside, key=lambda maneuver: setup.gain(setup.forecast(maneuver)))
+    return max(inside, key=lambda one: one[0])[1]
+
+
+def _textbook_rows(frame: Frame) -> StepInputs | CountedSteps:
+    """Return the family of the textbook maneuver; by a beat the first that the time holds."""
+    if frame.beat is None:
+        return StepInputs(frame, "3-2-1-1")
+    refused = []
+    for pattern in COUNTED_SHAPES:
+        rows = CountedSteps(frame, pattern, frame.beat)
+        try:
+            rows.inputs(rows.starts[0])
+            return rows
+        except SimulationError as error:
+            refused.append(error)
+    raise refused[0]
 
 
 def _frame(setup: Setup, plan: Plan) -> Frame:
@@ -201,25 +236,27 @@ class Robustness:
 def robustness(setup: Setup, maneuver: Maneuver, reference: Maneuver, draws: int, seed: int) -> Robustness:
     """Fly a maneuver and its reference with models drawn from the distribution of the parameters.
 
-    A direction without information is not drawn: the model keeps its file's values there.
+    A direction without information is not drawn: the model keeps its file's values there; without any, there are no draws.
     """
     layout = setup.layout
     factor = invert(setup.known).factor * layout.width[:, None]
+    draws = draws if factor.any() else 0  # where nothing is known, nothing is drawn
     noise = np.random.default_rng(seed).standard_normal((draws, factor.shape[1]))
-    untrimmed, excesses, ratios = 0, [], []
+    models = []
     for values in setup.values + noise @ factor.T:
-        try:
-            other = setup.with_values(np.clip(values, layout.lower, layout.lower + layout.width))
-        except SimulationError:
-            untrimmed += 1
-            continue
-        forecast = other.forecast(maneuver, only_inside=True)
-        excesses.append(forecast.excess)
-        if forecast.excess == 0.0:
-            ratios.append(mean_ratio(other.std(forecast), other.std(other.forecast(reference))))
+        with suppress(SimulationError):  # without a trim
+            models.append(setup.with_values(np.clip(values, layout.lower, layout.lower + layout.width)))
+    designed = forecasts([(model, maneuver) for model in models], only_inside=True)
+    excesses = [one.excess for one in designed]
+    inside = [(m, f) for m, f in zip(models, designed, strict=True) if f.excess == 0.0]
+    compared = forecasts([(model, reference) for model, _ in inside])
+    ratios = tuple(
+        mean_ratio(model.std(one), model.std(other))
+        for (model, one), other in zip(inside, compared, strict=True)
+    )
     finite = [e for e in excesses if np.isfinite(e)]
     outside = sum(e > 0.0 for e in excesses)
-    return Robustness(draws, untrimmed, outside, max(finite, default=0.0), tuple(ratios))
+    return Robustness(draws, draws - len(models), outside, max(finite, default=0.0), ratios)
 
 
 def mean_ratio(std: FloatArray, reference: FloatArray) -> float:
@@ -231,6 +268,9 @@ def mean_ratio(std: FloatArray, reference: FloatArray) -> float:
 @dataclass(frozen=True, eq=False, repr=False)
 class Proposal(Summarized):
     """What to fly next: one design per family, the best first, beside the textbook's maneuver.
+
+    Designs with smaller standard errors than the textbook's go before others, those with more information first. Where there is
+    none, the textbook's maneuver itself is the first, as the family :data:`TEXTBOOK`, unless it cannot be flown.
 
     Attributes
     ----------
@@ -252,7 +292,7 @@ class Proposal(Summarized):
 
     @property
     def best(self) -> Design:
-        """The design with the most information."""
+        """What is proposed."""
         return self.designs[0]
 
     @property
@@ -263,6 +303,16 @@ class Proposal(Summarized):
     def ratio(self, of: Design) -> float:
         """Return the mean of a design's standard errors over the reference's."""
         return mean_ratio(self.setup.std(of.forecast), self.setup.std(self.expected))
+
+    @property
+    def is_textbook(self) -> bool:
+        """Whether the textbook's maneuver itself is proposed."""
+        return self.best.shape == TEXTBOOK
+
+    @property
+    def is_improvement(self) -> bool:
+        """Whether a design has smaller standard errors than the textbook's maneuver, in the mean."""
+        return not self.ratio(self.best) >= 1.0
 
 
 def propose(
@@ -275,25 +325,40 @@ def propose(
     """Design the best maneuver of every family, and compare it with the textbook's and for other models.
 
     The maneuver begins at the trim. Families are names of :data:`stoop.input_design.SHAPES`, the usual ones when none are given;
-    the callback gets the name and an :class:`stoop.optimize.Progress` after each generation; `source` says where the knowledge of
-    the model comes from. A family of which no maneuver can be
-    flown is left out.
+    the callback gets the name and an :class:`stoop.optimize.Progress` after each generation, None in its place where a family,
+    "textbook" or "robustness" begins; `source` says where the knowledge of the model comes from. A family of which no maneuver
+    can be flown is left out.
 
     Raises
     ------
     SimulationError
         No maneuver of any family stays within the limits.
     """
+    families = shapes or (USUAL_SHAPES if plan.beat is None else COUNTED_SHAPES)
+    _check_beat(plan, families)
+    if plan.beat is not None:
+        setup = replace(setup, retrim=STEADY)
+    told = callback or (lambda *_: None)
+    told(TEXTBOOK, None)
     reference = textbook_maneuver(setup, plan)
-    found, refused = [], []
-    for name in shapes or (USUAL_SHAPES if plan.beat is None else COUNTED_SHAPES):
+    found, refused = list[Design](), []
+    for name in families:
+        told(name, None)
         try:
-            found.append(design(setup, plan, name, None if callback is None else partial(callback, name)))
+            found.append(design(setup, plan, name, partial(told, name)))
         except SimulationError as error:
             refused.append((name, str(error)))
     if not found:
         raise SimulationError(refused[0][1])
-    designs = tuple(sorted(found, key=lambda one: -one.gain))
-    robust = robustness(setup, designs[0].maneuver, reference, DRAWS, plan.seed)
     expected = setup.forecast(reference)
-    return Proposal(setup, plan, designs, reference, expected, robust, source, tuple(refused))
+    base, ranked = setup.std(expected), sorted(found, key=lambda one: -one.gain)
+    worse = [one for one in ranked if mean_ratio(setup.std(one.forecast), base) >= 1.0]
+    designs = [one for one in ranked if one not in worse]
+    if not designs and plan.textbook:
+        with suppress(SimulationError):
+            setup.limits.check_flyable(reference)
+            designs = [Design(TEXTBOOK, reference, expected, setup.gain(expected), 0.0)]
+    designs += worse
+    told("robustness", None)
+    robust = robustness(setup, designs[0].maneuver, reference, DRAWS, plan.seed)
+    return Proposal(setup, plan, tuple(designs), reference, expected, robust, source, tuple(refused))

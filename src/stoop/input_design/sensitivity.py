@@ -122,19 +122,25 @@ class VehicleInformation:
         elimination is singular. A piece that the simulation does not follow is left out: where it tumbles its
         sensitivities are huge and mean nothing.
         """
-        problem = candidate.misfit(self.vehicle, self.weights)
-        r, J = _linearized(problem, self.unit)
-        if not np.isfinite(r).all():
-            return None
-        d, every = problem.dimension, problem.layout.nuisances
-        shared = [*range(d), *(d + j for j, n in enumerate(every) if n.is_bias)]
-        total = np.zeros((len(shared), len(shared)))
-        for i, block in enumerate(_blocks(problem)):
-            if _rms(r[block]) < MAX_RESIDUAL * self.usual:
-                own = [d + j for j, n in enumerate(every) if n.piece == i]
-                rows = J[block][:, [*shared, *own]]
+        whole = candidate.misfit(self.vehicle, self.weights)
+        d, every = whole.dimension, whole.layout.nuisances
+        biases = tuple(n for n in every if n.is_bias)
+        shared = d + len(biases)
+        total = np.zeros((shared, shared))
+        for i, piece in enumerate(
+            whole.pieces
+        ):  # one by one: all sensitivities at once are zero for the most part
+            own = tuple(replace(n, piece=0) for n in every if not n.is_bias and n.piece == i)
+            layout = Layout.of(self.vehicle, (*biases, *own))
+            problem = Misfit(layout, (piece,), self.weights, ((len(piece.time),),))
+            r, J = _linearized(problem, self.unit)
+            if not np.isfinite(r).all():
+                return None
+            samples = _blocks(problem)[0]
+            if _rms(r[samples]) < MAX_RESIDUAL * self.usual:
+                rows = J[samples]
                 rows = rows[np.isfinite(rows).all(axis=1)]
-                total += _eliminated(rows.T @ rows, len(shared))
+                total += _eliminated(rows.T @ rows, shared)
         return _eliminated(total, d)
 
 

@@ -26,7 +26,7 @@ if TYPE_CHECKING:  # the page of a flight takes colors and commands from here, a
 DESIGN_LEAD: Final = """\
 The input below is the one, of those tried, whose flight makes the error bars of the parameters of {vehicle} smallest \
 together (D-optimality), as far as the model is right that it was designed for: {source}. It stays within the amplitude, \
-the slew and the envelope that are listed. Compared with it is what the textbook flies: a 3-2-1-1 on one control after the \
+the slew and the envelope that are listed. Compared with it is what the textbook flies: a {textbook} on one control after the \
 other, of the same duration and amplitude."""
 DESIGN_EXPECTED: Final = """\
 Standard errors before the flight, after the textbook's flight, and after the designed one. They are predictions: the \
@@ -35,6 +35,9 @@ all of them alike; a model that is wrong in kind is not in them."""
 FLOWN: Final = (
     "Deflections from the trim, and the readings to expect between their limits, against time in s."
 )
+FROM_TRIM: Final = """\
+The lines of the card are flown one by one, each once, with the whole stop and from trim: readings and standard errors are \
+those of as many flights, each with an initial state of its own."""
 ROBUSTNESS: Final = """\
 The model is what is to be measured, so it is wrong. Flown with {draws} models drawn from what is known: {outside} left the \
 envelope{most}, {untrimmed} did not fly straight at this speed. In those that stayed inside, the mean standard error was \
@@ -76,6 +79,10 @@ FLOWN_FILES: Final = {
     "config.txt": "what the micro-SD deck logs",
 }
 SWEEP_FILE: Final = "parameters of the mode System ID for one axis: load it, fly the mode, load the next"
+NO_IMPROVEMENT: Final = {
+    True: "no design is better than the textbook's input: the files fly the textbook's; raise --evaluations",
+    False: "no design is better than the textbook's input, which cannot be flown this way; raise --evaluations",
+}  #: by whether the textbook's input is proposed
 HOW_TO_FLY: Final = """\
 Read the first lines of each file. Rehearse it in simulation and on the ground, and begin with half the amplitude. What \
 moves the surfaces is the maneuver and the autopilot together, so the log, not this page, says what was flown."""
@@ -124,6 +131,8 @@ def design_sheet(proposal: Proposal, command: str, flown: Mapping[str, str] | No
     limited: list[Table | Bullets] = [Table("Limits of the controls", heads, tuple(controls))]
     if proposal.refused:
         limited.append(Bullets(tuple(why for _, why in proposal.refused)))
+    worse = () if proposal.is_improvement else (Bullets((NO_IMPROVEMENT[proposal.is_textbook],)),)
+    lines = () if setup.retrim is None else (Prose(FROM_TRIM),)
     flown = dict(flown or {})
     by_hand: tuple[Section, ...] = ()
     if flown:
@@ -136,13 +145,18 @@ def design_sheet(proposal: Proposal, command: str, flown: Mapping[str, str] | No
         by_hand = (Section("Flight card", (Code(flown["card.txt"]),)),)
     sections = (
         *by_hand,
-        Section("What to fly", (Prose(FLOWN), TimeHistory([*deflections, *responses]), Prose(files), tried)),
+        Section(
+            "What to fly",
+            (Prose(FLOWN), *lines, *worse, TimeHistory([*deflections, *responses]), Prose(files), tried),
+        ),
         Section("Limits", tuple(limited)),
-        Section("Expected standard errors", (Prose(DESIGN_EXPECTED), *_standard_errors(proposal))),
+        Section("Expected standard errors", (Prose(DESIGN_EXPECTED), *lines, *_standard_errors(proposal))),
         Section("If the model is wrong", (Prose(_robustness(proposal)),)),
         Section("Made by", (Code(command),)),
     )
-    lead = DESIGN_LEAD.format(vehicle=setup.vehicle.name, source=proposal.source)
+    lead = DESIGN_LEAD.format(
+        vehicle=setup.vehicle.name, source=proposal.source, textbook=proposal.reference.input[0].shape
+    )
     return Sheet(f"What to fly next: {setup.vehicle.name}", lead, sections)
 
 

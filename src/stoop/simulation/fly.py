@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -19,7 +19,7 @@ from stoop.simulation import trajectories
 from stoop.simulation.delays import late_outputs
 from stoop.simulation.initial import check_states, commanded, initial_states, parameter_rows, rigid_states
 from stoop.simulation.maneuver import Maneuver, check_maneuver, load_maneuver
-from stoop.simulation.on_rotors import fly_on_rotors
+from stoop.simulation.on_rotors import Departure, fly_on_rotors
 from stoop.simulation.rotors import channel_range
 from stoop.simulation.steady_flight import trim
 from stoop.simulation.trajectories import Flown
@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 
 GROUND_SPEED_NOISE: Final = 0.1  #: m/s, of a velocity over ground that the vehicle file has no noise of
 HEIGHT_PASSES, HEIGHT_TOLERANCE = 50, 1e-9  #: of the fixed point of height and trajectory; m
+ADVICE: Final = "reduce the amplitude or check the vehicle's stability"
 _GUSTS, _VELOCITY = 1, 2  #: streams of random numbers
 
 
@@ -66,8 +67,11 @@ def simulate(
         channels[:, vehicle.recorded.index(channel)] = columns[channel]
     gusts = np.random.default_rng([seed, _GUSTS])
     begun = replace(point, start={**point.start, **(initial_state or {})})
-    flown = _open_loop(vehicle, time, channels, begun, gusts, windy=False)
-    _check_finite(vehicle, flown, "reduce the inputs")
+    flown = _finite(
+        vehicle, _open_loop(vehicle, time, channels, begun, gusts, windy=False), "reduce the inputs"
+    )
+    if isinstance(flown, SimulationError):
+        raise flown
     sigma = np.array([getattr(vehicle.file.sensors, c).sigma for c in vehicle.outputs]) * float(noise)
     return _record(vehicle, flown, sigma, altitude, seed, name, {} if noise else None)
 
@@ -101,14 +105,17 @@ def simulate_flight(
         No trim, or the flight diverges.
     """
     flown = fly(vehicle, maneuver, seed)
-    known = dict.fromkeys((*vehicle.outputs, *(WIND if maneuver.wind is not None else ())))
-    unknown = set(maneuver.noise) - set(known)
-    if unknown:
-        raise ManeuverError(f"noise: '{min(unknown)}' is not observed; channels are {', '.join(known)}")
-    sensors = vehicle.file.sensors
-    sigma = np.array([maneuver.noise.get(c, getattr(sensors, c).sigma) for c in vehicle.outputs])
-    ground_noise = maneuver.noise if noise else None
-    return _record(vehicle, flown, sigma * float(noise), maneuver.altitude, seed, name, ground_noise)
+    return _recorded(vehicle, maneuver, flown, seed, noise, name)
+
+
+def simulate_together(
+    flights: Sequence[tuple[Vehicle, Maneuver]], seed: int = 0, noise: bool = True, name: str = "simulated"
+) -> list[Flight | SimulationError]:
+    """Return flights as of :func:`simulate_flight`, on rotors flown side by side; errors of those that fail are values."""
+    return [
+        one if isinstance(one, SimulationError) else _recorded(*flight, one, seed, noise, name)
+        for flight, one in zip(flights, fly_together(flights, seed), strict=True)
+    ]
 
 
 def fly(vehicle: Vehicle, maneuver: Maneuver, seed: int = 0) -> Flown:
@@ -121,15 +128,40 @@ def fly(vehicle: Vehicle, maneuver: Maneuver, seed: int = 0) -> Flown:
     SimulationError
         No trim, or the flight diverges.
     """
-    check_maneuver(vehicle, maneuver)
-    point, rng, advice = flown_trim(vehicle, maneuver), np.random.default_rng([seed, _GUSTS]), ""
-    if point.on_wings:
-        inputs = inputs_about(vehicle, point, maneuver.deflections(), len(maneuver.time))
-        flown = _open_loop(vehicle, maneuver.time, inputs, point, rng, maneuver.wind is not None)
-    else:
-        flown, advice = fly_on_rotors(vehicle, maneuver, point, rng), "raise the rate of the maneuver, "
-    _check_finite(vehicle, flown, f"{advice}reduce the amplitude or check the vehicle's stability")
+    (flown,) = fly_together([(vehicle, maneuver)], seed)
+    if isinstance(flown, SimulationError):
+        raise flown
     return flown
+
+
+def fly_together(flights: Sequence[tuple[Vehicle, Maneuver]], seed: int = 0) -> list[Flown | SimulationError]:
+    """Fly maneuvers as :func:`fly` does, those on rotors side by side; the errors of those that fail are values.
+
+    Raises
+    ------
+    ManeuverError
+        A control that the vehicle does not have.
+    """
+    found: dict[int, Flown | SimulationError] = {}
+    hovering: dict[int, Departure] = {}
+    for i, (vehicle, maneuver) in enumerate(flights):
+        check_maneuver(vehicle, maneuver)
+        try:
+            point = flown_trim(vehicle, maneuver)
+        except SimulationError as error:
+            found[i] = error
+            continue
+        rng = np.random.default_rng([seed, _GUSTS])
+        if point.on_wings:
+            inputs = inputs_about(vehicle, point, maneuver.deflections(), len(maneuver.time))
+            windy = maneuver.wind is not None
+            found[i] = _finite(vehicle, _open_loop(vehicle, maneuver.time, inputs, point, rng, windy), ADVICE)
+        else:
+            hovering[i] = Departure(vehicle, maneuver, point, rng)
+    advice = f"raise the rate of the maneuver, {ADVICE}"
+    for i, one in zip(hovering, fly_on_rotors([*hovering.values()]), strict=True):
+        found[i] = one if isinstance(one, SimulationError) else _finite(flights[i][0], one, advice)
+    return [found[i] for i in range(len(flights))]
 
 
 def flown_trim(vehicle: Vehicle, maneuver: Maneuver) -> Trim:
@@ -177,11 +209,13 @@ def _columns(
     return np.arange(clock.size, dtype=np.float64) * float(steps.mean()), columns
 
 
-def _check_finite(vehicle: Vehicle, flown: Flown, advice: str) -> None:
+def _finite(vehicle: Vehicle, flown: Flown, advice: str) -> Flown | SimulationError:
+    """Return a flight, or the error of one that diverges."""
     finite = np.isfinite(flown.outputs).all(axis=1)
-    if not finite.all():
-        last = flown.time[int(np.argmin(finite))]
-        raise SimulationError(f"{vehicle.where}: the flight diverges at {last:.2f} s; {advice}")
+    if finite.all():
+        return flown
+    last = flown.time[int(np.argmin(finite))]
+    return SimulationError(f"{vehicle.where}: the flight diverges at {last:.2f} s; {advice}")
 
 
 def _open_loop(
@@ -218,6 +252,20 @@ def _open_loop(
     if windy or WIND[0] in vehicle.outputs:
         velocity = trajectories.over_ground(vehicle, point, states())
     return Flown(point, time, inputs, late_outputs(vehicle, readings, rows, dt)[0], velocity)
+
+
+def _recorded(
+    vehicle: Vehicle, maneuver: Maneuver, flown: Flown, seed: int, noise: bool, name: str
+) -> Flight:
+    """Return a flight as of :func:`simulate_flight`."""
+    known = dict.fromkeys((*vehicle.outputs, *(WIND if maneuver.wind is not None else ())))
+    unknown = set(maneuver.noise) - set(known)
+    if unknown:
+        raise ManeuverError(f"noise: '{min(unknown)}' is not observed; channels are {', '.join(known)}")
+    sensors = vehicle.file.sensors
+    sigma = np.array([maneuver.noise.get(c, getattr(sensors, c).sigma) for c in vehicle.outputs])
+    ground_noise = maneuver.noise if noise else None
+    return _record(vehicle, flown, sigma * float(noise), maneuver.altitude, seed, name, ground_noise)
 
 
 def _record(

@@ -7,6 +7,7 @@ grid `FINER` times finer than the samples: increments of the gusts over neighbor
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -130,19 +131,35 @@ def traveled(velocity: FloatArray, dt: float) -> FloatArray:
 def next_state(
     vehicle: Vehicle, rows: FloatArray, state: FloatArray, inputs: FloatArray, noise: FloatArray, dt: float
 ) -> FloatArray:
-    """Return the state (n_x,) one sample later, as the kernel's own time loop does.
+    """Return the state (n_x,) one sample later: :func:`next_states` of one lane, inputs (2, n_u)."""
+    return next_states(vehicle, rows, state[:, None], inputs[:, :, None], [noise], dt)[:, 0]
+
+
+def next_states(
+    vehicle: Vehicle,
+    rows: FloatArray,
+    states: FloatArray,
+    inputs: FloatArray,
+    noise: Sequence[FloatArray],
+    dt: float,
+) -> FloatArray:
+    """Return the states (n_x, B) one sample later, as the kernel's own time loop does.
 
     Parameters
     ----------
-    rows : (n_p, 1)
-    inputs : (2, n_u)
+    rows : (n_p, B)
+    states : (n_x, B)
+    inputs : (2, n_u, B)
         As they arrive, at this sample and at the next.
-    noise : (FINER + 1, gusts)
+    noise : B arrays (FINER + 1, gusts)
         Driving the gusts from this sample to the next.
     dt : float, s
     """
     if not vehicle.gusts:
-        points = (state[:, None], inputs[0][:, None], inputs[1][:, None])
-        return np.asarray(step(vehicle.kernel(), rows, *points, dt)[0][:, 0])
-    fine = driven(vehicle, inputs, noise, dt)
-    return np.asarray(states_along(vehicle, rows, state[:, None], fine, dt / FINER)[-1])
+        return step(vehicle.kernel(), rows, states, inputs[0], inputs[1], dt)[0]
+    fine = (driven(vehicle, inputs[:, :, i], one, dt) for i, one in enumerate(noise))
+    ends = [
+        states_along(vehicle, rows[:, i : i + 1], states[:, i : i + 1], one, dt / FINER)[-1]
+        for i, one in enumerate(fine)
+    ]
+    return np.column_stack(ends)

@@ -142,7 +142,10 @@ def usual_plan(
         beat = BEAT
     usual = 60.0 if "sweep" in shapes else 20.0 if beat is None else 40.0
     tried = EVALUATIONS if on_wings else ROTOR_EVALUATIONS
-    plan = Plan(duration=duration or usual, beat=beat, evaluations=evaluations or tried, **more)
+    plan = Plan(
+        duration=duration or usual, beat=beat, evaluations=evaluations or tried,
+        textbook=on_wings or target != "ardupilot", **more,
+    )  # fmt: skip
     return plan, tuple(shapes)
 
 
@@ -268,6 +271,7 @@ def design_document(proposal: Proposal) -> dict[str, Any]:
         "duration": plan.duration,
         "band": plan.band,
         "beat": plan.beat,
+        "retrim": setup.retrim,
         "limits": {
             "amplitude": dict(limits.amplitude),
             "slew": dict(limits.slew),

@@ -124,7 +124,7 @@ def test_the_autopilot_sees_small_errors_as_vectors(seed: int, size: float) -> N
     _, q, vectors = drawn(seed, 1)
     small = size * vectors[0] / np.linalg.norm(vectors[0])
     after = r.product(q[0], r.quaternions_about(small))
-    seen = small_rotation(q[0].tolist(), after.tolist())
+    seen = small_rotation(q[:1].T, after[:, None])[:, 0]
     np.testing.assert_allclose(seen, r.vectors_of(r.product(r.conjugate(q[0]), after)), atol=1e-6)
     np.testing.assert_allclose(seen, small, atol=1e-6)
 

@@ -187,7 +187,7 @@ def test_files_for_an_autopilot_and_their_refusal(tmp_path: Path, capsys: pytest
     assert names == {*DESIGN_FILES, "maneuver.lua", "ardupilot.param"}
 
 
-def test_a_card_for_a_pilot_is_on_the_page(tmp_path: Path) -> None:
+def test_a_card_for_a_pilot_is_on_the_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "card"
     command = [
         "design",
@@ -202,10 +202,29 @@ def test_a_card_for_a_pilot_is_on_the_page(tmp_path: Path) -> None:
         "doublet",
     ]
     assert main([*command, "--min-amplitude", "elevator=1", "-o", str(out)]) == 0
-    text = (out / "card.txt").read_text()
-    assert "ELEVATOR doublet: stop at" in text
-    assert "Flight card" in (out / "design.html").read_text()
-    assert json.loads((out / "design.json").read_text())["beat"] == 0.5
+    text, found = (out / "card.txt").read_text(), json.loads((out / "design.json").read_text())
+    shown = (out / "design.html").read_text()
+    assert "Flight card" in shown
+    assert found["beat"] == 0.5
+    # the procedure of the card is that of the prediction
+    assert found["retrim"] == 1.0
+    assert "then trim again" in text
+    assert "each flown once, from trim" in text
+    assert "each once, with the whole stop and from trim" in shown
+    # the textbook's input is better than four doublets, so it is what all files fly
+    assert found["designs"]["doublet"]["mean_ratio"] > 1.0
+    assert found["shape"] == "textbook"
+    assert "ELEVATOR 3-2-1-1: stop at" in text
+    assert load_maneuver(out / "maneuver.toml").input == load_maneuver(out / "reference.toml").input
+    assert "the files fly the textbook's" in capsys.readouterr().out
+    assert "the files fly the textbook&#39;s" in shown
+
+
+def test_a_search_tells_how_far_it_is(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    command = ["design", "quad-x", "--duration", "4", "--evaluations", "4", "--shape", "3-2-1-1", "doublet"]
+    assert main([*command, "-o", str(tmp_path / "next")]) == 0
+    told = capsys.readouterr().err.splitlines()
+    assert told == [f"designing: {stage}" for stage in ("textbook", "3-2-1-1", "doublet", "robustness")]
 
 
 @pytest.mark.parametrize(

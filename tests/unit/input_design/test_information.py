@@ -2,10 +2,12 @@ from __future__ import annotations
 
 import functools
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
+from stoop.base.arrays import FloatArray
 from stoop.errors import SimulationError
 from stoop.estimate.fit import Options, estimation_problem
 from stoop.input_design.information import (
@@ -17,7 +19,10 @@ from stoop.input_design.information import (
     information_errors,
     marginal,
 )
+from stoop.input_design.inputs import SHAPES, Frame
 from stoop.input_design.optimization import (
+    MIN_STEP,
+    InformationCost,
     Plan,
     design,
     mean_ratio,
@@ -27,7 +32,7 @@ from stoop.input_design.optimization import (
 )
 from stoop.input_design.sensitivity import sensor_noise
 from stoop.problem.windows import Window
-from stoop.simulation import trim
+from stoop.simulation import trajectories, trim
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import Maneuver
 from stoop.vehicle.builtin import builtin_text, builtin_vehicle, resolve_vehicle
@@ -206,7 +211,7 @@ def test_a_family_that_cannot_be_flown_is_left_out() -> None:
     setup = Setup(vehicle, point, limits, Knowledge.none(), sensor_noise(vehicle))
     plan = Plan(duration=17.0, rate=50.0, evaluations=4, beat=0.5)
     found = propose(setup, plan)
-    assert {one.shape for one in found.designs} == {"doublet", "2-1-1"}
+    assert {one.shape for one in found.designs} - {"textbook"} == {"doublet", "2-1-1"}
     assert [name for name, _ in found.refused] == ["3-2-1-1"]
     assert "takes 20.5 s at least" in found.refused[0][1]
 
@@ -231,3 +236,83 @@ def test_a_multirotor_is_designed_for_under_its_autopilot(shape: str) -> None:
         update={"input": (best.maneuver.input[0].model_copy(update={"amplitude": 900.0}),)}
     )
     assert setup.forecast(torn, only_inside=True).information.max() == 0.0
+
+
+def test_a_line_of_a_card_is_flown_from_trim_and_has_a_start_of_its_own() -> None:
+    """The information of a card is the sum of that of its lines, each as a flight of its own."""
+    whole = replace(setup(), retrim=1.0)
+    card = Maneuver.model_validate(
+        {
+            "duration": 20.0, "airspeed": whole.trim.start["V"], "altitude": whole.trim.start["h"], "rate": 50.0,
+            "input": [
+                {"control": "elevator", "shape": "doublet", "start": 1.0, "step": 1.0, "amplitude": 0.05},
+                {"control": "elevator", "shape": "doublet", "start": 11.0, "step": 1.0, "amplitude": 0.05},
+            ],
+        }
+    )  # fmt: skip
+    line = card.model_copy(update={"duration": 9.98, "input": card.input[:1]})
+    one, both = whole.forecast(line), whole.forecast(card)
+    count = len(one.readings)
+    assert np.allclose(both.readings[count : 2 * count], one.readings)
+    assert not np.allclose(setup().forecast(card).readings[count : 2 * count], one.readings)
+    free_of_bias = all("bias" not in name for name in whole.names)
+    assert free_of_bias
+    assert np.allclose(np.diag(both.information), 2.0 * np.diag(one.information), rtol=0.05)
+
+
+def test_a_card_has_the_errors_of_its_lines_flown_one_by_one() -> None:
+    """The lines of a pilot's design, each as a flight of its own from trim, leave the predicted standard errors."""
+    vehicle = builtin_vehicle("twin-boom")  # with biases that are known, which flights would share
+    known = {name: {"free": False} for name in vehicle.rows if name.endswith(".bias")}
+    vehicle, point = vehicle.with_numbers(known), trim(vehicle)
+    limits = Limits.about(vehicle, point, {"rudder": 0.0})
+    alone = Setup(vehicle, point, limits, Knowledge.none(), sensor_noise(vehicle))
+    found = propose(alone, replace(PLAN, duration=24.0, evaluations=4, beat=0.5), ["doublet"])
+    best, lines = found.best.maneuver, []
+    cut = best.input[1].start - 1.0  # one second steady, then the input
+    for begin, duration, one in zip((0.0, cut), (cut - 0.02, 24.0 - cut), best.input, strict=True):
+        own = {"duration": duration, "input": (one.model_copy(update={"start": one.start - begin}),)}
+        lines.append(alone.forecast(best.model_copy(update=own)))
+    together, apart = found.setup.std(found.best.forecast), alone.std(*lines)
+    determined = np.isfinite(apart)
+    assert determined.sum() > 20
+    assert together[determined] == pytest.approx(apart[determined], rel=1e-3)
+    without_pause = alone.std(alone.forecast(best))
+    assert (without_pause < 0.8 * apart)[determined].any()
+
+
+def test_maneuvers_on_rotors_are_flown_side_by_side(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A batch takes the steps of one flight, and its costs are those of single flights."""
+    vehicle = builtin_vehicle("quad-x")
+    point = trim(vehicle)
+    hover = Setup(vehicle, point, Limits.about(vehicle, point), Knowledge.none(), sensor_noise(vehicle))
+    plan = Plan(duration=5.0)
+    frame = Frame(hover.limits.amplitude, {}, plan.duration, plan.band, MIN_STEP)
+    problem = InformationCost(hover, SHAPES["3-2-1-1"](frame), plan)
+    X = np.random.default_rng(1).uniform(size=(6, problem.dimension))
+    single = np.concatenate([problem.costs(x[None], 0) for x in X])
+    steps, step = [], trajectories.next_states
+
+    def counted(*arguments: Any) -> FloatArray:
+        steps.append(0)
+        return step(*arguments)
+
+    monkeypatch.setattr(trajectories, "next_states", counted)
+    assert np.array_equal(problem.costs(X, 0), single)
+    assert len(steps) == 500
+
+
+def test_the_textbook_is_proposed_where_no_design_is_better() -> None:
+    """One evaluation of small steps is worse than the textbook's; where it cannot be flown, the design stays."""
+    small = replace(PLAN, evaluations=1)
+    found = propose(setup(), small, ["doublet"])
+    assert found.best.shape == "textbook"
+    assert not found.is_improvement
+    assert found.best.maneuver == found.reference
+    assert found.ratio(found.best) == 1.0
+    assert [one.shape for one in found.designs] == ["textbook", "doublet"]
+    assert found.ratio(found.designs[1]) > 1.0
+    kept = propose(setup(), replace(small, textbook=False), ["doublet"])
+    assert [one.shape for one in kept.designs] == ["doublet"]
+    assert not kept.is_improvement
+    assert kept.robustness.draws == 0, "nothing is known"

@@ -13,7 +13,7 @@ from stoop.flight import load, save
 from stoop.simulation import initial_states, parameter_rows, trim
 from stoop.simulation.autopilot import linear_errors
 from stoop.simulation.delays import late_inputs, late_outputs
-from stoop.simulation.fly import fly, simulate_flight
+from stoop.simulation.fly import fly, fly_together, simulate_flight
 from stoop.simulation.maneuver import Maneuver, load_maneuver, parse_maneuver
 from stoop.simulation.rotors import accelerations, channel_range
 from stoop.simulation.trajectories import Flown
@@ -61,6 +61,24 @@ def test_recorded_channels_give_the_same_flight_again(quad: Vehicle, rate: float
     flown = fly(vehicle, maneuver(8.0, *BUSY, rate=rate, battery=battery, wind=(3.0, 1.0, 0.2), heading=0.4))
     assert np.abs(replayed(vehicle, flown, 1.0 / rate) - flown.outputs).max() < 1e-9
     assert np.abs(flown.velocity[-1]).max() < 0.4, "and the autopilot has it in hand"
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.013])
+def test_flights_side_by_side_are_those_alone(quad: Vehicle, delay: float) -> None:
+    """Lanes of other values, delays, maneuvers and lengths have the bits of single flights; failures are values."""
+    late = quad.with_numbers({"rotors.delay": {"value": delay}, "mass.mass": {"value": 1.6}})
+    helpless = quad.with_numbers({"rotor.m1.factor": {"value": 0.0}})
+    busy, calm = maneuver(5.0, *BUSY, battery={"sag": 0.8}), maneuver(5.0, *BUSY[:2], wind=(3.0, 1.0, 0.2))
+    pairs = [(quad, busy), (helpless, busy), (late, calm), (quad, calm), (late, maneuver(2.0, *BUSY[:1]))]
+    found = fly_together(pairs)
+    assert isinstance(found.pop(1), SimulationError)
+    del pairs[1]
+    for pair, one in zip(pairs, found, strict=True):
+        alone = fly(*pair)
+        assert isinstance(one, Flown)
+        assert np.array_equal(one.states, alone.states)
+        assert np.array_equal(one.inputs, alone.inputs)
+        assert np.array_equal(one.outputs, alone.outputs)
 
 
 def test_it_stays_where_nothing_is_asked_of_it(quad: Vehicle) -> None:
