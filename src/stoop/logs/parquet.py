@@ -28,14 +28,17 @@ def parse_parquet(path: Path, topics: frozenset[str] | None = None) -> Recording
     skipped: list[str] = []
     defects: list[Defect] = []
     with pq.ParquetFile(path, memory_map=False) as file:
-        rows, columns = file.metadata.num_rows, file.metadata.num_columns
-        if columns > MAX_ARRAYS or rows * columns > max_values(path):
+        rows, columns, schema = file.metadata.num_rows, file.metadata.num_columns, file.schema_arrow
+        if columns > MAX_ARRAYS or rows * sum(map(_width, schema.types)) > max_values(path):
             raise LogError(
                 f"{path}: more than {MAX_ARRAYS} columns or {max_values(path)} numbers; cut the flight"
             )
-        for name in file.schema_arrow.names:
+        for name, kind in zip(schema.names, schema.types, strict=True):
             # the index of a pandas table is mostly its time
             place = "time" if name.startswith("__index_level_0__") else name
+            if not _width(kind):  # not unpacked: texts have any length
+                skipped.append(place)
+                continue
             try:
                 column = file.read(columns=[name], use_threads=False).column(name).combine_chunks()
             except (OSError, ValueError) as error:  # pyarrow's own errors are of these kinds
@@ -45,6 +48,19 @@ def parse_parquet(path: Path, topics: frozenset[str] | None = None) -> Recording
                 arrays.append(array) if array is not None else skipped.append(".".join(inner))
     defects += [Defect("skipped", name, "holds no numbers") for name in skipped[:10]]
     return assemble(path, "parquet", arrays, defects, topics)
+
+
+def _width(kind: Any) -> int:
+    """Return how many numbers a row of a type has."""
+    import pyarrow as pa
+
+    if pa.types.is_struct(kind):
+        return sum(_width(kind.field(i).type) for i in range(kind.num_fields))
+    if pa.types.is_fixed_size_list(kind):
+        return int(kind.list_size) * _width(kind.value_type)
+    return int(any(is_kind(kind) for is_kind in (
+        pa.types.is_integer, pa.types.is_floating, pa.types.is_boolean, pa.types.is_decimal, pa.types.is_timestamp,
+        pa.types.is_duration)))  # fmt: skip
 
 
 def _leaves(place: tuple[str, ...], column: Any) -> Iterator[tuple[tuple[str, ...], Array | None]]:
@@ -63,8 +79,7 @@ def _leaves(place: tuple[str, ...], column: Any) -> Iterator[tuple[tuple[str, ..
         return
     if pa.types.is_timestamp(kind) or pa.types.is_duration(kind):
         column, unit = column.cast(pa.int64()), str(kind.unit)
-    elif not any(is_kind(kind) for is_kind in (
-        pa.types.is_integer, pa.types.is_floating, pa.types.is_boolean, pa.types.is_decimal)):  # fmt: skip
+    elif pa.types.is_nested(kind) or not _width(kind):
         yield place, None
         return
     numbers = column.cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False)

@@ -1,0 +1,77 @@
+"""Commands as processes of their own, under limits of the system."""
+
+from __future__ import annotations
+
+import os
+import resource
+import subprocess
+import sys
+import threading
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from studies.robustness.trials import LIMIT, READ, REFUSED, Ended
+
+MEMORY: Final = 1_500_000_000  #: bytes of address space
+WALL: Final = 120.0  #: s
+ERROR: Final = "stoop: error: "
+SCRIPT: Final = """
+import atexit, re, resource, sys
+def note():
+    own = int(re.search(r"VmHWM:\\s*(\\d+)", open("/proc/self/status").read())[1])
+    others = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss
+    with open({memory!r}, "r+") as file:
+        file.write(str(1024 * max(own, others)))
+atexit.register(note)
+from stoop.cli.main import main
+for what, most in {limits!r}.items():
+    resource.setrlimit(what, (most, most))
+sys.argv[0] = "stoop"
+sys.exit(main())
+"""  #: runs a command, and leaves the largest memory of itself and its children (of the latter with what they began with)
+
+
+@dataclass(frozen=True)
+class Run:
+    """A command that has ended: its code (negative: a signal), its lines, and the largest memory of its processes, bytes."""
+
+    code: int
+    out: str
+    errors: str
+    memory: int
+
+    @property
+    def ended(self) -> Ended:
+        """The outcome: an error of one line, or a result without a complaint."""
+        complaints = [line for line in self.errors.splitlines() if line.startswith(ERROR)]
+        if self.code == 2 and len(complaints) == 1 and "Traceback" not in self.errors:
+            return Ended(LIMIT if "memory" in complaints[0] else REFUSED, complaints[0])
+        if self.code == 0 and "Traceback" not in self.errors and not complaints:
+            return Ended(READ)
+        return Ended("crash" if self.code < 0 else "fault", f"code {self.code}: {self.errors[-600:]}")
+
+
+def run(
+    words: Sequence[str],
+    folder: Path,
+    limits: Mapping[int, int] | None = None,
+    environment: Mapping[str, str] | None = None,
+) -> Run:
+    """Run a command in a folder under limits (of `resource`), 1.5 GB of memory unless others are given."""
+    bounds = {resource.RLIMIT_AS: MEMORY} if limits is None else limits
+    out, errors, memory = (folder.parent / f"{folder.name}.{name}" for name in ("out", "err", "memory"))
+    memory.write_text("0")
+    script = SCRIPT.format(limits=dict(bounds), memory=str(memory))
+    with out.open("wb") as one, errors.open("wb") as two:
+        child = subprocess.Popen(
+            [sys.executable, "-c", script, *words], cwd=folder, stdout=one, stderr=two, stdin=subprocess.DEVNULL,
+            env={**os.environ, "STOOP_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", **(environment or {})},
+        )  # fmt: skip
+        ended = threading.Timer(WALL, child.kill)
+        ended.start()
+        child.wait()
+        ended.cancel()
+    texts = (path.read_bytes().decode("utf-8", "replace") for path in (out, errors))
+    return Run(child.returncode, *texts, int(memory.read_text()))
