@@ -5,12 +5,18 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import stoop
 from docs.pages import DOCS, ROOT, run_python, table
 from stoop.cli.main import main
+from stoop.exporters import fmu, fmu_target
 from stoop.exporters.agreement import agreement_table
+from stoop.exporters.reference_flight import reference_flight
+from stoop.simulation import trim
+from stoop.vehicle.builtin import builtin_vehicle
+from stoop.vehicle.load import load_vehicle
 
 
 def test_the_unit_flies(tmp_path: Path) -> None:
@@ -20,6 +26,25 @@ def test_the_unit_flies(tmp_path: Path) -> None:
     assert len(apart) == 2
     assert max(apart) < 1e-11
     assert re.search(r"^3\d\.\d m/s after 1\d\d\d m$", said, re.MULTILINE)
+
+
+def test_held_inputs_cost_what_the_page_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("fmpy")
+    monkeypatch.setattr(fmu_target, "slopes", lambda inputs, dt: np.zeros_like(inputs))
+    channels, pitch = ("p", "q", "r", "theta"), []
+    for name, *shown in table(DOCS / "fmi.md", "Inputs that are held", "vehicle").rows:
+        vehicle = load_vehicle(ROOT / name) if name.endswith(".toml") else builtin_vehicle(name)
+        point = trim(vehicle)
+        flight, place = reference_flight(vehicle, point), tmp_path / f"{len(pitch)}.fmu"
+        assert flight is not None
+        assert flight.dt == 0.01
+        place.write_bytes(fmu.unit_bytes(fmu.make_unit(vehicle, point), "3.0", fmu.find_compiler()))
+        found = flight.differences(fmu_target.fly_unit(place, flight))
+        assert [100.0 * found[c] for c in channels] == pytest.approx([float(x) for x in shown], rel=0.03)
+        pitch.append(100.0 * found["q"])
+    said = re.search(r"costs (\d) to (\d) % of q at a step of 10 ms", (DOCS / "fmi.md").read_text())
+    assert said is not None
+    assert [float(x) for x in said.groups()] == [round(min(pitch)), round(max(pitch))]
 
 
 def test_derivatives_and_linear_systems(tmp_path: Path) -> None:

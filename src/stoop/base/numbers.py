@@ -4,9 +4,14 @@ from __future__ import annotations
 
 import math
 import re
-from typing import Final
+from typing import TYPE_CHECKING, Final, TypeVar
 
 from stoop.base.units import DEGREE
+
+if TYPE_CHECKING:
+    from stoop.base.arrays import FloatArray
+
+Values = TypeVar("Values", float, "FloatArray")
 
 MAX_NUMBER: Final = 1e30  #: in any unit; powers and products of larger numbers leave float64
 NOTHING: Final = "–"
@@ -28,9 +33,9 @@ def number(value: float, digits: int = 4) -> str:
     return _power(f"{value:.{digits - 1}e}")
 
 
-def without_rounding(value: float, scale: float) -> float:
-    """Return `value`, or zero where it is a rounding error beside the scale of the row, column or matrix it belongs to."""
-    return 0.0 if abs(value) <= ROUNDING * scale else value
+def without_rounding(values: Values, scale: Values | float) -> Values:
+    """Return `values`, zero where they are rounding errors beside the `scale` of the row, column or matrix they belong to."""
+    return values * (abs(values) > ROUNDING * scale) + 0.0  # + 0: no negative zero
 
 
 def finite_or_none(value: float) -> float | None:

@@ -12,7 +12,7 @@ from stoop.base.files import write_text_atomic
 from stoop.base.numbers import without_rounding
 from stoop.base.text import show
 from stoop.cli import options
-from stoop.cli.page import blocks, fixed, numbers, page, shown_unit, to_json, words
+from stoop.cli.page import blocks, fixed, number, numbers, page, shown_unit, to_json, words
 from stoop.cli.progress import LiveLine
 from stoop.errors import SimulationError
 
@@ -98,14 +98,14 @@ def trim(arguments: argparse.Namespace) -> int:
     mixed = {name: value for name, value in _channels(vehicle, point).items() if name not in rows}
     if mixed:
         out.heading("Recorded channels that hold it")
-        values = [without_rounding(value, 1.0) for value in mixed.values()]
         units = [shown_unit(_thrust_unit(name)) for name in mixed]
-        out.table(words("", mixed), numbers("value", values), words("", units))
+        out.table(words("", mixed), numbers("value", mixed.values()), words("", units))
     if not point.on_wings:
         out.heading("Velocity through the air, body axes")
         out.table(words("", "uvw"), fixed("m/s", [point.start[axis] for axis in "uvw"], 4))
     out.line()
-    out.line(f"largest acceleration left over: {point.residual:.1e} (m/s2, rad/s2)")
+    residual = number(without_rounding(point.residual, vehicle.value("environment.gravity")), 2)
+    out.line(f"largest acceleration left over: {residual} (m/s2, rad/s2)")
     return 0
 
 
@@ -123,8 +123,8 @@ def trim_document(vehicle: Vehicle, point: Trim, climb_angle: float) -> dict[str
         "file": vehicle.where,
         "reduce": vehicle.reduce,
         **flown,
-        "angles": {name: start[name] for name in ANGLES if name in start},
-        "controls": point.deflections,
+        "angles": {name: without_rounding(start[name], 1.0) for name in ANGLES if name in start},
+        "controls": {name: without_rounding(angle, 1.0) for name, angle in point.deflections.items()},
         "thrust": {n: {"value": value, "unit": _thrust_unit(n)} for n, value in point.thrust.items()},
         "inputs": _channels(vehicle, point),
         "residual": point.residual,
@@ -133,7 +133,8 @@ def trim_document(vehicle: Vehicle, point: Trim, climb_angle: float) -> dict[str
 
 def _channels(vehicle: Vehicle, point: Trim) -> dict[str, float]:
     """Return the recorded channels that hold the flight, SI."""
-    return {name: float(value) for name, value in zip(vehicle.recorded, point.inputs, strict=False)}
+    inputs = zip(vehicle.recorded, point.inputs.tolist(), strict=False)
+    return {name: without_rounding(value, 1.0) for name, value in inputs}
 
 
 def _thrust_unit(name: str) -> str:
@@ -227,9 +228,8 @@ def derivatives(arguments: argparse.Namespace) -> int:
         f"alpha {math.degrees(flight['alpha']):.2f} deg"
     )
     for table in found.tables:
-        # What is zero by symmetry, but for rounding, fills no line.
-        scale = abs(table.values).reshape(6, -1).max(axis=1, initial=0.0).repeat(len(table.names) // 6)
-        kept = [i for i, x in enumerate(table.values.tolist()) if without_rounding(x, scale[i])]
+        # What is zero by symmetry fills no line.
+        kept = [i for i, x in enumerate(table.values.tolist()) if x]
         columns = [
             words("", [table.names[i] for i in kept]),
             numbers("value", [float(table.values[i]) for i in kept]),
@@ -275,9 +275,9 @@ def _print_model(vehicle: Vehicle, model: LinearModel) -> None:
     groups = (model.states, model.inputs, model.outputs)
     for name, (rows, heads) in sides.items():
         matrix = getattr(model, name)
-        scale = float(abs(matrix).max(initial=0.0))
-        clean = [[without_rounding(x, scale) for x in column] for column in matrix.T.tolist()]
-        columns = [numbers(head, column) for head, column in zip(groups[heads], clean, strict=True)]
+        columns = [
+            numbers(head, column) for head, column in zip(groups[heads], matrix.T.tolist(), strict=True)
+        ]
         for block in blocks(words(name, groups[rows]), columns, out.width):
             out.line()
             out.table(*block)

@@ -89,7 +89,11 @@ class Compared:
         }
         lowest = min(known, key=lambda name: known[name], default="")
         correlation = f"; lowest correlation {known[lowest]:.3g} ({lowest})" if lowest else ""
-        return f"{self.tool}, {self.flight}: within {found[worst]:.1e} of each channel's maximum ({worst}){correlation}."
+        largest = without_rounding(found[worst], 1.0)
+        within = f"{largest:.1e}" if largest else "0"
+        return (
+            f"{self.tool}, {self.flight}: within {within} of each channel's maximum ({worst}){correlation}."
+        )
 
 
 def unit_of(name: str) -> str:

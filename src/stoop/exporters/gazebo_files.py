@@ -20,6 +20,7 @@ from xml.etree.ElementTree import Element, SubElement
 import numpy as np
 
 from stoop.base.arrays import FloatArray
+from stoop.base.numbers import without_rounding
 from stoop.base.rotations import FLIP
 from stoop.errors import one_line
 from stoop.exporters.ardupilot_parameters import PWM
@@ -36,7 +37,6 @@ LIGHT: Final = 1e-5  #: mass and inertia of a rotor's or a surface's link, of th
 SETTLING: Final = 1e-4  #: s, inertia over damping of a surface's joint, far below its lag
 MIN_MOTOR_LAG: Final = 1e-4  #: s, time constant of a motor without a lag
 SLOWDOWN: Final = 10.0  #: of rotors as they are seen
-NEGLIGIBLE: Final = 1e-12  #: of the largest damping
 
 
 def folders(px4: GazeboModel, ardupilot: GazeboModel) -> dict[str, str]:
@@ -260,12 +260,11 @@ def _lift_drag(wing: Wing) -> Element:
 
 def _damping(damping: Damping) -> Element:
     flip = np.concatenate([FLIP, FLIP])
-    linear = damping.linear * np.outer(flip, flip)
+    linear = without_rounding(damping.linear * np.outer(flip, flip), np.abs(damping.linear).max(initial=0.0))
     content: dict[str, object] = {"link_name": BASE, "disable_added_mass": True, "disable_coriolis": True}
-    floor = NEGLIGIBLE * float(np.max(np.abs(linear), initial=0.0))
     for i, load in enumerate("xyzkmn"):
         for j, motion in enumerate("UVWPQR"):
-            if abs(linear[i, j]) > floor:
+            if linear[i, j] != 0.0:
                 content[f"{load}{motion}"] = linear[i, j]
         if damping.quadratic[i] != 0.0:
             content[f"{load}{'UVWPQR'[i]}abs{'UVWPQR'[i]}"] = damping.quadratic[i]

@@ -22,6 +22,7 @@ from sympy.printing.octave import OctaveCodePrinter
 
 from stoop.base.arrays import FloatArray
 from stoop.base.notices import notice
+from stoop.base.numbers import without_rounding
 from stoop.errors import one_line
 from stoop.exporters.exporter import Exported, Exporter, encoded
 from stoop.exporters.jsbsim_flight import file_name
@@ -80,7 +81,8 @@ def state_space(vehicle: Vehicle, point: Trim, known: ParameterCovariance | None
     x = np.array([begin.get(n, 0.0) for n in model.states])
     u = np.array([channels[n] for n in model.inputs])
     errors = {} if known is None else standard_errors(vehicle, point, known)
-    return StateSpace(vehicle, point, model, x, u, readings[:, 0], errors)
+    x, u, y = (without_rounding(values, 1.0) for values in (x, u, readings[:, 0]))
+    return StateSpace(vehicle, point, model, x, u, y, errors)
 
 
 def standard_errors(vehicle: Vehicle, point: Trim, known: ParameterCovariance) -> dict[str, FloatArray]:

@@ -37,6 +37,7 @@ import numpy as np
 
 from stoop.base.arrays import BoolArray, FloatArray
 from stoop.base.dual import Dual
+from stoop.base.numbers import without_rounding
 from stoop.base.variables import VARIABLES
 from stoop.errors import SimulationError
 from stoop.simulation.initial import commanded, initial_states, parameter_rows
@@ -119,7 +120,7 @@ class Derivatives:
     @property
     def loads(self) -> FloatArray:
         """Steady forces and moments (6,) without gravity, N and N m."""
-        return self.values[10:16]
+        return without_rounding(self.values[10:16], abs(self.values[10:16]).max())
 
     def along(self, axes: str) -> Derivatives:
         """Return the derivatives along other axes; values, and by the same Jacobian their sensitivities, are transformed."""
@@ -150,6 +151,8 @@ class Derivatives:
         """
         J = _JACOBIANS[form](self)
         values = J[:, 10:] @ self.values[10:]  # linear in loads and derivatives; mass and inertia divide
+        rows = values.reshape(len(LOADS), -1)
+        values = without_rounding(rows, abs(rows).max(axis=1, keepdims=True)).ravel()
         return Table(self.axes, form, *_names_and_units(self, form), values, J @ self.sensitivity, self.known)
 
 

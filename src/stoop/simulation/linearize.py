@@ -16,6 +16,7 @@ import numpy as np
 from stoop.base.arrays import ComplexArray, FloatArray
 from stoop.base.dual import Dual
 from stoop.base.notices import Notice, notice
+from stoop.base.numbers import without_rounding
 from stoop.base.text import Summarized
 from stoop.base.variables import EULER
 from stoop.simulation.delays import input_delays, output_delays
@@ -115,6 +116,7 @@ def linearize_lanes(vehicle: Vehicle, points: Trims) -> list[LinearModel]:
     for values, A, B, C, D in zip(points.rows.T, *matrices, strict=True):
         late, arrival = _delays(vehicle, inputs, values)
         modes = modes_of(A, names)
+        A, B, C, D = (without_rounding(M, abs(M).max(initial=0.0)) for M in (A, B, C, D))
         out.append(LinearModel(names, inputs, vehicle.outputs, A, B, C, D, modes, late, arrival))
     return out
 

@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 FORMAT: Final = "stoop-derivatives/1"
 ENDINGS: Final = (".csv", ".json")
 SHOWN: Final = 10  #: motions and controls that a short text has room for
-ROUNDING: Final = 1e-12  #: of the largest value, shown as zero
 COLUMNS: Final = ("axes", "form", "name", "value", "unit", "std_error", "identified")
 
 
@@ -50,7 +49,6 @@ class DerivativeTables:
         names = [name.split("_", 1) for name in table.names]
         motions = [by for _, by in names[: len(names) // len(LOADS)]][:SHOWN]
         matrix = table.values.reshape(len(LOADS), -1)[:, :SHOWN]
-        matrix = np.where(np.abs(matrix) > ROUNDING * np.abs(matrix).max(), matrix, 0.0)
         widths = [max(10, len(by) + 1) for by in motions]
         lines.append("  " + "".join(f"{by:>{w}}" for by, w in zip(motions, widths, strict=True)))
         for (load, _), row in zip(names[:: len(names) // len(LOADS)], matrix.tolist(), strict=True):
