@@ -49,7 +49,7 @@ BUDGETS = {
     "results": 1250,
     "simulation": 3416,
     "strategy": 1150,
-    "vehicle": 3600,
+    "vehicle": 3615,
     "vehicle_draft": 3350,
     "workflow": 3945,
 }

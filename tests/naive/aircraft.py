@@ -198,7 +198,17 @@ class Aircraft:
         moment = moment + np.cross(self.arm("reference", "moment_point"), air)
         pitch = n("propulsion.pitch")
         push = self.thrust(V, rho, u) * np.array([math.cos(pitch), 0.0, -math.sin(pitch)])
-        return air + push, moment + np.cross(self.arm("propulsion", "position"), push)
+        moment = moment + np.cross(self.arm("propulsion", "position"), push)
+        if "inertia" in self.raw.get("propulsion", {}):
+            turning = (
+                2.0
+                * math.pi
+                * n("propulsion.speed_gain")
+                * (u[self.raw["propulsion"]["channel"]] - n("propulsion.idle"))
+            )
+            line = np.array([math.cos(pitch), 0.0, -math.sin(pitch)])
+            moment = moment - np.cross(omega, n("propulsion.inertia") * max(turning, 0.0) * line)
+        return air + push, moment
 
     def deflections(self, x: np.ndarray, u: Mapping[str, float]) -> dict[str, float]:
         return self.commanded(u) | dict(zip(self.lagged, x[16:], strict=True))

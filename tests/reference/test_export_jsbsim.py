@@ -42,12 +42,14 @@ def exported(root: Path, vehicle: Vehicle) -> str:
     return file_name(vehicle.name)
 
 
-@pytest.mark.parametrize("stated", [False, True], ids=["", "for-stated-inertia"])
+@pytest.mark.parametrize("variant", ["", "stated inertia", "heavy propeller"])
 @pytest.mark.parametrize("name", VEHICLES)
-def test_accelerations_at_random_states(name: str, stated: bool, tmp_path: Path) -> None:
+def test_accelerations_at_random_states(name: str, variant: str, tmp_path: Path) -> None:
     """No time passes: forces, moments, the full inertia tensor and its inverse, arms, units, signs."""
     vehicle = load(name)
-    if stated:
+    if variant == "heavy propeller":
+        vehicle = parse_vehicle(vehicle.text.replace("\nspeed_gain", "\ninertia = -0.01\nspeed_gain"), name)
+    if variant == "stated inertia":
         shares = {"xx": 0.9, "yy": 1.2, "zz": 0.8}
         inertia = [share * vehicle.value(f"mass.inertia.{axes}") for axes, share in shares.items()]
         text = vehicle.text.replace("[reference]\n", f"[reference]\ninertia = {inertia}\n")

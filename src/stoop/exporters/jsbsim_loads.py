@@ -53,7 +53,8 @@ _LOADS: Final = {
 def summed(vehicle: Vehicle) -> bool:
     """Return whether the loads are written as one sum in body axes; else as coefficients, as of wings alone."""
     file = vehicle.file
-    return any(table is not None for table in (file.rotors, file.body_drag, file.ground_effect))
+    tables = any(table is not None for table in (file.rotors, file.body_drag, file.ground_effect))
+    return tables or "propulsion.inertia" in vehicle.rows
 
 
 def rotor_lag(vehicle: Vehicle) -> float | None:

@@ -18,7 +18,7 @@ from stoop.vehicle import terms
 from stoop.vehicle.assumptions import USUAL
 from stoop.vehicle.defaults import EQUATION_1, rotor_size, unit
 from stoop.vehicle.document import inline, keys_of, with_entries
-from stoop.vehicle.schema import WIND, Quantity, Term
+from stoop.vehicle.schema import WIND, Propeller, Quantity, Term
 from stoop.vehicle.vehicle import Vehicle, leaves
 
 Entries = Mapping[tuple[str, ...], Any]  #: keys of the file -> what stands there
@@ -215,7 +215,7 @@ def _masses(vehicle: Vehicle) -> Iterator[Extension]:
 
 
 def _thrust(vehicle: Vehicle) -> Iterator[Extension]:
-    """Yield inclination and offset of the line of thrust."""
+    """Yield inclination and offset of the line of thrust, and the moment of inertia of a propeller."""
     propulsion = vehicle.file.propulsion
     if propulsion is None:
         return
@@ -225,6 +225,10 @@ def _thrust(vehicle: Vehicle) -> Iterator[Extension]:
     if propulsion.position is None:
         _, *across = _points(("propulsion", "position"), "thrust", "m", _center(vehicle), POSITION)
         yield from across
+    if isinstance(propulsion, Propeller) and propulsion.inertia is None:
+        name, size = "propulsion.inertia", USUAL.propeller_inertia * vehicle.value("propulsion.diameter") ** 5
+        probe = Probe(0.1, 10.0).times(size)
+        yield Extension(name, "inertia", "kg m2", 0.0, probe, _plain("propulsion", "inertia"), (name,))
 
 
 def _center(vehicle: Vehicle) -> tuple[float, ...]:

@@ -11,6 +11,7 @@ from stoop.base.atmosphere import SEA_LEVEL_DENSITY
 from stoop.base.notices import Notice, notice
 from stoop.base.units import DEGREE, STANDARD_GRAVITY
 from stoop.flight import Flight
+from stoop.vehicle.assumptions import USUAL as ASSUMED
 from stoop.vehicle.defaults import COEFFICIENTS, EQUATION_1, MOMENT_ARMS
 from stoop.vehicle.load import STANDARD_CONTROLS
 from stoop.vehicle_draft import inertia, plausibility
@@ -183,6 +184,10 @@ class Airplane(FileText):
         sheet.entry("diameter", plain(diameter), "m, usual for this mass: write your own")
         for name in ("CT0", "CT1"):
             sheet.entry(name, quantity(*getattr(USUAL, name)), "usual of small propellers")
+        if self.request.engine == "piston":
+            inertia = ASSUMED.propeller_inertia * diameter**5
+            said = "kg m2, usual of this diameter; negative where it turns counterclockwise from behind"
+            sheet.entry("inertia", quantity(inertia, USUAL.spread * inertia), said)
 
     def _sensors(self) -> None:
         std = PRIORS.lever * self.geometry.wing.span

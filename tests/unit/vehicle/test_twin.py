@@ -100,6 +100,7 @@ diameter = 0.4
 CT0 = 0.14
 CT1 = -0.10
 CT2 = -0.02
+inertia = 0.02
 position = [0.75, 0.0, -0.04]
 pitch = 0.06
 """

@@ -216,6 +216,18 @@ def test_templates_without_a_log(template: str) -> None:
     assert found.vehicle.parameters
 
 
+def test_the_propeller_of_a_piston_engine_has_angular_momentum() -> None:
+    """That of a 75 in metal propeller, 2.3 kg m2 (JSBSim's prop_75in2f), lies within three standard deviations."""
+    found = draft(Request("conventional", 550.0, 10.7, 1.6, engine="piston")).vehicle
+    (inertia,) = (p for p in found.parameters if p.name == "propulsion.inertia")
+    scaled = 2.264 * (found.value("propulsion.diameter") / 1.905) ** 5
+    assert inertia.free
+    assert inertia.prior is not None
+    assert abs(inertia.value - scaled) < 3.0 * inertia.prior
+    electric = draft(Request("conventional", 550.0, 10.7, 1.6, engine="electric")).vehicle
+    assert "propulsion.inertia" not in electric.rows
+
+
 def test_what_is_missing_is_said_with_its_usual_size() -> None:
     with pytest.raises(
         VehicleError, match=r"--mass .*usual: .* kg for this span.*--chord .*usual: .* m for this span"

@@ -148,23 +148,33 @@ def thrust(s: Surroundings) -> Any:
         return n["propulsion.thrust"]
     if not isinstance(file, Propeller):
         return n["propulsion.scale"] * s.channels[file.channel]
-    raw = n["propulsion.speed_gain"] * (s.channels[file.channel] - n["propulsion.idle"])
-    speed = (raw + sp.Abs(raw)) / 2
+    speed = _propeller_speed(s, file)
     advance = s.air.V / n["propulsion.diameter"]
     form = n["propulsion.CT0"] * speed**2 + n.get("propulsion.CT1") * speed * advance
     return s.density * n["propulsion.diameter"] ** 4 * (form + n.get("propulsion.CT2") * advance**2)
 
 
+def _propeller_speed(s: Surroundings, file: Propeller) -> Any:
+    """Return the speed of the propeller, rev/s; never below zero."""
+    raw = s.numbers["propulsion.speed_gain"] * (s.channels[file.channel] - s.numbers["propulsion.idle"])
+    return (raw + sp.Abs(raw)) / 2
+
+
 def propulsion(s: Surroundings) -> Load:
-    """Return thrust along its line."""
-    n, magnitude = s.numbers, thrust(s)
+    """Return thrust along its line, and the gyroscopic moment of a propeller with a moment of inertia."""
+    n, magnitude, file = s.numbers, thrust(s), s.numbers.vehicle.file.propulsion
     if magnitude == 0:
         return Load(ZERO, ZERO)
-    force: Vector = (magnitude, sp.Integer(0), sp.Integer(0))
+    line: Vector = (sp.Integer(1), sp.Integer(0), sp.Integer(0))
     if "propulsion.pitch" in n:
         cosine, sine = cosine_and_sine(n["propulsion.pitch"])
-        force = (magnitude * cosine, sp.Integer(0), -magnitude * sine)
-    return Load(force, cross(n.arm("propulsion.position"), force))
+        line = (cosine, sp.Integer(0), -sine)
+    force = scale(magnitude, line)
+    moment = cross(n.arm("propulsion.position"), force)
+    if isinstance(file, Propeller) and file.inertia is not None:
+        momentum = scale(2 * math.pi * n["propulsion.inertia"] * _propeller_speed(s, file), line)
+        moment = subtract(moment, cross(s.omega, momentum))
+    return Load(force, moment)
 
 
 def rotor_commands(n: Numbers, channels: Mapping[str, Any]) -> dict[str, Any]:
