@@ -40,9 +40,10 @@ ROTOR_ANGLE: Final = 0.3  #: rad, angle of attack of blades at rest
 PROPELLER_ANGLE: Final = 1.0  #: rad, the same of a propeller
 PROPELLER_LOSS: Final = 0.01  #: of its thrust, at the reference airspeed
 UNSUPPORTED: Final = {
-    "rotors.translational": 0.0, "rotors.drag_inflow": 0.0, "rotors.inertia": 0.0, "ground_effect.rotor": 0.0,
+    "rotors.translational": 0.0, "rotors.drag_inflow": 0.0, "rotors.inertia": 0.0, "propulsion.inertia": 0.0,
+    "ground_effect.rotor": 0.0,
 }  # fmt: skip
-"""Numbers of rotors that Gazebo does not have, and values at which they do nothing."""
+"""Numbers of rotors and propellers that Gazebo does not have, and values at which they do nothing."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -198,7 +198,9 @@ def test_dimensional_derivatives_are_those_of_the_textbook_with_their_errors() -
     linear = differentiated(vehicle, follow, values, scales)
     found = state_equation_estimates(linear, model.inputs, np.diag(errors**2))
     rows, columns = (list(found.states).index, list(found.inputs).index)
-    np.testing.assert_allclose(found.B, model.B[[model.states.index(n) for n in found.states]], rtol=1e-12)
+    np.testing.assert_allclose(
+        found.B, model.B[[model.states.index(n) for n in found.states]], rtol=1e-12, atol=1e-15
+    )
     n, inertia = vehicle.value, vehicle.value("mass.inertia.yy")
     moment = 0.5 * n("environment.density") * 35.0**2 * n("reference.area") * n("reference.chord") / inertia
     expected = moment * math.hypot(errors[0], values["Cmelevator"] * errors[1] / inertia)
