@@ -30,6 +30,7 @@ POSTERIOR_FILE: Final = "posterior.nc"
 NEAR: Final = 6.0  #: standard errors; a bound farther away is not met
 REJECTION_ROUNDS: Final = 40  #: of as many draws as are wanted; then Gibbs sampling
 SWEEPS: Final = 200  #: of Gibbs sampling, all draws side by side
+COUNTS: Final = (100, 1_000_000)  #: of draws
 PRIOR_SHARE: Final = 0.8  #: of the prior's standard deviation; a standard error above it is the prior's
 
 
@@ -72,8 +73,10 @@ def draws_of(
     Raises
     ------
     StoopError
-        The posterior has not converged or is not there, or the result has no covariance.
+        The posterior has not converged or is not there, the result has no covariance, or the count is out of range.
     """
+    if not COUNTS[0] <= count <= COUNTS[1]:
+        raise StoopError(f"draws: {count:.4g}; give a number from {COUNTS[0]} to {COUNTS[1]}")
     sampled = result.uncertainty.get("posterior")
     if source == "covariance" or (source is None and sampled is None):
         return from_covariance(result, count, seed)

@@ -22,16 +22,19 @@ from stoop.errors import OutputError
 SCRATCH: Final = ".stoop-unfinished-"  #: beginning of the names of hidden folders in which files are made
 #: device and inode of each file that the running command reads -> its path; None outside of a command
 _READ: ContextVar[dict[tuple[int, int], Path] | None] = ContextVar("_READ", default=None)
+#: outputs of the running command that did not exist when it began, and may replace nothing; None outside of a command
+_NEW: ContextVar[set[Path] | None] = ContextVar("_NEW", default=None)
 
 
 @contextmanager
 def recorded_inputs() -> Iterator[None]:
-    """Record the files that are read meanwhile: no output replaces one of them."""
-    token = _READ.set({})
+    """Record the files that are read meanwhile, and outputs yet to be made: no output replaces one of those, or what appeared."""
+    read, new = _READ.set({}), _NEW.set(set())
     try:
         yield
     finally:
-        _READ.reset(token)
+        _READ.reset(read)
+        _NEW.reset(new)
 
 
 def note_input(path: Path | str) -> None:
@@ -126,7 +129,7 @@ def write_files(folder: Path, files: Mapping[str, bytes | str], obsolete: Iterab
         The folder is missing or not writable, the disk is full, or a target is no regular file or was read by the running
         command; the files that were there stay, and none is left half-written.
     """
-    target = folder.joinpath(*[*files][:1])
+    target, new = folder.joinpath(*[*files][:1]), _NEW.get() or set()
     try:
         with scratch(folder) as made:
             for i, (place, content) in enumerate(files.items()):
@@ -135,12 +138,16 @@ def write_files(folder: Path, files: Mapping[str, bytes | str], obsolete: Iterab
                 _write_through(made / str(i), data)
             for target in map(folder.joinpath, files):
                 target.parent.mkdir(parents=True, exist_ok=True)
-                is_replaceable(target)
+                if is_replaceable(target) and target.absolute() in new:
+                    raise OutputError(
+                        f"{target}: appeared during this run and would be replaced; move it, and run again"
+                    )
             for target in map(folder.joinpath, obsolete):
                 if is_replaceable(target):
                     target.unlink()
             for i, target in enumerate(map(folder.joinpath, files)):
                 (made / str(i)).replace(target)
+                new.discard(target.absolute())
     except OSError as error:
         raise OutputError(
             f"{target}: cannot be written ({error.strerror or error}); choose another output folder"
@@ -192,6 +199,15 @@ def is_replaceable(target: Path) -> bool:
     return True
 
 
+def _exists(target: Path, overwrite: bool) -> bool:
+    """Tell whether an output exists that may not be replaced; one that does not yet is recorded as new."""
+    if is_replaceable(target) or overwrite:
+        return not overwrite
+    if (new := _NEW.get()) is not None:
+        new.add(target.absolute())
+    return False
+
+
 def check_target(path: Path, overwrite: bool) -> None:
     """Refuse a file that exists or may not be replaced, or that has no folder to lie in.
 
@@ -200,7 +216,7 @@ def check_target(path: Path, overwrite: bool) -> None:
     OutputError
         With what to do instead.
     """
-    if is_replaceable(path) and not overwrite:
+    if _exists(path, overwrite):
         raise OutputError(
             f"{path}: exists already; add --overwrite (in Python overwrite=True) to replace it, or choose another name"
         )
@@ -223,7 +239,7 @@ def check_targets(folder: Path, names: Sequence[str], overwrite: bool, inputs: S
             raise OutputError(
                 f"{target}: is read by this run and would be replaced; name another folder with -o"
             )
-        if is_replaceable(target) and not overwrite:
+        if _exists(target, overwrite):
             raise OutputError(
                 f"{target}: exists already; add --overwrite (in Python overwrite=True) to replace it, or name another folder"
             )

@@ -132,6 +132,23 @@ def test_what_a_command_has_read_stays_until_it_ends(tmp_path: Path) -> None:
     assert contents(tmp_path) == {"a": "new"}
 
 
+def test_what_appears_while_a_command_works_is_not_replaced(tmp_path: Path) -> None:
+    target = tmp_path / "out.txt"
+    with recorded_inputs():
+        check_target(target, overwrite=False)
+        target.write_text("of another process")
+        with pytest.raises(OutputError, match=r"out\.txt: appeared during this run"):
+            write_text_atomic(target, "ours")
+        assert target.read_text() == "of another process"
+        target.unlink()
+        for text in ("a progress", "a whole result"):
+            write_text_atomic(target, text)
+        assert target.read_text() == "a whole result"
+    with recorded_inputs():
+        check_target(target, overwrite=True)
+        write_text_atomic(target, "asked for")
+
+
 def test_a_number_of_a_file_that_is_gone_is_no_input(tmp_path: Path) -> None:
     """File systems give the number of a removed file to the next one: a command writes its own file again and again."""
     with recorded_inputs():
