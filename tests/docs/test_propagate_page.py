@@ -7,7 +7,7 @@ import csv
 import numpy as np
 
 from docs.pages import DOCS, table
-from stoop_studies.verify.propagate import DRAWS, MAX_DIFFERENCE, NAMES, POOLED
+from stoop_studies.verify.propagate import DRAWS, MAX_DIFFERENCE, NAMES, POOLED, RIGHTLY
 
 PAGE = DOCS / "propagate.md"
 
@@ -34,3 +34,12 @@ def test_the_naive_twin_agrees() -> None:
     text = PAGE.read_text(encoding="utf-8")
     assert f"{twin['intervals']} draws one at a time" in " ".join(text.split())
     assert f"drawn {DRAWS} times" in text
+
+
+def test_marks_of_figures_that_rest_on_priors_are_those_of_the_study() -> None:
+    own = [(int(r["intervals"]), float(r["coverage"])) for r in records() if r["case"] == "marks"]
+    count = sum(n for n, _ in own)
+    rightly = sum(n * share for n, share in own) / count
+    text = " ".join(PAGE.read_text(encoding="utf-8").split())
+    assert f"{100 * rightly:.1f} % of {count} figures are marked rightly" in text
+    assert rightly >= RIGHTLY
