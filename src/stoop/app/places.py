@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from stoop.base.cache import cache_folder
-from stoop.base.files import read_bounded, write_text_atomic
+from stoop.base.files import read_bounded, utf8_text, write_text_atomic
 from stoop.base.toml import MAX_BYTES, parse_json
 from stoop.errors import OutputError, StoopError
 
@@ -60,9 +60,9 @@ def bytes_of(root: Path, name: str | Path, limit: int = MAX_BYTES) -> bytes:
 def text_of(root: Path, name: str | Path, limit: int = MAX_BYTES) -> str:
     """Return the text of a file of the folder, empty where there is none; raises `OutputError`."""
     try:
-        return bytes_of(root, name, limit).decode("utf-8").replace("\r\n", "\n").replace("\r", "\n")
-    except UnicodeDecodeError:
-        raise OutputError(f"{root / name}: is not UTF-8 text; mend or remove it") from None
+        return utf8_text(bytes_of(root, name, limit))
+    except UnicodeError as error:
+        raise OutputError(f"{root / name}: is {error}, or remove it") from None
 
 
 def tail_of(root: Path, name: str | Path, count: int) -> str:

@@ -66,6 +66,23 @@ def read_bounded(path: Path | str, max_bytes: int) -> bytes:
     return content
 
 
+def utf8_text(content: bytes) -> str:
+    """Return the text of a file, without a byte-order mark, with the line ends of POSIX.
+
+    Raises
+    ------
+    UnicodeError
+        It is not UTF-8, or has zeros, as UTF-16 does; the message is advice.
+    """
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text = "\0"
+    if "\0" in text:
+        raise UnicodeError("not UTF-8 text; save it as UTF-8")
+    return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
 @contextmanager
 def scratch(folder: Path) -> Iterator[Path]:
     """Make a hidden folder in another one, for files that are then moved out of it, and remove it at the end.

@@ -11,7 +11,7 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-from stoop.base.files import read_bounded
+from stoop.base.files import read_bounded, utf8_text
 from stoop.errors import StoopError
 
 MAX_BYTES = 1_000_000
@@ -42,14 +42,13 @@ def read_source(
         Of such files, for the advice where a folder is named.
     """
     try:
-        text = read_bounded(path, max_bytes).decode("utf-8")
-        return text.replace("\r\n", "\n").replace("\r", "\n")
+        return utf8_text(read_bounded(path, max_bytes))
     except IsADirectoryError:
         inside = sorted(p.name for p in Path(path).glob(f"*{ending}"))
         advice = f"name {' or '.join(inside[:3])} in it" if inside else "check the path"
         raise error(f"{path}: is a folder, no {what} file; {advice}") from None
     except (OSError, ValueError) as fault:
-        reason = getattr(fault, "strerror", None) or "not UTF-8 text"
+        reason = getattr(fault, "strerror", None) or fault
         raise error(f"{path}: cannot read the {what} file ({reason}); check the path") from None
 
 

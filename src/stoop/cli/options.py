@@ -177,8 +177,8 @@ def windows(texts: Sequence[str]) -> tuple[tuple[float, float], ...]:
 
 
 def command_line() -> str:
-    """Return the command as it was given, quoted for the shell."""
-    return shlex.join(["stoop", *sys.argv[1:]])
+    """Return the command as it was given, quoted for the shell; bytes of a path that are no text become ``?``."""
+    return shlex.join(["stoop", *sys.argv[1:]]).encode("utf-8", "replace").decode()
 
 
 def given_paths(*paths: Path | None) -> list[Path]:

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
 
 from stoop.base.arrays import FloatArray
-from stoop.base.files import read_bounded
+from stoop.base.files import read_bounded, utf8_text
 from stoop.errors import IdentificationError
 from stoop.problem import Misfit, on_circle
 
@@ -136,12 +136,14 @@ def read_covariance(path: Path, channels: Sequence[str]) -> FloatArray:
     """
     wanted = f"one row of {len(channels)} variances, or a {len(channels)} by {len(channels)} matrix, for {', '.join(channels)}"
     try:
-        text = read_bounded(path, MAX_BYTES).decode()
+        text = utf8_text(read_bounded(path, MAX_BYTES))
         with warnings.catch_warnings():
             warnings.simplefilter("error")  # that it is empty
             matrix = np.loadtxt(io.StringIO(text), delimiter=",", ndmin=2, dtype=np.float64)
     except FileNotFoundError:
         raise IdentificationError(f"{path}: no such file; check the name") from None
+    except UnicodeError as error:
+        raise IdentificationError(f"{path}: {error}") from None
     except (OSError, ValueError, UserWarning):
         raise IdentificationError(f"{path}: cannot be read as numbers; write {wanted}") from None
     if matrix.shape == (1, len(channels)):

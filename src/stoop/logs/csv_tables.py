@@ -300,7 +300,7 @@ def _header(path: Path, text: bytes) -> list[str]:
     try:
         return [name.decode("utf-8-sig").strip().strip('"') for name in names]
     except UnicodeDecodeError:
-        raise LogError(f"{path}: not a text table; name a CSV file with one header line") from None
+        raise LogError(f"{path}: not a text table; save it as UTF-8, with one header line") from None
 
 
 def read_px4_folder(folder: Path) -> Recording:

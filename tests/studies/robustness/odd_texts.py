@@ -7,13 +7,14 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Final
 
-from studies.robustness.documents import MATRIX, SOUND, rows
 from studies.robustness.commands import CHEAP
+from studies.robustness.documents import SOUND
 from studies.robustness.small_runs import IDENTIFY, OUT, TO, inputs
 
 LONG: Final = 100_000_000  #: bytes of a line
 WIDE: Final = 10_000  #: columns, or words of a line
-LOGS: Final = ("table.csv", "a.log", "a.bbl")
+WINDOWS: Final = b'format = "stoop-windows/1"\nwindow = [{ flight = "sim", start = 0.0, stop = 8.0 }]\n'
+NO_LOG: Final = b"t,q\n0,1\n"  #: in a file whose ending is that of another format
 READ_BY: Final[Mapping[str, tuple[str, ...]]] = {
     "table.csv": ("info", "table.csv"),
     "bare.csv": ("map", "bare.csv", "-o", f"{OUT}.toml"),
@@ -23,7 +24,7 @@ READ_BY: Final[Mapping[str, tuple[str, ...]]] = {
     "v.toml": ("trim", "v.toml"),
     "m.toml": ("simulate", "v.toml", "--maneuver", "m.toml", "-o", f"{OUT}.nc"),
     "w.toml": ("identify", "sim.nc", "--vehicle", "v.toml", "--maneuver", "w.toml", *CHEAP, *TO),
-    "g.toml": ("vehicle", "new", "--geometry", "g.toml", "--mass", "2", "-o", f"{OUT}.toml"),
+    "g.toml": ("vehicle", "new", "--geometry", "g.toml", "-o", f"{OUT}.toml"),
     "n.csv": (*IDENTIFY, "--noise", "n.csv", *CHEAP, *TO),
     "model/result.json": ("validate", "model", "sim.nc", "--maneuver", "8:12", *TO),
     "model/vehicle.toml": ("propagate", "model", "--draws", "100", "-o", f"{OUT}.html"),
@@ -34,9 +35,9 @@ def sound_text(name: str) -> bytes:
     """Return a sound text of a name."""
     found = dict(inputs())
     found["bare.csv"] = found["table.csv"]
-    found["w.toml"], found["g.toml"] = ((SOUND / f"{x}.toml").read_bytes() for x in ("windows", "geometry"))
-    found["n.csv"] = rows(MATRIX)
-    return found.get(name, b"t,q\n0,1\n")
+    found["w.toml"], found["g.toml"] = WINDOWS, (SOUND / "geometry.toml").read_bytes()
+    found["n.csv"] = b"1,0.01,0.01,0.01,1,1\n"
+    return found.get(name, NO_LOG)
 
 
 def _comment(name: str, text: bytes) -> bytes:
@@ -45,6 +46,7 @@ def _comment(name: str, text: bytes) -> bytes:
 
 
 FORMS: Final[Mapping[str, Callable[[str, bytes], bytes]]] = {
+    "the text itself": lambda name, text: text,
     "a line of 100 MB of zeros": lambda name, text: text + b"0" * LONG,
     "a line of 100 MB of commas": lambda name, text: text + b"," * LONG,
     "a line of 100 MB of brackets": lambda name, text: b"a = " + b"[" * LONG,
