@@ -234,5 +234,5 @@ def _together(results: Sequence[Mapping[str, Any]]) -> Iterator[dict[str, Any]]:
 
 
 EXPERIMENT: Final = study.Verification(
-    "decisions", show, runs=5, work="compare", cases=(*CASES, *REAL), parts=("pairs",), reads_data=True
+    "decisions", show, runs=6, work="compare", cases=(*CASES, *REAL), parts=("pairs",), reads_data=True
 )

@@ -48,7 +48,7 @@ EXPERIMENTS: Final[Mapping[str, tuple[str, str]]] = {
         ("unstable", "bias and coverage for aircraft that only an autopilot holds (24 flights each)"),
         ("extensions", "missing parts of a model are named: size and power of the tests (20 flights a defect)"),
         ("defaults", "from a log to a model by the defaults alone (40 flights of 20 made-up vehicles)"),
-        ("decisions", "what each decision of a fit is worth (125 vehicles, real flights); reads --data DIR"),
+        ("decisions", "what each decision of a fit is worth (150 vehicles, real flights); reads --data DIR"),
         ("verdict", "how often the verdict refuses good models and trusts bad ones (416 cases)"),
         ("delays", "delays of inputs and outputs, fractions of a sample (40 flights, twice)"),
         ("lines", "wrong lines of mappings are named, right ones not accused (180 flights); reads --data DIR"),
