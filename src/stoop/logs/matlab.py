@@ -9,7 +9,9 @@ from __future__ import annotations
 import io
 import struct
 import warnings
+import zlib
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final
 
@@ -23,6 +25,9 @@ from stoop.logs.recording import Defect, Recording, read_bounded, reason
 
 MAX_ELEMENTS: Final = 1000  #: of an array of structures
 HEAD: Final = 128  #: bytes before the first variable
+COMPRESSED: Final = b"\x0f"  #: type of a packed variable
+NUMBER: Final = 8  #: bytes
+PART: Final = 2**20  #: bytes that are unpacked at once
 
 
 def parse_matlab(path: Path, topics: frozenset[str] | None = None) -> Recording:
@@ -46,6 +51,8 @@ def _read_old(path: Path) -> tuple[list[Array], list[Defect]]:
     defects: list[Defect] = []
     most = max_values(path)
     for at, content in _variables(read_bounded(path, MAX_BYTES, "export it again")):
+        if (size := _unpacked_size(content, NUMBER * most)) > NUMBER * most:
+            raise LogError(f"{path}: unpacks to more than {size >> 20} MiB; save only the flight")
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # of variables that occur twice, and of objects
@@ -84,6 +91,20 @@ def _variables(content: bytes) -> Iterator[tuple[int, bytes]]:
         _, size = struct.unpack_from(f"{order}II", content, at)
         yield at, content[:HEAD] + content[at : at + 8 + size]
         at, count = at + 8 + size, count + 1
+
+
+def _unpacked_size(content: bytes, most: int) -> int:
+    """Return the bytes to which the variable of a file of one unpacks, counted until there are more than `most`."""
+    stream, size = zlib.decompressobj(), 0
+    if content[126:HEAD] not in (b"IM", b"MI") or content[HEAD : HEAD + 4].strip(b"\0") != COMPRESSED:
+        return size
+    with suppress(zlib.error):  # of which the reader says more
+        for at in range(HEAD + 8, len(content), PART):
+            packed = content[at : at + PART]
+            while packed and size <= most:
+                size += len(stream.decompress(packed, PART))
+                packed = stream.unconsumed_tail
+    return size
 
 
 def _leaves(place: tuple[str, ...], value: Any) -> Iterator[tuple[tuple[str, ...], Any]]:

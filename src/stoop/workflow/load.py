@@ -12,6 +12,7 @@ from typing import Any, Concatenate, Final, ParamSpec, TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from stoop.base.files import read_bounded
 from stoop.base.numbers import MAX_NUMBER
 from stoop.base.text import nearest
 from stoop.errors import StoopError
@@ -28,8 +29,8 @@ from stoop.workflow.outputs import ARCHIVES, ATTACHED, CURVES, ESTIMATE, RESULT,
 P = ParamSpec("P")
 T = TypeVar("T")
 Place = str | Path
-MAX_ATTACHED: Final = 2**31
-"""Bytes; a larger file beside the result is not read."""
+MAX_ATTACHED: Final = 2**28
+"""Bytes of a file beside the result."""
 
 
 def fitted_model(given: object) -> FittedModel:
@@ -118,8 +119,15 @@ def load(path: str | Path) -> FittedModel:
         flights, missing = _flights(folder, result), ""
     except StoopError as error:
         flights, missing = (), str(error)
-    places, count = [folder / name for name in (*ARCHIVES, *ATTACHED)], len(result.maneuvers)
-    files = {p.name: p.read_bytes() for p in places if p.is_file() and p.stat().st_size < MAX_ATTACHED}
+    files: dict[str, bytes] = {}
+    for place in (folder / name for name in (*ARCHIVES, *ATTACHED)):
+        try:
+            files[place.name] = read_bounded(place, MAX_ATTACHED)
+        except FileNotFoundError:
+            continue
+        except OSError as error:
+            raise StoopError(f"{place}: cannot be read ({error.strerror}); remove it, or fit again") from None
+    count = len(result.maneuvers)
     curves = Curves(tuple(without_curves(count)))
     if CURVES in files:
         curves = unpacked_curves(files[CURVES], count, str(folder / CURVES))

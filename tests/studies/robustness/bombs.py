@@ -212,6 +212,7 @@ BOMBS: Final[Mapping[str, tuple[str, Callable[[], bytes]]]] = {
     **{f"gzip: {kind}": ("a.csv.gz", made) for kind, made in GZIPS.items()},
     **{f"Parquet: {kind}": ("a.parquet", made) for kind, made in PARQUETS.items()},
     "MATLAB 5: 100 GB packed": ("a.mat", partial(_matlab5, 25_000)),
+    "MATLAB 5: 4 MB that state 4 GB": ("a.mat", partial(_matlab5, 1)),
     "netCDF-3: 2^31 records": ("a.nc", partial(_netcdf3, 2**31 - 1, 7)),
     "netCDF-3: records of 16 GB": ("a.nc", partial(_netcdf3, 3, 2**31 - 1)),
     "flight: 2^31 samples": ("a.nc", partial(_own_flight, 2**31 - 1)),

@@ -82,7 +82,7 @@ def on_full_disk(name: str, folder: Path, how: str, room: int, old: bool) -> str
         errors = [line for line in ended.stderr_lines if "error" in line or "Traceback" in line]
         if ended.code != 2 or len(errors) != 1 or not errors[0].startswith("stoop: error: "):
             raise BrokenPromiseError(f"exit code {ended.code}: {' | '.join(ended.stderr_lines[-3:])}")
-        _check_rest(before, folder)
+        check_rest(before, folder)
         again = ("--resume",) if (out / SEARCH).exists() else again
         ended = run((*words, *again))
         if ended.code:
@@ -92,7 +92,7 @@ def on_full_disk(name: str, folder: Path, how: str, room: int, old: bool) -> str
     return outcome
 
 
-def _check_rest(before: Mapping[str, bytes], folder: Path) -> None:
+def check_rest(before: Mapping[str, bytes], folder: Path) -> None:
     """Refuse anything but the old files, and what is done: a search's state and a store, both whole."""
     there = written(folder / OUT)
     kept = {name: x for name, x in there.items() if name != SEARCH and not name.endswith(STORES)}

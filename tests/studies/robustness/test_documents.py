@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import os
 import sqlite3
 import tomllib
 import zipfile
@@ -17,6 +18,7 @@ import pytest
 from hypothesis import given
 from studies.robustness import documents, kept_files
 from studies.robustness.hostile import Again, Raw, damaged_trees, to_json, to_toml
+from studies.robustness.small_runs import inputs
 
 from stoop.assessment.uncertainty import agreement
 from stoop.base import cache
@@ -31,6 +33,8 @@ from stoop.parallel.store import open_store
 from stoop.results.result import MAX_BYTES, from_json, read_result
 from stoop.vehicle import parse_vehicle
 from stoop.vehicle.builtin import builtin_text
+from stoop.workflow.load import load
+from stoop.workflow.outputs import ARCHIVES, ATTACHED
 
 
 def test_what_is_written_is_what_stood_in_the_tree() -> None:
@@ -112,9 +116,9 @@ def test_a_short_maneuver_does_not_take_minutes() -> None:
     wave = '[[input]]\ncontrol = "elevator"\nshape = "multisine"\nstart = 0.0\namplitude = 0.1\nduration = 1000.0\nband = 1.0\n'
     step = '[[input]]\ncontrol = "elevator"\nshape = "pulse"\nstart = 0.0\namplitude = 0.1\nduration = 1.0\n'
     assert parse_maneuver(f"duration = 1000.0\n{wave}", "m.toml").input[0].waves == 1000
-    for inputs in (wave, step * 100):
+    for given_inputs in (wave, step * 100):
         with pytest.raises(ManeuverError, match="times samples"):
-            parse_maneuver(f"duration = 30000.0\n{inputs}", "m.toml")
+            parse_maneuver(f"duration = 30000.0\n{given_inputs}", "m.toml")
 
 
 def test_a_vehicle_has_some_loadings_at_most() -> None:
@@ -316,3 +320,22 @@ def test_an_empty_covariance_is_one_error(tmp_path: Path) -> None:
     path.write_text("\n\n")
     with pytest.raises(IdentificationError, match="cannot be read as numbers"):
         read_covariance(path, ("p", "q"))
+
+
+ENDLESS: dict[str, Callable[[Path], None]] = {
+    "a link to an endless device": lambda path: path.symlink_to("/dev/zero"),
+    "a pipe": os.mkfifo,
+    "holes of a gigabyte": lambda path: [path.touch(), os.truncate(path, 2**30)][0],
+    "a folder": Path.mkdir,
+}
+
+
+@pytest.mark.parametrize("way", ENDLESS)
+@pytest.mark.parametrize("name", [*ARCHIVES, *ATTACHED])
+def test_what_lies_beside_a_result_is_counted_while_it_is_read(name: str, way: str, tmp_path: Path) -> None:
+    for place in ("result.json", "vehicle.toml", "flight.nc"):
+        (tmp_path / place).write_bytes(inputs()[f"model/{place}"])
+    assert load(tmp_path).flights
+    ENDLESS[way](tmp_path / name)
+    with pytest.raises(StoopError, match=rf"{name}: cannot be read \(.*\); remove it, or fit again$"):
+        load(tmp_path)
