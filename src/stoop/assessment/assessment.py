@@ -1,8 +1,8 @@
 """Assessments of a finished fit: further estimates of its uncertainty, by refits of the same problem from its optimum.
 
-An assessment is called with an `AssessedFit` and returns a `Finding`. Residuals are those of a simulation: of output error, of
-a filter (its innovations), or of windows; the bootstrap refits the equations of a regression, too. `pack` writes the problem
-as one text, which is what a worker needs to refit it, wherever it runs.
+An assessment is called with an estimate, its error bars and a seed, and returns a `Finding`. Residuals are those of a
+simulation: of output error, of a filter (its innovations), or of windows; the bootstrap refits the equations of a regression,
+too. `pack` writes the problem as one text, which is what a worker needs to refit it, wherever it runs.
 
 All refits share model, weights and start, so the derivatives at the optimum serve them all: a step costs one trajectory per
 refit, evaluated in lanes. Then each refit takes derivatives of its own for the last few Gauss-Newton steps; the length of the
@@ -51,36 +51,14 @@ NONLINEAR: Final = ("posterior", "profile")
 MIN_REDUCTION: Final = 0.2  #: of a step by the next; a longer one asks for a curvature of its own
 
 
-@dataclass(frozen=True, eq=False)
-class AssessedFit:
-    """A finished fit, ready to be assessed; `seed` is that of everything random."""
+def free_entries(fit: Estimate, bars: ErrorBars) -> IntArray:
+    """Return the entries (f,) of the search vector that no bound holds."""
+    return bars.free[bars.free < len(fit.z)]
 
-    fit: Estimate
-    seed: int
 
-    @cached_property
-    def bars(self) -> ErrorBars:
-        """Error bars, for the noise behind the residuals and for identifiability."""
-        return error_bars(self.fit)
-
-    @property
-    def problem(self) -> RefitProblem:
-        """The least-squares problem that refits solve."""
-        return self.fit.refit_problem
-
-    @property
-    def free(self) -> IntArray:
-        """Entries of the search vector that no bound holds."""
-        return self.bars.free[self.bars.free < len(self.fit.z)]
-
-    @property
-    def names(self) -> list[str]:
-        """Of the free parameters, in the order of the vector."""
-        return [p.name for p in self.fit.problem.layout.parameters]
-
-    def packed(self, more: Mapping[str, Any]) -> str:
-        """Return the problem, its optimum and further arrays as text."""
-        return pack(self.problem, {"z": self.fit.z, "free": self.free, **more})
+def packed(fit: Estimate, bars: ErrorBars, more: Mapping[str, Any]) -> str:
+    """Return the problem that refits solve, its optimum and further arrays as text."""
+    return pack(fit.refit_problem, {"z": fit.z, "free": free_entries(fit, bars), **more})
 
 
 def check_method(method: str, assessments: Collection[str]) -> None:
@@ -107,8 +85,8 @@ class Assessment(Protocol):
     def name(self) -> str:
         """Key in ``result.uncertainty``."""
 
-    def __call__(self, fit: AssessedFit, watch: Watch) -> Finding:
-        """Assess."""
+    def __call__(self, fit: Estimate, bars: ErrorBars, seed: int, watch: Watch) -> Finding:
+        """Assess; `seed` is that of everything random."""
 
 
 def assess(
@@ -119,10 +97,9 @@ def assess(
     An IdentificationError says that the fit is of a method that cannot be assessed so, or that an extra is not installed.
     """
     check_method(result.method, [assessment.name for assessment in assessments])
-    assessed = AssessedFit(fit, result.seed)
-    uncertainty, files = dict(result.uncertainty), dict[str, bytes]()
+    bars, uncertainty, files = error_bars(fit), dict(result.uncertainty), dict[str, bytes]()
     for assessment in assessments:
-        found = assessment(assessed, watch)
+        found = assessment(fit, bars, result.seed, watch)
         uncertainty[assessment.name] = found.intervals
         files |= found.files
     agreement = tuple(method_agreement(result.parameters, uncertainty, result.repeatability))

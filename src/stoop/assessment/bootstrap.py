@@ -34,12 +34,14 @@ import numpy as np
 from scipy.signal import lfilter
 from scipy.special import ndtr, ndtri
 
-from stoop.assessment.assessment import AssessedFit, Finding, Optimum, Watch, refit, refits, unpacked_optimum
+from stoop.assessment.assessment import Finding, Optimum, Watch, packed, refit, refits, unpacked_optimum
 from stoop.assessment.coloring import ColoredNoise
 from stoop.assessment.covariance import MIN_WINDOWS, NORMAL_95, leave_window_out
+from stoop.assessment.error_bars import ErrorBars
 from stoop.base.arrays import BoolArray, FloatArray
 from stoop.base.blas import on_one_blas_thread
 from stoop.base.notices import Notice, notice
+from stoop.estimate.estimate import Estimate
 from stoop.estimate.noise import lagged_products
 from stoop.estimate.refit_problem import RefitProblem
 from stoop.parallel import Json, LocalProcesses, Plan, Pool, Run
@@ -236,18 +238,18 @@ class Bootstrap:
 
     name: str = field(default="bootstrap", init=False)
 
-    def __call__(self, fit: AssessedFit, watch: Watch) -> Finding:
+    def __call__(self, fit: Estimate, bars: ErrorBars, seed: int, watch: Watch) -> Finding:
         """Return standard errors and bias-corrected percentile intervals; none at a bound or not identifiable."""
-        plan = bootstrap_plan(fit, self.replicates)
+        plan = bootstrap_plan(fit, bars, seed, self.replicates)
         found = refits(plan, self.store, self.pool, "bootstrap: {} of {} replicates", CHUNK, watch)
         parts: list[Any] = list(found.values())
         values = np.concatenate([np.array(part["values"], dtype=np.float64) for part in parts])
         endings = Counter(ending for part in parts for ending in part["endings"])
         converged = np.isfinite(values).all(axis=1)
-        spread = percentiles(np.array(list(fit.fit.estimates.values())), values[converged])
+        spread = percentiles(np.array(list(fit.estimates.values())), values[converged])
         parameters = {}
-        for i, name in enumerate(fit.names):
-            sure = not fit.bars.at_bound[i] and fit.bars.identifiability[name].identifiable
+        for i, name in enumerate(fit.estimates):
+            sure = not bars.at_bound[i] and bars.identifiability[name].identifiable
             parameters[name] = Interval(*(float(one[i]) for one in spread)) if sure else Interval()
         total, count, failed = endings.total(), int(converged.sum()), endings["failed"]
         notices: list[Notice] = []
@@ -259,19 +261,21 @@ class Bootstrap:
         return Finding(MethodIntervals(parameters, figures, tuple(notices)))
 
 
-def bootstrap_plan(fit: AssessedFit, count: int) -> Plan:
+def bootstrap_plan(fit: Estimate, bars: ErrorBars, seed: int, count: int) -> Plan:
     """Return the campaign: `count` replicates, rounded up to whole chunks."""
-    noise = fit.bars.uncertainty.noise
-    whole = sum(len(p.edges) - 1 for p in fit.fit.evidence.pieces if p.edges) >= MIN_WINDOWS
-    problem = fit.packed(
-        {"color": noise.coefficients, "innovation": noise.innovation, "whole_windows": np.array(whole)}
+    noise = bars.uncertainty.noise
+    whole = sum(len(p.edges) - 1 for p in fit.evidence.pieces if p.edges) >= MIN_WINDOWS
+    problem = packed(
+        fit,
+        bars,
+        {"color": noise.coefficients, "innovation": noise.innovation, "whole_windows": np.array(whole)},
     )
     digest = hashlib.sha256(problem.encode()).hexdigest()
     runs = tuple(
-        Run(f"{first:06d}", WORK, {"problem": problem, "seed": fit.seed, "first": first, "count": CHUNK})
+        Run(f"{first:06d}", WORK, {"problem": problem, "seed": seed, "first": first, "count": CHUNK})
         for first in range(0, count, CHUNK)
     )
-    return Plan("bootstrap of a fit", {"problem": digest, "seed": fit.seed}, runs)
+    return Plan("bootstrap of a fit", {"problem": digest, "seed": seed}, runs)
 
 
 @on_one_blas_thread

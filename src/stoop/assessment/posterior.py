@@ -26,12 +26,14 @@ from typing import Final
 
 import numpy as np
 
-from stoop.assessment.assessment import AssessedFit, Finding, Optimum, Watch, likelihood_optimum, linearize
+from stoop.assessment.assessment import Finding, Optimum, Watch, likelihood_optimum, linearize
+from stoop.assessment.error_bars import ErrorBars
 from stoop.assessment.sampling import SAMPLER, Chains, Coordinates, libraries, library, sample
 from stoop.assessment.uncertainty import MAX_RHAT
 from stoop.base.arrays import FloatArray
 from stoop.base.blas import on_one_blas_thread
 from stoop.base.notices import notice
+from stoop.estimate.estimate import Estimate
 from stoop.optimize.normal_equations import TallMatrix
 from stoop.results.uncertainty import Interval, MethodIntervals
 
@@ -189,19 +191,19 @@ class Posterior:
     name: str = field(default="posterior", init=False)
 
     @on_one_blas_thread
-    def __call__(self, fit: AssessedFit, watch: Watch) -> Finding:
+    def __call__(self, fit: Estimate, bars: ErrorBars, seed: int, watch: Watch) -> Finding:
         """Return standard deviations and equal-tailed intervals, and the draws as ``posterior.nc``."""
         libraries()
-        target = posterior_target(fit)
-        chains = sample(target, coordinates(target), fit.seed, watch)
+        target = posterior_target(fit, bars)
+        chains = sample(target, coordinates(target), seed, watch)
         every = chains.draws.reshape(-1, target.size)
         checked = every[np.linspace(0, len(every) - 1, CHECKED_DRAWS).astype(int)]
         error = float(np.max(np.abs(target.error(checked))))
         chains = replace(chains, figures={**chains.figures, "marginalization_error": error})
-        layout, figures = fit.fit.problem.layout, chains.figures
+        layout, figures = fit.problem.layout, chains.figures
         values = layout.physical(every)
         ends = np.quantile(values, [0.025, 0.975], axis=0)
-        rows = zip(fit.names, values.std(axis=0).tolist(), *ends.tolist(), strict=True)
+        rows = zip(fit.estimates, values.std(axis=0).tolist(), *ends.tolist(), strict=True)
         parameters = {name: Interval(*numbers) for name, *numbers in rows}
         notices = []
         if not chains.converged:
@@ -214,20 +216,20 @@ class Posterior:
         if error > MAX_DENSITY_ERROR:
             notices.append(notice("posterior-nuisances-nonlinear", error=error))
         intervals = MethodIntervals(parameters, figures, tuple(notices))
-        return Finding(intervals, {FILE: _file(fit, chains)})
+        return Finding(intervals, {FILE: _file(fit, seed, chains)})
 
 
-def posterior_target(fit: AssessedFit) -> Target:
+def posterior_target(fit: Estimate, bars: ErrorBars) -> Target:
     """Return the posterior; its likelihood is stretched to the covariance corrected for color.
 
     It is not where something is not determined. Parameters at a bound keep the variance that the weights give them.
     """
-    z = fit.fit.z
-    optimum = likelihood_optimum(fit.problem, linearize(fit.problem, z, np.arange(len(z))))
+    z = fit.z
+    optimum = likelihood_optimum(fit.refit_problem, linearize(fit.refit_problem, z, np.arange(len(z))))
     plain = Target(optimum, np.eye(optimum.shared))
-    k, width = plain.size, fit.fit.problem.layout.width
-    free = fit.free[fit.free < k]
-    corrected = fit.bars.covariance[np.ix_(free, free)] / np.outer(width[free], width[free])
+    k, width = plain.size, fit.problem.layout.width
+    free = bars.free[bars.free < k]
+    corrected = bars.covariance[np.ix_(free, free)] / np.outer(width[free], width[free])
     if not (np.isfinite(corrected).all() and np.all(np.linalg.eigvalsh(plain.information) > 0.0)):
         return plain
     held = np.setdiff1d(np.arange(k), free)
@@ -237,16 +239,16 @@ def posterior_target(fit: AssessedFit) -> Target:
     return Target(optimum, stretch(plain.information, covariance))
 
 
-def _file(fit: AssessedFit, chains: Chains) -> bytes:
+def _file(fit: Estimate, seed: int, chains: Chains) -> bytes:
     """Return an ArviZ InferenceData as NetCDF, SI units, thinned."""
     arviz = library("arviz")
-    layout = fit.fit.problem.layout
+    layout = fit.problem.layout
     thin = math.ceil(chains.density.size / SAMPLER.file_draws)
     values = layout.lower + chains.draws[:, ::thin] * layout.width
     data = arviz.from_dict(
         posterior={p.name: values[:, :, i] for i, p in enumerate(layout.parameters)},
         sample_stats={"lp": chains.density[:, ::thin]},
-        attrs={"inference_library": chains.library, "seed": fit.seed, **chains.figures, "thin": thin},
+        attrs={"inference_library": chains.library, "seed": seed, **chains.figures, "thin": thin},
     )
     for p in layout.parameters:
         data.posterior[p.name].attrs["units"] = p.unit

@@ -24,20 +24,23 @@ from typing import Any, Final
 import numpy as np
 
 from stoop.assessment.assessment import (
-    AssessedFit,
     Finding,
     Optimum,
     Watch,
+    free_entries,
     likelihood_optimum,
+    packed,
     refits,
     unpacked_optimum,
 )
 from stoop.assessment.covariance import NORMAL_95
+from stoop.assessment.error_bars import ErrorBars
 from stoop.base.arrays import FloatArray
 from stoop.base.blas import on_one_blas_thread
 from stoop.base.notices import Notice, notice
 from stoop.base.text import nearest
 from stoop.errors import IdentificationError
+from stoop.estimate.estimate import Estimate
 from stoop.estimate.refit_problem import Derived
 from stoop.optimize import Settings, refine
 from stoop.parallel import Json, LocalProcesses, Plan, Pool, Run
@@ -187,16 +190,17 @@ class Profile:
 
     name: str = field(default="profile", init=False)
 
-    def __call__(self, fit: AssessedFit, watch: Watch) -> Finding:
+    def __call__(self, fit: Estimate, bars: ErrorBars, seed: int, watch: Watch) -> Finding:
         """Return likelihood-ratio intervals; NaN for an end that the data leave open."""
-        plan = profile_plan(fit, selected(fit, self.parameters))
+        plan = profile_plan(fit, bars, selected(fit, bars, self.parameters))
         found = refits(plan, self.store, self.pool, "profile: {} of {} parameters", 1, watch)
-        parameters, notices, layout, count = {}, list[Notice](), fit.fit.problem.layout, 0
-        if len(found) < len(fit.names):
+        parameters, notices, layout, count = {}, list[Notice](), fit.problem.layout, 0
+        names = list(fit.estimates)
+        if len(found) < len(fit.estimates):
             notices.append(notice("profile-of-some-parameters"))
         for name, one in found.items():
             result: Any = one
-            entry = fit.names.index(name)
+            entry = names.index(name)
             p = layout.parameters[entry]
             low, high = (
                 float(layout.lower[entry] + layout.width[entry] * float(end)) for end in result["ends"]
@@ -212,13 +216,13 @@ class Profile:
         return Finding(MethodIntervals(parameters, {"refits": float(count)}, tuple(notices)))
 
 
-def selected(fit: AssessedFit, wanted: Sequence[str]) -> tuple[str, ...]:
+def selected(fit: Estimate, bars: ErrorBars, wanted: Sequence[str]) -> tuple[str, ...]:
     """Return the parameters that are profiled; refuses names as :func:`check_names`."""
-    check_names(fit.names, wanted)
+    check_names(list(fit.estimates), wanted)
     doubtful = [
         name
-        for name, held in zip(fit.names, fit.bars.at_bound, strict=False)
-        if held or fit.bars.identifiability[name].reason
+        for name, held in zip(fit.estimates, bars.at_bound, strict=False)
+        if held or bars.identifiability[name].reason
     ]
     return tuple(dict.fromkeys(name for one in wanted for name in (doubtful if one == DOUBTFUL else [one])))
 
@@ -230,16 +234,16 @@ def check_names(free: Sequence[str], wanted: Sequence[str]) -> None:
             raise IdentificationError(f"profile '{name}': no free parameter; {nearest(name, free)}")
 
 
-def profile_plan(fit: AssessedFit, names: Sequence[str]) -> Plan:
+def profile_plan(fit: Estimate, bars: ErrorBars, wanted: Sequence[str]) -> Plan:
     """Return the campaign: one run a parameter."""
-    problem = fit.packed({})
+    problem, names = packed(fit, bars, {}), list(fit.estimates)
     digest = hashlib.sha256(problem.encode()).hexdigest()
-    free, plain = fit.free, np.sqrt(np.diag(fit.bars.uncertainty.cramer_rao))
+    free, plain = free_entries(fit, bars), np.sqrt(np.diag(bars.uncertainty.cramer_rao))
     with np.errstate(invalid="ignore"):
-        factors = dict(zip(free.tolist(), (fit.bars.std[free] / plain[: len(free)]).tolist(), strict=True))
+        factors = dict(zip(free.tolist(), (bars.std[free] / plain[: len(free)]).tolist(), strict=True))
     runs = []
-    for name in names:
-        entry = fit.names.index(name)
+    for name in wanted:
+        entry = names.index(name)
         factor = factors.get(entry, np.nan)
         given = {"problem": problem, "entry": entry, "factor": factor if np.isfinite(factor) else 1.0}
         runs.append(Run(name, WORK, given))

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from stoop.assessment import sampling
-from stoop.assessment.assessment import AssessedFit, check_method, pack, unpack
+from stoop.assessment.assessment import check_method, pack, packed, unpack
+from stoop.assessment.error_bars import error_bars
 from stoop.errors import IdentificationError
 from stoop.estimate.fit import Options
 from stoop.parallel import Given
@@ -63,15 +64,15 @@ def here() -> Given:
 
 
 def test_a_problem_comes_back_from_text_with_the_same_residuals(job: FittedModel) -> None:
-    fit = AssessedFit(job.estimate, 0)
-    again, arrays = unpack(fit.packed({}))
+    problem = job.estimate.refit_problem
+    again, arrays = unpack(packed(job.estimate, error_bars(job.estimate), {}))
     Z = job.estimate.z + 1e-3 * np.random.default_rng(0).standard_normal((3, len(job.estimate.z)))
-    assert np.array_equal(again.residuals(Z, 0), fit.problem.residuals(Z, 0))
-    assert pack(again, {"z": arrays["z"]}) == pack(fit.problem, {"z": job.estimate.z})
+    assert np.array_equal(again.residuals(Z, 0), problem.residuals(Z, 0))
+    assert pack(again, {"z": arrays["z"]}) == pack(problem, {"z": job.estimate.z})
 
 
 def test_residuals_and_derivatives_are_those_of_the_evidence(job: FittedModel) -> None:
-    problem, evidence = AssessedFit(job.estimate, 0).problem, job.estimate.evidence
+    problem, evidence = job.estimate.refit_problem, job.estimate.evidence
     r = problem.residuals(job.estimate.z[None], 0)[0]
     (piece,) = evidence.pieces
     assert -r[: piece.residual.size] == pytest.approx(piece.filled()[0].ravel(), abs=1e-6)

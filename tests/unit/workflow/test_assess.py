@@ -9,18 +9,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stoop.assessment.assessment import AssessedFit, Finding, Watch, pack, unpack
+from stoop.assessment.assessment import Finding, Watch, pack, unpack
 from stoop.assessment.bootstrap import CHUNK, bootstrap_plan
+from stoop.assessment.error_bars import ErrorBars, error_bars
 from stoop.errors import IdentificationError, OutputError
-from stoop.parallel import Given, LocalProcesses, execute
+from stoop.estimate.estimate import Estimate
+from stoop.parallel import Given, LocalProcesses, Plan, execute
 from stoop.results.result import from_json
 from stoop.results.uncertainty import MethodIntervals
 from stoop.workflow import Bootstrap, FittedModel, Posterior, Profile
 
 
-@pytest.fixture(scope="module")
-def case(job: FittedModel) -> AssessedFit:
-    return AssessedFit(job.estimate, 0)
+def plan_of(job: FittedModel, count: int) -> Plan:
+    return bootstrap_plan(job.estimate, error_bars(job.estimate), 0, count)
 
 
 def here() -> Given:
@@ -55,16 +56,16 @@ def test_the_bootstrap_agrees_with_corrected_errors_on_white_noise(bootstrapped:
     assert any("Bootstrap" in str(s) for s in bootstrapped.result.trust)
 
 
-def test_any_number_of_workers_gives_the_same_replicates(case: AssessedFit, tmp_path: Path) -> None:
-    plan = bootstrap_plan(case, 3 * CHUNK)
+def test_any_number_of_workers_gives_the_same_replicates(job: FittedModel, tmp_path: Path) -> None:
+    plan = plan_of(job, 3 * CHUNK)
     one, two = (execute(plan, tmp_path / f"{n}.sqlite", LocalProcesses(n)) for n in (1, 2))
     assert one == two
     assert one == execute(plan, tmp_path / "threads.sqlite", here())
 
 
-def test_more_replicates_keep_the_first(case: AssessedFit, tmp_path: Path) -> None:
-    few = execute(bootstrap_plan(case, CHUNK), tmp_path / "a.sqlite", here())
-    more = execute(bootstrap_plan(case, 2 * CHUNK), tmp_path / "a.sqlite", here())
+def test_more_replicates_keep_the_first(job: FittedModel, tmp_path: Path) -> None:
+    few = execute(plan_of(job, CHUNK), tmp_path / "a.sqlite", here())
+    more = execute(plan_of(job, 2 * CHUNK), tmp_path / "a.sqlite", here())
     assert few["000000"] == more["000000"]
     assert len(more) == 2
 
@@ -102,7 +103,7 @@ class Told:
 
     name = "told"
 
-    def __call__(self, case: AssessedFit, watch: Watch) -> Finding:
+    def __call__(self, fit: Estimate, bars: ErrorBars, seed: int, watch: Watch) -> Finding:
         watch("telling")
         return Finding(MethodIntervals({}), {"posterior.nc": b"abc"})
 

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from stoop.assessment.assessment import AssessedFit
 from stoop.assessment.bootstrap import bootstrap_plan, refit_chunk
 from stoop.assessment.covariance import data_information, standard_errors
 from stoop.assessment.error_bars import error_bars, estimate_uncertainty
@@ -177,7 +176,7 @@ def test_error_bars_are_the_scatter(domain: Domain, memory: float) -> None:
             linear = LinearProblem.of(misfit, z, evidence, solved.sigma, domain.period(dt), False)
             outcome: Any = None
             fit = RegressionEstimate(misfit, Prepared((), ()), z, outcome, 0.0, 0.0, (), evidence, linear)
-            runs = bootstrap_plan(AssessedFit(fit, record), 50).runs
+            runs = bootstrap_plan(fit, error_bars(fit), record, 50).runs
             values = [refit_chunk(run.arguments, [None])[0]["values"] for run in runs]  # type: ignore[call-overload, index]
             drawn.append(np.std(np.concatenate(values), axis=0, ddof=1))
     scatter = np.sqrt(np.mean(np.square(errors), axis=0))

@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stoop.assessment.assessment import AssessedFit, Finding, pack, unpack
+from stoop.assessment.assessment import Finding, free_entries, pack, packed, unpack
 from stoop.assessment.bootstrap import Bootstrap
+from stoop.assessment.error_bars import error_bars
 from stoop.assessment.goodness_of_fit import left_out_residuals, press_notices
 from stoop.estimate.estimate import Estimate
 from stoop.estimate.fit import Options
@@ -35,23 +36,22 @@ def bootstrap(
     fit: Estimate, count: int = 100, store: Path | None = None, watch: object = lambda _: None
 ) -> Finding:
     assessment = Bootstrap(count, Given(ThreadPoolExecutor(1)), store)
-    return assessment(AssessedFit(fit, 0), watch)  # type: ignore[arg-type]
+    return assessment(fit, error_bars(fit), 0, watch)  # type: ignore[arg-type]
 
 
 def test_a_problem_comes_back_from_text_with_the_same_residuals(fit: Estimate) -> None:
-    assessed = AssessedFit(fit, 0)
-    again, arrays = unpack(assessed.packed({}))
+    problem = fit.refit_problem
+    again, arrays = unpack(packed(fit, error_bars(fit), {}))
     assert isinstance(again, LinearProblem)
     Z = fit.z + 1e-3 * np.random.default_rng(0).standard_normal((3, len(fit.z)))
-    np.testing.assert_array_equal(again.residuals(Z, 0), assessed.problem.residuals(Z, 0))
-    assert again.deviations == assessed.problem.deviations  # type: ignore[union-attr]
-    assert pack(again, {"z": arrays["z"]}) == pack(assessed.problem, {"z": fit.z})
+    np.testing.assert_array_equal(again.residuals(Z, 0), problem.residuals(Z, 0))
+    assert again.deviations == problem.deviations  # type: ignore[union-attr]
+    assert pack(again, {"z": arrays["z"]}) == pack(problem, {"z": fit.z})
 
 
 def test_the_estimates_are_its_optimum(fit: Estimate) -> None:
     """A step of Gauss-Newton from them is short, priors included: the weights alone are one round older."""
-    assessed = AssessedFit(fit, 0)
-    problem, free = assessed.problem, assessed.free
+    problem, free = fit.refit_problem, free_entries(fit, error_bars(fit))
     J, r = problem.jacobian(fit.z, 0, fit.z)[0][:, free], problem.residuals(fit.z[None], 0)[0]
     information = J.T @ J
     step = np.linalg.solve(information, J.T @ r)
@@ -60,7 +60,7 @@ def test_the_estimates_are_its_optimum(fit: Estimate) -> None:
 
 def test_the_bootstrap_agrees_with_the_corrected_errors(fit: Estimate) -> None:
     found = bootstrap(fit, 300).intervals
-    std = dict(zip(fit.estimates, AssessedFit(fit, 0).bars.std, strict=False))
+    std = dict(zip(fit.estimates, error_bars(fit).std, strict=False))
     ratios = [found.parameters[name].std_error / std[name] for name in NAMES]
     assert np.median(ratios) == pytest.approx(1.0, abs=0.15)
     assert found.figures == {"replicates": 300.0, "refined": 0.0, "failed": 0.0}
@@ -78,7 +78,7 @@ def test_what_is_in_the_store_is_not_done_again(fit: Estimate, tmp_path: Path) -
 def test_press_is_the_error_of_refits_without_each_second(fit: Estimate) -> None:
     """Done again from the whitened rows and the priors by a general solver, every row of a second left out."""
     (found,) = press_notices(fit)
-    problem = AssessedFit(fit, 0).problem
+    problem = fit.refit_problem
     assert isinstance(problem, LinearProblem)
     assert left_out_residuals(fit) is None  # of channels it has none
     free = fit.evidence.free

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from stoop.assessment.assessment import AssessedFit
 from stoop.assessment.bootstrap import Bootstrap
+from stoop.assessment.error_bars import error_bars
 from stoop.assessment.goodness_of_fit import press_notices
 from stoop.estimate.fit import Options, estimation_problem
 from stoop.estimate.regression.least_squares import Estimates, TimeDomain, estimate
@@ -150,11 +150,11 @@ def test_bootstrap_and_press_of_rotors() -> None:
         flights.append(flown(vehicle, False, TRUTH, noise))
         values.append(list(solved_for(vehicle, flights[-1], tuple(TRUTH))[0].values()))
     fit = equation_error(own, {"quad": flights[0]}, [Window("quad", 0.0, 3.99)], Options())
-    assessed, assessment = AssessedFit(fit, 0), Bootstrap(100, Given(ThreadPoolExecutor(1)))
-    found = assessment(assessed, lambda _: None).intervals.parameters
+    bars, assessment = error_bars(fit), Bootstrap(100, Given(ThreadPoolExecutor(1)))
+    found = assessment(fit, bars, 0, lambda _: None).intervals.parameters
     drawn, scatter = np.array([found[name].std_error for name in TRUTH]), np.std(values, axis=0, ddof=1)
     assert (0.5 * scatter[:3] < drawn).all()
-    assert (drawn < assessed.bars.std[:3]).all()
+    assert (drawn < bars.std[:3]).all()
     (press,) = press_notices(fit)
     assert press.values["equations"] == ACCELERATIONS
     assert 0.05 < press.values["press"][-1] < 0.3  # type: ignore[index]  # m/s2: smoothing takes most of the noise
@@ -162,7 +162,7 @@ def test_bootstrap_and_press_of_rotors() -> None:
     low = fit.estimates["rotors.drag"] - 1e-4  # bounds hold in replicates as in the estimate
     boxed = own.with_numbers({"rotors.drag": {"bounds": [low, low + 1e-2]}})
     fit = equation_error(boxed, {"quad": flights[0]}, [Window("quad", 0.0, 3.99)], Options())
-    one = assessment(AssessedFit(fit, 0), lambda _: None).intervals.parameters["rotors.drag"]
+    one = assessment(fit, error_bars(fit), 0, lambda _: None).intervals.parameters["rotors.drag"]
     assert low == pytest.approx(one.ci95_lower, abs=1e-9)
     assert one.ci95_upper < low + 5e-3
 
