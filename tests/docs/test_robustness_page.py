@@ -27,6 +27,7 @@ from stoop.logs import dataflash_walk as scan
 from stoop.logs.formats import FORMATS
 from stoop.optimize import state
 from stoop.results import result
+from stoop.workflow import archive, load
 
 PAGE = DOCS / "robustness.md"
 FAMILIES = (
@@ -89,6 +90,7 @@ def test_the_limits_are_those_of_the_code() -> None:
         "mapping, vehicle, maneuver, windows, geometry": [f"{toml.MAX_BYTES // 10**6} MB", f"tables {toml.MAX_DEPTH} deep",
                                                           f"keys of {toml.MAX_DEPTH} parts"],
         "result.json": [f"{result.MAX_BYTES >> 20} MiB", f"{toml.MAX_DEPTH} deep"],
+        "arrays beside `result.json`": [f"{load.MAX_ATTACHED >> 20} MiB", f"{archive.MAX_BYTES >> 20} MiB when"],
         "state of an interrupted search": [f"{state.MAX_BYTES >> 20} MiB"],
         "a flight of stoop's own": [f"{netcdf.MAX_BYTES >> 30} GiB"],
         "MATLAB, netCDF": [f"{matlab.MAX_BYTES >> 30} GiB", f"{arrays.MAX_ARRAYS} arrays", f"{netcdf.MAX_DEPTH} deep"],

@@ -65,7 +65,7 @@ def on_full_disk(name: str, folder: Path, how: str, room: int, old: bool) -> str
     out.mkdir()
     resize = short_files if how == LENGTH else Disk(out).resize
     before = dict.fromkeys(undisturbed(words).keys() - {SEARCH}, OLD) if old else {}
-    if name in ("compare", "reproduce", "figure"):  # these know their own files by their content
+    if name in ("compare", "reproduce", "figure", "verify"):  # these know their own files by their content
         before = {place: content for place, content in undisturbed(words).items() if place in before}
     lay_out(out, before)
     lay_out(folder, inputs())

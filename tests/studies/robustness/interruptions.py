@@ -1,8 +1,8 @@
 """Verbs that are killed at random moments and started again: what they leave are the files of an undisturbed run.
 
 Half of the kills come after a random time, half right before the n-th change of a file (open for writing, rename, removal), where
-it would hurt most. One in five is a SIGTERM, at which a verb ends by itself. After each kill every file must be whole, and
-what was made for one run only must not pile up.
+it would hurt most. One in five is SIGTERM or SIGINT, at which a verb ends by itself. After each kill every file must be whole,
+and what was made for one run only must not pile up.
 """
 
 from __future__ import annotations
@@ -42,11 +42,12 @@ from stoop.base.npz import read_arrays
 from stoop.cli.main import INTERRUPTED, main
 from stoop.optimize import load_state
 
-INTERRUPTIONS: Final = ("identify", "search", "bootstrap", "compare", "reproduce")
+INTERRUPTIONS: Final = ("identify", "search", "bootstrap", "compare", "reproduce", "verify")
 MOST: Final = 4  #: kills of one run from its beginning to its end
 TERMINATED: Final = 0.2  #: share of the kills that ask the process to end
+REQUESTS: Final = (signal.SIGTERM, signal.SIGINT)
 BY_CHANGE: Final = 0.5  #: share of the kills before a change of a file
-PATIENCE: Final = 60.0  #: s for a run, and for its end after a SIGTERM
+PATIENCE: Final = 60.0  #: s for a run, and for its end after a request
 CHANGES: Final = (
     "os.mkdir",
     "os.rename",
@@ -90,7 +91,7 @@ def killed(name: str, rng: Random, most: int = MOST) -> tuple[list[Kill], str]:
             if ending == 0:
                 break
             kills.append(kill)
-            expected = (-kill.kind, INTERRUPTED) if kill.kind == signal.SIGTERM else (-kill.kind,)
+            expected = (-kill.kind, INTERRUPTED) if kill.kind in REQUESTS else (-kill.kind,)
             problem = broken(folder) if ending in expected else f"{ending}: {_message(folder)}"
             if problem:
                 return kills, problem
@@ -103,7 +104,7 @@ def killed(name: str, rng: Random, most: int = MOST) -> tuple[list[Kill], str]:
 
 def drawn(one: Baseline, rng: Random) -> Kill:
     """Draw a kill."""
-    kind = signal.SIGTERM if rng.random() < TERMINATED else signal.SIGKILL
+    kind = rng.choice(REQUESTS) if rng.random() < TERMINATED else signal.SIGKILL
     if rng.random() < BY_CHANGE:
         return Kill(kind, change=rng.randint(1, one.changes))
     return Kill(kind, after=rng.uniform(0.0, one.seconds))
@@ -171,11 +172,13 @@ def _work(words: tuple[str, ...], folder: Path, kill: Kill | None) -> None:
         sys.stdout = (folder / "stdout").open("w", encoding="utf-8")
         sys.stderr = (folder / "stderr").open("w", encoding="utf-8")
         os.dup2(sys.stderr.fileno(), 2)
-        for one, handler in ((signal.SIGINT, signal.default_int_handler), (signal.SIGTERM, signal.SIG_DFL)):
-            signal.signal(one, handler)
+        for one in REQUESTS:
+            signal.signal(one, signal.SIG_DFL)
         changes = count_changes(kill)
         with reproducible_outputs(), mock.patch.object(sys, "argv", ["stoop", *words]):
+            signal.signal(signal.SIGINT, signal.default_int_handler)
             code = main()
+            signal.signal(signal.SIGINT, signal.SIG_DFL)
         for stream in (sys.stdout, sys.stderr):
             stream.flush()
         (folder / "changes").write_text(str(changes[0]))

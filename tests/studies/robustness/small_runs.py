@@ -73,6 +73,7 @@ COMMANDS: Final[Mapping[str, tuple[str, ...]]] = {
     ),
     "reproduce": ("reproduce", "noise", "--runs", "1", *TO),
     "figure": ("reproduce", "figure3", "--runs", "1", *TO),
+    "verify": ("verify", "frequency", "--runs", "2", *TO),
 }  # fmt: skip  #: name -> command on the inputs
 
 

@@ -83,7 +83,7 @@ COMMANDS = {
     **{
         name: words
         for name, words in small_runs.COMMANDS.items()
-        if name not in ("compare", "reproduce", "figure")
+        if name not in ("compare", "reproduce", "figure", "verify")
     },
     "columns": ("map", "columns.csv", "-o", f"{OUT}/map.toml"),
     "look": ("look", "sim.nc", "-o", f"{OUT}/look.html"),
