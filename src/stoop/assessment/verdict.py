@@ -294,9 +294,9 @@ def _judged(result: Result, use: Use, sizes: Mapping[str, float]) -> Use:
             unseen = tuple(n for n in names if not _seen(result, need, n))
             against.append(notice("verdict-need-unknown", need.subject, use=use.name, parameters=unseen))
         elif not error <= LIMITS.error:
-            against.append(
-                notice("verdict-need-inaccurate", need.subject, use=use.name, parameter=largest, error=error)
-            )
+            over = " over ".join(filter(None, (largest, _inertia(result, need, largest))))
+            found = notice("verdict-need-inaccurate", need.subject, use=use.name, parameter=over, error=error)
+            against.append(found)
     if not needs and use.name != "simulation":
         against.append(notice("verdict-not-estimated", use.name))
     judging = {c: own for c, own in _judging(result).items() if c in use.channels}

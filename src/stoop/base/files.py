@@ -251,6 +251,8 @@ def check_targets(folder: Path, names: Sequence[str], overwrite: bool, inputs: S
     """
     if folder.exists() and not folder.is_dir():
         raise OutputError(f"{folder}: is a file; name a folder with -o")
+    if any(folder.exists() and path.exists() and folder.samefile(path) for path in inputs):
+        raise OutputError(f"{folder}: is the log that this run reads; name another folder with -o")
     for target in (folder / name for name in names):
         if any(target.exists() and path.exists() and target.samefile(path) for path in inputs):
             raise OutputError(

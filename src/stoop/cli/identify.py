@@ -54,7 +54,8 @@ def _run(arguments: argparse.Namespace) -> int:
 
     attached = ("posterior.nc",) if arguments.posterior else ()
     names = [flight_name(path) for path in arguments.flight]
-    check_folder(arguments.output, names, arguments.overwrite or arguments.resume, more=attached)
+    overwrite = arguments.overwrite or arguments.resume
+    check_folder(arguments.output, names, overwrite, arguments.flight, attached)
     arguments.maneuver, arguments.validate = expanded(arguments.maneuver, arguments.validate)
     strategy, (vehicle, flights, settings) = strategy_of(arguments), _read(arguments)
     known = {flight.name: flight for flight in flights}

@@ -43,11 +43,12 @@ def _reader(allowed: Callable[[Any], bool], what: str, whole: bool = False) -> C
 
 
 def page_path(text: str) -> Path:
-    """Return the file of a page: a name without an ending gets ``.html``, unless a folder has it; others are refused."""
+    """Return the file of a page: a name without an ending gets ``.html``, unless a folder or device has it; others raise."""
     path = Path(text)
     if path.suffix.lower() not in ("", ".html", ".htm") and not path.is_dir():
         raise argparse.ArgumentTypeError(f"{text}: a page is written as .html; name it so")
-    return path if path.suffix or path.is_dir() or not path.name else path.with_name(f"{path.name}.html")
+    taken = path.exists() and not path.is_file()
+    return path if path.suffix or taken or not path.name else path.with_name(f"{path.name}.html")
 
 
 def names(text: str) -> tuple[str, ...]:

@@ -65,7 +65,7 @@ class ModelData:
     def unidentified(self) -> tuple[str, ...]:
         """A note on the parameters that the flight does not determine, if there are any."""
         lost = () if self.covariance is None else self.covariance.not_identified
-        note = f"Not identified by the flight: {', '.join(lost)}; these numbers are the vehicle file's."
+        note = f"Not identified by the flight: {', '.join(lost)}; these numbers rest on the vehicle file or on priors."
         return (note,) if lost else ()
 
     def altitude_of(self, condition: Condition) -> float:

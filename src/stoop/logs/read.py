@@ -60,8 +60,8 @@ def read(path: Path, mapping: Path | None = None, topics: frozenset[str] | None 
     if path.name.lower().endswith((".csv", ".csv.gz")) or mapping is not None:
         return read_csv(path, mapping, topics)
     raise LogError(
-        f"{path}: unknown format; stoop reads .ulg, .nc, .csv, .bin, .log, .usd, .mat, .parquet, .bag, .mcap, .db3 "
-        "and folders of PX4 topic CSVs"
+        f"{path}: unknown format; stoop reads .ulg, .nc, .csv, .bin, .log, .usd, .bbl, .bfl, .mat, .parquet, .bag, "
+        ".mcap, .db3 and folders of PX4 topic CSVs"
     )
 
 

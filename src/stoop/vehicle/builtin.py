@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import tomllib
+from contextlib import suppress
 from importlib.resources import files
 from pathlib import Path
 from typing import Final
@@ -59,7 +60,11 @@ def builtin_title(name: str) -> str:
 
 
 def _advice(name: str) -> str:
-    near = difflib.get_close_matches(name.removesuffix(".toml").replace("_", "-"), BUILT_IN, 1)
-    if near:
+    if near := difflib.get_close_matches(name.removesuffix(".toml").replace("_", "-"), BUILT_IN, 1):
         return f"did you mean the built-in vehicle {near[0]}?"
+    with suppress(OSError):
+        if near := difflib.get_close_matches(
+            Path(name).name, [p.name for p in Path(name).parent.iterdir()], 1
+        ):
+            return f"did you mean {Path(name).with_name(near[0])}?"
     return f"check the path, draft it by stoop vehicle new, or use a built-in vehicle ({', '.join(BUILT_IN)})"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import os
 import sys
 import time
 from pathlib import Path
@@ -64,6 +65,7 @@ def test_a_page_gets_its_ending(tmp_path: Path) -> None:
     assert page_path("out").name == "out.html"
     assert page_path("a/out.htm") == Path("a/out.htm")
     assert page_path(str(tmp_path)) == tmp_path
+    assert page_path(os.devnull) == Path(os.devnull), "it is refused as it is, and no file is made beside it"
 
 
 @pytest.mark.parametrize(

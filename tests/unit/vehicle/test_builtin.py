@@ -37,3 +37,9 @@ def test_missing_file() -> None:
         VehicleError, match=r"^nowhere/x\.toml: there is no such vehicle file; check the path"
     ):
         resolve_vehicle("nowhere/x.toml")
+
+
+def test_a_misspelled_path_has_its_neighbor(tmp_path: Path) -> None:
+    (tmp_path / "result").mkdir()
+    with pytest.raises(VehicleError, match=r"did you mean .*/result\?"):
+        resolve_vehicle(tmp_path / "resul")

@@ -89,6 +89,11 @@ def test_an_input_is_never_replaced(name: str, tmp_path: Path) -> None:
         check_folder(elsewhere, ["sim"], overwrite=True, inputs=[mine])
 
 
+def test_results_do_not_lie_among_the_tables_of_a_log(tmp_path: Path) -> None:
+    with pytest.raises(OutputError, match="is the log that this run reads; name another folder"):
+        check_folder(tmp_path, ["flight"], inputs=[tmp_path / "."])
+
+
 def test_a_job_knows_what_it_has_read(job: FittedModel, tmp_path: Path) -> None:
     mine = tmp_path / "vehicle.toml"
     mine.write_text("mine")
