@@ -29,7 +29,7 @@ BUDGETS = {
     "api": 200,
     "app": 2990,
     "assessment": 6200,
-    "base": 2325,
+    "base": 2327,
     "checks": 2320,
     "cli": 3100,
     "estimate": 7300,
