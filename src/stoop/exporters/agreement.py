@@ -11,18 +11,21 @@ import numpy as np
 from stoop.base.arrays import FloatArray
 from stoop.base.numbers import NOTHING, ROUNDING, compact, factor_and_unit, number, without_rounding
 from stoop.base.variables import VARIABLES, WRAPPED
-from stoop.exporters.jsbsim_flight import differences, relative_differences
+from stoop.exporters.jsbsim_flight import Record, differences, relative_differences
 from stoop.exporters.reference_flight import ReferenceFlight
 from stoop.report.sheet import Bullets, Prose, Section, Sheet, Table, render_sheet
 from stoop.simulation import parameter_rows
-from stoop.simulation.loads import body_loads
+from stoop.simulation.delays import late_inputs
+from stoop.simulation.loads import body_loads, motion_loads
+from stoop.vehicle import Vehicle
 
 EXPORT_PAGE: Final = "export.html"
 AXES: Final = {"Fx": "N", "Fy": "N", "Fz": "N", "Mx": "N m", "My": "N m", "Mz": "N m"}
 """Force and moment about the center of gravity without gravity, body axes, as of :func:`stoop.simulation.loads.body_loads`."""
 SPECIFIC: Final = ("fx", "fy", "fz")  #: specific force at the center of gravity, m/s2
 EXPLANATION: Final = """\
-Axes are force and moment without gravity at the states of our simulation. Channels are those of the flight, which the other \
+Axes are force and moment without gravity, at the states of our simulation where the tool gives accelerations \
+there, else from its own motion and ours by the same computation. Channels are those of the flight, which the other \
 tool begins at our state. Slope and correlation are those of the tool's values over ours; the error is the root mean square of \
 their difference, and beside it as a share of the standard deviation of ours: of an axis, what the tool does not express."""
 
@@ -126,6 +129,31 @@ def loads_along(flight: ReferenceFlight, changes: Mapping[str, float] | None = N
     return body_loads(flight.vehicle, rows, flight.states.T, flight.inputs.T).T
 
 
+def loads_at(record: Record, states: FloatArray) -> FloatArray:
+    """Return :data:`AXES` (n, 6) of a record at states (n, n_x), with its inputs as surfaces and rotors receive them."""
+    vehicle, rows = record.vehicle, parameter_rows(record.vehicle, None, len(states))
+    inputs = late_inputs(vehicle, record.inputs, parameter_rows(vehicle), record.dt)
+    return body_loads(vehicle, rows, states.T, inputs.T).T
+
+
+def has_axes(vehicle: Vehicle) -> bool:
+    """Return whether the equations have all of :data:`AXES`."""
+    return vehicle.reduce == "full" and not vehicle.motion
+
+
+def loads_of_path(flight: ReferenceFlight, states: FloatArray) -> tuple[tuple[str, ...], FloatArray]:
+    """Return :data:`AXES` and their values (n, 6) from states (n, n_x) at the samples of a flight; none of reduced equations.
+
+    The states are differentiated by central differences between restarts, which is the same for both simulations.
+    """
+    vehicle = flight.vehicle
+    if not has_axes(vehicle):
+        return (), np.zeros((len(states), 0))
+    own = np.split(states, flight.restarts[1:])
+    rates = np.concatenate([np.gradient(part, flight.dt, axis=0) for part in own])
+    return tuple(AXES), motion_loads(vehicle, states.T, rates.T).T
+
+
 def omitted_shares(flight: ReferenceFlight, omitted: Mapping[str, float]) -> dict[str, FloatArray]:
     """Return the share (6,) of each of :data:`AXES` that each omitted number makes along a flight.
 
@@ -137,16 +165,24 @@ def omitted_shares(flight: ReferenceFlight, omitted: Mapping[str, float]) -> dic
     omitted : mapping of number to the value at which it does nothing
     """
     whole = loads_along(flight)
-    spread = Compared("", "", tuple(AXES), whole, whole).spread
-    changes = {name: loads_along(flight, {name: end}) - whole for name, end in omitted.items()}
-    return {name: np.sqrt(np.mean(change**2, axis=0)) / spread for name, change in changes.items()}
+    return {name: shares_of(loads_along(flight, {name: end}) - whole, whole) for name, end in omitted.items()}
+
+
+def shares_of(change: FloatArray, loads: FloatArray) -> FloatArray:
+    """Return the rms (6,) of a change of loads (n, 6) over their standard deviation; NaN for an axis without loads."""
+    spread = Compared("", "", tuple(AXES), loads, loads).spread
+    return np.asarray(np.sqrt(np.mean(change**2, axis=0)) / spread)
 
 
 def omission(tool: str, name: str, shares: FloatArray) -> str:
     """Return the note on a term that a tool does not have, with its share of each axis."""
-    parts = ", ".join(f"{percent(x)} of {axis}" for axis, x in zip(AXES, shares, strict=True))
     kept = "of which it keeps the slope at the steady flight at most"
-    return f"{tool} has no term for {name}, {kept}: {parts} (rms along the compared flight)."
+    return f"{tool} has no term for {name}, {kept}: {axis_shares(shares)} (rms along the compared flight)."
+
+
+def axis_shares(shares: FloatArray) -> str:
+    """Return shares (6,) of :data:`AXES` as text."""
+    return ", ".join(f"{percent(x)} of {axis}" for axis, x in zip(AXES, shares, strict=True))
 
 
 def agreement_page(title: str, compared: Sequence[Compared], notes: Sequence[str]) -> str:

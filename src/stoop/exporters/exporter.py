@@ -17,9 +17,17 @@ from stoop.base.files import write_files
 from stoop.base.numbers import count
 from stoop.base.text import printable_lines
 from stoop.errors import SimulationError
-from stoop.exporters.agreement import EXPORT_PAGE, Compared, agreement_page
+from stoop.exporters.agreement import (
+    EXPORT_PAGE,
+    Compared,
+    agreement_page,
+    axis_shares,
+    has_axes,
+    loads_at,
+    shares_of,
+)
 from stoop.exporters.jsbsim_flight import Record, own_readings, relative_differences
-from stoop.exporters.reference_flight import ReferenceFlight, reference_flight
+from stoop.exporters.reference_flight import ReferenceFlight, reference_flight, states_of
 from stoop.simulation import Trim, trim
 from stoop.simulation.derivatives import ParameterCovariance
 from stoop.simulation.linearize import held_numbers
@@ -201,14 +209,19 @@ def cost_without_actuators(maneuver: Record) -> str:
     idle, own = {"dead_zone": 0.0, "rate_limit": math.inf, "delay": 0.0}, dict(leaves(maneuver.vehicle.file))
     untied = [n for n in maneuver.vehicle.rows if n in own and own[n].tie is None]  # the others follow
     neutral = {n: {"value": idle[end]} for n in untied if (end := n.rpartition(".")[2]) in idle}
+    prompt = replace(maneuver, vehicle=maneuver.vehicle.with_numbers(neutral))
     try:
-        whole = own_readings(maneuver)
-        less = own_readings(replace(maneuver, vehicle=maneuver.vehicle.with_numbers(neutral)))
+        whole, less = own_readings(maneuver), own_readings(prompt)
     except SimulationError as error:
         return f"{maneuver.title}: {error}."
     shares = relative_differences(maneuver.vehicle.outputs, whole, less)
     worst = max(shares, key=lambda name: shares[name])
+    axes = ""
+    if has_axes(maneuver.vehicle):
+        states = states_of(maneuver)
+        loads, change = loads_at(maneuver, states), loads_at(prompt, states)
+        axes = f"; loads at the same states differ by {axis_shares(shares_of(change - loads, loads))} (rms)"
     return (
         f"{maneuver.title}: without them readings move by up to {100.0 * shares[worst]:.2g} % of a channel's "
-        f"maximum ({worst})."
+        f"maximum ({worst}){axes}."
     )

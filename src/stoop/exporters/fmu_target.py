@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from collections.abc import Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Final
@@ -14,7 +15,7 @@ from stoop.base.extras import install
 from stoop.base.notices import notice
 from stoop.errors import StoopError, one_line
 from stoop.exporters import fmu
-from stoop.exporters.agreement import Compared
+from stoop.exporters.agreement import Compared, loads_of_path
 from stoop.exporters.exporter import Exported, Exporter, installed, written
 from stoop.exporters.jsbsim_flight import file_name
 from stoop.exporters.reference_flight import ReferenceFlight, slopes
@@ -23,8 +24,10 @@ from stoop.vehicle.vehicle import slope_input
 INSTALL: Final = install("fmi")
 
 
-def fly_unit(place: Path, flight: ReferenceFlight) -> FloatArray:
-    """Return the readings (n, n_y) of a unit at the samples of a flight, by FMPy with a communication step per sample.
+def fly_unit(place: Path, flight: ReferenceFlight, variables: Sequence[str] = ()) -> FloatArray:
+    """Return variables (n, k) of a unit at the samples of a flight, its readings where none are named, by FMPy.
+
+    The communication step is the sample period.
 
     Raises
     ------
@@ -46,7 +49,8 @@ def fly_unit(place: Path, flight: ReferenceFlight) -> FloatArray:
     rates = slopes(flight.inputs, flight.dt)
     for name, column in zip(names, columns, strict=True):
         signals[name], signals[slope_input(name)] = flight.inputs[:, column], rates[:, column]
-    out = np.full(flight.readings.shape, np.nan)
+    read = [*(variables or vehicle.outputs)]
+    out = np.full((len(flight.time), len(read)), np.nan)
     unpacked = fmpy.extract(str(place))
     try:
         for part in flight.parts():
@@ -58,9 +62,9 @@ def fly_unit(place: Path, flight: ReferenceFlight) -> FloatArray:
             }
             found = fmpy.simulate_fmu(
                 unpacked, stop_time=float(local["time"][-1]), step_size=flight.dt, output_interval=flight.dt,
-                input=local, output=list(vehicle.outputs), start_values=start, fmi_type="CoSimulation",
+                input=local, output=read, start_values=start, fmi_type="CoSimulation",
             )  # fmt: skip
-            out[part] = np.column_stack([found[n] for n in vehicle.outputs])
+            out[part] = np.column_stack([found[n] for n in read])
     except Exception as error:  # FMPy raises Exception itself
         raise StoopError(f"FMPy: {one_line(str(error))}") from None
     finally:
@@ -101,12 +105,16 @@ class FMU(Exporter):
             return made.with_notes([f"Not flown: the package fmpy is not installed; {INSTALL}."])
 
         def compare(made: Exported, flight: ReferenceFlight) -> Exported:
-            outputs, flown = self.vehicle.outputs, []
+            outputs, states, flown = self.vehicle.outputs, self.vehicle.states, []
+            read = (*outputs, *(f"state.{name}" for name in states))
+            axes, own = loads_of_path(flight, flight.states)
             with written(made.files) as root:
                 for version, place in zip(fmu.VERSIONS, made.files, strict=True):
-                    found = fly_unit(root / place, flight)
-                    title = f"FMI {version} in FMPy"
-                    flown.append(Compared(title, flight.title, outputs, flight.readings, found))
+                    found = fly_unit(root / place, flight, read)
+                    names, ours = (*axes, *outputs), np.hstack([own, flight.readings])
+                    loads = loads_of_path(flight, found[:, len(outputs) :])[1]
+                    theirs = np.hstack([loads, found[:, : len(outputs)]])
+                    flown.append(Compared(f"FMI {version} in FMPy", flight.title, names, ours, theirs))
             return made.with_flights(flown)
 
         return self.along_reference(made, self.point, compare)

@@ -15,14 +15,13 @@ from stoop.base.numbers import NOTHING, factor_and_unit
 from stoop.base.variables import VARIABLES, WRAPPED
 from stoop.errors import SimulationError
 from stoop.exporters import jsbsim_aircraft
-from stoop.exporters.agreement import EXPORT_PAGE, Compared, agreement_table
+from stoop.exporters.agreement import EXPORT_PAGE, agreement_table
 from stoop.exporters.exporter import Exported, Exporter, encoded, installed, written
 from stoop.exporters.jsbsim_aircraft import relative_errors
+from stoop.exporters.jsbsim_comparison import Comparison, compare
 from stoop.exporters.jsbsim_flight import (
     FRAME_RATE,
     PLANET,
-    Comparison,
-    compare,
     differences,
     file_name,
     relative_differences,
@@ -75,8 +74,9 @@ def export_page(
         title = one.record.title
         measured = "Measured, by" if one.record.measured is not None else "By"
         caption = Prose(f"{measured} our simulation and by JSBSim, against time in s, and their difference.")
-        beside = agreement_table(Compared("JSBSim, flat planet", title, vehicle.outputs, one.own, one.flat))
-        sections.append(Section(title, (_differences(one), beside, caption, _history(one))))
+        sections.append(
+            Section(title, (_differences(one), agreement_table(one.compared), caption, _history(one)))
+        )
     sections.append(Section("Why they differ at all", (Prose(EXPLANATION.format(rate=FRAME_RATE)),)))
     sections += [Section("Notes", (Bullets(notes),))] if notes else []
     sections.append(Section("Fly it", (Code(SCRIPT.format(planet=PLANET, name=name)),)))

@@ -125,7 +125,7 @@ def own_readings(record: Record, steps: int = 1) -> FloatArray:
         The simulation diverges.
     """
     if record.restarts:
-        return _joined(own_readings(part, steps) for part in record.parts())
+        return joined(own_readings(part, steps) for part in record.parts())
     vehicle, count = record.vehicle, len(record.inputs)
     fine = np.arange((count - 1) * steps + 1) / steps
     inputs = np.stack([np.interp(fine, np.arange(count), column) for column in record.inputs.T], axis=1)
@@ -142,7 +142,7 @@ def own_readings(record: Record, steps: int = 1) -> FloatArray:
     return np.asarray(out)
 
 
-def _joined(parts: Iterable[FloatArray]) -> FloatArray:
+def joined(parts: Iterable[FloatArray]) -> FloatArray:
     """Return the readings of parts as one flight; at a restart stand those of the part that ends there."""
     first, *rest = parts
     return np.concatenate([first, *(part[1:] for part in rest)])
@@ -401,7 +401,7 @@ def jsbsim_readings(
     host : Host
     """
     read = instruments(record.vehicle)
-    return _joined(read(fly(root, name, part, planet, host), part.dt) for part in record.parts())
+    return joined(read(fly(root, name, part, planet, host), part.dt) for part in record.parts())
 
 
 def instruments(vehicle: Vehicle) -> Callable[[Mapping[str, FloatArray], float], FloatArray]:
@@ -435,42 +435,3 @@ def instruments(vehicle: Vehicle) -> Callable[[Mapping[str, FloatArray], float],
         return np.asarray(late_outputs(vehicle, out, parameter_rows(vehicle), dt)[0])
 
     return read_flight
-
-
-@dataclass(frozen=True, eq=False)
-class Comparison:
-    """One maneuver, flown by our simulation and by JSBSim.
-
-    Attributes
-    ----------
-    record : Record
-    own, fine : (n, n_y), our simulation: a step per sample, and a step per frame of JSBSim
-    flat, earth : (n, n_y), JSBSim on the flat planet and on its Earth
-    """
-
-    record: Record
-    own: FloatArray
-    fine: FloatArray
-    flat: FloatArray
-    earth: FloatArray
-
-    @property
-    def relative(self) -> dict[str, float]:
-        """Largest difference of each channel over its largest magnitude, JSBSim against our simulation."""
-        return relative_differences(self.record.vehicle.outputs, self.own, self.flat)
-
-    def __str__(self) -> str:
-        """Return the largest difference of all channels as a sentence."""
-        channel, largest = max(self.relative.items(), key=lambda item: item[1])
-        return f"{self.record.title}: JSBSim within {largest:.1e} of each channel's maximum (largest in {channel})."
-
-
-def compare(root: Path, record: Record) -> Comparison:
-    """Fly a maneuver by our equations and in JSBSim, whose root folder holds the exported aircraft.
-
-    StoopError when the flight diverges, or JSBSim is not there.
-    """
-    name = file_name(record.vehicle.name)
-    own = (own_readings(record, steps) for steps in (1, frames_per_sample(record.dt)))
-    theirs = (jsbsim_readings(root, name, record, planet) for planet in (root / PLANET, None))
-    return Comparison(record, *own, *theirs)

@@ -15,7 +15,7 @@ from stoop.base.extras import install
 from stoop.base.rotations import FLIP, euler_angles, normalized, to_body, to_ground
 from stoop.errors import StoopError
 from stoop.exporters import rotorpy_model
-from stoop.exporters.agreement import Compared, omission, omitted_shares
+from stoop.exporters.agreement import AXES, Compared, loads_along, omission, omitted_shares
 from stoop.exporters.exporter import Exported, Exporter, encoded, installed, written
 from stoop.exporters.reference_flight import ReferenceFlight
 from stoop.simulation import parameter_rows
@@ -69,26 +69,55 @@ def motion(flight: ReferenceFlight) -> FloatArray:
     return np.column_stack([to_ground(q, V), omega, euler_angles(q), force])
 
 
+def _state(script: Any, flight: ReferenceFlight, k: int, stock: bool) -> dict[str, FloatArray]:
+    """Return the state of RotorPy's own model, or of the identified class, at sample k of a flight."""
+    vehicle = flight.vehicle
+    x = dict(zip(vehicle.states, flight.states[k].tolist(), strict=True))
+    turning = np.array([x[f"{r}.lag"] for r in vehicle.rotors if f"{r}.lag" in x])
+    if not turning.size:
+        turning = _channels(flight)[k]
+        speeds = script.speeds(turning) if stock else turning
+    else:
+        speeds = script.turned(turning) if stock else turning
+    q = np.array([x[f"e{i}"] for i in range(4)])
+    ground = to_ground(q, np.array([x[a] for a in "uvw"]))
+    place = np.array([0.0, 0.0, x["h"] - script.ALTITUDE])
+    motion = {"v": FLIP * ground, "q": np.roll(q * TURN, -1), "w": FLIP * [x[a] for a in "pqr"]}
+    return {**script.start(speeds), "x": place, **motion}
+
+
+def _channels(flight: ReferenceFlight) -> FloatArray:
+    """Return the channels (n, 4) of the rotors."""
+    vehicle = flight.vehicle
+    return flight.inputs[:, [vehicle.inputs.index(rotor.channel) for rotor in vehicle.file.rotor.values()]]
+
+
+def rotorpy_loads(script: Any, flight: ReferenceFlight, stock: bool) -> FloatArray:
+    """Return :data:`AXES` (n, 6) by RotorPy at the states of a flight, from its accelerations."""
+    rotorpy = (script.stock if stock else script.Identified)()
+    channels, out = _channels(flight), np.empty((len(flight.time), len(AXES)))
+    for k, own in enumerate(channels):
+        state = _state(script, flight, k, stock)
+        command = script.speeds(own) if stock else own
+        rates = rotorpy.statedot(state, {"cmd_motor_speeds": command}, flight.dt)
+        q, omega = np.roll(state["q"], 1) * TURN, state["w"]
+        force = to_body(q, FLIP * (rotorpy.mass * rates["vdot"] - rotorpy.weight))
+        moment = rotorpy.inertia @ rates["wdot"] + np.cross(omega, rotorpy.inertia @ omega)
+        out[k] = np.concatenate([force, FLIP * moment])
+    return out
+
+
 def fly_rotorpy(script: Any, flight: ReferenceFlight, stock: bool) -> FloatArray:
     """Return :data:`CHANNELS` (n, 12) of RotorPy's own model, or of the identified class, at the samples of a flight.
 
     RotorPy holds a command over a step: it is given the mean of those at the two samples.
     """
-    vehicle = flight.vehicle  # of the flight before `held_flight`, whose states are those of the restarts
+    # The flight is that before `held_flight`: its states are those of the restarts.
     rotorpy = (script.stock if stock else script.Identified)(integrator_kwargs=INTEGRATOR)
-    columns = [vehicle.inputs.index(rotor.channel) for rotor in vehicle.file.rotor.values()]
-    channels = flight.inputs[:, columns]
-    lags = [f"{r}.lag" for r in vehicle.rotors if f"{r}.lag" in vehicle.states]
-    x = dict(zip(vehicle.states, flight.states.T, strict=True))
+    channels = _channels(flight)
     out = np.full((len(flight.time), len(CHANNELS)), np.nan)
     for part in flight.parts():
-        k = part.start
-        q = np.array([x[f"e{i}"][k] for i in range(4)])
-        ground = to_ground(q, np.array([x[a][k] for a in "uvw"]))
-        turning = np.array([x[n][k] for n in lags]) if lags else channels[k]
-        state = script.start(script.turned(turning) if stock else turning)
-        state["x"] = np.array([0.0, 0.0, x["h"][k] - script.ALTITUDE])
-        state |= {"v": FLIP * ground, "q": np.roll(q * TURN, -1), "w": FLIP * [x[a][k] for a in "pqr"]}
+        state = _state(script, flight, part.start, stock)
         for k in range(part.start, part.stop):
             command = script.speeds(channels[k]) if stock else channels[k]
             rates = rotorpy.statedot(state, {"cmd_motor_speeds": command}, flight.dt)
@@ -125,10 +154,12 @@ class RotorPy(Exporter):
                 return made.with_notes([f"Not flown: the package rotorpy is not installed; {INSTALL}."])
             with written(made.files) as root:
                 module = load_script(root / made.main)
-            ours, flown = motion(held_flight(flight)), []
+            ours, flown = np.hstack([loads_along(flight), motion(held_flight(flight))]), []
             for title, stock in (("the identified equations", False), ("RotorPy's own model", True)):
-                theirs = fly_rotorpy(module, flight, stock)
-                flown.append(Compared(f"RotorPy with {title}", flight.title, CHANNELS, ours, theirs))
+                theirs = np.hstack([rotorpy_loads(module, flight, stock), fly_rotorpy(module, flight, stock)])
+                flown.append(
+                    Compared(f"RotorPy with {title}", flight.title, (*AXES, *CHANNELS), ours, theirs)
+                )
             return made.with_flights(flown)
 
         return self.along_reference(made, self.point, compare)

@@ -37,13 +37,22 @@ def body_loads(vehicle: Vehicle, rows: FloatArray, states: FloatArray, inputs: F
     `rows` are kernel parameters (n_p, B).
     """
     rates, _ = vehicle.kernel().evaluate(rows, np.ascontiguousarray(states), np.ascontiguousarray(inputs))
+    return motion_loads(vehicle, states, rates)
+
+
+def motion_loads(vehicle: Vehicle, states: FloatArray, rates: FloatArray) -> FloatArray:
+    """Return force, N, and moment, N m, (6, B), that give states (n_x, B) their derivatives (n_x, B)."""
     at = {name: i for i, name in enumerate(vehicle.states)}
     velocity, omega, dot, turning = (
         array[[at[a] for a in axes]] for array in (states, rates) for axes in ("uvw", "pqr")
     )
     q = states[[at[f"e{i}"] for i in range(4)]].T
     down = to_body(q, np.array([0.0, 0.0, vehicle.value("environment.gravity")])).T
-    inertia = inertia_tensor(vehicle)
     force = vehicle.value("mass.mass") * (dot + np.cross(omega, velocity, axis=0) - down)
-    moment = inertia @ turning + np.cross(omega, inertia @ omega, axis=0)
-    return np.vstack([force, moment])
+    return rigid_loads(vehicle, force, omega, turning)
+
+
+def rigid_loads(vehicle: Vehicle, force: FloatArray, omega: FloatArray, turning: FloatArray) -> FloatArray:
+    """Return force, N, and moment, N m, (6, B) from a force, rates, rad/s, and angular accelerations, rad/s2, (3, B) each."""
+    inertia = inertia_tensor(vehicle)
+    return np.vstack([force, inertia @ turning + np.cross(omega, inertia @ omega, axis=0)])

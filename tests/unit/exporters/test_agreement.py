@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from stoop.exporters import rotorpy_flight
-from stoop.exporters.agreement import AXES, Compared, agreement_table, loads_along, percent
-from stoop.exporters.exporter import ModelData
+from stoop.exporters import jsbsim_aircraft, rotorpy_flight, rotorpy_model
+from stoop.exporters.agreement import AXES, Compared, agreement_table, loads_along, loads_of_path, percent
+from stoop.exporters.exporter import ModelData, cost_without_actuators, written
 from stoop.exporters.gazebo import fly_gazebo, gazebo_loads
 from stoop.exporters.gazebo_model import gazebo_model
-from stoop.exporters.reference_flight import reference_flight
+from stoop.exporters.jsbsim_comparison import compare
+from stoop.exporters.jsbsim_flight import file_name
+from stoop.exporters.reference_flight import reference_flight, reference_record, states_of
 from stoop.exporters.targets import export
 from stoop.simulation import trim
-from stoop.vehicle.builtin import builtin_text
+from stoop.simulation.loads import body_loads
+from stoop.vehicle.builtin import builtin_text, builtin_vehicle
 from stoop.vehicle.load import load_vehicle, parse_vehicle
 
 ROOT = Path(__file__).parents[3]
@@ -79,3 +83,80 @@ def test_a_lost_side_force_is_visible() -> None:
     assert found["correlation"][names.index("ve")] > 0.95
     assert "lowest correlation 0 (Fx)" in str(lost)
     assert agreement_table(lost).rows[1][3:] == ("100 %", "0.00", "0.00")
+
+
+def test_axes_of_a_path_are_those_of_the_equations() -> None:
+    vehicle = builtin_vehicle("twin-boom")
+    flight = reference_flight(vehicle, trim(vehicle))
+    assert flight is not None
+    names, found = loads_of_path(flight, flight.states)
+    whole = loads_along(flight)
+    apart = np.sqrt(np.mean((found - whole) ** 2, axis=0)) / whole.std(axis=0)
+    assert names == tuple(AXES)
+    assert apart.max() < 0.15, "inputs jump within a sample"
+    still = np.abs(np.diff(flight.inputs, n=3, axis=0)).max(axis=1) == 0.0
+    assert np.abs(found - whole)[2:-1][still].max(axis=0) == pytest.approx(0.0, abs=0.5)
+    assert loads_of_path(replace(flight, vehicle=vehicle.reduced("lateral")), flight.states)[0] == ()
+
+
+def test_an_axis_that_rotorpy_loses_shows(tmp_path: Path) -> None:
+    pytest.importorskip("rotorpy")
+    vehicle = builtin_vehicle("quad-x")
+    point = trim(vehicle)
+    flight, made = reference_flight(vehicle, point), rotorpy_model.rotorpy_model(vehicle, point)
+    assert flight is not None
+    for name, text in made.texts.items():
+        (tmp_path / name).write_text(
+            text.replace(f'"k_d": {made.parameters["quad_params"]["k_d"]}', '"k_d": 0.0')
+        )
+    script = rotorpy_flight.load_script(tmp_path / f"{made.name}_rotorpy.py")
+    ours = loads_along(flight)
+    identified = Compared(
+        "", "", tuple(AXES), ours, rotorpy_flight.rotorpy_loads(script, flight, stock=False)
+    )
+    assert identified.statistics["share"].max() < 1e-5, "equations printed from the same expressions"
+    bare = Compared("", "", tuple(AXES), ours, rotorpy_flight.rotorpy_loads(script, flight, stock=True))
+    assert bare.statistics["share"][:2].min() > 0.5, "side force without the drag of rotors"
+    assert bare.statistics["share"][2:].max() < 0.2
+
+
+def test_an_axis_that_jsbsim_loses_shows() -> None:
+    pytest.importorskip("jsbsim")
+    vehicle = builtin_vehicle("twin-boom")
+    record = reference_record(vehicle, trim(vehicle))
+    assert record is not None
+    texts = jsbsim_aircraft.folder(vehicle, None)
+    with written(texts) as root:
+        same = compare(root, record).compared
+    assert same.names == (*AXES, *vehicle.outputs)
+    assert same.statistics["share"][:6].max() < 1e-4
+    place = f"aircraft/{file_name(vehicle.name)}/{file_name(vehicle.name)}.xml"
+    lost = re.sub(r'<axis name="SIDE">.*?</axis>', "", texts[place], flags=re.DOTALL)
+    assert lost != texts[place]
+    with written({**texts, place: lost}) as root:
+        bare = compare(root, record).compared
+    assert bare.statistics["slope"][1] < 0.3, "the drag has a part along the axis"
+    assert bare.statistics["share"][1] > 0.5
+    assert agreement_table(bare).rows[1][0] == "Fy"
+
+
+def test_actuators_that_are_left_out_have_shares_of_each_axis() -> None:
+    """A delay of one sample of the elevator: the loads of the elevator's change, by hand."""
+    text = builtin_text("twin-boom")
+    assert "[controls.elevator]" not in text
+    vehicle = parse_vehicle(
+        text + "\n[controls]\nelevator = { delay = 0.01 }\naileron = {}\nrudder = {}\n", "twin"
+    )
+    record = reference_record(vehicle, trim(vehicle))
+    assert record is not None
+    said = cost_without_actuators(record)
+    states, column = states_of(record), vehicle.inputs.index("elevator")
+    late = record.inputs.copy()
+    late[1:, column] = record.inputs[:-1, column]
+    rows = np.repeat(record.vehicle.values[:, None], len(late), axis=1)
+    whole, prompt = (
+        body_loads(record.vehicle, rows, states.T.copy(), u.T.copy())[4] for u in (late, record.inputs)
+    )
+    share = np.sqrt(np.mean((prompt - whole) ** 2)) / whole.std()
+    assert f"{percent(share)} of My" in said
+    assert "0 % of Mx" in said
