@@ -331,7 +331,7 @@ def log_of(step: Step) -> str:
 
 
 def version(text: str) -> str:
-    """Return what tells one text from another."""
+    """Return a digest of a text."""
     return hashlib.sha256(text.encode()).hexdigest()
 
 

@@ -85,7 +85,7 @@ def calm(plot: Any) -> None:
 
 
 class Strips:
-    """The strips of one flight as Bokeh figures, with windows marked; `brushed` is told the span that was drawn."""
+    """The strips of one flight as Bokeh figures, with windows marked; `brushed` is called with the span that was drawn."""
 
     def __init__(self, flight: Flight, brushed: Callable[[float, float], None] | None = None) -> None:
         self._time = flight.time

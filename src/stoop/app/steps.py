@@ -73,7 +73,7 @@ class Step:
 
     @property
     def words(self) -> list[str]:
-        """The words of the command line; empty where they cannot be told apart."""
+        """The words of the command line; empty where they cannot be separated."""
         try:
             return shlex.split(self.command)
         except ValueError:  # a quote without its end

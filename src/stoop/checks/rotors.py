@@ -1,4 +1,4 @@
-"""Whether flights show the rotors of a vehicle file, and whether their windows tell anything of it; checks by kind of vehicle."""
+"""Whether flights show the rotors of a vehicle file, and whether their windows determine anything of it; checks by kind of vehicle."""
 
 from __future__ import annotations
 
@@ -245,7 +245,7 @@ def _unexcited(vehicle: Vehicle, pieces: Sequence[Piece]) -> Iterator[Notice]:
 
 
 def _largest_rms(x: FloatArray, dt: float) -> float:
-    """Return the largest rms about the mean in a burst anywhere: a pulse tells as much in a long window as in a short."""
+    """Return the largest rms about the mean in a burst anywhere: a pulse is as informative in a long window as in a short one."""
     known = x[np.isfinite(x)]
     long = max(2, round(LIMITS.burst / dt))
     parts = [known[i : i + long] for i in range(0, max(known.size - long // 2, 1), max(long // 2, 1))]

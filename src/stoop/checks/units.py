@@ -73,7 +73,7 @@ class Sizes:
         there = signals.keys()
         self.largest = {n: largest_size(signals[n][1]) for n in LARGEST if n in there}
         self.median = {n: median_size(signals[n][1]) for n in MEDIANS if n in there}
-        # where a heading is too large, its jumps cannot be told from turns
+        # where a heading is too large, its jumps look like turns
         self.counted = self.largest.get("psi", 0.0) > LARGEST["psi"]
         self.pairs = [p for p in PAIRS if set(p) <= there and not (self.counted and p[0] == "psi")]
         self.turns = growth(signals["psi"], signals["r"])[0] if self.counted and "r" in there else 0.0

@@ -128,7 +128,7 @@ def require_channels(vehicle: Vehicle, flight: Flight, named_by: str = "--vehicl
 
 
 def require_data(vehicle: Vehicle, windows: Sequence[Window], pieces: Sequence[Piece]) -> None:
-    """Refuse windows that tell nothing of a vehicle: IdentificationError."""
+    """Refuse windows that determine nothing of a vehicle: IdentificationError."""
     for refuse in KINDS[vehicle.frame].data:
         refuse(vehicle, windows, pieces)
 

@@ -84,7 +84,7 @@ def run(arguments: argparse.Namespace) -> int:
         prior = words("", ["mostly priors" if one.rests_on_prior else "" for one in rows])
         out.heading(group)
         out.table(words("", [one.name for one in rows]), *columns, units, prior)
-    out.bullets(found.notices, "what they rest on")
+    out.bullets(found.notices, "What they rest on")
     if target is not None:
         out.line()
         out.line(f"page: {target}")

@@ -170,7 +170,7 @@ class NoiseModel:
     information: FloatArray  #: (n_y,), share of the information that is left: mean derivative m of the score
     relative: FloatArray  #: (k, n_y), standard deviation in each maneuver over that of the channel
     unequal: tuple[bool, ...]  #: (n_y,), whether maneuvers differ
-    unknown: BoolArray  #: (k, n_y), where maneuvers differ, and one has too few samples to tell by how much
+    unknown: BoolArray  #: (k, n_y), where maneuvers differ, and one has too few samples to estimate its own
 
     @classmethod
     def plain(cls, channels: int, maneuvers: int) -> NoiseModel:

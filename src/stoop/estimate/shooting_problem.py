@@ -37,7 +37,7 @@ SPIN_SCALE: Final = 1e-3  #: of a rotor's largest x, of a gap of its lag: no gus
 FIRST_WIND_STEP: Final = 0.2  #: m/s from one window to the next, before it is estimated
 WIND_STEPS: Final = (1e-3, 3.0)  #: m/s: bounds
 WIND_COMPONENTS: Final = ((-3, -2), (-1,))  #: of the scales: level, vertical
-MIN_GAPS: Final = 3  #: below which nothing tells the size of wind steps
+MIN_GAPS: Final = 3  #: below which the size of wind steps is unknown
 BODY_VELOCITY: Final = ("u", "v", "w")  #: states
 ROUNDING: Final = 1e-12  #: of the greatest eigenvalue
 

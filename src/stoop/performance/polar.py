@@ -85,7 +85,7 @@ def blocks(
     Raises
     ------
     FlightError
-        A channel is missing, nothing tells the power, or too little is left.
+        A channel is missing, the power is not known, or too few samples are left.
     """
     column = {name: flight.column(name) for name in NEEDED if name in flight.names}
     lacking = [name for name in NEEDED if name not in column or not np.isfinite(column[name]).any()]

@@ -28,7 +28,7 @@ from stoop.vehicle.defaults import full_command
 
 SPEEDS: Final = 21  #: of a curve
 GLIDE_SPEEDS: Final = 25  #: at which the best glide is looked for
-FEW: Final = 0.03  #: share of draws; more that fail are told
+FEW: Final = 0.03  #: share of draws; a figure that fails in more is noted
 MOST: Final = 0.5  #: share of draws, from which the lift has a maximum
 OUTSIDE: Final = 1e-3  #: rad; beyond the angles of attack flown by less is within
 

@@ -98,7 +98,7 @@ def read_setup(parameters: Mapping[str, float], moving: Collection[str] = ()) ->
     Parameters
     ----------
     parameters : of the log; what is not finite or impossible counts as not there
-    moving : channels of the log that are not still; they tell whether PX4's pulses are those of MAIN or of AUX
+    moving : channels of the log that are not still; they show whether PX4's pulses are those of MAIN or of AUX
     """
     if any(name.startswith("CA_") for name in parameters):
         return _px4(parameters, moving)

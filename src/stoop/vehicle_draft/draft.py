@@ -70,7 +70,7 @@ def draft(request: Request, flights: Sequence[Flight] = (), where: str = "vehicl
     ----------
     request : Request
     flights : sequence of Flight
-        Of this vehicle; the first with parameters of an autopilot tells the mixers.
+        Of this vehicle; the mixers are those of the first with parameters of an autopilot.
     where : str
         Names the file in messages.
 

@@ -25,7 +25,7 @@ WINGED: Final[tuple[str, ...]] = get_args(Template)
 
 
 class Geometry(Part):
-    """What a tape measure tells of an airplane.
+    """Dimensions of an airplane that a tape measure gives.
 
     `spread` holds, for each number that is typical rather than measured (`wing.taper`), the standard deviation of what it
     may be; it widens what is derived from the number.

@@ -90,7 +90,7 @@ class Sheet:
 
 @dataclass(frozen=True)
 class Priors:
-    """Standard deviations of what no log and no drawing tells."""
+    """Standard deviations of numbers that neither logs nor drawings give."""
 
     throw: float = 0.35  #: of the gain of a mixer over its value: full throws are 0.2 to 0.6 rad
     middle: float = 0.06  #: rad, of the middle of a surface whose deflection was not recorded

@@ -36,7 +36,7 @@ WEIGHT_ROUNDS: Final = 3  #: alternations of estimates and residual variances
 MAX_ITERATIONS: Final = 8  #: of Gauss-Newton
 STEP_TOLERANCE: Final = 1e-3  #: in `Equations.scales`
 AR_ORDER: Final = 4  #: of the errors of an equation under feedback: those of one span of smoothing
-#: of the width of the bounds, within which forces tell a number that moments then take over
+#: of the width of the bounds, within which forces determine a number that moments then take over
 DETERMINED: Final = 0.05
 ZERO_COLUMN: Final = 1e-9  #: norm, of the largest column's, below which a column counts as zero
 

@@ -56,7 +56,7 @@ THRUST_LAW: Final = tuple(
     for n in (
         "T0", "T1", "T2", "inflow", "translational", "lag", "delay", "gain", "idle", "nominal_voltage"
     )
-)  #: what the vertical force tells of all rotors alike  # fmt: skip
+)  #: determined by the vertical force, alike for all rotors  # fmt: skip
 _LAGGED: Final = tuple(f"rotors.{n}" for n in ("lag", "delay", "gain", "idle", "nominal_voltage"))
 _MOTION: Final = (*WIND, *RATES, *EULER)
 
@@ -209,7 +209,7 @@ class RotorEquations(Equations):
         return out
 
     def solved(self, rows: Sequence[Rows], priors: Priors, values: FloatArray) -> Estimates:
-        """Return the estimates: thrust from the forces first, what moments alone tell then.
+        """Return the estimates: thrust from the forces first, then those that moments alone determine.
 
         A vehicle on rotors flies by its rate loop alone, so what disturbs a moment also moves the commands, and ordinary least
         squares attributes it to them. The errors of the moments are therefore taken for an autoregression, with which least
@@ -229,7 +229,7 @@ class RotorEquations(Equations):
         return [r.filtered(taps[r.equation]) for r in rows]
 
     def _thrust_first(self, rows: Sequence[Rows], priors: Priors, values: FloatArray) -> list[Rows]:
-        """Return the rows, without what moments tell of the thrust law where forces tell it.
+        """Return the rows, without the thrust law in moments where forces determine it.
 
         Moments know thrust only over inertia, and lag and thrust from a closed loop. Where forces determine a direction of the
         numbers of the thrust law, its columns in the moments are projected onto those of all other unknowns: moments then
