@@ -1,4 +1,4 @@
-"""Whether flights show the rotors of a vehicle file, and whether their windows determine anything of it; checks by kind of vehicle."""
+"""Checks that flights show the rotors of a vehicle file and that their windows determine something of it, by kind of vehicle."""
 
 from __future__ import annotations
 

@@ -81,7 +81,7 @@ def of_rotors(mass: float, lift: Lift) -> list[Notice]:
 
 
 def of_template(template: str, given: bool, known: Evidence) -> list[Notice]:
-    """Return which surfaces and motors of the log contradict a template, or that the log does not determine the kind of vehicle."""
+    """Return which surfaces and motors of the log contradict a template, or that the log does not show its kind."""
     flight, setup, out = known.flight, known.setup, list[Notice]()
     if flight is None:
         return []
