@@ -187,7 +187,9 @@ def design(arguments: argparse.Namespace) -> int:
     out.table(words("", setup.names), numbers("now", now), *errors)
     out.line()
     ratios = [(one.shape, proposal.ratio(one)) for one in proposal.designs]
-    out.bullets(f"{shape}: mean standard error {r:.2f} of the textbook's" for shape, r in ratios)
+    out.bullets(
+        f"{shape}: error bars together (D-optimality) {r:.2f} of the textbook's" for shape, r in ratios
+    )
     out.bullets(why for _, why in proposal.refused)
     if not proposal.is_improvement:
         out.bullets([NO_IMPROVEMENT[proposal.is_textbook]])

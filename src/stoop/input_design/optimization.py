@@ -215,7 +215,7 @@ class Robustness:
     untrimmed : models without a trim at this speed
     outside : flights that left the envelope or diverged
     largest_excess : of flights that did not diverge, in widths of the envelope
-    ratios : mean standard error over that of the reference maneuver, for each model that stayed inside
+    ratios : size of the uncertainty over that of the reference maneuver, for each model that stayed inside
     """
 
     draws: int
@@ -251,12 +251,16 @@ def robustness(setup: Setup, maneuver: Maneuver, reference: Maneuver, draws: int
     inside = [(m, f) for m, f in zip(models, designed, strict=True) if f.excess == 0.0]
     compared = forecasts([(model, reference) for model, _ in inside])
     ratios = tuple(
-        mean_ratio(model.std(one), model.std(other))
-        for (model, one), other in zip(inside, compared, strict=True)
+        uncertainty_ratio(model, one, other) for (model, one), other in zip(inside, compared, strict=True)
     )
     finite = [e for e in excesses if np.isfinite(e)]
     outside = sum(e > 0.0 for e in excesses)
     return Robustness(draws, draws - len(models), outside, max(finite, default=0.0), ratios)
+
+
+def uncertainty_ratio(setup: Setup, one: Forecast, other: Forecast) -> float:
+    """Return the size of the uncertainty ellipsoid of a forecast over another's, per parameter: the criterion of a design."""
+    return float(np.exp(setup.gain(other) - setup.gain(one)))
 
 
 def mean_ratio(std: FloatArray, reference: FloatArray) -> float:
@@ -269,8 +273,8 @@ def mean_ratio(std: FloatArray, reference: FloatArray) -> float:
 class Proposal(Summarized):
     """What to fly next: one design per family, the best first, beside the textbook's maneuver.
 
-    Designs with smaller standard errors than the textbook's go before others, those with more information first. Where there is
-    none, the textbook's maneuver itself is the first, as the family :data:`TEXTBOOK`, unless it cannot be flown.
+    Designs with more information (:meth:`stoop.input_design.Setup.gain`) go first. Where none has more than the textbook's
+    maneuver, that is the first, as the family :data:`TEXTBOOK`, unless it cannot be flown.
 
     Attributes
     ----------
@@ -301,8 +305,8 @@ class Proposal(Summarized):
         return self.setup.std()
 
     def ratio(self, of: Design) -> float:
-        """Return the mean of a design's standard errors over the reference's."""
-        return mean_ratio(self.setup.std(of.forecast), self.setup.std(self.expected))
+        """Return the size of a design's uncertainty ellipsoid over the reference's, per parameter."""
+        return uncertainty_ratio(self.setup, of.forecast, self.expected)
 
     @property
     def is_textbook(self) -> bool:
@@ -311,8 +315,8 @@ class Proposal(Summarized):
 
     @property
     def is_improvement(self) -> bool:
-        """Whether a design has smaller standard errors than the textbook's maneuver, in the mean."""
-        return not self.ratio(self.best) >= 1.0
+        """Whether a design has more information than the textbook's maneuver."""
+        return self.ratio(self.best) < 1.0
 
 
 def propose(
@@ -351,14 +355,11 @@ def propose(
     if not found:
         raise SimulationError(refused[0][1])
     expected = setup.forecast(reference)
-    base, ranked = setup.std(expected), sorted(found, key=lambda one: -one.gain)
-    worse = [one for one in ranked if mean_ratio(setup.std(one.forecast), base) >= 1.0]
-    designs = [one for one in ranked if one not in worse]
-    if not designs and plan.textbook:
+    designs, base = sorted(found, key=lambda one: -one.gain), setup.gain(expected)
+    if designs[0].gain <= base and plan.textbook:
         with suppress(SimulationError):
             setup.limits.check_flyable(reference)
-            designs = [Design(TEXTBOOK, reference, expected, setup.gain(expected), 0.0)]
-    designs += worse
+            designs.insert(0, Design(TEXTBOOK, reference, expected, base, 0.0))
     told("robustness", None)
     robust = robustness(setup, designs[0].maneuver, reference, DRAWS, plan.seed)
     return Proposal(setup, plan, tuple(designs), reference, expected, robust, source, tuple(refused))

@@ -40,8 +40,8 @@ The lines of the card are flown one by one, each once, with the whole stop and f
 those of as many flights, each with an initial state of its own."""
 ROBUSTNESS: Final = """\
 The model is what is to be measured, so it is wrong. Flown with {draws} models drawn from what is known: {outside} left the \
-envelope{most}, {untrimmed} did not fly straight at this speed. In those that stayed inside, the mean standard error was \
-{low} to {high} of the textbook's."""
+envelope{most}, {untrimmed} did not fly straight at this speed. In those that stayed inside, the error bars together \
+(D-optimality) were {low} to {high} of the textbook's."""
 NOTHING_KNOWN: Final = """\
 Nothing is known of the parameters, so no other models were drawn: begin with half the amplitude, and watch."""
 WINDOWS_LEAD: Final = """\
@@ -125,7 +125,7 @@ def design_sheet(proposal: Proposal, command: str, flown: Mapping[str, str] | No
         "maneuver.toml is what stoop simulate flies; maneuver.csv has the changes from the trim against time, in the units that "
         "it names."
     )
-    head = ("family", "information gained", "mean standard error")
+    head = ("family", "information gained", "error bars together (D-optimality)")
     tried = Table("The families that were tried", head, families)
     heads = ("control", "amplitude", "smallest amplitude", "slew")
     limited: list[Table | Bullets] = [Table("Limits of the controls", heads, tuple(controls))]

@@ -283,7 +283,7 @@ def design_document(proposal: Proposal) -> dict[str, Any]:
         "designs": {
             one.shape: {
                 "gain": one.gain,
-                "mean_ratio": finite_or_none(proposal.ratio(one)),
+                "ratio": finite_or_none(proposal.ratio(one)),
                 "excess": finite_or_none(one.forecast.excess),
                 "evaluations": one.evaluations,
             }

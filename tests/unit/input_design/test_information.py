@@ -311,7 +311,13 @@ def test_the_textbook_is_proposed_where_no_design_is_better() -> None:
     assert found.best.maneuver == found.reference
     assert found.ratio(found.best) == 1.0
     assert [one.shape for one in found.designs] == ["textbook", "doublet"]
-    assert found.ratio(found.designs[1]) > 1.0
+    boxes = np.eye(len(found.setup.names)) * 12.0  # of a uniform distribution in the unit box
+    one, other = (
+        np.linalg.eigvalsh(boxes + f.information) for f in (found.designs[1].forecast, found.expected)
+    )
+    size = float(np.prod((other / one) ** (0.5 / len(one))))
+    assert found.ratio(found.designs[1]) == pytest.approx(size), "of the ellipsoid, per parameter"
+    assert size > 1.0
     kept = propose(setup(), replace(small, textbook=False), ["doublet"])
     assert [one.shape for one in kept.designs] == ["doublet"]
     assert not kept.is_improvement
