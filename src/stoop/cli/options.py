@@ -59,7 +59,12 @@ def names(text: str) -> tuple[str, ...]:
     return found
 
 
-positive = _reader(lambda x: 1.0 / MAX_NUMBER <= x <= MAX_NUMBER, "a positive number from 1e-30 to 1e30")
+#: kind of a number -> which are allowed, in code and in words
+NUMBERS: Final[Mapping[str, tuple[Callable[[float], bool], str]]] = {
+    "positive": (lambda x: 1.0 / MAX_NUMBER <= x <= MAX_NUMBER, "a positive number from 1e-30 to 1e30"),
+    "finite": (lambda x: abs(x) <= MAX_NUMBER, "a number up to 1e30"),
+}
+positive = _reader(*NUMBERS["positive"])
 #: kind of a whole number -> the smallest
 WHOLE: Final = {"count": 0, "at-least-one": 1}
 #: kind of an option's value -> what reads it
@@ -68,8 +73,6 @@ READERS: Final[dict[str, Callable[[str], Any]]] = {
     **dict.fromkeys(("file", "data", "folder", "output", "output-or-print"), Path),
     "page": page_path,
     "names": names,
-    "positive": positive,
-    "finite": _reader(lambda x: abs(x) <= MAX_NUMBER, "a number up to 1e30"),
 }
 
 
@@ -80,10 +83,13 @@ def reader(option: Option) -> Callable[[str], Any]:
         return _reader(
             lambda n: first <= n <= last, f"a whole number from {first:.0f} to {last:.0f}", whole=True
         )
-    if option.range is None:
+    if option.range is None and option.kind not in NUMBERS:
         return READERS[option.kind]
+    allowed, what = NUMBERS["positive" if option.kind == "positive" else "finite"]
+    base = _reader(allowed, f"{what}; write it in {option.unit}, without the unit" if option.unit else what)
+    if option.range is None:
+        return base
     low, high = option.range
-    base = READERS["finite" if option.kind == "text" else option.kind]
 
     def read(text: str) -> Any:
         value = base(text)

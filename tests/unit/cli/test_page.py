@@ -87,3 +87,13 @@ def test_a_page_has_the_ending_of_a_page() -> None:
         argparse.ArgumentTypeError, match=r"^a\.pdf: a page is written as \.html; name it so$"
     ):
         page_path("a.pdf")
+
+
+def test_a_number_is_written_without_its_unit(capsys: pytest.CaptureFixture[str]) -> None:
+    from stoop.cli.main import main
+
+    assert main(["vehicle", "new", "log.ulg", "--mass", "8.5kg", "-o", "own.toml"]) == 2
+    assert (
+        "'8.5kg' is not a positive number from 1e-30 to 1e30; write it in kg, without the unit"
+        in capsys.readouterr().err
+    )

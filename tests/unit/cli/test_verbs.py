@@ -18,7 +18,7 @@ import stoop
 from stoop.base.verbs import Option, Verb, plain, read_verbs, verbs
 from stoop.cli.completion import all_parsers
 from stoop.cli.main import all_verbs, parser_for
-from stoop.cli.options import READERS, WHOLE, reader
+from stoop.cli.options import NUMBERS, READERS, WHOLE, reader
 from stoop.vehicle.builtin import BUILT_IN
 
 ROOT = Path(__file__).parents[3]
@@ -157,7 +157,7 @@ def test_a_table_of_another_package_may_name_and_change_shared_options() -> None
 
 def test_every_kind_has_a_reader() -> None:
     kinds = {option.kind for verb in all_verbs().values() for option in verb.options}
-    assert kinds - {"switch"} <= set(READERS) | set(WHOLE)
+    assert kinds - {"switch"} <= {*READERS, *NUMBERS, *WHOLE}
 
 
 def test_marks_of_markdown_do_not_reach_a_terminal() -> None:
