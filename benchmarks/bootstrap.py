@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.table import Row
-from stoop.assessment.assessment import AssessedFit
 from stoop.assessment.bootstrap import bootstrap_plan
+from stoop.assessment.error_bars import error_bars
 from stoop.estimate.fit import Options, fit
 from stoop.parallel import LocalProcesses, execute
 from stoop_studies.verify.scenes import Scene, in_white_noise
@@ -24,14 +24,14 @@ ASKED = 60.0  #: s on two processors
 def run() -> list[Row]:
     """Bootstrap one fit."""
     scene: Scene = in_white_noise(0)
-    case = AssessedFit(fit(scene.start, scene.flights, scene.windows, Options()), 0)
+    found = fit(scene.start, scene.flights, scene.windows, Options())
     began = time.perf_counter()
-    plan = bootstrap_plan(case, REPLICATES)
+    plan = bootstrap_plan(found, error_bars(found), 0, REPLICATES)
     with tempfile.TemporaryDirectory() as folder:
         results = execute(plan, Path(folder) / "bootstrap.sqlite", LocalProcesses(WORKERS))
     wall = time.perf_counter() - began
     endings = [ending for told in results.values() for ending in told["endings"]]
-    layout = case.fit.problem.layout
+    layout = found.problem.layout
     size = f"{layout.dimension} parameters, {layout.extra} initial states and biases, {WORKERS} processes"
     return [
         Row(PART, f"{REPLICATES} replicates, 4 maneuvers", wall, "s", ASKED, note=size),

@@ -8,7 +8,8 @@ import sys
 from pathlib import Path
 
 from docs.pages import DOCS, blocks, table
-from stoop.cli.progress import add_campaign_arguments
+from stoop.base.verbs import shared_options
+from stoop.cli.options import add_options
 
 PAGE = DOCS / "campaigns.md"
 
@@ -30,6 +31,7 @@ def test_example(tmp_path: Path) -> None:
 
 def test_options() -> None:
     parser = argparse.ArgumentParser(add_help=False)
-    add_campaign_arguments(parser)
+    shared = shared_options()
+    add_options(parser, (shared["workers"], shared["scheduler"]))
     known = {f"{a.option_strings[0]} {a.metavar}" for a in parser._actions}
     assert set(table(PAGE, "While it runs", "option").column("option")) == known

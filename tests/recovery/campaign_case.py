@@ -60,14 +60,16 @@ def search(arguments: Mapping[str, Any], stops: Sequence[int]) -> list[Any]:
 
 def main() -> int:
     from stoop.base.files import write_text_atomic
-    from stoop.cli.progress import add_campaign_arguments, run_campaign
+    from stoop.base.verbs import shared_options
+    from stoop.cli.options import add_options
+    from stoop.cli.progress import run_campaign
     from stoop.errors import StoopError
     from stoop.parallel import Plan, Run
 
     parser = argparse.ArgumentParser()
     parser.add_argument("store", type=Path)
     parser.add_argument("table", type=Path)
-    add_campaign_arguments(parser)
+    add_options(parser, (shared_options()["workers"], shared_options()["scheduler"]))
     arguments = parser.parse_args()
     runs = tuple(
         Run(f"{seed:03d}/{stop}", "campaign_case:search", {"seed": seed}, stop)

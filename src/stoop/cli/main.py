@@ -233,7 +233,12 @@ def all_verbs() -> dict[str, Verb]:
 
     known = dict(VERBS)
     for point in entry_points(group=GROUP):
-        known.update(point.load())
+        verbs = point.load()
+        if not all(isinstance(verb, Verb) for verb in verbs.values()):
+            raise StoopError(
+                f"{point.value}: no table of verbs; update or remove its package (verbs come from stoop.base.verbs.read_verbs)"
+            )
+        known.update(verbs)
     return known
 
 

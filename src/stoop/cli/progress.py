@@ -12,8 +12,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 from stoop.base.text import duration, printable, show
-from stoop.base.verbs import shared_options
-from stoop.cli.options import add_options
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -153,12 +151,6 @@ class Display(LiveLine):
         news = tally.note not in ("", self._note) or (tally.done == tally.total and tally.seconds > QUIET)
         self._note = tally.note
         self.show(f"{self._first}: {', '.join(parts)}", time.perf_counter(), news)
-
-
-def add_campaign_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add where the runs are done."""
-    shared = shared_options()
-    add_options(parser, (shared["workers"], shared["scheduler"]))
 
 
 def pool(arguments: argparse.Namespace) -> Pool:

@@ -106,12 +106,11 @@ def load(path: str | Path, mapping: str | Path | None = None, rate: float = 100.
         and (fault.kind != "stuck" or up[(grid.time >= fault.start) & (grid.time <= fault.stop)].any())
     ]
     contradictions = _contradictions(gridded, up, channels, recorded, read_lines(mapped.places), failed)
-    inconsistent = any(one.code.startswith(INCONSISTENT) for one in contradictions)
     span = float(grid.time[0]), float(grid.time[-1])
     of_mapping = [contradiction(one, *span) for one in contradictions]
     faults = (*recorded, *attempt(failed, [], rest_faults, grid.time, data, rate), *of_mapping)
     attitude: list[Notice] = []
-    if not inconsistent:
+    if not any(fault.kind == "inconsistent" for fault in of_mapping):
         data, attitude = interpolate_by_rates(grid, data, sources, channels)
     # defects of topics that supply nothing do not matter to the user; a file's name writes a topic with _
     used = {name for s in sources.values() for name in (s.source, s.source.replace("/", "_"))}

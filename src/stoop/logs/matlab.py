@@ -21,7 +21,7 @@ from stoop.errors import LogError
 from stoop.logs.arrays import MAX_ARRAYS, Array, assemble, left_out, max_values
 from stoop.logs.guard import is_hdf5
 from stoop.logs.netcdf import MAX_BYTES, MAX_DEPTH, read_hdf5
-from stoop.logs.recording import Defect, Recording, read_bounded, reason
+from stoop.logs.recording import Defect, Recording, log_content, reason
 
 MAX_ELEMENTS: Final = 1000  #: of an array of structures
 HEAD: Final = 128  #: bytes before the first variable
@@ -50,7 +50,7 @@ def _read_old(path: Path) -> tuple[list[Array], list[Defect]]:
     skipped: list[str] = []
     defects: list[Defect] = []
     most = max_values(path)
-    for at, content in _variables(read_bounded(path, MAX_BYTES, "export it again")):
+    for at, content in _variables(log_content(path, MAX_BYTES, "export it again")):
         if (size := _unpacked_size(content, NUMBER * most)) > NUMBER * most:
             raise LogError(f"{path}: unpacks to more than {size >> 20} MiB; save only the flight")
         try:

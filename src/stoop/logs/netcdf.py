@@ -18,7 +18,7 @@ from stoop.base.arrays import FloatArray
 from stoop.errors import LogError
 from stoop.logs.arrays import MAX_ARRAYS, Array, assemble, left_out, max_values
 from stoop.logs.guard import is_hdf5
-from stoop.logs.recording import Defect, Recording, Stream, increasing, read_bounded, reason
+from stoop.logs.recording import Defect, Recording, Stream, increasing, log_content, reason
 
 FORMAT: Final = "stoop-flight/1"
 STREAM: Final = "flight"
@@ -39,7 +39,7 @@ def read_netcdf(path: Path, topics: frozenset[str] | None = None) -> Recording:
     """
     from scipy.io import netcdf_file  # heavy, and only here
 
-    content = read_bounded(path, MAX_BYTES, "write the flight again")
+    content = log_content(path, MAX_BYTES, "write the flight again")
     if content[:3] != b"CDF":
         raise LogError(f"{path}: not a netCDF-3 file; read the original log instead")
     try:  # from memory: no count in a damaged header can allocate more than the file
@@ -87,7 +87,7 @@ def parse_foreign_netcdf(path: Path, topics: frozenset[str] | None = None) -> Re
     from scipy.io import netcdf_file  # heavy, and only here
 
     arrays = []
-    content = read_bounded(path, MAX_BYTES, "export it again")
+    content = log_content(path, MAX_BYTES, "export it again")
     with netcdf_file(io.BytesIO(content), mmap=False) as file:
         if len(file.variables) > MAX_ARRAYS:
             raise LogError(f"{path}: more than {MAX_ARRAYS} arrays; save only the flight")

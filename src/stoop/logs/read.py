@@ -8,7 +8,7 @@ from stoop.base.files import note_input
 from stoop.errors import LogError
 from stoop.logs.formats import DECODED, FORMATS, HDF5, HEAD, PULSE
 from stoop.logs.guard import read_guarded
-from stoop.logs.recording import Recording, read_bounded, unreadable
+from stoop.logs.recording import Recording, log_content, unreadable
 
 
 def read(path: Path, mapping: Path | None = None, topics: frozenset[str] | None = None) -> Recording:
@@ -77,7 +77,7 @@ def read_as(known: str, path: Path, topics: frozenset[str] | None = None) -> Rec
     form = FORMATS[known]
     if form.name:
         return read_guarded(known, path, topics)
-    content = (read_bounded(path, form.most, form.remedy),) if form.most else ()
+    content = (log_content(path, form.most, form.remedy),) if form.most else ()
     return form.function()(path, *content, topics)
 
 

@@ -102,7 +102,7 @@ def unreadable(path: Path, error: OSError) -> LogError:
     return LogError(f"{path}: cannot be read ({error.strerror}); check the name and its permissions")
 
 
-def read_bounded(path: Path, most: int, remedy: str) -> bytes:
+def log_content(path: Path, most: int, remedy: str) -> bytes:
     """Return the content of a file of at most `most` bytes.
 
     Raises

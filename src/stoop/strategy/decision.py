@@ -115,6 +115,7 @@ class Fitted:
         """Error bars, and score tests of extensions of the model."""
         tested, cut = (self.tests, False) if self.tests else test(self.estimate)
         if cut:
+            self.__dict__["tested"] = tested  # the next reader finds them
             raise KeyboardInterrupt
         return tested
 

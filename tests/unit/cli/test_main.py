@@ -10,6 +10,7 @@ import sys
 import time
 import types
 from collections.abc import Callable
+from importlib.metadata import EntryPoint
 from pathlib import Path
 
 import pytest
@@ -276,3 +277,16 @@ def test_warnings_of_libraries_do_not_reach_the_user(tmp_path: Path) -> None:
     assert subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True).stderr == ""
     loud = subprocess.run([*command, "--debug"], cwd=tmp_path, capture_output=True, text=True, check=True)
     assert "boo" in loud.stderr
+
+
+def test_old_table_of_another_package(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    module = types.ModuleType("old_plugin")
+    module.verbs = {"hum": ("old_plugin:run", "hum a tune")}  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "old_plugin", module)
+    points = [EntryPoint("hum", "old_plugin:verbs", "stoop.verbs")]
+    monkeypatch.setattr("importlib.metadata.entry_points", lambda **_: points)
+    assert main(["hum"]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("stoop: error: old_plugin:verbs: no table of verbs; update or remove its package")

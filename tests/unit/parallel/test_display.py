@@ -11,7 +11,9 @@ import pytest
 from unit.parallel.works import walks
 
 from stoop.base.text import duration
-from stoop.cli.progress import QUIET, Display, add_campaign_arguments, pool, run_campaign
+from stoop.base.verbs import shared_options
+from stoop.cli.options import add_options
+from stoop.cli.progress import QUIET, Display, pool, run_campaign
 from stoop.parallel import Dask, LocalProcesses, Tally
 
 
@@ -24,7 +26,8 @@ class Terminal(io.StringIO):
 
 def parsed(*words: str) -> argparse.Namespace:
     parser = argparse.ArgumentParser(exit_on_error=False)
-    add_campaign_arguments(parser)
+    shared = shared_options()
+    add_options(parser, (shared["workers"], shared["scheduler"]))
     return parser.parse_args(words)
 
 

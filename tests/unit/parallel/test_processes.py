@@ -80,9 +80,11 @@ COMMAND = """
 import argparse, sys
 from pathlib import Path
 from stoop.parallel import Plan, Run
-from stoop.cli.progress import add_campaign_arguments, run_campaign
+from stoop.base.verbs import shared_options
+from stoop.cli.options import add_options
+from stoop.cli.progress import run_campaign
 parser = argparse.ArgumentParser()
-add_campaign_arguments(parser)
+add_options(parser, (shared_options()["workers"], shared_options()["scheduler"]))
 runs = tuple(Run(str(i), "unit.parallel.works:sleep", {"seconds": 0.1, "i": i}) for i in range(200))
 run_campaign(parser.parse_args(["--workers", "2"]), Plan("naps", {}, runs), Path(sys.argv[1]))
 """

@@ -25,9 +25,10 @@ from stoop.flight import Flight
 from stoop.flight.faults import Fault
 from stoop.problem.windows import Window
 from stoop.results.decisions import DecisionRecord, decision_lines
+from stoop.results.extensions import ExtensionTests
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import Maneuver
-from stoop.strategy import DECISIONS, Strategy, fit
+from stoop.strategy import DECISIONS, Strategy, decision, fit
 from stoop.strategy.decision import Fitted
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import builtin_vehicle, resolve_vehicle
@@ -204,6 +205,15 @@ def test_treatment_is_decided_by_the_strategy_alone() -> None:
         fit(Strategy.default(), known(), flights(), WINDOWS, options=Options(treatment=PLAIN))
     with pytest.raises(TypeError, match="no keyword 'treatment'"):
         identify(known(), [*flights().values()], ["a@0:5"], treatment=PLAIN)
+
+
+def test_tests_that_were_computed_survive_an_interrupt(monkeypatch: pytest.MonkeyPatch) -> None:
+    done = decision.Tested(None, ExtensionTests())  # type: ignore[arg-type]
+    monkeypatch.setattr("stoop.strategy.decision.test", lambda found: (done, True))
+    fitted = Fitted(None, None)  # type: ignore[arg-type]
+    with pytest.raises(KeyboardInterrupt):
+        fitted.tested  # noqa: B018
+    assert fitted.tested is done
 
 
 def test_a_strategy_by_its_name() -> None:
