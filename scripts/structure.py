@@ -35,7 +35,7 @@ BUDGETS = {
     "estimate": 7300,
     "exporters": 7655,
     "flight": 5550,
-    "input_design": 2340,
+    "input_design": 2350,
     "kernels": 1900,
     "logs": 5000,
     "optimize": 2600,

@@ -172,7 +172,7 @@ def save_design(
     Returns
     -------
     Path
-        The folder, with ``maneuver.toml`` for :func:`load_maneuver`.
+        The folder, with ``maneuver.toml`` (of a pilot ``maneuver_1.toml`` and so on) for :func:`load_maneuver`.
 
     Raises
     ------

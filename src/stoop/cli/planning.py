@@ -128,6 +128,7 @@ def design(arguments: argparse.Namespace) -> int:
         DESIGN_FILES,
         flight_files,
         known_before,
+        maneuver_files,
         min_amplitudes,
         usual_plan,
         write_proposal,
@@ -199,13 +200,15 @@ def design(arguments: argparse.Namespace) -> int:
         out.bullets([MANUAL_THROTTLE])
     if np.any(setup.known):
         out.bullets([proposal.robustness.notice])
-    out.line(f"maneuver: {folder / 'maneuver.toml'}")
+    maneuvers = [*maneuver_files("maneuver", proposal.best.maneuver, proposal.setup.retrim, "")]
+    for name in maneuvers:
+        out.line(f"maneuver: {folder / name}")
     out.line(f"page: {folder / 'design.html'}")
     for name in flight:
         out.line(f"to fly: {folder / name}")
     given = Path(arguments.vehicle)
     model_file = given / "vehicle.toml" if given.is_dir() else given
-    command = ["stoop", "simulate", str(model_file), "--maneuver", str(folder / "maneuver.toml")]
+    command = ["stoop", "simulate", str(model_file), "--maneuver", str(folder / maneuvers[0])]
     out.command("next: ", [*command, "-o", "designed.nc"])
     return 0
 

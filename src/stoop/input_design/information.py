@@ -229,7 +229,7 @@ class Setup:
 
     The parameters are the free numbers of the vehicle, at their present values; ``noise`` (n_y, n_y) is the covariance of
     the measurement noise. With ``retrim``, s, the aircraft flies as trimmed again that long before each input, as a pilot does
-    who flies one line of a card after the other; each line has an initial state of its own.
+    who flies one line of a card after the other; each line has an initial state and sensor biases of its own.
     """
 
     vehicle: Vehicle
@@ -330,23 +330,44 @@ def forecasts(flights: Sequence[tuple[Setup, Maneuver]], only_inside: bool = Fal
     ]
 
 
+def flights_from_trim(maneuver: Maneuver, retrim: float | None) -> tuple[Maneuver, ...]:
+    """Return the flights of a maneuver, each from trim, whose inputs are `retrim`, s, after it; the maneuver itself without."""
+    if retrim is None:
+        return (maneuver,)
+    first, t = sorted(one.start - retrim for one in maneuver.input)[1:], maneuver.time
+    out = []
+    for a, b in pairwise([0, *np.searchsorted(t, np.array(first) - 1e-9).tolist(), len(t)]):
+        begin, end = float(t[a]), float(t[b - 1])
+        inputs = (
+            one.model_copy(update={"start": round(one.start - begin, 9)})
+            for one in maneuver.input
+            if begin <= one.start <= end
+        )
+        out.append(maneuver.model_copy(update={"duration": round(end - begin, 9), "input": tuple(inputs)}))
+    return tuple(out)
+
+
 def forecast_on_wings(setup: Setup, maneuver: Maneuver, only_inside: bool) -> Forecast:
-    """Return the forecast of a maneuver that is flown open loop; as of :func:`forecasts`."""
+    """Return the forecast of a maneuver that is flown open loop, line by line from trim; as of :func:`forecasts`."""
+    lines = [_forecast_of_line(setup, one, only_inside) for one in flights_from_trim(maneuver, setup.retrim)]
+    readings, excess = np.concatenate([one.readings for one in lines]), max(one.excess for one in lines)
+    if not np.isfinite(excess) or (only_inside and excess > 0.0):
+        return Forecast(readings, excess, np.zeros_like(setup.known))
+    return Forecast(readings, excess, np.sum([one.information for one in lines], axis=0))
+
+
+def _forecast_of_line(setup: Setup, maneuver: Maneuver, only_inside: bool) -> Forecast:
+    """Return the forecast of one flight, whose initial state and sensor biases are its own, as those of a window in a fit."""
     vehicle, t = setup.vehicle, maneuver.time
     inputs = inputs_about(vehicle, setup.trim, maneuver.deflections(), len(t))
     blank = np.zeros((len(t), len(vehicle.outputs)))
-    first = [] if setup.retrim is None else sorted(one.start - setup.retrim for one in maneuver.input)[1:]
-    edges = [0, *np.searchsorted(t, np.array(first) - 1e-9).tolist(), len(t)]
-    pieces = tuple(
-        Piece(0, t[a:b], inputs[a:b], blank[a:b], setup.trim.start, setup.trim.changes)
-        for a, b in pairwise(edges)
-    )
-    prepared = Prepared((Window("design", 0.0, float(t[-1])),), pieces, ())
+    piece = Piece(0, t, inputs, blank, setup.trim.start, setup.trim.changes)
+    prepared = Prepared((Window("design", 0.0, float(t[-1])),), (piece,), ())
     layout = replace(setup.layout, nuisances=nuisances(vehicle, prepared))
-    problem = Misfit(layout, pieces, Weights.of(setup.noise), (tuple(len(p.time) for p in pieces),))
+    problem = Misfit(layout, (piece,), Weights.of(setup.noise), ((len(t),),))
     z = np.concatenate([setup.layout.unit(setup.values), np.zeros(problem.extra)])
     with np.errstate(invalid="ignore", over="ignore"):
-        readings = np.concatenate([problem.outputs(z, i) for i in range(len(pieces))])
+        readings = problem.outputs(z, 0)
     finite = bool(np.isfinite(readings).all())
     excess = setup.limits.excess(readings, setup.vehicle.outputs) if finite else np.inf
     if not finite or (only_inside and excess > 0.0):

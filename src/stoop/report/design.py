@@ -37,7 +37,7 @@ FLOWN: Final = (
 )
 FROM_TRIM: Final = """\
 The lines of the card are flown one by one, each once, with the whole stop and from trim: readings and standard errors are \
-those of as many flights, each with an initial state of its own."""
+those of as many flights, each with an initial state and sensor biases of its own."""
 ROBUSTNESS: Final = """\
 The model is what is to be measured, so it is wrong. Flown with {draws} models drawn from what is known: {outside} left the \
 envelope{most}, {untrimmed} did not fly straight at this speed. In those that stayed inside, the error bars together \
@@ -121,8 +121,11 @@ def design_sheet(proposal: Proposal, command: str, flown: Mapping[str, str] | No
         controls.append(
             (c, f"±{factor * amplitude:.3g} {unit}", f"{floor:.3g} {unit}" if floor else NOTHING, rate)
         )
+    flown_by_it = (
+        "maneuver.toml is" if setup.retrim is None else "maneuver_1.toml and so on, one for each line, are"
+    )
     files = (
-        "maneuver.toml is what stoop simulate flies; maneuver.csv has the changes from the trim against time, in the units that "
+        f"{flown_by_it} what stoop simulate flies; maneuver.csv has the changes from the trim against time, in the units that "
         "it names."
     )
     head = ("family", "information gained", "error bars together (D-optimality)")

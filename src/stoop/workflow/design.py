@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import shlex
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -19,7 +20,7 @@ from stoop.base.numbers import finite_or_none
 from stoop.exporters.injection import Injection
 from stoop.exporters.targets import FLOWN_BY, flown_by
 from stoop.flight import Flight
-from stoop.input_design.information import Knowledge, Limits, Setup
+from stoop.input_design.information import Knowledge, Limits, Setup, flights_from_trim
 from stoop.input_design.optimization import Plan, Proposal, propose
 from stoop.input_design.sensitivity import sensor_noise
 from stoop.input_design.windows import Found
@@ -33,7 +34,7 @@ from stoop.workflow.outputs import versions
 from stoop.workflow.summary import refusal
 
 DESIGN_FILES: Final = ("maneuver.toml", "reference.toml", "maneuver.csv", "design.html", "design.json")
-"""In the order of writing: where the last one is, the others are."""
+"""In the order of writing: where the last one is, the others are. Of a pilot's lines there are maneuver_1.toml and so on."""
 WINDOW_FILES: Final = (NAME, "windows.html")
 BEAT: Final = 0.5  #: s, that a pilot flies by
 BY_HAND: Final = math.radians(2.0)  #: smallest amplitude of a surface that a pilot makes evenly (our choice)
@@ -204,36 +205,55 @@ def write_proposal(
     from stoop.report.sheet import render_sheet
 
     flight = flight or {}
-    obsolete = [name for name in _earlier_files(folder) if name not in flight]
-    check_targets(folder, (*flight, *DESIGN_FILES), overwrite)
-    make_folder(folder)
     best = proposal.best.maneuver
     deflections = best.deflections()  # from the trim, rad; on rotors in the unit of the command
     units = {control: unit_of(control).replace("/", "_") for control in deflections}
     head = ("time_s", *(f"{control}_{unit}" for control, unit in units.items()))
     rows = zip(best.time, *deflections.values(), strict=True)
     cells = ([f"{t:.6g}", *(f"{value:.9g}" for value in values)] for t, *values in rows)
+    retrim = proposal.setup.retrim
+    maneuvers = {
+        **maneuver_files("maneuver", best, retrim, f"designed: {command}"),
+        **maneuver_files("reference", proposal.reference, retrim, "what the design is compared with"),
+    }
     files = {
         **flight,
-        "maneuver.toml": maneuver_toml(best, f"designed: {command}"),
-        "reference.toml": maneuver_toml(proposal.reference, "what the design is compared with"),
+        **maneuvers,
         "maneuver.csv": csv_text(head, cells, "\n"),
         "design.html": render_sheet(design_sheet(proposal, command, flight)),
         "design.json": json.dumps(
-            {**design_document(proposal), "files": [*flight]}, indent=1, allow_nan=False
+            {**design_document(proposal), "maneuvers": [*maneuvers], "files": [*flight]},
+            indent=1,
+            allow_nan=False,
         )
         + "\n",
     }
+    check_targets(folder, (*files, DESIGN_FILES[-1]), overwrite)
+    obsolete = [name for name in _earlier_files(folder) if name not in files]
+    make_folder(folder)
     write_files(folder, files, obsolete)
 
 
 def _earlier_files(folder: Path) -> list[str]:
-    """Return the files for a pilot or an autopilot that the design in a folder has written."""
+    """Return the maneuvers, and the files for a pilot or an autopilot, that the design in a folder has written."""
     try:
-        written = json.loads((folder / DESIGN_FILES[-1]).read_text("utf-8")).get("files", [])
-    except (OSError, ValueError, AttributeError, RecursionError):
+        found = json.loads((folder / DESIGN_FILES[-1]).read_text("utf-8"))
+        written, maneuvers = found.get("files", []), found.get("maneuvers", [])
+        lines = [name for name in maneuvers if re.fullmatch(r"(maneuver|reference)(_\d+)?\.toml", name)]
+    except (OSError, ValueError, TypeError, AttributeError, RecursionError):
         return []
-    return [name for target in FLOWN_BY for name in flown_by(target).names if name in written]
+    return lines + [name for target in FLOWN_BY for name in flown_by(target).names if name in written]
+
+
+def maneuver_files(stem: str, maneuver: Maneuver, retrim: float | None, comment: str) -> dict[str, str]:
+    """Return the files of a maneuver, one for each of its flights from trim, as ``stoop simulate`` reads them."""
+    flights = flights_from_trim(maneuver, retrim)
+    if len(flights) == 1:
+        return {f"{stem}.toml": maneuver_toml(maneuver, comment)}
+    return {
+        f"{stem}_{i}.toml": maneuver_toml(one, f"line {i} of {len(flights)}, from trim -- {comment}")
+        for i, one in enumerate(flights, 1)
+    }
 
 
 def maneuver_toml(maneuver: Maneuver, comment: str) -> str:

@@ -313,7 +313,7 @@ VERBS = {
     "frequency": Verb(_frequency, 2, ("written.html",)),
     "propagate": Verb(_propagate, 2, ("written.html",)),
     "export": Verb(_export, 2, ("out/*",)),
-    "design": Verb(_design, 2, ("out/design.html", "out/design.json", "out/maneuver.toml")),
+    "design": Verb(_design, 2, ("out/design.html", "out/design.json", "out/maneuver*.toml")),
 }  # fmt: skip  #: verb -> its hostile command lines
 
 

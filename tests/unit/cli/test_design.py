@@ -217,6 +217,14 @@ def test_a_card_for_a_pilot_is_on_the_page(tmp_path: Path, capsys: pytest.Captur
     errors = found["standard_errors"].values()
     assert np.mean([e["doublet"] / e["reference"] for e in errors]) > 1.0
     assert "the files fly the textbook's" not in capsys.readouterr().out
+    # the files are the lines of the card, each from trim
+    names = sorted(path.name for path in out.glob("maneuver*.toml"))
+    assert names == [f"maneuver_{i}.toml" for i in (1, 2, 3)]
+    assert [load_maneuver(out / name).input[0].start for name in names][1:] == [1.0, 1.0]
+    assert {path.name for path in out.glob("reference*.toml")} == {f"reference_{i}.toml" for i in (1, 2, 3)}
+    again = [*command[:1], *command[1:2], "--duration", "8", "--evaluations", "1", "--shape", "doublet"]
+    assert main([*again, "-o", str(out), "--overwrite"]) == 0
+    assert {path.name for path in out.iterdir()} == set(DESIGN_FILES), "lines of the earlier design are gone"
 
 
 def test_files_of_the_textbook_where_no_design_is_better(

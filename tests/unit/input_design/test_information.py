@@ -16,6 +16,7 @@ from stoop.input_design.information import (
     Knowledge,
     Limits,
     Setup,
+    flights_from_trim,
     information_errors,
     marginal,
 )
@@ -322,3 +323,25 @@ def test_the_textbook_is_proposed_where_no_design_is_better() -> None:
     assert [one.shape for one in kept.designs] == ["doublet"]
     assert not kept.is_improvement
     assert kept.robustness.draws == 0, "nothing is known"
+
+
+def test_lines_fly_as_they_are_predicted() -> None:
+    """Each file by the simulator, from trim: readings of the forecast, and together its standard errors."""
+    lines = [
+        {"control": "elevator", "shape": shape, "start": start, "step": 0.5, "amplitude": 0.03}
+        for shape, start in (("3-2-1-1", 1.0), ("doublet", 7.5), ("2-1-1", 12.25))
+    ]
+    maneuver = Maneuver.model_validate({"duration": 16.0, "rate": 50.0, "input": lines})
+    by_hand = replace(setup(), retrim=1.0)
+    whole, flights = by_hand.forecast(maneuver), flights_from_trim(maneuver, 1.0)
+    assert [round(f.duration, 9) for f in flights] == [6.48, 4.74, 4.74]
+    assert [f.input[0].start for f in flights] == pytest.approx([1.0, 1.0, 0.99], abs=0.011)
+    flown = [simulate_flight(by_hand.vehicle, f, noise=False) for f in flights]
+    outputs = by_hand.vehicle.outputs
+    readings = np.concatenate([np.column_stack([one.column(c) for c in outputs]) for one in flown])
+    assert readings == pytest.approx(whole.readings, rel=1e-7, abs=1e-9)
+    errors = by_hand.std(*(setup().forecast(f) for f in flights))
+    assert errors == pytest.approx(by_hand.std(whole), rel=1e-6)
+    one = by_hand.std(setup().forecast(maneuver))
+    assert np.abs(one / errors - 1.0).max() > 0.01, "one flight of all lines has other errors"
+    assert flights_from_trim(maneuver, None) == (maneuver,)
