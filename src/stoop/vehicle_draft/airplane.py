@@ -188,6 +188,11 @@ class Airplane(FileText):
             inertia = ASSUMED.propeller_inertia * diameter**5
             said = "kg m2, usual of this diameter; negative where it turns counterclockwise from behind"
             sheet.entry("inertia", quantity(inertia, USUAL.spread * inertia), said)
+        else:
+            sheet.remark(
+                "no angular momentum: its direction is not known. If you know it, add inertia, kg m2 (about 0.065 D^5),",
+                "negative where it turns counterclockwise from behind; a fit tests whether the flight asks for it",
+            )
 
     def _sensors(self) -> None:
         std = PRIORS.lever * self.geometry.wing.span

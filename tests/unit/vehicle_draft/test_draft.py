@@ -224,8 +224,9 @@ def test_the_propeller_of_a_piston_engine_has_angular_momentum() -> None:
     assert inertia.free
     assert inertia.prior is not None
     assert abs(inertia.value - scaled) < 3.0 * inertia.prior
-    electric = draft(Request("conventional", 550.0, 10.7, 1.6, engine="electric")).vehicle
-    assert "propulsion.inertia" not in electric.rows
+    electric = draft(Request("conventional", 550.0, 10.7, 1.6, engine="electric"))
+    assert "propulsion.inertia" not in electric.vehicle.rows
+    assert "# no angular momentum: its direction is not known" in electric.text
 
 
 def test_what_is_missing_is_said_with_its_usual_size() -> None:
