@@ -32,7 +32,7 @@ from stoop.workflow import archive, load
 PAGE = DOCS / "robustness.md"
 FAMILIES = (
     "damaged logs", "drawn logs", "readers in a child", "other readers", "round trips", "documents", "verbs", "full disks",
-    "kills",
+    "kills", "hostile names", "drawn names", "drawn results", "bombs", "odd texts", "odd paths", "limits",
 )  # fmt: skip
 
 

@@ -279,14 +279,14 @@ def _texts(name: str) -> dict[str, str]:
 
 
 def flight_name(path: Path) -> str:
-    """Return the name by which a maneuver refers to a flight: the path's last part without endings.
+    """Return the name by which a maneuver refers to a flight: the path's last part without endings, unless it is one.
 
     It is text, which any file can hold: bytes of a path that are none become question marks.
     """
-    stem = path.resolve().name.encode("utf-8", "replace").decode()
+    name = stem = path.resolve().name.encode("utf-8", "replace").decode()
     for ending in ENDINGS:
         stem = stem.removesuffix(ending)
-    return stem
+    return stem or name
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ OUTCOMES = ("refused", "listed", "unnoticed", "same", "read", "limit", "containe
 COUNTS: Counter[tuple[str, str, str]] = Counter()  #: family, surface and outcome -> cases
 
 
-def cases(count: int) -> settings:
+def cases(count: float) -> settings:
     """Return the settings of a test of so many cases in a plain run."""
     return settings(
         max_examples=max(1, round(FACTOR * count)),

@@ -34,7 +34,6 @@ EXPORTED = {
 }
 
 
-@cache
 def exported(target: str, name: str) -> Mapping[str, bytes]:
     vehicle = parse_vehicle(with_name(builtin_text(EXPORTED[target]), name), "vehicle.toml")
     return TARGETS[target].load()(ModelData(vehicle)).files().files
@@ -47,8 +46,13 @@ def same(found: Mapping[str, bytes], plain: Mapping[str, bytes], name: str) -> N
         promise(text == plain[place], f"other code: {place}")
 
 
+@cache
+def plainly_exported(target: str) -> Mapping[str, bytes]:
+    return exported(target, PLAIN)
+
+
 def same_code(folder: Path, target: str, name: str) -> str:
-    same(exported(target, name), exported(target, PLAIN), name)
+    same(exported(target, name), plainly_exported(target), name)
     return READ
 
 
@@ -125,7 +129,6 @@ def file_stem(name: str) -> str:
     return name.replace("\\", "").replace("/", "\N{DIVISION SLASH}").replace("\0", "\N{SYMBOL FOR NULL}")
 
 
-@cache
 def outputs(command: str, name: str) -> Mapping[str, bytes]:
     """Return the files that a verb writes under a name."""
     stem = file_stem(name)
@@ -139,8 +142,13 @@ def outputs(command: str, name: str) -> Mapping[str, bytes]:
         return written(Path(OUT))
 
 
+@cache
+def plain_outputs(command: str) -> Mapping[str, bytes]:
+    return outputs(command, PLAIN)
+
+
 def same_outputs(_: Path, command: str, name: str) -> str:
-    same(outputs(command, name), outputs(command, PLAIN), name)
+    same(outputs(command, name), plain_outputs(command), name)
     return READ
 
 

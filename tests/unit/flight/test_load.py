@@ -149,12 +149,15 @@ def test_wild_times_do_not_fill_the_memory(tmp_path: Path) -> None:
 
 
 def test_names_lose_their_endings() -> None:
-    assert [flight_name(Path(p)) for p in ("a/b.csv.gz", "a/b.ulg", "b.nc", "x/flight2", "v1.2.csv")] == [
+    assert [
+        flight_name(Path(p)) for p in ("a/b.csv.gz", "a/b.ulg", "b.nc", "x/flight2", "v1.2.csv", ".nc")
+    ] == [
         "b",
         "b",
         "b",
         "flight2",
         "v1.2",
+        ".nc",
     ]
 
 
