@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from typing import Any, ClassVar, Final
 
@@ -27,6 +27,7 @@ from stoop.problem.archive import problem_arrays, problem_document, restored_pro
 from stoop.problem.evidence import Evidence, Unknown, unknowns_of
 from stoop.problem.prepare import Prepared
 from stoop.problem.windows import Window
+from stoop.results.decisions import DecisionRecord
 from stoop.results.result import ProcessNoise
 from stoop.vehicle import Vehicle
 from stoop.vehicle.vehicle import leaves
@@ -59,6 +60,8 @@ class Estimate(ABC):
     trajectories: float
     #: of the method, and of doubtful estimates, beside those of `prepared`
     notices: tuple[Notice, ...]
+    #: of the noise, beside those of `prepared`
+    decisions: tuple[DecisionRecord, ...] = field(default=(), kw_only=True)
 
     @property
     @abstractmethod
@@ -104,6 +107,7 @@ class Estimate(ABC):
             "windows": [asdict(window) for window in self.prepared.windows],
             "prepared": [one.to_dict() for one in self.prepared.notices],
             "notices": [one.to_dict() for one in self.notices],
+            "decisions": [(d.name, d.found, d.done) for d in (*self.prepared.decisions, *self.decisions)],
             "outcome": {n: getattr(outcome, n) for n in OUTCOME},
             "cost": self.cost,
             "trajectories": self.trajectories,
@@ -138,7 +142,11 @@ class Estimate(ABC):
         outcome = optimize.Outcome(z=arrays["outcome.z"], history=history, state=None, **head["outcome"])
         common = (problem, prepared, z, outcome, head["cost"], head["trajectories"])
         notices = tuple(map(from_dict, head["notices"]))
-        return cls.suited(problem)(*common, notices, **cls.own_fields(problem, z, arrays))
+        taken = tuple(
+            DecisionRecord(n, "applied", found, done) for n, found, done in head.get("decisions", ())
+        )
+        own = cls.own_fields(problem, z, arrays)
+        return cls.suited(problem)(*common, notices, **own, decisions=taken)
 
     def own_state(self) -> dict[str, Any]:
         """Return the arrays from which :meth:`own_fields` restores the fields of a child."""

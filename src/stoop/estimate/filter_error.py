@@ -34,7 +34,7 @@ from stoop.estimate.fit import Callback, Fitter, Options, State, starts
 from stoop.estimate.fitted_filter import FittedFilter, with_gusts
 from stoop.estimate.instability import largest_growth
 from stoop.estimate.linearization import Points, undelayed
-from stoop.estimate.noise_model import outlying_innovations
+from stoop.estimate.noise_model import OUTLIERS_WEIGHTED, outlying_innovations
 from stoop.optimize.levenberg_marquardt import (
     ADVICE,
     Damping,
@@ -48,6 +48,7 @@ from stoop.optimize.minimize import Status
 from stoop.problem import Misfit
 from stoop.problem.evidence import Evidence, PieceEvidence, Unknown, unknowns_of
 from stoop.problem.prepare import Prepared
+from stoop.results.decisions import applied
 from stoop.results.result import ProcessNoise
 from stoop.simulation import parameter_rows
 from stoop.simulation.delays import output_delays
@@ -398,7 +399,9 @@ def _estimate(
         channels = tuple(c for c, n in zip(problem.layout.vehicle.outputs, lost, strict=True) if n)
         share, counts = float(lost.sum() / before[:, lost > 0].sum()), tuple(map(float, lost[lost > 0]))
         count = int(lost.sum())
-        notices.append(notice("outliers-missing", channels=channels, counts=counts, count=count, share=share))
+        missing = notice("outliers-missing", channels=channels, counts=counts, count=count, share=share)
+        notices.append(missing)
+        found = replace(found, decisions=applied("noise-shape", [missing], OUTLIERS_WEIGHTED))
     return replace(found, notices=tuple(notices))
 
 

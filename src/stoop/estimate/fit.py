@@ -20,7 +20,7 @@ import numpy as np
 from stoop import optimize
 from stoop.base.arrays import FloatArray
 from stoop.base.notices import notice
-from stoop.checks.excitation import with_mass_held
+from stoop.checks.excitation import MASS, with_mass_held
 from stoop.checks.vehicle import require_channels, require_data
 from stoop.errors import IdentificationError
 from stoop.estimate import iterates
@@ -39,6 +39,7 @@ from stoop.problem.evidence import Evidence, observed_information, simulation_ev
 from stoop.problem.misfit import horizon_ladder
 from stoop.problem.prepare import Prepared, decoupled, nuisances, prepare, without_stuck_channels
 from stoop.problem.windows import Window
+from stoop.results.decisions import DecisionRecord
 from stoop.vehicle import Vehicle
 
 #: of the sensitivities of all samples
@@ -194,17 +195,22 @@ def estimation_problem(
         Nothing is free.
     """
     allowed = options.treatment
-    vehicle = with_mass_held(vehicle) if allowed.held_numbers else vehicle
-    vehicle = decoupled(vehicle, flights, windows) if allowed.recorded_motion else vehicle
+    taken = list[DecisionRecord]()
+    if allowed.held_numbers and (held := with_mass_held(vehicle)) is not vehicle:
+        vehicle, found = held, "neither mass nor inertia nor a force is known"
+        taken.append(DecisionRecord("held-numbers", "applied", found, f"{MASS} fixed at the file's value"))
+    if allowed.recorded_motion and (vehicle := decoupled(vehicle, flights, windows)).measured:
+        found = f"{', '.join(vehicle.measured)} recorded, which the reduced model leaves out"
+        taken.append(DecisionRecord("recorded-motion", "applied", found, "taken from the record"))
     for name in dict.fromkeys(w.flight for w in windows):
         require_channels(vehicle, flights[name])
-    prepared = prepare(vehicle, flights, windows)
+    prepared = replace(prepare(vehicle, flights, windows), decisions=tuple(taken))
     prepared = without_stuck_channels(vehicle, prepared) if allowed.stuck_channels else prepared
     for window in windows:  # states that a reduced model holds constant, because they were not recorded
         here = decoupled(vehicle, flights, [window]).measured
         if lost := tuple(c for c in vehicle.held_channels if c not in here):
-            held = notice("motion-not-recorded", str(window), model=vehicle.reduce, channels=lost)
-            prepared = replace(prepared, notices=(*prepared.notices, held))
+            assumed = notice("motion-not-recorded", str(window), model=vehicle.reduce, channels=lost)
+            prepared = replace(prepared, notices=(*prepared.notices, assumed))
     require_data(vehicle, prepared.windows, prepared.pieces)
     layout = Layout.of(vehicle, nuisances(vehicle, prepared))
     if layout.dimension == 0:
@@ -354,11 +360,12 @@ def refine(
             outcome, status="interrupted", advice="stopped by the user while the estimates were refined"
         )
     notices = () if converged or outcome.status == "interrupted" else (notice("noise-not-converged"),)
-    if noise is not None:
-        notices = (*noise.notices(problem, [str(w) for w in prepared.windows]), *notices)
+    found, taken = ([], ()) if noise is None else noise.findings(problem, [str(w) for w in prepared.windows])
+    notices = (*found, *notices)
     cost = float(np.sum(problem.residuals(z[None, :], len(problem.prices) - 1) ** 2))
     spent += outcome.trajectories
-    return OutputErrorEstimate(problem, prepared, z, outcome, cost, spent, notices, not estimate_noise)
+    common = (problem, prepared, z, outcome, cost, spent, notices)
+    return OutputErrorEstimate(*common, not estimate_noise, decisions=taken)
 
 
 def _refined(

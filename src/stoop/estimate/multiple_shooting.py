@@ -59,6 +59,7 @@ from stoop.problem import Layout, Misfit, Weights
 from stoop.problem.archive import PIECE_TUPLES
 from stoop.problem.evidence import Evidence
 from stoop.problem.prepare import Prepared
+from stoop.results.decisions import DecisionRecord
 
 #: least predicted reduction of half the cost
 TOLERANCE: Final = 1e-4
@@ -525,14 +526,17 @@ class MultipleShooting(Fitter[ShootingEstimate]):
             searched, optimizer = start.trajectories, start.optimizer
             many, history = searched + many, start.history
             notices.append(notice("global-start", optimizer=optimizer, trajectories=searched))
+        taken: tuple[DecisionRecord, ...] = ()
         if found.noise is not None:
-            notices += found.noise.notices(problem, [str(w) for w in prepared.windows])
+            of_noise, taken = found.noise.findings(problem, [str(w) for w in prepared.windows])
+            notices += of_noise
         if not found.noise_converged and status != "interrupted":
             notices.append(notice("noise-not-converged"))
         outcome = optimize.Outcome(
             at.z, at.cost, many, found.iterations, status, advice, history, state, optimizer
         )
-        return ShootingEstimate(problem, prepared, at.z, outcome, at.cost, many, tuple(notices), windowed, at)
+        common = (problem, prepared, at.z, outcome, at.cost, many, tuple(notices))
+        return ShootingEstimate(*common, windowed, at, decisions=taken)
 
 
 fit = MultipleShooting()

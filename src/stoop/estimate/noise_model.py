@@ -46,6 +46,7 @@ from stoop.estimate.noise import correlation_times, effective_variance
 from stoop.estimate.treatment import DEFAULT as TREATMENT
 from stoop.estimate.treatment import Treatment
 from stoop.problem import Misfit, Weights
+from stoop.results.decisions import DecisionRecord, applied
 
 EM_STEPS: Final = 500  #: at most
 EM_TOLERANCE: Final = 1e-7  #: change of the mean logarithm of the likelihood at which EM ends
@@ -73,6 +74,7 @@ class NoiseLimits:
 
 
 LIMITS: Final = NoiseLimits()
+OUTLIERS_WEIGHTED: Final = "outliers weighted less or left out"
 
 
 @dataclass(frozen=True)
@@ -197,20 +199,23 @@ class NoiseModel:
             pieces.append(replace(piece, measured=measured, relative_noise=factors))
         return replace(problem, pieces=tuple(pieces))
 
-    def notices(self, problem: Misfit, maneuvers: Sequence[str]) -> list[Notice]:
-        """Return what is other than normal noise that is the same in all maneuvers, whose names are given."""
-        outputs, out = problem.layout.vehicle.outputs, []
+    def findings(
+        self, problem: Misfit, maneuvers: Sequence[str]
+    ) -> tuple[list[Notice], tuple[DecisionRecord, ...]]:
+        """Return what differs from normal noise that is the same in all maneuvers, whose names are given, and decisions."""
+        outputs, outliers, out = problem.layout.vehicle.outputs, list[Notice](), list[Notice]()
         found = {c: m for c, m in zip(outputs, self.mixtures, strict=True) if m is not None}
         if found:
             shares, widths = (tuple(getattr(m, name) for m in found.values()) for name in ("share", "width"))
             share, width = float(np.median(shares)), float(np.median(widths))
-            out.append(
+            outliers.append(
                 notice(
                     "outliers", channels=tuple(found), share=share, width=width, shares=shares, widths=widths
                 )
             )
+        shape = applied("noise-shape", outliers, OUTLIERS_WEIGHTED)
         if not any(self.unequal):
-            return out
+            return outliers, shape
         logs, count = np.log(self.relative), len(self.relative)
         factors = np.exp(
             (logs - logs.mean(axis=0)) * count / max(count - 1, 1)
@@ -222,7 +227,7 @@ class NoiseModel:
                 out.append(notice("maneuver-noise", name, channels=tuple(channels[noisy]), factor=size))
             if unknown.any():
                 out.append(notice("maneuver-noise-unknown", name, channels=tuple(channels[unknown])))
-        return out
+        return [*outliers, *out], (*shape, *applied("maneuver-noise", out, "a variance for each maneuver"))
 
 
 def noise_model(

@@ -27,6 +27,7 @@ from stoop.problem.observation import (
     state_channels,
 )
 from stoop.problem.windows import Window
+from stoop.results.decisions import DecisionRecord, applied
 from stoop.simulation import parameter_rows
 from stoop.simulation.initial import commanded
 from stoop.vehicle import Vehicle
@@ -45,6 +46,8 @@ class Prepared:
     windows: tuple[Window, ...]
     pieces: tuple[Piece, ...]
     notices: tuple[Notice, ...] = ()
+    #: that were taken by itself
+    decisions: tuple[DecisionRecord, ...] = ()
 
     def of_maneuver(self, maneuver: int) -> list[int]:
         """Return the indices of a maneuver's pieces."""
@@ -193,7 +196,13 @@ def without_stuck_channels(vehicle: Vehicle, prepared: Prepared) -> Prepared:
     if not found:
         return prepared
     pieces = tuple(replace(p, measured=np.where(lost, np.nan, p.measured)) for p in prepared.pieces)
-    return replace(prepared, pieces=pieces, notices=(*prepared.notices, *found))
+    taken = applied("stuck-channels", found, "treated as not measured")
+    return replace(
+        prepared,
+        pieces=pieces,
+        notices=(*prepared.notices, *found),
+        decisions=(*prepared.decisions, *taken),
+    )
 
 
 def _constant(columns: Sequence[FloatArray]) -> bool:

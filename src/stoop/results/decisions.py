@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
+
+from stoop.base.notices import Notice, paragraph
 
 State: TypeAlias = Literal["applied", "not needed", "off"]
 
@@ -36,6 +38,11 @@ class DecisionRecord:
         gains = [f"log-likelihood {value:+.1f}{where}" for value, where in known if math.isfinite(value)]
         spent = [f"{self.seconds:.1f} s"] * (self.seconds >= 0.05)
         return ", ".join([f"{self.name}: {self.done}", *gains, *spent])
+
+
+def applied(name: str, found: Collection[Notice], done: str) -> tuple[DecisionRecord, ...]:
+    """Return the record of a decision by notices of what was found; none without any."""
+    return (DecisionRecord(name, "applied", paragraph(found), done),) if found else ()
 
 
 def switched_off(decisions: Iterable[DecisionRecord], name: str) -> bool:

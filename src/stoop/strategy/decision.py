@@ -167,11 +167,8 @@ class Decision:
     data: Callable[[Setup], Change | None] | None = None
     #: likewise the problem
     problem: Callable[[Setup], Change | None] | None = None
-    #: field of :class:`stoop.estimate.treatment.Treatment`
+    #: field of :class:`stoop.estimate.treatment.Treatment`, by which an estimator takes the decision and records it
     treatment: str = ""
-    #: what an estimator found by that: sentences; and what it then did
-    within: Callable[[Setup, Estimate], str] | None = None
-    done: str = ""
     #: fits, by a fitter that takes the decisions before this one, and may do so again
     around: Callable[[Setup, Fitter], Fitted] | None = None
 

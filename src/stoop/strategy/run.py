@@ -135,12 +135,8 @@ def _decided(setup: Setup, name: str, decide: Callable[[Setup], Change | None]) 
 
 def _records(strategy: Strategy, found: Fitted) -> tuple[DecisionRecord, ...]:
     """Return a record for each decision of the table."""
-    known, out = {**found.setup.records, **found.records}, []
-    for one in DECISIONS:
-        record = known.get(one.name, DecisionRecord(one.name))
-        if one.name not in strategy.names:
-            record = DecisionRecord(one.name, "off")
-        elif one.within is not None and (text := one.within(found.setup, found.estimate)):
-            record = DecisionRecord(one.name, "applied", text, one.done)
-        out.append(record)
-    return tuple(out)
+    within = (*found.estimate.prepared.decisions, *found.estimate.decisions)
+    known = {**found.setup.records, **found.records, **{one.name: one for one in within}}
+    off = [one.name for one in DECISIONS if one.name not in strategy.names]
+    known |= {name: DecisionRecord(name, "off") for name in off}
+    return tuple(known.get(one.name, DecisionRecord(one.name)) for one in DECISIONS)

@@ -18,13 +18,6 @@ from stoop.strategy.gusts import GUSTS
 from stoop.strategy.instability import INSTABILITY
 from stoop.strategy.method import METHOD
 from stoop.strategy.sensor_delays import SENSOR_DELAYS
-from stoop.strategy.within import (
-    HELD_NUMBERS,
-    MANEUVER_NOISE,
-    NOISE_SHAPE,
-    RECORDED_MOTION,
-    STUCK_CHANNELS,
-)
 
 #: in the order in which they change the problem; of those around a fit each encloses the ones before it
 DECISIONS: Final[tuple[Decision, ...]] = (
@@ -34,11 +27,21 @@ DECISIONS: Final[tuple[Decision, ...]] = (
     BOUNDS,
     GUSTS,
     ASSUMPTIONS,
-    RECORDED_MOTION,
-    HELD_NUMBERS,
-    STUCK_CHANNELS,
-    NOISE_SHAPE,
-    MANEUVER_NOISE,
+    Decision(
+        "recorded-motion",
+        "Does the record hold the motion that a reduced model leaves out?",
+        treatment="recorded_motion",
+    ),
+    Decision(
+        "held-numbers",
+        "Are there numbers that the data determine as ratios only?",
+        treatment="held_numbers",
+    ),
+    Decision(
+        "stuck-channels", "Does a channel never change, or hold spikes only?", treatment="stuck_channels"
+    ),
+    Decision("noise-shape", "Do residuals have outliers?", treatment="noise_shape"),
+    Decision("maneuver-noise", "Does the noise differ between maneuvers?", treatment="maneuver_noise"),
     EXTENSIONS,
     SENSOR_DELAYS,
 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import io
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
@@ -17,9 +18,10 @@ from stoop.base.verbs import verbs
 from stoop.cli.identify import strategy_of
 from stoop.cli.options import add_options
 from stoop.errors import IdentificationError
+from stoop.estimate.estimate import Estimate
 from stoop.estimate.fit import Options
 from stoop.estimate.fit import fit as output_error
-from stoop.estimate.methods import find
+from stoop.estimate.methods import find, restore
 from stoop.estimate.treatment import Treatment
 from stoop.flight import Flight
 from stoop.flight.faults import Fault
@@ -105,6 +107,12 @@ def decided(strategy: Strategy, given: dict[str, Flight], vehicle: Vehicle | Non
     return fit(strategy, vehicle or known(), given, WINDOWS, options=Options(seed=1, budget=4000.0))
 
 
+def restored(found: Estimate) -> Estimate:
+    buffer = io.BytesIO()
+    np.savez(buffer, **found.state())
+    return restore("output-error", dict(np.load(io.BytesIO(buffer.getvalue()))), "here")
+
+
 def states(done: Fitted) -> dict[str, str]:
     return {one.name: one.state for one in done.decisions}
 
@@ -133,6 +141,13 @@ def test_a_decision_applies_where_the_data_call_for_it_and_its_switch_turns_it_o
     assert record.done
     assert set(states(without).values()) == {"off"}
     assert with_it.estimate.estimates != without.estimate.estimates
+    # what an estimator decides is a field of its estimate, not read back from notices, and saved with it
+    found = with_it.estimate
+    own = [record] if name != "faults" else []
+    assert [*found.prepared.decisions, *found.decisions] == own
+    assert [(d.name, d.found, d.done) for d in restored(found).decisions] == [
+        (d.name, d.found, d.done) for d in own
+    ]
 
 
 def test_textbook_is_output_error_to_the_last_bit(clean: Fitted) -> None:
