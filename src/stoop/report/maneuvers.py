@@ -28,6 +28,8 @@ COLORED: Final = 4.0  #: standard errors of an autocorrelation that are no matte
 MAX_LAGS: Final = 100  #: samples over which autocorrelations are drawn
 PREDICTS, PREDICTS_SOME = 0.75, 0.4  #: share of the comparisons with the lag that a predicting model wins
 MAX_RATIO: Final = 100.0  #: of motion to noise; larger ones are shown alike
+#: of a channel of which no figure judges a model
+NOT_JUDGED: Final = "not judged: motion within noise and band"
 AIR_HEIGHT: Final = 150.0  #: px
 INPUT_HEIGHT: Final = 70.0  #: px
 OVERVIEW_HEIGHT: Final = 64.0  #: px
@@ -252,7 +254,7 @@ def _channel(
     if one is not None:
         description += f"; Theil's coefficient {_decimals(one.theil)}"
         note = f"{_theil_note(one)} · R² {_decimals(one.r2)} · fit {number(one.fit_percent, 3)} %"
-        note += " · below its noise" if one.below_noise else ""
+        note += f" · {NOT_JUDGED}" if one.below_noise else ""
     title, meaning = label(identification, name), _meaning(name)
     return HistoryPanel(title, strips, unit, meaning, note, name, f"{description}.")
 
@@ -291,7 +293,7 @@ def _overview(identification: Model, maneuver: ManeuverResult, trace: ManeuverTr
         curves = _responses(identification, name, maneuver.role, trace)
         strip = Strip("", tuple(curves), height=OVERVIEW_HEIGHT, y_range=response_range(curves))
         one, unit = maneuver.channels.get(name), _shown_unit(identification, name)[1]
-        note = "" if one is None else "below its noise" if one.below_noise else _theil_note(one)
+        note = "" if one is None else NOT_JUDGED if one.below_noise else _theil_note(one)
         text = f"{name}, {_meaning(name)}: measured and simulated, {maneuver_title(maneuver)}."
         title = label(identification, name)
         panels.append(HistoryPanel(title, (strip,), unit, "", note, name, text))

@@ -78,7 +78,10 @@ def window_line(maneuver: ManeuverResult) -> str:
     elif compared:
         better, lost = sum(one.better for one in compared.values()), [n for n in found if found[n].lost]
         text = f"better than a first-order lag in {better} of {count(len(compared), 'channel')}"
-        parts.append(f"{text} (not in {enumerated(few_names(lost))})" if lost else text)
+        unjudged = [name for name, one in found.items() if one.below_noise]
+        exceptions = {"not in": lost, "not judged:": unjudged}
+        notes = [f"{words} {enumerated(few_names(own))}" for words, own in exceptions.items() if own]
+        parts.append(f"{text} ({'; '.join(notes)})" if notes else text)
     elif all(one.below_noise for one in found.values()):
         parts.append("no channel moves more than its noise")
     else:

@@ -8,6 +8,7 @@ from types import ModuleType
 import pytest
 
 from stoop.base.notices import notice
+from stoop.results.result import BaselineFit, GoodnessOfFit, ManeuverResult
 from stoop.results.text import (
     determined,
     estimate_blocks,
@@ -69,3 +70,15 @@ def test_long_lists_are_counted() -> None:
 def test_a_window_is_one_line(examples: ModuleType) -> None:
     maneuvers = examples.example().result.maneuvers
     assert all("\n" not in window_line(m) and window_line(m).startswith(m.window) for m in maneuvers)
+
+
+def test_channels_that_are_not_judged_are_named() -> None:
+    good, lost, hidden = (
+        GoodnessOfFit(1.0, theil, 0.5, 0.2, baseline=BaselineFit(rmse=0.5), noise=0.1, signal_to_noise=ratio)
+        for theil, ratio in ((0.1, 9.0), (0.4, 9.0), (0.4, 0.5))
+    )
+    channels = {"q": good, "alpha": lost, "V": hidden}
+    found = ManeuverResult("flight", 0.0, 1.0, "validation", (), channels)
+    assert "better than a first-order lag in 1 of 2 channels (not in alpha; not judged: V)" in window_line(
+        found
+    )
