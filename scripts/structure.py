@@ -46,7 +46,11 @@ BUDGETS = {
     "propagation": 1150,
     "reconstruction": 850,
     "report": 4300,
+<<<<<<< HEAD
     "results": 1257,
+=======
+    "results": 1253,
+>>>>>>> bab99232 (Budget of results: channels that are not judged)
     "simulation": 3426,
     "strategy": 1064,
     "vehicle": 3615,
