@@ -46,11 +46,7 @@ BUDGETS = {
     "propagation": 1150,
     "reconstruction": 850,
     "report": 4300,
-<<<<<<< HEAD
-    "results": 1257,
-=======
-    "results": 1253,
->>>>>>> bab99232 (Budget of results: channels that are not judged)
+    "results": 1260,
     "simulation": 3426,
     "strategy": 1064,
     "vehicle": 3615,
