@@ -19,6 +19,7 @@ PARTS = (
     "shooting",
     "bootstrap",
     "pages",
+    "jobs",
     "bbob",
 )  #: the last takes many minutes
 

@@ -13,12 +13,12 @@ from pathlib import Path
 from typing import Any
 
 STEPS = 3000
-_SHARED = Path(os.environ.get("STOOP_SHARED", Path(__file__).resolve().parents[2] / "shared"))
+SHARED = Path(os.environ.get("STOOPSHARED", Path(__file__).resolve().parents[2] / "shared"))
 
 
 def kernels() -> Path | None:
     """Return the folder of the kernel prototypes, or None."""
-    folder = _SHARED / "prototypes" / "kernels"
+    folder = SHARED / "prototypes" / "kernels"
     return folder if (folder / "k10_sympy_lanes.py").exists() else None
 
 

@@ -2,32 +2,18 @@
 
 from __future__ import annotations
 
-import os
-import resource
-import subprocess
-import sys
 import tempfile
-import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from benchmarks.command import Run, timed
 from benchmarks.table import Row
 from stoop.workflow.demo import TABLE_1
 
 PART = "startup"
 REPEATS = 5
-
-
-@dataclass(frozen=True)
-class Run:
-    """One run of the command: wall time to the last awaited line and to the end, processor time, s."""
-
-    shown: float
-    ended: float
-    processor: float
 
 
 def run() -> list[Row]:
@@ -38,9 +24,9 @@ def run() -> list[Row]:
 
 def _rows(scratch: Path) -> Iterator[Row]:
     demo = ("demo", "-o", str(scratch / "demo"))
-    cold = _timed(demo, TABLE_1, scratch / "cache")
-    warm = [_timed(demo, TABLE_1, scratch / "cache") for _ in range(REPEATS)]
-    help_page = [_timed(("--help",), (), scratch / "cache") for _ in range(REPEATS)]
+    cold = timed(demo, scratch / "cache", TABLE_1)
+    warm = [timed(demo, scratch / "cache", TABLE_1) for _ in range(REPEATS)]
+    help_page = [timed(("--help",), scratch / "cache") for _ in range(REPEATS)]
     yield Row(
         PART, "stoop demo, warm: estimates printed", _median(warm, "shown"), "s", at_most=3.0,
         note=_note(warm, "shown"),
@@ -64,31 +50,3 @@ def _note(runs: Sequence[Run], field: str) -> str:
 
 def _median(runs: Sequence[Run], field: str) -> float:
     return float(np.median([getattr(r, field) for r in runs]))
-
-
-def _timed(words: Sequence[str], awaited: Sequence[str], cache: Path) -> Run:
-    """Run stoop; note when every awaited name has begun a printed line."""
-    before, begun, shown = _processor(), time.perf_counter(), 0.0
-    missing = set(awaited)
-    with subprocess.Popen(
-        [sys.executable, "-m", "stoop", *words],
-        env=os.environ | {"STOOP_CACHE_DIR": str(cache)},
-        stdout=subprocess.PIPE,
-        text=True,
-    ) as child:
-        for line in child.stdout or ():
-            missing.discard(next(iter(line.split()), ""))
-            if awaited and not missing and not shown:
-                shown = time.perf_counter() - begun
-    ended = time.perf_counter() - begun
-    if child.returncode or missing:
-        raise RuntimeError(
-            f"stoop {words[0]}: exit code {child.returncode}, not printed: {missing or 'none'}"
-        )
-    return Run(shown, ended, _processor() - before)
-
-
-def _processor() -> float:
-    """Return the processor time of finished children, s."""
-    used = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return used.ru_utime + used.ru_stime

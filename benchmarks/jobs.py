@@ -1,0 +1,89 @@
+"""What a user waits for: whole commands on real and simulated flights, in processor time of one core.
+
+Flights are those of the shared folder (`STOOP_SHARED`, else ``../shared``), or simulated. Every command runs once with an empty
+cache of kernels and then warm; the least of the warm runs counts.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Final
+
+from benchmarks.command import Run, timed
+from benchmarks.prototype import SHARED
+from benchmarks.table import Row
+
+PART = "jobs"
+REPEATS: Final = 3  #: warm runs
+ROOT: Final = Path(__file__).parents[1]
+EXAMPLES: Final = ROOT / "examples"
+VTAIL: Final = SHARED / "data" / "altlnt-vtail-8kg-px4" / "flight2"
+HEXACOPTER: Final = SHARED / "data" / "altlnt-hexacopter-px4"
+ONE_CORE: Final = {"STOOP_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+#: of README's V-tail
+VTAIL_VEHICLE: Final = ("--vehicle", str(EXAMPLES / "vtail.toml"))
+VTAIL_WINDOWS: Final = ("--maneuver", "140:145", "146:152", "160:168.3", "--validate", "187:196")
+MANEUVERS: Final = 2  #: of the light airplane's first flight, one after the other: 150 s
+
+
+def run() -> list[Row]:
+    """Measure the commands."""
+    with tempfile.TemporaryDirectory(prefix="stoop-jobs-") as scratch:
+        return list(_rows(Path(scratch)))
+
+
+def _rows(scratch: Path) -> Iterator[Row]:
+    cache, out = scratch / "cache", str(scratch / "out")
+    if not VTAIL.exists():
+        yield Row(PART, "V-tail", None, note="shared folder not found: set STOOP_SHARED")
+    else:
+        identify = ("identify", str(VTAIL), *VTAIL_VEHICLE, *VTAIL_WINDOWS, "-o", out, "--overwrite")
+        cold, warm = _cold_and_warm(identify, cache)
+        yield _row("stoop identify of README, warm", _least(warm).processor, 9.0)
+        yield Row(
+            PART, "the same with an empty cache, beyond the warm run", cold.processor - _least(warm).processor,
+            "s", note="kernels of its structure compiled, of each method that it tries",
+        )  # fmt: skip
+        both = min((timed(identify, cache, cores=2) for _ in range(REPEATS)), key=lambda one: one.ended)
+        yield Row(PART, "the same, warm, two cores: wall time", both.ended, "s", at_most=6.0)
+        find = ("maneuvers", str(VTAIL), *VTAIL_VEHICLE, "-o", str(scratch / "windows"), "--overwrite")
+        yield _row("stoop maneuvers, V-tail", _least(_cold_and_warm(find, cache)[1]).processor, 8.0)
+        look = ("look", str(VTAIL), "-o", str(scratch / "look.html"), "--overwrite")
+        yield _row("stoop look, V-tail", _least(_cold_and_warm(look, cache)[1]).processor, None)
+    yield from _simulated(scratch, cache)
+
+
+def _simulated(scratch: Path, cache: Path) -> Iterator[Row]:
+    """Yield what flights of our own simulation take."""
+    hover, log = EXAMPLES / "maneuver_quad.toml", str(scratch / "hover.ulg")
+    simulate = ("simulate", "quad-x", "--maneuver", str(hover), "-o", log, "--overwrite")
+    cold, warm = _cold_and_warm(simulate, cache)
+    yield _row("stoop simulate quad-x, empty cache", cold.processor, None, warm)
+    windows = ("maneuvers", log, "--vehicle", "quad-x", "-o", str(scratch / "quad"), "--overwrite")
+    cold, warm = _cold_and_warm(windows, cache)
+    yield _row("stoop maneuvers, quad-x, empty cache", cold.processor, None, warm)
+    identify = (
+        "identify", log, "--vehicle", "quad-x", "--maneuver", str(scratch / "quad" / "windows.toml"),
+        "-o", str(scratch / "fit"), "--overwrite",
+    )  # fmt: skip
+    cold, _ = _cold_and_warm(identify, scratch / "first")
+    yield _row("first fit of quad-x, empty cache", cold.processor, 6.0)
+
+
+def _cold_and_warm(words: Sequence[str], cache: Path) -> tuple[Run, list[Run]]:
+    """Run a command on one core, first with what the cache holds of other commands."""
+    cold, *warm = (timed(words, cache, variables=ONE_CORE, cores=1) for _ in range(1 + REPEATS))
+    return cold, warm
+
+
+def _least(runs: Sequence[Run]) -> Run:
+    return min(runs, key=lambda one: one.processor)
+
+
+def _row(figure: str, value: float, at_most: float | None, warm: Sequence[Run] = ()) -> Row:
+    note = "processor time, one core"
+    if warm:
+        note += f"; warm {_least(warm).processor:.2g} s"
+    return Row(PART, figure, value, "s", at_most=at_most, note=note)
