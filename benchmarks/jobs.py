@@ -20,12 +20,10 @@ REPEATS: Final = 3  #: warm runs
 ROOT: Final = Path(__file__).parents[1]
 EXAMPLES: Final = ROOT / "examples"
 VTAIL: Final = SHARED / "data" / "altlnt-vtail-8kg-px4" / "flight2"
-HEXACOPTER: Final = SHARED / "data" / "altlnt-hexacopter-px4"
 ONE_CORE: Final = {"STOOP_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 #: of README's V-tail
 VTAIL_VEHICLE: Final = ("--vehicle", str(EXAMPLES / "vtail.toml"))
 VTAIL_WINDOWS: Final = ("--maneuver", "140:145", "146:152", "160:168.3", "--validate", "187:196")
-MANEUVERS: Final = 2  #: of the light airplane's first flight, one after the other: 150 s
 
 
 def run() -> list[Row]:
