@@ -65,6 +65,18 @@ def test_every_family_is_tried_and_described() -> None:
     assert cases(column="failed") == 0
 
 
+def test_the_counts_of_kinds_are_those_of_the_command() -> None:
+    found = records("robustness-kinds.csv")
+    families = dict.fromkeys(FAMILIES[8:], 0) | {"all": 0}
+    for record in found:
+        for family in (record["family"], "all"):
+            families[family] += int(record["cases"])
+    expected = [[family, f"{count:,}", "0"] for family, count in families.items()]
+    assert [list(cells) for cells in table(PAGE, "Measured", "kind").rows] == expected
+    assert not any(int(record["failed"]) for record in found)
+    assert families["all"] > 20_000
+
+
 def test_what_others_code_did_was_contained() -> None:
     """The table of the campaign lists failures, and others' code that died."""
     found = [r["outcome"] for r in records("robustness-found.csv")]

@@ -95,7 +95,7 @@ COMMANDS = {
     "frequency": ("frequency", "sim.nc", "--vehicle", "model", "-o", f"{OUT}/frequency.html"),
     "propagate": ("propagate", "model", "--draws", "100", "-o", f"{OUT}/propagation.html"),
     "derivatives": ("derivatives", "twin.toml", "-o", f"{OUT}/derivatives.csv"),
-    "named": ("vehicle", "new", "sim.nc", *small_runs.DIMENSIONS, "--name", "NAME", "-o", f"{OUT}/v.toml"),
+    "named": ("vehicle", "new", "sim.nc", *small_runs.DIMENSIONS, "--name=NAME", "-o", f"{OUT}/v.toml"),
     "pilot": ("design", "v.toml", "--for", "pilot", *FLOWN, "--duration", "24", "--shape", "3-2-1-1"),
     "ardupilot": ("design", "twin.toml", "--for", "ardupilot", *THROWS, *FLOWN),
     "px4": ("design", "twin.toml", "--for", "px4", *THROWS, *FLOWN),
@@ -132,7 +132,11 @@ def file_stem(name: str) -> str:
 def outputs(command: str, name: str) -> Mapping[str, bytes]:
     """Return the files that a verb writes under a name."""
     stem = file_stem(name)
-    words = {"sim.nc": f"./{stem}.nc", "table.csv": f"./{stem}.csv", "NAME": name.replace("\0", "")}
+    words = {
+        "sim.nc": f"./{stem}.nc",
+        "table.csv": f"./{stem}.csv",
+        "--name=NAME": f"--name={name}".replace("\0", ""),
+    }
     with TemporaryDirectory(prefix="stoop-") as place, contextlib.chdir(place):
         lay_out(Path(place), named_inputs(name))
         Path(OUT).mkdir()
