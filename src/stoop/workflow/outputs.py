@@ -132,7 +132,8 @@ def with_values(vehicle: Vehicle, values: dict[str, float]) -> str:
             fields |= {"prior": q.prior, "mean": q.prior_mean}
         if fields or name in values or value != before.value:
             low, high = q.bounds or (-MAX_NUMBER, MAX_NUMBER)
-            rounded = float(f"{value:.10g}")
+            # estimates are read back from result.json; numbers that were set are nowhere else
+            rounded = float(f"{value:.10g}") if name in values else value
             write_entry(document, keys, min(max(rounded, low), high))
         if fields:
             write_fields(document, keys, fields)

@@ -4,15 +4,20 @@ from __future__ import annotations
 
 import os
 import shutil
+import struct
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
 
 from stoop.errors import OutputError
+from stoop.vehicle.builtin import builtin_vehicle
+from stoop.vehicle.load import parse_vehicle
 from stoop.workflow import FittedModel
 from stoop.workflow.load import load
-from stoop.workflow.outputs import check_folder, flight_file, output_names, place_outputs
+from stoop.workflow.outputs import check_folder, flight_file, output_names, place_outputs, with_values
 
 NAMES = ("vehicle.toml", "flight.nc", "estimate.npz", "traces.npz", "report.html", "result.json")
 
@@ -165,3 +170,17 @@ def test_an_input_of_the_name_of_a_flight_stays(job: FittedModel, tmp_path: Path
 def test_the_name_of_a_flight_leads_to_no_other_folder() -> None:
     with pytest.raises(OutputError, match="cannot name a file"):
         flight_file("a/../../x", 2)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.floats(-1e30, 1e30), st.floats(-1e30, 1e30))
+@example(1.0 / 3.0, 5e-324)
+@example(1e30, -0.0)
+@example(1.0000000000000002e9, -123456789012.34567)
+def test_a_number_that_was_set_comes_back_with_the_same_bits(x: float, y: float) -> None:
+    """Also beyond 1e9 and with seventeen digits; below 1e-30, where inverses leave the range, it is zero."""
+    vehicle = builtin_vehicle("twin-boom").with_numbers({"Cmq": {"value": x}, "Cnbeta": {"value": y}})
+    again = parse_vehicle(with_values(vehicle, {}), "again")
+    for name, value in (("Cmq", x), ("Cnbeta", y)):
+        kept = value if abs(value) >= 1e-30 else 0.0
+        assert struct.pack("d", again.value(name)) == struct.pack("d", kept)
