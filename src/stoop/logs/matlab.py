@@ -51,8 +51,8 @@ def _read_old(path: Path) -> tuple[list[Array], list[Defect]]:
     defects: list[Defect] = []
     most = max_values(path)
     for at, content in _variables(log_content(path, MAX_BYTES, "export it again")):
-        if (size := _unpacked_size(content, NUMBER * most)) > NUMBER * most:
-            raise LogError(f"{path}: unpacks to more than {size >> 20} MiB; save only the flight")
+        if _unpacked_size(content, NUMBER * most) > NUMBER * most:
+            raise LogError(f"{path}: more than {most} numbers, for a file that short; save only the flight")
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # of variables that occur twice, and of objects
