@@ -46,7 +46,7 @@ BUDGETS = {
     "propagation": 1150,
     "reconstruction": 850,
     "report": 4300,
-    "results": 1260,
+    "results": 1261,
     "simulation": 3426,
     "strategy": 1064,
     "vehicle": 3615,

@@ -294,9 +294,12 @@ def _judged(result: Result, use: Use, sizes: Mapping[str, float]) -> Use:
             unseen = tuple(n for n in names if not _seen(result, need, n))
             against.append(notice("verdict-need-unknown", need.subject, use=use.name, parameters=unseen))
         elif not error <= LIMITS.error:
-            over = " over ".join(filter(None, (largest, _inertia(result, need, largest))))
-            found = notice("verdict-need-inaccurate", need.subject, use=use.name, parameter=over, error=error)
-            against.append(found)
+            values, inertia = {"use": use.name, "parameter": largest}, _inertia(result, need, largest)
+            against.append(
+                notice("verdict-ratio-inaccurate", need.subject, **values, inertia=inertia, error=error)
+                if inertia
+                else notice("verdict-need-inaccurate", need.subject, **values, error=error)
+            )
     if not needs and use.name != "simulation":
         against.append(notice("verdict-not-estimated", use.name))
     judging = {c: own for c, own in _judging(result).items() if c in use.channels}

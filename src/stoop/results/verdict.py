@@ -145,8 +145,9 @@ def _need(found: Notice) -> str:
     """Return what a use must know, and how badly it is known."""
     if found.code == "verdict-need-unknown":
         return f"{found.subject} ({_listed(found, 'parameters')} not identifiable or at a bound)"
-    return f"{found.subject} ({found.values['parameter']} +- {found.values['error']:.0%})"
+    names = (str(found.values[key]) for key in ("parameter", "inertia") if key in found.values)
+    return f"{found.subject} ({' over '.join(names)} +- {found.values['error']:.0%})"
 
 
-_NEEDS: Final = ("verdict-need-unknown", "verdict-need-inaccurate")
+_NEEDS: Final = ("verdict-need-unknown", "verdict-need-inaccurate", "verdict-ratio-inaccurate")
 _TOGETHER: Final = ("verdict-needs", "verdict-channels", "verdict-lacks")
