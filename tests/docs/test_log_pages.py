@@ -43,7 +43,7 @@ def test_the_page_does_what_it_says(
             printed = capsys.readouterr().out
         elif language == "text" and printed:
             unlike = missing(block, printed)
-            assert not unlike, f"{name}: not printed: {unlike}"
+            assert not unlike, f"{name}: not printed: {unlike}\n{printed}"
             printed = ""
     if name != "other-logs":
         log = next(file for file in tmp_path.glob("flight.*") if file.suffix != ".toml")

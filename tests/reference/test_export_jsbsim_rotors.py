@@ -11,7 +11,8 @@ import pytest
 from stoop.base.files import write_files
 from stoop.base.rotations import to_body
 from stoop.exporters import jsbsim_aircraft
-from stoop.exporters.jsbsim_flight import Record, compare, file_name, fly, own_readings
+from stoop.exporters.jsbsim_comparison import compare
+from stoop.exporters.jsbsim_flight import Record, file_name, fly, own_readings
 from stoop.exporters.reference_flight import reference_record
 from stoop.simulation import initial_states, parameter_rows, trim
 from stoop.vehicle import Vehicle, parse_vehicle
