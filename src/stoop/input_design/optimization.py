@@ -263,12 +263,6 @@ def uncertainty_ratio(setup: Setup, one: Forecast, other: Forecast) -> float:
     return float(np.exp(setup.gain(other) - setup.gain(one)))
 
 
-def mean_ratio(std: FloatArray, reference: FloatArray) -> float:
-    """Return the mean of the ratios of two sets of standard errors, over the parameters that both determine."""
-    both = np.isfinite(std) & np.isfinite(reference) & (reference > 0.0)
-    return float(np.mean(std[both] / reference[both])) if both.any() else float("nan")
-
-
 @dataclass(frozen=True, eq=False, repr=False)
 class Proposal(Summarized):
     """What to fly next: one design per family, the best first, beside the textbook's maneuver.

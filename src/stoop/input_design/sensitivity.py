@@ -127,9 +127,8 @@ class VehicleInformation:
         biases = tuple(n for n in every if n.is_bias)
         shared = d + len(biases)
         total = np.zeros((shared, shared))
-        for i, piece in enumerate(
-            whole.pieces
-        ):  # one by one: all sensitivities at once are zero for the most part
+        # One by one: all sensitivities at once are zero for the most part.
+        for i, piece in enumerate(whole.pieces):
             own = tuple(replace(n, piece=0) for n in every if not n.is_bias and n.piece == i)
             layout = Layout.of(self.vehicle, (*biases, *own))
             problem = Misfit(layout, (piece,), self.weights, ((len(piece.time),),))

@@ -29,7 +29,7 @@ MAX_LAGS: Final = 100  #: samples over which autocorrelations are drawn
 PREDICTS, PREDICTS_SOME = 0.75, 0.4  #: share of the comparisons with the lag that a predicting model wins
 MAX_RATIO: Final = 100.0  #: of motion to noise; larger ones are shown alike
 #: of a channel of which no figure judges a model
-NOT_JUDGED: Final = "not judged: motion within noise and band"
+NOT_JUDGED: Final = "not judged"
 AIR_HEIGHT: Final = 150.0  #: px
 INPUT_HEIGHT: Final = 70.0  #: px
 OVERVIEW_HEIGHT: Final = 64.0  #: px
@@ -254,7 +254,7 @@ def _channel(
     if one is not None:
         description += f"; Theil's coefficient {_decimals(one.theil)}"
         note = f"{_theil_note(one)} · R² {_decimals(one.r2)} · fit {number(one.fit_percent, 3)} %"
-        note += f" · {NOT_JUDGED}" if one.below_noise else ""
+        note += f" · {NOT_JUDGED}: motion within noise and band" if one.below_noise else ""
     title, meaning = label(identification, name), _meaning(name)
     return HistoryPanel(title, strips, unit, meaning, note, name, f"{description}.")
 

@@ -12,7 +12,7 @@ import pandas as pd
 from stoop.base.arrays import FloatArray
 from stoop.estimate.fit import Options, fit
 from stoop.input_design.information import Knowledge, Limits, Setup
-from stoop.input_design.optimization import Plan, design, mean_ratio, textbook_maneuver
+from stoop.input_design.optimization import Plan, design, textbook_maneuver
 from stoop.input_design.sensitivity import sensor_noise
 from stoop.problem.windows import Window
 from stoop.report.plots import plot
@@ -71,6 +71,12 @@ def identify(case: str, seed: int) -> dict[str, Any]:
     done = fit(start(), {"flown": flight}, [Window("flown", 0.0, PLAN.duration)], Options(seed=seed))
     errors = np.array([done.estimates[n] for n in setup().names]) - setup().values
     return {"errors": errors.tolist(), "status": done.outcome.status}
+
+
+def mean_ratio(std: FloatArray, reference: FloatArray) -> float:
+    """Return the mean of the ratios of two sets of standard errors, over the parameters that both determine."""
+    both = np.isfinite(std) & np.isfinite(reference) & (reference > 0.0)
+    return float(np.mean(std[both] / reference[both])) if both.any() else float("nan")
 
 
 def show(setting: Setting, samples: Samples) -> Findings:

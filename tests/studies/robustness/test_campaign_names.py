@@ -13,7 +13,7 @@ from studies.robustness.campaign import cases, check
 from studies.robustness.commands import try_command
 from studies.robustness.hostile_names import DRAWN
 from studies.robustness.small_runs import COMMANDS, OUT, inputs
-from studies.robustness.test_hostile_names import plain_outputs, plainly_exported, same_code, same_outputs
+from studies.robustness.test_hostile_names import exported, outputs, plain, same_code
 from studies.robustness.trials import Bounds, Child
 
 from stoop.exporters.targets import TARGETS
@@ -28,26 +28,26 @@ BOUNDS = Bounds(seconds=30, wall=300.0, memory=2**29)
 
 @pytest.mark.parametrize("target", TARGETS)
 def test_no_drawn_name_becomes_code_of_an_export(target: str) -> None:
-    plainly_exported(target)
+    plain(exported, target)
     with closing(Child(same_code, BOUNDS)) as child:
 
         @cases(QUICK.get(target, 0.5))
         @given(DRAWN)
         def stays_text(name: str) -> None:
-            check("drawn names", f"export to {target}", child(target, name))
+            check("drawn names", f"export to {target}", child(exported, target, name))
 
         stays_text()
 
 
 @pytest.mark.parametrize("command", test_hostile_names.COMMANDS)
 def test_no_drawn_name_becomes_code_of_an_output(command: str) -> None:
-    plain_outputs(command)
-    with closing(Child(same_outputs, BOUNDS)) as child:
+    plain(outputs, command)
+    with closing(Child(same_code, BOUNDS)) as child:
 
         @cases(SHORT.get(command, 0.1))
         @given(DRAWN)
         def stays_text(name: str) -> None:
-            check("drawn names", command, child(command, name))
+            check("drawn names", command, child(outputs, command, name))
 
         stays_text()
 

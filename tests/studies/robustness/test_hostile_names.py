@@ -7,7 +7,7 @@ import csv
 import io
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -24,6 +24,7 @@ from stoop.exporters.targets import TARGETS
 from stoop.vehicle import parse_vehicle
 from stoop.vehicle.builtin import builtin_text
 
+Made = Callable[[str, str], Mapping[str, bytes]]  #: of a target or a command, and a name
 EXPORTED = {
     target: "quad-x"
     if target == "rotorpy"
@@ -47,19 +48,21 @@ def same(found: Mapping[str, bytes], plain: Mapping[str, bytes], name: str) -> N
 
 
 @cache
-def plainly_exported(target: str) -> Mapping[str, bytes]:
-    return exported(target, PLAIN)
+def plain(made: Made, what: str) -> Mapping[str, bytes]:
+    return made(what, PLAIN)
 
 
-def same_code(folder: Path, target: str, name: str) -> str:
-    same(exported(target, name), plainly_exported(target), name)
+def same_code(_: Path, made: Made, what: str, name: str) -> str:
+    same(made(what, name), plain(made, what), name)
     return READ
 
 
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("target", TARGETS)
 def test_no_name_of_a_vehicle_becomes_code_of_an_export(target: str, name: str, tmp_path: Path) -> None:
-    check("hostile names", f"export to {target}", try_case(same_code, tmp_path, target, NAMES[name]))
+    check(
+        "hostile names", f"export to {target}", try_case(same_code, tmp_path, exported, target, NAMES[name])
+    )
 
 
 WORDS = {"m1": "end", "m2": "nil", "m3": "lambda", "m4": "double"}
@@ -146,20 +149,10 @@ def outputs(command: str, name: str) -> Mapping[str, bytes]:
         return written(Path(OUT))
 
 
-@cache
-def plain_outputs(command: str) -> Mapping[str, bytes]:
-    return outputs(command, PLAIN)
-
-
-def same_outputs(_: Path, command: str, name: str) -> str:
-    same(outputs(command, name), plain_outputs(command), name)
-    return READ
-
-
 @pytest.mark.parametrize("name", SEVERAL, ids=range(len(SEVERAL)))
 @pytest.mark.parametrize("command", COMMANDS)
 def test_no_name_becomes_code_of_an_output(command: str, name: str, tmp_path: Path) -> None:
-    check("hostile names", command, try_case(same_outputs, tmp_path, command, name))
+    check("hostile names", command, try_case(same_code, tmp_path, outputs, command, name))
 
 
 SEEN = {

@@ -26,7 +26,6 @@ from stoop.input_design.optimization import (
     InformationCost,
     Plan,
     design,
-    mean_ratio,
     propose,
     robustness,
     textbook_maneuver,
@@ -38,6 +37,7 @@ from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import Maneuver
 from stoop.vehicle.builtin import builtin_text, builtin_vehicle, resolve_vehicle
 from stoop.vehicle.load import parse_vehicle
+from stoop_studies.verify.design import mean_ratio
 
 SERVOS = """
 [controls.elevator]
