@@ -14,9 +14,9 @@ from typing import Any
 import sympy as sp
 from sympy.printing.pycode import PythonCodePrinter
 
-from stoop.kernels.balance import groups
-from stoop.kernels.lanes import straight_line
-from stoop.kernels.symbolic import SymbolicModel
+from stoop.kernels.symbolic import Sizes, SymbolicModel
+
+HEADER = "from numpy import absolute as fabs, arctan2 as atan2, sqrt"  #: where the functions take arrays
 
 
 class _Printer(PythonCodePrinter):  # type: ignore[misc]
@@ -121,24 +121,16 @@ def function_source(name: str, arguments: dict[str, Sequence[Any]], expressions:
         lines += [f"{s} = {argument}[{i}]" for i, s in enumerate(symbols) if s in used]
     steps, results = sp.cse(list(expressions), sp.numbered_symbols("t"), order="none")
     lines += [f"{symbol} = {_PRINTER.doprint(expr)}" for symbol, expr in steps]
-    return straight_line(name, ", ".join(arguments), lines, [_PRINTER.doprint(e) for e in results])
+    lines.append(f"return ({''.join(f'{_PRINTER.doprint(e)}, ' for e in results)})")
+    return f"def {name}({', '.join(arguments)}):\n" + "".join(f"    {line}\n" for line in lines)
 
 
 @dataclass(frozen=True)
 class Emitted:
-    """Source of the model's functions and the sizes that the lane loops need."""
+    """Source of the model's functions, importable where they take arrays, and sizes of the model."""
 
     source: str
-    states: int
-    inputs: int
-    parameters: int
-    constants: int
-    outputs: int
-    wrapped: tuple[bool, ...]
-    groups: int  #: of lanes, whose steps are taken in turn
-    held: tuple[int, ...] = ()  #: inputs that keep a sample's value until the next
-    moves: int = 0
-    correction: str = ""  #: source of the move of a state; empty for a model that no filter takes
+    sizes: Sizes
     latex: tuple[str, ...] = ()
 
 
@@ -178,18 +170,15 @@ def emit(model: SymbolicModel) -> Emitted:
     names = [s for s, _ in constants]
     arguments: dict[str, Sequence[Any]] = {"x": x, "u": u, "c": names}
     nx = len(x)
-    source = "\n\n".join(
-        [
-            function_source("prepare", {"p": p}, [e for _, e in constants]),
-            function_source("derive", arguments, hoisted.expressions[:nx]),
-            function_source("observe", arguments, hoisted.expressions),
-        ]
-    )
-    correction = ""
+    functions = [
+        HEADER,
+        function_source("prepare", {"p": p}, [e for _, e in constants]),
+        function_source("derive", arguments, hoisted.expressions[:nx]),
+        function_source("observe", arguments, hoisted.expressions),
+    ]
     if model.moves:
         after, arguments = _renamed(model.moved, x=model.states, d=model.moves)
-        correction = function_source("correct", arguments, after)
-    return Emitted(
-        source, nx, len(u), len(p), len(names), len(model.outputs), model.wrapped, groups(source, "derive"),
-        model.held, len(model.moves), correction, model.latex,
-    )  # fmt: skip
+        functions.append(function_source("correct", arguments, after))
+    wrapped = tuple(map(int, model.wrapped))
+    sizes = Sizes(nx, len(u), len(p), len(names), len(model.outputs), len(model.moves), model.held, wrapped)
+    return Emitted("\n\n".join(functions), sizes, model.latex)

@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from stoop.base.arrays import FloatArray
 from stoop.kernels.arrays import fits, matrix
-from stoop.kernels.filter import WIDTH
-from stoop.kernels.kernel import Kernel, riccati_module
+from stoop.kernels.generated import riccati_module
+from stoop.kernels.kernel import Kernel
 
 IntArray = NDArray[np.int64]
 
@@ -54,12 +54,12 @@ def innovations(
     z, m, k = matrix(np.where(seen, measured, 0.0)), matrix(seen.astype(np.float64)), matrix(gains)
     out = np.empty((count, n, ny))
     path = np.empty((count, n, nx) if states else (0, 1, 1))
-    module = kernel.module("filtering")
+    march = kernel.entry("filter")
 
     def run(a: int, b: int) -> None:
-        module.run_filter(p, x, k, g, u, rows, z, m, float(dt), n, out, path, int(states), a, b)
+        march(p, x, k, g, u, rows, z, m, float(dt), n, out, path, int(states), a, b, count)
 
-    kernel.share(run, count, threads, WIDTH)
+    kernel.share(run, count, threads)
     return out, path
 
 
@@ -84,7 +84,7 @@ def step(
     fits("following", following, (nu, count))
     out = np.empty((nx + ny, count))
     arrays = [matrix(a) for a in (parameters, states, inputs, following)]
-    kernel.module("steps").run_step(*arrays, float(dt), out)
+    kernel.entry("step")(*arrays, float(dt), out, count)
     return out[:nx], out[nx:]
 
 
@@ -93,7 +93,7 @@ def move(kernel: Kernel, states: FloatArray, moves: FloatArray) -> FloatArray:
     fits("states", states, (kernel.sizes[0], states.shape[1]))
     fits("moves", moves, (kernel.moves, states.shape[1]))
     out = np.empty(states.shape)
-    kernel.module("steps").run_move(matrix(states), matrix(moves), out)
+    kernel.entry("move")(matrix(states), matrix(moves), out, states.shape[1])
     return out
 
 

@@ -19,27 +19,34 @@ _CODE_SETTINGS = (
 
 
 @functools.cache
-def environment() -> Mapping[str, str]:
-    """Return what numbers depend on beside the model: processor, versions, settings, our own sources.
-
-    Where two processes agree on all of it, compiled equations give the same bytes. Settings of the compiler come from the
-    environment or from Numba's own file.
-    """
+def equations_environment() -> Mapping[str, str]:
+    """Return what compiled equations depend on beside the model: processor, versions, our own sources."""
     import llvmlite
-    import llvmlite.binding as llvm
-    import numba
 
-    settings = [f"{name}={getattr(numba.config, name, None)!r}" for name in _CODE_SETTINGS]
+    from stoop.kernels.compiler import native
+
     sources = b"".join(p.read_bytes() for p in sorted(_HERE.glob("*.py")))
     return MappingProxyType(
         {
             "Python": sys.version,
-            "numba": numba.__version__,
             "llvmlite": llvmlite.__version__,
             "sympy": metadata.version("sympy"),
-            "processor": llvm.get_host_cpu_name(),
-            "processor's features": llvm.get_host_cpu_features().flatten(),
-            "settings of the compiler": " ".join(settings),
+            "processor": native().processor,
+            "processor's features": native().features,
             "sources of stoop.kernels": hashlib.sha256(sources).hexdigest(),
         }
     )
+
+
+@functools.cache
+def environment() -> Mapping[str, str]:
+    """Return what numbers depend on beside the model: that of equations, and Numba with its settings.
+
+    Where two processes agree on all of it, compiled code gives the same bytes. Settings of the compiler come from the
+    environment or from Numba's own file.
+    """
+    import numba
+
+    settings = [f"{name}={getattr(numba.config, name, None)!r}" for name in _CODE_SETTINGS]
+    found = {"numba": numba.__version__, "settings of the compiler": " ".join(settings)}
+    return MappingProxyType({**equations_environment(), **found})

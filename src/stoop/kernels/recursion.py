@@ -1,13 +1,28 @@
-"""The covariance of a filter along a record, sample by sample: plain loops, compiled with the filter's module."""
+"""The covariance of a filter along a record, sample by sample: plain loops that Numba compiles.
+
+The text of this file is copied to the cache whole, because Numba's cache does not follow imports.
+"""
 
 import math
 from typing import Any
 
+import numba as nb
 import numpy as np
 
-from stoop.kernels.runtime import compiled, inline
-
-# Copied from here.
+inline = nb.njit(
+    fastmath={"contract", "nsz", "arcp", "afn", "reassoc"},
+    forceinline=True,
+    error_model="numpy",
+    no_cpython_wrapper=True,
+    no_cfunc_wrapper=True,
+)
+compiled = nb.njit(
+    fastmath={"contract", "nsz", "arcp", "afn", "reassoc"},
+    error_model="numpy",
+    nogil=True,
+    cache=True,
+    no_cfunc_wrapper=True,
+)
 
 
 @inline

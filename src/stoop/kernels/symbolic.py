@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 
@@ -21,3 +21,29 @@ class SymbolicModel:
     moves: tuple[Any, ...] = ()  #: symbols of a filter's error state; none for a model that no filter takes
     moved: tuple[Any, ...] = ()  #: each state after its correction by the error state
     latex: tuple[str, ...] = ()  #: the equations, kept beside the compiled code: a page then needs no SymPy
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """Sizes of a model, and what a time loop has to know of its inputs and outputs."""
+
+    states: int
+    inputs: int
+    parameters: int
+    constants: int  #: that depend on the parameters alone
+    outputs: int
+    moves: int  #: components of the error state; zero where no filter takes the model
+    held: tuple[int, ...]  #: inputs that keep a sample's value until the next
+    wrapped: tuple[int, ...]  #: 1 for an output that is an angle on the whole circle
+
+    def text(self) -> str:
+        """Return one line a field."""
+        rows = (getattr(self, f.name) for f in fields(self))
+        return "\n".join(" ".join(map(str, row if isinstance(row, tuple) else [row])) for row in rows)
+
+    @classmethod
+    def read(cls, text: str) -> Sizes:
+        """Return the sizes of a text that :meth:`text` wrote."""
+        rows = [tuple(int(word) for word in line.split()) for line in text.split("\n")]
+        states, inputs, parameters, constants, outputs, moves = (number for (number,) in rows[:6])
+        return cls(states, inputs, parameters, constants, outputs, moves, *rows[6:])

@@ -8,7 +8,6 @@ Axes: b = lane (candidate and window), k = sample of the window, i = state, inpu
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,20 +15,13 @@ from numpy.typing import NDArray
 
 from stoop.base.arrays import FloatArray
 from stoop.kernels.arrays import fits, matrix
-from stoop.kernels.lanes import indent, model_source, next_inputs
+from stoop.kernels.instructions import Function, Rows
+from stoop.kernels.loops import BLOCKS, Block, Entry, Model, candidate, following, keep_sample, pointers
 
 if TYPE_CHECKING:
-    from stoop.kernels.emit import Emitted
     from stoop.kernels.kernel import Kernel
 
 IntArray = NDArray[np.int64]
-WIDTH = 8
-
-SIGNATURES = {
-    "run_windows": (
-        "void(f8[:,::1], f8[:,::1], f8[:,::1], i8[::1], i8[::1], i8[::1], f8, i8, f8[:,:,::1], f8[:,::1], i8, i8)"
-    ),
-}
 
 
 def windows(
@@ -66,12 +58,12 @@ def windows(
     samples = 1 + max(0, int(many.max(initial=0)))
     p, x, u = matrix(parameters), matrix(initial), matrix(record)
     out, last = np.empty((count, samples, ny)), np.full((nx, count), np.nan)
-    module = kernel.module("windows")
+    march = kernel.entry("windows")
 
     def run(a: int, b: int) -> None:
-        module.run_windows(p, x, u, begin, behind, many, float(dt), samples, out, last, a, b)
+        march(p, x, u, begin, behind, many, float(dt), samples, out, last, a, b, count)
 
-    kernel.share(run, count, None, WIDTH)
+    kernel.share(run, count, None)
     return out, last
 
 
@@ -81,50 +73,48 @@ def _whole(name: str, values: IntArray, count: int) -> IntArray:
     return np.require(values, dtype=np.int64, requirements=["C", "W"])
 
 
-def windows_source(emitted: Emitted) -> str:
-    """Write a whole module: the model's functions, the loop."""
-    e = replace(emitted, groups=1)
-    return model_source(e) + _loop(e)
+def _windows(code: Function, model: Model) -> None:
+    sizes = model.sizes
+    block, now, end = Block(code, model), code.rows(sizes.inputs), code.rows(sizes.inputs)
+    kept = code.rows(sizes.outputs)
+    with code.loop("%first", "%last", code.lanes) as first:
+        block.begin(first)
+        with code.loop(0, "%samples") as k:
+            _load_inputs(code, now, end, sizes.held, first, k)
+            _keep_last(code, block.state, first, k)
+            derivatives, outputs = block.observe(list(now))
+            kept.fill(outputs)
+            block.advance(derivatives, list(now), list(end))
+            keep_sample(code, kept, "%Y", first, k)
 
 
-def _loads(e: Emitted, first: int) -> str:
-    return f"load_rows(S, {first * WIDTH}, {WIDTH}, {e.inputs}, j)"
+def _load_inputs(code: Function, now: Rows, end: Rows, held: tuple[int, ...], first: str, k: str) -> None:
+    """Write the load of each lane's inputs at a sample and at the end of its step."""
+    with code.loop(0, code.lanes) as lane:
+        b = candidate(code, first, lane)
+        behind = code.load("%behind", b, "i64")
+        row = code.least(
+            code.integer("add", code.load("%begin", b, "i64"), k), code.integer("sub", behind, 1)
+        )
+        then = following(code, row, behind)
+        for i in range(now.count):
+            for rows, at in ((now, row), (end, row if i in held else then)):
+                place = code.integer("add", code.integer("mul", at, now.count), i)
+                code.store(code.load("%U", place), rows.name, rows.place(i, lane))
 
 
-def _loop(e: Emitted) -> str:
-    results = e.states + e.constants
-    now = results + e.outputs
-    after, size = now + e.inputs, now + 2 * e.inputs
-    gather = [f"store_rows(S, {now * WIDTH}, {WIDTH}, load_row(U, {e.inputs}, row), j)"]
-    ahead = next_inputs(e, "U[row, {i}]", "U[next, {i}]")
-    gather += [f"S[{(after + i) * WIDTH} + j] = {one}" for i, one in enumerate(ahead)]
-    keep = [f"store_rows(S, {results * WIDTH}, {WIDTH}, y[{e.states}:], j)"]
-    return f"""
-@compiled
-def run_windows(P, X0, U, first_row, end_row, steps, dt, samples, Y, X, first, last):
-    S = nb.carray(scratch({size * WIDTH}), {size * WIDTH})
-    hh = 0.5 * dt
-    h6 = dt / 6.0
-    for b0 in range(first, last, LANES):
-        fill(S, P, X0, b0)
-        for k in range(samples):
-            for j in range(LANES):
-                b = min(b0 + j, P.shape[1] - 1)
-                row = min(first_row[b] + k, end_row[b] - 1)
-                next = min(row + 1, end_row[b] - 1)
-{indent(gather, 16)}            for j in range(min(LANES, last - b0)):
-                if steps[b0 + j] == k:
-                    for i in range({e.states}):
-                        X[i, b0 + j] = S[i * LANES + j]
-            for j in range({WIDTH}):
-                x = load_state(S, j)
-                c = load_constants(S, j)
-                a = {_loads(e, now)}
-                n = {_loads(e, after)}
-                y = observe(x, a, c)
-                moved = advance((x,), (y,), (c,), (middle(a, n),), (n,), hh, dt, h6)
-                store_state(S, j, moved[0])
-{indent(keep, 16)}            for j in range(min(LANES, last - b0)):
-                for i in range({e.outputs}):
-                    Y[b0 + j, k, i] = S[({results} + i) * LANES + j]
-"""
+def _keep_last(code: Function, state: Rows, first: str, k: str) -> None:
+    """Write the copy of the states of those lanes that have taken their steps."""
+    with code.loop(0, code.least(code.lanes, code.integer("sub", "%last", first))) as lane:
+        b = code.integer("add", first, lane)
+        with code.when("eq", code.load("%steps", b, "i64"), k), code.loop(0, state.count) as i:
+            place = code.integer("add", code.integer("mul", i, "%count"), b)
+            code.store(code.load(state.name, state.place(i, lane)), "%X", place)
+
+
+ENTRIES = {
+    "windows": Entry(
+        f"{pointers('P X0 U begin behind steps')}, double %dt, i64 %samples, {pointers('Y X')}, {BLOCKS}",
+        _windows,
+    )
+}

@@ -16,7 +16,7 @@ from typing import Any, Final
 
 from stoop.base import cache
 from stoop.kernels import environment
-from stoop.kernels.kernel import import_generated
+from stoop.kernels.generated import import_generated
 from stoop.logs import blackbox_walk, dataflash_walk, ulog_walk
 
 _BYTES, _READ, _WIDE, _NARROW = (

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from naive import oscillator
 
-from stoop.kernels import Kernel, balance, kernel, load_kernel
+from stoop.kernels import Kernel, kernel, load_kernel
 
 
 @pytest.fixture(scope="session")
@@ -17,27 +17,11 @@ def pendulum(tmp_path_factory: pytest.TempPathFactory) -> Kernel:
         return load_kernel("pendulum", oscillator.equations)
 
 
-@pytest.fixture(scope="session")
-def alone(tmp_path_factory: pytest.TempPathFactory) -> Kernel:
-    """Return the same pendulum as large models are compiled: one group of lanes in a block."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("STOOP_CACHE_DIR", str(tmp_path_factory.mktemp("kernels")))
-        patch.setattr(balance, "BUSY", 0.0)
-        return load_kernel("pendulum, alone", oscillator.equations)
-
-
-@pytest.fixture(params=["pendulum", "alone"])
-def either(request: pytest.FixtureRequest) -> Kernel:
-    """Return the pendulum in both forms, one after the other."""
-    made: Kernel = request.getfixturevalue(request.param)
-    return made
-
-
 @pytest.fixture
 def forget(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     """Give the test an empty cache and a process that has loaded nothing yet; return the cache's folder."""
     folder = tmp_path / "cache"
     monkeypatch.setenv("STOOP_CACHE_DIR", str(folder))
-    for kept in ("_loaded", "_emitted"):
+    for kept in ("_loaded", "_models"):
         monkeypatch.setattr(kernel, kept, {})
     return folder

@@ -7,8 +7,7 @@ import sympy as sp
 from naive import oscillator
 
 from stoop.kernels import SymbolicModel
-from stoop.kernels.emit import emit, hoist
-from stoop.kernels.lanes import loop_source
+from stoop.kernels.emit import HEADER, emit, hoist
 
 x, y, u, a, b = sp.symbols("x y u a b", real=True)
 
@@ -36,14 +35,13 @@ def test_hoisting_changes_no_value() -> None:
 def test_user_names_do_not_reach_the_source() -> None:
     evil = sp.Symbol("__import__('os').system('true')", real=True)
     source = emit(SymbolicModel((x,), (u,), (evil,), (evil * x,), (x,), ("x",), (False,))).source
-    assert "import" not in source
-    assert "os" not in source
+    written = source.removeprefix(HEADER)
+    assert "import" not in written
+    assert "os" not in written
 
 
 def test_equal_models_give_equal_source() -> None:
-    first, second = emit(oscillator.equations()), emit(oscillator.equations())
-    assert first == second
-    assert loop_source(first, "shared") == loop_source(second, "shared")
+    assert emit(oscillator.equations()) == emit(oscillator.equations())
 
 
 @pytest.mark.parametrize("rate", [x ** sp.Rational(1, 3), x**y, sp.exp(x), sp.zoo * x])
@@ -57,6 +55,6 @@ def test_what_has_no_vector_form_is_refused(rate: sp.Expr) -> None:
 def test_powers(power: int, half: int) -> None:
     exponent = sp.Integer(power) + sp.Rational(half, 2)
     source = emit(model(sp.Integer(0), (x + 2) ** exponent)).source
-    scope: dict[str, object] = {"straight_line": lambda _: lambda f: f, "sqrt": lambda v: v**0.5}
+    scope: dict[str, object] = {}
     exec(source, scope)  # noqa: S102  our own text, to see what it computes
     assert scope["observe"]((0.3,), (0.0,), ())[1] == pytest.approx(2.3 ** float(exponent), rel=1e-14)  # type: ignore[operator]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,8 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from naive import march, oscillator
 
-from stoop.kernels import Kernel
-from stoop.kernels.kernel import thread_count
+from stoop.kernels import Kernel, compiler
+from stoop.kernels.kernel import ENTRIES, thread_count
 
 DT, N = 0.02, 60
 
@@ -38,16 +39,11 @@ def twin(p: np.ndarray, x: np.ndarray, u: np.ndarray) -> np.ndarray:
     )
 
 
-def test_trajectories_equal_plain_python(either: Kernel) -> None:
+def test_trajectories_equal_plain_python(pendulum: Kernel) -> None:
     p, x = candidates(11)
-    y = either.trajectories(p, x, inputs(), DT)
+    y = pendulum.trajectories(p, x, inputs(), DT)
     expected = np.array([twin(p[:, b], x[:, b], inputs()) for b in range(11)])
     np.testing.assert_allclose(y, expected, rtol=1e-12, atol=1e-13)
-
-
-def test_modules_of_a_model_share_what_is_compiled(alone: Kernel) -> None:
-    assert alone.module("costs").derive is alone.module("windows").derive is alone.shared.derive
-    assert alone.shared.derive.signatures
 
 
 def test_evaluate_equals_plain_python(pendulum: Kernel) -> None:
@@ -59,14 +55,14 @@ def test_evaluate_equals_plain_python(pendulum: Kernel) -> None:
         np.testing.assert_allclose(y[:, b], oscillator.readings(x[:, b], u[:, b], p[:, b]), rtol=1e-14)
 
 
-def test_cost_is_the_weighted_sum_of_squares(either: Kernel) -> None:
+def test_cost_is_the_weighted_sum_of_squares(pendulum: Kernel) -> None:
     p, x = candidates(11)
     z, w = record()
     z[:, 0] += 2 * np.pi * np.random.default_rng(5).integers(-1, 2, N) * (np.arange(N) % 3 == 0)
     z[7, 1], w[7, 1] = np.nan, 0.0
     z[9] = np.nan
     w[9] = 0.0
-    J = either.cost(p, x, inputs(), z, w, DT)
+    J = pendulum.cost(p, x, inputs(), z, w, DT)
     y = [twin(p[:, b], x[:, b], inputs()) for b in range(11)]
     np.testing.assert_allclose(J, [march.cost(t, z, w, (True, False, False)) for t in y], rtol=1e-12)
 
@@ -101,12 +97,12 @@ def test_nan_measurement_with_weight_costs_infinity(pendulum: Kernel) -> None:
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 1e200, -1e9])
 @pytest.mark.parametrize("lane", [0, 3, 7, 8, 12])
-def test_a_diverging_candidate_disturbs_no_other(either: Kernel, bad: float, lane: int) -> None:
+def test_a_diverging_candidate_disturbs_no_other(pendulum: Kernel, bad: float, lane: int) -> None:
     p, x = candidates(13)
     z, w = record()
-    J, y = either.cost(p, x, inputs(), z, w, DT), either.trajectories(p, x, inputs(), DT)
+    J, y = pendulum.cost(p, x, inputs(), z, w, DT), pendulum.trajectories(p, x, inputs(), DT)
     p[0, lane] = bad
-    J2, y2 = either.cost(p, x, inputs(), z, w, DT), either.trajectories(p, x, inputs(), DT)
+    J2, y2 = pendulum.cost(p, x, inputs(), z, w, DT), pendulum.trajectories(p, x, inputs(), DT)
     others = np.arange(13) != lane
     assert np.isposinf(J2[lane])
     assert not np.isfinite(y2[lane]).all()
@@ -130,13 +126,13 @@ def test_any_numbers_give_a_cost_and_leave_the_others(
 
 
 @pytest.mark.parametrize("threads", [1, 2, 3, 8, 50])
-def test_threads_do_not_change_a_bit(either: Kernel, threads: int) -> None:
+def test_threads_do_not_change_a_bit(pendulum: Kernel, threads: int) -> None:
     p, x = candidates(67)
     z, w = record()
-    one = either.cost(p, x, inputs(), z, w, DT, threads=1)
-    assert np.array_equal(either.cost(p, x, inputs(), z, w, DT, threads=threads), one)
-    y = either.trajectories(p, x, inputs(), DT, threads=1)
-    assert np.array_equal(either.trajectories(p, x, inputs(), DT, threads=threads), y)
+    one = pendulum.cost(p, x, inputs(), z, w, DT, threads=1)
+    assert np.array_equal(pendulum.cost(p, x, inputs(), z, w, DT, threads=threads), one)
+    y = pendulum.trajectories(p, x, inputs(), DT, threads=1)
+    assert np.array_equal(pendulum.trajectories(p, x, inputs(), DT, threads=threads), y)
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork on this system")
@@ -160,24 +156,25 @@ def test_the_child_of_a_fork_has_threads_of_its_own(pendulum: Kernel) -> None:
 
 
 @pytest.mark.parametrize("count", [1, 2, 7, 8, 9, 16, 17, 24, 31])
-def test_place_and_company_do_not_change_a_bit(either: Kernel, count: int) -> None:
+def test_place_and_company_do_not_change_a_bit(pendulum: Kernel, count: int) -> None:
     p, x = candidates(31)
     z, w = record()
-    all_costs = either.cost(p, x, inputs(), z, w, DT)
-    assert np.array_equal(either.cost(p[:, :count], x[:, :count], inputs(), z, w, DT), all_costs[:count])
+    all_costs = pendulum.cost(p, x, inputs(), z, w, DT)
+    assert np.array_equal(pendulum.cost(p[:, :count], x[:, :count], inputs(), z, w, DT), all_costs[:count])
     order = np.random.default_rng(count).permutation(31)
-    assert np.array_equal(either.cost(p[:, order], x[:, order], inputs(), z, w, DT), all_costs[order])
-    y = either.trajectories(p, x, inputs(), DT)
-    assert np.array_equal(either.trajectories(p[:, order], x[:, order], inputs(), DT), y[order])
+    assert np.array_equal(pendulum.cost(p[:, order], x[:, order], inputs(), z, w, DT), all_costs[order])
+    y = pendulum.trajectories(p, x, inputs(), DT)
+    assert np.array_equal(pendulum.trajectories(p[:, order], x[:, order], inputs(), DT), y[order])
 
 
-def test_groups_of_lanes_change_the_speed_alone(pendulum: Kernel, alone: Kernel) -> None:
-    assert pendulum.lanes == 2 * alone.lanes
-    p, x = candidates(29)
+@pytest.mark.parametrize("lanes", [2, 4, 8])
+def test_the_width_of_a_block_changes_no_bit(pendulum: Kernel, lanes: int) -> None:
+    p, x = candidates(21)
     z, w = record()
-    J, y = pendulum.cost(p, x, inputs(), z, w, DT), pendulum.trajectories(p, x, inputs(), DT)
-    np.testing.assert_allclose(J, alone.cost(p, x, inputs(), z, w, DT), rtol=1e-13)
-    np.testing.assert_allclose(y, alone.trajectories(p, x, inputs(), DT), rtol=1e-13, atol=1e-14)
+    entry = ENTRIES["cost"]
+    made = compiler.native().compile(entry.text(pendulum.model, lanes))
+    narrow = replace(pendulum, lanes=lanes, entries={"cost": lambda: compiler.load(made, entry.arguments)})
+    assert np.array_equal(narrow.cost(p, x, inputs(), z, w, DT), pendulum.cost(p, x, inputs(), z, w, DT))
 
 
 @pytest.mark.parametrize("samples", [1, 2, 17, N])
@@ -192,30 +189,32 @@ def test_first_samples_only(pendulum: Kernel, samples: int) -> None:
     np.testing.assert_array_equal(J, pendulum.cost(p, x, inputs(), z, w_short, DT))
 
 
-def test_no_samples_and_no_candidates(either: Kernel) -> None:
+def test_no_samples_and_no_candidates(pendulum: Kernel) -> None:
     p, x = candidates(4)
     z, w = record()
-    assert np.array_equal(either.cost(p, x, inputs(), z, w, DT, 0), np.zeros(4))
-    assert either.trajectories(p, x, inputs(), DT, 0).shape == (4, 0, 3)
-    assert either.cost(p[:, :0], x[:, :0], inputs(), z, w, DT).shape == (0,)
-    assert either.trajectories(p[:, :0], x[:, :0], inputs(), DT).shape == (0, N, 3)
+    assert np.array_equal(pendulum.cost(p, x, inputs(), z, w, DT, 0), np.zeros(4))
+    assert pendulum.trajectories(p, x, inputs(), DT, 0).shape == (4, 0, 3)
+    assert pendulum.cost(p[:, :0], x[:, :0], inputs(), z, w, DT).shape == (0,)
+    assert pendulum.trajectories(p[:, :0], x[:, :0], inputs(), DT).shape == (0, N, 3)
 
 
-def test_inputs_per_lane_equal_shared_ones(either: Kernel) -> None:
+def test_inputs_per_lane_equal_shared_ones(pendulum: Kernel) -> None:
     p, x = candidates(13)
     z, w = record()
     lanes = np.repeat(inputs()[:, :, None], 13, axis=2)
-    J = either.cost(p, x, inputs(), z, w, DT)
-    np.testing.assert_allclose(either.cost(p, x, lanes, z, w, DT), J, rtol=1e-13)
-    y = either.trajectories(p, x, inputs(), DT)
-    np.testing.assert_allclose(either.trajectories(p, x, lanes, DT), y, rtol=1e-13, atol=1e-14)
+    J = pendulum.cost(p, x, inputs(), z, w, DT)
+    np.testing.assert_allclose(pendulum.cost(p, x, lanes, z, w, DT), J, rtol=1e-13)
+    y = pendulum.trajectories(p, x, inputs(), DT)
+    np.testing.assert_allclose(pendulum.trajectories(p, x, lanes, DT), y, rtol=1e-13, atol=1e-14)
 
 
-def test_every_lane_hears_its_own_inputs(either: Kernel) -> None:
+def test_every_lane_hears_its_own_inputs(pendulum: Kernel) -> None:
     p, x = candidates(13)
     lanes = np.random.default_rng(8).uniform(-1, 1, (N, 1, 13))
-    y = either.trajectories(p, x, lanes, DT)
-    alone = [either.trajectories(p[:, b : b + 1], x[:, b : b + 1], lanes[:, :, b], DT)[0] for b in range(13)]
+    y = pendulum.trajectories(p, x, lanes, DT)
+    alone = [
+        pendulum.trajectories(p[:, b : b + 1], x[:, b : b + 1], lanes[:, :, b], DT)[0] for b in range(13)
+    ]
     np.testing.assert_allclose(y, alone, rtol=1e-12, atol=1e-13)
 
 

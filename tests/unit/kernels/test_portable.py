@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import ast
 from importlib.resources import files
-from pathlib import Path
 
 import pytest
 from naive import oscillator
 
-from stoop.kernels import SymbolicModel, runtime
+from stoop.kernels import SymbolicModel
 from stoop.kernels.emit import emit
 from stoop.vehicle import parse_vehicle
 from stoop.vehicle.symbolic import build_model
 
-CALLS = {"sqrt", "fabs", "select", "atan2", "wrap"}
+CALLS = {"sqrt", "fabs", "atan2"}
 ARITHMETIC = (
     ast.BinOp, ast.UnaryOp, ast.Add, ast.Sub, ast.Mult, ast.Div, ast.USub, ast.UAdd, ast.Compare, ast.Gt, ast.Lt, ast.NotEq,
     ast.Constant, ast.Name, ast.Load, ast.Store, ast.Call,
@@ -69,17 +68,9 @@ def twin_boom() -> SymbolicModel:
 @pytest.mark.parametrize("model", [oscillator.equations, twin_boom])
 def test_the_models_functions_are_straight_line_scalar_code(model: object) -> None:
     made = functions(emit(model()).source)  # type: ignore[operator]
-    assert list(made) == ["prepare", "derive", "observe"]
+    assert list(made)[:3] == ["prepare", "derive", "observe"]
+    assert set(made) <= {"prepare", "derive", "observe", "correct"}
     assert all(straight(f) for f in made.values())
-
-
-@pytest.mark.parametrize("name", ["wrap", "atan2"])
-def test_what_they_call_is_straight_line_too(name: str) -> None:
-    *steps, last = functions(Path(runtime.__file__).read_text())[name].body[1:]
-    assert all(isinstance(s, ast.Assign) and arithmetic(s.value) for s in steps)
-    assert isinstance(last, ast.Return)
-    assert last.value is not None
-    assert arithmetic(last.value)
 
 
 @pytest.mark.parametrize(

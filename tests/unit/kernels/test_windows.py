@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 
@@ -57,21 +53,3 @@ def test_rows_beyond_the_record_are_refused(flown):
         windows(kernel, rows, x, record, first - 1, end, steps, DT)
     with pytest.raises(ValueError, match="steps: shape"):
         windows(kernel, rows, x, record, first, end, steps[1:], DT)
-
-
-OPEN = """
-from stoop.vehicle.builtin import resolve_vehicle
-kernel = resolve_vehicle("twin-boom").reduced("longitudinal").kernel()
-for name in {}:
-    kernel.module(name)
-"""
-
-
-def test_a_module_opens_in_a_process_that_has_not_opened_those_it_was_compiled_beside(tmp_path):
-    """Numba's files name the module of each function that was inlined: one that every process can find."""
-    for names in (["steps", "windows"], ["windows"], ["steps"]):
-        subprocess.run(
-            [sys.executable, "-c", OPEN.format(names)],
-            check=True,
-            env=os.environ | {"STOOP_CACHE_DIR": str(tmp_path)},
-        )

@@ -3,30 +3,42 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import mpmath
-import numba
 import numpy as np
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from stoop.kernels import runtime
+from stoop.kernels import compiler
+from stoop.kernels.elementary import atan2, wrap
+from stoop.kernels.instructions import Function
+from stoop.kernels.loops import Entry, gather, pointers, scatter
+
+
+def body(code: Function, _: object) -> None:
+    y, x, found = code.rows(1), code.rows(1), code.rows(2)
+    with code.loop(0, "%count", code.lanes) as first:
+        gather(code, "%Y", y, first)
+        gather(code, "%X", x, first)
+        found.fill([atan2(y[0], x[0]), wrap(y[0])])
+        scatter(code, found, "%D", first)
 
 
 @pytest.fixture(scope="module")
-def functions() -> numba.core.dispatcher.Dispatcher:
-    @numba.njit(fastmath=runtime.FASTMATH, error_model="numpy")
-    def apply(y: np.ndarray, x: np.ndarray, out: np.ndarray) -> None:
-        for i in range(y.size):
-            out[0, i] = runtime.atan2(y[i], x[i])
-            out[1, i] = runtime.wrap(y[i])
+def functions() -> Callable[..., None]:
+    entry = Entry(f"{pointers('Y X D')}, i64 %count", body)
+    made = compiler.native().compile(entry.text(None, compiler.lanes()))  # type: ignore[arg-type]
+    run = compiler.load(made, entry.arguments)
 
-    apply(np.zeros(1), np.ones(1), np.empty((2, 1)))  # compiled here: an example of hypothesis has a deadline
+    def apply(y: np.ndarray, x: np.ndarray, out: np.ndarray) -> None:
+        run(y, x, out, y.size)
+
     return apply
 
 
-def test_atan2_is_within_two_units_in_the_last_place(functions: numba.core.dispatcher.Dispatcher) -> None:
+def test_atan2_is_within_two_units_in_the_last_place(functions: Callable[..., None]) -> None:
     rng = np.random.default_rng(0)
     y, x = rng.standard_normal((2, 4000)) * 10.0 ** rng.uniform(-9, 3, (2, 4000))
     out = np.empty((2, 4000))
@@ -43,7 +55,7 @@ def test_atan2_is_within_two_units_in_the_last_place(functions: numba.core.dispa
 @example(0.0, -1.0)
 @example(math.inf, 1.0)
 @example(1.0, -math.inf)
-def test_atan2_at_the_edges(functions: numba.core.dispatcher.Dispatcher, y: float, x: float) -> None:
+def test_atan2_at_the_edges(functions: Callable[..., None], y: float, x: float) -> None:
     out = np.empty((2, 1))
     functions(np.array([y]), np.array([x]), out)
     if math.isinf(x) and math.isinf(y):
@@ -53,7 +65,7 @@ def test_atan2_at_the_edges(functions: numba.core.dispatcher.Dispatcher, y: floa
         assert out[0, 0] == pytest.approx(math.atan2(unsigned, x), rel=5e-16, abs=1e-300)
 
 
-def test_not_a_number_stays_one(functions: numba.core.dispatcher.Dispatcher) -> None:
+def test_not_a_number_stays_one(functions: Callable[..., None]) -> None:
     out = np.empty((2, 2))
     functions(np.array([np.nan, 1.0]), np.array([1.0, np.nan]), out)
     assert np.isnan(out[0]).all()
@@ -61,7 +73,7 @@ def test_not_a_number_stays_one(functions: numba.core.dispatcher.Dispatcher) -> 
 
 
 @given(st.floats(-9.42, 9.42))
-def test_wrap(functions: numba.core.dispatcher.Dispatcher, a: float) -> None:
+def test_wrap(functions: Callable[..., None], a: float) -> None:
     out = np.empty((2, 1))
     functions(np.array([a]), np.array([1.0]), out)
     assert abs(out[1, 0]) <= math.pi

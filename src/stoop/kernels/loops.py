@@ -1,0 +1,242 @@
+"""The time loop around the model's functions: time outside, lanes inside.
+
+A block of candidates side by side, one a lane, takes each step together. What a block needs between steps lies in rows of
+scratch memory on the stack. The second to fourth stage of a Runge-Kutta step are one loop, so the machine code of a step holds
+the derivatives twice and not four times. Blocks are always full: a lane without a candidate repeats the last one. Every lane
+does the same operations in the same order, so a candidate's result depends neither on its place nor on the width of a block.
+
+Axes: b = candidate, k = sample, i = state, input or output.
+
+What would move to another machine, such as a GPU: the model's functions are straight-line scalar code on tuples, without
+arrays, loops, branches or state; all they call is ``sqrt``, ``fabs`` and ``atan2``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from types import FunctionType, ModuleType
+from typing import Any
+
+from stoop.kernels.elementary import FUNCTIONS, wrap
+from stoop.kernels.instructions import Function, Rows, Term, double
+from stoop.kernels.symbolic import Sizes
+
+Terms = Sequence[Any]  #: terms, or numbers that are the same in every lane
+
+
+@dataclass(frozen=True)
+class Model:
+    """The functions of a model, which take and return tuples of terms."""
+
+    sizes: Sizes
+    module: ModuleType  #: the same functions, of arrays
+
+    def __getattr__(self, name: str) -> Callable[..., Terms]:
+        return FunctionType(getattr(self.module, name).__code__, dict(FUNCTIONS))
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A function that is compiled for every model."""
+
+    arguments: str  #: as LLVM writes them
+    body: Callable[[Function, Model], None]
+
+    def text(self, model: Model, lanes: int) -> str:
+        """Return LLVM's text of its module."""
+        code = Function(self.arguments, lanes)
+        self.body(code, model)
+        return code.text()
+
+
+class Block:
+    """The memory of a block of candidates and what is done with it."""
+
+    def __init__(self, code: Function, model: Model) -> None:
+        sizes = model.sizes
+        self.code, self.model, self.sizes = code, model, sizes
+        self.state, self.slope, self.total = (code.rows(sizes.states) for _ in range(3))
+        self.constants, self.inputs = code.rows(sizes.constants), code.rows(2 * sizes.inputs)
+        self.half = code.value(f"fmul double %dt, {double(0.5)}")
+        self.sixth = code.value(f"fdiv double %dt, {double(6.0)}")
+
+    def begin(self, first: str) -> None:
+        """Write the constants and initial states of the candidates from the first on."""
+        gather(self.code, "%X0", self.state, first)
+        prepare(self.code, self.model, self.constants, first)
+
+    def observe(self, inputs: Terms) -> tuple[Terms, Terms]:
+        """Write derivatives and outputs at the current state."""
+        found = self.model.observe(list(self.state), inputs, list(self.constants))
+        return found[: self.sizes.states], found[self.sizes.states :]
+
+    def advance(self, derivatives: Terms, now: Terms, end: Terms) -> None:
+        """Write a step of the Runge-Kutta method of order four from the derivatives at the current state.
+
+        Inputs are linear along the step, from `now` to `end`.
+        """
+        code, count = self.code, self.sizes.inputs
+        self.inputs.fill([0.5 * (a + b) for a, b in zip(now, end, strict=True)] + list(end))
+        self.slope.fill(derivatives)
+        self.total.fill(derivatives)
+        with code.loop(0, 3) as stage:
+            last = code.value(f"icmp eq i64 {stage}, 2")
+            ahead = code.spread(code.value(f"select i1 {last}, double %dt, double {self.half}"))
+            weight = code.spread(code.value(f"select i1 {last}, double {double(1.0)}, double {double(2.0)}"))
+            first = code.integer("mul", code.integer("lshr", stage, 1), count)
+            inputs = [self.inputs[code.integer("add", first, i)] for i in range(count)]
+            state = [x + ahead * k for x, k in zip(self.state, self.slope, strict=True)]
+            slopes = self.model.derive(state, inputs, list(self.constants))
+            for i, slope in enumerate(slopes):
+                self.slope[i] = slope
+                self.total[i] = self.total[i] + weight * slope
+        sixth = code.spread(self.sixth)
+        for i in range(self.sizes.states):
+            self.state[i] = self.state[i] + sixth * self.total[i]
+
+    def shared_inputs(self, k: str) -> tuple[Terms, Terms]:
+        """Write the inputs that all candidates share, at a sample and at the next."""
+        code, count = self.code, self.sizes.inputs
+        now = code.integer("mul", k, count)
+        then = code.integer("mul", following(code, k, "%rows"), count)
+        return self._pair(lambda i: code.spread(code.load("%U", code.integer("add", now, i))),
+                          lambda i: code.spread(code.load("%U", code.integer("add", then, i))))  # fmt: skip
+
+    def own_inputs(self, k: str, first: str) -> tuple[Terms, Terms]:
+        """Write the inputs of each candidate, [block, sample, input, lane], at a sample and at the next."""
+        code, lanes = self.code, self.code.lanes
+        block = code.integer("mul", code.value(f"sdiv i64 {first}, {lanes}"), "%rows")
+        now, then = (
+            code.integer("mul", code.integer("add", block, row), self.sizes.inputs * lanes)
+            for row in (k, following(code, k, "%rows"))
+        )
+        return self._pair(lambda i: code.vector_at("%U", code.integer("add", now, i * lanes)),
+                          lambda i: code.vector_at("%U", code.integer("add", then, i * lanes)))  # fmt: skip
+
+    def _pair(self, now: Callable[[int], Term], then: Callable[[int], Term]) -> tuple[Terms, Terms]:
+        """Return inputs at a sample and at the end of its step; those that the model holds are the same there."""
+        here = [now(i) for i in range(self.sizes.inputs)]
+        return here, [here[i] if i in self.sizes.held else then(i) for i in range(self.sizes.inputs)]
+
+
+def following(code: Function, k: str, end: str) -> str:
+    """Write the row after k, or the last one."""
+    return code.least(code.integer("add", k, 1), code.integer("sub", end, 1))
+
+
+def candidate(code: Function, first: str, lane: str) -> str:
+    """Write the candidate of a lane; the last one fills a block."""
+    return code.least(code.integer("add", first, lane), code.integer("sub", "%count", 1))
+
+
+def gather(code: Function, matrix: str, rows: Rows, first: str) -> None:
+    """Write the copy of a matrix, a column a candidate, to rows of a block."""
+    with code.loop(0, code.lanes) as lane:
+        b = candidate(code, first, lane)
+        with code.loop(0, rows.count) as i:
+            number = code.load(matrix, code.integer("add", code.integer("mul", i, "%count"), b))
+            code.store(number, rows.name, rows.place(i, lane))
+
+
+def scatter(code: Function, rows: Rows, matrix: str, first: str) -> None:
+    """Write the copy of rows of a block to a matrix, a column a candidate."""
+    with code.loop(0, code.lanes) as lane:
+        b = candidate(code, first, lane)
+        with code.loop(0, rows.count) as i:
+            number = code.load(rows.name, rows.place(i, lane))
+            code.store(number, matrix, code.integer("add", code.integer("mul", i, "%count"), b))
+
+
+def keep_sample(code: Function, rows: Rows, record: str, first: str, k: str) -> None:
+    """Write the copy of rows to sample k of a record [candidate, sample, row]; lanes without a candidate are left out."""
+    with code.loop(0, code.least(code.lanes, code.integer("sub", "%last", first))) as lane:
+        sample = code.integer("mul", code.integer("add", first, lane), "%samples")
+        place = code.integer("mul", code.integer("add", sample, k), rows.count)
+        with code.loop(0, rows.count) as i:
+            code.store(code.load(rows.name, rows.place(i, lane)), record, code.integer("add", place, i))
+
+
+def prepare(code: Function, model: Model, constants: Rows, first: str) -> None:
+    """Write what depends on the parameters alone."""
+    parameters = code.rows(model.sizes.parameters)
+    gather(code, "%P", parameters, first)
+    constants.fill(model.prepare(list(parameters)))
+
+
+def sample_of(code: Function, record: str, k: str, count: int) -> list[Term]:
+    """Write the load of a row of a record that all candidates share."""
+    first = code.integer("mul", k, count)
+    return [code.spread(code.load(record, code.integer("add", first, i))) for i in range(count)]
+
+
+def _inputs(block: Block, per_lane: bool, k: str, first: str) -> tuple[Terms, Terms]:
+    return block.own_inputs(k, first) if per_lane else block.shared_inputs(k)
+
+
+def _cost(per_lane: bool) -> Callable[[Function, Model], None]:
+    def body(code: Function, model: Model) -> None:
+        block, cost, sizes = Block(code, model), code.rows(1), model.sizes
+        with code.loop("%first", "%last", code.lanes) as first:
+            block.begin(first)
+            cost[0] = 0.0
+            with code.loop(0, "%samples") as k:
+                now, end = _inputs(block, per_lane, k, first)
+                derivatives, outputs = block.observe(now)
+                measured, weights = (sample_of(code, r, k, sizes.outputs) for r in ("%Z", "%W"))
+                errors = [y - z for y, z in zip(outputs, measured, strict=True)]
+                errors = [wrap(e) if w else e for e, w in zip(errors, sizes.wrapped, strict=True)]
+                squares = [w * (e * e) for e, w in zip(errors, weights, strict=True)]
+                cost[0] = cost[0] + sum(squares[1:], start=squares[0])
+                block.advance(derivatives, now, end)
+            with code.loop(0, code.least(code.lanes, code.integer("sub", "%last", first))) as lane:
+                code.store(code.load(cost.name, lane), "%J", code.integer("add", first, lane))
+
+    return body
+
+
+def _outputs(per_lane: bool) -> Callable[[Function, Model], None]:
+    def body(code: Function, model: Model) -> None:
+        block, kept = Block(code, model), code.rows(model.sizes.outputs)
+        with code.loop("%first", "%last", code.lanes) as first:
+            block.begin(first)
+            with code.loop(0, "%samples") as k:
+                now, end = _inputs(block, per_lane, k, first)
+                derivatives, outputs = block.observe(now)
+                kept.fill(outputs)
+                block.advance(derivatives, now, end)
+                keep_sample(code, kept, "%Y", first, k)
+
+    return body
+
+
+def _evaluate(code: Function, model: Model) -> None:
+    sizes = model.sizes
+    state, inputs, constants, found = map(
+        code.rows, (sizes.states, sizes.inputs, sizes.constants, sizes.states + sizes.outputs)
+    )
+    with code.loop(0, "%count", code.lanes) as first:
+        prepare(code, model, constants, first)
+        gather(code, "%X", state, first)
+        gather(code, "%U", inputs, first)
+        found.fill(model.observe(list(state), list(inputs), list(constants)))
+        scatter(code, found, "%D", first)
+
+
+def pointers(names: str) -> str:
+    """Return arguments that are arrays, none of which overlaps another."""
+    return ", ".join(f"ptr noalias %{name}" for name in names.split())
+
+
+BLOCKS = "i64 %first, i64 %last, i64 %count"  #: the candidates of a call, and how many there are in all
+_START = f"{pointers('P X0 U')}, i64 %rows"
+_COST = f"{_START}, {pointers('Z W')}, double %dt, i64 %samples, {pointers('J')}, {BLOCKS}"
+_OUTPUTS = f"{_START}, double %dt, i64 %samples, {pointers('Y')}, {BLOCKS}"
+
+ENTRIES = {
+    "cost": Entry(_COST, _cost(per_lane=False)),
+    "cost_per_lane": Entry(_COST, _cost(per_lane=True)),
+    "outputs": Entry(_OUTPUTS, _outputs(per_lane=False)),
+    "outputs_per_lane": Entry(_OUTPUTS, _outputs(per_lane=True)),
+    "evaluate": Entry(f"{pointers('P X U D')}, i64 %count", _evaluate),
+}
