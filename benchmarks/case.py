@@ -65,9 +65,9 @@ class Case:
         """Return initial states (n_x, count)."""
         return initial_states(self.vehicle, self.flown.trim.start, rows, self.flown.inputs[0])
 
-    def cost(self, count: int, threads: int = 1) -> Callable[[], FloatArray]:
-        """Return a call that costs ``count`` candidates."""
-        rows, kernel, flown = self.rows(count), self.kernel, self.flown
+    def cost(self, count: int, threads: int = 1, kernel: Kernel | None = None) -> Callable[[], FloatArray]:
+        """Return a call that costs ``count`` candidates; `kernel` may be one that is made for another processor."""
+        rows, kernel, flown = self.rows(count), kernel or self.kernel, self.flown
         start, weights = self.start(rows), np.ones_like(flown.outputs)
         return lambda: kernel.cost(
             rows, start, flown.inputs, flown.outputs, weights, 1.0 / RATE, threads=threads

@@ -11,18 +11,17 @@ from collections.abc import Callable
 
 import llvmlite.binding as llvm
 
+from stoop.kernels.compiler import Target, native
+
 SUMS = 12
 STEPS = 400_000  #: of the loop in one call
 
 
-def lanes() -> int:
+def lanes(target: Target | None = None) -> int:
     """Return how many doubles a register holds; 0 where there is no fused multiply-add."""
-    features = llvm.get_host_cpu_features()
-    if features.get("avx512f"):
-        return 8
-    if features.get("fma"):
-        return 4
-    return 2 if features.get("neon") else 0
+    made_for = target or native()
+    text = made_for.assembly(source(made_for.doubles()))
+    return made_for.doubles() if "fmadd" in text or "fmla" in text else 0
 
 
 def source(width: int) -> str:
@@ -54,17 +53,12 @@ def source(width: int) -> str:
     )
 
 
-def compiled() -> tuple[Callable[[], object], float] | None:
+def compiled(target: Target | None = None) -> tuple[Callable[[], object], float] | None:
     """Return a call that does nothing but multiply-adds, and how many operations it does (two each)."""
-    width = lanes()
+    width = lanes(target)
     if not width:
         return None
-    llvm.initialize_native_target()
-    llvm.initialize_native_asmprinter()
-    target = llvm.Target.from_default_triple().create_target_machine(
-        cpu=llvm.get_host_cpu_name(), features=llvm.get_host_cpu_features().flatten(), opt=3
-    )
-    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(source(width)), target)
+    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(source(width)), (target or native()).machine())
     engine.finalize_object()
     prototype = ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_int64, ctypes.c_double)
     loop = prototype(engine.get_function_address("peak"))

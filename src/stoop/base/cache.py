@@ -1,7 +1,7 @@
 """A folder of compiled modules that survives damage, races and read-only disks.
 
-Numba keeps compiled code in pickles, which must never be read when they are not what we wrote. Each module
-therefore lives in a folder of its own (mode 0700) with a manifest of checksums, which is written last. A
+Compiled code is run as it is read, and Numba keeps its own in pickles: neither may be read when it is not what we wrote. Each
+module therefore lives in a folder of its own (mode 0700) with a manifest of checksums, which is written last. A
 folder is built under a temporary name and renamed into place, so two processes cannot see each other's
 half-written files; a folder whose checksums do not match is discarded and built again. One process builds a
 folder while others wait for it.

@@ -1,4 +1,4 @@
-"""Symbolic vehicle -> one flat generated module -> SIMD lanes; the only room that imports Numba."""
+"""Symbolic vehicle -> straight-line functions -> LLVM -> lanes of a vector; the only room that imports Numba."""
 
 from stoop.base.cache import cache_folder
 from stoop.kernels.fingerprint import environment

@@ -11,7 +11,7 @@ from stoop.base.arrays import FloatArray
 
 
 def matrix(a: FloatArray) -> FloatArray:
-    """Return an array that Numba sees as writable and C-contiguous (else it would compile anew)."""
+    """Return an array as compiled code reads it: writable, C-contiguous doubles."""
     if a.dtype == np.float64 and a.flags.carray:
         return a  # the check of np.require takes ten times as long
     return np.require(a, dtype=np.float64, requirements=["C", "W"])

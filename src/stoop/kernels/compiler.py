@@ -40,10 +40,8 @@ class Target:
     def doubles(self) -> int:
         """Return how many doubles a vector register holds."""
         code = Function("ptr %A", 8)
-        rows = code.rows(1)
-        rows[0] = code.vector_at("%A", 0) + code.vector_at("%A", 8)
-        code.store(code.load(rows.name, 0), "%A", 0)
-        code.store(code.load(rows.name, 7), "%A", 7)
+        total = code.vector_at("%A", 0) + code.vector_at("%A", 8)
+        code.write(f"store {code.vector} {total.name}, ptr %A, align 8")
         text = self.assembly(code.text())
         return 8 if "zmm" in text else 4 if "ymm" in text else 2
 

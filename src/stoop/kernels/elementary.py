@@ -5,19 +5,20 @@ The reciprocal of zero is infinity and 0 * inf is NaN, so a candidate that diver
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from stoop.kernels.instructions import Condition, Term
 
 
-def sqrt(a: Term) -> Term:
-    """Write the square root."""
-    return a.unary("sqrt")
+def sqrt(a: Any) -> Any:
+    """Write the square root; that of a number is one."""
+    return a.unary("sqrt") if isinstance(a, Term) else math.sqrt(a)
 
 
-def fabs(a: Term) -> Term:
-    """Write the magnitude."""
-    return a.unary("fabs")
+def fabs(a: Any) -> Any:
+    """Write the magnitude; that of a number is one."""
+    return a.unary("fabs") if isinstance(a, Term) else abs(a)
 
 
 def select(condition: Condition, a: Any, b: Any) -> Term:
@@ -31,14 +32,18 @@ def wrap(a: Term) -> Term:
     return select(a < -3.141592653589793, a + 6.283185307179586, a)
 
 
-def atan2(y: Term, x: Term | float) -> Term:
+def atan2(y: Any, x: Any) -> Any:
     """Write the arc tangent of y / x over the whole circle, within 4e-16 relative.
 
     Reduction to [0, tan(pi/8)] and a minimax polynomial of the odd series, in Estrin's order: a time step waits for four of
     these one after the other, and Horner's chain is twice as long. Where the arc begins and which way it goes is known long
     before the polynomial is, so nothing is left to do after it but one multiply-add.
     """
-    x = x if isinstance(x, Term) else Term(y.code, y.code.literal(x))
+    given = [a for a in (y, x) if isinstance(a, Term)]
+    if not given:
+        return math.atan2(y, x)
+    code = given[0].code
+    y, x = (Term(code, code.literal(a)) for a in (y, x))
     ax = fabs(x)
     ay = fabs(y)
     swap = ay > ax

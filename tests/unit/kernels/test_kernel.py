@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import math
 import multiprocessing
 import os
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+import sympy as sp
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from naive import march, oscillator
 
-from stoop.kernels import Kernel, compiler
+from stoop.kernels import Kernel, SymbolicModel, compiler, load_kernel
 from stoop.kernels.kernel import ENTRIES, thread_count
 
 DT, N = 0.02, 60
@@ -273,3 +276,21 @@ def test_many_python_threads_may_call_at_once(pendulum: Kernel) -> None:
     with ThreadPoolExecutor(6) as pool:
         again = list(pool.map(lambda _: pendulum.cost(p, x, inputs(), z, w, DT, threads=2), range(30)))
     assert all(np.array_equal(a, J) for a in again)
+
+
+def test_functions_of_numbers_are_numbers_in_every_lane(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("STOOP_CACHE_DIR", str(tmp_path))
+    x, p = sp.symbols("x p", real=True)
+    with sp.evaluate(False):
+        rate = (
+            sp.sqrt(sp.Float(3.0)) * sp.Abs(sp.Float(-2.0)) * p - sp.atan2(sp.Float(1.0), sp.Float(2.0)) * x
+        )
+        reading = sp.atan2(sp.Float(1.0), 2.0 + x)
+    made = load_kernel(
+        "numbers", lambda: SymbolicModel((x,), (), (p,), (rate,), (reading,), ("x",), (False,))
+    )
+    d, y = made.evaluate(np.ones((1, 3)), np.full((1, 3), 0.5), np.empty((0, 3)))
+    np.testing.assert_allclose(d, 3.0**0.5 * 2.0 - math.atan2(1.0, 2.0) * 0.5, rtol=1e-15)
+    np.testing.assert_allclose(y, math.atan2(1.0, 2.5), rtol=1e-15)
