@@ -540,6 +540,14 @@ def test_what_a_killed_process_left_is_removed(tmp_path: Path) -> None:
     assert building.parent == tmp_path
 
 
+def test_a_folder_that_another_process_puts_in_its_place_meanwhile(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It is listed, and gone when its age is asked."""
+    monkeypatch.setattr(Path, "glob", lambda self, _: iter([self / f"{cache.BUILDING}gone"]))
+    assert cache.start_build(tmp_path).parent == tmp_path
+
+
 def test_the_manifest_is_plain_json(filled: Path) -> None:
     folder = model_of(filled)
     manifest = json.loads((folder / "manifest.json").read_text())
