@@ -63,7 +63,7 @@ def _on_avx2(case: Case) -> Row:
     if ceiling is None:
         return Row(PART, figure, None, "%", at_least=52.0, note="no AVX2 here")
     entry, lanes = ENTRIES["cost"], 2 * target.doubles()
-    made = compiler.load(target.compile(entry.text(case.kernel.model, lanes)), entry.arguments)
+    made = compiler.load(target.object_file(entry.text(case.kernel.model, lanes)), entry.arguments)
     kernel = replace(case.kernel, lanes=lanes, entries={"cost": lambda: made})
     count, steps = max(COUNTS), len(case.flown.time)
     times = interleave({"ours": case.cost(count, kernel=kernel), "peak": ceiling[0]}, ROUNDS)

@@ -57,7 +57,7 @@ class Target:
         )
         return module
 
-    def compile(self, text: str) -> bytes:
+    def object_file(self, text: str) -> bytes:
         """Return the object file of a module."""
         machine = self.machine()
         made: bytes = machine.emit_object(self._optimized(text, machine))
@@ -75,7 +75,7 @@ def native() -> Target:
     """Return the processor of this machine, or the one that ``NUMBA_CPU_NAME`` and ``NUMBA_CPU_FEATURES`` name."""
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
-    named, features = (os.environ.get(f"NUMBA_CPU_{name}") for name in ("NAME", "FEATURES"))
+    named, features = os.environ.get("NUMBA_CPU_NAME"), os.environ.get("NUMBA_CPU_FEATURES")
     here = "" if named else llvm.get_host_cpu_features().flatten()
     return Target(named or llvm.get_host_cpu_name(), here if features is None else features)
 

@@ -281,7 +281,7 @@ def _entry(final: Path, name: str, model: Model) -> Callable[..., None]:
 
     def write(folder: Path) -> None:
         text = entry.text(model, compiler.lanes())
-        (folder / _OBJECT).write_bytes(compiler.native().compile(text))
+        (folder / _OBJECT).write_bytes(compiler.native().object_file(text))
 
     folder = build(final, write)
     return compiler.load((folder / _OBJECT).read_bytes(), entry.arguments)

@@ -29,7 +29,7 @@ def body(code: Function, _: object) -> None:
 @pytest.fixture(scope="module")
 def functions() -> Callable[..., None]:
     entry = Entry(f"{pointers('Y X D')}, i64 %count", body)
-    made = compiler.native().compile(entry.text(None, compiler.lanes()))  # type: ignore[arg-type]
+    made = compiler.native().object_file(entry.text(None, compiler.lanes()))  # type: ignore[arg-type]
     run = compiler.load(made, entry.arguments)
 
     def apply(y: np.ndarray, x: np.ndarray, out: np.ndarray) -> None:
