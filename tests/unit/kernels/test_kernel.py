@@ -17,6 +17,8 @@ from naive import march, oscillator
 
 from stoop.kernels import Kernel, SymbolicModel, compiler, load_kernel
 from stoop.kernels.kernel import ENTRIES, thread_count
+from stoop.simulation import initial_states, parameter_rows
+from stoop.vehicle.builtin import resolve_vehicle
 
 DT, N = 0.02, 60
 
@@ -294,3 +296,21 @@ def test_functions_of_numbers_are_numbers_in_every_lane(
     d, y = made.evaluate(np.ones((1, 3)), np.full((1, 3), 0.5), np.empty((0, 3)))
     np.testing.assert_allclose(d, 3.0**0.5 * 2.0 - math.atan2(1.0, 2.0) * 0.5, rtol=1e-15)
     np.testing.assert_allclose(y, math.atan2(1.0, 2.5), rtol=1e-15)
+
+
+@pytest.mark.parametrize("reduced", ["longitudinal", "lateral", "full"])
+def test_a_candidate_costs_the_same_in_every_lane(reduced: str) -> None:
+    """On real equations, whose sums LLVM may take in another order."""
+    aircraft = resolve_vehicle("twin-boom")
+    vehicle = aircraft if reduced == "full" else aircraft.reduced(reduced)
+    kernel, rng, count = vehicle.kernel(), np.random.default_rng(3), 37
+    rows = parameter_rows(vehicle, None, count) * rng.uniform(0.9, 1.1, (len(vehicle.values), count))
+    u = 0.02 * rng.standard_normal((300, len(vehicle.inputs)))
+    x = initial_states(vehicle, {"V": rng.uniform(28.0, 40.0, count), "alpha": 0.05, "h": 100.0}, rows, u[0])
+    z, w = np.ones((2, 300, len(vehicle.outputs)))
+    J, y = kernel.cost(rows, x, u, z, w, 0.02), kernel.trajectories(rows, x, u, 0.02)
+    assert np.isfinite(J).all()
+    for shift in (1, 8, 13):
+        order = np.roll(np.arange(count), shift)
+        assert np.array_equal(kernel.cost(rows[:, order], x[:, order], u, z, w, 0.02), J[order])
+        assert np.array_equal(kernel.trajectories(rows[:, order], x[:, order], u, 0.02), y[order])
