@@ -20,6 +20,7 @@ REPEATS: Final = 3  #: warm runs
 ROOT: Final = Path(__file__).parents[1]
 EXAMPLES: Final = ROOT / "examples"
 VTAIL: Final = SHARED / "data" / "altlnt-vtail-8kg-px4" / "flight2"
+HEXACOPTER: Final = SHARED / "data" / "altlnt-hexacopter-px4"
 ONE_CORE: Final = {"STOOP_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 #: of README's V-tail
 VTAIL_VEHICLE: Final = ("--vehicle", str(EXAMPLES / "vtail.toml"))
@@ -48,6 +49,10 @@ def _rows(scratch: Path) -> Iterator[Row]:
         yield Row(PART, "the same, warm, two cores: wall time", both.ended, "s", at_most=6.0)
         find = ("maneuvers", str(VTAIL), *VTAIL_VEHICLE, "-o", str(scratch / "windows"), "--overwrite")
         yield _row("stoop maneuvers, V-tail", _least(_cold_and_warm(find, cache)[1]).processor, 8.0)
+        hexacopter = ("maneuvers", str(HEXACOPTER), "--vehicle", str(EXAMPLES / "hexacopter.toml"), "--mapping",
+                      str(EXAMPLES / "hexacopter_mapping.toml"), "-o", str(scratch / "hexacopter"), "--overwrite")  # fmt: skip
+        spent = _least(_cold_and_warm(hexacopter, cache)[1]).processor
+        yield _row("stoop maneuvers, hexacopter", spent, 10.0)
         look = ("look", str(VTAIL), "-o", str(scratch / "look.html"), "--overwrite")
         yield _row("stoop look, V-tail", _least(_cold_and_warm(look, cache)[1]).processor, None)
     yield from _simulated(scratch, cache)
@@ -55,6 +60,7 @@ def _rows(scratch: Path) -> Iterator[Row]:
 
 def _simulated(scratch: Path, cache: Path) -> Iterator[Row]:
     """Yield what flights of our own simulation take."""
+    yield _long_flight(scratch, cache)
     hover, log = EXAMPLES / "maneuver_quad.toml", str(scratch / "hover.ulg")
     simulate = ("simulate", "quad-x", "--maneuver", str(hover), "-o", log, "--overwrite")
     cold, warm = _cold_and_warm(simulate, cache)
@@ -68,6 +74,33 @@ def _simulated(scratch: Path, cache: Path) -> Iterator[Row]:
     )  # fmt: skip
     cold, _ = _cold_and_warm(identify, scratch / "first")
     yield _row("first fit of quad-x, empty cache", cold.processor, 6.0)
+
+
+def _long_flight(scratch: Path, cache: Path) -> Row:
+    """Find the windows of ten minutes of the built-in airplane, whose controls move one after the other every 12 s."""
+    lines = [
+        'format = "stoop-maneuver/1"',
+        "duration = 600.0",
+        "rate = 100.0",
+        "airspeed = 35.0",
+        "altitude = 300.0",
+    ]
+    for number, start in enumerate(range(5, 590, 12)):
+        control, sign = ("elevator", "aileron", "rudder")[number % 3], (-1) ** (number // 3)
+        lines += [
+            "[[input]]",
+            f'control = "{control}"',
+            'shape = "3-2-1-1"',
+            f"start = {start}.0",
+            "step = 0.3",
+        ]
+        lines.append(f"amplitude = {0.05 * sign}")
+    maneuver, log = scratch / "long.toml", str(scratch / "long.ulg")
+    maneuver.write_text("\n".join(lines), encoding="utf-8")
+    timed(("simulate", "twin-boom", "--maneuver", str(maneuver), "-o", log, "--overwrite"), cache)
+    find = ("maneuvers", log, "--vehicle", "twin-boom", "-o", str(scratch / "long"), "--overwrite")
+    spent = _least(_cold_and_warm(find, cache)[1]).processor
+    return _row("stoop maneuvers, ten minutes of an airplane, 44 free parameters", spent, 10.0)
 
 
 def _cold_and_warm(words: Sequence[str], cache: Path) -> tuple[Run, list[Run]]:

@@ -89,13 +89,15 @@ def perturbation_steps(vehicle: Vehicle) -> FloatArray:
 
 def perturbation_columns(vehicle: Vehicle, states: FloatArray) -> FloatArray:
     """Return the derivatives (n_e, n_x, ...) of states (n_x, ...) by single perturbations."""
-    kernel, steps, (nx, *shape) = vehicle.kernel(), perturbation_steps(vehicle), states.shape
-    flat = states.reshape(nx, -1)
-    out = np.empty((len(steps), *flat.shape))
-    for e, step in enumerate(steps):
-        change = np.zeros((len(steps), flat.shape[1]))
-        change[e] = step
-        out[e] = (filtering.move(kernel, flat, change) - filtering.move(kernel, flat, -change)) / (2.0 * step)
+    steps, (nx, *shape) = perturbation_steps(vehicle), states.shape
+    flat, changes = states.reshape(nx, 1, -1), np.concatenate([np.diag(steps), -np.diag(steps)], axis=1)
+    many = len(steps), changes.shape[1], flat.shape[2]
+    moved = filtering.move(
+        vehicle.kernel(),
+        np.broadcast_to(flat, (nx, *many[1:])).reshape(nx, -1),
+        np.broadcast_to(changes[:, :, None], many).reshape(len(steps), -1),
+    ).reshape(nx, 2, *many[::2])
+    out = np.swapaxes((moved[:, 0] - moved[:, 1]) / (2.0 * steps[:, None]), 0, 1)
     return out.reshape(len(steps), nx, *shape)
 
 

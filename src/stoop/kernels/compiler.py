@@ -82,7 +82,7 @@ def native() -> Target:
 
 @functools.cache
 def lanes() -> int:
-    """Return how many candidates a block holds: those of two registers.
+    """Return how many candidates a block holds, where there are so many: those of two registers.
 
     The second register keeps the processor busy while the first waits for its own results; three registers for each value
     do not fit in.

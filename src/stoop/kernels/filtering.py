@@ -54,7 +54,7 @@ def innovations(
     z, m, k = matrix(np.where(seen, measured, 0.0)), matrix(seen.astype(np.float64)), matrix(gains)
     out = np.empty((count, n, ny))
     path = np.empty((count, n, nx) if states else (0, 1, 1))
-    march = kernel.entry("filter")
+    march = kernel.entry("filter", count)
 
     def run(a: int, b: int) -> None:
         march(p, x, k, g, u, rows, z, m, float(dt), n, out, path, int(states), a, b, count)
@@ -84,7 +84,7 @@ def step(
     fits("following", following, (nu, count))
     out = np.empty((nx + ny, count))
     arrays = [matrix(a) for a in (parameters, states, inputs, following)]
-    kernel.entry("step")(*arrays, float(dt), out, count)
+    kernel.entry("step", count)(*arrays, float(dt), out, count)
     return out[:nx], out[nx:]
 
 
@@ -93,7 +93,7 @@ def move(kernel: Kernel, states: FloatArray, moves: FloatArray) -> FloatArray:
     fits("states", states, (kernel.sizes[0], states.shape[1]))
     fits("moves", moves, (kernel.moves, states.shape[1]))
     out = np.empty(states.shape)
-    kernel.entry("move")(matrix(states), matrix(moves), out, states.shape[1])
+    kernel.entry("move", states.shape[1])(matrix(states), matrix(moves), out, states.shape[1])
     return out
 
 

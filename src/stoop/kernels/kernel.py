@@ -6,7 +6,7 @@ import atexit
 import functools
 import hashlib
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import pairwise
@@ -65,10 +65,12 @@ class Kernel:
     """
 
     folder: Path
-    lanes: int
+    lanes: int  #: candidates of a block; a call with no more than half of them takes blocks of half the width
     sizes: tuple[int, int, int, int]  #: states, inputs, parameters, outputs
     model: Model
-    entries: Mapping[str, Callable[[], Callable[..., None]]]  #: compiled when needed
+    entries: Callable[
+        [str, int], Callable[..., None]
+    ]  #: of a name and a number of lanes; compiled when needed
     moves: int = 0  #: components of the error state; zero where no filter takes the model
     latex: tuple[str, ...] = ()  #: the equations, one a line
 
@@ -113,7 +115,8 @@ class Kernel:
             measured, weights = np.where(seen, measured, 0.0), np.where(seen, weights, 0.0)
         z, w = matrix(measured), matrix(weights)
         out = np.empty(p.shape[1])
-        march, count = self.entry("cost" if inputs.ndim == 2 else "cost_per_lane"), p.shape[1]
+        count = p.shape[1]
+        march = self.entry("cost" if inputs.ndim == 2 else "cost_per_lane", count)
         self.share(lambda a, b: march(p, x, u, rows, z, w, float(dt), n, out, a, b, count), count, threads)
         return np.where(np.isfinite(out), out, np.inf)
 
@@ -133,7 +136,8 @@ class Kernel:
         p, x, u, rows = self.arguments(parameters, initial, inputs)
         n = rows if samples is None else min(samples, rows)
         out = np.empty((p.shape[1], n, self.sizes[3]))
-        march, count = self.entry("outputs" if inputs.ndim == 2 else "outputs_per_lane"), p.shape[1]
+        count = p.shape[1]
+        march = self.entry("outputs" if inputs.ndim == 2 else "outputs_per_lane", count)
         self.share(lambda a, b: march(p, x, u, rows, float(dt), n, out, a, b, count), count, threads)
         return out
 
@@ -150,14 +154,18 @@ class Kernel:
         fits("states", states, (nx, count))
         fits("inputs", inputs, (nu, count))
         out = np.empty((nx + ny, count))
-        self.entry("evaluate")(matrix(parameters), matrix(states), matrix(inputs), out, count)
+        self.entry("evaluate", count)(matrix(parameters), matrix(states), matrix(inputs), out, count)
         return out[:nx], out[nx:]
 
-    def entry(self, name: str) -> Callable[..., None]:
-        """Return a compiled function, one of `ENTRIES`."""
+    def entry(self, name: str, count: int) -> Callable[..., None]:
+        """Return a compiled function, one of `ENTRIES`, for so many candidates."""
         if name in filters.ENTRIES and not self.moves:
             raise ValueError("this model has no error state, so no filter takes it")
-        return self.entries[name]()
+        return self.entries(name, self.width(count))
+
+    def width(self, count: int) -> int:
+        """Return how many lanes a block has in a call with so many candidates: results do not depend on it."""
+        return self.lanes if 2 * count > self.lanes else self.lanes // 2
 
     def assembly(self, name: str = "cost", target: compiler.Target | None = None) -> str:
         """Return the machine code of an entry as text, to be searched for vector instructions.
@@ -180,7 +188,7 @@ class Kernel:
         if inputs.ndim == 2:
             return p, x, matrix(inputs), len(inputs)
         # One flat array [block, sample, input, lane]; the last block is padded.
-        n, lanes = len(inputs), self.lanes
+        n, lanes = len(inputs), self.width(count)
         blocks = -(-count // lanes)
         padding = np.repeat(inputs[..., -1:], blocks * lanes - count, axis=2)
         padded = np.concatenate([inputs, padding], axis=2).reshape(n, nu, blocks, lanes)
@@ -188,7 +196,7 @@ class Kernel:
 
     def share(self, run: Callable[[int, int], None], count: int, threads: int | None) -> None:
         """Share whole blocks among threads, the caller's among them."""
-        lanes = self.lanes
+        lanes = self.width(count)
         blocks = -(-count // lanes)
         workers = max(1, min(threads or thread_count(), blocks))
         edges = [lanes * (blocks * i // workers) for i in range(workers)] + [count]
@@ -264,10 +272,11 @@ def _load(key: str, model: Callable[[], SymbolicModel]) -> Kernel:
     if key not in _loaded:
         found, root = _model(key, model), cache.cache_folder()
         sizes = found.model.sizes
-        entries = {
-            name: functools.cache(functools.partial(_entry, root / f"{key}-{name}", name, found.model))
-            for name in ENTRIES
-        }
+
+        @functools.cache
+        def entries(name: str, lanes: int) -> Callable[..., None]:
+            return _entry(root / f"{key}-{name}-{lanes}", name, found.model, lanes)
+
         shape = sizes.states, sizes.inputs, sizes.parameters, sizes.outputs
         _loaded[key] = Kernel(
             found.folder, compiler.lanes(), shape, found.model, entries, sizes.moves, found.latex
@@ -275,12 +284,12 @@ def _load(key: str, model: Callable[[], SymbolicModel]) -> Kernel:
     return _loaded[key]
 
 
-def _entry(final: Path, name: str, model: Model) -> Callable[..., None]:
+def _entry(final: Path, name: str, model: Model, lanes: int) -> Callable[..., None]:
     """Return a compiled function of a model, from the cache where it is there."""
     entry = ENTRIES[name]
 
     def write(folder: Path) -> None:
-        text = entry.text(model, compiler.lanes())
+        text = entry.text(model, lanes)
         (folder / _OBJECT).write_bytes(compiler.native().object_file(text))
 
     folder = build(final, write)

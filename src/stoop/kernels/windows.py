@@ -58,7 +58,7 @@ def windows(
     samples = 1 + max(0, int(many.max(initial=0)))
     p, x, u = matrix(parameters), matrix(initial), matrix(record)
     out, last = np.empty((count, samples, ny)), np.full((nx, count), np.nan)
-    march = kernel.entry("windows")
+    march = kernel.entry("windows", count)
 
     def run(a: int, b: int) -> None:
         march(p, x, u, begin, behind, many, float(dt), samples, out, last, a, b, count)

@@ -94,7 +94,7 @@ def filled(forget: Path, pendulum: Kernel, expected: float) -> Path:
     import shutil
 
     forget.mkdir(mode=0o700)
-    for name in (pendulum.folder.name, f"{pendulum.folder.name}-outputs"):
+    for name in (pendulum.folder.name, f"{pendulum.folder.name}-outputs-{pendulum.lanes // 2}"):
         shutil.copytree(pendulum.folder.with_name(name), forget / name)
     return forget
 

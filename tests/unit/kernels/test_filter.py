@@ -37,7 +37,7 @@ def kernel(tmp_path_factory: pytest.TempPathFactory) -> Kernel:
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("STOOP_CACHE_DIR", str(tmp_path_factory.mktemp("kernels")))
         made = load_kernel("swing", swing)
-        made.entry("filter")
+        made.entry("filter", 1)
     return made
 
 
@@ -145,4 +145,4 @@ def test_arrays_that_do_not_fit_are_refused(kernel: Kernel) -> None:
 
 def test_a_model_without_moves_says_so(pendulum: Kernel) -> None:
     with pytest.raises(ValueError, match="error state"):
-        pendulum.entry("filter")
+        pendulum.entry("filter", 1)
