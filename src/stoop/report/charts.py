@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Final
 
 import numpy as np
@@ -35,17 +35,27 @@ def convergence_panel(history: FloatArray) -> Markup | None:
     return plot([best], "trajectories", "cost", description, log_y=decades)
 
 
-def autocorrelation_panel(values: FloatArray, period: float, samples: int, name: str) -> Markup:
-    """Return the autocorrelation (lags + 1,) with the band in which 95 % of white residuals lie."""
-    lags = period * np.arange(len(values), dtype=np.float64)
-    reach = NORMAL_95 / np.sqrt(max(samples, 1))
+def autocorrelation_panels(
+    channels: Mapping[str, tuple[FloatArray, float, int]],
+) -> dict[str, Markup]:
+    """Return the autocorrelation of each channel with the band in which 95 % of white residuals lie, drawn on the same axes.
+
+    `channels` are name to values (lags + 1,), sample period in s, and number of samples.
+    """
+    pictures = {}
     with canvas(SMALL, [90.0], floor=False, titles=False) as (figure, (axes,)):
-        axes.axhspan(-reach, reach, color=light("band-fit"), linewidth=0.0)
-        axes.plot(lags, values, color=light("residual"))
-        axes.set_xlim(0.0, max(float(lags[-1]), period))
         axes.set_ylim(-0.6, 1.05)
         axes.locator_params(nbins=4)
-        return svg(figure, f"Autocorrelation of the residuals of {name}.")
+        for name, (values, period, samples) in channels.items():
+            lags = period * np.arange(len(values), dtype=np.float64)
+            reach = NORMAL_95 / np.sqrt(max(samples, 1))
+            band = axes.axhspan(-reach, reach, color=light("band-fit"), linewidth=0.0)
+            (line,) = axes.plot(lags, values, color=light("residual"))
+            axes.set_xlim(0.0, max(float(lags[-1]), period))
+            pictures[name] = svg(figure, f"Autocorrelation of the residuals of {name}.")
+            for artist in (band, line):
+                artist.remove()
+    return pictures
 
 
 def fan_panel(

@@ -16,7 +16,6 @@ from stoop.base.arrays import FloatArray, runs
 from stoop.base.numbers import NOTHING, count, factor_and_unit, number, share, window
 from stoop.base.variables import VARIABLES
 from stoop.report import sheet
-from stoop.report.charts import autocorrelation_panel
 from stoop.report.estimates import label, quantity_table
 from stoop.report.model import Model
 from stoop.report.series import Range, Series, Shade, Strip, spanning
@@ -320,19 +319,23 @@ def residuals_section(identification: Model) -> sheet.Section | None:
         for name, channel in trace.channels.items() if maneuver.role == "fit" and len(segments) else ():
             residual = finite_part(channel.measured - channel.simulated)
             found.setdefault(name, ([], period))[0].extend(residual[a:b] for a, b in segments)
-    panels, colored = [], []
+    shown: dict[str, tuple[FloatArray, float, int]] = {}
+    colored = []
     for name, (residuals, period) in found.items():
         lags = min(MAX_LAGS, max(len(piece) for piece in residuals) - 1)
         samples = sum(int(np.isfinite(piece).sum()) for piece in residuals)
         values = autocorrelation([piece[:, None] for piece in residuals], lags)[0]
         if samples < 3 or not np.isfinite(values).all():
             continue
-        drawn = autocorrelation_panel(values, period, samples, name)
-        panels.append(sheet.Panel(label(identification, name), drawn, meaning=_meaning(name)))
+        shown[name] = values, period, samples
         if lags and abs(values[1]) > COLORED / math.sqrt(samples):
             colored.append(name)
-    if not panels:
+    if not shown:
         return None
+    panels = [
+        sheet.Panel(label(identification, name), drawn, meaning=_meaning(name))
+        for name, drawn in autocorrelation_panels(shown).items()
+    ]
     lead = (
         "Autocorrelation of the residuals in the fitted maneuvers against lag in s. Of white residuals all but the first "
         "point lie in the band. "

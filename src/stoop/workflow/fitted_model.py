@@ -273,7 +273,7 @@ class FittedModel:
         """Equations of the model as LaTeX."""
         return self.coupled.kernel().latex
 
-    @property
+    @cached_property
     def units(self) -> Mapping[str, str]:
         """Unit of every channel and input."""
         return channel_units(self.vehicle)
