@@ -16,6 +16,7 @@ from stoop.base.arrays import FloatArray, runs
 from stoop.base.numbers import NOTHING, count, factor_and_unit, number, share, window
 from stoop.base.variables import VARIABLES
 from stoop.report import sheet
+from stoop.report.charts import autocorrelation_panels
 from stoop.report.estimates import label, quantity_table
 from stoop.report.model import Model
 from stoop.report.series import Range, Series, Shade, Strip, spanning
