@@ -36,7 +36,7 @@ BUDGETS = {
     "exporters": 7655,
     "flight": 5550,
     "input_design": 2350,
-    "kernels": 1897,
+    "kernels": 1910,
     "logs": 5000,
     "optimize": 2600,
     "parallel": 1250,
