@@ -20,6 +20,7 @@ PARTS = (
     "bootstrap",
     "pages",
     "jobs",
+    "growth",
     "bbob",
 )  #: the last takes many minutes
 
