@@ -26,7 +26,6 @@ from stoop.base.arrays import FloatArray
 from stoop.base.blas import on_one_blas_thread
 from stoop.base.notices import notice
 from stoop.errors import IdentificationError
-from stoop.estimate import iterates
 from stoop.estimate.estimate import Estimate, simulated
 from stoop.estimate.filter_gains import GAINS, STATED, Gain, Noise, Steady, Varying, first_guess
 from stoop.estimate.filter_likelihood import SCORING, FrozenFilter, Likelihood, Score
@@ -35,16 +34,8 @@ from stoop.estimate.fitted_filter import FittedFilter, with_gusts
 from stoop.estimate.instability import largest_growth
 from stoop.estimate.linearization import Points, undelayed
 from stoop.estimate.noise_model import OUTLIERS_WEIGHTED, outlying_innovations
-from stoop.optimize.levenberg_marquardt import (
-    ADVICE,
-    Damping,
-    Ending,
-    StagedModel,
-    Stages,
-    TenfoldDamping,
-    Trial,
-)
-from stoop.optimize.minimize import Status
+from stoop.estimate.scoring import ScoringModel, maximize
+from stoop.optimize.levenberg_marquardt import ADVICE, Stages
 from stoop.problem import Misfit
 from stoop.problem.evidence import Evidence, PieceEvidence, Unknown, unknowns_of
 from stoop.problem.prepare import Prepared
@@ -76,97 +67,6 @@ class Tolerances:
 
 
 TOLERANCES: Final = Tolerances()
-
-
-class ScoringModel(StagedModel):
-    """Fisher's scoring of a likelihood within bounds; it ends when the predicted gain of -ln L is below `tolerance`.
-
-    The cost is twice the negative logarithm of the posterior; the history (i, 2) holds iterations and cost.
-    """
-
-    status: Status
-    history: FloatArray
-
-    def __init__(self, likelihood: Likelihood, z: FloatArray, tolerance: float) -> None:
-        self.likelihood, self.tolerance = likelihood, tolerance
-        self.lower, self.upper = likelihood.bounds
-        self.go_to(np.clip(z, self.lower, self.upper))
-
-    @property
-    def point(self) -> FloatArray:
-        """The unknowns, (k,)."""
-        return self.z
-
-    def go_to(self, point: FloatArray) -> None:
-        """Go to a point."""
-        self.z, self.cost, self.current = point, self.likelihood.cost(point), False
-
-    def stopped(self, damping: Damping) -> Ending | None:
-        """Show the simulation at this point; see :class:`StagedModel`."""
-        iterates.show(self.likelihood.problem, self.z, self.cost)
-        return super().stopped(damping)
-
-    @property
-    def usable(self) -> bool:
-        """Whether cost and gradient are finite."""
-        return self.status != "interrupted" and bool(np.isfinite(self.cost))
-
-    def linearize(self) -> None:
-        """Compute gradient and information of the unknowns that no bound holds."""
-        with np.errstate(over="ignore", invalid="ignore"):  # a perturbation that diverges leads to no step
-            at = self.likelihood.score(self.z)
-        g = at.gradient
-        held = ((self.z <= self.lower) & (g > 0.0)) | ((self.z >= self.upper) & (g < 0.0))
-        self.free = np.flatnonzero(~held)
-        self.gradient, self.information = g[self.free], at.information[np.ix_(self.free, self.free)]
-        self.current = self.exact = True
-
-    @property
-    def optimal(self) -> bool:
-        """Whether the predicted gain is below the tolerance."""
-        if not self.current:
-            self.linearize()
-        return 0.5 * float(self.gradient @ self._solve(self.gradient, 0.0)) < self.tolerance
-
-    def step(self, damping: float) -> FloatArray:
-        """Return the damped step."""
-        step = np.zeros_like(self.z)
-        step[self.free] = self._solve(-self.gradient, damping)
-        return step
-
-    def _solve(self, right: FloatArray, damping: float) -> FloatArray:
-        """Solve with the diagonal scaled to one, so that units do not matter."""
-        with np.errstate(over="ignore", invalid="ignore"):
-            scale = 1.0 / np.sqrt(np.maximum(np.diag(self.information), 1e-300))
-            matrix = self.information * np.outer(scale, scale)
-            matrix[np.diag_indices_from(matrix)] += max(damping, 1e-12)
-            return np.asarray(scale * np.linalg.solve(matrix, scale * right))
-
-    def evaluate(self, step: FloatArray) -> Trial:
-        """Return the cost after the step."""
-        there = np.clip(self.z + step, self.lower, self.upper)
-        return Trial(there, self.likelihood.cost(there), 0.0)
-
-    def accept(self, trial: Trial, ratio: float) -> None:
-        """Move to the point of the step."""
-        self.z, self.cost, self.current = trial.point, trial.cost, False
-
-
-def maximize(
-    stages: Stages, likelihood: Likelihood, z: FloatArray, tolerance: float, steps: float = np.inf
-) -> ScoringModel:
-    """Maximize the log-likelihood from z (k,).
-
-    Stop when the predicted gain of the next step is below `tolerance`, or after `steps`; Ctrl-C keeps the best so far.
-    """
-    model = ScoringModel(likelihood, z, tolerance)
-    try:
-        model.status = stages.search(model, TenfoldDamping(1e-3, growth=4.0, smallest=1e-9), steps)
-    except KeyboardInterrupt:
-        model.status = "interrupted"
-    costs = stages.stages[-1].costs
-    model.history = np.column_stack([np.arange(len(costs)), costs])
-    return model
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,13 +15,13 @@ from stoop.base.blas import on_one_blas_thread
 from stoop.base.notices import Notice, notice
 from stoop.errors import IdentificationError
 from stoop.estimate.estimate import Estimate
-from stoop.estimate.filter_error import ScoringModel
 from stoop.estimate.filter_gains import Noise, Steady, first_guess
 from stoop.estimate.filter_likelihood import SCORING, Likelihood
 from stoop.estimate.fit import DEFAULTS, estimation_problem
 from stoop.estimate.fitted_filter import with_gusts
 from stoop.estimate.gusts import with_turbulence
 from stoop.estimate.linearization import undelayed
+from stoop.estimate.scoring import ScoringModel
 from stoop.flight import Flight
 from stoop.optimize.levenberg_marquardt import Stages, TenfoldDamping
 from stoop.problem import Nuisance

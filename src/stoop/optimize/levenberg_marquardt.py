@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Final, Literal
 
 import numpy as np
@@ -206,6 +206,7 @@ class StagesState(State):
     costs: FloatArray  #: (s, m), at the origin and after each accepted step, NaN behind
     endings: str  #: of each, separated by commas; empty for one under way
     damping: FloatArray  #: (s, 2), value and factor
+    memory: FloatArray = field(default_factory=lambda: np.empty((0, 0)))  #: (s, l) of the models
     start: State | None = None  #: of the search for the origin of the first, where there was one
 
 
@@ -218,6 +219,14 @@ class StagedModel(LinearModel):
     @abstractmethod
     def point(self) -> FloatArray:
         """The current point, (n,)."""
+
+    @property
+    def memory(self) -> FloatArray:
+        """What the model keeps of earlier points, (l,)."""
+        return np.empty(0)
+
+    def recall(self, memory: FloatArray) -> None:
+        """Take over the `memory` of a saved search, where there was one."""
 
     @abstractmethod
     def go_to(self, point: FloatArray) -> None:
@@ -237,6 +246,7 @@ class Stage:
     point: FloatArray
     costs: list[float]
     damping: tuple[float, float]
+    memory: FloatArray
     ending: str = ""
 
 
@@ -274,12 +284,20 @@ class Stages:
         self.start, self._saved = state, []
         if isinstance(state, StagesState):
             self.start = state.start
+            memory = state.memory if len(state.memory) else np.empty((len(state.origins), 0))
             rows = zip(
-                state.origins, state.points, state.costs, state.damping, state.endings.split(","), strict=True
-            )
+                state.origins, state.points, state.costs, state.damping, memory, state.endings.split(","), strict=True
+            )  # fmt: skip
             self._saved = [
-                Stage(origin, point, costs[np.isfinite(costs)].tolist(), (float(d[0]), float(d[1])), ending)
-                for origin, point, costs, d, ending in (rows if len(state.origins) else ())
+                Stage(
+                    origin,
+                    point,
+                    costs[np.isfinite(costs)].tolist(),
+                    (float(d[0]), float(d[1])),
+                    kept,
+                    ending,
+                )
+                for origin, point, costs, d, kept, ending in (rows if len(state.origins) else ())
             ]
 
     @property
@@ -315,6 +333,7 @@ class Stages:
             costs=costs,
             endings=",".join(stage.ending for stage in self.stages),
             damping=np.array([stage.damping for stage in self.stages]),
+            memory=np.array([stage.memory for stage in self.stages]),
             start=self.start,
         )
 
@@ -334,16 +353,19 @@ class Stages:
         stage = self._saved.pop(0) if self._saved else None
         if stage is None or not np.array_equal(stage.origin, model.point):
             self._saved = []  # another start than that of the saved searches
-            stage = Stage(model.point, model.point, [model.cost], (damping.value, damping.factor))
+            stage = Stage(
+                model.point, model.point, [model.cost], (damping.value, damping.factor), model.memory
+            )
         self.stages.append(stage)
         if stage.point is not stage.origin:
             model.go_to(stage.point)
+            model.recall(stage.memory)
         if stage.ending and stage.ending != "limit":
             return self._status(stage.ending)
         damping.value, damping.factor = stage.damping
 
         def watch(now: Damping) -> None:
-            stage.damping = (now.value, now.factor)
+            stage.damping, stage.memory = (now.value, now.factor), model.memory
             if model.cost < stage.costs[-1]:
                 stage.point = model.point
                 stage.costs.append(model.cost)
