@@ -41,6 +41,11 @@ def _rows(scratch: Path) -> Iterator[Row]:
         identify = ("identify", str(VTAIL), *VTAIL_VEHICLE, *VTAIL_WINDOWS, "-o", out, "--overwrite")
         cold, warm = _cold_and_warm(identify, cache)
         yield _row("stoop identify of README, warm", _least(warm).processor, 9.0)
+        filtered = _least(_cold_and_warm((*identify, "--method", "filter-error"), cache)[1]).processor
+        yield Row(
+            PART, "the same by filter error, over output error", filtered / _least(warm).processor, "",
+            at_most=3.0, note=f"whole commands, warm; {filtered:.2g} s",
+        )  # fmt: skip
         yield Row(
             PART, "the same with an empty cache, beyond the warm run", cold.processor - _least(warm).processor,
             "s", note="kernels of its structure compiled, of each method that it tries",

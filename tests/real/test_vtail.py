@@ -92,3 +92,10 @@ def test_the_posterior_mixes(shared_data: Path) -> None:
     assert len(ratios) == 32
     assert min(ratios) > 1.0 / 1.5
     assert max(ratios) < 1.5
+
+
+def test_filter_error_finds_its_maximum_where_intensities_vanish(shared_data: Path) -> None:
+    """Noise intensities of this flight lie at their bounds and innovations are colored: far from Fisher's assumptions."""
+    flight = load(shared_data / "altlnt-vtail-8kg-px4" / "flight2")
+    found = stoop.fit(EXAMPLE, flight, ["140:145", "146:152", "160:168.3"], method="filter-error")
+    assert found.result.status == "converged"

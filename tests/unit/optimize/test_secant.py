@@ -1,0 +1,49 @@
+"""The secant update of Dennis, Gay and Welsch."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from stoop.optimize.secant import Secant, is_positive_definite
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(2, 8))
+def test_the_corrected_curvature_turns_the_step_into_the_change_of_the_gradient(seed: int, n: int) -> None:
+    rng = np.random.default_rng(seed)
+    root, known = rng.normal(size=(2, n, n))
+    hessian, known = root @ root.T + np.eye(n), known @ known.T
+    first, second, third = rng.normal(size=(3, n))
+    found = Secant.none(n).at(first, hessian @ first, known).at(second, hessian @ second, known)
+    found = found.at(third, hessian @ third, known)
+    np.testing.assert_allclose(found.correction, found.correction.T, rtol=0.0, atol=1e-8)
+    step, change = third - second, hessian @ (third - second)
+    np.testing.assert_allclose((known + found.correction) @ step, change, atol=1e-7 * np.abs(change).max())
+
+
+def test_a_step_along_which_the_gradient_falls_changes_nothing() -> None:
+    before = Secant(np.zeros(2), np.zeros(2), np.eye(2))
+    after = before.at(np.array([1.0, 0.0]), np.array([-1.0, 0.0]), np.eye(2))
+    assert np.array_equal(after.correction, np.eye(2))
+    assert np.array_equal(after.gradient, [-1.0, 0.0])
+
+
+def test_a_gradient_that_is_not_finite_changes_nothing() -> None:
+    before = Secant(np.zeros(2), np.zeros(2), np.eye(2))
+    lost = before.at(np.ones(2), np.array([np.nan, 1.0]), np.eye(2))
+    assert np.array_equal(lost.correction, np.eye(2))
+    assert np.array_equal(lost.at(np.ones(2), np.ones(2), np.eye(2)).correction, np.eye(2))
+
+
+def test_packed_holds_everything() -> None:
+    one = Secant.none(3).at(np.ones(3), np.ones(3), np.eye(3)).at(np.arange(3.0), np.array([1.0, 3.0, 9.0]), np.eye(3))
+    again = Secant.unpacked(one.packed, 3)
+    for name in ("point", "gradient", "correction"):
+        assert np.array_equal(getattr(again, name), getattr(one, name))
+
+
+def test_positive_definite() -> None:
+    assert is_positive_definite(np.eye(2))
+    assert not is_positive_definite(np.diag([1.0, -1.0]))
+    assert not is_positive_definite(np.full((2, 2), np.nan))
