@@ -37,7 +37,11 @@ def test_a_gradient_that_is_not_finite_changes_nothing() -> None:
 
 
 def test_packed_holds_everything() -> None:
-    one = Secant.none(3).at(np.ones(3), np.ones(3), np.eye(3)).at(np.arange(3.0), np.array([1.0, 3.0, 9.0]), np.eye(3))
+    one = (
+        Secant.none(3)
+        .at(np.ones(3), np.ones(3), np.eye(3))
+        .at(np.arange(3.0), np.array([1.0, 3.0, 9.0]), np.eye(3))
+    )
     again = Secant.unpacked(one.packed, 3)
     for name in ("point", "gradient", "correction"):
         assert np.array_equal(getattr(again, name), getattr(one, name))
