@@ -53,7 +53,8 @@ class ScoringModel(StagedModel):
 
     def recall(self, memory: FloatArray) -> None:
         """Take over the secant of a saved search."""
-        self.secant = Secant.unpacked(memory, len(self.z))
+        if memory.size:  # none in states of release 0.1
+            self.secant = Secant.unpacked(memory, len(self.z))
 
     def go_to(self, point: FloatArray) -> None:
         """Go to a point."""

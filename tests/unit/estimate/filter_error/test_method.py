@@ -51,6 +51,8 @@ def test_a_limit_of_steps_ends_it_and_more_of_them_go_on(gusty_start, gusty_flig
     more = fitter(*args, Options(), None, few.outcome.state)
     assert more.outcome.status == "converged"
     assert np.array_equal(more.z, whole.z)
+    older = replace(few.outcome.state, memory=np.empty((0, 0)))  # as a release wrote it that kept no secant
+    assert fitter(*args, Options(), None, older).outcome.status == "converged"
     assert fitter(*args, Options(budget=100.0)).outcome.status == "budget"
 
 
