@@ -1,8 +1,9 @@
 """SymPy expressions -> Python source of small functions on scalars.
 
-What depends on parameters alone is taken out of the time loop: :func:`hoist` replaces every such
-sub-expression, also a group of factors or summands, by a constant that is computed once per candidate.
-Names in the source are made here (``x0``, ``u1``, ``c7``): no text of a user's file reaches it.
+What depends on parameters alone is a constant, which is computed once per candidate (``prepare``); what depends on inputs
+besides is a forcing term, which is computed once per sample (``forcing``). Sums and products of the rest are rewritten for
+few operations (:mod:`stoop.kernels.algebra`, :mod:`stoop.kernels.rewriting`) and written out without repetition
+(:mod:`stoop.kernels.listing`). Names in the source are made here (``x0``, ``u1``, ``h7``): no text of a user's file reaches it.
 """
 
 from __future__ import annotations
@@ -14,6 +15,9 @@ from typing import Any
 import sympy as sp
 from sympy.printing.pycode import PythonCodePrinter
 
+from stoop.kernels.algebra import ONE, Algebra, Product
+from stoop.kernels.listing import Listing
+from stoop.kernels.rewriting import Rewriter
 from stoop.kernels.symbolic import Sizes, SymbolicModel
 
 HEADER = "from numpy import absolute as fabs, arctan2 as atan2, sqrt"  #: where the functions take arrays
@@ -62,57 +66,6 @@ def scalar_text(expr: Any) -> str:
     return text
 
 
-@dataclass(frozen=True)
-class Hoisted:
-    """Expressions whose parameter-only parts have been named."""
-
-    constants: tuple[tuple[Any, Any], ...]  #: (symbol, expression of the parameters alone)
-    expressions: tuple[Any, ...]
-
-
-class _Hoister:
-    def __init__(self, parameters: Iterable[Any]) -> None:
-        self.parameters = frozenset(parameters)
-        self.names: dict[Any, Any] = {}
-        self.memo: dict[Any, Any] = {}
-        self.fixed: dict[Any, bool] = {}
-
-    def constant(self, expr: Any) -> bool:
-        if expr not in self.fixed:
-            own = expr in self.parameters if expr.is_Symbol else all(map(self.constant, expr.args))
-            self.fixed[expr] = own
-        return self.fixed[expr]
-
-    def name(self, expr: Any) -> Any:
-        """Give a parameter-only expression a name, unless it is as cheap as one."""
-        if expr.is_Number or expr.is_Symbol or (expr.is_Mul and -expr in self.parameters):
-            return expr
-        if expr not in self.names:
-            self.names[expr] = sp.Symbol(f"h{len(self.names)}", real=True)
-        return self.names[expr]
-
-    def visit(self, expr: Any) -> Any:
-        if expr in self.memo:
-            return self.memo[expr]
-        if self.constant(expr):
-            out = self.name(expr)
-        elif not (expr.is_Mul or expr.is_Add):
-            out = expr.func(*map(self.visit, expr.args)) if expr.args else expr
-        else:
-            fixed = [a for a in expr.args if self.constant(a)]
-            varying = [self.visit(a) for a in expr.args if not self.constant(a)]
-            out = expr.func(*([self.name(expr.func(*fixed))] if fixed else []), *varying)
-        self.memo[expr] = out
-        return out
-
-
-def hoist(expressions: Sequence[Any], parameters: Iterable[Any]) -> Hoisted:
-    """Take what depends on the parameters alone out of the expressions."""
-    hoister = _Hoister(parameters)
-    moved = tuple(hoister.visit(sp.sympify(e)) for e in expressions)
-    return Hoisted(tuple((symbol, expr) for expr, symbol in hoister.names.items()), moved)
-
-
 def function_source(name: str, arguments: dict[str, Sequence[Any]], expressions: Sequence[Any]) -> str:
     """Write one inlined function of tuples that returns the tuple of the expressions."""
     lines = []
@@ -158,27 +111,94 @@ def _renamed(
     return renamed, dict(new)
 
 
+class _Constants:
+    """The coefficients that functions take, in the order in which they first ask for them."""
+
+    def __init__(self, algebra: Algebra) -> None:
+        self.defined = {symbol: expr for expr, symbol in algebra.constants.items()}
+        self.names: dict[Any, str] = {}  #: of a coefficient
+        self._same: dict[Any, Any] = {}  #: coefficient of parameters alone -> the first that was asked for
+
+    def name(self, coefficient: Any) -> str:
+        """Return the name of a coefficient."""
+        first = self._same.setdefault(coefficient.xreplace(self.defined), coefficient)
+        own = str(first) if first.is_Symbol else f"k{len(self.names)}"
+        return self.names.setdefault(first, own)
+
+    def source(self, parameters: Sequence[Any]) -> str:
+        """Write the function of the parameters that computes them."""
+        needed: dict[Any, None] = {}
+        for coefficient in self.names:
+            needed |= dict.fromkeys(s for s in self.defined if s in coefficient.free_symbols)
+        steps, results = sp.cse([self.defined[s] for s in needed], sp.numbered_symbols("t"), order="none")
+        used = set().union(*(self.defined[s].free_symbols for s in needed), *(c.free_symbols for c in self.names))
+        steps += list(zip(needed, results, strict=True))
+        lines = [f"{s} = p[{i}]" for i, s in enumerate(parameters) if s in used]
+        lines += [f"{symbol} = {scalar_text(expr)}" for symbol, expr in steps]
+        return _function("prepare(p)", [*lines, f"return ({''.join(f'{scalar_text(c)}, ' for c in self.names)})"])
+
+
+def _function(head: str, lines: Iterable[str]) -> str:
+    return f"def {head}:\n" + "".join(f"    {line}\n" for line in lines)
+
+
+@dataclass(frozen=True)
+class _TimeLoop:
+    """The functions of the time loop, which share nodes and constants."""
+
+    algebra: Algebra
+    constants: _Constants
+
+    def function(self, name: str, roots: Sequence[Product], **arguments: Sequence[int]) -> str:
+        """Write a function of tuples of nodes, and of the constants, that returns the tuple of some products."""
+        places = {n: (f"{a}{i}", f"{a}[{i}]") for a, nodes in arguments.items() for i, n in enumerate(nodes)}
+        listing = Listing(self.algebra, {n: own for n, (own, _) in places.items()}, self.constants.name)
+        lines = listing.source(roots)
+        entries = dict(places.values()) | {own: f"c[{i}]" for i, own in enumerate(self.constants.names.values())}
+        lines[:0] = [f"{own} = {entry}" for own, entry in entries.items() if own in listing.used]
+        return _function(f"{name}({', '.join([*arguments, 'c'])})", lines)
+
+
 def emit(model: SymbolicModel) -> Emitted:
-    """Write ``prepare`` (once per candidate), ``derive`` and ``observe`` (in the time loop), and ``correct``."""
+    """Write ``prepare`` (once per candidate), ``forcing`` (once per sample), ``derive``, ``observe`` and ``correct``."""
     equations = (*model.derivatives, *model.outputs)
     expressions, named = _renamed(equations, x=model.states, u=model.inputs, p=model.parameters)
     x, u, p = named["x"], named["u"], named["p"]
-    hoisted = hoist(expressions, p)
-    used = set().union(*(e.free_symbols for e in hoisted.expressions))
-    direct = [(s, s) for s in p if s in used]
-    constants = direct + [(s, e) for s, e in hoisted.constants if s in used]
-    names = [s for s, _ in constants]
-    arguments: dict[str, Sequence[Any]] = {"x": x, "u": u, "c": names}
+    algebra = Algebra(p)
+    rewriter = Rewriter(algebra, [algebra.product(e) for e in expressions])
+    rewriter.run()
+    forced = rewriter.separate(u)
+    roots, states, inputs = rewriter.products(rewriter.root), *(list(map(algebra.node, s)) for s in (x, u))
+    loop = _TimeLoop(algebra, _Constants(algebra))
     nx = len(x)
     functions = [
-        HEADER,
-        function_source("prepare", {"p": p}, [e for _, e in constants]),
-        function_source("derive", arguments, hoisted.expressions[:nx]),
-        function_source("observe", arguments, hoisted.expressions),
+        loop.function("forcing", [(ONE, ((node, 2),)) for node in forced], u=inputs),
+        loop.function("derive", roots[:nx], x=states, w=forced),
+        loop.function("observe", roots, x=states, w=forced),
     ]
     if model.moves:
         after, arguments = _renamed(model.moved, x=model.states, d=model.moves)
         functions.append(function_source("correct", arguments, after))
-    wrapped = tuple(map(int, model.wrapped))
-    sizes = Sizes(nx, len(u), len(p), len(names), len(model.outputs), len(model.moves), model.held, wrapped)
-    return Emitted("\n\n".join(functions), sizes, model.latex)
+    sizes = Sizes(
+        states=nx,
+        inputs=len(u),
+        parameters=len(p),
+        constants=len(loop.constants.names),
+        outputs=len(model.outputs),
+        moves=len(model.moves),
+        forcings=len(forced),
+        held=model.held,
+        wrapped=tuple(map(int, model.wrapped)),
+        affine=tuple(i for i, node in enumerate(forced) if rewriter.affine(node, inputs)),
+        seen=_seen(x, expressions),
+    )
+    return Emitted("\n\n".join([HEADER, loop.constants.source(p), *functions]), sizes, model.latex)
+
+
+def _seen(states: Sequence[Any], expressions: Sequence[Any]) -> tuple[int, ...]:
+    """Return the states that outputs depend on, by way of other states too."""
+    symbols = [e.free_symbols for e in expressions]
+    found = set().union(*symbols[len(states) :])
+    while more := {s for x, own in zip(states, symbols, strict=False) if x in found for s in own} - found:
+        found |= more
+    return tuple(i for i, x in enumerate(states) if x in found)

@@ -32,23 +32,23 @@ def _filter(code: Function, model: Model) -> None:
         code.rows(sizes.outputs),
     )
     with code.loop("%first", "%last", code.lanes) as first:
-        block.begin(first)
+        block.begin(first, block.shared_inputs("0")[0])
         with code.loop(0, "%samples") as k:
             shown, start = code.load("%G", k, "i64"), code.value(f"icmp eq i64 {k}, 0")
             back = code.integer("sub", k, code.value(f"select i1 {start}, i64 0, i64 1"))
             before = code.value(f"select i1 {start}, i64 -1, i64 {code.load('%G', back, 'i64')}")
             with code.when("ne", shown, before):
                 _load_gains(code, gains, shown, first)
-            now, end = block.shared_inputs(k)
+            block.follow(*block.shared_inputs(k))
             measured, seen = (sample_of(code, r, k, sizes.outputs) for r in ("%Z", "%M"))
             with code.when("ne", "%states", 0):
                 keep_sample(code, block.state, "%X", first, k)
-            _, outputs = block.observe(now)
+            _, outputs = block.observe()
             ahead = [z - y for z, y in zip(measured, outputs, strict=True)]
             ahead = [wrap(a) if w else a for a, w in zip(ahead, sizes.wrapped, strict=True)]
             kept.fill([m * a for m, a in zip(seen, ahead, strict=True)])
             _correct(block, gains, kept)
-            block.advance(model.derive(list(block.state), now, list(block.constants)), now, end)
+            block.advance(block.derive())
             keep_sample(code, kept, "%V", first, k)
 
 
@@ -76,14 +76,14 @@ def _step(code: Function, model: Model) -> None:
     block, now, end = Block(code, model), code.rows(sizes.inputs), code.rows(sizes.inputs)
     kept = code.rows(sizes.states + sizes.outputs)
     with code.loop(0, "%count", code.lanes) as first:
-        block.begin(first)
         gather(code, "%U", now, first)
         gather(code, "%N", end, first)
-        derivatives, outputs = block.observe(list(now))
+        block.begin(first, list(now))
+        block.follow(list(now), [now[i] if i in sizes.held else end[i] for i in range(sizes.inputs)])
+        derivatives, outputs = block.observe()
         for i, output in enumerate(outputs):
             kept[sizes.states + i] = output
-        ends = [now[i] if i in sizes.held else end[i] for i in range(sizes.inputs)]
-        block.advance(derivatives, list(now), ends)
+        block.advance(derivatives)
         for i, state in enumerate(block.state):
             kept[i] = state
         scatter(code, kept, "%D", first)

@@ -6,6 +6,7 @@ lanes is not written and nothing has to be vectorized; LLVM divides the vector a
 
 from __future__ import annotations
 
+import re
 import struct
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -48,7 +49,7 @@ class Function:
                 f"define void @run({self.arguments}) #0 {{",
                 "entry:",
                 *self._reserved,
-                *self._lines,
+                *_needed(self._lines),
                 "  ret void",
                 "}",
             ]
@@ -138,6 +139,23 @@ class Function:
         yield
         self.write(f"br label %else{here}")
         self.write(f"\nelse{here}:")
+
+
+_NAME = re.compile(r"%v\d+")
+
+
+def _needed(lines: Sequence[str]) -> list[str]:
+    """Return the lines without instructions whose values nothing needs; a value stands above all that need it."""
+    kept, names = [], set[str]()
+    for line in reversed(lines):
+        value, *_ = found = _NAME.findall(line) or [""]
+        if line.startswith(f"  {value} = "):
+            if value not in names:
+                continue
+            found = found[1:]
+        names.update(found)
+        kept.append(line)
+    return kept[::-1]
 
 
 @dataclass(frozen=True)

@@ -51,49 +51,82 @@ class Entry:
 
 
 class Block:
-    """The memory of a block of candidates and what is done with it."""
+    """The memory of a block of candidates and what is done with it.
 
-    def __init__(self, code: Function, model: Model) -> None:
+    Parameters
+    ----------
+    code : Function
+    model : Model
+    moving : sequence of int, optional
+        The states that are integrated; all by default. Others keep their initial values.
+    """
+
+    def __init__(self, code: Function, model: Model, moving: Sequence[int] | None = None) -> None:
         sizes = model.sizes
         self.code, self.model, self.sizes = code, model, sizes
-        self.state, self.slope, self.total = (code.rows(sizes.states) for _ in range(3))
-        self.constants, self.inputs = code.rows(sizes.constants), code.rows(2 * sizes.inputs)
+        self.moving = range(sizes.states) if moving is None else moving
+        self.state, self.slopes = code.rows(sizes.states), code.rows(4 * sizes.states)
+        self.constants = code.rows(sizes.constants)
+        self.forcing = code.rows(3 * sizes.forcings)  #: at a sample, in the middle of its step, at the end
         self.half = code.value(f"fmul double %dt, {double(0.5)}")
         self.sixth = code.value(f"fdiv double %dt, {double(6.0)}")
 
-    def begin(self, first: str) -> None:
-        """Write the constants and initial states of the candidates from the first on."""
+    def begin(self, first: str, inputs: Terms) -> None:
+        """Write the constants, initial states and first forcing terms of the candidates from the first on."""
         gather(self.code, "%X0", self.state, first)
         prepare(self.code, self.model, self.constants, first)
+        self.forcing.fill(self.forced(inputs))
 
-    def observe(self, inputs: Terms) -> tuple[Terms, Terms]:
+    def forced(self, inputs: Terms) -> Terms:
+        """Write the forcing terms of inputs."""
+        return self.model.forcing(inputs, list(self.constants))
+
+    def observe(self) -> tuple[Terms, Terms]:
         """Write derivatives and outputs at the current state."""
-        found = self.model.observe(list(self.state), inputs, list(self.constants))
+        found = self.model.observe(list(self.state), list(self.forcing), list(self.constants))
         return found[: self.sizes.states], found[self.sizes.states :]
 
-    def advance(self, derivatives: Terms, now: Terms, end: Terms) -> None:
-        """Write a step of the Runge-Kutta method of order four from the derivatives at the current state.
+    def derive(self) -> Terms:
+        """Write derivatives at the current state."""
+        return self.model.derive(list(self.state), list(self.forcing), list(self.constants))
 
-        Inputs are linear along the step, from `now` to `end`.
+    def follow(self, now: Terms, end: Terms) -> None:
+        """Write the forcing terms of a step along which inputs are linear, from `now` to `end`.
+
+        Those at its beginning are there: they were the last ones of the step before, held inputs aside.
         """
-        code, count = self.code, self.sizes.inputs
-        self.inputs.fill([0.5 * (a + b) for a, b in zip(now, end, strict=True)] + list(end))
-        self.slope.fill(derivatives)
-        self.total.fill(derivatives)
+        sizes, count = self.sizes, self.sizes.forcings
+        if sizes.held:
+            self.forcing.fill(self.forced(now))
+        there = self.forced(end)
+        between = self.forced([0.5 * (a + b) for a, b in zip(now, end, strict=True)])
+        for i in range(count):
+            mean = 0.5 * (self.forcing[i] + there[i]) if i in sizes.affine else between[i]
+            self.forcing[count + i], self.forcing[2 * count + i] = mean, there[i]
+
+    def advance(self, derivatives: Terms) -> None:
+        """Write a step of the Runge-Kutta method of order four from the derivatives at the current state."""
+        code, states, count = self.code, self.sizes.states, self.sizes.forcings
+        for i in self.moving:
+            self.slopes[i] = derivatives[i]
         with code.loop(0, 3) as stage:
             last = code.value(f"icmp eq i64 {stage}, 2")
             ahead = code.spread(code.value(f"select i1 {last}, double %dt, double {self.half}"))
-            weight = code.spread(code.value(f"select i1 {last}, double {double(1.0)}, double {double(2.0)}"))
-            first = code.integer("mul", code.integer("lshr", stage, 1), count)
-            inputs = [self.inputs[code.integer("add", first, i)] for i in range(count)]
-            state = [x + ahead * k for x, k in zip(self.state, self.slope, strict=True)]
-            slopes = self.model.derive(state, inputs, list(self.constants))
-            for i, slope in enumerate(slopes):
-                self.slope[i] = slope
-                self.total[i] = self.total[i] + weight * slope
+            time = code.integer("add", code.integer("lshr", stage, 1), 1)
+            begin, first = code.integer("mul", stage, states), code.integer("mul", time, count)
+            state = list(self.state)
+            for i in self.moving:
+                state[i] = state[i] + ahead * self.slopes[code.integer("add", begin, i)]
+            forcing = [self.forcing[code.integer("add", first, i)] for i in range(count)]
+            slopes = self.model.derive(state, forcing, list(self.constants))
+            for i in self.moving:
+                self.slopes[code.integer("add", begin, states + i)] = slopes[i]
         sixth = code.spread(self.sixth)
-        for i in range(self.sizes.states):
-            self.state[i] = self.state[i] + sixth * self.total[i]
+        for i in self.moving:
+            a, b, c, d = (self.slopes[stage * states + i] for stage in range(4))
+            self.state[i] = self.state[i] + sixth * ((a + d) + 2.0 * (b + c))
+        for i in range(count):
+            self.forcing[i] = self.forcing[2 * count + i]
 
     def shared_inputs(self, k: str) -> tuple[Terms, Terms]:
         """Write the inputs that all candidates share, at a sample and at the next."""
@@ -176,19 +209,19 @@ def _inputs(block: Block, per_lane: bool, k: str, first: str) -> tuple[Terms, Te
 
 def _cost(per_lane: bool) -> Callable[[Function, Model], None]:
     def body(code: Function, model: Model) -> None:
-        block, cost, sizes = Block(code, model), code.rows(1), model.sizes
+        block, cost, sizes = Block(code, model, model.sizes.seen), code.rows(1), model.sizes
         with code.loop("%first", "%last", code.lanes) as first:
-            block.begin(first)
+            block.begin(first, _inputs(block, per_lane, "0", first)[0])
             cost[0] = 0.0
             with code.loop(0, "%samples") as k:
-                now, end = _inputs(block, per_lane, k, first)
-                derivatives, outputs = block.observe(now)
+                block.follow(*_inputs(block, per_lane, k, first))
+                derivatives, outputs = block.observe()
                 measured, weights = (sample_of(code, r, k, sizes.outputs) for r in ("%Z", "%W"))
                 errors = [y - z for y, z in zip(outputs, measured, strict=True)]
                 errors = [wrap(e) if w else e for e, w in zip(errors, sizes.wrapped, strict=True)]
                 squares = [w * (e * e) for e, w in zip(errors, weights, strict=True)]
                 cost[0] = cost[0] + sum(squares[1:], start=squares[0])
-                block.advance(derivatives, now, end)
+                block.advance(derivatives)
             with code.loop(0, code.least(code.lanes, code.integer("sub", "%last", first))) as lane:
                 code.store(code.load(cost.name, lane), "%J", code.integer("add", first, lane))
 
@@ -197,14 +230,14 @@ def _cost(per_lane: bool) -> Callable[[Function, Model], None]:
 
 def _outputs(per_lane: bool) -> Callable[[Function, Model], None]:
     def body(code: Function, model: Model) -> None:
-        block, kept = Block(code, model), code.rows(model.sizes.outputs)
+        block, kept = Block(code, model, model.sizes.seen), code.rows(model.sizes.outputs)
         with code.loop("%first", "%last", code.lanes) as first:
-            block.begin(first)
+            block.begin(first, _inputs(block, per_lane, "0", first)[0])
             with code.loop(0, "%samples") as k:
-                now, end = _inputs(block, per_lane, k, first)
-                derivatives, outputs = block.observe(now)
+                block.follow(*_inputs(block, per_lane, k, first))
+                derivatives, outputs = block.observe()
                 kept.fill(outputs)
-                block.advance(derivatives, now, end)
+                block.advance(derivatives)
                 keep_sample(code, kept, "%Y", first, k)
 
     return body
@@ -219,7 +252,8 @@ def _evaluate(code: Function, model: Model) -> None:
         prepare(code, model, constants, first)
         gather(code, "%X", state, first)
         gather(code, "%U", inputs, first)
-        found.fill(model.observe(list(state), list(inputs), list(constants)))
+        forcing = model.forcing(list(inputs), list(constants))
+        found.fill(model.observe(list(state), forcing, list(constants)))
         scatter(code, found, "%D", first)
 
 

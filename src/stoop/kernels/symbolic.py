@@ -33,8 +33,11 @@ class Sizes:
     constants: int  #: that depend on the parameters alone
     outputs: int
     moves: int  #: components of the error state; zero where no filter takes the model
+    forcings: int  #: forcing terms, which depend on inputs and parameters alone
     held: tuple[int, ...]  #: inputs that keep a sample's value until the next
     wrapped: tuple[int, ...]  #: 1 for an output that is an angle on the whole circle
+    affine: tuple[int, ...]  #: forcing terms that are linear along a step, as inputs are
+    seen: tuple[int, ...]  #: states that outputs depend on
 
     def text(self) -> str:
         """Return one line a field."""
@@ -45,5 +48,5 @@ class Sizes:
     def read(cls, text: str) -> Sizes:
         """Return the sizes of a text that :meth:`text` wrote."""
         rows = [tuple(int(word) for word in line.split()) for line in text.split("\n")]
-        states, inputs, parameters, constants, outputs, moves = (number for (number,) in rows[:6])
-        return cls(states, inputs, parameters, constants, outputs, moves, *rows[6:])
+        states, inputs, parameters, constants, outputs, moves, forcings = (number for (number,) in rows[:7])
+        return cls(states, inputs, parameters, constants, outputs, moves, forcings, *rows[7:])

@@ -78,13 +78,15 @@ def _windows(code: Function, model: Model) -> None:
     block, now, end = Block(code, model), code.rows(sizes.inputs), code.rows(sizes.inputs)
     kept = code.rows(sizes.outputs)
     with code.loop("%first", "%last", code.lanes) as first:
-        block.begin(first)
+        _load_inputs(code, now, end, sizes.held, first, "0")
+        block.begin(first, list(now))
         with code.loop(0, "%samples") as k:
             _load_inputs(code, now, end, sizes.held, first, k)
+            block.follow(list(now), list(end))
             _keep_last(code, block.state, first, k)
-            derivatives, outputs = block.observe(list(now))
+            derivatives, outputs = block.observe()
             kept.fill(outputs)
-            block.advance(derivatives, list(now), list(end))
+            block.advance(derivatives)
             keep_sample(code, kept, "%Y", first, k)
 
 

@@ -270,7 +270,7 @@ def _values(vehicle: Vehicle, point: Trim, states: FloatArray) -> FloatArray:
     n = len(states)
     both = [Dual(x, s) for x, s in zip([*states, *point.inputs], seeds, strict=True)]
     equations = array_equations(vehicle)
-    rates = equations.functions.observe(both[:n], both[n:], equations.constants(rows[:, 0]))[:n]
+    rates = equations.values(both[:n], both[n:], equations.constants(rows[:, 0]))[:n]
     at = {name: i for i, name in enumerate(vehicle.states)}
     V, omega = ([both[at[a]] for a in axes] for axes in ("uvw", "pqr"))
     V_rate, omega_rate = ([rates[at[a]] for a in axes] for axes in ("uvw", "pqr"))

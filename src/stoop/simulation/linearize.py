@@ -243,7 +243,7 @@ def linear_models(
     n, count = len(vehicle.states), len(values)
     variables = [Dual(x, e) for x, e in zip(values, np.eye(count)[:, :, None], strict=True)]
     equations = array_equations(vehicle)
-    found = equations.functions.observe(variables[:n], variables[n:], equations.constants(points.rows))
+    found = equations.values(variables[:n], variables[n:], equations.constants(points.rows))
 
     def minimal(states: Sequence[Any]) -> list[Any]:
         named = dict.fromkeys(("v", "p", "r", "e1", "e3"), 0.0) | dict(

@@ -32,9 +32,14 @@ class Equations:
         plain = rows.tolist() if getattr(rows, "ndim", 0) == 1 else rows
         return self.functions.prepare(plain)  # type: ignore[no-any-return]
 
+    def values(self, states: Sequence[Any], inputs: Sequence[Any], constants: Sequence[Any]) -> Sequence[Any]:
+        """Return derivatives, then readings, of whatever NumPy's functions take."""
+        forcing = self.functions.forcing(inputs, constants)
+        return self.functions.observe(states, forcing, constants)  # type: ignore[no-any-return]
+
     def __call__(self, rows: Rows, states: FloatArray, inputs: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return derivatives and readings."""
-        found = self.functions.observe(states, inputs, self.constants(rows))
+        found = self.values(states, inputs, self.constants(rows))
         values = np.empty((len(found), *states.shape[1:]))
         for i, value in enumerate(found):
             values[i] = value
@@ -120,7 +125,7 @@ class Evaluation:
         self.equations, self.inputs, self.count = equations, inputs, len(states)
         self.constants, self.tape = equations.constants(rows), _Tape()
         self.of_inputs, self.of_constants = self.tape.traced(inputs), self.tape.traced(self.constants)
-        found = equations.functions.observe(self.tape.traced(states), self.of_inputs, self.of_constants)
+        found = equations.values(self.tape.traced(states), self.of_inputs, self.of_constants)
         self.outputs = [self.tape.place(value) for value in found]
 
     def reading(self, index: int) -> FloatArray:

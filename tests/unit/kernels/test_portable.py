@@ -68,8 +68,8 @@ def twin_boom() -> SymbolicModel:
 @pytest.mark.parametrize("model", [oscillator.equations, twin_boom])
 def test_the_models_functions_are_straight_line_scalar_code(model: object) -> None:
     made = functions(emit(model()).source)  # type: ignore[operator]
-    assert list(made)[:3] == ["prepare", "derive", "observe"]
-    assert set(made) <= {"prepare", "derive", "observe", "correct"}
+    assert list(made)[:4] == ["prepare", "forcing", "derive", "observe"]
+    assert set(made) <= {"prepare", "forcing", "derive", "observe", "correct"}
     assert all(straight(f) for f in made.values())
 
 
