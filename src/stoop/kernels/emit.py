@@ -190,15 +190,6 @@ def emit(model: SymbolicModel) -> Emitted:
         held=model.held,
         wrapped=tuple(map(int, model.wrapped)),
         affine=tuple(i for i, node in enumerate(forced) if rewriter.affine(node, inputs)),
-        seen=_seen(x, expressions),
+        seen=rewriter.seen(states),
     )
     return Emitted("\n\n".join([HEADER, loop.constants.source(p), *functions]), sizes, model.latex)
-
-
-def _seen(states: Sequence[Any], expressions: Sequence[Any]) -> tuple[int, ...]:
-    """Return the states that outputs depend on, by way of other states too."""
-    symbols = [e.free_symbols for e in expressions]
-    found = set().union(*symbols[len(states) :])
-    while more := {s for x, own in zip(states, symbols, strict=False) if x in found for s in own} - found:
-        found |= more
-    return tuple(i for i, x in enumerate(states) if x in found)

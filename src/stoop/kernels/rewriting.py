@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import sympy as sp
@@ -42,16 +42,27 @@ class Rewriter:
     def order(self) -> list[int]:
         """Return all nodes that are used, each after those that it is made of."""
         done: dict[int, None] = {}
-
-        def visit(node: int) -> None:
-            if node not in done:
-                for _, powers in self.products(node):
-                    for inner, _ in powers:
-                        visit(inner)
-                done[node] = None
-
-        visit(self.root)
+        self._visit(self.root, done)
         return list(done)
+
+    def _visit(self, node: int, done: dict[int, None]) -> None:
+        if node not in done:
+            for _, powers in self.products(node):
+                for inner, _ in powers:
+                    self._visit(inner, done)
+            done[node] = None
+
+    def seen(self, states: Sequence[int]) -> tuple[int, ...]:
+        """Return the states, whose derivatives come first of all products, that the others depend on, by way of states too."""
+        found: dict[int, None] = {}
+        derivatives = self.products(self.root)
+        wanted = list(derivatives[len(states) :])
+        while wanted:
+            for node, _ in wanted.pop()[1]:
+                more = {n for n in states if n not in found}
+                self._visit(node, found)
+                wanted += [d for n, d in zip(states, derivatives, strict=False) if n in more and n in found]
+        return tuple(i for i, node in enumerate(states) if node in found)
 
     def sums(self) -> Iterator[tuple[int, Sum]]:
         """Return the sums that are used."""
@@ -121,8 +132,10 @@ class Rewriter:
 
     def dissolve(self) -> None:
         """Write sums out in those that they stand in with constant coefficients, as long as that saves operations."""
-        while any(self._dissolved(group) for group in self._groups()):
-            pass
+        changed = True
+        while changed:
+            users = self.users()
+            changed = any(self._dissolved(group, users) for group in self._groups())
 
     def _groups(self) -> Iterator[tuple[int, ...]]:
         single = [node for node, _ in self.sums()]
@@ -133,9 +146,8 @@ class Rewriter:
             if len(inner) > 1:
                 yield tuple(inner)
 
-    def _dissolved(self, group: tuple[int, ...]) -> bool:
+    def _dissolved(self, group: tuple[int, ...], users: Mapping[int, Sequence[tuple[int, Product]]]) -> bool:
         """Write a group of sums out in all that they stand in, and return true, or leave them, and return false."""
-        users = self.users()
         owners = {o for node in group for o, (_, p) in users.get(node, []) if self._open(o, p, group)}
         gain = 0
         for node in group:
