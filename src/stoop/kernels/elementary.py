@@ -43,21 +43,22 @@ def atan2(y: Any, x: Any) -> Any:
     if not given:
         return math.atan2(y, x)
     code = given[0].code
-    y, x = (Term(code, code.literal(a)) for a in (y, x))
-    ax = fabs(x)
+    y, x = (a if isinstance(a, Term) else Term(code, code.literal(a)) for a in (y, x))
+    ax = x if x.magnitude else fabs(x)
     ay = fabs(y)
     swap = ay > ax
     large = select(swap, ay, ax)
     small = select(swap, ax, ay)
     upper = small > 0.41421356237309503 * large
     t = select(upper, small - large, small) / (select(upper, small + large, large) + 1e-300)
-    left = x < 0.0
     below = y < 0.0
-    begin = select(upper, 0.7853981633974483, 0.0)
-    begin = select(swap, 1.5707963267948966 - begin, begin)
-    begin = select(left, 3.141592653589793 - begin, begin)
+    begin = select(upper, 0.7853981633974483, select(swap, 1.5707963267948966, 0.0))
+    turned = swap.differs(below)
+    if not x.magnitude:
+        left = x < 0.0
+        begin, turned = select(left, 3.141592653589793 - begin, begin), turned.differs(left)
     begin = select(below, -begin, begin)
-    v = select(swap.differs(left).differs(below), -t, t)
+    v = select(turned, -t, t)
     z = t * t
     z2 = z * z
     z4 = z2 * z2

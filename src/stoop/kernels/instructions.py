@@ -204,6 +204,7 @@ class Term:
 
     code: Function
     name: str
+    magnitude: bool = False  #: true where it is known to be zero or greater
 
     def binary(self, operation: str, a: Any, b: Any) -> Term:
         """Write an operation of two terms or numbers."""
@@ -216,7 +217,7 @@ class Term:
         """Write an intrinsic function of LLVM: ``sqrt`` or ``fabs``."""
         code = self.code
         call = f"@llvm.{function}.v{code.lanes}f64({code.vector} {self.name})"
-        return Term(code, code.value(f"call {FLAGS} {code.vector} {call}"))
+        return Term(code, code.value(f"call {FLAGS} {code.vector} {call}"), magnitude=True)
 
     def __add__(self, other: Any) -> Term:
         return self.binary("fadd", self, other)
