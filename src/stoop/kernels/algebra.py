@@ -159,7 +159,8 @@ class Algebra:
 
     def multiply(self, *factors: Product) -> Product:
         """Return a product, in which powers outside a sum meet the negative powers inside it."""
-        coefficient, powers = ONE, ()
+        coefficient: Any = ONE
+        powers: Powers = ()
         for c, p in factors:
             coefficient, powers = coefficient * c, times(powers, p)
         for node, exponent in powers:

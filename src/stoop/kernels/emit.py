@@ -66,18 +66,6 @@ def scalar_text(expr: Any) -> str:
     return text
 
 
-def function_source(name: str, arguments: dict[str, Sequence[Any]], expressions: Sequence[Any]) -> str:
-    """Write one inlined function of tuples that returns the tuple of the expressions."""
-    lines = []
-    used = set().union(*(e.free_symbols for e in expressions)) if expressions else set()
-    for argument, symbols in arguments.items():
-        lines += [f"{s} = {argument}[{i}]" for i, s in enumerate(symbols) if s in used]
-    steps, results = sp.cse(list(expressions), sp.numbered_symbols("t"), order="none")
-    lines += [f"{symbol} = {_PRINTER.doprint(expr)}" for symbol, expr in steps]
-    lines.append(f"return ({''.join(f'{_PRINTER.doprint(e)}, ' for e in results)})")
-    return f"def {name}({', '.join(arguments)}):\n" + "".join(f"    {line}\n" for line in lines)
-
-
 @dataclass(frozen=True)
 class Emitted:
     """Source of the model's functions, importable where they take arrays, and sizes of the model."""
@@ -131,11 +119,15 @@ class _Constants:
         for coefficient in self.names:
             needed |= dict.fromkeys(s for s in self.defined if s in coefficient.free_symbols)
         steps, results = sp.cse([self.defined[s] for s in needed], sp.numbered_symbols("t"), order="none")
-        used = set().union(*(self.defined[s].free_symbols for s in needed), *(c.free_symbols for c in self.names))
+        used = set().union(
+            *(self.defined[s].free_symbols for s in needed), *(c.free_symbols for c in self.names)
+        )
         steps += list(zip(needed, results, strict=True))
         lines = [f"{s} = p[{i}]" for i, s in enumerate(parameters) if s in used]
         lines += [f"{symbol} = {scalar_text(expr)}" for symbol, expr in steps]
-        return _function("prepare(p)", [*lines, f"return ({''.join(f'{scalar_text(c)}, ' for c in self.names)})"])
+        return _function(
+            "prepare(p)", [*lines, f"return ({''.join(f'{scalar_text(c)}, ' for c in self.names)})"]
+        )
 
 
 def _function(head: str, lines: Iterable[str]) -> str:
@@ -154,7 +146,9 @@ class _TimeLoop:
         places = {n: (f"{a}{i}", f"{a}[{i}]") for a, nodes in arguments.items() for i, n in enumerate(nodes)}
         listing = Listing(self.algebra, {n: own for n, (own, _) in places.items()}, self.constants.name)
         lines = listing.source(roots)
-        entries = dict(places.values()) | {own: f"c[{i}]" for i, own in enumerate(self.constants.names.values())}
+        entries = dict(places.values()) | {
+            own: f"c[{i}]" for i, own in enumerate(self.constants.names.values())
+        }
         lines[:0] = [f"{own} = {entry}" for own, entry in entries.items() if own in listing.used]
         return _function(f"{name}({', '.join([*arguments, 'c'])})", lines)
 
@@ -170,17 +164,13 @@ def emit(model: SymbolicModel) -> Emitted:
     forced = rewriter.separate(u)
     roots, states, inputs = rewriter.products(rewriter.root), *(list(map(algebra.node, s)) for s in (x, u))
     loop = _TimeLoop(algebra, _Constants(algebra))
-    nx = len(x)
     functions = [
         loop.function("forcing", [(ONE, ((node, 2),)) for node in forced], u=inputs),
-        loop.function("derive", roots[:nx], x=states, w=forced),
+        loop.function("derive", roots[: len(x)], x=states, w=forced),
         loop.function("observe", roots, x=states, w=forced),
     ]
-    if model.moves:
-        after, arguments = _renamed(model.moved, x=model.states, d=model.moves)
-        functions.append(function_source("correct", arguments, after))
     sizes = Sizes(
-        states=nx,
+        states=len(x),
         inputs=len(u),
         parameters=len(p),
         constants=len(loop.constants.names),
@@ -192,4 +182,14 @@ def emit(model: SymbolicModel) -> Emitted:
         affine=tuple(i for i, node in enumerate(forced) if rewriter.affine(node, inputs)),
         seen=rewriter.seen(states),
     )
+    functions += [_correct(model)] if model.moves else []
     return Emitted("\n\n".join([HEADER, loop.constants.source(p), *functions]), sizes, model.latex)
+
+
+def _correct(model: SymbolicModel) -> str:
+    """Write the correction of the states by the error state, which has numbers but no constants."""
+    after, named = _renamed(model.moved, x=model.states, d=model.moves)
+    algebra = Algebra(())
+    moved = Rewriter(algebra, [algebra.product(e) for e in after]).run()
+    nodes = {letter: list(map(algebra.node, symbols)) for letter, symbols in named.items()}
+    return _TimeLoop(algebra, _Constants(algebra)).function("correct", moved, **nodes)

@@ -68,7 +68,7 @@ def _correct(block: Block, gains: Rows, innovations: Rows) -> None:
     for row in range(0, gains.count, count):
         products = [gains[row + i] * v for i, v in enumerate(values)]
         error.append(sum(products[1:], start=products[0]))
-    block.state.fill(block.model.correct(list(block.state), error))
+    block.state.fill(block.model.correct(list(block.state), error, ()))
 
 
 def _step(code: Function, model: Model) -> None:
@@ -94,7 +94,7 @@ def _move(code: Function, model: Model) -> None:
     with code.loop(0, "%count", code.lanes) as first:
         gather(code, "%X", state, first)
         gather(code, "%E", error, first)
-        state.fill(model.correct(list(state), list(error)))
+        state.fill(model.correct(list(state), list(error), ()))
         scatter(code, state, "%D", first)
 
 

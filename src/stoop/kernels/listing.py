@@ -4,13 +4,20 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Hashable, Mapping, Sequence
-from typing import Any
+from typing import Any, Final
 
 import sympy as sp
 
 from stoop.kernels.algebra import Algebra, Call, Product, split_sign
 
 Signed = tuple[int, int]  #: a sign and a value
+_LATENCY: Final = {
+    "name": 0,
+    "fabs": 0,
+    "inverse": 4,
+    "sqrt": 5,
+    "atan2": 16,
+}  #: in multiply-adds; of all others 1
 
 
 class Listing:
@@ -84,7 +91,9 @@ class Listing:
 
     # --- common parts
 
-    def _share(self, kind: str, pairs: Any, replaced: Any) -> None:
+    def _share(
+        self, kind: str, pairs: Callable[[Any], set[Any]], replaced: Callable[[Any, Any, int], Any]
+    ) -> None:
         """Compute the pair that most values of a kind have in common once, until no two have one in common."""
         while True:
             of = {i: v for i, (k, v) in enumerate(self.values) if k == kind}
@@ -110,14 +119,10 @@ class Listing:
 
     @staticmethod
     def _term_pairs(terms: tuple[Signed, ...]) -> set[tuple[Signed, Signed]]:
-        return {
-            ((a, 1), (b, one * other)) for i, (a, one) in enumerate(terms) for b, other in terms[i + 1 :]
-        }
+        return {((a, 1), (b, one * other)) for i, (a, one) in enumerate(terms) for b, other in terms[i + 1 :]}
 
     @staticmethod
-    def _with_term(
-        terms: tuple[Signed, ...], pair: tuple[Signed, Signed], shared: int
-    ) -> tuple[Signed, ...]:
+    def _with_term(terms: tuple[Signed, ...], pair: tuple[Signed, Signed], shared: int) -> tuple[Signed, ...]:
         (a, _), (b, relative) = pair
         sign = next(s for s in (1, -1) if (a, s) in terms and (b, s * relative) in terms)
         left = list(terms)
@@ -158,7 +163,9 @@ class _Writer:
     def _reach(self, value: int, reached: dict[int, None]) -> int:
         if value not in reached:
             reached[value] = None
-            self.depths[value] = 1 + max((self._reach(p, reached) for p in self._parts(value)), default=0)
+            kind, of = self.values[value]
+            own = _LATENCY.get(of[0] if kind == "call" else kind, 1)
+            self.depths[value] = own + max((self._reach(p, reached) for p in self._parts(value)), default=0)
         return self.depths[value]
 
     def name(self, value: int) -> str:

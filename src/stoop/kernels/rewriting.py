@@ -8,7 +8,19 @@ from typing import Any
 
 import sympy as sp
 
-from stoop.kernels.algebra import ONE, Algebra, Call, Powers, Product, Sum, over, quotient, split_sign, times, trivial
+from stoop.kernels.algebra import (
+    ONE,
+    Algebra,
+    Call,
+    Powers,
+    Product,
+    Sum,
+    over,
+    quotient,
+    split_sign,
+    times,
+    trivial,
+)
 
 _HIGHEST = 3  #: power of a sum of two terms that is multiplied out
 
@@ -201,7 +213,8 @@ class Rewriter:
         self.algebra.replace(node, {p: c * factor for p, c in (self.algebra.terms(node) or {}).items()})
         for owner in dict.fromkeys(o for o, _ in users):
             signed = [
-                (quotient(c, factor) if any(n == node for n, _ in p) else c, p) for c, p in self.products(owner)
+                (quotient(c, factor) if any(n == node for n, _ in p) else c, p)
+                for c, p in self.products(owner)
             ]
             self.algebra.replace(owner, self._with(owner, signed))
 

@@ -32,7 +32,7 @@ class Equations:
         plain = rows.tolist() if getattr(rows, "ndim", 0) == 1 else rows
         return self.functions.prepare(plain)  # type: ignore[no-any-return]
 
-    def values(self, states: Sequence[Any], inputs: Sequence[Any], constants: Sequence[Any]) -> Sequence[Any]:
+    def values(self, states: Any, inputs: Any, constants: Sequence[Any]) -> Sequence[Any]:
         """Return derivatives, then readings, of whatever NumPy's functions take."""
         forcing = self.functions.forcing(inputs, constants)
         return self.functions.observe(states, forcing, constants)  # type: ignore[no-any-return]

@@ -1,0 +1,176 @@
+"""Rewritten equations have the values of those that were given, and take fewer operations."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import mpmath
+import numpy as np
+import pytest
+import sympy as sp
+from hypothesis import given
+from hypothesis import strategies as st
+
+from stoop.kernels import SymbolicModel
+from stoop.kernels.emit import HEADER, emit
+from stoop.vehicle.builtin import BUILT_IN, resolve_vehicle
+from stoop.vehicle.symbolic import build_model
+
+STATES = x, y, z = sp.symbols("x y z", real=True)
+INPUTS = u, v = sp.symbols("u v", real=True)
+PARAMETERS = a, b, c, d = sp.symbols("a b c d", real=True)
+EXACT = {"sqrt": mpmath.sqrt, "atan2": mpmath.atan2, "fabs": abs}  #: functions of the source, to 60 digits
+
+
+def model(*rates: Any, outputs: Sequence[Any] = (), held: tuple[int, ...] = ()) -> SymbolicModel:
+    """Return a model of the states with given derivatives; those that are left out are zero."""
+    derivatives = (*rates, *[sp.Integer(0)] * (len(STATES) - len(rates)))
+    names = tuple(f"y{i}" for i in range(len(outputs)))
+    return SymbolicModel(
+        STATES, INPUTS, PARAMETERS, derivatives, tuple(outputs), names, (False,) * len(names), held
+    )
+
+
+def functions(source: str, scope: dict[str, Any]) -> dict[str, Callable[..., Any]]:
+    """Return the functions of a source with others for root, arc tangent and magnitude."""
+    made = dict(scope)
+    exec(source.removeprefix(HEADER), made)  # noqa: S102  our own text, to see what it computes
+    return made
+
+
+def values(made: dict[str, Callable[..., Any]], x: Any, u: Any, p: Any) -> Sequence[Any]:
+    constants = made["prepare"](p)
+    found: Sequence[Any] = made["observe"](x, made["forcing"](u, constants), constants)
+    return found
+
+
+def operations(source: str, name: str) -> int:
+    """Return the additions, multiplications, divisions and roots of a function."""
+    (function,) = [f for f in ast.parse(source).body if isinstance(f, ast.FunctionDef) and f.name == name]
+    nodes = list(ast.walk(function))
+    roots = [
+        n for n in nodes if isinstance(n, ast.Call) and isinstance(n.func, ast.Name) and n.func.id == "sqrt"
+    ]
+    return sum(isinstance(n, ast.BinOp) for n in nodes) + len(roots)
+
+
+def plain(expressions: Sequence[Any], parameters: Sequence[Any]) -> int:
+    """Return the operations of expressions with common parts shared and nothing else done, parameter-only parts free."""
+    names: dict[Any, Any] = {}
+
+    def named(expr: Any) -> Any:
+        if not expr.free_symbols - set(parameters) and expr.args:
+            return names.setdefault(expr, sp.Symbol(f"named{len(names)}", real=True))
+        if not (expr.is_Add or expr.is_Mul):
+            return expr.func(*map(named, expr.args)) if expr.args else expr
+        known = [e for e in expr.args if not e.free_symbols - set(parameters)]
+        parts = [named(e) for e in expr.args if e.free_symbols - set(parameters)]
+        return expr.func(*([named(expr.func(*known))] if known else []), *parts)
+
+    steps, results = sp.cse([named(e) for e in expressions], order="none")
+    ignored = {sp.Symbol("NEG"): 0, sp.Symbol("ABS"): 0, sp.Symbol("ATAN2"): 0, sp.Symbol("ATAN"): 0}
+    kinds = sum((sp.count_ops(e, visual=True) for e in [*(e for _, e in steps), *results]), sp.Integer(0))
+    return int(kinds.subs(ignored).subs(dict.fromkeys(kinds.free_symbols, 1)))
+
+
+def combined(parts: st.SearchStrategy[Any]) -> st.SearchStrategy[Any]:
+    """Return sums, products, quotients, roots and arc tangents of expressions."""
+    pairs = st.tuples(parts, parts)
+    return st.one_of(
+        st.lists(parts, min_size=2, max_size=4).map(lambda e: sp.Add(*e)),
+        st.lists(parts, min_size=2, max_size=3).map(lambda e: sp.Mul(*e)),
+        st.tuples(parts, st.integers(2, 3)).map(lambda e: e[0] ** e[1]),
+        pairs.map(lambda e: e[0] / sp.sqrt(1 + e[1] ** 2)),
+        pairs.map(lambda e: e[0] / (2 + e[1] ** 2)),
+        pairs.map(lambda e: sp.atan2(e[0], 1 + e[1] ** 2)),
+        parts.map(sp.Abs),
+    )
+
+
+LEAVES = st.sampled_from([*STATES, *INPUTS, *PARAMETERS, *map(sp.Integer, (-2, -1, 2)), sp.Rational(1, 2)])
+EXPRESSIONS = st.recursive(LEAVES, combined, max_leaves=12).filter(lambda e: not e.has(sp.pi))
+
+
+@given(st.lists(EXPRESSIONS, min_size=1, max_size=3), st.integers(0, 2**32 - 1))
+def test_the_values_stay(expressions: list[Any], seed: int) -> None:
+    made = functions(emit(model(outputs=expressions)).source, EXACT)
+    symbols = (*STATES, *INPUTS, *PARAMETERS)
+    with mpmath.workdps(60):
+        numbers = [mpmath.mpf(n) for n in np.random.default_rng(seed).uniform(-2.0, 2.0, len(symbols))]
+        found = values(made, numbers[:3], numbers[3:5], numbers[5:])[3:]
+        for value, expr in zip(found, expressions, strict=True):
+            exact = sp.lambdify(symbols, expr, "mpmath")(*numbers)
+            assert abs(value - exact) <= 1e-12 * (1 + abs(exact))  # numbers are doubles
+
+
+@pytest.mark.parametrize("name", BUILT_IN)
+def test_a_vehicle_keeps_its_derivatives_and_readings_and_saves_operations(name: str) -> None:
+    equations = build_model(resolve_vehicle(name))
+    expressions = (*equations.derivatives, *equations.outputs)
+    source = emit(equations).source
+    made = functions(source, EXACT)
+    symbols = (*equations.states, *equations.inputs, *equations.parameters)
+    lengths = [len(equations.states), len(equations.inputs)]
+    steps, results = sp.cse(expressions, order="none")
+    with mpmath.workdps(60):
+        numbers = [mpmath.mpf(n) for n in np.random.default_rng(3).uniform(0.2, 2.0, len(symbols))]
+        parts = numbers[: lengths[0]], numbers[lengths[0] : sum(lengths)], numbers[sum(lengths) :]
+        known = dict(zip(symbols, numbers, strict=True))
+        for symbol, expr in steps:
+            known[symbol] = sp.lambdify(list(expr.free_symbols), expr, "mpmath")(
+                *[known[s] for s in expr.free_symbols]
+            )
+        for value, expr in zip(values(made, *parts), map(sp.sympify, results), strict=True):
+            exact = sp.lambdify(list(expr.free_symbols), expr, "mpmath")(
+                *[known[s] for s in expr.free_symbols]
+            )
+            assert abs(value - exact) <= 1e-12 * (1 + abs(exact))
+    before = plain(equations.derivatives, equations.parameters)
+    assert operations(source, "derive") < 0.9 * before
+
+
+@pytest.mark.parametrize(
+    ("rates", "count"),
+    [
+        pytest.param([(x**2 + y**2) * (z / sp.sqrt(x**2 + y**2) + x / sp.sqrt(x**2 + y**2))], 6, id="factor"),
+        pytest.param([1 / (x + y / z)], 3, id="denominator"),
+        pytest.param([a * (b * x + c * y) + d * y], 3, id="dissolved"),
+        pytest.param(
+            [z * (a * (c * x + d * y) + b * (d * x - c * y)), z * (b * (c * x + d * y) - a * (d * x - c * y))],
+            8, id="moments",
+        ),
+        pytest.param([a + b * x + c * x**2], 4, id="Horner"),
+        pytest.param([a + b * (x - c) + d * (x - c) ** 2], 4, id="shifted polynomial"),
+        pytest.param([a * z * (b * x + c * y)], 4, id="folded"),
+        pytest.param([a * x - a * y + b * z], 4, id="equal coefficients"),
+        pytest.param([a * (x - y) * z, -a * (x - y) * y], 4, id="opposite"),
+        pytest.param([2 * x * y - 2 * z * x], 3, id="common number"),
+        pytest.param([x * y + z, x * y * z], 3, id="common product"),
+        pytest.param([(x + y + z) ** 2, x + y], 3, id="common sum"),
+    ],
+)  # fmt: skip
+def test_operations_of_each_rule(rates: list[Any], count: int) -> None:
+    assert operations(emit(model(*rates)).source, "derive") == count
+
+
+def test_forcing_terms_are_all_that_derivatives_take_from_inputs() -> None:
+    emitted = emit(model(a * u + b * v + c + x, sp.Abs(u) * x, v * y, outputs=[x]))
+    assert emitted.sizes.forcings == 3
+    assert "u[" not in emitted.source.partition("def derive")[2]
+    assert operations(emitted.source, "forcing") == 4
+    assert operations(emitted.source, "derive") == 3
+    made = functions(emitted.source, {"fabs": abs})
+    constants = made["prepare"]((2.0, 3.0, 5.0, 7.0))
+    here, there = (made["forcing"](at, constants) for at in ((-1.0, 4.0), (2.0, 8.0)))
+    middle = made["forcing"]((0.5, 6.0), constants)
+    even = [m == (h + t) / 2 for h, m, t in zip(here, middle, there, strict=True)]
+    assert tuple(i for i, e in enumerate(even) if e) == emitted.sizes.affine
+    assert len(emitted.sizes.affine) == 2
+
+
+def test_states_that_no_output_depends_on_are_told() -> None:
+    assert emit(model(y, x, x, outputs=[x])).sizes.seen == (0, 1)
+    assert emit(model(y, z, x, outputs=[x])).sizes.seen == (0, 1, 2)
+    assert emit(model(y, z, x)).sizes.seen == ()
