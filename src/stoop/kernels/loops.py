@@ -65,7 +65,7 @@ class Block:
         sizes = model.sizes
         self.code, self.model, self.sizes = code, model, sizes
         self.moving = range(sizes.states) if moving is None else moving
-        self.state, self.slopes = code.rows(sizes.states), code.rows(4 * sizes.states)
+        self.state, self.slope, self.total = (code.rows(sizes.states) for _ in range(3))
         self.constants = code.rows(sizes.constants)
         self.forcing = code.rows(3 * sizes.forcings)  #: at a sample, in the middle of its step, at the end
         self.half = code.value(f"fmul double %dt, {double(0.5)}")
@@ -106,25 +106,25 @@ class Block:
 
     def advance(self, derivatives: Terms) -> None:
         """Write a step of the Runge-Kutta method of order four from the derivatives at the current state."""
-        code, states, count = self.code, self.sizes.states, self.sizes.forcings
+        code, count = self.code, self.sizes.forcings
         for i in self.moving:
-            self.slopes[i] = derivatives[i]
+            self.slope[i] = self.total[i] = derivatives[i]
         with code.loop(0, 3) as stage:
             last = code.value(f"icmp eq i64 {stage}, 2")
             ahead = code.spread(code.value(f"select i1 {last}, double %dt, double {self.half}"))
-            time = code.integer("add", code.integer("lshr", stage, 1), 1)
-            begin, first = code.integer("mul", stage, states), code.integer("mul", time, count)
+            weight = code.spread(code.value(f"select i1 {last}, double {double(1.0)}, double {double(2.0)}"))
+            first = code.integer("mul", code.integer("add", code.integer("lshr", stage, 1), 1), count)
+            forcing = [self.forcing[code.integer("add", first, i)] for i in range(count)]
             state = list(self.state)
             for i in self.moving:
-                state[i] = state[i] + ahead * self.slopes[code.integer("add", begin, i)]
-            forcing = [self.forcing[code.integer("add", first, i)] for i in range(count)]
+                state[i] = state[i] + ahead * self.slope[i]
             slopes = self.model.derive(state, forcing, list(self.constants))
             for i in self.moving:
-                self.slopes[code.integer("add", begin, states + i)] = slopes[i]
+                self.slope[i] = slopes[i]
+                self.total[i] = self.total[i] + weight * slopes[i]
         sixth = code.spread(self.sixth)
         for i in self.moving:
-            a, b, c, d = (self.slopes[stage * states + i] for stage in range(4))
-            self.state[i] = self.state[i] + sixth * ((a + d) + 2.0 * (b + c))
+            self.state[i] = self.state[i] + sixth * self.total[i]
         for i in range(count):
             self.forcing[i] = self.forcing[2 * count + i]
 
