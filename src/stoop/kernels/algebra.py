@@ -150,6 +150,14 @@ class Algebra:
         self._places.setdefault(_place(key), node)
         self.nodes[node] = key
 
+    def kept(self) -> tuple[list[Any], dict[Any, int]]:
+        """Return the nodes as they are, for `restore`."""
+        return list(self.nodes), dict(self._places)
+
+    def restore(self, kept: tuple[list[Any], dict[Any, int]]) -> None:
+        """Take back what was done since."""
+        self.nodes, self._places = kept
+
     # --- sums and products
 
     def terms(self, node: int) -> Sum | None:

@@ -95,16 +95,21 @@ class Listing:
         self, kind: str, pairs: Callable[[Any], set[Any]], replaced: Callable[[Any, Any, int], Any]
     ) -> None:
         """Compute the pair that most values of a kind have in common once, until no two have one in common."""
-        while True:
-            of = {i: v for i, (k, v) in enumerate(self.values) if k == kind}
-            counts = Counter(pair for value in of.values() for pair in pairs(value))
-            pair, count = min(counts.items(), key=lambda item: (-item[1], item[0]), default=(None, 0))
+        of = {i: pairs(value) for i, (k, value) in enumerate(self.values) if k == kind}
+        counts = Counter(pair for found in of.values() for pair in found)
+        while counts:
+            pair, count = min(counts.items(), key=lambda item: (-item[1], item[0]))
             if count < 2:
                 return
             shared = self.place(kind, pair)
-            for i, value in of.items():
-                if i != shared and pair in pairs(value):
-                    self.values[i] = (kind, replaced(value, pair, shared))
+            for i in [i for i, found in of.items() if i != shared and pair in found]:
+                counts.subtract(of[i])
+                self.values[i] = (kind, replaced(self.values[i][1], pair, shared))
+                of[i] = pairs(self.values[i][1])
+                counts.update(of[i])
+            if shared not in of:
+                of[shared] = {pair}
+                counts[pair] += 1
 
     @staticmethod
     def _factor_pairs(factors: tuple[int, ...]) -> set[tuple[int, int]]:

@@ -1,10 +1,15 @@
-"""Sums rewritten where that saves operations: every pass keeps the values and lowers the count."""
+"""Sums rewritten where that saves operations.
+
+A pass rewrites what saves operations by itself. As parts that several sums have in common are computed once, all it does may
+cost more in the end: then it is taken back.
+"""
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import Any
+from typing import Any, Final
 
 import sympy as sp
 
@@ -21,8 +26,10 @@ from stoop.kernels.algebra import (
     times,
     trivial,
 )
+from stoop.kernels.listing import Listing
 
-_HIGHEST = 3  #: power of a sum of two terms that is multiplied out
+_OPERATION: Final = re.compile(r"[*/]| [+-] |sqrt")  #: in a line of source
+_HIGHEST: Final = 3  #: power of a sum of two terms that is multiplied out
 
 
 class Rewriter:
@@ -33,14 +40,31 @@ class Rewriter:
         self.root = algebra.node(Call("return", tuple(roots)))
 
     def run(self) -> tuple[Product, ...]:
-        """Rewrite until nothing is left to save; return the products."""
-        self.gather()
-        self.dissolve()
-        self.nest()
-        self.dissolve()
-        self.fold()
-        self.pair()
+        """Rewrite as long as that saves operations; return the products."""
+        dissolve, gather, least = self.dissolve, self.gather, self.operations()
+        for passes in (
+            (dissolve,),
+            (gather, dissolve),
+            (self.nest,),
+            (dissolve,),
+            (self.fold,),
+            (self.pair,),
+        ):
+            kept = self.algebra.kept()
+            for rewrite in passes:
+                rewrite()
+            count = self.operations()
+            if count >= least:
+                self.algebra.restore(kept)
+            least = min(least, count)
         return self.products(self.root)
+
+    def operations(self) -> int:
+        """Return the operations of the products, written out without repetition."""
+        symbols = {n: f"n{n}" for n in self.order() if isinstance(self.algebra.nodes[n], sp.Symbol)}
+        constants: dict[Any, str] = {}
+        listing = Listing(self.algebra, symbols, lambda c: constants.setdefault(c, f"k{len(constants)}"))
+        return sum(len(_OPERATION.findall(line)) for line in listing.source(self.products(self.root)))
 
     # --- who uses what
 
