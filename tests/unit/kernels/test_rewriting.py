@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any
 
 import mpmath
@@ -13,8 +14,9 @@ import sympy as sp
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stoop.kernels import SymbolicModel
+from stoop.kernels import SymbolicModel, load_kernel
 from stoop.kernels.emit import HEADER, emit
+from stoop.kernels.windows import windows
 from stoop.vehicle.builtin import BUILT_IN, resolve_vehicle
 from stoop.vehicle.symbolic import build_model
 
@@ -174,3 +176,51 @@ def test_states_that_no_output_depends_on_are_told() -> None:
     assert emit(model(y, x, x, outputs=[x])).sizes.seen == (0, 1)
     assert emit(model(y, z, x, outputs=[x])).sizes.seen == (0, 1, 2)
     assert emit(model(y, z, x)).sizes.seen == ()
+
+
+def step(
+    rates: Callable[..., np.ndarray], at: np.ndarray, now: np.ndarray, end: np.ndarray, dt: float
+) -> np.ndarray:
+    """Return the state after a Runge-Kutta step; the second input is held."""
+    end = np.array([end[0], now[1]])
+    k1 = rates(at, now)
+    k2 = rates(at + dt / 2 * k1, (now + end) / 2)
+    k3 = rates(at + dt / 2 * k2, (now + end) / 2)
+    k4 = rates(at + dt * k3, end)
+    return at + dt / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+
+
+def test_forcing_terms_and_unseen_states_along_a_trajectory(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One input is linear along a step and bent by the equations, the other held; only windows show the third state."""
+    monkeypatch.setenv("STOOP_CACHE_DIR", str(tmp_path))
+    equations = model(y + a * sp.Abs(u), -b * x + c * v - y, d * x + v, outputs=[x, x * v], held=(1,))
+    kernel = load_kernel("forcing", lambda: equations)
+    assert kernel.model.sizes.seen == (0, 1)
+    rng = np.random.default_rng(4)
+    p, x0, inputs, dt = (
+        rng.uniform(0.5, 1.5, (4, 5)),
+        rng.standard_normal((3, 5)),
+        rng.standard_normal((9, 2)),
+        0.1,
+    )
+    found = kernel.trajectories(p, x0, inputs, dt)
+    shown, last = windows(kernel, p, x0, inputs, np.zeros(5, dtype=int), np.full(5, 9), np.full(5, 8), dt)
+    for lane in range(5):
+        a_, b_, c_, d_ = p[:, lane]
+
+        def rates(s: np.ndarray, w: np.ndarray) -> np.ndarray:
+            return np.array([s[1] + a_ * abs(w[0]), -b_ * s[0] + c_ * w[1] - s[1], d_ * s[0] + w[1]])  # noqa: B023
+
+        at, rows = x0[:, lane], []
+        for k in range(9):
+            rows.append([at[0], at[0] * inputs[k, 1]])
+            before = at
+            at = step(rates, at, inputs[k], inputs[min(k + 1, 8)], dt)
+        np.testing.assert_allclose(found[lane], rows, rtol=1e-12, atol=1e-14)
+        np.testing.assert_allclose(shown[lane], rows, rtol=1e-12, atol=1e-14)
+        np.testing.assert_allclose(last[:, lane], before, rtol=1e-12, atol=1e-14)
+    weights = np.ones((9, 2))
+    cost = kernel.cost(p, x0, inputs, np.zeros((9, 2)), weights, dt)
+    np.testing.assert_allclose(cost, (found**2).sum(axis=(1, 2)), rtol=1e-12)
