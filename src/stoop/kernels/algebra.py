@@ -63,6 +63,14 @@ def over(a: Powers, b: Powers) -> Powers:
     return times(a, tuple((node, -power) for node, power in b))
 
 
+def added(parts: Iterable[Product]) -> Sum:
+    """Return the sum of products, those with equal powers as one."""
+    terms: Sum = {}
+    for coefficient, powers in parts:
+        terms[powers] = terms.get(powers, ZERO) + coefficient
+    return {p: c for p, c in terms.items() if c != 0}
+
+
 @dataclass(frozen=True)
 class Call:
     """A function of products: ``sqrt`` has no need of one."""
@@ -201,10 +209,7 @@ class Algebra:
 
     def total(self, parts: Iterable[Product]) -> Product:
         """Return a sum of products as its common factor times a sum."""
-        terms: Sum = {}
-        for coefficient, powers in parts:
-            terms[powers] = terms.get(powers, ZERO) + coefficient
-        return self.factored({p: c for p, c in terms.items() if c != 0})
+        return self.factored(added(parts))
 
     def factored(self, terms: Sum) -> Product:
         """Return terms as their common factor times a sum with a sign of its own."""

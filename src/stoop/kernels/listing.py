@@ -86,6 +86,8 @@ class Listing:
             return self.place("call", (found.name, tuple(map(self.product, found.arguments))))
         if isinstance(found, sp.Symbol):
             raise KeyError(f"{found} is no argument of the function")
+        if not found:  # what cancelled when it was written out
+            return self.place("name", "0.0")
         terms = [self.product((c, p)) for p, c in found.items()]
         return self.place("sum", tuple(sorted((value, sign) for sign, value in terms)))
 

@@ -20,6 +20,7 @@ from stoop.kernels.algebra import (
     Powers,
     Product,
     Sum,
+    added,
     over,
     quotient,
     split_sign,
@@ -162,9 +163,8 @@ class Rewriter:
     def _take_out(self, node: int, factor: Powers, group: Sequence[Powers]) -> None:
         terms = dict(self.algebra.terms(node) or {})
         inner = self.algebra.factored({over(p, factor): terms.pop(p) for p in group})
-        coefficient, powers = self.algebra.multiply((ONE, factor), inner)
-        terms[powers] = terms.get(powers, 0) + coefficient
-        self.algebra.replace(node, terms)
+        taken = self.algebra.multiply((ONE, factor), inner)
+        self.algebra.replace(node, added([*((c, p) for p, c in terms.items()), taken]))
 
     def dissolve(self) -> None:
         """Write sums out in those that they stand in with constant coefficients, as long as that saves operations."""
@@ -208,18 +208,16 @@ class Rewriter:
         return power == 2 or (power in range(4, 2 * _HIGHEST + 1, 2) and len(terms) == 2)
 
     def _written_out(self, owner: int, group: tuple[int, ...]) -> Sum:
-        out: Sum = {}
-        for powers, coefficient in (self.algebra.terms(owner) or {}).items():
+        out: list[Product] = []
+        for coefficient, powers in self.products(owner):
             parts: list[Product] = [(coefficient, powers)]
             if self._open(owner, powers, group):
                 node, power = powers[0]
                 parts = [(coefficient, ())]
                 for _ in range(power // 2):
-                    inner = (self.algebra.terms(node) or {}).items()
-                    parts = [(c * d, times(p, q)) for c, p in parts for q, d in inner]
-            for c, p in parts:
-                out[p] = out.get(p, 0) + c
-        return {p: c for p, c in out.items() if c != 0}
+                    parts = [(c * d, times(p, q)) for c, p in parts for d, q in self.products(node)]
+            out += parts
+        return added(out)
 
     def fold(self) -> None:
         """Multiply the coefficient of a sum, where all its products have the same, into its terms."""
@@ -300,7 +298,7 @@ class Rewriter:
         found = self.algebra.nodes[node]
         if isinstance(found, Call):
             return Call(found.name, tuple(products))
-        return {p: c for c, p in products} if isinstance(found, dict) else found
+        return added(products) if isinstance(found, dict) else found
 
     def pair(self) -> None:
         """Add terms with equal coefficients first: c (x - y) of c x - c y."""

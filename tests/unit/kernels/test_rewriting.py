@@ -150,6 +150,7 @@ def test_a_vehicle_keeps_its_derivatives_and_readings_and_saves_operations(name:
         pytest.param([a * (x - y) * z, -a * (x - y) * y], 4, id="opposite"),
         pytest.param([2 * x * y - 2 * z * x], 3, id="common number"),
         pytest.param([x * y + z, x * y * z], 3, id="common product"),
+        pytest.param([x + y * (a * (x - y) - a * x + a * y)], 2, id="cancelled"),
         pytest.param([(x + y + z) ** 2, x + y], 3, id="common sum"),
     ],
 )  # fmt: skip
