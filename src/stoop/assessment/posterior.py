@@ -34,7 +34,8 @@ from stoop.base.arrays import FloatArray
 from stoop.base.blas import on_one_blas_thread
 from stoop.base.notices import notice
 from stoop.estimate.estimate import Estimate
-from stoop.optimize.normal_equations import TallMatrix
+from stoop.optimize.ledger import inner
+from stoop.optimize.normal_equations import TallMatrix, dense
 from stoop.results.uncertainty import Interval, MethodIntervals
 
 FILE: Final = "posterior.nc"
@@ -72,11 +73,15 @@ class Target:
 
     def slopes(self, x: FloatArray, directions: FloatArray) -> tuple[float, FloatArray]:
         """Return the log density at a point (k,), of the box or beside it, and its derivatives (m,) along (k, m)."""
-        r, ends = self.residuals_along(x, directions)
-        density, taken = self._marginal(r[None, :])
+        here, ahead = self._followed(x[None, :]), self._followed(x + STEP * directions.T)
         with np.errstate(invalid="ignore", over="ignore"):
+            r = self.optimum.problem.residuals(here, self.optimum.rung)[0]
+            density, taken = self._marginal(r[None, :])
             left = r - self._nuisances.apply(taken[0])
-            return float(density[0]), (left @ r - ends @ left) / STEP
+            if not np.isfinite(density[0]):
+                return -np.inf, np.zeros(len(ahead))
+            ends = self.optimum.problem.products(ahead, self.optimum.rung, left)
+            return float(density[0]), (inner(left, r) - ends) / STEP
 
     def residuals_along(self, x: FloatArray, directions: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the residuals (n_r,) at a point, and (m, n_r) one step ahead along each of directions (k, m)."""
@@ -84,9 +89,8 @@ class Target:
         return np.asarray(R[0]), np.asarray(R[1:])
 
     def _residuals(self, X: FloatArray) -> FloatArray:
-        steps = (X - self.center) @ self.stretch.T
         with np.errstate(invalid="ignore", over="ignore"):
-            return self.optimum.problem.residuals(self._followed(steps), self.optimum.rung)
+            return self.optimum.problem.residuals(self._followed(X), self.optimum.rung)
 
     def _marginal(self, residuals: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the log density (W,) of residuals (W, n_r), and how far the nuisances go from where they stand, (W, E)."""
@@ -102,8 +106,9 @@ class Target:
         """Return what the nuisances leave of residuals (W, n_r)."""
         return np.asarray(residuals - self._marginal(residuals)[1] @ self.optimum.jacobian[:, self.size :].T)
 
-    def _followed(self, steps: FloatArray) -> FloatArray:
-        """Return vectors (W, D + E) with the nuisances where the linear model puts them."""
+    def _followed(self, X: FloatArray) -> FloatArray:
+        """Return vectors (W, D + E) of points (W, k), with the nuisances where the linear model puts them."""
+        steps = (X - self.center) @ self.stretch.T
         return self.optimum.z + np.hstack([steps, steps @ self._follow.T])
 
     @cached_property
@@ -126,12 +131,11 @@ class Target:
     def error(self, X: FloatArray) -> FloatArray:
         """Return the error of the log density (W,) at points (W, k): nuisances by one projection, or Gauss-Newton steps."""
         problem, rung, k = self.optimum.problem, self.optimum.rung, self.size
-        steps = (X - self.center) @ self.stretch.T
         found = []
-        for z in self._followed(steps):
+        for z in self._followed(X):
             for _ in range(4 if k < len(z) else 0):
                 r = problem.residuals(z[None, :], rung)[0]
-                jacobian = problem.jacobian(z, rung, r)[0][:, k:]
+                jacobian = dense(problem.jacobian(z, rung, r)[0])[:, k:]
                 z[k:] -= np.linalg.lstsq(jacobian, r, rcond=None)[0]
             r = problem.residuals(z[None, :], rung)[0]
             found.append(-0.5 * float(r @ r))

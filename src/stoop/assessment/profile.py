@@ -43,6 +43,7 @@ from stoop.errors import IdentificationError
 from stoop.estimate.estimate import Estimate
 from stoop.estimate.refit_problem import Derived
 from stoop.optimize import Settings, refine
+from stoop.optimize.normal_equations import dense
 from stoop.parallel import Json, LocalProcesses, Plan, Pool, Run
 from stoop.results.uncertainty import Interval, MethodIntervals
 
@@ -83,7 +84,7 @@ class Pinned(Derived):
     def jacobian(self, z: FloatArray, rung: int, r: FloatArray) -> tuple[FloatArray, float]:
         """Return the derivative by what is left, and the trajectories it took."""
         jacobian, spent = self.problem.jacobian(self.whole(z[None, :])[0], rung, r)
-        return np.delete(jacobian, self.entry, axis=1), spent
+        return np.delete(dense(jacobian), self.entry, axis=1), spent
 
 
 class ProfileLikelihood:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
+from itertools import pairwise, starmap
+from typing import Final, TypeAlias
 
 import numpy as np
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
@@ -43,6 +45,32 @@ class TallMatrix:
         parts = tuple(rows[some, s] for some, s in zip(present, stretches, strict=True))
         return cls((n, v), stretches, present, parts)
 
+    @classmethod
+    def stacked(cls, parts: Sequence[tuple[IntArray, FloatArray]], variables: int) -> TallMatrix:
+        """Return the matrix of stretches one after the other: the variables of each, and their rows (v_i, n_i) there."""
+        ends = np.cumsum([0, *(rows.shape[1] for _, rows in parts)]).tolist()
+        present, rows = tuple(some for some, _ in parts), tuple(rows for _, rows in parts)
+        return cls((ends[-1], variables), tuple(starmap(slice, pairwise(ends))), present, rows)
+
+    def below(self, largest: float) -> TallMatrix:
+        """Return the matrix without the variables with numbers that are not below `largest` anywhere."""
+        sound = np.ones(self.shape[1], dtype=np.bool_)
+        for some, part in zip(self.present, self.parts, strict=True):
+            if part.shape[1]:
+                sound[some] &= (part.max(axis=1) < largest) & (part.min(axis=1) > -largest)
+        if sound.all():
+            return self
+        kept = [sound[some] for some in self.present]
+        pairs = [(some[k], part[k]) for some, part, k in zip(self.present, self.parts, kept, strict=True)]
+        return type(self).stacked(pairs, self.shape[1])
+
+    def dense(self) -> FloatArray:
+        """Return the whole matrix (n, v), column-major."""
+        out = np.zeros(self.shape[::-1])
+        for some, s, part in zip(self.present, self.stretches, self.parts, strict=True):
+            out[some, s] = part
+        return out.T
+
     def gram(self) -> FloatArray:
         """Return its product with its own transpose, (v, v), by slices of so few products that BLAS takes one thread."""
         total = np.zeros((self.shape[1], self.shape[1]))
@@ -69,6 +97,22 @@ class TallMatrix:
         for some, s, part in zip(self.present, self.stretches, self.parts, strict=True):
             out[s] = project(part.T, step[some])
         return out
+
+
+#: derivatives (n, v), with their zeros or by stretches
+Jacobian: TypeAlias = FloatArray | TallMatrix
+
+
+def tall(jacobian: Jacobian, largest: float) -> TallMatrix:
+    """Return a Jacobian by stretches, without the variables with numbers that are not below `largest`."""
+    return (
+        jacobian.below(largest) if isinstance(jacobian, TallMatrix) else TallMatrix.of(jacobian.T, largest)
+    )
+
+
+def dense(jacobian: Jacobian) -> FloatArray:
+    """Return a Jacobian as an array (n, v)."""
+    return jacobian.dense() if isinstance(jacobian, TallMatrix) else jacobian
 
 
 def project(rows: FloatArray, r: FloatArray) -> FloatArray:

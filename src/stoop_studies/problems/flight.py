@@ -59,7 +59,8 @@ class Joined(Derived):
 
     def jacobian(self, z: FloatArray, rung: int, r: FloatArray) -> tuple[FloatArray, float]:
         """Return d r / d z (n_r, D + E) and its price: initial states on their own piece, biases for nothing."""
-        J, spent = self.problem.jacobian(self.split(z[None, :])[0], rung, r)
+        found, spent = self.problem.jacobian(self.split(z[None, :])[0], rung, r)
+        J = found.dense()
         J[:, self.problem.dimension :] *= LEGS
         return J, spent
 
