@@ -34,7 +34,7 @@ from stoop.estimate.estimate import Estimate
 from stoop.estimate.refit_problem import Derived, RefitProblem, SummedProblem
 from stoop.optimize import refine
 from stoop.optimize.ledger import HUGE, inner
-from stoop.optimize.normal_equations import Jacobian, TallMatrix, dense, tall
+from stoop.optimize.normal_equations import Jacobian, TallMatrix, tall
 from stoop.parallel import Json, Plan, Pool, Tally, execute
 from stoop.problem.archive import problem_arrays, problem_document, restored_problem
 from stoop.problem.evidence import Inverse, invert
@@ -147,7 +147,7 @@ class Optimum:
     z: FloatArray  #: (D + E,); the optimum in the problem's own units
     free: IntArray  #: (f,) int; entries that no bound holds; the others stay where they are
     residual: FloatArray  #: (n_r,); weighted residuals there, those of the priors last
-    jacobian: FloatArray  #: (n_r, f)
+    jacobian: TallMatrix  #: (n_r, f)
     #: in which the parameters stay, in units of the vector
     box: tuple[float, float] = (0.0, 1.0)
 
@@ -164,8 +164,7 @@ class Optimum:
     @cached_property
     def information(self) -> FloatArray:
         """Of the weighted residuals, priors included, (f, f)."""
-        product: FloatArray = self.jacobian.T @ self.jacobian
-        return 0.5 * (product + product.T)
+        return self.jacobian.gram()
 
     @cached_property
     def inverse(self) -> Inverse:
@@ -186,7 +185,7 @@ def linearize(problem: SummedProblem, z: FloatArray, free: IntArray) -> Optimum:
     rung = len(problem.prices) - 1
     residual = problem.residuals(z[None, :], rung)[0]
     jacobian, _ = problem.jacobian(z, rung, residual)
-    return Optimum(problem, z, free, residual, np.ascontiguousarray(dense(jacobian)[:, free]))
+    return Optimum(problem, z, free, residual, tall(jacobian, np.inf).of_variables(free))
 
 
 def unpacked_optimum(text: str) -> tuple[RefitProblem, Optimum, dict[str, Any]]:
@@ -231,7 +230,7 @@ def stationary(optimum: Optimum) -> Optimum:
     A likelihood with further terms (the size of innovations) has its maximum beside that of the sum of squares.
     """
     factor, J = optimum.inverse.factor, optimum.jacobian
-    explained = J @ (factor @ (factor.T @ (J.T @ optimum.residual)))
+    explained = J.apply(factor @ (factor.T @ J.project(optimum.residual)))
     shifted = Shifted(optimum.problem, -explained)
     return replace(optimum, problem=shifted, residual=optimum.residual - explained)
 
@@ -251,7 +250,8 @@ def refit(optimum: Optimum, shifts: FloatArray) -> Refits:
     residuals = np.repeat(optimum.residual[None, :], len(shifts), axis=0)
     for _ in range(SHARED_STEPS):
         with np.errstate(invalid="ignore", over="ignore"):
-            steps = -((residuals + shifts) @ optimum.jacobian) @ factor  # (B, r), standard errors
+            gradients = np.array([optimum.jacobian.project(r) for r in residuals + shifts])
+            steps = -gradients @ factor  # (B, r), standard errors
         length = np.sqrt(np.sum(steps**2, axis=1))
         moving = np.isfinite(length) & (length > SHARED_TOLERANCE)
         if not moving.any():

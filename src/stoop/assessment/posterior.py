@@ -25,6 +25,7 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
+from scipy.linalg import cho_factor, cho_solve
 
 from stoop.assessment.assessment import Finding, Optimum, Watch, likelihood_optimum, linearize
 from stoop.assessment.error_bars import ErrorBars
@@ -94,17 +95,16 @@ class Target:
 
     def _marginal(self, residuals: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the log density (W,) of residuals (W, n_r), and how far the nuisances go from where they stand, (W, E)."""
-        k, information = self.size, self.optimum.information
         with np.errstate(invalid="ignore", over="ignore"):
             gradient = np.array([self._nuisances.project(r) for r in residuals])
-            # their priors make the matrix definite
-            taken = np.linalg.solve(information[k:, k:], gradient.T).T
+            taken = cho_solve(self._factor, gradient.T, check_finite=False).T
             density = -0.5 * (np.sum(residuals**2, axis=1) - np.sum(gradient * taken, axis=1))
         return np.where(np.isfinite(density), density, -np.inf), np.asarray(taken)
 
     def remaining(self, residuals: FloatArray) -> FloatArray:
         """Return what the nuisances leave of residuals (W, n_r)."""
-        return np.asarray(residuals - self._marginal(residuals)[1] @ self.optimum.jacobian[:, self.size :].T)
+        taken = self._marginal(residuals)[1]
+        return np.array([r - self._nuisances.apply(t) for r, t in zip(residuals, taken, strict=True)])
 
     def _followed(self, X: FloatArray) -> FloatArray:
         """Return vectors (W, D + E) of points (W, k), with the nuisances where the linear model puts them."""
@@ -114,13 +114,20 @@ class Target:
     @cached_property
     def _nuisances(self) -> TallMatrix:
         """Derivatives (n_r, E) of the residuals by the nuisances, most of which belong to one maneuver each."""
-        return TallMatrix.of(self.optimum.jacobian[:, self.size :].T)
+        return self.optimum.jacobian.of_variables(np.arange(self.size, len(self.optimum.z)))
+
+    @cached_property
+    def _factor(self) -> tuple[FloatArray, bool]:
+        """Cholesky factor (E, E) of the nuisances' information, which their priors make definite, as `cho_solve` takes it."""
+        k = self.size
+        factor, lower = cho_factor(self.optimum.information[k:, k:])
+        return factor, lower
 
     @cached_property
     def _follow(self) -> FloatArray:
         """How the nuisances follow the parameters, (E, k)."""
         k, information = self.size, self.optimum.information
-        return np.asarray(-np.linalg.solve(information[k:, k:], information[k:, :k]))
+        return np.asarray(-cho_solve(self._factor, information[k:, :k]))
 
     @cached_property
     def information(self) -> FloatArray:

@@ -23,6 +23,17 @@ def gram(rows: FloatArray) -> FloatArray:
     return TallMatrix.of(rows).gram()
 
 
+def square(rows: FloatArray) -> FloatArray:
+    """Return rows @ rows.T, (v, v), by slices of so few products that BLAS takes one thread."""
+    v, n = rows.shape
+    width = max(8, 200_000 // max(1, v * v))  # OpenBLAS takes more threads from 262,144 on
+    product = np.zeros((v, v))
+    for start in range(0, n, width):
+        piece = rows[:, start : start + width]
+        product += piece @ piece.T
+    return product
+
+
 @dataclass(frozen=True, eq=False)
 class TallMatrix:
     """A tall, thin matrix (n, v), by stretches of its long axis, each with the variables that have a part there."""
@@ -64,6 +75,23 @@ class TallMatrix:
         pairs = [(some[k], part[k]) for some, part, k in zip(self.present, self.parts, kept, strict=True)]
         return type(self).stacked(pairs, self.shape[1])
 
+    def of_variables(self, chosen: IntArray) -> TallMatrix:
+        """Return the matrix of some variables alone, in their order."""
+        place = np.full(self.shape[1], -1)
+        place[chosen] = np.arange(len(chosen))
+        kept = [place[some] >= 0 for some in self.present]
+        pairs = zip(self.present, self.parts, kept, strict=True)
+        parts = [(place[some[k]], part if k.all() else part[k]) for some, part, k in pairs]
+        return type(self).stacked(parts, len(chosen))
+
+    def rows(self, numbers: IntArray) -> FloatArray:
+        """Return some rows of the matrix, (m, v)."""
+        out = np.zeros((len(numbers), self.shape[1]))
+        for some, s, part in zip(self.present, self.stretches, self.parts, strict=True):
+            inside = np.flatnonzero((numbers >= s.start) & (numbers < s.stop))
+            out[np.ix_(inside, some)] = part[:, numbers[inside] - s.start].T
+        return out
+
     def dense(self) -> FloatArray:
         """Return the whole matrix (n, v), column-major."""
         out = np.zeros(self.shape[::-1])
@@ -72,16 +100,10 @@ class TallMatrix:
         return out.T
 
     def gram(self) -> FloatArray:
-        """Return its product with its own transpose, (v, v), by slices of so few products that BLAS takes one thread."""
+        """Return its product with its own transpose, (v, v)."""
         total = np.zeros((self.shape[1], self.shape[1]))
         for some, part in zip(self.present, self.parts, strict=True):
-            v, n = part.shape
-            width = max(8, 200_000 // max(1, v * v))  # OpenBLAS takes more threads from 262,144 on
-            product = np.zeros((v, v))
-            for start in range(0, n, width):
-                piece = part[:, start : start + width]
-                product += piece @ piece.T
-            total[np.ix_(some, some)] += product
+            total[np.ix_(some, some)] += square(part)
         return 0.5 * (total + total.T)
 
     def project(self, r: FloatArray) -> FloatArray:

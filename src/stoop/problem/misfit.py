@@ -22,7 +22,7 @@ from stoop.problem.starts import Starts
 from stoop.simulation.delays import actuator_rows, late_inputs, late_outputs, output_delays
 
 STEP = 1e-7  #: of a forward difference
-CACHED = 2**14  #: numbers that are whitened at a time
+CACHED = 2**16  #: numbers that are whitened at a time
 PRIORS = 64  #: residuals of priors that are a stretch of derivatives
 Array = TypeVar("Array", FloatArray, IntArray)
 
@@ -256,7 +256,7 @@ class Misfit:
             parts.append((np.array([*entries, *biases], dtype=np.intp), rows))
             spent += len(entries) * count
             first += len(here)
-        priors = TallMatrix.stacked([*parts, *self._prior_parts], len(z))
+        priors = TallMatrix.stacked([*parts, *self.prior_parts], len(z))
         return priors, spent / sum(self.ladder[-1])
 
     def gradient(self, z: FloatArray, rung: int, r: FloatArray, left: FloatArray) -> FloatArray:
@@ -271,7 +271,7 @@ class Misfit:
             for j, column in self._bias_columns[i].items():
                 out[j] += inner(column[: own.stop - own.start], left[own])
             first = own.stop
-        for (some, rows), values in zip(self._prior_parts, _split(left[first:], PRIORS), strict=True):
+        for (some, rows), values in zip(self.prior_parts, _split(left[first:], PRIORS), strict=True):
             out[some] += np.diag(rows) * values
         return out
 
@@ -285,7 +285,7 @@ class Misfit:
         return entries, Z[each, entries] - z[entries], Z
 
     @cached_property
-    def _prior_parts(self) -> list[tuple[IntArray, FloatArray]]:
+    def prior_parts(self) -> list[tuple[IntArray, FloatArray]]:
         """Unknowns and derivatives of few residuals of priors at a time, each of one unknown."""
         index, _, sigma = self.layout.priors
         entries = np.concatenate([index, np.arange(self.dimension, self.dimension + self.extra)])
@@ -411,8 +411,9 @@ def _split(values: Array, size: int) -> list[Array]:
 def on_circle(errors: FloatArray, outputs: Sequence[str]) -> FloatArray:
     """Take the differences of angles that wrap, among channels (..., n_y), to the nearest turn, in place."""
     for i, channel in enumerate(outputs):
-        if channel in WRAPPED:
-            errors[..., i] -= 2.0 * np.pi * np.round(errors[..., i] / (2.0 * np.pi))
+        own = errors[..., i]
+        if channel in WRAPPED and own.size and not (own.max() <= np.pi and own.min() >= -np.pi):
+            own -= 2.0 * np.pi * np.round(own / (2.0 * np.pi))
     return errors
 
 
