@@ -17,6 +17,7 @@ import numpy as np
 
 from stoop.base import cache
 from stoop.base.arrays import FloatArray
+from stoop.base.memory import keep_freed_memory
 from stoop.kernels import compiler, loops, windows
 from stoop.kernels import filter as filters
 from stoop.kernels.arrays import fits, matrix
@@ -31,6 +32,7 @@ ENTRIES = {
     **windows.ENTRIES,
 }  #: functions that are compiled for every model
 _OBJECT = "code.o"
+keep_freed_memory()
 
 
 def thread_count() -> int:
@@ -162,14 +164,17 @@ class Kernel:
         dt: float,
         samples: int | None = None,
         threads: int | None = None,
+        out: FloatArray | None = None,
     ) -> FloatArray:
         """Return the outputs (B, n, n_y) of each candidate; NaN or infinite once diverged.
 
-        Parameters as in :meth:`cost`.
+        Parameters as in :meth:`cost`; `out` (B, n, n_y), contiguous, takes the result.
         """
         p, x, u, rows = self.arguments(parameters, initial, inputs)
         n = rows if samples is None else min(samples, rows)
-        out = np.empty((p.shape[1], n, self.sizes[3]))
+        if out is None:
+            out = np.empty((p.shape[1], n, self.sizes[3]))
+        fits("out", out, (p.shape[1], n, self.sizes[3]))
         count = p.shape[1]
         march = self.entry("outputs" if inputs.ndim == 2 else "outputs_per_lane", count)
         self.share(lambda a, b: march(p, x, u, rows, float(dt), n, out, a, b, count), count, threads)

@@ -238,26 +238,36 @@ class Misfit:
 
         An initial state is varied on its own piece only, a bias not at all (its derivative is known).
         """
-        parts, first, spent = list[tuple[IntArray, FloatArray]](), 0, 0.0
+        parts, spent = list[tuple[IntArray, FloatArray]](), 0.0
         for i, count in enumerate(self.ladder[rung]):
             entries, taken, Z = self._varied(z, i)
-            biases = self._bias_columns[i]
-            readings = self._readings(*self.candidates(Z, i), i, count)
-            here = r[first : first + readings[0].size]
-            rows = np.empty((len(entries) + len(biases), len(here)))
-            with np.errstate(invalid="ignore", over="ignore"):
-                # few lanes at a time stay in the cache
-                for some in _chunks(len(entries), max(1, CACHED // max(1, len(here)))):
-                    ahead = self._whitened(readings[some], i).reshape(-1, len(here))
-                    ahead -= here
-                    np.divide(ahead, taken[some, None], out=rows[some])
-            for row, column in zip(rows[len(entries) :], biases.values(), strict=True):
-                row[:] = column[: len(here)]
-            parts.append((np.array([*entries, *biases], dtype=np.intp), rows))
+            biases, width = self._bias_columns[i], count * len(self.layout.vehicle.outputs)
+            # the base, what is varied from it, biases: the kernel's own array, worked on in place
+            rows = np.empty((1 + len(entries) + len(biases), width))
+            lanes = rows[: 1 + len(entries)].reshape(1 + len(entries), count, -1)
+            self._readings(*self.candidates(np.vstack([z, Z]), i), i, count, lanes)
+            self._difference(lanes, taken, i)
+            for row, column in zip(rows[len(lanes) :], biases.values(), strict=True):
+                row[:] = column[:width]
+            parts.append((np.array([*entries, *biases], dtype=np.intp), rows[1:]))
             spent += len(entries) * count
-            first += len(here)
-        priors = TallMatrix.stacked([*parts, *self.prior_parts], len(z))
-        return priors, spent / sum(self.ladder[-1])
+        return TallMatrix.stacked([*parts, *self.prior_parts], len(z)), spent / sum(self.ladder[-1])
+
+    def _difference(self, lanes: FloatArray, steps: FloatArray, index: int) -> None:
+        """Replace readings (1 + m, n, n_y) after the first by their whitened difference quotients over steps (m,)."""
+        present = np.isfinite(self.pieces[index].measured[: lanes.shape[1]])
+        weights, whole = self.piece_weights[index], bool(present.all())
+        ahead = lanes[1:]
+        with np.errstate(invalid="ignore", over="ignore"):
+            # few lanes at a time stay in the cache
+            for some in _chunks(len(ahead), max(1, CACHED // max(1, lanes[0].size))):
+                own = ahead[some]
+                own -= lanes[0]
+                if not whole:
+                    own *= present
+                on_circle(own, self.layout.vehicle.outputs)
+                white = weights.whiten(own, present, own)
+                np.divide(white, steps[some, None, None], out=own)
 
     def gradient(self, z: FloatArray, rung: int, r: FloatArray, left: FloatArray) -> FloatArray:
         """Return the :meth:`jacobian` at z, where the residuals are `r`, times `left` (n_r,), without forming it: (D + E,)."""
@@ -392,10 +402,13 @@ class Misfit:
     def _trajectories(self, Z: FloatArray, index: int, count: int) -> FloatArray:
         return self._readings(*self.candidates(Z, index), index, count)
 
-    def _readings(self, rows: FloatArray, start: FloatArray, index: int, count: int) -> FloatArray:
+    def _readings(
+        self, rows: FloatArray, start: FloatArray, index: int, count: int, out: FloatArray | None = None
+    ) -> FloatArray:
         """Return the readings (B, n, n_y) of a piece for kernel parameters (n_p, B) and initial states (n_x, B)."""
         piece = self.pieces[index]
-        out = self.kernel.trajectories(rows, start, self._inputs(piece, rows), piece.dt, count)
+        inputs = self._inputs(piece, rows)
+        out = self.kernel.trajectories(rows, start, inputs, piece.dt, count, out=out)
         return late_outputs(self.layout.vehicle, out, rows, piece.dt, piece.moved) if self._late_outputs else out
 
 
