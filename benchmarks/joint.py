@@ -1,8 +1,8 @@
 """A joint fit with its error bars: four maneuvers, 32 coefficients, initial states and biases; flights in memory.
 
-The flight, the wrong starting values and the way are those of `stoop verify coverage` with white noise. What the
-same number of trajectories takes alone says how much of the time is anything else. That number leaves out the second differences
-of the error bars, so each estimator is also compared with the time that its own fit and error bars spend in compiled trajectories.
+The flight, the wrong starting values and the way are those of `stoop verify coverage` with white noise. What the same number
+of trajectories takes alone says how much of the time is anything else. That number leaves out the second differences of the
+error bars, so each estimator is also compared with what its own fit and error bars spend in compiled trajectories.
 """
 
 from __future__ import annotations

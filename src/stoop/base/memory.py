@@ -16,6 +16,6 @@ def keep_freed_memory() -> None:
     Fresh pages are cleared and mapped when they are first touched. For arrays of a few megabytes, made and freed again and
     again, that takes as long as what is done with them (`python -m benchmarks joint`). Other C libraries are left alone.
     """
-    mallopt = getattr(ctypes.CDLL(None), "mallopt", None) if sys.platform == "linux" else None
-    for parameter, size in (_TRIM_THRESHOLD, _MMAP_THRESHOLD) if mallopt is not None else ():
-        mallopt(parameter, size)
+    if sys.platform == "linux" and hasattr(libc := ctypes.CDLL(None), "mallopt"):
+        libc.mallopt(*_TRIM_THRESHOLD)
+        libc.mallopt(*_MMAP_THRESHOLD)

@@ -386,7 +386,9 @@ class LinearizedNodes(RefitProblem):
         linear = self._shooting.linearize(Iterate(z, tuple(found), 0.0, 0.0))
         for shots, nodes, windows in zip(self.shots, found, linear, strict=True):
             left = reduced(self._shooting.weigh(windows), 0.0)
-            out.append(shots.perturbed(nodes, left.moves(np.zeros(len(shots.entries))).T) if left.nodes else nodes)
+            out.append(
+                shots.perturbed(nodes, left.moves(np.zeros(len(shots.entries))).T) if left.nodes else nodes
+            )
         return out
 
 

@@ -136,7 +136,9 @@ class Shot:
     """One window, simulated and linearized."""
 
     residual: FloatArray  #: (n, n_y), simulated less measured, zero where nothing was measured
-    by_unknown: FloatArray  #: (n, n_y, j), its derivative by the entries of the search vector that act on the piece
+    by_unknown: (
+        FloatArray  #: (n, n_y, j), its derivative by the entries of the search vector that act on the piece
+    )
     by_state: FloatArray  #: (n, n_y, e), by a perturbation of the state that the window begins with
     gap: FloatArray  #: (e,), end of this window less start of the next; empty for the last
     gap_by_unknown: FloatArray  #: (e, j)
@@ -319,7 +321,10 @@ class Shots:
             if w + 1 < self.count:
                 gaps = inverse[:, :, w] @ (last[:, i] - nodes[:, w + 1 : w + 2])
             gap_slopes = (gaps[:, 1:] - gaps[:, :1]) / changes
-            left, (by_unknown, by_state) = residual(self.problem, readings[0], measured), np.split(slopes, [j])
+            left, (by_unknown, by_state) = (
+                residual(self.problem, readings[0], measured),
+                np.split(slopes, [j]),
+            )
             by_unknown, by_state = np.moveaxis(by_unknown, 0, 2), np.moveaxis(by_state, 0, 2)
             gap_by_unknown = np.pad(gap_slopes[:, :m], [(0, 0), (0, j - m)])
             shots.append(Shot(left, by_unknown, by_state, gaps[:, 0], gap_by_unknown, gap_slopes[:, m:]))

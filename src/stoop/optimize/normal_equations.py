@@ -127,9 +127,7 @@ Jacobian: TypeAlias = FloatArray | TallMatrix
 
 def tall(jacobian: Jacobian, largest: float) -> TallMatrix:
     """Return a Jacobian by stretches, without the variables with numbers that are not below `largest`."""
-    return (
-        jacobian.below(largest) if isinstance(jacobian, TallMatrix) else TallMatrix.of(jacobian.T, largest)
-    )
+    return jacobian.below(largest) if isinstance(jacobian, TallMatrix) else TallMatrix.of(jacobian.T, largest)
 
 
 def dense(jacobian: Jacobian) -> FloatArray:

@@ -218,7 +218,10 @@ class Misfit:
     ) -> FloatArray:
         """Return the whitened residuals of a piece times `left`, (B,), for kernel parameters and initial states."""
         if self._late_outputs:
-            return project(self._whitened(self._readings(rows, start, index, count), index).reshape(rows.shape[1], -1), left)
+            return project(
+                self._whitened(self._readings(rows, start, index, count), index).reshape(rows.shape[1], -1),
+                left,
+            )
         piece = self.pieces[index]
         measured, inputs = piece.measured[:count], self._inputs(piece, rows)
         weights = self.piece_weights[index].whiten_back(left.reshape(measured.shape), np.isfinite(measured))
@@ -409,7 +412,9 @@ class Misfit:
         piece = self.pieces[index]
         inputs = self._inputs(piece, rows)
         out = self.kernel.trajectories(rows, start, inputs, piece.dt, count, out=out)
-        return late_outputs(self.layout.vehicle, out, rows, piece.dt, piece.moved) if self._late_outputs else out
+        return (
+            late_outputs(self.layout.vehicle, out, rows, piece.dt, piece.moved) if self._late_outputs else out
+        )
 
 
 def _chunks(count: int, size: int) -> Iterator[slice]:
