@@ -15,14 +15,6 @@ from stoop.base.arrays import FloatArray, IntArray
 STRETCH: Final = 2048  #: of the long axis, over which it is seen which variables have a part
 
 
-def gram(rows: FloatArray) -> FloatArray:
-    """Return rows @ rows.T, (v, v), of rows (v, n), n much larger than v.
-
-    Variables without a part in a stretch of the long axis (the initial states of another maneuver) are left out there.
-    """
-    return TallMatrix.of(rows).gram()
-
-
 def square(rows: FloatArray) -> FloatArray:
     """Return rows @ rows.T, (v, v), by slices of so few products that BLAS takes one thread."""
     v, n = rows.shape

@@ -301,8 +301,9 @@ class Misfit:
     def prior_parts(self) -> list[tuple[IntArray, FloatArray]]:
         """Unknowns and derivatives of few residuals of priors at a time, each of one unknown."""
         index, _, sigma = self.layout.priors
-        entries = np.concatenate([index, np.arange(self.dimension, self.dimension + self.extra)])
-        slopes = np.concatenate([1.0 / sigma, np.ones(self.extra)])
+        nuisances = np.arange(self.dimension, self.dimension + self.extra)
+        entries: IntArray = np.concatenate([index, nuisances])
+        slopes: FloatArray = np.concatenate([1.0 / sigma, np.ones(self.extra)])
         pairs = zip(_split(entries, PRIORS), _split(slopes, PRIORS), strict=True)
         return [(some, np.diag(own)) for some, own in pairs]
 
