@@ -31,6 +31,12 @@ class Fitted:
     def jacobian(self, z: FloatArray, rung: int, r: FloatArray) -> tuple[FloatArray, float]:
         return forward_jacobian(self, z, rung, r)
 
+    def products(self, Z: FloatArray, rung: int, left: FloatArray) -> FloatArray:
+        return np.asarray(self.residuals(Z, rung) @ left)
+
+    def gradient(self, z: FloatArray, rung: int, r: FloatArray, left: FloatArray) -> FloatArray:
+        return np.asarray(left @ self.jacobian(z, rung, r)[0])
+
     def reference(self, rung: int) -> float:
         return 1e6
 

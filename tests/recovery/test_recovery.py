@@ -70,7 +70,7 @@ def spoiled(vehicle: Vehicle, seed: int, reach: float = 0.4) -> Vehicle:
 def deviations(found: Estimate, truth: Mapping[str, float]) -> dict[str, float]:
     """Return (estimate - truth) / standard error of every parameter."""
     problem, rung = found.problem, len(found.problem.prices) - 1
-    J, _ = problem.jacobian(found.z, rung, problem.residuals(found.z[None, :], rung)[0])
+    J = problem.jacobian(found.z, rung, problem.residuals(found.z[None, :], rung)[0])[0].dense()
     sigma = np.sqrt(np.diag(np.linalg.inv(J.T @ J)))[: problem.dimension] * problem.layout.width
     return {n: (v - truth[n]) / s for (n, v), s in zip(found.estimates.items(), sigma, strict=True)}
 

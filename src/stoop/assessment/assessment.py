@@ -31,8 +31,10 @@ from stoop.base.text import duration
 from stoop.errors import IdentificationError
 from stoop.estimate import methods
 from stoop.estimate.estimate import Estimate
-from stoop.estimate.refit_problem import Derived, RefitProblem
-from stoop.optimize import Problem, refine
+from stoop.estimate.refit_problem import Derived, RefitProblem, SummedProblem
+from stoop.optimize import refine
+from stoop.optimize.ledger import HUGE, inner
+from stoop.optimize.normal_equations import Jacobian, TallMatrix, tall
 from stoop.parallel import Json, Plan, Pool, Tally, execute
 from stoop.problem.archive import problem_arrays, problem_document, restored_problem
 from stoop.problem.evidence import Inverse, invert
@@ -141,11 +143,11 @@ def unpack(text: str) -> tuple[RefitProblem, dict[str, Any]]:
 class Optimum:
     """The end of a search, linearized."""
 
-    problem: Problem  #: weights as in the last fit, priors included; nuisances behind the parameters
+    problem: SummedProblem  #: weights as in the last fit, priors included; nuisances behind the parameters
     z: FloatArray  #: (D + E,); the optimum in the problem's own units
     free: IntArray  #: (f,) int; entries that no bound holds; the others stay where they are
     residual: FloatArray  #: (n_r,); weighted residuals there, those of the priors last
-    jacobian: FloatArray  #: (n_r, f)
+    jacobian: TallMatrix  #: (n_r, f)
     #: in which the parameters stay, in units of the vector
     box: tuple[float, float] = (0.0, 1.0)
 
@@ -162,8 +164,7 @@ class Optimum:
     @cached_property
     def information(self) -> FloatArray:
         """Of the weighted residuals, priors included, (f, f)."""
-        product: FloatArray = self.jacobian.T @ self.jacobian
-        return 0.5 * (product + product.T)
+        return self.jacobian.gram()
 
     @cached_property
     def inverse(self) -> Inverse:
@@ -179,12 +180,12 @@ class Optimum:
         return Z
 
 
-def linearize(problem: Problem, z: FloatArray, free: IntArray) -> Optimum:
+def linearize(problem: SummedProblem, z: FloatArray, free: IntArray) -> Optimum:
     """Return the optimum with its residuals and their derivatives."""
     rung = len(problem.prices) - 1
     residual = problem.residuals(z[None, :], rung)[0]
     jacobian, _ = problem.jacobian(z, rung, residual)
-    return Optimum(problem, z, free, residual, np.ascontiguousarray(jacobian[:, free]))
+    return Optimum(problem, z, free, residual, tall(jacobian, np.inf).of_variables(free))
 
 
 def unpacked_optimum(text: str) -> tuple[RefitProblem, Optimum, dict[str, Any]]:
@@ -198,15 +199,24 @@ def unpacked_optimum(text: str) -> tuple[RefitProblem, Optimum, dict[str, Any]]:
 class Shifted(Derived):
     """A problem with other measurements: the residuals are shifted by (n_r,), nothing else changes."""
 
+    problem: SummedProblem
     shift: FloatArray
 
     def residuals(self, Z: FloatArray, rung: int) -> FloatArray:
         """Return shifted residuals (B, n_r) on the full record."""
         return self.problem.residuals(Z, rung) + self.shift
 
-    def jacobian(self, z: FloatArray, rung: int, r: FloatArray) -> tuple[FloatArray, float]:
+    def products(self, Z: FloatArray, rung: int, left: FloatArray) -> FloatArray:
+        """Return the shifted residuals (B, n_r) times `left` (n_r,)."""
+        return self.problem.products(Z, rung, left) + inner(self.shift, left)
+
+    def jacobian(self, z: FloatArray, rung: int, r: FloatArray) -> tuple[Jacobian, float]:
         """Return the derivative, which the shift does not change, and the trajectories it took."""
         return self.problem.jacobian(z, rung, r - self.shift)
+
+    def gradient(self, z: FloatArray, rung: int, r: FloatArray, left: FloatArray) -> FloatArray:
+        """Return the derivative times `left`, (D + E,)."""
+        return self.problem.gradient(z, rung, r - self.shift, left)
 
 
 def likelihood_optimum(problem: RefitProblem, optimum: Optimum) -> Optimum:
@@ -220,7 +230,7 @@ def stationary(optimum: Optimum) -> Optimum:
     A likelihood with further terms (the size of innovations) has its maximum beside that of the sum of squares.
     """
     factor, J = optimum.inverse.factor, optimum.jacobian
-    explained = J @ (factor @ (factor.T @ (J.T @ optimum.residual)))
+    explained = J.apply(factor @ (factor.T @ J.project(optimum.residual)))
     shifted = Shifted(optimum.problem, -explained)
     return replace(optimum, problem=shifted, residual=optimum.residual - explained)
 
@@ -240,7 +250,8 @@ def refit(optimum: Optimum, shifts: FloatArray) -> Refits:
     residuals = np.repeat(optimum.residual[None, :], len(shifts), axis=0)
     for _ in range(SHARED_STEPS):
         with np.errstate(invalid="ignore", over="ignore"):
-            steps = -((residuals + shifts) @ optimum.jacobian) @ factor  # (B, r), standard errors
+            gradients = np.array([optimum.jacobian.project(r) for r in residuals + shifts])
+            steps = -gradients @ factor  # (B, r), standard errors
         length = np.sqrt(np.sum(steps**2, axis=1))
         moving = np.isfinite(length) & (length > SHARED_TOLERANCE)
         if not moving.any():
@@ -261,23 +272,31 @@ def refit(optimum: Optimum, shifts: FloatArray) -> Refits:
 
 
 def _gauss_newton(optimum: Optimum, z: FloatArray, shift: FloatArray) -> FloatArray | None:
-    """Take Gauss-Newton steps with the refit's own derivatives; None where they do not arrive."""
+    """Take Gauss-Newton steps with the refit's own gradients; None where they do not arrive.
+
+    The information is that of the first point until steps no longer shrink fast.
+    """
     problem, rung, free = optimum.problem, optimum.rung, optimum.free
-    boxed, information, before = free < problem.dimension, optimum.information, 0.0
+    boxed, before = free < problem.dimension, np.inf
     low, high = optimum.box
+    inverse = None
     for _ in range(OWN_STEPS):
         r = problem.residuals(z[None, :], rung)[0]
         if not np.isfinite(r).all():
             return None
-        jacobian = np.ascontiguousarray(problem.jacobian(z, rung, r)[0][:, free])
-        gradient, at = (r + shift) @ jacobian, z[free]
+        if inverse is None:
+            jacobian = tall(problem.jacobian(z, rung, r)[0], HUGE)
+            inverse, gradient = _Inverse(jacobian, free), jacobian.project(r + shift)[free]
+        else:
+            gradient = problem.gradient(z, rung, r, r + shift)[free]
+        at = z[free]
         # bounds that the step would cross hold
         held = boxed & (((at <= low) & (gradient > 0.0)) | ((at >= high) & (gradient < 0.0)))
         unheld = np.flatnonzero(~held)
-        step, length = _step(gradient, information, unheld)
+        step, length = inverse.step(gradient, unheld)
         if length > MIN_REDUCTION * before:
-            information = jacobian.T @ jacobian
-            step, length = _step(gradient, information, unheld)
+            inverse = _Inverse(tall(problem.jacobian(z, rung, r)[0], HUGE), free)
+            step, length = inverse.step(gradient, unheld)
         before = length
         z = optimum.at((at - optimum.z[free] + step)[None, :])[0]
         if length < STEP_TOLERANCE:
@@ -285,10 +304,18 @@ def _gauss_newton(optimum: Optimum, z: FloatArray, shift: FloatArray) -> FloatAr
     return None
 
 
-def _step(gradient: FloatArray, information: FloatArray, unheld: IntArray) -> tuple[FloatArray, float]:
-    """Return the Gauss-Newton step (f,) of the entries that no bound holds, and its length in standard errors."""
-    factor = invert(information[np.ix_(unheld, unheld)]).factor
-    inner = -gradient[unheld] @ factor
-    step = np.zeros(len(gradient))
-    step[unheld] = factor @ inner
-    return step, float(np.sqrt(inner @ inner))
+class _Inverse:
+    """Inverse of the information of f free entries of a Jacobian, found once for the entries that no bound holds."""
+
+    def __init__(self, jacobian: TallMatrix, free: IntArray) -> None:
+        self.information = jacobian.gram()[np.ix_(free, free)]
+        self.unheld, self.factor = np.empty(0, dtype=np.intp), np.empty((0, 0))
+
+    def step(self, gradient: FloatArray, unheld: IntArray) -> tuple[FloatArray, float]:
+        """Return the Gauss-Newton step (f,) of the entries `unheld`, and its length in standard errors."""
+        if not np.array_equal(unheld, self.unheld):
+            self.unheld, self.factor = unheld, invert(self.information[np.ix_(unheld, unheld)]).factor
+        inner = -gradient[unheld] @ self.factor
+        step = np.zeros(len(gradient))
+        step[unheld] = self.factor @ inner
+        return step, float(np.sqrt(inner @ inner))

@@ -170,7 +170,9 @@ class WholeWindows:
                 own = np.arange(first + edges[w] * ny, first + edges[w + 1] * ny)
                 last = np.arange(gap + w * many, gap + (w + 1) * many) if w + 1 < count else own[:0]
                 rows = np.concatenate([own, last])
-                r = leave_window_out(optimum.residual[rows], optimum.jacobian[rows], optimum.inverse.factor)
+                r = leave_window_out(
+                    optimum.residual[rows], optimum.jacobian.rows(rows), optimum.inverse.factor
+                )
                 left[w, :length] = r[: len(own)].reshape(length, ny)
                 left[w, length:] = left[w, length - 1]
                 behind[w, : len(last)] = r[len(own) :]

@@ -25,6 +25,7 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
+from scipy.linalg import cho_factor, cho_solve
 
 from stoop.assessment.assessment import Finding, Optimum, Watch, likelihood_optimum, linearize
 from stoop.assessment.error_bars import ErrorBars
@@ -34,7 +35,8 @@ from stoop.base.arrays import FloatArray
 from stoop.base.blas import on_one_blas_thread
 from stoop.base.notices import notice
 from stoop.estimate.estimate import Estimate
-from stoop.optimize.normal_equations import TallMatrix
+from stoop.optimize.ledger import inner
+from stoop.optimize.normal_equations import TallMatrix, dense
 from stoop.results.uncertainty import Interval, MethodIntervals
 
 FILE: Final = "posterior.nc"
@@ -72,11 +74,15 @@ class Target:
 
     def slopes(self, x: FloatArray, directions: FloatArray) -> tuple[float, FloatArray]:
         """Return the log density at a point (k,), of the box or beside it, and its derivatives (m,) along (k, m)."""
-        r, ends = self.residuals_along(x, directions)
-        density, taken = self._marginal(r[None, :])
+        here, ahead = self._followed(x[None, :]), self._followed(x + STEP * directions.T)
         with np.errstate(invalid="ignore", over="ignore"):
+            r = self.optimum.problem.residuals(here, self.optimum.rung)[0]
+            density, taken = self._marginal(r[None, :])
             left = r - self._nuisances.apply(taken[0])
-            return float(density[0]), (left @ r - ends @ left) / STEP
+            if not np.isfinite(density[0]):
+                return -np.inf, np.zeros(len(ahead))
+            ends = self.optimum.problem.products(ahead, self.optimum.rung, left)
+            return float(density[0]), (inner(left, r) - ends) / STEP
 
     def residuals_along(self, x: FloatArray, directions: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the residuals (n_r,) at a point, and (m, n_r) one step ahead along each of directions (k, m)."""
@@ -84,38 +90,44 @@ class Target:
         return np.asarray(R[0]), np.asarray(R[1:])
 
     def _residuals(self, X: FloatArray) -> FloatArray:
-        steps = (X - self.center) @ self.stretch.T
         with np.errstate(invalid="ignore", over="ignore"):
-            return self.optimum.problem.residuals(self._followed(steps), self.optimum.rung)
+            return self.optimum.problem.residuals(self._followed(X), self.optimum.rung)
 
     def _marginal(self, residuals: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the log density (W,) of residuals (W, n_r), and how far the nuisances go from where they stand, (W, E)."""
-        k, information = self.size, self.optimum.information
         with np.errstate(invalid="ignore", over="ignore"):
             gradient = np.array([self._nuisances.project(r) for r in residuals])
-            # their priors make the matrix definite
-            taken = np.linalg.solve(information[k:, k:], gradient.T).T
+            taken = cho_solve(self._factor, gradient.T, check_finite=False).T
             density = -0.5 * (np.sum(residuals**2, axis=1) - np.sum(gradient * taken, axis=1))
         return np.where(np.isfinite(density), density, -np.inf), np.asarray(taken)
 
     def remaining(self, residuals: FloatArray) -> FloatArray:
         """Return what the nuisances leave of residuals (W, n_r)."""
-        return np.asarray(residuals - self._marginal(residuals)[1] @ self.optimum.jacobian[:, self.size :].T)
+        taken = self._marginal(residuals)[1]
+        return np.array([r - self._nuisances.apply(t) for r, t in zip(residuals, taken, strict=True)])
 
-    def _followed(self, steps: FloatArray) -> FloatArray:
-        """Return vectors (W, D + E) with the nuisances where the linear model puts them."""
+    def _followed(self, X: FloatArray) -> FloatArray:
+        """Return vectors (W, D + E) of points (W, k), with the nuisances where the linear model puts them."""
+        steps = (X - self.center) @ self.stretch.T
         return self.optimum.z + np.hstack([steps, steps @ self._follow.T])
 
     @cached_property
     def _nuisances(self) -> TallMatrix:
         """Derivatives (n_r, E) of the residuals by the nuisances, most of which belong to one maneuver each."""
-        return TallMatrix.of(self.optimum.jacobian[:, self.size :].T)
+        return self.optimum.jacobian.of_variables(np.arange(self.size, len(self.optimum.z)))
+
+    @cached_property
+    def _factor(self) -> tuple[FloatArray, bool]:
+        """Cholesky factor (E, E) of the nuisances' information, which their priors make definite, as `cho_solve` takes it."""
+        k = self.size
+        factor, lower = cho_factor(self.optimum.information[k:, k:])
+        return factor, lower
 
     @cached_property
     def _follow(self) -> FloatArray:
         """How the nuisances follow the parameters, (E, k)."""
         k, information = self.size, self.optimum.information
-        return np.asarray(-np.linalg.solve(information[k:, k:], information[k:, :k]))
+        return np.asarray(-cho_solve(self._factor, information[k:, :k]))
 
     @cached_property
     def information(self) -> FloatArray:
@@ -126,12 +138,11 @@ class Target:
     def error(self, X: FloatArray) -> FloatArray:
         """Return the error of the log density (W,) at points (W, k): nuisances by one projection, or Gauss-Newton steps."""
         problem, rung, k = self.optimum.problem, self.optimum.rung, self.size
-        steps = (X - self.center) @ self.stretch.T
         found = []
-        for z in self._followed(steps):
+        for z in self._followed(X):
             for _ in range(4 if k < len(z) else 0):
                 r = problem.residuals(z[None, :], rung)[0]
-                jacobian = problem.jacobian(z, rung, r)[0][:, k:]
+                jacobian = dense(problem.jacobian(z, rung, r)[0])[:, k:]
                 z[k:] -= np.linalg.lstsq(jacobian, r, rcond=None)[0]
             r = problem.residuals(z[None, :], rung)[0]
             found.append(-0.5 * float(r @ r))

@@ -43,6 +43,7 @@ from stoop.errors import IdentificationError
 from stoop.estimate.estimate import Estimate
 from stoop.estimate.refit_problem import Derived
 from stoop.optimize import Settings, refine
+from stoop.optimize.normal_equations import Jacobian, tall
 from stoop.parallel import Json, LocalProcesses, Plan, Pool, Run
 from stoop.results.uncertainty import Interval, MethodIntervals
 
@@ -80,10 +81,11 @@ class Pinned(Derived):
         """Return costs (B,) with the nuisances at their start."""
         return self.problem.costs(self.whole(X), rung)
 
-    def jacobian(self, z: FloatArray, rung: int, r: FloatArray) -> tuple[FloatArray, float]:
+    def jacobian(self, z: FloatArray, rung: int, r: FloatArray) -> tuple[Jacobian, float]:
         """Return the derivative by what is left, and the trajectories it took."""
         jacobian, spent = self.problem.jacobian(self.whole(z[None, :])[0], rung, r)
-        return np.delete(jacobian, self.entry, axis=1), spent
+        rest = np.delete(np.arange(self.dimension + 1 + self.extra), self.entry)
+        return tall(jacobian, np.inf).of_variables(rest), spent
 
 
 class ProfileLikelihood:

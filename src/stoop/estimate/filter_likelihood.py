@@ -35,7 +35,7 @@ from stoop.estimate.linearization import (
 from stoop.estimate.refit_problem import RefitProblem
 from stoop.estimate.response import ExtendedModel, Responses, Trajectory
 from stoop.kernels import filtering
-from stoop.optimize.normal_equations import gram
+from stoop.optimize.normal_equations import project, square
 from stoop.problem import Misfit
 from stoop.simulation.delays import distinct_inputs, late_inputs, late_outputs
 from stoop.simulation.trajectories import readings_along
@@ -79,9 +79,9 @@ class Innovations:
         white = whitened_by(root, v, which)
         slopes = np.moveaxis((white[1:] - white[:1]) / taken[:, None, None], 0, 2)
         spreads = root[None] @ (S[1:] - S[:1]) @ np.swapaxes(root, 1, 2)[None] / taken[:, None, None, None]
-        spreads = np.nan_to_num(np.moveaxis(spreads, 0, 3))
+        spreads = _finite(np.moveaxis(spreads, 0, 3))
         first, logdet = np.ascontiguousarray(white[0]), float(np.sum(logs[which]))
-        return cls(first, logdet, entries, np.nan_to_num(slopes), spreads, which)
+        return cls(first, logdet, entries, _finite(slopes), spreads, which)
 
     @property
     def cost(self) -> float:
@@ -92,24 +92,33 @@ class Innovations:
     def spread_information(self) -> FloatArray:
         """Information (j, j) in the size of the innovations."""
         counts = np.bincount(self.which, minlength=len(self.spreads))
-        flat = self.spreads.reshape(len(counts), -1, len(self.entries))
-        rows = (flat * np.sqrt(0.5 * counts)[:, None, None]).reshape(-1, len(self.entries))
-        return gram(np.ascontiguousarray(rows.T))
+        rows = np.moveaxis(self.spreads, 3, 0) * np.sqrt(0.5 * counts)[:, None, None]
+        return square(rows.reshape(len(self.entries), -1))
+
+    @property
+    def rows(self) -> FloatArray:
+        """The slopes as (j, n n_y), as the filter gives them: no copy."""
+        return np.moveaxis(self.slopes, 2, 0).reshape(len(self.entries), -1)
 
     @property
     def information(self) -> FloatArray:
         """Fisher's information (j, j)."""
-        rows = self.slopes.reshape(-1, len(self.entries))
-        return gram(np.ascontiguousarray(rows.T)) + self.spread_information
+        return square(self.rows) + self.spread_information
 
     @property
     def gradient(self) -> FloatArray:
         """Derivative (j,) of the negative logarithm of the likelihood."""
-        linear = self.slopes.reshape(-1, len(self.entries)).T @ self.white.ravel()
-        ny = self.white.shape[1]
+        linear, ny = project(self.rows, self.white.ravel()), self.white.shape[1]
         surplus = np.zeros((len(self.spreads), ny, ny))
-        np.add.at(surplus, self.which, np.eye(ny) - self.white[:, :, None] * self.white[:, None, :])
+        first = np.flatnonzero(np.diff(self.which, prepend=-1))  # of runs of samples with one gain
+        each = np.eye(ny) - self.white[:, :, None] * self.white[:, None, :]
+        np.add.at(surplus, self.which[first], np.add.reduceat(each, first, axis=0))
         return np.asarray(linear + 0.5 * np.einsum("gik,gikj->j", surplus, self.spreads))
+
+
+def _finite(values: FloatArray) -> FloatArray:
+    """Return values with finite numbers in place of others; most often there are none."""
+    return values if np.isfinite(values).all() else np.nan_to_num(values)
 
 
 @dataclass(frozen=True, eq=False)

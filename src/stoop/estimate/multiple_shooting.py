@@ -28,7 +28,7 @@ from typing import Any, ClassVar, Final
 import numpy as np
 
 from stoop import optimize
-from stoop.base.arrays import FloatArray
+from stoop.base.arrays import FloatArray, IntArray
 from stoop.base.blas import on_one_blas_thread
 from stoop.base.notices import notice
 from stoop.errors import IdentificationError
@@ -40,7 +40,7 @@ from stoop.estimate.noise import first_variance, noise_covariance
 from stoop.estimate.noise_model import NoiseModel, with_noise
 from stoop.estimate.refit_problem import RefitProblem
 from stoop.estimate.response import ExtendedModel, Responses, whitened
-from stoop.estimate.shooting_problem import Iterate, Reduced, ShootingProblem, Weighted, reduced
+from stoop.estimate.shooting_problem import Iterate, Reduced, ShootingProblem, Weighted, reduced, spread
 from stoop.estimate.shooting_windows import WINDOW_LENGTH, Shots, window_model
 from stoop.optimize.levenberg_marquardt import (
     ADVICE,
@@ -54,7 +54,7 @@ from stoop.optimize.levenberg_marquardt import (
     levenberg_marquardt,
 )
 from stoop.optimize.minimize import Status
-from stoop.optimize.normal_equations import solve_damped
+from stoop.optimize.normal_equations import TallMatrix, solve_damped
 from stoop.problem import Layout, Misfit, Weights
 from stoop.problem.archive import PIECE_TUPLES
 from stoop.problem.evidence import Evidence
@@ -283,11 +283,12 @@ class LinearizedNodes(RefitProblem):
     @classmethod
     def of(cls, problem: ShootingProblem, at: Iterate) -> LinearizedNodes:
         """Return the problem about the iterate where a search ended."""
-        ones, edges = np.ones(len(at.z)), tuple(shots.edges for shots in problem.shots)
-        left = [reduced(problem.weigh(windows), 0.0) for windows in problem.linearize(at)]
-        follow = tuple(np.stack(one.following(ones)) for one in left)
+        edges, follow = tuple(shots.edges for shots in problem.shots), []
+        for shots, windows in zip(problem.shots, problem.linearize(at), strict=True):
+            own = reduced(problem.weigh(windows), 0.0).following(np.ones(len(shots.entries)))
+            follow.append(spread(np.stack(own), shots.entries, len(at.z)))
         strict = problem.strictness > 1.0
-        return cls(problem.problem, edges, problem.gap_weights, at.z, at.nodes, follow, strict)
+        return cls(problem.problem, edges, problem.gap_weights, at.z, at.nodes, tuple(follow), strict)
 
     @classmethod
     def restored(cls, problem: Misfit, arrays: Mapping[str, Any]) -> LinearizedNodes:
@@ -334,14 +335,16 @@ class LinearizedNodes(RefitProblem):
             rows.append(np.concatenate([part.ravel() for parts in pieces for part in parts]))
         return np.concatenate([np.array(rows), self.problem.layout.prior_residuals(Z)], axis=1)
 
-    def jacobian(self, z: FloatArray, rung: int, r: FloatArray) -> tuple[FloatArray, float]:
+    def jacobian(self, z: FloatArray, rung: int, r: FloatArray) -> tuple[TallMatrix, float]:
         """Return the derivative of the residuals, states of windows included, and the trajectories used."""
-        at, readings, gaps = Iterate(z, tuple(self._nodes(z)), 0.0, 0.0), [], []
-        for windows in self._shooting.linearize(at):
-            by_window, slopes = self._shooting.sensitivities(windows, np.ones(len(z)))
-            readings += [one.reshape(-1, len(z)) for one in by_window]
-            gaps.append(slopes.reshape(-1, len(z)))
-        return np.concatenate([*readings, *gaps, self.problem.layout.prior_jacobian()]), float(len(z))
+        at = Iterate(z, tuple(self._nodes(z)), 0.0, 0.0)
+        readings, gaps = list[tuple[IntArray, FloatArray]](), list[tuple[IntArray, FloatArray]]()
+        for shots, windows in zip(self.shots, self._shooting.linearize(at), strict=True):
+            j = len(shots.entries)
+            by_window, slopes = self._shooting.sensitivities(windows, np.ones(j))
+            for parts, one in ((readings, np.concatenate(by_window)), (gaps, slopes)):
+                parts.append((shots.entries, np.ascontiguousarray(one.reshape(-1, j).T)))
+        return TallMatrix.stacked([*readings, *gaps, *self.problem.prior_parts], len(z)), float(len(z))
 
     def responses(self, z: FloatArray) -> Responses:
         """Return the responses of readings and gaps to extensions of the vehicle at z (D + E,), states of windows eliminated."""
@@ -379,11 +382,13 @@ class LinearizedNodes(RefitProblem):
         ]
         if not self.strict or not (z - self.center).any():
             return found
-        out, still = [], np.zeros(len(z))
+        out = []
         linear = self._shooting.linearize(Iterate(z, tuple(found), 0.0, 0.0))
         for shots, nodes, windows in zip(self.shots, found, linear, strict=True):
             left = reduced(self._shooting.weigh(windows), 0.0)
-            out.append(shots.perturbed(nodes, left.moves(still).T) if left.nodes else nodes)
+            out.append(
+                shots.perturbed(nodes, left.moves(np.zeros(len(shots.entries))).T) if left.nodes else nodes
+            )
         return out
 
 

@@ -5,18 +5,32 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, Protocol, Self
 
 import numpy as np
 
 from stoop import optimize
 from stoop.base.arrays import BoolArray, FloatArray
 from stoop.estimate.response import Responses, simulation_responses
+from stoop.optimize.ledger import HUGE
+from stoop.optimize.normal_equations import Jacobian, project, tall
 from stoop.problem import Misfit
 
 
+class SummedProblem(optimize.Problem, Protocol):
+    """A problem that also sums products of its residuals without keeping them."""
+
+    def products(self, Z: FloatArray, rung: int, left: FloatArray) -> FloatArray:
+        """Return the weighted residuals (B, n_r) of Z, (B, D + E), times `left`, (n_r,)."""
+        ...
+
+    def gradient(self, z: FloatArray, rung: int, r: FloatArray, left: FloatArray) -> FloatArray:
+        """Return the derivative (n_r, D + E) at z with residuals r, (n_r,), times `left`, (n_r,): (D + E,)."""
+        ...
+
+
 @dataclass(frozen=True, eq=False)
-class Derived:
+class Derived(ABC):
     """A :class:`stoop.optimize.Problem` made from another; a child changes what differs."""
 
     problem: optimize.Problem
@@ -40,10 +54,22 @@ class Derived:
         """Return weighted residuals (B, n_r)."""
         return self.problem.residuals(Z, rung)
 
+    def products(self, Z: FloatArray, rung: int, left: FloatArray) -> FloatArray:
+        """Return the weighted residuals (B, n_r) times `left` (n_r,)."""
+        return project(self.residuals(Z, rung), left)
+
+    def gradient(self, z: FloatArray, rung: int, r: FloatArray, left: FloatArray) -> FloatArray:
+        """Return the derivative at z with residuals r times `left` (n_r,), (D + E,)."""
+        return tall(self.jacobian(z, rung, r)[0], HUGE).project(left)
+
     def costs(self, X: FloatArray, rung: int) -> FloatArray:
         """Return costs (B,) with the nuisances at zero."""
         Z = np.concatenate([X, np.zeros((len(X), self.extra))], axis=1)
         return np.asarray(np.sum(self.residuals(Z, rung) ** 2, axis=1))
+
+    @abstractmethod
+    def jacobian(self, z: FloatArray, rung: int, r: FloatArray) -> tuple[Jacobian, float]:
+        """Return the derivative (n_r, D + E) at z with residuals r, and the trajectories it took."""
 
     def reference(self, rung: int) -> float:
         """Return the trivial model's cost."""
@@ -51,7 +77,7 @@ class Derived:
 
 
 @dataclass(frozen=True, eq=False)
-class RefitProblem(Derived, ABC):
+class RefitProblem(Derived):
     """Weighted residuals near an estimate as a function of parameters and nuisances, on one rung.
 
     Residuals (B, n_r) are those of the stretches in their order, then gaps between windows, then priors. What depends on
@@ -73,7 +99,7 @@ class RefitProblem(Derived, ABC):
     def residuals(self, Z: FloatArray, rung: int) -> FloatArray:
         """Return whitened modeled minus measured values, then the residuals of the priors, (B, n_r)."""
 
-    def jacobian(self, z: FloatArray, rung: int, r: FloatArray) -> tuple[FloatArray, float]:
+    def jacobian(self, z: FloatArray, rung: int, r: FloatArray) -> tuple[Jacobian, float]:
         """Return the derivative (n_r, D + E) of residuals r at z, and the trajectories it took; by forward differences."""
         return optimize.forward_jacobian(self, z, rung, r)
 
@@ -155,7 +181,15 @@ class SimulationProblem(RefitProblem):
         """Return whitened simulated minus measured readings, then the residuals of the priors, (B, n_r)."""
         return self.problem.residuals(Z, self._rung)
 
-    def jacobian(self, z: FloatArray, rung: int, r: FloatArray) -> tuple[FloatArray, float]:
+    def products(self, Z: FloatArray, rung: int, left: FloatArray) -> FloatArray:
+        """Return the residuals (B, n_r) times `left` (n_r,), which the kernel sums along each trajectory."""
+        return self.problem.products(Z, self._rung, left)
+
+    def gradient(self, z: FloatArray, rung: int, r: FloatArray, left: FloatArray) -> FloatArray:
+        """Return the derivative of the residuals times `left` (n_r,), which the kernel sums along each trajectory."""
+        return self.problem.gradient(z, self._rung, r, left)
+
+    def jacobian(self, z: FloatArray, rung: int, r: FloatArray) -> tuple[Jacobian, float]:
         """Return the derivative of the residuals, and the trajectories it took."""
         return self.problem.jacobian(z, self._rung, r)
 

@@ -23,9 +23,17 @@ from typing import Final
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from stoop.base.arrays import FloatArray
+from stoop.base.arrays import FloatArray, IntArray
 from stoop.base.variables import VARIABLES
-from stoop.estimate.shooting_windows import AIRCRAFT, Products, Shot, Shots, residual, window_model
+from stoop.estimate.shooting_windows import (
+    AIRCRAFT,
+    Products,
+    Shot,
+    Shots,
+    lanes_first,
+    residual,
+    window_model,
+)
 from stoop.optimize.normal_equations import project
 from stoop.problem import Misfit
 from stoop.problem.evidence import Evidence, PieceEvidence, unknowns_of
@@ -77,6 +85,11 @@ class Reduced:
     gain: float  #: what the steps of the windows' states alone take off the cost
     logdet: float  #: of the information about the states
 
+    def add_to(self, normal: FloatArray, gradient: FloatArray, entries: IntArray) -> None:
+        """Add the equations to those of the whole search vector, in which the unknowns are `entries` (j,)."""
+        normal[np.ix_(entries, entries)] += self.normal
+        gradient[entries] += self.gradient
+
     def moves(self, step: FloatArray) -> FloatArray:
         """Return the steps (w, e) of the windows' states for a step (j,); the first window's is zero."""
         out = [np.zeros(self.states)]
@@ -95,35 +108,50 @@ class Reduced:
 def reduced(windows: Sequence[Weighted], damping: float) -> Reduced:
     """Eliminate the states of all windows but the first, whose state is the search vector's."""
     e, j = windows[0].products.across.shape
-    normal, gradient = np.zeros((j, j)), np.zeros(j)
-    blocks = []  # of each state: by state (e, e), by unknown (e, j), gradient (e,), by the state before (e, e)
-    for w, window in enumerate(windows):
-        readings = window.products
-        normal += readings.by_unknown + window.gap_by_unknown.T @ window.gap_by_unknown
-        gradient += readings.unknown_slope + window.gap_by_unknown.T @ window.gap
-        if w > 0:
-            last = windows[w - 1]
-            A = readings.by_state + window.gap_by_state.T @ window.gap_by_state
-            B = readings.across + window.gap_by_state.T @ window.gap_by_unknown
-            c = readings.state_slope + window.gap_by_state.T @ window.gap
-            A += np.diag(last.closing**2)
-            B -= last.closing[:, None] * last.gap_by_unknown
-            c -= last.closing * last.gap
-            blocks.append((A, B, c, -last.closing[:, None] * last.gap_by_state))
+    each, meet = [w.products for w in windows], windows[:-1]
+    by_unknown = np.array([w.gap_by_unknown for w in meet]).reshape(len(meet), e, j)
+    by_state = np.array([w.gap_by_state for w in meet]).reshape(len(meet), e, e)
+    gap, closing = (
+        np.array(one).reshape(-1, e) for one in ([w.gap for w in meet], [w.closing for w in meet])
+    )
+    # of half the cost by 1 (the gradient) and by the unknowns, with the same
+    gaps = np.concatenate([gap[:, :, None], by_unknown], axis=2)
+    rows = gaps.reshape(-1, 1 + j)
+    whole = rows.T @ rows
+    whole[1:, 1:] += np.sum([p.by_unknown for p in each], axis=0)
+    slope = np.sum([p.unknown_slope for p in each], axis=0)
+    whole[0, 1:] += slope
+    whole[1:, 0] += slope
+    whole[0, 0] = 0.0
+    # of each later state: by state (e, e), and by 1, unknowns and the state before (e, 1 + j + e)
+    A = np.array([p.by_state for p in each[1:]]).reshape(-1, e, e)
+    A[:-1] += by_state[1:].transpose(0, 2, 1) @ by_state[1:]
+    A += closing[:, :, None] ** 2 * np.eye(e)
+    right = np.array([np.column_stack([p.state_slope, p.across]) for p in each[1:]]).reshape(-1, e, 1 + j)
+    right[:-1] += by_state[1:].transpose(0, 2, 1) @ gaps[1:]
+    right = np.concatenate([right, np.zeros((len(A), e, e))], axis=2)
+    right -= closing[:, :, None] * np.concatenate([gaps, by_state], axis=2)
     nodes: list[Node] = []
-    gain = logdet = 0.0
-    while blocks:
-        A, B, c, before = blocks.pop()
-        A = A + damping * np.diag(np.diag(A))
-        solved: FloatArray = np.asarray(np.linalg.solve(A, np.column_stack([c, B, before])), dtype=np.float64)
-        own, unknowns, back = solved[:, 0], solved[:, 1 : 1 + j], solved[:, 1 + j :]
-        normal, gradient, gain = normal - B.T @ unknowns, gradient - B.T @ own, gain + float(c @ own)
-        if blocks:
-            a, b, d, further = blocks[-1]
-            blocks[-1] = (a - before.T @ back, b - before.T @ unknowns, d - before.T @ own, further)
-        logdet += float(np.linalg.slogdet(A)[1])
-        nodes.append(Node(own, unknowns, back if blocks else np.zeros_like(A)))
-    return Reduced(0.5 * (normal + normal.T), gradient, tuple(reversed(nodes)), e, gain, logdet)
+    for k in reversed(range(len(A))):
+        A[k] += damping * np.diag(np.diag(A[k]))
+        solved = np.linalg.solve(A[k], right[k])
+        whole -= right[k, :, : 1 + j].T @ solved[:, : 1 + j]
+        if k:
+            back = right[k, :, 1 + j :].T @ solved
+            A[k - 1] -= back[:, 1 + j :]
+            right[k - 1, :, : 1 + j] -= back[:, : 1 + j]
+        before = solved[:, 1 + j :] if k else np.zeros((e, e))
+        nodes.append(Node(solved[:, 0], solved[:, 1 : 1 + j], before))
+    logdet = float(np.sum(np.linalg.slogdet(A)[1]))
+    normal = 0.5 * (whole[1:, 1:] + whole[1:, 1:].T)
+    return Reduced(normal, whole[1:, 0], tuple(reversed(nodes)), e, -float(whole[0, 0]), logdet)
+
+
+def spread(derivatives: FloatArray, entries: IntArray, count: int) -> FloatArray:
+    """Return derivatives (..., j) by some entries as derivatives (..., count) by the whole search vector."""
+    out = np.zeros((*derivatives.shape[:-1], count))
+    out[..., entries] = derivatives
+    return out
 
 
 @dataclass(frozen=True, eq=False)
@@ -242,10 +270,8 @@ class ShootingProblem:
             whiten, found = weights.whiten, []
             for i, shot in enumerate(shots.linearize(at.z, own)):
                 present = np.isfinite(shots.piece.measured[shots.edges[i] : shots.edges[i + 1]])
-                by_unknown, by_state = (
-                    np.moveaxis(whiten(np.moveaxis(slopes, 2, 0) * present, present), 0, 2)
-                    for slopes in (shot.by_unknown, shot.by_state)
-                )
+                each = (lanes_first(slopes) * present for slopes in (shot.by_unknown, shot.by_state))
+                by_unknown, by_state = (np.moveaxis(whiten(one, present, one), 0, 2) for one in each)
                 left = whiten(shot.residual, present)
                 found.append(replace(shot, residual=left, by_unknown=by_unknown, by_state=by_state))
             out.append(found)
@@ -266,7 +292,7 @@ class ShootingProblem:
     ) -> list[FloatArray]:
         """Return the initial states of the windows after a step (j,) of the search vector, by the eliminated equations."""
         return [
-            shots.perturbed(own, r.moves(step).T) if r.nodes else own
+            shots.perturbed(own, r.moves(step[shots.entries]).T) if r.nodes else own
             for shots, own, r in zip(self.shots, nodes, pieces, strict=True)
         ]
 
@@ -283,7 +309,7 @@ class ShootingProblem:
             for w, left, gap in zip(
                 windows, np.split(white, ends), [*gaps, gaps[:0].reshape(-1)], strict=True
             ):
-                states = np.ascontiguousarray(w.by_state.reshape(left.size, -1).T)
+                states = lanes_first(w.by_state).reshape(-1, left.size)
                 products = replace(w.products, state_slope=project(states, left.ravel()))
                 own.append(replace(w, products=products, gap=gap))
             found.append(reduced(own, 0.0))
@@ -297,7 +323,9 @@ class ShootingProblem:
         prior = layout.prior_jacobian()
         normal, gradient = prior.T @ prior, prior.T @ layout.prior_residuals(at.z[None, :])[0]
         found = [reduced(windows, damping) for windows in pieces]
-        return normal + sum(r.normal for r in found), gradient + sum(r.gradient for r in found), found
+        for shots, one in zip(self.shots, found, strict=False):
+            one.add_to(normal, gradient, shots.entries)
+        return normal, gradient, found
 
     def sensitivities(
         self, windows: Sequence[Shot], scales: FloatArray
@@ -320,12 +348,15 @@ class ShootingProblem:
         rows = layout.prior_jacobian() / layout.scales
         information, pieces = rows.T @ rows, []
         for shots, windows in zip(self.shots, self.linearize(at), strict=True):
-            jacobian, slopes = self.sensitivities(windows, layout.scales)
+            readings, gap_slopes = self.sensitivities(windows, layout.scales[shots.entries])
+            jacobian, slopes = (
+                spread(one, shots.entries, len(at.z)) for one in (np.concatenate(readings), gap_slopes)
+            )
             rows = slopes.reshape(-1, len(layout.scales))
             information = information + rows.T @ rows
             left = -np.concatenate([shot.residual for shot in windows])
             residual = np.where(np.isfinite(shots.piece.measured), left, np.nan)
-            piece = PieceEvidence(residual, np.concatenate(jacobian), shots.piece.maneuver)
+            piece = PieceEvidence(residual, jacobian, shots.piece.maneuver)
             if len(model.strictness) == 1:  # windows that need not meet
                 gaps = np.array([-self.gap_weights * s.gap for s in windows[:-1]]).reshape(slopes.shape[:2])
                 piece = replace(piece, edges=shots.edges, gaps=gaps, gap_jacobian=slopes)
@@ -356,14 +387,12 @@ class ShootingProblem:
         """Return twice the negative logarithm of the likelihood, less what does not depend on the wind."""
         normal, gradient, _ = self.reduce(at, (), 0.0)
         cost = logdet = 0.0
-        for weighted in map(self.weigh, linear):
+        for shots, windows in zip(self.shots, linear, strict=True):
+            weighted = self.weigh(windows)
             found = reduced(weighted, 0.0)
             cost += sum(float(w.gap @ w.gap) for w in weighted) - found.gain
-            normal, gradient, logdet = (
-                normal + found.normal,
-                gradient + found.gradient,
-                logdet + found.logdet,
-            )
+            found.add_to(normal, gradient, shots.entries)
+            logdet += found.logdet
         observed = np.diag(normal) > 0.0  # what no window observes has no part in it
         normal, gradient = normal[np.ix_(observed, observed)], gradient[observed]
         size = np.sqrt(np.diag(normal))

@@ -20,7 +20,7 @@ from stoop.estimate.regression.rotors import lagged_command
 from stoop.estimate.response import ExtendedModel, Trajectory, fly
 from stoop.kernels import filtering
 from stoop.kernels.windows import windows
-from stoop.optimize.normal_equations import gram, project
+from stoop.optimize.normal_equations import project, square
 from stoop.problem import Misfit, Piece, on_circle
 from stoop.problem.observation import (
     AIR_FRAME,
@@ -136,7 +136,9 @@ class Shot:
     """One window, simulated and linearized."""
 
     residual: FloatArray  #: (n, n_y), simulated less measured, zero where nothing was measured
-    by_unknown: FloatArray  #: (n, n_y, j), its derivative by the search vector
+    by_unknown: (
+        FloatArray  #: (n, n_y, j), its derivative by the entries of the search vector that act on the piece
+    )
     by_state: FloatArray  #: (n, n_y, e), by a perturbation of the state that the window begins with
     gap: FloatArray  #: (e,), end of this window less start of the next; empty for the last
     gap_by_unknown: FloatArray  #: (e, j)
@@ -145,13 +147,16 @@ class Shot:
     @cached_property
     def products(self) -> Products:
         """Products of residual and derivatives, once they are whitened."""
-        unknowns, states = (
-            np.ascontiguousarray(slopes.reshape(-1, slopes.shape[2]).T)
-            for slopes in (self.by_unknown, self.by_state)
-        )
-        left = self.residual.ravel()
-        across = states @ unknowns.T
-        return Products(gram(unknowns), gram(states), across, project(unknowns, left), project(states, left))
+        j, left = self.by_unknown.shape[2], self.residual.ravel()
+        rows = np.concatenate([lanes_first(slopes) for slopes in (self.by_unknown, self.by_state)])
+        rows = rows.reshape(len(rows), -1)
+        inner, slope = square(rows), project(rows, left)
+        return Products(inner[:j, :j], inner[j:, j:], inner[j:, :j], slope[:j], slope[j:])
+
+
+def lanes_first(slopes: FloatArray) -> FloatArray:
+    """Return derivatives (n, n_y, m) as (m, n, n_y), as the kernel gives them: no copy of these."""
+    return np.moveaxis(slopes, 2, 0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,6 +191,12 @@ class Shots:
     def count(self) -> int:
         """Number of windows."""
         return len(self.edges) - 1
+
+    @cached_property
+    def entries(self) -> IntArray:
+        """Entries (j,) of the search vector that act on the piece: parameters, biases, then initial states."""
+        own = sorted(self.problem.own[self.index], key=lambda pair: not pair[1].is_bias)
+        return np.array([*range(self.problem.dimension), *(j for j, _ in own)], dtype=np.int64)
 
     @property
     def wind_columns(self) -> tuple[int, ...]:
@@ -265,12 +276,10 @@ class Shots:
     def linearize(self, z: FloatArray, nodes: FloatArray) -> list[Shot]:
         """Return every window with its derivatives, by differences."""
         own, nx = self.problem.own[self.index], len(self.vehicle.states)
-        first = np.array([*range(self.problem.dimension), *(j for j, _ in own)], dtype=np.int64)
-        starts = [j for j, n in own if not n.is_bias]
-        later = np.array([j for j in first if j not in starts], dtype=np.int64)
+        later = self.entries[: len(self.entries) - sum(not n.is_bias for _, n in own)]
         states, winds = np.ascontiguousarray(nodes[:nx]), nodes[nx:]
         inverse = perturbations_of(self.vehicle, np.ascontiguousarray(states[:, 1:]))
-        out = self.linearize_some(z, states, inverse, range(1), first)
+        out = self.linearize_some(z, states, inverse, range(1), self.entries)
         together = max(1, MAX_LANES // (1 + len(later) + len(self.vehicle.moves)))
         for w in range(1, self.count, together):
             out += self.linearize_some(z, states, inverse, range(w, min(w + together, self.count)), later)
@@ -298,22 +307,27 @@ class Shots:
         begins = np.concatenate([fixed, perturbed], axis=2).reshape(len(nodes), -1)
         out, last = self.integrate(np.tile(rows, len(which)), begins, np.repeat(which, lanes))
         out, last = out.reshape(len(which), lanes, *out.shape[1:]), last.reshape(len(nodes), -1, lanes)
-        changes, shots, j = np.concatenate([steps, sizes]), [], len(entries)
+        changes, shots = np.concatenate([steps, sizes]), []
+        m, j = len(entries), len(self.entries)
         for i, w in enumerate(which):
             readings = out[i][:, : self.edges[w + 1] - self.edges[w]]
-            slopes = np.moveaxis(readings[1:] - readings[:1], 0, 2) / changes
             measured = self.piece.measured[self.edges[w] : self.edges[w + 1]]
+            slopes = np.zeros((j + len(sizes), *readings.shape[1:]))
+            np.subtract(readings[1 : 1 + m], readings[:1], out=slopes[:m])
+            np.subtract(readings[1 + m :], readings[:1], out=slopes[j:])
+            slopes[:m] /= steps[:, None, None]
+            slopes[j:] /= sizes[:, None, None]
             gaps = np.empty((0, lanes))
             if w + 1 < self.count:
                 gaps = inverse[:, :, w] @ (last[:, i] - nodes[:, w + 1 : w + 2])
             gap_slopes = (gaps[:, 1:] - gaps[:, :1]) / changes
-            by_unknown, gap_by_unknown = np.zeros((*readings[0].shape, len(z))), np.zeros((len(gaps), len(z)))
-            by_unknown[:, :, entries], gap_by_unknown[:, entries] = slopes[:, :, :j], gap_slopes[:, :j]
-            left, by_state = (
+            left, (by_unknown, by_state) = (
                 residual(self.problem, readings[0], measured),
-                np.ascontiguousarray(slopes[:, :, j:]),
+                np.split(slopes, [j]),
             )
-            shots.append(Shot(left, by_unknown, by_state, gaps[:, 0], gap_by_unknown, gap_slopes[:, j:]))
+            by_unknown, by_state = np.moveaxis(by_unknown, 0, 2), np.moveaxis(by_state, 0, 2)
+            gap_by_unknown = np.pad(gap_slopes[:, :m], [(0, 0), (0, j - m)])
+            shots.append(Shot(left, by_unknown, by_state, gaps[:, 0], gap_by_unknown, gap_slopes[:, m:]))
         return shots
 
     def _with_wind(self, shot: Shot, winds: FloatArray, w: int) -> Shot:

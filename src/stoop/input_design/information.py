@@ -374,7 +374,7 @@ def _forecast_of_line(setup: Setup, maneuver: Maneuver, only_inside: bool) -> Fo
         return Forecast(readings, excess, np.zeros_like(setup.known))
     r = problem.residuals(z[None, :], 0)[0]
     J, _ = problem.jacobian(z, 0, r)
-    return Forecast(readings, excess, marginal(J, problem.dimension))
+    return Forecast(readings, excess, marginal(J.dense(), problem.dimension))
 
 
 def forecast_on_rotors(

@@ -167,7 +167,8 @@ def _linearized(problem: Misfit, unit: FloatArray) -> tuple[FloatArray, FloatArr
     z = np.concatenate([unit, np.zeros(problem.extra)])
     with np.errstate(invalid="ignore", over="ignore"):
         r = problem.residuals(z[None, :], 0)[0]
-        J, _ = problem.jacobian(z, 0, r) if np.isfinite(r).all() else (np.empty((0, len(z))), 0.0)
+        sound = bool(np.isfinite(r).all())
+        J = problem.jacobian(z, 0, r)[0].dense() if sound else np.empty((0, len(z)))
     return r, J
 
 

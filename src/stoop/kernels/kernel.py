@@ -17,6 +17,7 @@ import numpy as np
 
 from stoop.base import cache
 from stoop.base.arrays import FloatArray
+from stoop.base.memory import keep_freed_memory
 from stoop.kernels import compiler, loops, windows
 from stoop.kernels import filter as filters
 from stoop.kernels.arrays import fits, matrix
@@ -31,6 +32,7 @@ ENTRIES = {
     **windows.ENTRIES,
 }  #: functions that are compiled for every model
 _OBJECT = "code.o"
+keep_freed_memory()
 
 
 def thread_count() -> int:
@@ -105,20 +107,54 @@ class Kernel:
         (B,) array
             Infinite where the trajectory diverged.
         """
+        out = self._summed("cost", parameters, initial, inputs, measured, weights, dt, samples, threads)
+        return np.where(np.isfinite(out), out, np.inf)
+
+    def products(
+        self,
+        parameters: FloatArray,
+        initial: FloatArray,
+        inputs: FloatArray,
+        measured: FloatArray,
+        weights: FloatArray,
+        dt: float,
+        samples: int | None = None,
+        threads: int | None = None,
+    ) -> FloatArray:
+        """Return the sum (B,) of residuals times weights of each candidate; not finite where the trajectory diverged.
+
+        A weight may have any sign. Parameters as in :meth:`cost`. With the derivative of a sum of squares by the residuals as
+        weights, finite differences of this sum are its gradient by the parameters.
+        """
+        return self._summed("products", parameters, initial, inputs, measured, weights, dt, samples, threads)
+
+    def _summed(
+        self,
+        name: str,
+        parameters: FloatArray,
+        initial: FloatArray,
+        inputs: FloatArray,
+        measured: FloatArray,
+        weights: FloatArray,
+        dt: float,
+        samples: int | None,
+        threads: int | None,
+    ) -> FloatArray:
+        """Return the sum (B,) that an entry adds up along the trajectory of each candidate."""
         p, x, u, rows = self.arguments(parameters, initial, inputs)
         n = min(len(measured) if samples is None else samples, len(measured))
         fits("measured", measured, (len(measured), self.sizes[3]))
         fits("weights", weights, measured.shape)
         fits("inputs", inputs, (max(n, rows), *inputs.shape[1:]))
-        seen = weights > 0.0
+        seen = np.abs(weights) > 0.0
         if not seen.all():  # else no copies, which take as long as several trajectories
             measured, weights = np.where(seen, measured, 0.0), np.where(seen, weights, 0.0)
         z, w = matrix(measured), matrix(weights)
         out = np.empty(p.shape[1])
         count = p.shape[1]
-        march = self.entry("cost" if inputs.ndim == 2 else "cost_per_lane", count)
+        march = self.entry(name if inputs.ndim == 2 else f"{name}_per_lane", count)
         self.share(lambda a, b: march(p, x, u, rows, z, w, float(dt), n, out, a, b, count), count, threads)
-        return np.where(np.isfinite(out), out, np.inf)
+        return out
 
     def trajectories(
         self,
@@ -128,14 +164,17 @@ class Kernel:
         dt: float,
         samples: int | None = None,
         threads: int | None = None,
+        out: FloatArray | None = None,
     ) -> FloatArray:
         """Return the outputs (B, n, n_y) of each candidate; NaN or infinite once diverged.
 
-        Parameters as in :meth:`cost`.
+        Parameters as in :meth:`cost`; `out` (B, n, n_y), contiguous, takes the result.
         """
         p, x, u, rows = self.arguments(parameters, initial, inputs)
         n = rows if samples is None else min(samples, rows)
-        out = np.empty((p.shape[1], n, self.sizes[3]))
+        if out is None:
+            out = np.empty((p.shape[1], n, self.sizes[3]))
+        fits("out", out, (p.shape[1], n, self.sizes[3]))
         count = p.shape[1]
         march = self.entry("outputs" if inputs.ndim == 2 else "outputs_per_lane", count)
         self.share(lambda a, b: march(p, x, u, rows, float(dt), n, out, a, b, count), count, threads)

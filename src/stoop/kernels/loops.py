@@ -207,25 +207,35 @@ def _inputs(block: Block, per_lane: bool, k: str, first: str) -> tuple[Terms, Te
     return block.own_inputs(k, first) if per_lane else block.shared_inputs(k)
 
 
-def _cost(per_lane: bool) -> Callable[[Function, Model], None]:
+def _sum(term: Callable[[Term, Term], Term], per_lane: bool) -> Callable[[Function, Model], None]:
+    """Return the body of a function that adds up a term of each error of the readings and its weight."""
+
     def body(code: Function, model: Model) -> None:
-        block, cost, sizes = Block(code, model, model.sizes.seen), code.rows(1), model.sizes
+        block, total, sizes = Block(code, model, model.sizes.seen), code.rows(1), model.sizes
         with code.loop("%first", "%last", code.lanes) as first:
             block.begin(first, _inputs(block, per_lane, "0", first)[0])
-            cost[0] = 0.0
+            total[0] = 0.0
             with code.loop(0, "%samples") as k:
                 block.follow(*_inputs(block, per_lane, k, first))
                 derivatives, outputs = block.observe()
                 measured, weights = (sample_of(code, r, k, sizes.outputs) for r in ("%Z", "%W"))
                 errors = [y - z for y, z in zip(outputs, measured, strict=True)]
                 errors = [wrap(e) if w else e for e, w in zip(errors, sizes.wrapped, strict=True)]
-                squares = [w * (e * e) for e, w in zip(errors, weights, strict=True)]
-                cost[0] = cost[0] + sum(squares[1:], start=squares[0])
+                terms = [term(e, w) for e, w in zip(errors, weights, strict=True)]
+                total[0] = total[0] + sum(terms[1:], start=terms[0])
                 block.advance(derivatives)
             with code.loop(0, code.least(code.lanes, code.integer("sub", "%last", first))) as lane:
-                code.store(code.load(cost.name, lane), "%J", code.integer("add", first, lane))
+                code.store(code.load(total.name, lane), "%J", code.integer("add", first, lane))
 
     return body
+
+
+def _square(error: Term, weight: Term) -> Term:
+    return weight * (error * error)
+
+
+def _product(error: Term, weight: Term) -> Term:
+    return weight * error
 
 
 def _outputs(per_lane: bool) -> Callable[[Function, Model], None]:
@@ -268,8 +278,10 @@ _COST = f"{_START}, {pointers('Z W')}, double %dt, i64 %samples, {pointers('J')}
 _OUTPUTS = f"{_START}, double %dt, i64 %samples, {pointers('Y')}, {BLOCKS}"
 
 ENTRIES = {
-    "cost": Entry(_COST, _cost(per_lane=False)),
-    "cost_per_lane": Entry(_COST, _cost(per_lane=True)),
+    "cost": Entry(_COST, _sum(_square, per_lane=False)),
+    "cost_per_lane": Entry(_COST, _sum(_square, per_lane=True)),
+    "products": Entry(_COST, _sum(_product, per_lane=False)),
+    "products_per_lane": Entry(_COST, _sum(_product, per_lane=True)),
     "outputs": Entry(_OUTPUTS, _outputs(per_lane=False)),
     "outputs_per_lane": Entry(_OUTPUTS, _outputs(per_lane=True)),
     "evaluate": Entry(f"{pointers('P X U D')}, i64 %count", _evaluate),

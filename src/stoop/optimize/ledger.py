@@ -11,6 +11,7 @@ from typing import Final, Literal
 import numpy as np
 
 from stoop.base.arrays import FloatArray
+from stoop.optimize.normal_equations import Jacobian
 from stoop.optimize.problem import Problem, ScalarProblem
 
 HUGE: Final = 1e100  #: a cost beyond this is infinite: its products would overflow
@@ -124,13 +125,13 @@ class Ledger:
                 self._offer(z, sum_of_squares(r), self.spent)
         return R
 
-    def jacobian(self, z: FloatArray, rung: int, r: FloatArray) -> tuple[FloatArray, float]:
+    def jacobian(self, z: FloatArray, rung: int, r: FloatArray) -> tuple[Jacobian, float]:
         """Return and count a Jacobian."""
         if self._room(self.prices[rung]) < len(z):
             raise Halt("budget")
         J, spent = self.problem.jacobian(z, rung, r)
         self.spent += spent
-        return np.asarray(J, dtype=np.float64), spent
+        return J, spent
 
     def reference(self, rung: int) -> float:
         """Return the cost of the trivial model; inf where it has none."""

@@ -47,6 +47,7 @@ from stoop.base.arrays import FloatArray
 from stoop.base.extras import install
 from stoop.errors import IdentificationError
 from stoop.optimize.ledger import HUGE, Evaluations, Halt, Ledger
+from stoop.optimize.normal_equations import dense
 from stoop.optimize.population import MEMBERS, latin_hypercube
 from stoop.optimize.problem import Problem
 from stoop.optimize.state import Event, RandomStream, State
@@ -229,7 +230,7 @@ def scipy_least_squares() -> Library:
             return found
 
         def jacobian(z: FloatArray) -> FloatArray:
-            J = ledger.jacobian(z, ledger.full, r if np.array_equal(z, place) else residuals(z))[0]
+            J = dense(ledger.jacobian(z, ledger.full, r if np.array_equal(z, place) else residuals(z))[0])
             if not (np.abs(J) < HUGE).all():
                 raise _Diverged
             return J

@@ -36,7 +36,7 @@ from stoop.optimize.levenberg_marquardt import (
     Trial,
     levenberg_marquardt,
 )
-from stoop.optimize.normal_equations import TallMatrix, solve_damped
+from stoop.optimize.normal_equations import dense, solve_damped, tall
 from stoop.optimize.problem import Problem
 
 AGREE: Final = 1e-3  #: relative difference of two costs that count as the same optimum
@@ -144,7 +144,7 @@ class SecantModel(LinearModel):
     def linearize(self) -> None:
         """Take the Jacobian by differences."""
         J, _ = self.problem.jacobian(self.z, self.rung, self.r)
-        self.differences = TallMatrix.of(J.T, HUGE)
+        self.differences = tall(J, HUGE)
         self.updates: list[tuple[FloatArray, FloatArray]] = []
         self.normal = self.differences.gram()
         self.gradient = self.differences.project(self.r)
@@ -288,7 +288,7 @@ class QRModel(LinearModel):
 
         The scale fades from one iteration to the next; Marquardt's has a fading of 0, More's of 1.
         """
-        J = np.array(self.problem.jacobian(self.z, self.rung, self.r)[0])
+        J = np.array(dense(self.problem.jacobian(self.z, self.rung, self.r)[0]))
         J[:, ~np.isfinite(J).all(axis=0)] = 0.0
         gradient = np.einsum("nv,n->v", J, self.r)
         self.jacobian = J

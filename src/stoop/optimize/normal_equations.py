@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
+from itertools import pairwise, starmap
+from typing import Final, TypeAlias
 
 import numpy as np
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
@@ -13,12 +15,15 @@ from stoop.base.arrays import FloatArray, IntArray
 STRETCH: Final = 2048  #: of the long axis, over which it is seen which variables have a part
 
 
-def gram(rows: FloatArray) -> FloatArray:
-    """Return rows @ rows.T, (v, v), of rows (v, n), n much larger than v.
-
-    Variables without a part in a stretch of the long axis (the initial states of another maneuver) are left out there.
-    """
-    return TallMatrix.of(rows).gram()
+def square(rows: FloatArray) -> FloatArray:
+    """Return rows @ rows.T, (v, v), by slices of so few products that BLAS takes one thread."""
+    v, n = rows.shape
+    width = max(8, 200_000 // max(1, v * v))  # OpenBLAS takes more threads from 262,144 on
+    product = np.zeros((v, v))
+    for start in range(0, n, width):
+        piece = rows[:, start : start + width]
+        product += piece @ piece.T
+    return product
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,17 +48,54 @@ class TallMatrix:
         parts = tuple(rows[some, s] for some, s in zip(present, stretches, strict=True))
         return cls((n, v), stretches, present, parts)
 
+    @classmethod
+    def stacked(cls, parts: Sequence[tuple[IntArray, FloatArray]], variables: int) -> TallMatrix:
+        """Return the matrix of stretches one after the other: the variables of each, and their rows (v_i, n_i) there."""
+        ends = np.cumsum([0, *(rows.shape[1] for _, rows in parts)]).tolist()
+        present, rows = tuple(some for some, _ in parts), tuple(rows for _, rows in parts)
+        return cls((ends[-1], variables), tuple(starmap(slice, pairwise(ends))), present, rows)
+
+    def below(self, largest: float) -> TallMatrix:
+        """Return the matrix without the variables with numbers that are not below `largest` anywhere."""
+        sound = np.ones(self.shape[1], dtype=np.bool_)
+        for some, part in zip(self.present, self.parts, strict=True):
+            if part.shape[1]:
+                sound[some] &= (part.max(axis=1) < largest) & (part.min(axis=1) > -largest)
+        if sound.all():
+            return self
+        kept = [sound[some] for some in self.present]
+        pairs = [(some[k], part[k]) for some, part, k in zip(self.present, self.parts, kept, strict=True)]
+        return type(self).stacked(pairs, self.shape[1])
+
+    def of_variables(self, chosen: IntArray) -> TallMatrix:
+        """Return the matrix of some variables alone, in their order."""
+        place = np.full(self.shape[1], -1)
+        place[chosen] = np.arange(len(chosen))
+        kept = [place[some] >= 0 for some in self.present]
+        pairs = zip(self.present, self.parts, kept, strict=True)
+        parts = [(place[some[k]], part if k.all() else part[k]) for some, part, k in pairs]
+        return type(self).stacked(parts, len(chosen))
+
+    def rows(self, numbers: IntArray) -> FloatArray:
+        """Return some rows of the matrix, (m, v)."""
+        out = np.zeros((len(numbers), self.shape[1]))
+        for some, s, part in zip(self.present, self.stretches, self.parts, strict=True):
+            inside = np.flatnonzero((numbers >= s.start) & (numbers < s.stop))
+            out[np.ix_(inside, some)] = part[:, numbers[inside] - s.start].T
+        return out
+
+    def dense(self) -> FloatArray:
+        """Return the whole matrix (n, v), column-major."""
+        out = np.zeros(self.shape[::-1])
+        for some, s, part in zip(self.present, self.stretches, self.parts, strict=True):
+            out[some, s] = part
+        return out.T
+
     def gram(self) -> FloatArray:
-        """Return its product with its own transpose, (v, v), by slices of so few products that BLAS takes one thread."""
+        """Return its product with its own transpose, (v, v)."""
         total = np.zeros((self.shape[1], self.shape[1]))
         for some, part in zip(self.present, self.parts, strict=True):
-            v, n = part.shape
-            width = max(8, 200_000 // max(1, v * v))  # OpenBLAS takes more threads from 262,144 on
-            product = np.zeros((v, v))
-            for start in range(0, n, width):
-                piece = part[:, start : start + width]
-                product += piece @ piece.T
-            total[np.ix_(some, some)] += product
+            total[np.ix_(some, some)] += square(part)
         return 0.5 * (total + total.T)
 
     def project(self, r: FloatArray) -> FloatArray:
@@ -69,6 +111,20 @@ class TallMatrix:
         for some, s, part in zip(self.present, self.stretches, self.parts, strict=True):
             out[s] = project(part.T, step[some])
         return out
+
+
+#: derivatives (n, v), with their zeros or by stretches
+Jacobian: TypeAlias = FloatArray | TallMatrix
+
+
+def tall(jacobian: Jacobian, largest: float) -> TallMatrix:
+    """Return a Jacobian by stretches, without the variables with numbers that are not below `largest`."""
+    return jacobian.below(largest) if isinstance(jacobian, TallMatrix) else TallMatrix.of(jacobian.T, largest)
+
+
+def dense(jacobian: Jacobian) -> FloatArray:
+    """Return a Jacobian as an array (n, v)."""
+    return jacobian.dense() if isinstance(jacobian, TallMatrix) else jacobian
 
 
 def project(rows: FloatArray, r: FloatArray) -> FloatArray:

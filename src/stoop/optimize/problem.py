@@ -8,6 +8,7 @@ import numpy as np
 
 from stoop.base.arrays import FloatArray, IntArray
 from stoop.errors import IdentificationError
+from stoop.optimize.normal_equations import Jacobian
 
 
 class Residuals(Protocol):
@@ -45,7 +46,7 @@ class Problem(Residuals, Protocol):
         """Return the costs, (B,), of X, (B, D), with the nuisances at zero; counts B prices."""
         ...
 
-    def jacobian(self, z: FloatArray, rung: int, r: FloatArray) -> tuple[FloatArray, float]:
+    def jacobian(self, z: FloatArray, rung: int, r: FloatArray) -> tuple[Jacobian, float]:
         """Return d r / d z, (n_r, D + E), at z with residuals r, and the trajectories it took.
 
         `forward_jacobian` is the ready-made implementation; override it where structure saves simulations.

@@ -234,7 +234,7 @@ def with_deviation(problem: Misfit, z: FloatArray, covariance: FloatArray, first
     d = problem.dimension
     with np.errstate(invalid="ignore", over="ignore"):
         residuals = problem.residuals(z[None, :], 0)[0]
-        J, _ = problem.jacobian(z, 0, residuals)
+        J = problem.jacobian(z, 0, residuals)[0].dense()
         readings, slopes = problem.slopes(z, 0)
         if not np.isfinite(J).all():
             return Predicted(readings[first:], np.full_like(readings[first:], np.nan))

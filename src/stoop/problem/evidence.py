@@ -169,8 +169,7 @@ def simulation_evidence(problem: Misfit, z: FloatArray, inflation: float) -> Evi
     """Return the evidence of output error: residuals and sensitivities of the simulation from each piece's start."""
     rung = len(problem.prices) - 1
     r = problem.residuals(z[None, :], rung)[0]
-    jacobian, _ = problem.jacobian(z, rung, r)
-    jacobian = jacobian / problem.layout.scales
+    jacobian = problem.jacobian(z, rung, r)[0].dense() / problem.layout.scales
     pieces, first = [], 0
     for piece in problem.pieces:
         rows, shape = slice(first, first + piece.measured.size), piece.measured.shape

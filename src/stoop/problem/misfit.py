@@ -8,18 +8,23 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from stoop.base.arrays import BoolArray, FloatArray, within_range
+from stoop.base.arrays import BoolArray, FloatArray, IntArray, within_range
 from stoop.base.variables import WRAPPED
+from stoop.kernels.kernel import Kernel
+from stoop.optimize.ledger import inner
+from stoop.optimize.normal_equations import TallMatrix, project
 from stoop.problem.layout import Layout, Nuisance
-from stoop.simulation import parameter_rows
+from stoop.problem.starts import Starts
 from stoop.simulation.delays import actuator_rows, late_inputs, late_outputs, output_delays
-from stoop.simulation.initial import initial_states, rigid_states
 
 STEP = 1e-7  #: of a forward difference
+CACHED = 2**16  #: numbers that are whitened at a time
+PRIORS = 64  #: residuals of priors that are a stretch of derivatives
+Array = TypeVar("Array", FloatArray, IntArray)
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +67,18 @@ class Weights:
         for rows, root in self._roots(present):
             white[..., rows, :] = residuals[..., rows, :] @ root.T
         return white
+
+    def whiten_back(self, left: FloatArray, present: BoolArray) -> FloatArray:
+        """Return weights (n, n_y) of residuals whose sum of products is that of `left` (n, n_y) with the whitened ones.
+
+        This is the transpose of :meth:`whiten`, zero where nothing was measured.
+        """
+        if self.diagonal:
+            return np.where(present, left * np.diag(self.root), 0.0)
+        weights = np.zeros_like(left)
+        for rows, root in self._roots(present):
+            weights[rows] = left[rows] @ root
+        return weights
 
     def colored(self, whitened: FloatArray, present: BoolArray) -> FloatArray:
         """Return residuals (n, n_y) in the channels' units from whitened ones: the inverse of :meth:`whiten`."""
@@ -167,50 +184,128 @@ class Misfit:
 
     def piece_costs(self, Z: FloatArray, index: int, count: int) -> FloatArray:
         """Return the part of one piece in J (B,), priors left out, for vectors as :meth:`candidates` takes them."""
-        piece, vehicle = self.pieces[index], self.layout.vehicle
+        piece = self.pieces[index]
         if self._by_readings:
             with np.errstate(invalid="ignore", over="ignore"):
                 squares = np.sum(self._piece_residuals(Z, index, count) ** 2, axis=1)
             return np.where(np.isfinite(squares), squares, np.inf)
         rows, start = self.candidates(Z, index)
-        return vehicle.kernel().cost(
+        return self.kernel.cost(
             rows, start, self._inputs(piece, rows), piece.measured, self._quality[index], piece.dt, count
         )
 
     def residuals(self, Z: FloatArray, rung: int) -> FloatArray:
         """Return weighted residuals (B, n_r) of vectors (B, D + E), priors last."""
-        blocks = [self._piece_residuals(Z, i, n) for i, n in enumerate(self.ladder[rung])]
+        blocks = [
+            self._whitened(self._readings(rows, start, i, n), i).reshape(len(Z), -1)
+            for i, n, rows, start in self._candidates_of_all(Z, rung)
+        ]
         return np.concatenate([*blocks, self.layout.prior_residuals(Z)], axis=1)
 
-    def jacobian(self, z: FloatArray, rung: int, r: FloatArray) -> tuple[FloatArray, float]:
-        """Return d r / d z (n_r, D + E) by forward differences, and the trajectories it took.
+    def products(self, Z: FloatArray, rung: int, left: FloatArray) -> FloatArray:
+        """Return the weighted residuals (B, n_r) of vectors (B, D + E) times `left` (n_r,), summed along each trajectory."""
+        priors = self.layout.prior_residuals(Z)
+        total = project(priors, left[len(left) - priors.shape[1] :])
+        first = 0
+        for i, n, rows, start in self._candidates_of_all(Z, rung):
+            own = slice(first, first + n * len(self.layout.vehicle.outputs))
+            total += self._products(rows, start, i, left[own], n)
+            first = own.stop
+        return total
+
+    def _products(
+        self, rows: FloatArray, start: FloatArray, index: int, left: FloatArray, count: int
+    ) -> FloatArray:
+        """Return the whitened residuals of a piece times `left`, (B,), for kernel parameters and initial states."""
+        if self._late_outputs:
+            return project(
+                self._whitened(self._readings(rows, start, index, count), index).reshape(rows.shape[1], -1),
+                left,
+            )
+        piece = self.pieces[index]
+        measured, inputs = piece.measured[:count], self._inputs(piece, rows)
+        weights = self.piece_weights[index].whiten_back(left.reshape(measured.shape), np.isfinite(measured))
+        return self.kernel.products(rows, start, inputs, measured, weights, piece.dt)
+
+    def _candidates_of_all(
+        self, Z: FloatArray, rung: int
+    ) -> Iterator[tuple[int, int, FloatArray, FloatArray]]:
+        """Yield each piece's index, number of samples, kernel parameters (n_p, B) and initial states (n_x, B)."""
+        rows, starts = self._starts.candidates(Z, np.arange(len(self.pieces)))
+        for i, n in enumerate(self.ladder[rung]):
+            own = slice(i * len(Z), (i + 1) * len(Z))
+            yield i, n, rows[:, own], starts[:, own]
+
+    def jacobian(self, z: FloatArray, rung: int, r: FloatArray) -> tuple[TallMatrix, float]:
+        """Return d r / d z (n_r, D + E) by forward differences, a stretch a piece, and the trajectories it took.
 
         An initial state is varied on its own piece only, a bias not at all (its derivative is known).
         """
-        out = np.zeros((len(z), len(r))).T
-        first, spent = 0, 0.0
+        parts, spent = list[tuple[IntArray, FloatArray]](), 0.0
         for i, count in enumerate(self.ladder[rung]):
-            rows = slice(first, first + count * len(self.layout.vehicle.outputs))
-            entries = np.array(
-                [*range(self.dimension), *(j for j, n in self.own[i] if not n.is_bias)], dtype=np.intp
-            )
-            steps = np.where((entries < self.dimension) & (z[entries] + STEP > 1.0), -STEP, STEP)
-            Z = np.repeat(z[None, :], len(entries), axis=0)
-            Z[np.arange(len(entries)), entries] += steps
-            taken = Z[np.arange(len(entries)), entries] - z[entries]
-            R = self._piece_residuals(Z, i, count)
-            with np.errstate(invalid="ignore", over="ignore"):
-                for entry, row, step in zip(
-                    entries, R, taken, strict=True
-                ):  # a row at a time stays in the cache
-                    row -= r[rows]
-                    np.divide(row, step, out=out.T[entry, rows])
-            for j, column in self._bias_columns[i].items():
-                out[rows, j] = column[: rows.stop - first]
+            entries, taken, Z = self._varied(z, i)
+            biases, width = self._bias_columns[i], count * len(self.layout.vehicle.outputs)
+            # the base, what is varied from it, biases: the kernel's own array, worked on in place
+            rows = np.empty((1 + len(entries) + len(biases), width))
+            lanes = rows[: 1 + len(entries)].reshape(1 + len(entries), count, -1)
+            self._readings(*self.candidates(np.vstack([z, Z]), i), i, count, lanes)
+            self._difference(lanes, taken, i)
+            for row, column in zip(rows[len(lanes) :], biases.values(), strict=True):
+                row[:] = column[:width]
+            parts.append((np.array([*entries, *biases], dtype=np.intp), rows[1:]))
             spent += len(entries) * count
-            first = rows.stop
-        out[first:] = self.layout.prior_jacobian()
-        return out, spent / sum(self.ladder[-1])
+        return TallMatrix.stacked([*parts, *self.prior_parts], len(z)), spent / sum(self.ladder[-1])
+
+    def _difference(self, lanes: FloatArray, steps: FloatArray, index: int) -> None:
+        """Replace readings (1 + m, n, n_y) after the first by their whitened difference quotients over steps (m,)."""
+        present = np.isfinite(self.pieces[index].measured[: lanes.shape[1]])
+        weights, whole = self.piece_weights[index], bool(present.all())
+        ahead = lanes[1:]
+        with np.errstate(invalid="ignore", over="ignore"):
+            # few lanes at a time stay in the cache
+            for some in _chunks(len(ahead), max(1, CACHED // max(1, lanes[0].size))):
+                own = ahead[some]
+                own -= lanes[0]
+                if not whole:
+                    own *= present
+                on_circle(own, self.layout.vehicle.outputs)
+                white = weights.whiten(own, present, own)
+                np.divide(white, steps[some, None, None], out=own)
+
+    def gradient(self, z: FloatArray, rung: int, r: FloatArray, left: FloatArray) -> FloatArray:
+        """Return the :meth:`jacobian` at z, where the residuals are `r`, times `left` (n_r,), without forming it: (D + E,)."""
+        out, first = np.zeros(len(z)), 0
+        for i, count in enumerate(self.ladder[rung]):
+            entries, taken, Z = self._varied(z, i)
+            own = slice(first, first + count * len(self.layout.vehicle.outputs))
+            rows, start = self.candidates(Z, i)
+            ahead = self._products(rows, start, i, left[own], count)
+            out[entries] += (ahead - inner(left[own], r[own])) / taken
+            for j, column in self._bias_columns[i].items():
+                out[j] += inner(column[: own.stop - own.start], left[own])
+            first = own.stop
+        for (some, rows), values in zip(self.prior_parts, _split(left[first:], PRIORS), strict=True):
+            out[some] += np.diag(rows) * values
+        return out
+
+    def _varied(self, z: FloatArray, index: int) -> tuple[IntArray, FloatArray, FloatArray]:
+        """Return the entries (m,) that a piece is varied by, the steps (m,) taken, and the vectors (m, D + E) with them."""
+        own = (j for j, n in self.own[index] if not n.is_bias)
+        entries = np.array([*range(self.dimension), *own], dtype=np.intp)
+        each = np.arange(len(entries))
+        Z = np.repeat(z[None, :], len(entries), axis=0)
+        Z[each, entries] += np.where((entries < self.dimension) & (z[entries] + STEP > 1.0), -STEP, STEP)
+        return entries, Z[each, entries] - z[entries], Z
+
+    @cached_property
+    def prior_parts(self) -> list[tuple[IntArray, FloatArray]]:
+        """Unknowns and derivatives of few residuals of priors at a time, each of one unknown."""
+        index, _, sigma = self.layout.priors
+        nuisances = np.arange(self.dimension, self.dimension + self.extra)
+        entries: IntArray = np.concatenate([index, nuisances])
+        slopes: FloatArray = np.concatenate([1.0 / sigma, np.ones(self.extra)])
+        pairs = zip(_split(entries, PRIORS), _split(slopes, PRIORS), strict=True)
+        return [(some, np.diag(own)) for some, own in pairs]
 
     def reference(self, rung: int) -> float:
         """Return the cost of constant readings: each channel stays at its first measurement."""
@@ -218,7 +313,7 @@ class Misfit:
         for i, (piece, count) in enumerate(zip(self.pieces, self.ladder[rung], strict=True)):
             z = piece.measured[:count]
             constant = np.array([column[np.isfinite(column)][:1].sum() for column in z.T])
-            total += float(np.sum(self._whitened(np.tile(constant, (1, count, 1)), z, i) ** 2))
+            total += float(np.sum(self._whitened(np.tile(constant, (1, count, 1)), i) ** 2))
         return total
 
     def outputs(self, z: FloatArray, index: int) -> FloatArray:
@@ -236,7 +331,7 @@ class Misfit:
     @cached_property
     def _by_readings(self) -> bool:
         """Whether work is left to do with the readings, so that the kernel cannot sum their squares."""
-        return not self.weights.diagonal or bool(output_delays(self.layout.vehicle))
+        return not self.weights.diagonal or self._late_outputs
 
     @cached_property
     def _quality(self) -> list[FloatArray]:
@@ -245,11 +340,11 @@ class Misfit:
         return [np.where(np.isfinite(p.measured), np.diag(w.root) ** 2, 0.0) for p, w in pairs]
 
     def _piece_residuals(self, Z: FloatArray, index: int, count: int) -> FloatArray:
-        simulated = self._trajectories(Z, index, count)
-        return self._whitened(simulated, self.pieces[index].measured[:count], index).reshape(len(Z), -1)
+        return self._whitened(self._trajectories(Z, index, count), index).reshape(len(Z), -1)
 
-    def _whitened(self, simulated: FloatArray, measured: FloatArray, index: int) -> FloatArray:
+    def _whitened(self, simulated: FloatArray, index: int) -> FloatArray:
         """Return whitened simulated minus measured of a piece, zero where there is no measurement; overwrites simulated."""
+        measured = self.pieces[index].measured[: simulated.shape[1]]
         present = np.isfinite(measured)
         with np.errstate(invalid="ignore", over="ignore"):  # the last readings before a divergence are huge
             simulated -= np.where(present, measured, 0.0)
@@ -281,41 +376,24 @@ class Misfit:
         ]
 
     @cached_property
-    def _begin(self) -> list[tuple[FloatArray, dict[str, ArrayLike], dict[str, FloatArray]]]:
-        """Kernel parameters (n_p, 1), start and rigid-body states of each piece, nuisances at their start."""
-        out = []
-        for piece, own in zip(self.pieces, self.own, strict=True):
-            start: dict[str, ArrayLike] = {
-                **piece.start,
-                **{n.name: n.center for _, n in own if not n.is_bias},
-            }
-            out.append(
-                (
-                    parameter_rows(self.layout.vehicle, piece.changes),
-                    start,
-                    rigid_states(start, self.layout.vehicle),
-                )
-            )
-        return out
+    def _starts(self) -> Starts:
+        return Starts.of(self.layout, self.pieces, self.own)
 
     def candidates(self, Z: FloatArray, index: int) -> tuple[FloatArray, FloatArray]:
         """Return kernel parameters (n_p, B) and initial states (n_x, B) of one piece.
 
         `Z` is (B, D + E), or (B, D) with all nuisances at their start.
         """
-        vehicle, varied = self.layout.vehicle, Z.shape[1] > self.dimension
-        fixed, start, rigid = self._begin[index]
-        rows = np.repeat(fixed, len(Z), axis=1)
-        rows[self.layout.rows] = self.layout.physical(Z).T
-        for j, n in self.own[index]:
-            value = n.center + n.scale * Z[:, j] if varied else n.center
-            if n.is_bias:
-                rows[vehicle.rows[n.name]] = value
-            elif varied:
-                start = {**start, n.name: value}
-        if varied:
-            rigid = rigid_states(start, self.layout.vehicle)
-        return rows, initial_states(vehicle, start, rows, self.pieces[index].inputs[0], rigid)
+        return self._starts.candidates(Z, np.array([index]))
+
+    @cached_property
+    def kernel(self) -> Kernel:
+        """The compiled equations of the vehicle."""
+        return self.layout.vehicle.kernel()
+
+    @cached_property
+    def _late_outputs(self) -> bool:
+        return bool(output_delays(self.layout.vehicle))
 
     @cached_property
     def _late(self) -> bool:
@@ -326,19 +404,35 @@ class Misfit:
         return late_inputs(self.layout.vehicle, piece.inputs, rows, piece.dt) if self._late else piece.inputs
 
     def _trajectories(self, Z: FloatArray, index: int, count: int) -> FloatArray:
-        piece, vehicle = self.pieces[index], self.layout.vehicle
-        rows, start = self.candidates(Z, index)
-        out = self.layout.vehicle.kernel().trajectories(
-            rows, start, self._inputs(piece, rows), piece.dt, count
+        return self._readings(*self.candidates(Z, index), index, count)
+
+    def _readings(
+        self, rows: FloatArray, start: FloatArray, index: int, count: int, out: FloatArray | None = None
+    ) -> FloatArray:
+        """Return the readings (B, n, n_y) of a piece for kernel parameters (n_p, B) and initial states (n_x, B)."""
+        piece = self.pieces[index]
+        inputs = self._inputs(piece, rows)
+        out = self.kernel.trajectories(rows, start, inputs, piece.dt, count, out=out)
+        return (
+            late_outputs(self.layout.vehicle, out, rows, piece.dt, piece.moved) if self._late_outputs else out
         )
-        return late_outputs(vehicle, out, rows, piece.dt, piece.moved)
+
+
+def _chunks(count: int, size: int) -> Iterator[slice]:
+    """Yield slices of at most `size` of so many."""
+    return (slice(start, min(start + size, count)) for start in range(0, count, size))
+
+
+def _split(values: Array, size: int) -> list[Array]:
+    return [values[some] for some in _chunks(len(values), size)]
 
 
 def on_circle(errors: FloatArray, outputs: Sequence[str]) -> FloatArray:
     """Take the differences of angles that wrap, among channels (..., n_y), to the nearest turn, in place."""
     for i, channel in enumerate(outputs):
-        if channel in WRAPPED:
-            errors[..., i] -= 2.0 * np.pi * np.round(errors[..., i] / (2.0 * np.pi))
+        own = errors[..., i]
+        if channel in WRAPPED and own.size and not (own.max() <= np.pi and own.min() >= -np.pi):
+            own -= 2.0 * np.pi * np.round(own / (2.0 * np.pi))
     return errors
 
 

@@ -25,6 +25,7 @@ from stoop.errors import FlightError, IdentificationError
 from stoop.estimate.fit import Options, estimation_problem, settle, starts
 from stoop.estimate.refit_problem import Derived
 from stoop.flight import load
+from stoop.optimize.normal_equations import dense
 from stoop.problem.windows import parse_window
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop_studies.problems import Posed
@@ -59,7 +60,8 @@ class Joined(Derived):
 
     def jacobian(self, z: FloatArray, rung: int, r: FloatArray) -> tuple[FloatArray, float]:
         """Return d r / d z (n_r, D + E) and its price: initial states on their own piece, biases for nothing."""
-        J, spent = self.problem.jacobian(self.split(z[None, :])[0], rung, r)
+        found, spent = self.problem.jacobian(self.split(z[None, :])[0], rung, r)
+        J = dense(found)
         J[:, self.problem.dimension :] *= LEGS
         return J, spent
 

@@ -13,6 +13,7 @@ import numpy as np
 from stoop import optimize
 from stoop.assessment.covariance import standard_errors
 from stoop.base.arrays import FloatArray
+from stoop.optimize.normal_equations import dense
 from stoop.parallel import Plan, Run
 from stoop.problem.evidence import invert_rows
 from stoop_studies.findings import Findings, Results, Setting, number
@@ -202,4 +203,4 @@ def unit_deviations(problem: optimize.Problem, x: FloatArray) -> FloatArray:
     """Return the same (D,) at a point (D,) of the unit box, in its units."""
     z, full = np.concatenate([x, np.zeros(problem.extra)]), len(problem.prices) - 1
     J, _ = problem.jacobian(z, full, problem.residuals(z[None], full)[0])
-    return standard_errors(invert_rows(J).matrix)[: problem.dimension]
+    return standard_errors(invert_rows(dense(J)).matrix)[: problem.dimension]

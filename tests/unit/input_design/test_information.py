@@ -72,9 +72,8 @@ def test_information_is_that_of_the_problem_a_fit_would_pose() -> None:
     )
     # the truth of the initial state is the trim; the fit guesses it from noise-free readings, a little off
     z = np.concatenate([problem.layout.unit(setup().values), np.zeros(problem.extra)])
-    J, _ = problem.jacobian(
-        z, len(problem.prices) - 1, problem.residuals(z[None], len(problem.prices) - 1)[0]
-    )
+    full = len(problem.prices) - 1
+    J = problem.jacobian(z, full, problem.residuals(z[None], full)[0])[0].dense()
     inverse = np.linalg.inv(J.T @ J)
     expected = np.sqrt(np.diag(inverse))[: problem.dimension] * problem.layout.width
     found = setup().std(setup().forecast(MOVES))

@@ -9,7 +9,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stoop.optimize.normal_equations import TallMatrix, gram, project, solve_damped
+from stoop.optimize.normal_equations import TallMatrix, project, solve_damped
+
+
+def gram(rows: np.ndarray) -> np.ndarray:
+    return TallMatrix.of(rows).gram()
 
 
 @settings(deadline=None)
@@ -22,13 +26,47 @@ def test_gram_and_project_are_the_plain_products(v: int, n: int) -> None:
     assert project(rows, r) == pytest.approx(rows @ r, rel=1e-11, abs=1e-11 * n)
 
 
+def stretches(seed: int) -> TallMatrix:
+    """Return three stretches of seven variables, each with a part of its own in every stretch."""
+    generator = np.random.default_rng(seed)
+    parts = []
+    for n in (5, 0, 40):
+        some = generator.permutation(7)[: generator.integers(0, 8)]
+        parts.append((some, generator.standard_normal((len(some), n))))
+    return TallMatrix.stacked(parts, 7)
+
+
+@settings(deadline=None, max_examples=50)
+@given(st.integers(0, 1000))
+def test_a_matrix_by_stretches_is_that_with_its_zeros(seed: int) -> None:
+    tall, generator = stretches(seed), np.random.default_rng(seed + 1)
+    J, step, r = tall.dense(), generator.standard_normal(7), generator.standard_normal(45)
+    assert J.shape == tall.shape == (45, 7)
+    assert tall.gram() == pytest.approx(J.T @ J, rel=1e-11, abs=1e-11)
+    assert tall.project(r) == pytest.approx(J.T @ r, rel=1e-11, abs=1e-11)
+    assert tall.apply(step) == pytest.approx(J @ step, rel=1e-11, abs=1e-11)
+    chosen, numbers = generator.permutation(7)[:4], generator.integers(0, 45, 9)
+    assert np.array_equal(tall.of_variables(chosen).dense(), J[:, chosen])
+    assert np.array_equal(tall.rows(numbers), J[numbers])
+
+
+def test_a_variable_with_huge_numbers_anywhere_has_no_part() -> None:
+    tall = TallMatrix.stacked([(np.array([2, 0]), np.ones((2, 3))), (np.array([0, 1]), np.ones((2, 4)))], 3)
+    assert tall.below(10.0) is tall
+    for bad in (np.nan, np.inf, -1e200):
+        tall.parts[1][0, 2] = bad
+        left = tall.below(1e100).dense()
+        assert not left[:, 0].any()
+        assert np.array_equal(left[:, 1:], tall.dense()[:, 1:])
+
+
 CODE = """
 import hashlib, numpy as np
-from stoop.optimize.normal_equations import TallMatrix, gram, project, solve_damped
+from stoop.optimize.normal_equations import TallMatrix, project, solve_damped
 from stoop.optimize.ledger import sum_of_squares
 g = np.random.default_rng(0)
 rows, r = g.standard_normal((60, 30000)), g.standard_normal(30000)
-A = gram(rows)
+A = TallMatrix.of(rows).gram()
 b = project(rows, r)
 tall = TallMatrix.of(rows)
 parts = [A, b, solve_damped(A, b, 1e-3), tall.project(r), tall.apply(b), np.array(sum_of_squares(r))]

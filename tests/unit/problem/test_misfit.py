@@ -111,7 +111,8 @@ def test_jacobian_is_the_slope_of_the_residuals(problem: Misfit) -> None:
     z = np.concatenate([points(problem, 1)[0], 0.3 * np.random.default_rng(2).standard_normal(problem.extra)])
     for rung in (0, len(problem.ladder) - 1):
         r = problem.residuals(z[None, :], rung)[0]
-        J, spent = problem.jacobian(z, rung, r)
+        found, spent = problem.jacobian(z, rung, r)
+        J = found.dense()
         h = 1e-5
         steps = h * np.eye(len(z))
         slope = (problem.residuals(z + steps, rung) - problem.residuals(z - steps, rung)).T / (2 * h)
@@ -122,11 +123,58 @@ def test_jacobian_is_the_slope_of_the_residuals(problem: Misfit) -> None:
         assert spent == pytest.approx((problem.dimension + 4) * problem.prices[rung])
 
 
+@pytest.mark.parametrize("correlated", [False, True], ids=["channel by channel", "correlated noise"])
+def test_products_and_gradient_are_those_of_residuals_and_jacobian(problem: Misfit, correlated: bool) -> None:
+    if correlated:
+        spread = np.sqrt(np.diag(problem.weights.covariance))
+        related = 0.4 + 0.6 * np.eye(len(spread))
+        problem = problem.weighted(Weights.of(np.outer(spread, spread) * related))
+    generator = np.random.default_rng(3)
+    z = np.concatenate([points(problem, 1)[0], 0.3 * generator.standard_normal(problem.extra)])
+    z[0] = 1.0
+    for rung in (0, len(problem.ladder) - 1):
+        r = problem.residuals(z[None, :], rung)[0]
+        left = generator.standard_normal(len(r))
+        Z = z + 1e-3 * generator.standard_normal((3, len(z)))
+        R = problem.residuals(Z, rung)
+        size = np.abs(R) @ np.abs(left)
+        assert problem.products(Z, rung, left) / size == pytest.approx(R @ left / size, abs=1e-13)
+        J = problem.jacobian(z, rung, r)[0].dense()
+        size = np.abs(left) @ np.abs(J)
+        found = problem.gradient(z, rung, r, left)
+        assert found / size == pytest.approx(
+            left @ J / size, abs=1e-5
+        )  # rounding over the step of a difference
+
+
+def test_products_of_late_readings(vehicle: Vehicle) -> None:
+    """Readings that arrive late are shifted after the simulation, so that the kernel cannot sum them."""
+    late = parse_vehicle(vehicle.text + "\n[sensors.q]\ndelay = 0.033\n", "late").reduced("longitudinal")
+    p = piece(vehicle, 0, 0.4, {})
+    free = tuple(q for q in late.parameters if q.name in ("Cmalpha", "Cmq"))
+    misfit = Misfit(Layout(late, free, ()), (p,), Weights.of(np.ones(6)), horizon_ladder((p,)))
+    Z = misfit.layout.start + np.array([[0.0, 0.01], [0.02, 0.0]])
+    rung = len(misfit.ladder) - 1
+    R = misfit.residuals(Z, rung)
+    left = np.random.default_rng(4).standard_normal(R.shape[1])
+    assert misfit.products(Z, rung, left) == pytest.approx(R @ left, rel=1e-10)
+
+
+def test_all_pieces_start_as_each_alone(problem: Misfit) -> None:
+    generator = np.random.default_rng(5)
+    Z = np.concatenate([points(problem, 4), generator.standard_normal((4, problem.extra))], axis=1)
+    for vectors in (Z, Z[:, : problem.dimension]):
+        together = problem._candidates_of_all(vectors, 0)
+        for i, _, *found in together:
+            for one, alone in zip(found, problem.candidates(vectors, i), strict=True):
+                np.testing.assert_array_equal(one, alone)
+
+
 def test_jacobian_at_a_bound_steps_inwards(problem: Misfit) -> None:
     z = np.concatenate([points(problem, 1)[0], np.zeros(problem.extra)])
     z[0], z[1] = 1.0, 0.0
     r = problem.residuals(z[None, :], 0)[0]
-    J, _ = problem.jacobian(z, 0, r)
+    J = problem.jacobian(z, 0, r)[0].dense()
     h = 1e-5
     low, high = z.copy(), z.copy()
     low[0], high[1] = 1.0 - h, h
@@ -212,7 +260,7 @@ def test_tied_biases_share_their_slope() -> None:
     layout = Layout(tied, free, (Nuisance("sensors.ax.bias", 0, None, 0.0, 0.2),))
     misfit = Misfit(layout, (p,), Weights.of(np.ones(6)), horizon_ladder((p,)))
     z = np.array([0.5, 0.0])
-    J, _ = misfit.jacobian(z, 0, misfit.residuals(z[None, :], 0)[0])
+    J = misfit.jacobian(z, 0, misfit.residuals(z[None, :], 0)[0])[0].dense()
     count = misfit.ladder[0][0]
     slope = J[: count * 6, 1].reshape(count, 6)
     assert slope[:, [4, 5]] == pytest.approx(0.2 * np.ones((count, 2)))
@@ -284,7 +332,7 @@ def test_observed_information_is_the_slope_of_the_gradient(problem: Misfit, righ
 
     def gradient(z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         r = problem.residuals(z[None, :], rung)[0]
-        J, _ = problem.jacobian(z, rung, r)
+        J = problem.jacobian(z, rung, r)[0].dense()
         return J.T @ r, J.T @ J
 
     free = np.delete(np.arange(len(z)), 3)  # one at a bound, say
