@@ -101,6 +101,12 @@ def frequencies(low: float, high: float) -> FloatArray:
     return np.asarray(points[points <= high * (1.0 + 1e-9)])
 
 
+def decibels(response: ComplexArray) -> FloatArray:
+    """Return magnitudes in dB."""
+    with np.errstate(divide="ignore"):
+        return np.asarray(20.0 * np.log10(np.abs(response)))
+
+
 def estimate_responses(
     stretches: Sequence[Stretch],
     inputs: Sequence[str],
