@@ -33,8 +33,6 @@ ENDINGS: Final = (
 MAX_TRIM: Final = 0.05
 MIN_SEGMENT: Final = 0.5  #: s; shorter pieces say nothing about the aircraft and are dropped
 NAN: Final = float("nan")
-#: sources of columns that come from no log: they lie on the grid as they are
-GIVEN: Final = ("simulation", "dataset", "JSBSim")
 
 
 @dataclass(frozen=True)

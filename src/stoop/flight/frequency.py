@@ -264,8 +264,8 @@ def _solved(
     gram, total = _adjoint(X) @ VX, weights.sum(axis=1)
     with np.errstate(invalid="ignore", divide="ignore"):
         own = np.flatnonzero((total > 0.0) & (np.linalg.cond(gram) < MAX_CONDITION))
-    X, y, VX, gram, weights, total = (a[own] for a in (X, y, VX, gram, weights, total))
-    C = np.linalg.inv(gram)
+    X, y, VX, C = X[own], y[own], VX[own], np.linalg.inv(gram[own])
+    weights, total = weights[own], total[own]
     H = C @ (_adjoint(VX) @ y[..., None])
     left = np.sum(weights * np.abs(y - (X @ H)[..., 0]) ** 2, axis=1)
     RVX = _across(windows.correlation, VX)

@@ -37,6 +37,7 @@ GRID_RATES: Final = (50.0, 60.0, 70.0, 80.0, 90.0, 100.0)
 """Hz. A sample is a step of the integration: of 20 ms at most, with which the shortest lags are stable
 (`stoop.vehicle.defaults.SHORTEST_LAG`), of 10 ms at least, which resolves the motion of a rigid aircraft."""
 SAME_RATE: Final = 1.02  #: ratio of rates that count as one: clocks are no better
+GIVEN: Final = ("simulation", "dataset", "JSBSim")  #: sources of columns that come from no log
 #: of the grid rate: 30 Hz at 100 Hz; -35 dB at 50 Hz, -76 dB at 90 Hz, 0.02 % lost at 10 Hz
 CUTOFF: Final = 0.3
 ORDER: Final = 4  #: of the Butterworth filter, which runs forward and backward

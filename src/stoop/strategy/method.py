@@ -7,8 +7,7 @@ from typing import Final
 from stoop.base.notices import notice
 from stoop.base.variables import EULER, RATES, SPECIFIC_FORCE, VARIABLES
 from stoop.estimate import methods
-from stoop.flight.flight import GIVEN
-from stoop.flight.gridding import SAME_RATE
+from stoop.flight.gridding import GIVEN, SAME_RATE
 from stoop.strategy.decision import Change, Decision, Setup
 from stoop.vehicle.schema import WIND
 from stoop.vehicle.vehicle import AIR_FRAME, GROUND_FRAME
@@ -45,18 +44,16 @@ def choose(setup: Setup) -> Change | None:
 
 
 def slowest_motors(setup: Setup) -> float:
-    """Return the lowest rate at which commands of motors were logged, at most `MIN_MOTOR_RATE`, Hz.
-
-    Columns that were given on their grid hold all that was commanded; a clock of 99.9 Hz is one of 100 Hz.
-    """
-    rates, channels = [MIN_MOTOR_RATE], {rotor.channel for rotor in setup.vehicle.file.rotor.values()}
-    for flight in setup.flights.values():
-        for channel in channels & flight.sources.keys():  # measured speeds are smooth, commands are not
-            known = flight.sources[channel]
-            logged = VARIABLES[channel].kind != "measurement" and known.source not in GIVEN
-            if logged and 0.0 < SAME_RATE * known.rate < MIN_MOTOR_RATE:
-                rates.append(known.rate)
-    return min(rates)
+    """Return the lowest rate at which commands of motors were logged, at most `MIN_MOTOR_RATE`, Hz."""
+    channels = {rotor.channel for rotor in setup.vehicle.file.rotor.values()}
+    rates = [
+        flight.sources[c].rate
+        for flight in setup.flights.values()
+        for c in channels & flight.sources.keys()
+        # measured speeds are smooth, and columns given on their grid hold all that was commanded
+        if VARIABLES[c].kind != "measurement" and flight.sources[c].source not in GIVEN
+    ]
+    return min((r for r in rates if 0.0 < SAME_RATE * r < MIN_MOTOR_RATE), default=MIN_MOTOR_RATE)
 
 
 METHOD = Decision("method", "Which method suits the vehicle and what was recorded of it?", problem=choose)
