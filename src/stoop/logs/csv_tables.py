@@ -259,7 +259,7 @@ def plain_numbers(text: bytes, count: int) -> FloatArray | None:
         with warnings.catch_warnings():
             warnings.simplefilter("error")  # of a text without a line
             table = np.loadtxt(lines, delimiter=",", comments=None, ndmin=2)
-    except (ValueError, UserWarning, MemoryError):
+    except (ValueError, Warning, MemoryError):
         return None
     return table.T if table.shape[1] == count else None
 
