@@ -16,6 +16,7 @@ PARTS = (
     *QUICK,
     "ulog",
     "dataflash",
+    "tables",
     "shooting",
     "bootstrap",
     "pages",

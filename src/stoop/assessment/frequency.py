@@ -22,7 +22,7 @@ from stoop.base.arrays import BoolArray, ComplexArray, FloatArray
 from stoop.base.notices import Notice, notice
 from stoop.base.text import Summarized
 from stoop.errors import FlightError
-from stoop.flight.frequency import FrequencyResponse
+from stoop.flight.frequency import FrequencyResponse, decibels
 from stoop.problem.windows import Window
 from stoop.results.result import Result
 from stoop.simulation import LinearModel, Trim
@@ -61,12 +61,6 @@ class ModelResponse:
         if not len(changes):
             return np.full(len(self.frequency), np.nan)
         return np.asarray(NORMAL_95 * np.sqrt(np.mean(changes**2, axis=0)))
-
-
-def decibels(response: ComplexArray) -> FloatArray:
-    """Return magnitudes in dB."""
-    with np.errstate(divide="ignore"):
-        return np.asarray(20.0 * np.log10(np.abs(response)))
 
 
 @dataclass(frozen=True, eq=False)

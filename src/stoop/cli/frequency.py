@@ -17,13 +17,13 @@ if TYPE_CHECKING:
 
 def run(arguments: argparse.Namespace) -> int:
     """Estimate, write the page where asked to, and print."""
-    from stoop.flight import load
+    from stoop.flight.load import load_several
     from stoop.workflow.frequency import frequency_responses
 
     target = arguments.output
     band = _band(arguments.band)
     with LiveLine("reading the log"):
-        flights = [load(path, arguments.mapping) for path in arguments.flight]
+        flights = load_several(arguments.flight, arguments.mapping)
     with LiveLine("estimating frequency responses"):
         found = frequency_responses(
             flights, arguments.maneuver, arguments.vehicle, arguments.input, arguments.channel, band

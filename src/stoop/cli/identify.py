@@ -122,7 +122,7 @@ def _read(arguments: argparse.Namespace) -> tuple[Vehicle, list[Flight], Options
     from stoop.estimate.fit import Options
     from stoop.estimate.methods import find
     from stoop.estimate.noise import read_covariance
-    from stoop.flight import load
+    from stoop.flight.load import load_several
     from stoop.optimize import create
     from stoop.strategy.run import choose_method
     from stoop.vehicle.builtin import resolve_vehicle
@@ -135,7 +135,7 @@ def _read(arguments: argparse.Namespace) -> tuple[Vehicle, list[Flight], Options
         arguments.optimizer, arguments.seed, arguments.generations, arguments.budget, arguments.target_cost, given,
         arguments.method,
     )  # fmt: skip
-    flights = [load(path, arguments.mapping) for path in arguments.flight]
+    flights = load_several(arguments.flight, arguments.mapping)
     if arguments.posterior or arguments.profile is not None:
         asked = {"posterior": arguments.posterior, "profile": arguments.profile is not None}
         chosen = choose_method(arguments.method, vehicle, flights, strategy=strategy_of(arguments))

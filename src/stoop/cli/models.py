@@ -52,7 +52,7 @@ def structure(arguments: argparse.Namespace) -> int:
         standard_candidates,
         stepwise,
     )
-    from stoop.flight import load
+    from stoop.flight.load import load_several
     from stoop.vehicle.builtin import resolve_vehicle
     from stoop.workflow.outputs import by_name
     from stoop.workflow.structure import FILES, write_structure
@@ -78,7 +78,7 @@ def structure(arguments: argparse.Namespace) -> int:
             lines, where = read_source(text, "candidates", IdentificationError).splitlines(), text
         for coefficient, terms in parse_candidates(lines, vehicle, where).items():
             candidates[coefficient] = (*candidates.get(coefficient, ()), *terms)
-    flights = by_name([load(path, arguments.mapping) for path in arguments.flight], "structure")
+    flights = by_name(load_several(arguments.flight, arguments.mapping), "structure")
     choose = criteria[arguments.criterion]
     domain = FrequencyDomain(low, high)
     with LiveLine(options.COMPILING):
@@ -105,7 +105,7 @@ def structure(arguments: argparse.Namespace) -> int:
 
 def validate(arguments: argparse.Namespace) -> int:
     """Predict, write, and print how well."""
-    from stoop.flight import load
+    from stoop.flight.load import load_several
     from stoop.report.maneuvers import prediction_verdict
     from stoop.results.text import window_line
     from stoop.workflow.summary import figures_table
@@ -114,7 +114,7 @@ def validate(arguments: argparse.Namespace) -> int:
 
     check_targets(arguments.output, NAMES, arguments.overwrite)
     with LiveLine("reading and predicting"):
-        flights = [load(path, arguments.mapping) for path in arguments.flight]
+        flights = load_several(arguments.flight, arguments.mapping)
         done = validated(arguments.result, flights, arguments.maneuver, options.command_line())
     done.save(arguments.output, arguments.overwrite)
     out, record, verdict = page(), done.record, done.model.result.verdict

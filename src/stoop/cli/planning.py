@@ -31,7 +31,8 @@ IN_DEGREES: Final = ("alpha", "beta", *EULER, *RATES)  #: channels that are give
 
 def maneuvers(arguments: argparse.Namespace) -> int:
     """Find windows, write them, and print what was found."""
-    from stoop.flight import load, without_faults
+    from stoop.flight import without_faults
+    from stoop.flight.load import load_several
     from stoop.input_design.windows import doubts, find_windows
     from stoop.input_design.windows_file import NAME
     from stoop.vehicle.assumptions import with_assumptions
@@ -45,7 +46,7 @@ def maneuvers(arguments: argparse.Namespace) -> int:
         raise VehicleError("--free and --fix choose numbers of a vehicle file; name it with --vehicle")
     vehicle = options.with_free(resolve_vehicle(given), free, fix) if given else None
     with LiveLine("reading the log"):
-        read = [without_faults(load(path, arguments.mapping)) for path in arguments.flight]
+        read = [without_faults(one) for one in load_several(arguments.flight, arguments.mapping)]
         flights = by_name(read, "maneuvers")
     if vehicle is not None:
         vehicle, _ = with_assumptions(vehicle, 1.0 / read[0].rate)

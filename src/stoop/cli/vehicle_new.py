@@ -23,7 +23,7 @@ NUMBERS = ("mass", "span", "chord", "area")
 
 def run(arguments: argparse.Namespace) -> int:
     """Draft, print what speaks against it and what comes next."""
-    from stoop.flight import load
+    from stoop.flight.load import load_several
     from stoop.problem.layout import Layout
     from stoop.vehicle_draft.draft import draft
     from stoop.vehicle_draft.geometry import Geometry
@@ -34,7 +34,7 @@ def run(arguments: argparse.Namespace) -> int:
     given = {key: getattr(arguments, key) for key in ("template", *NUMBERS, "engine", "name", "aerodynamics")}
     request = with_geometry(Request(geometry=geometry, **given))
     with LiveLine("reading the log"):
-        flights = [load(path, arguments.mapping) for path in arguments.flight]
+        flights = load_several(arguments.flight, arguments.mapping)
     if sys.stdin.isatty() and sys.stdout.isatty():
         request = asked(request, evidence(flights), lambda question: input(printable(question)), show)
     with LiveLine("drafting"):

@@ -34,7 +34,7 @@ import numpy as np
 from scipy import sparse
 from scipy.special import stdtrit
 
-from stoop.base.arrays import BoolArray, ComplexArray, FloatArray, run_slices
+from stoop.base.arrays import BoolArray, ComplexArray, FloatArray, IntArray, run_slices
 
 OVERLAP: Final = 0.5  #: of successive windows
 #: of a frequency that a window holds at least: half the width of the main lobe of Hann's window
@@ -99,6 +99,12 @@ def frequencies(low: float, high: float) -> FloatArray:
     within = 1.0 + np.arange(POINTS_PER_OCTAVE) / POINTS_PER_OCTAVE
     points = low * np.outer(2.0 ** np.arange(octaves), within).ravel()
     return np.asarray(points[points <= high * (1.0 + 1e-9)])
+
+
+def decibels(response: ComplexArray) -> FloatArray:
+    """Return magnitudes in dB."""
+    with np.errstate(divide="ignore"):
+        return np.asarray(20.0 * np.log10(np.abs(response)))
 
 
 def estimate_responses(
@@ -216,21 +222,18 @@ def _taper_correlation(sizes: Sequence[int], starts: Sequence[np.ndarray]) -> sp
 def _responses(
     windows: _Windows, hertz: FloatArray, inputs: Sequence[str], output: str
 ) -> list[FrequencyResponse]:
-    """Solve the weighted least squares of each frequency, all inputs at once."""
+    """Solve the weighted least squares of all frequencies, all inputs at once."""
     size = np.sqrt(np.mean(np.abs(windows.transforms) ** 2, axis=(0, 1)))
     size[size == 0.0] = 1.0
-    scaled = windows.transforms / size
+    scaled = (windows.transforms / size).transpose(1, 0, 2)
     p, m = len(inputs), len(hertz)
     response, error, bound = np.zeros((p, m), dtype=complex), np.full((p, m), np.inf), np.full((p, m), np.inf)
     coherence, mean_length = np.zeros((p, m)), np.full(m, np.nan)
-    squared = windows.correlation.multiply(windows.correlation).tocsr()
-    for i, f in enumerate(hertz):
-        solved = _solved(scaled[:, i, :p], scaled[:, i, p], windows, squared, float(f))
-        if solved is not None:
-            response[:, i], variance, freedom, coherence[:, i], mean_length[i] = solved
-            with np.errstate(divide="ignore", invalid="ignore"):
-                error[:, i] = np.sqrt(0.5 * variance) / np.abs(response[:, i])
-            bound[:, i] = stdtrit(freedom, 0.975) * error[:, i]
+    own, found = _solved(scaled[..., :p], scaled[..., p], windows, hertz)
+    response[:, own], coherence[:, own], mean_length[own] = found.response, found.coherence, found.length
+    with np.errstate(divide="ignore", invalid="ignore"):
+        error[:, own] = np.sqrt(0.5 * found.variance) / np.abs(found.response)
+    bound[:, own] = stdtrit(found.freedom, 0.975) * error[:, own]
     return [
         FrequencyResponse(
             name, output, 2.0 * np.pi * hertz, response[k] * size[p] / size[k], coherence[k], error[k], bound[k],
@@ -240,53 +243,88 @@ def _responses(
     ]  # fmt: skip
 
 
+@dataclass(frozen=True, eq=False)
+class _Solution:
+    """Least squares of the frequencies that determine one."""
+
+    response: ComplexArray  #: (p, k), of scaled transforms
+    variance: FloatArray  #: (p, k)
+    freedom: FloatArray  #: (k,), degrees of freedom of the variance
+    coherence: FloatArray  #: (p, k), partial
+    length: FloatArray  #: (k,) s, mean of the windows
+
+
 def _solved(
-    X: ComplexArray, y: ComplexArray, windows: _Windows, squared: sparse.csr_array, f: float
-) -> tuple[ComplexArray, FloatArray, float, FloatArray, float] | None:
-    """Return responses (p,), their variances, degrees of freedom, partial coherences and the mean length; None: undetermined."""
-    weights = _weights(X, y, windows, squared, f)
-    total = float(weights.sum())
-    if not total:
-        return None
-    VX = weights[:, None] * X
-    gram = X.conj().T @ VX
-    if not np.linalg.cond(gram) < MAX_CONDITION:
-        return None
-    C = np.linalg.inv(gram)
-    H = C @ (VX.conj().T @ y)
-    left = float(np.sum(weights * np.abs(y - X @ H) ** 2))
-    RVX: ComplexArray = np.asarray(windows.correlation @ VX)
-    B: ComplexArray = np.asarray(VX.conj().T @ RVX)
-    first = total - float(np.trace(C @ B).real)  # tr(MR)
-    second = float(weights @ (squared @ weights) + np.trace(C @ B @ C @ B).real)  # tr(MRMR)
-    second -= 2.0 * float(np.trace(C @ (RVX.conj().T @ (weights[:, None] * RVX))).real)
-    if not first > 1e-6 * total or second <= 0.0:
-        return None
-    variance = left / first * np.diag(C @ B @ C).real
-    explained = np.abs(H) ** 2 / np.diag(C).real
-    coherence = explained / np.maximum(explained + left, np.finfo(float).tiny)
-    return H, variance, 2.0 * first**2 / second, coherence, float(weights @ windows.length) / total
+    X: ComplexArray, y: ComplexArray, windows: _Windows, hertz: FloatArray
+) -> tuple[IntArray, _Solution]:
+    """Solve for transforms of inputs (m, w, p) and of an output (m, w); return the k frequencies that determine a solution."""
+    squared = windows.correlation.multiply(windows.correlation).tocsr()
+    weights = _weights(X, y, windows, squared, hertz)
+    VX = weights[..., None] * X
+    gram, total = _adjoint(X) @ VX, weights.sum(axis=1)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        own = np.flatnonzero((total > 0.0) & (np.linalg.cond(gram) < MAX_CONDITION))
+    X, y, VX, C = X[own], y[own], VX[own], np.linalg.inv(gram[own])
+    weights, total = weights[own], total[own]
+    H = C @ (_adjoint(VX) @ y[..., None])
+    left = np.sum(weights * np.abs(y - (X @ H)[..., 0]) ** 2, axis=1)
+    RVX = _across(windows.correlation, VX)
+    B = _adjoint(VX) @ RVX
+    first = total - _trace(C @ B)  # tr(MR)
+    second = np.sum(weights * (squared @ weights.T).T, axis=1) + _trace(C @ B @ C @ B)  # tr(MRMR)
+    second -= 2.0 * _trace(C @ (_adjoint(RVX) @ (weights[..., None] * RVX)))
+    good = (first > 1e-6 * total) & (second > 0.0)
+    C, H, B, weights = C[good], H[good, :, 0], B[good], weights[good]
+    left, first, second, total = left[good], first[good], second[good], total[good]
+    explained = np.abs(H) ** 2 / _diagonal(C)
+    coherence = explained / np.maximum(explained + left[:, None], np.finfo(float).tiny)
+    variance = (left / first)[:, None] * _diagonal(C @ B @ C)
+    mean_length = weights @ windows.length / total
+    return own[good], _Solution(H.T, variance.T, 2.0 * first**2 / second, coherence.T, mean_length)
 
 
 def _weights(
-    X: ComplexArray, y: ComplexArray, windows: _Windows, squared: sparse.csr_array, f: float
+    X: ComplexArray, y: ComplexArray, windows: _Windows, squared: sparse.csr_array, hertz: FloatArray
 ) -> FloatArray:
-    """Return the weights (w,) of windows at one frequency, Hz: by the random error of those of each length."""
-    errors: dict[float, tuple[BoolArray, float]] = {}
-    for length in np.unique(windows.length):
-        own = np.asarray(windows.length == length)
-        count = int(own.sum())
-        if length * f < CYCLES * (1.0 - 1e-9) or count <= X.shape[1] + 1:
+    """Return the weights (m, w) of windows at each frequency, Hz: by the random error of those of each length."""
+    lengths = np.unique(windows.length)
+    members = [np.asarray(windows.length == length) for length in lengths]
+    counts = [int(own.sum()) for own in members]
+    errors = np.full((len(lengths), len(hertz)), np.inf)
+    for error, length, own, count in zip(errors, lengths, members, counts, strict=True):
+        here = length * hertz >= CYCLES * (1.0 - 1e-9)
+        if count <= X.shape[2] + 1 or not here.any():
             continue
-        found = np.linalg.lstsq(X[own], y[own])[0]
-        left, all_of = np.sum(np.abs(y[own] - X[own] @ found) ** 2), np.sum(np.abs(y[own]) ** 2)
+        inputs, outputs = X[np.ix_(here, own)], y[np.ix_(here, own)]
+        basis, values, _ = np.linalg.svd(inputs, full_matrices=False)
+        basis = basis * (values > count * np.finfo(float).eps * values[:, :1])[:, None, :]
+        rest = outputs - (basis @ (_adjoint(basis) @ outputs[..., None]))[..., 0]
+        left, all_of = (np.sum(np.abs(values) ** 2, axis=1) for values in (rest, outputs))
         averages = count**2 / float(own @ (squared @ own.astype(float)))
-        errors[float(length)] = (
-            own,
-            float(left / max(all_of - left, np.finfo(float).tiny * 1e6) / averages) ** 0.5,
-        )
-    weights, least = np.zeros(len(windows.length)), min((e for _, e in errors.values()), default=0.0)
-    for own, error in errors.values():
-        ratio = error / least if least > 0.0 else 1.0 if error == least else np.inf
-        weights[own] = min(ratio, 1e6) ** WEIGHT_POWER / own.sum()
+        error[here] = np.sqrt(left / np.maximum(all_of - left, np.finfo(float).tiny * 1e6) / averages)
+    least, weights = errors.min(axis=0, initial=np.inf), np.zeros(y.shape)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratios = np.where(least > 0.0, errors / least, np.where(errors == least, 1.0, np.inf))
+    for ratio, error, own, count in zip(ratios, errors, members, counts, strict=True):
+        known = np.where(np.isfinite(error), np.minimum(ratio, 1e6) ** WEIGHT_POWER / count, 0.0)
+        weights[:, own] = known[:, None]
     return weights
+
+
+def _adjoint(matrices: ComplexArray) -> ComplexArray:
+    return np.asarray(np.swapaxes(matrices.conj(), -1, -2))
+
+
+def _trace(matrices: ComplexArray) -> FloatArray:
+    return np.asarray(np.trace(matrices, axis1=-2, axis2=-1).real)
+
+
+def _diagonal(matrices: ComplexArray) -> FloatArray:
+    return np.asarray(np.diagonal(matrices, axis1=-2, axis2=-1).real)
+
+
+def _across(correlation: sparse.csr_array, columns: ComplexArray) -> ComplexArray:
+    """Return the product (m, w, p) of a matrix (w, w) with the columns of each frequency."""
+    m, w, p = columns.shape
+    product = correlation @ columns.transpose(1, 0, 2).reshape(w, m * p)
+    return np.asarray(product).reshape(w, m, p).transpose(1, 0, 2)

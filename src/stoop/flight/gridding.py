@@ -7,7 +7,7 @@ follows the body rates between its samples.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Final
@@ -33,6 +33,11 @@ MAX_GAP: Final = 0.05  #: s; a longer hole in an input ends a segment
 MAX_VALUE: Final = 1e9  #: SI; no quantity of the registry is that large
 TIME_TOLERANCE: Final = 1e-6  #: s; a grid point this close to the end of a stretch still belongs to it
 TIME_RESOLUTION: Final = 0.1  #: of the step of a grid; a coarser clock makes two samples of one
+GRID_RATES: Final = (50.0, 60.0, 70.0, 80.0, 90.0, 100.0)
+"""Hz. A sample is a step of the integration: of 20 ms at most, with which the shortest lags are stable
+(`stoop.vehicle.defaults.SHORTEST_LAG`), of 10 ms at least, which resolves the motion of a rigid aircraft."""
+SAME_RATE: Final = 1.02  #: ratio of rates that count as one: clocks are no better
+GIVEN: Final = ("simulation", "dataset", "JSBSim")  #: sources of columns that come from no log
 #: of the grid rate: 30 Hz at 100 Hz; -35 dB at 50 Hz, -76 dB at 90 Hz, 0.02 % lost at 10 Hz
 CUTOFF: Final = 0.3
 ORDER: Final = 4  #: of the Butterworth filter, which runs forward and backward
@@ -169,6 +174,12 @@ class Grid:
         return (self.first + np.arange(self.size)) / self.rate
 
 
+def grid_rate(rates: Iterable[float]) -> float:
+    """Return the lowest of `GRID_RATES` [Hz] that no channel of these rates [Hz] exceeds, or the highest."""
+    fastest = max(rates, default=0.0)
+    return next((rate for rate in GRID_RATES if fastest <= SAME_RATE * rate), GRID_RATES[-1])
+
+
 def make_grid(start: float, stop: float, rate: float, width: int, place: str) -> Grid:
     """Lay a grid of `rate` [Hz] over a record [s] of `width` variables; `place` is for the error message."""
     if not 1.0 <= rate <= 10_000.0:
@@ -196,9 +207,15 @@ def make_grid(start: float, stop: float, rate: float, width: int, place: str) ->
 
 
 def grid_channels(
-    channels: Sequence[Channels], rate: float, place: str
+    channels: Sequence[Channels], rate: float | None, place: str
 ) -> tuple[Grid, dict[str, FloatArray], dict[str, SourceRate]]:
-    """Bring channels, each on its own clock, onto one grid of `rate` [Hz]; `place` is for error messages.
+    """Bring channels, each on its own clock, onto one grid of `rate` [Hz], by default as fast as the fastest channel.
+
+    Parameters
+    ----------
+    channels : of a flight
+    rate : Hz; None chooses it by `grid_rate`
+    place : for error messages
 
     Returns
     -------
@@ -221,6 +238,11 @@ def grid_channels(
     if not clocks:
         raise empty
     start, stop = float(min(t[0] for t in clocks)), float(max(t[-1] for t in clocks))
+    sources: dict[str, SourceRate] = {}
+    for group in groups:
+        known = {n: source_rate(group.source, group.time[np.isfinite(x)]) for n, x in group.values.items()}
+        sources.update({angle: known["q0"] for angle in EULER if "q0" in known} | known)
+    rate = grid_rate(source.rate for source in sources.values()) if rate is None else rate
     grid = make_grid(start, stop, rate, sum(len(group.values) for group in groups) + len(EULER), place)
     samples = sum(t.size for t in clocks)
     if (stop - start) * rate > LIMITS.emptiness * max(samples, LIMITS.counted):
@@ -229,11 +251,8 @@ def grid_channels(
             "check the unit of the time, or cut the log"
         )
     data: dict[str, FloatArray] = {}
-    sources: dict[str, SourceRate] = {}
     for group in groups:
         data.update(_grid_group(grid, group))
-        known = {n: source_rate(group.source, group.time[np.isfinite(x)]) for n, x in group.values.items()}
-        sources.update({angle: known["q0"] for angle in EULER if "q0" in known} | known)
     if not data:  # no number is finite
         raise empty
     return grid, {name: np.ascontiguousarray(data[name]) for name in VARIABLES if name in data}, sources
@@ -281,7 +300,7 @@ def resample(grid: Grid, time: FloatArray, values: FloatArray, *, smooth: bool) 
         rate = 1.0 / float(np.median(np.diff(t)))
         # uniform samples of such a clock would fill the memory
         clumped = rate > LIMITS.sample_rate or (t[-1] - t[0]) * rate > LIMITS.clumping * t.size
-        if clumped or rate <= 1.02 * grid.rate:
+        if clumped or rate <= SAME_RATE * grid.rate:
             out[low:high] = _interpolate(points, t, x, smooth and not clumped)
             continue
         uniform = t[0] + np.arange(int(np.ceil((t[-1] - t[0]) * rate - TIME_TOLERANCE)) + 1) / rate

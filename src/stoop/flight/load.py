@@ -52,7 +52,7 @@ SLOW_RATES: Final = 25.0  #: Hz; body rates below this do not show the fast mode
 NOTICES: Final = "notices"  #: attribute; files of older versions hold sentences as "notes"
 
 
-def load(path: str | Path, mapping: str | Path | None = None, rate: float = 100.0) -> Flight:
+def load(path: str | Path, mapping: str | Path | None = None, rate: float | None = None) -> Flight:
     """Read a log and lay its channels on one uniform grid.
 
     Channels faster than the grid are low-passed first (zero phase, per contiguous stretch). Nothing is
@@ -63,7 +63,8 @@ def load(path: str | Path, mapping: str | Path | None = None, rate: float = 100.
     ----------
     path : see `stoop.logs.read`
     mapping : TOML file, see `stoop.flight.mapping`; None looks beside the log, else takes the ready one
-    rate : Hz, of the grid; a flight written by stoop keeps the rate it was written with
+    rate : Hz, of the grid; None takes that of the fastest channel, in tens from 50 to 100 Hz. A flight written by stoop
+        keeps the rate it was written with
 
     Raises
     ------
@@ -83,6 +84,7 @@ def load(path: str | Path, mapping: str | Path | None = None, rate: float = 100.
     cleaned = [drop_outliers(group) for group in mapped.channels]
     channels = [group for group, _ in cleaned]
     grid, data, sources = grid_channels(channels, rate, str(path))
+    rate = grid.rate
     # an attitude whose parts came from several files is completed; its rate is that of the slowest
     parts = [sources[name] for name in (*EULER, *QUATERNION) if name in sources]
     whole = with_attitude(data)
@@ -152,6 +154,18 @@ def load(path: str | Path, mapping: str | Path | None = None, rate: float = 100.
     if not {"V", "alpha", "beta"} & flight.names and not carried_by_rotors(flight) and not explained:
         limits.append(notice("no-air-data"))
     return flight.with_notices((*limits, *failed))
+
+
+def load_several(
+    paths: Sequence[str | Path], mapping: str | Path | None = None, beside: Sequence[Flight] = ()
+) -> list[Flight]:
+    """Read logs onto grids of one rate: that of the fastest of them and of the flights `beside` them; see `load`."""
+    flights = [load(path, mapping) for path in paths]
+    rate = max((flight.rate for flight in (*flights, *beside)), default=0.0)
+    return [
+        flight if flight.rate == rate else load(path, mapping, rate)
+        for path, flight in zip(paths, flights, strict=True)
+    ]
 
 
 def _contradictions(

@@ -77,7 +77,9 @@ class Numbers(Mapping[str, FloatArray]):
     def __getitem__(self, name: str) -> FloatArray:
         values = self.raw[name]
         with np.errstate(invalid="ignore"):  # a signaling NaN in a damaged log is a NaN
-            numbers = np.asarray(values if self.keep is None else values[self.keep], dtype=np.float64)
+            numbers = np.ascontiguousarray(
+                values if self.keep is None else values[self.keep], dtype=np.float64
+            )
         return numbers / self.divisors[name] if name in self.divisors else numbers
 
     def __iter__(self) -> Iterator[str]:

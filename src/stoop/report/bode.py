@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stoop.assessment.frequency import ModelResponse, decibels
 from stoop.base.arrays import BoolArray
 from stoop.base.units import DEGREE
-from stoop.flight.frequency import FrequencyResponse
+from stoop.flight.frequency import FrequencyResponse, decibels
 from stoop.report.plots import strip_pictures
 from stoop.report.series import Series, Strip, looks_of
 from stoop.report.sheet import Panel
 
-Pair = tuple[FrequencyResponse, ModelResponse | None]
+if TYPE_CHECKING:
+    from stoop.assessment.frequency import ModelResponse
+
+Pair = tuple[FrequencyResponse, "ModelResponse | None"]
 
 
 def response_panels(pairs: Sequence[Pair], max_error: float, min_coherence: float = 0.0) -> list[Panel]:

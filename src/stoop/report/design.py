@@ -14,7 +14,7 @@ from stoop.base.variables import RATES, VARIABLES, VELOCITY
 from stoop.flight import Flight
 from stoop.flight.maneuvers import commands
 from stoop.report.plots import plot
-from stoop.report.series import Series, Shade, ShadeKind, Strip
+from stoop.report.series import KINDS, Series, Shade, Strip
 from stoop.report.sheet import Bullets, Code, Figure, Prose, Section, Sheet, Table
 from stoop.report.time_history import HistoryPanel, TimeHistory
 from stoop.simulation.maneuver import MANUAL_THROTTLE, unit_of
@@ -64,9 +64,6 @@ Standard errors that the windows to be fitted will give, as far as the vehicle f
 these windows, corrected for the color of its residuals and the scatter of the maneuvers, as those of stoop identify. {guess}"""
 QUICK_FIT: Final = """\
 The quick fit is that of stoop identify without its checks and figures. A dash: it leaves the number at a bound."""
-
-KINDS: Final[dict[str, ShadeKind]] = {"not used": "declined", "fit": "fitted", "predict": "predicted"}
-
 
 FLOWN_FILES: Final = {
     "maneuver.lua": "script of ArduPilot Plane that adds the maneuver to what the autopilot commands",

@@ -14,9 +14,8 @@ from stoop.flight import Flight, FlightSummary
 from stoop.flight.frequency import FrequencyResponse
 from stoop.flight.spectra import frequency_responses, power_spectra, spectrogram
 from stoop.report.bode import response_panels
-from stoop.report.design import KINDS
 from stoop.report.plots import heat_maps, plot
-from stoop.report.series import HUES, Series, Shade, Strip
+from stoop.report.series import HUES, KINDS, Series, Shade, Strip
 from stoop.report.sheet import Bullets, Code, Details, Panel, Panels, Part, Prose, Section, Sheet, Table
 from stoop.report.time_history import HistoryPanel, TimeHistory
 from stoop.report.track import Track

@@ -19,6 +19,8 @@ HUES: Final = 8
 DASHES: Final = ("solid", (0, (7, 4)), (0, (2, 2.5)))
 Kind = Literal["line", "steps", "points"]
 ShadeKind = Literal["fitted", "predicted", "declined", "fault", "hole"]
+#: of proposed windows, by their use
+KINDS: Final[dict[str, ShadeKind]] = {"not used": "declined", "fit": "fitted", "predict": "predicted"}
 Range = tuple[float, float]
 
 

@@ -7,6 +7,7 @@ from typing import Final
 from stoop.base.notices import notice
 from stoop.base.variables import EULER, RATES, SPECIFIC_FORCE, VARIABLES
 from stoop.estimate import methods
+from stoop.flight.gridding import GIVEN, SAME_RATE
 from stoop.strategy.decision import Change, Decision, Setup
 from stoop.vehicle.schema import WIND
 from stoop.vehicle.vehicle import AIR_FRAME, GROUND_FRAME
@@ -21,7 +22,6 @@ Hz, 0.13 at 100 Hz and 0.05 at 125 Hz; equation error 0.24, 0.06 and 0.03. Above
 #: with rotors where neither velocity nor attitude was recorded: rates are then all that regressors hold of the motion, their
 #: noise hardly biases, and a simulation would have to estimate the states of every window from nothing
 STATELESS: Final = "equation-error"
-GRID_SHARE: Final = 0.98  #: of the grid's rate: what was logged faster than that is used as it was logged
 
 
 def choose(setup: Setup) -> Change | None:
@@ -45,13 +45,15 @@ def choose(setup: Setup) -> Change | None:
 
 def slowest_motors(setup: Setup) -> float:
     """Return the lowest rate at which commands of motors were logged, at most `MIN_MOTOR_RATE`, Hz."""
-    rates, channels = [MIN_MOTOR_RATE], {rotor.channel for rotor in setup.vehicle.file.rotor.values()}
-    for flight in setup.flights.values():
-        for channel in channels & flight.sources.keys():  # measured speeds are smooth, commands are not
-            rate = flight.sources[channel].rate
-            if VARIABLES[channel].kind != "measurement" and 0.0 < rate < GRID_SHARE * flight.rate:
-                rates.append(rate)
-    return min(rates)
+    channels = {rotor.channel for rotor in setup.vehicle.file.rotor.values()}
+    rates = [
+        flight.sources[c].rate
+        for flight in setup.flights.values()
+        for c in channels & flight.sources.keys()
+        # measured speeds are smooth, and columns given on their grid hold all that was commanded
+        if VARIABLES[c].kind != "measurement" and flight.sources[c].source not in GIVEN
+    ]
+    return min((r for r in rates if 0.0 < SAME_RATE * r < MIN_MOTOR_RATE), default=MIN_MOTOR_RATE)
 
 
 METHOD = Decision("method", "Which method suits the vehicle and what was recorded of it?", problem=choose)

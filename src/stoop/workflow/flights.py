@@ -16,7 +16,7 @@ from stoop.base.variables import VARIABLES
 from stoop.errors import FlightError, VehicleError
 from stoop.flight import Flight, load
 from stoop.flight.flight import from_columns
-from stoop.flight.load import with_contradictions
+from stoop.flight.load import load_several, with_contradictions
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 
@@ -114,6 +114,10 @@ def _numbers(name: str, values: npt.NDArray[Any]) -> FloatArray:
 
 
 def as_flights(given: Any) -> list[Flight]:
-    """Return one or several flights, see :func:`as_flight`."""
+    """Return one or several flights, see :func:`as_flight`; logs are read onto grids of one rate."""
     several = given if isinstance(given, Sequence) and not isinstance(given, str) else [given]
-    return [as_flight(one) for one in several]
+    made = [None if isinstance(one, str | Path) else as_flight(one) for one in several]
+    logs = iter(
+        load_several([one for one in several if isinstance(one, str | Path)], beside=[*filter(None, made)])
+    )
+    return [next(logs) if flight is None else flight for flight in made]

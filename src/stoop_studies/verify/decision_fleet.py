@@ -310,10 +310,10 @@ def folds(name: str) -> int:
 def _read(name: str, data: Path) -> tuple[Flight, ...]:
     real = REAL[name]
     if real.mapping is None:
-        return tuple(load(data / place) for place in real.flights)
+        return tuple(load(data / place, None, scenes.LOG_GRID) for place in real.flights)
     package, file = real.mapping
     with as_file(files(package).joinpath(file)) as mapping:
-        return tuple(load(data / place, mapping) for place in real.flights)
+        return tuple(load(data / place, mapping, scenes.LOG_GRID) for place in real.flights)
 
 
 def pose_real(name: str, fold: int, data: Path) -> Posed:

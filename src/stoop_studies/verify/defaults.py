@@ -28,6 +28,7 @@ from stoop_studies.findings import Claim, Findings, Setting, counted, holds
 from stoop_studies.verify import instruments, pilots, study, truths
 from stoop_studies.verify.defects import edited
 from stoop_studies.verify.fleet import GRAVITY, KINDS, MadeUp, made_up
+from stoop_studies.verify.scenes import LOG_GRID
 
 FLIGHTS: Final = 2 * len(KINDS)
 INERTIA_ERROR: Final = 0.3  #: of the quick start's file, at most
@@ -186,7 +187,7 @@ def drafted_file(flown: Flown) -> Vehicle:
     """Return what `stoop vehicle new` writes of the log, mass, span, chord and template."""
     made, tape = flown.vehicle, flown.vehicle.tape
     request = Request(made.template, tape["mass"], tape["span"], tape.get("chord"))
-    return draft(request, (load(flown.path),), f"new {made.number}").vehicle
+    return draft(request, (load(flown.path, rate=LOG_GRID),), f"new {made.number}").vehicle
 
 
 FILES: Final[Mapping[str, Callable[[Flown], Vehicle]]] = {"new": drafted_file, "quick": quick_file}
@@ -197,9 +198,9 @@ FILES: Final[Mapping[str, Callable[[Flown], Vehicle]]] = {"new": drafted_file, "
 
 def identified(path: Path, vehicle: Vehicle, folder: Path | None = None) -> FittedModel:
     """Do what the printed commands do: windows by `stoop maneuvers`, then `stoop identify` and its report."""
-    flight = without_faults(load(path))
-    found = find_windows({flight.name: flight}, vehicle)
-    job = identify(vehicle, [load(path)], found.texts("fit"), found.texts("validate"))
+    flight = load(path, rate=LOG_GRID)
+    found = find_windows({flight.name: without_faults(flight)}, vehicle)
+    job = identify(vehicle, [flight], found.texts("fit"), found.texts("validate"))
     if folder is not None:
         job.save(folder, overwrite=True)
     return job

@@ -33,6 +33,7 @@ from stoop.vehicle import parse_vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop_studies.findings import Findings, Setting, holds
 from stoop_studies.verify import study
+from stoop_studies.verify.scenes import LOG_GRID
 
 Columns = Mapping[str, FloatArray]  #: variable -> (n,) SI
 RATE: Final = 50.0  #: Hz
@@ -186,7 +187,7 @@ def mapping_text(dialect: str, places: Mapping[str, tuple[str, str]]) -> str:
 def accusations(path: Path, mapping: Path | None) -> list[list[list[str]]]:
     """Return what `stoop info` says against a mapping: the lines of each edit of each finding."""
     try:
-        flight = load(path, mapping)
+        flight = load(path, mapping, LOG_GRID)
     except FlightError as error:
         named = [
             word.partition(".")[2].strip(",;") for word in str(error).split() if word.startswith("variables.")
@@ -284,7 +285,7 @@ def _real(seed: int, folder: Path) -> dict[str, Any]:
     path = paths[seed]
     found = accusations(path, None)
     if not found:
-        flight = load(path)
+        flight = load(path, rate=LOG_GRID)
         up = in_flight(flight)
         columns = {
             name: np.where(up, flight.column(name), np.nan)

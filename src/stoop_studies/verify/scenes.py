@@ -25,6 +25,9 @@ from stoop.vehicle.schema import Turbulence
 AIRCRAFT: Final = "twin-boom"  #: built in
 DURATION: Final = 15.0  #: s, of each maneuver
 RATE: Final = 50.0  #: Hz
+LOG_GRID: Final = (
+    100.0  #: Hz, of the grids of logs with which the published records were made, whatever their own rates
+)
 START_ERROR: Final = 0.3  #: starting values are off by up to this share
 TRUTHS: Final = {"CLV": 0.05, "CDV": 0.02, "CDalpha2": 1.2, "CmV": 0.03}  #: zero in the built-in vehicle
 BIASES: Final = {

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from naive.composite_windows import naive_responses
 from numpy.testing import assert_allclose
 from scipy import signal
+from scipy.special import stdtrit
 
 from stoop.base.arrays import FloatArray
 from stoop.flight.frequency import (
@@ -123,3 +125,16 @@ def test_units_scale_the_response_alone(of_input: float, of_output: float) -> No
     assert_allclose(scaled.response, one.response * of_output / of_input, rtol=1e-6)
     assert_allclose(scaled.bound, one.bound, rtol=1e-6)
     assert_allclose(scaled.coherence, one.coherence, rtol=1e-6)
+
+
+def test_windows_of_several_lengths_are_weighed_as_printed() -> None:
+    """All frequencies at once against dense matrices, one at a time."""
+    u, lengths = inputs(1500, 2, seed=3), [12.0, 7.0, 4.0]
+    y = lag(u[:, 0], noise=0.5) - 0.4 * u[:, 1]
+    found = estimate_responses([Stretch(RATE, u, y[:, None])], ["a", "b"], ["y"], lengths=lengths)
+    hertz = found[0].frequency / (2.0 * np.pi)
+    for i, (response, error, freedom, coherence) in enumerate(naive_responses(u, y, RATE, lengths, hertz)):
+        for k, one in enumerate(found):
+            assert_allclose(one.response[i], response[k], rtol=1e-9)
+            assert_allclose(one.coherence[i], coherence[k], rtol=1e-9)
+            assert_allclose(one.bound[i], stdtrit(freedom, 0.975) * error[k], rtol=1e-8)

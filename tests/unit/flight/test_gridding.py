@@ -13,8 +13,13 @@ from stoop.base.arrays import FloatArray
 from stoop.errors import FlightError
 from stoop.flight.gridding import (
     CUTOFF,
+    GRID_RATES,
     ORDER,
+    SAME_RATE,
+    Channels,
     Grid,
+    grid_channels,
+    grid_rate,
     longest_allowed,
     low_pass,
     make_grid,
@@ -179,3 +184,35 @@ def test_bursts_are_not_filled_with_samples_that_are_not_there() -> None:
 def test_a_record_shorter_than_two_points_is_refused() -> None:
     with pytest.raises(FlightError, match="less than two samples of 100 Hz"):
         make_grid(0.012, 0.016, 100.0, 1, "f")
+
+
+@given(st.lists(st.floats(0.0, 1e4), max_size=5))
+def test_a_grid_is_as_fast_as_the_fastest_channel_within_its_limits(rates: list[float]) -> None:
+    """So that nothing up to 100 Hz is decimated, and no lower grid would do."""
+    fastest, found = max(rates, default=0.0), grid_rate(rates)
+    assert found in GRID_RATES
+    assert fastest <= SAME_RATE * found or found == max(GRID_RATES)
+    lower = [rate for rate in GRID_RATES if rate < found]
+    assert not lower or fastest > SAME_RATE * max(lower)
+
+
+@pytest.mark.parametrize(
+    ("rate", "grid"),
+    [(1.0, 50.0), (10.2, 50.0), (49.9, 50.0), (50.9, 50.0), (62.5, 70.0), (99.4, 100.0), (250.0, 100.0)],
+)
+def test_the_rate_of_a_grid(rate: float, grid: float) -> None:
+    """A channel is as fast as its own samples are, not as the clock of its group, and an explicit rate wins."""
+    fast, slow = np.arange(0.0, 8.0, 1.0 / rate), np.arange(0.0, 8.0, 0.001)
+    sparse = np.full(slow.size, np.nan)
+    sparse[::1000] = 1.0
+    channels = [Channels("gyro", fast, {"p": np.sin(fast)}), Channels("table", slow, {"q": sparse})]
+    assert grid_channels(channels, None, "f")[0].rate == grid
+    assert grid_channels(channels, 37.0, "f")[0].rate == 37.0
+
+
+def test_channels_of_the_grids_own_rate_are_left_as_they_are() -> None:
+    time = np.arange(0.0, 6.0, 0.02)
+    values = np.random.default_rng(0).standard_normal(time.size)
+    grid, data, _ = grid_channels([Channels("gyro", time, {"p": values})], None, "f")
+    assert grid.rate == 50.0
+    np.testing.assert_allclose(data["p"], values, rtol=0.0, atol=1e-9)

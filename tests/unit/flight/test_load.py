@@ -15,6 +15,8 @@ from stoop.exporters.log_bytes import Topic, ulog
 from stoop.flight import OUTPUTS, VARIABLES, Flight, from_columns, load
 from stoop.flight.air_data import with_air, without
 from stoop.flight.flight import flight_name
+from stoop.flight.load import load_several
+from stoop.workflow.flights import as_flights
 
 MAPPING = """[time]
 column = "t"
@@ -64,6 +66,19 @@ def test_channels_come_as_they_are(tmp_path: Path) -> None:
 def test_another_rate(tmp_path: Path) -> None:
     flight = load(write(tmp_path, rows()), rate=50.0)
     np.testing.assert_allclose(np.diff(flight.time), 0.02)
+
+
+def test_logs_that_are_read_together_have_one_rate(tmp_path: Path) -> None:
+    """That of the fastest; each alone has its own."""
+    (tmp_path / "slow").mkdir()
+    fast, slow = write(tmp_path, rows()), write(tmp_path / "slow", rows()[::2])
+    assert [load(path).rate for path in (fast, slow)] == [100.0, 50.0]
+    assert [one.rate for one in load_several([slow, slow])] == [50.0, 50.0]
+    together = load_several([fast, slow])
+    assert [one.rate for one in together] == [100.0, 100.0]
+    assert np.array_equal(together[1].column("p"), load(slow, rate=100.0).column("p"), equal_nan=True)
+    assert load_several([slow], beside=together)[0].rate == 100.0
+    assert [one.rate for one in as_flights([together[0], slow])] == [100.0, 100.0]
 
 
 def test_rows_out_of_order_are_dropped_and_told(tmp_path: Path) -> None:

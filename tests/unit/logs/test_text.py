@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -12,9 +13,11 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from stoop.base.arrays import FloatArray
 from stoop.errors import LogError
 from stoop.logs import csv_tables, read
 from stoop.logs.csv_tables import read_table
+from stoop.logs.recording import Defect
 
 any_file = settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 
@@ -198,3 +201,89 @@ def test_a_short_archive_of_many_numbers(tmp_path: Path) -> None:
     path.write_bytes(gzip.compress(b"a,b,c,d\n" + b",,,\n" * 2_000_000))
     with pytest.raises(LogError, match="for a file that short"):
         read_table(path)
+
+
+def by_pandas(
+    path: Path, monkeypatch: pytest.MonkeyPatch
+) -> tuple[dict[str, FloatArray], tuple[Defect, ...]]:
+    with monkeypatch.context() as patched:
+        patched.setattr(csv_tables, "plain_numbers", lambda text, count: None)
+        return read_table(path)
+
+
+FLOATS = st.floats().map(repr) | st.floats(width=32).map(lambda x: str(np.float32(x)))
+NUMBERS = FLOATS | st.integers(-(2**63), 2**64 - 1).map(str)
+ODD = st.sampled_from(
+    [
+        *CELLS,
+        "+nan",
+        "-nan",
+        "NaN",
+        "+inf",
+        " 1",
+        "1 ",
+        '"1"',
+        "1\r",
+        "#1",
+        "e",
+        "-",
+        "1e",
+        "1\v",
+        "1e5.0",
+        "nan1",
+    ]
+)
+
+
+@any_file
+@given(data=st.data())
+def test_what_numpy_reads_is_what_pandas_reads(
+    data: st.DataObject, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Cells, columns, defects and refusals, of sound tables and of such with odd cells and lines."""
+    width = data.draw(st.integers(1, 4))
+    cells = NUMBERS | ODD if data.draw(st.booleans()) else NUMBERS
+    rows = data.draw(st.lists(st.lists(cells, min_size=width, max_size=width), max_size=8))
+    if data.draw(st.booleans()) and rows:
+        rows[data.draw(st.integers(0, len(rows) - 1))] = data.draw(st.lists(cells, max_size=5))
+    header = ["t", "x", "x", "nan"][:width]
+    text = "".join(",".join(row) + "\n" for row in [header, *rows])[
+        : data.draw(st.none() | st.integers(-3, -1))
+    ]
+    path = tmp_path / "a.csv"
+    path.write_text(text, encoding="utf-8", newline="")
+    try:
+        expected, found = by_pandas(path, monkeypatch)
+    except LogError as error:
+        with pytest.raises(LogError, match=re.escape(str(error))):
+            read_table(path)
+        return
+    columns, defects = read_table(path)
+    assert (list(columns), defects) == (list(expected), found)
+    for name, values in columns.items():
+        np.testing.assert_allclose(values, expected[name], rtol=1e-15, atol=0.0)
+
+
+LONG = b"t,x\n" + b"1" * (csv_tables.MAX_LINE + 1) + b",2\n"
+
+
+@pytest.mark.parametrize("text", [b"t,x\n0,1\n1,nan\n2,-inf\n", b"t,x\n\n0,1\n\n"])
+def test_tables_of_numbers_are_left_to_numpy(text: bytes) -> None:
+    assert csv_tables.plain_numbers(text, 2) is not None
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        b"t,x\n0,1\n1,\n",
+        b"t,x\n0,oops\n",
+        b"t,x\n",
+        b"t,x",
+        b"t,x\n\n\n",
+        b"t,x\n0,1,2\n",
+        b"t,x\n0,1\n2\n",
+        LONG,
+    ],
+)
+def test_other_tables_are_not(text: bytes) -> None:
+    assert csv_tables.plain_numbers(text, 2) is None
