@@ -18,7 +18,7 @@ from stoop.base.notices import Notice, attempt, from_dict, notice
 from stoop.base.numbers import MAX_NUMBER
 from stoop.base.toml import parse_json
 from stoop.base.variables import EULER, QUATERNION, RATES, VARIABLES
-from stoop.checks.engine import TABLE, Line, Lines, read_lines
+from stoop.checks.entries import TABLE, Line, Lines, read_lines
 from stoop.checks.kinematics import check_rates
 from stoop.checks.mapping import Judgment, check_mapping
 from stoop.errors import FlightError, LogError

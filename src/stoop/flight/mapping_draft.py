@@ -222,7 +222,7 @@ def _best(lines: Sequence[DraftLine]) -> list[DraftLine]:
         by_name.setdefault(line.variable, []).append(line)
     best = []
     for several in by_name.values():
-        first, *others = sorted(several, key=lambda line: len(line.doubts))
+        first, *others = sorted(several, key=lambda line: (len(line.doubts), line.commanded))
         names = ", ".join(f"{line.stream} {line.column}" for line in others[:3])
         best.append(first.doubted(f"or {names}") if others else first)
     return best

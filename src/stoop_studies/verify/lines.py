@@ -20,7 +20,7 @@ from stoop import logs
 from stoop.base.arrays import FloatArray
 from stoop.base.units import FACTORS, STANDARD_GRAVITY
 from stoop.base.variables import EULER, RATES, SPECIFIC_FORCE, VARIABLES, VELOCITY
-from stoop.checks.engine import Line
+from stoop.checks.entries import Line
 from stoop.checks.mapping import check_mapping
 from stoop.errors import FlightError, StoopError
 from stoop.flight import Flight, load
