@@ -146,8 +146,13 @@ class Range:
 
     @property
     def violated(self) -> bool:
-        """Whether the number lies outside; one that is unknown (NaN) does not."""
-        return self.value < self.low or self.value > self.high
+        """Whether the number lies outside."""
+        return self.outside > 0.0
+
+    @property
+    def outside(self) -> float:
+        """How far the number lies outside; nothing where it is unknown (NaN)."""
+        return float(np.fmax(0.0, np.fmax(self.low - self.value, self.value - self.high)))
 
     def gain(self, before: object, limits: Thresholds, complete: bool) -> tuple[float, bool]:
         """Return the odds that the edit wins or loses."""
@@ -155,6 +160,8 @@ class Range:
             raise TypeError("evidence of another kind")
         if np.isnan(before.value) or np.isnan(self.value):
             return 0.0, False
+        if before.violated and self.outside > before.outside:  # no correction makes it worse
+            return -math.inf, False
         gained = before.odds * before.violated - self.odds * self.violated
         return gained, gained > 0.0
 

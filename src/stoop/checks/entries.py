@@ -102,7 +102,7 @@ def written(value: Any) -> str:
     """Return a value as TOML writes it."""
     if isinstance(value, list):
         return f"[{', '.join(map(written, value))}]"
-    return f"{value:.6g}" if isinstance(value, int | float) else f'"{value}"'
+    return f"{value:.12g}" if isinstance(value, int | float) else f'"{value}"'
 
 
 def told(changes: Sequence[Change], file: str) -> str:

@@ -44,7 +44,9 @@ def frame_edits(lines: Lines) -> Iterator[Edit[Assignment]]:
                 axes = ("flu",) * (body and ground) + (frame,)
                 fix = f"take the axes of {enumerated(names)} for {enumerated(axes)}"
                 value = " ".join(axes)
-                yield LineEdit("frame", names, fix, applied, prior=ODDS.frame, value=value)
+                # where nothing shows the heading, any is as good: the usual axes
+                prior = ODDS.frame + ODDS.less_usual * (frame == "nwu")
+                yield LineEdit("frame", names, fix, applied, prior=prior, value=value)
 
 
 def _turned(there: tuple[tuple[str, ...], ...], frame: str, lines: Lines) -> tuple[tuple[str, ...], Apply]:

@@ -87,7 +87,7 @@ class Odds:
     one_of_several: float = -3.0  #: one velocity, position or surface alone
     less_usual: float = -3.0  #: each next unit in a list by usage
     scale: float = -5.0  #: any factor: that it is fitted is paid for
-    downward: float = -4.0  #: an altitude that counts downward
+    downward: float = -3.0  #: an altitude that counts downward
     frame: float = -3.0  #: all axes of a sensor, or of several, point another way
 
 

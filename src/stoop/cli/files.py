@@ -11,7 +11,7 @@ from stoop.base.text import show
 from stoop.cli import options
 from stoop.cli.page import page, words
 from stoop.cli.progress import LiveLine
-from stoop.errors import FlightError, ManeuverError, VehicleError
+from stoop.errors import FlightError, ManeuverError, VehicleError, listed
 
 if TYPE_CHECKING:
     from stoop.vehicle import Vehicle
@@ -49,7 +49,9 @@ def vehicle(arguments: argparse.Namespace) -> int:
 
 
 def map_log(arguments: argparse.Namespace) -> int:
-    """Draft a mapping of a log; print or write it."""
+    """Draft a mapping of a log, or correct one; print or write it."""
+    if arguments.apply is not None:
+        return _correct(arguments.flight, arguments.apply, arguments.output or arguments.apply)
     from stoop.flight.mapping_draft import draft
 
     output: Path | None = arguments.output
@@ -61,7 +63,27 @@ def map_log(arguments: argparse.Namespace) -> int:
     write_text_atomic(output, made.text)
     out = page()
     out.line(f"{output}: {made.mapped} variables, {made.unsure} of them unsure")
+    if made.unknown:
+        out.line(f"{len(made.unknown)} columns are not recognized: {listed(made.unknown)}")
     out.command("next: ", ["stoop", "info", str(arguments.flight), "--mapping", str(output)])
+    return 0
+
+
+def _correct(log: Path, mapping: Path, output: Path) -> int:
+    """Apply the advice of the checks to a mapping, and print what was changed and what was not."""
+    from stoop.flight.mapping_corrections import corrected_mapping
+
+    with LiveLine("reading the log"):
+        made = corrected_mapping(log, mapping)
+    if made.applied or output != mapping:
+        write_text_atomic(output, made.text)
+    out = page()
+    out.line(f"{output}: corrections applied, each confirmed by the log read anew: {len(made.applied)}")
+    out.bullets([str(one) for one in made.applied])
+    if made.left:
+        out.line("left, to be decided by you:")
+        out.bullets([str(one) for one in made.left])
+    out.command("next: ", ["stoop", "info", str(log), "--mapping", str(output)])
     return 0
 
 

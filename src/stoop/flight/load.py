@@ -52,6 +52,14 @@ SLOW_RATES: Final = 25.0  #: Hz; body rates below this do not show the fast mode
 NOTICES: Final = "notices"  #: attribute; files of older versions hold sentences as "notes"
 
 
+class ContradictedError(FlightError):
+    """Angles or rates are in degrees where radians belong; `notices` hold all that contradicts the mapping."""
+
+    def __init__(self, text: str, notices: Sequence[Notice]) -> None:
+        super().__init__(text)
+        self.notices = tuple(notices)
+
+
 def load(path: str | Path, mapping: str | Path | None = None, rate: float = 100.0) -> Flight:
     """Read a log and lay its channels on one uniform grid.
 
@@ -187,7 +195,8 @@ def _contradictions(
         }
     found = attempt(failed, Judgment((), (), {}), check_mapping, signals, judged, rate, lines)
     if found.refused:
-        raise FlightError(f"{flight.path or flight.name}: {str(found.refused[0]).removesuffix('.')}")
+        said = str(found.refused[0]).removesuffix(".")
+        raise ContradictedError(f"{flight.path or flight.name}: {said}", (*found.refused, *found.notices))
     of_rates = attempt(failed, [], check_rates, found.corrected(in_air), rate, lines)
     if any(one.code.startswith(INCONSISTENT) for one in (*found.notices, *of_rates)):
         # a late attitude explains one unlike its rates

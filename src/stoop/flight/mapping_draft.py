@@ -29,7 +29,7 @@ from stoop.flight.apply_mapping import apply_mapping
 from stoop.flight.column_guesses import DraftLine, recognized, with_units, without_unit
 from stoop.flight.flight import from_columns, with_other_form
 from stoop.flight.mapping import READY, ready
-from stoop.logs import Recording
+from stoop.logs import Recording, Stream
 from stoop.logs.csv_tables import guess_clock, read_px4_folder, read_raw_csv
 from stoop.logs.read import is_bag_folder, kind, read_as
 
@@ -75,6 +75,7 @@ class Draft:
     text: str  #: TOML
     mapped: int  #: how many variables it names
     unsure: int  #: how many of them are marked
+    unknown: tuple[str, ...] = ()  #: columns that were not recognized
 
 
 def draft(path: Path) -> Draft:
@@ -169,13 +170,12 @@ def _of_any(recording: Recording) -> Draft:
     places = {line.variable: _place(line.column, line.stream if several else "") for line in lines}
     outputs = Outputs(tuple(signals), places, signals, timed.parameters, tuple(called))
     motors = outputs.motor_lines()
-    left = []
     named = {(line.stream, line.column) for line in lines} | clocks
-    for name, stream in timed.streams.items():
-        rest = [quoted(column) for column in stream.columns if (name, column) not in named]
-        more = f" and {len(rest) - LIMITS.names} more" if len(rest) > LIMITS.names else ""
-        if rest:
-            left.append(f"# not recognized in {quoted(name)}: {' '.join(rest[: LIMITS.names])}{more}")
+    unknown = {
+        name: [column for column in stream.columns if (name, column) not in named]
+        for name, stream in timed.streams.items()
+    }
+    left = [row for name, columns in unknown.items() for row in _offered(name, timed.streams[name], columns, several)]
     out = [
         f"# Drafted by stoop map for {quoted(recording.path.name)}: correct what is marked, remove what is wrong.",
         *clock,
@@ -188,7 +188,21 @@ def _of_any(recording: Recording) -> Draft:
         "",
     ]
     unsure = sum(bool(line.doubts) for line in lines) + sum("# unsure" in line for line in motors)
-    return Draft("\n".join(out), len(lines) + len(motors), unsure)
+    every = tuple(column for columns in unknown.values() for column in columns)
+    return Draft("\n".join(out), len(lines) + len(motors), unsure, every)
+
+
+def _offered(name: str, stream: Stream, columns: Sequence[str], several: bool) -> list[str]:
+    """Return columns that were not recognized as lines that wait for the name of a variable, with what they read."""
+    if not columns:
+        return []
+    more = f"; {len(columns) - LIMITS.names} more are not listed" if len(columns) > LIMITS.names else ""
+    rows = [f"# not recognized in {quoted(name)}: write a variable for NAME, and its unit{more}"]
+    for column in columns[: LIMITS.names]:
+        known = stream.columns[column][np.isfinite(stream.columns[column])]
+        ends = f"{known.min():.4g} to {known.max():.4g}" if known.size else "no number"
+        rows.append(one_line(f'# NAME = {{{_place(column, name if several else "")}, unit = "1"}}  # {ends}'))
+    return rows
 
 
 def _lines(recording: Recording) -> list[DraftLine]:

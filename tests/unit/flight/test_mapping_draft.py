@@ -111,7 +111,7 @@ def test_what_is_unsure_is_marked(tmp_path: Path) -> None:
     assert "unsure: z points up, so y may point to the left" in told["ay"]
     assert told["az"] == "gravity reads 9.62; its z points up: turned"
     assert "unsure: rad by its size only" in told["phi"]
-    assert '# not recognized in "log.csv": "noise"' in lines
+    assert '# NAME = {column = "noise", unit = "1"}  # -1 to 1' in lines
 
 
 def test_a_rate_without_a_name_is_found_by_what_it_does(tmp_path: Path) -> None:
