@@ -37,7 +37,12 @@ Assignment: TypeAlias = Mapping[str, tuple[str, float]]
 AIRSPEEDS: Final = ("V", "airspeed_pitot", "airspeed_equivalent")
 VANES: Final = ("alpha", "beta")
 EAST: Final = "psi from east"  #: column of headings that were counted from east to north
-_TAKEN: Final = {"column": "", "stream": "", "file": "", "unit": ""}  #: keys that go with a column, and their defaults
+_TAKEN: Final = {
+    "column": "",
+    "stream": "",
+    "file": "",
+    "unit": "",
+}  #: keys that go with a column, and their defaults
 SURFACES: Final = ("elevator", "aileron", "rudder")
 SENSORS: Final = (EULER, RATES, SPECIFIC_FORCE, VELOCITY, POSITION, VANES, SURFACES)  #: what shares a unit
 #: whose sign the residuals can show; an aileron's is as the vehicle file says
@@ -87,7 +92,7 @@ class Odds:
     one_of_several: float = -3.0  #: one velocity, position or surface alone
     less_usual: float = -3.0  #: each next unit in a list by usage
     scale: float = -5.0  #: any factor: that it is fitted is paid for
-    downward: float = -3.0  #: an altitude that counts downward
+    downward: float = -2.0  #: an altitude that counts downward
     frame: float = -3.0  #: all axes of a sensor, or of several, point another way
 
 
@@ -155,18 +160,25 @@ class LineEdit(Edit[Assignment]):
                 out += [line.changed("scale", 1e-3, 1.0), line.changed("offset", -1.0, 0.0)]
             elif column == EAST:
                 offset = 0.5 * np.pi - line.value("offset", 0.0)
-                out += [line.changed("offset", offset, 0.0), line.changed("scale", -line.value("scale", 1.0), 1.0)]
+                out += [
+                    line.changed("offset", offset, 0.0),
+                    line.changed("scale", -line.value("scale", 1.0), 1.0),
+                ]
             else:
                 taken = lines[column]
+                if not (taken.key == line.key or taken.count == line.count == 1):
+                    return ()  # columns of two groups are on streams of their own
+                keys = {
+                    **(_TAKEN if line.count == 1 else {"columns": "", "unit": ""}),
+                    "scale": 1.0,
+                    "offset": 0.0,
+                }
+                values = {key: taken.value(key, default) for key, default in keys.items()}
+                values |= {key: factor * values[key] for key in ("scale", "offset")}
                 out += [
-                    line.changed(key, taken.value(key, default), default)
-                    for key, default in _TAKEN.items()
-                    if taken.value(key, default) != line.value(key, default)
-                ]
-                out += [
-                    line.changed(key, factor * taken.value(key, default), default)
-                    for key, default in (("scale", 1.0), ("offset", 0.0))
-                    if factor * taken.value(key, default) != line.value(key, default)
+                    line.changed(key, value, keys[key])
+                    for key, value in values.items()
+                    if value != line.value(key, keys[key])
                 ]
         tables = [(change.table, change.key) for change in out]
         # lines of one group share their lists
@@ -219,7 +231,9 @@ def mapping_edits(
         yield LineEdit("sign", (name,), "write scale = -1", multiplied((name,), -1.0), prior=prior)
     for one, other in EXCHANGED:
         if {one, other} <= signed | ({"aileron"} & lines.keys() & there):
-            yield LineEdit("exchange", (one, other), "exchange the columns", exchanged(one, other), complete=True)
+            yield LineEdit(
+                "exchange", (one, other), "exchange the columns", exchanged(one, other), complete=True
+            )
     for name, factor in scales.items():
         if name in lines:
             change, fix = multiplied((name,), factor), f"multiply scale by {factor:.3g}"

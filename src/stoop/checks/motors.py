@@ -72,7 +72,6 @@ class Motions:
             raise TypeError("an axis has a residual")
         return 1.0 - float(np.mean(residual.left**2) / np.mean(residual.size**2))
 
-
     def order(self, moments: Moments) -> tuple[int, ...]:
         """Return which column of the moments each command takes so that all axes together are explained best.
 
@@ -92,7 +91,9 @@ class Motions:
             along = np.maximum(rows @ (x.T @ y), 0.0)
             explained = along**2 / np.maximum(np.sum((rows @ (x.T @ x)) * rows, axis=1), 1e-300)
             samples = self.rate / (2.0 * (high - low))
-            left += 0.5 * y.size / samples * np.log(np.maximum(1.0 - explained / power, noise * y.size / power))
+            left += (
+                0.5 * y.size / samples * np.log(np.maximum(1.0 - explained / power, noise * y.size / power))
+            )
         return tuple(int(i) for i in orders[int(np.argmin(left))])
 
 

@@ -50,41 +50,38 @@ def vehicle(arguments: argparse.Namespace) -> int:
 
 def map_log(arguments: argparse.Namespace) -> int:
     """Draft a mapping of a log, or correct one; print or write it."""
-    if arguments.apply is not None:
-        return _correct(arguments.flight, arguments.apply, arguments.output or arguments.apply)
-    from stoop.flight.mapping_draft import draft
-
-    output: Path | None = arguments.output
+    output, applied = arguments.output, arguments.apply
     with LiveLine("reading the log"):
-        made = draft(arguments.flight)
+        text, lines = _drafted(arguments.flight) if applied is None else _corrected(arguments.flight, applied)
     if output is None:
-        show(made.text.removesuffix("\n"))
+        show(text.removesuffix("\n"))
         return 0
-    write_text_atomic(output, made.text)
-    out = page()
-    out.line(f"{output}: {made.mapped} variables, {made.unsure} of them unsure")
-    if made.unknown:
-        out.line(f"{len(made.unknown)} columns are not recognized: {listed(made.unknown)}")
+    write_text_atomic(output, text)
+    out, (first, *others) = page(), lines
+    out.line(f"{output}: {first}")
+    out.bullets(others)
     out.command("next: ", ["stoop", "info", str(arguments.flight), "--mapping", str(output)])
     return 0
 
 
-def _correct(log: Path, mapping: Path, output: Path) -> int:
-    """Apply the advice of the checks to a mapping, and print what was changed and what was not."""
+def _drafted(log: Path) -> tuple[str, list[str]]:
+    """Return a draft, and what is said of it."""
+    from stoop.flight.mapping_draft import draft
+
+    made = draft(log)
+    unknown = (
+        [f"{len(made.unknown)} columns are not recognized: {listed(made.unknown)}"] if made.unknown else []
+    )
+    return made.text, [f"{made.mapped} variables, {made.unsure} of them unsure", *unknown]
+
+
+def _corrected(log: Path, mapping: Path) -> tuple[str, list[str]]:
+    """Return a mapping with the advice of the checks applied, and what is said of it."""
     from stoop.flight.mapping_corrections import corrected_mapping
 
-    with LiveLine("reading the log"):
-        made = corrected_mapping(log, mapping)
-    if made.applied or output != mapping:
-        write_text_atomic(output, made.text)
-    out = page()
-    out.line(f"{output}: corrections applied, each confirmed by the log read anew: {len(made.applied)}")
-    out.bullets([str(one) for one in made.applied])
-    if made.left:
-        out.line("left, to be decided by you:")
-        out.bullets([str(one) for one in made.left])
-    out.command("next: ", ["stoop", "info", str(log), "--mapping", str(output)])
-    return 0
+    made = corrected_mapping(log, mapping)
+    said = [f"applied: {one}" for one in made.applied] + [f"left to you: {one}" for one in made.left]
+    return made.text, [f"{len(made.applied)} corrections, each confirmed by the log read anew", *said]
 
 
 def export(arguments: argparse.Namespace) -> int:

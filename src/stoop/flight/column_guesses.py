@@ -61,7 +61,9 @@ class DraftLine:
     stated: bool = False  #: whether name or file state the unit
     doubts: tuple[str, ...] = ()  #: why it may be wrong
     remarks: tuple[str, ...] = ()  #: what the numbers show
-    commanded: bool = False  #: whether the name says that it is what was asked of an actuator, not where it was
+    commanded: bool = (
+        False  #: whether the name says that it is what was asked of an actuator, not where it was
+    )
 
     def doubted(self, why: str) -> DraftLine:
         """Return the line with one more doubt."""
@@ -146,8 +148,8 @@ def recognized(column: str, stated: str = "", stream: str = "") -> DraftLine | N
         else:
             short = unit
         if kind in (known, KINDS["1"]):
-            reasons = {"stated": bool(short), "doubts": found.doubts, "commanded": found.commanded}
-            return DraftLine(variable, stream, column, short, found.scale, **reasons)
+            line = DraftLine(variable, stream, column, short, found.scale, bool(short), found.doubts)
+            return replace(line, commanded=found.commanded)
     return None
 
 
@@ -308,7 +310,9 @@ def _applied(
         for name, (column, factor) in edit.apply(_AS_MAPPED).items():
             line = known[name]
             if column == name:
-                yield replace(line, scale=factor * line.scale).remarked(f"turned: {edit.value} axes, as other channels show")
+                yield replace(line, scale=factor * line.scale).remarked(
+                    f"turned: {edit.value} axes, as other channels show"
+                )
             else:
                 yield line.doubted(f"{edit.value} axes, as other channels show")
         return

@@ -40,7 +40,8 @@ def corrected_mapping(log: Path, mapping: Path) -> Corrections:
     LogError, FlightError
         When log or mapping cannot be read.
     """
-    text, applied = read_source(mapping, "mapping", LogError), []
+    text = read_source(mapping, "mapping", LogError)
+    applied: list[Notice] = []
     found, refused = contradictions(log, text, mapping), set[tuple[str, ...]]()
     while len(applied) < MOST:
         advised = [one for one in found if _changes(one) and _changes(one) not in refused]
@@ -74,7 +75,7 @@ def contradictions(log: Path, text: str, mapping: Path) -> list[Notice]:
 
     def told(value: Value) -> Value:
         if isinstance(value, tuple):
-            return tuple(told(part) for part in value)  # type: ignore[return-value, arg-type]
+            return tuple(told(part) for part in value)  # type: ignore[return-value]
         return value.replace(str(place), str(mapping)) if isinstance(value, str) else value
 
     of_lines = [one for one in found if "suggestion" in one.values]

@@ -148,7 +148,8 @@ def _of_ready(recording: Recording) -> Draft:
 def _of_any(recording: Recording) -> Draft:
     clock, timed = _clocks(recording)
     clocks = {(name, recording.info.get(f"clock of {name}", "")) for name in recording.streams}
-    best = _best([line for line in _lines(timed) if (line.stream, line.column) not in clocks])
+    known = [line for line in _lines(timed) if (line.stream, line.column) not in clocks]
+    best = _best(known)
     lines = with_units(best, {line.variable: _signal(timed, line) for line in best})
     # motors (servos) whose size says nothing are in percent as the others: one may have run at idle throughout
     percents = {line.variable.rpartition("_")[0] for line in lines if line.unit == "percent"}
@@ -170,12 +171,16 @@ def _of_any(recording: Recording) -> Draft:
     places = {line.variable: _place(line.column, line.stream if several else "") for line in lines}
     outputs = Outputs(tuple(signals), places, signals, timed.parameters, tuple(called))
     motors = outputs.motor_lines()
-    named = {(line.stream, line.column) for line in lines} | clocks
+    named = {(line.stream, line.column) for line in (*lines, *known)} | clocks
     unknown = {
         name: [column for column in stream.columns if (name, column) not in named]
         for name, stream in timed.streams.items()
     }
-    left = [row for name, columns in unknown.items() for row in _offered(name, timed.streams[name], columns, several)]
+    left = [
+        row
+        for name, columns in unknown.items()
+        for row in _offered(name, timed.streams[name], columns, several)
+    ]
     out = [
         f"# Drafted by stoop map for {quoted(recording.path.name)}: correct what is marked, remove what is wrong.",
         *clock,

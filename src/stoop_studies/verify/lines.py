@@ -18,7 +18,7 @@ import numpy as np
 
 from stoop import logs
 from stoop.base.arrays import FloatArray
-from stoop.base.units import FACTORS, STANDARD_GRAVITY
+from stoop.base.units import DEGREE, FACTORS, STANDARD_GRAVITY
 from stoop.base.variables import EULER, POSITION, RATES, SPECIFIC_FORCE, VARIABLES, VELOCITY
 from stoop.checks.entries import Line
 from stoop.checks.mapping import check_mapping
@@ -290,7 +290,9 @@ def misread(
     wrong = []
     for name in (one for one in lines if one in entries):
         entry = entries[name]
-        read = table[entry["column"]] * FACTORS[entry["unit"]] * entry.get("scale", 1.0) + entry.get("offset", 0.0)
+        read = table[entry["column"]] * FACTORS[entry["unit"]] * entry.get("scale", 1.0) + entry.get(
+            "offset", 0.0
+        )
         apart = read - columns[name]
         if name == "psi":
             apart = np.angle(np.exp(1j * apart))
@@ -313,6 +315,10 @@ def judge(case: str, seed: int, data: str = "") -> dict[str, Any]:
     kinds = FRAMES if case == "frames" else kinds
     mangled = kinds[int(rng.integers(len(kinds)))] if case != "clean" else times("right", 1.0)
     truth = {n: x for n, x in truth.items() if n != "pd"}
+    if "in degrees" in mangled.words and NAMES[dialect][mangled.lines[0]][1] == "deg":
+        mangled = times(
+            mangled.words.replace("in degrees", "in radians, declared deg"), DEGREE, *mangled.lines
+        )
     with tempfile.TemporaryDirectory() as folder:
         path, places = write_log(Path(folder), dialect, time, mangled.apply(truth))
         mapping = Path(folder) / "m.toml"

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import re
-from itertools import permutations
 from dataclasses import replace
+from itertools import permutations
 
 import numpy as np
 import pytest
@@ -125,7 +125,9 @@ def test_commands_in_any_other_order_are_put_in_theirs_at_once(name: str) -> Non
     right = resolve_vehicle(name)
     flight, channels = flown(right), sorted(rotor.channel for rotor in right.file.rotor.values())
     rng = np.random.default_rng(0)
-    orders = [*permutations(channels)][1:] if name == "quad-x" else [rng.permutation(channels) for _ in range(12)]
+    orders = (
+        [*permutations(channels)][1:] if name == "quad-x" else [rng.permutation(channels) for _ in range(12)]
+    )
     for order in orders:
         taken = dict(zip(channels, order, strict=True))
         text = re.sub(r'(?<=channel = ")motor_\d', lambda m, taken=taken: str(taken[m[0]]), right.text)
