@@ -22,6 +22,13 @@ def robust_std(residuals: FloatArray) -> float:
     return MAD * float(np.median(np.abs(residuals)))
 
 
+def white_noise(x: FloatArray) -> float:
+    """Return the mean square of the white noise of a column (n,), NaN where unknown: second differences have six times that."""
+    apart = np.diff(x, 2)
+    known = apart[np.isfinite(apart)]
+    return robust_std(known) ** 2 / 6.0 if known.size else 0.0
+
+
 def huber_weights(residuals: FloatArray, sigma: float) -> FloatArray:
     """Return weights (n,) of squares, 0 to 1, of residuals (n,) of scale `sigma`."""
     return np.asarray(np.minimum(1.0, HUBER * sigma / np.maximum(np.abs(residuals), 1e-12)))

@@ -14,16 +14,15 @@ ratio test).
 from __future__ import annotations
 
 import math
-import tomllib
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Final, Generic, Protocol, TypeAlias, TypeVar
 
 import numpy as np
 
 from stoop.base.arrays import FloatArray, IntArray
-from stoop.base.text import enumerated
+from stoop.base.robust import white_noise
+from stoop.checks.entries import Change, Lines, where
 
 State = TypeVar("State")
 
@@ -43,64 +42,14 @@ class Thresholds:
     #: share of it that such an edit must explain more: models of vehicles are never exact
     margin: float = 0.1
     busiest: float = 0.2  #: of the record, where the edit changes most: short maneuvers in long logs count
+    #: mean square of the fifth (`busiest`) that an edit changes most over the white noise in it, at least: twice 3.25, that
+    #: of normal numbers, so that as much motion as noise changes
+    motion: float = 6.5
     spans: float = 10.0  #: independent samples, at least
     rounds: int = 32  #: wrong lines that are looked for one after the other
 
 
 LIMITS: Final = Thresholds()
-
-
-TABLE: Final = "the table"  #: file of lines that are columns in memory
-
-
-@dataclass(frozen=True)
-class Line:
-    """One line of a mapping that the user wrote: file "M.toml", key "variables.p"; the unit is empty where none is.
-
-    A column of a table in memory, which has no mapping, is a line of `TABLE`.
-    """
-
-    file: str
-    key: str
-    unit: str = ""
-
-
-Lines: TypeAlias = Mapping[str, Line]  #: variable -> its line; variables of ready mappings have none
-
-
-def read_lines(places: Mapping[str, str]) -> dict[str, Line]:
-    """Return the lines of mappings that the user wrote.
-
-    Parameters
-    ----------
-    places : variable -> place of its line, "FILE: KEY"; ready mappings are no files
-    """
-    lines: dict[str, Line] = {}
-    units: dict[str, dict[str, str] | None] = {}  # by file, as stated; None where there is no such file
-    for name, place in places.items():
-        file, _, key = place.rpartition(": ")
-        if file not in units:
-            units[file] = None
-            if file and Path(file).is_file():
-                try:
-                    table = tomllib.loads(Path(file).read_text("utf-8")).get("variables", {})
-                except (OSError, ValueError):
-                    table = {}
-                rows = table.items() if isinstance(table, dict) else ()
-                units[file] = {n: str(x["unit"]) for n, x in rows if isinstance(x, dict) and "unit" in x}
-        stated = units[file]
-        if stated is not None:
-            lines[name] = Line(file, key, stated.get(name, ""))
-    return lines
-
-
-def where(names: Iterable[str], lines: Lines) -> str:
-    """Return where to write what corrects variables: their lines, or a mapping that extends the ready one."""
-    names = tuple(names)
-    own = [lines[name] for name in names if name in lines]
-    if len(own) < len(names) or not own:
-        return f"{enumerated(names)} in a mapping (see stoop map)"
-    return f"{enumerated([line.key for line in own])} in {own[0].file}"
 
 
 @dataclass(frozen=True)
@@ -117,13 +66,12 @@ class Edit(Generic[State]):
     value: str = ""  #: what the line says then, such as a unit
 
     def advice(self, lines: Lines) -> str:
-        """Return what to write and where; what to multiply where columns stand in no file."""
-        place = where(self.lines, lines)
-        if any(name not in lines or lines[name].file != TABLE for name in self.lines):
-            return f"{self.fix} for {place}"
-        if self.kind in ("sign", "scale"):
-            return f"multiply {place} by {self.fix.rpartition(' ')[2]}"
-        return f"convert {place} from {self.value}" if self.kind == "unit" else f"{self.fix} for {place}"
+        """Return what to write and where."""
+        return f"{self.fix} for {where(self.lines, lines)}"
+
+    def changes(self, lines: Lines) -> tuple[Change, ...]:
+        """Return the same as changes of a mapping; none where it is no line of one."""
+        return ()
 
 
 class Evidence(Protocol):
@@ -153,7 +101,8 @@ class Residual:
         """Compare the samples at which both residuals differ most."""
         if not isinstance(before, Residual):
             raise TypeError("residuals of another kind")
-        apart = np.abs(before.left - self.left)
+        change = before.left - self.left
+        apart = np.abs(change)
         known = np.isfinite(apart) & np.isfinite(before.size) & np.isfinite(self.size)
         count = int(known.sum())
         least = math.ceil(limits.spans * self.samples)
@@ -162,7 +111,10 @@ class Residual:
             return 0.0, False
         most = np.flatnonzero(known)[_largest(apart[known], many)]
         was, now = (float(np.mean(r.left[most] ** 2)) + 1e-3 * self.floor for r in (before, self))
-        if float(np.mean(apart[most] ** 2)) < max(self.floor, limits.visible * min(was, now)):
+        changed = float(np.mean(apart[most] ** 2))
+        if changed < max(self.floor, limits.visible * min(was, now)):
+            return 0.0, False
+        if changed < limits.motion * white_noise(change):  # what an edit changes is noise
             return 0.0, False
         # relative to the channel: an edit that multiplies it changes the density of what was recorded
         was, now = (
@@ -194,8 +146,13 @@ class Range:
 
     @property
     def violated(self) -> bool:
-        """Whether the number lies outside; one that is unknown (NaN) does not."""
-        return self.value < self.low or self.value > self.high
+        """Whether the number lies outside."""
+        return self.outside > 0.0
+
+    @property
+    def outside(self) -> float:
+        """How far the number lies outside; nothing where it is unknown (NaN)."""
+        return float(np.fmax(0.0, np.fmax(self.low - self.value, self.value - self.high)))
 
     def gain(self, before: object, limits: Thresholds, complete: bool) -> tuple[float, bool]:
         """Return the odds that the edit wins or loses."""
@@ -203,6 +160,8 @@ class Range:
             raise TypeError("evidence of another kind")
         if np.isnan(before.value) or np.isnan(self.value):
             return 0.0, False
+        if before.violated and self.outside > before.outside:  # no correction makes it worse
+            return -math.inf, False
         gained = before.odds * before.violated - self.odds * self.violated
         return gained, gained > 0.0
 
@@ -253,6 +212,7 @@ class Finding(Generic[State]):
             "fix": self.best.fix,
             "suggestion": " or ".join(alternatives),
             "alternatives": alternatives,
+            "changes": tuple(map(str, self.best.changes(lines))) if len(self.edits) == 1 else (),
             "evidence": self.edits[0].evidence,
         }
 

@@ -18,7 +18,8 @@ from stoop.base.robust import MAD
 from stoop.base.rotations import conjugate, euler_angles, product, quaternions_of, to_ground, vectors_of
 from stoop.base.units import DEGREE, STANDARD_GRAVITY
 from stoop.base.variables import EULER, QUATERNION, RATES, SPECIFIC_FORCE, VELOCITY
-from stoop.checks.engine import Evidence, Key, Lines, Residual, Residuals, where
+from stoop.checks.engine import Evidence, Key, Residual, Residuals
+from stoop.checks.entries import Lines, where
 from stoop.checks.lines import AIRSPEEDS, VANES, Assignment, reading
 
 MOVED_BY: Final = {"pn": "vn", "pe": "ve", "pd": "vd", "altitude": "vd"}  #: position <- its rate of change

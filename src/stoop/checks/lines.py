@@ -27,7 +27,8 @@ from stoop.base.variables import (
     VARIABLES,
     VELOCITY,
 )
-from stoop.checks.engine import Edit, Lines
+from stoop.checks.engine import Edit
+from stoop.checks.entries import TABLE, Change, Lines, told, where
 
 Signal: TypeAlias = tuple[FloatArray, FloatArray]  #: time (n,) s and values (n,)
 #: variable -> variable whose column it takes, and by what that is multiplied; as mapped where it is not named
@@ -35,6 +36,13 @@ Assignment: TypeAlias = Mapping[str, tuple[str, float]]
 
 AIRSPEEDS: Final = ("V", "airspeed_pitot", "airspeed_equivalent")
 VANES: Final = ("alpha", "beta")
+EAST: Final = "psi from east"  #: column of headings that were counted from east to north
+_TAKEN: Final = {
+    "column": "",
+    "stream": "",
+    "file": "",
+    "unit": "",
+}  #: keys that go with a column, and their defaults
 SURFACES: Final = ("elevator", "aileron", "rudder")
 SENSORS: Final = (EULER, RATES, SPECIFIC_FORCE, VELOCITY, POSITION, VANES, SURFACES)  #: what shares a unit
 #: whose sign the residuals can show; an aileron's is as the vehicle file says
@@ -84,6 +92,8 @@ class Odds:
     one_of_several: float = -3.0  #: one velocity, position or surface alone
     less_usual: float = -3.0  #: each next unit in a list by usage
     scale: float = -5.0  #: any factor: that it is fitted is paid for
+    downward: float = -2.0  #: an altitude that counts downward
+    frame: float = -3.0  #: all axes of a sensor, or of several, point another way
 
 
 ODDS: Final = Odds()
@@ -104,21 +114,102 @@ def multiplied(names: Sequence[str], factor: float) -> Callable[[Assignment], As
     return apply
 
 
+def counted_from_east(state: Assignment) -> Assignment:
+    """Take the heading for one that was counted from east to north."""
+    return {**state, "psi": (EAST, reading(state, "psi")[1])}
+
+
 def exchanged(one: str, other: str) -> Callable[[Assignment], Assignment]:
     """Return an edit that exchanges two columns."""
     return lambda state: {**state, one: reading(state, other), other: reading(state, one)}
 
 
+def with_east(data: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+    """Return columns with the heading as it is where it was counted from east to north."""
+    if "psi" not in data:
+        return dict(data)
+    return {**data, EAST: np.angle(np.exp(1j * (0.5 * np.pi - data["psi"])))}
+
+
 def corrected(state: Assignment, data: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
     """Return columns as a state reads them; the quaternion follows edited angles."""
-    out = dict(data)
+    out, columns = dict(data), with_east(data)
     for name, (column, factor) in state.items():
-        if name in data and column in data:
-            out[name] = factor * data[column]
+        if name in data and column in columns:
+            out[name] = factor * columns[column]
     if set(EULER) <= data.keys() and set(EULER) & state.keys():
         angles = np.column_stack([out[name] for name in EULER])
         out.update(zip(QUATERNION, quaternions_of(angles).T, strict=True))
     return out
+
+
+@dataclass(frozen=True)
+class LineEdit(Edit[Assignment]):
+    """An edit of lines of a mapping."""
+
+    def changes(self, lines: Lines) -> tuple[Change, ...]:
+        """Return what each line says then; none where a line is no user's."""
+        if not all(name in lines and lines[name].entry for name in self.lines):
+            return ()
+        out: list[Change] = []
+        for name, (column, factor) in self.apply({}).items():
+            line = lines[name]
+            if self.kind == "unit":
+                out.append(line.changed("unit", self.value, ""))
+            elif self.kind == "pulses":
+                out += [line.changed("scale", 1e-3, 1.0), line.changed("offset", -1.0, 0.0)]
+            elif column == EAST:
+                offset = 0.5 * np.pi - line.value("offset", 0.0)
+                out += [
+                    line.changed("offset", offset, 0.0),
+                    line.changed("scale", -line.value("scale", 1.0), 1.0),
+                ]
+            else:
+                taken = lines[column]
+                if not (taken.key == line.key or taken.count == line.count == 1):
+                    return ()  # columns of two groups are on streams of their own
+                keys = {
+                    **(_TAKEN if line.count == 1 else {"columns": "", "unit": ""}),
+                    "scale": 1.0,
+                    "offset": 0.0,
+                }
+                values = {key: taken.value(key, default) for key, default in keys.items()}
+                values |= {key: factor * values[key] for key in ("scale", "offset")}
+                out += [
+                    line.changed(key, value, keys[key])
+                    for key, value in values.items()
+                    if value != line.value(key, keys[key])
+                ]
+        tables = [(change.table, change.key) for change in out]
+        # lines of one group share their lists
+        return tuple(out) if len(set(tables)) == len(tables) else _merged(out, lines)
+
+    def advice(self, lines: Lines) -> str:
+        """Return what to write and where; what to multiply where columns stand in no file."""
+        changes, place = self.changes(lines), where(self.lines, lines)
+        if changes:
+            return told(changes, lines[self.lines[0]].file)
+        if any(name not in lines or lines[name].file != TABLE for name in self.lines):
+            return f"{self.fix} for {place}"
+        if self.kind in ("sign", "scale"):
+            return f"multiply {place} by {self.fix.rpartition(' ')[2]}"
+        return f"convert {place} from {self.value}" if self.kind == "unit" else f"{self.fix} for {place}"
+
+
+def _merged(changes: Sequence[Change], lines: Lines) -> tuple[Change, ...]:
+    """Return changes of lists of the same table as one, each with what changes in any of them."""
+    before = {line.key: line for line in lines.values()}
+    out: dict[tuple[str, str], Change] = {}
+    for change in changes:
+        known = out.get(change[:2])
+        if known is not None and isinstance(change.value, list):
+            default = {"scale": 1.0, "offset": 0.0}.get(change.key, "")
+            old = before[change.table].entry.get(change.key, default)
+            was = old if isinstance(old, list) else [old] * len(change.value)
+            value = [b if b != c else a for a, b, c in zip(known.value, change.value, was, strict=True)]
+            change = change._replace(value=value)
+        out[change[:2]] = change
+    return tuple(out.values())
 
 
 def mapping_edits(
@@ -136,14 +227,17 @@ def mapping_edits(
     there, units = signals.keys(), {name: lines[name].unit if name in lines else "" for name in signals}
     signed = (lines.keys() | {*RATES, "az"}) & set(judged)
     for name in (name for name in SIGNED if name in signed):
-        yield Edit("sign", (name,), "write scale = -1", multiplied((name,), -1.0))
+        prior = ODDS.downward if name == "altitude" else 0.0
+        yield LineEdit("sign", (name,), "write scale = -1", multiplied((name,), -1.0), prior=prior)
     for one, other in EXCHANGED:
         if {one, other} <= signed | ({"aileron"} & lines.keys() & there):
-            yield Edit("exchange", (one, other), "exchange the columns", exchanged(one, other), complete=True)
+            yield LineEdit(
+                "exchange", (one, other), "exchange the columns", exchanged(one, other), complete=True
+            )
     for name, factor in scales.items():
         if name in lines:
-            change, fix = multiplied((name,), factor), f"write scale = {factor:.3g}"
-            yield Edit("scale", (name,), fix, change, _complete((name,), factor), ODDS.scale)
+            change, fix = multiplied((name,), factor), f"multiply scale by {factor:.3g}"
+            yield LineEdit("scale", (name,), fix, change, _complete((name,), factor), ODDS.scale)
     grouped = {name for sensor in SENSORS for name in sensor}
     for sensor in SENSORS:
         own = tuple(name for name in sensor if name in there)
@@ -157,7 +251,7 @@ def mapping_edits(
         yield from _units((name,), units[name], 0.0, signals[name])
         if name.startswith("motor_"):
             advice = f"write scale = 0.001 and offset = -1 (of 1000 to 2000 us), or call it pwm_{name[6:]},"
-            yield Edit("pulses", (name,), advice, multiplied((name,), 0.5e-3))
+            yield LineEdit("pulses", (name,), advice, multiplied((name,), 0.5e-3))
 
 
 def _of_one(
@@ -186,7 +280,7 @@ def _units(
     level = float(np.median(known)) if known.size else 0.0  # of a sensor that reads nothing
     if "degC" in usual and unit != "degC" and level != 0.0:
         warmer = multiplied(names, 1.0 + ZERO_CELSIUS / level)
-        yield Edit("unit", names, 'write unit = "degC"', warmer, True, prior, "degC")
+        yield LineEdit("unit", names, 'write unit = "degC"', warmer, True, prior, "degC")
     others = [[u for u in units.split() if u != "degC" and _factor(names[0], u) != now] for units in usual]
     for rank, units in enumerate(units for units in others if units):
         for other in units:
@@ -200,7 +294,7 @@ def _factor(name: str, unit: str) -> float:
 def _unit(names: tuple[str, ...], unit: str, other: str, prior: float) -> Edit[Assignment]:
     factor = _factor(names[0], other) / _factor(names[0], unit or VARIABLES[names[0]].unit)
     fix, change = f'write unit = "{other}"', multiplied(names, factor)
-    return Edit("unit", names, fix, change, _complete(names, factor), prior, other)
+    return LineEdit("unit", names, fix, change, _complete(names, factor), prior, other)
 
 
 def _complete(names: Sequence[str], factor: float) -> bool:

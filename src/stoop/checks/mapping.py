@@ -13,9 +13,12 @@ from stoop.base.notices import Notice, notice
 from stoop.base.variables import VARIABLES
 from stoop.checks.air import Air
 from stoop.checks.controls import Controls
-from stoop.checks.engine import Edit, Finding, Lines, Range, Residuals, search, where
+from stoop.checks.engine import Edit, Finding, Range, Residuals, search
+from stoop.checks.entries import Lines, where
+from stoop.checks.flight_path import FlightPath
+from stoop.checks.frames import frame_edits
 from stoop.checks.kinematics import Columns, Motion, thinned
-from stoop.checks.lines import Assignment, Signal, corrected, mapping_edits
+from stoop.checks.lines import EAST, Assignment, Signal, corrected, mapping_edits, with_east
 from stoop.checks.units import LARGEST, Sizes
 
 #: statistic -> code of the notice
@@ -42,13 +45,18 @@ class Model:
     def __init__(
         self, signals: Mapping[str, Signal], data: Columns, rate: float, controls: bool = True
     ) -> None:
-        self.sizes = Sizes(signals)
-        self.parts: list[Motion | Air | Controls] = []
+        self.signals, turned = signals, dict(signals)
+        if "psi" in signals:
+            turned[EAST] = signals["psi"][0], with_east({"psi": signals["psi"][1]})[EAST]
+        self.sizes = Sizes(turned)
+        self.parts: list[Motion | Air | FlightPath | Controls] = []
         self.judged = {*signals, *data}
         if data:
             thin, rate = thinned(data, rate)
+            thin = with_east(thin)
             self.motion = Motion(thin, rate)
-            self.parts = [self.motion, Air(thin, rate), *([Controls(thin, rate)] if controls else [])]
+            path = FlightPath(thin, rate, winged=not {"motor_2", "rotor_2", "pwm_2"} & self.judged)
+            self.parts = [self.motion, Air(thin, rate), path, *([Controls(thin, rate)] if controls else [])]
 
     def __call__(self, state: Assignment, changed: Collection[str] | None) -> Residuals:
         """Return all residuals in which some of the variables that changed take part."""
@@ -63,7 +71,8 @@ class Model:
 
     def edits(self, state: Assignment, lines: Lines) -> Iterable[Edit[Assignment]]:
         """Return the edits that a search tries next."""
-        return mapping_edits(self.sizes.signals, self.judged, lines, self.scales(state))
+        yield from mapping_edits(self.signals, self.judged, lines, self.scales(state))
+        yield from frame_edits({name: line for name, line in lines.items() if name in self.judged})
 
 
 @dataclass(frozen=True)
@@ -102,19 +111,21 @@ def check_mapping(signals: Mapping[str, Signal], data: Columns, rate: float, lin
     return Judgment(tuple(refused), tuple(n for n in notices if n not in refused), state)
 
 
-_OF_LINES: Final = ("mapping-sign", "mapping-exchange", "mapping-scale", "mapping-ambiguous")
+_OF_LINES: Final = ("mapping-sign", "mapping-exchange", "mapping-scale", "mapping-frame", "mapping-ambiguous")
 
 
 def _notice(one: Finding[Assignment], model: Model, lines: Lines) -> Notice:
     """Return what is said of a wrong line."""
     key, kind = one.edits[0].channel, one.best.kind
-    of_size = kind in ("unit", "pulses") or key[0] == "up"
+    of_size = kind in ("unit", "pulses") or (key[0] == "up" and kind != "frame")
     code = f"mapping-{kind}" if len(one.edits) == 1 else "mapping-ambiguous"
     shown: dict[str, float | str] = {}
     if of_size and key[0] in _CODES:
         code, shown = _CODES[key[0]], model.sizes.values(key)
     if kind == "pulses":
         code = "command-in-pulses"
+    if kind == "frame":
+        shown["axes"] = one.best.value
     return notice(code, one.best.lines[0], **shown, **one.values(lines))
 
 

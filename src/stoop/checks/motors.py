@@ -8,15 +8,17 @@ Axes: k = sample, m = channel, a = axis (roll, pitch, yaw).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Sequence
+import math
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import combinations, permutations
 from typing import Final, TypeAlias
 
 import numpy as np
 
 from stoop.base.arrays import BoolArray, FloatArray, runs
 from stoop.base.notices import Notice, notice
+from stoop.base.text import enumerated
 from stoop.base.variables import RATES
 from stoop.checks.engine import Edit, Evidence, Key, Residual, Residuals, search
 from stoop.flight import Flight
@@ -34,6 +36,7 @@ RATE: Final = 25.0  #: Hz that the bands need
 MIN_STRETCH: Final = 2.0  #: s without a hole
 #: times the noise's power: an axis that moves; motors answer to noise as well, the wrong way round
 MOTION: Final = 4.0
+MOST_ORDERED: Final = 8  #: commands of which every order is tried
 
 #: (a, m) angular acceleration per command, as the file has it: the state of the search
 Moments: TypeAlias = FloatArray
@@ -69,6 +72,30 @@ class Motions:
             raise TypeError("an axis has a residual")
         return 1.0 - float(np.mean(residual.left**2) / np.mean(residual.size**2))
 
+    def order(self, moments: Moments) -> tuple[int, ...]:
+        """Return which column of the moments each command takes so that all axes together are explained best.
+
+        Every order is tried: those of eight commands are 40,320.
+        """
+        count = moments.shape[1]
+        if count > MOST_ORDERED:
+            return tuple(range(count))
+        orders = np.array(list(permutations(range(count))))
+        left = np.zeros(len(orders))
+        for x, y, noise, row, (low, high) in zip(
+            self.commands, self.accelerations, self.noise, moments, BANDS, strict=True
+        ):
+            if np.mean(y**2) <= MOTION * noise:
+                continue
+            rows, power = row[orders], float(y @ y)
+            along = np.maximum(rows @ (x.T @ y), 0.0)
+            explained = along**2 / np.maximum(np.sum((rows @ (x.T @ x)) * rows, axis=1), 1e-300)
+            samples = self.rate / (2.0 * (high - low))
+            left += (
+                0.5 * y.size / samples * np.log(np.maximum(1.0 - explained / power, noise * y.size / power))
+            )
+        return tuple(int(i) for i in orders[int(np.argmin(left))])
+
 
 def check_motors(vehicle: Vehicle, flight: Flight, windows: Sequence[Window]) -> list[Notice]:
     """Return the lines of a vehicle file's rotors that the motion of a flight contradicts.
@@ -93,7 +120,12 @@ def check_motors(vehicle: Vehicle, flight: Flight, windows: Sequence[Window]) ->
     moments = effects(vehicle, {}, level, {})[:3]
     ratios = (f"rotors.{name}" for name in ("torque_ratio", "Q0", "Q1", "Q2"))
     torque = moments - effects(vehicle, {}, level, {n: 0.0 for n in ratios if n in vehicle.rows})[:3]
-    found, _ = search(moments, lambda _: rotor_edits(vehicle, torque, area), motions)
+
+    def edits(state: Moments) -> Iterable[Edit[Moments]]:
+        yield from rotor_edits(vehicle, torque, area)
+        yield from order_edits(vehicle, area, motions.order(state))
+
+    found, _ = search(moments, edits, motions)
     out = []
     for one in found:
         axis, corrected = one.edits[0].channel[1], one.best.apply(moments)
@@ -140,6 +172,20 @@ def rotor_edits(vehicle: Vehicle, torque: Moments, area: Range) -> Iterator[Edit
             for row, axis in zip(axes, "yx", strict=False):
                 fix = f"change the sign of {axis} of position in [{table}]"
                 yield Edit("position", (table, axis), fix, _negated(column & row[:, None]), complete=True)
+
+
+def order_edits(vehicle: Vehicle, area: Range, order: Sequence[int]) -> Iterator[Edit[Moments]]:
+    """Yield the edit that gives the commands another order; two that are exchanged are among the single edits."""
+    moved = [i for i, j in enumerate(order) if i != j]
+    if len(moved) < 3:
+        return
+    rotors = {rotor.channel: name for name, rotor in reversed(vehicle.file.rotor.items())}
+    places = sorted((rotors[area.names[order[i]]], area.names[i]) for i in moved)
+    fix = "write " + enumerated([f'channel = "{channel}" in [rotor.{name}]' for name, channel in places])
+    lines = tuple(f"rotor.{name}" for name, _ in places)
+    columns = list(order)
+    prior = -math.lgamma(len(order) + 1.0)  # one of all orders
+    yield Edit("order", lines, fix, lambda moments: moments[:, columns], complete=True, prior=prior)
 
 
 def _negated(where: BoolArray) -> Callable[[Moments], Moments]:

@@ -16,7 +16,7 @@ from stoop.base.arrays import FloatArray
 from stoop.base.units import DEGREE
 from stoop.base.variables import SPECIFIC_FORCE, VARIABLES
 from stoop.checks.engine import Key, Range, Residuals
-from stoop.checks.lines import Assignment, Signal, reading
+from stoop.checks.lines import EAST, Assignment, Signal, reading
 
 #: rad, rad/s: sizes that no flight exceeds; gyros of drones end at 35 rad/s
 LARGEST: Final = {
@@ -71,7 +71,7 @@ class Sizes:
     def __init__(self, signals: Mapping[str, Signal]) -> None:
         self.signals = signals
         there = signals.keys()
-        self.largest = {n: largest_size(signals[n][1]) for n in LARGEST if n in there}
+        self.largest = {n: largest_size(signals[n][1]) for n in (*LARGEST, EAST) if n in there}
         self.median = {n: median_size(signals[n][1]) for n in MEDIANS if n in there}
         # where a heading is too large, its jumps look like turns
         self.counted = self.largest.get("psi", 0.0) > LARGEST["psi"]
@@ -116,7 +116,7 @@ class Sizes:
             column, factor = reading(state, name)
             return sizes[column] * abs(factor)
 
-        for name in filter(concerned, self.largest):
+        for name in filter(concerned, self.largest.keys() & LARGEST.keys()):
             # a heading that was counted through several turns turns as the yaw rate says
             turned = self.turns * reading(state, "psi")[1] / reading(state, "r")[1]
             counted = name == "psi" and 0.2 < turned < 5.0

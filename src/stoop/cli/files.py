@@ -11,7 +11,7 @@ from stoop.base.text import show
 from stoop.cli import options
 from stoop.cli.page import page, words
 from stoop.cli.progress import LiveLine
-from stoop.errors import FlightError, ManeuverError, VehicleError
+from stoop.errors import FlightError, ManeuverError, VehicleError, listed
 
 if TYPE_CHECKING:
     from stoop.vehicle import Vehicle
@@ -49,20 +49,39 @@ def vehicle(arguments: argparse.Namespace) -> int:
 
 
 def map_log(arguments: argparse.Namespace) -> int:
-    """Draft a mapping of a log; print or write it."""
-    from stoop.flight.mapping_draft import draft
-
-    output: Path | None = arguments.output
+    """Draft a mapping of a log, or correct one; print or write it."""
+    output, applied = arguments.output, arguments.apply
     with LiveLine("reading the log"):
-        made = draft(arguments.flight)
+        text, lines = _drafted(arguments.flight) if applied is None else _corrected(arguments.flight, applied)
     if output is None:
-        show(made.text.removesuffix("\n"))
+        show(text.removesuffix("\n"))
         return 0
-    write_text_atomic(output, made.text)
-    out = page()
-    out.line(f"{output}: {made.mapped} variables, {made.unsure} of them unsure")
+    write_text_atomic(output, text)
+    out, (first, *others) = page(), lines
+    out.line(f"{output}: {first}")
+    out.bullets(others)
     out.command("next: ", ["stoop", "info", str(arguments.flight), "--mapping", str(output)])
     return 0
+
+
+def _drafted(log: Path) -> tuple[str, list[str]]:
+    """Return a draft, and what is said of it."""
+    from stoop.flight.mapping_draft import draft
+
+    made = draft(log)
+    unknown = (
+        [f"{len(made.unknown)} columns are not recognized: {listed(made.unknown)}"] if made.unknown else []
+    )
+    return made.text, [f"{made.mapped} variables, {made.unsure} of them unsure", *unknown]
+
+
+def _corrected(log: Path, mapping: Path) -> tuple[str, list[str]]:
+    """Return a mapping with the advice of the checks applied, and what is said of it."""
+    from stoop.flight.mapping_corrections import corrected_mapping
+
+    made = corrected_mapping(log, mapping)
+    said = [f"applied: {one}" for one in made.applied] + [f"left to you: {one}" for one in made.left]
+    return made.text, [f"{len(made.applied)} corrections, each confirmed by the log read anew", *said]
 
 
 def export(arguments: argparse.Namespace) -> int:

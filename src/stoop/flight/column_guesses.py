@@ -20,7 +20,8 @@ from stoop.base.arrays import FloatArray
 from stoop.base.text import enumerated
 from stoop.base.units import DEGREE, FACTORS, KINDS, PULSE_FACTORS, ZEROS
 from stoop.base.variables import EULER, RATES, SPECIFIC_FORCE, VARIABLES
-from stoop.checks.engine import Edit, Finding, Line, Range, not_excluded, search
+from stoop.checks.engine import Edit, Finding, Range, not_excluded, search
+from stoop.checks.entries import Line
 from stoop.checks.lines import SURFACES, VANES, Assignment, Signal
 from stoop.checks.mapping import Model, on_grid
 from stoop.checks.units import LARGEST, MEDIANS, PULSES, largest_size, median_size
@@ -35,6 +36,8 @@ _ASKED: Final = re.compile(
     r"\b(des|desired|sp|setpoint|target|ref|reference|demand|dem|nav|raw|err|error|bias|std|var|cov)\b"
     r"|delta (?:heading|q|v|x|z|angle)"
 )
+#: of two frames and of axes, as in w_RS_S_x
+_SUBSCRIPT: Final = re.compile(r"_[A-Z]{2}(?:_[A-Z])?_")
 _AXES: Final = (("x", "0", "r(?:oll)?"), ("y", "1", "p(?:itch)?"), ("z", "2", "y(?:aw)?"))
 _REASONS: Final = {
     "size": "its size", "median": "its size", "weight": "its weight", "z-axis": "its weight",
@@ -58,6 +61,9 @@ class DraftLine:
     stated: bool = False  #: whether name or file state the unit
     doubts: tuple[str, ...] = ()  #: why it may be wrong
     remarks: tuple[str, ...] = ()  #: what the numbers show
+    commanded: bool = (
+        False  #: whether the name says that it is what was asked of an actuator, not where it was
+    )
 
     def doubted(self, why: str) -> DraftLine:
         """Return the line with one more doubt."""
@@ -85,10 +91,18 @@ class _Rule(NamedTuple):
     doubts: tuple[str, ...]
 
 
+class _Guess(NamedTuple):
+    variable: str
+    scale: float = 1.0
+    doubts: tuple[str, ...] = ()
+    commanded: bool = False
+
+
 class _Names(NamedTuple):
     units: Mapping[str, str]  #: as files and people write them -> as stoop does
     suffix: re.Pattern[str]
     rules: tuple[_Rule, ...]
+    qualifiers: Mapping[str, frozenset[str]]  #: device, position, command, panel -> words
 
 
 @functools.cache
@@ -109,8 +123,9 @@ def _names() -> _Names:
             patterns = [[*both] for both in zip(after, before, strict=True)]
         for variable, texts in zip(row["variables"], patterns, strict=True):
             rules += [_Rule(variable, re.compile(text), scale, doubts) for text in texts]
-    suffix = re.compile(rf"[_ .]({'|'.join(longest)})(\[\d+\])?$", re.IGNORECASE)
-    return _Names(units, suffix, tuple(rules))
+    suffix = re.compile(rf"[-_ .,]({'|'.join(longest)})(\[\d+\])?$", re.IGNORECASE)
+    qualifiers = {kind: frozenset(words.split("|")) for kind, words in content["qualifiers"].items()}
+    return _Names(units, suffix, tuple(rules), qualifiers)
 
 
 def recognized(column: str, stated: str = "", stream: str = "") -> DraftLine | None:
@@ -119,12 +134,12 @@ def recognized(column: str, stated: str = "", stream: str = "") -> DraftLine | N
         return None
     bare, ending = without_unit(column)
     said = _names().units.get(stated.strip().lower(), "")
-    tried = [(bare, said or ending), (column, said)]  # an ending of one letter may be no unit
-    for name, unit in tried if len(ending) == 1 else tried[:1]:
+    # an ending of one letter may be no unit; one of several may name the quantity, as rpm does
+    for name, unit in ((bare, said or ending), (column, said or (ending if len(ending) > 1 else ""))):
         found = _by_words(name)
         if found is None:
             continue
-        variable, scale, doubts = found
+        variable = found.variable
         if unit == "rpm" and variable.startswith("motor_"):
             variable = variable.replace("motor", "rotor")
         kind, known = KINDS[unit or "1"], KINDS[VARIABLES[variable].unit]
@@ -133,30 +148,49 @@ def recognized(column: str, stated: str = "", stream: str = "") -> DraftLine | N
         else:
             short = unit
         if kind in (known, KINDS["1"]):
-            return DraftLine(variable, stream, column, short, scale, bool(short), doubts)
+            line = DraftLine(variable, stream, column, short, found.scale, bool(short), found.doubts)
+            return replace(line, commanded=found.commanded)
     return None
 
 
-def _by_words(name: str) -> tuple[str, float, tuple[str, ...]] | None:
+def _by_words(name: str) -> _Guess | None:
     """Find variable, scale and doubts by the plain words of a name."""
-    text = re.sub(r"\[(\d+)\]", r" at \1 ", name)
+    text = re.sub(r"\[(\d+)\]", r" at \1 ", _SUBSCRIPT.sub("_", name))
     for pattern in (r"([a-z])([A-Z])", r"([A-Za-z])(\d)", r"(\d)([A-Za-z])"):
         text = re.sub(pattern, r"\1 \2", text)
     text = " ".join(re.findall(r"[a-z]+|\d+", text.lower()))
     if _ASKED.search(text):
         return None
+    qualifiers, words = _names().qualifiers, text.split()
+    bare = [word for word in words if word not in qualifiers["device"]]
+    roles = qualifiers["position"] | qualifiers["command"] | qualifiers["panel"]
+    rest = [word for word in bare if word not in roles and not word.isdecimal()]
+    found = _by_rules(text) or (_Guess(name) if name in VARIABLES else _by_rules(" ".join(bare)))
+    if found is None:
+        found = _by_rules(" ".join(rest))
+        # a desired attitude is no attitude: the role is left out of what moves an actuator only
+        if found is None or VARIABLES[found.variable].kind != "command":
+            return None
+    if VARIABLES[found.variable].frame != "surface":
+        return found
+    panel = ("one panel of several",) if qualifiers["panel"] & set(words) else ()
+    return found._replace(doubts=found.doubts + panel, commanded=bool(qualifiers["command"] & set(words)))
+
+
+def _by_rules(text: str) -> _Guess | None:
+    """Return what the first rule says that fits plain words."""
     for rule in _names().rules:
         found = rule.pattern.search(text)
         if found is None:
             continue
         if "{n}" not in rule.variable:
-            return rule.variable, rule.scale, rule.doubts
+            return _Guess(rule.variable, rule.scale, rule.doubts)
         number = next((int(n) for n in found.groups() if n is not None and n.isdecimal()), None)
         # elements of arrays count from zero, names from one
         variable = rule.variable.format(n=(number or 0) + (" at " in text or number == 0))
         known = number is not None and variable in VARIABLES
-        return (variable, rule.scale, rule.doubts) if known else None
-    return (name, 1.0, ()) if name in VARIABLES else None
+        return _Guess(variable, rule.scale, rule.doubts) if known else None
+    return None
 
 
 def without_unit(column: str) -> tuple[str, str]:
@@ -165,8 +199,8 @@ def without_unit(column: str) -> tuple[str, str]:
     if len(column) > LONGEST_NAME:
         return column, ""
     found = _BRACKETS.search(column)
-    if found and found.group(1).lower() in units and not found.group(1).isdigit():
-        return column[: found.start()], units[found.group(1).lower()]
+    if found and not found.group(1).isdigit() and found.group(1).lower() in {"", *units}:
+        return column[: found.start()], units.get(found.group(1).lower(), "")
     found = _names().suffix.search(column)
     if found and found.start() > 0:
         return column[: found.start()] + (found.group(2) or ""), units[found.group(1).lower()]
@@ -232,7 +266,7 @@ _AS_MAPPED: Final[Assignment] = {}
 
 def _edits(known: Mapping[str, DraftLine], model: Model, state: Assignment) -> Iterable[Edit[Assignment]]:
     """Return the edits of a draft, whose lines are all its own."""
-    return model.edits(state, {name: Line("", name, known[name].unit) for name in model.sizes.signals})
+    return model.edits(state, {name: Line("", name, known[name].unit) for name in model.signals})
 
 
 def _model(known: Mapping[str, DraftLine], columns: Mapping[str, Signal]) -> Model:
@@ -271,6 +305,16 @@ def _applied(
                 f"as {key[1] if name == key[-1] else key[-1]} changes against it" if key[0] == "turns" else ""
             )
             yield turned.remarked(f"turned, {by or _REASONS.get(key[0], 'as other channels show')}")
+        return
+    if edit.kind == "frame":
+        for name, (column, factor) in edit.apply(_AS_MAPPED).items():
+            line = known[name]
+            if column == name:
+                yield replace(line, scale=factor * line.scale).remarked(
+                    f"turned: {edit.value} axes, as other channels show"
+                )
+            else:
+                yield line.doubted(f"{edit.value} axes, as other channels show")
         return
     if edit.kind != "unit" or any(
         known[name].stated for name in edit.lines

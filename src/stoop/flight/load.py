@@ -18,7 +18,7 @@ from stoop.base.notices import Notice, attempt, from_dict, notice
 from stoop.base.numbers import MAX_NUMBER
 from stoop.base.toml import parse_json
 from stoop.base.variables import EULER, QUATERNION, RATES, VARIABLES
-from stoop.checks.engine import TABLE, Line, Lines, read_lines
+from stoop.checks.entries import TABLE, Line, Lines, read_lines
 from stoop.checks.kinematics import check_rates
 from stoop.checks.mapping import Judgment, check_mapping
 from stoop.errors import FlightError, LogError
@@ -50,6 +50,14 @@ from stoop.logs.netcdf import AIR, FORMAT, STREAM
 SUSPECT_CLOCK: Final = 5.0  #: Hz; body rates are hardly ever logged more slowly
 SLOW_RATES: Final = 25.0  #: Hz; body rates below this do not show the fast modes
 NOTICES: Final = "notices"  #: attribute; files of older versions hold sentences as "notes"
+
+
+class ContradictedError(FlightError):
+    """Angles or rates are in degrees where radians belong; `notices` hold all that contradicts the mapping."""
+
+    def __init__(self, text: str, notices: Sequence[Notice]) -> None:
+        super().__init__(text)
+        self.notices = tuple(notices)
 
 
 def load(path: str | Path, mapping: str | Path | None = None, rate: float | None = None) -> Flight:
@@ -201,7 +209,8 @@ def _contradictions(
         }
     found = attempt(failed, Judgment((), (), {}), check_mapping, signals, judged, rate, lines)
     if found.refused:
-        raise FlightError(f"{flight.path or flight.name}: {str(found.refused[0]).removesuffix('.')}")
+        said = str(found.refused[0]).removesuffix(".")
+        raise ContradictedError(f"{flight.path or flight.name}: {said}", (*found.refused, *found.notices))
     of_rates = attempt(failed, [], check_rates, found.corrected(in_air), rate, lines)
     if any(one.code.startswith(INCONSISTENT) for one in (*found.notices, *of_rates)):
         # a late attitude explains one unlike its rates

@@ -29,7 +29,7 @@ from stoop.flight.apply_mapping import apply_mapping
 from stoop.flight.column_guesses import DraftLine, recognized, with_units, without_unit
 from stoop.flight.flight import from_columns, with_other_form
 from stoop.flight.mapping import READY, ready
-from stoop.logs import Recording
+from stoop.logs import Recording, Stream
 from stoop.logs.csv_tables import guess_clock, read_px4_folder, read_raw_csv
 from stoop.logs.read import is_bag_folder, kind, read_as
 
@@ -75,6 +75,7 @@ class Draft:
     text: str  #: TOML
     mapped: int  #: how many variables it names
     unsure: int  #: how many of them are marked
+    unknown: tuple[str, ...] = ()  #: columns that were not recognized
 
 
 def draft(path: Path) -> Draft:
@@ -147,7 +148,8 @@ def _of_ready(recording: Recording) -> Draft:
 def _of_any(recording: Recording) -> Draft:
     clock, timed = _clocks(recording)
     clocks = {(name, recording.info.get(f"clock of {name}", "")) for name in recording.streams}
-    best = _best([line for line in _lines(timed) if (line.stream, line.column) not in clocks])
+    known = [line for line in _lines(timed) if (line.stream, line.column) not in clocks]
+    best = _best(known)
     lines = with_units(best, {line.variable: _signal(timed, line) for line in best})
     # motors (servos) whose size says nothing are in percent as the others: one may have run at idle throughout
     percents = {line.variable.rpartition("_")[0] for line in lines if line.unit == "percent"}
@@ -169,13 +171,16 @@ def _of_any(recording: Recording) -> Draft:
     places = {line.variable: _place(line.column, line.stream if several else "") for line in lines}
     outputs = Outputs(tuple(signals), places, signals, timed.parameters, tuple(called))
     motors = outputs.motor_lines()
-    left = []
-    named = {(line.stream, line.column) for line in lines} | clocks
-    for name, stream in timed.streams.items():
-        rest = [quoted(column) for column in stream.columns if (name, column) not in named]
-        more = f" and {len(rest) - LIMITS.names} more" if len(rest) > LIMITS.names else ""
-        if rest:
-            left.append(f"# not recognized in {quoted(name)}: {' '.join(rest[: LIMITS.names])}{more}")
+    named = {(line.stream, line.column) for line in (*lines, *known)} | clocks
+    unknown = {
+        name: [column for column in stream.columns if (name, column) not in named]
+        for name, stream in timed.streams.items()
+    }
+    left = [
+        row
+        for name, columns in unknown.items()
+        for row in _offered(name, timed.streams[name], columns, several)
+    ]
     out = [
         f"# Drafted by stoop map for {quoted(recording.path.name)}: correct what is marked, remove what is wrong.",
         *clock,
@@ -188,7 +193,21 @@ def _of_any(recording: Recording) -> Draft:
         "",
     ]
     unsure = sum(bool(line.doubts) for line in lines) + sum("# unsure" in line for line in motors)
-    return Draft("\n".join(out), len(lines) + len(motors), unsure)
+    every = tuple(column for columns in unknown.values() for column in columns)
+    return Draft("\n".join(out), len(lines) + len(motors), unsure, every)
+
+
+def _offered(name: str, stream: Stream, columns: Sequence[str], several: bool) -> list[str]:
+    """Return columns that were not recognized as lines that wait for the name of a variable, with what they read."""
+    if not columns:
+        return []
+    more = f"; {len(columns) - LIMITS.names} more are not listed" if len(columns) > LIMITS.names else ""
+    rows = [f"# not recognized in {quoted(name)}: write a variable for NAME, and its unit{more}"]
+    for column in columns[: LIMITS.names]:
+        known = stream.columns[column][np.isfinite(stream.columns[column])]
+        ends = f"{known.min():.4g} to {known.max():.4g}" if known.size else "no number"
+        rows.append(one_line(f'# NAME = {{{_place(column, name if several else "")}, unit = "1"}}  # {ends}'))
+    return rows
 
 
 def _lines(recording: Recording) -> list[DraftLine]:
@@ -222,7 +241,7 @@ def _best(lines: Sequence[DraftLine]) -> list[DraftLine]:
         by_name.setdefault(line.variable, []).append(line)
     best = []
     for several in by_name.values():
-        first, *others = sorted(several, key=lambda line: len(line.doubts))
+        first, *others = sorted(several, key=lambda line: (len(line.doubts), line.commanded))
         names = ", ".join(f"{line.stream} {line.column}" for line in others[:3])
         best.append(first.doubted(f"or {names}") if others else first)
     return best

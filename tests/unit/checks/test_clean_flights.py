@@ -7,7 +7,7 @@ import pytest
 
 from stoop import check
 from stoop.base.variables import VARIABLES
-from stoop.checks.engine import Line
+from stoop.checks.entries import Line
 from stoop.checks.mapping import check_mapping
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import parse_maneuver

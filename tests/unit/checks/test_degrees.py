@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice
 from stoop.base.rotations import wrap
-from stoop.checks.engine import Line, Lines
+from stoop.checks.entries import Line, Lines
 from stoop.checks.mapping import check_mapping
 
 DEG = 180.0 / np.pi

@@ -11,7 +11,8 @@ from stoop.base.arrays import FloatArray
 from stoop.base.rotations import quaternions_of, to_body
 from stoop.base.units import FACTORS
 from stoop.base.variables import QUATERNION
-from stoop.checks.engine import Line, search
+from stoop.checks.engine import search
+from stoop.checks.entries import Line
 from stoop.checks.mapping import Model, check_mapping
 from stoop.flight import VARIABLES, load
 

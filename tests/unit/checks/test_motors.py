@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from itertools import permutations
 
 import numpy as np
 import pytest
@@ -117,3 +118,21 @@ def test_without_rates_or_time_nothing_is_found(hexa: Flight) -> None:
     assert found(text, from_columns("sim", hexa.time, {**columns, "q": blank}, ())) == []
     short = from_columns("sim", hexa.time[:100], {n: x[:100] for n, x in columns.items()}, ())
     assert found(text, short) == []
+
+
+@pytest.mark.parametrize("name", ["quad-x", "hexa-x"])
+def test_commands_in_any_other_order_are_put_in_theirs_at_once(name: str) -> None:
+    right = resolve_vehicle(name)
+    flight, channels = flown(right), sorted(rotor.channel for rotor in right.file.rotor.values())
+    rng = np.random.default_rng(0)
+    orders = (
+        [*permutations(channels)][1:] if name == "quad-x" else [rng.permutation(channels) for _ in range(12)]
+    )
+    for order in orders:
+        taken = dict(zip(channels, order, strict=True))
+        text = re.sub(r'(?<=channel = ")motor_\d', lambda m, taken=taken: str(taken[m[0]]), right.text)
+        (one,) = found(text, flight)
+        assert one.values["kind"] in ("exchange", "order")
+        for rotor, channel in re.findall(r'"(motor_\d)" in \[rotor\.(\w+)\]', str(one.values["suggestion"])):
+            text = re.sub(rf'(?s)(\[rotor\.{channel}\].*?channel = ")\w+', rf"\g<1>{rotor}", text, count=1)
+        assert text == right.text

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from stoop.base.notices import Notice
-from stoop.checks.engine import Line, Lines
+from stoop.checks.entries import Line, Lines
 from stoop.checks.mapping import check_mapping
 from stoop.errors import FlightError
 from stoop.flight import Flight, load
@@ -74,7 +74,7 @@ def test_swapped_axes(tmp_path: Path) -> None:
     m = motion()
     (fault,) = flight(tmp_path, p=m["q"], q=m["p"]).faults
     assert "p and q are exchanged" in fault.message
-    assert "exchange the columns for variables.p and variables.q in" in fault.message
+    assert 'write column = "q" for variables.p and column = "p" for variables.q in' in fault.message
 
 
 @pytest.mark.parametrize(("name", "unit"), [("p", "deg/s"), ("phi", "deg")])

@@ -111,7 +111,7 @@ def test_what_is_unsure_is_marked(tmp_path: Path) -> None:
     assert "unsure: z points up, so y may point to the left" in told["ay"]
     assert told["az"] == "gravity reads 9.62; its z points up: turned"
     assert "unsure: rad by its size only" in told["phi"]
-    assert '# not recognized in "log.csv": "noise"' in lines
+    assert '# NAME = {column = "noise", unit = "1"}  # -1 to 1' in lines
 
 
 def test_a_rate_without_a_name_is_found_by_what_it_does(tmp_path: Path) -> None:
@@ -162,6 +162,49 @@ def test_a_ready_mapping_is_extended(tmp_path: Path) -> None:
     assert tomllib.loads(made.text)["extends"] == "ardupilot"
     assert "#   phi theta psi from ATT (100 Hz)" in made.text
     assert '# alpha = {stream = "AOA", column = "AOA", unit = "deg"}' in made.text
+
+
+#: columns as others write them: a pilot's table, JSBSim's properties and labels, X-Plane, Garmin's engine monitor, EuRoC, FlightGear,
+#: Crazyflie's log, a motion-capture table -> variable, unit, and sign
+FOREIGN = {
+    "elev_cmd_deg": ("elevator", "deg", 1), "ail_cmd_deg": ("aileron", "deg", 1), "rud_cmd_deg": ("rudder", "deg", 1),
+    "gps_vn_kt": ("vn", "kt", 1), "gps_climb_fpm": ("vd", "ft/min", -1), "rpm": ("rotor_1", "", 1), "z_n": ("pd", "", 1),
+    "velocities/p-rad_sec": ("p", "rad/s", 1), "aero/alpha-deg": ("alpha", "deg", 1), "fcs/elevator-pos-rad": ("elevator", "rad", 1),
+    "velocities/v-down-fps": ("vd", "ft/s", 1), "position/h-sl-ft": ("altitude", "ft", 1), "velocities/vtrue-kts": ("V", "kt", 1),
+    "V_{North} (ft/s)": ("vn", "ft/s", 1), "Left Aileron Position (deg)": ("aileron", "deg", 1), "Altitude ASL (ft)": ("altitude", "ft", 1),
+    "pitch,__deg": ("theta", "deg", 1), "VVI,__fpm": ("vd", "ft/min", -1), "Q,rad/s": ("q", "rad/s", 1), "elev1,__deg": ("elevator", "deg", 1),
+    "E1 RPM": ("rotor_1", "rpm", 1), "NormAc": ("az", "", -1), "VSpd": ("vd", "", -1), "hding,_true": ("psi", "", 1),
+    "w_RS_S_x [rad s^-1]": ("p", "rad/s", 1), "a_RS_S_z [m s^-2]": ("az", "m/s2", 1), "q_RS_w []": ("q0", "", 1), "p_RS_R_x [m]": ("pn", "m", 1),
+    "/surface-positions/elevator-pos-norm": ("elevator", "1", 1), "/orientation/roll-deg": ("phi", "deg", 1),
+    "stateEstimate.x": ("pn", "", 1), "baro.asl": ("altitude", "", 1), "tx": ("pn", "", 1), "imu_p": ("p", "", 1), "alpha_vane_deg": ("alpha", "deg", 1),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", FOREIGN)
+def test_columns_as_others_write_them(name: str) -> None:
+    guess = recognized(name)
+    assert guess is not None
+    assert (guess.variable, guess.unit, guess.scale) == FOREIGN[name]
+
+
+@pytest.mark.parametrize(
+    "name", ["theta_cmd", "roll_cmd_deg", "pitch position setpoint", "left", "cmd", "gps", "u_fps"]
+)
+def test_words_of_a_role_alone_name_nothing(name: str) -> None:
+    assert recognized(name) is None
+
+
+def test_what_was_measured_of_a_surface_is_taken_before_what_was_asked(tmp_path: Path) -> None:
+    surface = flown()["elevator"]
+    columns = {
+        "fcs/elevator-cmd-norm": surface / 0.3,
+        "fcs/elevator-pos-rad": surface,
+        "load cell": np.cos(T),
+    }
+    made = draft(written(tmp_path, columns))
+    assert tomllib.loads(made.text)["variables"]["elevator"]["column"] == "fcs/elevator-pos-rad"
+    assert made.unknown == ("load cell",)
+    assert '# NAME = {column = "load cell", unit = "1"}  # -1 to 1' in made.text
 
 
 NAMES = {

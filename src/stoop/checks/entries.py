@@ -1,0 +1,122 @@
+"""Lines of a mapping as the user wrote them, and what to write there instead."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final, NamedTuple, TypeAlias
+
+from stoop.base.text import enumerated
+
+TABLE: Final = "the table"  #: file of lines that are columns in memory
+_SOURCE: Final = re.compile(r"group\.(?P<group>.+)\.sources\[(?P<index>\d+)\]")
+
+
+class Change(NamedTuple):
+    """One key of one table of a mapping, written anew."""
+
+    table: str  #: such as "variables.p" or "group.imu.sources[0]"
+    key: str
+    value: Any  #: text, number, or list of these
+
+    def __str__(self) -> str:
+        """Return it as TOML would have it."""
+        return f"{self.table}.{self.key} = {written(self.value)}"
+
+
+@dataclass(frozen=True)
+class Line:
+    """One line of a mapping that the user wrote: file "M.toml", table "variables.p"; the unit is empty where none is.
+
+    A column of a table in memory, which has no mapping, is a line of `TABLE`.
+    """
+
+    file: str
+    key: str
+    unit: str = ""
+    entry: Mapping[str, Any] = field(default_factory=dict)  #: keys of the table
+    index: int = 0  #: place among the variables of the table
+    count: int = 1  #: variables of the table
+
+    def value(self, key: str, default: Any) -> Any:
+        """Return what a key of the table says of this variable."""
+        known = self.entry.get(key, default)
+        return known[self.index] if isinstance(known, list) else known
+
+    def changed(self, key: str, value: Any, default: Any) -> Change:
+        """Return the change that gives a key another value for this variable alone."""
+        if self.count == 1 and not isinstance(self.entry.get(key), list):
+            return Change(self.key, key, value)
+        known = self.entry.get(key, default)
+        every = list(known) if isinstance(known, list) else [known] * self.count
+        every[self.index] = value
+        return Change(self.key, key, every)
+
+
+Lines: TypeAlias = Mapping[str, Line]  #: variable -> its line; variables of ready mappings have none
+
+
+def read_lines(places: Mapping[str, str]) -> dict[str, Line]:
+    """Return the lines of mappings that the user wrote.
+
+    Parameters
+    ----------
+    places : variable -> place of its line, "FILE: KEY"; ready mappings are no files
+    """
+    lines: dict[str, Line] = {}
+    content: dict[str, dict[str, Any] | None] = {}  # by file; None where there is no such file
+    for name, place in places.items():
+        file, _, key = place.rpartition(": ")
+        if file not in content:
+            content[file] = None
+            if file and Path(file).is_file():
+                try:
+                    content[file] = tomllib.loads(Path(file).read_text("utf-8"))
+                except (OSError, ValueError):
+                    content[file] = {}
+        table = content[file]
+        if table is not None:
+            lines[name] = _line(file, key, name, table)
+    return lines
+
+
+def _line(file: str, key: str, name: str, content: Mapping[str, Any]) -> Line:
+    """Return the line of a variable: its own table, or its place in the source of a group."""
+    found, entry, names = _SOURCE.fullmatch(key), content.get("variables", {}).get(name, {}), [name]
+    if found is not None:
+        group = content["group"][found["group"]]
+        source = group["sources"][int(found["index"])] if "sources" in group else {}
+        key = key if "sources" in group else f"group.{found['group']}"
+        entry = {**group, **source}
+        names = entry["variables"] if isinstance(entry["variables"], list) else [entry["variables"]]
+    if name not in names:  # written out by braces
+        return Line(file, key)
+    line = Line(file, key, "", entry, names.index(name), len(names))
+    return Line(file, key, str(line.value("unit", "")), entry, line.index, line.count)
+
+
+def written(value: Any) -> str:
+    """Return a value as TOML writes it."""
+    if isinstance(value, list):
+        return f"[{', '.join(map(written, value))}]"
+    return f"{value:.12g}" if isinstance(value, int | float) else f'"{value}"'
+
+
+def told(changes: Sequence[Change], file: str) -> str:
+    """Return changes as a sentence; those of the same value are said together."""
+    tables: dict[str, list[str]] = {}
+    for change in changes:
+        tables.setdefault(f"{change.key} = {written(change.value)}", []).append(change.table)
+    return f"write {' and '.join(f'{what} for {enumerated(own)}' for what, own in tables.items())} in {file}"
+
+
+def where(names: Iterable[str], lines: Lines) -> str:
+    """Return where to write what corrects variables: their lines, or a mapping that extends the ready one."""
+    names = tuple(names)
+    own = [lines[name] for name in names if name in lines]
+    if len(own) < len(names) or not own:
+        return f"{enumerated(names)} in a mapping (see stoop map)"
+    return f"{enumerated([line.key for line in own])} in {own[0].file}"

@@ -1,0 +1,112 @@
+"""Advice on a mapping, applied: other keys stay, lists change in one place, and what is not confirmed is left."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stoop.base.arrays import FloatArray
+from stoop.checks.entries import read_lines
+from stoop.checks.frames import frame_edits
+from stoop.checks.lines import mapping_edits
+from stoop.cli.main import main
+from stoop.flight.mapping_corrections import corrected_mapping, with_changes
+from tests.unit.flight.test_mapping_draft import T, flown
+
+MAPPING = """# my own
+[time]
+column = "t"
+unit = "s"
+[variables]  # as the manual says
+phi = {column = "phi", unit = "rad"}
+theta = {column = "theta", unit = "rad"}
+psi = {column = "psi", unit = "rad"}
+ax = {column = "ax", unit = "m/s2"}
+ay = {column = "ay", unit = "m/s2"}
+az = {column = "az", unit = "m/s2"}
+vd = {column = "vd", unit = "m/s"}
+altitude = {column = "altitude", unit = "m"}
+"""
+GROUPED = (
+    '[group.gyro]\nvariables = ["p", "q", "r"]\nunit = "rad/s"\nsources = [{columns = ["p", "q", "r"]}]\n'
+)
+SINGLE = "".join(f'{n} = {{column = "{n}", unit = "rad/s"}}\n' for n in "pqr")
+
+
+def written(folder: Path, columns: dict[str, FloatArray], text: str) -> tuple[Path, Path]:
+    path, mapping = folder / "log.csv", folder / "m.toml"
+    rows = np.column_stack([T, *columns.values()])
+    np.savetxt(path, rows, "%.12g", ",", header=",".join(["t", *columns]), comments="")
+    mapping.write_text(text)
+    return path, mapping
+
+
+def test_a_scale_that_stands_there_is_kept(tmp_path: Path) -> None:
+    truth = flown()
+    text = (MAPPING + SINGLE).replace(
+        '"q", unit = "rad/s"}', '"q", unit = "rad/s", scale = 0.5}  # counts by halves'
+    )
+    path, mapping = written(tmp_path, {**truth, "q": -2.0 * truth["q"]}, text)
+    made = corrected_mapping(path, mapping)
+    assert len(made.applied) == 1
+    assert str(made.applied[0]).endswith(f"write scale = -0.5 for variables.q in {mapping}")
+    assert "scale = -0.5}  # counts by halves" in made.text
+    assert made.text.replace("-0.5", "0.5") == text
+
+
+def test_one_variable_of_a_group_is_turned_and_the_others_stay(tmp_path: Path) -> None:
+    truth = flown()
+    path, mapping = written(tmp_path, {**truth, "q": -truth["q"]}, MAPPING + GROUPED)
+    made = corrected_mapping(path, mapping)
+    (source,) = tomllib.loads(made.text)["group"]["gyro"]["sources"]
+    assert source == {"columns": ["p", "q", "r"], "scale": [1.0, -1.0, 1.0]}
+    assert "write scale = [1, -1, 1] for group.gyro.sources[0] in" in str(made.applied[0])
+    assert made.left == ()
+
+
+def test_edits_of_a_group_change_its_lists(tmp_path: Path) -> None:
+    place = tmp_path / "m.toml"
+    place.write_text(GROUPED.replace('unit = "rad/s"', 'scale = [1.0, 2.0, 3.0]\nunit = "rad/s"'))
+    lines = read_lines(dict.fromkeys("pqr", f"{place}: group.gyro.sources[0]"))
+    turned = next(edit for edit in frame_edits(lines) if edit.lines == ("q", "r"))
+    assert [*map(str, turned.changes(lines))] == ["group.gyro.sources[0].scale = [1, -2, -3]"]
+    every = mapping_edits(dict.fromkeys("pqr", (T, T)), "pqr", lines, {})
+    swapped = next(edit for edit in every if edit.kind == "exchange" and edit.lines == ("p", "q"))
+    text = with_changes(place.read_text(), [*map(str, swapped.changes(lines))])
+    (source,) = tomllib.loads(text)["group"]["gyro"]["sources"]
+    assert (source["columns"], source["scale"]) == (["q", "p", "r"], [2, 1, 3])
+
+
+def test_what_the_data_do_not_decide_is_left(tmp_path: Path) -> None:
+    """A rate and its angle alone contradict each other, and nothing shows which is wrong."""
+    truth = flown()
+    text = "".join(
+        line for line in (MAPPING + SINGLE).splitlines(True) if line[0] not in "aqrtv" and "psi" not in line
+    )
+    path, mapping = written(tmp_path, {**truth, "p": -truth["p"]}, text)
+    made = corrected_mapping(path, mapping)
+    assert (made.text, made.applied) == (mapping.read_text(), ())
+    assert [one.code for one in made.left] == ["mapping-ambiguous"]
+
+
+def test_changes_are_refused_that_are_none() -> None:
+    with pytest.raises(ValueError, match="no change"):
+        with_changes(MAPPING, ["everything"])
+
+
+def test_the_verb_writes_the_mapping_and_says_what_it_did(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    truth = flown()
+    path, mapping = written(tmp_path, {**truth, "q": -truth["q"]}, MAPPING + SINGLE)
+    before = mapping.read_text()
+    other = tmp_path / "new.toml"
+    assert main(["map", str(path), "--apply", str(mapping), "-o", str(other)]) == 0
+    assert mapping.read_text() == before
+    assert "1 corrections, each confirmed" in capsys.readouterr().out
+    assert other.read_text() == before.replace('"q", unit = "rad/s"}', '"q", unit = "rad/s", scale = -1}')
+    assert main(["map", str(path), "--apply", str(mapping)]) == 0
+    assert capsys.readouterr().out == other.read_text()
