@@ -21,6 +21,7 @@ PARTS = (
     "pages",
     "jobs",
     "growth",
+    "solvers",
     "bbob",
 )  #: the last takes many minutes
 
