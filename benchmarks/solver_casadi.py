@@ -68,7 +68,9 @@ def prepare(case: Case, stride: int = 1, compiled: bool = False) -> Solver:
         if not solver.stats()["success"]:
             raise RuntimeError(f"IPOPT: {solver.stats()['return_status']}")
         iterations = solver.stats()["iter_count"]
-        return Found(np.array(end["x"]).ravel()[: len(case.start)], iterations, solver.stats()["n_call_nlp_g"])
+        return Found(
+            np.array(end["x"]).ravel()[: len(case.start)], iterations, solver.stats()["n_call_nlp_g"]
+        )
 
     return Solver(simulate, fit)
 

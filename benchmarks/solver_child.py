@@ -19,20 +19,22 @@ ROUNDS: Final = 3  #: fits after the first
 
 @dataclass(frozen=True)
 class Tool:
-    """A tool as it is used: the name of a row, the module that holds its code, and options of `prepare`."""
+    """A tool as it is used: its name, the module that holds its code, the packages it needs, and options of `prepare`."""
 
     name: str
     module: str
+    packages: tuple[str, ...]
     options: tuple[tuple[str, Any], ...] = ()
 
 
+IPOPT: Final = ("casadi",)
 TOOLS: Final = (
-    Tool("stoop", "solver_stoop"),
-    Tool("stoop, local search alone", "solver_stoop", (("local", True),)),
-    Tool("SciPy and Numba", "solver_scipy"),
-    Tool("CasADi and IPOPT", "solver_casadi", (("stride", 10),)),
-    Tool("CasADi and IPOPT, compiled by GCC", "solver_casadi", (("stride", 10), ("compiled", True))),
-    Tool("JAX and Diffrax", "solver_jax"),
+    Tool("stoop", "solver_stoop", ("llvmlite",)),
+    Tool("stoop, local search alone", "solver_stoop", ("llvmlite",), (("local", True),)),
+    Tool("SciPy and Numba", "solver_scipy", ("scipy", "numba")),
+    Tool("CasADi and IPOPT", "solver_casadi", IPOPT, (("stride", 10),)),
+    Tool("CasADi and IPOPT, compiled by GCC", "solver_casadi", IPOPT, (("stride", 10), ("compiled", True))),
+    Tool("JAX and Diffrax", "solver_jax", ("jax", "diffrax", "optimistix")),
 )  #: the first is the reference
 
 

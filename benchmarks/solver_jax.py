@@ -11,7 +11,6 @@ import numpy as np
 import optimistix
 
 from benchmarks.solver_case import Case, Found, Solver
-from stoop.base.arrays import FloatArray
 
 jax.config.update("jax_enable_x64", True)
 
@@ -28,6 +27,7 @@ class RungeKutta4(diffrax.AbstractERK):
     interpolation_cls: ClassVar[Any] = diffrax.ThirdOrderHermitePolynomialInterpolation.from_k
 
     def order(self, terms: Any) -> int:
+        """Return the order, whatever the terms."""
         return 4
 
 
@@ -46,9 +46,16 @@ def prepare(case: Case) -> Solver:
             return jnp.stack(rates(x, path.evaluate(t), q))
 
         solution = diffrax.diffeqsolve(
-            diffrax.ODETerm(side), RungeKutta4(), ts[0], ts[-1], None, jnp.stack(beginning(None, u[0], q)),
-            saveat=diffrax.SaveAt(ts=ts), stepsize_controller=diffrax.StepTo(ts),
-            adjoint=diffrax.ForwardMode(), max_steps=count,
+            diffrax.ODETerm(side),
+            RungeKutta4(),
+            ts[0],
+            ts[-1],
+            None,
+            jnp.stack(beginning(None, u[0], q)),
+            saveat=diffrax.SaveAt(ts=ts),
+            stepsize_controller=diffrax.StepTo(ts),
+            adjoint=diffrax.ForwardMode(),
+            max_steps=count,
         )
         return jax.vmap(lambda x, now: jnp.stack(readings(x, now, q)))(solution.ys, u)
 

@@ -13,7 +13,7 @@ from stoop.base.arrays import FloatArray
 
 
 def prepare(case: Case) -> Solver:
-    """Compile the simulation; differences are taken in as few columns as the structure of the Jacobian allows."""
+    """Compile the simulation of all maneuvers; `least_squares` differentiates it column by column."""
     march, shape = _march(case), case.measured.shape
 
     def simulate(z: FloatArray) -> FloatArray:

@@ -7,7 +7,8 @@ import numpy as np
 from benchmarks.solver_case import Case, Found, Solver
 from stoop.base.arrays import FloatArray
 from stoop.estimate.fit import Options, estimation_problem, fit
-from stoop.optimize import FULL, Evaluations, Ledger, refine
+from stoop.optimize import Evaluations, Ledger, refine
+from stoop.optimize.local_refinement import FULL
 from stoop_studies.verify.scenes import Scene, in_white_noise, sensor_noise
 
 
@@ -36,6 +37,6 @@ def prepare(case: Case, local: bool = False) -> Solver:
     def fit_locally() -> Found:
         ledger = Ledger(problem, Evaluations.none(problem), np.inf)
         end = refine(ledger, case.start, len(problem.prices) - 1, FULL)
-        return Found(end.z, end.trials, round(ledger.spent))
+        return Found(end.z, end.iterations, round(ledger.spent))
 
     return Solver(simulate, fit_locally if local else fit_whole)

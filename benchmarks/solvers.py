@@ -16,6 +16,7 @@ import sys
 import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Final
 
@@ -66,11 +67,12 @@ def run() -> list[Row]:
         if isinstance(end, str):
             rows.append(Row(PART, f"{tool.name}: fit", None, note=end))
             continue
+        versions = ", ".join(f"{package} {version(package)}" for package in tool.packages)
         deviation = float(np.max(np.abs(end.z - first.z) / errors))
         rows += [
             Row(PART, f"{tool.name}: {figure}", value, unit, note=note)
             for figure, value, unit, note in (
-                ("fit", end.figures["fit"], "s", "processor time, one core"),
+                ("fit", end.figures["fit"], "s", versions),
                 ("fit, over that of stoop", end.figures["fit"] / first.figures["fit"], "", ""),
                 ("build", end.figures["build"], "s", "imports, printing, compilation"),
                 ("iterations", end.figures["iterations"], "", ""),
@@ -135,7 +137,9 @@ def probe(case: Case) -> FloatArray:
 def lines(module: str) -> int:
     """Return the lines of a module of this folder that hold code: neither docstrings, comments, nor imports."""
     tree = ast.parse(Path(__file__).with_name(f"{module}.py").read_text(encoding="utf-8"))
-    texts = [node for node in ast.walk(tree) if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)]
+    texts = [
+        node for node in ast.walk(tree) if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
+    ]
     left_out = [*texts, *(node for node in tree.body if isinstance(node, ast.Import | ast.ImportFrom))]
     hidden = {k for node in left_out for k in range(node.lineno, (node.end_lineno or 0) + 1)}
     held = {k for node in ast.walk(tree) if isinstance(node, ast.expr | ast.stmt | ast.arg)
