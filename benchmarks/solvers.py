@@ -134,6 +134,12 @@ def probe(case: Case) -> FloatArray:
     return case.start + PROBE * np.random.default_rng(0).standard_normal(len(case.start))
 
 
+def difference(problem: Misfit, z: FloatArray, readings: FloatArray) -> float:
+    """Return how far readings (w, n, n_y) are from those of stoop's kernel for unknowns (D + E,), of each channel's maximum."""
+    exact = np.stack([problem.outputs(z, i) for i in range(len(problem.pieces))])
+    return float(np.max(np.abs(readings - exact).max((0, 1)) / np.abs(exact).max((0, 1))))
+
+
 def lines(module: str) -> int:
     """Return the lines of a module of this folder that hold code: neither docstrings, comments, nor imports."""
     tree = ast.parse(Path(__file__).with_name(f"{module}.py").read_text(encoding="utf-8"))
@@ -167,11 +173,10 @@ def _measured(tool: Tool, problem: Misfit, case: Case) -> Ended | str:
             return (done.stderr.strip().splitlines() or ["no message"])[-1]
         with np.load(folder / "found.npz") as found:
             z, readings = found["z"], found["readings"]
-    exact = np.stack([problem.outputs(point, i) for i in range(len(problem.pieces))])
-    difference = float(np.max(np.abs(readings - exact).max((0, 1)) / np.abs(exact).max((0, 1))))
-    if not difference <= TOLERANCE:
-        return f"trajectories differ by {difference:.1g} of their maximum"
-    return Ended(tool, json.loads(done.stdout.splitlines()[-1]), z, difference)
+    off = difference(problem, point, readings)
+    if not off <= TOLERANCE:
+        return f"trajectories differ by {off:.1g} of their maximum"
+    return Ended(tool, json.loads(done.stdout.splitlines()[-1]), z, off)
 
 
 def _residuals(problem: Misfit, z: FloatArray) -> FloatArray:
