@@ -22,6 +22,7 @@ PARTS = (
     "jobs",
     "growth",
     "solvers",
+    "posterior",
     "bbob",
 )  #: the last takes many minutes
 
