@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from typing import Any
 
 import pytest
 
@@ -19,9 +20,14 @@ UNITS = {"fit": " s", "fit, over that of stoop": "×", "build": " s", "memory": 
 
 
 @pytest.fixture(scope="module")
-def figures() -> dict[str, dict[str, float]]:
+def content() -> dict[str, Any]:
+    found: dict[str, Any] = json.loads((DOCS / "results" / "solvers.json").read_text(encoding="utf-8"))
+    return found
+
+
+@pytest.fixture(scope="module")
+def figures(content: dict[str, Any]) -> dict[str, dict[str, float]]:
     """What was measured, by tool and figure."""
-    content = json.loads((DOCS / "results" / "solvers.json").read_text(encoding="utf-8"))
     found: dict[str, dict[str, float]] = {}
     for row in content["rows"]:
         tool, figure = row["figure"].split(": ")
@@ -58,6 +64,17 @@ def test_readme(figures: dict[str, dict[str, float]]) -> None:
     assert row[1] == written("fit", figures["stoop"]["fit"])
     for tool in ("SciPy and Numba", "CasADi and IPOPT", "JAX and Diffrax"):
         assert written("fit", figures[tool]["fit"]) in row[2]
+
+
+def test_what_is_said_of_the_run(content: dict[str, Any], figures: dict[str, dict[str, float]]) -> None:
+    text = PAGE.read_text(encoding="utf-8")
+    others = [f["fit, over that of stoop"] for tool, f in figures.items() if not tool.startswith("stoop")]
+    least, most = (written("fit, over that of stoop", of(others)) for of in (min, max))
+    assert f"the others take {least} to {most} as long" in text
+    assert f"load {content['machine']['load'].split()[0]} at the start" in text
+    for row in content["rows"]:
+        if row["figure"].endswith(": fit"):
+            assert all(version in text for version in row["note"].split(", "))
 
 
 def test_what_is_said_of_the_problem() -> None:
