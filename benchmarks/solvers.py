@@ -2,7 +2,7 @@
 
 All have the same equations (printed from stoop's symbols), integration, data, weights, start and unknowns. Each tool runs on one
 core in a process of its own, which begins with an empty cache of kernels. A tool whose trajectories are not those of
-stoop's kernel gets no figures. ``pip install 'stoop[solvers]'`` installs them.
+stoop's kernel gets no figures. ``pip install '.[solvers]'`` installs them.
 """
 
 from __future__ import annotations
