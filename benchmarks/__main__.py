@@ -22,6 +22,8 @@ PARTS = (
     "pages",
     "jobs",
     "growth",
+    "solvers",
+    "posterior",
     "bbob",
 )  #: the last takes many minutes
 

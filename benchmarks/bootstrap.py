@@ -1,4 +1,7 @@
-"""A block bootstrap of the joint fit of `benchmarks.joint`: 1000 replicates on two processes, their start included."""
+"""A block bootstrap of the joint fit of `benchmarks.joint`: 1000 replicates on two processes, their start included.
+
+Then one of 200 replicates of README's V-tail: what the whole command takes with it, over the same without it.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.command import timed
+from benchmarks.jobs import VTAIL, identify_vtail
 from benchmarks.table import Row
 from stoop.assessment.bootstrap import bootstrap_plan
 from stoop.assessment.error_bars import error_bars
@@ -19,6 +24,7 @@ PART = "bootstrap"
 REPLICATES = 1000
 WORKERS = 2
 ASKED = 60.0  #: s on two processors
+VTAIL_REPLICATES = 200
 
 
 def run() -> list[Row]:
@@ -36,4 +42,20 @@ def run() -> list[Row]:
     return [
         Row(PART, f"{REPLICATES} replicates, 4 maneuvers", wall, "s", ASKED, note=size),
         Row(PART, "of them by a full search", float(np.sum(np.array(endings) == "refined"))),
+        _vtail(),
     ]
+
+
+def _vtail() -> Row:
+    figure = f"stoop identify --bootstrap {VTAIL_REPLICATES} of README's V-tail, over the same without"
+    if not VTAIL.exists():
+        return Row(PART, figure, None, note="shared folder not found: set STOOP_SHARED")
+    with tempfile.TemporaryDirectory() as folder:
+        words, cache = identify_vtail(str(Path(folder) / "out")), Path(folder) / "cache"
+        timed(words, cache, cores=WORKERS)
+        plain = timed(words, cache, cores=WORKERS)
+        whole = timed((*words, "--bootstrap", str(VTAIL_REPLICATES)), cache, cores=WORKERS)
+    note = (
+        f"processor time: {whole.processor:.3g} s against {plain.processor:.3g} s; wall {whole.ended:.3g} s"
+    )
+    return Row(PART, figure, whole.processor / plain.processor, note=note)

@@ -33,12 +33,17 @@ def run() -> list[Row]:
         return list(_rows(Path(scratch)))
 
 
+def identify_vtail(out: str) -> tuple[str, ...]:
+    """Return the words of README's identification of the V-tail, 48 parameters, into a folder."""
+    return ("identify", str(VTAIL), *VTAIL_VEHICLE, *VTAIL_WINDOWS, "-o", out, "--overwrite")
+
+
 def _rows(scratch: Path) -> Iterator[Row]:
     cache, out = scratch / "cache", str(scratch / "out")
     if not VTAIL.exists():
         yield Row(PART, "V-tail", None, note="shared folder not found: set STOOP_SHARED")
     else:
-        identify = ("identify", str(VTAIL), *VTAIL_VEHICLE, *VTAIL_WINDOWS, "-o", out, "--overwrite")
+        identify = identify_vtail(out)
         cold, warm = _cold_and_warm(identify, cache)
         yield _row("stoop identify of README, warm", _least(warm).processor, 9.0)
         filtered = _least(_cold_and_warm((*identify, "--method", "filter-error"), cache)[1]).processor

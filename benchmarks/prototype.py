@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 STEPS = 3000
-SHARED = Path(os.environ.get("STOOPSHARED", Path(__file__).resolve().parents[2] / "shared"))
+SHARED = Path(os.environ.get("STOOP_SHARED", Path(__file__).resolve().parents[2] / "shared"))
 
 
 def kernels() -> Path | None:
