@@ -8,8 +8,8 @@ the velocity over ground, so with measured V, alpha and beta, in body axes,
 is the change of the wind, whatever the aircraft's coefficients are, and whoever moves the surfaces. Biases of the sensors and
 an error of the attitude make d linear in time, scale factors and misalignment of the vanes make it proportional to the
 integral, positions of sensors to the rates, scale factors of gyros and air data to the integral of omega x v_air by each
-rate: these are removed by least squares. The covariance of neighboring
-samples separates the remainder from white noise.
+rate: these are removed by least squares. The covariance of samples that share no reading separates the remainder from
+white noise: a record slower than the grid was interpolated by splines, which spread the noise of a reading over its neighbors.
 
 References
 ----------
@@ -19,6 +19,7 @@ MIL-F-8785C, *Flying Qualities of Piloted Airplanes*, 1980, section 3.7 (Dryden 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
@@ -51,6 +52,9 @@ class GustLimits:
     #: size of gusts, in standard deviations of an air data sensor by the vehicle file; of simulated flights of
     #: `stoop verify feedback` at most 0.3 in calm air, with scale errors of 8 % too, 1 to 2 in light turbulence
     sigmas: float = 0.5
+    #: periods of the slowest air data sensor between samples that share no reading: 2 % of the weight of a cubic spline lies
+    #: beyond the third reading to either side
+    readings: int = 4
     seconds: float = 4.0  #: of a window; of a shorter one the least squares would leave nothing
     #: m, of the table; estimates hardly depend on it: of 128 intervals in severe turbulence with lengths of 200 and 525 m,
     #: 94 %, 98 % and 99 % held the truth with 60, 200 and 600 m
@@ -70,17 +74,23 @@ def gust_levels(vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequen
     """
     needed = NEEDED & {*vehicle.outputs, *state_channels(vehicle)}
     parts = [
-        changes_of_wind(vehicle, flight, window)
+        (changes_of_wind(vehicle, flight, window), _memory(flight))
         for window in windows
         if (flight := flights[window.flight]).names >= needed
         and not any(c in flight.sources and flight.sources[c].source == RECONSTRUCTED for c in AIR)
     ]
-    products = np.concatenate([np.full((1, 3), np.nan), *(d[1:] * d[:-1] for d in parts)])
+    products = np.concatenate([np.full((1, 3), np.nan), *(d[lag:] * d[:-lag] for d, lag in parts)])
     there = np.isfinite(products).all(axis=1)
     if not there.any():
         return np.full(3, np.nan)
     levels = np.sqrt(np.maximum(np.mean(products[there], axis=0), 0.0))
     return np.where(np.isin(AXES, with_turbulence(vehicle).gusts), levels, np.nan)
+
+
+def _memory(flight: Flight) -> int:
+    """Return over how many samples of a flight its air data may share a reading."""
+    rates = [flight.sources[c].rate for c in AIR if c in flight.sources]
+    return LIMITS.readings * max([1, *(math.ceil(flight.rate / rate) for rate in rates if rate > 0.0)])
 
 
 def changes_of_wind(vehicle: Vehicle, flight: Flight, window: Window) -> FloatArray:

@@ -16,6 +16,9 @@ from stoop.estimate.filter_error import FilterError
 from stoop.estimate.filter_likelihood import SCORING
 from stoop.estimate.fit import Options
 from stoop.estimate.gusts import LIMITS, exceed_sensors, gust_levels, unexplained, with_turbulence
+from stoop.exporters.flight_logs import save_flight_as
+from stoop.flight import load
+from stoop.flight.flight import from_columns
 from stoop.problem.windows import Window
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import parse_maneuver
@@ -83,6 +86,21 @@ def test_scale_errors_of_sensors_are_no_gusts(shaken, channel):
         flight = flights["calm", seed]["sim"]
         off = replace(flight, data=flight.data.assign({channel: 1.08 * flight.data[channel]}))
         assert not exceed_sensors(vehicle, gust_levels(vehicle, {"sim": off}, (Window("sim", 0.0, 10.0),)))
+
+
+@pytest.mark.parametrize(("air", "gusts"), [("calm", False), ("light", True)])
+def test_noise_that_a_grid_spreads_over_neighbors_is_no_gust(shaken, tmp_path, air, gusts):
+    """A table of 50 Hz on a grid of 100 Hz: neighbors share readings, which looked like gusts of 0.6 noise deviations."""
+    vehicle, flights = shaken
+    for seed in range(3):
+        flight = flights[air, seed]["sim"]
+        kept = slice(None, None, round(flight.rate / 50.0))
+        slow = from_columns("slow", flight.time[kept], {n: flight.column(n)[kept] for n in flight.names}, {})
+        save_flight_as(slow, tmp_path / f"{seed}.csv")
+        read = load(tmp_path / f"{seed}.csv", rate=100.0)
+        levels = gust_levels(vehicle, {"sim": read}, (Window("sim", read.time[0], read.time[0] + 10.0),))
+        assert np.isfinite(levels).all()
+        assert exceed_sensors(vehicle, levels) == gusts
 
 
 def test_light_turbulence_is_found_while_all_controls_move(shaken):
