@@ -71,19 +71,25 @@ def _rows(scratch: Path) -> Iterator[Row]:
 def _simulated(scratch: Path, cache: Path) -> Iterator[Row]:
     """Yield what flights of our own simulation take."""
     yield _long_flight(scratch, cache)
-    hover, log = EXAMPLES / "maneuver_quad.toml", str(scratch / "hover.ulg")
-    simulate = ("simulate", "quad-x", "--maneuver", str(hover), "-o", log, "--overwrite")
+    yield from _hover("quad-x", 6.0, scratch, cache)
+    yield from _hover("hexa-x", 8.0, scratch, cache)
+
+
+def _hover(vehicle: str, at_most: float, scratch: Path, cache: Path) -> Iterator[Row]:
+    """Yield what the first simulation, windows and fit of a built-in multirotor take."""
+    maneuver, log, found = EXAMPLES / "maneuver_quad.toml", str(scratch / f"{vehicle}.ulg"), scratch / vehicle
+    simulate = ("simulate", vehicle, "--maneuver", str(maneuver), "-o", log, "--overwrite")
     cold, warm = _cold_and_warm(simulate, cache)
-    yield _row("stoop simulate quad-x, empty cache", cold.processor, None, warm)
-    windows = ("maneuvers", log, "--vehicle", "quad-x", "-o", str(scratch / "quad"), "--overwrite")
+    yield _row(f"stoop simulate {vehicle}, empty cache", cold.processor, None, warm)
+    windows = ("maneuvers", log, "--vehicle", vehicle, "-o", str(found), "--overwrite")
     cold, warm = _cold_and_warm(windows, cache)
-    yield _row("stoop maneuvers, quad-x, empty cache", cold.processor, None, warm)
+    yield _row(f"stoop maneuvers, {vehicle}, empty cache", cold.processor, None, warm)
     identify = (
-        "identify", log, "--vehicle", "quad-x", "--maneuver", str(scratch / "quad" / "windows.toml"),
-        "-o", str(scratch / "fit"), "--overwrite",
+        "identify", log, "--vehicle", vehicle, "--maneuver", str(found / "windows.toml"),
+        "-o", str(scratch / f"{vehicle}-fit"), "--overwrite",
     )  # fmt: skip
-    cold, _ = _cold_and_warm(identify, scratch / "first")
-    yield _row("first fit of quad-x, empty cache", cold.processor, 6.0)
+    cold, warm = _cold_and_warm(identify, scratch / f"{vehicle}-first")
+    yield _row(f"first fit of {vehicle}, empty cache", cold.processor, at_most, warm)
 
 
 def _long_flight(scratch: Path, cache: Path) -> Row:

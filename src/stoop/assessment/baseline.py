@@ -16,11 +16,10 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 from scipy.signal import lfilter
 
 from stoop.assessment.goodness_of_fit import BLOCK, Match, join, left_out
-from stoop.base.arrays import FloatArray
+from stoop.base.arrays import FloatArray, IntArray
 from stoop.results.result import Role
 
 OWN_COMMANDS: Final[Mapping[str, tuple[str, ...]]] = {
@@ -39,6 +38,8 @@ OWN_COMMANDS: Final[Mapping[str, tuple[str, ...]]] = {
 TIME_CONSTANTS: Final = np.geomspace(0.005, 10.0, 20)
 DEAD_TIMES: Final = np.arange(0.0, 0.29, 0.04)  #: s, where the search looks first
 REACH: Final = 3  #: steps of the grid of time constants, to either side, in the search from sample to sample
+PARABOLAS: Final = 5  #: steps of the search between samples of the grid of time constants
+BLOCK_SIZE: Final = 2**17  #: numbers of designs that are solved together, which a processor's cache holds
 START: Final = 0.2  #: s; a prediction starts from the mean of these first measurements
 
 
@@ -82,19 +83,22 @@ def baseline_matches(
     found: tuple[dict[str, Match], ...] = tuple({} for _ in maneuvers)
     fitted = [m for m in maneuvers if m.role == "fit"]
     alike = [m for m in fitted if abs(m.rate - fitted[0].rate) < 1e-6 * m.rate]  # two clocks read from a file
-    for channel in channels:
-        joint = None
-        if len(fitted) < len(maneuvers):  # the lag that predicts is given all commands of all fit maneuvers
-            learned = [r for number, m in enumerate(alike) for r in m.records(channel, number)]
-            joint = fit_lag(learned, alike[0].rate) if learned else None
-        for maneuver, matches in zip(maneuvers, found, strict=True):
-            if maneuver.role == "fit":
-                records = maneuver.records(channel, own=True)
-                lag = fit_lag(records, maneuver.rate) if records else None
+    joint: Sequence[Lag | None] = [None] * len(channels)
+    if alike and len(fitted) < len(
+        maneuvers
+    ):  # the lag that predicts is given all commands of all fit maneuvers
+        learned = [[r for i, m in enumerate(alike) for r in m.records(channel, i)] for channel in channels]
+        joint = fit_lags(learned, alike[0].rate)
+    for maneuver, matches in zip(maneuvers, found, strict=True):
+        if maneuver.role == "fit":
+            records = [maneuver.records(channel, own=True) for channel in channels]
+            for channel, own, lag in zip(channels, records, fit_lags(records, maneuver.rate), strict=True):
                 if lag is not None:
-                    matches[channel] = Match(join(lag.matched(records)), join(lag.left_out(records)))
-            elif joint is not None:
-                predicted = replace(joint, rate=maneuver.rate).predicted(maneuver.records(channel))
+                    matches[channel] = Match(join(lag.matched(own)), join(lag.left_out(own)))
+            continue
+        for channel, lag in zip(channels, joint, strict=True):
+            if lag is not None:
+                predicted = replace(lag, rate=maneuver.rate).predicted(maneuver.records(channel))
                 matches[channel] = Match(join(predicted))
     return found
 
@@ -121,9 +125,9 @@ class Lag:
 
     def respond(self, commands: FloatArray, bias: float, initial: float) -> FloatArray:
         """Return the answer (n,) to `commands` (n, m), starting at `initial`."""
-        answers, forced = _answers(commands, self.time_constant, self.rate), np.empty(commands.shape)
-        answers.write(forced, round(self.dead_time * self.rate))
-        return np.asarray(forced @ self.gains + bias * (1.0 - answers.decay) + initial * answers.decay)
+        lane = np.array([self.time_constant]), np.array([round(self.dead_time * self.rate)])
+        (design,) = _designs([LagRecord(commands, np.empty(len(commands)))], *lane, self.rate)
+        return np.asarray(np.array([*self.gains, bias, initial]) @ design)
 
     def matched(self, records: Sequence[LagRecord]) -> tuple[FloatArray, ...]:
         """Return the fitted curves (n_i,) of the very records that the lag was fitted to."""
@@ -154,15 +158,14 @@ class Lag:
         Those by tau and the delay are differences.
         """
         delay, tau = round(self.dead_time * self.rate), self.time_constant
-        slow, usual, fast = (
-            [_answers(record.commands, t, self.rate) for record in records]
-            for t in (tau * 1.001, tau, tau / 1.001)
-        )
+        sooner, later = max(delay - 1, 0), delay + 1
+        delays = np.array([delay, sooner, later, delay, delay])
+        taus = np.array([tau, tau, tau, tau / 1.001, tau * 1.001])
+        usual, early, late, fast, slow = _designs(records, taus, delays, self.rate)
         solution = np.array([*self.gains, *self.biases.values(), *self.initial])
-        later, sooner = (_design(records, usual, d) for d in (delay + 1, max(delay - 1, 0)))
-        by_delay = (later - sooner) @ solution / (delay + 1 - max(delay - 1, 0))
-        by_tau = (_design(records, slow, delay) - _design(records, fast, delay)) @ solution / np.log(1.001**2)
-        return np.column_stack([_design(records, usual, delay)[:, : -len(records)], by_tau, by_delay])
+        by_delay = solution @ (late - early) / (later - sooner)
+        by_tau = solution @ (slow - fast) / np.log(1.001**2)
+        return np.column_stack([usual[: -len(records)].T, by_tau, by_delay])
 
     def left_out(self, records: Sequence[LagRecord]) -> tuple[FloatArray, ...]:
         """Return the residuals (n_i,) of the very records that the lag was fitted to, each second left out in turn."""
@@ -183,102 +186,163 @@ def fit_lag(records: Sequence[LagRecord], rate: float) -> Lag | None:
 
     They have the same commands in the same order. None when there are fewer measured samples than unknowns.
     """
-    count, maneuvers = records[0].commands.shape[1], sorted({record.maneuver for record in records})
-    measured = sum(int(np.isfinite(record.measured).sum()) for record in records)
-    if measured <= count + len(maneuvers) + len(records) + 2:
-        return None
-    problem = _Regression(records, rate)
-    delays = sorted({round(delay * rate) for delay in DEAD_TIMES})
-    costs = problem.grid(delays)
-    row, place = (int(i) for i in np.unravel_index(np.argmin(costs), costs.shape))
-    near = range(max(0, delays[row] - delays[1] + 1), delays[row] + delays[1])
-    taus = slice(max(place - REACH, 0), place + REACH + 1)
-    costs = problem.grid(near, TIME_CONSTANTS[taus])
-    _, tau, delay = min(
-        problem.refine(delay, taus.start + int(np.argmin(own)))
-        for delay, own in zip(near, costs, strict=True)
-    )
-    gains, biases, initial = np.split(problem.solve(tau, delay)[1], [count, count + len(maneuvers)])
-    shared = dict(zip(maneuvers, biases.tolist(), strict=True))
-    return Lag(tau, delay / rate, gains, shared, tuple(initial.tolist()), rate)
+    return fit_lags([records], rate)[0]
+
+
+def fit_lags(channels: Sequence[Sequence[LagRecord]], rate: float) -> list[Lag | None]:
+    """Fit a lag to the records of each channel, as `fit_lag` does; channels with equal commands share their designs."""
+    alike: dict[tuple[bytes, ...], list[int]] = {}
+    for i, records in enumerate(channels):
+        measured = sum(int(np.isfinite(record.measured).sum()) for record in records)
+        if records and measured > _unknowns(records) + 2:
+            key = [
+                part for r in records for part in (r.commands.tobytes(), np.isfinite(r.measured).tobytes())
+            ]
+            alike.setdefault(tuple(key), []).append(i)
+    found: list[Lag | None] = [None] * len(channels)
+    for places in alike.values():
+        for i, lag in zip(places, _Regression([channels[i] for i in places], rate).lags(), strict=True):
+            found[i] = lag
+    return found
 
 
 class _Regression:
-    """Least squares of a channel's records for any time constant and delay; what delays have in common is made once."""
+    """Least squares of channels with the same commands and the same missing samples, for lanes of time constants and delays."""
 
-    def __init__(self, records: Sequence[LagRecord], rate: float) -> None:
-        self._records, self._rate = records, rate
-        measured = np.concatenate([record.measured for record in records])
-        self._there = np.isfinite(measured)
-        self._measured = measured[self._there]
+    def __init__(self, channels: Sequence[Sequence[LagRecord]], rate: float) -> None:
+        self._records, self._rate = channels[0], rate
+        measured = np.array([np.concatenate([record.measured for record in records]) for records in channels])
+        self._there = np.isfinite(measured[0])
+        self._measured = np.ascontiguousarray(measured[:, self._there])
 
-    def grid(self, delays: Sequence[int], time_constants: FloatArray = TIME_CONSTANTS) -> FloatArray:
-        """Return the least sums of squares (delays, time constants)."""
-        costs = np.empty((len(delays), len(time_constants)))
-        for j, tau in enumerate(time_constants.tolist()):
-            answers = [_answers(record.commands, tau, self._rate) for record in self._records]
-            for i, delay in enumerate(delays):
-                costs[i, j] = self._least(answers, delay)[0]
-        return costs
+    def lags(self) -> list[Lag]:
+        """Return the best lag of each channel: of a coarse grid, of every delay near its best, then between time constants."""
+        coarse = np.unique(np.round(DEAD_TIMES * self._rate).astype(int))
+        costs = self._grid(coarse)
+        lanes = [self._near(channel, coarse, own) for channel, own in enumerate(costs)]
+        channels, delays, starts = (np.concatenate(parts) for parts in zip(*lanes, strict=True))
+        costs, taus = self._refine(channels, delays, starts)
+        best = [
+            int(np.flatnonzero(channels == c)[np.argmin(costs[channels == c])])
+            for c in range(len(self._measured))
+        ]
+        solved = self._solve(channels[best], taus[best], delays[best])[1]
+        return [
+            self._lag(*one) for one in zip(taus[best].tolist(), delays[best].tolist(), solved, strict=True)
+        ]
 
-    def refine(self, delay: int, place: int) -> tuple[float, float, int]:
-        """Return the least sum of squares of a delay, its time constant near that of a place in the grid, and the delay."""
-        bracket = np.log(TIME_CONSTANTS[[max(place - 1, 0), min(place + 1, len(TIME_CONSTANTS) - 1)]])
-        end = minimize_scalar(
-            lambda log_tau: self.solve(float(np.exp(log_tau)), delay)[0],
-            bounds=(float(bracket[0]), float(bracket[1])),
-            method="bounded",
-            options={"xatol": 1e-3},
-        )
-        return float(end.fun), float(np.exp(end.x)), delay
+    def _lag(self, tau: float, delay: int, solved: FloatArray) -> Lag:
+        count, maneuvers = self._records[0].commands.shape[1], sorted({r.maneuver for r in self._records})
+        gains, biases, initial = np.split(solved, [count, count + len(maneuvers)])
+        shared = dict(zip(maneuvers, biases.tolist(), strict=True))
+        return Lag(tau, delay / self._rate, gains, shared, tuple(initial.tolist()), self._rate)
 
-    def solve(self, tau: float, delay: int) -> tuple[float, FloatArray]:
-        """Return the sum of squares and the linear unknowns."""
-        return self._least([_answers(record.commands, tau, self._rate) for record in self._records], delay)
+    def _near(self, channel: int, coarse: IntArray, costs: FloatArray) -> tuple[IntArray, IntArray, IntArray]:
+        """Return every delay between the neighbors of the best of a grid, with its best time constant's place; lanes (d,)."""
+        row, place = (int(i) for i in np.unravel_index(np.argmin(costs), costs.shape))
+        delays = np.arange(max(0, coarse[row] - coarse[1] + 1), coarse[row] + coarse[1])
+        first = max(place - REACH, 0)
+        slow, late = np.meshgrid(TIME_CONSTANTS[first : place + REACH + 1], delays, indexing="ij")
+        found = self._solve(np.full(slow.size, channel), slow.ravel(), late.ravel())[0]
+        return np.full(len(delays), channel), delays, first + np.argmin(found.reshape(slow.shape), axis=0)
 
-    def _least(self, answers: Sequence[_Answers], delay: int) -> tuple[float, FloatArray]:
-        design, measured = _design(self._records, answers, delay), self._measured
-        if len(measured) < len(design):
-            design = design[self._there]
-        solution = np.linalg.lstsq(design.T @ design, design.T @ measured, rcond=1e-13)[0]
-        return float(np.sum((measured - design @ solution) ** 2)), solution
+    def _grid(self, delays: IntArray) -> FloatArray:
+        """Return the least sums of squares (channels, delays, time constants)."""
+        slow, late = np.meshgrid(TIME_CONSTANTS, delays, indexing="ij")
+        costs = self._solve(np.arange(len(self._measured)), slow.ravel(), late.ravel(), every=True)[0]
+        return costs.reshape(-1, *slow.shape).transpose(0, 2, 1)
+
+    def _refine(
+        self, channels: IntArray, delays: IntArray, places: IntArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the least sum of squares of each lane (k,) and its time constant, near that of a place in the grid.
+
+        Successive parabolic interpolation over the logarithm of the time constant, between the neighbors in the grid.
+        """
+        last = len(TIME_CONSTANTS) - 1
+        ends = np.log(TIME_CONSTANTS[np.clip([places - 1, places + 1], 0, last)])
+        x = np.array([ends[0], ends.mean(axis=0), ends[1]])
+        y = np.array([self._solve(channels, np.exp(one), delays)[0] for one in x])
+        for _ in range(PARABOLAS):
+            new = _vertex(x, y)
+            cost = self._solve(channels, np.exp(new), delays)[0]
+            x, y = np.insert(x, 1, new, axis=0), np.insert(y, 1, cost, axis=0)
+            order = np.argsort(x, axis=0, kind="stable")
+            x, y = np.take_along_axis(x, order, axis=0), np.take_along_axis(y, order, axis=0)
+            kept = np.where(y[1] <= y[2], 0, 1) + np.arange(3)[:, None]  # about the lower of the inner two
+            x, y = np.take_along_axis(x, kept, axis=0), np.take_along_axis(y, kept, axis=0)
+        least = np.argmin(y, axis=0)[None]
+        return np.take_along_axis(y, least, axis=0)[0], np.exp(np.take_along_axis(x, least, axis=0)[0])
+
+    def _solve(
+        self, channels: IntArray, time_constants: FloatArray, delays: IntArray, every: bool = False
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the sums of squares (lanes,) and the linear unknowns (lanes, u) of one channel each.
+
+        With `every` each lane has all channels: (channels, lanes) and (channels, lanes, u).
+        """
+        whole = _unknowns(self._records) * len(self._there)
+        block, costs, solutions = max(1, BLOCK_SIZE // whole), [], []
+        for at in range(0, len(delays), block):
+            some = slice(at, at + block)
+            designs = _designs(self._records, time_constants[some], delays[some], self._rate)
+            if self._measured.shape[1] < len(self._there):
+                designs = designs[:, :, self._there]
+            turned = designs.transpose(0, 2, 1)
+            inverse = np.linalg.pinv(designs @ turned, rcond=1e-13, hermitian=True)
+            measured = self._measured[:, None] if every else self._measured[channels[some]][None]
+            right = (designs @ measured[..., None])[..., 0]
+            solved = (inverse @ right[..., None])[..., 0]
+            missed = measured - (turned @ solved[..., None])[..., 0]
+            costs.append(np.einsum("cln,cln->cl", missed, missed))
+            solutions.append(solved)
+        found = np.concatenate(costs, axis=1), np.concatenate(solutions, axis=1)
+        return found if every else (found[0][0], found[1][0])
 
 
-@dataclass(frozen=True, eq=False)
-class _Answers:
-    """Answers of a unit lag to the commands of a record.
+def _vertex(x: FloatArray, y: FloatArray) -> FloatArray:
+    """Return where parabolas through three points (3, k) have their minimum; the middle of the wider side where outside."""
+    left, right = x[1] - x[0], x[1] - x[2]
+    a, b = left * (y[1] - y[2]), right * (y[1] - y[0])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        found = x[1] - 0.5 * (left * a - right * b) / (a - b)
+    wider = np.where(left > -right, 0.5 * (x[0] + x[1]), 0.5 * (x[1] + x[2]))
+    inside = (found > x[0]) & (found < x[2]) & (found != x[1])
+    return np.asarray(np.where(inside, found, wider))
 
-    Before the first sample, where a delayed command would come from, it is taken to have stood still. The decay is the
-    answer to a unit initial value; one minus it that to a unit bias.
+
+def _unknowns(records: Sequence[LagRecord]) -> int:
+    count: int = records[0].commands.shape[1]
+    return count + len({record.maneuver for record in records}) + len(records)
+
+
+def _designs(
+    records: Sequence[LagRecord], time_constants: FloatArray, delays: IntArray, rate: float
+) -> FloatArray:
+    """Return the linear unknowns' effect (lanes, u, N) for lanes of time constants, s, and delays, samples.
+
+    The unknowns are gains, biases of maneuvers, and initial values of records. Commands are linear between samples. Before
+    the first sample, where a delayed command would come from, it is taken to have stood still.
     """
-
-    change: FloatArray  #: (n, m), to what commands change from their first sample, linear between samples
-    first: FloatArray  #: (m,), commands at the first sample
-    decay: FloatArray  #: (n,)
-
-    def write(self, out: FloatArray, delay: int) -> None:
-        """Write the answers (n, m) to the commands from zero, so many samples late."""
-        np.multiply((1.0 - self.decay)[:, None], self.first, out=out)
-        out[delay:] += self.change[: max(0, len(out) - delay)]
-
-
-def _answers(commands: FloatArray, tau: float, rate: float) -> _Answers:
-    ratio, decay = np.exp(-1.0 / (rate * tau)), np.exp(-np.arange(len(commands)) / (rate * tau))
-    late = 1.0 - rate * tau * (1.0 - ratio)
-    change = lfilter(
-        [late, 1.0 - ratio - late], [1.0, -ratio], np.ascontiguousarray((commands - commands[0]).T)
-    )
-    return _Answers(change.T, commands[0], decay)
-
-
-def _design(records: Sequence[LagRecord], answers: Sequence[_Answers], delay: int) -> FloatArray:
-    """Return the linear unknowns' effect (N, m + maneuvers + records): gains, biases, initial values."""
     maneuvers, count = sorted({record.maneuver for record in records}), records[0].commands.shape[1]
-    out = np.zeros((count + len(maneuvers) + len(records), sum(len(a.decay) for a in answers))).T
+    out = np.zeros((len(delays), _unknowns(records), sum(len(record.commands) for record in records)))
+    taus, which = np.unique(time_constants, return_inverse=True)
     end = 0
-    for number, (record, one) in enumerate(zip(records, answers, strict=True)):
-        rows = out[end : (end := end + len(one.decay))]
-        one.write(rows[:, :count], delay)
-        rows[:, count + maneuvers.index(record.maneuver)] = 1.0 - one.decay
-        rows[:, count + len(maneuvers) + number] = one.decay
+    for number, record in enumerate(records):
+        part = out[:, :, end : (end := end + len(record.commands))]
+        decay = np.exp(-np.arange(len(record.commands)) / (rate * taus[:, None]))
+        moved = np.ascontiguousarray((record.commands - record.commands[0]).T)
+        answers = [_answers(moved, float(tau), rate) for tau in taus]
+        part[:, count + len(maneuvers) + number] = decay[which]
+        part[:, count + maneuvers.index(record.maneuver)] = settled = 1.0 - decay[which]
+        part[:, :count] = settled[:, None] * record.commands[0][:, None]
+        for lane, tau, delay in zip(part, which.tolist(), delays.tolist(), strict=True):
+            lane[:count, delay:] += answers[tau][:, : max(0, lane.shape[1] - delay)]
     return out
+
+
+def _answers(commands: FloatArray, tau: float, rate: float) -> FloatArray:
+    """Return the answers (m, n) of a unit lag at rest to commands (m, n), linear between samples."""
+    ratio = np.exp(-1.0 / (rate * tau))
+    late = 1.0 - rate * tau * (1.0 - ratio)
+    return np.asarray(lfilter([late, 1.0 - ratio - late], [1.0, -ratio], commands))

@@ -14,6 +14,7 @@ from stoop.assessment.baseline import (
     LagRecord,
     baseline_matches,
     fit_lag,
+    fit_lags,
 )
 from stoop.assessment.goodness_of_fit import theil
 
@@ -190,3 +191,47 @@ def test_nothing_to_learn_from() -> None:
     assert baseline_matches([alone], ["p"]) == ({},)
     empty = BaselineManeuver("fit", (BaselineSegment({}, {"p": np.zeros(50)}),), RATE)
     assert baseline_matches([empty], ["p"]) == ({},)
+
+
+def test_channels_that_share_commands_have_the_lags_that_they_have_alone() -> None:
+    lags = [truth(0.05, 0.02), truth(0.4, 0.1), truth(1.5, 0.21)]
+    u = [commands(300, 3), commands(250, 4)]
+    channels = []
+    for i, lag in enumerate(lags):
+        y = [lag.respond(u[m], lag.biases[m], 0.5) for m in (0, 1)]
+        noisy = [one + 0.3 * np.random.default_rng([i, m]).normal(size=len(one)) for m, one in enumerate(y)]
+        channels.append([LagRecord(u[m], one, m) for m, one in enumerate(noisy)])
+    channels[2][0].measured[40:60] = np.nan
+    channels.append([LagRecord(u[0], np.full(300, np.nan)), LagRecord(u[1], np.full(250, np.nan), 1)])
+    *together, missing = fit_lags(channels, RATE)
+    assert missing is None
+    for own, shared in zip(channels, together, strict=False):
+        alone = fit_lag(own, RATE)
+        assert alone is not None
+        assert shared is not None
+        assert (shared.time_constant, shared.dead_time) == pytest.approx(
+            (alone.time_constant, alone.dead_time)
+        )
+        assert_allclose(shared.gains, alone.gains, rtol=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_no_other_time_constant_or_delay_fits_better(seed: int) -> None:
+    own = [record(truth(0.15 * 2.0**seed, 0.03 * seed), 400, seed, noise=0.5)]
+    lag = fit_lag(own, RATE)
+    assert lag is not None
+
+    def misfit(tau: float, delay: float) -> float:
+        """Return the sum of squares with the best gain, bias and initial value."""
+        parts = [
+            Lag(tau, delay, np.array([gain]), {}, (), RATE).respond(own[0].commands, bias, initial)
+            for gain, bias, initial in np.eye(3)
+        ]
+        return float(np.linalg.lstsq(np.column_stack(parts), own[0].measured, rcond=None)[1][0])
+
+    best = misfit(lag.time_constant, lag.dead_time)
+    others = [(lag.time_constant * factor, lag.dead_time) for factor in (0.9, 0.99, 1.01, 1.1)]
+    others += [
+        (lag.time_constant, lag.dead_time + shift / RATE) for shift in (-1, 1) if lag.dead_time or shift > 0
+    ]
+    assert all(misfit(*other) > best for other in others)
