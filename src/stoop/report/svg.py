@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from markupsafe import Markup
+from markupsafe import Markup, escape
 
 
 @dataclass(frozen=True)
@@ -24,13 +24,12 @@ class Scale:
 
 def element(name: str, content: str = "", **attributes: str | float) -> Markup:
     """Return one element; numbers are rounded, text is escaped, ``class_`` is class, ``_`` is ``-``."""
-    written = Markup("").join(
-        Markup(' {}="{}"').format(key.rstrip("_").replace("_", "-"), _short(value))
-        for key, value in attributes.items()
+    written = "".join(
+        f' {key.rstrip("_").replace("_", "-")}="{escape(_short(value))}"' for key, value in attributes.items()
     )
     if not content and name != "text":
-        return Markup("<{}{}/>").format(Markup(name), written)  # noqa: S704 (names are ours)
-    return Markup("<{0}{1}>{2}</{0}>").format(Markup(name), written, content)  # noqa: S704 (names are ours)
+        return Markup(f"<{name}{written}/>")  # noqa: S704 (values are escaped)
+    return Markup(f"<{name}{written}>{escape(content)}</{name}>")  # noqa: S704 (values and content are escaped)
 
 
 def drawing(width: float, height: float, description: str, parts: Sequence[Markup]) -> Markup:

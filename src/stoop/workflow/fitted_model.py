@@ -278,7 +278,7 @@ class FittedModel:
         """Unit of every channel and input."""
         return channel_units(self.vehicle)
 
-    @property
+    @cached_property
     def symbols(self) -> Mapping[str, str]:
         """LaTeX symbol of each number."""
         return symbols(self.vehicle)
