@@ -123,9 +123,10 @@ class Kernel:
     ) -> FloatArray:
         """Return the sum (B,) of residuals times weights of each candidate; not finite where the trajectory diverged.
 
-        A weight may have any sign. Parameters as in :meth:`cost`. With the derivative of a sum of squares by the residuals as
-        weights, finite differences of this sum are its gradient by the parameters.
+        A weight may have any sign. Parameters as in :meth:`cost`, inputs (n, n_u) that all candidates share. With the derivative
+        of a sum of squares by the residuals as weights, finite differences of this sum are its gradient by the parameters.
         """
+        fits("inputs", inputs, (*inputs.shape[:1], self.sizes[1]))
         return self._summed("products", parameters, initial, inputs, measured, weights, dt, samples, threads)
 
     def _summed(

@@ -281,7 +281,6 @@ ENTRIES = {
     "cost": Entry(_COST, _sum(_square, per_lane=False)),
     "cost_per_lane": Entry(_COST, _sum(_square, per_lane=True)),
     "products": Entry(_COST, _sum(_product, per_lane=False)),
-    "products_per_lane": Entry(_COST, _sum(_product, per_lane=True)),
     "outputs": Entry(_OUTPUTS, _outputs(per_lane=False)),
     "outputs_per_lane": Entry(_OUTPUTS, _outputs(per_lane=True)),
     "evaluate": Entry(f"{pointers('P X U D')}, i64 %count", _evaluate),

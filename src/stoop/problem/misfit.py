@@ -217,15 +217,13 @@ class Misfit:
         self, rows: FloatArray, start: FloatArray, index: int, left: FloatArray, count: int
     ) -> FloatArray:
         """Return the whitened residuals of a piece times `left`, (B,), for kernel parameters and initial states."""
-        if self._late_outputs:
-            return project(
-                self._whitened(self._readings(rows, start, index, count), index).reshape(rows.shape[1], -1),
-                left,
-            )
+        if self._late or self._late_outputs:  # the kernel sums along trajectories of shared inputs
+            residuals = self._whitened(self._readings(rows, start, index, count), index)
+            return project(residuals.reshape(len(residuals), -1), left)
         piece = self.pieces[index]
-        measured, inputs = piece.measured[:count], self._inputs(piece, rows)
+        measured = piece.measured[:count]
         weights = self.piece_weights[index].whiten_back(left.reshape(measured.shape), np.isfinite(measured))
-        return self.kernel.products(rows, start, inputs, measured, weights, piece.dt)
+        return self.kernel.products(rows, start, piece.inputs, measured, weights, piece.dt)
 
     def _candidates_of_all(
         self, Z: FloatArray, rung: int
