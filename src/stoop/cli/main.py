@@ -25,6 +25,7 @@ from typing import Any, Final, NoReturn
 
 from stoop.base.files import recorded_inputs
 from stoop.base.interrupts import restore_interrupts, unblock_interrupts
+from stoop.base.memory import keep_freed_memory
 from stoop.base.streams import flush_or_discard, open_missing_streams
 from stoop.base.text import nearest, printable, show
 from stoop.base.verbs import Verb, verbs
@@ -80,6 +81,7 @@ def main(given: Sequence[str] | None = None) -> int:
     if given is None:
         given = sys.argv[1:]
         gc.set_threshold(GARBAGE)
+        keep_freed_memory()
         atexit.register(
             gc.freeze
         )  # the interpreter would look through all objects, half a second, before it leaves

@@ -17,7 +17,6 @@ import numpy as np
 
 from stoop.base import cache
 from stoop.base.arrays import FloatArray
-from stoop.base.memory import keep_freed_memory
 from stoop.kernels import compiler, loops, windows
 from stoop.kernels import filter as filters
 from stoop.kernels.arrays import fits, matrix
@@ -32,7 +31,6 @@ ENTRIES = {
     **windows.ENTRIES,
 }  #: functions that are compiled for every model
 _OBJECT = "code.o"
-keep_freed_memory()
 
 
 def thread_count() -> int:

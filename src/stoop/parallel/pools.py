@@ -21,6 +21,7 @@ from queue import SimpleQueue
 from typing import Any, Final, Protocol, TypeAlias, final
 
 from stoop.base.extras import install
+from stoop.base.memory import keep_freed_memory
 from stoop.errors import CampaignError, StoopError
 from stoop.parallel.plan import Task
 from stoop.parallel.worker import Report, perform
@@ -253,6 +254,7 @@ def serve(pipe: Connection) -> None:
 
     threading.Thread(target=end_with_driver, daemon=True).start()
     os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
+    keep_freed_memory()
     if "numpy" in sys.modules:  # the main script has imported it: too late for the above
         import threadpoolctl
 

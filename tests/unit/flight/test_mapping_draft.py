@@ -168,15 +168,18 @@ def test_a_ready_mapping_is_extended(tmp_path: Path) -> None:
 #: Crazyflie's log, a motion-capture table -> variable, unit, and sign
 FOREIGN = {
     "elev_cmd_deg": ("elevator", "deg", 1), "ail_cmd_deg": ("aileron", "deg", 1), "rud_cmd_deg": ("rudder", "deg", 1),
-    "gps_vn_kt": ("vn", "kt", 1), "gps_climb_fpm": ("vd", "ft/min", -1), "rpm": ("rotor_1", "", 1), "z_n": ("pd", "", 1),
-    "velocities/p-rad_sec": ("p", "rad/s", 1), "aero/alpha-deg": ("alpha", "deg", 1), "fcs/elevator-pos-rad": ("elevator", "rad", 1),
-    "velocities/v-down-fps": ("vd", "ft/s", 1), "position/h-sl-ft": ("altitude", "ft", 1), "velocities/vtrue-kts": ("V", "kt", 1),
-    "V_{North} (ft/s)": ("vn", "ft/s", 1), "Left Aileron Position (deg)": ("aileron", "deg", 1), "Altitude ASL (ft)": ("altitude", "ft", 1),
-    "pitch,__deg": ("theta", "deg", 1), "VVI,__fpm": ("vd", "ft/min", -1), "Q,rad/s": ("q", "rad/s", 1), "elev1,__deg": ("elevator", "deg", 1),
-    "E1 RPM": ("rotor_1", "rpm", 1), "NormAc": ("az", "", -1), "VSpd": ("vd", "", -1), "hding,_true": ("psi", "", 1),
-    "w_RS_S_x [rad s^-1]": ("p", "rad/s", 1), "a_RS_S_z [m s^-2]": ("az", "m/s2", 1), "q_RS_w []": ("q0", "", 1), "p_RS_R_x [m]": ("pn", "m", 1),
-    "/surface-positions/elevator-pos-norm": ("elevator", "1", 1), "/orientation/roll-deg": ("phi", "deg", 1),
-    "stateEstimate.x": ("pn", "", 1), "baro.asl": ("altitude", "", 1), "tx": ("pn", "", 1), "imu_p": ("p", "", 1), "alpha_vane_deg": ("alpha", "deg", 1),
+    "gps_vn_kt": ("vn", "kt", 1), "gps_climb_fpm": ("vd", "ft/min", -1), "rpm": ("rotor_1", "", 1),
+    "z_n": ("pd", "", 1), "velocities/p-rad_sec": ("p", "rad/s", 1), "aero/alpha-deg": ("alpha", "deg", 1),
+    "fcs/elevator-pos-rad": ("elevator", "rad", 1), "velocities/v-down-fps": ("vd", "ft/s", 1),
+    "position/h-sl-ft": ("altitude", "ft", 1), "velocities/vtrue-kts": ("V", "kt", 1),
+    "V_{North} (ft/s)": ("vn", "ft/s", 1), "Left Aileron Position (deg)": ("aileron", "deg", 1),
+    "Altitude ASL (ft)": ("altitude", "ft", 1), "pitch,__deg": ("theta", "deg", 1), "VVI,__fpm": ("vd", "ft/min", -1),
+    "Q,rad/s": ("q", "rad/s", 1), "elev1,__deg": ("elevator", "deg", 1), "E1 RPM": ("rotor_1", "rpm", 1),
+    "NormAc": ("az", "", -1), "VSpd": ("vd", "", -1), "hding,_true": ("psi", "", 1),
+    "w_RS_S_x [rad s^-1]": ("p", "rad/s", 1), "a_RS_S_z [m s^-2]": ("az", "m/s2", 1), "q_RS_w []": ("q0", "", 1),
+    "p_RS_R_x [m]": ("pn", "m", 1), "/surface-positions/elevator-pos-norm": ("elevator", "1", 1),
+    "/orientation/roll-deg": ("phi", "deg", 1), "stateEstimate.x": ("pn", "", 1), "baro.asl": ("altitude", "", 1),
+    "tx": ("pn", "", 1), "imu_p": ("p", "", 1), "alpha_vane_deg": ("alpha", "deg", 1),
 }  # fmt: skip
 
 
