@@ -21,6 +21,7 @@ PARTS = (
     "pages",
     "jobs",
     "growth",
+    "corners",
     "bbob",
 )  #: the last takes many minutes
 
