@@ -192,7 +192,10 @@ def _prolong(state: PsGdeLmState, ledger: Ledger) -> Step:
 
 def _follow_up(state: PsGdeLmState, ledger: Ledger, z: FloatArray, lineage: int) -> Step:
     """Climb the ladder from z; refine on the full record if every gate opens, else defer the candidate."""
-    found = climb(ledger, z, state.least, ledger.cost if state.trusted else np.inf)
+    rungs = len(ledger.prices)
+    # a state that was saved with another ladder knows nothing of this one
+    least = state.least if len(state.least) == rungs else np.full(rungs, np.inf)
+    found = climb(ledger, z, least, ledger.cost if state.trusted else np.inf)
     state = replace(state, least=found.least)
     if found.passed:
         state, event = _refine(state, ledger, found.z, lineage, found.score)

@@ -344,11 +344,11 @@ def on_circle(errors: FloatArray, outputs: Sequence[str]) -> FloatArray:
 
 
 def horizon_ladder(pieces: Sequence[Piece]) -> tuple[tuple[int, ...], ...]:
-    """Return samples per piece and rung: up to a sixteenth of the inputs' energy (about their start), thrice as far each, all.
+    """Return samples per piece and rung: up to a sixteenth of the inputs' energy (about their start), then thrice as far each.
 
     The first rung ends where the inputs have begun to move, so that a candidate far from the truth, or unstable, has not yet
     diverged; as rungs grow geometrically, the long ones cost nearly all. The first ends within half of the piece, not before
-    0.4 s; rungs that would be nearly whole are left out.
+    0.4 s; rungs that would be nearly whole are left out, and the last is the whole record.
     """
     firsts = []
     for piece in pieces:

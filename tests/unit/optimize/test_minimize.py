@@ -133,6 +133,19 @@ def test_long_refinements_and_populations_take_no_more_than_scouting() -> None:
     )
 
 
+@pytest.mark.parametrize("shares", [(0.4, 1.0), (0.05, 0.1, 0.2, 0.4, 1.0)])
+def test_a_state_of_another_ladder_continues(
+    oscillation: Callable[..., Any], shares: tuple[float, ...]
+) -> None:
+    saved = optimize.minimize(optimize.create(), oscillation(), seed=1, stop=Stop(generations=2)).state
+    assert saved is not None
+    assert not saved.converged
+    rest = optimize.minimize(optimize.create(), oscillation(shares=shares), seed=1, state=saved)
+    assert rest.status == "converged"
+    assert rest.trajectories > saved.evaluations.trajectories
+    assert len(rest.state.least) == len(shares)
+
+
 @own
 def test_a_step_does_not_change_its_state(name: str, oscillation: Callable[..., Any]) -> None:
     optimizer, problem = optimize.create(name), oscillation()

@@ -269,8 +269,8 @@ def test_the_first_horizon_is_as_short_as_the_inputs_allow_and_each_next_one_thr
     early = replace(one, inputs=inputs[60:], time=time[:940])
     assert horizon_ladder([early])[0] == (90,)
     # pieces grow until the whole is near, each within its own length
-    short = replace(one, inputs=inputs[80:280], time=time[:200])
-    assert horizon_ladder([one, short]) == ((150, 32), (450, 96), (1000, 200))
+    short = replace(one, inputs=inputs[80:580], time=time[:500])
+    assert horizon_ladder([one, short]) == ((150, 45), (450, 135), (1000, 500))
     sudden = replace(one, inputs=np.eye(1000, 1, -7))
     assert horizon_ladder([sudden])[0] == (20,), "not before 0.4 s"
     late = replace(one, inputs=np.eye(1000, 1, -999))
