@@ -25,6 +25,7 @@ PARTS = (
     "growth",
     "solvers",
     "posterior",
+    "corners",
     "bbob",
 )  #: the last takes many minutes
 

@@ -23,7 +23,7 @@ class PsGdeLmState(State):
     """State of a run of the default."""
 
     starts: FloatArray  #: (k, D + E), the user's own values, until they are tried
-    scouts: FloatArray  #: (rounds * scouts, D), one Latin hypercube for all rounds
+    scouts: FloatArray  #: (rounds * scouts, D), one Latin hypercube for every `rounds` rounds
     round: int  #: rounds begun
     queue: FloatArray  #: (q, D), candidates of this round still to be followed up
     passed: bool  #: whether a candidate of this round passed every gate
@@ -34,8 +34,24 @@ class PsGdeLmState(State):
     optima: Optima  #: where full refinements ended
     lineages: int  #: how many lineages have begun
     trusted: bool  #: the best is a converged refinement from the user's own values that explains the data
-    population: Population | None  #: once the scouts are used up
+    population: Population | None  #: once the first scouts are used up
     population_size: int  #: of the next population
+    prolonged: float = (
+        0.0  #: trajectories of full refinements from deferred candidates, and of unfinished ones
+    )
+    evolved: float = 0.0  #: trajectories of populations, refinements of their members included
+
+    @property
+    def neglected(self) -> bool:
+        """Whether a round ended with candidates of which none passed."""
+        return bool(len(self.deferred) and self.round and not self.passed)
+
+    def prolongable(self, least: float) -> bool:
+        """Whether there is a deferred candidate, or the best refinement, at the least cost known, ran out of iterations."""
+        if self.neglected or self.resumed or not len(self.optima.costs):
+            return self.neglected
+        best = self.optima.best()
+        return bool(self.optima.unfinished[best] and self.optima.costs[best] <= least)
 
 
 Step = tuple[PsGdeLmState, Event]
@@ -46,7 +62,10 @@ class PsGdeLm:
     """PS-GDE with Levenberg-Marquardt refinement and a horizon ladder.
 
     A step is the refinement from the user's own values, a scouting round, the follow-up of one candidate, or a
-    generation (or refinement) of the population. The search counts as converged when
+    generation (or refinement) of the population. Full refinements that no gate recommends, and after the first rounds the
+    population, may each take as many trajectories as scouting does, in turns: whichever of the three arrives first, the
+    others at most triple what it takes (balanced budgets, as of the restarts of Hansen (2009), Benchmarking a BI-population
+    CMA-ES on the BBOB-2009 function testbed, GECCO companion, 2389-2395). The search counts as converged when
 
     - two refinements of different lineage (scouts, the user's values, one population) come on the full record to
       within 0.1 % of the best cost known, one of them to convergence; three where the model leaves more than a
@@ -60,7 +79,7 @@ class PsGdeLm:
     name: str = "ps-gde-lm"
     scouts: int = 20  #: candidates per round
     tops: int = 5  #: of them that are followed up
-    rounds: int = 5  #: at most
+    rounds: int = 5  #: before the first population
 
     def init(self, problem: Problem, seed: int, starts: FloatArray) -> PsGdeLmState:
         """Draw the scouts; nothing is evaluated yet."""
@@ -90,43 +109,39 @@ class PsGdeLm:
 
     def step(self, state: PsGdeLmState, problem: Problem) -> Step:
         """Try starts, queued candidates, the best deferred one, an unfinished refinement, scouts, the population."""
-        ledger, optima = Ledger.at(problem, state.evaluations), state.optima
-        best = optima.best() if len(optima.costs) else None
+        ledger = Ledger.at(problem, state.evaluations)
+        scouted = ledger.spent - state.prolonged - state.evolved
         if len(state.starts):
             state, event = _try_starts(state, ledger)
         elif len(state.queue):
             state, event = _follow_up_next(state, ledger)
-        elif len(state.deferred) and state.round and not state.passed:
-            # none of the round has passed
-            z = state.deferred[int(state.scores.argmin())]
-            state = replace(
-                state, deferred=state.deferred[:0], scores=state.scores[:0], lineages=state.lineages + 1
-            )
-            state, event = _refine(state, ledger, z, state.lineages - 1)
-        elif (
-            best is not None
-            and not state.resumed
-            and optima.unfinished[best]
-            and optima.costs[best] <= ledger.cost
-        ):
-            # the best refinement ran out of iterations; once a round
-            state = replace(state, resumed=True)
-            state, event = _refine(state, ledger, ledger.best, int(optima.lineages[best]))
-        elif state.round < self.rounds:
+        elif state.prolonged <= scouted and state.prolongable(ledger.cost):
+            before = ledger.spent
+            state, event = _prolong(state, ledger)
+            state = replace(state, prolonged=state.prolonged + ledger.spent - before)
+        elif state.round < self.rounds or state.evolved > scouted:
             state, event = self._scout(state, ledger)
         else:
+            before = ledger.spent
             state, event = _evolve(state, ledger)
+            state = replace(state, evolved=state.evolved + ledger.spent - before)
         return replace(state, evaluations=ledger.evaluations, generation=state.generation + 1), event
 
     def _scout(self, state: PsGdeLmState, ledger: Ledger) -> Step:
         """Evaluate one round of candidates on the shortest record; the best few are queued."""
-        X = state.scouts[state.round * self.scouts : (state.round + 1) * self.scouts]
+        first = state.round % self.rounds * self.scouts
+        if state.round and not first:
+            generator = state.stream.generator()
+            scouts = latin_hypercube(self.scouts * self.rounds, ledger.dimension, generator)
+            state = replace(state, scouts=scouts, stream=RandomStream.of(generator))
+        X = state.scouts[first : first + self.scouts]
         F = ledger.costs(X, 0)
         order = np.argsort(F, kind="stable")[: self.tops]
         queue = X[order[np.isfinite(F[order])]]
         event = Event("scouts", float(F.min()), 0, f"{len(X)} scouts, {len(queue)} followed up")
         if state.round:
-            state = replace(state, deferred=state.deferred[:0], scores=state.scores[:0])
+            kept = np.argsort(state.scores, kind="stable")[: int(not state.passed)]
+            state = replace(state, deferred=state.deferred[kept], scores=state.scores[kept])
         return replace(state, queue=queue, round=state.round + 1, passed=False, resumed=False), event
 
 
@@ -163,9 +178,24 @@ def _follow_up_next(state: PsGdeLmState, ledger: Ledger) -> Step:
     return replace(state, trusted=trusted, converged=state.converged or unbeaten), event
 
 
+def _prolong(state: PsGdeLmState, ledger: Ledger) -> Step:
+    """Refine the best deferred candidate on the full record or, once a round, go on with the unfinished best refinement."""
+    if state.neglected:
+        z = state.deferred[int(state.scores.argmin())]
+        state = replace(
+            state, deferred=state.deferred[:0], scores=state.scores[:0], lineages=state.lineages + 1
+        )
+        return _refine(state, ledger, z, state.lineages - 1)
+    state = replace(state, resumed=True)
+    return _refine(state, ledger, ledger.best, int(state.optima.lineages[state.optima.best()]))
+
+
 def _follow_up(state: PsGdeLmState, ledger: Ledger, z: FloatArray, lineage: int) -> Step:
     """Climb the ladder from z; refine on the full record if every gate opens, else defer the candidate."""
-    found = climb(ledger, z, state.least, ledger.cost if state.trusted else np.inf)
+    rungs = len(ledger.prices)
+    # a state that was saved with another ladder knows nothing of this one
+    least = state.least if len(state.least) == rungs else np.full(rungs, np.inf)
+    found = climb(ledger, z, least, ledger.cost if state.trusted else np.inf)
     state = replace(state, least=found.least)
     if found.passed:
         state, event = _refine(state, ledger, found.z, lineage, found.score)

@@ -25,6 +25,7 @@ STEP = 1e-7  #: of a forward difference
 CACHED = 2**16  #: numbers that are whitened at a time
 PRIORS = 64  #: residuals of priors that are a stretch of derivatives
 Array = TypeVar("Array", FloatArray, IntArray)
+ENERGY = 1.0 / 16.0  #: share of the inputs' on the shortest record; any from 1/32 to 1/8 serves
 
 
 @dataclass(frozen=True, eq=False)
@@ -435,18 +436,23 @@ def on_circle(errors: FloatArray, outputs: Sequence[str]) -> FloatArray:
 
 
 def horizon_ladder(pieces: Sequence[Piece]) -> tuple[tuple[int, ...], ...]:
-    """Return samples per piece and rung: up to half of the inputs' energy (about their start), three times as far, all.
+    """Return samples per piece and rung: up to a sixteenth of the inputs' energy (about their start), then thrice as far each.
 
-    The first rung ends within 10 and 50 % of the piece, not before 0.4 s; rungs that would be nearly whole are left out.
+    The first rung ends where the inputs have begun to move, so that a candidate far from the truth, or unstable, has not yet
+    diverged; as rungs grow geometrically, the long ones cost nearly all. The first ends within half of the piece, not before
+    0.4 s; rungs that would be nearly whole are left out, and the last is the whole record.
     """
     firsts = []
     for piece in pieces:
         n, scale = len(piece.time), np.ptp(piece.inputs, axis=0)
         deflections = (piece.inputs - piece.inputs[0]) / np.where(scale > 0.0, scale, 1.0)
         energy = np.cumsum(np.sum(deflections**2, axis=1))
-        half = int(np.searchsorted(energy, 0.5 * energy[-1])) + 1 if energy[-1] > 0.0 else n // 10
-        least = max(20, n // 10, round(0.4 / piece.dt))
-        firsts.append(min(max(half, least), max(n // 2, least), n))
+        begun = int(np.searchsorted(energy, ENERGY * energy[-1])) + 1 if energy[-1] > 0.0 else n // 10
+        least = max(20, round(0.4 / piece.dt))
+        firsts.append(min(max(begun, least), max(n // 2, least), n))
     whole = tuple(len(p.time) for p in pieces)
-    rungs = [tuple(min(factor * f, n) for f, n in zip(firsts, whole, strict=True)) for factor in (1, 3)]
-    return (*(r for r in rungs if sum(r) < 0.6 * sum(whole)), whole)
+    rungs, rung = [], tuple(firsts)
+    while sum(rung) < 0.6 * sum(whole):
+        rungs.append(rung)
+        rung = tuple(min(3 * f, n) for f, n in zip(rung, whole, strict=True))
+    return (*rungs, whole)

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from stoop import optimize
 from stoop.kernels.instructions import Function
 
 ROOT = Path(__file__).parents[3]
@@ -107,3 +108,28 @@ def test_the_log_that_is_measured_is_sound(part: Any, tmp_path: Path) -> None:
     assert recording.defects == ()
     assert set(recording.streams) == set(ulog.USEFUL) < set(ulog.MIX)
     assert recording.streams["vehicle_attitude"].period == pytest.approx(1 / 200, abs=1e-6)
+
+
+@pytest.mark.parametrize("width", [8.0, 30.0])
+def test_the_truth_lies_in_a_corner_that_the_seed_draws(part: Any, width: float) -> None:
+    corners, truth = part("corners"), np.array([0.5, -40.0, 3.0])
+    places = []
+    for seed in range(40):
+        low, high = corners.corner(width, seed, truth)
+        assert high - low == pytest.approx(width * np.abs(truth))
+        places.append((truth - low) / (high - low))
+    place = np.array(places)
+    assert np.minimum(place, 1.0 - place) == pytest.approx(np.full(place.shape, 0.05))
+    assert len(np.unique(place > 0.5, axis=0)) == 8, "every corner"
+
+
+def test_the_search_ends_by_itself_in_a_corner(part: Any) -> None:
+    """One of the development seeds, on which a population of the whole record alone had not ended after 10 000."""
+    corners = part("corners")
+    problem = corners.in_corner(30.0, 28)
+    outcome = optimize.minimize(
+        optimize.create(), problem, seed=28, stop=optimize.Stop(budget=corners.BUDGET)
+    )
+    assert outcome.status == "converged"
+    truth = np.array([corners.paper().vehicle.value(p.name) for p in problem.layout.parameters])
+    assert problem.layout.physical(outcome.z[None, :])[0] == pytest.approx(truth, rel=1e-6)

@@ -164,8 +164,8 @@ def test_a_ready_mapping_is_extended(tmp_path: Path) -> None:
     assert '# alpha = {stream = "AOA", column = "AOA", unit = "deg"}' in made.text
 
 
-#: columns as others write them: a pilot's table, JSBSim's properties and labels, X-Plane, Garmin's engine monitor, EuRoC, FlightGear,
-#: Crazyflie's log, a motion-capture table -> variable, unit, and sign
+#: columns as others write them: JSBSim's properties and labels, X-Plane, Garmin's engine monitor, EuRoC, FlightGear,
+#: Crazyflie, motion capture -> variable, unit, and sign
 FOREIGN = {
     "elev_cmd_deg": ("elevator", "deg", 1), "ail_cmd_deg": ("aileron", "deg", 1), "rud_cmd_deg": ("rudder", "deg", 1),
     "gps_vn_kt": ("vn", "kt", 1), "gps_climb_fpm": ("vd", "ft/min", -1), "rpm": ("rotor_1", "", 1),

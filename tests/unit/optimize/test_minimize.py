@@ -100,6 +100,52 @@ class Rugged:
         return 12.0
 
 
+def test_long_refinements_and_populations_take_no_more_than_scouting() -> None:
+    """Each may begin one more step when it has taken as much, and so exceeds it by what that step costs."""
+    largest = {"prolonged": 0.0, "evolved": 0.0}
+    before = optimize.create().init(Rugged(), 3, np.empty((0, 4)))
+    rounds, populations = set(), set()
+
+    def watch(progress: optimize.Progress) -> None:
+        nonlocal before
+        state: Any = progress.state
+        spent = state.evaluations.trajectories - before.evaluations.trajectories
+        taken = {part: getattr(state, part) - getattr(before, part) for part in largest}
+        assert sum(more > 0.0 for more in taken.values()) <= 1
+        for part, more in taken.items():
+            assert more in (0.0, pytest.approx(spent))
+            if more:
+                scouted = before.evaluations.trajectories - before.prolonged - before.evolved
+                assert getattr(before, part) <= scouted + 1e-9
+            largest[part] = max(largest[part], more)
+        rounds.add(state.scouts.tobytes())
+        populations.add(state.population is not None)
+        before = state
+
+    problem = Rugged()
+    problem.reference = lambda rung: 1.0  # so that gates stop candidates
+    optimize.minimize(optimize.create(), problem, seed=3, stop=Stop(generations=400), callback=watch)
+    assert min(largest.values()) > 0.0
+    assert populations == {False, True}
+    assert before.round > 10
+    assert len(rounds) == -(-before.round // 5), (
+        "five rounds share a Latin hypercube, and the next five have another"
+    )
+
+
+@pytest.mark.parametrize("shares", [(0.4, 1.0), (0.05, 0.1, 0.2, 0.4, 1.0)])
+def test_a_state_of_another_ladder_continues(
+    oscillation: Callable[..., Any], shares: tuple[float, ...]
+) -> None:
+    saved = optimize.minimize(optimize.create(), oscillation(), seed=1, stop=Stop(generations=2)).state
+    assert saved is not None
+    assert not saved.converged
+    rest = optimize.minimize(optimize.create(), oscillation(shares=shares), seed=1, state=saved)
+    assert rest.status == "converged"
+    assert rest.trajectories > saved.evaluations.trajectories
+    assert len(rest.state.least) == len(shares)
+
+
 @own
 def test_a_step_does_not_change_its_state(name: str, oscillation: Callable[..., Any]) -> None:
     optimizer, problem = optimize.create(name), oscillation()

@@ -168,6 +168,7 @@ FORMER_NAMES = {
     "population_size": "herd_size",
     "refined": "dived",
 }
+LATER_FIELDS = {"prolonged", "evolved"}  # which release 0.1 did not have
 
 
 def renamed(value: Any) -> Any:
@@ -191,7 +192,9 @@ def test_a_state_with_the_names_of_release_0_1_continues_as_an_uninterrupted_run
     header = json.loads(arrays["header"].tobytes())
     header["state"] = renamed(header["state"])
     with np.load(RELEASE_0_1) as file:
-        assert names(header["state"]) == names(json.loads(file["header"].tobytes())["state"])
+        kind, fields = names(header["state"])
+        former = {name: item for name, item in fields.items() if name not in LATER_FIELDS}
+        assert (kind, former) == names(json.loads(file["header"].tobytes())["state"])
     np.savez(path, **arrays | {"header": np.frombuffer(json.dumps(header).encode(), dtype=np.uint8)})
     resumed = optimize.minimize(
         optimize.create(), Rastrigin(), seed=0, stop=STOP, state=optimize.load_state(path)

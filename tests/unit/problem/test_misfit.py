@@ -306,6 +306,27 @@ def test_horizons_grow_and_end_with_everything(problem: Misfit) -> None:
         assert np.ptp(p.inputs[:count], axis=0).max() > 0.0, "the first horizon sees the controls move"
 
 
+def test_the_first_horizon_is_as_short_as_the_inputs_allow_and_each_next_one_three_times_as_long() -> None:
+    time = np.arange(1000) / 50.0
+    inputs = np.zeros((1000, 2))
+    inputs[100:500, 0] = 0.1  # energy 400 of 800, each input in parts of its own range
+    inputs[600:, 1] = -7.0
+    one = Piece(0, time, inputs, np.zeros((1000, 1)), {})
+    # a sixteenth of the energy is 50 samples behind the first step
+    assert horizon_ladder([one]) == ((150,), (450,), (1000,))
+    early = replace(one, inputs=inputs[60:], time=time[:940])
+    assert horizon_ladder([early])[0] == (90,)
+    # pieces grow until the whole is near, each within its own length
+    short = replace(one, inputs=inputs[80:580], time=time[:500])
+    assert horizon_ladder([one, short]) == ((150, 45), (450, 135), (1000, 500))
+    sudden = replace(one, inputs=np.eye(1000, 1, -7))
+    assert horizon_ladder([sudden])[0] == (20,), "not before 0.4 s"
+    late = replace(one, inputs=np.eye(1000, 1, -999))
+    assert horizon_ladder([late]) == ((500,), (1000,)), "within half of the piece"
+    still = replace(one, inputs=np.zeros((1000, 2)))
+    assert horizon_ladder([still]) == ((100,), (300,), (1000,))
+
+
 def test_layout_turns_units(problem: Misfit) -> None:
     layout = problem.layout
     values = np.array([p.value for p in layout.parameters])
