@@ -31,9 +31,9 @@ def test_odeint(readme: Table) -> None:
         said[f"times faster than odeint, {n} right-hand side"] for n in ("lean Python", "Numba")
     )
     _, own, beside = readme.rows[0]
-    assert lean.startswith(f"9.5 ms against {own};")
-    assert compiled.startswith(f"4.0 ms against {own};")
-    assert {9.5, 4.0} <= set(rounded(beside))
+    plain, quick = rounded(beside)
+    assert lean.startswith(f"{plain:.1f} ms against {own};")
+    assert compiled.startswith(f"{quick:.1f} ms against {own};")
 
 
 @pytest.mark.parametrize(("row", "box"), [(1, "N"), (2, "W")])
