@@ -160,15 +160,18 @@ def _measured(tool: Tool, problem: Misfit, case: Case) -> Ended | str:
         folder = Path(name)
         (folder / "case.pickle").write_bytes(pickle.dumps((case, point)))
         words = [sys.executable, "-m", "benchmarks.solver_child", str(TOOLS.index(tool)), name]
-        done = subprocess.run(
-            words,
-            env=os.environ | ONE_CORE | {"STOOP_CACHE_DIR": str(folder / "cache")},
-            capture_output=True,
-            text=True,
-            timeout=LIMIT,
-            check=False,
-            preexec_fn=lambda: os.sched_setaffinity(0, core),
-        )
+        try:
+            done = subprocess.run(
+                words,
+                env=os.environ | ONE_CORE | {"STOOP_CACHE_DIR": str(folder / "cache")},
+                capture_output=True,
+                text=True,
+                timeout=LIMIT,
+                check=False,
+                preexec_fn=lambda: os.sched_setaffinity(0, core),
+            )
+        except subprocess.TimeoutExpired:
+            return f"no result in {LIMIT:.0f} s"
         if done.returncode:
             return (done.stderr.strip().splitlines() or ["no message"])[-1]
         with np.load(folder / "found.npz") as found:

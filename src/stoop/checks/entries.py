@@ -5,11 +5,14 @@ from __future__ import annotations
 import re
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, NamedTuple, TypeAlias
 
+from stoop.base.files import utf8_text
 from stoop.base.text import enumerated
+from stoop.base.toml import quoted
 
 TABLE: Final = "the table"  #: file of lines that are columns in memory
 _SOURCE: Final = re.compile(r"group\.(?P<group>.+)\.sources\[(?P<index>\d+)\]")
@@ -46,6 +49,25 @@ class Line:
         known = self.entry.get(key, default)
         return known[self.index] if isinstance(known, list) else known
 
+    @property
+    def plain(self) -> bool:
+        """Whether scale and offset act on one column of one name for each variable, along the axes of stoop."""
+        columns = self.entry.get("column", self.entry.get("columns", ()))
+        every = columns if isinstance(columns, list) else [columns]
+        texts = [*every, self.entry.get("stream", "")]
+        written_out = len(every) == self.count and all(isinstance(x, str) and "{" not in x for x in texts)
+        return written_out and not self.entry.get("frame")
+
+    def same_stream(self, other: Line) -> bool:
+        """Whether another line differs in column, unit, scale and offset alone."""
+        own = ("column", "columns", "variables", "unit", "scale", "offset")
+        entries = ({key: x for key, x in line.entry.items() if key not in own} for line in (self, other))
+        return (
+            self.count == other.count
+            and (self.count == 1 or self.key == other.key)
+            and next(entries) == next(entries)
+        )
+
     def changed(self, key: str, value: Any, default: Any) -> Change:
         """Return the change that gives a key another value for this variable alone."""
         if self.count == 1 and not isinstance(self.entry.get(key), list):
@@ -73,10 +95,8 @@ def read_lines(places: Mapping[str, str]) -> dict[str, Line]:
         if file not in content:
             content[file] = None
             if file and Path(file).is_file():
-                try:
-                    content[file] = tomllib.loads(Path(file).read_text("utf-8"))
-                except (OSError, ValueError):
-                    content[file] = {}
+                with suppress(OSError, ValueError):  # no mapping: it has no lines
+                    content[file] = tomllib.loads(utf8_text(Path(file).read_bytes()))
         table = content[file]
         if table is not None:
             lines[name] = _line(file, key, name, table)
@@ -102,7 +122,7 @@ def written(value: Any) -> str:
     """Return a value as TOML writes it."""
     if isinstance(value, list):
         return f"[{', '.join(map(written, value))}]"
-    return f"{value:.12g}" if isinstance(value, int | float) else f'"{value}"'
+    return f"{value:.12g}" if isinstance(value, int | float) else quoted(value)
 
 
 def told(changes: Sequence[Change], file: str) -> str:

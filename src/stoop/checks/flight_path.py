@@ -17,7 +17,7 @@ from stoop.base.units import STANDARD_GRAVITY
 from stoop.base.variables import EULER, SPECIFIC_FORCE, VELOCITY
 from stoop.checks.engine import Evidence, Key, Range, Residual, Residuals
 from stoop.checks.kinematics import LIMITS as AGREEMENT
-from stoop.checks.kinematics import Columns, Motion
+from stoop.checks.kinematics import Columns
 from stoop.checks.lines import Assignment, reading
 
 
@@ -43,7 +43,6 @@ class FlightPath:
     def __init__(self, data: Columns, rate: float, winged: bool) -> None:
         there = {*EULER, *VELOCITY} <= data.keys() and not set(SPECIFIC_FORCE) <= data.keys()
         self.data, self.rate, self.winged, self.there = data, rate, winged, there
-        self.motion = Motion(data, rate)
         self.steps = max(2, round(LIMITS.span * rate))
 
     def __call__(self, state: Assignment, changed: Collection[str] | None) -> Residuals:

@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from typing import Final, TypeAlias
 
-from stoop.base.text import enumerated
 from stoop.base.variables import EULER, POSITION, RATES, SPECIFIC_FORCE, VELOCITY
 from stoop.checks.engine import Edit
 from stoop.checks.entries import Lines
@@ -42,8 +41,8 @@ def frame_edits(lines: Lines) -> Iterator[Edit[Assignment]]:
             if len(names) > 1:
                 body = any(sensor in (EULER, *_BODY) for sensor in there)
                 axes = ("flu",) * (body and ground) + (frame,)
-                fix = f"take the axes of {enumerated(names)} for {enumerated(axes)}"
-                value = " ".join(axes)
+                value = "-".join(axes)
+                fix = f"convert from axes {value}"
                 # where nothing shows the heading, any is as good: the usual axes
                 prior = ODDS.frame + ODDS.less_usual * (frame == "nwu")
                 yield LineEdit("frame", names, fix, applied, prior=prior, value=value)

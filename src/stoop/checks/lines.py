@@ -37,12 +37,6 @@ Assignment: TypeAlias = Mapping[str, tuple[str, float]]
 AIRSPEEDS: Final = ("V", "airspeed_pitot", "airspeed_equivalent")
 VANES: Final = ("alpha", "beta")
 EAST: Final = "psi from east"  #: column of headings that were counted from east to north
-_TAKEN: Final = {
-    "column": "",
-    "stream": "",
-    "file": "",
-    "unit": "",
-}  #: keys that go with a column, and their defaults
 SURFACES: Final = ("elevator", "aileron", "rudder")
 SENSORS: Final = (EULER, RATES, SPECIFIC_FORCE, VELOCITY, POSITION, VANES, SURFACES)  #: what shares a unit
 #: whose sign the residuals can show; an aileron's is as the vehicle file says
@@ -148,8 +142,8 @@ class LineEdit(Edit[Assignment]):
     """An edit of lines of a mapping."""
 
     def changes(self, lines: Lines) -> tuple[Change, ...]:
-        """Return what each line says then; none where a line is no user's."""
-        if not all(name in lines and lines[name].entry for name in self.lines):
+        """Return what each line says then; none where a line is no user's, or no plain column along the axes of stoop."""
+        if not all(name in lines and lines[name].plain for name in self.lines):
             return ()
         out: list[Change] = []
         for name, (column, factor) in self.apply({}).items():
@@ -166,10 +160,11 @@ class LineEdit(Edit[Assignment]):
                 ]
             else:
                 taken = lines[column]
-                if not (taken.key == line.key or taken.count == line.count == 1):
-                    return ()  # columns of two groups are on streams of their own
+                if column != name and not line.same_stream(taken):
+                    return ()
                 keys = {
-                    **(_TAKEN if line.count == 1 else {"columns": "", "unit": ""}),
+                    "column" if "column" in line.entry else "columns": "",
+                    "unit": "",
                     "scale": 1.0,
                     "offset": 0.0,
                 }
@@ -193,7 +188,8 @@ class LineEdit(Edit[Assignment]):
             return f"{self.fix} for {place}"
         if self.kind in ("sign", "scale"):
             return f"multiply {place} by {self.fix.rpartition(' ')[2]}"
-        return f"convert {place} from {self.value}" if self.kind == "unit" else f"{self.fix} for {place}"
+        converted = self.kind in ("unit", "frame")
+        return f"convert {place} from {self.value}" if converted else f"{self.fix} for {place}"
 
 
 def _merged(changes: Sequence[Change], lines: Lines) -> tuple[Change, ...]:

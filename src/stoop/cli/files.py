@@ -81,7 +81,7 @@ def _corrected(log: Path, mapping: Path) -> tuple[str, list[str]]:
 
     made = corrected_mapping(log, mapping)
     said = [f"applied: {one}" for one in made.applied] + [f"left to you: {one}" for one in made.left]
-    return made.text, [f"{len(made.applied)} corrections, each confirmed by the log read anew", *said]
+    return made.text, [f"corrections applied: {len(made.applied)}, each confirmed by the log", *said]
 
 
 def export(arguments: argparse.Namespace) -> int:

@@ -55,7 +55,7 @@ NOTICES: Final = "notices"  #: attribute; files of older versions hold sentences
 class ContradictedError(FlightError):
     """Angles or rates are in degrees where radians belong; `notices` hold all that contradicts the mapping."""
 
-    def __init__(self, text: str, notices: Sequence[Notice]) -> None:
+    def __init__(self, text: str, notices: Sequence[Notice] = ()) -> None:
         super().__init__(text)
         self.notices = tuple(notices)
 
@@ -208,10 +208,10 @@ def _contradictions(
             for name, x in in_air.items()
         }
     found = attempt(failed, Judgment((), (), {}), check_mapping, signals, judged, rate, lines)
-    if found.refused:
-        said = str(found.refused[0]).removesuffix(".")
-        raise ContradictedError(f"{flight.path or flight.name}: {said}", (*found.refused, *found.notices))
     of_rates = attempt(failed, [], check_rates, found.corrected(in_air), rate, lines)
+    if found.refused:
+        said, every = str(found.refused[0]).removesuffix("."), (*found.refused, *found.notices, *of_rates)
+        raise ContradictedError(f"{flight.path or flight.name}: {said}", every)
     if any(one.code.startswith(INCONSISTENT) for one in (*found.notices, *of_rates)):
         # a late attitude explains one unlike its rates
         of_rates = attempt(failed, [], attitude_delay, channels) or of_rates

@@ -15,7 +15,7 @@ import tomlkit
 from stoop.base.files import write_text_atomic
 from stoop.base.notices import Notice, Value
 from stoop.base.toml import read_source
-from stoop.errors import LogError
+from stoop.errors import LogError, StoopError
 from stoop.flight.load import ContradictedError, load
 
 MOST: Final = 32  #: changes of one mapping
@@ -49,7 +49,10 @@ def corrected_mapping(log: Path, mapping: Path) -> Corrections:
             break
         best = max(advised, key=lambda one: float(str(one.values["evidence"])))
         changed = with_changes(text, _changes(best))
-        after = contradictions(log, changed, mapping)
+        try:
+            after = contradictions(log, changed, mapping)
+        except StoopError:  # what cannot be read is no correction
+            after = found
         if len(after) < len(found):
             text, found = changed, after
             applied.append(best)
@@ -72,6 +75,8 @@ def contradictions(log: Path, text: str, mapping: Path) -> list[Notice]:
             found = [fault.notice for fault in load(log, place).faults]
         except ContradictedError as error:
             found = list(error.notices)
+        except StoopError as error:
+            raise type(error)(str(error).replace(str(place), str(mapping))) from None
 
     def told(value: Value) -> Value:
         if isinstance(value, tuple):

@@ -204,7 +204,8 @@ def _offered(name: str, stream: Stream, columns: Sequence[str], several: bool) -
     more = f"; {len(columns) - LIMITS.names} more are not listed" if len(columns) > LIMITS.names else ""
     rows = [f"# not recognized in {quoted(name)}: write a variable for NAME, and its unit{more}"]
     for column in columns[: LIMITS.names]:
-        known = stream.columns[column][np.isfinite(stream.columns[column])]
+        x = stream.columns[column]
+        known = x[np.isfinite(x)]
         ends = f"{known.min():.4g} to {known.max():.4g}" if known.size else "no number"
         rows.append(one_line(f'# NAME = {{{_place(column, name if several else "")}, unit = "1"}}  # {ends}'))
     return rows

@@ -39,7 +39,8 @@ MARKERS: Final = (("o", "full"), ("o", "none"), ("s", "full"))
 STYLE: Final = {
     "svg.fonttype": "none", "svg.hashsalt": "stoop", "text.parse_math": False, "font.size": 11.0,
     "axes.spines.top": False, "axes.spines.right": False, "axes.spines.left": False, "axes.spines.bottom": False,
-    "xtick.bottom": False, "ytick.left": False, "axes.grid": True, "axes.axisbelow": True, "axes.formatter.limits": (-4, 6), "axes.formatter.useoffset": False,
+    "xtick.bottom": False, "ytick.left": False,
+    "axes.grid": True, "axes.axisbelow": True, "axes.formatter.limits": (-4, 6), "axes.formatter.useoffset": False,
     "grid.linewidth": 1.0, "xtick.major.size": 0.0, "ytick.major.size": 0.0, "xtick.minor.size": 0.0,
     "ytick.minor.size": 0.0, "lines.linewidth": 1.5, "lines.solid_capstyle": "round", "hatch.linewidth": 1.0,
     "grid.color": light("grid"), "xtick.color": light("tick"), "ytick.color": light("tick"),

@@ -14,7 +14,6 @@ more. Nobody is given those values: every optimizer begins blind.
 from __future__ import annotations
 
 import functools
-from pathlib import Path
 from typing import Final
 
 import numpy as np
@@ -24,7 +23,7 @@ from stoop.base.arrays import FloatArray
 from stoop.errors import FlightError, IdentificationError
 from stoop.estimate.fit import Options, estimation_problem, settle, starts
 from stoop.estimate.refit_problem import Derived
-from stoop.flight import load
+from stoop.flight.load import load_several
 from stoop.optimize.normal_equations import dense
 from stoop.problem.windows import parse_window
 from stoop.vehicle.builtin import resolve_vehicle
@@ -112,7 +111,7 @@ def posed(flights: tuple[str, ...], vehicle: str, maneuvers: tuple[str, ...]) ->
     IdentificationError
         No search was confirmed.
     """
-    loaded = [load(Path(path)) for path in flights]
+    loaded = load_several(flights)
     by_name = {flight.name: flight for flight in loaded}
     if len(by_name) < len(loaded):
         raise FlightError("flights: two of them have the same name; rename one of the files")

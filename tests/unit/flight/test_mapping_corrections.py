@@ -13,6 +13,7 @@ from stoop.checks.entries import read_lines
 from stoop.checks.frames import frame_edits
 from stoop.checks.lines import mapping_edits
 from stoop.cli.main import main
+from stoop.errors import StoopError
 from stoop.flight.mapping_corrections import corrected_mapping, with_changes
 from tests.unit.flight.test_mapping_draft import T, flown
 
@@ -106,7 +107,59 @@ def test_the_verb_writes_the_mapping_and_says_what_it_did(
     other = tmp_path / "new.toml"
     assert main(["map", str(path), "--apply", str(mapping), "-o", str(other)]) == 0
     assert mapping.read_text() == before
-    assert "1 corrections, each confirmed" in capsys.readouterr().out
+    assert "corrections applied: 1, each confirmed" in capsys.readouterr().out
     assert other.read_text() == before.replace('"q", unit = "rad/s"}', '"q", unit = "rad/s", scale = -1}')
     assert main(["map", str(path), "--apply", str(mapping)]) == 0
     assert capsys.readouterr().out == other.read_text()
+
+
+@pytest.mark.parametrize(
+    ("entry", "names"),
+    [
+        ('columns = ["g[{0..2}]"]', "pqr"),
+        ('columns = "g[{0..2}]"', "pqr"),
+        ('columns = ["p", "q", "r"]\nframe = "flu"', "pqr"),
+        ('columns = [{p = 1.0, q = -1.0}, "q", "r"]', "pqr"),
+    ],
+)
+def test_columns_that_are_not_plain_get_advice_without_changes(
+    tmp_path: Path, entry: str, names: str
+) -> None:
+    place = tmp_path / "m.toml"
+    place.write_text(f'[group.gyro]\nvariables = ["p", "q", "r"]\nunit = "rad/s"\n{entry}\n')
+    lines = read_lines(dict.fromkeys(names, f"{place}: group.gyro.sources[0]"))
+    for edit in (*mapping_edits(dict.fromkeys(names, (T, T)), names, lines, {}), *frame_edits(lines)):
+        assert edit.changes(lines) == ()
+        assert "group.gyro" in edit.advice(lines)
+
+
+def test_an_exchange_writes_names_of_any_kind_and_only_within_a_stream(tmp_path: Path) -> None:
+    place = tmp_path / "m.toml"
+    odd = (
+        'p = {column = "a\\"b", unit = "rad/s"}\n',
+        'q = {column = "b", unit = "deg/s"}\n',
+        'r = {column = "c", unit = "rad/s", valid = "ok"}\n',
+    )
+    place.write_text("[variables]\n" + "".join(odd))
+    lines = read_lines({name: f"{place}: variables.{name}" for name in "pqr"})
+    every = {
+        edit.lines: edit
+        for edit in mapping_edits(dict.fromkeys("pqr", (T, T)), "pqr", lines, {})
+        if edit.kind == "exchange"
+    }
+    text = with_changes(place.read_text(), [*map(str, every["p", "q"].changes(lines))])
+    assert tomllib.loads(text)["variables"]["q"] == {"column": 'a"b', "unit": "rad/s"}
+    assert every["q", "r"].changes(lines) == ()  # the flag goes with its column
+
+
+def test_a_mapping_with_a_mark_of_its_encoding_is_read(tmp_path: Path) -> None:
+    truth = flown()
+    path, mapping = written(tmp_path, {**truth, "q": -truth["q"]}, MAPPING + GROUPED)
+    mapping.write_text(mapping.read_text(), "utf-8-sig")
+    assert len(corrected_mapping(path, mapping).applied) == 1
+
+
+def test_an_error_names_the_mapping_and_not_a_copy(tmp_path: Path) -> None:
+    path, mapping = written(tmp_path, flown(), MAPPING + SINGLE.replace('"p"', '"zz"'))
+    with pytest.raises(StoopError, match=r"m\.toml: variables\.p"):
+        corrected_mapping(path, mapping)
