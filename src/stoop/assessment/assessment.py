@@ -33,7 +33,7 @@ from stoop.estimate import methods
 from stoop.estimate.estimate import Estimate
 from stoop.estimate.refit_problem import Derived, RefitProblem, SummedProblem
 from stoop.optimize import refine
-from stoop.optimize.ledger import HUGE, inner
+from stoop.optimize.ledger import inner
 from stoop.optimize.normal_equations import Jacobian, TallMatrix, tall
 from stoop.parallel import Json, Plan, Pool, Tally, execute
 from stoop.problem.archive import problem_arrays, problem_document, restored_problem
@@ -185,7 +185,7 @@ def linearize(problem: SummedProblem, z: FloatArray, free: IntArray) -> Optimum:
     rung = len(problem.prices) - 1
     residual = problem.residuals(z[None, :], rung)[0]
     jacobian, _ = problem.jacobian(z, rung, residual)
-    return Optimum(problem, z, free, residual, tall(jacobian, np.inf).of_variables(free))
+    return Optimum(problem, z, free, residual, tall(jacobian).of_variables(free))
 
 
 def unpacked_optimum(text: str) -> tuple[RefitProblem, Optimum, dict[str, Any]]:
@@ -272,7 +272,7 @@ def refit(optimum: Optimum, shifts: FloatArray) -> Refits:
 
 
 def _gauss_newton(optimum: Optimum, z: FloatArray, shift: FloatArray) -> FloatArray | None:
-    """Take Gauss-Newton steps with the refit's own gradients; None where they do not arrive.
+    """Take Gauss-Newton steps with the refit's own gradients; None where they do not converge.
 
     The information is that of the first point until steps no longer shrink fast.
     """
@@ -285,17 +285,19 @@ def _gauss_newton(optimum: Optimum, z: FloatArray, shift: FloatArray) -> FloatAr
         if not np.isfinite(r).all():
             return None
         if inverse is None:
-            jacobian = tall(problem.jacobian(z, rung, r)[0], HUGE)
+            jacobian = tall(problem.jacobian(z, rung, r)[0])
             inverse, gradient = _Inverse(jacobian, free), jacobian.project(r + shift)[free]
         else:
             gradient = problem.gradient(z, rung, r, r + shift)[free]
+        if not np.isfinite(gradient).all():
+            return None
         at = z[free]
         # bounds that the step would cross hold
         held = boxed & (((at <= low) & (gradient > 0.0)) | ((at >= high) & (gradient < 0.0)))
         unheld = np.flatnonzero(~held)
         step, length = inverse.step(gradient, unheld)
         if length > MIN_REDUCTION * before:
-            inverse = _Inverse(tall(problem.jacobian(z, rung, r)[0], HUGE), free)
+            inverse = _Inverse(tall(problem.jacobian(z, rung, r)[0]), free)
             step, length = inverse.step(gradient, unheld)
         before = length
         z = optimum.at((at - optimum.z[free] + step)[None, :])[0]
@@ -315,7 +317,7 @@ class _Inverse:
         """Return the Gauss-Newton step (f,) of the entries `unheld`, and its length in standard errors."""
         if not np.array_equal(unheld, self.unheld):
             self.unheld, self.factor = unheld, invert(self.information[np.ix_(unheld, unheld)]).factor
-        inner = -gradient[unheld] @ self.factor
+        reduced = -gradient[unheld] @ self.factor
         step = np.zeros(len(gradient))
-        step[unheld] = self.factor @ inner
-        return step, float(np.sqrt(inner @ inner))
+        step[unheld] = self.factor @ reduced
+        return step, float(np.sqrt(reduced @ reduced))

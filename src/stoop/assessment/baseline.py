@@ -84,9 +84,8 @@ def baseline_matches(
     fitted = [m for m in maneuvers if m.role == "fit"]
     alike = [m for m in fitted if abs(m.rate - fitted[0].rate) < 1e-6 * m.rate]  # two clocks read from a file
     joint: Sequence[Lag | None] = [None] * len(channels)
-    if alike and len(fitted) < len(
-        maneuvers
-    ):  # the lag that predicts is given all commands of all fit maneuvers
+    # the lag that predicts is given all commands of all fit maneuvers
+    if alike and len(fitted) < len(maneuvers):
         learned = [[r for i, m in enumerate(alike) for r in m.records(channel, i)] for channel in channels]
         joint = fit_lags(learned, alike[0].rate)
     for maneuver, matches in zip(maneuvers, found, strict=True):
@@ -191,14 +190,12 @@ def fit_lag(records: Sequence[LagRecord], rate: float) -> Lag | None:
 
 def fit_lags(channels: Sequence[Sequence[LagRecord]], rate: float) -> list[Lag | None]:
     """Fit a lag to the records of each channel, as `fit_lag` does; channels with equal commands share their designs."""
-    alike: dict[tuple[bytes, ...], list[int]] = {}
+    alike: dict[tuple[tuple[object, ...], ...], list[int]] = {}
     for i, records in enumerate(channels):
         measured = sum(int(np.isfinite(record.measured).sum()) for record in records)
         if records and measured > _unknowns(records) + 2:
-            key = [
-                part for r in records for part in (r.commands.tobytes(), np.isfinite(r.measured).tobytes())
-            ]
-            alike.setdefault(tuple(key), []).append(i)
+            bits = ((r.maneuver, r.commands.tobytes(), np.isfinite(r.measured).tobytes()) for r in records)
+            alike.setdefault(tuple(bits), []).append(i)
     found: list[Lag | None] = [None] * len(channels)
     for places in alike.values():
         for i, lag in zip(places, _Regression([channels[i] for i in places], rate).lags(), strict=True):

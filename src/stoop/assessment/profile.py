@@ -85,7 +85,7 @@ class Pinned(Derived):
         """Return the derivative by what is left, and the trajectories it took."""
         jacobian, spent = self.problem.jacobian(self.whole(z[None, :])[0], rung, r)
         rest = np.delete(np.arange(self.dimension + 1 + self.extra), self.entry)
-        return tall(jacobian, np.inf).of_variables(rest), spent
+        return tall(jacobian).of_variables(rest), spent
 
 
 class ProfileLikelihood:

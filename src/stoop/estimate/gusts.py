@@ -90,7 +90,7 @@ def gust_levels(vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequen
 def _memory(flight: Flight) -> int:
     """Return over how many samples of a flight its air data may share a reading."""
     rates = [flight.sources[c].rate for c in AIR if c in flight.sources]
-    return LIMITS.readings * max([1, *(math.ceil(flight.rate / rate) for rate in rates if rate > 0.0)])
+    return math.ceil(LIMITS.readings * max([1.0, *(flight.rate / rate for rate in rates if rate > 0.0)]))
 
 
 def changes_of_wind(vehicle: Vehicle, flight: Flight, window: Window) -> FloatArray:

@@ -12,7 +12,6 @@ import numpy as np
 from stoop import optimize
 from stoop.base.arrays import BoolArray, FloatArray
 from stoop.estimate.response import Responses, simulation_responses
-from stoop.optimize.ledger import HUGE
 from stoop.optimize.normal_equations import Jacobian, project, tall
 from stoop.problem import Misfit
 
@@ -60,7 +59,7 @@ class Derived(ABC):
 
     def gradient(self, z: FloatArray, rung: int, r: FloatArray, left: FloatArray) -> FloatArray:
         """Return the derivative at z with residuals r times `left` (n_r,), (D + E,)."""
-        return tall(self.jacobian(z, rung, r)[0], HUGE).project(left)
+        return tall(self.jacobian(z, rung, r)[0]).project(left)
 
     def costs(self, X: FloatArray, rung: int) -> FloatArray:
         """Return costs (B,) with the nuisances at zero."""

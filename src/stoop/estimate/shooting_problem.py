@@ -114,7 +114,7 @@ def reduced(windows: Sequence[Weighted], damping: float) -> Reduced:
     gap, closing = (
         np.array(one).reshape(-1, e) for one in ([w.gap for w in meet], [w.closing for w in meet])
     )
-    # of half the cost by 1 (the gradient) and by the unknowns, with the same
+    # normal matrix of (1, unknowns): its first row holds the gradient
     gaps = np.concatenate([gap[:, :, None], by_unknown], axis=2)
     rows = gaps.reshape(-1, 1 + j)
     whole = rows.T @ rows

@@ -136,9 +136,8 @@ class Shot:
     """One window, simulated and linearized."""
 
     residual: FloatArray  #: (n, n_y), simulated less measured, zero where nothing was measured
-    by_unknown: (
-        FloatArray  #: (n, n_y, j), its derivative by the entries of the search vector that act on the piece
-    )
+    #: (n, n_y, j), its derivative by the entries of the search vector that act on the piece
+    by_unknown: FloatArray
     by_state: FloatArray  #: (n, n_y, e), by a perturbation of the state that the window begins with
     gap: FloatArray  #: (e,), end of this window less start of the next; empty for the last
     gap_by_unknown: FloatArray  #: (e, j)

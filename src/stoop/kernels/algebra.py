@@ -3,10 +3,10 @@
 Every expression is a coefficient, which depends on the parameters alone, times a product of powers; a sum of such products is
 a node. Coefficients cost nothing in the time loop, and so
 
-- a factor that all terms of a sum share is taken out of it, negative powers too, and meets the powers outside: V^2 (a/V + b/V)
-  becomes V (a + b);
+- a factor that all terms of a sum share is taken out of it, negative powers too, and is combined with the powers outside:
+  V^2 (a/V + b/V) becomes V (a + b);
 - a denominator inside a denominator is cleared;
-- a sum is dissolved in those that it stands in with constant coefficients, where that saves operations: moments about two
+- a sum is expanded in those that it is a term of with a constant coefficient, where that saves operations: moments about two
   axes that share a product of inertia become two sums with coefficients of their own;
 - a constant factor of a sum is multiplied into its coefficients;
 - polynomials take Horner's form; terms with equal coefficients are added first.
@@ -73,7 +73,7 @@ def added(parts: Iterable[Product]) -> Sum:
 
 @dataclass(frozen=True)
 class Call:
-    """A function of products: ``sqrt`` has no need of one."""
+    """A function of products; square roots are powers, not calls."""
 
     name: str
     arguments: tuple[Product, ...]

@@ -100,7 +100,7 @@ def _renamed(
 
 
 class _Constants:
-    """The coefficients that functions take, in the order in which they first ask for them."""
+    """The coefficients that functions take, in the order of their first use."""
 
     def __init__(self, algebra: Algebra) -> None:
         self.defined = {symbol: expr for expr, symbol in algebra.constants.items()}

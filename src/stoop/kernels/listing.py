@@ -11,13 +11,8 @@ import sympy as sp
 from stoop.kernels.algebra import Algebra, Call, Product, split_sign
 
 Signed = tuple[int, int]  #: a sign and a value
-_LATENCY: Final = {
-    "name": 0,
-    "fabs": 0,
-    "inverse": 4,
-    "sqrt": 5,
-    "atan2": 16,
-}  #: in multiply-adds; of all others 1
+#: in multiply-adds; of all others 1
+_LATENCY: Final = {"name": 0, "fabs": 0, "inverse": 4, "sqrt": 5, "atan2": 16}
 
 
 class Listing:

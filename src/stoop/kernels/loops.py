@@ -93,7 +93,7 @@ class Block:
     def follow(self, now: Terms, end: Terms) -> None:
         """Write the forcing terms of a step along which inputs are linear, from `now` to `end`.
 
-        Those at its beginning are there: they were the last ones of the step before, held inputs aside.
+        Those at its beginning are the last ones of the step before; they are computed again only where inputs are held.
         """
         sizes, count = self.sizes, self.sizes.forcings
         if sizes.held:

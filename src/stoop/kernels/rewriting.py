@@ -1,7 +1,7 @@
 """Sums rewritten where that saves operations.
 
-A pass rewrites what saves operations by itself. As parts that several sums have in common are computed once, all it does may
-cost more in the end: then it is taken back.
+A pass rewrites what saves operations by itself. As parts that several sums have in common are computed once, a pass may
+cost more in total: then it is undone.
 """
 
 from __future__ import annotations
@@ -225,8 +225,8 @@ class Rewriter:
             users = self.users()[node]
             coefficients = {split_sign(c)[1] for _, (c, _) in users}
             alone = all(dict(p)[node] == 2 for _, (_, p) in users)
-            added = sum(bool(p) and trivial(c) for p, c in terms.items())
-            if alone and len(coefficients) == 1 and added < len({p for _, (_, p) in users}):
+            multiplications = sum(bool(p) and trivial(c) for p, c in terms.items())
+            if alone and len(coefficients) == 1 and multiplications < len({p for _, (_, p) in users}):
                 (factor,) = coefficients
                 if not trivial(factor):
                     self._move(node, factor, users)

@@ -144,7 +144,7 @@ class SecantModel(LinearModel):
     def linearize(self) -> None:
         """Take the Jacobian by differences."""
         J, _ = self.problem.jacobian(self.z, self.rung, self.r)
-        self.differences = tall(J, HUGE)
+        self.differences = tall(J).below(HUGE)
         self.updates: list[tuple[FloatArray, FloatArray]] = []
         self.normal = self.differences.gram()
         self.gradient = self.differences.project(self.r)

@@ -36,15 +36,14 @@ class TallMatrix:
     parts: tuple[FloatArray, ...]  #: their rows there
 
     @classmethod
-    def of(cls, rows: FloatArray, largest: float = np.inf) -> TallMatrix:
-        """Take the matrix from its transpose (v, n); a variable with numbers that are not below `largest` has no part."""
+    def of(cls, rows: FloatArray) -> TallMatrix:
+        """Take the matrix from its transpose (v, n)."""
         v, n = rows.shape
         stretches = tuple(slice(start, min(start + STRETCH, n)) for start in range(0, n, STRETCH))
         # greatest and least instead of magnitudes: no copy of what may be tens of megabytes
         high = np.array([rows[:, s].max(axis=1) for s in stretches]).reshape(len(stretches), v)
         low = np.array([rows[:, s].min(axis=1) for s in stretches]).reshape(len(stretches), v)
-        sound = ((high < largest) & (low > -largest)).all(axis=0)
-        present = tuple(np.flatnonzero(there) for there in ((high > 0.0) | (low < 0.0)) & sound)
+        present = tuple(np.flatnonzero(there) for there in (high != 0.0) | (low != 0.0))  # NaN too
         parts = tuple(rows[some, s] for some, s in zip(present, stretches, strict=True))
         return cls((n, v), stretches, present, parts)
 
@@ -117,9 +116,9 @@ class TallMatrix:
 Jacobian: TypeAlias = FloatArray | TallMatrix
 
 
-def tall(jacobian: Jacobian, largest: float) -> TallMatrix:
-    """Return a Jacobian by stretches, without the variables with numbers that are not below `largest`."""
-    return jacobian.below(largest) if isinstance(jacobian, TallMatrix) else TallMatrix.of(jacobian.T, largest)
+def tall(jacobian: Jacobian) -> TallMatrix:
+    """Return a Jacobian by stretches."""
+    return jacobian if isinstance(jacobian, TallMatrix) else TallMatrix.of(jacobian.T)
 
 
 def dense(jacobian: Jacobian) -> FloatArray:

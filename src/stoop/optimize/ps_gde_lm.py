@@ -36,9 +36,8 @@ class PsGdeLmState(State):
     trusted: bool  #: the best is a converged refinement from the user's own values that explains the data
     population: Population | None  #: once the first scouts are used up
     population_size: int  #: of the next population
-    prolonged: float = (
-        0.0  #: trajectories of full refinements from deferred candidates, and of unfinished ones
-    )
+    #: trajectories of full refinements from deferred candidates, and of unfinished ones
+    prolonged: float = 0.0
     evolved: float = 0.0  #: trajectories of populations, refinements of their members included
 
     @property
@@ -63,8 +62,8 @@ class PsGdeLm:
 
     A step is the refinement from the user's own values, a scouting round, the follow-up of one candidate, or a
     generation (or refinement) of the population. Full refinements that no gate recommends, and after the first rounds the
-    population, may each take as many trajectories as scouting does, in turns: whichever of the three arrives first, the
-    others at most triple what it takes (balanced budgets, as of the restarts of Hansen (2009), Benchmarking a BI-population
+    population, may each take as many trajectories as scouting does, in turns: whichever of the three finds the optimum, the
+    others at most triple its cost (balanced budgets, as of the restarts of Hansen (2009), Benchmarking a BI-population
     CMA-ES on the BBOB-2009 function testbed, GECCO companion, 2389-2395). The search counts as converged when
 
     - two refinements of different lineage (scouts, the user's values, one population) come on the full record to

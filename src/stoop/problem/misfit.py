@@ -236,7 +236,7 @@ class Misfit:
             yield i, n, rows[:, own], starts[:, own]
 
     def jacobian(self, z: FloatArray, rung: int, r: FloatArray) -> tuple[TallMatrix, float]:
-        """Return d r / d z (n_r, D + E) by forward differences, a stretch a piece, and the trajectories it took.
+        """Return d r / d z (n_r, D + E) by forward differences, a stretch a piece, and the trajectories it took beside that at z.
 
         An initial state is varied on its own piece only, a bias not at all (its derivative is known).
         """

@@ -128,7 +128,7 @@ def test_a_tall_matrix_is_the_plain_one_without_what_is_lost(v: int, n: int, see
     lost = rows.copy()
     lost[-1, n // 2] = generator.choice([np.nan, np.inf, -1e9])
     rows[-1] = 0.0
-    tall, r, step = TallMatrix.of(lost, 1e9), generator.standard_normal(n), generator.standard_normal(v)
+    tall, r, step = TallMatrix.of(lost).below(1e9), generator.standard_normal(n), generator.standard_normal(v)
     assert tall.gram() == pytest.approx(rows @ rows.T, rel=1e-11, abs=1e-9)
     assert tall.project(r) == pytest.approx(rows @ r, rel=1e-11, abs=1e-9)
     assert tall.apply(step) == pytest.approx(step @ rows, rel=1e-11, abs=1e-11)
