@@ -30,7 +30,7 @@ BUDGETS = {
     "app": 2990,
     "assessment": 6200,
     "base": 2360,
-    "checks": 2720,
+    "checks": 2735,
     "cli": 3100,
     "estimate": 7355,
     "exporters": 7655,
