@@ -117,6 +117,7 @@ def test_a_killed_server_and_a_closed_browser_lose_no_run(app, tab, quadrotor: P
     page.wait("No fit was run yet")
     page.click("Run the fit")
     page.wait("cost ")
+    fit = held(quadrotor, 1)
     first.kill()
     page.wait("The app has ended or cannot be reached")
     page.page.close()
@@ -136,6 +137,7 @@ def test_a_killed_server_and_a_closed_browser_lose_no_run(app, tab, quadrotor: P
     page.wait("stopped before there was a result")
     page.click("runs/001 · running")
     page.click("Stop")
+    told_to_stop(fit)
     page.wait("runs/001 · done")
     page.wait("interrupted")
     assert [step.state for step in Project(quadrotor).steps("runs")] == ["done", "failed"]

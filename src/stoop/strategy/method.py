@@ -47,11 +47,12 @@ def slowest_motors(setup: Setup) -> float:
     """Return the lowest rate at which commands of motors were logged, at most `MIN_MOTOR_RATE`, Hz."""
     channels = {rotor.channel for rotor in setup.vehicle.file.rotor.values()}
     rates = [
-        flight.sources[c].rate
+        source.rate
         for flight in setup.flights.values()
         for c in channels & flight.sources.keys()
         # measured speeds are smooth, and columns given on their grid hold all that was commanded
-        if VARIABLES[c].kind != "measurement" and flight.sources[c].source not in GIVEN
+        if VARIABLES[c].kind != "measurement"
+        and not ((source := flight.sources[c]).source in GIVEN and SAME_RATE * source.rate > flight.rate)
     ]
     return min((r for r in rates if 0.0 < SAME_RATE * r < MIN_MOTOR_RATE), default=MIN_MOTOR_RATE)
 
