@@ -69,9 +69,7 @@ def _drafted(log: Path) -> tuple[str, list[str]]:
     from stoop.flight.mapping_draft import draft
 
     made = draft(log)
-    unknown = (
-        [f"{len(made.unknown)} columns are not recognized: {listed(made.unknown)}"] if made.unknown else []
-    )
+    unknown = [f"not recognized: {listed(made.unknown)}"] if made.unknown else []
     return made.text, [f"{made.mapped} variables, {made.unsure} of them unsure", *unknown]
 
 
@@ -81,7 +79,8 @@ def _corrected(log: Path, mapping: Path) -> tuple[str, list[str]]:
 
     made = corrected_mapping(log, mapping)
     said = [f"applied: {one}" for one in made.applied] + [f"left to you: {one}" for one in made.left]
-    return made.text, [f"corrections applied: {len(made.applied)}, each confirmed by the log", *said]
+    confirmed = ", each confirmed by the log" if made.applied else ""
+    return made.text, [f"corrections applied: {len(made.applied)}{confirmed}", *said]
 
 
 def export(arguments: argparse.Namespace) -> int:

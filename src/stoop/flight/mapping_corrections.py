@@ -33,7 +33,7 @@ class Corrections:
 
 
 def corrected_mapping(log: Path, mapping: Path) -> Corrections:
-    """Apply what the checks of a mapping advise, most evident first, as long as each change leaves fewer contradictions.
+    """Apply what the checks of a mapping advise, most evident first, where a change leaves fewer contradictions and no new one.
 
     Raises
     ------
@@ -53,7 +53,7 @@ def corrected_mapping(log: Path, mapping: Path) -> Corrections:
             after = contradictions(log, changed, mapping)
         except StoopError:  # what cannot be read is no correction
             after = found
-        if len(after) < len(found):
+        if {(one.code, one.subject) for one in after} < {(one.code, one.subject) for one in found}:
             text, found = changed, after
             applied.append(best)
         else:
