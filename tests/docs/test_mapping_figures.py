@@ -21,6 +21,7 @@ def test_the_table_is_the_one_that_was_written() -> None:
     }
     rows = {
         "mangled": records("mangled"),
+        "other axes": records("frames"),
         "right, simulated": records("clean"),
         "right, real": records("real"),
     }
@@ -29,7 +30,7 @@ def test_the_table_is_the_one_that_was_written() -> None:
     for name, count, *cells in shown:
         own = [row["said"] for row in rows[name]]
         assert int(count) == len(own)
-        words = said["mangled" if name == "mangled" else "right"]
+        words = said["right" if name.startswith("right") else "mangled"]
         assert [int(cell) for cell in cells] == [own.count(word) for word in words]
 
 
@@ -40,4 +41,7 @@ def test_what_is_asked_is_met() -> None:
     right = [*records("clean"), *records("real")]
     assert len(right) >= 40
     assert {row["said"] for row in right} == {"silent"}
-    assert not [row for row in mangled if row["draft"] == "wrong"]
+    followed = [row["followed"] for row in (*mangled, *records("frames"))]
+    assert (followed.count("right"), followed.count("wrong")) == (116, 0)
+    wrong = [len([row for row in records(case) if row["draft"] == "wrong"]) for case in ("mangled", "frames")]
+    assert wrong == [1, 4]
