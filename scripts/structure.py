@@ -48,7 +48,7 @@ BUDGETS = {
     "report": 4300,
     "results": 1261,
     "simulation": 3426,
-    "strategy": 1066,
+    "strategy": 1070,
     "vehicle": 3620,
     "vehicle_draft": 3350,
     "workflow": 3945,
