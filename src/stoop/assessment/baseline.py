@@ -180,16 +180,12 @@ class Lag:
         )
 
 
-def fit_lag(records: Sequence[LagRecord], rate: float) -> Lag | None:
-    """Fit one lag to all records of a channel at one rate, Hz, least squares over the measured samples.
-
-    They have the same commands in the same order. None when there are fewer measured samples than unknowns.
-    """
-    return fit_lags([records], rate)[0]
-
-
 def fit_lags(channels: Sequence[Sequence[LagRecord]], rate: float) -> list[Lag | None]:
-    """Fit a lag to the records of each channel, as `fit_lag` does; channels with equal commands share their designs."""
+    """Fit one lag to all records of each channel at one rate, Hz, least squares over the measured samples.
+
+    Records of a channel have the same commands in the same order; channels with equal commands share their designs. None where
+    a channel has fewer measured samples than unknowns.
+    """
     alike: dict[tuple[tuple[object, ...], ...], list[int]] = {}
     for i, records in enumerate(channels):
         measured = sum(int(np.isfinite(record.measured).sum()) for record in records)

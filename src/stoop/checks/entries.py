@@ -6,7 +6,7 @@ import re
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final, NamedTuple, TypeAlias
 
@@ -115,7 +115,7 @@ def _line(file: str, key: str, name: str, content: Mapping[str, Any]) -> Line:
     if name not in names:  # written out by braces
         return Line(file, key)
     line = Line(file, key, "", entry, names.index(name), len(names))
-    return Line(file, key, str(line.value("unit", "")), entry, line.index, line.count)
+    return replace(line, unit=str(line.value("unit", "")))
 
 
 def written(value: Any) -> str:

@@ -13,7 +13,6 @@ from stoop.assessment.baseline import (
     Lag,
     LagRecord,
     baseline_matches,
-    fit_lag,
     fit_lags,
 )
 from stoop.assessment.goodness_of_fit import theil
@@ -71,7 +70,7 @@ def test_dead_time_longer_than_the_record() -> None:
 def test_a_lag_is_recovered(tau: float, delay: float) -> None:
     lag = truth(tau, delay, gains=(3.0, -1.0))
     records = [record(lag, 500, 1), record(lag, 300, 2), record(lag, 400, 3, maneuver=1)]
-    found = fit_lag(records, RATE)
+    found = fit_lags([records], RATE)[0]
     assert found is not None
     assert found.dead_time == pytest.approx(delay)
     assert found.time_constant == pytest.approx(tau, rel=2e-3)
@@ -86,7 +85,7 @@ def test_holes_in_the_measurements_do_no_harm() -> None:
     whole = record(truth(), 600, 4)
     measured = whole.measured.copy()
     measured[::3] = np.nan
-    found = fit_lag([LagRecord(whole.commands, measured)], RATE)
+    found = fit_lags([[LagRecord(whole.commands, measured)]], RATE)[0]
     assert found is not None
     assert found.time_constant == pytest.approx(0.2, rel=1e-3)
     assert_allclose(found.matched([whole])[0], whole.measured, atol=1e-3)
@@ -94,7 +93,7 @@ def test_holes_in_the_measurements_do_no_harm() -> None:
 
 def test_prediction_brings_its_own_bias() -> None:
     lag = truth()
-    found = fit_lag([record(lag, 600, 5, 0), record(lag, 600, 6, 1)], RATE)
+    found = fit_lags([[record(lag, 600, 5, 0), record(lag, 600, 6, 1)]], RATE)[0]
     assert found is not None
     u = commands(500, 7)
     y = lag.respond(u, bias=1.5, initial=0.0)
@@ -103,19 +102,19 @@ def test_prediction_brings_its_own_bias() -> None:
 
 
 def test_prediction_without_any_measurement_is_finite() -> None:
-    found = fit_lag([record(truth(), 300, 8)], RATE)
+    found = fit_lags([[record(truth(), 300, 8)]], RATE)[0]
     assert found is not None
     u = commands(50, 9)
     assert np.isfinite(found.predicted([LagRecord(u, np.full(50, np.nan))])[0]).all()
 
 
 def test_too_little_to_fit() -> None:
-    assert fit_lag([LagRecord(np.zeros((5, 1)), np.zeros(5))], RATE) is None
-    assert fit_lag([LagRecord(np.zeros((50, 1)), np.full(50, np.nan))], RATE) is None
+    assert fit_lags([[LagRecord(np.zeros((5, 1)), np.zeros(5))]], RATE)[0] is None
+    assert fit_lags([[LagRecord(np.zeros((50, 1)), np.full(50, np.nan))]], RATE)[0] is None
 
 
 def test_a_dead_command_gives_no_gain() -> None:
-    found = fit_lag([LagRecord(np.zeros((50, 1)), np.ones(50))], RATE)
+    found = fit_lags([[LagRecord(np.zeros((50, 1)), np.ones(50))]], RATE)[0]
     assert found is not None
     assert found.gains[0] == 0.0
 
@@ -206,7 +205,7 @@ def test_channels_that_share_commands_have_the_lags_that_they_have_alone() -> No
     *together, missing = fit_lags(channels, RATE)
     assert missing is None
     for own, shared in zip(channels, together, strict=False):
-        alone = fit_lag(own, RATE)
+        alone = fit_lags([own], RATE)[0]
         assert alone is not None
         assert shared is not None
         assert (shared.time_constant, shared.dead_time) == pytest.approx(
@@ -218,7 +217,7 @@ def test_channels_that_share_commands_have_the_lags_that_they_have_alone() -> No
 @pytest.mark.parametrize("seed", range(4))
 def test_no_other_time_constant_or_delay_fits_better(seed: int) -> None:
     own = [record(truth(0.15 * 2.0**seed, 0.03 * seed), 400, seed, noise=0.5)]
-    lag = fit_lag(own, RATE)
+    lag = fit_lags([own], RATE)[0]
     assert lag is not None
 
     def misfit(tau: float, delay: float) -> float:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from stoop.assessment.baseline import Lag, LagRecord, fit_lag
+from stoop.assessment.baseline import Lag, LagRecord, fit_lags
 from stoop.assessment.goodness_of_fit import left_out
 
 
@@ -65,7 +65,7 @@ def lag_record() -> tuple[LagRecord, Lag]:
     truth = Lag(0.12, 0.03, np.array([2.0]), {0: 0.1}, (0.0,), 100.0)
     measured = truth.respond(u, 0.1, 0.0) + 0.2 * random.standard_normal(400)
     record = LagRecord(u, np.where(np.arange(400) % 57 == 0, np.nan, measured))
-    lag = fit_lag([record], 100.0)
+    lag = fit_lags([[record]], 100.0)[0]
     assert lag is not None
     return record, lag
 
