@@ -2,8 +2,9 @@
 
 A result is refused if its search did not converge, its simulation diverges, its sensors contradict each other, it predicts no
 better than trivial models, most of its parameters are not identifiable, or a score test contradicts the form of the model. Each
-use requires its own parameters with a small enough error, and the prediction of its own channels. A model is trusted only if it
-predicts a held-back window within its uncertainty, no extension is significant, and its maneuvers agree.
+use requires its own parameters with a small enough error, and the prediction of its own channels; control design requires also
+that the model matches the frequency responses of the flights. A model is trusted only if it predicts a held-back window within
+its uncertainty, no extension is significant, and its maneuvers agree.
 
 References
 ----------
@@ -307,7 +308,25 @@ def _judged(result: Result, use: Use, sizes: Mapping[str, float]) -> Use:
         against.append(notice("verdict-channels", use.name, channels=lost))
     elif use.channels and not judging and not result.process_noise.filtered:
         against.append(notice("verdict-still", use.name, channels=use.channels))
+    if use.name == "control design":
+        against += _missed_responses(result)
     return replace(use, justified=not against, against=tuple(against))
+
+
+def _missed_responses(result: Result) -> Iterator[Notice]:
+    """Yield of each rate the response of the flights to an input that the model misses most, beyond random error."""
+    for output in dict.fromkeys(one.output for one in result.response_misfits):
+        own = [one for one in result.response_misfits if one.output == output]
+        worst = max(own, key=lambda one: one.least)
+        if worst.least > LIMITS.error:
+            yield notice(
+                "verdict-response",
+                output,
+                input=worst.input,
+                share=worst.share,
+                low=worst.low,
+                high=worst.high,
+            )
 
 
 def _lost(judging: Mapping[str, Sequence[GoodnessOfFit]]) -> tuple[str, ...]:
@@ -434,6 +453,14 @@ def _merits(result: Result) -> Iterator[Notice]:
         moving = _moving([m])
         if m.role == "validation" and moving and not _lost(moving):
             yield notice("verdict-predicted", m.window, count=len(moving), channels=len(m.channels))
+    if result.response_misfits and not any(_missed_responses(result)):
+        worst = max(result.response_misfits, key=lambda one: one.share)
+        yield notice(
+            "verdict-responses", outputs=tuple(dict.fromkeys(one.output for one in result.response_misfits)),
+            low=min(one.low for one in result.response_misfits),
+            high=max(one.high for one in result.response_misfits), share=worst.share,
+            pair=f"{worst.output} over {worst.input}",
+        )  # fmt: skip
     (compared, scatter), fitted = _compared(result), sum(m.role == "fit" for m in result.maneuvers)
     if compared:
         yield notice("verdict-agree-alone", compared=compared, scatter=scatter)

@@ -27,7 +27,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -126,11 +126,11 @@ def estimate_responses(
     lengths : sequence of float, s, optional
         Of the windows; by default by :func:`window_lengths`.
     """
-    found = []
-    for column, output in enumerate(outputs):
-        pieces = []  # rate, and the inputs and this output (n, p + 1) where there is no gap
+    found: dict[int, list[FrequencyResponse]] = {}
+    for own in _recorded_together(stretches, len(outputs)):
+        pieces = []  # rate, and the inputs and these outputs (n, p + k) where there is no gap
         for one in stretches:
-            values = np.column_stack([one.inputs, one.outputs[:, column]])
+            values = np.column_stack([one.inputs, one.outputs[:, own]])
             present: BoolArray = np.asarray(np.isfinite(values).all(axis=1))
             pieces += [(one.rate, values[run]) for run in run_slices(present)]
         chosen = lengths or window_lengths([len(v) / rate for rate, v in pieces], len(inputs))
@@ -142,15 +142,28 @@ def estimate_responses(
         low, high = (lowest, MAX_FREQUENCY) if band is None else (b / (2.0 * np.pi) for b in band)
         hertz = frequencies(max(low, lowest), min(high, ceiling))
         if hertz.size:
-            found += _responses(_windows(pieces, chosen, hertz), hertz, inputs, output)
-    return found
+            windows = _windows(pieces, chosen, hertz)
+            p = len(inputs)
+            for k, column in enumerate(own, p):
+                alone = replace(windows, transforms=windows.transforms[..., [*range(p), k]])
+                found[column] = _responses(alone, hertz, inputs, outputs[column])
+    return [one for column in sorted(found) for one in found[column]]
+
+
+def _recorded_together(stretches: Sequence[Stretch], count: int) -> list[list[int]]:
+    """Return groups of output columns with the same gaps: their windows are the same."""
+    groups: dict[bytes, list[int]] = {}
+    for column in range(count):
+        gaps = b"".join(np.isfinite(one.outputs[:, column]).tobytes() for one in stretches)
+        groups.setdefault(gaps, []).append(column)
+    return list(groups.values())
 
 
 @dataclass(frozen=True, eq=False)
 class _Windows:
     """Windows of all lengths."""
 
-    transforms: ComplexArray  #: (w, m, p + 1); their squared magnitudes are one-sided densities
+    transforms: ComplexArray  #: (w, m, c); their squared magnitudes are one-sided densities
     length: FloatArray  #: (w,) s
     correlation: sparse.csr_array  #: (w, w), of the transforms of white noise
 

@@ -42,6 +42,7 @@ from stoop.report.maneuvers import (
     segments_text,
 )
 from stoop.report.model import Model
+from stoop.report.response_misfit import responses_section
 from stoop.results.result import Result, Role
 from stoop.results.text import determined
 from stoop.results.verdict import REASONS, Grade, Verdict, grouped, shortened
@@ -151,6 +152,7 @@ def identification_sheet(identification: Model) -> sheet.Sheet:
         role_section(identification, "validation"),
         role_section(identification, "fit"),
         uncertainty_section(identification),
+        responses_section(identification),
         extensions_section(identification),
         decisions_section(identification),
         residuals_section(identification),

@@ -26,6 +26,7 @@ from stoop.errors import StoopError
 from stoop.results.decisions import DecisionRecord
 from stoop.results.extensions import ExtensionTests
 from stoop.results.modes import ConditionModes
+from stoop.results.response_misfit import ResponseMisfit
 from stoop.results.uncertainty import IdentifiabilityAnalysis, MethodIntervals, Repeatability
 from stoop.results.verdict import Verdict
 
@@ -309,6 +310,8 @@ class Result:
     identifiability: IdentifiabilityAnalysis = field(default_factory=IdentifiabilityAnalysis)
     #: what the data ask for beside the model
     extensions: ExtensionTests = field(default_factory=ExtensionTests)
+    #: of the rates to the inputs that move, where the flights show them
+    response_misfits: tuple[ResponseMisfit, ...] = ()
     #: decisions that the fit took by itself; empty in files of older versions
     decisions: tuple[DecisionRecord, ...] = ()
     verdict: Verdict = field(default_factory=Verdict)  #: whether to use the model, for what, and why

@@ -37,6 +37,7 @@ from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.workflow.curves import Simulated, maneuver_curves
 from stoop.workflow.fitted_model import FittedModel
 from stoop.workflow.outputs import versions, with_values
+from stoop.workflow.response_misfit import model_misfits
 from stoop.workflow.summary import basis_notices, data_notices, fit_warnings, slowest_rate
 
 START_UNITS: Final = {"V": "m/s", "p": "rad/s", "q": "rad/s", "r": "rad/s"}  #: of initial states; others rad
@@ -88,9 +89,11 @@ def fitted_model(decided: Fitted) -> FittedModel:
     )
     failed = [*decided.tested.failed]  # of detectors
     found = attempt(failed, (), modes, fit, result.covariance.names, result.covariance.matrix)
+    left = attempt(failed, (), model_misfits, model.vehicle.coupled_to(()), flights, maneuvers, traces)
     result = replace(
-        with_uncertainty(replace(result, modes=found), fit, bars), extensions=decided.tested.tests
-    )
+        with_uncertainty(replace(result, modes=found), fit, bars), extensions=decided.tested.tests,
+        response_misfits=left,
+    )  # fmt: skip
 
     prepared = [one for group in groups for one in group.prepared.notices]
     of_flights = [one for flight in flights.values() for one in flight.notices]

@@ -123,9 +123,9 @@ def frequency_responses(
             for f in flights
             for r in run_slices(masks[f.name])
         )
-    steady = None if vehicle is None else _steady(flights, masks, vehicle)
+    steady = None if vehicle is None else steady_model(flights, masks, vehicle)
     columns = [_columns(f, vehicle, inputs, steady) for f in flights]
-    names, notices = _moving(columns, [masks[f.name] for f in flights], inputs)
+    names, notices = moving_inputs(columns, [masks[f.name] for f in flights], inputs)
     shared = [n for n in flights[0].channels if all(n in f.names for f in flights)]
     for name in outputs:
         if name not in shared:
@@ -154,7 +154,7 @@ def frequency_responses(
 
 
 def _columns(
-    flight: Flight, vehicle: Vehicle | None, inputs: Sequence[str], steady: _Steady | None
+    flight: Flight, vehicle: Vehicle | None, inputs: Sequence[str], steady: SteadyModel | None
 ) -> dict[str, FloatArray]:
     """Return the inputs of a flight that may be used, (n,) each: commanded deflections, rad, accelerations, channels.
 
@@ -163,21 +163,32 @@ def _columns(
     columns = {str(c): flight.column(str(c)) for c in flight.channels if c in inputs}
     if vehicle is None:
         return {**columns, **({} if inputs else {one.variable: one.u for one in commands(flight)})}
-    rows, count = parameter_rows(vehicle), flight.time.size
-    recorded = np.full((len(vehicle.inputs), count), np.nan)
-    for i, name in enumerate(vehicle.inputs):
-        if name in flight.names:
-            recorded[i] = flight.column(name)
-    for control in vehicle.controls:
-        columns[control] = np.broadcast_to(commanded(vehicle, control, rows, recorded), (count,)).copy()
-    by_channel = {name: recorded[vehicle.inputs.index(name)] for name in channel_range(vehicle).names}
-    if steady is None or steady.axes is None or set(inputs) & set(by_channel):
+    recorded = {name: flight.column(name) for name in vehicle.inputs if name in flight.names}
+    axes = None if steady is None or set(inputs) & set(channel_range(vehicle).names) else steady.axes
+    return columns | control_inputs(vehicle, recorded, axes)
+
+
+def control_inputs(
+    vehicle: Vehicle, recorded: Mapping[str, FloatArray], axes: AxisCommands | None
+) -> dict[str, FloatArray]:
+    """Return commanded deflections, rad, and accelerations about the axes of rotors, of recorded channels, (n,) each.
+
+    Without axes the channels of rotors stand for themselves.
+    """
+    rows, count = parameter_rows(vehicle), len(next(iter(recorded.values())))
+    values = np.array([recorded.get(name, np.full(count, np.nan)) for name in vehicle.inputs])
+    columns = {
+        control: np.broadcast_to(commanded(vehicle, control, rows, values), (count,)).copy()
+        for control in vehicle.controls
+    }
+    by_channel = {name: values[vehicle.inputs.index(name)] for name in channel_range(vehicle).names}
+    if axes is None:
         return columns | by_channel
-    demanded = steady.axes.effect @ np.array([by_channel[name] for name in steady.axes.channels])
+    demanded = axes.effect @ np.array([by_channel[name] for name in axes.channels])
     return columns | dict(zip(EXCITATIONS, demanded, strict=True))
 
 
-def _moving(
+def moving_inputs(
     columns: Sequence[Mapping[str, FloatArray]], masks: Sequence[BoolArray], inputs: Sequence[str]
 ) -> tuple[list[str], list[Notice]]:
     """Return the inputs that move within the windows of every flight, or those asked for."""
@@ -260,7 +271,7 @@ def _unknown_axes(responses: Sequence[FrequencyResponse]) -> list[Notice]:
 
 
 @dataclass(frozen=True, eq=False)
-class _Steady:
+class SteadyModel:
     """The model at the mean condition of the windows; without a point where it does not trim."""
 
     vehicle: Vehicle
@@ -270,7 +281,8 @@ class _Steady:
     why: str = ""  #: there is no point
 
 
-def _steady(flights: Sequence[Flight], masks: Mapping[str, BoolArray], vehicle: Vehicle) -> _Steady:
+def steady_model(flights: Sequence[Flight], masks: Mapping[str, BoolArray], vehicle: Vehicle) -> SteadyModel:
+    """Return a model at the mean condition of the samples (n,) of each flight that a mask has."""
     condition = {}
     for name, channel in (("airspeed", "V"), ("altitude", "altitude"), ("density", "density")):
         values = [f.column(channel)[masks[f.name]] for f in flights if channel in f.names]
@@ -286,12 +298,12 @@ def _steady(flights: Sequence[Flight], masks: Mapping[str, BoolArray], vehicle: 
         point = trim(plain, condition.get("airspeed"), condition.get("altitude", 200.0), density=density)
         axes = axis_commands(plain, point.start, point.inputs) if plain.rotors else None
     except SimulationError as error:
-        return _Steady(plain, condition, None, None, str(error))
-    return _Steady(plain, condition, point, axes)
+        return SteadyModel(plain, condition, None, None, str(error))
+    return SteadyModel(plain, condition, point, axes)
 
 
 def _modeled(
-    steady: _Steady, result: Result | None, inputs: Sequence[str], outputs: Sequence[str]
+    steady: SteadyModel, result: Result | None, inputs: Sequence[str], outputs: Sequence[str]
 ) -> tuple[dict[tuple[str, str], ModelResponse], list[Notice]]:
     """Return the responses of the model, and notices."""
     if steady.point is None:

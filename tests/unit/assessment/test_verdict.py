@@ -13,6 +13,7 @@ import pytest
 from stoop.assessment.verdict import LIMITS, uses, verdict
 from stoop.base.notices import as_notice, notice
 from stoop.results.extensions import ExtensionTest, ExtensionTests
+from stoop.results.response_misfit import ResponseMisfit
 from stoop.results.result import (
     Covariance,
     GoodnessOfFit,
@@ -103,6 +104,9 @@ def test_numbers_that_the_data_cannot_contradict_are_named() -> None:
     ]
 
 
+USED = ("control design", "simulation", "performance")
+
+
 def contradicted(name: str, change: float) -> ExtensionTests:
     """Return tests of which one contradicts a fixed number of 2 and moves nothing else."""
     found = ExtensionTest(
@@ -118,7 +122,7 @@ def codes(found: Verdict) -> list[str]:
 def test_trusted() -> None:
     found = verdict(result(), USES)
     assert found.grade == "trusted"
-    assert found.justified == ("control design", "simulation", "performance")
+    assert found.justified == USED
     assert [one.code for one in found.reasons] == ["verdict-form-holds", "verdict-predicted", "verdict-agree"]
     assert str(found.headline) == "Trusted for control design, simulation and performance"
 
@@ -176,6 +180,23 @@ def test_refused(changes: dict[str, Any], code: str) -> None:
 
 
 @pytest.mark.parametrize(
+    ("least", "justified"),
+    [(1.1 * LIMITS.error, ("simulation", "performance")), (0.9 * LIMITS.error, USED)],
+)
+def test_a_response_that_the_model_misses_speaks_against_control_design(
+    least: float, justified: tuple[str, ...]
+) -> None:
+    missed = ResponseMisfit("aileron", "p", 3.0, 30.0, 0.9, least + 0.1, least)
+    found = verdict(result(response_misfits=(missed,)), USES)
+    assert found.justified == justified
+    of_responses = [one for one in found.reasons if one.code.startswith("verdict-response")]
+    assert [one.code for one in of_responses] == [
+        "verdict-response" if len(justified) < len(USED) else "verdict-responses"
+    ]
+    assert of_responses[0].values["share"] == missed.share
+
+
+@pytest.mark.parametrize(
     ("changes", "code"),
     [
         ({"extensions": lacking(-11.8, "Clr")}, "verdict-lacks"),
@@ -195,7 +216,7 @@ def test_refused(changes: dict[str, Any], code: str) -> None:
 def test_reservations(changes: dict[str, Any], code: str) -> None:
     found = verdict(result(**changes), USES)
     assert found.grade == "usable"
-    assert found.justified == ("control design", "simulation", "performance")
+    assert found.justified == USED
     assert code in codes(found)
 
 
@@ -291,7 +312,7 @@ def test_a_still_channel_of_a_window_held_back_judges_nothing() -> None:
     """An elevator doublet is predicted: roll, which it does not move, is judged where it moved, by the fitted maneuvers."""
     found = verdict(held_back(p=STILL), USES)
     assert found.grade == "usable"
-    assert found.justified == ("control design", "simulation", "performance")
+    assert found.justified == USED
     assert codes(found) == ["verdict-not-held-back"]
     assert found.against[0].values["channels"] == ("p",)
 
