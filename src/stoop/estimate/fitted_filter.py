@@ -75,7 +75,7 @@ class FittedFilter:
         cls, vehicle: Vehicle, noise: NoiseCovariance, process: ProcessNoise
     ) -> FittedFilter | None:
         """Return the filter of a result, with its vehicle at the estimates; None where the result names none."""
-        variances = np.diag(noise.matrix)
+        variances = np.diag(noise.of(vehicle.outputs))
         known = Noise(vehicle, np.sqrt(variances), variances, process.share or None)
         if not process.filtered or process.states != known.disturbed:
             return None

@@ -110,7 +110,7 @@ class Predictor:
     @property
     def weights(self) -> Weights:
         """Weights of readings, less where neighboring residuals are correlated; 1 for what was never measured."""
-        R = self.noise.matrix * self.noise.inflation
+        R = self.noise.of(self.vehicle.outputs) * self.noise.inflation
         unknown = ~np.isfinite(np.diag(R))
         R = np.where(unknown[:, None] | unknown, 0.0, R)
         return Weights.of(R + np.diag(unknown.astype(np.float64)))
@@ -118,7 +118,7 @@ class Predictor:
     @property
     def variance(self) -> FloatArray:
         """Variance (n_y,) of the measurement noise; NaN for what was never measured."""
-        return np.asarray(np.diag(self.noise.matrix))
+        return np.asarray(np.diag(self.noise.of(self.vehicle.outputs)))
 
     def uncertain(self) -> tuple[tuple[Parameter, ...], FloatArray]:
         """Return the d parameters that have an error, within `PARAMETER_WIDTH` of their estimate; covariance (d, d)."""

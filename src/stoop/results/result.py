@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, dataclass, field, fields, is_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal, TypeAlias, cast, get_args, get_origin, get_type_hints
@@ -75,12 +75,31 @@ class Covariance:
 
 @dataclass(frozen=True, eq=False)
 class NoiseCovariance:
-    """Covariance of the measurement noise: `matrix` (ny, ny) in the products of the channels' units."""
+    """Covariance of the measurement noise of the channels that were measured.
+
+    Rows without a variance are left out: of channels that were never measured, which files of older versions hold too.
+    """
 
     channels: tuple[str, ...]
+    #: (ny, ny), in the products of the channels' units
     matrix: FloatArray
     #: factor on the covariance in the weights, because neighboring residuals are correlated
     inflation: float = 1.0
+
+    def __post_init__(self) -> None:
+        known = np.isfinite(np.diag(self.matrix)) if self.matrix.ndim == 2 else np.ones(0, dtype=np.bool_)
+        if len(known) == len(self.channels) and not known.all():
+            channels = (name for name, own in zip(self.channels, known.tolist(), strict=True) if own)
+            object.__setattr__(self, "channels", tuple(channels))
+            object.__setattr__(self, "matrix", self.matrix[np.ix_(known, known)])
+
+    def of(self, channels: Sequence[str]) -> FloatArray:
+        """Return the covariance (n, n) of other channels; a channel that was never measured has the variance NaN."""
+        out = np.diag(np.full(len(channels), np.nan))
+        held = [i for i, name in enumerate(channels) if name in self.channels]
+        own = [self.channels.index(channels[i]) for i in held]
+        out[np.ix_(held, held)] = self.matrix[np.ix_(own, own)]
+        return out
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 from stoop.base.notices import paragraph
 from stoop.estimate import methods
+from stoop.strategy.command_delays import with_found_delays
 from stoop.strategy.decision import Change, Decision, Setup
 from stoop.vehicle.assumptions import with_assumptions
 
@@ -15,6 +16,8 @@ def assume(setup: Setup) -> Change | None:
     if not (methods.find(setup.options.method).simulates or setup.vehicle.rotors):
         return None
     vehicle, notices = with_assumptions(setup.vehicle, 1.0 / setup.flights[setup.fitted[0].flight].rate)
+    vehicle, late = with_found_delays(setup, vehicle)
+    notices = (*notices, *late)
     if not notices:
         return None
     free = sum(p.free for p in vehicle.parameters) - sum(p.free for p in setup.vehicle.parameters)

@@ -33,16 +33,21 @@ def widen(setup: Setup, fit: Fitter) -> Fitted:
         if not boxes or found.estimate.outcome.status == "interrupted":
             break
         vehicle = vehicle.with_numbers({name: {"bounds": box} for name, box in boxes.items()})
-        spent = found.estimate.trajectories
         try:
-            found = fit(setup.again(vehicle))
+            wider = fit(setup.again(vehicle))
         except KeyboardInterrupt:  # what was found within the narrower bounds stands
             found = found.interrupted(DOING)
             break
+        more = found.estimate.trajectories + wider.estimate.trajectories
+        # a search of its own, which may end in a worse optimum: then too what was found stands
+        cut = wider.estimate.outcome.status == "interrupted"
+        worse = not cut and log_likelihood_rise(found.estimate, wider.estimate)[0] < 0.0
+        kept = found if worse else wider
+        found = replace(kept, estimate=replace(kept.estimate, trajectories=more))
+        if worse:
+            break
         for name, (low, high) in boxes.items():
             remarks[name] = notice("bounds-widened", name, bound=held[name], low=low, high=high)
-        more = spent + found.estimate.trajectories
-        found = replace(found, estimate=replace(found.estimate, trajectories=more))
     if not remarks:
         return found
     outcome = replace(found.estimate.outcome, state=first.estimate.outcome.state)

@@ -1,13 +1,30 @@
-"""Rise of the log-likelihood from one fit to another of the same data."""
+"""Rise of the log-likelihood from one fit to another of the same data, and from the start of a fit to its end."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Final
 
 import numpy as np
+from scipy.stats import chi2
 
+from stoop import optimize
+from stoop.base.arrays import FloatArray
 from stoop.estimate.estimate import Estimate
 from stoop.estimate.filter_likelihood import SCORING
+from stoop.estimate.instability import largest_growth
+from stoop.estimate.noise import channel_residuals, correlation_times
+from stoop.problem import Layout
+from stoop.vehicle import Vehicle
+
+#: of a fall of the log-likelihood by chance
+LEVEL: Final = 1e-3
+WORSE: Final = (
+    "simulated open loop, its end explains the fitted windows worse than its start (log-likelihood {fall:.0f} lower): "
+    "what is wrong is not a free number; check data, units and what is held, or fit less (--fix) by --method output-error"
+)
 
 
 def log_likelihood_rise(before: Estimate, after: Estimate) -> tuple[float, float]:
@@ -17,10 +34,18 @@ def log_likelihood_rise(before: Estimate, after: Estimate) -> tuple[float, float
         residuals = np.concatenate(fit.residuals)
         counts = np.isfinite(residuals).sum(axis=0) / before.inflation
         count = float(counts.sum())
-        variance = np.nanmean(residuals[:, counts > 0.0] ** 2, axis=0)
         filtered = fit.outcome.optimizer == SCORING  # a cost is twice minus the log-likelihood
-        deviances.append(fit.cost if filtered else float(counts[counts > 0.0] @ np.log(variance)))
+        deviances.append(fit.cost if filtered else deviance(residuals, counts))
     return 0.5 * (deviances[0] - deviances[1]), count
+
+
+def deviance(residuals: FloatArray, counts: FloatArray) -> float:
+    """Return twice minus the log-likelihood of residuals (n, n_y), less constants, each channel's variance estimated.
+
+    `counts` (n_y,) are the independent readings of each channel.
+    """
+    variance = np.nanmean(residuals[:, counts > 0.0] ** 2, axis=0)
+    return float(counts[counts > 0.0] @ np.log(variance))
 
 
 def penalized_rise(before: Estimate, after: Estimate) -> float:
@@ -28,3 +53,52 @@ def penalized_rise(before: Estimate, after: Estimate) -> float:
     rise, count = log_likelihood_rise(before, after)
     more = after.problem.dimension - before.problem.dimension
     return rise - 0.5 * more * math.log(max(count, 2.0))
+
+
+def simulated_residuals(fit: Estimate, vehicle: Vehicle) -> list[FloatArray]:
+    """Return the residuals (n, n_y) of each fitted piece by a vehicle simulated open loop, its nuisances estimated anew."""
+    own = fit.problem
+    layout = Layout(vehicle, (), own.layout.nuisances)
+    problem = replace(own, layout=layout, pieces=fit.prepared.pieces)
+    z = optimize.refine(problem, np.zeros(problem.extra), len(problem.prices) - 1).z
+    return channel_residuals(problem, z)
+
+
+def rise_from_start(fit: Estimate) -> float:
+    """Return the rise of the log-likelihood of open-loop simulations from the start of a fit to its end.
+
+    Neighboring residuals repeat themselves: readings count over the larger correlation time of both. Infinite where the
+    start cannot be simulated, NaN where the end cannot because errors of its state grow too much.
+    """
+    if largest_growth(fit.problem, fit.z).excessive:
+        return math.nan
+    start, end = (simulated_residuals(fit, one) for one in (fit.problem.layout.vehicle, fit.identified_vehicle))
+    measured = np.isfinite(np.concatenate([p.measured for p in fit.prepared.pieces]))
+    if not np.isfinite(np.concatenate(start))[measured].all():
+        return math.inf
+    if not np.isfinite(np.concatenate(end))[measured].all():
+        return -math.inf
+    times = [_common_time(fit, residuals) for residuals in (start, end)]
+    counts = measured.sum(axis=0) / max(times)
+    before, after = (deviance(np.concatenate(residuals), counts) for residuals in (start, end))
+    return 0.5 * (before - after)
+
+
+def _common_time(fit: Estimate, residuals: Sequence[FloatArray]) -> float:
+    """Return the median correlation time of the measured channels in samples."""
+    measured = np.any([np.isfinite(r).any(axis=0) for r in residuals], axis=0)
+    return float(np.median(correlation_times(residuals, fit.problem.pieces[0].dt)[measured]))
+
+
+def against_start(fit: Estimate) -> Estimate:
+    """Return the estimate, its search not confirmed where the start explains the fitted windows better than the end.
+
+    Twice a fall of the log-likelihood by chance has the chi-square distribution, with as many degrees of freedom as there are
+    free numbers. A filter or short windows fit other residuals, weights change with the noise, and refits begin anew: what
+    each of them lowers is not this.
+    """
+    fall = -rise_from_start(fit) if fit.outcome.status == "converged" else math.nan
+    if not 2.0 * fall > chi2.isf(LEVEL, fit.problem.dimension):
+        return fit
+    outcome = replace(fit.outcome, status="stalled", advice=WORSE.format(fall=fall))
+    return replace(fit, outcome=outcome)

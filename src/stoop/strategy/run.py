@@ -19,6 +19,7 @@ from stoop.strategy.decision import Change, Fitted, Fitter, Setup, estimate, tes
 from stoop.strategy.faults import FAULTS
 from stoop.strategy.gusts import GUSTS
 from stoop.strategy.instability import INSTABILITY
+from stoop.strategy.likelihood import against_start
 from stoop.strategy.method import METHOD
 from stoop.strategy.sensor_delays import SENSOR_DELAYS
 from stoop.strategy.strategy import DECISIONS, Strategy
@@ -105,8 +106,8 @@ def fit(
         if decision.around is not None:
             fitter = _enclosed(fitter, decision.around)
     found = fitter(setup)
-    found = found.noting(*found.setup.notices)
-    return replace(found, decisions=_records(strategy, found))
+    found = replace(found.noting(*found.setup.notices), decisions=_records(strategy, found))
+    return replace(found, estimate=against_start(found.estimate))
 
 
 def with_tests(found: Fitted) -> Fitted:

@@ -37,7 +37,8 @@ def free_delays(setup: Setup, fit: Fitter) -> Fitted:
     freed = dict[str, str]()  # name: that of its parameter
     ended = first.estimate.outcome.status != "interrupted"
     while ended and not cut and (extension := _late_sensor(vehicle, tested.tests)):
-        entries = extension.entries({"value": 0.0, "prior": USUAL.sensor_delay_std})
+        box = list(USUAL.sensor_delay_bounds)
+        entries = extension.entries({"value": 0.0, "prior": USUAL.sensor_delay_std, "bounds": box})
         longer = with_entries(vehicle, entries)
         setup.watch(f"delay: {extension.name}")
         try:

@@ -31,8 +31,11 @@ class Usual:
     #: measurements are stamped late
     delay: float = 0.02
     delay_std: float = 0.02
-    #: s, from a reading to its time stamp: filters, buses, logging, receivers of GNSS
-    sensor_delay_std: float = 0.05
+    #: s, from a reading to its time stamp: filters, buses, logging; receivers of GNSS take 0.1 to 0.3 s
+    sensor_delay_std: float = 0.15
+    sensor_delay_bounds: tuple[float, float] = (-0.1, 0.5)
+    #: s, of a delay of commands that was found in the record: what lag and delay share
+    found_delay_std: float = 0.05
     #: standard deviation of coefficients of thrust, in parts of them: propeller data against flight
     thrust: float = 0.2
     #: kg/m3, moment of inertia of a propeller over the fifth power of its diameter: of 23 propellers of JSBSim, 0.24 m to

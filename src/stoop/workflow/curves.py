@@ -55,15 +55,14 @@ def maneuver_curves(
     traces = tuple(_trace(vehicle, g, own, lag) for (g, _, own), lag in zip(flown, lags, strict=True))
     learned = [trace for (g, *_), trace in zip(flown, traces, strict=True) if g.role == "fit"]
     left = floors or {name: _left(name, learned, rate) for name in vehicle.outputs}
-    results = []
+    deviations, results = np.sqrt(np.diag(noise.of(vehicle.outputs))).tolist(), []
     for (group, index, own), lag, trace in zip(flown, lags, traces, strict=True):
         window, figures = group.prepared.windows[index], {}
         for i, (name, curve) in enumerate(trace.channels.items()):
             if np.isfinite(curve.measured).any():
                 model = Match(curve.simulated, _joined(group.left_out, own, i))
-                sigma = math.sqrt(noise.matrix[i, i])
                 figures[name] = channel_figures(
-                    curve.measured, model, rate, lag.get(name), sigma,
+                    curve.measured, model, rate, lag.get(name), deviations[i],
                     curve.deviation if group.role == "validation" else None,
                     _joined(group.innovations, own, i), left.get(name, math.nan),
                 )  # fmt: skip

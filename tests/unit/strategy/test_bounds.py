@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
+import numpy as np
 import pytest
 
 from stoop.estimate.estimate import Estimate
@@ -12,7 +14,10 @@ from stoop.flight import Flight
 from stoop.problem.windows import Window
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import Maneuver
-from stoop.strategy.run import FIT_ALONE, fit
+from stoop.strategy import Strategy
+from stoop.strategy.bounds import widen
+from stoop.strategy.decision import Fitted, Setup, estimate
+from stoop.strategy.run import FIT_ALONE, fit, setup_of
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import builtin_vehicle
 from stoop.vehicle.defaults import wider_bounds
@@ -53,6 +58,30 @@ def test_an_inertia_outside_of_the_default_box_is_found(share: float, method: st
     (p,) = fit.problem.layout.parameters
     assert (p.lower, p.upper) == pytest.approx((widened[0].values["low"], widened[0].values["high"]))
     assert not any(u.fixed for u in fit.unknowns)
+
+
+def test_what_was_found_stands_where_wider_bounds_end_worse() -> None:
+    truth = known().value(INERTIA)
+    vehicle = known().with_numbers({INERTIA: {"value": 0.35 * truth}})
+    setup = setup_of(
+        Strategy.textbook(), vehicle, {"flight": flight()}, [Window("flight", 0.0, 5.0)], options=Options()
+    )
+    calls: list[Fitted] = []
+
+    def fitter(setup: Setup) -> Fitted:
+        """Fit at first; then end where a search began, in another optimum."""
+        one = estimate(setup)
+        if calls:
+            z = np.concatenate([one.estimate.problem.layout.start, one.estimate.z[1:]])
+            one = replace(one, estimate=replace(one.estimate, z=z))
+        calls.append(one)
+        return one
+
+    kept = widen(setup, fitter)
+    assert len(calls) == 2
+    assert kept.estimate.estimates == calls[0].estimate.estimates
+    assert kept.estimate.trajectories == sum(one.estimate.trajectories for one in calls)
+    assert not [n for n in kept.estimate.notices if n.code == "bounds-widened"]
 
 
 def test_bounds_of_the_file_stay() -> None:

@@ -13,12 +13,16 @@ import pytest
 
 import stoop
 from stoop.base.notices import notice
+from stoop.base.variables import SPECIFIC_FORCE
 from stoop.cli.main import main
 from stoop.errors import FlightError, OutputError, SimulationError, StoopError
+from stoop.estimate.fit import DEFAULTS
 from stoop.flight import Flight, load, save
 from stoop.flight.faults import Fault
 from stoop.results.decisions import DecisionRecord
+from stoop.vehicle import Vehicle
 from stoop.workflow import FittedModel
+from stoop.workflow.identification import finish, search
 from stoop.workflow.validation import validate
 
 
@@ -51,6 +55,38 @@ def test_the_same_figures_as_identify_gives_for_a_window_set_aside(job: FittedMo
             assert getattr(figures, key) == pytest.approx(getattr(same, key), rel=1e-9), (name, key)
         assert figures.baseline.rmse == pytest.approx(same.baseline.rmse, rel=1e-9)
         assert figures.whiteness.statistic == pytest.approx(same.whiteness.statistic, rel=1e-6)
+
+
+@pytest.fixture(scope="module")
+def blind(wrong: Vehicle, flight: Flight, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A result of a flight without accelerometers."""
+    unmeasured = [c for c in flight.channels if c in SPECIFIC_FORCE]
+    seen = replace(flight, data=flight.data.drop_vars(unmeasured))
+    found = finish(search(wrong, seen, ["0:20"], options=replace(DEFAULTS, budget=2000.0)))
+    return found.save(tmp_path_factory.mktemp("blind") / "result")
+
+
+@pytest.mark.parametrize("older", [False, True])
+def test_a_fit_without_accelerometers_predicts(
+    older: bool, blind: Path, flight: Flight, tmp_path: Path
+) -> None:
+    """Files of older versions hold rows without a variance for channels that were never measured."""
+    folder = shutil.copytree(blind, tmp_path / "result")
+    result = json.loads((folder / "result.json").read_text())
+    noise, outputs = result["noise_covariance"], [*result["noise_covariance"]["channels"], "ax", "az"]
+    assert not {"ax", "az"} & set(noise["channels"])
+    if older:
+        variances = [*np.diag(noise["matrix"]).tolist(), None, None]
+        noise |= {
+            "channels": outputs,
+            "matrix": [[x if i == j else 0.0 for j in range(len(outputs))] for i, x in enumerate(variances)],
+        }
+        (folder / "result.json").write_text(json.dumps(result))
+    model = stoop.load(folder)
+    assert np.linalg.eigvalsh(model.result.noise_covariance.matrix)[0] > 0.0
+    found = validate(model, flight, ["20:28"]).record.maneuvers[0].channels
+    assert {"q", "az"} <= set(found)  # the flight that is predicted has accelerometers
+    assert np.isfinite([one.rmse for one in found.values()]).all()
 
 
 def test_a_flight_by_another_name_is_known_by_its_content(folder: Path, tmp_path: Path) -> None:

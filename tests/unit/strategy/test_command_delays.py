@@ -1,0 +1,106 @@
+"""Delays of commands up to half a second are found in the record; a file that gives one decides, and none is made up."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from stoop.assessment.error_bars import error_bars
+from stoop.estimate.fit import Options
+from stoop.estimate.regression.command_delay import LONGEST, scan_delays
+from stoop.flight import Flight
+from stoop.problem.prepare import prepare
+from stoop.problem.windows import Window
+from stoop.strategy import Strategy
+from stoop.strategy.command_delays import with_found_delays
+from stoop.strategy.run import setup_of
+from stoop.vehicle import Vehicle
+from stoop.vehicle.document import with_entries
+from stoop.workflow.identification import search
+from stoop_studies.verify import scenes
+
+CONTROLS = ("elevator", "aileron", "rudder")
+NAMES = ("pitch", "roll")
+NUMBER = "controls.elevator.delay"
+
+
+@cache
+def flown() -> tuple[Flight, ...]:
+    truth = scenes.aircraft()
+    return tuple(
+        scenes.simulate_flight(truth, scenes.maneuvers()[name], noise=True, seed=seed, name=name)
+        for seed, name in enumerate(NAMES)
+    )
+
+
+def commanded_early(flight: Flight, seconds: float) -> Flight:
+    """Return the flight with stamps of its commands so much before they act."""
+    n = round(seconds * flight.rate)
+    ahead = {
+        c: ("time", np.append(flight.column(c)[n:], np.full(n, flight.column(c)[-1]))) for c in CONTROLS
+    }
+    return replace(flight, data=flight.data.assign(ahead))
+
+
+def windows() -> list[Window]:
+    return [Window(name, 0.0, scenes.DURATION) for name in NAMES]
+
+
+def found(vehicle: Vehicle, seconds: float) -> dict[str, float]:
+    flights = {one.name: commanded_early(one, seconds) for one in flown()}
+    changed, notices = with_found_delays(setup_of(Strategy.default(), vehicle, flights, windows()), vehicle)
+    assert {n.subject for n in notices} == {n for n in changed.rows if n == NUMBER and n not in vehicle.rows}
+    return {n.subject: float(str(n.values["delay"])) for n in notices}
+
+
+@pytest.mark.parametrize("seconds", [0.0, 0.06, 0.12, 0.3, 0.46])
+def test_the_scan_finds_the_sample(seconds: float) -> None:
+    vehicle = scenes.aircraft()
+    flights = {one.name: commanded_early(one, seconds) for one in flown()}
+    pieces = prepare(vehicle, flights, windows()).pieces
+    scan = scan_delays(vehicle, pieces, [vehicle.inputs.index(c) for c in CONTROLS])
+    assert scan is not None
+    assert scan.delays[-1] == pytest.approx(LONGEST)
+    assert scan.delays[np.argmax(scan.log_likelihood)] == pytest.approx(seconds, abs=0.5 / flown()[0].rate)
+
+
+def test_a_delay_beyond_the_usual_is_found_and_none_is_made_up() -> None:
+    assert found(scenes.aircraft(), 0.0) == {}
+    assert found(scenes.aircraft(), 0.06) == {}  # the usual prior covers it
+    assert found(scenes.aircraft(), 0.3) == {NUMBER: pytest.approx(0.3, abs=0.011)}
+
+
+@pytest.mark.parametrize("entry", [0.0, {"value": 0.0, "free": True, "bounds": [0.0, 0.1]}])
+def test_a_file_that_gives_a_delay_decides(entry: object) -> None:
+    given = with_entries(scenes.aircraft(), {("controls", c, "delay"): entry for c in CONTROLS})
+    flights = {one.name: commanded_early(one, 0.3) for one in flown()}
+    changed, notices = with_found_delays(setup_of(Strategy.default(), given, flights, windows()), given)
+    assert changed is given
+    assert not notices
+
+
+def test_a_drafted_prior_of_a_delay_is_moved() -> None:
+    """As stoop vehicle new writes it: usual of an autopilot and a logger, not of a radio link."""
+    shared = "=controls.elevator.delay"
+    first = {("controls", "elevator", "delay"): {"value": 0.02, "prior": 0.02}}
+    drafted = with_entries(
+        scenes.aircraft(), first | {("controls", c, "delay"): shared for c in CONTROLS[1:]}
+    )
+    flights = [commanded_early(one, 0.4) for one in flown()]
+    done = search(drafted, flights, [str(w) for w in windows()], options=Options(seed=1))
+    names = [p.name for p in done.estimate.problem.layout.parameters]
+    std = error_bars(done.estimate).std[names.index(NUMBER)]
+    assert std < 0.005
+    assert abs(done.estimate.estimates[NUMBER] - 0.4) < 4.0 * std
+    assert [n.code for n in done.estimate.notices].count("command-delay-found") == 1
+
+
+def test_no_rates_no_scan() -> None:
+    vehicle = scenes.aircraft()
+    lost = {c: ("time", np.full(len(flown()[0].time), np.nan)) for c in "pqr"}
+    flights = {one.name: replace(one, data=one.data.assign(lost)) for one in flown()}
+    pieces = prepare(vehicle, flights, windows()).pieces
+    assert scan_delays(vehicle, pieces, [vehicle.inputs.index(c) for c in CONTROLS]) is None
