@@ -1,4 +1,7 @@
-"""Controls against angular accelerations: each surface, or command, turns the vehicle about its axis the right way."""
+"""Controls against angular accelerations: each surface, or command, turns the vehicle about its axis the right way.
+
+Rates, flow angles and specific forces are regressors beside the controls; no effect of theirs is prescribed.
+"""
 
 from __future__ import annotations
 
@@ -20,6 +23,8 @@ EFFECTS: Final = {
     "pitch": ("q", (("elevator", -1.0), ("control_pitch", 1.0))),
     "yaw": ("r", (("rudder", -1.0), ("control_yaw", 1.0))),
 }
+#: of what moments depend on besides rates and controls, or readings that follow it (Klein and Morelli, section 5.1)
+FLOW: Final = ("alpha", "beta", "ay", "az")
 
 
 @dataclass(frozen=True)
@@ -34,7 +39,10 @@ class ControlLimits:
     #: of the largest rms of a control over a second; where all move less, nothing is compared
     active: float = 0.3
     still: float = 1e-12  #: sum of squares of a column, any unit, that does not move
-    delays: tuple[float, ...] = (0.0, 0.04, 0.08)  #: s, of servos; the one that fits best is taken
+    #: s, of servos and radio links, and before zero of loggers that write late; the one that fits best is taken, as a delay of
+    #: half a swing turns the sign of an effect
+    delays: tuple[float, ...] = tuple(0.04 * k for k in range(-5, 13))
+    present: float = 0.9  #: share of the samples in which a reading of the air must be there to be taken off
 
 
 LIMITS: Final = ControlLimits()
@@ -52,9 +60,12 @@ class Controls:
         }
         moved = {name for known in self.axes.values() for name, _ in known}
         self.beside = [name for name in RATES if name in there] if moved else []
+        self.air = [
+            name for name in FLOW if name in there and np.isfinite(data[name]).mean() > LIMITS.present
+        ]
         self.columns: dict[str, FloatArray] = {}
+        #: what rates and flow leave of angular accelerations, and of controls by each delay
         self.slopes: dict[str, FloatArray] = {}
-        self.turned = np.empty((0, 0))  #: (n, k), the rates that move
         self.late: list[dict[str, FloatArray]] = []
         self.rate = rate
         if moved:
@@ -71,7 +82,7 @@ class Controls:
             moved = {reading(state, name)[0] for name, _ in controls}
             if column not in self.slopes or not moved <= self.columns.keys():
                 continue  # an edit took a column that no axis answers
-            turning = self._apart(factor * self.slopes[column])
+            turning = factor * self.slopes[column]
             tried = (self._left(state, turning, controls, late) for late in range(len(LIMITS.delays)))
             left = min(tried, key=lambda x: float(x @ x))
             low, high = LIMITS.band
@@ -84,7 +95,7 @@ class Controls:
         """Return what controls, each with an effect of its sign, leave of an acceleration (n,)."""
         for name, sign in controls:
             column, factor = reading(state, name)
-            x = self._apart(factor * self.late[late][column])
+            x = factor * self.late[late][column]
             power = float(x @ x)
             gain = float(x @ left) / power if power > LIMITS.still else 0.0
             left = left - (gain if gain * sign >= 0.0 else 0.0) * x
@@ -100,7 +111,7 @@ class Controls:
 
         if rate <= 2.0 * LIMITS.band[1]:
             return
-        every = [*self.beside, *names]
+        every = [*self.beside, *names, *self.air]
         table = np.column_stack([data[name] for name in every])
         sos = butter(LIMITS.order, LIMITS.band, "bandpass", fs=rate, output="sos")
         step, delays = max(1, int(rate / LIMITS.rate)), [round(x * rate) for x in LIMITS.delays]
@@ -110,20 +121,20 @@ class Controls:
                 continue
             slow = sosfiltfilt(sos, table[start:stop], axis=0)
             turn = np.gradient(slow[:, : len(self.beside)], 1.0 / rate, axis=0)
-            late = [np.roll(slow[:, len(self.beside) :], delay, axis=0) for delay in delays]
-            parts.append([x[max(delays) :: step] for x in (slow, turn, *late)])
+            own = slow[:, len(self.beside) : len(self.beside) + len(names)]
+            late = [np.roll(own, delay, axis=0) for delay in delays]
+            edge = max(map(abs, delays))
+            parts.append([x[edge : len(x) - edge : step] for x in (slow, turn, *late)])
         self.rate = rate / step
         if parts:
             slow, turn, *late = (np.concatenate(own) for own in zip(*parts, strict=True))
             second = np.ones(round(self.rate))
-            power = np.apply_along_axis(np.convolve, 0, late[0] ** 2, second, "same")
+            now = late[delays.index(0)]
+            power = np.apply_along_axis(np.convolve, 0, now**2, second, "same")
             busy = (power > LIMITS.active**2 * np.maximum(power.max(axis=0), LIMITS.still)).any(axis=1)
             self.columns = dict(zip(every, slow[busy].T, strict=True))
-            self.slopes = dict(zip(self.beside, turn[busy].T, strict=True))
-            turned = np.column_stack([self.columns[name] for name in self.beside])
-            self.turned = turned[:, np.sum(turned**2, axis=0) > LIMITS.still]
-            self.late = [dict(zip(names, x[busy].T, strict=True)) for x in late]
-
-    def _apart(self, y: FloatArray) -> FloatArray:
-        """Return what is left of a column (n,) beside the rates."""
-        return np.asarray(y - self.turned @ np.linalg.lstsq(self.turned, y, rcond=None)[0])
+            known = np.column_stack([self.columns[name] for name in (*self.beside, *self.air)])
+            motion = np.linalg.qr(known[:, np.sum(known**2, axis=0) > LIMITS.still])[0]
+            turn, *late = (x[busy] - motion @ (motion.T @ x[busy]) for x in (turn, *late))
+            self.slopes = dict(zip(self.beside, turn.T, strict=True))
+            self.late = [dict(zip(names, x.T, strict=True)) for x in late]

@@ -29,6 +29,13 @@ from stoop.flight.airborne import in_flight
 from stoop.flight.flight import from_columns
 
 LONGEST_NAME: Final = 200  #: letters; no longer name tells anything, and matching takes the square of it
+#: command by which pulses of what moves a surface are recorded
+_OF_PULSES: Final = {
+    "elevator": "control_pitch", "aileron": "control_roll", "rudder": "control_yaw", "throttle": "control_throttle",
+    **{name: name for name in ("control_pitch", "control_roll", "control_yaw", "control_throttle")},
+}  # fmt: skip
+#: factor (1/us) and offset: of a throttle from 1000 to 2000 us, of others about 1500 us
+_PULSE: Final = {True: (1e-3, -1.0), False: (2e-3, -3.0)}
 MIN_ANGLE: Final = 3.0 * DEGREE  #: rad; no flight stays below
 _BRACKETS: Final = re.compile(r"\s*[(\[]\s*([^)\]]*?)\s*[)\]]\s*$")
 #: what was asked for, or left over: not what was measured
@@ -64,6 +71,7 @@ class DraftLine:
     commanded: bool = (
         False  #: whether the name says that it is what was asked of an actuator, not where it was
     )
+    offset: float = 0.0  #: added after unit and factor, SI
 
     def doubted(self, why: str) -> DraftLine:
         """Return the line with one more doubt."""
@@ -81,7 +89,7 @@ class DraftLine:
     def values(self, x: FloatArray) -> FloatArray:
         """Return a column as the line maps it: SI."""
         factor = PULSE_FACTORS[self.unit] if self.variable.startswith("pwm_") else FACTORS[self.unit or "1"]
-        return x * factor * self.scale + ZEROS.get(self.unit, 0.0)
+        return x * factor * self.scale + ZEROS.get(self.unit, 0.0) + self.offset
 
 
 class _Rule(NamedTuple):
@@ -101,6 +109,7 @@ class _Guess(NamedTuple):
 class _Names(NamedTuple):
     units: Mapping[str, str]  #: as files and people write them -> as stoop does
     suffix: re.Pattern[str]
+    title: re.Pattern[str]  #: of a unit as the last of joined words, as in ElevatorDeg
     rules: tuple[_Rule, ...]
     qualifiers: Mapping[str, frozenset[str]]  #: device, position, command, panel -> words
 
@@ -124,8 +133,10 @@ def _names() -> _Names:
         for variable, texts in zip(row["variables"], patterns, strict=True):
             rules += [_Rule(variable, re.compile(text), scale, doubts) for text in texts]
     suffix = re.compile(rf"[-_ .,]({'|'.join(longest)})(\[\d+\])?$", re.IGNORECASE)
+    words = "|".join(text.title() for text in longest if text.isalpha() and len(text) > 1)
+    title = re.compile(rf"(?<=[a-z])({words})$")
     qualifiers = {kind: frozenset(words.split("|")) for kind, words in content["qualifiers"].items()}
-    return _Names(units, suffix, tuple(rules), qualifiers)
+    return _Names(units, suffix, title, tuple(rules), qualifiers)
 
 
 def recognized(column: str, stated: str = "", stream: str = "") -> DraftLine | None:
@@ -147,6 +158,8 @@ def recognized(column: str, stated: str = "", stream: str = "") -> DraftLine | N
             short, kind = f"{unit}/s", known  # written short, as gyro_rad is
         else:
             short = unit
+        if short == "us" and VARIABLES[variable].kind == "command":
+            short, kind = "", known  # pulses, which `_command` tells by their size
         if kind in (known, KINDS["1"]):
             line = DraftLine(variable, stream, column, short, found.scale, bool(short), found.doubts)
             return replace(line, commanded=found.commanded)
@@ -201,6 +214,9 @@ def without_unit(column: str) -> tuple[str, str]:
     found = _BRACKETS.search(column)
     if found and not found.group(1).isdigit() and found.group(1).lower() in {"", *units}:
         return column[: found.start()], units.get(found.group(1).lower(), "")
+    found = _names().title.search(column)
+    if found:
+        return column[: found.start()], units[found.group(1).lower()]
     found = _names().suffix.search(column)
     if found and found.start() > 0:
         return column[: found.start()] + (found.group(2) or ""), units[found.group(1).lower()]
@@ -383,6 +399,10 @@ def _command(line: DraftLine, x: FloatArray) -> DraftLine:
     if PULSES[0] <= middle <= PULSES[1]:
         if number.isdigit():
             return replace(line, variable=f"pwm_{number}", unit="us").remarked("pulses")
+        if name in _OF_PULSES:
+            variable, (scale, offset) = _OF_PULSES[name], _PULSE[name.endswith("throttle")]
+            normalized = replace(line, variable=variable, unit="1", scale=scale, offset=offset, doubts=())
+            return normalized.remarked("pulses, normalized")
         return replace(line, unit="1").doubted("these are pulses: name them pwm_N and add a calibration")
     if stem in ("elevator", "aileron", "rudder", "flap"):
         return _surface(line, size)

@@ -309,6 +309,7 @@ def _place(column: str, stream: str = "") -> str:
 def _toml(line: DraftLine, with_stream: bool = True) -> str:
     unit = line.unit or VARIABLES[line.variable].unit
     scale = f", scale = {line.scale!r}" if line.scale != 1.0 else ""
+    scale += f", offset = {line.offset!r}" if line.offset else ""
     words = [f"unsure: {doubt}" for doubt in line.doubts] or list(line.remarks)
     comment = f"  # {'; '.join(words)}" if words else ""
     place = _place(line.column, line.stream if with_stream else "")

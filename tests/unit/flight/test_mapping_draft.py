@@ -179,6 +179,9 @@ FOREIGN = {
     "w_RS_S_x [rad s^-1]": ("p", "rad/s", 1), "a_RS_S_z [m s^-2]": ("az", "m/s2", 1), "q_RS_w []": ("q0", "", 1),
     "p_RS_R_x [m]": ("pn", "m", 1), "/surface-positions/elevator-pos-norm": ("elevator", "1", 1),
     "/orientation/roll-deg": ("phi", "deg", 1), "stateEstimate.x": ("pn", "", 1), "baro.asl": ("altitude", "", 1),
+    "ElevatorDeg": ("elevator", "deg", 1), "ThrottlePct": ("throttle", "percent", 1), "LonAc": ("ax", "", 1),
+    "Longitudinal Acceleration [g]": ("ax", "g", 1), "Vertical Acceleration [g]": ("az", "g", -1),
+    "ctrl.thrust": ("control_throttle", "", 1), "elev_us": ("elevator", "", 1),
     "tx": ("pn", "", 1), "imu_p": ("p", "", 1), "alpha_vane_deg": ("alpha", "deg", 1),
 }  # fmt: skip
 
@@ -208,6 +211,14 @@ def test_what_was_measured_of_a_surface_is_taken_before_what_was_asked(tmp_path:
     assert tomllib.loads(made.text)["variables"]["elevator"]["column"] == "fcs/elevator-pos-rad"
     assert made.unknown == ("load cell",)
     assert '# NAME = {column = "load cell", unit = "1"}  # -1 to 1' in made.text
+
+
+def test_pulses_of_a_surface_are_a_normalized_command(tmp_path: Path) -> None:
+    columns = {"elev_us": 1500.0 + 200.0 * np.sin(T), "thr_us": 1600.0 + 0.0 * T}
+    made = tomllib.loads(draft(written(tmp_path, columns)).text)["variables"]
+    found = {name: (one["column"], one["scale"], one["offset"]) for name, one in made.items()}
+    assert found["control_pitch"] == ("elev_us", 2e-3, -3.0)
+    assert found["control_throttle"] == ("thr_us", 1e-3, -1.0)
 
 
 NAMES = {
