@@ -36,7 +36,6 @@ from stoop.flight.faults import (
     without_faulty,
 )
 from stoop.flight.flight import AirData, Flight, Gridded, flight_name, on_circle, with_attitude
-from stoop.flight.repeated_readings import at_own_rates
 from stoop.flight.gridding import (
     Channels,
     SourceRate,
@@ -45,6 +44,7 @@ from stoop.flight.gridding import (
     grid_channels,
     interpolate_by_rates,
 )
+from stoop.flight.repeated_readings import at_own_rates
 from stoop.logs import Recording
 from stoop.logs.netcdf import AIR, FORMAT, STREAM
 

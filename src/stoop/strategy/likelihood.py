@@ -72,7 +72,9 @@ def rise_from_start(fit: Estimate) -> float:
     """
     if largest_growth(fit.problem, fit.z).excessive:
         return math.nan
-    start, end = (simulated_residuals(fit, one) for one in (fit.problem.layout.vehicle, fit.identified_vehicle))
+    start, end = (
+        simulated_residuals(fit, one) for one in (fit.problem.layout.vehicle, fit.identified_vehicle)
+    )
     measured = np.isfinite(np.concatenate([p.measured for p in fit.prepared.pieces]))
     if not np.isfinite(np.concatenate(start))[measured].all():
         return math.inf

@@ -22,7 +22,9 @@ def motion(seed: int, noise: float, period: float = 7.0) -> FloatArray:
     """Return a smooth motion over the rows with white noise."""
     rng = np.random.default_rng(seed)
     phase = rng.uniform(0.0, 2.0 * np.pi)
-    return np.asarray(5.0 * np.sin(2.0 * np.pi * TIME / period + phase) + noise * rng.standard_normal(TIME.size))
+    return np.asarray(
+        5.0 * np.sin(2.0 * np.pi * TIME / period + phase) + noise * rng.standard_normal(TIME.size)
+    )
 
 
 def readings(every: float, phase: float) -> IntArray:
@@ -112,15 +114,25 @@ def test_commands_and_parts_of_an_attitude_stay_as_they_are() -> None:
     assert found(elevator=slow)["elevator"].time is TIME
     mixed = {"phi": slow / 9.0, "theta": motion(2, 0.1) / 9.0, "psi": slow / 8.0}
     assert all(one.time is TIME for one in found(**mixed).values())
-    whole = found(**{name: slow / 9.0 for name in mixed})
+    whole = found(**dict.fromkeys(mixed, slow / 9.0))
     assert all(one.time is not TIME for one in whole.values())
 
 
 def test_a_table_with_a_held_receiver_is_laid_on_the_grid_of_its_fast_sensors(tmp_path: Path) -> None:
     """The reading lies between rows of the table no more: between its own it is interpolated smoothly."""
     truth, rows = motion(4, 0.0), readings(5.0, 0.0)
-    columns = {"time": TIME, "p": motion(5, 0.01) / 10.0, "vn": hold(truth, rows), "V": motion(6, 0.05) + 20.0}
-    text = "\n".join([",".join(columns), *(",".join(map(repr, map(float, row))) for row in zip(*columns.values()))])
+    columns = {
+        "time": TIME,
+        "p": motion(5, 0.01) / 10.0,
+        "vn": hold(truth, rows),
+        "V": motion(6, 0.05) + 20.0,
+    }
+    text = "\n".join(
+        [
+            ",".join(columns),
+            *(",".join(map(repr, map(float, row))) for row in zip(*columns.values(), strict=True)),
+        ]
+    )
     (tmp_path / "log.csv").write_text(text + "\n")
     names = {"p": "rad/s", "vn": "m/s", "V": "m/s"}
     lines = [f'{name} = {{column = "{name}", unit = "{unit}"}}' for name, unit in names.items()]

@@ -39,9 +39,7 @@ def flown() -> tuple[Flight, ...]:
 def commanded_early(flight: Flight, seconds: float) -> Flight:
     """Return the flight with stamps of its commands so much before they act."""
     n = round(seconds * flight.rate)
-    ahead = {
-        c: ("time", np.append(flight.column(c)[n:], np.full(n, flight.column(c)[-1]))) for c in CONTROLS
-    }
+    ahead = {c: ("time", np.append(flight.column(c)[n:], np.full(n, flight.column(c)[-1]))) for c in CONTROLS}
     return replace(flight, data=flight.data.assign(ahead))
 
 

@@ -58,7 +58,7 @@ def scan_delays(vehicle: Vehicle, pieces: Sequence[Piece], columns: Sequence[int
     Commands pass the lags that the vehicle has now; inputs that are not among the columns are not delayed.
     """
     dt = pieces[0].dt
-    delays = dt * np.arange(round(LONGEST / dt) + 1)
+    delays = np.asarray(dt * np.arange(round(LONGEST / dt) + 1), dtype=np.float64)
     parts = [part for piece in pieces for part in _regressions(vehicle, piece, columns, delays)]
     if not parts or not any(part[2].size for part in parts):
         return None
@@ -68,7 +68,9 @@ def scan_delays(vehicle: Vehicle, pieces: Sequence[Piece], columns: Sequence[int
     best = int(np.argmin(np.sum(np.log(np.maximum(squares, np.finfo(float).tiny)), axis=1)))
     period = TimeDomain().period(dt)
     independent = count / float(np.median(correlation_times(errors[best], period)))
-    likelihood = -0.5 * independent * np.sum(np.log(np.maximum(squares, np.finfo(float).tiny) / count), axis=1)
+    likelihood = (
+        -0.5 * independent * np.sum(np.log(np.maximum(squares, np.finfo(float).tiny) / count), axis=1)
+    )
     return Scan(delays, likelihood)
 
 
@@ -103,10 +105,12 @@ def _regressions(
 
 def lagged_inputs(vehicle: Vehicle, piece: Piece, columns: Sequence[int]) -> FloatArray:
     """Return inputs (n, c) of a piece after the lags of what they move, as the vehicle has them now."""
-    lags = {}
+    lags = dict[int, float]()
     for control in vehicle.controls:
         lag = vehicle.value(f"controls.{control}.lag", 0.0)
-        lags |= dict.fromkeys((vehicle.inputs.index(channel) for channel in vehicle.channels_of(control)), lag)
+        lags |= dict.fromkeys(
+            (vehicle.inputs.index(channel) for channel in vehicle.channels_of(control)), lag
+        )
     for rotor in vehicle.file.rotor.values():
         lags[vehicle.inputs.index(rotor.channel)] = vehicle.value("rotors.lag", 0.0)
     own = (first_order_lag(piece.inputs[:, i], lags.get(i, 0.0), piece.dt) for i in columns)
