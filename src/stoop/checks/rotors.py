@@ -14,7 +14,7 @@ from stoop.base.variables import RATES
 from stoop.checks.motors import check_motors
 from stoop.errors import IdentificationError
 from stoop.flight import Flight
-from stoop.flight.airborne import flying, lift_command, require_motors_ran
+from stoop.flight.airborne import carried_by_speed, flying, lift_command, require_motors_ran
 from stoop.problem import Misfit, Piece
 from stoop.problem.windows import Window, within
 from stoop.simulation import parameter_rows
@@ -171,6 +171,20 @@ def _require_flight(vehicle: Vehicle, windows: Sequence[Window], pieces: Sequenc
         )
 
 
+def windows_on_ground(_: Vehicle, flight: Flight, windows: Sequence[Window]) -> list[Notice]:
+    """Return the windows in part of which an aircraft does not fly, by its speed, and what is left of each."""
+    out, up = [], carried_by_speed(flight)
+    for window in windows:
+        inside = flight.between(window.start, window.stop) if window.flight == flight.name else slice(0)
+        share = float(np.mean(~up[inside])) if up[inside].size else 0.0
+        if share > LIMITS.off_share:
+            t = flight.time[inside][up[inside]]
+            first, last = (float(t[0]), float(t[-1])) if t.size else (np.nan, np.nan)
+            code = "window-partly-on-ground" if t.size else "window-on-ground"
+            out.append(notice(code, str(window), share=share, first=first, last=last))
+    return out
+
+
 @dataclass(frozen=True)
 class KindChecks:
     """What flights and windows of a kind of vehicle are checked for."""
@@ -184,7 +198,7 @@ class KindChecks:
 
 
 KINDS: Final = {
-    AIR_FRAME: KindChecks(_other_aircraft, _lift_of_aircraft, motors=(thrust_missing,)),
+    AIR_FRAME: KindChecks(_other_aircraft, _lift_of_aircraft, motors=(thrust_missing, windows_on_ground)),
     GROUND_FRAME: KindChecks(
         _other_rotors,
         _lift_differs,

@@ -89,7 +89,12 @@ def in_flight(flight: Flight) -> BoolArray:
 
 
 def airborne(flight: Flight) -> BoolArray:
-    """Tell where the vehicle flies, by its speed; everywhere when no speed is known."""
+    """Tell where the vehicle flies, by its speed, take-off and landing left out; everywhere when no speed is known."""
+    return _without_edges(carried_by_speed(flight), flight.rate)
+
+
+def carried_by_speed(flight: Flight) -> BoolArray:
+    """Tell where the speed is one of flight; everywhere when no speed is known."""
     speed = np.full(flight.time.size, np.nan)
     if flight.names >= set(VELOCITY):
         speed = np.sqrt(np.sum([flight.column(name) ** 2 for name in VELOCITY], axis=0))
@@ -101,7 +106,7 @@ def airborne(flight: Flight) -> BoolArray:
         return np.ones(speed.size, dtype=bool)
     speed = np.interp(flight.time, flight.time[known], speed[known])
     least = max(FLYING.speed, FLYING.speed_share * float(np.quantile(speed, 0.9)))
-    return _without_edges(speed > least, flight.rate)
+    return np.asarray(speed > least)
 
 
 def _without_edges(up: BoolArray, rate: float) -> BoolArray:

@@ -44,6 +44,7 @@ from stoop.flight.gridding import (
     grid_channels,
     interpolate_by_rates,
 )
+from stoop.flight.repeated_readings import at_own_rates
 from stoop.logs import Recording
 from stoop.logs.netcdf import AIR, FORMAT, STREAM
 
@@ -90,7 +91,8 @@ def load(path: str | Path, mapping: str | Path | None = None, rate: float | None
     if mapped is None:
         return _restore(recording, flight_name(path))
     cleaned = [drop_outliers(group) for group in mapped.channels]
-    channels = [group for group, _ in cleaned]
+    apart = [at_own_rates(group) for group, _ in cleaned]
+    channels = [one for groups, _ in apart for one in groups]
     grid, data, sources = grid_channels(channels, rate, str(path))
     rate = grid.rate
     # an attitude whose parts came from several files is completed; its rate is that of the slowest
@@ -124,7 +126,7 @@ def load(path: str | Path, mapping: str | Path | None = None, rate: float | None
         data, attitude = interpolate_by_rates(grid, data, sources, channels)
     # defects of topics that supply nothing do not matter to the user; a file's name writes a topic with _
     used = {name for s in sources.values() for name in (s.source, s.source.replace("/", "_"))}
-    notices = [one for _, found in cleaned for one in found]
+    notices = [one for _, found in (*cleaned, *apart) for one in found]
     notices += [
         notice("log-defect", defect.place, kind=defect.kind, text=defect.message)
         for defect in recording.defects

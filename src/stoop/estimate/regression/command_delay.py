@@ -58,7 +58,7 @@ def scan_delays(vehicle: Vehicle, pieces: Sequence[Piece], columns: Sequence[int
     Commands pass the lags that the vehicle has now; inputs that are not among the columns are not delayed.
     """
     dt = pieces[0].dt
-    delays = dt * np.arange(round(LONGEST / dt) + 1)
+    delays = np.asarray(dt * np.arange(round(LONGEST / dt) + 1), dtype=np.float64)
     parts = [part for piece in pieces for part in _regressions(vehicle, piece, columns, delays)]
     if not parts or not any(part[2].size for part in parts):
         return None
@@ -105,7 +105,7 @@ def _regressions(
 
 def lagged_inputs(vehicle: Vehicle, piece: Piece, columns: Sequence[int]) -> FloatArray:
     """Return inputs (n, c) of a piece after the lags of what they move, as the vehicle has them now."""
-    lags = {}
+    lags = dict[int, float]()
     for control in vehicle.controls:
         lag = vehicle.value(f"controls.{control}.lag", 0.0)
         lags |= dict.fromkeys(

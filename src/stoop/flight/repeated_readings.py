@@ -1,0 +1,128 @@
+"""Slow readings in fast rows: held until the next one, or interpolated to it, they count where they were taken.
+
+A table has one row for every instant, whatever the rates of its sensors. Between two readings of a slow sensor recorders
+repeat the last one or draw a straight line. Both are told from a sensor that was read in every row by what a row adds:
+
+- a *held* column stands still and then jumps; a slowly changing quantity that is quantized stands still as well, but then moves
+  by a single step of its resolution,
+- an *interpolated* column has a second difference of zero, within its resolution, but at the readings,
+
+and the rows that add something are never closer than the period of the sensor.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from stoop.base.arrays import FloatArray, IntArray
+from stoop.base.notices import Notice, notice
+from stoop.base.variables import EULER, QUATERNION, VARIABLES
+from stoop.flight.gridding import Channels
+
+
+@dataclass(frozen=True)
+class Limits:
+    """When rows are told to repeat slower readings."""
+
+    readings: int = 20  #: at least
+    #: of the intervals between readings, that are a period long at least, within a row
+    regular: float = 0.95
+    #: steps of the resolution, beyond which a change is none of a quantity that moved slowly
+    step: float = 1.5
+    #: of the changes, that must exceed it
+    jumps: float = 0.5
+    #: steps of the resolution, by which rounding may bend a straight line
+    rounding: float = 2.5
+
+
+LIMITS: Final = Limits()
+Rows = Callable[[FloatArray, FloatArray], IntArray]
+
+
+def held(_: FloatArray, x: FloatArray) -> IntArray:
+    """Return the rows of readings (n,) at which a column jumps after it stood still; empty where it moves by single steps."""
+    changes = np.diff(x)
+    rows = np.flatnonzero(changes) + 1
+    sizes = np.abs(changes[rows - 1])
+    if not rows.size or np.mean(sizes > LIMITS.step * sizes.min()) < LIMITS.jumps:
+        return rows[:0]
+    return rows
+
+
+def knots(time: FloatArray, x: FloatArray) -> IntArray:
+    """Return the rows at which a column (n,) at times (n,) bends; empty where rounding alone bends it."""
+    values = np.unique(x)
+    if len(values) < LIMITS.readings:
+        return np.empty(0, dtype=np.intp)
+    resolution, steps = float(np.diff(values).min()), np.diff(time)
+    bends = np.abs(np.diff(np.diff(x) / steps)) * np.minimum(steps[1:], steps[:-1])
+    tolerance = LIMITS.rounding * max(resolution, 4.0 * float(np.spacing(np.abs(values).max())))
+    rows = np.flatnonzero(bends > tolerance) + 1
+    # a straight line takes two rows between its ends
+    return rows if rows.size and _period(rows) >= 3.0 else rows[:0]
+
+
+def _period(rows: IntArray) -> float:
+    """Return the usual interval of rows; 1 with fewer than two."""
+    return float(np.median(np.diff(rows))) if len(rows) > 1 else 1.0
+
+
+def regular(rows: IntArray) -> bool:
+    """Tell whether rows are those of a sensor of a slower rate: hardly ever closer than its period."""
+    if len(rows) < LIMITS.readings or (period := _period(rows)) < 2.0:
+        return False
+    return bool(np.mean(np.diff(rows) >= max(2.0, period - 1.0)) >= LIMITS.regular)
+
+
+def at_own_rates(group: Channels) -> tuple[list[Channels], list[Notice]]:
+    """Return channels that share the rows of a table, each at the rows in which it was read, and what was found.
+
+    Columns that were read together are told together, so that a reading that happens to repeat the last one counts. Commands
+    hold until the next one and stay as they are, and so does an attitude of which not every angle is slow.
+    """
+    slow: list[tuple[list[str], IntArray]] = []
+    for name, x in group.values.items():
+        rows = _readings(group.time, x) if VARIABLES[name].kind == "measurement" else None
+        if rows is None:
+            continue
+        for one in slow:
+            both = np.union1d(one[1], rows)
+            # two sensors out of step would make one that is faster than either
+            if regular(both) and _period(both) >= max(_period(one[1]), _period(rows)) - 0.5:
+                slow[slow.index(one)] = ([*one[0], name], both)
+                break
+        else:
+            slow.append(([name], rows))
+    slow = [one for one in slow if _whole_attitude(one[0], group.values)]
+    taken = {name for names, _ in slow for name in names}
+    left = {name: x for name, x in group.values.items() if name not in taken}
+    found = [Channels(group.source, group.time, left)] if left else []
+    found += [
+        Channels(group.source, group.time[rows], {name: group.values[name][rows] for name in names})
+        for names, rows in slow
+    ]
+    return found, [_notice(group, names, rows) for names, rows in slow]
+
+
+def _readings(time: FloatArray, x: FloatArray) -> IntArray | None:
+    """Return the rows in which a column (n,) was read; None where that is every row."""
+    good = np.flatnonzero(np.isfinite(x))
+    for find in (held, knots):
+        if len(good) > LIMITS.readings and regular(rows := find(time[good], x[good])):
+            return np.asarray(good[rows])
+    return None
+
+
+def _whole_attitude(names: Sequence[str], values: Mapping[str, FloatArray]) -> bool:
+    """Tell whether names hold all or none of the attitude that was recorded."""
+    recorded = {name for name in (*EULER, *QUATERNION) if name in values}
+    return not recorded & set(names) or recorded <= set(names)
+
+
+def _notice(group: Channels, names: Sequence[str], rows: IntArray) -> Notice:
+    rate = 1.0 / float(np.median(np.diff(group.time[rows])))
+    return notice("readings-repeated", group.source, variables=tuple(names), rate=rate, rows=group.rate)
