@@ -7,6 +7,7 @@ goes through the verbs as a new user would use them. A third of vehicles and rec
 
 from __future__ import annotations
 
+import json
 import tempfile
 import time
 import tomllib
@@ -28,13 +29,19 @@ from stoop.vehicle_draft.request import Request
 from stoop.workflow.derivatives import derivatives
 from stoop.workflow.flying import linearize
 from stoop.workflow.identification import identify
-from stoop_studies.verify import defaults, lines, outside_aircraft, recorders, study
+from stoop_studies.verify import defaults, lines, outside_aircraft, outside_rotors, recorders, study
 from stoop_studies.verify.fleet import MadeUp
 from stoop_studies.verify.instruments import Defect
 from stoop_studies.verify.outside_aircraft import OutsideFlight
 
-MODELS: Final = {name: outside_aircraft.Model(name=name, **row) for name, row in tomllib.loads(study.data_text("outside.toml"))["jsbsim"].items()}
-CASES: Final = tuple(MODELS)
+_TABLES: Final = tomllib.loads(study.data_text("outside.toml"))
+AIRCRAFT: Final = {name: outside_aircraft.Model(name=name, **row) for name, row in _TABLES["jsbsim"].items()}
+ROTORS: Final[Mapping[str, tuple[str, str]]] = {
+    f"{simulator}_{name}": (simulator, name) for simulator, names in _TABLES["rotors"].items() for name in names
+}
+CASES: Final = (*AIRCRAFT, *ROTORS)
+GUSTS: Final = {"calm": 0.0, "light": 0.3, "moderate": 0.8}  #: m/s, standard deviation of those that multirotors fly in
+WIND: Final = 1.5  #: m/s, standard deviation of either component
 ONCE: Final = 1000  #: first seed of the last run
 ARM: Final = 0.05  #: chords (arms), standard deviation of the accelerometer's place
 EQUAL: Final = {"V": ("airspeed_pitot",), "control_throttle": ("throttle",)}  #: variables by which the same is read
@@ -43,8 +50,10 @@ EQUAL: Final = {"V": ("airspeed_pitot",), "control_throttle": ("throttle",)}  #:
 def fly(case: str, seed: int) -> OutsideFlight:
     """Fly a vehicle."""
     rng = np.random.default_rng([52, CASES.index(case), seed])
-    gusts = str(rng.choice(list(outside_aircraft.GUSTS)))
-    return outside_aircraft.fly(MODELS[case], seed, gusts)
+    gusts = str(rng.choice(list(GUSTS)))
+    if case in AIRCRAFT:
+        return outside_aircraft.fly(AIRCRAFT[case], seed, gusts)
+    return outside_rotors.fly(*ROTORS[case], seed, WIND * rng.standard_normal(2), GUSTS[gusts])
 
 
 def logged(case: str, seed: int, folder: Path, mangle: Any = dict) -> tuple[OutsideFlight, recorders.Recorder, recorders.Log]:
@@ -81,7 +90,18 @@ def mapped(log: recorders.Log, folder: Path) -> tuple[Path, dict[str, list[str]]
 
 
 def record(case: str, seed: int, folder: Path) -> dict[str, Any]:
-    """Fly, record and identify by the defaults; all files of the way stay in the folder."""
+    """Fly, record and identify by the defaults.
+
+    In the folder stay the log, ``right.toml`` (a mapping that reads it right), ``mapping.toml`` (the one that was used: drafted
+    and applied, or the right one where it had to be edited), ``vehicle.toml``, ``result``, and ``record.json`` (what is returned:
+    of each number its estimate, standard error, truth, whether it is at a bound, and whether the flight shows it).
+    """
+    out = _recorded(case, seed, folder)
+    (folder / "record.json").write_text(json.dumps(out, indent=1), encoding="utf-8")
+    return out
+
+
+def _recorded(case: str, seed: int, folder: Path) -> dict[str, Any]:
     flight, recorder, log = logged(case, seed, folder)
     about = {"dialect": recorder.dialect, "rate": recorder.rate, "held": recorder.held, "missing": list(recorder.missing)}
     about["accused"] = [one.code for one in contradictions(log.path, log.mapping, folder / "right.toml")]
@@ -109,7 +129,7 @@ def flown(case: str, seed: int, flight: OutsideFlight, log: recorders.Log, file:
     """Return a flight as `defaults` compares it: surfaces as they were when their commands were recorded."""
     truth, true = flight.truth(file), dict(flight.columns)
     clock = np.arange(len(true["p"])) / flight.rate
-    for surface in truth.controls:
+    for surface in set(truth.controls) & set(true):
         at = clock + defect.delay["commands"]
         true[surface] = np.interp(at, clock, true[surface]) + truth.value(f"controls.{surface}.offset", 0.0)
     made = MadeUp(seed, flight.asked["template"], "csv", truth, {}, flight.tape)
@@ -126,7 +146,7 @@ def refusals(path: Path) -> list[str]:
     out = []
     for verb in (trim, linearize, derivatives):
         try:
-            verb(vehicle)
+            verb(vehicle, **({"dimensional": True} if verb is derivatives else {}))
         except StoopError as error:
             out.append(f"{verb.__name__}: {error}")
     return out

@@ -26,11 +26,11 @@ from stoop_studies.verify.pilots import HANDS_OFF, RESPONSE, Columns
 from stoop_studies.verify.scenes import step_maneuvers
 from stoop_studies.verify.study import data_text
 
-RATE: Final = 200.0  #: Hz, of JSBSim's steps and of what is true
+RATE: Final = 400.0  #: Hz, of JSBSim's steps and of what is true
 PILOT_RATE: Final = 50.0  #: Hz
 SETTLE: Final = 60.0  #: s before the record
 DURATION: Final = 130.0  #: s
-PASSES: Final = 300  #: evaluations at a fixed state: a second and a half for the actuators
+PASSES: Final = 400  #: evaluations at a fixed state: a second for the actuators
 SURFACES: Final = jsbsim_flight.SURFACES
 COMMANDS: Final = {name: f"fcs/{name}-cmd-norm" for name in SURFACES}
 READ: Final = {
