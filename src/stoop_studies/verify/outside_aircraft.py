@@ -7,7 +7,7 @@ and 3-2-1-1 on all controls and steps of the throttle, and holds on less while a
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
@@ -59,6 +59,7 @@ class Model:
     engine: str = "piston"  #: as of `stoop vehicle new`
     template: str = "conventional"
     throttle: float = 0.6  #: to start from
+    declared: Sequence[str] = ()  #: properties of a flight simulator that its files read
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,6 +81,7 @@ class Airframe(jsbsim_flight.Aircraft):
         self.fdm.set_dt(1.0 / RATE)  # before the filters of its flight control are made
         if not self.fdm.load_model(model.name):
             raise StoopError(f"outside: JSBSim's package has no {model.name}; install jsbsim 1.2 or later")
+        self.set(dict.fromkeys(model.declared, 0.0))
         self.fdm.disable_output()
         self.stock = Stock(
             model=model.name, title=model.name, airspeed=model.airspeed, alpha=0.0, altitude=model.altitude, amplitude={}
@@ -155,15 +157,16 @@ def slopes(aircraft: Airframe, state: State) -> dict[str, float]:
     base = aircraft.neutral
 
     def turned(change: Mapping[str, float], surface: str, axis: str, step: float) -> float:
-        out = []
+        out, unit = [], "ft" if axis == "w" else "rad"
         for sign in (-1.0, 1.0):
             moved = {**base, surface: base[surface] + sign * step * aircraft.gain[surface]} if surface else base
             aircraft.put(replace(state, **{n: getattr(state, n) + sign * x for n, x in change.items()}), moved)
-            out.append(aircraft[f"accelerations/{axis}dot-rad_sec2"])
+            out.append(aircraft[f"accelerations/{axis}dot-{unit}_sec2"])
         return (out[1] - out[0]) / 2.0
 
     return {
         "Mq": turned({"alpha": 0.02, "theta": 0.02}, "", "q", 0.0) / 0.02, "Me": turned({}, "elevator", "q", 0.05) / 0.05,
+        "Md": turned({"q": 0.05}, "", "q", 0.0) / 0.05, "Za": turned({"alpha": 0.02, "theta": 0.02}, "", "w", 0.0) * FOOT / 0.02,
         "Lp": turned({"p": 0.1}, "", "p", 0.0) / 0.1, "La": turned({}, "aileron", "p", 0.05) / 0.05,
         "Nb": turned({"beta": 0.02}, "", "r", 0.0) / 0.02, "Nr": turned({}, "rudder", "r", 0.05) / 0.05,
     }  # fmt: skip
@@ -174,7 +177,8 @@ class Pilot:
 
     def __init__(self, aircraft: Airframe, state: State, powered: bool) -> None:
         k, model = slopes(aircraft, state), aircraft.model
-        self.short = float(np.sqrt(max(-k["Mq"], 0.3)))
+        self.short = float(np.sqrt(max(abs(k["Mq"]), 0.3)))
+        self.stable = k["Mq"] < 0.0
         self.roll_time = 1.0 / max(-k["Lp"], 0.5)
         self.dutch = float(np.sqrt(max(k["Nb"], 0.1)))
         self.power, self.state, self.powered = k, state, powered
@@ -184,11 +188,12 @@ class Pilot:
 
     def sizes(self) -> dict[str, float]:
         """Return commands for the responses that test plans ask for."""
+        k = self.power
         helix = 2.0 * self.state.V * RESPONSE.helix / self.span
         wanted = {
-            "elevator": 2.5 * RESPONSE.alpha * self.short**2 / abs(self.power["Me"]),
-            "aileron": helix / self.roll_time / abs(self.power["La"]),
-            "rudder": RESPONSE.beta * self.dutch**2 / abs(self.power["Nr"]),
+            "elevator": RESPONSE.alpha * (self.short**2 + abs(k["Md"] * k["Za"]) / self.state.V) / abs(k["Me"]),
+            "aileron": helix / self.roll_time / abs(k["La"]),
+            "rudder": RESPONSE.beta * self.dutch**2 / abs(k["Nr"]),
         }
         return {c: float(np.clip(x, 0.03, 0.5)) for c, x in wanted.items()}
 
@@ -204,7 +209,7 @@ class Pilot:
         slow = (V - now["V"]) / V
         wanted = t["theta"] + (climb + 0.3 * now["vd"] / V if self.powered else -0.6 * slow)
         error = wanted - now["theta"]
-        pitch = 0.8 * self.short**2 / k["Me"]
+        pitch = (0.8 if self.stable else 2.0) * self.short**2 / k["Me"]
         roll = -1.0 / (self.roll_time * k["La"])
         u = {
             "elevator": t["elevator"] + hold * pitch * (error - 0.8 / self.short * now["q"]),
@@ -236,7 +241,7 @@ def plan(pilot: Pilot, rng: np.random.Generator) -> tuple[Columns, FloatArray]:
         size = float(np.clip(sizes[control] * rng.uniform(0.8, 1.3), 0.03, 0.6)) * rng.choice((-1.0, 1.0))
         step = float(longer * steps[control] * rng.uniform(0.9, 1.1))
         inputs.append((control, shape, start, step, size))
-        hold[(time > start - 0.3) & (time < start + 8.0 * step + 2.0)] = HANDS_OFF
+        hold[(time > start - 0.3) & (time < start + 8.0 * step + 2.0)] = HANDS_OFF if pilot.stable else 1.0
     changes = step_maneuvers({"plan": tuple(inputs)}, DURATION, PILOT_RATE)["plan"].deflections()
     start = 4.0 + THROTTLE_AFTER * (DURATION - 8.0) / (len(SERIES) + 1)
     push = rng.uniform(0.12, 0.25) * rng.choice((-1.0, 1.0)) * ((time > start) & (time < start + 7.0))
