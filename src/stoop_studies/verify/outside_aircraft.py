@@ -6,10 +6,9 @@ and 3-2-1-1 on all controls and steps of the throttle, and holds on less while a
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
@@ -18,13 +17,11 @@ from stoop.base.units import FOOT, POUND_FORCE, SLUG
 from stoop.base.variables import EULER, RATES, SPECIFIC_FORCE, VELOCITY
 from stoop.errors import StoopError
 from stoop.exporters.jsbsim_flight import simulator
-from stoop.vehicle import Vehicle, parse_vehicle
+from stoop.vehicle import Vehicle
 from stoop_studies.verify import jsbsim, jsbsim_flight
-from stoop_studies.verify.defects import edited
 from stoop_studies.verify.jsbsim_flight import State, Stock, Trim
 from stoop_studies.verify.pilots import HANDS_OFF, RESPONSE, Columns
 from stoop_studies.verify.scenes import step_maneuvers
-from stoop_studies.verify.study import data_text
 
 RATE: Final = 400.0  #: Hz, of JSBSim's steps and of what is true
 PILOT_RATE: Final = 50.0  #: Hz
@@ -71,6 +68,7 @@ class OutsideFlight:
     tape: Mapping[str, float]  #: mass, span, chord
     truth: Callable[[Vehicle], Vehicle]  #: from a file to the vehicle that has the true value of its terms
     asked: Mapping[str, str]  #: what a person sees: template, engine
+    reversed: tuple[str, ...] = ()  #: surfaces that its simulator counts the other way than the registry
 
 
 class Airframe(jsbsim_flight.Aircraft):
@@ -159,8 +157,12 @@ def slopes(aircraft: Airframe, state: State) -> dict[str, float]:
     def turned(change: Mapping[str, float], surface: str, axis: str, step: float) -> float:
         out, unit = [], "ft" if axis == "w" else "rad"
         for sign in (-1.0, 1.0):
-            moved = {**base, surface: base[surface] + sign * step * aircraft.gain[surface]} if surface else base
-            aircraft.put(replace(state, **{n: getattr(state, n) + sign * x for n, x in change.items()}), moved)
+            moved = (
+                {**base, surface: base[surface] + sign * step * aircraft.gain[surface]} if surface else base
+            )
+            aircraft.put(
+                replace(state, **{n: getattr(state, n) + sign * x for n, x in change.items()}), moved
+            )
             out.append(aircraft[f"accelerations/{axis}dot-{unit}_sec2"])
         return (out[1] - out[0]) / 2.0
 
@@ -191,7 +193,9 @@ class Pilot:
         k = self.power
         helix = 2.0 * self.state.V * RESPONSE.helix / self.span
         wanted = {
-            "elevator": RESPONSE.alpha * (self.short**2 + abs(k["Md"] * k["Za"]) / self.state.V) / abs(k["Me"]),
+            "elevator": RESPONSE.alpha
+            * (self.short**2 + abs(k["Md"] * k["Za"]) / self.state.V)
+            / abs(k["Me"]),
             "aileron": helix / self.roll_time / abs(k["La"]),
             "rudder": RESPONSE.beta * self.dutch**2 / abs(k["Nr"]),
         }
@@ -199,10 +203,21 @@ class Pilot:
 
     def stick(self, commands: Mapping[str, float]) -> dict[str, float]:
         """Return commands as the registry counts them: nose up, right wing down, nose right."""
-        signs = {"control_pitch": ("elevator", "Me"), "control_roll": ("aileron", "La"), "control_yaw": ("rudder", "Nr")}
+        signs = {
+            "control_pitch": ("elevator", "Me"),
+            "control_roll": ("aileron", "La"),
+            "control_yaw": ("rudder", "Nr"),
+        }
         return {n: float(np.sign(self.power[of])) * commands[c] for n, (c, of) in signs.items()}
 
-    def command(self, now: Mapping[str, float], hold: float, learning: bool) -> tuple[dict[str, float], float]:
+    def reversed(self, gains: Mapping[str, float]) -> tuple[str, ...]:
+        """Return the surfaces whose positive deflection is nose up, left wing down, or nose right."""
+        turns = {"elevator": -self.power["Me"], "aileron": self.power["La"], "rudder": -self.power["Nr"]}
+        return tuple(c for c, x in turns.items() if x * gains[c] < 0.0)
+
+    def command(
+        self, now: Mapping[str, float], hold: float, learning: bool
+    ) -> tuple[dict[str, float], float]:
         """Return the commands and the throttle by the readings of a sample."""
         t, k, V = self.trim, self.power, self.state.V
         climb = float(np.clip(0.1 * (self.state.altitude - now["altitude"]) / V, -0.06, 0.06))
@@ -237,7 +252,12 @@ def plan(pilot: Pilot, rng: np.random.Generator) -> tuple[Columns, FloatArray]:
     count, sizes, inputs = round(DURATION * PILOT_RATE), pilot.sizes(), []
     hold, time = np.ones(count), np.arange(count) / PILOT_RATE
     for i, (control, shape, longer) in enumerate(SERIES):
-        start = 4.0 + i * (DURATION - 8.0) / (len(SERIES) + 1) + rng.uniform(0.0, 1.5) + 10.0 * (i >= THROTTLE_AFTER)
+        start = (
+            4.0
+            + i * (DURATION - 8.0) / (len(SERIES) + 1)
+            + rng.uniform(0.0, 1.5)
+            + 10.0 * (i >= THROTTLE_AFTER)
+        )
         size = float(np.clip(sizes[control] * rng.uniform(0.8, 1.3), 0.03, 0.6)) * rng.choice((-1.0, 1.0))
         step = float(longer * steps[control] * rng.uniform(0.9, 1.1))
         inputs.append((control, shape, start, step, size))
@@ -273,7 +293,10 @@ def fly(model: Model, seed: int, gusts: str = "calm") -> OutsideFlight:
                           "atmosphere/turbulence/milspec/windspeed_at_20ft_AGL-fps": GUSTS[gusts][1] / FOOT})  # fmt: skip
             aircraft.commands, aircraft.throttle = dict(commands), throttle
         if k >= 0:
-            commands = {c: float(np.clip(x + planned.get(c, hold)[k] * (c in planned), -1.0, 1.0)) for c, x in commands.items()}
+            commands = {
+                c: float(np.clip(x + planned.get(c, hold)[k] * (c in planned), -1.0, 1.0))
+                for c, x in commands.items()
+            }
             throttle = float(np.clip(throttle + planned["throttle"][k], 0.0, 1.0)) if powered else 0.0
         aircraft.steer(commands, throttle)
         for _ in range(frames):
@@ -290,7 +313,7 @@ def fly(model: Model, seed: int, gusts: str = "calm") -> OutsideFlight:
     tape["chord"] = aircraft["metrics/Sw-sqft"] * FOOT**2 / pilot.span
     return OutsideFlight(
         RATE, columns, tape, lambda file: true_vehicle(aircraft, file, columns),
-        {"template": model.template, "engine": model.engine},
+        {"template": model.template, "engine": model.engine}, pilot.reversed(aircraft.gain),
     )  # fmt: skip
 
 

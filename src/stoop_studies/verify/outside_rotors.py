@@ -15,10 +15,12 @@ import numpy as np
 
 from stoop.base.arrays import FloatArray
 from stoop.base.rotations import FLIP, euler_angles, to_body
+from stoop.base.units import SLUG
 from stoop.base.variables import EULER, RATES, SPECIFIC_FORCE, VELOCITY
 from stoop.errors import StoopError
 from stoop.exporters.rotorpy_flight import TURN
 from stoop.vehicle import Vehicle, parse_vehicle
+from stoop_studies.verify import jsbsim_flight, multirotor
 from stoop_studies.verify.outside_aircraft import OutsideFlight
 from stoop_studies.verify.pilots import Columns
 
@@ -28,10 +30,22 @@ DURATION: Final = 70.0  #: s
 GRAVITY: Final = 9.81  #: m/s2, of these simulators
 HEIGHT: Final = 20.0  #: m
 #: axis, start (s), length of a step (s), size: of rad/s2 over what the arms allow, or m
-SHAKES: Final = ((0, 5.0, 0.12), (1, 9.0, 0.12), (2, 13.0, 0.3), (0, 38.0, 0.16), (1, 42.0, 0.16), (2, 46.0, 0.4))
+SHAKES: Final = (
+    (0, 5.0, 0.12),
+    (1, 9.0, 0.12),
+    (2, 13.0, 0.3),
+    (0, 38.0, 0.16),
+    (1, 42.0, 0.16),
+    (2, 46.0, 0.4),
+)
 MOVES: Final = ((0, 18.0), (1, 24.0), (2, 30.0), (1, 50.0), (0, 56.0), (2, 62.0))
 SIDES: Final = (1.0, 1.0, 1.0, -1.0, -1.0, 1.0, -1.0)  #: of a 3-2-1-1, by steps
-PX4_ORDER: Final = ((1.0, 1.0), (-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0))  #: sides of the motors of a quadrotor in X, forward and right
+PX4_ORDER: Final = (
+    (1.0, 1.0),
+    (-1.0, -1.0),
+    (1.0, -1.0),
+    (-1.0, 1.0),
+)  #: sides of the motors of a quadrotor in X, forward and right
 
 
 @dataclass(frozen=True)
@@ -56,6 +70,11 @@ class Rotorcraft:
         sides = np.sign(np.round(self.positions[:, :2], 6))
         return [int(np.flatnonzero((sides == side).all(axis=1))[0]) for side in np.array(PX4_ORDER)]
 
+    @property
+    def tape(self) -> dict[str, float]:
+        """Mass, and the largest distance between motors."""
+        return {"mass": self.mass, "span": float(2.0 * np.max(np.linalg.norm(self.positions[:, :2], axis=1)))}
+
     def vehicle(self, file: Vehicle) -> Vehicle:
         """Return the vehicle in the units of a file: rotor speeds, or commands from 0 to 1."""
         channels = [rotor.channel for rotor in file.file.rotor.values()]
@@ -65,7 +84,9 @@ class Rotorcraft:
                    for i, a in enumerate("xyz") for j, b in enumerate("xyz") if i == j}  # fmt: skip
         rotors = [
             f'[rotor.{name}]\nchannel = "{channel}"\nposition = {self.positions[i].tolist()}\nspin = "{self.spins[i]}"'
-            for (name, channel), i in zip(zip(file.file.rotor, channels, strict=True), self.order, strict=True)
+            for (name, channel), i in zip(
+                zip(file.file.rotor, channels, strict=True), self.order, strict=True
+            )
         ]
         lag = "" if by_speed else f"lag = {self.lag!r}\n"
         text = (
@@ -96,7 +117,10 @@ def plan(craft: Rotorcraft, rng: np.random.Generator) -> Plan:
     weight = craft.mass * GRAVITY
     able = weight * np.array([0.25 * arm, 0.25 * arm, 0.7 * craft.ratio]) / np.diag(craft.inertia)
     for axis, start, step in SHAKES:
-        begin, size = start + rng.uniform(0.0, 1.0), able[axis] * rng.uniform(0.6, 1.0) * rng.choice((-1.0, 1.0))
+        begin, size = (
+            start + rng.uniform(0.0, 1.0),
+            able[axis] * rng.uniform(0.6, 1.0) * rng.choice((-1.0, 1.0)),
+        )
         k = np.floor((time - begin) / (step * rng.uniform(0.9, 1.1))).astype(int)
         on = (k >= 0) & (k < len(SIDES))
         shakes[on, axis] += size * np.array(SIDES)[k[on]]
@@ -132,13 +156,27 @@ class RotorPy:
         """Let a sample pass; return the motion at its begin: velocity, attitude, rates, specific force, height, speeds."""
         d, state, still = self.dynamics, self.state, np.zeros(3)
         state["wind"] = wind
-        wanted = {"x": place, "yaw": 0.0, "yaw_dot": 0.0, **dict.fromkeys(("x_dot", "x_ddot", "x_dddot", "x_ddddot"), still)}
+        wanted = {
+            "x": place,
+            "yaw": 0.0,
+            "yaw_dot": 0.0,
+            **dict.fromkeys(("x_dot", "x_ddot", "x_dddot", "x_ddddot"), still),
+        }
         thrusts = self.control.update(0.0, state, wanted)["cmd_motor_thrusts"]
         thrusts = thrusts + d.TM_to_f @ np.concatenate([[0.0], d.inertia @ shake])
-        self.command = np.clip(np.sqrt(np.maximum(thrusts, 0.0) / d.k_eta), d.rotor_speed_min, d.rotor_speed_max)
+        self.command = np.clip(
+            np.sqrt(np.maximum(thrusts, 0.0) / d.k_eta), d.rotor_speed_min, d.rotor_speed_max
+        )
         control = {"cmd_motor_speeds": self.command}
         acceleration = d.statedot(state, control, 1.0 / RATE)["vdot"]
-        out = {"v": state["v"], "q": state["q"], "w": state["w"], "a": acceleration, "z": state["x"][2:], "n": state["rotor_speeds"]}
+        out = {
+            "v": state["v"],
+            "q": state["q"],
+            "w": state["w"],
+            "a": acceleration,
+            "z": state["x"][2:],
+            "n": state["rotor_speeds"],
+        }
         self.state = d.step(state, control, 1.0 / RATE)
         return {n: np.array(x) for n, x in out.items()}
 
@@ -148,6 +186,8 @@ SIMULATORS: Final[Mapping[str, Callable[[str], Any]]] = {"rotorpy": RotorPy}
 
 def fly(simulator: str, name: str, seed: int, wind: FloatArray, gust: float) -> OutsideFlight:
     """Fly the plan of a seed in a wind (2,) to north and east, m/s, with gusts of a standard deviation, m/s."""
+    if simulator == "jsbsim":
+        return fly_f450()
     flying = SIMULATORS[simulator](name)
     craft, rng = flying.craft, np.random.default_rng([54, seed])
     planned = plan(craft, rng)
@@ -163,18 +203,39 @@ def fly(simulator: str, name: str, seed: int, wind: FloatArray, gust: float) -> 
     motion = {n: np.array([row[n] for row in rows]) for n in rows[0]}
     if np.max(np.abs(motion["z"] - HEIGHT)) > 15.0:
         raise StoopError(f"outside: {name} of {simulator} leaves its flight")
-    tape = {"mass": craft.mass, "span": float(2.0 * np.max(np.linalg.norm(craft.positions[:, :2], axis=1)))}
-    return OutsideFlight(RATE, columns_of(motion, craft), tape, craft.vehicle, {"template": "quad"})
+    return OutsideFlight(RATE, columns_of(motion, craft), craft.tape, craft.vehicle, {"template": "quad"})
 
 
 def columns_of(motion: Mapping[str, FloatArray], craft: Rotorcraft) -> Columns:
-    """Return variables of a motion (n, 3) in axes of forward, left, up and north, west, up; quaternions have their scalar last."""
+    """Return variables of a motion (n, 3) in axes of forward, left, up and north, west, up; scalars of quaternions are last."""
     q = np.roll(motion["q"], 1, axis=1) * TURN
     force = to_body(q, FLIP * (motion["a"] + np.array([0.0, 0.0, GRAVITY])))
-    out = {}
-    for names, values in ((VELOCITY, FLIP * motion["v"]), (RATES, FLIP * motion["w"]), (EULER, euler_angles(q)), (SPECIFIC_FORCE, force)):
+    out: Columns = {}
+    for names, values in (
+        (VELOCITY, FLIP * motion["v"]),
+        (RATES, FLIP * motion["w"]),
+        (EULER, euler_angles(q)),
+        (SPECIFIC_FORCE, force),
+    ):
         out |= dict(zip(names, values.T, strict=True))
     out["altitude"] = motion["z"][:, 0]
     for i, k in enumerate(craft.order, 1):
         out |= {f"rotor_{i}": motion["n"][:, k], f"motor_{i}": motion["u"][:, k] / craft.fastest}
     return out
+
+
+def fly_f450() -> OutsideFlight:
+    """Fly JSBSim's F450 as `multirotor` does; its log holds the speeds of its rotors, or these in shares of the fastest."""
+    flown, clamped = multirotor.fly(multirotor.Quadrotor()), multirotor.Quadrotor()
+    known = multirotor.truth(clamped, flown, None)
+    names = (*VELOCITY, *RATES, *EULER, *SPECIFIC_FORCE, "altitude", *multirotor.TURNS)
+    columns = {n: flown.columns[n] for n in names}
+    fastest = 1.2 * max(float(columns[n].max()) for n in multirotor.TURNS)
+    columns |= {n: columns[of] / fastest for n, of in zip(multirotor.MOTORS, multirotor.TURNS, strict=True)}
+    craft = Rotorcraft(
+        clamped["inertia/mass-slugs"] * SLUG, np.diag([known[f"mass.inertia.{a}{a}"] for a in "xyz"]),
+        np.array([clamped.position(i) for i in range(4)]), [clamped.sense(i) for i in range(4)], known["rotors.T2"],
+        known["rotors.torque_ratio"], 0.0, fastest, known["rotors.inflow"], 0.0,
+        [known[f"body_drag.quadratic.{a}"] for a in "xyz"],
+    )  # fmt: skip
+    return OutsideFlight(jsbsim_flight.RATE, columns, craft.tape, craft.vehicle, {"template": "quad"})

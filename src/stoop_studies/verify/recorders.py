@@ -7,7 +7,7 @@ repeat their last reading, or are interpolated by who wrote the table. The truth
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -19,7 +19,9 @@ from stoop.base.toml import quoted, quoted_key
 from stoop.base.units import FACTORS
 from stoop.base.variables import EULER, POSITION, RATES, SPECIFIC_FORCE, VELOCITY
 from stoop.simulation.trajectories import traveled
+from stoop_studies.verify import lines
 from stoop_studies.verify.instruments import BIASES, DRIFT, NOISE, drifting
+from stoop_studies.verify.outside_aircraft import OutsideFlight
 from stoop_studies.verify.pilots import Columns
 from stoop_studies.verify.study import data_text
 
@@ -28,9 +30,22 @@ DIALECTS: Final = tuple(HABITS)
 SENSORS: Final = {
     "imu": (*RATES, *SPECIFIC_FORCE), "attitude": EULER, "gps": (*VELOCITY, *POSITION), "air": ("V", "alpha", "beta", "altitude"),
 }  #: what one sensor reads at once; all others are commands  # fmt: skip
-PULSE: Final = (1500.0, 400.0)  #: us, of a command in the middle, and per unit; of a throttle or motor 1000 and 1000
+PULSE: Final = (
+    1500.0,
+    400.0,
+)  #: us, of a command in the middle, and per unit; of a throttle or motor 1000 and 1000
 MAX_PULSES: Final = (1000.0, 1000.0)
-STEPS: Final = {"deg/s": 0.06, "g": 0.002, "deg": 0.01, "kt": 0.1, "ft/min": 1.0, "ft": 1.0, "percent": 0.1, "rpm": 1.0, "us": 1.0}
+STEPS: Final = {
+    "deg/s": 0.06,
+    "g": 0.002,
+    "deg": 0.01,
+    "kt": 0.1,
+    "ft/min": 1.0,
+    "ft": 1.0,
+    "percent": 0.1,
+    "rpm": 1.0,
+    "us": 1.0,
+}
 """What a recorder that rounds rounds to, by unit."""
 
 
@@ -64,15 +79,19 @@ class Log:
     start: float  #: s, where its clock begins
 
 
-def draw(rng: np.random.Generator, winged: bool) -> Recorder:
-    """Draw a recorder."""
-    dialect = str(rng.choice([d for d in DIALECTS if winged or d != "motion_capture" or rng.random() < 0.5]))
+def draw(rng: np.random.Generator, winged: bool, dialects: Sequence[str] = DIALECTS) -> Recorder:
+    """Draw a recorder of some kinds of logs."""
+    dialect = str(rng.choice(dialects))
     imu = float(rng.choice((50.0, 100.0, 200.0)))
     rates = {
         "imu": imu, "attitude": float(rng.choice((imu, 50.0))), "gps": float(rng.choice((1.0, 5.0, 10.0))),
-        "air": float(rng.choice((10.0, 25.0, 50.0))), "commands": float(rng.choice((10.0, 25.0, 50.0) if winged else (50.0, imu))),
+        "air": float(rng.choice((10.0, 25.0, 50.0))),
+        "commands": float(rng.choice((10.0, 25.0, 50.0) if winged else (50.0, imu))),
     }  # fmt: skip
-    late = {"gps": float(rng.uniform(0.1, 0.3)), "commands": float(rng.choice((0.0, 0.0, rng.uniform(0.05, 0.4))))}
+    late = {
+        "gps": float(rng.uniform(0.1, 0.3)),
+        "commands": float(rng.choice((0.0, 0.0, rng.uniform(0.05, 0.4)))),
+    }
     if dialect == "motion_capture":
         rates = dict.fromkeys(rates, 100.0)
         late["gps"] = 0.0
@@ -83,12 +102,13 @@ def draw(rng: np.random.Generator, winged: bool) -> Recorder:
     )  # fmt: skip
 
 
-def rows_of(recorder: Recorder, winged: bool, columns: Columns) -> dict[str, Sequence[Any]]:
+def rows_of(recorder: Recorder, columns: Columns) -> dict[str, Sequence[Any]]:
     """Return column, unit, factor and offset of each variable that a recorder writes of a flight."""
-    habit, out = HABITS[recorder.dialect], {}
+    habit = HABITS[recorder.dialect]
+    out: dict[str, Sequence[Any]] = {}
     for name, row in habit.items():
         if name in ("motor", "rotor"):
-            out |= {f"{name}_{n}": [row[0].format(n=n), *row[1:]] for n in range(1, 9)}
+            out |= {f"{name}_{n}": [row[0].format(n=n, k=n - 1), *row[1:]] for n in range(1, 9)}
         elif name not in ("clock", "file"):
             out[name] = row
     return {n: _pulsed(n, row) for n, row in out.items() if n in columns and n not in recorder.missing}
@@ -101,7 +121,9 @@ def _pulsed(name: str, row: Sequence[Any]) -> Sequence[Any]:
     return [row[0], "1", 1.0 / span, -middle / span]
 
 
-def measured(true: Columns, rate: float, recorder: Recorder, arm: FloatArray, rng: np.random.Generator) -> Columns:
+def measured(
+    true: Columns, rate: float, recorder: Recorder, arm: FloatArray, rng: np.random.Generator
+) -> Columns:
     """Return what sound sensors read at each instant of the truth: an ``arm`` (3,), m, biases, drift and noise."""
     count, out = len(true["p"]), dict(true)
     place = traveled(np.stack([true[n] for n in VELOCITY], axis=-1), 1.0 / rate)
@@ -124,11 +146,15 @@ def sampled(columns: Columns, rate: float, recorder: Recorder) -> tuple[FloatArr
     """
     count = len(columns["p"])
     time = np.arange(int((count - 1) / rate * recorder.rate)) / recorder.rate
-    clock, out = np.arange(count) / rate, {}
+    clock = np.arange(count) / rate
+    out: Columns = {}
     sensors = {n: s for s, names in SENSORS.items() for n in names}
     for name, x in columns.items():
         sensor = sensors.get(name, "commands")
-        own, late = recorder.rates[sensor], recorder.latency.get(sensor, 0.0) * (-1.0 if sensor == "commands" else 1.0)
+        own, late = (
+            recorder.rates[sensor],
+            recorder.latency.get(sensor, 0.0) * (-1.0 if sensor == "commands" else 1.0),
+        )
         step = np.floor(time * own + 1e-9)
         before, after = (clip_to(clock, x, k / own - late) for k in (step, step + 1.0))
         share = 0.0 if recorder.held else time * own - step
@@ -138,23 +164,27 @@ def sampled(columns: Columns, rate: float, recorder: Recorder) -> tuple[FloatArr
 
 def clip_to(clock: FloatArray, x: FloatArray, when: FloatArray) -> FloatArray:
     """Return the samples of x (n,) that were the last at given times; the ends are held."""
-    return x[np.clip(np.floor((when - clock[0]) / (clock[1] - clock[0]) + 1e-6).astype(int), 0, len(x) - 1)]
+    at = np.floor((when - clock[0]) / (clock[1] - clock[0]) + 1e-6).astype(int)
+    return np.asarray(x[np.clip(at, 0, len(x) - 1)])
 
 
 def write(
-    true: Columns, rate: float, recorder: Recorder, winged: bool, arm: FloatArray, folder: Path, rng: np.random.Generator,
-    mangle: Any = dict,
+    flight: OutsideFlight, recorder: Recorder, arm: FloatArray, folder: Path, rng: np.random.Generator,
+    mangle: Callable[[lines.Columns], lines.Columns] = dict,
 ) -> Log:  # fmt: skip
     """Write a log into a folder; ``mangle`` is what is wrong with its columns."""
-    time, shown = sampled(measured(true, rate, recorder, arm, rng), rate, recorder)
-    rows = rows_of(recorder, winged, shown)
+    true = {n: -x if n in flight.reversed else x for n, x in flight.columns.items()}
+    time, shown = sampled(measured(true, flight.rate, recorder, arm, rng), flight.rate, recorder)
+    rows = rows_of(recorder, shown)
     shown = {n: shown[n] for n in rows}
     start, (clock, unit) = float(np.round(rng.uniform(5.0, 300.0), 2)), HABITS[recorder.dialect]["clock"]
     table = {clock: (start + time) / FACTORS[unit]}
     for name, x in mangle(shown).items():
         if name not in rows:
             continue
-        column, of, factor, offset = (*rows[name], 1.0, 0.0)[:4] if len(rows[name]) == 2 else (*rows[name], 0.0)[:4]
+        column, of, factor, offset = (
+            (*rows[name], 1.0, 0.0)[:4] if len(rows[name]) == 2 else (*rows[name], 0.0)[:4]
+        )
         value = (x - offset) / (factor * FACTORS[of])
         if name == "psi":
             value = np.mod(value, 2.0 * np.pi / FACTORS[of])
