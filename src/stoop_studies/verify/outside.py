@@ -198,7 +198,7 @@ def _recorded(case: str, seed: int, folder: Path) -> dict[str, Any]:
     }
     about["accused"] = [one.code for one in contradictions(log.path, log.mapping, folder / "right.toml")]
     about["planted"] = planted(case, seed, flight, folder)
-    began = time.perf_counter()
+    began, worked = time.perf_counter(), time.process_time()
     mapping, about["edits"] = mapped(log, folder)
     try:
         known = load(log.path, mapping)
@@ -211,11 +211,14 @@ def _recorded(case: str, seed: int, folder: Path) -> dict[str, Any]:
         windows = find_windows({known.name: without_faults(known)}, vehicle)
         job = identify(vehicle, [known], windows.texts("fit"), windows.texts("validate"))
         job.save(folder / "result", overwrite=True)
-    except StoopError as error:
-        return {**about, "stopped": str(error), "seconds": time.perf_counter() - began}
+    except Exception as error:  # a traceback is a finding
+        stopped = str(error) if isinstance(error, StoopError) else f"traceback: {error!r}"
+        spent = {"seconds": time.perf_counter() - began, "processor": time.process_time() - worked}
+        return {**about, "stopped": stopped, **spent}
     about |= {
         "stopped": "",
         "seconds": time.perf_counter() - began,
+        "processor": time.process_time() - worked,
         "refused_by": refusals(folder / "result" / "vehicle.toml"),
     }
     late = {"velocity": recorder.latency["gps"], "commands": recorder.latency["commands"]}
