@@ -228,7 +228,7 @@ def examine(case: str, seed: int) -> dict[str, Any]:
         except StoopError as error:
             return {**about, "stopped": str(error), "seconds": time.perf_counter() - began}
         seconds = time.perf_counter() - began
-        return {**about, "stopped": "", "seconds": seconds, **_compared(flown, job)}
+        return {**about, "stopped": "", "seconds": seconds, **compared(flown, job)}
 
 
 def moving(flown: Flown, flight: Flight, channel: str, span: tuple[float, float]) -> bool:
@@ -245,7 +245,7 @@ def moving(flown: Flown, flight: Flight, channel: str, span: tuple[float, float]
     return bool(slow.size and np.std(true) > LIMITS.moved * np.std(slow))
 
 
-def _compared(flown: Flown, job: FittedModel) -> dict[str, Any]:
+def compared(flown: Flown, job: FittedModel) -> dict[str, Any]:
     """Return estimates beside the truth, predictions beside the lag, and the verdict beside both."""
     truth, result, file = flown.vehicle.vehicle, job.result, job.vehicle
     span = (flown.time[0] + instruments.GROUND + 2.0, float(flown.time[-1]))

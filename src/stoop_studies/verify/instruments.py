@@ -40,6 +40,7 @@ DRIFT: Final = {
 BIASES: Final = dict.fromkeys(RATES, 0.004) | dict.fromkeys(SPECIFIC_FORCE, 0.06)  #: of sound instruments, SI
 GROUPS: Final = {
     "rates": RATES, "attitude": EULER, "velocity": VELOCITY, "airspeed": ("V",),
+    "commands": ("elevator", "aileron", "rudder", "rotors"),
 }  # fmt: skip
 LOST: Final = {
     "rates": (*RATES, *SPECIFIC_FORCE), "attitude": EULER, "velocity": (*VELOCITY, *POSITION, "altitude"),

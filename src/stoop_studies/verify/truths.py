@@ -145,7 +145,7 @@ def of_instruments(truth: Vehicle, file: Vehicle, defect: Defect, arm: FloatArra
     for control in file.controls:
         if control in truth.controls:
             out[f"controls.{control}.lag"] = truth.value(f"controls.{control}.lag", 0.0)
-            out[f"controls.{control}.delay"] = 0.0
+            out[f"controls.{control}.delay"] = late.get(control, 0.0)
     return out
 
 

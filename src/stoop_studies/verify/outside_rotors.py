@@ -1,0 +1,241 @@
+"""Multirotors of other people's simulators under their own controllers: hover, shakes about all axes, and moves.
+
+Each simulator gives its states and its own accelerations; its documented constants are the truth. Axes of all are forward, left
+and up, over a ground of north, west and up.
+"""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+import numpy as np
+
+from stoop.base.arrays import FloatArray
+from stoop.base.rotations import FLIP, euler_angles, to_body
+from stoop.base.units import SLUG
+from stoop.base.variables import EULER, RATES, SPECIFIC_FORCE, VELOCITY
+from stoop.errors import StoopError
+from stoop.exporters.rotorpy_flight import TURN
+from stoop.vehicle import Vehicle, parse_vehicle
+from stoop_studies.verify import jsbsim_flight, multirotor
+from stoop_studies.verify.outside_aircraft import OutsideFlight
+from stoop_studies.verify.pilots import Columns
+
+RATE: Final = 100.0  #: Hz, of the controllers
+SETTLE: Final = 3.0  #: s before the record
+DURATION: Final = 70.0  #: s
+GRAVITY: Final = 9.81  #: m/s2, of these simulators
+HEIGHT: Final = 20.0  #: m
+#: axis, start (s), length of a step (s), size: of rad/s2 over what the arms allow, or m
+SHAKES: Final = (
+    (0, 5.0, 0.12),
+    (1, 9.0, 0.12),
+    (2, 13.0, 0.3),
+    (0, 38.0, 0.16),
+    (1, 42.0, 0.16),
+    (2, 46.0, 0.4),
+)
+MOVES: Final = ((0, 18.0), (1, 24.0), (2, 30.0), (1, 50.0), (0, 56.0), (2, 62.0))
+SIDES: Final = (1.0, 1.0, 1.0, -1.0, -1.0, 1.0, -1.0)  #: of a 3-2-1-1, by steps
+PX4_ORDER: Final = (
+    (1.0, 1.0),
+    (-1.0, -1.0),
+    (1.0, -1.0),
+    (-1.0, 1.0),
+)  #: sides of the motors of a quadrotor in X, forward and right
+
+
+@dataclass(frozen=True)
+class Rotorcraft:
+    """What is true of a quadrotor: SI, forward, right and down."""
+
+    mass: float
+    inertia: FloatArray  #: (3, 3)
+    positions: FloatArray  #: (4, 3)
+    spins: Sequence[str]  #: seen from above
+    thrust: float  #: N s2/rad2
+    ratio: float  #: torque over thrust, m
+    lag: float  #: s
+    fastest: float  #: rad/s, of full command
+    inflow: float = 0.0  #: N s2/(m rad)
+    drag: float = 0.0
+    body: Sequence[float] = field(default=(0.0, 0.0, 0.0))  #: N s2/m2
+
+    @property
+    def order(self) -> list[int]:
+        """Its rotors in the order that flight stacks number a quadrotor in X."""
+        sides = np.sign(np.round(self.positions[:, :2], 6))
+        return [int(np.flatnonzero((sides == side).all(axis=1))[0]) for side in np.array(PX4_ORDER)]
+
+    @property
+    def tape(self) -> dict[str, float]:
+        """Mass, and the largest distance between motors."""
+        return {"mass": self.mass, "span": float(2.0 * np.max(np.linalg.norm(self.positions[:, :2], axis=1)))}
+
+    def vehicle(self, file: Vehicle) -> Vehicle:
+        """Return the vehicle in the units of a file: rotor speeds, or commands from 0 to 1."""
+        channels = [rotor.channel for rotor in file.file.rotor.values()]
+        by_speed = channels[0].startswith("rotor_")
+        full = 1.0 if by_speed else self.fastest
+        inertia = {f"{a}{b}": float(self.inertia[i, j]) * (1.0 if i == j else -1.0)
+                   for i, a in enumerate("xyz") for j, b in enumerate("xyz") if i == j}  # fmt: skip
+        rotors = [
+            f'[rotor.{name}]\nchannel = "{channel}"\nposition = {self.positions[i].tolist()}\nspin = "{self.spins[i]}"'
+            for (name, channel), i in zip(
+                zip(file.file.rotor, channels, strict=True), self.order, strict=True
+            )
+        ]
+        lag = "" if by_speed else f"lag = {self.lag!r}\n"
+        text = (
+            f'format = "stoop-vehicle/1"\nname = "truth"\n[mass]\nmass = {self.mass!r}\n[mass.inertia]\n'
+            + "".join(f"{a} = {x!r}\n" for a, x in inertia.items())
+            + f'[rotors]\ndrive = "{"speed" if by_speed else "command"}"\nT2 = {self.thrust * full**2!r}\n'
+            + f"inflow = {self.inflow * full!r}\ndrag = {self.drag * full!r}\ntorque_ratio = {self.ratio!r}\n{lag}"
+            + f"[body_drag]\nquadratic = {[float(x) for x in self.body]}\n"
+            + "\n".join(rotors)
+        )
+        return parse_vehicle(text, "truth")
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """What is flown at each sample: places (n, 3), m, and angular accelerations (n, 3) of shakes, rad/s2."""
+
+    places: FloatArray
+    shakes: FloatArray
+
+
+def plan(craft: Rotorcraft, rng: np.random.Generator) -> Plan:
+    """Draw moves over a few meters and 3-2-1-1 about all axes, sized by what arms and thrust can do."""
+    time = np.arange(round((SETTLE + DURATION) * RATE)) / RATE - SETTLE
+    places, shakes = np.zeros((len(time), 3)), np.zeros((len(time), 3))
+    places[:, 2] = HEIGHT
+    arm = float(np.mean(np.abs(craft.positions[:, :2])))
+    weight = craft.mass * GRAVITY
+    able = weight * np.array([0.25 * arm, 0.25 * arm, 0.7 * craft.ratio]) / np.diag(craft.inertia)
+    for axis, start, step in SHAKES:
+        begin, size = (
+            start + rng.uniform(0.0, 1.0),
+            able[axis] * rng.uniform(0.6, 1.0) * rng.choice((-1.0, 1.0)),
+        )
+        k = np.floor((time - begin) / (step * rng.uniform(0.9, 1.1))).astype(int)
+        on = (k >= 0) & (k < len(SIDES))
+        shakes[on, axis] += size * np.array(SIDES)[k[on]]
+    for axis, start in MOVES:
+        begin, far = start + rng.uniform(0.0, 0.5), rng.uniform(2.0, 5.0) * rng.choice((-1.0, 1.0))
+        share = np.clip((time - begin) / 2.5, 0.0, 1.0)
+        places[:, axis] += far * (0.5 - 0.5 * np.cos(np.pi * share)) * (0.4 if axis == 2 else 1.0)
+    return Plan(places, shakes)
+
+
+class RotorPy:
+    """A vehicle of RotorPy under its SE3 controller."""
+
+    def __init__(self, name: str) -> None:
+        parameters = importlib.import_module(f"rotorpy.vehicles.{name}_params").quad_params
+        multirotor = importlib.import_module("rotorpy.vehicles.multirotor").Multirotor
+        control = importlib.import_module("rotorpy.controllers.quadrotor_control").SE3Control
+        self.dynamics, self.control = multirotor(parameters), control(parameters)
+        d = self.dynamics
+        self.craft = Rotorcraft(
+            d.mass, np.outer(FLIP, FLIP) * d.inertia, d.rotor_geometry * FLIP,
+            ["cw" if x > 0 else "ccw" for x in d.rotor_dir], d.k_eta, d.k_m / d.k_eta, d.tau_m, d.rotor_speed_max,
+            d.k_z, d.k_d, np.diag(d.drag_matrix).tolist(),
+        )  # fmt: skip
+        hover = np.sqrt(d.mass * GRAVITY / (4.0 * d.k_eta))
+        self.state = {
+            "x": np.array([0.0, 0.0, HEIGHT]), "v": np.zeros(3), "q": np.array([0.0, 0.0, 0.0, 1.0]), "w": np.zeros(3),
+            "wind": np.zeros(3), "rotor_speeds": np.full(4, hover),
+        }  # fmt: skip
+        self.command = np.full(4, hover)
+
+    def advance(self, place: FloatArray, shake: FloatArray, wind: FloatArray) -> dict[str, FloatArray]:
+        """Let a sample pass; return the motion at its begin: velocity, attitude, rates, specific force, height, speeds."""
+        d, state, still = self.dynamics, self.state, np.zeros(3)
+        state["wind"] = wind
+        wanted = {
+            "x": place,
+            "yaw": 0.0,
+            "yaw_dot": 0.0,
+            **dict.fromkeys(("x_dot", "x_ddot", "x_dddot", "x_ddddot"), still),
+        }
+        thrusts = self.control.update(0.0, state, wanted)["cmd_motor_thrusts"]
+        thrusts = thrusts + d.TM_to_f @ np.concatenate([[0.0], d.inertia @ shake])
+        self.command = np.clip(
+            np.sqrt(np.maximum(thrusts, 0.0) / d.k_eta), d.rotor_speed_min, d.rotor_speed_max
+        )
+        control = {"cmd_motor_speeds": self.command}
+        acceleration = d.statedot(state, control, 1.0 / RATE)["vdot"]
+        out = {
+            "v": state["v"],
+            "q": state["q"],
+            "w": state["w"],
+            "a": acceleration,
+            "z": state["x"][2:],
+            "n": state["rotor_speeds"],
+        }
+        self.state = d.step(state, control, 1.0 / RATE)
+        return {n: np.array(x) for n, x in out.items()}
+
+
+SIMULATORS: Final[Mapping[str, Callable[[str], Any]]] = {"rotorpy": RotorPy}
+
+
+def fly(simulator: str, name: str, seed: int, wind: FloatArray, gust: float) -> OutsideFlight:
+    """Fly the plan of a seed in a wind (2,) to north and east, m/s, with gusts of a standard deviation, m/s."""
+    if simulator == "jsbsim":
+        return fly_f450()
+    flying = SIMULATORS[simulator](name)
+    craft, rng = flying.craft, np.random.default_rng([54, seed])
+    planned = plan(craft, rng)
+    share = float(np.exp(-1.0 / RATE))  # gusts of a second
+    air, rows = np.zeros(3), []
+    for k, (place, shake) in enumerate(zip(planned.places, planned.shakes, strict=True)):
+        air = share * air + gust * np.sqrt(1.0 - share**2) * rng.standard_normal(3)
+        blown = np.array([wind[0], -wind[1], 0.0]) + air
+        row = flying.advance(place, FLIP * shake, blown)
+        row["u"] = flying.command
+        if k >= SETTLE * RATE:
+            rows.append(row)
+    motion = {n: np.array([row[n] for row in rows]) for n in rows[0]}
+    if np.max(np.abs(motion["z"] - HEIGHT)) > 15.0:
+        raise StoopError(f"outside: {name} of {simulator} leaves its flight")
+    return OutsideFlight(RATE, columns_of(motion, craft), craft.tape, craft.vehicle, {"template": "quad"})
+
+
+def columns_of(motion: Mapping[str, FloatArray], craft: Rotorcraft) -> Columns:
+    """Return variables of a motion (n, 3) in axes of forward, left, up and north, west, up; scalars of quaternions are last."""
+    q = np.roll(motion["q"], 1, axis=1) * TURN
+    force = to_body(q, FLIP * (motion["a"] + np.array([0.0, 0.0, GRAVITY])))
+    out: Columns = {}
+    for names, values in (
+        (VELOCITY, FLIP * motion["v"]),
+        (RATES, FLIP * motion["w"]),
+        (EULER, euler_angles(q)),
+        (SPECIFIC_FORCE, force),
+    ):
+        out |= dict(zip(names, values.T, strict=True))
+    out["altitude"] = motion["z"][:, 0]
+    for i, k in enumerate(craft.order, 1):
+        out |= {f"rotor_{i}": motion["n"][:, k], f"motor_{i}": motion["u"][:, k] / craft.fastest}
+    return out
+
+
+def fly_f450() -> OutsideFlight:
+    """Fly JSBSim's F450 as `multirotor` does; its log holds the speeds of its rotors, or these in shares of the fastest."""
+    flown, clamped = multirotor.fly(multirotor.Quadrotor()), multirotor.Quadrotor()
+    known = multirotor.truth(clamped, flown, None)
+    names = (*VELOCITY, *RATES, *EULER, *SPECIFIC_FORCE, "altitude", *multirotor.TURNS)
+    columns = {n: flown.columns[n] for n in names}
+    fastest = 1.2 * max(float(columns[n].max()) for n in multirotor.TURNS)
+    columns |= {n: columns[of] / fastest for n, of in zip(multirotor.MOTORS, multirotor.TURNS, strict=True)}
+    craft = Rotorcraft(
+        clamped["inertia/mass-slugs"] * SLUG, np.diag([known[f"mass.inertia.{a}{a}"] for a in "xyz"]),
+        np.array([clamped.position(i) for i in range(4)]), [clamped.sense(i) for i in range(4)], known["rotors.T2"],
+        known["rotors.torque_ratio"], 0.0, fastest, known["rotors.inflow"], 0.0,
+        [known[f"body_drag.quadratic.{a}"] for a in "xyz"],
+    )  # fmt: skip
+    return OutsideFlight(jsbsim_flight.RATE, columns, craft.tape, craft.vehicle, {"template": "quad"})

@@ -1,0 +1,179 @@
+from __future__ import annotations
+
+import tomllib
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stoop.base.arrays import FloatArray
+from stoop.base.rotations import to_body
+from stoop.base.units import FACTORS
+from stoop.flight import load
+from stoop.vehicle_draft.draft import draft
+from stoop.vehicle_draft.request import Request
+from stoop_studies.verify import lines, outside, outside_aircraft, outside_rotors, recorders
+from stoop_studies.verify.outside_aircraft import Airframe, OutsideFlight, State
+
+RATE = 100.0
+QUIET = recorders.Recorder(
+    "flight_test", dict.fromkeys((*recorders.SENSORS, "commands"), 50.0), {"gps": 0.2, "commands": 0.1}, True, 0.0, False, 0, ()
+)  # fmt: skip
+
+
+def tumbling(count: int = 1500) -> OutsideFlight:
+    """Return a flight of smooth columns, no two alike."""
+    time = np.arange(count) / RATE
+    names = [n for one in recorders.SENSORS.values() for n in one if n not in ("pn", "pe", "pd")]
+    names += ["elevator", "aileron", "rudder", "control_pitch", "control_throttle", "motor_1", "rotor_1"]
+    columns = {n: 0.5 + 0.3 * np.sin((0.7 + 0.11 * k) * time + k) for k, n in enumerate(names)}
+    return OutsideFlight(RATE, columns, {"mass": 1.0, "span": 1.0, "chord": 0.2}, lambda file: file, {})
+
+
+def naive_sample(x: FloatArray, when: float) -> float:
+    """Return the last sample at a time, or the first."""
+    last = x[0]
+    for k, value in enumerate(x):
+        if k / RATE <= when + 1e-9:
+            last = value
+    return float(last)
+
+
+@pytest.mark.parametrize("held", [True, False])
+def test_rows_hold_or_interpolate_the_readings_of_each_sensor(held: bool) -> None:
+    rates = {"imu": 50.0, "attitude": 25.0, "gps": 5.0, "air": 10.0, "commands": 20.0}
+    recorder = replace(QUIET, rates=rates, held=held)
+    columns = tumbling(400).columns
+    time, rows = recorders.sampled(columns, RATE, recorder)
+    assert np.allclose(np.diff(time), 0.02)
+    sensors = {
+        "p": ("imu", 0.0),
+        "phi": ("attitude", 0.0),
+        "vn": ("gps", 0.2),
+        "V": ("air", 0.0),
+        "elevator": ("commands", -0.1),
+    }
+    for name, (sensor, late) in sensors.items():
+        for k in range(0, len(time) - 12, 7):
+            reading = int(time[k] * rates[sensor] + 1e-9)
+            before, after = (
+                naive_sample(columns[name], m / rates[sensor] - late) for m in (reading, reading + 1)
+            )
+            share = 0.0 if held else time[k] * rates[sensor] - reading
+            assert rows[name][k] == pytest.approx(before + share * (after - before), abs=1e-12)
+
+
+@pytest.mark.parametrize("dialect", recorders.DIALECTS)
+def test_a_right_mapping_reads_what_was_measured(dialect: str, tmp_path: Path) -> None:
+    recorder = replace(QUIET, dialect=dialect)
+    log = recorders.write(tumbling(), recorder, np.zeros(3), tmp_path, np.random.default_rng(1))
+    assert not lines.misread(log.path, log.mapping, log.shown, log.lines)
+    (tmp_path / "m.toml").write_text(log.mapping)
+    rows = tomllib.loads(log.mapping)["variables"]
+    clock = tomllib.loads(log.mapping)["time"]
+    assert FACTORS[clock["unit"]] > 0.0
+    assert set(rows) == set(log.lines)
+    assert load(log.path, tmp_path / "m.toml").time[0] == pytest.approx(log.start, abs=0.02)
+
+
+def test_frames_and_units_are_those_of_the_catalogue() -> None:
+    """Forward, left, up over east, north, up of ROS; feet per minute up; hundredths; pulses."""
+    columns = {
+        n: np.array([x, x])
+        for n, x in {"q": 0.1, "az": -9.8, "vd": -1.0, "control_pitch": 0.25, "psi": 0.0}.items()
+    }
+
+    def written(dialect: str, name: str) -> float:
+        row = [*recorders.rows_of(replace(QUIET, dialect=dialect), columns)[name], 1.0, 0.0]
+        factor, offset = (row[2], row[3]) if len(row) == 6 else (row[2], 0.0) if len(row) == 5 else (1.0, 0.0)
+        return float((columns[name][0] - offset) / (factor * FACTORS[row[1]]))
+
+    assert written("ros", "q") == -0.1
+    assert written("ros", "az") == 9.8
+    assert written("ros", "vd") == 1.0
+    assert written("ros", "psi") == pytest.approx(np.pi / 2)  # north is a quarter to the left of east
+    assert written("flight_test", "vd") == pytest.approx(60.0 / 0.3048)
+    assert written("telemetry", "control_pitch") == pytest.approx(1600.0)
+    assert written("nano_logger", "control_pitch") == pytest.approx(25.0)
+
+
+def test_an_accelerometer_off_the_center_feels_turning() -> None:
+    flight = tumbling()
+    arm = np.array([0.4, -0.1, 0.2])
+    read = recorders.measured(flight.columns, RATE, QUIET, arm, np.random.default_rng(0))
+    k = 700
+    omega = np.array([flight.columns[a][k] for a in "pqr"])
+    faster = np.array([(flight.columns[a][k + 1] - flight.columns[a][k - 1]) * RATE / 2.0 for a in "pqr"])
+    felt = np.cross(faster, arm) + np.cross(omega, np.cross(omega, arm))
+    moved = np.array([read[f"a{a}"][k] - flight.columns[f"a{a}"][k] for a in "xyz"])
+    still = recorders.measured(flight.columns, RATE, QUIET, 0.0 * arm, np.random.default_rng(0))
+    own = np.array([still[f"a{a}"][k] - flight.columns[f"a{a}"][k] for a in "xyz"])
+    assert np.allclose(moved - own, felt, atol=1e-4)
+
+
+def test_vehicles_and_kinds_of_logs_of_the_last_run_are_not_flown_before() -> None:
+    assert 0.25 < len(outside.KEPT) / len(outside.CASES) < 0.45
+    assert outside.examine({"case": min(outside.KEPT), "seed": 0}, [None]) == [{"kept": True}]
+    tape = {"mass": 1.0, "span": 1.0, "chord": 0.2}
+    for seed in range(40):
+        assert outside.drawn("J3Cub", seed, tape)[0].dialect not in outside.KEPT_DIALECTS
+        assert outside.drawn("J3Cub", outside.ONCE + seed, tape)[0].dialect in outside.KEPT_DIALECTS
+
+
+@pytest.fixture(scope="module")
+def cub() -> OutsideFlight:
+    pytest.importorskip("jsbsim")
+    return outside_aircraft.fly(outside.AIRCRAFT["J3Cub"], 0)
+
+
+def test_truth_of_the_lift_slope_is_that_of_the_simulators_accelerations(cub: OutsideFlight) -> None:
+    """Vertical acceleration over alpha at rest rates, in JSBSim's own units, without anything of the truth's code."""
+    request = Request("conventional", cub.tape["mass"], cub.tape["span"], cub.tape["chord"], engine="piston")
+    file = draft(request).vehicle
+    truth = cub.truth(file)
+    airframe = Airframe(outside.AIRCRAFT["J3Cub"])
+    V, height, alpha = (float(cub.columns[n].mean()) for n in ("V", "altitude", "alpha"))
+    step, lifts = 0.01, []
+    airframe.commands["elevator"] = 0.0
+    for a in (alpha - step, alpha + step):
+        airframe.put(State(V, height, alpha=a, theta=a), dict.fromkeys(outside_aircraft.SURFACES, 0.0))
+        lifts.append(
+            airframe["forces/fwz-aero-lbs"] / (airframe["aero/qbar-psf"] * airframe["metrics/Sw-sqft"])
+        )
+    slope = (lifts[1] - lifts[0]) / (2.0 * step)
+    # the rate of alpha acts on the lift, and its change with alpha is part of the slope in both
+    assert truth.value("CLalpha") + 2.0 * truth.value("CLalpha^2", 0.0) == pytest.approx(slope, rel=0.05)
+
+
+def test_the_same_seed_flies_the_same_flight(cub: OutsideFlight) -> None:
+    again = outside_aircraft.fly(outside.AIRCRAFT["J3Cub"], 0)
+    assert all(np.array_equal(x, again.columns[n]) for n, x in cub.columns.items())
+
+
+def test_a_quadrotor_of_rotorpy_obeys_its_constants() -> None:
+    """Thrust over the square of the speed, in the body axis, is what the accelerometer feels while it hovers in calm air."""
+    pytest.importorskip("rotorpy")
+    flying = outside_rotors.RotorPy("hummingbird")
+    craft, rows = flying.craft, []
+    for _ in range(100):
+        rows.append(flying.advance(np.array([0.0, 0.0, outside_rotors.HEIGHT]), np.zeros(3), np.zeros(3)))
+        rows[-1]["u"] = flying.command
+    columns = outside_rotors.columns_of({n: np.array([r[n] for r in rows]) for n in rows[0]}, craft)
+    thrust = craft.thrust * sum(columns[f"rotor_{i}"] ** 2 for i in range(1, 5))
+    assert np.allclose(-craft.mass * columns["az"], thrust, rtol=1e-3)
+    assert np.allclose(
+        to_body(np.array([1.0, 0.0, 0.0, 0.0]), np.array([0.0, 0.0, -9.81])), [0.0, 0.0, -9.81]
+    )
+    sides = np.sign(craft.positions[craft.order][:, :2])
+    assert sides.tolist() == [list(side) for side in outside_rotors.PX4_ORDER]
+
+
+def test_one_flight_goes_from_log_to_record(tmp_path: Path) -> None:
+    pytest.importorskip("jsbsim")
+    found = outside.record("J3Cub", 2, tmp_path)
+    assert not found["stopped"]
+    assert {"CLalpha", "Cmq", "Claileron"} <= set(found["numbers"])
+    assert found["planted"]["said"] in ("named", "ambiguous", "silent", "wrong")
+    shown = outside.show(outside.Setting(1), {"J3Cub": [found]})
+    assert [row["case"] for row in shown.table] == ["J3Cub"]
