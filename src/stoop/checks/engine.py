@@ -63,7 +63,8 @@ class Edit(Generic[State]):
     #: it must explain the motion by itself; a unit that shrinks a channel shrinks its noise, too
     complete: bool = False
     prior: float = 0.0  #: logarithm of its odds before any data, against an edit as likely as any
-    value: str = ""  #: what the line says then, such as a unit
+    value: str = ""  #: what the lines say then, such as a unit
+    units: tuple[str, ...] = ()  #: of each line, where these change
 
     def advice(self, lines: Lines) -> str:
         """Return what to write and where."""

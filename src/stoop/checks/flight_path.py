@@ -63,7 +63,7 @@ class FlightPath:
             out |= self._on_wings(velocity[middle], acceleration, theta)
         return out
 
-    def scales(self, state: Assignment) -> dict[str, float]:
+    def scales(self, state: Assignment) -> dict[tuple[str, ...], float]:
         """Return nothing: what a factor would be is told by other residuals."""
         return {}
 

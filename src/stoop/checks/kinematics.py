@@ -6,6 +6,7 @@ ground was recorded, the velocity through the air takes its place: a steady wind
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection, Hashable, Mapping
 from dataclasses import dataclass, field
 from typing import Final, TypeAlias
@@ -41,6 +42,8 @@ class Agreement:
     turning: float = 3.0 * DEGREE  #: rad/s rms; less turning shows nothing
     followed: float = 0.8  #: share of the turning that a matching pair of channels explains
     gain: float = 0.15  #: departure from one that calibrated sensors do not have
+    calibration: float = 0.03  #: departure of the gain of rates from one that no calibrated gyros have
+    errors: float = 3.0  #: standard errors of that gain
     separation: float = 0.05  #: s between attitudes whose noise is independent
 
 
@@ -116,19 +119,17 @@ class Motion:
             out[key] = Residual(left, y, span, LIMITS.floors[key[0]] ** 2)
         return out
 
-    def scales(self, state: Assignment) -> dict[str, float]:
-        """Return by what the attitude turns faster than each rate says, where both are alike and that is no calibration."""
-        out = {}
-        if self.turned:
-            implied = self._implied(state)
-            for i, name in enumerate(RATES):
-                y, x = implied[:, i], self._mean(state, name, self.turn)
-                known = np.isfinite(x) & np.isfinite(y)
-                y, x = y[known], x[known]
-                gain = float(y @ x) / max(float(x @ x), 1e-12)
-                if gain > 0.0 and abs(gain - 1.0) > LIMITS.gain:
-                    out[name] = gain
-        return out
+    def scales(self, state: Assignment) -> dict[tuple[str, ...], float]:
+        """Return by what the attitude turns faster than the rates say, each and all, where that is no calibration."""
+        if not self.turned:
+            return {}
+        implied = self._implied(state)
+        moments = {
+            (name,): _moments(implied[:, i], self._mean(state, name, self.turn)) for i, name in enumerate(RATES)
+        }
+        moments[RATES] = np.sum([*moments.values()], axis=0)
+        gains = {names: _gain(own, self.turn) for names, own in moments.items()}
+        return {names: gain for names, gain in gains.items() if gain != 1.0}
 
     def attitude(self, state: Assignment) -> FloatArray:
         """Return the quaternions (n, 4), of edited angles where they are."""
@@ -192,6 +193,35 @@ class Motion:
         column, factor = reading(state, name)
         size = next(iter(self.data.values())).size
         return factor * self.data[column] if column in self.data else np.zeros(size)
+
+
+def _moments(y: FloatArray, x: FloatArray) -> FloatArray:
+    """Return count, yx, xx, yy, and yy and xx of neighbors, in which white noise is not, of two columns (n,)."""
+    known = np.isfinite(x) & np.isfinite(y)
+    y, x = y[known], x[known]
+    if not x.size:
+        return np.zeros(6)
+    y, x = y - y.mean(), x - x.mean()
+    return np.array([x.size, y @ x, x @ x, y @ y, y[1:] @ y[:-1], x[1:] @ x[:-1]])
+
+
+def _gain(moments: FloatArray, span: float) -> float:
+    """Return the gain of y over x, samples of `span` being as good as one; 1 where that of a calibrated sensor is not excluded.
+
+    Both regressions bound it, whatever is late or noisy [1]_.
+
+    References
+    ----------
+    .. [1] Fuller, *Measurement Error Models*, section 1.1.
+    """
+    count, yx, xx, yy, next_yy, next_xx = moments
+    if min(count, yx, xx, next_yy, next_xx) <= 0.0:
+        return 1.0
+    slope, power = yx / xx, next_yy / next_xx
+    error = LIMITS.errors * math.sqrt(max(yy - yx * slope, 0.0) * span / (count * xx))
+    low, high = min(slope, power / slope) - error, max(slope, power / slope) + error
+    calibrated = low <= 1.0 + LIMITS.calibration and high >= 1.0 - LIMITS.calibration
+    return 1.0 if calibrated else float(math.sqrt(power))
 
 
 def _means(x: FloatArray, steps: int) -> FloatArray:

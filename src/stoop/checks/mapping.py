@@ -65,9 +65,9 @@ class Model:
             out.update(part(state, changed))
         return out
 
-    def scales(self, state: Assignment) -> dict[str, float]:
+    def scales(self, state: Assignment) -> dict[tuple[str, ...], float]:
         """Return the factors that other channels show."""
-        return {name: x for part in self.parts for name, x in part.scales(state).items()}
+        return {names: x for part in self.parts for names, x in part.scales(state).items()}
 
     def edits(self, state: Assignment, lines: Lines) -> Iterable[Edit[Assignment]]:
         """Return the edits that a search tries next."""
@@ -120,13 +120,15 @@ def _notice(one: Finding[Assignment], model: Model, lines: Lines) -> Notice:
     of_size = kind in ("unit", "pulses") or (key[0] == "up" and kind != "frame")
     code = f"mapping-{kind}" if len(one.edits) == 1 else "mapping-ambiguous"
     shown: dict[str, float | str] = {}
+    subject = one.best.lines[0]
     if of_size and key[0] in _CODES:
         code, shown = _CODES[key[0]], model.sizes.values(key)
+        subject = key[1] if key[1] in one.best.lines else subject
     if kind == "pulses":
         code = "command-in-pulses"
     if kind == "frame":
         shown["axes"] = one.best.value
-    return notice(code, one.best.lines[0], **shown, **one.values(lines))
+    return notice(code, subject, **shown, **one.values(lines))
 
 
 def on_grid(signals: Mapping[str, Signal], rate: float) -> tuple[FloatArray, dict[str, FloatArray]]:

@@ -250,10 +250,14 @@ def _unconfirmed(given: Mapping[str, DraftLine], model: Model) -> Iterator[Draft
     for edit in not_excluded(_AS_MAPPED, _edits(known, model, _AS_MAPPED), model):
         name, line = edit.lines[0], known[edit.lines[0]]
         upward = "az" in known and known["az"].scale < 0.0
-        if len(edit.lines) > 1:
+        if edit.kind == "unit":
+            for one, unit in zip(edit.lines, edit.units, strict=True):
+                if not known[one].is_sure:
+                    together = f", with {enumerated([n for n in edit.lines if n != one])}" if edit.lines[1:] else ""
+                    doubt = f"{known[one].unit} by its name only: nothing excludes {unit}{together}"
+                    known[one] = known[one].doubted(doubt)
+        elif len(edit.lines) > 1:
             continue
-        if edit.kind == "unit" and not line.is_sure:
-            known[name] = line.doubted(f"{line.unit} by its name only: nothing excludes {edit.value}")
         elif edit.kind == "sign" and name in SURFACES and not line.doubts:
             known[name] = line.doubted("its sign by its name only")
         elif edit.kind == "sign" and name in ("ay", "q", "r") and upward:
@@ -323,12 +327,13 @@ def _applied(
             what = f"{enumerated(edit.lines)} look exchanged" if edit.kind == "exchange" else edit.fix
             yield known[name].doubted(f"{what}, as other channels show")
         return
-    shown = [name for name in edit.lines if name in contradicted or name in SPECIFIC_FORCE]
+    turned = {*EULER, *RATES} if {*EULER, *RATES} <= set(edit.lines) else set()  # these show each other
+    shown = [name for name in edit.lines if name in contradicted | turned or name in SPECIFIC_FORCE]
     shown = shown or list(edit.lines)
-    for name in edit.lines:
-        line = replace(known[name], unit=edit.value)
-        by = f"{edit.value} by {_REASONS.get(key[0], 'other channels')}"
-        yield line.remarked(by) if name in shown else line.doubted(f"{edit.value} as {enumerated(shown)}")
+    for name, unit in zip(edit.lines, edit.units, strict=True):
+        line = replace(known[name], unit=unit)
+        by = f"{unit} by {_REASONS.get(key[0], 'other channels')}"
+        yield line.remarked(by) if name in shown else line.doubted(f"{unit} as {enumerated(shown)}")
 
 
 def _agreeing(
