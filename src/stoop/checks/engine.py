@@ -98,6 +98,11 @@ class Residual:
     floor: float  #: mean square of what is no motion
     level: bool = False  #: a level, not a motion: an edit that shrinks the channel explains nothing by that
 
+    def __str__(self) -> str:
+        """Return how much remains, as a share of the channel."""
+        size = float(np.nanmean(self.size**2)) + self.floor
+        return f"{math.sqrt(float(np.nanmean(self.left**2)) / size):.0%} unexplained"
+
     def gain(self, before: object, limits: Thresholds, complete: bool) -> tuple[float, bool]:
         """Compare the samples at which both residuals differ most."""
         if not isinstance(before, Residual):
@@ -144,6 +149,10 @@ class Range:
     low: float
     high: float
     odds: float
+
+    def __str__(self) -> str:
+        """Return the number."""
+        return f"{self.value:.3g}"
 
     @property
     def violated(self) -> bool:

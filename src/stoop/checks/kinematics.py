@@ -219,7 +219,7 @@ def _moments(y: FloatArray, x: FloatArray) -> FloatArray:
 
 
 def _gain(moments: FloatArray, span: float, axes: int) -> tuple[float, float]:
-    """Return the gain of y over x, and the gain nearest to one that is not excluded; NaN where x hardly moves.
+    """Return the gain of y over x, and the gain nearest to one that is not excluded; NaN where x hardly moves, or y otherwise.
 
     Both regressions bound the gain, whatever is late or noisy [1]_; samples of `span`, about each of the axes, are as good as
     one.
@@ -232,6 +232,8 @@ def _gain(moments: FloatArray, span: float, axes: int) -> tuple[float, float]:
     if min(yx, next_yy, next_xx) <= 0.0 or axes * xx < LIMITS.turning**2 * count:
         return math.nan, math.nan
     slope, power = yx / xx, next_yy / next_xx
+    if slope**2 < LIMITS.followed * power:  # they have too little in common
+        return math.nan, math.nan
     error = LIMITS.errors * math.sqrt(max(yy - yx * slope, 0.0) * span / (count * xx))
     low, high = min(slope, power / slope) - error, max(slope, power / slope) + error
     return math.sqrt(power), min(max(low, 1.0), high)

@@ -189,6 +189,12 @@ class LineEdit(Edit[Assignment]):
                     for key, value in values.items()
                     if value != line.value(key, keys[key])
                 ]
+        for name in self.lines:  # a line that is not in the mapping yet is written whole
+            line = lines[name]
+            if line.ready:
+                entry = {**line.entry, **{change.key: change.value for change in out if change.table == line.key}}
+                out = [change for change in out if change.table != line.key]
+                out += [Change(line.key, key, value) for key, value in entry.items()]
         tables = [(change.table, change.key) for change in out]
         # lines of one group share their lists
         return tuple(out) if len(set(tables)) == len(tables) else _merged(out, lines)
@@ -197,7 +203,7 @@ class LineEdit(Edit[Assignment]):
         """Return what to write and where; what to multiply where columns stand in no file."""
         changes, place = self.changes(lines), where(self.lines, lines)
         if changes:
-            return told(changes, lines[self.lines[0]].file)
+            return told(changes, lines)
         if any(name not in lines or lines[name].file != TABLE for name in self.lines):
             return f"{self.fix} for {place}"
         if self.kind in ("sign", "scale"):

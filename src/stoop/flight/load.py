@@ -116,7 +116,8 @@ def load(path: str | Path, mapping: str | Path | None = None, rate: float | None
         if fault.variable in data
         and (fault.kind != "stuck" or up[(grid.time >= fault.start) & (grid.time <= fault.stop)].any())
     ]
-    contradictions = _contradictions(gridded, up, channels, recorded, read_lines(mapped.places), failed)
+    lines = {**mapped.ready_lines, **read_lines(mapped.places)}
+    contradictions = _contradictions(gridded, up, channels, recorded, lines, failed)
     span = float(grid.time[0]), float(grid.time[-1])
     of_mapping = [contradiction(one, *span) for one in contradictions]
     faults = (*recorded, *attempt(failed, [], rest_faults, grid.time, data, rate), *of_mapping)
