@@ -7,7 +7,7 @@ SERVOn_FUNCTION of motor 1 is 33 (Copter and QuadPlane, "Connecting outputs").
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -149,7 +149,7 @@ def _of_any(recording: Recording) -> Draft:
     clock, timed = _clocks(recording)
     clocks = {(name, recording.info.get(f"clock of {name}", "")) for name in recording.streams}
     known = [line for line in _lines(timed) if (line.stream, line.column) not in clocks]
-    known = _following(timed, known, clocks)
+    known = _following(timed, known)
     best = _best(known)
     lines = with_units(best, {line.variable: _signal(timed, line) for line in best})
     # motors (servos) whose size says nothing are in percent as the others: one may have run at idle throughout
@@ -278,29 +278,19 @@ def _clocks(recording: Recording) -> tuple[list[str], Recording]:
     return lines, replace(recording, streams=streams)
 
 
-def _following(
-    recording: Recording, lines: Sequence[DraftLine], clocks: Collection[tuple[str, str]]
-) -> list[DraftLine]:
-    """Leave out angles that do not turn as their rates do where another does; of those that do, the most alike comes first.
-
-    Where none does that has its name, columns without a known name are tried.
-    """
-    out, named = list(lines), {(line.stream, line.column) for line in lines} | set(clocks)
-    left = [(s, c) for s, stream in recording.streams.items() for c in stream.columns if (s, c) not in named]
+def _following(recording: Recording, lines: Sequence[DraftLine]) -> list[DraftLine]:
+    """Leave out angles that do not turn as their rates do where another does; of those that do, the most alike comes first."""
+    out = list(lines)
     for angle, rate in PAIRS[:3]:
         rates = [line for line in _best(lines) if line.variable == rate]
         candidates = [line for line in lines if line.variable == angle]
-        if not (rates and candidates):
+        if not rates or len(candidates) < 2:
             continue
-        turned, doubt = _signal(recording, rates[0]), f"by its numbers only: {rate} is its derivative"
-        others = [DraftLine(angle, *place, doubts=(doubt,)) for place in left[: LIMITS.compared]]
-        for tried in (candidates, others):
-            alike = [abs(growth(_signal(recording, line), turned)[1]) for line in tried]
-            order = sorted(range(len(tried)), key=lambda i: -alike[i])
-            follow = [tried[i] for i in order if alike[i] > 0.0]
-            if follow:
-                out = [*follow, *(line for line in out if line.variable != angle)]
-                break
+        turned = _signal(recording, rates[0])
+        alike = {line.column: abs(growth(_signal(recording, line), turned)[1]) for line in candidates}
+        follow = sorted((c for c in candidates if alike[c.column]), key=lambda line: -alike[line.column])
+        if follow:
+            out = [*follow, *(line for line in out if line.variable != angle)]
     return out
 
 
