@@ -125,7 +125,7 @@ def as_notice(found: Notice | str, severity: Severity = "warning", topic: str = 
 
 
 def from_dict(content: Mapping[str, Any]) -> Notice:
-    """Return the notice that `Notice.to_dict` gave; of a code that this version does not know its sentence is kept.
+    """Return the notice that `Notice.to_dict` gave; where this version has another code or values, its sentence is kept.
 
     Every notice can be shown: where there is no sentence, it raises ValueError, LookupError, TypeError, AttributeError or
     OverflowError.
@@ -143,7 +143,10 @@ def from_dict(content: Mapping[str, Any]) -> Notice:
         for name, v in content["values"].items()
     }
     found = Notice(content["code"], content["severity"], str(content["subject"]), MappingProxyType(values))
-    message(found)
+    try:
+        message(found)
+    except LookupError:
+        return as_notice(str(content["message"]), content["severity"])
     return found
 
 

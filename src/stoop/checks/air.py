@@ -77,13 +77,13 @@ class Air:
             out.update(self._slopes(state))
         return out
 
-    def scales(self, state: Assignment) -> dict[str, float]:
+    def scales(self, state: Assignment) -> dict[tuple[str, ...], float]:
         """Return the factor of each airspeed that the velocity over ground shows, where it is no calibration."""
         out = {}
         for name in set(self.names) & set(AIRSPEEDS):
             factor = 1.0 / self._fit(state, scaled=name)[1][-1]
             if factor > 0.1 and abs(factor - 1.0) > AGREEMENT.gain:
-                out[name] = float(factor)
+                out[name,] = float(factor)
         return out
 
     def _levels(self, state: Assignment) -> Residuals:

@@ -101,7 +101,7 @@ class Controls:
             left = left - (gain if gain * sign >= 0.0 else 0.0) * x
         return left
 
-    def scales(self, state: Assignment) -> dict[str, float]:
+    def scales(self, state: Assignment) -> dict[tuple[str, ...], float]:
         """Return nothing: no effect of a control is known beforehand."""
         return {}
 

@@ -63,7 +63,8 @@ class Edit(Generic[State]):
     #: it must explain the motion by itself; a unit that shrinks a channel shrinks its noise, too
     complete: bool = False
     prior: float = 0.0  #: logarithm of its odds before any data, against an edit as likely as any
-    value: str = ""  #: what the line says then, such as a unit
+    value: str = ""  #: what the lines say then, such as a unit
+    units: tuple[str, ...] = ()  #: of each line, where these change
 
     def advice(self, lines: Lines) -> str:
         """Return what to write and where."""
@@ -96,6 +97,11 @@ class Residual:
     samples: float  #: samples of the record that are as good as one independent sample
     floor: float  #: mean square of what is no motion
     level: bool = False  #: a level, not a motion: an edit that shrinks the channel explains nothing by that
+
+    def __str__(self) -> str:
+        """Return how much remains, as a share of the channel."""
+        size = float(np.nanmean(self.size**2)) + self.floor
+        return f"{math.sqrt(float(np.nanmean(self.left**2)) / size):.0%} unexplained"
 
     def gain(self, before: object, limits: Thresholds, complete: bool) -> tuple[float, bool]:
         """Compare the samples at which both residuals differ most."""
@@ -143,6 +149,10 @@ class Range:
     low: float
     high: float
     odds: float
+
+    def __str__(self) -> str:
+        """Return the number."""
+        return f"{self.value:.3g}"
 
     @property
     def violated(self) -> bool:

@@ -43,6 +43,7 @@ class Line:
     entry: Mapping[str, Any] = field(default_factory=dict)  #: keys of the table
     index: int = 0  #: place among the variables of the table
     count: int = 1  #: variables of the table
+    ready: bool = False  #: of a mapping that comes with the package: `entry` is what a line of [variables] says instead
 
     def value(self, key: str, default: Any) -> Any:
         """Return what a key of the table says of this variable."""
@@ -67,6 +68,12 @@ class Line:
             and (self.count == 1 or self.key == other.key)
             and next(entries) == next(entries)
         )
+
+    def whole(self, changes: Sequence[Change]) -> str:
+        """Return the line of [variables] with changes."""
+        entry = {**self.entry, **{change.key: change.value for change in changes}}
+        body = ", ".join(f"{key} = {written(value)}" for key, value in entry.items())
+        return f"{self.key.partition('.')[2]} = {{{body}}}"
 
     def changed(self, key: str, value: Any, default: Any) -> Change:
         """Return the change that gives a key another value for this variable alone."""
@@ -120,23 +127,34 @@ def _line(file: str, key: str, name: str, content: Mapping[str, Any]) -> Line:
 
 def written(value: Any) -> str:
     """Return a value as TOML writes it."""
+    if isinstance(value, bool):
+        return str(value).lower()
     if isinstance(value, list):
         return f"[{', '.join(map(written, value))}]"
     return f"{value:.12g}" if isinstance(value, int | float) else quoted(value)
 
 
-def told(changes: Sequence[Change], file: str) -> str:
-    """Return changes as a sentence; those of the same value are said together."""
-    tables: dict[str, list[str]] = {}
-    for change in changes:
-        tables.setdefault(f"{change.key} = {written(change.value)}", []).append(change.table)
-    return f"write {' and '.join(f'{what} for {enumerated(own)}' for what, own in tables.items())} in {file}"
+def told(changes: Sequence[Change], lines: Lines) -> str:
+    """Return changes as a sentence: those of one key and value said together, else whole lines."""
+    by_table = {change.table: [one for one in changes if one.table == change.table] for change in changes}
+    known = {line.key: line for line in lines.values()}
+    file = known[changes[0].table].file
+    if len({(change.key, written(change.value)) for change in changes}) == 1 and not known[changes[0].table].ready:
+        first = changes[0]
+        return f"write {first.key} = {written(first.value)} for {enumerated([*by_table])} in {file}"
+    whole = [known[table].whole(own) for table, own in by_table.items() if table.startswith("variables.")]
+    parts = [f"{enumerated(whole)} under [variables]"] if whole else []
+    for table, own in by_table.items():
+        if not table.startswith("variables."):
+            keys = enumerated([f"{change.key} = {written(change.value)}" for change in own])
+            parts.append(f"{keys} for {table}")
+    return f"write {' and '.join(parts)} in {file}"
 
 
 def where(names: Iterable[str], lines: Lines) -> str:
     """Return where to write what corrects variables: their lines, or a mapping that extends the ready one."""
     names = tuple(names)
-    own = [lines[name] for name in names if name in lines]
+    own = [lines[name] for name in names if name in lines and not lines[name].ready]
     if len(own) < len(names) or not own:
         return f"{enumerated(names)} in a mapping (see stoop map)"
     return f"{enumerated([line.key for line in own])} in {own[0].file}"

@@ -6,6 +6,7 @@ ground was recorded, the velocity through the air takes its place: a steady wind
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection, Hashable, Mapping
 from dataclasses import dataclass, field
 from typing import Final, TypeAlias
@@ -18,7 +19,7 @@ from stoop.base.robust import MAD
 from stoop.base.rotations import conjugate, euler_angles, product, quaternions_of, to_ground, vectors_of
 from stoop.base.units import DEGREE, STANDARD_GRAVITY
 from stoop.base.variables import EULER, QUATERNION, RATES, SPECIFIC_FORCE, VELOCITY
-from stoop.checks.engine import Evidence, Key, Residual, Residuals
+from stoop.checks.engine import Evidence, Key, Range, Residual, Residuals
 from stoop.checks.entries import Lines, where
 from stoop.checks.lines import AIRSPEEDS, VANES, Assignment, reading
 
@@ -41,6 +42,9 @@ class Agreement:
     turning: float = 3.0 * DEGREE  #: rad/s rms; less turning shows nothing
     followed: float = 0.8  #: share of the turning that a matching pair of channels explains
     gain: float = 0.15  #: departure from one that calibrated sensors do not have
+    calibration: float = 0.03  #: departure of the gain of rates from one that no calibrated gyros have
+    errors: float = 3.0  #: standard errors of that gain
+    odds: float = 15.0  #: of such a gain
     separation: float = 0.05  #: s between attitudes whose noise is independent
 
 
@@ -84,11 +88,15 @@ class Motion:
         def concerned(*names: str) -> bool:
             return changed is None or bool(set(names) & set(changed))
 
+        out: dict[Key, Evidence] = {}
         parts: dict[Key, tuple[FloatArray, FloatArray]] = {}  # measured, and predicted by the others
         if self.turned and concerned(*RATES, *EULER):
             implied = self._implied(state)
             for i, name in enumerate(RATES):
                 parts["turn", name] = implied[:, i], self._mean(state, name, self.turn)
+            for names, (_, gain) in self._gains(state).items():
+                bounds = 1.0 - LIMITS.calibration, 1.0 + LIMITS.calibration
+                out["gain", *names] = Range(gain, *bounds, LIMITS.odds)
         for name, cause in MOVED_BY.items():
             if {name, cause} <= self.data.keys() and concerned(name, cause):
                 moved = self._slope(state, name) * (-1.0 if name == "altitude" else 1.0)
@@ -106,7 +114,6 @@ class Motion:
             felt, slopes = self._felt(state), self._air_slopes(state)
             for i, axis in enumerate("ned"):
                 parts["air", axis] = slopes[:, i], felt[:, i]
-        out: dict[Key, Evidence] = {}
         for key, (y, x) in parts.items():
             left = y - x
             known = left[np.isfinite(left)]
@@ -116,19 +123,10 @@ class Motion:
             out[key] = Residual(left, y, span, LIMITS.floors[key[0]] ** 2)
         return out
 
-    def scales(self, state: Assignment) -> dict[str, float]:
-        """Return by what the attitude turns faster than each rate says, where both are alike and that is no calibration."""
-        out = {}
-        if self.turned:
-            implied = self._implied(state)
-            for i, name in enumerate(RATES):
-                y, x = implied[:, i], self._mean(state, name, self.turn)
-                known = np.isfinite(x) & np.isfinite(y)
-                y, x = y[known], x[known]
-                gain = float(y @ x) / max(float(x @ x), 1e-12)
-                if gain > 0.0 and abs(gain - 1.0) > LIMITS.gain:
-                    out[name] = gain
-        return out
+    def scales(self, state: Assignment) -> dict[tuple[str, ...], float]:
+        """Return by what the attitude turns faster than the rates say, each and all, where that is no calibration."""
+        gains = self._gains(state) if self.turned else {}
+        return {names: gain for names, (gain, nearest) in gains.items() if abs(nearest - 1.0) > LIMITS.calibration}
 
     def attitude(self, state: Assignment) -> FloatArray:
         """Return the quaternions (n, 4), of edited angles where they are."""
@@ -163,6 +161,22 @@ class Motion:
             lambda: vectors_of(product(conjugate(q[:-steps]), q[steps:])) * self.rate / steps,
         )
 
+    def _gains(self, state: Assignment) -> dict[tuple[str, ...], tuple[float, float]]:
+        """Return the gain of the attitude over each rate, and over all, and the gain nearest to one that is not excluded.
+
+        Both are averaged over a second: the noise of angles divides by that, and what filters leave out is slow.
+        """
+        implied, steps = self._implied(state), max(2, self.steps - self.turn)
+        moments = {}
+        for i, name in enumerate(RATES):
+            key = "slow", i, *self._readings(state, EULER)
+            y = self._keep(key, lambda i=i: _means(implied[:, i], steps))
+            column, factor = reading(state, name)
+            x = self._keep(("slow", column), lambda c=column: _means(self._mean({}, c, self.turn), steps))
+            moments[name,] = _moments(y, factor * x)
+        moments[RATES] = np.sum([*moments.values()], axis=0)
+        return {names: _gain(own, self.steps, len(names)) for names, own in moments.items()}
+
     def _felt(self, state: Assignment) -> FloatArray:
         """Return the mean acceleration (m, 3) over a span, north, east, down, that the specific force makes."""
         columns = self._readings(state, SPECIFIC_FORCE)
@@ -192,6 +206,37 @@ class Motion:
         column, factor = reading(state, name)
         size = next(iter(self.data.values())).size
         return factor * self.data[column] if column in self.data else np.zeros(size)
+
+
+def _moments(y: FloatArray, x: FloatArray) -> FloatArray:
+    """Return count, yx, xx, yy, and yy and xx of neighbors, in which white noise is not, of two columns (n,)."""
+    known = np.isfinite(x) & np.isfinite(y)
+    y, x = y[known], x[known]
+    if not x.size:
+        return np.zeros(6)
+    y, x = y - y.mean(), x - x.mean()
+    return np.array([x.size, y @ x, x @ x, y @ y, y[1:] @ y[:-1], x[1:] @ x[:-1]])
+
+
+def _gain(moments: FloatArray, span: float, axes: int) -> tuple[float, float]:
+    """Return the gain of y over x, and the gain nearest to one that is not excluded; NaN where x hardly moves, or y otherwise.
+
+    Both regressions bound the gain, whatever is late or noisy [1]_; samples of `span`, about each of the axes, are as good as
+    one.
+
+    References
+    ----------
+    .. [1] Fuller, *Measurement Error Models*, section 1.1.
+    """
+    count, yx, xx, yy, next_yy, next_xx = moments
+    if min(yx, next_yy, next_xx) <= 0.0 or axes * xx < LIMITS.turning**2 * count:
+        return math.nan, math.nan
+    slope, power = yx / xx, next_yy / next_xx
+    if slope**2 < LIMITS.followed * power:  # they have too little in common
+        return math.nan, math.nan
+    error = LIMITS.errors * math.sqrt(max(yy - yx * slope, 0.0) * span / (count * xx))
+    low, high = min(slope, power / slope) - error, max(slope, power / slope) + error
+    return math.sqrt(power), min(max(low, 1.0), high)
 
 
 def _means(x: FloatArray, steps: int) -> FloatArray:

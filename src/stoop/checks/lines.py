@@ -55,6 +55,19 @@ EXCHANGED: Final = (
     ("vn", "ve"), ("pn", "pe"), ("p", "q"), ("q", "r"), ("p", "r"), ("phi", "theta"), ("ax", "ay"), VANES,
     ("elevator", "aileron"), ("elevator", "rudder"), ("aileron", "rudder"),
 )  # fmt: skip
+_EVERY_SPEED: Final = ((VELOCITY[:2],), (VELOCITY[:2], AIRSPEEDS), (VELOCITY, AIRSPEEDS))
+_HEIGHT: Final = (("altitude", "vd"),)
+#: units of a recorder by SI unit or by variable, and the sensors that it may have written all in these
+SYSTEMS: Final[tuple[tuple[Mapping[str, str], tuple[tuple[tuple[str, ...], ...], ...]], ...]] = (
+    ({"rad": "deg", "rad/s": "deg/s"}, ((EULER, RATES),)),
+    ({"rad": "rad", "rad/s": "rad/s"}, ((EULER, RATES),)),
+    ({"m/s": "kt"}, _EVERY_SPEED),
+    ({"m/s": "km/h"}, _EVERY_SPEED),
+    ({"m/s": "ft/s"}, _EVERY_SPEED),
+    ({"m": "ft", "vd": "ft/min"}, (_HEIGHT,)),
+    ({"m": "ft", "m/s": "ft/s"}, (_HEIGHT, (*_HEIGHT, VELOCITY[:2], POSITION), (*_HEIGHT, VELOCITY[:2], AIRSPEEDS))),
+    ({"m": "ft", "vd": "ft/min", "m/s": "kt"}, ((*_HEIGHT, AIRSPEEDS), (*_HEIGHT, VELOCITY[:2], AIRSPEEDS))),
+)  # fmt: skip
 #: units that logs use, the most usual first; those in one text are as usual
 USUAL: Final[Mapping[str, tuple[str, ...]]] = {
     "an angle": ("rad", "deg"),
@@ -67,6 +80,7 @@ USUAL: Final[Mapping[str, tuple[str, ...]]] = {
     "a temperature": ("K", "degC"),
 }
 OF_VARIABLES: Final[Mapping[str, tuple[str, ...]]] = {
+    "vd": ("m/s", "kt km/h ft/s ft/min", "cm/s", "mm/s"),
     **{f"rotor_{n}": ("rad/s", "rpm") for n in range(1, ROTORS + 1)},
     **{f"pwm_{n}": ("us", "s", "ms") for n in range(1, OUTPUT_PINS + 1)},
     **dict.fromkeys(
@@ -81,7 +95,7 @@ class Odds:
     """Logarithms of how likely a wrong line is before any data, against one as likely as any."""
 
     odd_unit: float = 3.0  #: a line has another unit than its siblings, which are of one sensor
-    several: float = -3.0  #: all angles or rates at once
+    several: float = -3.0  #: all angles or rates at once, or lines of several sensors
     one_axis: float = -10.0  #: one axis of the specific force alone
     one_of_several: float = -3.0  #: one velocity, position or surface alone
     less_usual: float = -3.0  #: each next unit in a list by usage
@@ -149,7 +163,7 @@ class LineEdit(Edit[Assignment]):
         for name, (column, factor) in self.apply({}).items():
             line = lines[name]
             if self.kind == "unit":
-                out.append(line.changed("unit", self.value, ""))
+                out.append(line.changed("unit", self.units[self.lines.index(name)], ""))
             elif self.kind == "pulses":
                 out += [line.changed("scale", 1e-3, 1.0), line.changed("offset", -1.0, 0.0)]
             elif column == EAST:
@@ -175,6 +189,12 @@ class LineEdit(Edit[Assignment]):
                     for key, value in values.items()
                     if value != line.value(key, keys[key])
                 ]
+        for name in self.lines:  # a line that is not in the mapping yet is written whole
+            line = lines[name]
+            if line.ready:
+                entry = {**line.entry, **{change.key: change.value for change in out if change.table == line.key}}
+                out = [change for change in out if change.table != line.key]
+                out += [Change(line.key, key, value) for key, value in entry.items()]
         tables = [(change.table, change.key) for change in out]
         # lines of one group share their lists
         return tuple(out) if len(set(tables)) == len(tables) else _merged(out, lines)
@@ -183,7 +203,7 @@ class LineEdit(Edit[Assignment]):
         """Return what to write and where; what to multiply where columns stand in no file."""
         changes, place = self.changes(lines), where(self.lines, lines)
         if changes:
-            return told(changes, lines[self.lines[0]].file)
+            return told(changes, lines)
         if any(name not in lines or lines[name].file != TABLE for name in self.lines):
             return f"{self.fix} for {place}"
         if self.kind in ("sign", "scale"):
@@ -209,7 +229,7 @@ def _merged(changes: Sequence[Change], lines: Lines) -> tuple[Change, ...]:
 
 
 def mapping_edits(
-    signals: Mapping[str, Signal], judged: Iterable[str], lines: Lines, scales: Mapping[str, float]
+    signals: Mapping[str, Signal], judged: Iterable[str], lines: Lines, scales: Mapping[tuple[str, ...], float]
 ) -> Iterator[Edit[Assignment]]:
     """Yield every single edit of a mapping.
 
@@ -218,7 +238,7 @@ def mapping_edits(
     signals : variable -> its samples
     judged : variables whose sign and exchange the residuals can show
     lines : what the user wrote; other lines, of ready mappings, have a right sign but for the rates
-    scales : variable -> factor that the others show
+    scales : variables -> one factor of all of them that the others show
     """
     there, units = signals.keys(), {name: lines[name].unit if name in lines else "" for name in signals}
     signed = (lines.keys() | {*RATES, "az"}) & set(judged)
@@ -230,10 +250,10 @@ def mapping_edits(
             yield LineEdit(
                 "exchange", (one, other), "exchange the columns", exchanged(one, other), complete=True
             )
-    for name, factor in scales.items():
-        if name in lines:
-            change, fix = multiplied((name,), factor), f"multiply scale by {factor:.3g}"
-            yield LineEdit("scale", (name,), fix, change, _complete((name,), factor), ODDS.scale)
+    for names, factor in scales.items():
+        if lines.keys() >= set(names):
+            change, fix = multiplied(names, factor), f"multiply scale by {factor:.3g}"
+            yield LineEdit("scale", names, fix, change, _complete(names, factor), ODDS.scale)
     grouped = {name for sensor in SENSORS for name in sensor}
     for sensor in SENSORS:
         own = tuple(name for name in sensor if name in there)
@@ -248,6 +268,36 @@ def mapping_edits(
         if name.startswith("motor_"):
             advice = f"write scale = 0.001 and offset = -1 (of 1000 to 2000 us), or call it pwm_{name[6:]},"
             yield LineEdit("pulses", (name,), advice, multiplied((name,), 0.5e-3))
+    yield from _of_systems(units)
+
+
+def _of_systems(units: Mapping[str, str]) -> Iterator[Edit[Assignment]]:
+    """Yield other units of lines of several sensors, which one recorder wrote: those that do not have them."""
+    seen = {tuple(name for name in sensor if name in units) for sensor in SENSORS}  # whose edits there are
+    for system, sets in SYSTEMS:
+        for sensors in sets:
+            every = [name for sensor in sensors for name in sensor if name in units]
+            other = {name: system.get(name, system.get(VARIABLES[name].unit, "")) for name in every}
+            now = {name: _factor(name, units[name] or VARIABLES[name].unit) for name in every}
+            names = tuple(name for name in every if _factor(name, other[name]) != now[name])
+            if len(names) > 1 and not {names, (*names, *(other[name] for name in names))} & seen:
+                seen.add((*names, *(other[name] for name in names)))
+                yield _unit_of_each({name: (_factor(name, other[name]) / now[name], other[name]) for name in names})
+
+
+def _unit_of_each(factors: Mapping[str, tuple[float, str]]) -> Edit[Assignment]:
+    """Return the edit that gives each line a unit of its own, by its factor."""
+
+    def change(state: Assignment) -> Assignment:
+        for name, (factor, _) in factors.items():
+            state = multiplied((name,), factor)(state)
+        return state
+
+    units = tuple(unit for _, unit in factors.values())
+    value = " and ".join(dict.fromkeys(units))
+    fix = " and ".join(f'unit = "{unit}"' for unit in dict.fromkeys(units))
+    complete = any(factor < 1.0 for factor, _ in factors.values())
+    return LineEdit("unit", tuple(factors), f"write {fix}", change, complete, ODDS.several, value, units)
 
 
 def _of_one(
@@ -276,7 +326,7 @@ def _units(
     level = float(np.median(known)) if known.size else 0.0  # of a sensor that reads nothing
     if "degC" in usual and unit != "degC" and level != 0.0:
         warmer = multiplied(names, 1.0 + ZERO_CELSIUS / level)
-        yield LineEdit("unit", names, 'write unit = "degC"', warmer, True, prior, "degC")
+        yield LineEdit("unit", names, 'write unit = "degC"', warmer, True, prior, "degC", ("degC",))
     others = [[u for u in units.split() if u != "degC" and _factor(names[0], u) != now] for units in usual]
     for rank, units in enumerate(units for units in others if units):
         for other in units:
@@ -290,7 +340,7 @@ def _factor(name: str, unit: str) -> float:
 def _unit(names: tuple[str, ...], unit: str, other: str, prior: float) -> Edit[Assignment]:
     factor = _factor(names[0], other) / _factor(names[0], unit or VARIABLES[names[0]].unit)
     fix, change = f'write unit = "{other}"', multiplied(names, factor)
-    return LineEdit("unit", names, fix, change, _complete(names, factor), prior, other)
+    return LineEdit("unit", names, fix, change, _complete(names, factor), prior, other, (other,) * len(names))
 
 
 def _complete(names: Sequence[str], factor: float) -> bool:

@@ -30,6 +30,15 @@ _UNEXPLAINED: Final = {
     "size": "size-unexplained", "median": "size-unexplained", "weight": "size-unexplained",
     "growth": "angle-rate-unexplained",
 }  # fmt: skip
+#: kind of evidence -> what shows it
+SHOWN: Final[Mapping[str, str]] = {
+    "size": "its size", "median": "its size", "weight": "its weight", "z-axis": "its weight", "up": "its weight",
+    "noise": "noise beside the other axes", "growth": "the change of angles", "turns": "the change of angles",
+    "turn": "the change of angles", "gain": "the change of angles over a second", "force": "the change of velocity",
+    "place": "the change of position", "moment": "the angular acceleration", "level": "the velocity over ground",
+    "air": "the change of velocity", "lift": "the lift", "side": "the side force", "bank": "the bank in turns",
+    "path-lift": "the lift", "path-speed": "the speed gained in descents", "wind": "the wind",
+}  # fmt: skip
 
 
 class Model:
@@ -65,9 +74,9 @@ class Model:
             out.update(part(state, changed))
         return out
 
-    def scales(self, state: Assignment) -> dict[str, float]:
+    def scales(self, state: Assignment) -> dict[tuple[str, ...], float]:
         """Return the factors that other channels show."""
-        return {name: x for part in self.parts for name, x in part.scales(state).items()}
+        return {names: x for part in self.parts for names, x in part.scales(state).items()}
 
     def edits(self, state: Assignment, lines: Lines) -> Iterable[Edit[Assignment]]:
         """Return the edits that a search tries next."""
@@ -95,11 +104,15 @@ def check_mapping(signals: Mapping[str, Signal], data: Columns, rate: float, lin
     the line.
     """
     # the filters cost half a second: not where no line of a control could be wrong
-    controls = any(VARIABLES[name].kind == "command" for name in lines)
+    own = {name: line for name, line in lines.items() if not line.ready}
+    controls = any(VARIABLES[name].kind == "command" for name in own)
     model = Model(signals, data, rate, controls)
     start: Assignment = {}
-    found, state = search(start, lambda now: model.edits(now, lines), model)
-    notices = [_notice(one, model, lines) for one in found]
+    found, state = search(start, lambda now: model.edits(now, own), model)
+    notices, now = [], start
+    for one in found:
+        notices.append(_notice(one, model, lines, now))
+        now = one.best.apply(now)
     explained = {name for one in found for names in one.lines for name in names}
     for key, evidence in model.sizes(state, None).items():
         wrong = isinstance(evidence, Range) and evidence.violated and not explained & set(key[1:])
@@ -114,19 +127,24 @@ def check_mapping(signals: Mapping[str, Signal], data: Columns, rate: float, lin
 _OF_LINES: Final = ("mapping-sign", "mapping-exchange", "mapping-scale", "mapping-frame", "mapping-ambiguous")
 
 
-def _notice(one: Finding[Assignment], model: Model, lines: Lines) -> Notice:
-    """Return what is said of a wrong line."""
+def _notice(one: Finding[Assignment], model: Model, lines: Lines, state: Assignment) -> Notice:
+    """Return what is said of a wrong line, of columns as a state reads them."""
     key, kind = one.edits[0].channel, one.best.kind
     of_size = kind in ("unit", "pulses") or (key[0] == "up" and kind != "frame")
     code = f"mapping-{kind}" if len(one.edits) == 1 else "mapping-ambiguous"
     shown: dict[str, float | str] = {}
+    subject = one.best.lines[0]
     if of_size and key[0] in _CODES:
         code, shown = _CODES[key[0]], model.sizes.values(key)
+        subject = key[1] if key[1] in one.best.lines else subject
     if kind == "pulses":
         code = "command-in-pulses"
     if kind == "frame":
         shown["axes"] = one.best.value
-    return notice(code, one.best.lines[0], **shown, **one.values(lines))
+    if code.startswith("mapping-"):
+        before, after = (model(x, one.best.lines)[key] for x in (state, one.best.apply(state)))
+        shown["shown"] = f"{SHOWN[key[0]]} ({key[-1]}): {before} as written, {after} once corrected"
+    return notice(code, subject, **shown, **one.values(lines))
 
 
 def on_grid(signals: Mapping[str, Signal], rate: float) -> tuple[FloatArray, dict[str, FloatArray]]:

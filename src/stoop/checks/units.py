@@ -73,10 +73,10 @@ class Sizes:
         there = signals.keys()
         self.largest = {n: largest_size(signals[n][1]) for n in (*LARGEST, EAST) if n in there}
         self.median = {n: median_size(signals[n][1]) for n in MEDIANS if n in there}
-        # where a heading is too large, its jumps look like turns
-        self.counted = self.largest.get("psi", 0.0) > LARGEST["psi"]
-        self.pairs = [p for p in PAIRS if set(p) <= there and not (self.counted and p[0] == "psi")]
-        self.turns = growth(signals["psi"], signals["r"])[0] if self.counted and "r" in there else 0.0
+        self.pairs = [p for p in PAIRS if set(p) <= there]
+        large = self.largest.get("psi", 0.0) > LARGEST["psi"]
+        through = large and "r" in there and counted(signals["psi"][1])
+        self.turns = growth(signals["psi"], signals["r"])[0] if through else 0.0
         force = [name for name in SPECIFIC_FORCE if name in there]
         self.force = force if len({signals[name][1].size for name in force}) == 1 else force[-1:]
         # the median size of second differences: noise of the sensor, whatever the vehicle does
@@ -205,6 +205,12 @@ def growth(angle: Signal, rate: Signal) -> tuple[float, float]:
             if abs(correlation) >= limits.likeness:
                 return math.copysign(math.sqrt(float(a @ a) / float(b @ b)), correlation), correlation
     return 0.0, 0.0
+
+
+def counted(psi: FloatArray) -> bool:
+    """Tell whether a heading [rad] may be counted through turns: from within one, without a jump."""
+    known = psi[np.isfinite(psi)]
+    return known.size > 1 and abs(known[0]) < LARGEST["psi"] and float(np.abs(np.diff(known)).max()) < math.pi
 
 
 def largest_size(x: FloatArray) -> float:

@@ -5,15 +5,16 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
 from stoop import logs
 from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice, notice
-from stoop.base.units import FACTORS, KINDS
-from stoop.base.variables import EULER
+from stoop.base.units import FACTORS, KINDS, MICROSECOND, PULSE_FACTORS, ZEROS
+from stoop.base.variables import EULER, VARIABLES
+from stoop.checks.entries import Line
 from stoop.errors import FlightError, LogError, listed
 from stoop.flight.alignment import align, suggest_alignments
 from stoop.flight.conversion import rotate_axes
@@ -38,6 +39,8 @@ class Mapped:
     unmapped: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     #: variable -> file and key of the mapping, for advice
     places: Mapping[str, str] = field(default_factory=dict)
+    #: variable of a ready mapping -> the line that says the same in one that extends it
+    ready_lines: Mapping[str, Line] = field(default_factory=dict)
 
 
 def read_mapped(path: Path, given: Path | None = None) -> tuple[Recording, Mapped | None]:
@@ -123,10 +126,12 @@ def apply_mapping(mapping: FlightMapping, recording: Recording) -> Mapped:
         timed, aligned = align(mapping.place, mapping.alignments, timed, lambda log, n: _all(mapping, log, n))
     channels: list[Channels] = []
     places: dict[str, str] = {}
+    ready_lines: dict[str, Line] = {}
     named: dict[str, set[str]] = {}  # columns, flags and stamps that the mapping names of each stream
     for group in mapping.groups.values():
         without = group.without | with_other_form({name for known in channels for name in known.values})
         supplied: list[Channels] = []
+        suppliers: list[Source] = []
         for source in group.sources:
             places = {**dict.fromkeys(source.variables, source.place), **places}
             columns = {name for weights in source.columns for name in weights}
@@ -145,8 +150,13 @@ def apply_mapping(mapping: FlightMapping, recording: Recording) -> Mapped:
             found = _supply(timed, source, first)
             if found is not None and (rest := _without(found, without)).values:
                 supplied.append(rest)
+                suppliers.append(source)
         best = _best(supplied, group.choose == "fastest", timed.format == "table")
-        channels += [] if best is None else [best]
+        if best is not None:
+            channels.append(best)
+            (source,) = (own for own, one in zip(suppliers, supplied, strict=True) if one is best)
+            places |= {name: source.place for name in best.values if not _of_ready(source)}
+            ready_lines |= {name: _line(source, best.source, name) for name in best.values if _of_ready(source)}
     channels = _join_lines(timed.format, channels)
     if mapping.surfaces.mixes:
         surfaces, beyond = mapping.surfaces.deflections(channels)
@@ -158,7 +168,28 @@ def apply_mapping(mapping: FlightMapping, recording: Recording) -> Mapped:
         used = named.get(name, named.get(name.partition("/")[0], set())) | clocks
         columns_left = tuple(c for c in stream.columns if c not in used and not c.startswith("timestamp"))
         left |= {name: columns_left} if columns_left else {}
-    return Mapped(channels, [*notices, *aligned, *contradicted, *beyond], left, places)
+    return Mapped(channels, [*notices, *aligned, *contradicted, *beyond], left, places, ready_lines)
+
+
+def _of_ready(source: Source) -> bool:
+    return source.place.partition(":")[0] in READY.values()
+
+
+def _line(source: Source, stream: str, name: str) -> Line:
+    """Return the line of [variables] that takes a variable as a source of a ready mapping does."""
+    i, unit = source.variables.index(name), VARIABLES[name].unit
+    column, *others = source.columns[i]
+    entry: dict[str, Any] = {"stream": stream, "column": column, "unit": source.units[i] or unit}
+    factors = PULSE_FACTORS if name.startswith("pwm_") else FACTORS
+    scale, offset = source.factors[i] / factors[entry["unit"]], source.offsets[i] - ZEROS.get(entry["unit"], 0.0)
+    entry |= {"scale": scale} if scale != 1.0 else {}
+    entry |= {"offset": offset} if offset != 0.0 else {}
+    entry |= {"valid": source.valid[i]} if source.valid[i] else {}
+    entry |= {"stamp": source.stamp} if source.stamp else {}
+    if others or source.columns[i][column] != 1.0 or source.frame or source.stamp_factor != MICROSECOND:
+        entry["column"] = dict(source.columns[i])  # advice that is no line
+    place = f'a mapping that says extends = "{source.place.partition(":")[0]}"'
+    return Line(place, f"variables.{name}", entry["unit"], entry, ready=True)
 
 
 def _best(supplied: Sequence[Channels], fastest: bool, named: bool) -> Channels | None:

@@ -23,7 +23,7 @@ from stoop.base.variables import EULER, RATES, SPECIFIC_FORCE, VARIABLES
 from stoop.checks.engine import Edit, Finding, Range, not_excluded, search
 from stoop.checks.entries import Line
 from stoop.checks.lines import SURFACES, VANES, Assignment, Signal
-from stoop.checks.mapping import Model, on_grid
+from stoop.checks.mapping import SHOWN, Model, on_grid
 from stoop.checks.units import LARGEST, MEDIANS, PULSES, largest_size, median_size
 from stoop.flight.airborne import in_flight
 from stoop.flight.flight import from_columns
@@ -46,12 +46,6 @@ _ASKED: Final = re.compile(
 #: of two frames and of axes, as in w_RS_S_x
 _SUBSCRIPT: Final = re.compile(r"_[A-Z]{2}(?:_[A-Z])?_")
 _AXES: Final = (("x", "0", "r(?:oll)?"), ("y", "1", "p(?:itch)?"), ("z", "2", "y(?:aw)?"))
-_REASONS: Final = {
-    "size": "its size", "median": "its size", "weight": "its weight", "z-axis": "its weight",
-    "noise": "noise beside the other axes", "growth": "the change of angles", "turn": "the change of angles",
-    "force": "the change of velocity", "place": "the change of position", "moment": "the angular acceleration",
-    "level": "the velocity over ground", "air": "the change of velocity", "lift": "the lift", "side": "the side force",
-}  # fmt: skip
 GRID_RATE: Final = 50.0  #: Hz, at which the columns of a draft are compared
 MAX_SPAN: Final = 1e5  #: s, of a flight; more is a clock in another unit
 
@@ -79,7 +73,7 @@ class DraftLine:
 
     def remarked(self, what: str) -> DraftLine:
         """Return the line with one more remark."""
-        return replace(self, remarks=(*self.remarks, what))
+        return self if what in self.remarks else replace(self, remarks=(*self.remarks, what))
 
     @property
     def is_sure(self) -> bool:
@@ -243,6 +237,8 @@ def with_units(lines: Sequence[DraftLine], columns: Mapping[str, Signal]) -> lis
         found, _ = search(_AS_MAPPED, functools.partial(_edits, known, model), model)
         evidence = model.sizes({}, None).items()
         violated = [key[1:] for key, one in evidence if isinstance(one, Range) and one.violated]
+        alike = [pair for pair in model.sizes.pairs if model.sizes.growth({}, *pair)]  # what one shows, the other does
+        violated += [pair for pair in alike if any(pair[0] in names for names in violated)]
         contradicted = frozenset(name for names in violated for name in names)
         for one in found:
             known = {**known, **{line.variable: line for line in _applied(known, one, contradicted)}}
@@ -266,10 +262,14 @@ def _unconfirmed(given: Mapping[str, DraftLine], model: Model) -> Iterator[Draft
     for edit in not_excluded(_AS_MAPPED, _edits(known, model, _AS_MAPPED), model):
         name, line = edit.lines[0], known[edit.lines[0]]
         upward = "az" in known and known["az"].scale < 0.0
-        if len(edit.lines) > 1:
+        if edit.kind == "unit":
+            for one, unit in zip(edit.lines, edit.units, strict=True):
+                if not known[one].is_sure:
+                    together = f", with {enumerated([n for n in edit.lines if n != one])}" if edit.lines[1:] else ""
+                    doubt = f"{known[one].unit} by its name only: nothing excludes {unit}{together}"
+                    known[one] = known[one].doubted(doubt)
+        elif len(edit.lines) > 1:
             continue
-        if edit.kind == "unit" and not line.is_sure:
-            known[name] = line.doubted(f"{line.unit} by its name only: nothing excludes {edit.value}")
         elif edit.kind == "sign" and name in SURFACES and not line.doubts:
             known[name] = line.doubted("its sign by its name only")
         elif edit.kind == "sign" and name in ("ay", "q", "r") and upward:
@@ -320,7 +320,7 @@ def _applied(
             by = (
                 f"as {key[1] if name == key[-1] else key[-1]} changes against it" if key[0] == "turns" else ""
             )
-            yield turned.remarked(f"turned, {by or _REASONS.get(key[0], 'as other channels show')}")
+            yield turned.remarked(f"turned, {by or SHOWN.get(key[0], 'as other channels show')}")
         return
     if edit.kind == "frame":
         for name, (column, factor) in edit.apply(_AS_MAPPED).items():
@@ -341,10 +341,10 @@ def _applied(
         return
     shown = [name for name in edit.lines if name in contradicted or name in SPECIFIC_FORCE]
     shown = shown or list(edit.lines)
-    for name in edit.lines:
-        line = replace(known[name], unit=edit.value)
-        by = f"{edit.value} by {_REASONS.get(key[0], 'other channels')}"
-        yield line.remarked(by) if name in shown else line.doubted(f"{edit.value} as {enumerated(shown)}")
+    for name, unit in zip(edit.lines, edit.units, strict=True):
+        line = replace(known[name], unit=unit)
+        by = f"{unit} by {SHOWN.get(key[0], 'other channels')}"
+        yield line.remarked(by) if name in shown else line.doubted(f"{unit} as {enumerated(shown)}")
 
 
 def _agreeing(

@@ -17,10 +17,11 @@ from stoop.base.files import write_bytes_atomic
 from stoop.base.notices import Notice, attempt, from_dict, notice
 from stoop.base.numbers import MAX_NUMBER
 from stoop.base.toml import parse_json
-from stoop.base.variables import EULER, QUATERNION, RATES, VARIABLES
+from stoop.base.variables import EULER, QUATERNION, RATES, VARIABLES, WRAPPED
 from stoop.checks.entries import TABLE, Line, Lines, read_lines
 from stoop.checks.kinematics import check_rates
 from stoop.checks.mapping import Judgment, check_mapping
+from stoop.checks.units import LARGEST, largest_size
 from stoop.errors import FlightError, LogError
 from stoop.flight.air_data import with_air
 from stoop.flight.airborne import carried_by_rotors, in_flight
@@ -117,7 +118,8 @@ def load(path: str | Path, mapping: str | Path | None = None, rate: float | None
         if fault.variable in data
         and (fault.kind != "stuck" or up[(grid.time >= fault.start) & (grid.time <= fault.stop)].any())
     ]
-    contradictions = _contradictions(gridded, up, channels, recorded, read_lines(mapped.places), failed)
+    lines = {**mapped.ready_lines, **read_lines(mapped.places)}
+    contradictions = _contradictions(gridded, up, channels, recorded, lines, failed)
     span = float(grid.time[0]), float(grid.time[-1])
     of_mapping = [contradiction(one, *span) for one in contradictions]
     faults = (*recorded, *attempt(failed, [], rest_faults, grid.time, data, rate), *of_mapping)
@@ -202,6 +204,10 @@ def _contradictions(
     empty = empty_columns(in_air) | empty_columns({name: x for name, (_, x) in signals.items()})
     in_air = {name: x for name, x in in_air.items() if name not in empty}
     signals = {name: one for name, one in signals.items() if name not in empty}
+    for name in signals.keys() & WRAPPED & LARGEST.keys():  # the grid took other units than radians for turns
+        if largest_size(signals[name][1]) > LARGEST[name]:
+            t, x = signals[name]
+            in_air[name] = x[np.rint(np.interp(time, t, np.arange(t.size))).astype(int)]
     judged: dict[str, FloatArray] = {}
     # slower body rates are those of a wrong clock
     if not any(0.0 < flight.sources[name].rate < SUSPECT_CLOCK for name in RATES if name in flight.sources):

@@ -103,6 +103,9 @@ def _table(document: Any, tables: str) -> Any:
     """Return the table of a change."""
     kind, _, name = tables.partition(".")
     source = _SOURCE.fullmatch(name)
+    if source is None and kind == "variables":
+        variables = document.setdefault(kind, tomlkit.table())
+        return variables.setdefault(name, tomlkit.inline_table())
     if source is None:
         return document[kind][name]
     return document[kind][source["group"]]["sources"][int(source["index"])]

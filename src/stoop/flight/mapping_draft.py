@@ -149,6 +149,7 @@ def _of_any(recording: Recording) -> Draft:
     clock, timed = _clocks(recording)
     clocks = {(name, recording.info.get(f"clock of {name}", "")) for name in recording.streams}
     known = [line for line in _lines(timed) if (line.stream, line.column) not in clocks]
+    known = _following(timed, known)
     best = _best(known)
     lines = with_units(best, {line.variable: _signal(timed, line) for line in best})
     # motors (servos) whose size says nothing are in percent as the others: one may have run at idle throughout
@@ -275,6 +276,22 @@ def _clocks(recording: Recording) -> tuple[list[str], Recording]:
         written |= {(column, unit)} if i == 0 else set()
         streams[name] = replace(stream, time=stream.time * (FACTORS[unit] / factor))
     return lines, replace(recording, streams=streams)
+
+
+def _following(recording: Recording, lines: Sequence[DraftLine]) -> list[DraftLine]:
+    """Leave out angles that do not turn as their rates do where another does; of those that do, the most alike comes first."""
+    out = list(lines)
+    for angle, rate in PAIRS[:3]:
+        rates = [line for line in _best(lines) if line.variable == rate]
+        candidates = [line for line in lines if line.variable == angle]
+        if not rates or len(candidates) < 2:
+            continue
+        turned = _signal(recording, rates[0])
+        alike = {line.column: abs(growth(_signal(recording, line), turned)[1]) for line in candidates}
+        follow = sorted((c for c in candidates if alike[c.column]), key=lambda line: -alike[line.column])
+        if follow:
+            out = [*follow, *(line for line in out if line.variable != angle)]
+    return out
 
 
 def _derivatives(recording: Recording, lines: Sequence[DraftLine]) -> list[DraftLine]:

@@ -134,7 +134,7 @@ def read_raw_csv(
     for file in wanted:
         table, found = read_table(file)
         column, factor = (clocks or {}).get(file.name, (clocks or {}).get("", "")), 1.0
-        if column not in table:
+        if not column or column not in table:  # a column may have no name
             column, unit = guess_clock(list(table))
             factor = FACTORS[unit]
             if not _CLOCK.fullmatch(column):

@@ -74,7 +74,8 @@ def test_swapped_axes(tmp_path: Path) -> None:
     m = motion()
     (fault,) = flight(tmp_path, p=m["q"], q=m["p"]).faults
     assert "p and q are exchanged" in fault.message
-    assert 'write column = "q" for variables.p and column = "p" for variables.q in' in fault.message
+    whole = 'p = {column = "q", unit = "rad/s"} and q = {column = "p", unit = "rad/s"} under [variables] in'
+    assert f"write {whole}" in fault.message
 
 
 @pytest.mark.parametrize(("name", "unit"), [("p", "deg/s"), ("phi", "deg")])
