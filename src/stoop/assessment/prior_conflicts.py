@@ -92,7 +92,9 @@ class _Linearized:
         std = math.sqrt(max(spread - self.prior[i] ** 2, 0.0))
         wide = math.sqrt(max(apart**2 - std**2, self.prior[i] ** 2))
         estimate = float(means[i] + apart)
-        return i, PriorConflict(names[i], float(means[i]), float(self.prior[i]), estimate, std, float(z[i]), wide)
+        return i, PriorConflict(
+            names[i], float(means[i]), float(self.prior[i]), estimate, std, float(z[i]), wide
+        )
 
     def widen(self, i: int, std: float) -> None:
         """Widen a prior: the estimates move to where the rest has them."""

@@ -38,7 +38,9 @@ def hold_inertia(setup: Setup, fit: Fitter) -> Fitted:
     """Return the fit with moments of inertia held that it moves to a default bound, or to where no body has them."""
     first = found = fit(setup)
     began, held, vehicle = time.perf_counter(), dict[str, float](), setup.vehicle
-    while found.estimate.outcome.status != "interrupted" and (name := _farthest(found.estimate, setup.vehicle)):
+    while found.estimate.outcome.status != "interrupted" and (
+        name := _farthest(found.estimate, setup.vehicle)
+    ):
         held[name] = found.estimate.estimates[name]
         (known,) = (p for p in vehicle.parameters if p.name == name)
         vehicle = vehicle.with_numbers({name: {"value": known.prior_mean, "free": False}})
@@ -56,14 +58,18 @@ def hold_inertia(setup: Setup, fit: Fitter) -> Fitted:
     outcome = replace(found.estimate.outcome, state=first.estimate.outcome.state)  # saved, and resumed
     found = replace(found, estimate=replace(found.estimate, outcome=outcome))
     notices = [
-        notice("inertia-held", name, estimate=value, value=vehicle.value(name)) for name, value in held.items()
+        notice("inertia-held", name, estimate=value, value=vehicle.value(name))
+        for name, value in held.items()
     ]
     return found.noting(*notices).recorded(record)
 
 
 def _farthest(fit: Estimate, file: Vehicle) -> str:
     """Return the free moment farthest from the file's value if one is at a default bound, or all are of no body."""
-    vehicle, free = fit.problem.layout.vehicle, {n: x for n, x in fit.estimates.items() if n.startswith(PLACE)}
+    vehicle, free = (
+        fit.problem.layout.vehicle,
+        {n: x for n, x in fit.estimates.items() if n.startswith(PLACE)},
+    )
     unbounded = {name for name, q in leaves(file.file) if q.bounds is None}
     at_bound = any(u.fixed == "bound" for u in fit.unknowns if u.name in free.keys() & unbounded)
     if is_body(fit.identified_vehicle) and not at_bound:

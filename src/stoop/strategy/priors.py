@@ -42,7 +42,9 @@ def widen(setup: Setup, fit: Fitter) -> Fitted:
             break
         except IdentificationError:  # a search that fails with less to hold it
             break
-        widened = {n: replace(c, consistent=wider[n].consistent) if n in wider else c for n, c in widened.items()}
+        widened = {
+            n: replace(c, consistent=wider[n].consistent) if n in wider else c for n, c in widened.items()
+        }
         widened = wider | widened
     if widened:
         outcome = replace(found.estimate.outcome, state=first.estimate.outcome.state)  # saved, and resumed

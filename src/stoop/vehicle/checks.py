@@ -104,7 +104,7 @@ def principal_moments(vehicle: Vehicle) -> tuple[float, float, float]:
 def is_body(vehicle: Vehicle) -> bool:
     """Return whether some distribution of mass has the moments of inertia, but for what rounding and swing tests leave."""
     small, middle, large = principal_moments(vehicle)
-    return 0.0 < small and large <= (small + middle) * (1.0 + TRIANGLE_TOLERANCE)
+    return small > 0.0 and large <= (small + middle) * (1.0 + TRIANGLE_TOLERANCE)
 
 
 def _check_tables(vehicle: Vehicle, where: str) -> None:
