@@ -29,6 +29,7 @@ from stoop.base.arrays import BoolArray, FloatArray, IntArray
 from stoop.base.blas import on_one_blas_thread
 from stoop.base.notices import Notice, notice
 from stoop.estimate.estimate import Estimate
+from stoop.estimate.response import Responses
 from stoop.problem.evidence import PieceEvidence, Unknown, invert
 from stoop.results.uncertainty import CorrelatedPair, NearNullDirection
 
@@ -162,6 +163,7 @@ def error_bars(fit: Estimate) -> ErrorBars:
         stretch = np.ones(len(free))
         stretch[: len(scatter.stretch)] = scatter.stretch
         corrected = corrected * np.outer(stretch, stretch)
+    corrected = corrected + _of_held_inertia(fit, found.coloring)
     own = {u.name: j for u, j in zip(known, each_known, strict=True) if u.kind == "parameter"}
     for name in (n for n in doubtful if own[n].identifiable):
         reason = notice("systematic-residuals", doubtful[name])
@@ -185,6 +187,32 @@ def error_bars(fit: Estimate) -> ErrorBars:
         contributions=each,
         scatter=scatter,
     )
+
+
+def _of_held_inertia(fit: Estimate, coloring: Coloring) -> FloatArray:
+    """Return the covariance (f, f) that moments of inertia add which are held, by their priors (consider covariance).
+
+    The estimates move with a held number c by dx/dc = -D^-1 S' s, with the sensitivities S and s of the readings
+    (Tapley, Schutz and Born, *Statistical Orbit Determination*, 2004, section 6.2).
+    """
+    held = {
+        p.name: p.prior
+        for p in fit.problem.layout.vehicle.parameters
+        if p.name.startswith("mass.inertia.") and not p.free and p.prior is not None
+    }
+    responses = fit.responses() if held else Responses()
+    own = [(j, held[e.name]) for j, e in enumerate(responses.extensions) if e.name in held]
+    if not own:
+        return np.zeros_like(coloring.prior)
+    columns, priors = np.array([j for j, _ in own]), np.array([prior for _, prior in own])
+    total = np.zeros((len(coloring.prior), len(own)))
+    gaps = responses.gaps or [None] * len(coloring.segments)
+    for segment, readings, gap in zip(coloring.segments, responses.pieces, gaps, strict=True):
+        _, S = segment.rows()
+        _, s = replace(segment, jacobian=readings, gap_jacobian=gap).of(columns).rows()
+        total += S.T @ s
+    moved = coloring.inverse.matrix @ total * priors
+    return np.asarray(moved @ moved.T)
 
 
 def _scatter(fit: Estimate, found: Uncertainty, count: int) -> Scatter | None:

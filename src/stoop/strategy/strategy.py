@@ -15,8 +15,10 @@ from stoop.strategy.decision import Decision
 from stoop.strategy.extensions import EXTENSIONS
 from stoop.strategy.faults import FAULTS
 from stoop.strategy.gusts import GUSTS
+from stoop.strategy.inertia import hold_inertia
 from stoop.strategy.instability import INSTABILITY
 from stoop.strategy.method import METHOD
+from stoop.strategy.priors import PRIORS
 from stoop.strategy.sensor_delays import SENSOR_DELAYS
 
 #: in the order in which they change the problem; of those around a fit each encloses the ones before it
@@ -36,6 +38,7 @@ DECISIONS: Final[tuple[Decision, ...]] = (
         "held-numbers",
         "Are there numbers that the data determine as ratios only?",
         treatment="held_numbers",
+        around=hold_inertia,
     ),
     Decision(
         "stuck-channels", "Does a channel never change, or hold spikes only?", treatment="stuck_channels"
@@ -44,6 +47,7 @@ DECISIONS: Final[tuple[Decision, ...]] = (
     Decision("maneuver-noise", "Does the noise differ between maneuvers?", treatment="maneuver_noise"),
     EXTENSIONS,
     SENSOR_DELAYS,
+    PRIORS,
 )
 NAMES: Final = tuple(one.name for one in DECISIONS)
 

@@ -28,7 +28,6 @@ from stoop.vehicle_draft.tables import (
     FileText,
     body_drag,
     plain,
-    point,
     quantity,
     rotor_tables,
 )
@@ -80,8 +79,8 @@ class Airplane(FileText):
     def _rotors(self) -> None:
         if self.lift is None:
             return
-        flight, channels = self.seen.flight, [rotor.channel for rotor in self.lift.rotors]
-        if flight is not None and not any(recorded(flight, channel) for channel in channels):
+        channels = [rotor.channel for rotor in self.lift.rotors]
+        if not self.on_rotors:
             self.sheet.remark(
                 f"Lifting rotors ({', '.join(channels)}) stand still in this log and are left out."
             )
@@ -195,18 +194,13 @@ class Airplane(FileText):
             )
 
     def _sensors(self) -> None:
-        std = PRIORS.lever * self.geometry.wing.span
-        self.accelerometer(std)
         vanes = [
             f
             for f in self.seen.flights
             if "alpha" in f.sources and f.sources["alpha"].source != _RECONSTRUCTED
         ]
-        if vanes:
-            part = quantity(0.0, PRIORS.vane * self.geometry.wing.span)
-            self.sheet.entry(
-                "vane_position", point([part, "0.0", "0.0"]), "m: a vane ahead feels the pitch rate"
-            )
+        span = self.geometry.wing.span
+        self.sensor_places(PRIORS.lever * span, PRIORS.vane * span if vanes else None)
         self._air_data(measured=bool(vanes))
 
     def _air_data(self, measured: bool) -> None:

@@ -31,7 +31,7 @@ class Multirotor(FileText):
         self.environment()
         rotor_tables(self.sheet, lift, mass, steady_flight(self.seen.flights, wings=False))
         body_drag(self.sheet, mass, 1.5 * USUAL.body * mass)
-        self.accelerometer(PRIORS.frame * lift.size())
+        self.sensor_places(PRIORS.frame * lift.size())
         return self.sheet.text()
 
     def _known_lift(self) -> Lift:

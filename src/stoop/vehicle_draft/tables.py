@@ -9,7 +9,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
+import numpy as np
+
+from stoop.base.atmosphere import SEA_LEVEL_DENSITY
 from stoop.base.toml import quoted, quoted_key
+from stoop.base.variables import SPECIFIC_FORCE
 from stoop.errors import one_line
 from stoop.vehicle.assumptions import USUAL as ASSUMED
 from stoop.vehicle_draft.apriori import Apriori
@@ -116,6 +120,12 @@ class FileText:
         self.template, self.mass = str(request.template), float(request.mass or 0.0)
         self.lift = seen.lift(self.template, request.span)
 
+    @property
+    def on_rotors(self) -> bool:
+        """Whether there are rotors that lift, and a log, if there is one, shows that they turn."""
+        flight, rotors = self.seen.flight, self.lift.rotors if self.lift is not None else ()
+        return bool(rotors) and (flight is None or any(recorded(flight, rotor.channel) for rotor in rotors))
+
     def head(self, size: str) -> None:
         """Write what the file is."""
         logs = ", ".join(flight.name for flight in self.seen.flights) or "no log"
@@ -141,10 +151,15 @@ class FileText:
             sheet.entry(axis, known(moment), moment.source)
 
     def environment(self) -> None:
-        """Write where the density of the air is from."""
-        if self.seen.flights and all(recorded(f, "density") for f in self.seen.flights):
+        """Write where the density of the air is from, where it is not the height of every log."""
+        flights = self.seen.flights
+        if flights and all(recorded(f, "density") for f in flights):
             self.sheet.table("environment")
             self.sheet.word("density", "log", "every log holds it")
+        elif any("altitude" not in f.names or np.isnan(f.column("altitude")).all() for f in flights):
+            self.sheet.table("environment")
+            said = "kg/m3, at sea level: no altitude was recorded; write that of the place and day"
+            self.sheet.entry("density", plain(SEA_LEVEL_DENSITY), said)
 
     def controls_table(self, controls: Controls) -> None:
         """Write the surfaces; one servo lag for all."""
@@ -168,13 +183,22 @@ class FileText:
                 self.sheet.word("lag", f"=controls.{first}.lag", "the same kind of servo")
                 self.sheet.word("delay", f"=controls.{first}.delay")
 
-    def accelerometer(self, std: float) -> None:
-        """Write the position of the accelerometers."""
-        part = quantity(0.0, std)
-        self.sheet.table("sensors")
-        place = point([part, "0.0", part])
-        said = "m from the center of gravity: taken to be there"
-        self.sheet.entry("accelerometer_position", place, said)
+    def sensor_places(self, accelerometer: float, vane: float | None = None) -> None:
+        """Write how far, by standard deviations in m, accelerometers and a vane may be from the center of gravity.
+
+        What logs do not hold has no place.
+        """
+        places = dict[str, tuple[str, str]]()
+        if not self.seen.flights or any(recorded(f, c) for f in self.seen.flights for c in SPECIFIC_FORCE):
+            part, said = quantity(0.0, accelerometer), "m from the center of gravity: taken to be there"
+            places["accelerometer_position"] = point([part, "0.0", part]), said
+        if vane is not None:
+            ahead = point([quantity(0.0, vane), "0.0", "0.0"])
+            places["vane_position"] = ahead, "m: a vane ahead feels the pitch rate"
+        if places:
+            self.sheet.table("sensors")
+        for key, entry in places.items():
+            self.sheet.entry(key, *entry)
 
 
 _SIGNS: Final = {
@@ -218,11 +242,17 @@ def rotor_tables(sheet: Sheet, lift: Lift, mass: float, steady: Steady) -> None:
     )
     if not lift.speed:
         sheet.entry("delay", known(DELAY), f"s, {DELAY.source}")
+    heights = [rotor.position[2] for rotor in lift.rotors]
+    alike = len(set(heights)) == 1  # in one plane, whose height is a guess
     for number, rotor in enumerate(lift.rotors, 1):
         comment = f"{lift.source}; m from the center of gravity, spin seen from above" if number == 1 else ""
         sheet.table(f"rotor.m{number}", comment)
         sheet.word("channel", rotor.channel)
-        sheet.entry("position", point([plain(x) for x in rotor.position]))
+        x, y, z = map(plain, rotor.position)
+        if alike:
+            free = quantity(heights[0], PRIORS.frame * lift.size())
+            z = free if number == 1 else quoted("=rotor.m1.position.z")
+        sheet.entry("position", point([x, y, z]), "one height for all" * (alike and number == 1))
         if rotor.axis is not None:
             sheet.entry("axis", point([plain(x) for x in rotor.axis]))
         sheet.word("spin", rotor.spin)

@@ -11,6 +11,7 @@ import numpy as np
 
 from stoop.assessment.contributions import contribution_notices
 from stoop.assessment.error_bars import ErrorBars
+from stoop.assessment.prior_conflicts import prior_tests
 from stoop.assessment.verdict import CONFIRMED
 from stoop.base.notices import Notice, as_notice, attempt, notice, of_severity, paragraph
 from stoop.base.variables import EULER, RATES, SPECIFIC_FORCE, VELOCITY
@@ -30,7 +31,7 @@ SENSOR_FAULTS: Final = {
     "clipped": "sensor-fault-left-out",
     "stuck": "sensor-fault-left-out",
 }  #: kinds of faults that affect a fit -> code
-#: standard deviations from the prior's mean, from which an estimate contradicts it
+#: prior standard deviations, from which the estimate of a bias contradicts its prior
 PRIOR_CONFLICT: Final = 5.0
 MIN_CORRELATION_TIME: Final = 2.0  #: samples; from here on residuals count as colored
 BASIC_METHODS: Final = ("corrected", "cramer_rao")  #: of uncertainty, that every result has
@@ -66,7 +67,7 @@ def fit_warnings(
     found = [*search_notices(fit.outcome.status, fit.outcome.advice), *sensor_faults]
     found += attempt(found, [], check_lift, vehicle, flights)
     found += attempt(found, [], inertia_notices, vehicle, fit.estimates)
-    found += attempt(found, [], prior_conflicts, fit)
+    found += attempt(found, [], prior_conflicts, fit, bars)
     # Missing rates, and a missing airspeed, by whose square every coefficient is divided.
     recorded = np.any([np.isfinite(p.measured).any(axis=0) for p in fit.problem.pieces], axis=0)
     missing = {name for name, there in zip(vehicle.outputs, recorded, strict=True) if not there}
@@ -100,29 +101,26 @@ def fit_warnings(
     return tuple(found)
 
 
-def prior_conflicts(fit: Estimate) -> list[Notice]:
-    """Return the parameters and sensor biases whose estimates contradict their priors.
+def prior_conflicts(fit: Estimate, bars: ErrorBars) -> list[Notice]:
+    """Return the parameters and sensor biases whose priors the flight contradicts.
 
-    Where prior and model are right an estimate scatters about the prior's mean by less than the prior's standard deviation
-    (Evans and Moshonov, "Checking for prior-data conflict", Bayesian Analysis 1(4), 2006). What lies far outside takes up an
-    error of something else: of thrust, mass, a unit or an axis.
+    Of parameters by the estimate without the prior, :mod:`stoop.assessment.prior_conflicts`. Biases, of which there are many
+    in each maneuver, by their estimates: what lies far outside takes up an error of thrust, mass, a unit or an axis.
     """
     layout = fit.problem.layout
-    known = [
-        (p.name, "the fit", fit.estimates[p.name], p.prior_mean, p.prior)
-        for p in layout.parameters
-        if p.prior is not None
-    ]
-    known += [
-        (n.name, str(fit.prepared.windows[n.maneuver]), n.center + n.scale * float(x), n.center, n.scale)
-        for n, x in zip(layout.nuisances, fit.z[layout.dimension :], strict=True)
-        if n.is_bias
-    ]
-    return [
-        notice("prior-conflict", name, window=window, estimate=estimate, ratio=ratio, prior=prior, mean=mean)
-        for name, window, estimate, mean, prior in known
-        if (ratio := abs(estimate - mean) / prior) > PRIOR_CONFLICT
-    ]
+    found = [
+        notice(
+            "prior-conflict", one.name, window="the fit",
+            estimate=one.estimate, ratio=abs(one.ratio), prior=one.prior, mean=one.mean,
+        )
+        for one in prior_tests(fit, bars).conflicts
+    ]  # fmt: skip
+    for n, x in zip(layout.nuisances, fit.z[layout.dimension :].tolist(), strict=True):
+        if n.is_bias and abs(x) > PRIOR_CONFLICT:
+            window, estimate = str(fit.prepared.windows[n.maneuver]), n.center + n.scale * x
+            values = {"estimate": estimate, "ratio": abs(x), "prior": n.scale, "mean": n.center}
+            found.append(notice("prior-conflict", n.name, window=window, **values))
+    return found
 
 
 def basis_notices(vehicle: Vehicle, flights: Mapping[str, Flight], correlation: float) -> list[Notice]:
