@@ -52,6 +52,7 @@ class Limits:
     time: float = 5.0  #: s of airborne data (and of pitot) below which nothing is estimated
     rest_speed: float = 0.5  #: m/s
     rest_rate: float = 0.1  #: rad/s
+    implausible: float = 3.0  #: standard deviations of its prior, that a wind is off
     kappa: float = 2000.0  #: m, prior; 2 m / (rho S) is 40 m for a small drone, 2000 m for an airliner
     log_wind: float = 0.5  #: m/s; no logged wind is believed more than this
     sideslip: float = 0.15  #: rad, rms; a larger scatter says that the vehicle does not weathercock
@@ -307,14 +308,16 @@ def _air_data(
 def _sideslip_wind(samples: airspeed.Airborne, mean: FloatArray, std: FloatArray) -> airspeed.Fit | None:
     """Fit the wind to the sideslip; None when the vehicle does not fly like a weather vane.
 
-    It does when sideslip, less what the lateral force explains, is small, and when that force opposes
-    the sideslip.
+    It does when sideslip, less what the lateral force explains, is small, when that force opposes the sideslip, and when the
+    wind that follows does not contradict its prior.
     """
     found = airspeed.fit([(airspeed.sideslip_equation, samples)], mean, std)
     speed = float(np.median(airspeed.air_relative(samples.velocity, found.theta)[1]))
     steady = found.rms[0] < LIMITS.sideslip * speed
     opposing = found.theta[airspeed.KAPPA] < 2.0 * found.std[airspeed.KAPPA]
-    return found if steady and opposing else None
+    apart = (found.theta - mean)[: airspeed.SLOPE] / std[: airspeed.SLOPE]
+    plausible = bool(np.all(np.abs(apart) < LIMITS.implausible))
+    return found if steady and opposing and plausible else None
 
 
 def _best_wind(
