@@ -28,11 +28,12 @@ import numpy as np
 from scipy.stats import chi2, norm
 
 from stoop.assessment.error_bars import LIMITS, ErrorBars
+from stoop.assessment.verdict import LIMITS as VERDICT
 from stoop.base.arrays import BoolArray, FloatArray, IntArray
 from stoop.estimate.estimate import Estimate
 
 #: probability that right priors are said to contradict the flight
-LEVEL: Final = 0.05
+LEVEL: Final = VERDICT.chance
 
 
 @dataclass(frozen=True)
