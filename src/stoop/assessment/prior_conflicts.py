@@ -28,11 +28,12 @@ import numpy as np
 from scipy.stats import chi2, norm
 
 from stoop.assessment.error_bars import LIMITS, ErrorBars
-from stoop.base.arrays import FloatArray, IntArray
+from stoop.assessment.verdict import LIMITS as VERDICT
+from stoop.base.arrays import BoolArray, FloatArray, IntArray
 from stoop.estimate.estimate import Estimate
 
 #: probability that right priors are said to contradict the flight
-LEVEL: Final = 0.05
+LEVEL: Final = VERDICT.chance
 
 
 @dataclass(frozen=True)
@@ -71,13 +72,15 @@ class _Linearized:
     error: FloatArray  #: (f,), of the estimates from the means
     prior: FloatArray  #: (m,), standard deviations
 
-    def difference(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def difference(self) -> tuple[FloatArray, FloatArray, BoolArray]:
         """Return C (m, m) of A's inverse, V (m, m), and which priors (m,) the data add something to."""
-        C, K = (matrix[np.ix_(self.own, self.own)] for matrix in (np.linalg.inv(self.A), self.K))
+        own = np.ix_(self.own, self.own)
+        C, K = np.asarray(np.linalg.inv(self.A))[own], self.K[own]
         V = np.diag(self.prior**2) + K - 2.0 * C
         at_least = self.prior**2 - np.diag(C)  # noise is not less than it was weighted for
         np.fill_diagonal(V, np.maximum(np.diag(V), at_least))
-        return C, V, np.sqrt(np.diag(C)) < LIMITS.prior_share * self.prior
+        seen: BoolArray = np.sqrt(np.diag(C)) < LIMITS.prior_share * self.prior
+        return C, V, seen
 
     def worst(self, names: list[str], means: FloatArray, level: float) -> tuple[int, PriorConflict] | None:
         """Return the prior that contradicts the flight most, if it does at a level."""

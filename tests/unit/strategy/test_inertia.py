@@ -12,11 +12,14 @@ from stoop.estimate.estimate import Estimate
 from stoop.estimate.fit import Options
 from stoop.flight import Flight
 from stoop.problem.windows import Window
+from stoop.simulation import trim
 from stoop.simulation.fly import simulate_flight
 from stoop.strategy import Strategy, fit
 from stoop.strategy.decision import Fitted
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.checks import is_body
+from stoop.workflow.derivatives import derivatives
+from stoop.workflow.flying import linearize
 from stoop.workflow.outputs import with_values
 from stoop_studies.verify import scenes
 
@@ -67,6 +70,8 @@ def test_an_inertia_of_no_body_is_held_and_the_written_vehicle_loads(prior: floa
     written = parse_vehicle(with_values(held, found.estimate.estimates), "written")
     assert written.value(PITCH) == truth
     assert not next(p for p in written.parameters if p.name == PITCH).free
+    for verb in (trim, linearize, derivatives):
+        verb(written)  # type: ignore[operator]
 
 
 def test_an_inertia_that_the_flight_shows_stays_free() -> None:

@@ -164,3 +164,38 @@ def test_quadplane() -> None:
         assert like[channel] == (pytest.approx(x, rel=0.05), pytest.approx(y, rel=0.05), spin)
     assert found.vehicle.file.propulsion is not None
     assert found.vehicle.file.propulsion.channel == "motor_5"  # type: ignore[union-attr]
+
+
+def test_the_height_of_rotors_in_one_plane_is_a_guess_that_a_fit_estimates() -> None:
+    flight = hovering(4)
+    vehicle = draft(Request("quad", 1.5, 0.5), [flight]).vehicle
+    heights = {
+        p.name: p for p in vehicle.free_parameters if ".position" in p.name and p.name.startswith("rotor")
+    }
+    (one,) = heights.values()
+    assert one.prior == pytest.approx(0.05)  # a tenth of the frame
+    other = vehicle.with_numbers({one.name: {"value": 0.01}})
+    assert {other.value(f"rotor.{name}.position.z") for name in other.rotors} == {0.01}
+    # what an autopilot gives for each rotor is known
+    parameters = px4_parameters(builtin_vehicle("quad-x")) | {"CA_ROTOR1_PZ": 0.04}
+    known = draft(Request(mass=1.5), [replace(flight, parameters=parameters)]).vehicle
+    assert not [p for p in known.free_parameters if p.name.startswith("rotor.")]
+    assert known.value("rotor.m2.position.z") == 0.04
+
+
+def test_what_was_not_recorded_has_no_place_and_no_density_of_its_own() -> None:
+    flight = hovering(4)
+    columns = {str(n): flight.column(str(n)) for n in flight.data.data_vars}
+    blind = from_columns(
+        "blind", flight.time, {n: x for n, x in columns.items() if n not in ("ax", "ay", "az")}
+    )
+    high = from_columns("high", flight.time, columns | {"altitude": 500.0 + 0.0 * flight.time})
+    seen, lacking, at_height, nothing = (
+        draft(Request("quad", 1.5, 0.5), flights) for flights in ([flight], [blind], [high], [])
+    )
+    for one, there in ((seen, True), (lacking, False), (nothing, True)):
+        assert ("accelerometer_position" in one.text) == there
+    assert seen.vehicle.file.environment.density != "standard"
+    assert seen.vehicle.value("environment.density") == pytest.approx(1.225)
+    for one in (at_height, nothing):
+        assert one.vehicle.file.environment.density == "standard"

@@ -180,7 +180,7 @@ def test_a_bias_that_takes_up_a_wrong_mass_contradicts_its_prior(
     noise = {c: 0.1 * np.random.default_rng(i).standard_normal(400) for i, c in enumerate(("ax", "ay", "az"))}
     flight = flown(vehicle, False, {}, noise)
     fit = equation_error(own, {"quad": flight}, [Window("quad", 0.0, 3.99)], Options())
-    found = prior_conflicts(fit)
+    found = prior_conflicts(fit, error_bars(fit))
     assert tuple(n.subject for n in found) == contradicted
     assert [n.values["prior"] for n in found] == [0.2] * len(contradicted)
 
