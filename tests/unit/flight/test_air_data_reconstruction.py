@@ -202,7 +202,7 @@ def test_standard_errors_cover_the_truth() -> None:
     assert 0.6 < rms(np.array(scores)) < 1.5
 
 
-@pytest.mark.parametrize("delay", [0.06, 0.2, -0.05])
+@pytest.mark.parametrize("delay", [0.06, 0.2, 0.3, 0.4, 0.5, -0.05])
 def test_a_late_velocity_is_found_and_corrected(delay: float) -> None:
     data, exact = fly(Truth(delay=delay, duration=60.0), 5)
     out, air = reconstruct(data)
