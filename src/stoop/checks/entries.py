@@ -43,7 +43,9 @@ class Line:
     entry: Mapping[str, Any] = field(default_factory=dict)  #: keys of the table
     index: int = 0  #: place among the variables of the table
     count: int = 1  #: variables of the table
-    ready: bool = False  #: of a mapping that comes with the package: `entry` is what a line of [variables] says instead
+    ready: bool = (
+        False  #: of a mapping that comes with the package: `entry` is what a line of [variables] says instead
+    )
 
     def value(self, key: str, default: Any) -> Any:
         """Return what a key of the table says of this variable."""
@@ -139,7 +141,10 @@ def told(changes: Sequence[Change], lines: Lines) -> str:
     by_table = {change.table: [one for one in changes if one.table == change.table] for change in changes}
     known = {line.key: line for line in lines.values()}
     file = known[changes[0].table].file
-    if len({(change.key, written(change.value)) for change in changes}) == 1 and not known[changes[0].table].ready:
+    if (
+        len({(change.key, written(change.value)) for change in changes}) == 1
+        and not known[changes[0].table].ready
+    ):
         first = changes[0]
         return f"write {first.key} = {written(first.value)} for {enumerated([*by_table])} in {file}"
     whole = [known[table].whole(own) for table, own in by_table.items() if table.startswith("variables.")]

@@ -126,7 +126,9 @@ class Motion:
     def scales(self, state: Assignment) -> dict[tuple[str, ...], float]:
         """Return by what the attitude turns faster than the rates say, each and all, where that is no calibration."""
         gains = self._gains(state) if self.turned else {}
-        return {names: gain for names, (gain, nearest) in gains.items() if abs(nearest - 1.0) > LIMITS.calibration}
+        return {
+            names: gain for names, (gain, nearest) in gains.items() if abs(nearest - 1.0) > LIMITS.calibration
+        }
 
     def attitude(self, state: Assignment) -> FloatArray:
         """Return the quaternions (n, 4), of edited angles where they are."""

@@ -192,7 +192,10 @@ class LineEdit(Edit[Assignment]):
         for name in self.lines:  # a line that is not in the mapping yet is written whole
             line = lines[name]
             if line.ready:
-                entry = {**line.entry, **{change.key: change.value for change in out if change.table == line.key}}
+                entry = {
+                    **line.entry,
+                    **{change.key: change.value for change in out if change.table == line.key},
+                }
                 out = [change for change in out if change.table != line.key]
                 out += [Change(line.key, key, value) for key, value in entry.items()]
         tables = [(change.table, change.key) for change in out]
@@ -229,7 +232,10 @@ def _merged(changes: Sequence[Change], lines: Lines) -> tuple[Change, ...]:
 
 
 def mapping_edits(
-    signals: Mapping[str, Signal], judged: Iterable[str], lines: Lines, scales: Mapping[tuple[str, ...], float]
+    signals: Mapping[str, Signal],
+    judged: Iterable[str],
+    lines: Lines,
+    scales: Mapping[tuple[str, ...], float],
 ) -> Iterator[Edit[Assignment]]:
     """Yield every single edit of a mapping.
 
@@ -282,7 +288,9 @@ def _of_systems(units: Mapping[str, str]) -> Iterator[Edit[Assignment]]:
             names = tuple(name for name in every if _factor(name, other[name]) != now[name])
             if len(names) > 1 and not {names, (*names, *(other[name] for name in names))} & seen:
                 seen.add((*names, *(other[name] for name in names)))
-                yield _unit_of_each({name: (_factor(name, other[name]) / now[name], other[name]) for name in names})
+                yield _unit_of_each(
+                    {name: (_factor(name, other[name]) / now[name], other[name]) for name in names}
+                )
 
 
 def _unit_of_each(factors: Mapping[str, tuple[float, str]]) -> Edit[Assignment]:

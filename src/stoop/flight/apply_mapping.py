@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
@@ -12,6 +12,7 @@ import numpy as np
 from stoop import logs
 from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice, notice
+from stoop.base.text import nearest
 from stoop.base.units import FACTORS, KINDS, MICROSECOND, PULSE_FACTORS, ZEROS
 from stoop.base.variables import EULER, VARIABLES
 from stoop.checks.entries import Line
@@ -26,6 +27,7 @@ from stoop.logs.csv_tables import mapping_beside, read_raw_csv
 from stoop.logs.read import kind
 from stoop.logs.recording import clean_stream
 
+MOST_LISTED: Final = 12  #: columns or streams, where one of them was to be named
 MAX_TRANSPORT: Final = 0.2  #: s; a sample stamp further from its publication is not believed
 
 
@@ -156,7 +158,9 @@ def apply_mapping(mapping: FlightMapping, recording: Recording) -> Mapped:
             channels.append(best)
             (source,) = (own for own, one in zip(suppliers, supplied, strict=True) if one is best)
             places |= {name: source.place for name in best.values if not _of_ready(source)}
-            ready_lines |= {name: _line(source, best.source, name) for name in best.values if _of_ready(source)}
+            ready_lines |= {
+                name: _line(source, best.source, name) for name in best.values if _of_ready(source)
+            }
     channels = _join_lines(timed.format, channels)
     if mapping.surfaces.mixes:
         surfaces, beyond = mapping.surfaces.deflections(channels)
@@ -181,7 +185,10 @@ def _line(source: Source, stream: str, name: str) -> Line:
     column, *others = source.columns[i]
     entry: dict[str, Any] = {"stream": stream, "column": column, "unit": source.units[i] or unit}
     factors = PULSE_FACTORS if name.startswith("pwm_") else FACTORS
-    scale, offset = source.factors[i] / factors[entry["unit"]], source.offsets[i] - ZEROS.get(entry["unit"], 0.0)
+    scale, offset = (
+        source.factors[i] / factors[entry["unit"]],
+        source.offsets[i] - ZEROS.get(entry["unit"], 0.0),
+    )
     entry |= {"scale": scale} if scale != 1.0 else {}
     entry |= {"offset": offset} if offset != 0.0 else {}
     entry |= {"valid": source.valid[i]} if source.valid[i] else {}
@@ -262,16 +269,21 @@ def _supply(recording: Recording, source: Source, name: str) -> Channels | None:
     if stream is None or not _has_columns(source, stream):
         if not source.required:
             return None
-        column = f"{source.place}.column = '{next(iter(source.columns[0]))}'"
+        name = next(
+            (n for weights in source.columns for n in weights if n not in _there(recording, source)), ""
+        )
+        column = f"{source.place}.column = '{name}'"
         only = next(iter(recording.streams)) if len(recording.streams) == 1 else ""
         known = recording.streams.get(source.stream or only)
         if known is not None:
             raise LogError(
-                f"{column} is not in {source.stream or only}; its columns are {listed(known.columns)}"
+                f"{column} is not in {source.stream or only}; {_near(name, known.columns)}its columns are "
+                f"{listed(known.columns, MOST_LISTED)}"
             )
-        holds = f"it holds {listed(recording.streams)}"
+        holds = f"it holds {listed(recording.streams, MOST_LISTED)}"
         if source.stream:
-            raise LogError(f"{source.place}.stream = '{source.stream}' is not in the log; {holds}")
+            near = _near(source.stream, recording.streams)
+            raise LogError(f"{source.place}.stream = '{source.stream}' is not in the log; {near}{holds}")
         raise LogError(f"{column} is in no stream of the log; {holds}")
     values = _values(stream, source, only_used=source.partial or source.unused is not None)
     time = stream.time
@@ -284,6 +296,22 @@ def _supply(recording: Recording, source: Source, name: str) -> Channels | None:
             time = taken
     values = rotate_axes(values, source.frame) if source.frame else values
     return Channels(name, time, values) if values else None
+
+
+def _near(name: str, among: Iterable[str]) -> str:
+    """Ask for the name that was meant, where one is near."""
+    advice = nearest(name, among)
+    return f"{advice} " if advice.startswith("did you mean") else ""
+
+
+def _there(recording: Recording, source: Source) -> set[str]:
+    """Return the columns of the stream that a source names; of all, where it names none."""
+    streams = (
+        [recording.streams[source.stream]]
+        if source.stream in recording.streams
+        else recording.streams.values()
+    )
+    return {column for stream in streams for column in stream.columns}
 
 
 def _has_columns(source: Source, stream: Stream) -> bool:

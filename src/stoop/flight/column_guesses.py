@@ -22,7 +22,7 @@ from stoop.base.units import DEGREE, FACTORS, KINDS, PULSE_FACTORS, ZEROS
 from stoop.base.variables import EULER, RATES, SPECIFIC_FORCE, VARIABLES
 from stoop.checks.engine import Edit, Finding, Range, not_excluded, search
 from stoop.checks.entries import Line
-from stoop.checks.lines import SURFACES, VANES, Assignment, Signal
+from stoop.checks.lines import EAST, SURFACES, VANES, Assignment, Signal
 from stoop.checks.mapping import SHOWN, Model, on_grid
 from stoop.checks.units import LARGEST, MEDIANS, PULSES, largest_size, median_size
 from stoop.flight.airborne import in_flight
@@ -74,6 +74,12 @@ class DraftLine:
     def remarked(self, what: str) -> DraftLine:
         """Return the line with one more remark."""
         return self if what in self.remarks else replace(self, remarks=(*self.remarks, what))
+
+    def turned(self, why: str) -> DraftLine:
+        """Return the line with the other sign; what was turned before is turned back."""
+        rest = tuple(one for one in self.remarks if not one.startswith("turned"))
+        remarks = rest if rest != self.remarks else (*rest, f"turned{why}")
+        return replace(self, scale=-self.scale, remarks=remarks)
 
     @property
     def is_sure(self) -> bool:
@@ -138,7 +144,7 @@ def recognized(column: str, stated: str = "", stream: str = "") -> DraftLine | N
     if len(column) > LONGEST_NAME:
         return None
     bare, ending = without_unit(column)
-    said = _names().units.get(stated.strip().lower(), "")
+    said = written_unit(stated)
     # an ending of one letter may be no unit; one of several may name the quantity, as rpm does
     for name, unit in ((bare, said or ending), (column, said or (ending if len(ending) > 1 else ""))):
         found = _by_words(name)
@@ -200,6 +206,11 @@ def _by_rules(text: str) -> _Guess | None:
     return None
 
 
+def written_unit(text: str) -> str:
+    """Return a unit as stoop writes it, of one as files and people do; empty where it is unknown."""
+    return _names().units.get(text.strip().lower(), "")
+
+
 def without_unit(column: str) -> tuple[str, str]:
     """Split a unit off a name, whether in brackets or as an ending; the unit is empty when there is none."""
     units = _names().units
@@ -237,11 +248,19 @@ def with_units(lines: Sequence[DraftLine], columns: Mapping[str, Signal]) -> lis
         found, _ = search(_AS_MAPPED, functools.partial(_edits, known, model), model)
         evidence = model.sizes({}, None).items()
         violated = [key[1:] for key, one in evidence if isinstance(one, Range) and one.violated]
-        alike = [pair for pair in model.sizes.pairs if model.sizes.growth({}, *pair)]  # what one shows, the other does
+        alike = [
+            pair for pair in model.sizes.pairs if model.sizes.growth({}, *pair)
+        ]  # what one shows, the other does
         violated += [pair for pair in alike if any(pair[0] in names for names in violated)]
         contradicted = frozenset(name for names in violated for name in names)
         for one in found:
             known = {**known, **{line.variable: line for line in _applied(known, one, contradicted)}}
+            if one.best.kind == "frame":
+                taken = {name: column for name, (column, _) in one.best.apply(_AS_MAPPED).items()}
+                columns = {
+                    **columns,
+                    **{name: columns[taken[name]] for name in taken if taken[name] in columns},
+                }
     model = _model(known, columns)
     known = {**known, **{line.variable: line for line in _agreeing(known, model, columns)}}
     for name in (*EULER, *RATES, *VANES):
@@ -265,7 +284,9 @@ def _unconfirmed(given: Mapping[str, DraftLine], model: Model) -> Iterator[Draft
         if edit.kind == "unit":
             for one, unit in zip(edit.lines, edit.units, strict=True):
                 if not known[one].is_sure:
-                    together = f", with {enumerated([n for n in edit.lines if n != one])}" if edit.lines[1:] else ""
+                    together = (
+                        f", with {enumerated([n for n in edit.lines if n != one])}" if edit.lines[1:] else ""
+                    )
                     doubt = f"{known[one].unit} by its name only: nothing excludes {unit}{together}"
                     known[one] = known[one].doubted(doubt)
         elif len(edit.lines) > 1:
@@ -310,27 +331,36 @@ def _applied(
     edit, key = found.best, found.edits[0].channel
     if edit.kind == "sign":
         line = known[edit.lines[0]]
-        turned, name = replace(line, scale=-line.scale), line.variable
+        name = line.variable
         others = [enumerated(one.edit.lines) for one in found.edits[1:]]
         if name == "az" and key[0] == "up":
-            yield turned.remarked("its z points up: turned")
+            yield line.turned(": its z points up")
         elif others:
-            yield turned.doubted(f"turned; or is it {' or '.join(others)} that is to be turned?")
+            yield replace(line, scale=-line.scale).doubted(
+                f"turned; or is it {' or '.join(others)} that is to be turned?"
+            )
         else:
             by = (
                 f"as {key[1] if name == key[-1] else key[-1]} changes against it" if key[0] == "turns" else ""
             )
-            yield turned.remarked(f"turned, {by or SHOWN.get(key[0], 'as other channels show')}")
+            yield line.turned(f", {by or SHOWN.get(key[0], 'as other channels show')}")
         return
     if edit.kind == "frame":
+        why = f": {edit.value} axes, as other channels show"
+        # what the heading counts from follows from where the velocity goes, unless both are turned
+        open_north = "psi" in edit.lines and bool({"vn", "pn"} & set(edit.lines))
         for name, (column, factor) in edit.apply(_AS_MAPPED).items():
             line = known[name]
             if column == name:
-                yield replace(line, scale=factor * line.scale).remarked(
-                    f"turned: {edit.value} axes, as other channels show"
-                )
+                yield line.turned(why) if factor < 0.0 else line
+                continue
+            if column == EAST:
+                moved = replace(line, scale=-line.scale, offset=0.5 * math.pi - line.offset)
+                moved = moved.remarked(f"counted from east{why}")
             else:
-                yield line.doubted(f"{edit.value} axes, as other channels show")
+                moved = replace(known[column], variable=name, scale=factor * known[column].scale)
+                moved = moved.remarked(f"in place of {line.column}{why}")
+            yield moved.doubted("nothing shows where north is") if open_north else moved
         return
     if edit.kind != "unit" or any(
         known[name].stated for name in edit.lines
@@ -343,6 +373,7 @@ def _applied(
     shown = shown or list(edit.lines)
     for name, unit in zip(edit.lines, edit.units, strict=True):
         line = replace(known[name], unit=unit)
+        line = replace(line, remarks=tuple(one for one in line.remarks if " by " not in one))
         by = f"{unit} by {SHOWN.get(key[0], 'other channels')}"
         yield line.remarked(by) if name in shown else line.doubted(f"{unit} as {enumerated(shown)}")
 

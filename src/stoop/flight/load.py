@@ -14,7 +14,7 @@ import numpy as np
 
 from stoop.base.arrays import BoolArray, FloatArray, empty_columns
 from stoop.base.files import write_bytes_atomic
-from stoop.base.notices import Notice, attempt, from_dict, notice
+from stoop.base.notices import Notice, Value, attempt, from_dict, notice
 from stoop.base.numbers import MAX_NUMBER
 from stoop.base.toml import parse_json
 from stoop.base.variables import EULER, QUATERNION, RATES, VARIABLES, WRAPPED
@@ -217,6 +217,8 @@ def _contradictions(
         }
     found = attempt(failed, Judgment((), (), {}), check_mapping, signals, judged, rate, lines)
     of_rates = attempt(failed, [], check_rates, found.corrected(in_air), rate, lines)
+    named = {name for one in found.notices for name in (one.subject, *_names(one.values.get("lines")))}
+    of_rates = [one for one in of_rates if one.subject not in named]
     if found.refused:
         said, every = str(found.refused[0]).removesuffix("."), (*found.refused, *found.notices, *of_rates)
         raise ContradictedError(f"{flight.path or flight.name}: {said}", every)
@@ -224,6 +226,10 @@ def _contradictions(
         # a late attitude explains one unlike its rates
         of_rates = attempt(failed, [], attitude_delay, channels) or of_rates
     return [*found.notices, *of_rates]
+
+
+def _names(lines: Value | None) -> tuple[str, ...]:
+    return tuple(map(str, lines)) if isinstance(lines, tuple) else ()
 
 
 def with_contradictions(flight: Flight) -> Flight:

@@ -23,7 +23,8 @@ from stoop.base.text import nearest
 from stoop.base.toml import parse_source, read_source
 from stoop.base.units import FACTORS, KINDS, PULSE_FACTORS, ZEROS
 from stoop.base.variables import VARIABLES
-from stoop.errors import FlightError, LogError
+from stoop.errors import FlightError, LogError, listed
+from stoop.flight.column_guesses import written_unit
 from stoop.flight.alignment import Alignment
 from stoop.flight.conversion import (
     CalibrationTable,
@@ -215,11 +216,23 @@ def read_flight_mapping(path: Path) -> FlightMapping:
         When it names a variable that is not in the registry.
     """
     text = read_source(path, "mapping", LogError)
-    return flight_mapping(str(path), parse_source(text, str(path), LogError))
+    try:
+        content = parse_source(text, str(path), LogError)
+    except LogError as error:
+        if path.suffix == ".toml":
+            raise
+        raise LogError(f"{error}, or name a mapping, a TOML file as stoop map writes it") from None
+    return flight_mapping(str(path), content)
 
 
 def flight_mapping(place: str, content: Mapping[str, Any]) -> FlightMapping:
     """Return the mapping that a file of this content is; see `read_flight_mapping`."""
+    known = MappingFile.model_fields.keys()
+    if content and not any(key in known or nearest(key, known).startswith("did you mean") for key in content):
+        raise LogError(
+            f"{place}: no mapping but a file of {listed(content, 6)}; a mapping has [variables], "
+            "draft one by stoop map LOG -o M.toml"
+        )
     try:
         file = MappingFile.model_validate(content)
     except ValidationError as error:
@@ -313,9 +326,11 @@ def _unit_factor(at: str, variable: str, unit: str) -> float:
     if not unit:
         return 1.0
     factors = PULSE_FACTORS if variable.startswith("pwm_") else FACTORS
-    if unit not in factors:
-        raise LogError(f"{at}.unit = '{unit}' is unknown; {nearest(unit, factors, 0.3)}")
     known = VARIABLES[variable].unit
+    if unit not in factors:
+        meant, same = written_unit(unit), [u for u in factors if KINDS[u] == KINDS[known]]
+        advice = f'write "{meant}"' if meant in same else nearest(unit, same)
+        raise LogError(f"{at}.unit = '{unit}' is unknown; {advice}")
     if unit != "1" and KINDS[unit] != KINDS[known]:
         same = ", ".join(u for u in FACTORS if KINDS[u] == KINDS[known])
         raise LogError(

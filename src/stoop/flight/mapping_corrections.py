@@ -11,12 +11,14 @@ from pathlib import Path
 from typing import Any, Final
 
 import tomlkit
+import tomlkit.items
 
 from stoop.base.files import write_text_atomic
 from stoop.base.notices import Notice, Value
 from stoop.base.toml import read_source
 from stoop.errors import LogError, StoopError
 from stoop.flight.load import ContradictedError, load
+from stoop.flight.mapping import read_flight_mapping
 
 MOST: Final = 32  #: changes of one mapping
 _PLACE: Final = re.compile(r"(?P<tables>.+)\.(?P<key>\w+)")
@@ -40,6 +42,7 @@ def corrected_mapping(log: Path, mapping: Path) -> Corrections:
     LogError, FlightError
         When log or mapping cannot be read.
     """
+    read_flight_mapping(mapping)  # says best what is no mapping
     text = read_source(mapping, "mapping", LogError)
     applied: list[Notice] = []
     found, refused = contradictions(log, text, mapping), set[tuple[str, ...]]()
@@ -95,8 +98,21 @@ def with_changes(text: str, changes: Sequence[str]) -> str:
         found = _PLACE.fullmatch(place)
         if found is None:
             raise ValueError(f"no change of a mapping: {change}")
-        _table(document, found["tables"])[found["key"]] = tomllib.loads(f"x = {value}")["x"]
+        table = _table(document, found["tables"])
+        before = table.get(found["key"], "")
+        table[found["key"]] = tomllib.loads(f"x = {value}")["x"]
+        _without_stale(table, str(before))
     return tomlkit.dumps(document)
+
+
+def _without_stale(table: Any, before: str) -> None:
+    """Leave out what a draft wrote beside a line of its doubts, its sign and the unit that it had `before`."""
+    comment = table.trivia.comment if isinstance(table, tomlkit.items.InlineTable) else ""
+    parts = comment.removeprefix("#").strip().split("; ")
+    kept = [part for part in parts if not part.startswith(("unsure:", "turned", f"{before} by "))]
+    if comment and kept != parts:
+        table.trivia.comment = f"# {'; '.join(kept)}" if kept else ""
+        table.trivia.comment_ws = table.trivia.comment_ws if kept else ""
 
 
 def _table(document: Any, tables: str) -> Any:

@@ -204,6 +204,15 @@ def _offered(name: str, stream: Stream, columns: Sequence[str], several: bool) -
         return []
     more = f"; {len(columns) - LIMITS.names} more are not listed" if len(columns) > LIMITS.names else ""
     rows = [f"# not recognized in {quoted(name)}: write a variable for NAME, and its unit{more}"]
+    along = [column for column in columns if without_unit(column)[0].lower() in ("u", "v", "w")]
+    if len(along) == len("uvw"):  # what they measure is known, and what stands for it in a mapping
+        rows.append(
+            f"# {', '.join(along)} look like the velocity along the body axes, which a mapping cannot name: add columns "
+            "V = sqrt(u^2 + v^2 + w^2),"
+        )
+        rows.append(
+            "# alpha = atan2(w, u) and beta = asin(v / V) to the log, or vn, ve and vd of them and the attitude"
+        )
     for column in columns[: LIMITS.names]:
         x = stream.columns[column]
         known = x[np.isfinite(x)]
@@ -326,7 +335,7 @@ def _place(column: str, stream: str = "") -> str:
 def _toml(line: DraftLine, with_stream: bool = True) -> str:
     unit = line.unit or VARIABLES[line.variable].unit
     scale = f", scale = {line.scale!r}" if line.scale != 1.0 else ""
-    scale += f", offset = {line.offset!r}" if line.offset else ""
+    scale += f", offset = {line.offset:.12g}" if line.offset != 0.0 else ""
     words = [f"unsure: {doubt}" for doubt in line.doubts] or list(line.remarks)
     comment = f"  # {'; '.join(words)}" if words else ""
     place = _place(line.column, line.stream if with_stream else "")

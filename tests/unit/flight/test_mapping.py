@@ -238,7 +238,7 @@ GOOD = '[variables]\np = {stream = "g", column = "x", unit = "rad/s"}\n'
     ("text", "words"),
     [
         (GOOD.replace("p =", "pp ="), r"variables\.pp is no variable of stoop"),
-        (GOOD.replace('"x"', '"xx"'), r"variables\.p\.column = 'xx' is not in g; its columns are x, y"),
+        (GOOD.replace('"x"', '"xx"'), r"variables\.p\.column = 'xx' is not in g; did you mean x\? its columns are x, y"),
         (GOOD.replace('"g"', '"h"'), r"variables\.p\.stream = 'h' is not in the log; it holds g, k"),
         (GOOD.replace('stream = "g", ', ""), r"variables\.p\.column = 'x' is in g, k; name one of them by stream"),
         (GOOD.replace("rad/s", "m/s"), r"'m/s' is a speed, but p is a rate of turn; write one of rad/s"),

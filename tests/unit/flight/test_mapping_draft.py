@@ -109,7 +109,7 @@ def test_what_is_unsure_is_marked(tmp_path: Path) -> None:
     }
     assert "unsure: whether x is north" in told["pn"]
     assert "unsure: z points up, so y may point to the left" in told["ay"]
-    assert told["az"] == "gravity reads 9.62; its z points up: turned"
+    assert told["az"] == "gravity reads 9.62; turned: its z points up"
     assert "unsure: rad by its size only" in told["phi"]
     assert '# NAME = {column = "noise", unit = "1"}  # -1 to 1' in lines
 
