@@ -20,6 +20,7 @@ from zlib import crc32
 import numpy as np
 
 from stoop.base.arrays import FloatArray
+from stoop.base.extras import install
 from stoop.base.notices import Notice
 from stoop.base.units import DEGREE
 from stoop.errors import StoopError
@@ -54,6 +55,7 @@ GUSTS: Final = {
     "moderate": 0.8,
 }  #: m/s, standard deviation of those that multirotors fly in
 WIND: Final = 1.5  #: m/s, standard deviation of either component
+INSTALL: Final = install("outside")
 ONCE: Final = 1000  #: first seed of the last run
 
 
@@ -89,12 +91,23 @@ EQUAL: Final = {
 
 
 def fly(case: str, seed: int) -> OutsideFlight:
-    """Fly a vehicle."""
+    """Fly a vehicle.
+
+    Raises
+    ------
+    StoopError
+        It leaves its flight, or the package of its simulator is not installed.
+    """
     rng = np.random.default_rng([52, crc32(case.encode()), seed])
     gusts = str(rng.choice(list(GUSTS)))
-    if case in AIRCRAFT:
-        return outside_aircraft.fly(AIRCRAFT[case], seed, gusts)
-    return outside_rotors.fly(*ROTORS[case], seed, WIND * rng.standard_normal(2), GUSTS[gusts])
+    try:
+        if case in AIRCRAFT:
+            return outside_aircraft.fly(AIRCRAFT[case], seed, gusts)
+        return outside_rotors.fly(*ROTORS[case], seed, WIND * rng.standard_normal(2), GUSTS[gusts])
+    except ModuleNotFoundError as error:
+        raise StoopError(
+            f"outside: {case} needs the package {error.name}, which is not installed; {INSTALL}"
+        ) from None
 
 
 def drawn(

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from stoop.base.arrays import FloatArray
-from stoop.base.rotations import to_body
 from stoop.base.units import FACTORS
+from stoop.errors import StoopError
 from stoop.flight import load
 from stoop.vehicle_draft.draft import draft
 from stoop.vehicle_draft.request import Request
@@ -151,22 +151,39 @@ def test_the_same_seed_flies_the_same_flight(cub: OutsideFlight) -> None:
     assert all(np.array_equal(x, again.columns[n]) for n, x in cub.columns.items())
 
 
-def test_a_quadrotor_of_rotorpy_obeys_its_constants() -> None:
-    """Thrust over the square of the speed, in the body axis, is what the accelerometer feels while it hovers in calm air."""
-    pytest.importorskip("rotorpy")
-    flying = outside_rotors.RotorPy("hummingbird")
-    craft, rows = flying.craft, []
-    for _ in range(100):
-        rows.append(flying.advance(np.array([0.0, 0.0, outside_rotors.HEIGHT]), np.zeros(3), np.zeros(3)))
-        rows[-1]["u"] = flying.command
+@pytest.mark.parametrize(
+    ("package", "made"), [("rotorpy", outside_rotors.RotorPy), ("mujoco", outside_rotors.MuJoCo)]
+)
+def test_a_quadrotor_obeys_its_constants(package: str, made: type[outside_rotors.RotorPy]) -> None:
+    """In a hover in calm air the accelerometer feels the thrusts alone; shaken, moments over inertia turn the body."""
+    pytest.importorskip(package)
+    flying = made("hummingbird" if package == "rotorpy" else "cf2")
+    craft, place = flying.craft, np.array([0.0, 0.0, outside_rotors.HEIGHT])
+    shakes = [np.array([0.0, 0.0, 0.0])] * 60 + [np.array([2.0, 0.0, 0.0])] * 20
+    rows = [flying.advance(place, shake, np.zeros(3)) for shake in shakes]
     columns = outside_rotors.columns_of({n: np.array([r[n] for r in rows]) for n in rows[0]}, craft)
-    thrust = craft.thrust * sum(columns[f"rotor_{i}"] ** 2 for i in range(1, 5))
-    assert np.allclose(-craft.mass * columns["az"], thrust, rtol=1e-3)
-    assert np.allclose(
-        to_body(np.array([1.0, 0.0, 0.0, 0.0]), np.array([0.0, 0.0, -9.81])), [0.0, 0.0, -9.81]
-    )
-    sides = np.sign(craft.positions[craft.order][:, :2])
-    assert sides.tolist() == [list(side) for side in outside_rotors.PX4_ORDER]
+    lifts = craft.thrust * np.array([columns[f"rotor_{i}"] for i in range(1, 5)]) ** 2
+    assert np.allclose(-craft.mass * columns["az"], lifts.sum(axis=0), rtol=2e-3)
+    arms = craft.positions[craft.order]
+    assert np.sign(arms[:, :2]).tolist() == [list(side) for side in outside_rotors.PX4_ORDER]
+    moment = -arms[:, 1] @ lifts  # thrust acts upward, to the right of the center it rolls to the left
+    if package == "rotorpy":  # whose rotors change their speeds within a sample
+        moment = 0.5 * (moment + np.roll(moment, -1))
+    turned = np.roll(columns["p"], -1) - columns["p"]
+    shaken = slice(61, 78)
+    slope = np.polyfit(moment[shaken], turned[shaken] * outside_rotors.RATE, 1)[0]
+    assert slope * craft.inertia[0, 0] == pytest.approx(1.0, rel=0.1)
+
+
+def test_a_simulator_that_is_not_installed_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    def lacking(name: str) -> None:
+        raise ModuleNotFoundError("no", name="mujoco")
+
+    monkeypatch.setitem(outside_rotors.SIMULATORS, "mujoco", lacking)
+    with pytest.raises(
+        StoopError, match="outside: mujoco_cf2 needs the package mujoco, which is not installed; pip install"
+    ):
+        outside.fly("mujoco_cf2", 0)
 
 
 def test_one_flight_goes_from_log_to_record(tmp_path: Path) -> None:
