@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Final
@@ -17,7 +17,7 @@ import numpy as np
 
 from stoop.base.arrays import FloatArray
 from stoop.base.rotations import FLIP, euler_angles, to_body
-from stoop.base.units import SLUG
+from stoop.base.units import FOOT, SLUG
 from stoop.base.variables import EULER, RATES, SPECIFIC_FORCE, VELOCITY
 from stoop.errors import StoopError
 from stoop.exporters.rotorpy_flight import TURN
@@ -256,7 +256,7 @@ SIMULATORS: Final[Mapping[str, Callable[[str], Any]]] = {"rotorpy": RotorPy, "mu
 def fly(simulator: str, name: str, seed: int, wind: FloatArray, gust: float) -> OutsideFlight:
     """Fly the plan of a seed in a wind (2,) to north and east, m/s, with gusts of a standard deviation, m/s."""
     if simulator == "jsbsim":
-        return fly_f450()
+        return fly_f450(seed)
     flying = SIMULATORS[simulator](name)
     craft, rng = flying.craft, np.random.default_rng([54, seed])
     planned = plan(craft, rng)
@@ -292,18 +292,32 @@ def columns_of(motion: Mapping[str, FloatArray], craft: Rotorcraft) -> Columns:
     return out
 
 
-def fly_f450() -> OutsideFlight:
-    """Fly JSBSim's F450 as `multirotor` does; its log holds the speeds of its rotors, or these in shares of the fastest."""
-    flown, clamped = multirotor.fly(multirotor.Quadrotor()), multirotor.Quadrotor()
+def fly_f450(seed: int) -> OutsideFlight:
+    """Fly JSBSim's F450 by the autopilot of `multirotor`; a log has the speeds of its rotors, or these over the fastest."""
+    clamped = multirotor.Quadrotor()
+    inertia = clamped.read([f"inertia/i{a}{a}-slugs_ft2" for a in "xyz"]) * (SLUG * FOOT**2)
+    positions = np.array([clamped.position(i) for i in range(4)])
+    mass, spins = clamped["inertia/mass-slugs"] * SLUG, [clamped.sense(i) for i in range(4)]
+    rough = Rotorcraft(mass, np.diag(inertia), positions, spins, 1.0, 0.016, 0.0, 1.0)
+    planned, early = (
+        plan(rough, np.random.default_rng([54, seed])),
+        round((multirotor.CLIMB_OUT - SETTLE) * RATE),
+    )
+    autopilot = multirotor.Pilot(
+        np.arange(-round(multirotor.CLIMB_OUT * RATE), round(DURATION * RATE)) / RATE
+    )
+    autopilot.velocity[early:] = FLIP * np.gradient(planned.places, 1.0 / RATE, axis=0)
+    autopilot.excitation[:] = 0.0
+    autopilot.excitation[early:, :3] = planned.shakes
+    flown = multirotor.fly(multirotor.Quadrotor(), autopilot)
     known = multirotor.truth(clamped, flown, None)
     names = (*VELOCITY, *RATES, *EULER, *SPECIFIC_FORCE, "altitude", *multirotor.TURNS)
     columns = {n: flown.columns[n] for n in names}
     fastest = 1.2 * max(float(columns[n].max()) for n in multirotor.TURNS)
     columns |= {n: columns[of] / fastest for n, of in zip(multirotor.MOTORS, multirotor.TURNS, strict=True)}
-    craft = Rotorcraft(
-        clamped["inertia/mass-slugs"] * SLUG, np.diag([known[f"mass.inertia.{a}{a}"] for a in "xyz"]),
-        np.array([clamped.position(i) for i in range(4)]), [clamped.sense(i) for i in range(4)], known["rotors.T2"],
-        known["rotors.torque_ratio"], 0.0, fastest, known["rotors.inflow"], 0.0,
-        [known[f"body_drag.quadratic.{a}"] for a in "xyz"],
+    craft = replace(
+        rough, inertia=np.diag([known[f"mass.inertia.{a}{a}"] for a in "xyz"]), thrust=known["rotors.T2"], fastest=fastest,
+        ratio=known["rotors.torque_ratio"], inflow=known["rotors.inflow"],
+        body=[known[f"body_drag.quadratic.{a}"] for a in "xyz"],
     )  # fmt: skip
     return OutsideFlight(jsbsim_flight.RATE, columns, craft.tape, craft.vehicle, {"template": "quad"})
