@@ -202,7 +202,7 @@ def record(case: str, seed: int, folder: Path) -> dict[str, Any]:
 
 def _recorded(case: str, seed: int, folder: Path) -> dict[str, Any]:
     flight = fly(case, seed)
-    recorder, log = drawn(case, seed, flight.tape)[0], logged(case, seed, flight, folder)
+    (recorder, arm, _), log = drawn(case, seed, flight.tape), logged(case, seed, flight, folder)
     about: dict[str, Any] = {
         "dialect": recorder.dialect,
         "rate": recorder.rate,
@@ -235,10 +235,12 @@ def _recorded(case: str, seed: int, folder: Path) -> dict[str, Any]:
         "refused_by": refusals(folder / "result" / "vehicle.toml"),
     }
     late = {"velocity": recorder.latency["gps"], "commands": recorder.latency["commands"]}
-    return {
-        **about,
-        **defaults.compared(flown(case, seed, flight, log, vehicle, Defect("", delay=late)), job),
-    }
+    shares = arm / flight.tape.get("chord", 0.5 * flight.tape["span"])
+    defect = Defect("", delay=late, arm=(float(shares[0]), float(shares[1]), float(shares[2])))
+    compared = defaults.compared(flown(case, seed, flight, log, vehicle, defect), job)
+    if "control_pitch" in log.lines:  # what the flight control does to a command has no number of its own
+        compared["numbers"] = {n: row for n, row in compared["numbers"].items() if not n.endswith(".lag")}
+    return {**about, **compared}
 
 
 def flown(
