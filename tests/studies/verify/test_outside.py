@@ -145,6 +145,27 @@ def test_truth_of_the_lift_slope_is_that_of_the_simulators_accelerations(cub: Ou
     assert truth.value("CLalpha") == pytest.approx(slope, rel=0.05)
 
 
+def test_truth_of_a_linear_model_is_what_its_file_says() -> None:
+    """The F-4N of the package has constant derivatives, of body-axis moments about its reference point on the wing."""
+    pytest.importorskip("jsbsim")
+    flight = outside_aircraft.fly(outside.AIRCRAFT["F4N"], 0)
+    file = draft(
+        Request("conventional", flight.tape["mass"], flight.tape["span"], flight.tape["chord"], engine="jet")
+    ).vehicle
+    truth = flight.truth(file)
+    own = {
+        "CQbeta": -1.0,
+        "Clp": -0.4,
+        "Clr": 0.13,
+        "Cnbeta": 0.12,
+        "Cnr": -0.15,
+        "Cnrudder": -0.08,
+        "CLelevator": 0.25,
+    }
+    assert {n: truth.value(n) for n in own} == pytest.approx(own, rel=0.02)
+    assert truth.value("mass.mass") == pytest.approx(flight.tape["mass"])
+
+
 def test_the_same_seed_flies_the_same_flight(cub: OutsideFlight) -> None:
     again = outside_aircraft.fly(outside.AIRCRAFT["J3Cub"], 0)
     assert all(np.array_equal(x, again.columns[n]) for n, x in cub.columns.items())
