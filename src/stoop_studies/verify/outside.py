@@ -22,7 +22,7 @@ import numpy as np
 from stoop.base.arrays import FloatArray
 from stoop.base.extras import install
 from stoop.base.notices import Notice
-from stoop.base.units import DEGREE
+from stoop.base.units import FACTORS
 from stoop.errors import StoopError
 from stoop.flight import load, without_faults
 from stoop.flight.mapping_corrections import contradictions, corrected_mapping
@@ -161,11 +161,11 @@ def planted(case: str, seed: int, flight: OutsideFlight, folder: Path) -> dict[s
     able = [kind for kind, several in kinds.items() if several]
     kind = able[seed % len(able)]
     mangled = kinds[kind][int(rng.integers(len(kinds[kind])))]
-    units = tomllib.loads((place / "right.toml").read_text(encoding="utf-8"))["variables"]
-    if "in degrees" in mangled.words and units[mangled.lines[0]]["unit"].startswith("deg"):
-        mangled = lines.times(
-            mangled.words.replace("in degrees", "in radians, declared deg"), DEGREE, *mangled.lines
-        )
+    rows = tomllib.loads((place / "right.toml").read_text(encoding="utf-8"))["variables"]
+    unit = str(rows[mangled.lines[0]]["unit"])
+    if kind == "unit" and FACTORS[unit] != 1.0:  # the column holds SI
+        words = f"{', '.join(mangled.lines)} in SI, declared {unit}"
+        mangled = lines.times(words, FACTORS[unit], *mangled.lines)
     log, mapping = logged(case, seed, flight, place, mangled), place / "right.toml"
     told = [(one.code, _named(one)) for one in contradictions(log.path, log.mapping, mapping)]
     after = corrected_mapping(log.path, mapping)
