@@ -152,7 +152,7 @@ class Pilot:
     """
 
     def __init__(self, time: FloatArray) -> None:
-        grown = np.clip(time + 2.0, 0.0, 1.0)
+        self.time, grown = time, np.clip(time + 2.0, 0.0, 1.0)
         self.velocity, self.excitation = np.zeros((len(time), 3)), np.zeros((len(time), 4))
         self.velocity[:, 2] = -CLIMB * np.clip((time + CLIMB_OUT) / 2.0, 0.0, 1.0)
         for table, sines in ((self.velocity, COMMANDED), (self.excitation, EXCITED)):
@@ -178,13 +178,15 @@ class Pilot:
         return np.asarray(np.clip(HOVER + SIGNS @ (GAINS * (accelerations + self.excitation[k])), 0.05, 1.0))
 
 
-def fly(quadrotor: Quadrotor) -> Recording:
-    """Let go of the vehicle and fly the maneuver.
+def fly(quadrotor: Quadrotor, autopilot: Pilot | None = None) -> Recording:
+    """Let go of the vehicle and fly the maneuver of an autopilot.
 
     Commands run on straight lines between the samples, as the record is taken to say.
     """
-    time = np.arange(round((CLIMB_OUT + DURATION) * RATE) + 1) / RATE - CLIMB_OUT
-    autopilot, commands = Pilot(time), np.full((len(time), 4), HOVER)
+    if autopilot is None:
+        autopilot = Pilot(np.arange(round((CLIMB_OUT + DURATION) * RATE) + 1) / RATE - CLIMB_OUT)
+    time = autopilot.time
+    commands = np.full((len(time), 4), HOVER)
     quadrotor.settle(commands[0])
     gravity = quadrotor["accelerations/gravity-ft_sec2"] * FOOT
     quadrotor.set({"forces/hold-down": 0.0})

@@ -20,8 +20,9 @@ from zlib import crc32
 import numpy as np
 
 from stoop.base.arrays import FloatArray
+from stoop.base.extras import install
 from stoop.base.notices import Notice
-from stoop.base.units import DEGREE
+from stoop.base.units import FACTORS
 from stoop.errors import StoopError
 from stoop.flight import load, without_faults
 from stoop.flight.mapping_corrections import contradictions, corrected_mapping
@@ -54,6 +55,7 @@ GUSTS: Final = {
     "moderate": 0.8,
 }  #: m/s, standard deviation of those that multirotors fly in
 WIND: Final = 1.5  #: m/s, standard deviation of either component
+INSTALL: Final = install("outside")
 ONCE: Final = 1000  #: first seed of the last run
 
 
@@ -89,12 +91,23 @@ EQUAL: Final = {
 
 
 def fly(case: str, seed: int) -> OutsideFlight:
-    """Fly a vehicle."""
+    """Fly a vehicle.
+
+    Raises
+    ------
+    StoopError
+        It leaves its flight, or the package of its simulator is not installed.
+    """
     rng = np.random.default_rng([52, crc32(case.encode()), seed])
     gusts = str(rng.choice(list(GUSTS)))
-    if case in AIRCRAFT:
-        return outside_aircraft.fly(AIRCRAFT[case], seed, gusts)
-    return outside_rotors.fly(*ROTORS[case], seed, WIND * rng.standard_normal(2), GUSTS[gusts])
+    try:
+        if case in AIRCRAFT:
+            return outside_aircraft.fly(AIRCRAFT[case], seed, gusts)
+        return outside_rotors.fly(*ROTORS[case], seed, WIND * rng.standard_normal(2), GUSTS[gusts])
+    except ModuleNotFoundError as error:
+        raise StoopError(
+            f"outside: {case} needs the package {error.name}, which is not installed; {INSTALL}"
+        ) from None
 
 
 def drawn(
@@ -148,11 +161,11 @@ def planted(case: str, seed: int, flight: OutsideFlight, folder: Path) -> dict[s
     able = [kind for kind, several in kinds.items() if several]
     kind = able[seed % len(able)]
     mangled = kinds[kind][int(rng.integers(len(kinds[kind])))]
-    units = tomllib.loads((place / "right.toml").read_text(encoding="utf-8"))["variables"]
-    if "in degrees" in mangled.words and units[mangled.lines[0]]["unit"].startswith("deg"):
-        mangled = lines.times(
-            mangled.words.replace("in degrees", "in radians, declared deg"), DEGREE, *mangled.lines
-        )
+    rows = tomllib.loads((place / "right.toml").read_text(encoding="utf-8"))["variables"]
+    unit = str(rows[mangled.lines[0]]["unit"])
+    if kind == "unit" and FACTORS[unit] != 1.0:  # the column holds SI
+        words = f"{', '.join(mangled.lines)} in SI, declared {unit}"
+        mangled = lines.times(words, FACTORS[unit], *mangled.lines)
     log, mapping = logged(case, seed, flight, place, mangled), place / "right.toml"
     told = [(one.code, _named(one)) for one in contradictions(log.path, log.mapping, mapping)]
     after = corrected_mapping(log.path, mapping)
@@ -189,7 +202,7 @@ def record(case: str, seed: int, folder: Path) -> dict[str, Any]:
 
 def _recorded(case: str, seed: int, folder: Path) -> dict[str, Any]:
     flight = fly(case, seed)
-    recorder, log = drawn(case, seed, flight.tape)[0], logged(case, seed, flight, folder)
+    (recorder, arm, _), log = drawn(case, seed, flight.tape), logged(case, seed, flight, folder)
     about: dict[str, Any] = {
         "dialect": recorder.dialect,
         "rate": recorder.rate,
@@ -222,10 +235,12 @@ def _recorded(case: str, seed: int, folder: Path) -> dict[str, Any]:
         "refused_by": refusals(folder / "result" / "vehicle.toml"),
     }
     late = {"velocity": recorder.latency["gps"], "commands": recorder.latency["commands"]}
-    return {
-        **about,
-        **defaults.compared(flown(case, seed, flight, log, vehicle, Defect("", delay=late)), job),
-    }
+    shares = arm / flight.tape.get("chord", 0.5 * flight.tape["span"])
+    defect = Defect("", delay=late, arm=(float(shares[0]), float(shares[1]), float(shares[2])))
+    compared = defaults.compared(flown(case, seed, flight, log, vehicle, defect), job)
+    if "control_pitch" in log.lines:  # what the flight control does to a command has no number of its own
+        compared["numbers"] = {n: row for n, row in compared["numbers"].items() if not n.endswith(".lag")}
+    return {**about, **compared}
 
 
 def flown(

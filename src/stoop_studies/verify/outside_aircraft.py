@@ -6,7 +6,7 @@ and 3-2-1-1 on all controls and steps of the throttle, and holds on less while a
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -91,6 +91,13 @@ class Airframe(jsbsim_flight.Aircraft):
     def point(self, name: str) -> tuple[float, float, float]:
         """Return the center of gravity, about which a drafted file counts moments, for any point but the eye."""
         return super().point(jsbsim.CENTER)
+
+    def read(self, names: Iterable[str]) -> FloatArray:
+        """Return properties; the engines' moments count with those of the air: a drafted file has no thrust line or torque."""
+        places = list(names)
+        turning = [n.replace("-aero-", "-prop-") for n in places if n.startswith("moments/")]
+        engines = turning and self.fdm.get_propulsion().get_num_engines()
+        return super().read(places) + (super().read(turning) if engines else 0.0)
 
     def steer(self, commands: Mapping[str, float], throttle: float) -> None:
         """Move stick, pedals and all throttles."""

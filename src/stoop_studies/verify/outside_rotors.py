@@ -8,14 +8,16 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from importlib.util import find_spec
+from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
 from stoop.base.arrays import FloatArray
 from stoop.base.rotations import FLIP, euler_angles, to_body
-from stoop.base.units import SLUG
+from stoop.base.units import FOOT, SLUG
 from stoop.base.variables import EULER, RATES, SPECIFIC_FORCE, VELOCITY
 from stoop.errors import StoopError
 from stoop.exporters.rotorpy_flight import TURN
@@ -29,6 +31,10 @@ SETTLE: Final = 3.0  #: s before the record
 DURATION: Final = 70.0  #: s
 GRAVITY: Final = 9.81  #: m/s2, of these simulators
 HEIGHT: Final = 20.0  #: m
+#: of Crazyflow's model, N s2/rad2 and N m s2/rad2 (3.16e-10 and 7.94e-12 over rpm2), and which way its rotors turn it
+THRUST: Final = 3.16e-10 / (np.pi / 30.0) ** 2
+TORQUE: Final = 7.94e-12 / (np.pi / 30.0) ** 2
+TURNS: Final = np.array([-1.0, 1.0, -1.0, 1.0])
 #: axis, start (s), length of a step (s), size: of rad/s2 over what the arms allow, or m
 SHAKES: Final = (
     (0, 5.0, 0.12),
@@ -136,58 +142,121 @@ class RotorPy:
 
     def __init__(self, name: str) -> None:
         parameters = importlib.import_module(f"rotorpy.vehicles.{name}_params").quad_params
-        multirotor = importlib.import_module("rotorpy.vehicles.multirotor").Multirotor
-        control = importlib.import_module("rotorpy.controllers.quadrotor_control").SE3Control
-        self.dynamics, self.control = multirotor(parameters), control(parameters)
-        d = self.dynamics
+        self.made = importlib.import_module("rotorpy.vehicles.multirotor").Multirotor(parameters)
+        self.control = importlib.import_module("rotorpy.controllers.quadrotor_control").SE3Control(parameters)
+        d, level = self.made, np.array([0.0, 0.0, 0.0, 1.0])
         self.craft = Rotorcraft(
             d.mass, np.outer(FLIP, FLIP) * d.inertia, d.rotor_geometry * FLIP,
             ["cw" if x > 0 else "ccw" for x in d.rotor_dir], d.k_eta, d.k_m / d.k_eta, d.tau_m, d.rotor_speed_max,
             d.k_z, d.k_d, np.diag(d.drag_matrix).tolist(),
         )  # fmt: skip
-        hover = np.sqrt(d.mass * GRAVITY / (4.0 * d.k_eta))
+        self.command = np.full(4, np.sqrt(d.mass * GRAVITY / (4.0 * d.k_eta)))
         self.state = {
-            "x": np.array([0.0, 0.0, HEIGHT]), "v": np.zeros(3), "q": np.array([0.0, 0.0, 0.0, 1.0]), "w": np.zeros(3),
-            "wind": np.zeros(3), "rotor_speeds": np.full(4, hover),
-        }  # fmt: skip
-        self.command = np.full(4, hover)
+            "x": np.array([0.0, 0.0, HEIGHT]),
+            "v": np.zeros(3),
+            "q": level,
+            "w": np.zeros(3),
+            "rotor_speeds": self.command,
+        }
+
+    def steer(self, place: FloatArray, shake: FloatArray) -> None:
+        """Command the speeds that lead to a place, m, and turn by a shake, rad/s2."""
+        still = dict.fromkeys(("x_dot", "x_ddot", "x_dddot", "x_ddddot"), np.zeros(3))
+        wanted = {"x": place, "yaw": 0.0, "yaw_dot": 0.0, **still}
+        thrusts = self.control.update(0.0, self.state, wanted)["cmd_motor_thrusts"]
+        thrusts = thrusts + self.made.TM_to_f @ np.concatenate([[0.0], self.made.inertia @ shake])
+        low, high = self.made.rotor_speed_min, self.made.rotor_speed_max
+        self.command = np.clip(np.sqrt(np.maximum(thrusts, 0.0) / self.made.k_eta), low, high)
+
+    def pass_sample(self, wind: FloatArray) -> FloatArray:
+        """Let a sample pass; return the acceleration over ground (3,) at its begin."""
+        self.state["wind"], control = wind, {"cmd_motor_speeds": self.command}
+        acceleration: FloatArray = self.made.statedot(self.state, control, 1.0 / RATE)["vdot"]
+        self.state = self.made.step(self.state, control, 1.0 / RATE)
+        return acceleration
 
     def advance(self, place: FloatArray, shake: FloatArray, wind: FloatArray) -> dict[str, FloatArray]:
-        """Let a sample pass; return the motion at its begin: velocity, attitude, rates, specific force, height, speeds."""
-        d, state, still = self.dynamics, self.state, np.zeros(3)
-        state["wind"] = wind
-        wanted = {
-            "x": place,
-            "yaw": 0.0,
-            "yaw_dot": 0.0,
-            **dict.fromkeys(("x_dot", "x_ddot", "x_dddot", "x_ddddot"), still),
-        }
-        thrusts = self.control.update(0.0, state, wanted)["cmd_motor_thrusts"]
-        thrusts = thrusts + d.TM_to_f @ np.concatenate([[0.0], d.inertia @ shake])
-        self.command = np.clip(
-            np.sqrt(np.maximum(thrusts, 0.0) / d.k_eta), d.rotor_speed_min, d.rotor_speed_max
-        )
-        control = {"cmd_motor_speeds": self.command}
-        acceleration = d.statedot(state, control, 1.0 / RATE)["vdot"]
+        """Fly a sample; return the motion at its begin: velocity, attitude, rates, height, speeds, commands, acceleration."""
+        self.steer(place, shake)
+        s = {n: np.array(x) for n, x in self.state.items()}
         out = {
-            "v": state["v"],
-            "q": state["q"],
-            "w": state["w"],
-            "a": acceleration,
-            "z": state["x"][2:],
-            "n": state["rotor_speeds"],
+            "v": s["v"],
+            "q": s["q"],
+            "w": s["w"],
+            "z": s["x"][2:],
+            "n": s["rotor_speeds"],
+            "u": self.command,
         }
-        self.state = d.step(state, control, 1.0 / RATE)
-        return {n: np.array(x) for n, x in out.items()}
+        return {**out, "a": self.pass_sample(wind)}
 
 
-SIMULATORS: Final[Mapping[str, Callable[[str], Any]]] = {"rotorpy": RotorPy}
+class MuJoCo(RotorPy):
+    """Crazyflow's model of a Crazyflie in MuJoCo: a rigid body and four thrusts, under the controller of RotorPy."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__("crazyflie")
+        engine, folder = importlib.import_module("mujoco"), find_spec("crazyflow")
+        if folder is None or folder.submodule_search_locations is None:
+            raise ModuleNotFoundError("no crazyflow", name="crazyflow")
+        spec = engine.MjSpec.from_file(
+            str(Path(folder.submodule_search_locations[0]) / "models" / "cf2" / f"{name}.xml")
+        )
+        spec.body("drone").add_freejoint()
+        self.engine, self.model = engine, spec.compile()
+        self.data, d = engine.MjData(self.model), self.made
+        d.mass, d.inertia = float(self.model.body_mass[-1]), np.diag(self.model.body_inertia[-1])
+        d.rotor_geometry, d.rotor_dir, d.k_eta, d.k_m = (
+            np.array(self.model.site_pos[-4:]),
+            TURNS,
+            THRUST,
+            TORQUE,
+        )
+        d.TM_to_f = np.linalg.inv(np.vstack([
+            np.ones(4), d.rotor_geometry[:, 1], -d.rotor_geometry[:, 0], d.rotor_dir * d.k_m / d.k_eta
+        ]))  # fmt: skip
+        self.control.mass, self.control.inertia, self.control.TM_to_f, self.control.k_eta = (
+            d.mass,
+            d.inertia,
+            d.TM_to_f,
+            d.k_eta,
+        )
+        spins = ["cw" if x > 0 else "ccw" for x in d.rotor_dir]
+        self.craft = Rotorcraft(
+            d.mass, np.diag(np.diag(d.inertia)), d.rotor_geometry * FLIP, spins, THRUST, TORQUE / THRUST, 0.0, d.rotor_speed_max
+        )  # fmt: skip
+        self.data.qpos[2] = HEIGHT
+
+    def steer(self, place: FloatArray, shake: FloatArray) -> None:
+        """Command the speeds; rotors have them at once."""
+        super().steer(place, shake)
+        self.state["rotor_speeds"] = self.command
+
+    def pass_sample(self, wind: FloatArray) -> FloatArray:
+        """Let a sample pass, of several steps of MuJoCo; its air is at rest and without drag."""
+        lift = THRUST * self.command**2
+        self.data.ctrl[:] = [*lift, *(self.made.rotor_dir * lift * TORQUE / THRUST)]
+        self.engine.mj_forward(self.model, self.data)
+        acceleration = np.array(self.data.qacc[:3])
+        for _ in range(round(1.0 / (RATE * self.model.opt.timestep))):
+            self.engine.mj_step(self.model, self.data)
+        place, speed = np.array(self.data.qpos), np.array(self.data.qvel)
+        self.state = {
+            "x": place[:3],
+            "v": speed[:3],
+            "q": np.roll(place[3:], -1),
+            "w": speed[3:],
+            "rotor_speeds": self.command,
+        }
+        return acceleration
+
+
+SIMULATORS: Final[Mapping[str, Callable[[str], Any]]] = {"rotorpy": RotorPy, "mujoco": MuJoCo}
 
 
 def fly(simulator: str, name: str, seed: int, wind: FloatArray, gust: float) -> OutsideFlight:
     """Fly the plan of a seed in a wind (2,) to north and east, m/s, with gusts of a standard deviation, m/s."""
     if simulator == "jsbsim":
-        return fly_f450()
+        return fly_f450(seed)
     flying = SIMULATORS[simulator](name)
     craft, rng = flying.craft, np.random.default_rng([54, seed])
     planned = plan(craft, rng)
@@ -197,7 +266,6 @@ def fly(simulator: str, name: str, seed: int, wind: FloatArray, gust: float) -> 
         air = share * air + gust * np.sqrt(1.0 - share**2) * rng.standard_normal(3)
         blown = np.array([wind[0], -wind[1], 0.0]) + air
         row = flying.advance(place, FLIP * shake, blown)
-        row["u"] = flying.command
         if k >= SETTLE * RATE:
             rows.append(row)
     motion = {n: np.array([row[n] for row in rows]) for n in rows[0]}
@@ -224,18 +292,32 @@ def columns_of(motion: Mapping[str, FloatArray], craft: Rotorcraft) -> Columns:
     return out
 
 
-def fly_f450() -> OutsideFlight:
-    """Fly JSBSim's F450 as `multirotor` does; its log holds the speeds of its rotors, or these in shares of the fastest."""
-    flown, clamped = multirotor.fly(multirotor.Quadrotor()), multirotor.Quadrotor()
+def fly_f450(seed: int) -> OutsideFlight:
+    """Fly JSBSim's F450 by the autopilot of `multirotor`; a log has the speeds of its rotors, or these over the fastest."""
+    clamped = multirotor.Quadrotor()
+    inertia = clamped.read([f"inertia/i{a}{a}-slugs_ft2" for a in "xyz"]) * (SLUG * FOOT**2)
+    positions = np.array([clamped.position(i) for i in range(4)])
+    mass, spins = clamped["inertia/mass-slugs"] * SLUG, [clamped.sense(i) for i in range(4)]
+    rough = Rotorcraft(mass, np.diag(inertia), positions, spins, 1.0, 0.016, 0.0, 1.0)
+    planned, early = (
+        plan(rough, np.random.default_rng([54, seed])),
+        round((multirotor.CLIMB_OUT - SETTLE) * RATE),
+    )
+    autopilot = multirotor.Pilot(
+        np.arange(-round(multirotor.CLIMB_OUT * RATE), round(DURATION * RATE)) / RATE
+    )
+    autopilot.velocity[early:] = FLIP * np.gradient(planned.places, 1.0 / RATE, axis=0)
+    autopilot.excitation[:] = 0.0
+    autopilot.excitation[early:, :3] = planned.shakes
+    flown = multirotor.fly(multirotor.Quadrotor(), autopilot)
     known = multirotor.truth(clamped, flown, None)
     names = (*VELOCITY, *RATES, *EULER, *SPECIFIC_FORCE, "altitude", *multirotor.TURNS)
     columns = {n: flown.columns[n] for n in names}
     fastest = 1.2 * max(float(columns[n].max()) for n in multirotor.TURNS)
     columns |= {n: columns[of] / fastest for n, of in zip(multirotor.MOTORS, multirotor.TURNS, strict=True)}
-    craft = Rotorcraft(
-        clamped["inertia/mass-slugs"] * SLUG, np.diag([known[f"mass.inertia.{a}{a}"] for a in "xyz"]),
-        np.array([clamped.position(i) for i in range(4)]), [clamped.sense(i) for i in range(4)], known["rotors.T2"],
-        known["rotors.torque_ratio"], 0.0, fastest, known["rotors.inflow"], 0.0,
-        [known[f"body_drag.quadratic.{a}"] for a in "xyz"],
+    craft = replace(
+        rough, inertia=np.diag([known[f"mass.inertia.{a}{a}"] for a in "xyz"]), thrust=known["rotors.T2"], fastest=fastest,
+        ratio=known["rotors.torque_ratio"], inflow=known["rotors.inflow"],
+        body=[known[f"body_drag.quadratic.{a}"] for a in "xyz"],
     )  # fmt: skip
     return OutsideFlight(jsbsim_flight.RATE, columns, craft.tape, craft.vehicle, {"template": "quad"})
