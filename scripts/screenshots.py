@@ -66,7 +66,7 @@ def app(page: Page, flight: str, vehicle: str) -> None:
         page.frame_locator("iframe").get_by_text("48 parameters from 3 fitted maneuvers").first.wait_for()
         page.wait_for_timeout(1500)
         page.screenshot(path=IMAGES / "app-report.png")
-        page.get_by_text("2 Vehicle").first.click()
+        page.get_by_text("3 Vehicle").first.click()
         page.locator("math").first.wait_for()
         page.wait_for_timeout(1500)
         page.screenshot(path=IMAGES / "app-vehicle.png")

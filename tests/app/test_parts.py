@@ -96,7 +96,12 @@ def test_what_is_shown_is_escaped() -> None:
     nasty = "<script>alert(1)</script>\x1b[31m"
     piece = {"time": [0.0, 1.0], "channels": {nasty: {"measured": [1.0, None], "simulated": [2.0, 3.0]}}}
     simple = [make(nasty) for make in (parts.error, parts.note, parts.soft, parts.escaped, parts.printed)]
-    others = [parts.table((nasty,), [(nasty,)]), parts.bullets([nasty]), parts.frame(f'"{nasty}', nasty)]
+    others = [
+        parts.table((nasty,), [(nasty,)]),
+        parts.bullets([nasty]),
+        parts.framed(f'"{nasty}', nasty).object,
+        parts.opened(f'"{nasty}', nasty),
+    ]
     for text in (*simple, *others, drawn_curves([piece])):
         assert "<script" not in text
         assert "\x1b" not in text

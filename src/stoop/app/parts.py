@@ -20,8 +20,16 @@ from stoop.errors import StoopError
 BAR: Final = "<div class='bar'><i></i></div>"  #: work goes on
 CODE: Final[dict[str, Any]] = {
     "sizing_mode": "stretch_width",
+    "auto_grow": True,
+    "max_length": 1_000_000,
     "stylesheets": ["textarea { font: 12px/1.5 ui-monospace, Menlo, Consolas, monospace; }"],
 }  #: options of a field for a file
+#: options of what takes the rest of the window, or more where it needs more
+FILLING: Final[dict[str, Any]] = {
+    "sizing_mode": "stretch_both",
+    "margin": 0,
+    "styles": {"flex": "1 0 auto", "height": "auto"},
+}
 DIGITS: Final = frozenset(("", *"0123456789-−.±"))  #: with which a cell of a number begins
 STATES: Final = {"running": "running", "done": "done", "failed": "not done"}
 
@@ -169,6 +177,17 @@ def address(place: str) -> str:
     return f"files/{url_escape(place, plus=False)}"
 
 
-def frame(place: str, title: str) -> str:
-    """Return a page that a verb wrote, shown apart from the app."""
-    return f'<iframe src="{address(place)}" title="{escaped(title)}" sandbox="allow-scripts allow-downloads"></iframe>'
+def opened(place: str, title: str) -> str:
+    """Return a link to a page that a verb wrote, which opens beside the app."""
+    return f'<p><a href="{address(place)}" target="_blank" rel="noopener">{escaped(title)}</a></p>'
+
+
+def framed(place: str, title: str) -> pn.pane.HTML:
+    """Return a page that a verb wrote, apart from the app, in the rest of the window: it scrolls, the page of the app does not."""
+    text = f'<iframe src="{address(place)}" title="{escaped(title)}" sandbox="allow-scripts allow-downloads"></iframe>'
+    return html(
+        text,
+        sizing_mode="stretch_both",
+        min_height=360,
+        styles={"flex": "1 0 auto", "position": "relative"},
+    )

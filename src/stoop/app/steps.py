@@ -37,6 +37,7 @@ MAX_FILES, MAX_DEPTH = 500, 8  #: files of a step that are listed, and folders i
 PRODUCTS: Final = {
     "info": "flight.nc",
     "map": "mapping.toml",
+    "corrections": "mapping.toml",
     "drafts": "vehicle.toml",
     "trims": "",
     "equations": "",

@@ -137,7 +137,8 @@ class VehicleView(View):
         engine = pn.widgets.Select(label="engine", options=[BY_LOG, *ENGINES], width=120)
         new = verbs()["vehicle new"]
         fields = {
-            key: parts.field(new.option(key), width=150, step=0.01) for key in ("mass", "span", "chord")
+            key: parts.field(new.option(key), width=150, step=0.01)
+            for key in ("mass", "span", "chord", "area")
         }
 
         def drafted() -> None:
@@ -185,7 +186,7 @@ class VehicleView(View):
                      "free": {"type": "tickCross"}},
             formatters={"free": {"type": "tickCross", "crossElement": False}}, text_align={"value": "right", "prior": "right",
                      "low": "right", "high": "right", "free": "center"},
-            sortable=False, height=520, sizing_mode="stretch_width", margin=(4, 0), stylesheets=[parts.style("form.css")],
+            sortable=False, sizing_mode="stretch_width", margin=(4, 0), stylesheets=[parts.style("form.css")],
         )  # fmt: skip
         self._form.frozen_columns = ["name"]
         unsaved = parts.html(margin=(12, 0))
@@ -221,7 +222,7 @@ class VehicleView(View):
         self.body[:] = [parts.html(lead), buttons, self._form, self._checks, *rest]
 
     def _text_editor(self, text: str) -> Any:
-        self._text = pn.widgets.TextAreaInput(value=text, rows=24, max_length=1_000_000, **parts.CODE)
+        self._text = pn.widgets.TextAreaInput(value=text, **parts.CODE)
 
         def saved() -> None:
             self._keep(parse_vehicle(self._text.value, WHERE).text)

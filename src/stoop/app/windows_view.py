@@ -80,7 +80,7 @@ class WindowsView(View):
             return self.waiting(step, "choosing windows by their information about the free numbers")
         if step.state == "failed":
             return [parts.failed(step)]
-        page = parts.html(parts.fold(WHY, parts.frame(f"{step.name}/windows.html", "windows")))
+        page = parts.html(parts.opened(f"{step.name}/windows.html", WHY))
         if step.text(WINDOWS) == text_of(self.project.root, WINDOWS):
             return [page]
         note = parts.html(parts.note(f"{step.name} proposes other windows than those below"))
