@@ -27,8 +27,11 @@ LEAD: Final = (
     "A row for each column of the log. Click a cell to choose the variable that it holds and the unit in which it was recorded; "
     "a negative scale turns the sign. Empty the variable to leave a column out."
 )
-SENSE: Final = "Signs, units and axes are compared with one another in flight; what contradicts them is changed where the log then agrees."
-ELSEWHERE: Final = f"{MAPPING} was changed in another tab or an editor. Your edits are kept in the table; saving puts them on top."
+SENSE: Final = (
+    "Signs, units and axes of the columns are compared with one another in flight. "
+    "Those that contradict the others are changed where the log then agrees."
+)
+ELSEWHERE: Final = f"{MAPPING} was changed in another tab or editor. Your edits are kept in the table; saving puts them on top."
 
 
 class ColumnsView(View):

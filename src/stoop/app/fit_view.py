@@ -73,7 +73,7 @@ class FitView(View):
             options=[USUAL, *methods.names()],
             width=190,
             margin=(0, 8, 4, 0),
-            description=plain(verbs()["identify"].option("method").meaning),
+            description=parts.spoken(plain(verbs()["identify"].option("method").meaning)),
         )
         self._decisions = {
             one.name: pn.widgets.Checkbox(

@@ -43,7 +43,7 @@ class Page:
         self.shown = ""
         self._signature: Any = None
         self._stale: set[str] = set()
-        self.stage = pn.Column(**parts.FILLING)
+        self.stage = pn.Column(**parts.STAGE)
         self.trouble = parts.html()  #: what is wrong with the folder itself
         self.commands = parts.html(margin=(24, 0, 8, 0))
         head = f"<header><h1>stoop</h1><span class='soft'>{parts.escaped(project.root)}</span></header>"
@@ -78,9 +78,9 @@ class Page:
         self.shown = title
         for name, one in self.buttons.items():
             one.button_type = "primary" if name == title else "default"
-        self.stage[:] = [self.views[title].panel]
         if title in self._stale:
             self._refresh(title)
+        self.stage[:] = [self.views[title].panel]
 
     def tick(self) -> None:
         """Show what has changed in the folder."""
@@ -99,7 +99,7 @@ class Page:
     def _refresh(self, title: str) -> None:
         self._stale.discard(title)
         view = self.views[title]
-        with view.working():
+        with parts.working(self.stage):
             if said := self._guarded(title, view.refresh):
                 view.body[:] = [parts.html(said)]
 

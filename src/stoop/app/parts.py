@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from functools import cache
 from html import escape
 from importlib.resources import files
@@ -30,6 +31,7 @@ FILLING: Final[dict[str, Any]] = {
     "margin": 0,
     "styles": {"flex": "1 0 auto", "height": "auto"},
 }
+_OPTION: Final = re.compile(r"(?<![\w-])--([a-z][a-z-]*)")
 DIGITS: Final = frozenset(("", *"0123456789-−.±"))  #: with which a cell of a number begins
 STATES: Final = {"running": "running", "done": "done", "failed": "not done"}
 
@@ -38,6 +40,21 @@ STATES: Final = {"running": "running", "done": "done", "failed": "not done"}
 def style(name: str) -> str:
     """Return a style sheet of the app."""
     return (files("stoop.app") / name).read_text("utf-8")
+
+
+#: options of what shows that work goes on, see `working`
+STAGE: Final[dict[str, Any]] = {**FILLING, "stylesheets": [style("busy.css")]}
+
+
+@contextmanager
+def working(shown: pn.Column) -> Iterator[None]:
+    """Show at once that work goes on, until it is done; `busy.css` keeps back the sign of what is done in a moment."""
+    with pn.io.unlocked():  # sent before the work, which holds the server
+        shown.loading = True
+    try:
+        yield
+    finally:
+        shown.loading = False
 
 
 def html(text: str = "", **options: Any) -> pn.pane.HTML:
@@ -51,9 +68,14 @@ def escaped(text: object) -> str:
     return escape(printable_lines(str(text)))
 
 
+def spoken(text: str) -> str:
+    """Return a text with options of a command as the things that they name: ``--wing-area`` is wing area."""
+    return _OPTION.sub(lambda found: found[1].replace("-", " "), text)
+
+
 def error(text: object) -> str:
     """Return an error in words."""
-    return f'<div class="error" role="alert">{escaped(text)}</div>' if text else ""
+    return f'<div class="error" role="alert">{escaped(spoken(str(text)))}</div>' if text else ""
 
 
 def note(text: object) -> str:
@@ -134,13 +156,13 @@ def field(option: Option, label: str = "", **settings: Any) -> Any:
     unit = f", {option.unit}" if option.unit else ""
     shared: dict[str, Any] = {
         "label": f"{label or option.key.replace('_', ' ')}{unit}",
-        "description": plain(option.meaning),
+        "description": spoken(plain(option.meaning)),
     }
     shared |= {"margin": (0, 12, 4, 0), **settings}
     if option.choices:
         titles = {title or name: name for name, title in option.choices.items()}
         return pn.widgets.Select(options=titles, **shared)
-    shared["placeholder"] = plain(option.usual)
+    shared["placeholder"] = spoken(plain(option.usual))
     if option.kind == "positive":
         return pn.widgets.FloatInput(value=option.default, start=0.0, **shared)
     return pn.widgets.TextInput(value=option.default or "", **shared)
@@ -160,7 +182,7 @@ def given(option: Option, value: Any) -> list[str]:
     for word in words:
         if word.startswith("-") and not re.fullmatch(r"-[\d.]+(e[-+]?\d+)?", word):
             raise StoopError(
-                f"{option.name}: {word} is no value of it; write numbers or names, separated by blanks"
+                f"{option.key}: {word} is no value of it; write numbers or names, separated by blanks"
             )
     return [option.name, *words]
 
@@ -183,8 +205,8 @@ def opened(place: str, title: str) -> str:
 
 
 def framed(place: str, title: str) -> pn.pane.HTML:
-    """Return a page that a verb wrote, apart from the app, in the rest of the window: it scrolls, the page of the app does not."""
-    text = f'<iframe src="{address(place)}" title="{escaped(title)}" sandbox="allow-scripts allow-downloads"></iframe>'
+    """Return a page that a verb wrote, apart from the app, in the rest of the window: it scrolls, and not the app's."""
+    text = f'{BAR}<iframe src="{address(place)}" title="{escaped(title)}" sandbox="allow-scripts allow-downloads"></iframe>'
     return html(
         text,
         sizing_mode="stretch_both",

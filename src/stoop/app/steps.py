@@ -123,6 +123,11 @@ class Step:
         """What its verb has printed."""
         return self._text(OUTPUT)
 
+    @property
+    def findings(self) -> str:
+        """What its verb has printed, without the command that it proposes next: the page has a button for that."""
+        return self.output.partition("\nnext: ")[0].strip("\n")
+
     def file(self, name: str) -> Path:
         """Return the path of one of its files; raises `OutputError` where it leads out of the step's folder."""
         return inside(self.folder, name)

@@ -90,7 +90,7 @@ class UseView(View):
         links = "".join(
             f'<li><a href="{parts.address(p)}" download>{parts.escaped(p)}</a></li>' for p in places
         )
-        printed = parts.fold("what it printed", f"<pre>{parts.escaped(step.output)}</pre>", is_open=True)
+        printed = parts.fold("what it printed", f"<pre>{parts.escaped(step.findings)}</pre>", is_open=True)
         pages = [p for p in places if p.endswith(".html")]
         shown = "".join(parts.opened(p, f"open {p}") for p in pages[:1])
         return [parts.html(f"{head}{_warnings(step)}<ul>{links}</ul>{printed}{shown}{parts.command(step)}")]

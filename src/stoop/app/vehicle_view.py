@@ -27,7 +27,7 @@ from stoop.vehicle_draft.request import TEMPLATES
 
 BY_LOG: Final = "by the log"
 ELSEWHERE: Final = (
-    "The file was changed in another tab. Your edits are kept in the form; saving puts them on top."
+    "The file was changed in another tab or editor. Your edits are kept in the form; saving puts them on top."
 )
 HEADS: Final = {"name": "number", "value": "value", "unit": "unit", "free": "free", "prior": "prior ±", "low": "lower",
                 "high": "upper", "help": "what it is"}  # fmt: skip
@@ -158,7 +158,7 @@ class VehicleView(View):
         if step.state == "failed":
             return parts.failed(step)
         text = step.text(VEHICLE)
-        shown = f"<div class='note'><pre>{parts.escaped(step.output)}</pre></div>{parts.command(step)}"
+        shown = f"<div class='note'><pre>{parts.escaped(step.findings)}</pre></div>{parts.command(step)}"
         return pn.Column(
             parts.html(shown), parts.button("Use this draft", self.act(lambda: self.take(text)), "primary")
         )
@@ -266,10 +266,10 @@ class VehicleView(View):
         if draft is not None and modified(draft.file(COMMAND)) > modified(self.project.root / VEHICLE):
             shown.append(self._draft(draft))
         trim, written = self.project.latest("trims"), self._equations()
-        if trim is not None:
+        if trim is not None and modified(trim.file(COMMAND)) > modified(self.project.root / VEHICLE):
             done = (
                 parts.error(trim.error)
-                or f"<details open><summary>trim</summary><pre>{parts.escaped(trim.output)}</pre></details>"
+                or f"<details open><summary>trim</summary><pre>{parts.escaped(trim.findings)}</pre></details>"
             )
             busy = parts.busy(trim, "looking for a steady flight")
             shown.append(parts.html(busy if trim.running else done + parts.command(trim)))

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import contextlib
 import logging
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import ClassVar, Final
 
 import panel as pn
@@ -31,7 +30,7 @@ class View(ABC):
         self.said = parts.html()
         self.said.jscallback(text="if (cb_obj.text) window.scrollTo({ top: 0, behavior: 'smooth' })")
         self.body = pn.Column(**parts.FILLING)
-        self.panel = pn.Column(self.said, self.body, stylesheets=[parts.style("busy.css")], **parts.FILLING)
+        self.panel = pn.Column(self.said, self.body, **parts.STAGE)
 
     @abstractmethod
     def refresh(self) -> None:
@@ -44,23 +43,13 @@ class View(ABC):
         """Say what went wrong, or was done, above the view."""
         self.said.object = (parts.note(text) if good else parts.error(text)) if text else ""
 
-    @contextlib.contextmanager
-    def working(self) -> Iterator[None]:
-        """Show at once that work goes on here, until it is done; `busy.css` hides the sign of work that is done in a moment."""
-        with pn.io.unlocked():  # sent before the work, which holds the server
-            self.panel.loading = True
-        try:
-            yield
-        finally:
-            self.panel.loading = False
-
     def act(self, what: Callable[[], object]) -> Callable[[], None]:
         """Return an action that says what went wrong, and loses nothing."""
 
         def done() -> None:
             self.say()
             try:
-                with self.working():
+                with parts.working(self.panel):
                     what()
             except StoopError as error:
                 self.say(error)

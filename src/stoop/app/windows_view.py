@@ -128,6 +128,11 @@ class WindowsView(View):
         """Put a window in the place of one, or nothing; other windows are as the file has them now."""
 
         def done() -> None:
+            if entry not in self.project.windows:
+                self.refresh()
+                raise StoopError(
+                    "This window was changed in another tab or editor, and is shown as it is now"
+                )
             others = [e for e in self.project.windows if e != entry]
             self.project.save_windows(others if by is None else [*others, by])
 
