@@ -44,7 +44,7 @@ def test_from_the_log_to_the_report(app, tab, shared_data: Path, capsys: pytest.
     page.picture("5_report")
 
     # What the notices name is fixed or freed by one click.
-    page.click("What to do next")
+    page.page.get_by_text("What to do next").first.click()
     page.click("Clp")
     page.wait("Clp is fixed in vehicle.toml")
     page.click("Cmalpharudder")

@@ -171,13 +171,17 @@ def _of_stream(named: str, stream: str) -> bool:
 def _of_line(row: Row, variable: str, line: Any) -> Row:
     """Return the row of a column that a line of [variables] names."""
     comment = getattr(getattr(line, "trivia", None), "comment", "")
-    numbers = {key: line.get(key, usual) for key, usual in USUAL.items()}
-    shown = {key: float(x[0] if isinstance(x, list) else x) for key, x in numbers.items()}
-    weights = line["column"]
-    name = row.column or (" + ".join(weights) if isinstance(weights, dict) else str(weights))
-    doubt = str(comment).lstrip("# ")
+    scale, offset = (line.get(key, usual) for key, usual in USUAL.items())
+    named = line["column"]
     return replace(
-        row, column=name, variable=variable, unit=str(line["unit"]), doubt=doubt, line=variable, **shown
+        row,
+        column=row.column or (" + ".join(named) if isinstance(named, dict) else str(named)),
+        variable=variable,
+        unit=str(line["unit"]),
+        scale=float(scale[0] if isinstance(scale, list) else scale),
+        offset=float(offset[0] if isinstance(offset, list) else offset),
+        doubt=str(comment).lstrip("# "),
+        line=variable,
     )
 
 
@@ -192,9 +196,9 @@ def _other(row: Row, mapping: FlightMapping, text: str) -> Row:
                 if row.column in columns:
                     place = source.place.removeprefix(f"{WHERE}: ").partition(".sources")[0]
                     return replace(row, variable=variable, unit=unit or VARIABLES[variable].unit, doubt=place)
-    for name, place, remark in _offers(text):
-        if place.get("column") == row.column and _of_stream(place.get("stream", ""), row.stream):
-            said = f"may be {name}, {place['unit']}" if name in VARIABLES else UNKNOWN
+    for name, line, remark in _offers(text):
+        if line.get("column") == row.column and _of_stream(line.get("stream", ""), row.stream):
+            said = f"may be {name}, {line['unit']}" if name in VARIABLES else UNKNOWN
             return replace(row, doubt=f"{said}; {remark}" if remark and name in VARIABLES else said)
     return replace(row, doubt=UNKNOWN)
 

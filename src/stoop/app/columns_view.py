@@ -25,11 +25,8 @@ WIDTHS: Final = dict(zip(HEADS, (150, 130, 80, 90, 75, 300, 420), strict=True))
 PAGE: Final = 200  #: rows of a table that are shown at once
 LEAD: Final = (
     "A row for each column of the log. Click a cell to choose the variable that it holds and the unit in which it was recorded; "
-    "a negative scale turns the sign. Empty the variable to leave a column out."
-)
-SENSE: Final = (
-    "Signs, units and axes of the columns are compared with one another in flight. "
-    "Those that contradict the others are changed where the log then agrees."
+    "a negative scale turns the sign. Empty the variable to leave a column out. Corrections compare signs, units and axes with "
+    "one another in flight, and change those that contradict the others where the log then agrees."
 )
 ELSEWHERE: Final = f"{MAPPING} was changed in another tab or editor. Your edits are kept in the table; saving puts them on top."
 
@@ -113,7 +110,7 @@ class ColumnsView(View):
         about = f"{count(len(self._rows), 'row')}, {unknown} without a variable, {doubts} unsure."
         buttons = pn.FlexBox(
             parts.button("Use these columns", self.act(self.save), "primary"),
-            parts.button("Apply corrections", self.act(self._correct), description=SENSE),
+            parts.button("Apply corrections", self.act(self._correct)),
             parts.button("Discard edits", self.act(lambda: self._fill(step, text))),
             unsaved,
         )

@@ -158,7 +158,7 @@ class VehicleView(View):
         if step.state == "failed":
             return parts.failed(step)
         text = step.text(VEHICLE)
-        shown = f"<div class='note'><pre>{parts.escaped(step.findings)}</pre></div>{parts.command(step)}"
+        shown = f"<div class='note'><pre>{parts.escaped(parts.spoken(step.findings))}</pre></div>{parts.command(step)}"
         return pn.Column(
             parts.html(shown), parts.button("Use this draft", self.act(lambda: self.take(text)), "primary")
         )
