@@ -19,9 +19,9 @@ from stoop.base.numbers import count
 from stoop.base.variables import VARIABLES
 from stoop.errors import StoopError
 
-HEADS: Final = {"column": "column", "variable": "variable", "unit": "unit", "scale": "sign, scale", "offset": "offset",
-                "values": "samples (range)", "doubt": "why, and doubts"}  # fmt: skip
-WIDTHS: Final = dict(zip(HEADS, (150, 130, 80, 90, 75, 300, 420), strict=True))
+HEADS: Final = {"column": "column", "stream": "of", "variable": "variable", "unit": "unit", "scale": "sign, scale",
+                "offset": "offset", "values": "samples (range)", "doubt": "why, and doubts"}  # fmt: skip
+WIDTHS: Final = dict(zip(HEADS, (150, 170, 130, 80, 95, 75, 300, 420), strict=True))
 PAGE: Final = 200  #: rows of a table that are shown at once
 LEAD: Final = (
     "A row for each column of the log. Click a cell to choose the variable that it holds and the unit in which it was recorded; "
@@ -129,16 +129,27 @@ class ColumnsView(View):
         names = [{"value": name, "label": columns.meaning(name)} for name in VARIABLES]
         find = {"type": "input", "func": "like", "placeholder": "find"}
         many = len(self._rows) > PAGE
-        filters = {"column": find, "variable": find}
+        single = len({row.stream for row in self._rows} - {""}) < 2
+        filters = dict.fromkeys(("column", "stream", "variable"), find)
+        number = {"type": "number"}
+        choice = {
+            "type": "list",
+            "autocomplete": True,
+            "listOnEmpty": True,
+            "allowEmpty": True,
+            "clearable": True,
+        }
+        editors = {
+            **dict.fromkeys(("column", "stream", "values", "doubt")),
+            **dict.fromkeys(columns.USUAL, number),
+            "variable": {**choice, "values": names},
+            "unit": {"type": "nested", "options": columns.units_of(), "lookup_order": ["variable"]},
+        }
         table = pn.widgets.Tabulator(
-            frame, show_index=False, titles=HEADS, widths=WIDTHS, layout="fit_data_stretch", sortable=False,
-            editors={**dict.fromkeys(("column", "values", "doubt")), "scale": {"type": "number"}, "offset": {"type": "number"},
-                     "variable": {"type": "list", "values": names, "autocomplete": True, "listOnEmpty": True, "allowEmpty": True,
-                                  "clearable": True},
-                     "unit": {"type": "nested", "options": columns.units_of(), "lookup_order": ["variable"]}},
-            text_align={"scale": "right", "offset": "right"}, sizing_mode="stretch_width", margin=(4, 0),
-            pagination="local" if many else None, page_size=PAGE, header_filters=filters if many else None,
-            stylesheets=[parts.style("form.css")],
+            frame, show_index=False, hidden_columns=["stream"] if single else [], titles=HEADS, widths=WIDTHS,
+            layout="fit_data_stretch", sortable=False, editors=editors, text_align=dict.fromkeys(columns.USUAL, "right"),
+            sizing_mode="stretch_width", margin=(4, 0), pagination="local" if many else None, page_size=PAGE,
+            header_filters=filters if many else None, stylesheets=[parts.style("form.css")],
         )  # fmt: skip
         table.frozen_columns = ["column"]
         return table
