@@ -17,7 +17,7 @@ from playwright.sync_api import Browser, Locator, Page, expect
 
 #: a resize while figures are laid out, of Bokeh 3.9: it measures again
 HARMLESS = "Cannot read properties of undefined (reading 'top_panel')"
-PATIENCE = 150_000  #: ms until something must be there, on the busiest machine
+PATIENCE = 600_000  #: ms until something must be there, on the busiest machine
 expect.set_options(timeout=PATIENCE)
 
 

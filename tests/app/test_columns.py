@@ -21,6 +21,7 @@ from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle.builtin import resolve_vehicle
 
+OVERFLOW = "document.documentElement.scrollHeight - innerHeight"
 MANEUVER = """
 duration = 24.0
 rate = 50.0
@@ -208,6 +209,8 @@ def test_unknown_columns_are_named_in_the_table_and_corrections_undone(app, tab,
     page.picture("columns")
     page.click("Use these columns")
     page.wait("the sign of q contradicts")
+    page.page.locator("iframe").wait_for()
+    assert page.page.evaluate(OVERFLOW) == 0, "the frame scrolls alone"
     assert 'elevator = {column = "stick", unit = "deg"}' in (running.folder / MAPPING).read_text("utf-8")
     page.click("7 Use")
     page.click("2 Columns")  # from any step

@@ -46,7 +46,7 @@ class VehicleView(View):
         self._form: Any = None
         self._text: Any = None
         self._choose: Any = None
-        self._checks = pn.Column(margin=0, sizing_mode="stretch_width")
+        self._checks, self._below = (pn.Column(margin=0, sizing_mode="stretch_width") for _ in range(2))
 
     def refresh(self) -> None:
         """Show the choice, or the vehicle; a form with unsaved edits stays as it is."""
@@ -219,7 +219,7 @@ class VehicleView(View):
             parts.button("Next: the windows", self.act(self._onward)),
             unsaved,
         )
-        self.body[:] = [parts.html(lead), buttons, self._form, self._checks, *rest]
+        self.body[:] = [parts.html(lead), buttons, self._checks, self._form, self._below, *rest]
 
     def _text_editor(self, text: str) -> Any:
         self._text = pn.widgets.TextAreaInput(value=text, **parts.CODE)
@@ -260,8 +260,9 @@ class VehicleView(View):
         self.go("Windows")
 
     def _show_checks(self) -> None:
-        """Show the trim and the equations."""
+        """Show the trim above the numbers, and the equations below them."""
         shown: list[Any] = []
+        below: list[Any] = []
         draft = self.project.latest("drafts")
         if draft is not None and modified(draft.file(COMMAND)) > modified(self.project.root / VEHICLE):
             shown.append(self._draft(draft))
@@ -274,12 +275,12 @@ class VehicleView(View):
             busy = parts.busy(trim, "looking for a steady flight")
             shown.append(parts.html(busy if trim.running else done + parts.command(trim)))
         if written is not None and written.running:
-            shown.append(parts.html(parts.busy(written, "writing the equations")))
+            below = [parts.html(parts.busy(written, "writing the equations"))]
         elif written is not None:
             lines = "".join(map(str, (mathml(line, "block") for line in written.output.splitlines())))
             box = f"<div class='scroll equations' tabindex='0'><div>{lines}</div></div>"
-            shown.append(parts.html(f"<h3>Equations</h3>{parts.error(written.error) or box}"))
-        self._checks[:] = shown
+            below = [parts.html(f"<h3>Equations</h3>{parts.error(written.error) or box}")]
+        self._checks[:], self._below[:] = shown, below
 
     def _equations(self) -> Any:
         """Return the step that writes the equations of the file as it is; it is begun if there is none."""
