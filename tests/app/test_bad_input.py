@@ -54,12 +54,13 @@ def test_logs_that_cannot_be_read(app, tab, tmp_path: Path) -> None:
     )
     page.fill(label, str(tmp_path / "t.csv"))
     page.click("Open")
-    page.wait("2 lines are unsure")
-    page.page.get_by_label("unsure: m/s by its name only").fill(
-        'airspeed_pitot = {column = "airspeed", unit = "kt"}'
-    )
+    page.click("Next: the columns")
+    page.wait("0 without a variable, 2 unsure")
+    page.page.locator('.tabulator-cell[tabulator-field="unit"]').get_by_text("m/s", exact=True).first.click()
+    page.page.locator(".tabulator-edit-list-item").get_by_text("kt", exact=True).click()
+    page.wait("1 edit not saved")
     page.picture("mapping")
-    page.click("Use this mapping")
+    page.click("Use these columns")
     page.wait("Next: the vehicle")
     folder = next(tmp_path.glob("project"))
     assert 'unit = "kt"' in (folder / "mapping.toml").read_text("utf-8")

@@ -294,7 +294,7 @@ def test_a_process_that_the_app_did_not_start_is_never_stopped(
 def test_a_log_outside_the_folder_is_read_only_when_the_person_has_opened_it(tmp_path: Path) -> None:
     root = surroundings(tmp_path)
     (root / "app.toml").write_text('log = "../other.csv"\n')
-    for act in (lambda p: p.read_log(), lambda p: p.draft_mapping(), lambda p: p.propose_windows()):
+    for act in (lambda p: p.read_log(), lambda p: p.list_columns(), lambda p: p.propose_windows()):
         with pytest.raises(StoopError, match="you have not opened it"):
             act(Project(root))
     Project(root).open_log(root.parent / "other.csv")

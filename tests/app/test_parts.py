@@ -9,12 +9,15 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import panel as pn
 import pytest
 
 from stoop.app import numbers, parts, steps
 from stoop.app.folder import ChangedError, Project, version
 from stoop.app.plots import drawn_costs, drawn_curves, thinned
 from stoop.app.uploads import safe_name
+from stoop.app.use_view import LIMITS, TARGET
+from stoop.app.windows_view import WindowsView
 from stoop.base.verbs import plain, verbs
 from stoop.errors import StoopError, VehicleError
 from stoop.estimate.iterates import watched
@@ -96,7 +99,12 @@ def test_what_is_shown_is_escaped() -> None:
     nasty = "<script>alert(1)</script>\x1b[31m"
     piece = {"time": [0.0, 1.0], "channels": {nasty: {"measured": [1.0, None], "simulated": [2.0, 3.0]}}}
     simple = [make(nasty) for make in (parts.error, parts.note, parts.soft, parts.escaped, parts.printed)]
-    others = [parts.table((nasty,), [(nasty,)]), parts.bullets([nasty]), parts.frame(f'"{nasty}', nasty)]
+    others = [
+        parts.table((nasty,), [(nasty,)]),
+        parts.bullets([nasty]),
+        parts.framed(f'"{nasty}', nasty).object,
+        parts.opened(f'"{nasty}', nasty),
+    ]
     for text in (*simple, *others, drawn_curves([piece])):
         assert "<script" not in text
         assert "\x1b" not in text
@@ -279,6 +287,41 @@ def test_a_fit_stopped_while_bounds_are_widened_keeps_what_it_has() -> None:
     assert len(calls) == 2
     assert found.outcome.status == "interrupted"
     assert found.outcome.advice == f"stopped by the user while {bounds.DOING}"
+
+
+@pytest.mark.filterwarnings("ignore::PendingDeprecationWarning")  # of Panel
+def test_a_window_that_was_changed_elsewhere_is_not_replaced(tmp_path: Path) -> None:
+    project = Project(tmp_path / "p")
+    first, other = (Entry(flight="f", start=1.0, stop=stop) for stop in (2.0, 3.0))
+    project.save_windows([other])
+    view = WindowsView(project, lambda title: None)
+    view._change(first, stop=2.5)
+    assert "This window was changed in another tab or editor" in view.said.object
+    assert project.windows == (other,)
+    view._change(other, stop=2.5)
+    assert [w.stop for w in project.windows] == [2.5]
+
+
+@pytest.mark.filterwarnings("ignore::PendingDeprecationWarning")  # of Panel
+def test_work_is_shown_until_it_has_ended_or_failed() -> None:
+    shown = pn.Column()
+
+    def fails() -> None:
+        with parts.working(shown):
+            assert shown.loading
+            raise StoopError("no")
+
+    with pytest.raises(StoopError):
+        fails()
+    assert not shown.loading
+
+
+def test_messages_name_things_and_not_options() -> None:
+    assert parts.spoken("check --vehicle, the channels in it") == "check vehicle, the channels in it"
+    assert parts.spoken("give --min-amplitude; a--b -- c") == "give min amplitude; a--b -- c"
+    for option in (*verbs()["vehicle new"].options, *LIMITS, TARGET):
+        made = parts.field(option)
+        assert "--" not in f"{made.label} {made.description} {getattr(made, 'placeholder', '')}"
 
 
 def test_windows_are_kept_in_the_order_of_time(tmp_path: Path) -> None:

@@ -18,12 +18,12 @@ def test_from_a_sent_log_to_an_export(app, tab, hover: Path) -> None:
     assert (running.folder / "logs" / "hover.ulg").read_bytes() == hover.read_bytes()
 
     # What a fit lacks is said, and it cannot be run.
-    page.click("4 Fit")
+    page.click("5 Fit")
     page.wait("Choose a vehicle first")
     assert page.page.locator("button", has_text="Run the fit").first.is_disabled()
 
     # Windows are brushed on the plot.
-    page.click("3 Windows")
+    page.click("4 Windows")
     page.wait("Drag across the strips")
     strip = page.page.locator(".bk-Figure").first
     strip.wait_for()
@@ -49,12 +49,12 @@ def test_from_a_sent_log_to_an_export(app, tab, hover: Path) -> None:
     assert windows[1].start < 5.5 < windows[1].stop < 8.5 < windows[2].stop < 12.0
 
     # A vehicle of the package, one number edited in the form.
-    page.click("2 Vehicle")
+    page.click("3 Vehicle")
     page.click("quad-x")
     page.wait("Quadrotor X, 1.5 kg is now vehicle.toml: look at its numbers")
     page.page.locator(".tabulator-row").first.wait_for()
     page.page.wait_for_function("window.scrollY === 0")
-    page.click("4 Fit")
+    page.click("5 Fit")
     page.page.get_by_label("method").select_option("equation-error")
     page.click("Run the fit")
     page.page.frame_locator("iframe").get_by_text("identification report").first.wait_for()
@@ -72,7 +72,7 @@ def test_from_a_sent_log_to_an_export(app, tab, hover: Path) -> None:
     assert result["parameters"]
 
     # Side by side.
-    page.click("5 Compare")
+    page.click("6 Compare")
     compared = page.page.frame_locator("iframe")
     for text in ("Apart, σ", "Theil's inequality coefficient", "Windows and channels that both runs hold"):
         compared.get_by_text(text).first.wait_for()
@@ -81,7 +81,7 @@ def test_from_a_sent_log_to_an_export(app, tab, hover: Path) -> None:
     assert compared.locator(".strips").count() > 9
     page.picture("8_compare")
 
-    page.click("6 Use")
+    page.click("7 Use")
     page.page.get_by_label("export to").select_option("state space (A, B, C, D)")
     page.click("Export")
     link = page.page.get_by_role("link").first

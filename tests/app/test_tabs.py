@@ -50,7 +50,7 @@ def test_two_tabs_edit_one_vehicle(app, tab, quadrotor: Path) -> None:
     running = app(folder=quadrotor)
     one, other = tab(running), tab(running)
     for page in (one, other):
-        page.click("2 Vehicle")
+        page.click("3 Vehicle")
         page.wait("mass.inertia.xx")
     edit(one, "mass.mass", "1.75")
     edit(other, "mass.inertia.zz", "0.0456")
@@ -71,7 +71,7 @@ def test_two_tabs_edit_one_vehicle(app, tab, quadrotor: Path) -> None:
 
 def test_a_window_that_ends_before_it_begins(app, tab, quadrotor: Path) -> None:
     page = tab(app(folder=quadrotor))
-    page.click("3 Windows")
+    page.click("4 Windows")
     page.wait("Propose windows")
     before = (quadrotor / "windows.toml").read_text("utf-8")
     stop = page.page.locator("input:visible").nth(1)
@@ -86,7 +86,7 @@ def test_a_window_that_ends_before_it_begins(app, tab, quadrotor: Path) -> None:
 
 def test_a_value_out_of_bounds_and_a_vehicle_that_cannot_be_trimmed(app, tab, quadrotor: Path) -> None:
     page = tab(app(folder=quadrotor))
-    page.click("2 Vehicle")
+    page.click("3 Vehicle")
     page.wait("mass.inertia.xx")
     edit(page, "mass.mass", "9", field="low")
     page.click("Save")
@@ -113,7 +113,7 @@ def test_a_value_out_of_bounds_and_a_vehicle_that_cannot_be_trimmed(app, tab, qu
 def test_a_killed_server_and_a_closed_browser_lose_no_run(app, tab, quadrotor: Path) -> None:
     first = app(folder=quadrotor)
     page = tab(first)
-    page.click("4 Fit")
+    page.click("5 Fit")
     page.wait("No fit was run yet")
     page.click("Run the fit")
     page.wait("cost ")

@@ -44,11 +44,12 @@ def test_from_the_log_to_the_report(app, tab, shared_data: Path, capsys: pytest.
     page.picture("5_report")
 
     # What the notices name is fixed or freed by one click.
+    page.page.get_by_text("What to do next").first.click()
     page.click("Clp")
     page.wait("Clp is fixed in vehicle.toml")
     page.click("Cmalpharudder")
     page.wait("Cmalpharudder is free in vehicle.toml")
-    page.click("2 Vehicle")
+    page.click("3 Vehicle")
     page.wait("V-tail 8.5 kg")
     page.page.locator("math").first.wait_for()
     page.picture("2_vehicle")

@@ -32,7 +32,7 @@ class CompareView(View):
         self._picks = [
             pn.widgets.Select(label=name, margin=(0, 12, 8, 0), width=150) for name in ("run A", "run B")
         ]
-        self._shown = parts.html()
+        self._shown = pn.Column(**parts.FILLING)
         self._wanted = ""  #: place of a page that is not made yet
         for pick in self._picks:
             pick.param.watch(lambda e: self._turn(), "value")
@@ -62,7 +62,7 @@ class CompareView(View):
         place = f"{PAGES}/{'-'.join(step.folder.name for step in both)}.html"
         made = modified(self.project.root / place)
         self._wanted = place if made < max(modified(step.file("result.json")) for step in both) else ""
-        self._shown.object = parts.BAR if self._wanted else parts.frame(place, "comparison")
+        self._shown[:] = [parts.html(parts.BAR) if self._wanted else parts.framed(place, "comparison")]
 
     def tick(self) -> None:
         """Make the page that is wanted."""

@@ -66,14 +66,14 @@ class FitView(View):
         self._told = ""  #: what the run does
         self._values = parts.html()
         self._head = pn.Column(margin=0, sizing_mode="stretch_width")
-        self._stage = pn.Column(margin=0, sizing_mode="stretch_width")
+        self._stage = pn.Column(**parts.FILLING)
         self._detail: tuple[str, str] = ("", "")
         self._method = pn.widgets.Select(
             label="method",
             options=[USUAL, *methods.names()],
             width=190,
             margin=(0, 8, 4, 0),
-            description=plain(verbs()["identify"].option("method").meaning),
+            description=parts.spoken(plain(verbs()["identify"].option("method").meaning)),
         )
         self._decisions = {
             one.name: pn.widgets.Checkbox(
@@ -85,12 +85,7 @@ class FitView(View):
         self._start = parts.button("Run the fit", self.act(self._run), "primary", align="end")
         self.body[:] = [
             pn.FlexBox(self._method, self._start, align_items="flex-end"),
-            pn.Card(
-                pn.Column(*self._decisions.values(), margin=0),
-                title="Decisions of the fit",
-                collapsed=True,
-                sizing_mode="stretch_width",
-            ),
+            parts.card("Decisions of the fit", pn.Column(*self._decisions.values(), margin=0)),
             self._why,
             self._head,
             self._stage,
@@ -175,8 +170,12 @@ class FitView(View):
             parts.button("Begin from these estimates", self.act(lambda: self._continue(step))),
             parts.button("Export or design", lambda: self.go("Use")),
         )
-        return [parts.html(head), *self._suggestions(found), onward, parts.html(parts.command(step)),
-                parts.html(parts.frame(f"{step.name}/report.html", f"report of {step.name}"))]  # fmt: skip
+        changes = self._suggestions(found)
+        rest = pn.Column(
+            *changes, onward, parts.html(parts.command(step)), margin=(8, 0), sizing_mode="stretch_width"
+        )
+        report = parts.framed(f"{step.name}/report.html", f"report of {step.name}")
+        return [parts.html(head), pn.Tabs(("Report", report), ("What to do next", rest), **parts.FILLING)]
 
     def _suggestions(self, found: Result) -> list[Any]:
         """Return buttons that fix what the data do not tell, and free or add what they ask for."""

@@ -17,8 +17,8 @@ from stoop.app import steps
 from stoop.app.places import bytes_of, document_of, inside, recalled, remember, resolved, text_of
 from stoop.app.steps import Step
 from stoop.base.files import make_folder, write_bytes_atomic, write_text_atomic
-from stoop.base.toml import parse_source
-from stoop.errors import OutputError, StoopError
+from stoop.base.toml import parse_source, read_source
+from stoop.errors import LogError, OutputError, StoopError
 from stoop.flight.flight import flight_name
 from stoop.flight.mapping import READY
 from stoop.input_design.windows_file import Entry, read_windows, written
@@ -29,6 +29,7 @@ from stoop.vehicle.load import parse_vehicle
 FILE: Final = "app.toml"  #: names the log
 VEHICLE, WINDOWS, MAPPING = "vehicle.toml", "windows.toml", "mapping.toml"
 LOOK = "look.html"  #: page of the flight, beside what was read
+BEFORE = "before.toml"  #: of corrections: the mapping as it was
 #: of a run: the vehicle from which it begins, and how far it is
 START, PROGRESS = "start.toml", "progress.json"
 OWN_FORMAT: Final = "netcdf"  #: of flights of stoop, which need no mapping
@@ -81,7 +82,7 @@ class Project:
         known = name in self.former
         self._turn_to(name)
         if draft or self.needs_mapping:
-            self.draft_mapping()
+            self.list_columns()
         elif not (known and self.info):
             self.read_log()
 
@@ -162,9 +163,10 @@ class Project:
 
     @property
     def reading(self) -> Step | None:
-        """The last of them for the present log."""
+        """The last step that read the present log; else the one that drafts its mapping."""
         log = self.log
-        return next((s for s in reversed(self.readings) if log_of(s) == log), None)
+        own = [s for s in reversed(self.readings) if log_of(s) == log]
+        return next((s for s in own if s.kind == "info"), next(iter(own), None))
 
     @property
     def flight(self) -> Step | None:
@@ -178,20 +180,65 @@ class Project:
         step = next(reversed(self.readings), None)
         return step if step is not None and log_of(step) != self.log and step.state == "failed" else None
 
-    def draft_mapping(self) -> Step:
-        """Draft the mapping of the log."""
+    def list_columns(self) -> Step:
+        """List the columns of the log, and draft its mapping."""
         log = str(self.source[0])
-        return self.start("map", lambda at: ["map", log, "-o", f"{at}/{MAPPING}"])
+        return self.start("map", lambda at: ["map", log, "--json", "-o", f"{at}/{MAPPING}"])
+
+    @property
+    def listing(self) -> Step | None:
+        """The last step that lists the columns of the present log."""
+        own = [s for s in self.steps("map") if log_of(s) == self.log and "--json" in s.words]
+        return next(reversed(own), None)
+
+    @property
+    def mapping(self) -> str:
+        """Text of the mapping by which the log is read: the folder's, or the one beside the log; empty where it needs none."""
+        beside = mapping_beside(self.log_file)
+        own = text_of(self.root, MAPPING)
+        return own if own or not beside.is_file() else read_source(beside, "mapping", LogError)
+
+    def save_mapping(self, text: str, before: str) -> None:
+        """Keep a mapping, and read the log by it; raises as `save_vehicle`."""
+        if self.mapping:
+            _check_unchanged(MAPPING, self.mapping, before)
+        self.take_mapping(text)
 
     def take_mapping(self, text: str) -> None:
         """Keep a mapping, and read the log by it."""
         write_text_atomic(self._place(MAPPING), text)
         self.read_log()
 
+    def correct_mapping(self) -> Step:
+        """Apply to the mapping what its checks advise."""
+        text, log = self.mapping, str(self.source[0])
+        if not self._place(MAPPING).exists():
+            write_text_atomic(self._place(MAPPING), text)
+        words = ["map", log, "--apply", MAPPING, "--json", "-o"]
+        return self.start("corrections", lambda at: [*words, f"{at}/{MAPPING}"], {BEFORE: text})
+
+    @property
+    def corrections(self) -> Step | None:
+        """The last corrections of the mapping of the present log."""
+        return next((s for s in reversed(self.steps("corrections")) if log_of(s) == self.log), None)
+
     def read_log(self) -> Step:
-        """Read the log."""
-        words = ["info", *self.source, "--json", "--save"]
-        return self.start("info", lambda at: [*words, f"{at}/flight.nc", "-o", f"{at}/{LOOK}"])
+        """Read the log; the step keeps a copy of the mapping."""
+        words, text = ["info", *self.source, "--json", "--save"], self.mapping
+        inputs = {MAPPING: text} if text else {}
+        return self.start("info", lambda at: [*words, f"{at}/flight.nc", "-o", f"{at}/{LOOK}"], inputs)
+
+    def _follow_mapping(self) -> None:
+        """Take corrections that are done, unless the mapping was changed since; read the log by a mapping that was changed."""
+        read, step = self.reading, self.corrections
+        if read is None or read.running:
+            return
+        text = self.mapping
+        done = step is not None and step.state == "done" and step.text(BEFORE) == text != step.text(MAPPING)
+        if step is not None and done and modified(self._place(MAPPING)) <= modified(step.file(steps.COMMAND)):
+            self.take_mapping(step.text(MAPPING))  # the file was not written since they began
+        elif read.kind == "info" and read.text(MAPPING) != text:
+            self.read_log()
 
     @property
     def info(self) -> dict[str, Any]:
@@ -221,11 +268,8 @@ class Project:
         OutputError
             It cannot be written.
         """
-        if before is not None and before != version(self.vehicle):
-            raise ChangedError(
-                "The vehicle was changed in another tab or editor since this form was filled. Your edits are kept in the form: "
-                "reload the file to see the other changes, or save again to replace them"
-            )
+        if before is not None:
+            _check_unchanged(VEHICLE, self.vehicle, before)
         write_text_atomic(self._place(VEHICLE), text)
 
     def take_vehicle(self, text: str) -> None:
@@ -257,12 +301,13 @@ class Project:
         write_text_atomic(self._place(WINDOWS), step.text(WINDOWS))
 
     def tend(self) -> None:
-        """Use the first proposal of windows where nobody has chosen any; go back to the log before one that cannot be read."""
+        """Use the first proposal of windows where nobody has chosen any, follow the mapping, leave a log that cannot be read."""
         self._check_places()
         own = [s.state for s in self.readings if log_of(s) == self.log]
         unread = own[-1:] == ["failed"] and "done" not in own
         if unread and self.former and not self._place(MAPPING).exists():
             self._turn_to(self.former[0], keep=False)
+        self._follow_mapping()
         step = self.latest("maneuvers")
         if step is not None and not self._place(WINDOWS).exists() and step.state == "done":
             self.take_proposal(step)
@@ -328,6 +373,15 @@ class Project:
 def log_of(step: Step) -> str:
     """Return the log that a step reads."""
     return next(iter(step.words[2:]), "")
+
+
+def _check_unchanged(name: str, text: str, before: str) -> None:
+    """Raise `ChangedError` where a file is not the one from which a change began, by its `version`."""
+    if before != version(text):
+        raise ChangedError(
+            f"{name} was changed in another tab or editor since this form was filled. Your edits are kept in the form: discard "
+            "them to see the other changes, or save again to put yours on top"
+        )
 
 
 def version(text: str) -> str:

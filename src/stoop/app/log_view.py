@@ -1,8 +1,7 @@
-"""The log: dropped or picked, its mapping asked where its columns have no known meaning, and seen."""
+"""The log: dropped or picked, and seen."""
 
 from __future__ import annotations
 
-import re
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, ClassVar, Final
@@ -11,7 +10,7 @@ import panel as pn
 import param
 
 from stoop.app import parts
-from stoop.app.folder import LOOK, MAPPING, log_of
+from stoop.app.folder import LOOK, log_of
 from stoop.app.places import reading
 from stoop.app.steps import OUTPUT, Step
 from stoop.app.uploads import size
@@ -22,7 +21,6 @@ ENDINGS: Final = (
     ".ulg", ".bin", ".log", ".usd", ".bbl", ".bfl", ".mat", ".parquet", ".bag", ".mcap", ".csv", ".csv.gz", ".nc",
 )  # fmt: skip
 MAX_FOUND: Final = 12  #: logs of the folder around that are offered
-UNSURE: Final = re.compile(r"^(?P<line>[^#]*\S)\s*#\s*unsure:\s*(?P<doubt>.*)$")
 
 
 def near() -> list[Path]:
@@ -44,7 +42,7 @@ class DropZone(pn.custom.JSComponent):
 
 
 class LogView(View):
-    """Choose a log, answer what is unsure in its mapping, see it."""
+    """Choose a log, see it."""
 
     title = "Log"
 
@@ -65,7 +63,7 @@ class LogView(View):
             shown[:] = [self._head(), *self.waiting(step, "reading the log")]
         elif step.state == "failed":
             again = parts.button("Read again", self.act(project.read_log))
-            mapping = parts.button("Draft a mapping", self.act(project.draft_mapping))
+            mapping = parts.button("The columns", lambda: self.go("Columns"))
             shown[:] = [self._head(), parts.failed(step), pn.Row(again, mapping), *self._choice()]
         elif step.kind == "map":
             shown[:] = [self._head(), *self._mapping(step)]
@@ -114,33 +112,12 @@ class LogView(View):
         return parts.button(path.name, self.act(lambda: self.project.open_log(path)), description=str(path))
 
     def _mapping(self, step: Step) -> list[Any]:
-        lines = step.text(MAPPING).splitlines()
-        found = {i: match for i, line in enumerate(lines) if (match := UNSURE.match(line))}
-        wide = {"sizing_mode": "stretch_width", "margin": (2, 0)}
-        asked = {
-            i: pn.widgets.TextInput(label=f"unsure: {match['doubt']}", value=match["line"], **wide)
-            for i, match in found.items()
-        }
-        text = pn.widgets.TextAreaInput(value="\n".join(lines), rows=14, max_length=1_000_000, **parts.CODE)
-        before = text.value
-
-        def taken() -> None:
-            answers = {i: field.value.strip() for i, field in asked.items()}
-            kept = "\n".join([*(answers.get(i, line) for i, line in enumerate(lines)), ""])
-            self.project.take_mapping(kept if text.value == before else text.value)
-
         lead = (
-            "Nothing in this kind of log says what its columns mean; this was drafted by names, units and the size of the "
-            f"numbers. {len(asked)} lines are unsure: correct them, or empty a line to leave the column out."
+            "Nothing in this kind of log says what its columns mean. A mapping was drafted by names, units and the size of the "
+            "numbers: look at it, choose what is missing, and the log is read."
         )
-        return [
-            parts.html(f"<h2>What the columns mean</h2><p>{lead}</p>"),
-            *asked.values(),
-            parts.button("Use this mapping", self.act(taken), "primary"),
-            parts.html(parts.soft("or edit the whole draft")),
-            text,
-            parts.html(parts.command(step)),
-        ]
+        onward = parts.button("Next: the columns", lambda: self.go("Columns"), "primary")
+        return [parts.html(f"<p>{lead}</p>"), onward, parts.html(parts.command(step))]
 
     def _flight(self, step: Step) -> list[Any]:
         info = self.project.info
@@ -151,8 +128,11 @@ class LogView(View):
         findings = f"<h3>Suspected faults</h3>{parts.bullets(faults)}" if faults else ""
         return [
             parts.html(f"<p>{parts.escaped(span)}</p>"),
-            parts.button("Next: the vehicle", lambda: self.go("Vehicle"), "primary"),
-            parts.html(findings + parts.frame(f"{step.name}/{LOOK}", "the flight")),
-            parts.html(parts.command(step)),
-            parts.card("Another log", *self._choice()),
+            pn.FlexBox(
+                parts.button("Next: the vehicle", lambda: self.go("Vehicle"), "primary"),
+                parts.button("What the columns mean", lambda: self.go("Columns")),
+            ),
+            parts.html(findings),
+            parts.card("Another log", *self._choice(), parts.html(parts.command(step))),
+            parts.framed(f"{step.name}/{LOOK}", "the flight"),
         ]

@@ -11,6 +11,7 @@ from typing import Any, Final
 import panel as pn
 
 from stoop.app import parts
+from stoop.app.columns_view import ColumnsView
 from stoop.app.compare_view import CompareView
 from stoop.app.fit_view import FitView
 from stoop.app.folder import Project
@@ -26,7 +27,7 @@ from stoop.errors import StoopError
 
 ENDED: Final = "The app has ended or cannot be reached. Runs go on; start it again with the same command."
 PERIOD: Final = 500  #: ms between two looks at the folder
-VIEWS: Final = (LogView, VehicleView, WindowsView, FitView, CompareView, UseView)
+VIEWS: Final = (LogView, ColumnsView, VehicleView, WindowsView, FitView, CompareView, UseView)
 
 
 class Page:
@@ -42,7 +43,7 @@ class Page:
         self.shown = ""
         self._signature: Any = None
         self._stale: set[str] = set()
-        self.stage = pn.Column(sizing_mode="stretch_width", margin=0)
+        self.stage = pn.Column(**parts.STAGE)
         self.trouble = parts.html()  #: what is wrong with the folder itself
         self.commands = parts.html(margin=(24, 0, 8, 0))
         head = f"<header><h1>stoop</h1><span class='soft'>{parts.escaped(project.root)}</span></header>"
@@ -53,7 +54,8 @@ class Page:
             self.trouble,
             self.stage,
             self.commands,
-            sizing_mode="stretch_width",
+            sizing_mode="stretch_both",
+            styles={"height": "auto", "min-height": "calc(100vh - 24px)"},
             margin=(12, 20),
             max_width=1400,
         )
@@ -97,8 +99,9 @@ class Page:
     def _refresh(self, title: str) -> None:
         self._stale.discard(title)
         view = self.views[title]
-        if said := self._guarded(title, view.refresh):
-            view.body[:] = [parts.html(said)]
+        with parts.working(self.stage):
+            if said := self._guarded(title, view.refresh):
+                view.body[:] = [parts.html(said)]
 
     def _guarded(self, title: str, what: Callable[[], object]) -> str:
         """Read the folder; return in one line why that failed, such as a file that was edited; empty where it did not."""
@@ -127,6 +130,8 @@ def page_of(project: Project) -> Callable[[], Any]:
         raw_css=[parts.style("style.css")],
         inline=False,
         notifications=True,
+        loading_color="#1f5fa8",
+        global_loading_spinner=True,
         disconnect_notification=ENDED,
     )
     for kind in (pn.widgets.Button, pn.widgets.Select):

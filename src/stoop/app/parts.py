@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from functools import cache
 from html import escape
 from importlib.resources import files
@@ -20,8 +21,17 @@ from stoop.errors import StoopError
 BAR: Final = "<div class='bar'><i></i></div>"  #: work goes on
 CODE: Final[dict[str, Any]] = {
     "sizing_mode": "stretch_width",
+    "auto_grow": True,
+    "max_length": 1_000_000,
     "stylesheets": ["textarea { font: 12px/1.5 ui-monospace, Menlo, Consolas, monospace; }"],
 }  #: options of a field for a file
+#: options of what takes the rest of the window, or more where it needs more
+FILLING: Final[dict[str, Any]] = {
+    "sizing_mode": "stretch_both",
+    "margin": 0,
+    "styles": {"flex": "1 0 auto", "height": "auto"},
+}
+_OPTION: Final = re.compile(r"(?<![\w-])--([a-z][a-z-]*)")
 DIGITS: Final = frozenset(("", *"0123456789-−.±"))  #: with which a cell of a number begins
 STATES: Final = {"running": "running", "done": "done", "failed": "not done"}
 
@@ -30,6 +40,21 @@ STATES: Final = {"running": "running", "done": "done", "failed": "not done"}
 def style(name: str) -> str:
     """Return a style sheet of the app."""
     return (files("stoop.app") / name).read_text("utf-8")
+
+
+#: options of what shows that work goes on, see `working`
+STAGE: Final[dict[str, Any]] = {**FILLING, "stylesheets": [style("busy.css")]}
+
+
+@contextmanager
+def working(shown: pn.Column) -> Iterator[None]:
+    """Show at once that work goes on, until it is done; `busy.css` keeps back the sign of what is done in a moment."""
+    with pn.io.unlocked():  # sent before the work, which holds the server
+        shown.loading = True
+    try:
+        yield
+    finally:
+        shown.loading = False
 
 
 def html(text: str = "", **options: Any) -> pn.pane.HTML:
@@ -43,9 +68,14 @@ def escaped(text: object) -> str:
     return escape(printable_lines(str(text)))
 
 
+def spoken(text: str) -> str:
+    """Return a text with options of a command as the things that they name: ``--wing-area`` is wing area."""
+    return _OPTION.sub(lambda found: found[1].replace("-", " "), text)
+
+
 def error(text: object) -> str:
     """Return an error in words."""
-    return f'<div class="error" role="alert">{escaped(text)}</div>' if text else ""
+    return f'<div class="error" role="alert">{escaped(spoken(str(text)))}</div>' if text else ""
 
 
 def note(text: object) -> str:
@@ -126,13 +156,13 @@ def field(option: Option, label: str = "", **settings: Any) -> Any:
     unit = f", {option.unit}" if option.unit else ""
     shared: dict[str, Any] = {
         "label": f"{label or option.key.replace('_', ' ')}{unit}",
-        "description": plain(option.meaning),
+        "description": spoken(plain(option.meaning)),
     }
     shared |= {"margin": (0, 12, 4, 0), **settings}
     if option.choices:
         titles = {title or name: name for name, title in option.choices.items()}
         return pn.widgets.Select(options=titles, **shared)
-    shared["placeholder"] = plain(option.usual)
+    shared["placeholder"] = spoken(plain(option.usual))
     if option.kind == "positive":
         return pn.widgets.FloatInput(value=option.default, start=0.0, **shared)
     return pn.widgets.TextInput(value=option.default or "", **shared)
@@ -152,7 +182,7 @@ def given(option: Option, value: Any) -> list[str]:
     for word in words:
         if word.startswith("-") and not re.fullmatch(r"-[\d.]+(e[-+]?\d+)?", word):
             raise StoopError(
-                f"{option.name}: {word} is no value of it; write numbers or names, separated by blanks"
+                f"{option.key}: {word} is no value of it; write numbers or names, separated by blanks"
             )
     return [option.name, *words]
 
@@ -169,6 +199,17 @@ def address(place: str) -> str:
     return f"files/{url_escape(place, plus=False)}"
 
 
-def frame(place: str, title: str) -> str:
-    """Return a page that a verb wrote, shown apart from the app."""
-    return f'<iframe src="{address(place)}" title="{escaped(title)}" sandbox="allow-scripts allow-downloads"></iframe>'
+def opened(place: str, title: str) -> str:
+    """Return a link to a page that a verb wrote, which opens beside the app."""
+    return f'<p><a href="{address(place)}" target="_blank" rel="noopener">{escaped(title)}</a></p>'
+
+
+def framed(place: str, title: str) -> pn.pane.HTML:
+    """Return a page that a verb wrote, apart from the app, in the rest of the window: it scrolls, and not the app's."""
+    text = f'{BAR}<iframe src="{address(place)}" title="{escaped(title)}" sandbox="allow-scripts allow-downloads"></iframe>'
+    return html(
+        text,
+        sizing_mode="stretch_both",
+        min_height=360,
+        styles={"flex": "1 0 auto", "position": "relative"},
+    )

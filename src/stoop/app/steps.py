@@ -37,6 +37,7 @@ MAX_FILES, MAX_DEPTH = 500, 8  #: files of a step that are listed, and folders i
 PRODUCTS: Final = {
     "info": "flight.nc",
     "map": "mapping.toml",
+    "corrections": "mapping.toml",
     "drafts": "vehicle.toml",
     "trims": "",
     "equations": "",
@@ -121,6 +122,11 @@ class Step:
     def output(self) -> str:
         """What its verb has printed."""
         return self._text(OUTPUT)
+
+    @property
+    def findings(self) -> str:
+        """What its verb has printed, without the command that it proposes next: the page has a button for that."""
+        return self.output.partition("\nnext: ")[0].strip("\n")
 
     def file(self, name: str) -> Path:
         """Return the path of one of its files; raises `OutputError` where it leads out of the step's folder."""

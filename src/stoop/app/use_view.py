@@ -90,9 +90,9 @@ class UseView(View):
         links = "".join(
             f'<li><a href="{parts.address(p)}" download>{parts.escaped(p)}</a></li>' for p in places
         )
-        printed = parts.fold("what it printed", f"<pre>{parts.escaped(step.output)}</pre>", is_open=True)
-        page = next((p for p in places if p.endswith(".html")), "")
-        shown = f"<details><summary>page</summary>{parts.frame(page, step.name)}</details>" if page else ""
+        printed = parts.fold("what it printed", f"<pre>{parts.escaped(step.findings)}</pre>", is_open=True)
+        pages = [p for p in places if p.endswith(".html")]
+        shown = "".join(parts.opened(p, f"open {p}") for p in pages[:1])
         return [parts.html(f"{head}{_warnings(step)}<ul>{links}</ul>{printed}{shown}{parts.command(step)}")]
 
 

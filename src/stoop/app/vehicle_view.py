@@ -27,7 +27,7 @@ from stoop.vehicle_draft.request import TEMPLATES
 
 BY_LOG: Final = "by the log"
 ELSEWHERE: Final = (
-    "The file was changed in another tab. Your edits are kept in the form; saving puts them on top."
+    "The file was changed in another tab or editor. Your edits are kept in the form; saving puts them on top."
 )
 HEADS: Final = {"name": "number", "value": "value", "unit": "unit", "free": "free", "prior": "prior ±", "low": "lower",
                 "high": "upper", "help": "what it is"}  # fmt: skip
@@ -46,7 +46,7 @@ class VehicleView(View):
         self._form: Any = None
         self._text: Any = None
         self._choose: Any = None
-        self._checks = pn.Column(margin=0, sizing_mode="stretch_width")
+        self._checks, self._below = (pn.Column(margin=0, sizing_mode="stretch_width") for _ in range(2))
 
     def refresh(self) -> None:
         """Show the choice, or the vehicle; a form with unsaved edits stays as it is."""
@@ -137,7 +137,8 @@ class VehicleView(View):
         engine = pn.widgets.Select(label="engine", options=[BY_LOG, *ENGINES], width=120)
         new = verbs()["vehicle new"]
         fields = {
-            key: parts.field(new.option(key), width=150, step=0.01) for key in ("mass", "span", "chord")
+            key: parts.field(new.option(key), width=150, step=0.01)
+            for key in ("mass", "span", "chord", "area")
         }
 
         def drafted() -> None:
@@ -157,7 +158,7 @@ class VehicleView(View):
         if step.state == "failed":
             return parts.failed(step)
         text = step.text(VEHICLE)
-        shown = f"<div class='note'><pre>{parts.escaped(step.output)}</pre></div>{parts.command(step)}"
+        shown = f"<div class='note'><pre>{parts.escaped(parts.spoken(step.findings))}</pre></div>{parts.command(step)}"
         return pn.Column(
             parts.html(shown), parts.button("Use this draft", self.act(lambda: self.take(text)), "primary")
         )
@@ -185,7 +186,7 @@ class VehicleView(View):
                      "free": {"type": "tickCross"}},
             formatters={"free": {"type": "tickCross", "crossElement": False}}, text_align={"value": "right", "prior": "right",
                      "low": "right", "high": "right", "free": "center"},
-            sortable=False, height=520, sizing_mode="stretch_width", margin=(4, 0), stylesheets=[parts.style("form.css")],
+            sortable=False, sizing_mode="stretch_width", margin=(4, 0), stylesheets=[parts.style("form.css")],
         )  # fmt: skip
         self._form.frozen_columns = ["name"]
         unsaved = parts.html(margin=(12, 0))
@@ -218,10 +219,10 @@ class VehicleView(View):
             parts.button("Next: the windows", self.act(self._onward)),
             unsaved,
         )
-        self.body[:] = [parts.html(lead), buttons, self._form, self._checks, *rest]
+        self.body[:] = [parts.html(lead), buttons, self._checks, self._form, self._below, *rest]
 
     def _text_editor(self, text: str) -> Any:
-        self._text = pn.widgets.TextAreaInput(value=text, rows=24, max_length=1_000_000, **parts.CODE)
+        self._text = pn.widgets.TextAreaInput(value=text, **parts.CODE)
 
         def saved() -> None:
             self._keep(parse_vehicle(self._text.value, WHERE).text)
@@ -259,26 +260,27 @@ class VehicleView(View):
         self.go("Windows")
 
     def _show_checks(self) -> None:
-        """Show the trim and the equations."""
+        """Show the trim above the numbers, and the equations below them."""
         shown: list[Any] = []
+        below: list[Any] = []
         draft = self.project.latest("drafts")
         if draft is not None and modified(draft.file(COMMAND)) > modified(self.project.root / VEHICLE):
             shown.append(self._draft(draft))
         trim, written = self.project.latest("trims"), self._equations()
-        if trim is not None:
+        if trim is not None and modified(trim.file(COMMAND)) > modified(self.project.root / VEHICLE):
             done = (
                 parts.error(trim.error)
-                or f"<details open><summary>trim</summary><pre>{parts.escaped(trim.output)}</pre></details>"
+                or f"<details open><summary>trim</summary><pre>{parts.escaped(trim.findings)}</pre></details>"
             )
             busy = parts.busy(trim, "looking for a steady flight")
             shown.append(parts.html(busy if trim.running else done + parts.command(trim)))
         if written is not None and written.running:
-            shown.append(parts.html(parts.busy(written, "writing the equations")))
+            below = [parts.html(parts.busy(written, "writing the equations"))]
         elif written is not None:
             lines = "".join(map(str, (mathml(line, "block") for line in written.output.splitlines())))
             box = f"<div class='scroll equations' tabindex='0'><div>{lines}</div></div>"
-            shown.append(parts.html(f"<h3>Equations</h3>{parts.error(written.error) or box}"))
-        self._checks[:] = shown
+            below = [parts.html(f"<h3>Equations</h3>{parts.error(written.error) or box}")]
+        self._checks[:], self._below[:] = shown, below
 
     def _equations(self) -> Any:
         """Return the step that writes the equations of the file as it is; it is begun if there is none."""

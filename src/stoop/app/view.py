@@ -29,8 +29,8 @@ class View(ABC):
         self.project, self.go = project, go
         self.said = parts.html()
         self.said.jscallback(text="if (cb_obj.text) window.scrollTo({ top: 0, behavior: 'smooth' })")
-        self.body = pn.Column(sizing_mode="stretch_width", margin=0)
-        self.panel = pn.Column(self.said, self.body, sizing_mode="stretch_width", margin=0)
+        self.body = pn.Column(**parts.FILLING)
+        self.panel = pn.Column(self.said, self.body, **parts.STAGE)
 
     @abstractmethod
     def refresh(self) -> None:
@@ -49,7 +49,8 @@ class View(ABC):
         def done() -> None:
             self.say()
             try:
-                what()
+                with parts.working(self.panel):
+                    what()
             except StoopError as error:
                 self.say(error)
             except OSError as error:

@@ -80,7 +80,7 @@ class WindowsView(View):
             return self.waiting(step, "choosing windows by their information about the free numbers")
         if step.state == "failed":
             return [parts.failed(step)]
-        page = parts.html(parts.fold(WHY, parts.frame(f"{step.name}/windows.html", "windows")))
+        page = parts.html(parts.opened(f"{step.name}/windows.html", WHY))
         if step.text(WINDOWS) == text_of(self.project.root, WINDOWS):
             return [page]
         note = parts.html(parts.note(f"{step.name} proposes other windows than those below"))
@@ -128,6 +128,11 @@ class WindowsView(View):
         """Put a window in the place of one, or nothing; other windows are as the file has them now."""
 
         def done() -> None:
+            if entry not in self.project.windows:
+                self.refresh()
+                raise StoopError(
+                    "This window was changed in another tab or editor, and is shown as it is now"
+                )
             others = [e for e in self.project.windows if e != entry]
             self.project.save_windows(others if by is None else [*others, by])
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from stoop.base.files import check_target, write_text_atomic
 from stoop.base.text import show
 from stoop.cli import options
-from stoop.cli.page import page, words
+from stoop.cli.page import page, to_json, words
 from stoop.cli.progress import LiveLine
 from stoop.errors import FlightError, ManeuverError, VehicleError, listed
 
@@ -49,19 +49,28 @@ def vehicle(arguments: argparse.Namespace) -> int:
 
 
 def map_log(arguments: argparse.Namespace) -> int:
-    """Draft a mapping of a log, or correct one; print or write it."""
+    """Draft a mapping of a log, or correct one; print or write it, and with ``--json`` print the columns of the log too."""
     output, applied = arguments.output, arguments.apply
     with LiveLine("reading the log"):
         text, lines = _drafted(arguments.flight) if applied is None else _corrected(arguments.flight, applied)
-    if output is None:
-        show(text.removesuffix("\n"))
+        document = _columns(arguments.flight, text, lines) if arguments.json else ""
+    if output is not None:
+        write_text_atomic(output, text)
+    if document or output is None:
+        show(document or text.removesuffix("\n"))
         return 0
-    write_text_atomic(output, text)
     out, (first, *others) = page(), lines
     out.line(f"{output}: {first}")
     out.bullets(others)
     out.command("next: ", ["stoop", "info", str(arguments.flight), "--mapping", str(output)])
     return 0
+
+
+def _columns(log: Path, text: str, lines: list[str]) -> str:
+    """Return a mapping, what is said of it, and the columns of its log, as JSON."""
+    from stoop.flight.log_columns import columns_of, read_unmapped
+
+    return to_json({"mapping": text, "said": lines, "columns": [*columns_of(read_unmapped(log))]})
 
 
 def _drafted(log: Path) -> tuple[str, list[str]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import tomllib
 from pathlib import Path
 
@@ -35,6 +36,18 @@ def test_written_and_read(log: Path, capsys: pytest.CaptureFixture[str]) -> None
     assert "exists already" in capsys.readouterr().err
     assert main(["map", str(log), "-o", str(target), "--overwrite"]) == 0
     assert main(["info", str(log), "--mapping", str(target)]) == 0
+
+
+def test_the_columns_as_json(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    target = log.with_name("m.toml")
+    assert main(["map", str(log), "--json", "-o", str(target)]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["mapping"] == target.read_text("utf-8")
+    t, roll, _ = found["columns"]
+    assert (t["column"], t["low"], t["high"]) == ("t_s", 0.0, 9.98)
+    assert t["samples"] == sorted(t["samples"])
+    assert (roll["stream"], roll["unit"]) == ("f.csv", "")
+    assert roll["high"] == pytest.approx(20.0, abs=0.01)
 
 
 def test_no_log(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
