@@ -24,8 +24,8 @@ from stoop.base.toml import parse_source, read_source
 from stoop.base.units import FACTORS, KINDS, PULSE_FACTORS, ZEROS
 from stoop.base.variables import VARIABLES
 from stoop.errors import FlightError, LogError, listed
-from stoop.flight.column_guesses import written_unit
 from stoop.flight.alignment import Alignment
+from stoop.flight.column_guesses import written_unit
 from stoop.flight.conversion import (
     CalibrationTable,
     Frame,
