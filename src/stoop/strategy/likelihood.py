@@ -17,12 +17,13 @@ from stoop.estimate.filter_likelihood import SCORING
 from stoop.estimate.instability import largest_growth
 from stoop.estimate.noise import channel_residuals, correlation_times
 from stoop.problem import Layout
+from stoop.problem.prepare import Prepared, nuisances
 from stoop.vehicle import Vehicle
 
 #: of a fall of the log-likelihood by chance
 LEVEL: Final = 1e-3
 WORSE: Final = (
-    "simulated open loop, its end explains the fitted windows worse than its start (log-likelihood {fall:.0f} lower): "
+    "simulated open loop, its end explains {windows} worse than its start (log-likelihood {fall:.0f} lower): "
     "what is wrong is not a free number; check data, units and what is held, or fit less (--fix) by --method output-error"
 )
 
@@ -55,27 +56,27 @@ def penalized_rise(before: Estimate, after: Estimate) -> float:
     return rise - 0.5 * more * math.log(max(count, 2.0))
 
 
-def simulated_residuals(fit: Estimate, vehicle: Vehicle) -> list[FloatArray]:
-    """Return the residuals (n, n_y) of each fitted piece by a vehicle simulated open loop, its nuisances estimated anew."""
-    own = fit.problem
-    layout = Layout(vehicle, (), own.layout.nuisances)
-    problem = replace(own, layout=layout, pieces=fit.prepared.pieces)
-    z = optimize.refine(problem, np.zeros(problem.extra), len(problem.prices) - 1).z
-    return channel_residuals(problem, z)
+def simulated_residuals(fit: Estimate, vehicle: Vehicle, prepared: Prepared) -> list[FloatArray]:
+    """Return the residuals (n, n_y) of each piece by a vehicle simulated open loop, its nuisances estimated anew."""
+    layout = Layout(vehicle, (), nuisances(vehicle, prepared))
+    whole = tuple(len(piece.time) for piece in prepared.pieces)
+    problem = replace(fit.problem, layout=layout, pieces=prepared.pieces, ladder=(whole,))
+    return channel_residuals(problem, optimize.refine(problem, np.zeros(problem.extra), 0).z)
 
 
-def rise_from_start(fit: Estimate) -> float:
+def rise_from_start(fit: Estimate, prepared: Prepared | None = None) -> float:
     """Return the rise of the log-likelihood of open-loop simulations from the start of a fit to its end.
 
-    Neighboring residuals repeat themselves: readings count over the larger correlation time of both. Infinite where the
-    start cannot be simulated, NaN where the end cannot because errors of its state grow too much.
+    Of windows that are `prepared`, those that were fitted when absent. Neighboring residuals repeat themselves: readings count
+    over the larger correlation time of both. Infinite where the start cannot be simulated, NaN where the end cannot because
+    errors of its state grow too much.
     """
     if largest_growth(fit.problem, fit.z).excessive:
         return math.nan
-    start, end = (
-        simulated_residuals(fit, one) for one in (fit.problem.layout.vehicle, fit.identified_vehicle)
-    )
-    measured = np.isfinite(np.concatenate([p.measured for p in fit.prepared.pieces]))
+    prepared = prepared or fit.prepared
+    vehicles = (fit.problem.layout.vehicle, fit.identified_vehicle)
+    start, end = (simulated_residuals(fit, vehicle, prepared) for vehicle in vehicles)
+    measured = np.isfinite(np.concatenate([p.measured for p in prepared.pieces]))
     if not np.isfinite(np.concatenate(start))[measured].all():
         return math.inf
     if not np.isfinite(np.concatenate(end))[measured].all():
@@ -92,15 +93,19 @@ def _common_time(fit: Estimate, residuals: Sequence[FloatArray]) -> float:
     return float(np.median(correlation_times(residuals, fit.problem.pieces[0].dt)[measured]))
 
 
-def against_start(fit: Estimate) -> Estimate:
-    """Return the estimate, its search not confirmed where the start explains the fitted windows better than the end.
+def against_start(fit: Estimate, ahead: Prepared | None = None) -> Estimate:
+    """Return the estimate, its search not confirmed where the start explains the fitted windows, or those `ahead`, better.
 
     Twice a fall of the log-likelihood by chance has the chi-square distribution, with as many degrees of freedom as there are
     free numbers. A filter or short windows fit other residuals, weights change with the noise, and refits begin anew: what
     each of them lowers is not this.
     """
-    fall = -rise_from_start(fit) if fit.outcome.status == "converged" else math.nan
-    if not 2.0 * fall > chi2.isf(LEVEL, fit.problem.dimension):
+    if fit.outcome.status != "converged":
         return fit
-    outcome = replace(fit.outcome, status="stalled", advice=WORSE.format(fall=fall))
-    return replace(fit, outcome=outcome)
+    judged = {"the fitted windows": fit.prepared} | ({"the windows held back": ahead} if ahead else {})
+    for windows, prepared in judged.items():
+        fall = -rise_from_start(fit, prepared)
+        if 2.0 * fall > chi2.isf(LEVEL, fit.problem.dimension):
+            advice = WORSE.format(windows=windows, fall=fall)
+            return replace(fit, outcome=replace(fit.outcome, status="stalled", advice=advice))
+    return fit

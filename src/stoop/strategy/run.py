@@ -107,7 +107,9 @@ def fit(
             fitter = _enclosed(fitter, decision.around)
     found = fitter(setup)
     found = replace(found.noting(*found.setup.notices), decisions=_records(strategy, found))
-    return replace(found, estimate=against_start(found.estimate))
+    model = found.estimate.problem.layout.vehicle
+    ahead = prepare(model, found.setup.flights, held_back) if held_back and not model.measured else None
+    return replace(found, estimate=against_start(found.estimate, ahead))
 
 
 def with_tests(found: Fitted) -> Fitted:

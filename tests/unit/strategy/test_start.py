@@ -12,11 +12,15 @@ from stoop.estimate import methods
 from stoop.estimate.estimate import Estimate
 from stoop.estimate.fit import Options
 from stoop.flight import Flight
+from stoop.problem.prepare import prepare
 from stoop.problem.windows import Window
+from stoop.simulation.fly import simulate_flight
+from stoop.simulation.maneuver import parse_maneuver
 from stoop.strategy import Strategy
 from stoop.strategy.likelihood import against_start, rise_from_start, simulated_residuals
 from stoop.strategy.run import fit
 from stoop.vehicle import Vehicle
+from stoop.workflow.demo import MANEUVER
 
 WINDOWS = [Window("sim", 0.0, 20.0)]
 
@@ -33,7 +37,7 @@ def ended(found: Estimate, x: FloatArray) -> Estimate:
 
 
 def test_residuals_are_those_of_the_optimum_where_the_search_ended(found: Estimate) -> None:
-    again = simulated_residuals(found, found.identified_vehicle)
+    again = simulated_residuals(found, found.identified_vehicle, found.prepared)
     for mine, own in zip(again, found.residuals, strict=True):
         np.testing.assert_allclose(mine, own, atol=2e-3 * np.nanstd(own, axis=0).max())
 
@@ -60,6 +64,19 @@ def test_an_end_worse_than_its_start_is_not_confirmed(found: Estimate) -> None:
     assert f"{fall:.0f} lower" in judged.outcome.advice
     interrupted = replace(worse, outcome=replace(worse.outcome, status="interrupted"))
     assert against_start(interrupted) is interrupted
+
+
+def test_windows_held_back_speak_too(found: Estimate, wrong: Vehicle, flight: Flight) -> None:
+    """A window that the start flew is predicted by the start; the fit explains its own windows only."""
+    ahead = prepare(wrong, {"sim": flight}, [Window("sim", 20.0, 28.0)])
+    assert rise_from_start(found, ahead) > 10.0
+    assert against_start(found, ahead) is found
+    other = simulate_flight(wrong, parse_maneuver(MANEUVER, "test"), seed=4, name="other")
+    ahead = prepare(wrong, {"other": other}, [Window("other", 0.0, 20.0)])
+    assert rise_from_start(found, ahead) < -20.0
+    judged = against_start(found, ahead)
+    assert judged.outcome.status == "stalled"
+    assert "the windows held back" in judged.outcome.advice
 
 
 def test_a_regression_is_judged_by_its_simulation(aircraft: Vehicle, flight: Flight) -> None:
