@@ -188,7 +188,7 @@ def test_by_defaults(result: Result, workplace: Path) -> None:
         found = (one.theil, other.theil, one.baseline_theil)
         assert found == pytest.approx([float(cell) for cell in cells], abs=ROUNDING), channel
     said_of = {(one.code, one.subject): one.values for one in by_defaults.notices}
-    assert ("inertia-held", "mass.inertia.zz") in said_of, "as the page says"
+    assert ("inertia-small", "mass.inertia.zz") in said_of, "as the page says"
     assert said_of["prior-widened", "CD0"]["estimate"] == pytest.approx(0.20, abs=0.01)
     assert [r.verdict.grade for r in (by_hand, by_defaults) if r.verdict] == ["usable", "usable"]
     common = [n for n in by_defaults.parameters if n in result.parameters and n.startswith("C")]
