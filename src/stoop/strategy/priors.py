@@ -30,22 +30,21 @@ def widen(setup: Setup, fit: Fitter) -> Fitted:
     first, cut = _with_tests(fit(setup))
     began, found, widened = time.perf_counter(), first, dict[str, PriorConflict]()
     for _ in range(MAX_ROUNDS):
-        wider = {} if cut else _contradicted(found)
+        wider = {} if cut else _contradicted(found, setup)
         if not wider:
             break
-        vehicle = found.setup.vehicle.with_numbers({n: {"prior": c.consistent} for n, c in wider.items()})
+        kept = {n: replace(c, consistent=wider[n].consistent) for n, c in widened.items() if n in wider}
+        more = wider | widened | kept
+        vehicle = setup.vehicle.with_numbers({n: {"prior": c.consistent} for n, c in more.items()})
         setup.watch(f"wider prior: {', '.join(wider)}")
-        try:
-            found, cut = _with_tests(fit(found.setup.again(vehicle)))
+        try:  # with all decisions before this one, which it may change
+            found, cut = _with_tests(fit(setup.again(vehicle)))
         except KeyboardInterrupt:
             cut = True
             break
         except IdentificationError:  # a search that fails with less to hold it
             break
-        widened = {
-            n: replace(c, consistent=wider[n].consistent) if n in wider else c for n, c in widened.items()
-        }
-        widened = wider | widened
+        widened = more
     if widened:
         outcome = replace(found.estimate.outcome, state=first.estimate.outcome.state)  # saved, and resumed
         found = replace(found, estimate=replace(found.estimate, outcome=outcome))
@@ -64,12 +63,13 @@ def _with_tests(found: Fitted) -> tuple[Fitted, bool]:
     return replace(found, tests=tested), cut
 
 
-def _contradicted(found: Fitted) -> dict[str, PriorConflict]:
-    """Return the conflicts of priors that may be widened; none of a search that was stopped."""
+def _contradicted(found: Fitted, setup: Setup) -> dict[str, PriorConflict]:
+    """Return the conflicts of priors that may be widened, of the fit before any decision; none of a search that was stopped."""
     if found.estimate.outcome.status == "interrupted":
         return {}
     conflicts = prior_tests(found.estimate, found.tested.bars).conflicts
-    return {one.name: one for one in conflicts if not one.name.startswith(MASS)}
+    known = {p.name for p in setup.vehicle.parameters if p.prior is not None and not p.name.startswith(MASS)}
+    return {one.name: one for one in conflicts if one.name in known}
 
 
 def _values(one: PriorConflict) -> dict[str, float]:
