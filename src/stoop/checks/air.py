@@ -79,7 +79,7 @@ class Air:
 
     def scales(self, state: Assignment) -> dict[tuple[str, ...], float]:
         """Return the factor of each airspeed that the velocity over ground shows, where it is no calibration."""
-        out = {}
+        out: dict[tuple[str, ...], float] = {}
         for name in set(self.names) & set(AIRSPEEDS):
             factor = 1.0 / self._fit(state, scaled=name)[1][-1]
             if factor > 0.1 and abs(factor - 1.0) > AGREEMENT.gain:

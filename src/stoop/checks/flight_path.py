@@ -43,7 +43,9 @@ class FlightPath:
 
     def __init__(self, data: Columns, rate: float, winged: bool) -> None:
         #: what tells the path: velocities, else positions
-        self.path = next((names for names in (VELOCITY, POSITION) if set(names) <= data.keys()), ())
+        self.path: tuple[str, ...] = next(
+            (names for names in (VELOCITY, POSITION) if set(names) <= data.keys()), ()
+        )
         there = bool(self.path) and set(EULER) <= data.keys() and not set(SPECIFIC_FORCE) <= data.keys()
         self.data, self.rate, self.winged, self.there = data, rate, winged, there
         self.steps = max(2, round(LIMITS.span * rate))

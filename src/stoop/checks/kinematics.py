@@ -94,9 +94,7 @@ class Motion:
             implied = self._implied(state)
             for i, name in enumerate(RATES):
                 parts["turn", name] = implied[:, i], self._mean(state, name, self.turn)
-            for names, (_, gain) in self._gains(state).items():
-                bounds = 1.0 - LIMITS.calibration, 1.0 + LIMITS.calibration
-                out["gain", *names] = Range(gain, *bounds, LIMITS.odds)
+            out |= self._of_gains(state)
         for name, cause in MOVED_BY.items():
             if {name, cause} <= self.data.keys() and concerned(name, cause):
                 moved = self._slope(state, name) * (-1.0 if name == "altitude" else 1.0)
@@ -168,16 +166,22 @@ class Motion:
 
         Both are averaged over a second: the noise of angles divides by that, and what filters leave out is slow.
         """
-        implied, steps = self._implied(state), max(2, self.steps - self.turn)
-        moments = {}
-        for i, name in enumerate(RATES):
-            key = "slow", i, *self._readings(state, EULER)
-            y = self._keep(key, lambda i=i: _means(implied[:, i], steps))
-            column, factor = reading(state, name)
-            x = self._keep(("slow", column), lambda c=column: _means(self._mean({}, c, self.turn), steps))
-            moments[name,] = _moments(y, factor * x)
+        steps = max(2, self.steps - self.turn)
+        implied = self._keep(
+            ("slow", *self._readings(state, EULER)),
+            lambda: np.column_stack([_means(x, steps) for x in self._implied(state).T]),
+        )
+        moments: dict[tuple[str, ...], FloatArray] = {}
+        for y, name in zip(implied.T, RATES, strict=True):
+            moments[name,] = _moments(y, _means(self._mean(state, name, self.turn), steps))
         moments[RATES] = np.sum([*moments.values()], axis=0)
         return {names: _gain(own, self.steps, len(names)) for names, own in moments.items()}
+
+    def _of_gains(self, state: Assignment) -> Residuals:
+        """Return the gains as evidence against calibrated sensors."""
+        bounds = 1.0 - LIMITS.calibration, 1.0 + LIMITS.calibration
+        gains = self._gains(state).items()
+        return {("gain", *names): Range(nearest, *bounds, LIMITS.odds) for names, (_, nearest) in gains}
 
     def _felt(self, state: Assignment) -> FloatArray:
         """Return the mean acceleration (m, 3) over a span, north, east, down, that the specific force makes."""

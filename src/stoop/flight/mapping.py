@@ -227,8 +227,8 @@ def read_flight_mapping(path: Path) -> FlightMapping:
 
 def flight_mapping(place: str, content: Mapping[str, Any]) -> FlightMapping:
     """Return the mapping that a file of this content is; see `read_flight_mapping`."""
-    known = MappingFile.model_fields.keys()
-    if content and not any(key in known or nearest(key, known).startswith("did you mean") for key in content):
+    keys = MappingFile.model_fields.keys()
+    if content and not any(key in keys or nearest(key, keys).startswith("did you mean") for key in content):
         raise LogError(
             f"{place}: no mapping but a file of {listed(content, 6)}; a mapping has [variables], "
             "draft one by stoop map LOG -o M.toml"
@@ -328,8 +328,8 @@ def _unit_factor(at: str, variable: str, unit: str) -> float:
     factors = PULSE_FACTORS if variable.startswith("pwm_") else FACTORS
     known = VARIABLES[variable].unit
     if unit not in factors:
-        meant, same = written_unit(unit), [u for u in factors if KINDS[u] == KINDS[known]]
-        advice = f'write "{meant}"' if meant in same else nearest(unit, same)
+        meant, alike = written_unit(unit), [u for u in factors if KINDS[u] == KINDS[known]]
+        advice = f'write "{meant}"' if meant in alike else nearest(unit, alike)
         raise LogError(f"{at}.unit = '{unit}' is unknown; {advice}")
     if unit != "1" and KINDS[unit] != KINDS[known]:
         same = ", ".join(u for u in FACTORS if KINDS[u] == KINDS[known])

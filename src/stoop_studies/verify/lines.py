@@ -58,7 +58,7 @@ class Mangled:
 
 def times(words: str, factor: float, *names: str) -> Mangled:
     """Return columns that are multiplied."""
-    return Mangled(words, names, lambda x: {**x, **{n: factor * x[n] for n in names}})
+    return Mangled(words, names, lambda x: {**x, **{n: factor * x[n] for n in names if n in x}})
 
 
 def swap(one: str, other: str) -> Mangled:
@@ -108,6 +108,21 @@ def _quarter(x: Columns) -> Columns:
 
 
 _TABLES: Final = tomllib.loads(study.data_text("lines.toml"))
+_KNOT, _FOOT = FACTORS["kt"], FACTORS["ft"]
+#: lines that one recorder wrote wrong together
+TOGETHER: Final = (
+    times("all angles and rates in degrees", 1.0 / DEGREE, *EULER, *RATES),
+    times("heading and rates in degrees", 1.0 / DEGREE, "psi", *RATES),
+    times("vn and ve in knots", 1.0 / _KNOT, "vn", "ve"),
+    times("all speeds in knots", 1.0 / _KNOT, *VELOCITY, "V"),
+    Mangled(
+        "altitude in feet, climb in ft/min",
+        ("altitude", "vd"),
+        lambda x: {**x, "altitude": x["altitude"] / _FOOT, "vd": x["vd"] * 60.0 / _FOOT},
+    ),
+    times("all rates 10 % high", 1.1, *RATES),
+    times("all rates 10 % low", 0.9, *RATES),
+)
 COMMON, OF_AIRCRAFT = (tuple(map(_mangled, _TABLES[key])) for key in ("common", "of_aircraft"))
 _IMU, _NAVIGATION = (*RATES[1:], *SPECIFIC_FORCE[1:]), (*VELOCITY, "pn", "pe")
 FRAMES: Final = (
@@ -313,10 +328,13 @@ def judge(case: str, seed: int, data: str = "") -> dict[str, Any]:
     if winged and rng.random() < 0.6:
         kinds = OF_AIRCRAFT
     time, truth = flown(seed, winged)
-    kinds = FRAMES if case == "frames" else kinds
+    kinds = {"frames": FRAMES, "together": TOGETHER}.get(case, kinds)
     mangled = kinds[int(rng.integers(len(kinds)))] if case != "clean" else times("right", 1.0)
     truth = {n: x for n, x in truth.items() if n != "pd"}
-    if "in degrees" in mangled.words and NAMES[dialect][mangled.lines[0]][1] == "deg":
+    of_radians = [n for n in mangled.lines if NAMES[dialect].get(n, ("", ""))[1] in ("rad", "rad/s")]
+    if "in degrees" in mangled.words and of_radians:  # of several lines those that are not in degrees anyway
+        mangled = times(mangled.words, 1.0 / DEGREE, *of_radians)
+    elif "in degrees" in mangled.words and NAMES[dialect][mangled.lines[0]][1] == "deg":
         mangled = times(
             mangled.words.replace("in degrees", "in radians, declared deg"), DEGREE, *mangled.lines
         )
@@ -386,12 +404,12 @@ def real_flights(folder: Path) -> list[Path]:
     return found
 
 
-CASES: Final = ("mangled", "frames", "clean", "real")
+CASES: Final = ("mangled", "frames", "together", "clean", "real")
 
 
 def show(setting: Setting, samples: study.Samples) -> Findings:
     """Return how often the wrong line was named, and what right flights were accused of."""
-    mangled = [*samples["mangled"], *samples["frames"]]
+    mangled = [*samples["mangled"], *samples["frames"], *samples["together"]]
     clean = [r for case in ("clean", "real") for r in samples[case] if r["said"] != "none"]
     named = sum(r["said"] in ("named", "ambiguous") for r in mangled)
     alone, wrong = (sum(r["said"] == word for r in mangled) for word in ("named", "wrong"))

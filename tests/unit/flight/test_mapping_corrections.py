@@ -163,3 +163,27 @@ def test_an_error_names_the_mapping_and_not_a_copy(tmp_path: Path) -> None:
     path, mapping = written(tmp_path, flown(), MAPPING + SINGLE.replace('"p"', '"zz"'))
     with pytest.raises(StoopError, match=r"m\.toml: variables\.p"):
         corrected_mapping(path, mapping)
+
+
+def test_what_a_draft_doubted_is_not_said_of_a_corrected_line() -> None:
+    text = '[variables]\nq = {column = "q", unit = "rad"}  # unsure: rad by its size only; rad by its size; mine\n'
+    assert with_changes(text, ['variables.q.unit = "deg"']).endswith('"deg"}  # mine\n')
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ('name = "twin"\n[mass]\nmass = 1.0\n', "no mapping but a file of name, mass; a mapping has"),
+        ("t,p,q\n1,2,3\n", "not valid TOML"),
+        (SINGLE.join(["[variables]\n", ""]).replace("rad/s", "dps"), 'is unknown; write "deg/s"'),
+        (
+            "[variables]\n" + SINGLE.replace("rad/s", "kotz"),
+            "is unknown; choose from|is unknown; the nearest",
+        ),
+        ("[variables]\n" + SINGLE.replace('column = "q"', 'column = "altitud"'), "did you mean altitude"),
+    ],
+)
+def test_what_is_no_mapping_is_told(tmp_path: Path, text: str, words: str) -> None:
+    path, mapping = written(tmp_path, flown(), text)
+    with pytest.raises(StoopError, match=words):
+        corrected_mapping(path, mapping)
