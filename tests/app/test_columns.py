@@ -80,13 +80,13 @@ def project(tmp_path: Path, table: Path) -> Project:
 
 def settled(project: Project) -> None:
     """Do what the page does until nothing more happens."""
-    before = None
-    while before != project.signature or any(
-        s.running for k in ("map", "info", "corrections") for s in project.steps(k)
-    ):
+    while True:
+        running = any(s.running for kind in ("map", "info", "corrections") for s in project.steps(kind))
         before = project.signature
-        time.sleep(0.02)
         project.tend()
+        if not running and project.signature == before:
+            return
+        time.sleep(0.02)
 
 
 def row_of(rows: list[columns.Row], column: str) -> columns.Row:
