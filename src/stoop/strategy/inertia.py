@@ -72,7 +72,8 @@ def _farthest(fit: Estimate, file: Vehicle) -> str:
     )
     unbounded = {name for name, q in leaves(file.file) if q.bounds is None}
     at_bound = any(u.fixed == "bound" for u in fit.unknowns if u.name in free.keys() & unbounded)
-    if is_body(fit.identified_vehicle) and not at_bound:
+    alone = len(fit.estimates) < 2  # nothing would be left to fit
+    if alone or (is_body(fit.identified_vehicle) and not at_bound):
         return ""
 
     def distance(name: str) -> float:
