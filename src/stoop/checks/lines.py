@@ -100,6 +100,7 @@ class Odds:
     one_of_several: float = -3.0  #: one velocity, position or surface alone
     less_usual: float = -3.0  #: each next unit in a list by usage
     scale: float = -5.0  #: any factor: that it is fitted is paid for
+    scales: float = -6.0  #: any factor of all rates: less likely than that all are in another unit
     downward: float = -2.0  #: an altitude that counts downward
     frame: float = -3.0  #: all axes of a sensor, or of several, point another way
 
@@ -259,7 +260,8 @@ def mapping_edits(
     for names, factor in scales.items():
         if lines.keys() >= set(names):
             change, fix = multiplied(names, factor), f"multiply scale by {factor:.3g}"
-            yield LineEdit("scale", names, fix, change, _complete(names, factor), ODDS.scale)
+            prior = ODDS.scale if len(names) == 1 else ODDS.scales
+            yield LineEdit("scale", names, fix, change, _complete(names, factor), prior)
     grouped = {name for sensor in SENSORS for name in sensor}
     for sensor in SENSORS:
         own = tuple(name for name in sensor if name in there)

@@ -22,10 +22,11 @@ from stoop.base.units import DEGREE, FACTORS, STANDARD_GRAVITY
 from stoop.base.variables import EULER, POSITION, RATES, SPECIFIC_FORCE, VARIABLES, VELOCITY
 from stoop.checks.entries import Line
 from stoop.checks.mapping import check_mapping
-from stoop.errors import FlightError, StoopError
+from stoop.errors import StoopError
 from stoop.flight import Flight, load
 from stoop.flight.air_data import RECONSTRUCTED
 from stoop.flight.airborne import in_flight
+from stoop.flight.load import ContradictedError
 from stoop.flight.mapping_corrections import corrected_mapping
 from stoop.flight.mapping_draft import draft
 from stoop.simulation.fly import simulate_flight
@@ -247,11 +248,9 @@ def accusations(path: Path, mapping: Path | None) -> list[list[list[str]]]:
     """Return what `stoop info` says against a mapping: the lines of each edit of each finding."""
     try:
         flight = load(path, mapping, LOG_GRID)
-    except FlightError as error:
-        named = [
-            word.partition(".")[2].strip(",;") for word in str(error).split() if word.startswith("variables.")
-        ]
-        return [[named]]
+    except ContradictedError as error:
+        lines = error.notices[0].values.get("lines", (error.notices[0].subject,))
+        return [[[str(name) for name in lines]]] if isinstance(lines, tuple) else [[[]]]
     found = []
     for fault in flight.faults:
         if fault.kind in ("wrong unit", "wrong sign", "inconsistent"):
