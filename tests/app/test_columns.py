@@ -188,8 +188,9 @@ def cell(tab: Tab, column: str, field: str):
 
 def choose(tab: Tab, column: str, variable: str, unit: str) -> None:
     cell(tab, column, "variable").click()
-    tab.page.keyboard.type(variable)
+    cell(tab, column, "variable").locator("input").fill(variable)
     tab.page.locator(".tabulator-edit-list-item").get_by_text(f"{variable}: ").first.click()
+    cell(tab, column, "variable").get_by_text(variable, exact=True).wait_for()
     cell(tab, column, "unit").click()
     tab.page.locator(".tabulator-edit-list-item").get_by_text(unit, exact=True).first.click()
 
