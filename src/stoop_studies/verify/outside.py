@@ -40,6 +40,7 @@ from stoop_studies.verify import defaults, lines, outside_aircraft, outside_roto
 from stoop_studies.verify.fleet import MadeUp
 from stoop_studies.verify.instruments import Defect
 from stoop_studies.verify.outside_aircraft import OutsideFlight
+from stoop_studies.verify.pilots import Columns
 
 _TABLES: Final = tomllib.loads(study.data_text("outside.toml"))
 AIRCRAFT: Final = {name: outside_aircraft.Model(name=name, **row) for name, row in _TABLES["jsbsim"].items()}
@@ -87,6 +88,7 @@ FAR: Final = 6.0  #: standard errors
 EQUAL: Final = {
     "V": ("airspeed_pitot",),
     "control_throttle": ("throttle",),
+    "altitude": ("pd",),
 }  #: variables by which the same is read
 
 
@@ -140,7 +142,9 @@ def mapped(log: recorders.Log, folder: Path) -> tuple[Path, dict[str, list[str]]
         text = corrected_mapping(log.path, mapping).text
         mapping.write_text(text, encoding="utf-8")
         own = tomllib.loads(text).get("variables", {})
-        wrong = lines.misread(log.path, text, log.shown, log.lines, lines.CALIBRATED)
+        wrong = min(
+            (lines.misread(log.path, text, x, x.keys(), lines.CALIBRATED) for x in turned(log.shown)), key=len
+        )
     except (StoopError, KeyError):
         pass
     edits = {
@@ -150,6 +154,18 @@ def mapped(log: recorders.Log, folder: Path) -> tuple[Path, dict[str, list[str]]
     if any(edits.values()):
         mapping.write_text(log.mapping, encoding="utf-8")
     return mapping, edits
+
+
+def turned(shown: Columns) -> Iterator[Columns]:
+    """Yield what a log shows, with north in each of four directions: a flight is the same in all of them."""
+    for k in range(4):
+        s, c = (0, 1, 0, -1)[k], (1, 0, -1, 0)[k]
+        out = {"pd": -shown["altitude"], **shown} if "altitude" in shown else dict(shown)
+        out |= {"psi": shown["psi"] + 0.5 * np.pi * k} if "psi" in shown else {}
+        for n, e in (("vn", "ve"), ("pn", "pe")):
+            if {n, e} <= shown.keys():
+                out |= {n: c * shown[n] - s * shown[e], e: s * shown[n] + c * shown[e]}
+        yield out
 
 
 def planted(case: str, seed: int, flight: OutsideFlight, folder: Path) -> dict[str, Any]:
@@ -234,7 +250,8 @@ def _recorded(case: str, seed: int, folder: Path) -> dict[str, Any]:
         "processor": time.process_time() - worked,
         "refused_by": refusals(folder / "result" / "vehicle.toml"),
     }
-    late = {"velocity": recorder.latency["gps"], "commands": recorder.latency["commands"]}
+    hold = 0.5 / recorder.rates["commands"] if recorder.held else 0.0  # by which rows that repeat it are late
+    late = {"velocity": recorder.latency["gps"], "commands": recorder.latency["commands"] - hold}
     shares = arm / flight.tape.get("chord", 0.5 * flight.tape["span"])
     defect = Defect("", delay=late, arm=(float(shares[0]), float(shares[1]), float(shares[2])))
     compared = defaults.compared(flown(case, seed, flight, log, vehicle, defect), job)

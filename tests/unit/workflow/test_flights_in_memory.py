@@ -178,7 +178,8 @@ def test_what_contradicts_a_table_is_a_fault_with_its_column(
 ) -> None:
     found = as_flight(pd.DataFrame({n: x * (factor if n in names else 1.0) for n, x in turning().items()}))
     (fault,) = found.faults
-    assert (fault.kind, fault.variable) == (kind, names[0])
+    assert fault.kind == kind
+    assert fault.variable in names
     assert fault.message.endswith(advice)
     assert fault.notice in found.notices
 
