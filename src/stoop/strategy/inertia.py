@@ -21,6 +21,7 @@ from typing import Final
 import numpy as np
 
 from stoop.base.notices import notice
+from stoop.errors import IdentificationError
 from stoop.estimate.estimate import Estimate
 from stoop.results.decisions import DecisionRecord
 from stoop.strategy.decision import Fitted, Fitter, Setup
@@ -41,14 +42,17 @@ def hold_inertia(setup: Setup, fit: Fitter) -> Fitted:
     while found.estimate.outcome.status != "interrupted" and (
         name := _farthest(found.estimate, setup.vehicle)
     ):
-        held[name] = found.estimate.estimates[name]
         (known,) = (p for p in vehicle.parameters if p.name == name)
         vehicle = vehicle.with_numbers({name: {"value": known.prior_mean, "free": False}})
+        moved = found.estimate.estimates[name]
         try:
             found = fit(setup.again(vehicle))
         except KeyboardInterrupt:
             found = found.interrupted(DOING)
             break
+        except IdentificationError:  # nothing else is free, or the search fails: what was found stands
+            break
+        held[name] = moved
     if not held:
         return found
     record = DecisionRecord(
