@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from functools import partial
 from typing import Any, Final
 
@@ -75,11 +75,13 @@ class Page:
 
     def go(self, title: str) -> None:
         """Show a step."""
-        self.shown = title
+        begun, self.shown = self.shown, title
         for name, one in self.buttons.items():
             one.button_type = "primary" if name == title else "default"
         if title in self._stale:
-            self._refresh(title)
+            # a sign is sent at once: not to a browser that is still loading the page
+            with parts.working(self.stage) if begun else nullcontext():
+                self._refresh(title)
         self.stage[:] = [self.views[title].panel]
 
     def tick(self) -> None:
@@ -99,9 +101,8 @@ class Page:
     def _refresh(self, title: str) -> None:
         self._stale.discard(title)
         view = self.views[title]
-        with parts.working(self.stage):
-            if said := self._guarded(title, view.refresh):
-                view.body[:] = [parts.html(said)]
+        if said := self._guarded(title, view.refresh):
+            view.body[:] = [parts.html(said)]
 
     def _guarded(self, title: str, what: Callable[[], object]) -> str:
         """Read the folder; return in one line why that failed, such as a file that was edited; empty where it did not."""
