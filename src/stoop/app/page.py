@@ -132,7 +132,6 @@ def page_of(project: Project) -> Callable[[], Any]:
         inline=False,
         notifications=True,
         loading_color="#1f5fa8",
-        global_loading_spinner=True,
         disconnect_notification=ENDED,
     )
     for kind in (pn.widgets.Button, pn.widgets.Select):

@@ -77,4 +77,4 @@ def _values(one: PriorConflict) -> dict[str, float]:
     return {name: value for name, value in asdict(one).items() if name != "name"}
 
 
-PRIORS: Final = Decision(NAME, "Does the flight contradict priors?", around=widen)
+PRIORS: Final = Decision(NAME, "Does the flight contradict priors?", default=False, around=widen)
