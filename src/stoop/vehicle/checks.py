@@ -79,12 +79,8 @@ def _check_numbers(vehicle: Vehicle, where: str) -> None:
             f"{small + middle:.4g} kg m2, which no body can have; measure xx, yy, zz again"
         )
     _check_tables(vehicle, where)
-    signed = ("rotors.delay",) if vehicle.drive == "speed" else ()  # a measured speed may be recorded late
-    for name in vehicle.rows:
-        sized = (
-            name.endswith(("factor", "torque_ratio", "rotors.delay", "dead_zone", ".lag"))
-            and name not in signed
-        )
+    for name in vehicle.rows:  # a delay may be negative: what moves the vehicle may be recorded late
+        sized = name.endswith(("factor", "torque_ratio", "dead_zone", ".lag"))
         if sized and vehicle.value(name) < 0.0:
             whys = {"dead_zone": "a width has no sign", "lag": "nothing moves before its command"}
             why = whys.get(name.rpartition(".")[2], "spin gives the sign")
