@@ -15,7 +15,6 @@ from typing import Final
 
 import numpy as np
 
-from stoop import logs
 from stoop.base.arrays import within_range
 from stoop.base.autopilots import MOTOR_FUNCTIONS
 from stoop.base.toml import quoted, quoted_key
@@ -23,15 +22,15 @@ from stoop.base.units import FACTORS
 from stoop.base.variables import OUTPUT_PINS, VARIABLES
 from stoop.checks.lines import Signal
 from stoop.checks.units import PAIRS, STATISTICS, growth
-from stoop.errors import LogError, one_line
+from stoop.errors import one_line
 from stoop.flight.airborne import rotor_pulses
 from stoop.flight.apply_mapping import apply_mapping
 from stoop.flight.column_guesses import DraftLine, recognized, with_units, without_unit
 from stoop.flight.flight import from_columns, with_other_form
+from stoop.flight.log_columns import read_unmapped
 from stoop.flight.mapping import READY, ready
 from stoop.logs import Recording, Stream
-from stoop.logs.csv_tables import guess_clock, read_px4_folder, read_raw_csv
-from stoop.logs.read import is_bag_folder, kind, read_as
+from stoop.logs.csv_tables import guess_clock
 
 CLOCK_STEPS: Final = (
     ("s", 5e-5, 2.0),
@@ -86,15 +85,7 @@ def draft(path: Path) -> Draft:
     LogError
         When the log cannot be read.
     """
-    if path.is_dir() and not is_bag_folder(path):
-        try:
-            return draft_of(read_px4_folder(path))
-        except LogError:
-            return draft_of(read_raw_csv(path))
-    if path.is_file() and (known := kind(path)):
-        return draft_of(read_as(known, path))
-    table = path.is_file() and path.name.lower().endswith((".csv", ".csv.gz", ".txt"))
-    return draft_of(read_raw_csv(path) if table else logs.read(path))
+    return draft_of(read_unmapped(path))
 
 
 def draft_of(recording: Recording) -> Draft:
