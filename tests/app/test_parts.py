@@ -9,7 +9,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import panel as pn
 import pytest
 
 from stoop.app import numbers, parts, steps
@@ -300,20 +299,6 @@ def test_a_window_that_was_changed_elsewhere_is_not_replaced(tmp_path: Path) -> 
     assert project.windows == (other,)
     view._change(other, stop=2.5)
     assert [w.stop for w in project.windows] == [2.5]
-
-
-@pytest.mark.filterwarnings("ignore::PendingDeprecationWarning")  # of Panel
-def test_work_is_shown_until_it_has_ended_or_failed() -> None:
-    shown = pn.Column()
-
-    def fails() -> None:
-        with parts.working(shown):
-            assert shown.loading
-            raise StoopError("no")
-
-    with pytest.raises(StoopError):
-        fails()
-    assert not shown.loading
 
 
 def test_messages_name_things_and_not_options() -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
-from contextlib import nullcontext, suppress
+from contextlib import suppress
 from functools import partial
 from typing import Any, Final
 
@@ -43,7 +43,7 @@ class Page:
         self.shown = ""
         self._signature: Any = None
         self._stale: set[str] = set()
-        self.stage = pn.Column(**parts.STAGE)
+        self.stage = pn.Column(**parts.FILLING)
         self.trouble = parts.html()  #: what is wrong with the folder itself
         self.commands = parts.html(margin=(24, 0, 8, 0))
         head = f"<header><h1>stoop</h1><span class='soft'>{parts.escaped(project.root)}</span></header>"
@@ -75,13 +75,11 @@ class Page:
 
     def go(self, title: str) -> None:
         """Show a step."""
-        begun, self.shown = self.shown, title
+        self.shown = title
         for name, one in self.buttons.items():
             one.button_type = "primary" if name == title else "default"
         if title in self._stale:
-            # a sign is sent at once: not to a browser that is still loading the page
-            with parts.working(self.stage) if begun else nullcontext():
-                self._refresh(title)
+            self._refresh(title)
         self.stage[:] = [self.views[title].panel]
 
     def tick(self) -> None:

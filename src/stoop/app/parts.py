@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Sequence
 from functools import cache
 from html import escape
 from importlib.resources import files
@@ -40,21 +39,6 @@ STATES: Final = {"running": "running", "done": "done", "failed": "not done"}
 def style(name: str) -> str:
     """Return a style sheet of the app."""
     return (files("stoop.app") / name).read_text("utf-8")
-
-
-#: options of what shows that work goes on, see `working`
-STAGE: Final[dict[str, Any]] = {**FILLING, "stylesheets": [style("busy.css")]}
-
-
-@contextmanager
-def working(shown: pn.Column) -> Iterator[None]:
-    """Show at once that work goes on, until it is done; `busy.css` keeps back the sign of what is done in a moment."""
-    with pn.io.unlocked():  # sent before the work, which holds the server
-        shown.loading = True
-    try:
-        yield
-    finally:
-        shown.loading = False
 
 
 def html(text: str = "", **options: Any) -> pn.pane.HTML:

@@ -30,7 +30,7 @@ class View(ABC):
         self.said = parts.html()
         self.said.jscallback(text="if (cb_obj.text) window.scrollTo({ top: 0, behavior: 'smooth' })")
         self.body = pn.Column(**parts.FILLING)
-        self.panel = pn.Column(self.said, self.body, **parts.STAGE)
+        self.panel = pn.Column(self.said, self.body, **parts.FILLING)
 
     @abstractmethod
     def refresh(self) -> None:
@@ -49,8 +49,7 @@ class View(ABC):
         def done() -> None:
             self.say()
             try:
-                with parts.working(self.panel):
-                    what()
+                what()
             except StoopError as error:
                 self.say(error)
             except OSError as error:

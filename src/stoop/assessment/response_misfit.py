@@ -41,7 +41,7 @@ def response_misfits(
     Parameters
     ----------
     stretches : sequence of Stretch
-        Their outputs (n, 2q) are the measured ones, then the residuals in the same order.
+        Their outputs (n, 2q) are the measured ones, then the residuals in the same order and with the same gaps.
     inputs, outputs : names of the p inputs and q outputs
     """
     residuals = [f"residual {name}" for name in outputs]

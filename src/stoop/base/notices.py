@@ -146,6 +146,8 @@ def from_dict(content: Mapping[str, Any]) -> Notice:
     try:
         message(found)
     except LookupError:
+        if "message" not in content:
+            raise
         return as_notice(str(content["message"]), content["severity"])
     return found
 

@@ -26,6 +26,8 @@ def model_misfits(
 ) -> tuple[ResponseMisfit, ...]:
     """Return what a model leaves of the responses of the rates to the inputs, in maneuvers fitted and held back."""
     outputs = [name for name in RATES if all(name in trace.channels for trace in traces)]
+    if not outputs:
+        return ()
     axes = None
     if vehicle.rotors:
         windows = [Window(m.flight, m.start, m.stop) for m in maneuvers]
@@ -40,13 +42,12 @@ def model_misfits(
         inputs, _ = moving_inputs(columns, recorded, ())
     except FlightError:  # nothing moves
         return ()
-    stretches = [
-        Stretch(
-            1.0 / float(np.nanmedian(np.diff(trace.time))),
-            np.column_stack([own[name] for name in inputs]),
-            np.column_stack([trace.channels[o].measured for o in outputs]
-                            + [trace.channels[o].measured - trace.channels[o].simulated for o in outputs]),
-        )
-        for trace, own in zip(traces, columns, strict=True)
-    ]  # fmt: skip
+    stretches = []
+    for trace, own in zip(traces, columns, strict=True):
+        measured = np.column_stack([trace.channels[name].measured for name in outputs])
+        left = measured - np.column_stack([trace.channels[name].simulated for name in outputs])
+        measured[np.isnan(left)] = np.nan  # both have the same gaps, and so the same windows
+        rate = 1.0 / float(np.nanmedian(np.diff(trace.time)))
+        driven = np.column_stack([own[name] for name in inputs])
+        stretches.append(Stretch(rate, driven, np.column_stack([measured, left])))
     return response_misfits(stretches, inputs, outputs)
