@@ -137,7 +137,8 @@ def page_of(project: Project) -> Callable[[], Any]:
 
     def made() -> Any:
         page = Page(project)
-        pn.state.add_periodic_callback(page.tick, PERIOD)
+        # a browser that is still loading the page loses what is changed in it meanwhile
+        pn.state.onload(partial(pn.state.add_periodic_callback, page.tick, PERIOD))
         return page.panel
 
     return made
