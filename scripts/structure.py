@@ -29,7 +29,7 @@ BUDGETS = {
     "api": 200,
     "app": 3510,
     "assessment": 6440,
-    "base": 2365,
+    "base": 2370,
     "checks": 2960,
     "cli": 3100,
     "estimate": 7480,

@@ -24,16 +24,22 @@ def nearest(name: str, among: Iterable[str], cutoff: float = 0.6) -> str:
         Least resemblance, see :func:`difflib.get_close_matches`; case does not count.
     """
     choices = list(among)
-    lower = {c.lower(): c for c in reversed(choices)}
-
-    def close(least: float) -> list[str]:
-        return [lower[c] for c in difflib.get_close_matches(name.lower(), list(lower), n=3, cutoff=least)]
-
-    if found := close(cutoff):
-        return f"did you mean {' or '.join(found)}?"
+    if meant := likely(name, choices, cutoff):
+        return meant
     if len(choices) <= MOST_LISTED:
         return f"choose from {', '.join(choices) or 'none'}"
-    return f"the nearest of {len(choices)} names are {enumerated(close(0.0))}"
+    return f"the nearest of {len(choices)} names are {enumerated(_similar(name, choices, 0.0))}"
+
+
+def likely(name: str, among: Iterable[str], cutoff: float = 0.6) -> str:
+    """Ask for up to three names that resemble a wrong one, see `nearest`; empty where none does."""
+    found = _similar(name, among, cutoff)
+    return f"did you mean {' or '.join(found)}?" if found else ""
+
+
+def _similar(name: str, among: Iterable[str], cutoff: float) -> list[str]:
+    lower = {c.lower(): c for c in reversed(list(among))}
+    return [lower[c] for c in difflib.get_close_matches(name.lower(), list(lower), n=3, cutoff=cutoff)]
 
 
 def duration(seconds: float) -> str:

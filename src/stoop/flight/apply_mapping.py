@@ -12,7 +12,7 @@ import numpy as np
 from stoop import logs
 from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice, notice
-from stoop.base.text import nearest
+from stoop.base.text import likely
 from stoop.base.units import FACTORS, KINDS, MICROSECOND, PULSE_FACTORS, ZEROS
 from stoop.base.variables import EULER, VARIABLES
 from stoop.checks.entries import Line
@@ -300,8 +300,8 @@ def _supply(recording: Recording, source: Source, name: str) -> Channels | None:
 
 def _near(name: str, among: Iterable[str]) -> str:
     """Ask for the name that was meant, where one is near."""
-    advice = nearest(name, among)
-    return f"{advice} " if advice.startswith("did you mean") else ""
+    advice = likely(name, among)
+    return f"{advice} " if advice else ""
 
 
 def _there(recording: Recording, source: Source) -> set[str]:

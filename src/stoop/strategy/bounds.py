@@ -50,8 +50,7 @@ def widen(setup: Setup, fit: Fitter) -> Fitted:
             remarks[name] = notice("bounds-widened", name, bound=held[name], low=low, high=high)
     if not remarks:
         return found
-    outcome = replace(found.estimate.outcome, state=first.estimate.outcome.state)
-    found = replace(found, estimate=replace(found.estimate, outcome=outcome))
+    found = found.resuming(first)
     record = DecisionRecord(
         NAME, "applied", f"{', '.join(remarks)} at a default bound", "bounds widened, fitted again",
         log_likelihood_rise(first.estimate, found.estimate)[0], seconds=time.perf_counter() - began,

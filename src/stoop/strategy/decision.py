@@ -137,6 +137,11 @@ class Fitted:
         """Return the estimate with more notices, before its own."""
         return replace(self, estimate=replace(self.estimate, notices=(*notices, *self.estimate.notices)))
 
+    def resuming(self, first: Fitted) -> Fitted:
+        """Return the estimate with the state of a first search, which is the one that is saved and resumed."""
+        outcome = replace(self.estimate.outcome, state=first.estimate.outcome.state)
+        return replace(self, estimate=replace(self.estimate, outcome=outcome))
+
     def interrupted(self, doing: str) -> Fitted:
         """Return the estimate as that of a fit that the user stopped while it did something."""
         outcome = replace(

@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -59,8 +58,7 @@ def hold_inertia(setup: Setup, fit: Fitter) -> Fitted:
         NAME, "applied", f"{', '.join(held)} at a bound, or of no body", "held at the file's value, fitted again",
         log_likelihood_rise(first.estimate, found.estimate)[0], seconds=time.perf_counter() - began,
     )  # fmt: skip
-    outcome = replace(found.estimate.outcome, state=first.estimate.outcome.state)  # saved, and resumed
-    found = replace(found, estimate=replace(found.estimate, outcome=outcome))
+    found = found.resuming(first)
     notices = [
         notice("inertia-held", name, estimate=value, value=vehicle.value(name))
         for name, value in held.items()

@@ -68,11 +68,8 @@ def rise_from_start(fit: Estimate, prepared: Prepared | None = None) -> float:
     """Return the rise of the log-likelihood of open-loop simulations from the start of a fit to its end.
 
     Of windows that are `prepared`, those that were fitted when absent. Neighboring residuals repeat themselves: readings count
-    over the larger correlation time of both. Infinite where the start cannot be simulated, NaN where the end cannot because
-    errors of its state grow too much.
+    over the larger correlation time of both. Infinite where the start cannot be simulated.
     """
-    if largest_growth(fit.problem, fit.z).excessive:
-        return math.nan
     prepared = prepared or fit.prepared
     vehicles = (fit.problem.layout.vehicle, fit.identified_vehicle)
     start, end = (simulated_residuals(fit, vehicle, prepared) for vehicle in vehicles)
@@ -98,9 +95,9 @@ def against_start(fit: Estimate, ahead: Prepared | None = None) -> Estimate:
 
     Twice a fall of the log-likelihood by chance has the chi-square distribution, with as many degrees of freedom as there are
     free numbers. A filter or short windows fit other residuals, weights change with the noise, and refits begin anew: what
-    each of them lowers is not this.
+    each of them lowers is not this. Nothing is said where errors of the state grow too much for open-loop simulations.
     """
-    if fit.outcome.status != "converged":
+    if fit.outcome.status != "converged" or largest_growth(fit.problem, fit.z).excessive:
         return fit
     judged = {"the fitted windows": fit.prepared} | ({"the windows held back": ahead} if ahead else {})
     for windows, prepared in judged.items():

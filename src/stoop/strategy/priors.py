@@ -46,8 +46,7 @@ def widen(setup: Setup, fit: Fitter) -> Fitted:
             break
         widened = more
     if widened:
-        outcome = replace(found.estimate.outcome, state=first.estimate.outcome.state)  # saved, and resumed
-        found = replace(found, estimate=replace(found.estimate, outcome=outcome))
+        found = found.resuming(first)
         record = DecisionRecord(
             NAME, "applied", f"the flight contradicts {', '.join(widened)}", "priors widened, fitted again",
             log_likelihood_rise(first.estimate, found.estimate)[0], seconds=time.perf_counter() - began,
