@@ -83,7 +83,9 @@ def test_the_posterior_mixes(shared_data: Path) -> None:
     """32 parameters of lateral motion, at an eighth of the usual rate: R-hat at most 1.01, widths near the corrected errors."""
     flight = load(shared_data / "altlnt-vtail-8kg-px4" / "flight2", rate=12.5)
     vehicle = load_vehicle(EXAMPLE).reduced("lateral")
-    job = stoop.fit(vehicle, flight, ["140:145", "160:168.3"])
+    # these two windows alone fit moments of no body, one of which would be held: the sampler is given all of them
+    free = stoop.Strategy.default().without("held-numbers")
+    job = stoop.fit(vehicle, flight, ["140:145", "160:168.3"], strategy=free)
     uncertainty = job.assess(Posterior()).result.uncertainty
     found, corrected = (uncertainty[k] for k in ("posterior", "corrected"))
     assert found.figures["rhat"] <= 1.01
