@@ -193,12 +193,15 @@ class KindChecks:
     other_vehicle: Callable[[Vehicle, Sequence[str], bool], str]
     lift: Callable[[Vehicle, Mapping[str, Flight]], list[Notice]]  #: of flights that rotors carry
     motors: tuple[Callable[[Vehicle, Flight, Sequence[Window]], list[Notice]], ...] = ()
+    windows: tuple[Callable[[Vehicle, Flight, Sequence[Window]], list[Notice]], ...] = ()  #: that were chosen
     flight: tuple[Callable[[Flight], None], ...] = ()  #: refuse a whole flight
     data: tuple[Callable[[Vehicle, Sequence[Window], Sequence[Piece]], None], ...] = ()  #: refuse windows
 
 
 KINDS: Final = {
-    AIR_FRAME: KindChecks(_other_aircraft, _lift_of_aircraft, motors=(thrust_missing, windows_on_ground)),
+    AIR_FRAME: KindChecks(
+        _other_aircraft, _lift_of_aircraft, motors=(thrust_missing,), windows=(windows_on_ground,)
+    ),
     GROUND_FRAME: KindChecks(
         _other_rotors,
         _lift_differs,

@@ -54,17 +54,19 @@ def check(flight: Flight, vehicle: Vehicle | None = None) -> tuple[Notice, ...]:
     out = [*(fault.notice for fault in flight.faults), *found, *failed]
     if vehicle is not None:
         flights = {flight.name: flight}
-        out += [one for one in check_vehicle(vehicle, flights, whole(flights)) if one not in out]
+        out += [one for one in check_vehicle(vehicle, flights) if one not in out]
         out += attempt(out, [], inertia_notices, vehicle)
     return tuple(out)
 
 
-def check_vehicle(vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence[Window]) -> list[Notice]:
-    """Return what speaks against this vehicle in these windows; quick, and worth knowing before any search.
+def check_vehicle(
+    vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence[Window] = ()
+) -> list[Notice]:
+    """Return what speaks against this vehicle in these windows, or in whole flights; quick, and worth knowing before any search.
 
     Raises FlightError when a flight lacks what drives the vehicle: then nothing else needs saying.
     """
-    for name in dict.fromkeys(w.flight for w in windows):
+    for name in dict.fromkeys(w.flight for w in windows) or flights:
         require_channels(vehicle, flights[name])
     used = {*vehicle.outputs, *vehicle.recorded}
     mapping = [
@@ -79,9 +81,10 @@ def check_vehicle(vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequ
 
 
 def check_rotors(vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence[Window]) -> list[Notice]:
-    """Return what the motors of flights say against the rotors of a vehicle file."""
-    by_flight = {w.flight: [x for x in windows if x.flight == w.flight] for w in windows}
-    checks = KINDS[vehicle.frame].motors
+    """Return what the motors of flights, and the windows that were chosen, say against a vehicle file."""
+    taken, kind = windows or whole(flights), KINDS[vehicle.frame]
+    by_flight = {w.flight: [x for x in taken if x.flight == w.flight] for w in taken}
+    checks = (*kind.motors, *(kind.windows if windows else ()))
     found: list[Notice] = []
     for detector in checks:
         for name, own in by_flight.items():

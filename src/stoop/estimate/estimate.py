@@ -133,7 +133,7 @@ class Estimate(ABC):
         problem = replace(problem, layout=replace(problem.layout, vehicle=vehicle))
         _check_sizes(problem, arrays)
         pieces = tuple(
-            replace(piece, measured=arrays[f"recorded.{i}"], moved=(), relative_noise=())
+            replace(piece, measured=arrays[f"recorded.{i}"], moved=(), relative_noise=(), interpolated=None)
             for i, piece in enumerate(problem.pieces)
         )
         windows = tuple(Window(**one) for one in head["windows"])
@@ -240,7 +240,7 @@ def _check_sizes(problem: Misfit, arrays: Mapping[str, Any]) -> None:
     for i, p in enumerate(pieces):
         n = p.time.size
         sizes = ((p.time, (n,)), (p.inputs, (n, len(vehicle.inputs))))
-        measured = ((x, (n, channels)) for x in (p.measured, arrays[f"recorded.{i}"]))
+        measured = ((x, (n, channels)) for x in (p.measured, p.whole, arrays[f"recorded.{i}"]))
         expected += [*sizes, *measured]
     ladder = [len(rung) == len(pieces) for rung in problem.ladder]
     steps = (0 < a <= p.time.size for rung in problem.ladder for a, p in zip(rung, pieces, strict=False))

@@ -37,7 +37,14 @@ from stoop.optimize.local_refinement import FULL
 from stoop.problem import Layout, Misfit, Weights
 from stoop.problem.evidence import Evidence, observed_information, simulation_evidence
 from stoop.problem.misfit import horizon_ladder
-from stoop.problem.prepare import Prepared, decoupled, nuisances, prepare, without_stuck_channels
+from stoop.problem.prepare import (
+    Prepared,
+    at_readings,
+    decoupled,
+    nuisances,
+    prepare,
+    without_stuck_channels,
+)
 from stoop.problem.windows import Window
 from stoop.results.decisions import DecisionRecord
 from stoop.vehicle import Vehicle
@@ -230,7 +237,8 @@ def estimation_problem(
         )
     sigma = np.array([getattr(vehicle.file.sensors, c).sigma for c in vehicle.outputs])
     covariance = sigma**2 if options.covariance is None else options.covariance
-    problem = Misfit(layout, prepared.pieces, Weights.of(covariance), horizon_ladder(prepared.pieces))
+    pieces = at_readings(vehicle, prepared, flights)
+    problem = Misfit(layout, pieces, Weights.of(covariance), horizon_ladder(pieces))
     return problem, prepared
 
 

@@ -124,7 +124,7 @@ def aligned(problem: Misfit, z: FloatArray) -> Misfit:
     vehicle, pieces = problem.layout.vehicle, []
     bounds = {p.name: (p.lower, p.upper) for p in problem.layout.parameters}
     for i, piece in enumerate(problem.pieces):
-        measured, (n, ny) = piece.measured.copy(), piece.measured.shape
+        measured, whole, (n, ny) = piece.measured.copy(), piece.whole.copy(), piece.measured.shape
         moved, rows = [*(piece.moved or [0] * ny)], problem.candidates(z[None, :], i)[0][:, 0] / piece.dt
         for column, row in output_delays(vehicle):
             name, late = vehicle.parameters[row].name, float(rows[row])
@@ -135,11 +135,13 @@ def aligned(problem: Misfit, z: FloatArray) -> Misfit:
                     raise IdentificationError(
                         f"{vehicle.where}: {name}: its bounds leave less than half of a maneuver; narrow them"
                     )
-                measured[:first, column] = measured[behind:, column] = np.nan
+                for own in (measured, whole):
+                    own[:first, column] = own[behind:, column] = np.nan
             if not piece.moved or abs(late - moved[column]) > 1.0:
-                measured[:, column] = np.roll(measured[:, column], moved[column] - round(late))
+                for own in (measured, whole):
+                    own[:, column] = np.roll(own[:, column], moved[column] - round(late))
                 moved[column] = round(late)
-        pieces.append(replace(piece, measured=measured, moved=tuple(moved)))
+        pieces.append(piece.reading(measured, whole, moved=tuple(moved)))
     return replace(problem, pieces=tuple(pieces))
 
 
@@ -171,13 +173,14 @@ def undelayed(problem: Misfit) -> Misfit:
     for piece in problem.pieces:
         measured, rows = piece.measured.copy(), parameter_rows(vehicle, piece.changes)
         for column, _, row in late:
-            values, samples = piece.measured[:, column], float(rows[row, 0]) / piece.dt
+            values, samples = piece.whole[:, column], float(rows[row, 0]) / piece.dt
             if np.isfinite(values).any() and samples != 0.0:
                 whole = interpolated(unwrapped(values) if vehicle.outputs[column] in WRAPPED else values)
-                at = np.round(np.arange(len(values)) + samples).astype(np.int64)
+                at = np.arange(len(values)) + round(samples)
                 near = at[:, None] + np.arange(-GUARD, GUARD + 1)
                 inside = (near >= 0) & (near < len(values))
                 clear = (inside & np.isfinite(values[np.clip(near, 0, len(values) - 1)])).all(axis=1)
+                clear &= np.isfinite(piece.measured[np.clip(at, 0, len(values) - 1), column])
                 measured[:, column] = np.where(clear, advanced(whole, samples), np.nan)
         pieces.append(replace(piece, measured=measured))
     return replace(problem, pieces=tuple(pieces))
@@ -210,8 +213,8 @@ def measured_points(vehicle: Vehicle, piece: Piece, points: IntArray) -> Points:
     """Return mean measured states around each point, where `points` (n,) is that of each sample; else the start."""
     start = {name: np.full(len(points), value) for name, value in piece.start.items()}
     for i, channel in enumerate(vehicle.outputs):
-        if channel in start and np.isfinite(piece.measured[:, i]).any():
-            start[channel] = interpolated(unwrapped(piece.measured[:, i]))
+        if channel in start and np.isfinite(piece.whole[:, i]).any():
+            start[channel] = interpolated(unwrapped(piece.whole[:, i]))
 
     start |= recorded_motion(vehicle, piece.inputs.T, start)
 

@@ -86,21 +86,31 @@ def first_variance(problem: Misfit) -> FloatArray:
 def correlation_times(residuals: Sequence[FloatArray], dt: float) -> FloatArray:
     """Return how many residuals of each channel say as much as one independent residual (n_y,), at least 1.
 
-    The integrated autocorrelation 1 + 2 sum r_k up to its first zero crossing. A channel whose neighbors
-    are uncorrelated within chance counts as white.
+    The integrated autocorrelation 1 + 2 sum r_k up to its first zero crossing, k counting readings. A channel whose
+    neighbors are uncorrelated within chance counts as white.
     """
     present = [np.isfinite(r).astype(float) for r in residuals]
     sums, counts = lagged_products([np.nan_to_num(r) for r in residuals], present, round(MAX_LAG / dt))
     out = np.ones(len(sums))
-    for i, (total, pairs) in enumerate(zip(sums, counts, strict=True)):
-        if pairs[0] < 10 or total[0] <= 0.0:
+    for i in range(len(sums)):
+        if counts[i, 0] < 10 or sums[i, 0] <= 0.0:
             continue
+        apart = [np.diff(np.flatnonzero(column[:, i])) for column in present]
+        total, pairs = by_readings(
+            np.array([sums[i], counts[i]]), round(float(np.median(np.concatenate(apart))))
+        )
         r = (total / np.maximum(pairs, 1.0)) / (total[0] / pairs[0])
-        if r[1] >= 2.0 / np.sqrt(pairs[0]):
+        if len(r) > 1 and r[1] >= 2.0 / np.sqrt(pairs[0]):
             negative = np.flatnonzero(r <= 0.0)
             end = int(negative[0]) if negative.size else len(r)
             out[i] = max(1.0, 1.0 + 2.0 * float(np.sum(r[1:end])))
     return out
+
+
+def by_readings(sums: FloatArray, period: int) -> FloatArray:
+    """Return sums (..., l) over pairs l samples apart as sums over pairs k readings apart, `period` samples each."""
+    nearest = (np.arange(sums.shape[-1]) + period // 2) // period
+    return np.asarray(np.add.reduceat(sums, np.flatnonzero(np.diff(nearest, prepend=-1)), axis=-1))
 
 
 def lagged_products(

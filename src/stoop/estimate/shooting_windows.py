@@ -223,12 +223,12 @@ class Shots:
         """
         piece, vehicle, model = self.piece, self.vehicle, window_model(self.vehicle)
         at, width = list(self.edges[:-1]), max(1, round(SMOOTHING_TIME / piece.dt))
-        recorded = dict(zip(vehicle.outputs, piece.measured.T, strict=True))
+        recorded = dict(zip(vehicle.outputs, piece.whole.T, strict=True))
         readings = {
             c: y[at] for c, y in integrated_attitude(vehicle, piece.start, recorded, piece.dt).items()
         }
         for i, channel in enumerate(vehicle.outputs):
-            column = piece.measured[:, i]
+            column = piece.whole[:, i]
             if channel in state_channels(vehicle) and np.isfinite(column).any():
                 complete = interpolated(unwrapped(column))
                 readings[channel] = np.array([model.smoothed(complete, a, width) for a in at])

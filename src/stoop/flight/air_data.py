@@ -88,7 +88,10 @@ def with_air(flight: Flight) -> Flight:
     if (air.method == "none" and carried_by_rotors(flight)) or (air.method == "sideslip" and hovered(flight)):
         return flight
     new = columns.keys() - (there if _measured_speed(flight) is not None else there - {"V"})
-    sources = {name: replace(flight.sources["vn"], source=RECONSTRUCTED) for name in sorted(new)}
+    # between readings of the velocity accelerometers tell how it changed
+    slow = flight.sources["vn"].readings if not set(SPECIFIC_FORCE) <= there else ()
+    source = replace(flight.sources["vn"], source=RECONSTRUCTED, readings=slow)
+    sources = dict.fromkeys(sorted(new), source)
     # The reconstruction says more of the pitot than its faults do.
     replaced = [fault.notice for fault in flight.faults if fault.variable == "airspeed_pitot"]
     return replace(

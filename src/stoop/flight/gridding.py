@@ -8,7 +8,7 @@ follows the body rates between its samples.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Final
 
@@ -88,6 +88,25 @@ class SourceRate:
     gaps: int  #: how many holes end a contiguous stretch
     start: float  #: s, first and last sample on the log's own clock
     stop: float
+    #: samples of the grid that are the nearest to a reading, where the grid is faster; the others were interpolated. Empty
+    #: where every sample counts
+    readings: tuple[int, ...] = ()
+
+    def on(self, grid: Grid, time: FloatArray) -> SourceRate:
+        """Return the source with its readings, taken at times (n,) s, on a grid."""
+        if not 0.0 < SAME_RATE * self.rate < grid.rate:
+            return self
+        nearest = np.unique(np.rint(time * grid.rate).astype(np.int64) - grid.first)
+        inside = nearest[(nearest >= 0) & (nearest < grid.size)]
+        return replace(self, readings=tuple(inside.tolist()))
+
+    def counted(self, size: int) -> BoolArray:
+        """Return which of the samples (size,) of the grid count."""
+        if not self.readings:
+            return np.ones(size, dtype=np.bool_)
+        out = np.zeros(size, dtype=np.bool_)
+        out[[i for i in self.readings if 0 <= i < size]] = True
+        return out
 
 
 def source_rate(source: str, time: FloatArray) -> SourceRate:
@@ -241,7 +260,7 @@ def grid_channels(
     sources: dict[str, SourceRate] = {}
     for group in groups:
         known = {n: source_rate(group.source, group.time[np.isfinite(x)]) for n, x in group.values.items()}
-        sources.update({angle: known["q0"] for angle in EULER if "q0" in known} | known)
+        sources.update(known)
     rate = grid_rate(source.rate for source in sources.values()) if rate is None else rate
     grid = make_grid(start, stop, rate, sum(len(group.values) for group in groups) + len(EULER), place)
     samples = sum(t.size for t in clocks)
@@ -253,6 +272,10 @@ def grid_channels(
     data: dict[str, FloatArray] = {}
     for group in groups:
         data.update(_grid_group(grid, group))
+        for name, x in group.values.items():
+            sources[name] = sources[name].on(grid, group.time[np.isfinite(x)])
+        if "q0" in group.values:
+            sources |= dict.fromkeys(EULER, sources["q0"])
     if not data:  # no number is finite
         raise empty
     return grid, {name: np.ascontiguousarray(data[name]) for name in VARIABLES if name in data}, sources

@@ -342,7 +342,7 @@ def _restore(recording: Recording, name: str) -> Flight:
     content: Mapping[str, Any] = recording.attributes
     try:
         rate = float(content["rate"])
-        sources = {key: SourceRate(**entry) for key, entry in parse_json(content["sources"]).items()}
+        sources = {key: _source(entry) for key, entry in parse_json(content["sources"]).items()}
         notices = _notices({key: parse_json(content[key]) for key in (NOTICES, "notes") if key in content})
         faults = []
         for entry in parse_json(content["faults"]):
@@ -370,6 +370,11 @@ def _restore(recording: Recording, name: str) -> Flight:
     data, dropped = drop_impossible(recording.path.name, data, MAX_NUMBER)
     columns = Gridded(stream.time, on_circle(data))
     return Flight(name, recording.path, columns, rate, sources, (*notices, *dropped), air, tuple(faults))
+
+
+def _source(entry: Mapping[str, Any]) -> SourceRate:
+    """Read how a variable was recorded."""
+    return SourceRate(**{**entry, "readings": tuple(map(int, entry.get("readings", ())))})
 
 
 def _notices(content: Mapping[str, Any]) -> tuple[Notice, ...]:

@@ -249,11 +249,10 @@ class Found:
 def doubts(flights: Mapping[str, Flight], vehicle: Vehicle) -> list[Notice]:
     """Return why a flight is hardly of this vehicle; a FlightError where it lacks an input of it."""
     from stoop.checks.vehicle import check_vehicle
-    from stoop.problem.windows import whole
 
     for flight in flights.values():
         _check_inputs(flight, vehicle)
-    return check_vehicle(vehicle, {n: with_motors(f, vehicle) for n, f in flights.items()}, whole(flights))
+    return check_vehicle(vehicle, {n: with_motors(f, vehicle) for n, f in flights.items()})
 
 
 def find_windows(

@@ -38,7 +38,12 @@ def problem_document(problem: Misfit) -> dict[str, Any]:
 def problem_arrays(problem: Misfit) -> dict[str, Any]:
     """Return series of the pieces and weights."""
     series = ((f"{n}.{i}", getattr(p, n)) for i, p in enumerate(problem.pieces) for n in PIECE_ARRAYS)
-    return {**dict(series), "covariance": problem.weights.covariance, "root": problem.weights.root}
+    slow = {
+        f"interpolated.{i}": p.interpolated
+        for i, p in enumerate(problem.pieces)
+        if p.interpolated is not None
+    }
+    return {**dict(series), **slow, "covariance": problem.weights.covariance, "root": problem.weights.root}
 
 
 def restored_problem(document: Mapping[str, Any], arrays: Mapping[str, Any]) -> Misfit:
@@ -50,6 +55,7 @@ def restored_problem(document: Mapping[str, Any], arrays: Mapping[str, Any]) -> 
     pieces = []
     for i, p in enumerate(document["pieces"]):
         series = {name: arrays[f"{name}.{i}"] for name in PIECE_ARRAYS}
+        series["interpolated"] = arrays.get(f"interpolated.{i}")
         pieces.append(Piece(**{**p, **series, **{name: tuple(p[name]) for name in PIECE_TUPLES}}))
     weights = Weights(arrays["covariance"], arrays["root"])
     return Misfit(layout, tuple(pieces), weights, tuple(tuple(rung) for rung in document["ladder"]))

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -109,13 +109,27 @@ class Piece:
     maneuver: int
     time: FloatArray  #: (n,), s, uniform
     inputs: FloatArray  #: (n, n_u)
-    measured: FloatArray  #: (n, n_y), NaN where missing
+    #: (n, n_y), NaN where missing, and between the readings of what was recorded more slowly
+    measured: FloatArray
     start: Mapping[str, float]  #: initial state by name (V ... psi, h), where its nuisances are zero
     #: numbers that differ in this maneuver (its loading)
     changes: Mapping[str, float] = field(default_factory=dict)
     moved: tuple[int, ...] = ()  #: samples by which each channel's readings were moved ahead; empty for none
     #: (n_y,) standard deviation of the noise over that in the weights of the problem; empty where it is the same
     relative_noise: tuple[float, ...] = ()
+    #: (n, n_y), the same with what was interpolated between readings; None where nothing was
+    interpolated: FloatArray | None = None
+
+    @property
+    def whole(self) -> FloatArray:
+        """Readings (n, n_y) with what was interpolated between them: for regressors and first guesses, not for residuals."""
+        return self.measured if self.interpolated is None else self.interpolated
+
+    def reading(self, measured: FloatArray, whole: FloatArray, **changes: Any) -> Piece:
+        """Return the piece with other readings (n, n_y), and with what was interpolated between them if something was."""
+        return replace(
+            self, measured=measured, interpolated=None if self.interpolated is None else whole, **changes
+        )
 
     @property
     def dt(self) -> float:
@@ -130,6 +144,7 @@ class Piece:
             inputs=np.ascontiguousarray(self.inputs[first:behind]),
             measured=np.ascontiguousarray(self.measured[first:behind]),
             start=start,
+            interpolated=None if self.interpolated is None else self.interpolated[first:behind],
         )
 
 

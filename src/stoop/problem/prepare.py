@@ -231,6 +231,24 @@ def _all_spikes(columns: Sequence[FloatArray], sigma: float) -> bool:
     )
 
 
+def at_readings(vehicle: Vehicle, prepared: Prepared, flights: Mapping[str, Flight]) -> tuple[Piece, ...]:
+    """Return the pieces with readings only where they were taken: what was interpolated between has no error of its own."""
+    pieces = []
+    for piece in prepared.pieces:
+        flight = flights[prepared.windows[piece.maneuver].flight]
+        first, count = int(np.searchsorted(flight.time, piece.time[0])), len(flight.time)
+        own = [
+            flight.sources[c].counted(count) if c in flight.sources else np.ones(count, np.bool_)
+            for c in vehicle.outputs
+        ]
+        counted = np.column_stack(own)[first : first + len(piece.time)]
+        if not counted.all():
+            measured = np.where(counted, piece.measured, np.nan)
+            piece = replace(piece, measured=measured, interpolated=piece.measured)
+        pieces.append(piece)
+    return tuple(pieces)
+
+
 def nuisances(vehicle: Vehicle, prepared: Prepared) -> tuple[Nuisance, ...]:
     """Return the nuisances: initial states of every piece, free biases of every maneuver.
 

@@ -366,7 +366,7 @@ def corrected_flight(found: Estimate) -> Flight:
     flight, values = found.pieces.flight, found.values
     evident = {one.name for one in found.identifiability if one.identifiable and one.name.endswith(".delay")}
     delays = {n: values[n] for n in evident if abs(values[n]) > 2.0 * found.errors[n]}
-    columns = {}
+    columns, sources = {}, dict(flight.sources)
     for name in VARIABLES:
         if name not in flight.names or flight.sources[name].source == RECONSTRUCTED:
             continue
@@ -376,6 +376,8 @@ def corrected_flight(found: Estimate) -> Flight:
             x = np.asarray(np.arctan2(delayed(np.sin(x), samples), delayed(np.cos(x), samples)))
         else:
             x = delayed(x, samples)
+        moved = (i + round(samples) for i in sources[name].readings)
+        sources[name] = replace(sources[name], readings=tuple(moved))
         if name in (*INPUTS, *EULER, *_AIR):  # reading = scale * truth + bias
             x = np.asarray((x - values.get(f"{name}.bias", 0.0)) / values.get(f"{name}.scale", 1.0))
         columns[name] = x
@@ -396,7 +398,7 @@ def corrected_flight(found: Estimate) -> Flight:
     made = replace(
         flight,
         data=Gridded(flight.time, ordered),
-        sources={name: flight.sources[name] for name in ordered},
+        sources={name: sources[name] for name in ordered},
         air=None,
         notices=(*(one for one in flight.notices if one not in of_air), notice("corrected", flight.name)),
     )

@@ -108,7 +108,7 @@ def _curves(candidate: Candidate) -> list[dict[str, Any]]:
     for piece, simulated in zip(candidate.problem.pieces, candidate.simulate(), strict=True):
         every = slice(None, None, max(1, math.ceil(len(piece.time) / MAX_SAMPLES)))
         channels = {
-            name: {"measured": _listed(piece.measured[every, i]), "simulated": _listed(simulated[every, i])}
+            name: {"measured": _listed(piece.whole[every, i]), "simulated": _listed(simulated[every, i])}
             for i, name in enumerate(names)
         }
         out.append({"maneuver": piece.maneuver, "time": _listed(piece.time[every], 8), "channels": channels})

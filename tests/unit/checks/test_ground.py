@@ -37,6 +37,7 @@ def test_windows_of_a_flight_that_ended(aircraft: Vehicle, flight: Flight, crash
 def test_it_is_said_before_any_search(aircraft: Vehicle, crashed: Flight) -> None:
     found = check_vehicle(aircraft, {"sim": crashed}, [Window("sim", 15.0, 25.0)])
     assert [n.code for n in found].count("window-partly-on-ground") == 1
+    assert not check_vehicle(aircraft, {"sim": crashed})  # a whole record begins and ends on the ground
 
 
 def test_a_flight_without_an_airspeed_says_nothing(aircraft: Vehicle, crashed: Flight) -> None:

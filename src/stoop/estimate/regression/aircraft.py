@@ -64,7 +64,7 @@ class Motion:
             if vehicle.file.controls[c].lag is not None:
                 angle = first_order_lag(angle, float(rows[vehicle.rows[f"controls.{c}.lag"], 0]), piece.dt)
             deflections[c] = angle[samples]
-        readings = {c: piece.measured[samples, i] for i, c in enumerate(vehicle.outputs)}
+        readings = {c: piece.whole[samples, i] for i, c in enumerate(vehicle.outputs)}
         states = states_of(vehicle, piece.start, readings, late[samples].T)
         felt = {c: v for c, v in readings.items() if c in SPECIFIC_FORCE}
         out = cls(samples, states, felt, np.ascontiguousarray(late[samples].T), deflections, rows)
@@ -95,7 +95,7 @@ class Motion:
 def complete(vehicle: Vehicle, piece: Piece) -> BoolArray:
     """Return the samples (n,) at which every quantity of the equations was measured."""
     needed = [i for i, c in enumerate(vehicle.outputs) if c not in NOT_NEEDED]
-    return np.asarray(np.isfinite(piece.measured[:, needed]).all(axis=1))
+    return np.asarray(np.isfinite(piece.whole[:, needed]).all(axis=1))
 
 
 def states_of(

@@ -78,7 +78,7 @@ def _regressions(
     vehicle: Vehicle, piece: Piece, columns: Sequence[int], delays: FloatArray
 ) -> Iterator[tuple[FloatArray, FloatArray, FloatArray]]:
     """Yield smoothed accelerations (n, r), other regressors (n, k), and commands of each delay (m, n, c) of a piece."""
-    readings = dict(zip(vehicle.outputs, piece.measured.T, strict=True))
+    readings = dict(zip(vehicle.outputs, piece.whole.T, strict=True))
     states = [c for c in STATES if c in readings and np.isfinite(readings[c]).mean() > PRESENT]
     rates = [c for c in RATES if c in states]
     if not rates:

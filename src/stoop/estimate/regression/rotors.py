@@ -113,7 +113,7 @@ def stretches(vehicle: Vehicle, piece: Piece) -> list[Stretch]:
 
     Without rates or specific force there are none; velocity and attitude may be missing altogether.
     """
-    readings = dict(zip(vehicle.outputs, piece.measured.T, strict=True))
+    readings = dict(zip(vehicle.outputs, piece.whole.T, strict=True))
     assumed = {c: np.zeros(len(piece.time)) for c in _MOTION if not np.isfinite(readings[c]).any()}
     assumed |= integrated_attitude(vehicle, piece.start, readings, piece.dt)
     needed = {c for c in _MOTION if c not in assumed} | {*RATES, *SPECIFIC_FORCE}

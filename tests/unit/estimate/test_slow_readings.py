@@ -1,0 +1,130 @@
+"""Sensors slower than the grid count where they were read; regressors and guesses have what lies between."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stoop.base.arrays import FloatArray
+from stoop.estimate.fit import Options, OutputErrorEstimate, estimation_problem, fit
+from stoop.estimate.linearization import aligned, undelayed
+from stoop.estimate.noise import correlation_times
+from stoop.flight import Flight, load
+from stoop.flight.gridding import Channels, Grid, grid_channels, source_rate
+from stoop.flight.load import save
+from stoop.problem import Misfit
+from stoop.problem.windows import Window
+from stoop.simulation.fly import simulate_flight
+from stoop.simulation.maneuver import parse_maneuver
+from stoop.vehicle import parse_vehicle
+from stoop.vehicle.builtin import resolve_vehicle
+from stoop.workflow.demo import MANEUVER
+
+SLOW = ("V", "alpha", "beta", "phi", "theta", "psi")
+EVERY = 10  #: samples of the grid
+WINDOW = Window("sim", 0.0, 8.0)
+
+
+@pytest.fixture(scope="module")
+def flown() -> Flight:
+    return simulate_flight(resolve_vehicle("twin-boom"), parse_maneuver(MANEUVER, "m"), name="sim", seed=3)
+
+
+def slowed(flight: Flight) -> Flight:
+    """Return a flight as it is read from a log in which some sensors were read every tenth sample."""
+    time = flight.time[::EVERY]
+    slow = Channels("slow", time, {n: flight.column(n)[::EVERY] for n in SLOW})
+    fast = Channels(
+        "log",
+        flight.time,
+        {n: flight.column(n) for n in flight.channels if n not in (*SLOW, "q0", "q1", "q2", "q3")},
+    )
+    grid, data, sources = grid_channels([slow, fast], flight.rate, "test")
+    assert grid.size == len(flight.time)
+    return replace(flight, data=type(vars(flight)["data"])(grid.time, data), sources=sources)
+
+
+def problem_of(flight: Flight) -> Misfit:
+    return estimation_problem(resolve_vehicle("twin-boom"), {"sim": flight}, [WINDOW], Options())[0]
+
+
+def test_readings_are_the_samples_of_the_grid_that_are_the_nearest() -> None:
+    grid = Grid(500, 101, 100.0)
+    time = 5.0 + 0.003 + np.arange(9) * 0.1123
+    found = source_rate("s", time).on(grid, time)
+    nearest = [int(np.argmin(np.abs(grid.time - t))) for t in time]
+    assert found.readings == tuple(nearest)
+    np.testing.assert_array_equal(np.flatnonzero(found.counted(grid.size)), nearest)
+    fast = source_rate("s", grid.time).on(grid, grid.time)
+    assert fast.readings == ()
+    assert fast.counted(grid.size).all()
+
+
+def test_a_residual_holds_nothing_interpolated(flown: Flight) -> None:
+    whole, slow = problem_of(flown).pieces[0], problem_of(slowed(flown)).pieces[0]
+    outputs = resolve_vehicle("twin-boom").outputs
+    for i, channel in enumerate(outputs):
+        read = np.flatnonzero(np.isfinite(slow.measured[:, i]))
+        step = EVERY if channel in SLOW else 1
+        np.testing.assert_array_equal(read, np.arange(0, len(slow.time), step))
+        assert slow.measured[read, i] == pytest.approx(whole.measured[read, i], abs=1e-9)
+    assert np.isfinite(slow.whole).all()
+    part = slow.part(100, 200, slow.start)
+    np.testing.assert_array_equal(part.whole, slow.whole[100:200])
+
+
+def test_a_flight_that_was_written_counts_the_same(flown: Flight, tmp_path: Path) -> None:
+    flight = slowed(flown)
+    save(flight, tmp_path / "sim.nc")
+    assert load(tmp_path / "sim.nc").sources == flight.sources
+
+
+def test_the_cost_is_that_of_the_readings_alone(flown: Flight) -> None:
+    """Twin: what lies between readings is deleted by hand from the whole record."""
+    slow, naive = problem_of(slowed(flown)), problem_of(flown)
+    measured = naive.pieces[0].measured.copy()
+    for i, channel in enumerate(naive.layout.vehicle.outputs):
+        if channel in SLOW:
+            measured[np.arange(len(measured)) % EVERY != 0, i] = np.nan
+    naive = replace(naive, pieces=(replace(naive.pieces[0], measured=measured),))
+    points = np.random.default_rng(0).uniform(0.45, 0.55, (5, naive.layout.dimension))
+    nuisances = [naive.layout.nuisances, slow.layout.nuisances]
+    assert [n.name for n in nuisances[0]] == [n.name for n in nuisances[1]]
+    last = len(naive.prices) - 1
+    assert slow.costs(points, last) == pytest.approx(naive.costs(points, last), rel=0.02)
+
+
+def test_an_estimate_comes_back_from_its_arrays(flown: Flight) -> None:
+    slow = fit(resolve_vehicle("twin-boom"), {"sim": slowed(flown)}, [WINDOW])
+    back = OutputErrorEstimate.restored(slow.state())
+    for own, other in zip(back.problem.pieces, slow.problem.pieces, strict=True):
+        np.testing.assert_array_equal(own.measured, other.measured)
+        np.testing.assert_array_equal(own.whole, other.whole)
+
+
+def test_late_readings_stay_readings(flown: Flight) -> None:
+    text = resolve_vehicle("twin-boom").text + "[sensors.alpha]\ndelay = 0.04\n[sensors.q]\ndelay = 0.04\n"
+    vehicle = parse_vehicle(text, "late")
+    problem, _ = estimation_problem(vehicle, {"sim": slowed(flown)}, [WINDOW], Options())
+    alpha, before = vehicle.outputs.index("alpha"), problem.pieces[0]
+    moved = round(0.04 / before.dt)
+    for piece in (aligned(problem, problem.layout.start).pieces[0], undelayed(problem).pieces[0]):
+        read = np.flatnonzero(np.isfinite(piece.measured[:, alpha]))
+        assert set((read + moved) % EVERY) == {0}
+        inner = read[(read > 50) & (read < len(piece.time) - 50)]
+        assert len(inner) >= 30
+        assert piece.measured[inner, alpha] == pytest.approx(before.measured[inner + moved, alpha], abs=1e-3)
+
+
+@pytest.mark.parametrize("every", [1, 2, 7])
+def test_color_is_counted_from_reading_to_reading(every: int) -> None:
+    """1 + 2 sum a^k = (1 + a) / (1 - a), k counting readings."""
+    rng, a, x = np.random.default_rng(1), 0.7, np.zeros(20_000)
+    for k in range(1, len(x)):
+        x[k] = a * x[k - 1] + rng.standard_normal()
+    spread: FloatArray = np.full((len(x) * every, 1), np.nan)
+    spread[::every, 0] = x
+    assert correlation_times([spread], 0.02 / every)[0] == pytest.approx((1 + a) / (1 - a), rel=0.2)
