@@ -164,9 +164,14 @@ class FilterEstimate(Estimate):
 
     @property
     def innovation_correlation(self) -> float:
-        """Correlation of the innovations of neighboring samples, the mean of all pieces."""
-        white = [piece.white for piece in self.score.pieces]
-        return float(np.mean([float(np.mean(v[1:] * v[:-1]) / np.mean(v**2)) for v in white]))
+        """Correlation of the innovations of neighboring readings, the mean of all pieces."""
+        found = []
+        for own, piece in zip(self.score.pieces, self.problem.pieces, strict=True):
+            read = zip(own.white.T, np.isfinite(piece.measured).T, strict=True)
+            columns = [column[there] for column, there in read]
+            together = np.concatenate([v[1:] * v[:-1] for v in columns])
+            found.append(float(np.mean(together) / np.mean(np.concatenate(columns) ** 2)))
+        return float(np.mean(found))
 
     @cached_property
     def predictor(self) -> FittedFilter:

@@ -88,6 +88,19 @@ def test_scale_errors_of_sensors_are_no_gusts(shaken, channel):
         assert not exceed_sensors(vehicle, gust_levels(vehicle, {"sim": off}, (Window("sim", 0.0, 10.0),)))
 
 
+@pytest.mark.parametrize(("angle", "axis"), [("alpha", 2), ("beta", 1)])
+def test_a_missing_vane_hides_its_own_axis_only(shaken, angle, axis):
+    vehicle, flights = shaken
+    window = (Window("sim", 0.0, 10.0),)
+    for (air, seed), flown in flights.items():
+        blind = replace(flown["sim"], data=flown["sim"].data.drop_vars(angle))
+        found = gust_levels(vehicle, {"sim": blind}, window)
+        assert np.flatnonzero(np.isnan(found)).tolist() == [axis]
+        assert exceed_sensors(vehicle, found) == (air == "light"), (air, seed, found)
+        whole = np.delete(gust_levels(vehicle, flown, window), axis)
+        assert np.delete(found, axis) == pytest.approx(whole, abs=0.2)
+
+
 @pytest.mark.parametrize(("air", "gusts"), [("calm", False), ("light", True)])
 def test_noise_that_a_grid_spreads_over_neighbors_is_no_gust(shaken, tmp_path, air, gusts):
     """A table of 50 Hz on a grid of 100 Hz: neighbors share readings, which looked like gusts of 0.6 noise deviations."""
@@ -124,11 +137,11 @@ def plain(setup: Setup) -> str:
     return setup.options.method
 
 
-def test_without_a_vane_nothing_is_known():
+def test_without_an_airspeed_or_by_reconstruction_nothing_is_known():
     flight = flown(2.0)["sim"]
-    blind = {"sim": replace(flight, data=flight.data.drop_vars("beta"))}
+    blind = {"sim": replace(flight, data=flight.data.drop_vars("V"))}
     assert np.isnan(levels(blind)).all()
-    sources = {"alpha": SimpleNamespace(source="reconstructed", rate=50.0)}
+    sources = {**flight.sources, "alpha": replace(flight.sources["alpha"], source="reconstructed")}
     assert np.isnan(levels({"sim": replace(flight, sources=sources)})).all()
     assert plain(choose_method("", resolve_vehicle("twin-boom"), blind.values(), WINDOWS)) == "output-error"
 
