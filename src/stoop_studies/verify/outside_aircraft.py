@@ -229,14 +229,18 @@ def fly(model: Model, seed: int, gusts: str = "calm") -> OutsideFlight:
                 rows.append({**aircraft.now(), "control_throttle": throttle, **pilot.stick(commands)})
             aircraft.fdm.run()
         now = aircraft.now()
-    columns = {n: np.array([row[n] for row in rows]) for n in rows[0] if pilot.powered or n != "control_throttle"}
+    columns = {
+        n: np.array([row[n] for row in rows]) for n in rows[0] if pilot.powered or n != "control_throttle"
+    }
     if np.ptp(columns["altitude"]) > 600.0 or not np.all(np.abs(columns["alpha"]) < 0.4):
         raise StoopError(f"outside: {model.name} leaves its flight")
     tape = {"mass": aircraft["inertia/mass-slugs"] * SLUG, "span": pilot.span}
     tape["chord"] = aircraft["metrics/Sw-sqft"] * FOOT**2 / pilot.span
     turned = tuple(c for c, x in pilot.power.items() if SIGNS[c] * x * aircraft.gain[c] < 0.0)
     asked = {"template": model.template, "engine": model.engine}
-    return OutsideFlight(RATE, columns, tape, lambda file: true_vehicle(aircraft, file, columns), asked, turned)
+    return OutsideFlight(
+        RATE, columns, tape, lambda file: true_vehicle(aircraft, file, columns), asked, turned
+    )
 
 
 def _begin_record(aircraft: Airframe, now: Mapping[str, float], gusts: str) -> None:

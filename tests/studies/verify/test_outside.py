@@ -86,9 +86,8 @@ def test_frames_and_units_are_those_of_the_catalogue() -> None:
     }
 
     def written(dialect: str, name: str) -> float:
-        row = [*recorders.rows_of(replace(QUIET, dialect=dialect), columns)[name], 1.0, 0.0]
-        factor, offset = (row[2], row[3]) if len(row) == 6 else (row[2], 0.0) if len(row) == 5 else (1.0, 0.0)
-        return float((columns[name][0] - offset) / (factor * FACTORS[row[1]]))
+        _, unit, factor, offset = recorders.rows_of(replace(QUIET, dialect=dialect), columns)[name]
+        return float((columns[name][0] - offset) / (factor * FACTORS[unit]))
 
     assert written("ros", "q") == -0.1
     assert written("ros", "az") == 9.8
@@ -187,8 +186,8 @@ def test_a_quadrotor_obeys_its_constants(package: str, made: type[outside_rotors
     shakes = [np.array([0.0, 0.0, 0.0])] * 60 + [np.array([2.0, 0.0, 0.0])] * 20
     rows = [flying.advance(place, shake, np.zeros(3)) for shake in shakes]
     columns = outside_rotors.columns_of({n: np.array([r[n] for r in rows]) for n in rows[0]}, craft)
-    lifts = craft.thrust * np.array([columns[f"rotor_{i}"] for i in range(1, 5)]) ** 2
-    assert np.allclose(-craft.mass * columns["az"], lifts.sum(axis=0), rtol=2e-3)
+    lifts = craft.numbers["rotors.T2"] * np.array([columns[f"rotor_{i}"] for i in range(1, 5)]) ** 2
+    assert np.allclose(-craft.numbers["mass.mass"] * columns["az"], lifts.sum(axis=0), rtol=2e-3)
     arms = craft.positions[craft.order]
     assert np.sign(arms[:, :2]).tolist() == [list(side) for side in outside_rotors.PX4_ORDER]
     moment = -arms[:, 1] @ lifts  # thrust acts upward, to the right of the center it rolls to the left
@@ -197,7 +196,7 @@ def test_a_quadrotor_obeys_its_constants(package: str, made: type[outside_rotors
     turned = np.roll(columns["p"], -1) - columns["p"]
     shaken = slice(61, 78)
     slope = np.polyfit(moment[shaken], turned[shaken] * outside_rotors.RATE, 1)[0]
-    assert slope * craft.inertia[0, 0] == pytest.approx(1.0, rel=0.1)
+    assert slope * craft.numbers["mass.inertia.xx"] == pytest.approx(1.0, rel=0.1)
 
 
 def test_a_simulator_that_is_not_installed_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
