@@ -11,27 +11,21 @@ import json
 import tempfile
 import time
 import tomllib
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import partial
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 from zlib import crc32
 
 import numpy as np
 
+import stoop
 from stoop.base.arrays import FloatArray
 from stoop.base.extras import install
 from stoop.base.units import FACTORS
 from stoop.errors import StoopError
-from stoop.flight import load
 from stoop.flight.mapping_corrections import contradictions, corrected_mapping
-from stoop.flight.mapping_draft import draft as draft_mapping
-from stoop.simulation import trim
-from stoop.vehicle import Vehicle, load_vehicle
-from stoop.vehicle_draft.draft import draft
-from stoop.vehicle_draft.request import Request
-from stoop.workflow.derivatives import derivatives
-from stoop.workflow.flying import linearize
+from stoop.flight.mapping_draft import draft
+from stoop.vehicle import Vehicle
 from stoop_studies.findings import Claim, Findings, Setting, counted, holds
 from stoop_studies.verify import defaults, lines, outside_aircraft, outside_rotors, recorders, study
 from stoop_studies.verify.fleet import MadeUp
@@ -39,10 +33,11 @@ from stoop_studies.verify.instruments import Defect
 from stoop_studies.verify.outside_aircraft import TABLES, OutsideFlight
 from stoop_studies.verify.pilots import Columns
 
-AIRCRAFT: Final = {name: outside_aircraft.Model(name=name, **row) for name, row in TABLES["jsbsim"].items()}
+AIRCRAFT: Final = {
+    name: outside_aircraft.Model(model=name, title=name, **row) for name, row in TABLES["jsbsim"].items()
+}
 ROTORS: Final = {f"{of}_{name}": (of, name) for of, names in TABLES["rotors"].items() for name in names}
 CASES: Final = (*AIRCRAFT, *ROTORS)
-GUSTS: Final = {"calm": 0.0, "light": 0.3, "moderate": 0.8}  #: m/s, standard deviation for multirotors
 WIND: Final = 1.5  #: m/s, standard deviation of either component
 INSTALL: Final = install("outside")
 ONCE: Final = 1000  #: first seed of the last run
@@ -82,11 +77,11 @@ def fly(case: str, seed: int) -> OutsideFlight:
         It leaves its flight, or the package of its simulator is not installed.
     """
     rng = np.random.default_rng([52, crc32(case.encode()), seed])
-    gusts = str(rng.choice(list(GUSTS)))
+    gusts = str(rng.choice(list(TABLES["gusts"])))
     try:
         if case in AIRCRAFT:
             return outside_aircraft.fly(AIRCRAFT[case], seed, gusts)
-        return outside_rotors.fly(*ROTORS[case], seed, WIND * rng.standard_normal(2), GUSTS[gusts])
+        return outside_rotors.fly(*ROTORS[case], seed, WIND * rng.standard_normal(2), gusts)
     except ModuleNotFoundError as error:
         raise StoopError(
             f"outside: {case} needs the package {error.name}, which is not installed; {INSTALL}"
@@ -117,7 +112,7 @@ def logged(
 def mapped(log: recorders.Log, folder: Path) -> tuple[Path, dict[str, list[str]]]:
     """Do `stoop map` and `stoop map --apply`; return the mapping to go on with, and what had to be edited in it by hand."""
     mapping = folder / "mapping.toml"
-    mapping.write_text(draft_mapping(log.path).text, encoding="utf-8")
+    mapping.write_text(draft(log.path).text, encoding="utf-8")
     wrong, own = ["all"], {}
     try:
         text = corrected_mapping(log.path, mapping).text
@@ -189,12 +184,8 @@ def record(case: str, seed: int, folder: Path) -> dict[str, Any]:
     began, worked = time.perf_counter(), time.process_time()
     mapping, out["edits"] = mapped(log, folder)
     try:
-        known = load(log.path, mapping)
-        tape, asked = flight.tape, flight.asked
-        request = Request(
-            asked["template"], tape["mass"], tape["span"], tape.get("chord"), engine=asked.get("engine")
-        )
-        vehicle = draft(request, [known], case).vehicle
+        known = stoop.load_flight(log.path, mapping)
+        vehicle = stoop.new_vehicle(known, **flight.tape, **flight.asked).vehicle
         (folder / "vehicle.toml").write_text(vehicle.text, encoding="utf-8")
         job = defaults.identified(known, vehicle, folder / "result")
     except Exception as error:  # a traceback is a finding
@@ -234,13 +225,10 @@ def flown(
 
 def refusals(path: Path) -> list[str]:
     """Return which of the other verbs refuse a vehicle file that was written."""
-    verbs: Mapping[str, Callable[[Vehicle], Any]] = {
-        "trim": trim, "linearize": linearize, "derivatives": partial(derivatives, dimensional=True)
-    }  # fmt: skip
     out = []
-    for name, verb in verbs.items():
+    for name, more in (("trim", {}), ("linearize", {}), ("derivatives", {"dimensional": True})):
         try:
-            verb(load_vehicle(path))
+            getattr(stoop, name)(stoop.load_vehicle(path), **more)
         except StoopError as error:
             out.append(f"{name}: {error}")
     return out

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 import numpy as np
@@ -35,19 +35,18 @@ READ: Final = {
     **{n: (prop, 1.0) for n, prop in SURFACES.items()},
 }
 TABLES: Final[Mapping[str, Any]] = tomllib.loads(data_text("outside.toml"))
+THROTTLE: Final = 0.6  #: to start from
 THROTTLE_AFTER: Final = 6  #: maneuvers, a step of the throttle
 
 
-@dataclass(frozen=True)
-class Model:
+@dataclass(frozen=True, kw_only=True)
+class Model(Stock):
     """An aircraft of the package: where it flies, and what a person sees of it."""
 
-    name: str
-    airspeed: float  #: m/s, true
-    altitude: float  #: m
+    alpha: float = 0.0
+    amplitude: Mapping[str, float] = field(default_factory=dict)
     engine: str = "piston"  #: as of `stoop vehicle new`
     template: str = "conventional"
-    throttle: float = 0.6  #: to start from
     declared: Sequence[str] = ()  #: properties of a flight simulator that its files read
 
 
@@ -70,13 +69,10 @@ class Airframe(jsbsim_flight.Aircraft):
     fixed: Mapping[str, float] = {"gear/gear-cmd-norm": 0.0, "gear/gear-pos-norm": 0.0}
 
     def __init__(self, model: Model) -> None:
-        Executive.__init__(self, None, model.name, 1.0 / RATE)
+        Executive.__init__(self, None, model.model, 1.0 / RATE)
         self.set(dict.fromkeys(model.declared, 0.0))
-        self.model, self.throttle = model, model.throttle
+        self.stock, self.throttle = model, THROTTLE
         self.engines = range(self.fdm.get_propulsion().get_num_engines())
-        self.stock = Stock(
-            model=model.name, title=model.name, airspeed=model.airspeed, alpha=0.0, altitude=model.altitude, amplitude={}
-        )  # fmt: skip
         self.commands = dict.fromkeys(SURFACES, 0.0)  #: where deflections count from
         self.neutral, self.gain = dict.fromkeys(SURFACES, 0.0), dict.fromkeys(SURFACES, 1.0)
 
@@ -107,7 +103,7 @@ class Airframe(jsbsim_flight.Aircraft):
         neutral = {c: self[place] for c, place in SURFACES.items()}
         self.gain = {c: self.slope(state, [c], 0.1, place) for c, place in SURFACES.items()}
         if min(map(abs, self.gain.values())) < 1e-3:
-            raise StoopError(f"outside: {self.model.name}: a command moves nothing ({self.gain})")
+            raise StoopError(f"outside: {self.stock.model}: a command moves nothing ({self.gain})")
         self.neutral = neutral
 
     def slope(self, state: State, moved: Sequence[str], step: float, place: str, unit: float = 1.0) -> float:
@@ -130,7 +126,7 @@ class Airframe(jsbsim_flight.Aircraft):
 class Pilot:
     """Holds height (a glider: speed), speed, wings level and the nose along the airflow; integrals stop with the record."""
 
-    def __init__(self, aircraft: Airframe, state: State) -> None:
+    def __init__(self, aircraft: Airframe, state: State, powered: bool) -> None:
         self.slopes = k = {
             n: aircraft.slope(state, moved, step, f"accelerations/{axis}dot-{unit}_sec2", FOOT if unit == "ft" else 1.0)
             for n, (moved, step, axis, unit) in TABLES["slopes"].items()
@@ -138,9 +134,9 @@ class Pilot:
         self.power = {"elevator": k["Me"], "aileron": k["La"], "rudder": k["Nr"]}
         self.short, self.stable = float(np.sqrt(max(abs(k["Ma"]), 0.3))), k["Ma"] < 0.0
         self.roll_time, self.dutch = 1.0 / max(-k["Lp"], 0.5), float(np.sqrt(max(k["Nb"], 0.1)))
-        self.state, self.powered = state, aircraft.model.engine != "none"
+        self.state, self.powered = state, powered
         self.trim = {**dict.fromkeys(SURFACES, 0.0), "theta": state.theta}
-        self.trim["throttle"] = aircraft.model.throttle if self.powered else 0.0
+        self.trim["throttle"] = THROTTLE if powered else 0.0
         self.span = aircraft["metrics/bw-ft"] * FOOT
 
     def stick(self, commands: Mapping[str, float]) -> dict[str, float]:
@@ -209,7 +205,7 @@ def fly(model: Model, seed: int, gusts: str = "calm") -> OutsideFlight:
     """
     aircraft, state = Airframe(model), State(model.airspeed, model.altitude, alpha=0.05, theta=0.05)
     aircraft.measure_gains(state)
-    pilot = Pilot(aircraft, state)
+    pilot = Pilot(aircraft, state, model.engine != "none")
     aircraft.put(state, aircraft.neutral)
     planned, hold = plan(pilot, np.random.default_rng([51, seed]))
     rows: list[dict[str, float]] = []
@@ -233,7 +229,7 @@ def fly(model: Model, seed: int, gusts: str = "calm") -> OutsideFlight:
         n: np.array([row[n] for row in rows]) for n in rows[0] if pilot.powered or n != "control_throttle"
     }
     if np.ptp(columns["altitude"]) > 600.0 or not np.all(np.abs(columns["alpha"]) < 0.4):
-        raise StoopError(f"outside: {model.name} leaves its flight")
+        raise StoopError(f"outside: {model.model} leaves its flight")
     tape = {"mass": aircraft["inertia/mass-slugs"] * SLUG, "span": pilot.span}
     tape["chord"] = aircraft["metrics/Sw-sqft"] * FOOT**2 / pilot.span
     turned = tuple(c for c, x in pilot.power.items() if SIGNS[c] * x * aircraft.gain[c] < 0.0)
@@ -245,11 +241,11 @@ def fly(model: Model, seed: int, gusts: str = "calm") -> OutsideFlight:
 
 def _begin_record(aircraft: Airframe, now: Mapping[str, float], gusts: str) -> None:
     """Require a steady flight, and let the gusts begin."""
-    model = aircraft.model
+    model = aircraft.stock
     turning = max(abs(now[a]) for a in RATES)
     if turning > 0.02 or abs(now["V"] / model.airspeed - 1.0) > 0.05 or abs(now["phi"]) > 0.1:
-        raise StoopError(f"outside: {model.name} does not settle at {model.airspeed:g} m/s")
-    of, (severity, wind) = "atmosphere/turb", TABLES["gusts"][gusts]
+        raise StoopError(f"outside: {model.model} does not settle at {model.airspeed:g} m/s")
+    of, (severity, wind, _) = "atmosphere/turb", TABLES["gusts"][gusts]
     aircraft.set({f"{of}-type": 3.0, f"{of}ulence/milspec/severity": severity,
                   f"{of}ulence/milspec/windspeed_at_20ft_AGL-fps": wind / FOOT})  # fmt: skip
 

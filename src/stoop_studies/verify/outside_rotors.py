@@ -186,14 +186,14 @@ class MuJoCo(RotorPy):
 SIMULATORS: Final[Mapping[str, Callable[[str], Any]]] = {"rotorpy": RotorPy, "mujoco": MuJoCo}
 
 
-def fly(simulator: str, name: str, seed: int, wind: FloatArray, gust: float) -> OutsideFlight:
-    """Fly the plan of a seed in a wind (2,) to north and east, m/s, with gusts of a standard deviation, m/s."""
+def fly(simulator: str, name: str, seed: int, wind: FloatArray, gusts: str = "calm") -> OutsideFlight:
+    """Fly the plan of a seed in a wind (2,) to north and east, m/s, with gusts of a second."""
     if simulator == "jsbsim":
         return fly_f450(seed)
     flying = SIMULATORS[simulator](name)
     rng = np.random.default_rng([54, seed])
     planned = plan(flying.craft, rng)
-    share = float(np.exp(-1.0 / RATE))  # gusts of a second
+    share, gust = float(np.exp(-1.0 / RATE)), TABLES["gusts"][gusts][2]
     air, rows = np.zeros(3), []
     for place, shake in zip(*planned, strict=True):
         air = share * air + gust * np.sqrt(1.0 - share**2) * rng.standard_normal(3)
