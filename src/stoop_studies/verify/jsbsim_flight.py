@@ -69,9 +69,9 @@ class Stock(Subject):
     """
 
     airspeed: float
-    alpha: float
+    alpha: float = 0.0
     altitude: float
-    amplitude: Mapping[str, float]
+    amplitude: Mapping[str, float] = field(default_factory=dict)
     throttle: float | None = None
     band: float = 2.0
     added: Mapping[str, Mapping[str, str]] = field(default_factory=dict)

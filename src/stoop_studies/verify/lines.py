@@ -245,21 +245,18 @@ def save(table: Columns, folder: Path, kind: str) -> Path:
 
 def mapping_text(dialect: str, places: Mapping[str, tuple[str, str]]) -> str:
     """Return the mapping that names and units of a log suggest."""
-    return mapping_of(None if dialect == "MATLAB" else ("t_s", "s"), places)
+    return mapping_of(("t" if dialect == "MATLAB" else "t_s", "s"), places)
 
 
-def mapping_of(clock: Sequence[str] | None, rows: Mapping[str, Sequence[Any]]) -> str:
+def mapping_of(clock: Sequence[str], rows: Mapping[str, Sequence[Any]]) -> str:
     """Return the mapping of variables by column, unit, scale and offset (SI); a scale of 1 and an offset of 0 are left out."""
-    head = (
-        [] if clock is None else ["[time]", f"column = {quoted(clock[0])}", f"unit = {quoted(clock[1])}", ""]
-    )
-    lines = []
+    lines = ["[time]", f"column = {quoted(clock[0])}", f"unit = {quoted(clock[1])}", "", "[variables]"]
     for name, (column, unit, *more) in rows.items():
         given = [f"column = {quoted(column)}", f"unit = {quoted(unit)}"]
         usual = zip(("scale", "offset"), more, (1.0, 0.0), strict=False)
         given += [f"{key} = {value!r}" for key, value, neutral in usual if value != neutral]
         lines.append(f"{quoted_key(name)} = {{{', '.join(given)}}}")
-    return "\n".join([*head, "[variables]", *lines, ""])
+    return "\n".join([*lines, ""])
 
 
 def accusations(path: Path, mapping: Path | None) -> list[list[list[str]]]:

@@ -26,6 +26,7 @@ from stoop.errors import StoopError
 from stoop.flight.mapping_corrections import contradictions, corrected_mapping
 from stoop.flight.mapping_draft import draft
 from stoop.vehicle import Vehicle
+from stoop.vehicle.checks import is_body
 from stoop_studies.findings import Claim, Findings, Setting, counted, holds
 from stoop_studies.verify import defaults, lines, outside_aircraft, outside_rotors, recorders, study
 from stoop_studies.verify.fleet import MadeUp
@@ -33,9 +34,7 @@ from stoop_studies.verify.instruments import Defect
 from stoop_studies.verify.outside_aircraft import TABLES, OutsideFlight
 from stoop_studies.verify.pilots import Columns
 
-AIRCRAFT: Final = {
-    name: outside_aircraft.Model(model=name, title=name, **row) for name, row in TABLES["jsbsim"].items()
-}
+AIRCRAFT: Final = {n: outside_aircraft.Model(model=n, title=n, **row) for n, row in TABLES["jsbsim"].items()}
 ROTORS: Final = {f"{of}_{name}": (of, name) for of, names in TABLES["rotors"].items() for name in names}
 CASES: Final = (*AIRCRAFT, *ROTORS)
 WIND: Final = 1.5  #: m/s, standard deviation of either component
@@ -51,6 +50,7 @@ def kept(name: str) -> bool:
 
 KEPT: Final = frozenset(c for c in CASES if kept(c) and c not in KNOWN)
 KEPT_DIALECTS: Final = tuple(d for d in recorders.DIALECTS if kept(d))
+PAIRS: Final = ((1, 2), (1, 3), (2, 4))  #: of motors that are exchanged
 _ROWS: Final = (*lines.COMMON, *lines.OF_AIRCRAFT)
 #: kind of a planted fault -> what is wrong
 PLANTED: Final[Mapping[str, tuple[lines.Mangled, ...]]] = {
@@ -58,9 +58,7 @@ PLANTED: Final[Mapping[str, tuple[lines.Mangled, ...]]] = {
     "sign": (*(m for m in _ROWS if m.words.startswith("sign")), lines.lost("aileron")),
     "frame": lines.FRAMES,
     "axis": tuple(m for m in _ROWS if "exchanged" in m.words),
-    "order": tuple(
-        lines.swap(f"{of}_{i}", f"{of}_{k}") for of in ("motor", "rotor") for i, k in ((1, 2), (1, 3), (2, 4))
-    ),
+    "order": tuple(lines.swap(f"{of}_{i}", f"{of}_{k}") for of in ("motor", "rotor") for i, k in PAIRS),
 }
 ARM: Final = 0.05  #: chords (arms), standard deviation of the accelerometer's place
 FAR: Final = 6.0  #: standard errors
@@ -69,13 +67,7 @@ EQUAL: Final = {"V": ("airspeed_pitot",), "control_throttle": ("throttle",), "al
 
 
 def fly(case: str, seed: int) -> OutsideFlight:
-    """Fly a vehicle.
-
-    Raises
-    ------
-    StoopError
-        It leaves its flight, or the package of its simulator is not installed.
-    """
+    """Fly a vehicle; a `StoopError` says that it leaves its flight, or that the package of its simulator is missing."""
     rng = np.random.default_rng([52, crc32(case.encode()), seed])
     gusts = str(rng.choice(list(TABLES["gusts"])))
     try:
@@ -83,9 +75,8 @@ def fly(case: str, seed: int) -> OutsideFlight:
             return outside_aircraft.fly(AIRCRAFT[case], seed, gusts)
         return outside_rotors.fly(*ROTORS[case], seed, WIND * rng.standard_normal(2), gusts)
     except ModuleNotFoundError as error:
-        raise StoopError(
-            f"outside: {case} needs the package {error.name}, which is not installed; {INSTALL}"
-        ) from None
+        why = f"outside: {case} needs the package {error.name}, which is not installed; {INSTALL}"
+        raise StoopError(why) from None
 
 
 def drawn(
@@ -177,7 +168,7 @@ def record(case: str, seed: int, folder: Path) -> dict[str, Any]:
     of each number its estimate, standard error, truth, whether it is at a bound, and whether the flight shows it).
     """
     flight = fly(case, seed)
-    (recorder, arm, _), log = drawn(case, seed, flight.tape), logged(case, seed, flight, folder)
+    recorder, log = drawn(case, seed, flight.tape)[0], logged(case, seed, flight, folder)
     out: dict[str, Any] = {n: getattr(recorder, n) for n in ("dialect", "rate", "held")}
     out |= {"missing": list(recorder.missing), "planted": planted(case, seed, flight, folder), "stopped": ""}
     out["accused"] = [one.code for one in contradictions(log.path, log.mapping, folder / "right.toml")]
@@ -193,33 +184,33 @@ def record(case: str, seed: int, folder: Path) -> dict[str, Any]:
     out |= {"seconds": time.perf_counter() - began, "processor": time.process_time() - worked}
     if not out["stopped"]:
         out["refused_by"] = refusals(folder / "result" / "vehicle.toml")
-        defect = known_defect(recorder, arm, flight.tape)
-        out |= defaults.compared(flown(case, seed, flight, log, vehicle, defect), job)
-        if "control_pitch" in log.lines:  # what the flight control does to a command has no number of its own
-            out["numbers"] = {n: row for n, row in out["numbers"].items() if not n.endswith(".lag")}
+        true = flown(case, seed, flight, log, vehicle)
+        out |= defaults.compared(true, job)
+        # what the flight control does to a command has no number of its own, and what is no body has no moments of inertia
+        without = (".lag",) * ("control_pitch" in log.lines) + (".inertia.",) * (
+            not is_body(true.vehicle.vehicle)
+        )
+        out["numbers"] = {
+            n: row for n, row in out["numbers"].items() if not any(part in n for part in without)
+        }
     (folder / "record.json").write_text(json.dumps(out, indent=1), encoding="utf-8")
     return out
 
 
-def known_defect(recorder: recorders.Recorder, arm: FloatArray, tape: Mapping[str, float]) -> Defect:
-    """Return what is true of the delays of a recorder and of the place (3,) of its accelerometer, m."""
+def flown(case: str, seed: int, flight: OutsideFlight, log: recorders.Log, file: Vehicle) -> defaults.Flown:
+    """Return a flight as `defaults` compares it: surfaces as they were when their commands were recorded."""
+    recorder, arm, _ = drawn(case, seed, flight.tape)
     hold = 0.5 / recorder.rates["commands"] if recorder.held else 0.0  # by which rows that repeat it are late
     late = {"velocity": recorder.latency["gps"], "commands": recorder.latency["commands"] - hold}
-    x, y, z = (arm / tape.get("chord", 0.5 * tape["span"])).tolist()
-    return Defect("", delay=late, arm=(x, y, z))
-
-
-def flown(
-    case: str, seed: int, flight: OutsideFlight, log: recorders.Log, file: Vehicle, defect: Defect
-) -> defaults.Flown:
-    """Return a flight as `defaults` compares it: surfaces as they were when their commands were recorded."""
+    x, y, z = (arm / flight.tape.get("chord", 0.5 * flight.tape["span"])).tolist()
     truth, true = flight.truth(file), dict(flight.columns)
     clock = np.arange(len(true["p"])) / flight.rate
     for surface in set(truth.controls) & set(true):
-        at = clock + defect.delay["commands"]
-        true[surface] = np.interp(at, clock, true[surface]) + truth.value(f"controls.{surface}.offset", 0.0)
+        moved = np.interp(clock + late["commands"], clock, true[surface])
+        true[surface] = moved + truth.value(f"controls.{surface}.offset", 0.0)
     made = MadeUp(seed, flight.asked["template"], "csv", truth, {}, flight.tape)
     airspeed = float(np.mean(true["V"])) if "V" in true else 0.0
+    defect = Defect("", delay=late, arm=(x, y, z))
     return defaults.Flown(made, log.path, case, "", defect, log.start + clock, true, airspeed)
 
 

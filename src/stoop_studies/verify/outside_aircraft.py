@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
@@ -34,6 +34,7 @@ READ: Final = {
     **{n: (f"velocities/v-{a}-fps", FOOT) for n, a in zip(VELOCITY, ("north", "east", "down"), strict=True)},
     **{n: (prop, 1.0) for n, prop in SURFACES.items()},
 }
+SPHERE: Final = {a: float(a[0] == a[1]) for a in ("xx", "yy", "zz", "xy", "xz", "yz")}  #: kg m2
 TABLES: Final[Mapping[str, Any]] = tomllib.loads(data_text("outside.toml"))
 THROTTLE: Final = 0.6  #: to start from
 THROTTLE_AFTER: Final = 6  #: maneuvers, a step of the throttle
@@ -43,8 +44,6 @@ THROTTLE_AFTER: Final = 6  #: maneuvers, a step of the throttle
 class Model(Stock):
     """An aircraft of the package: where it flies, and what a person sees of it."""
 
-    alpha: float = 0.0
-    amplitude: Mapping[str, float] = field(default_factory=dict)
     engine: str = "piston"  #: as of `stoop vehicle new`
     template: str = "conventional"
     declared: Sequence[str] = ()  #: properties of a flight simulator that its files read
@@ -196,13 +195,7 @@ def plan(pilot: Pilot, rng: np.random.Generator) -> tuple[Columns, FloatArray]:
 
 
 def fly(model: Model, seed: int, gusts: str = "calm") -> OutsideFlight:
-    """Settle an aircraft, and fly the maneuvers of a seed.
-
-    Raises
-    ------
-    StoopError
-        It does not settle, or leaves its flight.
-    """
+    """Settle an aircraft, and fly the maneuvers of a seed; a `StoopError` says that it does not settle, or leaves its flight."""
     aircraft, state = Airframe(model), State(model.airspeed, model.altitude, alpha=0.05, theta=0.05)
     aircraft.measure_gains(state)
     pilot = Pilot(aircraft, state, model.engine != "none")
@@ -251,7 +244,10 @@ def _begin_record(aircraft: Airframe, now: Mapping[str, float], gusts: str) -> N
 
 
 def true_vehicle(aircraft: Airframe, file: Vehicle, columns: Columns) -> Vehicle:
-    """Return the vehicle whose terms are those of a file, with JSBSim's derivatives about the flown condition."""
+    """Return the vehicle whose terms are those of a file, with JSBSim's derivatives about the flown condition.
+
+    Its moments of inertia are those of JSBSim's file, be they those of a body or not.
+    """
     means = {n: float(x.mean()) for n, x in columns.items()}
     state = State(means["V"], means["altitude"], alpha=means["alpha"], theta=means["theta"])
     aircraft.measure_gains(state)
@@ -260,7 +256,8 @@ def true_vehicle(aircraft: Airframe, file: Vehicle, columns: Columns) -> Vehicle
         added={c: dict(group) for c, group in file.terms.items()},
     )  # fmt: skip
     trim = Trim(state, {c: means[c] for c in SURFACES})
-    vehicle = jsbsim.vehicle_of(aircraft, trim)
+    vehicle = jsbsim.vehicle_of(aircraft, trim, SPHERE)
     flown = jsbsim_flight.Recording(np.arange(len(columns["V"])) / RATE, columns)
     values = jsbsim.derivatives(aircraft, trim, vehicle, flown)
+    values |= {f"mass.inertia.{a}": x for a, x in jsbsim.inertia(aircraft).items()}
     return vehicle.with_numbers({n: {"value": v} for n, v in values.items()})
