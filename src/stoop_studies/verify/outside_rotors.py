@@ -121,15 +121,6 @@ class RotorPy:
             "rotor_speeds": self.command,
         }  # fmt: skip
 
-    def steer(self, place: FloatArray, shake: FloatArray) -> None:
-        """Command the speeds that lead to a place, m, and turn by a shake, rad/s2."""
-        still = dict.fromkeys(("x_dot", "x_ddot", "x_dddot", "x_ddddot"), np.zeros(3))
-        wanted = {"x": place, "yaw": 0.0, "yaw_dot": 0.0, **still}
-        thrusts = self.control.update(0.0, self.state, wanted)["cmd_motor_thrusts"]
-        thrusts = thrusts + self.made.TM_to_f @ np.concatenate([[0.0], self.made.inertia @ shake])
-        low, high = self.made.rotor_speed_min, self.made.rotor_speed_max
-        self.command = np.clip(np.sqrt(np.maximum(thrusts, 0.0) / self.made.k_eta), low, high)
-
     def pass_sample(self, wind: FloatArray) -> FloatArray:
         """Let a sample pass; return the acceleration over ground (3,) at its begin."""
         self.state["wind"], control = wind, {"cmd_motor_speeds": self.command}
@@ -138,11 +129,20 @@ class RotorPy:
         return acceleration
 
     def advance(self, place: FloatArray, shake: FloatArray, wind: FloatArray) -> dict[str, FloatArray]:
-        """Fly a sample; return the motion at its begin: velocity, attitude, rates, height, speeds, commands, acceleration."""
-        self.steer(place, shake)
+        """Lead a sample to a place, m, and turn by a shake, rad/s2; return the motion at its begin.
+
+        That is velocity, attitude, rates, height, speeds and commands of rotors, and acceleration.
+        """
+        still = dict.fromkeys(("x_dot", "x_ddot", "x_dddot", "x_ddddot"), np.zeros(3))
+        wanted, made = {"x": place, "yaw": 0.0, "yaw_dot": 0.0, **still}, self.made
+        thrusts = self.control.update(0.0, self.state, wanted)["cmd_motor_thrusts"]
+        thrusts = thrusts + made.TM_to_f @ np.concatenate([[0.0], made.inertia @ shake])
+        speeds = np.sqrt(np.maximum(thrusts, 0.0) / made.k_eta)
+        self.command = np.clip(speeds, made.rotor_speed_min, made.rotor_speed_max)
         s = {n: np.array(x) for n, x in self.state.items()}
-        motion = {"v": s["v"], "q": s["q"], "w": s["w"], "z": s["x"][2:], "n": s["rotor_speeds"]}
-        return {**motion, "u": self.command, "a": self.pass_sample(wind)}
+        turning = s["rotor_speeds"] if made.tau_m else self.command
+        motion = {"v": s["v"], "q": s["q"], "w": s["w"], "z": s["x"][2:], "n": turning, "u": self.command}
+        return {**motion, "a": self.pass_sample(wind)}
 
 
 class MuJoCo(RotorPy):
@@ -164,11 +164,6 @@ class MuJoCo(RotorPy):
             "crazyflie", mass=float(self.model.body_mass[-1]), **body, rotor_pos=places, rotor_directions=TURNS,
             k_eta=THRUST, k_m=TORQUE, **dict.fromkeys(("k_d", "k_z", "tau_m"), 0.0),
         )  # fmt: skip
-
-    def steer(self, place: FloatArray, shake: FloatArray) -> None:
-        """Command the speeds; rotors have them at once."""
-        super().steer(place, shake)
-        self.state["rotor_speeds"] = self.command
 
     def pass_sample(self, wind: FloatArray) -> FloatArray:
         """Let a sample pass, of several steps of MuJoCo; its air is at rest and without drag."""

@@ -12,9 +12,10 @@ from stoop.base.arrays import FloatArray
 from stoop.base.units import FACTORS
 from stoop.errors import StoopError
 from stoop.flight import load
+from stoop.vehicle.checks import is_body
 from stoop.vehicle_draft.draft import draft
 from stoop.vehicle_draft.request import Request
-from stoop_studies.verify import lines, outside, outside_aircraft, outside_rotors, recorders
+from stoop_studies.verify import instruments, lines, outside, outside_aircraft, outside_rotors, recorders
 from stoop_studies.verify.outside_aircraft import Airframe, OutsideFlight, State
 
 RATE = 100.0
@@ -112,6 +113,22 @@ def test_an_accelerometer_off_the_center_feels_turning() -> None:
     assert np.allclose(moved - own, felt, atol=1e-4)
 
 
+def test_noise_is_drawn_column_by_column() -> None:
+    """Beside a twin that draws in the order of the columns: the same seed writes the same log in every process."""
+    recorder, true = replace(QUIET, noise=1.0), tumbling(200).columns
+    read = recorders.measured(true, RATE, recorder, np.zeros(3), np.random.default_rng(3))
+    rng = np.random.default_rng(3)
+    still = instruments.without_noise(true, RATE, np.zeros(3))
+    for name, x in still.items():
+        want = x
+        if name in instruments.NOISE or name in instruments.DRIFT:
+            if name in instruments.DRIFT:
+                want = want + instruments.drifting(rng, len(x), RATE, *instruments.DRIFT[name])
+            want = want + instruments.NOISE[name] * rng.standard_normal(len(x))
+            want = want + instruments.BIASES.get(name, 0.0) * rng.standard_normal()
+        assert np.allclose(read[name], want, rtol=0.0, atol=1e-12)
+
+
 def test_vehicles_and_kinds_of_logs_of_the_last_run_are_not_flown_before() -> None:
     assert 0.25 < len(outside.KEPT) / len(outside.CASES) < 0.45
     assert outside.examine({"case": min(outside.KEPT), "seed": 0}, [None]) == [{"kept": True}]
@@ -164,6 +181,22 @@ def test_truth_of_a_linear_model_is_what_its_file_says() -> None:
     }
     assert {n: truth.value(n) for n in own} == pytest.approx(own, rel=0.02)
     assert truth.value("mass.mass") == pytest.approx(flight.tape["mass"])
+
+
+def test_an_aircraft_whose_moments_are_those_of_no_body_has_true_derivatives() -> None:
+    """The MD-11 of the package: its file, in slug ft2, breaks the triangle inequality by 8 %."""
+    pytest.importorskip("jsbsim")
+    flight = outside_aircraft.fly(outside.AIRCRAFT["MD11"], 0)
+    file = draft(
+        Request("conventional", flight.tape["mass"], flight.tape["span"], flight.tape["chord"], engine="jet")
+    ).vehicle
+    truth = flight.truth(file)
+    moments = [truth.value(f"mass.inertia.{a}") for a in ("xx", "yy", "zz")]
+    assert moments == pytest.approx([x * 1.3558179 for x in (1.3185e7, 3.83816e7, 5.56127e7)], rel=1e-4)
+    assert moments[2] > sum(moments[:2])
+    assert not is_body(truth)
+    assert is_body(file)
+    assert truth.value("Cmalpha") < 0.0 < truth.value("CLalpha")
 
 
 def test_the_same_seed_flies_the_same_flight(cub: OutsideFlight) -> None:
