@@ -176,7 +176,8 @@ def record(case: str, seed: int, folder: Path) -> dict[str, Any]:
     mapping, out["edits"] = mapped(log, folder)
     try:
         known = stoop.load_flight(log.path, mapping)
-        vehicle = stoop.new_vehicle(known, **flight.tape, **flight.asked).vehicle
+        answers: dict[str, Any] = {**flight.tape, **flight.asked}
+        vehicle = stoop.new_vehicle(known, **answers).vehicle
         (folder / "vehicle.toml").write_text(vehicle.text, encoding="utf-8")
         job = defaults.identified(known, vehicle, folder / "result")
     except Exception as error:  # a traceback is a finding

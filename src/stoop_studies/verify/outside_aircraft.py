@@ -65,11 +65,11 @@ class Airframe(jsbsim_flight.Aircraft):
     """JSBSim with an aircraft, its flight control and its engines; gear up."""
 
     passes, running = 400, True  #: a second for the actuators
-    fixed: Mapping[str, float] = {"gear/gear-cmd-norm": 0.0, "gear/gear-pos-norm": 0.0}
 
     def __init__(self, model: Model) -> None:
         Executive.__init__(self, None, model.model, 1.0 / RATE)
         self.set(dict.fromkeys(model.declared, 0.0))
+        self.fixed = {"gear/gear-cmd-norm": 0.0, "gear/gear-pos-norm": 0.0}
         self.stock, self.throttle = model, THROTTLE
         self.engines = range(self.fdm.get_propulsion().get_num_engines())
         self.commands = dict.fromkeys(SURFACES, 0.0)  #: where deflections count from
