@@ -178,7 +178,7 @@ class MuJoCo(RotorPy):
         return acceleration
 
 
-SIMULATORS: Final[Mapping[str, Callable[[str], Any]]] = {"rotorpy": RotorPy, "mujoco": MuJoCo}
+SIMULATORS: Final[Mapping[str, Callable[[str], RotorPy]]] = {"rotorpy": RotorPy, "mujoco": MuJoCo}
 
 
 def fly(simulator: str, name: str, seed: int, wind: FloatArray, gusts: str = "calm") -> OutsideFlight:
@@ -197,21 +197,15 @@ def fly(simulator: str, name: str, seed: int, wind: FloatArray, gusts: str = "ca
     motion = {n: np.array([row[n] for row in rows[round(SETTLE * RATE) :]]) for n in rows[0]}
     if np.max(np.abs(motion["z"] - HEIGHT)) > 15.0:
         raise StoopError(f"outside: {name} of {simulator} leaves its flight")
-    flight: OutsideFlight = flying.craft.flight(RATE, columns_of(motion, flying.craft))
-    return flight
+    return flying.craft.flight(RATE, columns_of(motion, flying.craft))
 
 
 def columns_of(motion: Mapping[str, FloatArray], craft: Rotorcraft) -> Columns:
     """Return variables of a motion (n, 3) in axes of forward, left, up and north, west, up; scalars of quaternions are last."""
     q = np.roll(motion["q"], 1, axis=1) * TURN
     force = to_body(q, FLIP * (motion["a"] + np.array([0.0, 0.0, GRAVITY])))
-    vectors = {
-        VELOCITY: FLIP * motion["v"],
-        RATES: FLIP * motion["w"],
-        EULER: euler_angles(q),
-        SPECIFIC_FORCE: force,
-    }
-    out: Columns = {n: x for names, vector in vectors.items() for n, x in zip(names, vector.T, strict=True)}
+    vectors = np.hstack([FLIP * motion["v"], FLIP * motion["w"], euler_angles(q), force])
+    out = dict(zip((*VELOCITY, *RATES, *EULER, *SPECIFIC_FORCE), vectors.T, strict=True))
     out["altitude"] = motion["z"][:, 0]
     for i, k in enumerate(craft.order, 1):
         out |= {f"rotor_{i}": motion["n"][:, k], f"motor_{i}": motion["u"][:, k] / craft.fastest}
@@ -232,9 +226,10 @@ def fly_f450(seed: int) -> OutsideFlight:
     autopilot.excitation[:] = 0.0
     autopilot.excitation[early:, :3] = shakes
     flown = multirotor.fly(multirotor.Quadrotor(), autopilot)
-    names = (*VELOCITY, *RATES, *EULER, *SPECIFIC_FORCE, "altitude", *multirotor.TURNS)
-    columns = {n: flown.columns[n] for n in names}
-    fastest = 1.2 * max(float(columns[n].max()) for n in multirotor.TURNS)
-    columns |= {n: columns[of] / fastest for n, of in zip(multirotor.MOTORS, multirotor.TURNS, strict=True)}
+    turning = {n: flown.columns[n] for n in multirotor.TURNS}
+    fastest = 1.2 * max(float(x.max()) for x in turning.values())
+    motors = {n: x / fastest for n, x in zip(multirotor.MOTORS, turning.values(), strict=True)}
     known = {**numbers, **multirotor.truth(clamped, flown, None)}
-    return replace(craft, numbers=known, fastest=fastest).flight(jsbsim_flight.RATE, columns)
+    return replace(craft, numbers=known, fastest=fastest).flight(
+        jsbsim_flight.RATE, {**flown.columns, **motors}
+    )
