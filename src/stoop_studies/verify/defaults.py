@@ -196,13 +196,11 @@ FILES: Final[Mapping[str, Callable[[Flown], Vehicle]]] = {"new": drafted_file, "
 # ---------------------------------------------------------------- the chain
 
 
-def identified(path: Path, vehicle: Vehicle, folder: Path | None = None) -> FittedModel:
+def identified(flight: Flight, vehicle: Vehicle, folder: Path) -> FittedModel:
     """Do what the printed commands do: windows by `stoop maneuvers`, then `stoop identify` and its report."""
-    flight = load(path, rate=LOG_GRID)
     found = find_windows({flight.name: without_faults(flight)}, vehicle)
     job = identify(vehicle, [flight], found.texts("fit"), found.texts("validate"))
-    if folder is not None:
-        job.save(folder, overwrite=True)
+    job.save(folder, overwrite=True)
     return job
 
 
@@ -224,7 +222,7 @@ def examine(case: str, seed: int) -> dict[str, Any]:
         began = time.perf_counter()
         try:
             vehicle = FILES[case](flown)
-            job = identified(flown.path, vehicle, Path(name) / "result")
+            job = identified(load(flown.path, rate=LOG_GRID), vehicle, Path(name) / "result")
         except StoopError as error:
             return {**about, "stopped": str(error), "seconds": time.perf_counter() - began}
         seconds = time.perf_counter() - began

@@ -142,21 +142,24 @@ def drifting(rng: np.random.Generator, count: int, rate: float, size: float, tau
     return np.asarray(size * lfilter([1.0], [1.0, -share], driven))
 
 
+def without_noise(true: Columns, rate: float, arm: FloatArray) -> Columns:
+    """Return what sound instruments would read: position from the start, and the accelerometer at an ``arm`` (3,), m."""
+    position = traveled(np.stack([true[n] for n in VELOCITY], axis=-1), 1.0 / rate)
+    out = {**true, **dict(zip(POSITION, position.T, strict=True))}
+    out |= {angle: np.unwrap(true[angle]) for angle in ("phi", "psi")}
+    rates = np.stack([true[a] for a in RATES], axis=-1)
+    turning = np.gradient(rates, 1.0 / rate, axis=0)
+    moved = np.cross(turning, arm) + np.cross(rates, np.cross(rates, arm))
+    return out | {axis: true[axis] + moved[:, i] for i, axis in enumerate(SPECIFIC_FORCE)}
+
+
 def measured(
     vehicle: MadeUp, true: Columns, rate: float, defect: Defect, rng: np.random.Generator
 ) -> Columns:
     """Return what the instruments say of a flight, with noise, drift and defect; NaN where a reading was lost."""
-    count = len(true["p"])
-    time, out = np.arange(count) / rate, dict(true)
-    out |= {angle: np.unwrap(true[angle]) for angle in ("phi", "psi")}
-    position = traveled(np.stack([true[n] for n in VELOCITY], axis=-1), 1.0 / rate)
-    out |= dict(zip(POSITION, position.T, strict=True)) | {"density": standard_density(true["altitude"])}
+    count, time = len(true["p"]), np.arange(len(true["p"])) / rate
     arm = np.array(defect.arm) * (vehicle.tape["chord"] if vehicle.winged else 0.5 * vehicle.tape["span"])
-    rates = np.stack([true[a] for a in RATES], axis=-1)
-    turning = np.gradient(rates, 1.0 / rate, axis=0)
-    moved = np.cross(turning, arm) + np.cross(rates, np.cross(rates, arm))
-    for i, axis in enumerate(SPECIFIC_FORCE):
-        out[axis] = true[axis] + moved[:, i]
+    out = without_noise(true, rate, arm) | {"density": standard_density(true["altitude"])}
     for group, seconds in defect.delay.items():
         for name in GROUPS[group]:
             out[name] = np.interp(time - seconds, time, out[name])

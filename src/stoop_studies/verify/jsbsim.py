@@ -44,15 +44,18 @@ CORNERS: Final = (-1.0, 1.0)  #: likewise, of both factors of a product
 CENTER, REFERENCE = "inertia/cg-{}-in", "metrics/aero-rp-{}-in"
 
 
-def vehicle_of(aircraft: jsbsim_flight.Aircraft, trim: jsbsim_flight.Trim) -> Vehicle:
+def vehicle_of(
+    aircraft: jsbsim_flight.Aircraft, trim: jsbsim_flight.Trim, moments: Mapping[str, float] | None = None
+) -> Vehicle:
     """Return the vehicle with every aerodynamic parameter at zero.
 
-    Deflections count from trim, so that the constant terms are the coefficients there.
+    Deflections count from trim, so that the constant terms are the coefficients there; ``moments`` of inertia are JSBSim's
+    unless others are given, kg m2.
     """
     stock = aircraft.stock
     text = study.data_text("jsbsim.toml.in").format(
         title=stock.title, mass=aircraft["inertia/mass-slugs"] * SLUG, center=list(aircraft.point(CENTER)),
-        **inertia(aircraft), area=aircraft["metrics/Sw-sqft"] * FOOT**2, chord=aircraft["metrics/cbarw-ft"] * FOOT,
+        **(moments or inertia(aircraft)), area=aircraft["metrics/Sw-sqft"] * FOOT**2, chord=aircraft["metrics/cbarw-ft"] * FOOT,
         span=aircraft["metrics/bw-ft"] * FOOT, airspeed=stock.airspeed, alpha=stock.alpha,
         moment_point=list(aircraft.point(REFERENCE)), gravity=aircraft.apparent_gravity,
         eye=list(aircraft.point("metrics/eyepoint-{}-in")),

@@ -30,6 +30,7 @@ PASSES: Final = 12  #: evaluations at a fixed state after which the rate of the 
 RATE: Final = 100  #: Hz, of the record
 EARTH_RATE: Final = 7.292115e-5  #: rad/s, of WGS 84, which JSBSim flies over
 DURATION: Final = 30.0  #: s
+UNCONTROLLED: Final = {"simulation/models/FGFCS/enabled": 0.0}  #: surfaces and motors get what we command
 CLEAN: Final = {"gear/gear-pos-norm": 0.0, "fcs/mixture-pos-norm": 0.0}
 SURFACES: Final = {
     "elevator": "fcs/elevator-pos-rad",
@@ -68,9 +69,9 @@ class Stock(Subject):
     """
 
     airspeed: float
-    alpha: float
+    alpha: float = 0.0
     altitude: float
-    amplitude: Mapping[str, float]
+    amplitude: Mapping[str, float] = field(default_factory=dict)
     throttle: float | None = None
     band: float = 2.0
     added: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
@@ -123,11 +124,10 @@ class Executive:
 
     def __init__(self, folder: Path | None, model: str, step: float) -> None:
         self.fdm = simulator(folder)
+        self.fdm.set_dt(step)  # before the filters of its flight control are made
         if not self.fdm.load_model(model):
             raise StoopError(f"jsbsim: its data hold no aircraft '{model}'; install jsbsim 1.2 or later")
-        self.fdm.set_dt(step)
         self.fdm.disable_output()
-        self.fdm["simulation/models/FGFCS/enabled"] = 0.0  # surfaces and motors get what we command
 
     def __getitem__(self, name: str) -> float:
         return float(self.fdm[name])
@@ -170,10 +170,13 @@ class Executive:
 class Aircraft(Executive):
     """A clean stock aircraft, gear up, its throttle fixed."""
 
+    passes = PASSES
+
     def __init__(self, stock: Stock) -> None:
         super().__init__(None, stock.model, STEP)
+        self.set(UNCONTROLLED)
         throttle = stock.throttle or 0.0
-        self.stock = stock
+        self.stock, self.running = stock, stock.throttle is not None
         self.fixed = {**CLEAN, "fcs/throttle-pos-norm": throttle, "fcs/throttle-pos-norm[1]": throttle}
 
     def put(self, state: State, deflections: Mapping[str, float]) -> None:
@@ -186,10 +189,10 @@ class Aircraft(Executive):
         rates = {f"ic/{a}-rad_sec": getattr(state, a) for a in "pqr"}
         self.begin({"ic/h-sl-ft": state.altitude / FOOT, **angles, **speeds, **rates, **commands})
         self.set({"propulsion/fuel_freeze": 1.0, **commands})
-        if self.stock.throttle is not None:
+        if self.running:
             self.fdm.get_propulsion().init_running(-1)
         self.fdm.suspend_integration()
-        for _ in range(PASSES):
+        for _ in range(self.passes):
             self.fdm.run()
         self.fdm.resume_integration()
 

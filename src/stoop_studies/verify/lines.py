@@ -18,6 +18,8 @@ import numpy as np
 
 from stoop import logs
 from stoop.base.arrays import FloatArray
+from stoop.base.notices import Notice
+from stoop.base.toml import quoted, quoted_key
 from stoop.base.units import DEGREE, FACTORS, STANDARD_GRAVITY
 from stoop.base.variables import EULER, POSITION, RATES, SPECIFIC_FORCE, VARIABLES, VELOCITY
 from stoop.checks.entries import Line
@@ -225,23 +227,36 @@ def write_log(
     known = {**NAMES[dialect], **{f"motor_{n}": (f"motor{n}", "1") for n in range(1, 9)}}
     places = {name: known[name] for name in columns if name in known}
     table = {column: columns[name] / FACTORS[unit] for name, (column, unit) in places.items()}
-    if dialect == "MATLAB":
+    of_matlab = dialect == "MATLAB"
+    return save({"t" if of_matlab else "t_s": time, **table}, folder, "mat" if of_matlab else "csv"), places
+
+
+def save(table: Columns, folder: Path, kind: str) -> Path:
+    """Write a table as a CSV or MATLAB file."""
+    path = folder / f"log.{kind}"
+    if kind == "mat":
         from scipy.io import savemat
 
-        path = folder / "log.mat"
-        savemat(path, {"t": time[:, None], **{name: x[:, None] for name, x in table.items()}})
-        return path, places
-    path, clock = folder / "log.csv", "t_s"
-    rows = np.column_stack([time, *table.values()])
-    np.savetxt(path, rows, "%.9g", ",", header=",".join([clock, *table]), comments="")
-    return path, places
+        savemat(path, {n: x[:, None] for n, x in table.items()})
+        return path
+    np.savetxt(path, np.column_stack([*table.values()]), "%.9g", ",", header=",".join(table), comments="")
+    return path
 
 
 def mapping_text(dialect: str, places: Mapping[str, tuple[str, str]]) -> str:
     """Return the mapping that names and units of a log suggest."""
-    lines = [f'{name} = {{column = "{column}", unit = "{unit}"}}' for name, (column, unit) in places.items()]
-    clock = [] if dialect == "MATLAB" else ['[time]\ncolumn = "t_s"\nunit = "s"']
-    return "\n".join([*clock, "[variables]", *lines, ""])
+    return mapping_of(("t" if dialect == "MATLAB" else "t_s", "s"), places)
+
+
+def mapping_of(clock: Sequence[str], rows: Mapping[str, Sequence[Any]]) -> str:
+    """Return the mapping of variables by column, unit, scale and offset (SI); a scale of 1 and an offset of 0 are left out."""
+    lines = ["[time]", f"column = {quoted(clock[0])}", f"unit = {quoted(clock[1])}", "", "[variables]"]
+    for name, (column, unit, *more) in rows.items():
+        given = [f"column = {quoted(column)}", f"unit = {quoted(unit)}"]
+        usual = zip(("scale", "offset"), more, (1.0, 0.0), strict=False)
+        given += [f"{key} = {value!r}" for key, value, neutral in usual if value != neutral]
+        lines.append(f"{quoted_key(name)} = {{{', '.join(given)}}}")
+    return "\n".join([*lines, ""])
 
 
 def accusations(path: Path, mapping: Path | None) -> list[list[list[str]]]:
@@ -249,22 +264,24 @@ def accusations(path: Path, mapping: Path | None) -> list[list[list[str]]]:
     try:
         flight = load(path, mapping, LOG_GRID)
     except ContradictedError as error:
-        lines = error.notices[0].values.get("lines", (error.notices[0].subject,))
-        return [[[str(name) for name in lines]]] if isinstance(lines, tuple) else [[[]]]
+        return [[accused(error.notices[0])]]
     found = []
     for fault in flight.faults:
         if fault.kind in ("wrong unit", "wrong sign", "inconsistent"):
-            values = fault.notice.values
-            own = values.get("lines")
-            best = [str(n) for n in own] if isinstance(own, tuple) else [fault.variable]
-            text = str(values.get("suggestion", ""))
+            text = str(fault.notice.values.get("suggestion", ""))
             rivals = [part for part in text.split(" or ")[1:] if "variables." in part]
             also = [
                 [w.partition(".")[2].strip(",;") for w in r.split() if w.startswith("variables.")]
                 for r in rivals
             ]
-            found.append([best, *also])
+            found.append([accused(fault.notice), *also])
     return found
+
+
+def accused(one: Notice) -> list[str]:
+    """Return the lines that a notice accuses."""
+    own = one.values.get("lines")
+    return [str(name) for name in own] if isinstance(own, tuple) else [one.subject]
 
 
 def verdict(found: Sequence[Sequence[Sequence[str]]], lines: Sequence[str]) -> str:

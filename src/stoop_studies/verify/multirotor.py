@@ -35,7 +35,7 @@ from stoop.vehicle import Vehicle
 from stoop.vehicle.load import parse_vehicle
 from stoop_studies.findings import Findings, Setting
 from stoop_studies.verify.jsbsim import Case, findings
-from stoop_studies.verify.jsbsim_flight import EARTH_RATE, RATE, Executive, Recording, Subject
+from stoop_studies.verify.jsbsim_flight import EARTH_RATE, RATE, UNCONTROLLED, Executive, Recording, Subject
 from stoop_studies.verify.study import Samples, Verification, data_text, work
 
 STEP: Final = 5e-4  #: s, of JSBSim: its motors are integrated by Euler's rule
@@ -117,6 +117,7 @@ class Quadrotor(Executive):
                 ) from error
             (root / "aircraft/F450/F450.xml").write_text(data_text("f450.xml"), encoding="utf-8")
             super().__init__(root, "F450", STEP)
+        self.set(UNCONTROLLED)
         self.begin({"ic/h-sl-ft": ALTITUDE / FOOT, "ic/psi-true-rad": HEADING})
         self.fdm.get_propulsion().init_running(-1)
         self.set({"forces/hold-down": 1.0})
