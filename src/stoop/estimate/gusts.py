@@ -8,8 +8,8 @@ the velocity over ground, so with measured V, alpha and beta, in body axes,
 is the change of the wind, whatever the aircraft's coefficients are, and whoever moves the surfaces. Biases of the sensors and
 an error of the attitude make d linear in time, scale factors and misalignment of the vanes make it proportional to the
 integral, positions of sensors to the rates, scale factors of gyros and air data to the integral of omega x v_air by each
-rate: these are removed by least squares. The covariance of samples that share no reading separates the remainder from
-white noise: a record slower than the grid was interpolated by splines, which spread the noise of a reading over its neighbors.
+rate: these are removed by least squares. The covariance of readings that share nothing separates the remainder from white
+noise: the samples of a grid between readings were interpolated, and neighbors went through one low-pass.
 
 References
 ----------
