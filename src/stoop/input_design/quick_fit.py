@@ -8,15 +8,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import Final
 
 from stoop.assessment.error_bars import error_bars
 from stoop.errors import FlightError, IdentificationError
+from stoop.estimate.fit import DEFAULTS
 from stoop.flight import Flight
 from stoop.problem.windows import Window
 from stoop.strategy.run import FIT_ALONE
 from stoop.strategy.run import fit as fit_by
 from stoop.vehicle import Vehicle
+
+#: a search that has not ended by then finds several optima, and which of them would not make other windows worth more
+QUICK: Final = replace(DEFAULTS, budget=15_000.0)
 
 
 @dataclass(frozen=True)
@@ -35,7 +40,7 @@ def quick_fit(vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence
     """Fit the free numbers of a vehicle to windows of flights as identification does; a fit that fails is a value."""
     used = {name: flight for name, flight in flights.items() if any(w.flight == name for w in windows)}
     try:
-        fit = fit_by(FIT_ALONE, vehicle, used, windows).estimate
+        fit = fit_by(FIT_ALONE, vehicle, used, windows, options=QUICK).estimate
         bars = error_bars(fit)
     except (FlightError, IdentificationError) as error:
         return QuickFit(failure=str(error))

@@ -30,7 +30,8 @@ def widen(setup: Setup, fit: Fitter) -> Fitted:
             u.name: u.estimate for u in found.estimate.unknowns if u.fixed == "bound" and u.name in unbounded
         }
         boxes = wider_boxes(vehicle, held)
-        if not boxes or found.estimate.outcome.status == "interrupted":
+        # a search that ends for want of trajectories finds no better optimum in a wider box
+        if not boxes or found.estimate.outcome.status in ("interrupted", "budget"):
             break
         vehicle = vehicle.with_numbers({name: {"bounds": box} for name, box in boxes.items()})
         try:
