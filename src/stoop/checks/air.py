@@ -80,7 +80,7 @@ class Air:
     def scales(self, state: Assignment) -> dict[tuple[str, ...], float]:
         """Return the factor of each airspeed that the velocity over ground shows, where it is no calibration."""
         out: dict[tuple[str, ...], float] = {}
-        for name in set(self.names) & set(AIRSPEEDS):
+        for name in (name for name in self.names if name in AIRSPEEDS):
             factor = 1.0 / self._fit(state, scaled=name)[1][-1]
             if factor > 0.1 and abs(factor - 1.0) > AGREEMENT.gain:
                 out[name,] = float(factor)

@@ -278,7 +278,7 @@ def _best(
     rivals, outcomes = [first], [outcome(first.edit)]
     corrected = first.edit.apply(state)
     for one in scored:  # those that explain as much, and are not needed beside it
-        if one is first or (one.edit.complete and one.evidence < limits.evidence):
+        if one is first or one.evidence < limits.evidence:
             continue
         with_it = outcome(one.edit)
         if over(with_it, outcomes[0]) + first.edit.prior - one.edit.prior < limits.tie:

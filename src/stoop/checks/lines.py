@@ -39,7 +39,7 @@ VANES: Final = ("alpha", "beta")
 EAST: Final = "psi from east"  #: column of headings that were counted from east to north
 SURFACES: Final = ("elevator", "aileron", "rudder")
 SENSORS: Final = (EULER, RATES, SPECIFIC_FORCE, VELOCITY, POSITION, VANES, SURFACES)  #: what shares a unit
-#: whose sign the residuals can show; an aileron's is as the vehicle file says
+#: whose sign the residuals can show
 SIGNED: Final[tuple[str, ...]] = (
     *RATES,
     *EULER,
@@ -48,8 +48,7 @@ SIGNED: Final[tuple[str, ...]] = (
     *POSITION,
     "altitude",
     *VANES,
-    "elevator",
-    "rudder",
+    *SURFACES,
 )
 EXCHANGED: Final = (
     ("vn", "ve"), ("pn", "pe"), ("p", "q"), ("q", "r"), ("p", "r"), ("phi", "theta"), ("ax", "ay"), VANES,
@@ -137,7 +136,7 @@ def with_east(data: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
     """Return columns with the heading as it is where it was counted from east to north."""
     if "psi" not in data:
         return dict(data)
-    return {**data, EAST: np.angle(np.exp(1j * (0.5 * np.pi - data["psi"])))}
+    return {**data, EAST: 0.5 * np.pi - data["psi"]}
 
 
 def corrected(state: Assignment, data: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
@@ -253,7 +252,7 @@ def mapping_edits(
         prior = ODDS.downward if name == "altitude" else 0.0
         yield LineEdit("sign", (name,), "write scale = -1", multiplied((name,), -1.0), prior=prior)
     for one, other in EXCHANGED:
-        if {one, other} <= signed | ({"aileron"} & lines.keys() & there):
+        if {one, other} <= signed:
             yield LineEdit(
                 "exchange", (one, other), "exchange the columns", exchanged(one, other), complete=True
             )
@@ -271,7 +270,7 @@ def mapping_edits(
             )
         for name in own:
             yield from _of_one(name, units, {units[n] for n in own if n != name} - {""}, len(own))
-    for name in there - grouped:
+    for name in (name for name in there if name not in grouped):
         yield from _units((name,), units[name], 0.0, signals[name])
         if name.startswith("motor_"):
             advice = f"write scale = 0.001 and offset = -1 (of 1000 to 2000 us), or call it pwm_{name[6:]},"

@@ -116,7 +116,7 @@ class Sizes:
             column, factor = reading(state, name)
             return sizes[column] * abs(factor)
 
-        for name in filter(concerned, self.largest.keys() & LARGEST.keys()):
+        for name in (name for name in self.largest if name in LARGEST and concerned(name)):
             # a heading that was counted through several turns turns as the yaw rate says
             turned = self.turns * reading(state, "psi")[1] / reading(state, "r")[1]
             counted = name == "psi" and 0.2 < turned < 5.0

@@ -20,7 +20,7 @@ from stoop.base.arrays import FloatArray
 from stoop.base.text import enumerated
 from stoop.base.units import DEGREE, FACTORS, KINDS, PULSE_FACTORS, ZEROS
 from stoop.base.variables import EULER, RATES, SPECIFIC_FORCE, VARIABLES
-from stoop.checks.engine import Edit, Finding, Range, not_excluded, search
+from stoop.checks.engine import LIMITS, Edit, Finding, Range, not_excluded, search
 from stoop.checks.entries import Line
 from stoop.checks.lines import EAST, SURFACES, VANES, Assignment, Signal
 from stoop.checks.mapping import SHOWN, Model, on_grid
@@ -81,6 +81,10 @@ class DraftLine:
         remarks = rest if rest != self.remarks else (*rest, f"turned{why}")
         return replace(self, scale=-self.scale, remarks=remarks)
 
+    def changes(self, other: DraftLine) -> bool:
+        """Whether another line reads its column otherwise."""
+        return any(getattr(self, key) != getattr(other, key) for key in ("column", "unit", "scale", "offset"))
+
     @property
     def is_sure(self) -> bool:
         """Whether there is a reason for the unit, or a doubt already."""
@@ -134,7 +138,7 @@ def _names() -> _Names:
             rules += [_Rule(variable, re.compile(text), scale, doubts) for text in texts]
     suffix = re.compile(rf"[-_ .,]({'|'.join(longest)})(\[\d+\])?$", re.IGNORECASE)
     words = "|".join(text.title() for text in longest if text.isalpha() and len(text) > 1)
-    title = re.compile(rf"(?<=[a-z])({words})$")
+    title = re.compile(rf"(?<=[a-z])({words})(\d*)$")
     qualifiers = {kind: frozenset(words.split("|")) for kind, words in content["qualifiers"].items()}
     return _Names(units, suffix, title, tuple(rules), qualifiers)
 
@@ -219,10 +223,7 @@ def without_unit(column: str) -> tuple[str, str]:
     found = _BRACKETS.search(column)
     if found and not found.group(1).isdigit() and found.group(1).lower() in {"", *units}:
         return column[: found.start()], units.get(found.group(1).lower(), "")
-    found = _names().title.search(column)
-    if found:
-        return column[: found.start()], units[found.group(1).lower()]
-    found = _names().suffix.search(column)
+    found = _names().title.search(column) or _names().suffix.search(column)
     if found and found.start() > 0:
         return column[: found.start()] + (found.group(2) or ""), units[found.group(1).lower()]
     return column, ""
@@ -238,14 +239,15 @@ def with_units(lines: Sequence[DraftLine], columns: Mapping[str, Signal]) -> lis
         new = line
         if VARIABLES[line.variable].kind == "command":
             new = _command(line, columns[line.variable][1])
-        elif not line.unit and line.variable.startswith("rotor_"):
-            new = replace(line, unit="rpm").doubted("rpm or rad/s: nothing shows which")
-        elif not line.unit:
+        elif not line.unit and not line.variable.startswith("rotor_"):
             new = replace(line, unit=VARIABLES[line.variable].unit)
         known.setdefault(new.variable, new)
-    for _ in range(2):  # once sizes have shown degrees, headings can be compared with the yaw rate
+    state = _AS_MAPPED  # with what is told, and not changed
+    for _ in range(LIMITS.rounds):  # each edit is judged by what the one before it has shown
         model = _model(known, columns)
-        found, _ = search(_AS_MAPPED, functools.partial(_edits, known, model), model)
+        found, after = search(state, functools.partial(_edits, known, model), model, _ONE)
+        if not found:
+            break
         evidence = model.sizes({}, None).items()
         violated = [key[1:] for key, one in evidence if isinstance(one, Range) and one.violated]
         alike = [
@@ -253,14 +255,19 @@ def with_units(lines: Sequence[DraftLine], columns: Mapping[str, Signal]) -> lis
         ]  # what one shows, the other does
         violated += [pair for pair in alike if any(pair[0] in names for names in violated)]
         contradicted = frozenset(name for names in violated for name in names)
-        for one in found:
-            known = {**known, **{line.variable: line for line in _applied(known, one, contradicted)}}
-            if one.best.kind == "frame":
-                taken = {name: column for name, (column, _) in one.best.apply(_AS_MAPPED).items()}
-                columns = {
-                    **columns,
-                    **{name: columns[taken[name]] for name in taken if taken[name] in columns},
-                }
+        told = {line.variable: line for line in _applied(known, found[0], contradicted)}
+        if not any(line.changes(known[name]) for name, line in told.items()):
+            state = after
+        known = {**known, **told}
+        if found[0].best.kind == "frame":
+            taken = {name: column for name, (column, _) in found[0].best.apply(_AS_MAPPED).items()}
+            columns = {**columns, **{n: columns[taken[n]] for n in taken if taken[n] in columns}}
+    rates = next((known[name].unit for name in RATES if name in known), "rad/s")
+    for name, line in known.items():
+        if not line.unit:  # of a rotor: no flight shows it, but who writes rates in rad/s writes rotors so
+            fast = median_size(columns[name][1]) > MEDIANS[name][1]
+            unit = "rad/s" if rates == "rad/s" and not fast else "rpm"
+            known[name] = replace(line, unit=unit).doubted("rpm or rad/s: nothing shows which")
     model = _model(known, columns)
     known = {**known, **{line.variable: line for line in _agreeing(known, model, columns)}}
     for name in (*EULER, *RATES, *VANES):
@@ -299,6 +306,7 @@ def _unconfirmed(given: Mapping[str, DraftLine], model: Model) -> Iterator[Draft
 
 
 _AS_MAPPED: Final[Assignment] = {}
+_ONE: Final = replace(LIMITS, rounds=1)
 
 
 def _edits(known: Mapping[str, DraftLine], model: Model, state: Assignment) -> Iterable[Edit[Assignment]]:
