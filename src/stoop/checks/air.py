@@ -185,25 +185,27 @@ class Air:
         return factor * self.data[column]
 
     def _slopes(self, state: Assignment) -> Residuals:
-        """Return the slope of lift with alpha over the lift, and the correlation of side force with beta."""
+        """Return what flow angles leave of the forces that grow with them, and the slope of lift over the lift."""
         out: dict[Key, Evidence] = {}
         speed = next((self.data[n] for n in AIRSPEEDS if n in self.data), None)
-        pressure = 1.0 if speed is None else np.where(speed > 1.0, speed, np.nan) ** 2
-        for vane, force, kind in (("alpha", "az", "lift"), ("beta", "ay", "side")):
+        pressure = np.ones(1) if speed is None else np.where(speed > 1.0, speed, np.nan) ** 2
+        for vane, force in (("alpha", "az"), ("beta", "ay")):
             if not {vane, force} <= self.data.keys():
                 continue
             x, y = self._column(state, vane), -self._column(state, force) / pressure
             known = np.isfinite(x) & np.isfinite(y)
-            x, y = x[known], y[known]
-            low, high = LIMITS.slope if kind == "lift" else (0.0, np.inf)
-            value = np.nan
             # no slope is known of what moves by rounding alone
-            moves = x.size >= LIMITS.least and all(
-                np.std(v) > v.size * np.finfo(float).eps * np.abs(v).max() for v in (x, y)
-            )
-            likeness = float(np.corrcoef(x, y)[0, 1]) if moves else 0.0
-            if abs(likeness) > LIMITS.likeness:
-                slope = likeness * float(np.std(y) / np.std(x))
-                value = slope / float(np.mean(y)) if kind == "lift" else slope
-            out[kind, vane, force] = Range(value, low, high, LIMITS.odds)
+            if known.sum() < LIMITS.least or any(
+                np.std(v) <= v.size * np.finfo(float).eps * np.abs(v).max() for v in (x[known], y[known])
+            ):
+                continue
+            level = float(y[known].mean())
+            x, y = x - float(x[known].mean()), y - level
+            slope = float(x[known] @ y[known]) / float(x[known] @ x[known])
+            floor = AGREEMENT.floors["force"] / float(np.nanmedian(pressure))
+            left = y - max(slope, 0.0) * x
+            out["flow", vane, force] = Residual(left, y, AGREEMENT.move * self.rate, floor**2)
+            likeness = slope * float(np.std(x[known]) / np.std(y[known]))
+            if vane == "alpha" and likeness > LIMITS.likeness:
+                out["lift", vane, force] = Range(slope / level, *LIMITS.slope, LIMITS.odds)
         return out

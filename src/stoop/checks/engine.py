@@ -178,7 +178,7 @@ class Range:
 
 @dataclass(frozen=True)
 class Penalty:
-    """Minus the logarithm of a prior density, such as that of a wind: it convinces nobody by itself."""
+    """Minus the logarithm of a prior density, such as that of a wind."""
 
     value: float
 
@@ -186,7 +186,7 @@ class Penalty:
         """Return the log-density that the edit wins or loses."""
         if not isinstance(before, Penalty):
             raise TypeError("evidence of another kind")
-        return before.value - self.value, False
+        return before.value - self.value, before.value - self.value > limits.tie
 
 
 @dataclass(frozen=True)

@@ -38,6 +38,7 @@ SHOWN: Final[Mapping[str, str]] = {
     "place": "the change of position", "moment": "the angular acceleration", "level": "the velocity over ground",
     "air": "the change of velocity", "lift": "the lift", "side": "the side force", "bank": "the bank in turns",
     "path-lift": "the lift", "path-speed": "the speed gained in descents", "wind": "the wind",
+    "flow": "the force that grows with it",
 }  # fmt: skip
 
 
@@ -76,7 +77,8 @@ class Model:
 
     def scales(self, state: Assignment) -> dict[tuple[str, ...], float]:
         """Return the factors that other channels show."""
-        return {names: x for part in self.parts for names, x in part.scales(state).items()}
+        every = (*self.parts, self.sizes)
+        return {names: x for part in every for names, x in part.scales(state).items()}
 
     def edits(self, state: Assignment, lines: Lines) -> Iterable[Edit[Assignment]]:
         """Return the edits that a search tries next."""

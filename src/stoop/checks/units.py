@@ -14,7 +14,7 @@ import numpy as np
 
 from stoop.base.arrays import FloatArray
 from stoop.base.units import DEGREE
-from stoop.base.variables import SPECIFIC_FORCE, VARIABLES
+from stoop.base.variables import EULER, SPECIFIC_FORCE, VARIABLES
 from stoop.checks.engine import Key, Range, Residuals
 from stoop.checks.lines import EAST, Assignment, Signal, reading
 
@@ -105,6 +105,15 @@ class Sizes:
         if (one, other) not in self._growth:
             self._growth[one, other] = growth(self.signals[one], self.signals[other])[0]
         return self._growth[one, other] * f / g
+
+    def scales(self, state: Assignment) -> dict[tuple[str, ...], float]:
+        """Return the factor of each rate that its angle shows, where it is about that of a degree: converted twice."""
+        factors = {rate: self.growth(state, angle, rate) for angle, rate in self.pairs if angle in EULER}
+        return {
+            (rate,): DEGREE ** -math.copysign(1.0, math.log(factor))
+            for rate, factor in factors.items()
+            if factor > 0.0 and abs(math.log(factor)) > STATISTICS.far
+        }
 
     def _statistics(
         self, state: Assignment, concerned: Callable[..., bool]

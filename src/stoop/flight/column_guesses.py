@@ -27,6 +27,8 @@ from stoop.checks.mapping import SHOWN, Model, on_grid
 from stoop.checks.units import LARGEST, MEDIANS, PULSES, largest_size, median_size
 from stoop.flight.airborne import in_flight
 from stoop.flight.flight import from_columns
+from stoop.flight.gridding import Channels
+from stoop.flight.repeated_readings import at_own_rates
 
 LONGEST_NAME: Final = 200  #: letters; no longer name tells anything, and matching takes the square of it
 #: command by which pulses of what moves a surface are recorded
@@ -234,6 +236,7 @@ def with_units(lines: Sequence[DraftLine], columns: Mapping[str, Signal]) -> lis
 
     The draft is judged as a whole, by the search that judges any mapping; what the numbers cannot confirm is doubted.
     """
+    columns = _at_own_rates(columns)
     known: dict[str, DraftLine] = {}
     for line in lines:
         new = line
@@ -280,6 +283,15 @@ def with_units(lines: Sequence[DraftLine], columns: Mapping[str, Signal]) -> lis
             size = median_size(columns[name][1]) if key[0] == "median" else largest_size(columns[name][1])
             known[name] = known[name].doubted(f"{size:.3g} is no {name} in {known[name].unit}")
     return list({**known, **{line.variable: line for line in _unconfirmed(known, model)}}.values())
+
+
+def _at_own_rates(columns: Mapping[str, Signal]) -> dict[str, Signal]:
+    """Return columns at the rows in which they were read."""
+    clocks: dict[int, tuple[FloatArray, dict[str, FloatArray]]] = {}
+    for name, (t, x) in columns.items():
+        clocks.setdefault(id(t), (t, {}))[1][name] = x
+    groups = (one for t, values in clocks.values() for one in at_own_rates(Channels("", t, values))[0])
+    return {name: (group.time, x) for group in groups for name, x in group.values.items()}
 
 
 def _unconfirmed(given: Mapping[str, DraftLine], model: Model) -> Iterator[DraftLine]:
