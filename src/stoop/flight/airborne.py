@@ -83,8 +83,9 @@ def flying(flight: Flight) -> BoolArray:
 
 
 def in_flight(flight: Flight) -> BoolArray:
-    """Tell which samples (n,) tell of the vehicle in flight, also by its speed along the ground, should the vertical one be in a
-    wrong unit; all of a log that shows no flight.
+    """Tell which samples (n,) tell of the vehicle in flight; all of a log that shows no flight.
+
+    The horizontal speed tells as well: the vertical one may be in a wrong unit.
     """
     up = flying(flight)
     if not carried_by_rotors(flight) and flight.names >= set(VELOCITY):

@@ -245,8 +245,28 @@ def with_units(lines: Sequence[DraftLine], columns: Mapping[str, Signal]) -> lis
         elif not line.unit and not line.variable.startswith("rotor_"):
             new = replace(line, unit=VARIABLES[line.variable].unit)
         known.setdefault(new.variable, new)
+    known, columns = _searched(known, columns)
+    known |= {line.variable: line for line in _rotors(known, columns)}
+    model = _model(known, columns)
+    known = {**known, **{line.variable: line for line in _agreeing(known, model, columns)}}
+    for name in (*EULER, *RATES, *VANES):
+        if name in known and not known[name].is_sure:
+            size = largest_size(columns[name][1])
+            known[name] = known[name].doubted(f"{known[name].unit} by its size only: up to {size:.3g}")
+    for key, doubt in model.sizes({}, None).items():
+        if isinstance(doubt, Range) and doubt.violated and key[0] in ("size", "median", "growth"):
+            name = key[1]
+            size = median_size(columns[name][1]) if key[0] == "median" else largest_size(columns[name][1])
+            known[name] = known[name].doubted(f"{size:.3g} is no {name} in {known[name].unit}")
+    return list({**known, **{line.variable: line for line in _unconfirmed(known, model)}}.values())
+
+
+def _searched(
+    known: dict[str, DraftLine], columns: Mapping[str, Signal]
+) -> tuple[dict[str, DraftLine], Mapping[str, Signal]]:
+    """Return lines with the edits that their numbers show, each judged by what the one before it has shown, and their columns."""
     state = _AS_MAPPED  # with what is told, and not changed
-    for _ in range(LIMITS.rounds):  # each edit is judged by what the one before it has shown
+    for _ in range(LIMITS.rounds):
         model = _model(known, columns)
         found, after = search(state, functools.partial(_edits, known, model), model, _ONE)
         if not found:
@@ -265,24 +285,17 @@ def with_units(lines: Sequence[DraftLine], columns: Mapping[str, Signal]) -> lis
         if found[0].best.kind == "frame":
             taken = {name: column for name, (column, _) in found[0].best.apply(_AS_MAPPED).items()}
             columns = {**columns, **{n: columns[taken[n]] for n in taken if taken[n] in columns}}
+    return known, columns
+
+
+def _rotors(known: Mapping[str, DraftLine], columns: Mapping[str, Signal]) -> Iterator[DraftLine]:
+    """Yield rotors without a unit: no flight shows it, but who writes rates in rad/s writes rotors so."""
     rates = next((known[name].unit for name in RATES if name in known), "rad/s")
     for name, line in known.items():
-        if not line.unit:  # of a rotor: no flight shows it, but who writes rates in rad/s writes rotors so
+        if not line.unit:
             fast = median_size(columns[name][1]) > MEDIANS[name][1]
             unit = "rad/s" if rates == "rad/s" and not fast else "rpm"
-            known[name] = replace(line, unit=unit).doubted("rpm or rad/s: nothing shows which")
-    model = _model(known, columns)
-    known = {**known, **{line.variable: line for line in _agreeing(known, model, columns)}}
-    for name in (*EULER, *RATES, *VANES):
-        if name in known and not known[name].is_sure:
-            size = largest_size(columns[name][1])
-            known[name] = known[name].doubted(f"{known[name].unit} by its size only: up to {size:.3g}")
-    for key, doubt in model.sizes({}, None).items():
-        if isinstance(doubt, Range) and doubt.violated and key[0] in ("size", "median", "growth"):
-            name = key[1]
-            size = median_size(columns[name][1]) if key[0] == "median" else largest_size(columns[name][1])
-            known[name] = known[name].doubted(f"{size:.3g} is no {name} in {known[name].unit}")
-    return list({**known, **{line.variable: line for line in _unconfirmed(known, model)}}.values())
+            yield replace(line, unit=unit).doubted("rpm or rad/s: nothing shows which")
 
 
 def _at_own_rates(columns: Mapping[str, Signal]) -> dict[str, Signal]:
