@@ -10,7 +10,7 @@ import numpy as np
 
 from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice, notice
-from stoop.base.variables import VARIABLES, WRAPPED
+from stoop.base.variables import VARIABLES
 from stoop.checks.air import Air
 from stoop.checks.controls import Controls
 from stoop.checks.engine import Edit, Finding, Range, Residuals, search
@@ -19,7 +19,7 @@ from stoop.checks.flight_path import FlightPath
 from stoop.checks.frames import frame_edits
 from stoop.checks.kinematics import Columns, Motion, thinned
 from stoop.checks.lines import EAST, Assignment, Signal, corrected, mapping_edits, reading, with_east
-from stoop.checks.units import LARGEST, Sizes, largest_size
+from stoop.checks.units import LARGEST, Sizes, without_jumps
 
 #: statistic -> code of the notice
 _CODES: Final = {
@@ -157,9 +157,9 @@ def on_grid(signals: Mapping[str, Signal], rate: float) -> tuple[FloatArray, dic
     out = {}
     for name, (t, x) in signals.items():
         known = np.isfinite(x)
-        y = x[known]
-        if name in WRAPPED:  # between the ends of a turn there is no value
-            y = np.unwrap(y, period=360.0 if largest_size(y) > LARGEST[name] else 2.0 * np.pi)
-        several = y.size > 1
-        out[name] = np.interp(time, t[known], y, np.nan, np.nan) if several else np.full(time.size, np.nan)
+        out[name] = (
+            np.interp(time, t[known], without_jumps(name, x)[known], np.nan, np.nan)
+            if known.sum() > 1
+            else np.full(time.size, np.nan)
+        )
     return time, out

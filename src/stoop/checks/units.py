@@ -14,7 +14,7 @@ import numpy as np
 
 from stoop.base.arrays import FloatArray
 from stoop.base.units import DEGREE
-from stoop.base.variables import EULER, SPECIFIC_FORCE, VARIABLES
+from stoop.base.variables import EULER, SPECIFIC_FORCE, VARIABLES, WRAPPED
 from stoop.checks.engine import Key, Range, Residuals
 from stoop.checks.lines import EAST, Assignment, Signal, reading
 
@@ -103,7 +103,8 @@ class Sizes:
         """Return how many times faster an angle changes than a rate says; zero where they are unlike."""
         (one, f), (other, g) = reading(state, angle), reading(state, rate)
         if (one, other) not in self._growth:
-            self._growth[one, other] = growth(self.signals[one], self.signals[other])[0]
+            t, x = self.signals[one]
+            self._growth[one, other] = growth((t, without_jumps(angle, x)), self.signals[other])[0]
         return self._growth[one, other] * f / g
 
     def scales(self, state: Assignment) -> dict[tuple[str, ...], float]:
@@ -214,6 +215,15 @@ def growth(angle: Signal, rate: Signal) -> tuple[float, float]:
             if abs(correlation) >= limits.likeness:
                 return math.copysign(math.sqrt(float(a @ a) / float(b @ b)), correlation), correlation
     return 0.0, 0.0
+
+
+def without_jumps(name: str, x: FloatArray) -> FloatArray:
+    """Return an angle (n,) in radians, or still in degrees, that is counted on through whole turns."""
+    if name not in WRAPPED:
+        return x
+    out, known = x.copy(), np.isfinite(x)
+    out[known] = np.unwrap(x[known], period=360.0 if largest_size(x) > LARGEST[name] else 2.0 * np.pi)
+    return out
 
 
 def counted(psi: FloatArray) -> bool:
