@@ -13,7 +13,7 @@ import numpy as np
 
 from stoop.base.arrays import FloatArray
 from stoop.base.rotations import quaternions_of
-from stoop.base.units import FACTORS, KINDS, PULSE_FACTORS, ZERO_CELSIUS
+from stoop.base.units import DEGREE, FACTORS, KINDS, PULSE_FACTORS, ZERO_CELSIUS
 from stoop.base.variables import (
     EULER,
     MOTORS,
@@ -38,6 +38,7 @@ AIRSPEEDS: Final = ("V", "airspeed_pitot", "airspeed_equivalent")
 VANES: Final = ("alpha", "beta")
 EAST: Final = "psi from east"  #: column of headings that were counted from east to north
 SURFACES: Final = ("elevator", "aileron", "rudder")
+TWICE: Final = (DEGREE, 1.0 / DEGREE)  #: factors of what was converted twice: no numbers that are fitted
 SENSORS: Final = (EULER, RATES, SPECIFIC_FORCE, VELOCITY, POSITION, VANES, SURFACES)  #: what shares a unit
 #: whose sign the residuals can show
 SIGNED: Final[tuple[str, ...]] = (
@@ -259,7 +260,7 @@ def mapping_edits(
     for names, factor in scales.items():
         if lines.keys() >= set(names):
             change, fix = multiplied(names, factor), f"multiply scale by {factor:.3g}"
-            prior = ODDS.scale if len(names) == 1 else ODDS.scales
+            prior = 0.0 if factor in TWICE else ODDS.scale if len(names) == 1 else ODDS.scales
             yield LineEdit("scale", names, fix, change, _complete(names, factor), prior)
     grouped = {name for sensor in SENSORS for name in sensor}
     for sensor in SENSORS:

@@ -32,11 +32,12 @@ _UNEXPLAINED: Final = {
 }  # fmt: skip
 #: kind of evidence -> what shows it
 SHOWN: Final[Mapping[str, str]] = {
-    "size": "its size", "median": "its size", "weight": "its weight", "z-axis": "its weight", "up": "its weight",
+    "size": "its size", "least": "its size", "median": "its size",
+    "weight": "its weight", "z-axis": "its weight", "up": "its weight",
     "noise": "noise beside the other axes", "growth": "the change of angles", "turns": "the change of angles",
     "turn": "the change of angles", "gain": "the change of angles over a second", "force": "the change of velocity",
     "place": "the change of position", "moment": "the angular acceleration", "level": "the velocity over ground",
-    "air": "the change of velocity", "lift": "the lift", "side": "the side force", "bank": "the bank in turns",
+    "air": "the change of velocity", "lift": "the lift", "side": "the side force", "bank": "the direction of lift",
     "path-lift": "the lift", "path-speed": "the speed gained in descents", "wind": "the wind",
     "flow": "the force that grows with it",
 }  # fmt: skip

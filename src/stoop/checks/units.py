@@ -16,7 +16,7 @@ from stoop.base.arrays import FloatArray
 from stoop.base.units import DEGREE
 from stoop.base.variables import EULER, SPECIFIC_FORCE, VARIABLES, WRAPPED
 from stoop.checks.engine import Key, Range, Residuals
-from stoop.checks.lines import EAST, Assignment, Signal, reading
+from stoop.checks.lines import EAST, TWICE, Assignment, Signal, reading
 
 #: rad, rad/s: sizes that no flight exceeds; gyros of drones end at 35 rad/s
 LARGEST: Final = {
@@ -24,6 +24,7 @@ LARGEST: Final = {
     "elevator": 0.5 * math.pi, "aileron": 0.5 * math.pi, "rudder": 0.5 * math.pi, "flap": 0.5 * math.pi,
     "p": 40.0, "q": 40.0, "r": 40.0,
 }  # fmt: skip
+MIN_ANGLE: Final = 3.0 * DEGREE  #: rad; hardly any flight stays below
 #: angle, and nearly its derivative
 PAIRS: Final[tuple[tuple[str, str], ...]] = (("phi", "p"), ("theta", "q"), ("psi", "r"), ("alpha", "q"))
 
@@ -55,6 +56,7 @@ class Statistics:
     noise_band: float = 4.0  #: ratio of the noise of axes of one sensor and one unit
     upright: float = 0.5  #: least share of the specific force along the vertical axis, in the median
     size: float = 30.0  #: odds of a size
+    least: float = 5.0  #: odds of a flight without bank or pitch: it hovers
     growth: float = 15.0  #: odds of an angle against its rate
     turns: float = 12.0  #: odds of an angle that turns against its rate
     no_noise: float = 1e-12  #: m/s2; a sensor that scatters less has no noise to compare
@@ -111,7 +113,7 @@ class Sizes:
         """Return the factor of each rate that its angle shows, where it is about that of a degree: converted twice."""
         factors = {rate: self.growth(state, angle, rate) for angle, rate in self.pairs if angle in EULER}
         return {
-            (rate,): DEGREE ** -math.copysign(1.0, math.log(factor))
+            (rate,): TWICE[factor > 1.0]
             for rate, factor in factors.items()
             if factor > 0.0 and abs(math.log(factor)) > STATISTICS.far
         }
@@ -137,6 +139,8 @@ class Sizes:
                 LARGEST[name],
                 limits.size,
             )
+        for name in (name for name in ("phi", "theta") if name in self.largest and concerned(name)):
+            yield ("least", name), size(name, self.largest), MIN_ANGLE, np.inf, limits.least
         for name in filter(concerned, self.median):
             if name != "az" and (median := size(name, self.median)):
                 yield ("median", name), median, *MEDIANS[name], limits.size

@@ -18,13 +18,13 @@ import numpy as np
 
 from stoop.base.arrays import FloatArray
 from stoop.base.text import enumerated
-from stoop.base.units import DEGREE, FACTORS, KINDS, PULSE_FACTORS, ZEROS
+from stoop.base.units import FACTORS, KINDS, PULSE_FACTORS, ZEROS
 from stoop.base.variables import EULER, RATES, SPECIFIC_FORCE, VARIABLES
 from stoop.checks.engine import LIMITS, Edit, Finding, Range, not_excluded, search
 from stoop.checks.entries import Line
 from stoop.checks.lines import EAST, SURFACES, VANES, Assignment, Signal
 from stoop.checks.mapping import SHOWN, Model, on_grid
-from stoop.checks.units import LARGEST, MEDIANS, PULSES, largest_size, median_size
+from stoop.checks.units import LARGEST, MEDIANS, MIN_ANGLE, PULSES, largest_size, median_size
 from stoop.flight.airborne import in_flight
 from stoop.flight.flight import from_columns
 from stoop.flight.gridding import Channels
@@ -38,7 +38,6 @@ _OF_PULSES: Final = {
 }  # fmt: skip
 #: factor (1/us) and offset: of a throttle from 1000 to 2000 us, of others about 1500 us
 _PULSE: Final = {True: (1e-3, -1.0), False: (2e-3, -3.0)}
-MIN_ANGLE: Final = 3.0 * DEGREE  #: rad; no flight stays below
 _BRACKETS: Final = re.compile(r"\s*[(\[]\s*([^)\]]*?)\s*[)\]]\s*$")
 #: what was asked for, or left over: not what was measured
 _ASKED: Final = re.compile(
