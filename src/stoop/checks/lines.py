@@ -290,13 +290,13 @@ def _of_systems(units: Mapping[str, str]) -> Iterator[Edit[Assignment]]:
             names = tuple(name for name in every if _factor(name, other[name]) != now[name])
             if len(names) > 1 and not {names, (*names, *(other[name] for name in names))} & seen:
                 seen.add((*names, *(other[name] for name in names)))
-                yield _unit_of_each(
-                    {name: (_factor(name, other[name]) / now[name], other[name]) for name in names}
-                )
+                factors = {name: (_factor(name, other[name]) / now[name], other[name]) for name in names}
+                smaller = any(factor < 1.0 for factor, _ in factors.values())
+                yield _unit_of_each(factors, smaller, ODDS.several)
 
 
-def _unit_of_each(factors: Mapping[str, tuple[float, str]]) -> Edit[Assignment]:
-    """Return the edit that gives each line a unit of its own, by its factor."""
+def _unit_of_each(factors: Mapping[str, tuple[float, str]], complete: bool, prior: float) -> Edit[Assignment]:
+    """Return the edit that gives each line another unit, by its factor."""
 
     def change(state: Assignment) -> Assignment:
         for name, (factor, _) in factors.items():
@@ -306,8 +306,7 @@ def _unit_of_each(factors: Mapping[str, tuple[float, str]]) -> Edit[Assignment]:
     units = tuple(unit for _, unit in factors.values())
     value = " and ".join(dict.fromkeys(units))
     fix = " and ".join(f'unit = "{unit}"' for unit in dict.fromkeys(units))
-    complete = any(factor < 1.0 for factor, _ in factors.values())
-    return LineEdit("unit", tuple(factors), f"write {fix}", change, complete, ODDS.several, value, units)
+    return LineEdit("unit", tuple(factors), f"write {fix}", change, complete, prior, value, units)
 
 
 def _of_one(
@@ -348,9 +347,9 @@ def _factor(name: str, unit: str) -> float:
 
 
 def _unit(names: tuple[str, ...], unit: str, other: str, prior: float) -> Edit[Assignment]:
+    """Return the edit that gives lines of one sensor another unit."""
     factor = _factor(names[0], other) / _factor(names[0], unit or VARIABLES[names[0]].unit)
-    fix, change = f'write unit = "{other}"', multiplied(names, factor)
-    return LineEdit("unit", names, fix, change, _complete(names, factor), prior, other, (other,) * len(names))
+    return _unit_of_each(dict.fromkeys(names, (factor, other)), _complete(names, factor), prior)
 
 
 def _complete(names: Sequence[str], factor: float) -> bool:
