@@ -187,25 +187,31 @@ class Air:
     def _slopes(self, state: Assignment) -> Residuals:
         """Return what flow angles leave of the forces that grow with them, and the slope of lift over the lift."""
         out: dict[Key, Evidence] = {}
-        speed = next((self.data[n] for n in AIRSPEEDS if n in self.data), None)
-        pressure = np.ones(1) if speed is None else np.where(speed > 1.0, speed, np.nan) ** 2
+        speed = next((self.data[n] for n in AIRSPEEDS if n in self.data), np.full(1, 2.0))
+        pressure = np.where(speed > 1.0, speed, np.nan) ** 2
+        usual = float(np.mean(pressure[speed > 1.0])) if (speed > 1.0).any() else 1.0
+        floor = (AGREEMENT.floors["force"] / usual) ** 2
         for vane, force in (("alpha", "az"), ("beta", "ay")):
             if not {vane, force} <= self.data.keys():
                 continue
             x, y = self._column(state, vane), -self._column(state, force) / pressure
-            known = np.isfinite(x) & np.isfinite(y)
-            # no slope is known of what moves by rounding alone
-            if known.sum() < LIMITS.least or any(
-                np.std(v) <= v.size * np.finfo(float).eps * np.abs(v).max() for v in (x[known], y[known])
-            ):
-                continue
-            level = float(y[known].mean())
-            x, y = x - float(x[known].mean()), y - level
-            slope = float(x[known] @ y[known]) / float(x[known] @ x[known])
-            floor = AGREEMENT.floors["force"] / float(np.nanmedian(pressure))
-            left = y - max(slope, 0.0) * x
-            out["flow", vane, force] = Residual(left, y, AGREEMENT.move * self.rate, floor**2)
-            likeness = slope * float(np.std(x[known]) / np.std(y[known]))
-            if vane == "alpha" and likeness > LIMITS.likeness:
-                out["lift", vane, force] = Range(slope / level, *LIMITS.slope, LIMITS.odds)
+            middle, level, slope, likeness = _line(x, y)
+            left = y - level - max(slope, 0.0) * (x - middle)
+            out["flow", vane, force] = Residual(left, y - level, AGREEMENT.move * self.rate, floor)
+            if vane == "alpha":
+                share = slope / level if likeness > LIMITS.likeness else np.nan
+                out["lift", vane, force] = Range(share, *LIMITS.slope, LIMITS.odds)
         return out
+
+
+def _line(x: FloatArray, y: FloatArray) -> tuple[float, float, float, float]:
+    """Return the means of x and y (n,), the slope of y over x, and their correlation; NaN where one moves by rounding alone."""
+    known = np.isfinite(x) & np.isfinite(y)
+    x, y = x[known], y[known]
+    if x.size < LIMITS.least or any(
+        np.std(v) <= v.size * np.finfo(float).eps * np.abs(v).max() for v in (x, y)
+    ):
+        return np.nan, np.nan, np.nan, np.nan
+    middle, level = float(x.mean()), float(y.mean())
+    slope = float((x - middle) @ (y - level)) / float((x - middle) @ (x - middle))
+    return middle, level, slope, slope * float(np.std(x) / np.std(y))

@@ -258,7 +258,8 @@ def mapping_edits(
                 "exchange", (one, other), "exchange the columns", exchanged(one, other), complete=True
             )
     for names, factor in scales.items():
-        if lines.keys() >= set(names):
+        as_unit = factor in TWICE and (factor < 1.0) == (_factor(names[0], units[names[0]]) == 1.0)
+        if lines.keys() >= set(names) and not as_unit:
             change, fix = multiplied(names, factor), f"multiply scale by {factor:.3g}"
             prior = 0.0 if factor in TWICE else ODDS.scale if len(names) == 1 else ODDS.scales
             yield LineEdit("scale", names, fix, change, _complete(names, factor), prior)
