@@ -173,7 +173,7 @@ class Range:
         if before.violated and self.outside > before.outside:  # no correction makes it worse
             return -math.inf, False
         gained = before.odds * before.violated - self.odds * self.violated
-        return gained, gained > 0.0
+        return gained, gained >= limits.evidence
 
 
 @dataclass(frozen=True)
