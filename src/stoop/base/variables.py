@@ -103,7 +103,7 @@ def _table() -> dict[str, Variable]:
         ("thrust", "N", "body", "forward", "thrust of all propellers together", "command"),
         ("throttle", "1", "", "more power; 0 to 1", "throttle", "command"),
         ("elevator", "rad", "surface", "trailing edge down, nose down", "elevator deflection", "command"),
-        ("aileron", "rad", "surface", "as the vehicle file says", "aileron deflection", "command"),
+        ("aileron", "rad", "surface", "right edge up, right wing down", "aileron deflection", "command"),
         ("rudder", "rad", "surface", "trailing edge left, nose left", "rudder deflection", "command"),
         ("flap", "rad", "surface", "trailing edge down", "flap deflection", "command"),
         ("control_roll", "1", "", "right wing down; -1 to 1", "normalized roll command", "command"),

@@ -80,7 +80,7 @@ class Air:
     def scales(self, state: Assignment) -> dict[tuple[str, ...], float]:
         """Return the factor of each airspeed that the velocity over ground shows, where it is no calibration."""
         out: dict[tuple[str, ...], float] = {}
-        for name in set(self.names) & set(AIRSPEEDS):
+        for name in (name for name in self.names if name in AIRSPEEDS):
             factor = 1.0 / self._fit(state, scaled=name)[1][-1]
             if factor > 0.1 and abs(factor - 1.0) > AGREEMENT.gain:
                 out[name,] = float(factor)
@@ -185,25 +185,33 @@ class Air:
         return factor * self.data[column]
 
     def _slopes(self, state: Assignment) -> Residuals:
-        """Return the slope of lift with alpha over the lift, and the correlation of side force with beta."""
+        """Return what flow angles leave of the forces that grow with them, and the slope of lift over the lift."""
         out: dict[Key, Evidence] = {}
-        speed = next((self.data[n] for n in AIRSPEEDS if n in self.data), None)
-        pressure = 1.0 if speed is None else np.where(speed > 1.0, speed, np.nan) ** 2
-        for vane, force, kind in (("alpha", "az", "lift"), ("beta", "ay", "side")):
+        speed = next((self.data[n] for n in AIRSPEEDS if n in self.data), np.full(1, 2.0))
+        pressure = np.where(speed > 1.0, speed, np.nan) ** 2
+        usual = float(np.mean(pressure[speed > 1.0])) if (speed > 1.0).any() else 1.0
+        floor = (AGREEMENT.floors["force"] / usual) ** 2
+        for vane, force in (("alpha", "az"), ("beta", "ay")):
             if not {vane, force} <= self.data.keys():
                 continue
             x, y = self._column(state, vane), -self._column(state, force) / pressure
-            known = np.isfinite(x) & np.isfinite(y)
-            x, y = x[known], y[known]
-            low, high = LIMITS.slope if kind == "lift" else (0.0, np.inf)
-            value = np.nan
-            # no slope is known of what moves by rounding alone
-            moves = x.size >= LIMITS.least and all(
-                np.std(v) > v.size * np.finfo(float).eps * np.abs(v).max() for v in (x, y)
-            )
-            likeness = float(np.corrcoef(x, y)[0, 1]) if moves else 0.0
-            if abs(likeness) > LIMITS.likeness:
-                slope = likeness * float(np.std(y) / np.std(x))
-                value = slope / float(np.mean(y)) if kind == "lift" else slope
-            out[kind, vane, force] = Range(value, low, high, LIMITS.odds)
+            middle, level, slope, likeness = _line(x, y)
+            left = y - level - max(slope, 0.0) * (x - middle)
+            out["flow", vane, force] = Residual(left, y - level, AGREEMENT.move * self.rate, floor)
+            if vane == "alpha":
+                share = slope / level if likeness > LIMITS.likeness else np.nan
+                out["lift", vane, force] = Range(share, *LIMITS.slope, LIMITS.odds)
         return out
+
+
+def _line(x: FloatArray, y: FloatArray) -> tuple[float, float, float, float]:
+    """Return the means of x and y (n,), the slope of y over x, and their correlation; NaN where one moves by rounding alone."""
+    known = np.isfinite(x) & np.isfinite(y)
+    x, y = x[known], y[known]
+    if x.size < LIMITS.least or any(
+        np.std(v) <= v.size * np.finfo(float).eps * np.abs(v).max() for v in (x, y)
+    ):
+        return np.nan, np.nan, np.nan, np.nan
+    middle, level = float(x.mean()), float(y.mean())
+    slope = float((x - middle) @ (y - level)) / float((x - middle) @ (x - middle))
+    return middle, level, slope, slope * float(np.std(x) / np.std(y))

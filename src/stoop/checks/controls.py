@@ -17,9 +17,9 @@ from stoop.checks.engine import Evidence, Key, Residual, Residuals
 from stoop.checks.kinematics import Columns
 from stoop.checks.lines import Assignment, reading
 
-#: axis -> rate that a control changes, and the controls with the sign of that by `base.variables`; 0: either
+#: axis -> rate that a control changes, and the controls with the sign of that by `base.variables`
 EFFECTS: Final = {
-    "roll": ("p", (("aileron", 0.0), ("control_roll", 1.0))),
+    "roll": ("p", (("aileron", 1.0), ("control_roll", 1.0))),
     "pitch": ("q", (("elevator", -1.0), ("control_pitch", 1.0))),
     "yaw": ("r", (("rudder", -1.0), ("control_yaw", 1.0))),
 }

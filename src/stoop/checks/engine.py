@@ -173,12 +173,12 @@ class Range:
         if before.violated and self.outside > before.outside:  # no correction makes it worse
             return -math.inf, False
         gained = before.odds * before.violated - self.odds * self.violated
-        return gained, gained > 0.0
+        return gained, gained >= limits.evidence
 
 
 @dataclass(frozen=True)
 class Penalty:
-    """Minus the logarithm of a prior density, such as that of a wind: it convinces nobody by itself."""
+    """Minus the logarithm of a prior density, such as that of a wind."""
 
     value: float
 
@@ -186,7 +186,7 @@ class Penalty:
         """Return the log-density that the edit wins or loses."""
         if not isinstance(before, Penalty):
             raise TypeError("evidence of another kind")
-        return before.value - self.value, False
+        return before.value - self.value, before.value - self.value > limits.tie
 
 
 @dataclass(frozen=True)
@@ -278,7 +278,7 @@ def _best(
     rivals, outcomes = [first], [outcome(first.edit)]
     corrected = first.edit.apply(state)
     for one in scored:  # those that explain as much, and are not needed beside it
-        if one is first or (one.edit.complete and one.evidence < limits.evidence):
+        if one is first or one.evidence < limits.evidence:
             continue
         with_it = outcome(one.edit)
         if over(with_it, outcomes[0]) + first.edit.prior - one.edit.prior < limits.tie:

@@ -1,7 +1,7 @@
 """Attitude against the flight path where no accelerometer was recorded, as with motion capture.
 
-Lift, or the thrust of rotors, points along the body's z axis: the side acceleration follows from the bank, and, on wings, lift
-grows with the angle between the nose and the path, and a climb costs speed.
+Lift, or the thrust of rotors, points along the body's z axis: the side acceleration follows from the bank, that ahead of rotors
+from the pitch; on wings lift grows with the angle between the nose and the path, and a climb costs speed.
 """
 
 from __future__ import annotations
@@ -68,6 +68,9 @@ class FlightPath:
         out: dict[Key, Evidence] = {("bank", "phi"): Residual(left, side, span, LIMITS.floor**2)}
         if self.winged:
             out |= self._on_wings(velocity, acceleration, theta)
+        else:  # thrust points along the body's axis ahead as well
+            ahead = np.cos(psi) * acceleration[:, 0] + np.sin(psi) * acceleration[:, 1]
+            out["bank", "theta"] = Residual(ahead + lift * np.tan(theta), ahead, span, LIMITS.floor**2)
         return out
 
     def _slopes(self, x: FloatArray) -> FloatArray:

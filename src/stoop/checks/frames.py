@@ -2,7 +2,8 @@
 
 Axes as in `stoop.flight.conversion`: "flu" is a body of forward, left, up; "enu" a ground of east, north, up; "nwu" one of
 north, west, up; "neu" is north, east, up, which is left-handed but usual. An attitude between such frames keeps its
-bank, reverses its pitch, and counts its heading to the left from north ("nwu") or from east ("enu").
+bank, reverses its pitch, and counts its heading to the left from north ("nwu") or from east ("enu"); some estimators count
+the pitch nose up all the same.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ def frame_edits(lines: Lines) -> Iterator[Edit[Assignment]]:
     """Yield the edits that take sensors for ones with other axes, where the user wrote all their lines."""
     seen = set()
     for sensors in _TOGETHER:
-        there = tuple(sensor for sensor in sensors if len(set(sensor) & lines.keys()) > 1)
+        there = tuple(sensor for sensor in sensors if set(sensor) & lines.keys())
         if not there or there in seen:
             continue
         seen.add(there)
@@ -37,32 +38,35 @@ def frame_edits(lines: Lines) -> Iterator[Edit[Assignment]]:
         for frame in ("nwu", "enu", "neu") if ground else ("flu",):
             if frame == "neu" and any(sensor not in _GROUND for sensor in there):
                 continue
-            names, applied = _turned(there, frame, lines)
-            if len(names) > 1:
-                body = any(sensor in (EULER, *_BODY) for sensor in there)
-                axes = ("flu",) * (body and ground) + (frame,)
-                value = "-".join(axes)
-                fix = f"convert from axes {value}"
-                # where nothing shows the heading, any is as good: the usual axes
-                prior = ODDS.frame + ODDS.less_usual * (frame == "nwu")
-                yield LineEdit("frame", names, fix, applied, prior=prior, value=value)
+            body = any(sensor in (EULER, *_BODY) for sensor in there)
+            axes = "-".join(("flu",) * (body and ground) + (frame,))
+            for kept in ("", "theta") if ground and "theta" in lines and EULER in there else ("",):
+                names, applied = _turned(there, frame, lines, kept)
+                if len(names) > 1:
+                    value = axes + (", its pitch nose up" if kept else "")
+                    # where nothing shows the heading, any is as good: the usual axes
+                    prior = ODDS.frame + ODDS.less_usual * ((frame == "nwu") + bool(kept))
+                    fix = f"convert from axes {value}"
+                    yield LineEdit("frame", names, fix, applied, prior=prior, value=value)
 
 
-def _turned(there: tuple[tuple[str, ...], ...], frame: str, lines: Lines) -> tuple[tuple[str, ...], Apply]:
-    """Return the variables that change where sensors have other axes, and the edit."""
+def _turned(
+    there: tuple[tuple[str, ...], ...], frame: str, lines: Lines, kept: str
+) -> tuple[tuple[str, ...], Apply]:
+    """Return the variables that change where sensors have other axes, and the edit; one of them is ``kept`` as it is."""
     negative: list[str] = []
     steps: list[Apply] = []
     for sensor in there:
         x, y, z = sensor
         if sensor == EULER:
             negative += [y] if frame == "enu" else [y, z]
-            steps += [counted_from_east] if frame == "enu" else []
+            steps += [counted_from_east] if frame == "enu" and z in lines else []
         elif sensor in _BODY or frame == "nwu":
             negative += [y, z]
         else:
             negative.append(z)
-            steps += [exchanged(x, y)] if frame == "enu" else []
-    moved = {name: None for name in negative if name in lines}
+            steps += [exchanged(x, y)] if frame == "enu" and {x, y} & lines.keys() else []
+    moved = {name: None for name in negative if name in lines and name != kept}
     own = {name: None for step in steps for name in step({})}
     if not own.keys() <= lines.keys():
         return (), lambda state: state

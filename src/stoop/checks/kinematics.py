@@ -1,7 +1,8 @@
 """Channels of one flight against each other: rates turn the attitude, velocity moves the position, force makes velocity.
 
-The residuals hold for any vehicle. Offsets of sensors contradict nothing: means are taken off. Where no velocity over
-ground was recorded, the velocity through the air takes its place: a steady wind drops out of accelerations.
+The residuals hold for any vehicle. Offsets of sensors contradict nothing: means are taken off. Force makes the velocity through
+the air as well, which tells of air data, and of all where no velocity over ground was recorded: a steady wind drops out of
+accelerations.
 """
 
 from __future__ import annotations
@@ -103,12 +104,9 @@ class Motion:
             felt = self._felt(state)
             for i, name in enumerate(VELOCITY):
                 parts["force", name] = self._slope(state, name), felt[:, i]
-        if (
-            self.felt
-            and not self.flown
-            and self.speed
-            and concerned(*EULER, *SPECIFIC_FORCE, *AIRSPEEDS, *VANES)
-        ):
+        # accelerations over ground tell of forces and attitude already
+        others = () if self.flown else (*EULER, *SPECIFIC_FORCE)
+        if self.felt and self.speed and concerned(*AIRSPEEDS, *VANES, *others):
             felt, slopes = self._felt(state), self._air_slopes(state)
             for i, axis in enumerate("ned"):
                 parts["air", axis] = slopes[:, i], felt[:, i]

@@ -13,7 +13,7 @@ import numpy as np
 
 from stoop.base.arrays import FloatArray
 from stoop.base.rotations import quaternions_of
-from stoop.base.units import FACTORS, KINDS, PULSE_FACTORS, ZERO_CELSIUS
+from stoop.base.units import DEGREE, FACTORS, KINDS, PULSE_FACTORS, ZERO_CELSIUS
 from stoop.base.variables import (
     EULER,
     MOTORS,
@@ -38,8 +38,9 @@ AIRSPEEDS: Final = ("V", "airspeed_pitot", "airspeed_equivalent")
 VANES: Final = ("alpha", "beta")
 EAST: Final = "psi from east"  #: column of headings that were counted from east to north
 SURFACES: Final = ("elevator", "aileron", "rudder")
+TWICE: Final = (DEGREE, 1.0 / DEGREE)  #: factors of what was converted twice: no numbers that are fitted
 SENSORS: Final = (EULER, RATES, SPECIFIC_FORCE, VELOCITY, POSITION, VANES, SURFACES)  #: what shares a unit
-#: whose sign the residuals can show; an aileron's is as the vehicle file says
+#: whose sign the residuals can show
 SIGNED: Final[tuple[str, ...]] = (
     *RATES,
     *EULER,
@@ -48,8 +49,7 @@ SIGNED: Final[tuple[str, ...]] = (
     *POSITION,
     "altitude",
     *VANES,
-    "elevator",
-    "rudder",
+    *SURFACES,
 )
 EXCHANGED: Final = (
     ("vn", "ve"), ("pn", "pe"), ("p", "q"), ("q", "r"), ("p", "r"), ("phi", "theta"), ("ax", "ay"), VANES,
@@ -137,7 +137,7 @@ def with_east(data: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
     """Return columns with the heading as it is where it was counted from east to north."""
     if "psi" not in data:
         return dict(data)
-    return {**data, EAST: np.angle(np.exp(1j * (0.5 * np.pi - data["psi"])))}
+    return {**data, EAST: 0.5 * np.pi - data["psi"]}
 
 
 def corrected(state: Assignment, data: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
@@ -253,14 +253,15 @@ def mapping_edits(
         prior = ODDS.downward if name == "altitude" else 0.0
         yield LineEdit("sign", (name,), "write scale = -1", multiplied((name,), -1.0), prior=prior)
     for one, other in EXCHANGED:
-        if {one, other} <= signed | ({"aileron"} & lines.keys() & there):
+        if {one, other} <= signed:
             yield LineEdit(
                 "exchange", (one, other), "exchange the columns", exchanged(one, other), complete=True
             )
     for names, factor in scales.items():
-        if lines.keys() >= set(names):
+        as_unit = factor in TWICE and (factor < 1.0) == (_factor(names[0], units[names[0]]) == 1.0)
+        if lines.keys() >= set(names) and not as_unit:
             change, fix = multiplied(names, factor), f"multiply scale by {factor:.3g}"
-            prior = ODDS.scale if len(names) == 1 else ODDS.scales
+            prior = 0.0 if factor in TWICE else ODDS.scale if len(names) == 1 else ODDS.scales
             yield LineEdit("scale", names, fix, change, _complete(names, factor), prior)
     grouped = {name for sensor in SENSORS for name in sensor}
     for sensor in SENSORS:
@@ -271,7 +272,7 @@ def mapping_edits(
             )
         for name in own:
             yield from _of_one(name, units, {units[n] for n in own if n != name} - {""}, len(own))
-    for name in there - grouped:
+    for name in (name for name in there if name not in grouped):
         yield from _units((name,), units[name], 0.0, signals[name])
         if name.startswith("motor_"):
             advice = f"write scale = 0.001 and offset = -1 (of 1000 to 2000 us), or call it pwm_{name[6:]},"
@@ -290,13 +291,13 @@ def _of_systems(units: Mapping[str, str]) -> Iterator[Edit[Assignment]]:
             names = tuple(name for name in every if _factor(name, other[name]) != now[name])
             if len(names) > 1 and not {names, (*names, *(other[name] for name in names))} & seen:
                 seen.add((*names, *(other[name] for name in names)))
-                yield _unit_of_each(
-                    {name: (_factor(name, other[name]) / now[name], other[name]) for name in names}
-                )
+                factors = {name: (_factor(name, other[name]) / now[name], other[name]) for name in names}
+                smaller = any(factor < 1.0 for factor, _ in factors.values())
+                yield _unit_of_each(factors, smaller, ODDS.several)
 
 
-def _unit_of_each(factors: Mapping[str, tuple[float, str]]) -> Edit[Assignment]:
-    """Return the edit that gives each line a unit of its own, by its factor."""
+def _unit_of_each(factors: Mapping[str, tuple[float, str]], complete: bool, prior: float) -> Edit[Assignment]:
+    """Return the edit that gives each line another unit, by its factor."""
 
     def change(state: Assignment) -> Assignment:
         for name, (factor, _) in factors.items():
@@ -306,8 +307,7 @@ def _unit_of_each(factors: Mapping[str, tuple[float, str]]) -> Edit[Assignment]:
     units = tuple(unit for _, unit in factors.values())
     value = " and ".join(dict.fromkeys(units))
     fix = " and ".join(f'unit = "{unit}"' for unit in dict.fromkeys(units))
-    complete = any(factor < 1.0 for factor, _ in factors.values())
-    return LineEdit("unit", tuple(factors), f"write {fix}", change, complete, ODDS.several, value, units)
+    return LineEdit("unit", tuple(factors), f"write {fix}", change, complete, prior, value, units)
 
 
 def _of_one(
@@ -348,9 +348,9 @@ def _factor(name: str, unit: str) -> float:
 
 
 def _unit(names: tuple[str, ...], unit: str, other: str, prior: float) -> Edit[Assignment]:
+    """Return the edit that gives lines of one sensor another unit."""
     factor = _factor(names[0], other) / _factor(names[0], unit or VARIABLES[names[0]].unit)
-    fix, change = f'write unit = "{other}"', multiplied(names, factor)
-    return LineEdit("unit", names, fix, change, _complete(names, factor), prior, other, (other,) * len(names))
+    return _unit_of_each(dict.fromkeys(names, (factor, other)), _complete(names, factor), prior)
 
 
 def _complete(names: Sequence[str], factor: float) -> bool:

@@ -18,8 +18,8 @@ from stoop.checks.entries import Lines, where
 from stoop.checks.flight_path import FlightPath
 from stoop.checks.frames import frame_edits
 from stoop.checks.kinematics import Columns, Motion, thinned
-from stoop.checks.lines import EAST, Assignment, Signal, corrected, mapping_edits, with_east
-from stoop.checks.units import LARGEST, Sizes
+from stoop.checks.lines import EAST, Assignment, Signal, corrected, mapping_edits, reading, with_east
+from stoop.checks.units import LARGEST, Sizes, without_jumps
 
 #: statistic -> code of the notice
 _CODES: Final = {
@@ -32,12 +32,14 @@ _UNEXPLAINED: Final = {
 }  # fmt: skip
 #: kind of evidence -> what shows it
 SHOWN: Final[Mapping[str, str]] = {
-    "size": "its size", "median": "its size", "weight": "its weight", "z-axis": "its weight", "up": "its weight",
+    "size": "its size", "least": "its size", "median": "its size",
+    "weight": "its weight", "z-axis": "its weight", "up": "its weight",
     "noise": "noise beside the other axes", "growth": "the change of angles", "turns": "the change of angles",
     "turn": "the change of angles", "gain": "the change of angles over a second", "force": "the change of velocity",
     "place": "the change of position", "moment": "the angular acceleration", "level": "the velocity over ground",
-    "air": "the change of velocity", "lift": "the lift", "side": "the side force", "bank": "the bank in turns",
+    "air": "the change of velocity", "lift": "the lift", "side": "the side force", "bank": "the direction of lift",
     "path-lift": "the lift", "path-speed": "the speed gained in descents", "wind": "the wind",
+    "flow": "the force that grows with it",
 }  # fmt: skip
 
 
@@ -76,12 +78,14 @@ class Model:
 
     def scales(self, state: Assignment) -> dict[tuple[str, ...], float]:
         """Return the factors that other channels show."""
-        return {names: x for part in self.parts for names, x in part.scales(state).items()}
+        every = (*self.parts, self.sizes)
+        return {names: x for part in every for names, x in part.scales(state).items()}
 
     def edits(self, state: Assignment, lines: Lines) -> Iterable[Edit[Assignment]]:
         """Return the edits that a search tries next."""
         yield from mapping_edits(self.signals, self.judged, lines, self.scales(state))
-        yield from frame_edits({name: line for name, line in lines.items() if name in self.judged})
+        if abs(reading(state, "psi")[1]) == 1.0:  # a quarter of a turn is known of radians
+            yield from frame_edits({name: line for name, line in lines.items() if name in self.judged})
 
 
 @dataclass(frozen=True)
@@ -155,7 +159,7 @@ def on_grid(signals: Mapping[str, Signal], rate: float) -> tuple[FloatArray, dic
     for name, (t, x) in signals.items():
         known = np.isfinite(x)
         out[name] = (
-            np.interp(time, t[known], x[known], np.nan, np.nan)
+            np.interp(time, t[known], without_jumps(name, x)[known], np.nan, np.nan)
             if known.sum() > 1
             else np.full(time.size, np.nan)
         )

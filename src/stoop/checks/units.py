@@ -14,9 +14,9 @@ import numpy as np
 
 from stoop.base.arrays import FloatArray
 from stoop.base.units import DEGREE
-from stoop.base.variables import SPECIFIC_FORCE, VARIABLES
+from stoop.base.variables import EULER, SPECIFIC_FORCE, VARIABLES, WRAPPED
 from stoop.checks.engine import Key, Range, Residuals
-from stoop.checks.lines import EAST, Assignment, Signal, reading
+from stoop.checks.lines import EAST, TWICE, Assignment, Signal, reading
 
 #: rad, rad/s: sizes that no flight exceeds; gyros of drones end at 35 rad/s
 LARGEST: Final = {
@@ -24,6 +24,7 @@ LARGEST: Final = {
     "elevator": 0.5 * math.pi, "aileron": 0.5 * math.pi, "rudder": 0.5 * math.pi, "flap": 0.5 * math.pi,
     "p": 40.0, "q": 40.0, "r": 40.0,
 }  # fmt: skip
+MIN_ANGLE: Final = 3.0 * DEGREE  #: rad; hardly any flight stays below
 #: angle, and nearly its derivative
 PAIRS: Final[tuple[tuple[str, str], ...]] = (("phi", "p"), ("theta", "q"), ("psi", "r"), ("alpha", "q"))
 
@@ -55,6 +56,7 @@ class Statistics:
     noise_band: float = 4.0  #: ratio of the noise of axes of one sensor and one unit
     upright: float = 0.5  #: least share of the specific force along the vertical axis, in the median
     size: float = 30.0  #: odds of a size
+    least: float = 5.0  #: odds of a flight without bank or pitch: it hovers
     growth: float = 15.0  #: odds of an angle against its rate
     turns: float = 12.0  #: odds of an angle that turns against its rate
     no_noise: float = 1e-12  #: m/s2; a sensor that scatters less has no noise to compare
@@ -103,8 +105,18 @@ class Sizes:
         """Return how many times faster an angle changes than a rate says; zero where they are unlike."""
         (one, f), (other, g) = reading(state, angle), reading(state, rate)
         if (one, other) not in self._growth:
-            self._growth[one, other] = growth(self.signals[one], self.signals[other])[0]
+            t, x = self.signals[one]
+            self._growth[one, other] = growth((t, without_jumps(angle, x)), self.signals[other])[0]
         return self._growth[one, other] * f / g
+
+    def scales(self, state: Assignment) -> dict[tuple[str, ...], float]:
+        """Return the factor of each rate that its angle shows, where it is about that of a degree: converted twice."""
+        factors = {rate: self.growth(state, angle, rate) for angle, rate in self.pairs if angle in EULER}
+        return {
+            (rate,): TWICE[factor > 1.0]
+            for rate, factor in factors.items()
+            if factor > 0.0 and abs(math.log(factor)) > STATISTICS.far
+        }
 
     def _statistics(
         self, state: Assignment, concerned: Callable[..., bool]
@@ -116,7 +128,7 @@ class Sizes:
             column, factor = reading(state, name)
             return sizes[column] * abs(factor)
 
-        for name in filter(concerned, self.largest.keys() & LARGEST.keys()):
+        for name in (name for name in self.largest if name in LARGEST and concerned(name)):
             # a heading that was counted through several turns turns as the yaw rate says
             turned = self.turns * reading(state, "psi")[1] / reading(state, "r")[1]
             counted = name == "psi" and 0.2 < turned < 5.0
@@ -127,6 +139,8 @@ class Sizes:
                 LARGEST[name],
                 limits.size,
             )
+        for name in (name for name in ("phi", "theta") if name in self.largest and concerned(name)):
+            yield ("least", name), size(name, self.largest), MIN_ANGLE, np.inf, limits.least
         for name in filter(concerned, self.median):
             if name != "az" and (median := size(name, self.median)):
                 yield ("median", name), median, *MEDIANS[name], limits.size
@@ -205,6 +219,15 @@ def growth(angle: Signal, rate: Signal) -> tuple[float, float]:
             if abs(correlation) >= limits.likeness:
                 return math.copysign(math.sqrt(float(a @ a) / float(b @ b)), correlation), correlation
     return 0.0, 0.0
+
+
+def without_jumps(name: str, x: FloatArray) -> FloatArray:
+    """Return an angle (n,) in radians, or still in degrees, that is counted on through whole turns."""
+    if name not in WRAPPED:
+        return x
+    out, known = x.copy(), np.isfinite(x)
+    out[known] = np.unwrap(x[known], period=360.0 if largest_size(x) > LARGEST[name] else 2.0 * np.pi)
+    return out
 
 
 def counted(psi: FloatArray) -> bool:

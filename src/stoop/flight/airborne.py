@@ -83,8 +83,13 @@ def flying(flight: Flight) -> BoolArray:
 
 
 def in_flight(flight: Flight) -> BoolArray:
-    """Tell which samples (n,) tell of the vehicle in flight; all of a log that shows no flight."""
+    """Tell which samples (n,) tell of the vehicle in flight; all of a log that shows no flight.
+
+    The horizontal speed tells as well: the vertical one may be in a wrong unit.
+    """
     up = flying(flight)
+    if not carried_by_rotors(flight) and flight.names >= set(VELOCITY):
+        up |= _without_edges(carried_by_speed(flight, VELOCITY[:2]), flight.rate)
     return up if up.sum() >= FLYING.least * flight.rate else np.ones(up.size, dtype=bool)
 
 
@@ -93,11 +98,11 @@ def airborne(flight: Flight) -> BoolArray:
     return _without_edges(carried_by_speed(flight), flight.rate)
 
 
-def carried_by_speed(flight: Flight) -> BoolArray:
-    """Tell where the speed is one of flight; everywhere when no speed is known."""
+def carried_by_speed(flight: Flight, velocity: tuple[str, ...] = VELOCITY) -> BoolArray:
+    """Tell where the speed, by components of the velocity, is one of flight; everywhere when no speed is known."""
     speed = np.full(flight.time.size, np.nan)
-    if flight.names >= set(VELOCITY):
-        speed = np.sqrt(np.sum([flight.column(name) ** 2 for name in VELOCITY], axis=0))
+    if flight.names >= set(velocity):
+        speed = np.sqrt(np.sum([flight.column(name) ** 2 for name in velocity], axis=0))
     else:
         name = next((name for name in ("V", "airspeed_pitot") if name in flight.names), None)
         speed = flight.column(name) if name else speed

@@ -18,15 +18,17 @@ import numpy as np
 
 from stoop.base.arrays import FloatArray
 from stoop.base.text import enumerated
-from stoop.base.units import DEGREE, FACTORS, KINDS, PULSE_FACTORS, ZEROS
+from stoop.base.units import FACTORS, KINDS, PULSE_FACTORS, ZEROS
 from stoop.base.variables import EULER, RATES, SPECIFIC_FORCE, VARIABLES
-from stoop.checks.engine import Edit, Finding, Range, not_excluded, search
+from stoop.checks.engine import LIMITS, Edit, Finding, Range, not_excluded, search
 from stoop.checks.entries import Line
 from stoop.checks.lines import EAST, SURFACES, VANES, Assignment, Signal
 from stoop.checks.mapping import SHOWN, Model, on_grid
-from stoop.checks.units import LARGEST, MEDIANS, PULSES, largest_size, median_size
+from stoop.checks.units import LARGEST, MEDIANS, MIN_ANGLE, PULSES, largest_size, median_size
 from stoop.flight.airborne import in_flight
 from stoop.flight.flight import from_columns
+from stoop.flight.gridding import Channels
+from stoop.flight.repeated_readings import at_own_rates
 
 LONGEST_NAME: Final = 200  #: letters; no longer name tells anything, and matching takes the square of it
 #: command by which pulses of what moves a surface are recorded
@@ -36,7 +38,6 @@ _OF_PULSES: Final = {
 }  # fmt: skip
 #: factor (1/us) and offset: of a throttle from 1000 to 2000 us, of others about 1500 us
 _PULSE: Final = {True: (1e-3, -1.0), False: (2e-3, -3.0)}
-MIN_ANGLE: Final = 3.0 * DEGREE  #: rad; no flight stays below
 _BRACKETS: Final = re.compile(r"\s*[(\[]\s*([^)\]]*?)\s*[)\]]\s*$")
 #: what was asked for, or left over: not what was measured
 _ASKED: Final = re.compile(
@@ -80,6 +81,10 @@ class DraftLine:
         rest = tuple(one for one in self.remarks if not one.startswith("turned"))
         remarks = rest if rest != self.remarks else (*rest, f"turned{why}")
         return replace(self, scale=-self.scale, remarks=remarks)
+
+    def changes(self, other: DraftLine) -> bool:
+        """Whether another line reads its column otherwise."""
+        return any(getattr(self, key) != getattr(other, key) for key in ("column", "unit", "scale", "offset"))
 
     @property
     def is_sure(self) -> bool:
@@ -134,7 +139,7 @@ def _names() -> _Names:
             rules += [_Rule(variable, re.compile(text), scale, doubts) for text in texts]
     suffix = re.compile(rf"[-_ .,]({'|'.join(longest)})(\[\d+\])?$", re.IGNORECASE)
     words = "|".join(text.title() for text in longest if text.isalpha() and len(text) > 1)
-    title = re.compile(rf"(?<=[a-z])({words})$")
+    title = re.compile(rf"(?<=[a-z])({words})(\d*)$")
     qualifiers = {kind: frozenset(words.split("|")) for kind, words in content["qualifiers"].items()}
     return _Names(units, suffix, title, tuple(rules), qualifiers)
 
@@ -219,10 +224,7 @@ def without_unit(column: str) -> tuple[str, str]:
     found = _BRACKETS.search(column)
     if found and not found.group(1).isdigit() and found.group(1).lower() in {"", *units}:
         return column[: found.start()], units.get(found.group(1).lower(), "")
-    found = _names().title.search(column)
-    if found:
-        return column[: found.start()], units[found.group(1).lower()]
-    found = _names().suffix.search(column)
+    found = _names().title.search(column) or _names().suffix.search(column)
     if found and found.start() > 0:
         return column[: found.start()] + (found.group(2) or ""), units[found.group(1).lower()]
     return column, ""
@@ -233,34 +235,17 @@ def with_units(lines: Sequence[DraftLine], columns: Mapping[str, Signal]) -> lis
 
     The draft is judged as a whole, by the search that judges any mapping; what the numbers cannot confirm is doubted.
     """
+    columns = _at_own_rates(columns)
     known: dict[str, DraftLine] = {}
     for line in lines:
         new = line
         if VARIABLES[line.variable].kind == "command":
             new = _command(line, columns[line.variable][1])
-        elif not line.unit and line.variable.startswith("rotor_"):
-            new = replace(line, unit="rpm").doubted("rpm or rad/s: nothing shows which")
-        elif not line.unit:
+        elif not line.unit and not line.variable.startswith("rotor_"):
             new = replace(line, unit=VARIABLES[line.variable].unit)
         known.setdefault(new.variable, new)
-    for _ in range(2):  # once sizes have shown degrees, headings can be compared with the yaw rate
-        model = _model(known, columns)
-        found, _ = search(_AS_MAPPED, functools.partial(_edits, known, model), model)
-        evidence = model.sizes({}, None).items()
-        violated = [key[1:] for key, one in evidence if isinstance(one, Range) and one.violated]
-        alike = [
-            pair for pair in model.sizes.pairs if model.sizes.growth({}, *pair)
-        ]  # what one shows, the other does
-        violated += [pair for pair in alike if any(pair[0] in names for names in violated)]
-        contradicted = frozenset(name for names in violated for name in names)
-        for one in found:
-            known = {**known, **{line.variable: line for line in _applied(known, one, contradicted)}}
-            if one.best.kind == "frame":
-                taken = {name: column for name, (column, _) in one.best.apply(_AS_MAPPED).items()}
-                columns = {
-                    **columns,
-                    **{name: columns[taken[name]] for name in taken if taken[name] in columns},
-                }
+    known, columns = _searched(known, columns)
+    known |= {line.variable: line for line in _rotors(known, columns)}
     model = _model(known, columns)
     known = {**known, **{line.variable: line for line in _agreeing(known, model, columns)}}
     for name in (*EULER, *RATES, *VANES):
@@ -273,6 +258,52 @@ def with_units(lines: Sequence[DraftLine], columns: Mapping[str, Signal]) -> lis
             size = median_size(columns[name][1]) if key[0] == "median" else largest_size(columns[name][1])
             known[name] = known[name].doubted(f"{size:.3g} is no {name} in {known[name].unit}")
     return list({**known, **{line.variable: line for line in _unconfirmed(known, model)}}.values())
+
+
+def _searched(
+    known: dict[str, DraftLine], columns: Mapping[str, Signal]
+) -> tuple[dict[str, DraftLine], Mapping[str, Signal]]:
+    """Return lines with the edits that their numbers show, each judged by what the one before it has shown, and their columns."""
+    state = _AS_MAPPED  # with what is told, and not changed
+    for _ in range(LIMITS.rounds):
+        model = _model(known, columns)
+        found, after = search(state, functools.partial(_edits, known, model), model, _ONE)
+        if not found:
+            break
+        evidence = model.sizes({}, None).items()
+        violated = [key[1:] for key, one in evidence if isinstance(one, Range) and one.violated]
+        alike = [
+            pair for pair in model.sizes.pairs if model.sizes.growth({}, *pair)
+        ]  # what one shows, the other does
+        violated += [pair for pair in alike if any(pair[0] in names for names in violated)]
+        contradicted = frozenset(name for names in violated for name in names)
+        told = {line.variable: line for line in _applied(known, found[0], contradicted)}
+        if not any(line.changes(known[name]) for name, line in told.items()):
+            state = after
+        known = {**known, **told}
+        if found[0].best.kind == "frame":
+            taken = {name: column for name, (column, _) in found[0].best.apply(_AS_MAPPED).items()}
+            columns = {**columns, **{n: columns[taken[n]] for n in taken if taken[n] in columns}}
+    return known, columns
+
+
+def _rotors(known: Mapping[str, DraftLine], columns: Mapping[str, Signal]) -> Iterator[DraftLine]:
+    """Yield rotors without a unit: no flight shows it, but who writes rates in rad/s writes rotors so."""
+    rates = next((known[name].unit for name in RATES if name in known), "rad/s")
+    for name, line in known.items():
+        if not line.unit:
+            fast = median_size(columns[name][1]) > MEDIANS[name][1]
+            unit = "rad/s" if rates == "rad/s" and not fast else "rpm"
+            yield replace(line, unit=unit).doubted("rpm or rad/s: nothing shows which")
+
+
+def _at_own_rates(columns: Mapping[str, Signal]) -> dict[str, Signal]:
+    """Return columns at the rows in which they were read."""
+    clocks: dict[int, tuple[FloatArray, dict[str, FloatArray]]] = {}
+    for name, (t, x) in columns.items():
+        clocks.setdefault(id(t), (t, {}))[1][name] = x
+    groups = (one for t, values in clocks.values() for one in at_own_rates(Channels("", t, values))[0])
+    return {name: (group.time, x) for group in groups for name, x in group.values.items()}
 
 
 def _unconfirmed(given: Mapping[str, DraftLine], model: Model) -> Iterator[DraftLine]:
@@ -299,6 +330,7 @@ def _unconfirmed(given: Mapping[str, DraftLine], model: Model) -> Iterator[Draft
 
 
 _AS_MAPPED: Final[Assignment] = {}
+_ONE: Final = replace(LIMITS, rounds=1)
 
 
 def _edits(known: Mapping[str, DraftLine], model: Model, state: Assignment) -> Iterable[Edit[Assignment]]:

@@ -21,7 +21,7 @@ from stoop.base.toml import quoted, quoted_key
 from stoop.base.units import FACTORS
 from stoop.base.variables import OUTPUT_PINS, VARIABLES
 from stoop.checks.lines import Signal
-from stoop.checks.units import PAIRS, STATISTICS, growth
+from stoop.checks.units import PAIRS, STATISTICS, growth, largest_size
 from stoop.errors import one_line
 from stoop.flight.airborne import rotor_pulses
 from stoop.flight.apply_mapping import apply_mapping
@@ -48,6 +48,8 @@ FUNCTIONS: Final[dict[float, str]] = {
 }  #: SERVOn_FUNCTION, a whole number, -> what the output does
 RANGES: Final = (("MOT_PWM_MIN", "MOT_PWM_MAX"), ("Q_M_PWM_MIN", "Q_M_PWM_MAX"))  #: us; 0 where not set
 DEFAULT_RANGE: Final = (1000.0, 2000.0)  #: us
+_NUMBERED: Final = re.compile(r"(.*?)[\W_]*\d{1,2}\]?")  #: stem of a name that ends in a number
+_DRIVEN: Final = re.compile(r"(motor|rotor|pwm|servo)_")
 _COMPONENT: Final = re.compile(r"(?:.*\.)?(xyz\[\d\]|[xyz])")
 
 
@@ -61,6 +63,7 @@ class Limits:
     throw: float = 0.4  #: rad to each side, to start a calibration from
     outputs: int = 4  #: for which a calibration is drafted
     rate: float = 200.0  #: Hz at which pulses are compared with rates
+    delays: tuple[float, ...] = (0.0, 0.1, 0.2, 0.3, 0.4)  #: s by which a motor may follow what was recorded
     samples: tuple[int, int] = (100, 400_000)  #: of that comparison
 
 
@@ -150,7 +153,7 @@ def _of_any(recording: Recording) -> Draft:
         idle = line.unit == "1" and not (line.stated or line.doubts)
         if idle and line.variable.rpartition("_")[0] in percents:
             lines[i] = replace(line, unit="percent").doubted("percent as the others")
-    lines += _derivatives(timed, lines)
+    lines += [*_derivatives(timed, lines), *_motors(timed, [*lines, *known])]
     lines = sorted(lines, key=lambda line: list(VARIABLES).index(line.variable))[: LIMITS.lines]
     several = len(timed.streams) > 1
     signals, called = {}, []
@@ -316,6 +319,28 @@ def _derivatives(recording: Recording, lines: Sequence[DraftLine]) -> list[Draft
             doubt = f"by its numbers only: the derivative of {angle} (correlation {abs(likeness):.2f})"
             found.append(DraftLine(rate, name, column, unit, 1.0 if ratio > 0.0 else -1.0, doubts=(doubt,)))
     return found
+
+
+def _motors(recording: Recording, lines: Sequence[DraftLine]) -> list[DraftLine]:
+    """Find numbered columns without a known name that turn the vehicle as motors do."""
+    signals = {line.variable: _signal(recording, line) for line in lines if line.variable in ("p", "q")}
+    named, series = {(line.stream, line.column) for line in lines}, dict[tuple[str, str], list[DraftLine]]()
+    for name, stream in recording.streams.items():
+        for column in (c for c in stream.columns if (name, c) not in named):
+            if (found := _NUMBERED.fullmatch(column)) is not None:
+                own = series.setdefault((name, found.group(1)), [])
+                own.append(DraftLine(f"motor_{len(own) + 1}", name, column))
+    for own in [] if any(_DRIVEN.match(line.variable) for line in lines) else series.values():
+        columns = {line.variable: _signal(recording, line) for line in own}
+        most = max(largest_size(x) for _, x in columns.values())
+        for late in LIMITS.delays if most > 0.0 else ():
+            pulses = {
+                f"pwm_{n}": (t + late, 1e3 + 1e3 * x / most) for n, (t, x) in enumerate(columns.values(), 1)
+            }
+            if len(Outputs((*pulses,), {}, {**signals, **pulses}, {}).motors) == len(own):
+                doubt = "a motor by what it turns, check its number"
+                return [line.doubted(doubt) for line in with_units(own, columns)]
+    return []
 
 
 def _place(column: str, stream: str = "") -> str:

@@ -421,6 +421,13 @@ def real_flights(folder: Path) -> list[Path]:
 
 
 CASES: Final = ("mangled", "frames", "together", "clean", "real")
+SAID: Final = (
+    "named",
+    "ambiguous",
+    "wrong",
+    "silent",
+    "accused",
+)  #: of wrong lines; of right ones silent or accused
 
 
 def show(setting: Setting, samples: study.Samples) -> Findings:
@@ -462,7 +469,22 @@ def show(setting: Setting, samples: study.Samples) -> Findings:
         for r in results
         if r["said"] != "none"
     ]
-    return Findings.of("Wrong lines of mappings", claims, records)
+    return Findings.of("Wrong lines of mappings", claims, records, summary=_summary(records))
+
+
+def _summary(records: Sequence[Mapping[str, str]]) -> list[dict[str, str | int]]:
+    """Return how many flights of each case and kind of vehicle were judged how, and how many advices were followed."""
+    kinds = dict.fromkeys((r["case"], r["vehicle"] if r["case"] != "real" else "") for r in records)
+    table: list[dict[str, str | int]] = []
+    for case, vehicle in kinds:
+        own = [r for r in records if r["case"] == case and (not vehicle or r["vehicle"] == vehicle)]
+        counts = {word: sum(r["said"] == word for r in own) for word in SAID}
+        drafts = {f"draft {word}": sum(r["draft"] == word for r in own) for word in ("doubted", "wrong")}
+        followed = {
+            f"followed, {word}": sum(r["followed"] == word for r in own) for word in ("right", "wrong")
+        }
+        table.append({"case": case, "vehicle": vehicle, "flights": len(own), **counts, **drafts, **followed})
+    return table
 
 
 def _draft_word(drafted: Mapping[str, Sequence[str]]) -> str:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from stoop.checks.air import LIMITS, Air
+from stoop.checks.engine import LIMITS as THRESHOLDS
 
 LIFT = ("lift", "alpha", "az")
 
@@ -31,3 +32,21 @@ def test_a_vane_that_moves_by_rounding_alone_has_no_slope() -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert np.isnan(slope(alpha, -9.8 - up))
+
+
+@pytest.mark.parametrize(
+    "state", [{"alpha": ("beta", 1.0), "beta": ("alpha", 1.0)}, {"beta": ("beta", -1.0)}]
+)
+def test_flow_angles_that_no_force_follows_are_told(state: dict[str, tuple[str, float]]) -> None:
+    """Side force falls with sideslip, and lift grows with the angle of attack."""
+    rng = np.random.default_rng(0)
+    time = np.arange(600) / LIMITS.rate
+    alpha, beta = 0.05 * np.sin(0.8 * time), 0.05 * np.sin(1.1 * time)
+    readings = {"alpha": alpha, "beta": beta, "az": -9.8 - 60.0 * alpha, "ay": -20.0 * beta}
+    air = Air(
+        {n: x + 0.1 * rng.standard_normal(600) * n.startswith("a") for n, x in readings.items()}, LIMITS.rate
+    )
+    right, wrong = (air(now, None)["flow", "beta", "ay"] for now in ({}, state))
+    gained, clear = right.gain(wrong, THRESHOLDS, complete=True)
+    assert clear
+    assert gained > THRESHOLDS.evidence

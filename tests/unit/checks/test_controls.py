@@ -54,3 +54,15 @@ def test_the_right_sign_explains_more_whatever_the_delay(late: float) -> None:
     }
     power = {sign: float(x @ x) for sign, x in left.items()}
     assert power[1.0] < 0.6 * power[-1.0]
+
+
+def test_the_aileron_is_positive_where_it_rolls_to_the_right() -> None:
+    p, u = np.zeros(TIME.size), commanded(TIME)
+    for k in range(1, TIME.size):
+        p[k] = p[k - 1] + (20.0 * u[k - 1] - 4.0 * p[k - 1]) / RATE
+    readings = {"p": p + 0.002 * np.random.default_rng(2).standard_normal(TIME.size), "aileron": u}
+    controls = Controls(readings, RATE)
+    power = [
+        np.sum(controls({"aileron": ("aileron", s)}, None)["moment", "roll"].left ** 2) for s in (1.0, -1.0)
+    ]
+    assert power[0] < 0.6 * power[1]

@@ -17,6 +17,7 @@ from stoop_studies.verify.lines import (
     FRAMES,
     GROUND,
     Mangled,
+    _quarter,
     accusations,
     flown,
     mapping_text,
@@ -99,3 +100,33 @@ def test_a_right_mapping_is_not_changed(tmp_path: Path) -> None:
     path, mapping = logged(tmp_path, time, dict(times("right", 1.0).apply(truth)))
     made = corrected_mapping(path, mapping)
     assert (made.text, made.applied, made.left) == (mapping.read_text(), (), ())
+
+
+def test_an_attitude_to_the_left_whose_pitch_counts_nose_up(tmp_path: Path) -> None:
+    """As small loggers write it; nothing shows where north is."""
+    time, truth = columns(True)
+    left = times("left and up", -1.0, "q", "r", "ay", "az", "psi", "ve", "vd", "pe")
+    path, mapping = logged(tmp_path, time, dict(left.apply(truth)))
+    made = corrected_mapping(path, mapping)
+    assert len(made.applied) == 1
+    assert made.left == ()
+    assert [] in [misread(path, made.text, x, truth, CALIBRATED) for x in (truth, _quarter(truth))]
+
+
+@pytest.mark.parametrize("name", ["q", "theta"])
+def test_thrust_ahead_tells_pitch_from_its_rate(name: str) -> None:
+    """A multirotor by motion capture."""
+    time, truth = airborne((*SPECIFIC_FORCE, "altitude"), winged=False)
+    wrong = {**truth, name: -truth[name]}
+    found = check_mapping({n: (time, x) for n, x in wrong.items()}, wrong, 50.0, {n: OWN[n] for n in wrong})
+    assert [one.values["lines"] for one in (*found.refused, *found.notices)] == [(name,)]
+
+
+def test_a_climb_in_feet_a_minute_does_not_hide_the_flight(tmp_path: Path) -> None:
+    """As meters a second it is most of the speed, and where it is small the aircraft is no less in the air."""
+    time, truth = columns(True)
+    fast = times("climb in ft/min", 60.0 / 0.3048, "vd")
+    path, mapping = logged(tmp_path, time, dict(fast.apply(truth)))
+    assert verdict(accusations(path, mapping), fast.lines) == "named"
+    made = corrected_mapping(path, mapping)
+    assert misread(path, made.text, truth, truth, CALIBRATED) == []

@@ -10,10 +10,12 @@ import pytest
 from stoop.base.notices import Notice
 from stoop.checks.entries import Line, Lines
 from stoop.checks.mapping import check_mapping
+from stoop.checks.units import Sizes
 from stoop.errors import FlightError
 from stoop.flight import Flight, load
 
 T = 0.01 * np.arange(3000)
+DEG = 180.0 / np.pi
 VARIABLES = {
     "phi": "rad", "theta": "rad", "psi": "rad", "p": "rad/s", "q": "rad/s", "r": "rad/s", "ax": "m/s2", "ay": "m/s2",
     "az": "m/s2", "voltage": "V",
@@ -163,3 +165,25 @@ def test_a_vertical_force_that_points_up_is_a_wrong_sign() -> None:
     assert noticed(az=-9.8) == []
     (found,) = noticed(az=10.3)
     assert (found.code, found.values["fix"]) == ("force-points-up", "write scale = -1")
+
+
+def test_a_heading_near_north_is_no_degree() -> None:
+    """It jumps by a whole turn wherever it passes north, whichever way it turns."""
+    rng = np.random.default_rng(0)
+    values = motion()
+    r = 0.02 * np.sin(9.0 * T)
+    heading = np.cumsum(r) * 0.01 + 2e-4 * rng.standard_normal(T.size)
+    values |= {"r": r, "psi": np.mod(heading, 2.0 * np.pi)}
+    sizes = Sizes({name: (T, x) for name, x in values.items()})
+    assert sizes.growth({}, "psi", "r") == pytest.approx(1.0, rel=0.2)
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("rad/s", DEG), ("deg/s", 1.0 / DEG)])
+def test_a_rate_that_was_converted_twice_is_multiplied_back(unit: str, factor: float) -> None:
+    values = {name: x for name, x in motion().items() if name != "voltage"}
+    values["q"] = values["q"] / factor
+    lines = {name: Line("m.toml", f"variables.{name}", VARIABLES[name]) for name in values}
+    lines["q"] = Line("m.toml", "variables.q", unit, {"column": "q", "unit": unit})
+    found = check_mapping({name: (T, x) for name, x in values.items()}, values, 100.0, lines)
+    (one,) = (*found.refused, *found.notices)
+    assert one.values["changes"] == (f"variables.q.scale = {factor:.12g}",)

@@ -182,6 +182,7 @@ FOREIGN = {
     "ElevatorDeg": ("elevator", "deg", 1), "ThrottlePct": ("throttle", "percent", 1), "LonAc": ("ax", "", 1),
     "Longitudinal Acceleration [g]": ("ax", "g", 1), "Vertical Acceleration [g]": ("az", "g", -1),
     "ctrl.thrust": ("control_throttle", "", 1), "elev_us": ("elevator", "", 1),
+    "rpm.m1": ("rotor_1", "", 1), "MotorPct2": ("motor_2", "percent", 1),
     "tx": ("pn", "", 1), "imu_p": ("p", "", 1), "alpha_vane_deg": ("alpha", "deg", 1),
 }  # fmt: skip
 
@@ -191,6 +192,44 @@ def test_columns_as_others_write_them(name: str) -> None:
     guess = recognized(name)
     assert guess is not None
     assert (guess.variable, guess.unit, guess.scale) == FOREIGN[name]
+
+
+@pytest.mark.parametrize(("stem", "turns"), [("u", True), ("x", False)])
+def test_numbered_columns_are_motors_where_they_turn_the_vehicle(
+    tmp_path: Path, stem: str, turns: bool
+) -> None:
+    """Four commands of a quadrotor, recorded 0.2 s before they act; and four that turn nothing."""
+    rng = np.random.default_rng(3)
+    steps = np.repeat(rng.standard_normal((3, 400)), 10, axis=1)
+    roll, pitch, yaw = 0.05 * steps
+    mixed = [
+        0.5 - roll + pitch + yaw,
+        0.5 + roll - pitch + yaw,
+        0.5 + roll + pitch - yaw,
+        0.5 - roll - pitch - yaw,
+    ]
+    p, q = np.zeros(T.size), np.zeros(T.size)
+    for k in range(21, T.size if turns else 0):
+        p[k] = 0.9 * p[k - 1] + 0.6 * roll[k - 21]
+        q[k] = 0.9 * q[k - 1] + 0.6 * pitch[k - 21]
+    angles = {"phi": np.cumsum(p) * 0.01, "theta": np.cumsum(q) * 0.01}
+    path = written(tmp_path, {"p": p, "q": q, **angles, **{f"{stem}{n}": x for n, x in enumerate(mixed, 1)}})
+    made = draft(path)
+    found = {
+        n: row["column"] for n, row in tomllib.loads(made.text)["variables"].items() if n.startswith("motor")
+    }
+    assert found == ({f"motor_{n}": f"{stem}{n}" for n in range(1, 5)} if turns else {})
+
+
+@pytest.mark.parametrize(("factor", "unit"), [(1.0, "rad/s"), (DEG, "rpm")])
+def test_rotors_are_written_as_the_rates(tmp_path: Path, factor: float, unit: str) -> None:
+    columns = flown() | {f"motor_speed[{n}]": 500.0 + 20.0 * np.sin(T + n) for n in range(4)}
+    columns |= {name: factor * columns[name] for name in ("phi", "theta", "psi", "p", "q", "r")}
+    text = draft(written(tmp_path, columns)).text
+    assert {row["unit"] for n, row in tomllib.loads(text)["variables"].items() if n.startswith("rotor")} == {
+        unit
+    }
+    assert "unsure: rpm or rad/s" in text
 
 
 @pytest.mark.parametrize(
