@@ -38,6 +38,10 @@ MIN_WINDOWS: Final = 12  #: below which a mean over windows says little
 #: of the information about a direction, in one window; of more, others foresee nothing
 MAX_SHARE: Final = 0.5
 ROWS: Final = 8192  #: that are triangulated at a time
+DIVERGENT: Final = (
+    "the simulation is all but divergent: its derivatives by the parameters are too large for error bars; "
+    "check values, bounds and units, or shorten the maneuver"
+)
 
 
 def data_information(pieces: Sequence[PieceEvidence]) -> FloatArray:
@@ -57,10 +61,7 @@ def data_information(pieces: Sequence[PieceEvidence]) -> FloatArray:
         with np.errstate(over="ignore"):
             total[np.ix_(own, own)] += part.T @ part
     if not np.isfinite(total).all():
-        raise IdentificationError(
-            "the simulation is all but divergent: its derivatives by the parameters are too large for error bars; "
-            "check values, bounds and units, or shorten the maneuver"
-        )
+        raise IdentificationError(DIVERGENT)
     return total
 
 
@@ -70,6 +71,11 @@ def inverse_information(
     """Return the inverse of `inflation` times the information of the measurements, plus that of the priors (k, k).
 
     It is found from the QR factors of the sensitivities, piece by piece, not from their product.
+
+    Raises
+    ------
+    IdentificationError
+        The information is larger than numbers of 64 bits are.
     """
     count = len(prior)
     diagonal = np.sqrt(np.maximum(np.diag(prior), 0.0))
@@ -86,7 +92,11 @@ def inverse_information(
         part = np.zeros((len(triangle), count))
         part[:, own] = np.sqrt(inflation) * triangle
         triangles.append(part)
-    return invert_rows(np.concatenate(triangles))
+    found = np.concatenate(triangles)
+    with np.errstate(over="ignore"):
+        if not np.isfinite(np.einsum("nk,nk->k", found, found)).all():
+            raise IdentificationError(DIVERGENT)
+    return invert_rows(found)
 
 
 def marked(covariance: FloatArray, determined: BoolArray) -> FloatArray:
