@@ -28,7 +28,7 @@ BUDGETS = {
     "stoop_studies": 13970,
     "api": 200,
     "app": 3510,
-    "assessment": 6440,
+    "assessment": 6450,
     "base": 2370,
     "checks": 3010,
     "cli": 3100,
