@@ -95,10 +95,10 @@ def correlation_times(residuals: Sequence[FloatArray], dt: float) -> FloatArray:
     for i in range(len(sums)):
         if counts[i, 0] < 10 or sums[i, 0] <= 0.0:
             continue
-        apart = [np.diff(np.flatnonzero(column[:, i])) for column in present]
-        total, pairs = by_readings(
-            np.array([sums[i], counts[i]]), round(float(np.median(np.concatenate(apart))))
-        )
+        apart = np.concatenate([np.diff(np.flatnonzero(column[:, i])) for column in present])
+        if not apart.size:  # one reading in each piece
+            continue
+        total, pairs = by_readings(np.array([sums[i], counts[i]]), round(float(np.median(apart))))
         r = (total / np.maximum(pairs, 1.0)) / (total[0] / pairs[0])
         if len(r) > 1 and r[1] >= 2.0 / np.sqrt(pairs[0]):
             negative = np.flatnonzero(r <= 0.0)

@@ -128,3 +128,10 @@ def test_color_is_counted_from_reading_to_reading(every: int) -> None:
     spread: FloatArray = np.full((len(x) * every, 1), np.nan)
     spread[::every, 0] = x
     assert correlation_times([spread], 0.02 / every)[0] == pytest.approx((1 + a) / (1 - a), rel=0.2)
+
+
+def test_one_reading_in_each_piece_is_independent() -> None:
+    pieces = [np.full((50, 1), np.nan) for _ in range(20)]
+    for k, piece in enumerate(pieces):
+        piece[10, 0] = 1.0 + k
+    assert correlation_times(pieces, 0.02) == pytest.approx([1.0])
