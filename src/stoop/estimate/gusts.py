@@ -27,7 +27,7 @@ from typing import Final
 import numpy as np
 import tomlkit
 
-from stoop.base.arrays import FloatArray
+from stoop.base.arrays import BoolArray, FloatArray, IntArray
 from stoop.base.notices import Notice, notice
 from stoop.base.units import STANDARD_GRAVITY
 from stoop.estimate.estimate import Estimate
@@ -46,6 +46,7 @@ NEEDED: Final = frozenset({*AIR, "p", "q", "r", "phi", "theta", "ax", "ay", "az"
 AXES: Final = ("u", "v", "w")
 #: flow angle -> the force that comes with it
 ACROSS: Final = {"alpha": "az", "beta": "ay"}
+ANGLE_OF_FORCE: Final = -0.05  #: rad per m/s2, to begin with
 
 
 @dataclass(frozen=True)
@@ -79,13 +80,19 @@ def gust_levels(vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequen
     Without a vane the axis across which it looks has none. NaN also for axes on which a reduced model has no gusts.
     """
     needed = (NEEDED - ACROSS.keys()) & {*vehicle.outputs, *state_channels(vehicle)}
-    parts = [
-        _products(flight, window, changes_of_wind(vehicle, flight, window))
-        for window in map(_widened, windows)
-        if (flight := flights[window.flight]).names >= needed
-        and not any(c in flight.sources and flight.sources[c].source == RECONSTRUCTED for c in AIR)
-    ]
-    products = np.concatenate([np.zeros((1, 3)), *parts])
+    parts = [np.zeros((1, 3))]
+    for name in dict.fromkeys(w.flight for w in windows):
+        flight = flights[name]
+        read = [flight.sources[c] for c in AIR if c in flight.sources]
+        if not flight.names >= needed or any(one.source == RECONSTRUCTED for one in read):
+            continue
+        counted = np.logical_and.reduce([one.counted(len(flight.time)) for one in read])
+        up = in_flight(flight)
+        for window in (_widened(w) for w in windows if w.flight == name):
+            inside = flight.between(window.start, window.stop)
+            wind = changes_of_wind(vehicle, flight, inside, up[inside])
+            parts.append(_products(wind, np.flatnonzero(counted[inside])))
+    products = np.concatenate(parts)
     count = np.isfinite(products[1:]).sum(axis=0)
     with np.errstate(invalid="ignore", divide="ignore"):
         levels = np.sqrt(np.maximum(np.nansum(products, axis=0) / count, 0.0))
@@ -98,26 +105,25 @@ def _widened(window: Window) -> Window:
     return replace(window, start=window.start - more, stop=window.stop + more)
 
 
-def _products(flight: Flight, window: Window, wind: FloatArray) -> FloatArray:
-    """Return products (m, 3) of changes of the wind (n, 3) in a window at readings of the air data that share nothing."""
-    counted = [flight.sources[c].counted(len(flight.time)) for c in AIR if c in flight.sources]
-    inside = (flight.time >= window.start) & (flight.time <= window.stop)
-    rows = np.flatnonzero(np.logical_and.reduce(counted)[inside])
+def _products(wind: FloatArray, rows: IntArray) -> FloatArray:
+    """Return products (m, 3) of changes of the wind (n, 3) at readings of the air data (k,) that share nothing."""
     lag = math.ceil(LIMITS.samples / max(1.0, float(np.median(np.diff(rows))))) if len(rows) > 1 else 1
     return np.asarray(wind[rows[lag:]] * wind[rows[:-lag]])
 
 
-def changes_of_wind(vehicle: Vehicle, flight: Flight, window: Window) -> FloatArray:
-    """Return the change of the wind (n, 3) along the body axes within a window, m/s, NaN where something was not measured.
+def changes_of_wind(vehicle: Vehicle, flight: Flight, inside: slice, up: BoolArray) -> FloatArray:
+    """Return the change of the wind (n, 3) along the body axes in samples of a flight, m/s, NaN where something was not measured.
 
-    A flow angle without a vane is taken in proportion to the force across it, a share that the least squares find.
+    Only where it flies, `up` (n,). A flow angle without a vane is taken in proportion to the force across it, a share that the
+    least squares find.
     """
-    inside = (flight.time >= window.start) & (flight.time <= window.stop)
     columns = {c: flight.column(c)[inside] for c in NEEDED & flight.names}
-    blind = [c in ACROSS and c not in columns for c in AIR]
-    columns |= {c: -0.05 * columns[f] for c, f in ACROSS.items() if c not in columns and f in columns}
-    present, dt = np.logical_and.reduce([np.isfinite(y) for y in columns.values()]), 1.0 / flight.rate
-    present &= in_flight(flight)[inside]
+    seen = [c not in ACROSS or c in columns for c in ("V", "beta", "alpha")]  # of u, v, w
+    columns |= {
+        c: ANGLE_OF_FORCE * columns[f] for c, f in ACROSS.items() if c not in columns and f in columns
+    }
+    present = np.logical_and.reduce([up, *(np.isfinite(y) for y in columns.values())])
+    dt = 1.0 / flight.rate
     at = np.flatnonzero(present)
     if len(at) * dt < LIMITS.seconds or len(at) < 0.5 * len(present):
         return np.full((len(present), 3), np.nan)
@@ -140,7 +146,7 @@ def changes_of_wind(vehicle: Vehicle, flight: Flight, window: Window) -> FloatAr
         own = integral(np.column_stack([turned[j][:, i] for j in range(3) if j != i]))
         calibration = np.column_stack([*common, own])
         wind[:, i] -= calibration @ np.linalg.lstsq(calibration[at], wind[at, i], rcond=None)[0]
-    return np.where(present[:, None] & ~np.array(blind)[[0, 2, 1]], wind, np.nan)
+    return np.where(present[:, None] & np.array(seen), wind, np.nan)
 
 
 def exceed_sensors(vehicle: Vehicle, levels: FloatArray) -> bool:

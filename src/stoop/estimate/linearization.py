@@ -141,7 +141,8 @@ def aligned(problem: Misfit, z: FloatArray) -> Misfit:
                 for own in (measured, whole):
                     own[:, column] = np.roll(own[:, column], moved[column] - round(late))
                 moved[column] = round(late)
-        pieces.append(piece.reading(measured, whole, moved=tuple(moved)))
+        slow = None if piece.interpolated is None else whole
+        pieces.append(replace(piece, measured=measured, interpolated=slow, moved=tuple(moved)))
     return replace(problem, pieces=tuple(pieces))
 
 

@@ -104,9 +104,7 @@ class SourceRate:
         """Return which of the samples (size,) of the grid count."""
         if not self.readings:
             return np.ones(size, dtype=np.bool_)
-        out = np.zeros(size, dtype=np.bool_)
-        out[[i for i in self.readings if 0 <= i < size]] = True
-        return out
+        return np.isin(np.arange(size), self.readings)
 
 
 def source_rate(source: str, time: FloatArray) -> SourceRate:

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
@@ -124,12 +124,6 @@ class Piece:
     def whole(self) -> FloatArray:
         """Readings (n, n_y) with what was interpolated between them: for regressors and first guesses, not for residuals."""
         return self.measured if self.interpolated is None else self.interpolated
-
-    def reading(self, measured: FloatArray, whole: FloatArray, **changes: Any) -> Piece:
-        """Return the piece with other readings (n, n_y), and with what was interpolated between them if something was."""
-        return replace(
-            self, measured=measured, interpolated=None if self.interpolated is None else whole, **changes
-        )
 
     @property
     def dt(self) -> float:

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.ndimage import median_filter
 from scipy.stats import rankdata
 
-from stoop.base.arrays import FloatArray
+from stoop.base.arrays import BoolArray, FloatArray
 from stoop.base.notices import Notice, notice
 from stoop.base.variables import WRAPPED
 from stoop.errors import FlightError, VehicleError
@@ -233,15 +233,17 @@ def _all_spikes(columns: Sequence[FloatArray], sigma: float) -> bool:
 
 def at_readings(vehicle: Vehicle, prepared: Prepared, flights: Mapping[str, Flight]) -> tuple[Piece, ...]:
     """Return the pieces with readings only where they were taken: what was interpolated between has no error of its own."""
-    pieces = []
-    for piece in prepared.pieces:
-        flight = flights[prepared.windows[piece.maneuver].flight]
-        first, count = int(np.searchsorted(flight.time, piece.time[0])), len(flight.time)
+    pieces, whole = [], dict[str, BoolArray]()
+    for name in {w.flight for w in prepared.windows}:  # once, however many windows it has
+        sources, count = flights[name].sources, len(flights[name].time)
         own = [
-            flight.sources[c].counted(count) if c in flight.sources else np.ones(count, np.bool_)
-            for c in vehicle.outputs
+            sources[c].counted(count) if c in sources else np.ones(count, np.bool_) for c in vehicle.outputs
         ]
-        counted = np.column_stack(own)[first : first + len(piece.time)]
+        whole[name] = np.column_stack(own)
+    for piece in prepared.pieces:
+        name = prepared.windows[piece.maneuver].flight
+        first = int(np.searchsorted(flights[name].time, piece.time[0]))
+        counted = whole[name][first : first + len(piece.time)]
         if not counted.all():
             measured = np.where(counted, piece.measured, np.nan)
             piece = replace(piece, measured=measured, interpolated=piece.measured)

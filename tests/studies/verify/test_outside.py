@@ -12,6 +12,7 @@ from stoop.base.arrays import FloatArray
 from stoop.base.units import FACTORS
 from stoop.errors import StoopError
 from stoop.flight import load
+from stoop.vehicle import Vehicle
 from stoop.vehicle.checks import is_body
 from stoop.vehicle_draft.draft import draft
 from stoop.vehicle_draft.request import Request
@@ -144,11 +145,15 @@ def cub() -> OutsideFlight:
     return outside_aircraft.fly(outside.AIRCRAFT["J3Cub"], 0)
 
 
+def drafted(flight: OutsideFlight) -> Vehicle:
+    """Return the vehicle that a person would draft of what flew."""
+    size = (flight.tape["mass"], flight.tape["span"], flight.tape["chord"])
+    return draft(Request("conventional", *size, engine=flight.asked["engine"])).vehicle
+
+
 def test_truth_of_the_lift_slope_is_that_of_the_simulators_accelerations(cub: OutsideFlight) -> None:
     """Vertical acceleration over alpha at rest rates, in JSBSim's own units, without anything of the truth's code."""
-    request = Request("conventional", cub.tape["mass"], cub.tape["span"], cub.tape["chord"], engine="piston")
-    file = draft(request).vehicle
-    truth = cub.truth(file)
+    truth = cub.truth(drafted(cub))
     airframe = Airframe(outside.AIRCRAFT["J3Cub"])
     V, height, alpha = (float(cub.columns[n].mean()) for n in ("V", "altitude", "alpha"))
     step, lifts = 0.01, []
@@ -166,10 +171,7 @@ def test_truth_of_a_linear_model_is_what_its_file_says() -> None:
     """The F-4N of the package has constant derivatives, of body-axis moments about its reference point on the wing."""
     pytest.importorskip("jsbsim")
     flight = outside_aircraft.fly(outside.AIRCRAFT["F4N"], 0)
-    file = draft(
-        Request("conventional", flight.tape["mass"], flight.tape["span"], flight.tape["chord"], engine="jet")
-    ).vehicle
-    truth = flight.truth(file)
+    truth = flight.truth(drafted(flight))
     own = {
         "CQbeta": -1.0,
         "Clp": -0.4,
@@ -187,15 +189,12 @@ def test_an_aircraft_whose_moments_are_those_of_no_body_has_true_derivatives() -
     """The MD-11 of the package: its file, in slug ft2, breaks the triangle inequality by 8 %."""
     pytest.importorskip("jsbsim")
     flight = outside_aircraft.fly(outside.AIRCRAFT["MD11"], 0)
-    file = draft(
-        Request("conventional", flight.tape["mass"], flight.tape["span"], flight.tape["chord"], engine="jet")
-    ).vehicle
-    truth = flight.truth(file)
+    truth = flight.truth(drafted(flight))
     moments = [truth.value(f"mass.inertia.{a}") for a in ("xx", "yy", "zz")]
     assert moments == pytest.approx([x * 1.3558179 for x in (1.3185e7, 3.83816e7, 5.56127e7)], rel=1e-4)
     assert moments[2] > sum(moments[:2])
     assert not is_body(truth)
-    assert is_body(file)
+    assert is_body(drafted(flight))
     assert truth.value("Cmalpha") < 0.0 < truth.value("CLalpha")
 
 
