@@ -31,9 +31,9 @@ class Limits:
     readings: int = 20  #: at least
     #: of the intervals between readings, that are a period long at least, within a row
     regular: float = 0.95
-    #: steps of the resolution, beyond which a change is none of a quantity that moved slowly
+    #: steps of the resolution (bends that rounding may make), beyond which a change is none of a quantity that moved slowly
     step: float = 1.5
-    #: of the changes, that must exceed it
+    #: of the changes (bends), that must exceed it
     jumps: float = 0.5
     #: steps of the resolution, by which rounding may bend a straight line
     rounding: float = 2.5
@@ -62,8 +62,9 @@ def knots(time: FloatArray, x: FloatArray) -> IntArray:
     bends = np.abs(np.diff(np.diff(x) / steps)) * np.minimum(steps[1:], steps[:-1])
     tolerance = LIMITS.rounding * max(resolution, 4.0 * float(np.spacing(np.abs(values).max())))
     rows = np.flatnonzero(bends > tolerance) + 1
-    # a straight line takes two rows between its ends
-    return rows if rows.size and _period(rows) >= 3.0 else rows[:0]
+    # a straight line takes two rows between its ends; a curve bends by little more than rounding wherever it does
+    drawn = rows.size and np.mean(bends[rows - 1] > LIMITS.step * tolerance) >= LIMITS.jumps
+    return rows if drawn and _period(rows) >= 3.0 else rows[:0]
 
 
 def _period(rows: IntArray) -> float:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from stoop.base.arrays import FloatArray, IntArray
@@ -66,6 +66,7 @@ def test_a_held_column_is_the_readings_themselves(
     np.testing.assert_array_equal(own.values["vn"], x[np.searchsorted(TIME, own.time)])
 
 
+@example(0, 1e-3, 0.0, 6.0)  # its curvature is that of two steps
 @given(
     st.integers(0, 2**31),
     st.sampled_from([1e-3, 0.05, 0.3, 1.0, 2.0]),
