@@ -76,7 +76,7 @@ def fit_warnings(
     if "V" in missing:
         found.append(notice("airspeed-not-measured", airspeed=vehicle.value("reference.airspeed")))
     found += check_rotors(vehicle, flights, windows)
-    found += attempt(found, [], excitation_notices, fit.problem, fit.z, slowest_rate(fit, flights))
+    found += attempt(found, [], excitation_notices, fit.problem, fit.z)
     found += attempt(found, [], contribution_notices, fit, bars.contributions)
     # Parameters at a bound, those that rest on it, and those not identifiable, of one reason together.
     at_bound = tuple(name for name, p in parameters.items() if p.at_bound)
@@ -157,13 +157,6 @@ def lag_notices(maneuvers: Sequence[ManeuverResult]) -> list[Notice]:
     """Name the channels in which a first-order lag matches as well as the model."""
     weak = [(m, tuple(c for c, one in m.channels.items() if one.lost)) for m in maneuvers]
     return [notice("lag-not-beaten", m.window, role=m.role, channels=names) for m, names in weak if names]
-
-
-def slowest_rate(fit: Estimate, flights: Mapping[str, Flight]) -> float:
-    """Return the lowest rate at which a compared channel was logged, Hz."""
-    outputs = fit.problem.layout.vehicle.outputs
-    rates = [f.sources[c].rate for f in flights.values() for c in outputs if c in f.sources]
-    return min((rate for rate in rates if rate > 0.0), default=np.inf)
 
 
 def estimates_table(
