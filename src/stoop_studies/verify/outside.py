@@ -17,6 +17,8 @@ from typing import Any, Final
 from zlib import crc32
 
 import numpy as np
+from scipy.optimize import minimize_scalar
+from scipy.signal import lfilter
 
 import stoop
 from stoop.base.arrays import FloatArray
@@ -25,8 +27,10 @@ from stoop.base.units import FACTORS
 from stoop.errors import StoopError
 from stoop.flight.mapping_corrections import contradictions, corrected_mapping
 from stoop.flight.mapping_draft import draft
-from stoop.vehicle import Vehicle
+from stoop.simulation import parameter_rows
+from stoop.simulation.initial import commanded
 from stoop.vehicle.checks import is_body
+from stoop.workflow.fitted_model import FittedModel
 from stoop_studies.findings import Claim, Findings, Setting, counted, holds
 from stoop_studies.verify import defaults, lines, outside_aircraft, outside_rotors, recorders, study
 from stoop_studies.verify.fleet import MadeUp
@@ -185,7 +189,7 @@ def record(case: str, seed: int, folder: Path) -> dict[str, Any]:
     out |= {"seconds": time.perf_counter() - began, "processor": time.process_time() - worked}
     if not out["stopped"]:
         out["refused_by"] = refusals(folder / "result" / "vehicle.toml")
-        true = flown(case, seed, flight, log, vehicle)
+        true = flown(case, seed, flight, log, job)
         out |= defaults.compared(true, job)
         # what the flight control does to a command has no number of its own, and what is no body has no moments of inertia
         without = (".lag",) * ("control_pitch" in log.lines) + (".inertia.",) * (
@@ -198,14 +202,15 @@ def record(case: str, seed: int, folder: Path) -> dict[str, Any]:
     return out
 
 
-def flown(case: str, seed: int, flight: OutsideFlight, log: recorders.Log, file: Vehicle) -> defaults.Flown:
+def flown(
+    case: str, seed: int, flight: OutsideFlight, log: recorders.Log, job: FittedModel
+) -> defaults.Flown:
     """Return a flight as `defaults` compares it: surfaces as they were when their commands were recorded."""
     recorder, arm, _ = drawn(case, seed, flight.tape)
-    hold = 0.5 / recorder.rates["commands"] if recorder.held else 0.0  # by which rows that repeat it are late
-    late = {"velocity": recorder.latency["gps"], "commands": recorder.latency["commands"] - hold}
     x, y, z = (arm / flight.tape.get("chord", 0.5 * flight.tape["span"])).tolist()
-    truth, true = flight.truth(file), dict(flight.columns)
+    truth, true = flight.truth(job.vehicle), dict(flight.columns)
     clock = np.arange(len(true["p"])) / flight.rate
+    late = {"velocity": recorder.latency["gps"], "commands": early(job, log.start + clock, true)}
     for surface in set(truth.controls) & set(true):
         moved = np.interp(clock + late["commands"], clock, true[surface])
         true[surface] = moved + truth.value(f"controls.{surface}.offset", 0.0)
@@ -213,6 +218,30 @@ def flown(case: str, seed: int, flight: OutsideFlight, log: recorders.Log, file:
     airspeed = float(np.mean(true["V"])) if "V" in true else 0.0
     defect = Defect("", delay=late, arm=(x, y, z))
     return defaults.Flown(made, log.path, case, "", defect, log.start + clock, true, airspeed)
+
+
+def early(job: FittedModel, clock: FloatArray, true: Columns) -> float:
+    """Return by how much the commands of a log, behind the lag that was estimated, are ahead of what moved, s.
+
+    How a recorder samples, holds or interpolates a command, and what a flight control does to it, is all in the record.
+    """
+    file, flight = job.vehicle, job.flights[0]
+    name = "elevator" if "elevator" in file.controls else next(c for c in file.inputs if c in true)
+    inputs = np.array([flight.column(c) if c in flight.names else flight.time * 0.0 for c in file.inputs])
+    rows = np.repeat(parameter_rows(file), inputs.shape[1], axis=1)
+    own = commanded(file, name, rows, inputs) if name in file.controls else flight.column(name)
+    known = np.isfinite(own)
+    share = float(np.exp(-1.0 / (flight.rate * max(file.value(f"controls.{name}.lag", 0.0), 1e-4))))
+    behind = lfilter([1.0 - share], [1.0, -share], np.interp(flight.time, flight.time[known], own[known]))
+    used = (flight.time > clock[0] + 1.0) & (flight.time < clock[-1] - 1.0)
+    moved = np.interp(flight.time[used], clock, true[name])
+
+    def missed(delay: float) -> float:
+        read = np.interp(flight.time[used] - delay, flight.time, behind)
+        return float(np.sum((np.polyval(np.polyfit(read, moved, 1), read) - moved) ** 2))
+
+    coarse = min(np.arange(-0.1, 0.5, 0.01), key=missed)
+    return float(minimize_scalar(missed, (coarse - 0.01, coarse, coarse + 0.01)).x)
 
 
 def refusals(path: Path) -> list[str]:
