@@ -230,14 +230,13 @@ def early(job: FittedModel, clock: FloatArray, true: Columns) -> float:
     inputs = np.array([flight.column(c) if c in flight.names else flight.time * 0.0 for c in file.inputs])
     rows = np.repeat(parameter_rows(file), inputs.shape[1], axis=1)
     own = commanded(file, name, rows, inputs) if name in file.controls else flight.column(name)
-    known = np.isfinite(own)
-    share = float(np.exp(-1.0 / (flight.rate * max(file.value(f"controls.{name}.lag", 0.0), 1e-4))))
-    behind = lfilter([1.0 - share], [1.0, -share], np.interp(flight.time, flight.time[known], own[known]))
-    used = (flight.time > clock[0] + 1.0) & (flight.time < clock[-1] - 1.0)
-    moved = np.interp(flight.time[used], clock, true[name])
+    known, step = np.isfinite(own), clock[1] - clock[0]
+    share = float(np.exp(-step / max(file.value(f"controls.{name}.lag", 0.0), 1e-4)))
+    behind = lfilter([1.0 - share], [1.0, -share], np.interp(clock, flight.time[known], own[known]))
+    inside = slice(round(1.0 / step), -round(1.0 / step))
 
     def missed(delay: float) -> float:
-        read = np.interp(flight.time[used] - delay, flight.time, behind)
+        read, moved = np.interp(clock[inside] - delay, clock, behind), true[name][inside]
         return float(np.sum((np.polyval(np.polyfit(read, moved, 1), read) - moved) ** 2))
 
     coarse = min(np.arange(-0.1, 0.5, 0.01), key=missed)
