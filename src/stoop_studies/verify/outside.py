@@ -66,6 +66,7 @@ PLANTED: Final[Mapping[str, tuple[lines.Mangled, ...]]] = {
 }
 ARM: Final = 0.05  #: chords (arms), standard deviation of the accelerometer's place
 FAR: Final = 6.0  #: standard errors
+FINE: Final = 5e-4  #: s, of what was commanded
 #: variables by which the same is read
 EQUAL: Final = {"V": ("airspeed_pitot",), "control_throttle": ("throttle",), "altitude": ("pd",)}
 
@@ -211,6 +212,8 @@ def flown(
     truth, true = flight.truth(job.vehicle), dict(flight.columns)
     clock = np.arange(len(true["p"])) / flight.rate
     late = {"velocity": recorder.latency["gps"], "commands": early(job, log.start + clock, true)}
+    if "rotors.delay" in truth.rows:
+        truth = truth.with_numbers({"rotors.delay": {"value": late["commands"]}})
     for surface in set(truth.controls) & set(true):
         moved = np.interp(clock + late["commands"], clock, true[surface])
         true[surface] = moved + truth.value(f"controls.{surface}.offset", 0.0)
@@ -230,14 +233,15 @@ def early(job: FittedModel, clock: FloatArray, true: Columns) -> float:
     inputs = np.array([flight.column(c) if c in flight.names else flight.time * 0.0 for c in file.inputs])
     rows = np.repeat(parameter_rows(file), inputs.shape[1], axis=1)
     own = commanded(file, name, rows, inputs) if name in file.controls else flight.column(name)
-    known, step = np.isfinite(own), clock[1] - clock[0]
-    share = float(np.exp(-step / max(file.value(f"controls.{name}.lag", 0.0), 1e-4)))
-    behind = lfilter([1.0 - share], [1.0, -share], np.interp(clock, flight.time[known], own[known]))
-    inside = slice(round(1.0 / step), -round(1.0 / step))
+    known, fine = np.isfinite(own), np.arange(clock[0], clock[-1], FINE)
+    share = float(np.exp(-FINE / max(file.value(f"controls.{name}.lag", 0.0), FINE / 10.0)))
+    behind = lfilter([1.0 - share], [1.0, -share], np.interp(fine, flight.time[known], own[known]))
+    moved = true[name][np.searchsorted(clock, fine, "right") - 1]  # the simulator holds it over its step
+    inside = slice(round(1.0 / FINE), -round(1.0 / FINE))
 
     def missed(delay: float) -> float:
-        read, moved = np.interp(clock[inside] - delay, clock, behind), true[name][inside]
-        return float(np.sum((np.polyval(np.polyfit(read, moved, 1), read) - moved) ** 2))
+        read = np.interp(fine[inside] - delay, fine, behind)
+        return float(np.sum((np.polyval(np.polyfit(read, moved[inside], 1), read) - moved[inside]) ** 2))
 
     coarse = min(np.arange(-0.1, 0.5, 0.01), key=missed)
     return float(minimize_scalar(missed, (coarse - 0.01, coarse, coarse + 0.01)).x)
