@@ -69,7 +69,8 @@ def through_true_wind(vehicle: Vehicle, start: Mapping[str, Number]) -> dict[str
     u, v, w = read * along - wind
     true: dict[str, Any] = {"V": np.sqrt(u**2 + v**2 + w**2), "alpha": np.arctan2(w, u)}
     true["beta"] = np.arctan2(v, np.hypot(u, w))
-    return {**start, **{n: x if x.ndim else float(x) for n, x in true.items()}}
+    found: dict[str, Any] = {n: x if x.ndim else float(x) for n, x in true.items()}
+    return {**start, **found}
 
 
 def at_center_of_gravity(vehicle: Vehicle, start: Mapping[str, Number]) -> dict[str, Number]:
