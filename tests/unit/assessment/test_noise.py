@@ -9,7 +9,7 @@ from scipy.fft import irfft
 from scipy.linalg import solve_toeplitz
 from scipy.signal import lfilter
 
-from stoop.assessment.coloring import ColoredNoise, autocorrelation, fit_noise
+from stoop.assessment.coloring import ColoredNoise, autocorrelation, between_lags, fit_noise
 from stoop.estimate.noise import lagged_products
 
 
@@ -55,6 +55,16 @@ def test_levinson_solves_yule_walker() -> None:
     autocovariance = np.array([3.0, 1.5, 0.2, -0.4])
     noise = fit_noise(autocovariance[None], [np.ones((10, 1))])
     assert_allclose(noise.coefficients[0], solve_toeplitz(autocovariance[:3], autocovariance[1:]))
+
+
+def test_lags_without_pairs_lie_between_those_with() -> None:
+    known = np.array(
+        [[4.0, 0.0, 0.0, 1.0, 0.0, 0.0, 2.0, 0.0], [1.0, 0.5, 0.2, 0.1, 0.0, 0.0, 0.0, 0.0], [0.0] * 8]
+    )
+    counts = np.array([[9, 0, 0, 8, 0, 0, 7, 0], [9, 8, 7, 6, 5, 4, 3, 2], [0] * 8])
+    found = between_lags(known, counts)
+    assert_allclose(found[0], [4.0, 3.0, 2.0, 1.0, 4.0 / 3.0, 5.0 / 3.0, 2.0, 4.0 / 3.0])
+    assert_allclose(found[1:], known[1:])
 
 
 def test_impossible_autocovariance_stays_stable() -> None:
