@@ -45,6 +45,7 @@ MAX_ORDER: Final = 40
 SAMPLES_PER_LAG: Final = 50  #: short records get a lower order, or the autoregression fits its own noise
 #: of what the fit absorbed, which depends on the noise model; afterwards it changes below 1 %
 ROUNDS: Final = 3
+SPAN: Final = 16.0  #: of the memory of the slowest noise, over which its variance is summed
 FEW_PAIRS: Final = (
     0.25  #: share of the readings at a lag, over that at the lag which has most, of a slow channel
 )
@@ -156,13 +157,13 @@ def autocorrelation(residuals: Sequence[FloatArray], lags: int) -> FloatArray:
 
 
 def fit_noise(autocovariance: FloatArray, residuals: Sequence[FloatArray]) -> ColoredNoise:
-    """Return the autoregressions with the given autocovariance (ny, order + 1).
+    """Return the autoregressions with the given autocovariance (ny, order + 1), no slower than the mean segment is long.
 
     White noise is added first where holes in the data or their correction made an autocovariance impossible; residuals, a
     sequence of (n_i, ny), give the correlation of the innovations between channels.
     """
     channels, order = len(autocovariance), autocovariance.shape[1] - 1
-    coefficients, power = autoregressions(autocovariance)
+    coefficients, power = autoregressions(autocovariance, float(np.mean([len(r) for r in residuals])))
     total = np.zeros((channels, channels))
     for residual in residuals:
         innovations = residual[order:].copy()
@@ -177,14 +178,31 @@ def fit_noise(autocovariance: FloatArray, residuals: Sequence[FloatArray]) -> Co
     return ColoredNoise(coefficients, np.outer(std, std) * related)
 
 
-def autoregressions(autocovariance: FloatArray) -> tuple[FloatArray, FloatArray]:
+def autoregressions(autocovariance: FloatArray, samples: float) -> tuple[FloatArray, FloatArray]:
     """Return coefficients (ny, order) and innovation variances (ny,) for an autocovariance (ny, order + 1).
 
-    The Levinson-Durbin recursion, after white noise is added where the autocovariance is impossible.
+    White noise is added where the autocovariance is impossible. Records of so many samples do not show what decays more slowly:
+    where a few lags seem to, it decays as fast as that, with the same variance.
     """
     possible, order = autocovariance.copy(), autocovariance.shape[1] - 1
     least = np.linalg.eigvalsh(np.stack([toeplitz(channel) for channel in possible]))[:, 0]
     possible[:, 0] += np.maximum(0.0, MIN_POWER * np.abs(possible[:, 0]) - least)
+    coefficients, power = _levinson(possible)
+    companion = np.zeros((len(possible), order, order))
+    companion[:, 0], companion[:, 1:, :-1] = coefficients, np.eye(order - 1)
+    slowest, decay = np.abs(np.linalg.eigvals(companion)).max(axis=1), 1.0 - 1.0 / samples
+    slow = slowest > decay
+    if slow.any():
+        coefficients[slow] *= (decay / slowest[slow, None]) ** np.arange(1, order + 1)
+        size = next_fast_len(round(SPAN * samples), real=True)
+        gain = ColoredNoise(coefficients[slow], np.eye(int(slow.sum()))).gain(size)
+        power[slow] = possible[slow, 0] / (half_spectrum_scale(size) ** 2 @ np.abs(gain) ** 2)
+    return coefficients, power
+
+
+def _levinson(possible: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return autoregressions for a possible autocovariance (ny, order + 1), by the Levinson-Durbin recursion."""
+    order = possible.shape[1] - 1
     coefficients, power = np.zeros((len(possible), 0)), possible[:, 0].copy()
     for n in range(1, order + 1):
         rest = possible[:, n] - np.sum(coefficients * possible[:, n - 1 : 0 : -1], axis=1)
@@ -246,7 +264,7 @@ class Coloring:
         share, pairs = counts / np.maximum(counts[:, :1], 1.0), np.maximum(counts, 1.0)
         autocovariance, blocks = between_lags(sums / pairs, counts), self.single_blocks
         for _ in range(ROUNDS):
-            coefficients, innovation = autoregressions(autocovariance)
+            coefficients, innovation = autoregressions(autocovariance, float(np.mean(lengths)))
             gain = ColoredNoise(coefficients, np.diag(innovation)).gain
             own = [(block, np.abs(gain(block.size).T) ** 2 * innovation[:, None]) for block in blocks]
             spread = self.spread([block.separate_middle(power) for block, power in own])
