@@ -1,7 +1,7 @@
 """A quick fit of windows: the fit of `stoop identify` by the method that it takes by itself, and nothing after it.
 
-In gusts too it is by the method of calm air: the color of its residuals tells what a window is worth, in a tenth of the time of a
-filter's search. Its error bars are those that identification publishes: with the color and the level of the flight's own residuals,
+In gusts too it is by the method of calm air: the color of its residuals tells what a window is worth, in a tenth of the time
+that a filter searches. Its error bars are those that identification publishes: with color and level of the residuals,
 priors, unknown initial states and biases, and the scatter of the maneuvers.
 """
 
