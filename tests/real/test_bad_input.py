@@ -180,8 +180,10 @@ def test_a_window_without_excitation_is_said(shared_data: Path) -> None:
     result = job.result
     doubted = [str(n) for n in result.notices if n.code in ("control-still", "contribution-in-doubt")]
     assert any("rudder" in text for text in doubted)
+    assert result.verdict.grade == "do not use"
     told = {name: p for name, p in result.parameters.items() if p.identifiable}
-    assert set(told) <= {"Cm0", "Cn0"}, "at most the moments of steady flight"
+    known = {name for name, p in told.items() if p.std_error < 0.5 * abs(p.estimate)}
+    assert known <= {"Cm0", "Cn0", "propulsion.CT0"}, "at most what balances steady flight"
     for name, published in (("Cm0", -0.036), ("Cn0", 0.0)):  # docs/vehicle-new.md, docs/handbook.md
         assert name not in told or told[name].ci95_lower < published < told[name].ci95_upper
 

@@ -45,7 +45,8 @@ MAX_ORDER: Final = 40
 SAMPLES_PER_LAG: Final = 50  #: short records get a lower order, or the autoregression fits its own noise
 #: of what the fit absorbed, which depends on the noise model; afterwards it changes below 1 %
 ROUNDS: Final = 3
-SPAN: Final = 16.0  #: of the memory of the slowest noise, over which its variance is summed
+MEMORY: Final = 4.0  #: mean segments; noise that decays more slowly cannot be told from a constant
+SPAN: Final = 16.0  #: memories, over which the variance of the slowest noise is summed
 FEW_PAIRS: Final = (
     0.25  #: share of the readings at a lag, over that at the lag which has most, of a slow channel
 )
@@ -157,13 +158,15 @@ def autocorrelation(residuals: Sequence[FloatArray], lags: int) -> FloatArray:
 
 
 def fit_noise(autocovariance: FloatArray, residuals: Sequence[FloatArray]) -> ColoredNoise:
-    """Return the autoregressions with the given autocovariance (ny, order + 1), no slower than the mean segment is long.
+    """Return the autoregressions with the given autocovariance (ny, order + 1), with a memory of some segments.
 
     White noise is added first where holes in the data or their correction made an autocovariance impossible; residuals, a
     sequence of (n_i, ny), give the correlation of the innovations between channels.
     """
     channels, order = len(autocovariance), autocovariance.shape[1] - 1
-    coefficients, power = autoregressions(autocovariance, float(np.mean([len(r) for r in residuals])))
+    coefficients, power = autoregressions(
+        autocovariance, MEMORY * float(np.mean([len(r) for r in residuals]))
+    )
     total = np.zeros((channels, channels))
     for residual in residuals:
         innovations = residual[order:].copy()
@@ -178,11 +181,11 @@ def fit_noise(autocovariance: FloatArray, residuals: Sequence[FloatArray]) -> Co
     return ColoredNoise(coefficients, np.outer(std, std) * related)
 
 
-def autoregressions(autocovariance: FloatArray, samples: float) -> tuple[FloatArray, FloatArray]:
+def autoregressions(autocovariance: FloatArray, memory: float) -> tuple[FloatArray, FloatArray]:
     """Return coefficients (ny, order) and innovation variances (ny,) for an autocovariance (ny, order + 1).
 
-    White noise is added where the autocovariance is impossible. Records of so many samples do not show what decays more slowly:
-    where a few lags seem to, it decays as fast as that, with the same variance.
+    White noise is added where the autocovariance is impossible. What a few lags show to decay more slowly than in a memory, in
+    samples, decays as fast as that, with the same variance.
     """
     possible, order = autocovariance.copy(), autocovariance.shape[1] - 1
     least = np.linalg.eigvalsh(np.stack([toeplitz(channel) for channel in possible]))[:, 0]
@@ -190,11 +193,11 @@ def autoregressions(autocovariance: FloatArray, samples: float) -> tuple[FloatAr
     coefficients, power = _levinson(possible)
     companion = np.zeros((len(possible), order, order))
     companion[:, 0], companion[:, 1:, :-1] = coefficients, np.eye(order - 1)
-    slowest, decay = np.abs(np.linalg.eigvals(companion)).max(axis=1), 1.0 - 1.0 / samples
+    slowest, decay = np.abs(np.linalg.eigvals(companion)).max(axis=1), 1.0 - 1.0 / memory
     slow = slowest > decay
     if slow.any():
         coefficients[slow] *= (decay / slowest[slow, None]) ** np.arange(1, order + 1)
-        size = next_fast_len(round(SPAN * samples), real=True)
+        size = next_fast_len(round(SPAN * memory), real=True)
         gain = ColoredNoise(coefficients[slow], np.eye(int(slow.sum()))).gain(size)
         power[slow] = possible[slow, 0] / (half_spectrum_scale(size) ** 2 @ np.abs(gain) ** 2)
     return coefficients, power
@@ -264,7 +267,7 @@ class Coloring:
         share, pairs = counts / np.maximum(counts[:, :1], 1.0), np.maximum(counts, 1.0)
         autocovariance, blocks = between_lags(sums / pairs, counts), self.single_blocks
         for _ in range(ROUNDS):
-            coefficients, innovation = autoregressions(autocovariance, float(np.mean(lengths)))
+            coefficients, innovation = autoregressions(autocovariance, MEMORY * float(np.mean(lengths)))
             gain = ColoredNoise(coefficients, np.diag(innovation)).gain
             own = [(block, np.abs(gain(block.size).T) ** 2 * innovation[:, None]) for block in blocks]
             spread = self.spread([block.separate_middle(power) for block, power in own])
