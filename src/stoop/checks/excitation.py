@@ -40,13 +40,15 @@ MIN_RATIO: Final = 5.0  #: measurements per unknown below which a fit is next to
 MASS: Final = "mass.mass"
 
 
-def excitation_notices(problem: Misfit, z: FloatArray, recorded_rate: float = np.inf) -> list[Notice]:
+def excitation_notices(
+    problem: Misfit, z: FloatArray, recorded_rates: FloatArray | float = np.inf
+) -> list[Notice]:
     """Return notices of what the fitted windows cannot determine.
 
-    The motion of the estimate z (D + E,) stands for the measured one: it has no noise and no holes. `recorded_rate` is that
-    of the slowest of the compared channels in the log, Hz.
+    The motion of the estimate z (D + E,) stands for the measured one: it has no noise and no holes. `recorded_rates` (n_y,) are
+    those of the compared channels in the log, Hz.
     """
-    vehicle, out = problem.layout.vehicle, too_few(problem, recorded_rate)
+    vehicle, out = problem.layout.vehicle, too_few(problem, recorded_rates)
     return [*out, *(found for of in _OF_KIND[vehicle.frame] for found in of(problem, z))]
 
 
@@ -96,10 +98,13 @@ _OF_KIND: Final = {
 }
 
 
-def too_few(problem: Misfit, recorded_rate: float) -> list[Notice]:
+def too_few(problem: Misfit, recorded_rates: FloatArray | float) -> list[Notice]:
     """Return that too few samples were measured for any error bar to hold; what was interpolated does not count."""
-    counts = ((min(1.0, recorded_rate * p.dt), float(np.isfinite(p.measured).sum())) for p in problem.pieces)
-    measured, unknowns = sum(share * count for share, count in counts), problem.dimension + problem.extra
+    pieces = (
+        (np.isfinite(p.measured).sum(axis=0), recorded_rates * p.dt * len(p.time)) for p in problem.pieces
+    )
+    measured = float(sum(np.sum(np.minimum(present, recorded)) for present, recorded in pieces))
+    unknowns = problem.dimension + problem.extra
     few = notice("too-few-samples", measurements=measured, unknowns=unknowns)
     return [few] if measured < MIN_RATIO * unknowns else []
 

@@ -23,6 +23,7 @@ from stoop.base.arrays import FloatArray
 from stoop.base.extras import install
 from stoop.base.units import FACTORS
 from stoop.errors import StoopError
+from stoop.flight import Flight
 from stoop.flight.mapping_corrections import contradictions, corrected_mapping
 from stoop.flight.mapping_draft import draft
 from stoop.vehicle import Vehicle
@@ -185,24 +186,27 @@ def record(case: str, seed: int, folder: Path) -> dict[str, Any]:
     out |= {"seconds": time.perf_counter() - began, "processor": time.process_time() - worked}
     if not out["stopped"]:
         out["refused_by"] = refusals(folder / "result" / "vehicle.toml")
-        true = flown(case, seed, flight, log, vehicle)
+        true = flown(case, seed, flight, log, vehicle, known)
         out |= defaults.compared(true, job)
         # what the flight control does to a command has no number of its own, and what is no body has no moments of inertia
         without = (".lag",) * ("control_pitch" in log.lines) + (".inertia.",) * (
             not is_body(true.vehicle.vehicle)
         )
-        out["numbers"] = {
-            n: row for n, row in out["numbers"].items() if not any(part in n for part in without)
-        }
+        numbers = outside_rotors.with_sum(out["numbers"], job.result.covariance)
+        out["numbers"] = {n: row for n, row in numbers.items() if not any(part in n for part in without)}
     (folder / "record.json").write_text(json.dumps(out, indent=1), encoding="utf-8")
     return out
 
 
-def flown(case: str, seed: int, flight: OutsideFlight, log: recorders.Log, file: Vehicle) -> defaults.Flown:
-    """Return a flight as `defaults` compares it: surfaces as they were when their commands were recorded."""
+def flown(
+    case: str, seed: int, flight: OutsideFlight, log: recorders.Log, file: Vehicle, known: Flight
+) -> defaults.Flown:
+    """Return a flight as `defaults` compares it, with its log as it was loaded: surfaces when their commands were recorded."""
     recorder, arm, _ = drawn(case, seed, flight.tape)
     hold = 0.5 / recorder.rates["commands"] if recorder.held else 0.0  # by which rows that repeat it are late
     late = {"velocity": recorder.latency["gps"], "commands": recorder.latency["commands"] - hold}
+    if flight.late:
+        late["rotors"] = outside_rotors.lateness(flight, known, log.start)
     x, y, z = (arm / flight.tape.get("chord", 0.5 * flight.tape["span"])).tolist()
     truth, true = flight.truth(file), dict(flight.columns)
     clock = np.arange(len(true["p"])) / flight.rate

@@ -59,3 +59,13 @@ def test_a_pusher_does_not_lift(vehicle: Vehicle, flight: Flight) -> None:
     told = with_motors(flight, pusher)
     assert {"motor_1", "motor_2", "motor_3"} <= set(told.data)
     assert "motor_4" not in told.data
+
+
+def test_what_is_no_maneuver_shows_thrust_and_drag(vehicle: Vehicle) -> None:
+    """A slow climb is none: it is proposed beside the maneuver."""
+    climb = '[[input]]\ncontrol = "heave"\nshape = "pulse"\nstart = 8.0\nduration = 4.0\namplitude = 1.0\n'
+    text = f'duration = 16.0\n{climb}[[input]]\ncontrol = "roll"\nshape = "3-2-1-1"\nstart = 2.0\nstep = 0.15\namplitude = 12.0\n'
+    flown = simulate_flight(vehicle, parse_maneuver(text, "climb.toml"), seed=1, name="f")
+    used = [w for w in find_windows({"f": flown}, vehicle).windows if w.accept]
+    assert any(w.maneuver is not None for w in used)
+    assert any(w.maneuver is None and w.start < 12.0 and w.stop > 8.0 for w in used)
