@@ -347,14 +347,11 @@ def _candidates(flight: Flight, vehicle: Vehicle | None, excitation: Excitation 
     """Return the maneuvers of a flight, the most excited first, and at most `LIMITS.max_candidates`.
 
     A flight without commands (or rates) has windows all along, and so has one in which no command stands out, as all are busy
-    throughout and move the vehicle. So has one on rotors, beside its maneuvers: what holds it up moves in all of them, and its
-    thrust, drag and inflow show in climbs and moves that are no maneuver.
+    throughout and move the vehicle. So has one on rotors, whose thrust and drag show in climbs and moves that are no maneuver.
     """
-    on_rotors = False
+    on_rotors = vehicle is not None and bool(vehicle.rotors)
     if vehicle is not None:
-        from stoop.vehicle.vehicle import GROUND_FRAME
-
-        channels, on_rotors = list(vehicle.recorded), vehicle.frame == GROUND_FRAME
+        channels = list(vehicle.recorded)
     else:
         direct = [c.variable for c in commands(flight) if c.variable in flight.names]
         channels = direct or next(iter(output_families(flight)), [])

@@ -7,8 +7,8 @@ import pytest
 
 from stoop.flight import Flight
 from stoop.flight.airborne import carried_by_rotors, flying
-from stoop.input_design.candidates import with_motors
-from stoop.input_design.windows import doubts, find_windows
+from stoop.input_design.candidates import Excitation, with_motors
+from stoop.input_design.windows import _candidates, doubts, find_windows
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle import Vehicle, parse_vehicle
@@ -61,11 +61,11 @@ def test_a_pusher_does_not_lift(vehicle: Vehicle, flight: Flight) -> None:
     assert "motor_4" not in told.data
 
 
-def test_what_is_no_maneuver_shows_thrust_and_drag(vehicle: Vehicle) -> None:
-    """A slow climb is none: it is proposed beside the maneuver."""
-    climb = '[[input]]\ncontrol = "heave"\nshape = "pulse"\nstart = 8.0\nduration = 4.0\namplitude = 1.0\n'
-    text = f'duration = 16.0\n{climb}[[input]]\ncontrol = "roll"\nshape = "3-2-1-1"\nstart = 2.0\nstep = 0.15\namplitude = 12.0\n'
-    flown = simulate_flight(vehicle, parse_maneuver(text, "climb.toml"), seed=1, name="f")
-    used = [w for w in find_windows({"f": flown}, vehicle).windows if w.accept]
-    assert any(w.maneuver is not None for w in used)
-    assert any(w.maneuver is None and w.start < 12.0 and w.stop > 8.0 for w in used)
+def test_all_of_a_flight_on_rotors_is_tried(vehicle: Vehicle, flight: Flight) -> None:
+    """Windows without a maneuver are candidates beside those with one, of a vehicle that its rotors carry."""
+    told = with_motors(flight, vehicle)
+    tried = _candidates(told, vehicle, Excitation.of(told))
+    maneuvers = [c for c in tried if c.maneuver is not None]
+    assert maneuvers
+    assert any(c.maneuver is None for c in tried)
+    assert all(c.maneuver is not None for c in _candidates(told, None, Excitation.of(told)))
