@@ -242,12 +242,15 @@ class Aircraft:
         """Return what the instruments say, eq. (2)."""
         R, omega = x[6:15].reshape(3, 3), x[3:6]
         specific, _, turning = self.accelerations(x, u)
-        at_vane = x[:3] + np.cross(omega, self.arm("sensors", "vane_position"))
+        error = np.array([self.n(f"sensors.wind_error.{axis}") for axis in "xyz"])
+        through_air = x[:3] + R.T @ error * (self.reduce == "full")
+        pitot = self.n("sensors.V.scale", 0.0) != 0.0
+        at_vane = through_air + np.cross(omega, self.arm("sensors", "vane_position"))
         r = self.arm("sensors", "accelerometer_position")
         felt = specific + np.cross(turning, r) + np.cross(omega, np.cross(omega, r))
         mounting = rotation(*(self.n(f"sensors.imu_alignment.{axis}") for axis in "xyz")).T
         truth = {
-            "V": float(np.linalg.norm(x[:3])),
+            "V": float(np.linalg.norm(x[:3] if pitot else through_air)),
             "alpha": math.atan2(at_vane[2], at_vane[0]),
             "beta": math.asin(at_vane[1] / float(np.linalg.norm(at_vane))),
             **dict(zip("pqr", mounting @ omega, strict=True)),

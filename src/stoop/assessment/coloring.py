@@ -45,6 +45,10 @@ MAX_ORDER: Final = 40
 SAMPLES_PER_LAG: Final = 50  #: short records get a lower order, or the autoregression fits its own noise
 #: of what the fit absorbed, which depends on the noise model; afterwards it changes below 1 %
 ROUNDS: Final = 3
+SPAN: Final = 16.0  #: of the memory of the slowest noise, over which its variance is summed
+FEW_PAIRS: Final = (
+    0.25  #: share of the readings at a lag, over that at the lag which has most, of a slow channel
+)
 #: independent frequencies of the narrowest band, per channel; with fewer than 1 all channels cohere
 BAND_DEGREES: Final = 2.5
 BAND_GROWTH: Final = 1.5  #: width of a band over that of the one below
@@ -153,13 +157,13 @@ def autocorrelation(residuals: Sequence[FloatArray], lags: int) -> FloatArray:
 
 
 def fit_noise(autocovariance: FloatArray, residuals: Sequence[FloatArray]) -> ColoredNoise:
-    """Return the autoregressions with the given autocovariance (ny, order + 1).
+    """Return the autoregressions with the given autocovariance (ny, order + 1), no slower than the mean segment is long.
 
     White noise is added first where holes in the data or their correction made an autocovariance impossible; residuals, a
     sequence of (n_i, ny), give the correlation of the innovations between channels.
     """
     channels, order = len(autocovariance), autocovariance.shape[1] - 1
-    coefficients, power = autoregressions(autocovariance)
+    coefficients, power = autoregressions(autocovariance, float(np.mean([len(r) for r in residuals])))
     total = np.zeros((channels, channels))
     for residual in residuals:
         innovations = residual[order:].copy()
@@ -174,14 +178,31 @@ def fit_noise(autocovariance: FloatArray, residuals: Sequence[FloatArray]) -> Co
     return ColoredNoise(coefficients, np.outer(std, std) * related)
 
 
-def autoregressions(autocovariance: FloatArray) -> tuple[FloatArray, FloatArray]:
+def autoregressions(autocovariance: FloatArray, samples: float) -> tuple[FloatArray, FloatArray]:
     """Return coefficients (ny, order) and innovation variances (ny,) for an autocovariance (ny, order + 1).
 
-    The Levinson-Durbin recursion, after white noise is added where the autocovariance is impossible.
+    White noise is added where the autocovariance is impossible. Records of so many samples do not show what decays more slowly:
+    where a few lags seem to, it decays as fast as that, with the same variance.
     """
     possible, order = autocovariance.copy(), autocovariance.shape[1] - 1
     least = np.linalg.eigvalsh(np.stack([toeplitz(channel) for channel in possible]))[:, 0]
     possible[:, 0] += np.maximum(0.0, MIN_POWER * np.abs(possible[:, 0]) - least)
+    coefficients, power = _levinson(possible)
+    companion = np.zeros((len(possible), order, order))
+    companion[:, 0], companion[:, 1:, :-1] = coefficients, np.eye(order - 1)
+    slowest, decay = np.abs(np.linalg.eigvals(companion)).max(axis=1), 1.0 - 1.0 / samples
+    slow = slowest > decay
+    if slow.any():
+        coefficients[slow] *= (decay / slowest[slow, None]) ** np.arange(1, order + 1)
+        size = next_fast_len(round(SPAN * samples), real=True)
+        gain = ColoredNoise(coefficients[slow], np.eye(int(slow.sum()))).gain(size)
+        power[slow] = possible[slow, 0] / (half_spectrum_scale(size) ** 2 @ np.abs(gain) ** 2)
+    return coefficients, power
+
+
+def _levinson(possible: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return autoregressions for a possible autocovariance (ny, order + 1), by the Levinson-Durbin recursion."""
+    order = possible.shape[1] - 1
     coefficients, power = np.zeros((len(possible), 0)), possible[:, 0].copy()
     for n in range(1, order + 1):
         rest = possible[:, n] - np.sum(coefficients * possible[:, n - 1 : 0 : -1], axis=1)
@@ -190,6 +211,22 @@ def autoregressions(autocovariance: FloatArray) -> tuple[FloatArray, FloatArray]
         coefficients = np.hstack([coefficients - reflection * coefficients[:, ::-1], reflection])
         power *= 1.0 - reflection[:, 0] ** 2
     return coefficients, power
+
+
+def between_lags(autocovariance: FloatArray, counts: FloatArray) -> FloatArray:
+    """Return autocovariances (ny, lags) with straight lines where few readings are so far apart, to zero after the last.
+
+    Such lines are the autocovariance of a possible noise, and zeros, or what a few pairs say, are not: an autoregression of
+    these rings, or never decays.
+    """
+    out, lags = autocovariance.copy(), np.arange(autocovariance.shape[1])
+    seen = counts / np.maximum(counts.max(axis=0), 1.0)
+    for channel, there in zip(out, seen > FEW_PAIRS * seen[:, 1:].max(axis=1, keepdims=True), strict=True):
+        known = lags[there]
+        if 0 < known.size < lags.size:
+            step = known[-1] - known[-2] if known.size > 1 else 1
+            channel[:] = np.interp(lags, [*known, known[-1] + step], [*channel[there], 0.0])
+    return out
 
 
 @dataclass(frozen=True, eq=False)
@@ -225,9 +262,9 @@ class Coloring:
         present = [segment.present.astype(np.float64) for segment in self.segments]
         sums, counts = lagged_products(residuals, present, order)
         share, pairs = counts / np.maximum(counts[:, :1], 1.0), np.maximum(counts, 1.0)
-        autocovariance, blocks = sums / pairs, self.single_blocks
+        autocovariance, blocks = between_lags(sums / pairs, counts), self.single_blocks
         for _ in range(ROUNDS):
-            coefficients, innovation = autoregressions(autocovariance)
+            coefficients, innovation = autoregressions(autocovariance, float(np.mean(lengths)))
             gain = ColoredNoise(coefficients, np.diag(innovation)).gain
             own = [(block, np.abs(gain(block.size).T) ** 2 * innovation[:, None]) for block in blocks]
             spread = self.spread([block.separate_middle(power) for block, power in own])
@@ -239,7 +276,7 @@ class Coloring:
             # A fit leaves at least one of n numbers: more cannot have been absorbed.
             power, most = np.abs(corrected[:, :1]), pairs[:, :1] * np.abs(sums[:, :1])
             limit = np.divide(most, power, out=np.ones_like(power), where=power > most)
-            autocovariance = limit * corrected / pairs
+            autocovariance = between_lags(limit * corrected / pairs, counts)
         return self._coherent(fit_noise(autocovariance, residuals), residuals)
 
     def _coherent(self, noise: ColoredNoise, residuals: Sequence[FloatArray]) -> ColoredNoise:

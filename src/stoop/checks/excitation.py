@@ -40,16 +40,13 @@ MIN_RATIO: Final = 5.0  #: measurements per unknown below which a fit is next to
 MASS: Final = "mass.mass"
 
 
-def excitation_notices(
-    problem: Misfit, z: FloatArray, recorded_rates: FloatArray | float = np.inf
-) -> list[Notice]:
+def excitation_notices(problem: Misfit, z: FloatArray) -> list[Notice]:
     """Return notices of what the fitted windows cannot determine.
 
-    The motion of the estimate z (D + E,) stands for the measured one: it has no noise and no holes. `recorded_rates` (n_y,) are
-    those of the compared channels in the log, Hz.
+    The motion of the estimate z (D + E,) stands for the measured one: it has no noise and no holes.
     """
-    vehicle, out = problem.layout.vehicle, too_few(problem, recorded_rates)
-    return [*out, *(found for of in _OF_KIND[vehicle.frame] for found in of(problem, z))]
+    vehicle = problem.layout.vehicle
+    return [*too_few(problem), *(found for of in _OF_KIND[vehicle.frame] for found in of(problem, z))]
 
 
 def _of_controls(problem: Misfit, z: FloatArray) -> Iterator[Notice]:
@@ -98,12 +95,9 @@ _OF_KIND: Final = {
 }
 
 
-def too_few(problem: Misfit, recorded_rates: FloatArray | float) -> list[Notice]:
-    """Return that too few samples were measured for any error bar to hold; what was interpolated does not count."""
-    pieces = (
-        (np.isfinite(p.measured).sum(axis=0), recorded_rates * p.dt * len(p.time)) for p in problem.pieces
-    )
-    measured = float(sum(np.sum(np.minimum(present, recorded)) for present, recorded in pieces))
+def too_few(problem: Misfit) -> list[Notice]:
+    """Return that too few samples were measured for any error bar to hold."""
+    measured = sum(int(np.isfinite(p.measured).sum()) for p in problem.pieces)
     unknowns = problem.dimension + problem.extra
     few = notice("too-few-samples", measurements=measured, unknowns=unknowns)
     return [few] if measured < MIN_RATIO * unknowns else []

@@ -409,15 +409,14 @@ def instruments(vehicle: Vehicle) -> Callable[[Mapping[str, FloatArray], float],
     import sympy as sp
 
     from stoop.vehicle.symbolic import readings
-    from stoop.vehicle.symbolic.frames import Numbers, air, attitude, over_ground, vane
+    from stoop.vehicle.symbolic.frames import Numbers, air, air_data, attitude, over_ground
 
     n = Numbers(vehicle)
     names = ("u", "v", "w", "p", "q", "r", "pdot", "qdot", "rdot", "X", "Y", "Z", "e0", "e1", "e2", "e3")
     s = [sp.Symbol(f"jsbsim {key}", real=True) for key in names]
     velocity, omega, omega_rate, specific = (tuple(s[i : i + 3]) for i in range(0, 12, 3))
-    flow = vane(n, velocity, omega)
-    observed = {"V": air(velocity).V, "alpha": flow.alpha, "beta": flow.beta}
     quaternion = (s[12], s[13], s[14], s[15])
+    observed = air_data(n, quaternion, velocity, omega, air(velocity).V)
     observed |= dict(zip(WIND, over_ground(quaternion, velocity), strict=True))
     observed = {c: reading for c, reading in observed.items() if c in vehicle.outputs}
     read = readings(n, observed, attitude(quaternion), specific, omega, omega_rate)

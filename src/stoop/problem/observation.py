@@ -48,11 +48,37 @@ def through_air(start: Mapping[str, Number]) -> dict[str, Number]:
     return kept | {name: value if value.ndim else float(value) for name, value in velocity}
 
 
+def through_true_wind(vehicle: Vehicle, start: Mapping[str, Number]) -> dict[str, Number]:
+    """Take the error of the wind by which they were reconstructed off flow angles, and off an airspeed that is no pitot's.
+
+    Each entry is a number or (n,): one instant, or many.
+    """
+    if "sensors.wind_error.x" not in vehicle.rows or vehicle.reduce != "full":
+        return dict(start)
+    error: dict[str, Any] = {
+        c: vehicle.value(f"sensors.wind_error.{a}") for c, a in zip(WIND, "xyz", strict=True)
+    }
+    turned = through_air(error | {angle: start[angle] for angle in EULER})
+    wind = np.stack([np.asarray(turned[axis]) for axis in "uvw"])
+    alpha, beta, V = (np.asarray(start[n]) for n in ("alpha", "beta", "V"))
+    along = np.stack([np.cos(alpha) * np.cos(beta), np.sin(beta) + 0.0 * alpha, np.sin(alpha) * np.cos(beta)])
+    ahead = np.sum(along * wind, axis=0)
+    read = V
+    if "sensors.V.scale" in vehicle.rows:  # V is true: how fast what was reconstructed would be
+        read = ahead + np.sqrt(np.maximum(V**2 + ahead**2 - np.sum(wind**2, axis=0), 0.0))
+    u, v, w = read * along - wind
+    true: dict[str, Any] = {"V": np.sqrt(u**2 + v**2 + w**2), "alpha": np.arctan2(w, u)}
+    true["beta"] = np.arctan2(v, np.hypot(u, w))
+    found: dict[str, Any] = {n: x if x.ndim else float(x) for n, x in true.items()}
+    return {**start, **found}
+
+
 def at_center_of_gravity(vehicle: Vehicle, start: Mapping[str, Number]) -> dict[str, Number]:
     """Take the flow angles from the vanes to the center of gravity (first order in rate times arm over V).
 
     Each entry is a number or (n,): one instant, or many.
     """
+    start = through_true_wind(vehicle, start)
     if "sensors.vane_position.x" not in vehicle.rows:
         return dict(start)
     x, y, z = (

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -251,6 +252,16 @@ def at_readings(vehicle: Vehicle, prepared: Prepared, flights: Mapping[str, Flig
     return tuple(pieces)
 
 
+def errors_of_start(vehicle: Vehicle, name: str, start: Mapping[str, float]) -> Iterator[float]:
+    """Yield by how much the priors of free errors of its instrument let an initial state, as it was read, be wrong."""
+    priors = {p.name: p.prior for p in vehicle.parameters if p.free and p.prior is not None}
+    yield priors.get(f"sensors.{name}.bias", 0.0)
+    yield priors.get(f"sensors.{name}.scale", 0.0) * start.get(name, 0.0)
+    share = {"V": 1.0, "alpha": 1.0 / start["V"], "beta": 1.0 / start["V"]} if start.get("V") else {}
+    for axis in "xyz" if name in share else "":
+        yield priors.get(f"sensors.wind_error.{axis}", 0.0) * share[name]
+
+
 def nuisances(vehicle: Vehicle, prepared: Prepared) -> tuple[Nuisance, ...]:
     """Return the nuisances: initial states of every piece, free biases of every maneuver.
 
@@ -269,6 +280,7 @@ def nuisances(vehicle: Vehicle, prepared: Prepared) -> tuple[Nuisance, ...]:
                 rows = np.repeat(parameter_rows(vehicle, piece.changes), len(piece.inputs), axis=1)
                 largest = float(np.max(commanded(vehicle, actuator, rows, piece.inputs.T)))
                 scale *= largest or vehicle.value("rotors.gain")
+            scale = math.hypot(scale, *errors_of_start(vehicle, name, piece.start))
             out.append(Nuisance(name, piece.maneuver, i, piece.start.get(name, 0.0), scale))
     free = {p.name: p for p in vehicle.parameters if p.free}
     biases = {i: free[n] for i, c in enumerate(vehicle.outputs) if (n := f"sensors.{c}.bias") in free}

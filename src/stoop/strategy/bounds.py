@@ -35,7 +35,7 @@ def widen(setup: Setup, fit: Fitter) -> Fitted:
             break
         vehicle = vehicle.with_numbers({name: {"bounds": box} for name, box in boxes.items()})
         try:
-            wider = fit(setup.again(vehicle))
+            wider = found.again(vehicle, fit)
         except KeyboardInterrupt:  # what was found within the narrower bounds stands
             found = found.interrupted(DOING)
             break

@@ -137,6 +137,11 @@ class Fitted:
         """Return the estimate with more notices, before its own."""
         return replace(self, estimate=replace(self.estimate, notices=(*notices, *self.estimate.notices)))
 
+    def again(self, vehicle: Vehicle, fit: Fitter) -> Fitted:
+        """Return the fit of another vehicle by the decisions that this one took: a method that failed is not tried again."""
+        found = fit(self.setup.again(vehicle))
+        return replace(found, records={**self.records, **found.records})
+
     def resuming(self, first: Fitted) -> Fitted:
         """Return the estimate with the state of a first search, which is the one that is saved and resumed."""
         outcome = replace(self.estimate.outcome, state=first.estimate.outcome.state)

@@ -45,7 +45,7 @@ def hold_inertia(setup: Setup, fit: Fitter) -> Fitted:
         vehicle = vehicle.with_numbers({name: {"value": known.prior_mean, "free": False}})
         moved = found.estimate.estimates[name]
         try:
-            found = fit(setup.again(vehicle))
+            found = found.again(vehicle, fit)
         except KeyboardInterrupt:
             found = found.interrupted(DOING)
             break

@@ -63,7 +63,7 @@ _UNITS: Final = {
     **dict.fromkeys(("center_of_gravity", "moment_point", "position", "accelerometer_position", "vane_position"), "m"),
     "airspeed": "m/s", "intensity": "m/s", "alpha": "rad", "offset": "rad", "pitch": "rad", "gravity": "m/s2",
     "density": "kg/m3", "thrust": "N", "lag": "s", "delay": "s", "speed_gain": "rev/s per unit",
-    "rate_limit": "rad/s", "dead_zone": "rad", "imu_alignment": "rad",
+    "rate_limit": "rad/s", "dead_zone": "rad", "imu_alignment": "rad", "wind_error": "m/s",
     "nominal_voltage": "V", "linear": "N s/m", "quadratic": "N s2/m2", "rotation": "N m s",
     "T0": "N", "Q0": "N m", "translational": "N s2/m2", "drag_inflow": "N s2/m2",
 }  # fmt: skip

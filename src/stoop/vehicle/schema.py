@@ -263,6 +263,8 @@ class Sensors(Table):
     vane_position: Point | None = None  #: m
     #: roll, pitch, yaw of the inertial unit's axes against those of the body, rad
     imu_alignment: Point | None = None
+    #: m/s, north, east and down: of the wind by which flow angles were reconstructed, and the airspeed without a scale
+    wind_error: Point | None = None
     vn: Sensor | None = None  #: of vehicles with rotors; the bias is the wind
     ve: Sensor | None = None
     vd: Sensor | None = None

@@ -34,7 +34,7 @@ GUST_STATES = {
 #: absent from the structure where the file lacks them, as in kernels made before they were keys
 _LATER = (
     "turbulence", "vn", "ve", "vd", "airspeed", "rotors", "rotor", "body_drag", "ground_effect", "rate_limit", "dead_zone",
-    "imu_alignment", "inertia",
+    "imu_alignment", "inertia", "wind_error",
 )  # fmt: skip
 _NO_ROWS = ("name", "notes", "loadings", "sigma", "estimate_biases", "voltage_average")  #: of the kernel
 #: beside all of symbolic/

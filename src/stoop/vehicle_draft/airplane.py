@@ -194,30 +194,23 @@ class Airplane(FileText):
             )
 
     def _sensors(self) -> None:
-        vanes = [
-            f
-            for f in self.seen.flights
-            if "alpha" in f.sources and f.sources["alpha"].source != _RECONSTRUCTED
-        ]
-        span = self.geometry.wing.span
-        self.sensor_places(PRIORS.lever * span, PRIORS.vane * span if vanes else None)
-        self._air_data(measured=bool(vanes))
+        """Write errors that all maneuvers share, which no scatter shows: each scales or shifts every derivative.
 
-    def _air_data(self, measured: bool) -> None:
-        """Write errors of the air data that all maneuvers share, which no scatter shows: each scales or shifts every derivative.
-
-        Reconstructed air data are wrong by the error of the wind: the airspeed in part, incidence and sideslip by an angle.
+        Reconstructed air data are those through air of the wind that was found, which a pitot does not know of.
         """
-        winds = [f.air for f in self.seen.flights if f.air is not None and math.isfinite(f.air.wind_n_std)]
-        if not winds and "V" not in {name for f in self.seen.flights for name in f.names}:
-            return
-        wind = max((math.hypot(a.wind_n_std, a.wind_e_std) for a in winds), default=0.0) / self.airspeed
-        share, said = (PRIORS.pitot, "of a pitot") if measured or not winds else (wind, "error of the wind")
-        self.sheet.table("sensors.V")
-        self.sheet.entry("scale", quantity(1.0, share), said)
-        for channel in () if measured or not winds else ("alpha", "beta"):
+        flights, span = self.seen.flights, self.geometry.wing.span
+        vanes, pitots = (any(_measured(f, channel) for f in flights) for channel in ("alpha", "V"))
+        winds = [f.air for f in flights if f.air is not None and math.isfinite(f.air.wind_n_std)]
+        winds = [] if vanes else winds
+        errors = [max(a.wind_n_std for a in winds), max(a.wind_e_std for a in winds)] if winds else []
+        self.sensor_places(PRIORS.lever * span, PRIORS.vane * span if vanes else None, errors)
+        if pitots or (not winds and any("V" in f.names for f in flights)):
+            self.sheet.table("sensors.V")
+            self.sheet.entry("scale", quantity(1.0, PRIORS.pitot), "of a pitot")
+        for channel in ("alpha", "beta") if winds else ():
             self.sheet.table(f"sensors.{channel}")
-            self.sheet.entry("bias", quantity(0.0, wind), "rad: error of the wind over the airspeed")
+            angle = max(a.incidence_std for a in winds)
+            self.sheet.entry("bias", quantity(0.0, angle), "rad: gusts, and the error of the wind")
 
     def _aerodynamics(self) -> None:
         sheet, own = self.sheet, self._derivatives()
@@ -304,3 +297,8 @@ class Airplane(FileText):
         found += plausibility.of_excitation(self.seen)
         uses = tuple(dict.fromkeys(self.seen.setup.others.values()))  # of outputs that the draft leaves out
         return [*found, *([notice("draft-left-out", self.seen.setup.autopilot, uses=uses)] if uses else [])]
+
+
+def _measured(flight: Flight, channel: str) -> bool:
+    """Whether air data were recorded, and not reconstructed of velocity and wind."""
+    return channel in flight.sources and flight.sources[channel].source != _RECONSTRUCTED

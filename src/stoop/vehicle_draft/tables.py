@@ -183,8 +183,12 @@ class FileText:
                 self.sheet.word("lag", f"=controls.{first}.lag", "the same kind of servo")
                 self.sheet.word("delay", f"=controls.{first}.delay")
 
-    def sensor_places(self, accelerometer: float, vane: float | None = None) -> None:
+    def sensor_places(
+        self, accelerometer: float, vane: float | None = None, wind: Sequence[float] = ()
+    ) -> None:
         """Write how far, by standard deviations in m, accelerometers and a vane may be from the center of gravity.
+
+        And how far, m/s north and east, the wind by which air data were reconstructed may be from the true one.
 
         What logs do not hold has no place.
         """
@@ -195,6 +199,9 @@ class FileText:
         if vane is not None:
             ahead = point([quantity(0.0, vane), "0.0", "0.0"])
             places["vane_position"] = ahead, "m: a vane ahead feels the pitch rate"
+        if wind:
+            error = point([*(quantity(0.0, std) for std in wind), "0.0"])
+            places["wind_error"] = error, "m/s north and east, of the wind that was found"
         if places:
             self.sheet.table("sensors")
         for key, entry in places.items():

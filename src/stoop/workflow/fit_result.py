@@ -38,7 +38,7 @@ from stoop.workflow.curves import Simulated, maneuver_curves
 from stoop.workflow.fitted_model import FittedModel
 from stoop.workflow.outputs import versions, with_values
 from stoop.workflow.response_misfit import model_misfits
-from stoop.workflow.summary import basis_notices, data_notices, fit_warnings, recorded_rates
+from stoop.workflow.summary import basis_notices, data_notices, fit_warnings
 
 START_UNITS: Final = {"V": "m/s", "p": "rad/s", "q": "rad/s", "r": "rad/s"}  #: of initial states; others rad
 
@@ -48,7 +48,7 @@ def fitted_model(decided: Fitted) -> FittedModel:
     fit, bars, origin = decided.estimate, decided.tested.bars, decided.provenance
     flights, options, predicted = decided.flights, decided.options, decided.setup.held_back
     vehicle, color = fit.problem.layout.vehicle, fit.inflation
-    if too_few(fit.problem, recorded_rates(fit, flights)):
+    if too_few(fit.problem):
         bars = bars.rejected(notice("error-bars-of-few-samples"))
     parameters, model = (
         _parameters(fit, bars),

@@ -13,7 +13,6 @@ from stoop.assessment.contributions import contribution_notices
 from stoop.assessment.error_bars import ErrorBars
 from stoop.assessment.prior_conflicts import prior_tests
 from stoop.assessment.verdict import CONFIRMED
-from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice, as_notice, attempt, notice, of_severity, paragraph
 from stoop.base.variables import EULER, RATES, SPECIFIC_FORCE, VELOCITY
 from stoop.checks.excitation import excitation_notices
@@ -77,7 +76,7 @@ def fit_warnings(
     if "V" in missing:
         found.append(notice("airspeed-not-measured", airspeed=vehicle.value("reference.airspeed")))
     found += check_rotors(vehicle, flights, windows)
-    found += attempt(found, [], excitation_notices, fit.problem, fit.z, recorded_rates(fit, flights))
+    found += attempt(found, [], excitation_notices, fit.problem, fit.z)
     found += attempt(found, [], contribution_notices, fit, bars.contributions)
     # Parameters at a bound, those that rest on it, and those not identifiable, of one reason together.
     at_bound = tuple(name for name, p in parameters.items() if p.at_bound)
@@ -158,15 +157,6 @@ def lag_notices(maneuvers: Sequence[ManeuverResult]) -> list[Notice]:
     """Name the channels in which a first-order lag matches as well as the model."""
     weak = [(m, tuple(c for c, one in m.channels.items() if one.lost)) for m in maneuvers]
     return [notice("lag-not-beaten", m.window, role=m.role, channels=names) for m, names in weak if names]
-
-
-def recorded_rates(fit: Estimate, flights: Mapping[str, Flight]) -> FloatArray:
-    """Return the lowest rate at which each compared channel was logged (n_y,), Hz; infinite where none is known."""
-    sources = [f.sources for f in flights.values()]
-    rates = (
-        [own[c].rate or np.inf for own in sources if c in own] for c in fit.problem.layout.vehicle.outputs
-    )
-    return np.array([min(own, default=np.inf) for own in rates])
 
 
 def estimates_table(

@@ -17,17 +17,20 @@ from typing import Any, Final
 from zlib import crc32
 
 import numpy as np
+from scipy.optimize import minimize_scalar
+from scipy.signal import lfilter
 
 import stoop
 from stoop.base.arrays import FloatArray
 from stoop.base.extras import install
 from stoop.base.units import FACTORS
 from stoop.errors import StoopError
-from stoop.flight import Flight
 from stoop.flight.mapping_corrections import contradictions, corrected_mapping
 from stoop.flight.mapping_draft import draft
-from stoop.vehicle import Vehicle
+from stoop.simulation import parameter_rows
+from stoop.simulation.initial import commanded
 from stoop.vehicle.checks import is_body
+from stoop.workflow.fitted_model import FittedModel
 from stoop_studies.findings import Claim, Findings, Setting, counted, holds
 from stoop_studies.verify import defaults, lines, outside_aircraft, outside_rotors, recorders, study
 from stoop_studies.verify.fleet import MadeUp
@@ -63,6 +66,7 @@ PLANTED: Final[Mapping[str, tuple[lines.Mangled, ...]]] = {
 }
 ARM: Final = 0.05  #: chords (arms), standard deviation of the accelerometer's place
 FAR: Final = 6.0  #: standard errors
+FINE: Final = 5e-4  #: s, of what was commanded
 #: variables by which the same is read
 EQUAL: Final = {"V": ("airspeed_pitot",), "control_throttle": ("throttle",), "altitude": ("pd",)}
 
@@ -186,7 +190,7 @@ def record(case: str, seed: int, folder: Path) -> dict[str, Any]:
     out |= {"seconds": time.perf_counter() - began, "processor": time.process_time() - worked}
     if not out["stopped"]:
         out["refused_by"] = refusals(folder / "result" / "vehicle.toml")
-        true = flown(case, seed, flight, log, vehicle, known)
+        true = flown(case, seed, flight, log, job)
         out |= defaults.compared(true, job)
         # what the flight control does to a command has no number of its own, and what is no body has no moments of inertia
         without = (".lag",) * ("control_pitch" in log.lines) + (".inertia.",) * (
@@ -199,17 +203,17 @@ def record(case: str, seed: int, folder: Path) -> dict[str, Any]:
 
 
 def flown(
-    case: str, seed: int, flight: OutsideFlight, log: recorders.Log, file: Vehicle, known: Flight
+    case: str, seed: int, flight: OutsideFlight, log: recorders.Log, job: FittedModel
 ) -> defaults.Flown:
-    """Return a flight as `defaults` compares it, with its log as it was loaded: surfaces when their commands were recorded."""
+    """Return a flight as `defaults` compares it: surfaces as they were when their commands were recorded."""
     recorder, arm, _ = drawn(case, seed, flight.tape)
-    hold = 0.5 / recorder.rates["commands"] if recorder.held else 0.0  # by which rows that repeat it are late
-    late = {"velocity": recorder.latency["gps"], "commands": recorder.latency["commands"] - hold}
-    if flight.late:
-        late["rotors"] = outside_rotors.lateness(flight, known, log.start)
     x, y, z = (arm / flight.tape.get("chord", 0.5 * flight.tape["span"])).tolist()
-    truth, true = flight.truth(file), dict(flight.columns)
+    truth, true = flight.truth(job.vehicle), dict(flight.columns)
     clock = np.arange(len(true["p"])) / flight.rate
+    late = {"velocity": recorder.latency["gps"], "commands": early(job, log.start + clock, true)}
+    if "rotors.delay" in truth.rows:
+        of = next(iter(truth.file.rotor.values())).channel.split("_")[0]
+        truth = truth.with_numbers({"rotors.delay": {"value": late["commands"] + flight.late.get(of, 0.0)}})
     for surface in set(truth.controls) & set(true):
         moved = np.interp(clock + late["commands"], clock, true[surface])
         true[surface] = moved + truth.value(f"controls.{surface}.offset", 0.0)
@@ -217,6 +221,30 @@ def flown(
     airspeed = float(np.mean(true["V"])) if "V" in true else 0.0
     defect = Defect("", delay=late, arm=(x, y, z))
     return defaults.Flown(made, log.path, case, "", defect, log.start + clock, true, airspeed)
+
+
+def early(job: FittedModel, clock: FloatArray, true: Columns) -> float:
+    """Return by how much the commands of a log, behind the lag that was estimated, are ahead of what moved, s.
+
+    How a recorder samples, holds or interpolates a command, and what a flight control does to it, is all in the record.
+    """
+    file, flight = job.vehicle, job.flights[0]
+    name = "elevator" if "elevator" in file.controls else next(c for c in file.inputs if c in true)
+    inputs = np.array([flight.column(c) if c in flight.names else flight.time * 0.0 for c in file.inputs])
+    rows = np.repeat(parameter_rows(file), inputs.shape[1], axis=1)
+    own = commanded(file, name, rows, inputs) if name in file.controls else flight.column(name)
+    known, fine = np.isfinite(own), np.arange(clock[0], clock[-1], FINE)
+    share = float(np.exp(-FINE / max(file.value(f"controls.{name}.lag", 0.0), FINE / 10.0)))
+    behind = lfilter([1.0 - share], [1.0, -share], np.interp(fine, flight.time[known], own[known]))
+    moved = true[name][np.searchsorted(clock, fine, "right") - 1]  # the simulator holds it over its step
+    inside = slice(round(1.0 / FINE), -round(1.0 / FINE))
+
+    def missed(delay: float) -> float:
+        read = np.interp(fine[inside] - delay, fine, behind)
+        return float(np.sum((np.polyval(np.polyfit(read, moved[inside], 1), read) - moved[inside]) ** 2))
+
+    coarse = min(np.arange(-0.1, 0.5, 0.01), key=missed)
+    return float(minimize_scalar(missed, (coarse - 0.01, coarse, coarse + 0.01)).x)
 
 
 def refusals(path: Path) -> list[str]:

@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 
 from stoop.base.arrays import FloatArray
 from stoop.base.rotations import FLIP, euler_angles, to_body
@@ -22,7 +21,6 @@ from stoop.base.units import FOOT, SLUG
 from stoop.base.variables import EULER, RATES, SPECIFIC_FORCE, VELOCITY
 from stoop.errors import StoopError
 from stoop.exporters.rotorpy_flight import TURN
-from stoop.flight import Flight
 from stoop.results.result import Covariance
 from stoop.vehicle import Vehicle
 from stoop.vehicle.defaults import SHORTEST_LAG
@@ -119,29 +117,6 @@ def plan(craft: Rotorcraft, rng: np.random.Generator) -> tuple[FloatArray, Float
         share = np.clip((time - begin) / 2.5, 0.0, 1.0)
         places[:, axis] += far * (0.5 - 0.5 * np.cos(np.pi * share)) * (0.4 if axis == 2 else 1.0)
     return places, shakes
-
-
-def lateness(flight: OutsideFlight, known: Flight, start: float) -> float:
-    """Return by how much rotors act later than a loaded log says, s: the shift that it takes to see what was flown."""
-    names = [n for n in flight.columns if n in known.names and n.startswith(("motor_", "rotor_"))]
-    clock = start + np.arange(len(flight.columns["p"])) / flight.rate
-    clock = clock[(clock > start + 1.0) & (clock < clock[-1] - 1.0)]
-    pairs = []
-    for name in names:
-        true = np.interp(
-            clock, start + np.arange(len(flight.columns[name])) / flight.rate, flight.columns[name]
-        )
-        there = np.isfinite(known.column(name))
-        pairs.append((true, known.time[there], known.column(name)[there]))
-
-    def misfit(late: float) -> float:
-        return float(sum(np.sum((np.interp(clock - late, t, x) - true) ** 2) for true, t, x in pairs))
-
-    near = min(np.arange(-0.02, 0.45, 0.005).tolist(), key=misfit)
-    found = minimize_scalar(
-        misfit, bounds=(near - 0.005, near + 0.005), method="bounded", options={"xatol": 1e-5}
-    )
-    return float(found.x) + flight.late[names[0].split("_")[0]]
 
 
 def with_sum(numbers: Mapping[str, list[float]], covariance: Covariance) -> dict[str, list[float]]:

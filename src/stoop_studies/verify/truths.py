@@ -24,7 +24,7 @@ from stoop_studies.verify.instruments import GROUPS, Defect
 #: moment coefficient -> reference length, and moment of inertia
 MOMENTS: Final = {name: (length, 2 * axis) for name, (length, axis) in MOMENT_ARMS.items()}
 RATES: Final = {"p": "span", "q": "chord", "r": "span"}
-ROTORS: Final = ("T0", "T1", "T2", "inflow", "drag", "torque_ratio", "translational", "lag")
+ROTORS: Final = ("T0", "T1", "T2", "inflow", "drag", "torque_ratio", "lag", "delay")
 MIN_SWING: Final = 1e-3  #: rad; a surface of a file that moves less is none
 
 
@@ -132,7 +132,7 @@ def _over(truth: Vehicle, file: Vehicle, name: str, free: set[str], held: bool) 
 
 def of_instruments(truth: Vehicle, file: Vehicle, defect: Defect, arm: FloatArray) -> dict[str, float]:
     """Return the true value of mass properties, lags and instruments; an ``arm`` (3,) is that of the accelerometer, m."""
-    late = {channel: s for group, s in defect.delay.items() for channel in GROUPS.get(group, (group,))}
+    late = {channel: s for group, s in defect.delay.items() for channel in GROUPS[group]}
     out = {"mass.mass": truth.value("mass.mass")}
     out |= {
         f"mass.inertia.{a}": truth.value(f"mass.inertia.{a}", 0.0)
@@ -142,7 +142,6 @@ def of_instruments(truth: Vehicle, file: Vehicle, defect: Defect, arm: FloatArra
     for channel in file.outputs:
         out[f"sensors.{channel}.scale"] = defect.scale.get(channel, 1.0)
         out[f"sensors.{channel}.delay"] = late.get(channel, 0.0)
-    out["rotors.delay"] = late.get("rotors", 0.0)
     for control in file.controls:
         if control in truth.controls:
             out[f"controls.{control}.lag"] = truth.value(f"controls.{control}.lag", 0.0)

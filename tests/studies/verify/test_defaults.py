@@ -191,11 +191,13 @@ def test_a_draft_frees_what_all_maneuvers_share(tmp_path: Path) -> None:
     """Air data that were reconstructed may be wrong by the wind; those of vanes and pitot by the pitot's position."""
     rebuilt, measured = (drafted_file(fly(number, tmp_path)) for number in (0, 4))
     free = {p.name: p.prior for p in rebuilt.parameters if p.free}
-    assert 0.002 < (free["sensors.V.scale"] or 0.0) < 0.05
-    assert free["sensors.alpha.bias"] == free["sensors.beta.bias"] == free["sensors.V.scale"]
+    assert 0.05 < (free["sensors.wind_error.x"] or 0.0) < 1.0
+    assert 0.05 < (free["sensors.wind_error.y"] or 0.0) < 1.0
+    assert 0.002 < (free["sensors.alpha.bias"] or 0.0) == (free["sensors.beta.bias"] or 0.0) < 0.05
+    assert "sensors.V.scale" not in free
     other = {p.name: p.prior for p in measured.parameters if p.free}
     assert other["sensors.V.scale"] == 0.05
-    assert "sensors.alpha.bias" not in other
+    assert not {"sensors.alpha.bias", "sensors.wind_error.x"} & other.keys()
 
 
 def test_a_glider_on_its_hill_does_not_hover(tmp_path: Path) -> None:

@@ -276,15 +276,6 @@ def test_speeds_of_rotors_bend_within_a_sample(lag: float) -> None:
         assert craft.late["rotor"] == pytest.approx(early, abs=1e-6)
 
 
-def test_commands_are_as_late_as_it_takes_to_see_what_was_flown(tmp_path: Path) -> None:
-    flight = replace(tumbling(), late={"motor": 0.005})
-    recorder = replace(QUIET, latency={"gps": 0.2, "commands": 0.123})
-    log = recorders.write(flight, recorder, np.zeros(3), tmp_path, np.random.default_rng(1))
-    (tmp_path / "right.toml").write_text(log.mapping, encoding="utf-8")
-    late = outside_rotors.lateness(flight, load(log.path, tmp_path / "right.toml"), log.start)
-    assert late == pytest.approx(0.123 + 0.005, abs=0.006), "the rows hold the last of samples 0.01 s apart"
-
-
 def test_a_lag_that_is_not_integrated_shows_as_a_delay() -> None:
     names, matrix = ("rotors.lag", "rotors.delay"), np.array([[4e-6, -3e-6], [-3e-6, 4e-6]])
     short = {"rotors.lag": [0.002, 2e-3, 0.005, 0.0, 1.0], "rotors.delay": [0.008, 2e-3, 0.005, 0.0, 1.0]}

@@ -160,6 +160,25 @@ def test_mean_of_the_corrected_error_is_the_scatter(missing: float) -> None:
     assert_allclose(ratio[:PARAMETERS], 1.0, atol=0.15)
 
 
+@pytest.mark.parametrize(("apart", "rho"), [(2.7, 0.98), (4.6, 0.98), (5.4, 0.9), (13.3, 0.98)])
+def test_a_channel_that_is_read_now_and_then(apart: float, rho: float) -> None:
+    """Few of its readings, or none, are one sample apart, and its color is no zero there."""
+    random, jacobian = np.random.default_rng(5), sensitivities(300)
+    hole = np.setdiff1d(np.arange(300), np.rint(np.arange(0.0, 299.0, apart)))
+    jacobian[hole, 1] = 0.0
+    size, estimates, sigmas = jacobian.shape[2], [], []
+    for _ in range(40):
+        measured = noise(300, rho, random)
+        measured[hole, 1] = np.nan
+        one, residual = fit(jacobian, measured)
+        found = estimate_uncertainty([PieceEvidence(residual, jacobian)], np.zeros((size, size)))
+        estimates.append(one[:PARAMETERS])
+        sigmas.append(standard_errors(found.corrected)[:PARAMETERS])
+    ratios = sigmas / np.std(estimates, axis=0)
+    assert 0.6 < ratios.mean() < 1.3
+    assert ratios.max() < 2.5
+
+
 def test_the_factor_grows_with_the_color() -> None:
     random = np.random.default_rng(3)
     jacobian = sensitivities(800)

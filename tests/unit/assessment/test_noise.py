@@ -9,7 +9,7 @@ from scipy.fft import irfft
 from scipy.linalg import solve_toeplitz
 from scipy.signal import lfilter
 
-from stoop.assessment.coloring import ColoredNoise, autocorrelation, fit_noise
+from stoop.assessment.coloring import ColoredNoise, autocorrelation, between_lags, fit_noise
 from stoop.estimate.noise import lagged_products
 
 
@@ -53,8 +53,31 @@ def test_an_autoregression_is_recovered() -> None:
 
 def test_levinson_solves_yule_walker() -> None:
     autocovariance = np.array([3.0, 1.5, 0.2, -0.4])
-    noise = fit_noise(autocovariance[None], [np.ones((10, 1))])
+    noise = fit_noise(autocovariance[None], [np.ones((1000, 1))])
     assert_allclose(noise.coefficients[0], solve_toeplitz(autocovariance[:3], autocovariance[1:]))
+
+
+def test_lags_without_pairs_lie_between_those_with() -> None:
+    known = np.array(
+        [[4.0, 0.0, 0.0, 1.0, 0.0, 0.0, 2.0, 0.0], [1.0, 0.5, 0.2, 0.1, 0.0, 0.0, 0.0, 0.0], [0.0] * 8]
+    )
+    counts = np.array([[9, 0, 0, 8, 0, 0, 7, 0], [9, 8, 7, 6, 5, 4, 3, 2], [0] * 8])
+    found = between_lags(known, counts)
+    assert_allclose(found[0], [4.0, 3.0, 2.0, 1.0, 4.0 / 3.0, 5.0 / 3.0, 2.0, 4.0 / 3.0])
+    assert_allclose(found[1:], known[1:])
+
+
+def test_noise_is_no_slower_than_its_records_are_long() -> None:
+    """Lags of a channel that hardly decay; the variance stays, and so does noise that decays within a record."""
+    lags = np.arange(9)
+    autocovariance = np.array([4.0 * (1.0 - 1e-6 * lags), 2.0 * 0.9**lags])
+    noise = fit_noise(autocovariance, [np.ones((200, 2))] * 3)
+    slow, fast = (np.abs(np.roots([1.0, *-channel])).max() for channel in noise.coefficients)
+    assert slow == pytest.approx(1.0 - 1.0 / 200.0)
+    assert fast == pytest.approx(0.9, abs=1e-3)
+    power = np.abs(noise.gain(2**16)) ** 2 * np.diag(noise.innovation)
+    total = (2.0 * power.sum(axis=0) - power[0] - power[-1]) / 2**16
+    assert_allclose(total, [4.0, 2.0], rtol=5e-3)
 
 
 def test_impossible_autocovariance_stays_stable() -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from stoop.base.notices import Notice
-from stoop.checks.excitation import excitation_notices, too_few
+from stoop.checks.excitation import excitation_notices
 from stoop.estimate.fit import Options, estimation_problem
 from stoop.flight import Flight
 from stoop.problem import Misfit
@@ -40,17 +40,6 @@ def said(vehicle: Vehicle, flight: Flight) -> list[Notice]:
     problem: Misfit = estimation_problem(vehicle, {"sim": flight}, [Window("sim", 0.0, 4.0)], Options())[0]
     z = np.zeros(problem.dimension + len(problem.layout.nuisances))
     return [n for n in excitation_notices(problem, z) if n.code == "low-airspeed"]
-
-
-def test_a_slow_channel_does_not_take_samples_from_the_fast_ones(hover: Flight) -> None:
-    """A receiver of 1 Hz beside gyros of 100 Hz: its readings are few, theirs are not."""
-    vehicle = builtin_vehicle("quadplane")
-    problem: Misfit = estimation_problem(vehicle, {"sim": hover}, [Window("sim", 0.0, 4.0)], Options())[0]
-    slow = np.array([1.0 if c in ("vn", "ve", "vd") else np.inf for c in vehicle.outputs])
-    assert too_few(problem, slow) == []
-    (few,) = too_few(problem, np.full(len(slow), 1.0))
-    measured = np.isfinite(problem.pieces[0].measured).any(axis=0).sum()
-    assert few.values["measurements"] == pytest.approx(4.0 * measured, rel=0.01)
 
 
 def test_wings_that_hardly_carry_are_told_once(hover: Flight) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from stoop.base.arrays import FloatArray
+from stoop.checks.excitation import too_few
 from stoop.estimate.fit import Options, OutputErrorEstimate, estimation_problem, fit
 from stoop.estimate.linearization import aligned, undelayed
 from stoop.estimate.noise import correlation_times
@@ -74,6 +75,17 @@ def test_a_residual_holds_nothing_interpolated(flown: Flight) -> None:
     assert np.isfinite(slow.whole).all()
     part = slow.part(100, 200, slow.start)
     np.testing.assert_array_equal(part.whole, slow.whole[100:200])
+
+
+def test_a_slow_sensor_leaves_the_others_their_samples(flown: Flight) -> None:
+    """Half of the channels at a tenth of the rate: more than half of the samples are left, enough for any error bar."""
+    problem = problem_of(slowed(flown))
+    measured = sum(int(np.isfinite(p.measured).sum()) for p in problem.pieces)
+    assert measured == 6 * 401 + 6 * 41
+    assert too_few(problem) == []
+    piece = problem.pieces[0]
+    short = replace(problem, pieces=(piece.part(0, 20, piece.start),))
+    assert [n.code for n in too_few(short)] == ["too-few-samples"]
 
 
 def test_a_flight_that_was_written_counts_the_same(flown: Flight, tmp_path: Path) -> None:

@@ -112,6 +112,7 @@ offset = 0.02
 accelerometer_position = [0.4, 0.1, 0.05]
 vane_position = [0.9, -0.2, 0.0]
 imu_alignment = [0.04, -0.06, 0.3]
+wind_error = [1.5, -0.7, 0.2]
 V = { scale = 1.03, bias = 0.4 }
 alpha = { scale = 0.97, bias = 0.01 }
 beta = { bias = -0.02 }

@@ -34,8 +34,7 @@ _CONSTANT_STATES = {"full": (), "longitudinal": (), "lateral": ("u", "w", "q", "
 
 
 def _flow_angles(n: Numbers, s: Surroundings, e: Quaternion, velocity: Vector) -> dict[str, Any]:
-    vanes = frames.vane(n, s.velocity, s.omega)
-    return {"V": s.air.V, "alpha": vanes.alpha, "beta": vanes.beta}
+    return frames.air_data(n, e, s.velocity, s.omega, s.air.V)
 
 
 def _ground_velocity(n: Numbers, s: Surroundings, e: Quaternion, velocity: Vector) -> dict[str, Any]:

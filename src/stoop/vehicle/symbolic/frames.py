@@ -142,9 +142,17 @@ def slow_air(velocity: Vector) -> Air:
     return Air(V, V2, alpha, sp.atan2(v, plane), u / plane, w / plane, plane / V, v / V, attached)
 
 
-def vane(n: Numbers, velocity: Vector, omega: Vector) -> Air:
-    """Return the flow at the vanes for a velocity of the center of gravity through the air."""
-    return air(add(velocity, cross(omega, n.arm("sensors.vane_position"))))
+def air_data(n: Numbers, e: Quaternion, velocity: Vector, omega: Vector, V: Any) -> dict[str, Any]:
+    """Return airspeed and flow angles as they are read, for a velocity of the center of gravity through the air.
+
+    What was reconstructed of the velocity over ground is that through air of the wind that was taken; a pitot, whose airspeed
+    is V, does not know of it.
+    """
+    if "sensors.wind_error.x" in n and n.vehicle.reduce == "full":  # else nothing tells where north is
+        velocity = add(velocity, to_body(e, n.point("sensors.wind_error")))
+        V = V if "sensors.V.scale" in n else air(velocity).V
+    flow = air(add(velocity, cross(omega, n.arm("sensors.vane_position"))))
+    return {"V": V, "alpha": flow.alpha, "beta": flow.beta}
 
 
 def cosine_and_sine(angle: Any) -> tuple[Any, Any]:
