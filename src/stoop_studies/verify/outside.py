@@ -213,7 +213,8 @@ def flown(
     late = {"velocity": recorder.latency["gps"], "commands": early(job, log.start + clock, true)}
     if "rotors.delay" in truth.rows:
         of = next(iter(truth.file.rotor.values())).channel.split("_")[0]
-        truth = truth.with_numbers({"rotors.delay": {"value": late["commands"] + flight.late.get(of, 0.0)}})
+        steps = flight.late.get(of, 0.0) - 0.5 / flight.rate  # instead of the hold that `early` takes
+        truth = truth.with_numbers({"rotors.delay": {"value": late["commands"] + steps}})
     for surface in set(truth.controls) & set(true):
         moved = np.interp(clock + late["commands"], clock, true[surface])
         true[surface] = moved + truth.value(f"controls.{surface}.offset", 0.0)
