@@ -84,7 +84,15 @@ def test_hexacopter_by_defaults(hexacopter: Flight, drafted_hexacopter: Drafted)
 
 
 def test_the_proposed_windows_of_the_hexacopter(hexacopter: Flight, drafted_hexacopter: Drafted) -> None:
-    fitted = ["155.8:158.3", "214.6:218.9", "229.6:234", "237.2:240.8", "253.3:258.5"]
+    fitted = [
+        "155.8:158.3",
+        "214.6:218.9",
+        "229.6:234",
+        "237.2:240.8",
+        "243.8:251.7",
+        "253.3:258.5",
+        "263.8:271.7",
+    ]
     job = stoop.fit(drafted_hexacopter.vehicle, hexacopter, fitted, ["141.9:144.9"])
     az = job.forces[-1].axes["az"]
     said = re.search(r"held back \(141.9:144.9\) with (\S+) m/s2, a constant with (\S+)\.", page_text())

@@ -119,9 +119,9 @@ def aligned(problem: Misfit, z: FloatArray) -> Misfit:
     Raises
     ------
     IdentificationError
-        The bounds of a delay leave less than half of a piece.
+        The bounds of a delay leave less than half of the pieces together.
     """
-    vehicle, pieces = problem.layout.vehicle, []
+    vehicle, pieces, left = problem.layout.vehicle, [], dict[str, int]()
     bounds = {p.name: (p.lower, p.upper) for p in problem.layout.parameters}
     for i, piece in enumerate(problem.pieces):
         measured, whole, (n, ny) = piece.measured.copy(), piece.whole.copy(), piece.measured.shape
@@ -131,10 +131,7 @@ def aligned(problem: Misfit, z: FloatArray) -> Misfit:
             if not piece.moved:
                 ends = (late, late) if name not in bounds else np.divide(bounds[name], piece.dt)
                 first, behind = max(0, round(ends[1])), n + min(0, round(ends[0]))
-                if behind - first < n // 2:
-                    raise IdentificationError(
-                        f"{vehicle.where}: {name}: its bounds leave less than half of a maneuver; narrow them"
-                    )
+                left[name] = left.get(name, 0) + 2 * max(behind - first, 0) - n
                 for own in (measured, whole):
                     own[:first, column] = own[behind:, column] = np.nan
             if not piece.moved or abs(late - moved[column]) > 1.0:
@@ -143,6 +140,10 @@ def aligned(problem: Misfit, z: FloatArray) -> Misfit:
                 moved[column] = round(late)
         slow = None if piece.interpolated is None else whole
         pieces.append(replace(piece, measured=measured, interpolated=slow, moved=tuple(moved)))
+    for name in (name for name, samples in left.items() if samples < -1):
+        raise IdentificationError(
+            f"{vehicle.where}: {name}: its bounds leave less than half of the maneuvers; narrow them"
+        )
     return replace(problem, pieces=tuple(pieces))
 
 

@@ -65,7 +65,7 @@ def _delays(vehicle: Vehicle) -> Iterator[Delay]:
         parameter = vehicle.parameters[row]
         q = numbers[parameter.name]
         if parameter.free and q.tie is None and q.bounds is None and q.prior is not None:
-            reach = q.prior_mean + WIDTH * q.prior + _lag_reach(vehicle)
+            reach = q.prior_mean + WIDTH * q.prior
             yield Delay(parameter.name, tuple(own), reach, {})
     if columns:
         return
@@ -76,11 +76,5 @@ def _delays(vehicle: Vehicle) -> Iterator[Delay]:
     if places and recorded:
         first, *others = ((*keys, "delay") for keys in places)
         entries = {first: None} | dict.fromkeys(others, "=" + ".".join(first))
-        reach = USUAL.delay + WIDTH * USUAL.delay_std + _lag_reach(vehicle)
+        reach = USUAL.delay + WIDTH * USUAL.delay_std
         yield Delay(".".join(first), recorded, reach, entries)
-
-
-def _lag_reach(vehicle: Vehicle) -> float:
-    """Return by how much lags that are free may take part in a delay, s."""
-    free = (p.prior for p in vehicle.parameters if p.free and p.name.endswith(".lag") and p.prior is not None)
-    return WIDTH * max(free, default=0.0)

@@ -6,7 +6,7 @@ Every kind of vehicle has the tables of mass and inertia, surfaces, rotors and s
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
@@ -219,7 +219,7 @@ def body_drag(sheet: Sheet, mass: float, down: float) -> None:
     """Write the drag of the body; `down` is that along z, N s2/m2."""
     sheet.table("body_drag")
     side = USUAL.body * mass
-    parts = [quantity(x, USUAL.spread * x) for x in (side, side, down)]
+    parts = [quantity(x, x) for x in (side, side, down)]
     sheet.entry("quadratic", point(parts), "N s2/m2, usual for this size")
 
 
@@ -247,8 +247,8 @@ def rotor_tables(sheet: Sheet, lift: Lift, mass: float, steady: Steady) -> None:
     sheet.remark(
         f"radius = {plain(0.5 * lift.diameter())} # m: write yours to add the induced velocity, for climbs and forward flight"
     )
-    if not lift.speed:
-        sheet.entry("delay", known(DELAY), f"s, {DELAY.source}")
+    late = replace(DELAY, value=0.0) if lift.speed else DELAY
+    sheet.entry("delay", known(late), f"s, {late.source}")
     heights = [rotor.position[2] for rotor in lift.rotors]
     alike = len(set(heights)) == 1  # in one plane, whose height is a guess
     for number, rotor in enumerate(lift.rotors, 1):

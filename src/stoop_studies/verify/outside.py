@@ -196,9 +196,8 @@ def record(case: str, seed: int, folder: Path) -> dict[str, Any]:
         without = (".lag",) * ("control_pitch" in log.lines) + (".inertia.",) * (
             not is_body(true.vehicle.vehicle)
         )
-        out["numbers"] = {
-            n: row for n, row in out["numbers"].items() if not any(part in n for part in without)
-        }
+        numbers = outside_rotors.with_sum(out["numbers"], job.result.covariance)
+        out["numbers"] = {n: row for n, row in numbers.items() if not any(part in n for part in without)}
     (folder / "record.json").write_text(json.dumps(out, indent=1), encoding="utf-8")
     return out
 
@@ -213,7 +212,9 @@ def flown(
     clock = np.arange(len(true["p"])) / flight.rate
     late = {"velocity": recorder.latency["gps"], "commands": early(job, log.start + clock, true)}
     if "rotors.delay" in truth.rows:
-        truth = truth.with_numbers({"rotors.delay": {"value": late["commands"]}})
+        of = next(iter(truth.file.rotor.values())).channel.split("_")[0]
+        steps = flight.late.get(of, 0.0) - 0.5 / flight.rate  # instead of the hold that `early` takes
+        truth = truth.with_numbers({"rotors.delay": {"value": late["commands"] + steps}})
     for surface in set(truth.controls) & set(true):
         moved = np.interp(clock + late["commands"], clock, true[surface])
         true[surface] = moved + truth.value(f"controls.{surface}.offset", 0.0)

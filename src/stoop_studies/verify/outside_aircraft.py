@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 import numpy as np
@@ -59,6 +59,8 @@ class OutsideFlight:
     truth: Callable[[Vehicle], Vehicle]  #: from a file to the vehicle that has the true value of its terms
     asked: Mapping[str, str]  #: what a person sees: template, engine
     reversed: tuple[str, ...] = ()  #: surfaces that its simulator counts the other way than the registry
+    #: s, by which commands and speeds of rotors (motor, rotor) act later than straight lines through their samples
+    late: Mapping[str, float] = field(default_factory=dict)
 
 
 class Airframe(jsbsim_flight.Aircraft):

@@ -21,7 +21,9 @@ from stoop.base.units import FOOT, SLUG
 from stoop.base.variables import EULER, RATES, SPECIFIC_FORCE, VELOCITY
 from stoop.errors import StoopError
 from stoop.exporters.rotorpy_flight import TURN
+from stoop.results.result import Covariance
 from stoop.vehicle import Vehicle
+from stoop.vehicle.defaults import SHORTEST_LAG
 from stoop_studies.verify import jsbsim_flight, multirotor, truths
 from stoop_studies.verify.outside_aircraft import TABLES, OutsideFlight
 from stoop_studies.verify.pilots import Columns
@@ -35,6 +37,10 @@ HEIGHT: Final = 20.0  #: m
 THRUST: Final = 3.16e-10 / (np.pi / 30.0) ** 2
 TORQUE: Final = 7.94e-12 / (np.pi / 30.0) ** 2
 TURNS: Final = np.array([-1.0, 1.0, -1.0, 1.0])
+#: gain of the rates times the lag of the motors, above which commands at `RATE` swing from end to end all the time (those that
+#: RotorPy gives the Crazyflie Brushless), and its usual gains of attitude and rates, which are taken then
+DAMPING: Final = 5.0
+USUAL_GAINS: Final = (310.0, 57.0)
 SIDES: Final = (1.0, 1.0, 1.0, -1.0, -1.0, 1.0, -1.0)  #: of a 3-2-1-1, by steps
 #: sides of the motors of a quadrotor in X, forward and right
 PX4_ORDER: Final = ((1.0, 1.0), (-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0))
@@ -49,6 +55,19 @@ class Rotorcraft:
     numbers: Mapping[str, float]
     positions: FloatArray  #: (4, 3) m, forward, right, down
     fastest: float = 1.0  #: rad/s, of full command
+    held: float = (
+        0.0  #: s, for which a command is held; zero where commands run on straight lines between samples
+    )
+
+    @property
+    def late(self) -> dict[str, float]:
+        """By which commands and speeds act later than straight lines through their samples, s, in the mean of a step of them.
+
+        After a step from n to u of a command that is held for h, the speed is u - (u - n) exp(-t / lag).
+        """
+        h, lag = self.held, self.numbers.get("rotors.lag", 0.0)
+        bent = lag - 0.5 * h / np.tanh(0.5 * h / lag) if h and lag else 0.5 * h
+        return {"motor": 0.5 * h, "rotor": float(bent)}
 
     @property
     def order(self) -> list[int]:
@@ -76,7 +95,7 @@ class Rotorcraft:
         """Return a flight of it; a person measures its mass, and the largest distance between motors."""
         span = float(2.0 * np.max(np.linalg.norm(self.positions[:, :2], axis=1)))
         tape = {"mass": self.numbers["mass.mass"], "span": span}
-        return OutsideFlight(rate, columns, tape, self.vehicle, {"template": "quad"})
+        return OutsideFlight(rate, columns, tape, self.vehicle, {"template": "quad"}, late=self.late)
 
 
 def plan(craft: Rotorcraft, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
@@ -100,6 +119,19 @@ def plan(craft: Rotorcraft, rng: np.random.Generator) -> tuple[FloatArray, Float
     return places, shakes
 
 
+def with_sum(numbers: Mapping[str, list[float]], covariance: Covariance) -> dict[str, list[float]]:
+    """Return the rows of numbers with the sum of lag and delay as the delay, where the lag is so short that only this shows."""
+    names = ("rotors.lag", "rotors.delay")
+    if not set(names) <= numbers.keys() or numbers[names[0]][2] >= SHORTEST_LAG:
+        return dict(numbers)
+    at = [covariance.names.index(n) for n in names]
+    std = float(np.sqrt(np.sum(covariance.matrix[np.ix_(at, at)])))
+    (a, _, true, *_), (b, _, late, bound, shown) = (numbers[n] for n in names)
+    return {n: row for n, row in numbers.items() if n not in names} | {
+        names[1]: [a + b, std, true + late, bound, shown]
+    }
+
+
 class RotorPy:
     """A vehicle of RotorPy under its SE3 controller; ``more`` are other constants of it."""
 
@@ -107,14 +139,16 @@ class RotorPy:
         parameters = {**importlib.import_module(f"rotorpy.vehicles.{name}_params").quad_params, **more}
         self.made = importlib.import_module("rotorpy.vehicles.multirotor").Multirotor(parameters)
         self.control = importlib.import_module("rotorpy.controllers.quadrotor_control").SE3Control(parameters)
-        d = self.made
+        d, c = self.made, self.control
+        if c.kd_att * d.tau_m > DAMPING:
+            c.kp_att, c.kd_att = USUAL_GAINS
         numbers = {
             "mass.mass": d.mass, "rotors.T2": d.k_eta, "rotors.torque_ratio": d.k_m / d.k_eta, "rotors.lag": d.tau_m,
-            "rotors.inflow": d.k_z, "rotors.drag": d.k_d,
+            "rotors.inflow": d.k_z, "rotors.drag": d.k_d, "rotors.translational": d.k_h,
             **dict(zip(INERTIA, np.diag(d.inertia), strict=True)), **dict(zip(DRAG, np.diag(d.drag_matrix), strict=True)),
         }  # fmt: skip
         numbers = {n: float(x) for n, x in numbers.items()}
-        self.craft = Rotorcraft(numbers, d.rotor_geometry * FLIP, d.rotor_speed_max)
+        self.craft = Rotorcraft(numbers, d.rotor_geometry * FLIP, d.rotor_speed_max, 1.0 / RATE)
         self.command = np.full(4, np.sqrt(d.mass * GRAVITY / (4.0 * d.k_eta)))
         self.state = {
             "x": np.array([0.0, 0.0, HEIGHT]), "v": np.zeros(3), "q": np.array([0.0, 0.0, 0.0, 1.0]), "w": np.zeros(3),

@@ -12,6 +12,7 @@ from stoop.base.arrays import FloatArray
 from stoop.base.units import FACTORS
 from stoop.errors import StoopError
 from stoop.flight import load
+from stoop.results.result import Covariance
 from stoop.vehicle import Vehicle
 from stoop.vehicle.checks import is_body
 from stoop.vehicle_draft.draft import draft
@@ -261,3 +262,24 @@ def test_one_flight_goes_from_log_to_record(tmp_path: Path) -> None:
     shown = outside.show(outside.Setting(1), {"J3Cub": [found], "F4N": [{"kept": True}]})
     assert [row[0] for row in shown.rows] == ["J3Cub"]
     assert len(shown.claims) == 11
+
+
+@pytest.mark.parametrize("lag", [0.0, 0.003, 0.05])
+def test_speeds_of_rotors_bend_within_a_sample(lag: float) -> None:
+    """The mean of a step that is held, after a lag, against straight lines: by how much they are early, over the step."""
+    held, craft = 0.01, outside_rotors.Rotorcraft({"rotors.lag": lag}, np.zeros((4, 3)), held=0.01)
+    time = np.linspace(0.0, held, 20001)
+    bent = np.exp(-time / lag) if lag else (time == 0.0).astype(float)
+    early = np.trapezoid(bent - np.interp(time, time[[0, -1]], bent[[0, -1]]), time) / (bent[0] - bent[-1])
+    assert craft.late["motor"] == 0.5 * held
+    if lag:
+        assert craft.late["rotor"] == pytest.approx(early, abs=1e-6)
+
+
+def test_a_lag_that_is_not_integrated_shows_as_a_delay() -> None:
+    names, matrix = ("rotors.lag", "rotors.delay"), np.array([[4e-6, -3e-6], [-3e-6, 4e-6]])
+    short = {"rotors.lag": [0.002, 2e-3, 0.005, 0.0, 1.0], "rotors.delay": [0.008, 2e-3, 0.005, 0.0, 1.0]}
+    (row,) = outside_rotors.with_sum(short, Covariance(names, matrix)).values()
+    assert row == pytest.approx([0.01, np.sqrt(2e-6), 0.01, 0.0, 1.0])
+    slow = short | {"rotors.lag": [0.05, 2e-3, 0.05, 0.0, 1.0]}
+    assert outside_rotors.with_sum(slow, Covariance(names, matrix)) == slow

@@ -108,3 +108,14 @@ def test_bounds_that_leave_few_readings_are_one_line() -> None:
     problem = late_problem((0.0, 6.0))
     with pytest.raises(IdentificationError, match=r"sensors\.q\.delay: its bounds leave .*; narrow them"):
         aligned(problem, problem.layout.start)
+
+
+def test_a_short_piece_beside_a_long_one_may_lose_its_late_readings() -> None:
+    problem = late_problem((0.0, 1.0))
+    whole, q = problem.pieces[0], problem.layout.vehicle.outputs.index("q")
+    short = whole.part(0, round(0.8 / whole.dt), whole.start)
+    both = aligned(replace(problem, pieces=(whole, short)), problem.layout.start).pieces
+    assert np.isfinite(both[0].measured[:, q]).sum() == len(whole.time) - round(1.0 / whole.dt)
+    assert np.isnan(both[1].measured[:, q]).all()
+    with pytest.raises(IdentificationError, match="its bounds leave"):
+        aligned(replace(problem, pieces=(short,)), problem.layout.start)

@@ -7,8 +7,8 @@ import pytest
 
 from stoop.flight import Flight
 from stoop.flight.airborne import carried_by_rotors, flying
-from stoop.input_design.candidates import with_motors
-from stoop.input_design.windows import doubts, find_windows
+from stoop.input_design.candidates import Excitation, with_motors
+from stoop.input_design.windows import _candidates, doubts, find_windows
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle import Vehicle, parse_vehicle
@@ -59,3 +59,13 @@ def test_a_pusher_does_not_lift(vehicle: Vehicle, flight: Flight) -> None:
     told = with_motors(flight, pusher)
     assert {"motor_1", "motor_2", "motor_3"} <= set(told.data)
     assert "motor_4" not in told.data
+
+
+def test_all_of_a_flight_on_rotors_is_tried(vehicle: Vehicle, flight: Flight) -> None:
+    """Windows without a maneuver are candidates beside those with one, of a vehicle that its rotors carry."""
+    told = with_motors(flight, vehicle)
+    tried = _candidates(told, vehicle, Excitation.of(told))
+    maneuvers = [c for c in tried if c.maneuver is not None]
+    assert maneuvers
+    assert any(c.maneuver is None for c in tried)
+    assert all(c.maneuver is not None for c in _candidates(told, None, Excitation.of(told)))

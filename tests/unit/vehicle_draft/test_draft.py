@@ -18,8 +18,10 @@ from stoop.simulation import trim
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle.builtin import builtin_vehicle
+from stoop.vehicle_draft.autopilot import Scale
 from stoop.vehicle_draft.draft import Drafted, draft
 from stoop.vehicle_draft.inertia import PUBLISHED, RADII, SPREAD, of_airplane, of_multirotor
+from stoop.vehicle_draft.power import Lift, Rotor, thrust_law
 from stoop.vehicle_draft.request import TEMPLATES, Request
 
 MASS, SPAN, CHORD = 189.4, 5.19, 0.55  #: of the twin boom
@@ -258,3 +260,27 @@ def test_inertias_of_multirotors(name: str) -> None:
     found = of_multirotor(vehicle.value("mass.mass"), places)  # type: ignore[arg-type]
     for axis in ("xx", "yy", "zz"):
         assert abs(found[axis].value - vehicle.value(f"mass.inertia.{axis}")) < 2.0 * found[axis].std
+
+
+#: mass, arm, m, speed, rad/s, and command at hover; T2, inflow and drag over the speed: AscTec's Hummingbird
+#: (Svacha et al. 2017), Crazyflie Brushless (Grafe et al. 2026), PX4's simulator
+QUADROTORS = {
+    "hummingbird": (0.5, 0.17, 469.0, 0.313, (5.57e-6, 2.32e-4, 1.19e-4)),
+    "brushless": (0.044, 0.043, 1632.0, 0.526, (4.052e-8, 1.19e-5, 5.09e-6)),
+    "sihsim": (1.0, 0.2404, 700.4, 0.7, (5e-6, 0.0, 0.0)),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", QUADROTORS)
+@pytest.mark.parametrize("kind", ["rotor", "motor"])
+def test_published_quadrotors_are_within_what_a_draft_leaves_open(name: str, kind: str) -> None:
+    mass, arm, speed, level, known = QUADROTORS[name]
+    at, full = (speed, 1.0) if kind == "rotor" else (level, speed / level)
+    places = [(x * arm * 0.5**0.5, y * arm * 0.5**0.5, 0.0) for x, y in ((1, 1), (-1, -1), (1, -1), (-1, 1))]
+    lift = Lift(tuple(Rotor(f"{kind}_{i}", p, "ccw") for i, p in enumerate(places, 1)), Scale(), "", True)
+    names = ("T2", "inflow", "drag")
+    powers = {"T2": full**2, "inflow": full, "drag": full}
+    true = {"T1": 0.0} | {n: x * powers.get(n, 1.0) for n, x in zip(names, known, strict=True)}
+    found = thrust_law(lift, mass, at)
+    for number in true.keys() & found.keys():
+        assert abs(found[number].value - true[number]) < 3.5 * found[number].std, number
