@@ -121,10 +121,10 @@ class Predictor:
         return np.asarray(np.diag(self.noise.of(self.vehicle.outputs)))
 
     def uncertain(self) -> tuple[tuple[Parameter, ...], FloatArray]:
-        """Return the d parameters that have an error, within `PARAMETER_WIDTH` of their estimate; covariance (d, d)."""
+        """Return the d parameters that have a finite error, within `PARAMETER_WIDTH` of their estimate; covariance (d, d)."""
         known = {p.name: p for p in self.vehicle.parameters}
         errors = np.sqrt(np.diag(self.covariance.matrix))
-        kept = [i for i, n in enumerate(self.covariance.names) if errors[i] > 0.0 and n in known]
+        kept = [i for i, n in enumerate(self.covariance.names) if 0.0 < errors[i] < np.inf and n in known]
         found = []
         for i in kept:
             p, reach = known[self.covariance.names[i]], PARAMETER_WIDTH * errors[i]
@@ -202,6 +202,8 @@ def predict_stretch(
     found = with_deviation(
         full, np.concatenate([np.full(len(parameters), 0.5), z]), covariance, stretch.first
     )
+    if np.isinf(np.diag(model.covariance.matrix)).any():  # nor does anything bound the prediction
+        found = replace(found, deviation=np.full_like(found.deviation, np.nan))
     if model.filter is None:
         return found
     blown = model.filter.disturbance(model.vehicle, piece)[stretch.first :]

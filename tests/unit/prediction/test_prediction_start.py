@@ -111,6 +111,19 @@ def test_an_uncertain_parameter_widens_the_band_by_what_it_does(
     assert found[some] == pytest.approx(expected[some], rel=0.05)
 
 
+def test_an_unbounded_error_leaves_the_prediction_without_a_band(aircraft: Vehicle, truth: Flight) -> None:
+    window = Window("sim", 6.0, 10.0)
+    (piece,) = prepare(aircraft, {"sim": truth}, [window]).pieces
+    stretch = stretch_before(aircraft, {"sim": truth}, window, piece)
+    known, unknown = (
+        predict_stretch(model_of(aircraft, ROUGH, errors), stretch)
+        for errors in ({"Cmq": 1.0}, {"Cmq": 1.0, "CLalpha": np.inf})
+    )
+    np.testing.assert_allclose(unknown.readings, known.readings)
+    assert np.isfinite(known.deviation).all()
+    assert np.isnan(unknown.deviation).all()
+
+
 def test_a_right_model_beats_a_lag_from_noisy_starts(aircraft: Vehicle, truth: Flight) -> None:
     window, model, won = Window("sim", 6.0, 12.0), model_of(aircraft, ROUGH), []
     for seed in range(8):
