@@ -190,10 +190,11 @@ def error_bars(fit: Estimate) -> ErrorBars:
 
 
 def _of_held_inertia(fit: Estimate, coloring: Coloring) -> FloatArray:
-    """Return the covariance (f, f) that moments of inertia add which are held, by their priors (consider covariance).
+    """Return the covariance (f, f) that moments of inertia add which are held (consider covariance).
 
     The estimates move with a held number c by dx/dc = -D^-1 S' s, with the sensitivities S and s of the readings
-    (Tapley, Schutz and Born, *Statistical Orbit Determination*, 2004, section 6.2).
+    (Tapley, Schutz and Born, *Statistical Orbit Determination*, 2004, section 6.2). How wrong c may be is what the flight leaves
+    of its prior, and how far the flight would move it, if no further than the prior.
     """
     held = {
         p.name: p.prior
@@ -205,14 +206,19 @@ def _of_held_inertia(fit: Estimate, coloring: Coloring) -> FloatArray:
     if not own:
         return np.zeros_like(coloring.prior)
     columns, priors = np.array([j for j, _ in own]), np.array([prior for _, prior in own])
-    total = np.zeros((len(coloring.prior), len(own)))
+    total, information = np.zeros((len(coloring.prior), len(own))), np.diag(priors**-2.0)
+    slope = np.zeros(len(own))
     gaps = responses.gaps or [None] * len(coloring.segments)
     for segment, readings, gap in zip(coloring.segments, responses.pieces, gaps, strict=True):
-        _, S = segment.rows()
+        residual, S = segment.rows()
         _, s = replace(segment, jacobian=readings, gap_jacobian=gap).of(columns).rows()
         total += S.T @ s
-    moved = coloring.inverse.matrix @ total * priors
-    return np.asarray(moved @ moved.T)
+        information += s.T @ s
+        slope += s.T @ residual
+    moved = coloring.inverse.matrix @ total
+    left = np.linalg.inv(information - total.T @ moved)
+    far = np.clip(left @ slope, -priors, priors)
+    return np.asarray(moved @ (left + np.outer(far, far)) @ moved.T)
 
 
 def _scatter(fit: Estimate, found: Uncertainty, count: int) -> Scatter | None:

@@ -80,16 +80,28 @@ def test_an_inertia_that_the_flight_shows_stays_free() -> None:
     assert not any(one.code == "inertia-held" for one in found.estimate.notices)
 
 
-def test_the_prior_of_a_held_moment_widens_error_bars_as_refits_with_another_moment_say() -> None:
+def held(value: float, known: float | None) -> Estimate:
+    """Return the estimate with the moment held at a value, of which a standard deviation is known."""
+    return done(user(1.0, free=False, value=value, prior=known), Strategy.textbook()).estimate
+
+
+@pytest.mark.parametrize("share", [0.03, 0.3])
+def test_a_held_moment_widens_error_bars_as_a_free_one_does(share: float) -> None:
+    """By its prior, or by what the flight leaves of that."""
     truth = scenes.aircraft().value(PITCH)
-    prior = 0.03 * truth
+    free = done(user(1.0, prior=share * truth), Strategy.textbook()).estimate
+    held_there = held(free.estimates[PITCH], share * truth)
+    alone = held(free.estimates[PITCH], None)
+    for name in FREE:
+        assert std(held_there, name) == pytest.approx(std(free, name), rel=0.02)
+    assert std(held_there, "Cmalpha") > 1.02 * std(alone, "Cmalpha")
 
-    def held(value: float, known: float | None) -> Estimate:
-        vehicle = user(1.0, free=False, value=value, prior=known)
-        return done(vehicle, Strategy.textbook()).estimate
 
-    below, above = (held(truth + sign * prior, None).estimates["Cmalpha"] for sign in (-1.0, 1.0))
+def test_the_prior_of_a_moment_that_the_flight_contradicts_counts_whole() -> None:
+    """As refits with another moment say."""
+    truth = scenes.aircraft().value(PITCH)
+    prior, wrong = 0.03 * truth, 1.3 * truth
+    below, above = (held(wrong + sign * prior, None).estimates["Cmq"] for sign in (-1.0, 1.0))
     moved = 0.5 * abs(above - below)
-    before, after = (std(held(truth, known), "Cmalpha") for known in (None, prior))
-    assert moved > before  # or there is nothing to see
-    assert np.sqrt(after**2 - before**2) == pytest.approx(moved, rel=0.05)
+    before, after = (std(held(wrong, known), "Cmq") for known in (None, prior))
+    assert np.sqrt(after**2 - before**2) == pytest.approx(moved, rel=0.1)
