@@ -63,7 +63,7 @@ def _trimmed(arguments: argparse.Namespace) -> tuple[Vehicle, Trim, str]:
             density += " (standard atmosphere at this altitude; the log has the true one, or give --density)"
     height = point.start["h"]
     if point.on_wings:
-        speed, climb = point.start["V"], math.degrees(arguments.climb_angle)
+        speed, climb = point.start["V"], round(math.degrees(point.climb_angle), 4) + 0.0
         where = f"steady straight flight at {speed:g} m/s, {height:g} m, climb {climb:g} deg, {density}"
         return vehicle, point, where
     velocity, wind = (" ".join(f"{x:g}" for x in v) for v in (point.velocity, point.wind))
@@ -77,7 +77,7 @@ def trim(arguments: argparse.Namespace) -> int:
     """Trim and print."""
     vehicle, point, where = _trimmed(arguments)
     if arguments.json:
-        show(to_json(trim_document(vehicle, point, arguments.climb_angle)))
+        show(to_json(trim_document(vehicle, point)))
         return 0
     out = page()
     out.line(vehicle.name)
@@ -109,12 +109,16 @@ def trim(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def trim_document(vehicle: Vehicle, point: Trim, climb_angle: float) -> dict[str, Any]:
+def trim_document(vehicle: Vehicle, point: Trim) -> dict[str, Any]:
     """Return the trim for JSON, SI and rad."""
     start = point.start
     flown: dict[str, Any] = {"velocity": point.velocity, "wind": point.wind, "altitude": start["h"]}
     if "V" in start:
-        flown = {"airspeed": start["V"], "altitude": start["h"], "climb_angle": climb_angle}
+        flown = {
+            "airspeed": start["V"],
+            "altitude": start["h"],
+            "climb_angle": without_rounding(point.climb_angle, 1.0),
+        }
     else:
         flown["heading"] = start["psi"]
     return {
@@ -160,7 +164,7 @@ def linearize(arguments: argparse.Namespace) -> int:
         _print_model(vehicle, model)
         out.bullets(left_out(vehicle))
         return 0
-    text = to_json(linear_document(vehicle, point, model, arguments.climb_angle))
+    text = to_json(linear_document(vehicle, point, model))
     if target == options.STDOUT:
         show(text)
         return 0
@@ -170,7 +174,7 @@ def linearize(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def linear_document(vehicle: Vehicle, point: Trim, model: LinearModel, climb_angle: float) -> dict[str, Any]:
+def linear_document(vehicle: Vehicle, point: Trim, model: LinearModel) -> dict[str, Any]:
     """Return the linear model for JSON, SI and rad."""
     modes = [
         {
@@ -187,7 +191,7 @@ def linear_document(vehicle: Vehicle, point: Trim, model: LinearModel, climb_ang
         "vehicle": vehicle.name,
         "file": vehicle.where,
         "reduce": vehicle.reduce,
-        "trim": trim_document(vehicle, point, climb_angle),
+        "trim": trim_document(vehicle, point),
         "states": model.states,
         "inputs": model.inputs,
         "outputs": model.outputs,

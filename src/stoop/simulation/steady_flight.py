@@ -124,8 +124,14 @@ class OnWings(SteadyFlight):
             raise SimulationError(
                 f"{vehicle.where}: it has no wings to fly {at.airspeed:g} m/s on; leave the airspeed out and write velocity"
             )
+        powered = vehicle.file.propulsion is not None
+        if at.climb_angle and not powered:
+            raise SimulationError(
+                f"{vehicle.where}: it has no propulsion, and glides at the angle that its airspeed asks for; "
+                "leave the climb angle out"
+            )
         for angles in WING_ANGLES[vehicle.reduce]:
-            flight = cls(at, numbers, parameter_rows(vehicle, numbers), angles)
+            flight = cls(at, numbers, parameter_rows(vehicle, numbers), angles, powered=powered)
             point = flight.solved([x.tolist() for x in flight.starts()], 500)
             if point.residual < TOLERANCE:
                 break
@@ -329,7 +335,7 @@ def trim(
     altitude : float, m
         Also the height above the ground, for a vehicle with a ground effect: the ground lies at zero.
     climb_angle : float, rad
-        On wings.
+        On wings, with propulsion: without it the flight is a glide.
     density : float, kg/m3, optional
         Only where the vehicle takes the density from the log; that of the standard atmosphere at the altitude when absent.
     velocity : (3,), m/s, optional

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final
@@ -40,6 +41,18 @@ class Trim:
     def on_wings(self) -> bool:
         """Whether wings carry the vehicle, not rotors."""
         return "V" in self.start
+
+    @property
+    def climb_angle(self) -> float:
+        """Angle of the flight path on wings, rad."""
+        V, alpha, beta, phi, theta = (self.start.get(n, 0.0) for n in ("V", "alpha", "beta", "phi", "theta"))
+        u, v, w = (
+            V * math.cos(alpha) * math.cos(beta),
+            V * math.sin(beta),
+            V * math.sin(alpha) * math.cos(beta),
+        )
+        climb = u * math.sin(theta) - (v * math.sin(phi) + w * math.cos(phi)) * math.cos(theta)
+        return math.asin(max(-1.0, min(1.0, climb / V))) if V else 0.0
 
     def lanes(self, vehicle: Vehicle, numbers: Mapping[str, FloatArray] | None = None) -> Trims:
         """Return this flight of a vehicle with some numbers changed, (B,) each; a single lane without any."""

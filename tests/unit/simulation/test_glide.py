@@ -1,0 +1,72 @@
+"""A vehicle without propulsion glides: its steady flight sinks by drag over lift."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from stoop.errors import SimulationError
+from stoop.simulation import linearize, trim
+from stoop.vehicle import Vehicle, parse_vehicle
+
+GLIDER = """
+name = "glider"
+[mass]
+mass = 2.0
+inertia = { xx = 0.12, yy = 0.06, zz = 0.17 }
+[reference]
+area = 0.4
+chord = 0.25
+span = 1.6
+airspeed = 13.0
+[environment]
+density = 1.2
+[controls.elevator]
+[aerodynamics.CL]
+CL0 = 0.2
+CLalpha = 4.5
+[aerodynamics.CD]
+CD0 = 0.025
+CDalpha2 = 0.8
+[aerodynamics.Cm]
+Cm0 = 0.02
+Cmalpha = -0.4
+Cmq = -4.0
+Cmelevator = -0.5
+[aerodynamics.CQ]
+CQbeta = -0.2
+[aerodynamics.Cl]
+Clbeta = -0.05
+Clp = -0.4
+[aerodynamics.Cn]
+Cnbeta = 0.04
+Cnr = -0.05
+"""
+
+
+@pytest.fixture(scope="module")
+def glider() -> Vehicle:
+    return parse_vehicle(GLIDER, "glider.toml")
+
+
+@pytest.mark.parametrize("airspeed", [11.0, 13.0, 20.0])
+def test_it_sinks_by_drag_over_lift(glider: Vehicle, airspeed: float) -> None:
+    point = trim(glider, airspeed)
+    alpha = point.start["alpha"]
+    lift, drag = 0.2 + 4.5 * alpha, 0.025 + 0.8 * alpha**2
+    assert math.tan(-point.climb_angle) == pytest.approx(drag / lift, rel=1e-6)
+    pressure = 0.5 * 1.2 * airspeed**2 * 0.4
+    assert pressure * math.hypot(lift, drag) == pytest.approx(2.0 * 9.80665, rel=1e-4)
+    assert point.start["theta"] - alpha == pytest.approx(point.climb_angle, abs=1e-9)
+    assert linearize(glider, point).modes
+
+
+def test_it_does_not_climb(glider: Vehicle) -> None:
+    with pytest.raises(SimulationError, match="leave the climb angle out"):
+        trim(glider, climb_angle=0.02)
+
+
+def test_with_propulsion_the_path_is_the_one_that_was_asked_for(glider: Vehicle) -> None:
+    powered = parse_vehicle(GLIDER + '[propulsion]\nkind = "constant"\nthrust = 1.5\n', "powered.toml")
+    assert trim(powered, climb_angle=0.05).climb_angle == pytest.approx(0.05, abs=1e-7)
