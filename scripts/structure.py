@@ -47,7 +47,7 @@ BUDGETS = {
     "reconstruction": 850,
     "report": 4300,
     "results": 1305,
-    "simulation": 3426,
+    "simulation": 3450,
     "strategy": 1420,
     "vehicle": 3640,
     "vehicle_draft": 3350,
