@@ -347,7 +347,7 @@ def _candidates(flight: Flight, vehicle: Vehicle | None, excitation: Excitation 
     """Return the maneuvers of a flight, the most excited first, and at most `LIMITS.max_candidates`.
 
     A flight without commands (or rates) has windows all along, and so has one in which no command stands out, as all are busy
-    throughout and move the vehicle. So has one on rotors, whose thrust and drag show in climbs and moves that are no maneuver.
+    throughout and move the vehicle. One on rotors has them beside its maneuvers: thrust and drag show in climbs and moves.
     """
     on_rotors = vehicle is not None and bool(vehicle.rotors)
     if vehicle is not None:
@@ -359,7 +359,8 @@ def _candidates(flight: Flight, vehicle: Vehicle | None, excitation: Excitation 
     if excitation is None:
         return found[:: max(1, len(found) // LIMITS.max_candidates)]
     maneuvers = [c for c in found if c.maneuver is not None]
-    found = found if on_rotors else maneuvers or (found if excitation.moves(flight) else [])
+    if not (maneuvers and on_rotors):
+        found = maneuvers or (found if excitation.moves(flight) else [])
     if not found:
         return []
     information = excitation_information({flight.name: flight}, {flight.name: excitation}, found)

@@ -209,7 +209,7 @@ class Airplane(FileText):
             self.sheet.entry("scale", quantity(1.0, PRIORS.pitot), "of a pitot")
         for channel in ("alpha", "beta") if winds else ():
             self.sheet.table(f"sensors.{channel}")
-            angle = max(a.incidence_std for a in winds)
+            angle = max(math.hypot(*errors) / self.airspeed, *(a.incidence_std for a in winds))
             self.sheet.entry("bias", quantity(0.0, angle), "rad: gusts, and the error of the wind")
 
     def _aerodynamics(self) -> None:
