@@ -1,8 +1,7 @@
 """A quick fit of windows: the fit of `stoop identify` by the method that it takes by itself, and nothing after it.
 
-In gusts too it is by the method of calm air: the color of its residuals tells what a window is worth, in a tenth of the time
-that a filter searches. Its error bars are those that identification publishes: with color and level of the residuals,
-priors, unknown initial states and biases, and the scatter of the maneuvers.
+Its error bars are those that identification publishes: with the color and the level of the flight's own residuals, priors,
+unknown initial states and biases, and the scatter of the maneuvers. Nothing of what the fit will say is worked out twice.
 """
 
 from __future__ import annotations
@@ -41,7 +40,7 @@ def quick_fit(vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence
     """Fit the free numbers of a vehicle to windows of flights as identification does; a fit that fails is a value."""
     used = {name: flight for name, flight in flights.items() if any(w.flight == name for w in windows)}
     try:
-        fit = fit_by(FIT_ALONE.without("gusts"), vehicle, used, windows, options=QUICK).estimate
+        fit = fit_by(FIT_ALONE, vehicle, used, windows, options=QUICK).estimate
         bars = error_bars(fit)
     except (FlightError, IdentificationError) as error:
         return QuickFit(failure=str(error))
