@@ -47,9 +47,8 @@ SAMPLES_PER_LAG: Final = 50  #: short records get a lower order, or the autoregr
 ROUNDS: Final = 3
 MEMORY: Final = 4.0  #: mean segments; noise that decays more slowly cannot be told from a constant
 SPAN: Final = 16.0  #: memories, over which the variance of the slowest noise is summed
-FEW_PAIRS: Final = (
-    0.25  #: share of the readings at a lag, over that at the lag which has most, of a slow channel
-)
+#: share of the readings at a lag, over that at the lag which has most, below which a slow channel has too few there
+FEW_PAIRS: Final = 0.25
 #: independent frequencies of the narrowest band, per channel; with fewer than 1 all channels cohere
 BAND_DEGREES: Final = 2.5
 BAND_GROWTH: Final = 1.5  #: width of a band over that of the one below
@@ -164,9 +163,7 @@ def fit_noise(autocovariance: FloatArray, residuals: Sequence[FloatArray]) -> Co
     sequence of (n_i, ny), give the correlation of the innovations between channels.
     """
     channels, order = len(autocovariance), autocovariance.shape[1] - 1
-    coefficients, power = autoregressions(
-        autocovariance, MEMORY * float(np.mean([len(r) for r in residuals]))
-    )
+    coefficients, power = autoregressions(autocovariance, memory_of(residuals))
     total = np.zeros((channels, channels))
     for residual in residuals:
         innovations = residual[order:].copy()
@@ -179,6 +176,11 @@ def fit_noise(autocovariance: FloatArray, residuals: Sequence[FloatArray]) -> Co
     np.fill_diagonal(related, 1.0)
     std = np.sqrt(power)
     return ColoredNoise(coefficients, np.outer(std, std) * related)
+
+
+def memory_of(residuals: Sequence[FloatArray]) -> float:
+    """Return the longest memory, in samples, that segments (n_i, ny) show."""
+    return MEMORY * float(np.mean([len(residual) for residual in residuals]))
 
 
 def autoregressions(autocovariance: FloatArray, memory: float) -> tuple[FloatArray, FloatArray]:
@@ -267,7 +269,7 @@ class Coloring:
         share, pairs = counts / np.maximum(counts[:, :1], 1.0), np.maximum(counts, 1.0)
         autocovariance, blocks = between_lags(sums / pairs, counts), self.single_blocks
         for _ in range(ROUNDS):
-            coefficients, innovation = autoregressions(autocovariance, MEMORY * float(np.mean(lengths)))
+            coefficients, innovation = autoregressions(autocovariance, memory_of(residuals))
             gain = ColoredNoise(coefficients, np.diag(innovation)).gain
             own = [(block, np.abs(gain(block.size).T) ** 2 * innovation[:, None]) for block in blocks]
             spread = self.spread([block.separate_middle(power) for block, power in own])

@@ -60,10 +60,9 @@ def through_true_wind(vehicle: Vehicle, start: Mapping[str, Number]) -> dict[str
     }
     turned = through_air(error | {angle: start[angle] for angle in EULER})
     wind = np.stack([np.asarray(turned[axis]) for axis in "uvw"])
-    alpha, beta, V = (np.asarray(start[n]) for n in ("alpha", "beta", "V"))
-    along = np.stack([np.cos(alpha) * np.cos(beta), np.sin(beta) + 0.0 * alpha, np.sin(alpha) * np.cos(beta)])
-    ahead = np.sum(along * wind, axis=0)
-    read = V
+    V = np.asarray(start["V"])
+    along = np.stack([rigid_states({**start, "V": 1.0})[axis] for axis in "uvw"]).reshape(wind.shape)
+    ahead, read = np.sum(along * wind, axis=0), V
     if "sensors.V.scale" in vehicle.rows:  # V is true: how fast what was reconstructed would be
         read = ahead + np.sqrt(np.maximum(V**2 + ahead**2 - np.sum(wind**2, axis=0), 0.0))
     u, v, w = read * along - wind

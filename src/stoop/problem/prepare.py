@@ -252,9 +252,8 @@ def at_readings(vehicle: Vehicle, prepared: Prepared, flights: Mapping[str, Flig
     return tuple(pieces)
 
 
-def errors_of_start(vehicle: Vehicle, name: str, start: Mapping[str, float]) -> Iterator[float]:
+def errors_of_start(priors: Mapping[str, float], name: str, start: Mapping[str, float]) -> Iterator[float]:
     """Yield by how much the priors of free errors of its instrument let an initial state, as it was read, be wrong."""
-    priors = {p.name: p.prior for p in vehicle.parameters if p.free and p.prior is not None}
     yield priors.get(f"sensors.{name}.bias", 0.0)
     yield priors.get(f"sensors.{name}.scale", 0.0) * start.get(name, 0.0)
     share = {"V": 1.0, "alpha": 1.0 / start["V"], "beta": 1.0 / start["V"]} if start.get("V") else {}
@@ -273,6 +272,8 @@ def nuisances(vehicle: Vehicle, prepared: Prepared) -> tuple[Nuisance, ...]:
         A bias has bounds.
     """
     model, out = observation_model(vehicle), []
+    free = {p.name: p for p in vehicle.parameters if p.free}
+    priors = {name: p.prior for name, p in free.items() if p.prior is not None}
     for i, piece in enumerate(prepared.pieces):
         for name in model.start_names(vehicle):
             scale, actuator = model.start_scales.get(name, LAG_SCALE), name.removesuffix(".lag")
@@ -280,9 +281,8 @@ def nuisances(vehicle: Vehicle, prepared: Prepared) -> tuple[Nuisance, ...]:
                 rows = np.repeat(parameter_rows(vehicle, piece.changes), len(piece.inputs), axis=1)
                 largest = float(np.max(commanded(vehicle, actuator, rows, piece.inputs.T)))
                 scale *= largest or vehicle.value("rotors.gain")
-            scale = math.hypot(scale, *errors_of_start(vehicle, name, piece.start))
+            scale = math.hypot(scale, *errors_of_start(priors, name, piece.start))
             out.append(Nuisance(name, piece.maneuver, i, piece.start.get(name, 0.0), scale))
-    free = {p.name: p for p in vehicle.parameters if p.free}
     biases = {i: free[n] for i, c in enumerate(vehicle.outputs) if (n := f"sensors.{c}.bias") in free}
     for i, bias in biases.items():
         if getattr(vehicle.file.sensors, vehicle.outputs[i]).bias.bounds is not None:

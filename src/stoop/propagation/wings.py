@@ -137,7 +137,7 @@ def level_flight(vehicle: Vehicle, rows: FloatArray, altitude: float, density: f
     vehicle = vehicle.reduced("full") if vehicle.reduce == "lateral" else vehicle.coupled_to(())
     quiet, still = neutral_inputs(vehicle, density, altitude), np.zeros(3)
     at = Conditions(vehicle, math.nan, altitude, 0.0, still, still, 0.0, quiet)
-    return OnWings(at, {}, rows, WING_ANGLES[vehicle.reduce][0], powered=vehicle.file.propulsion is not None)
+    return OnWings(at, {}, rows, WING_ANGLES[vehicle.reduce][0])
 
 
 def steady_flights(

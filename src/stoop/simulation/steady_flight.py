@@ -110,7 +110,9 @@ class OnWings(SteadyFlight):
     angles: tuple[str, ...]
     #: the airspeed, m/s, or the angle of attack, rad, (B,), that is given; the conditions' airspeed when empty
     given: Mapping[str, FloatArray] = field(default_factory=dict)
-    powered: bool = True  #: without thrust the flight-path angle is free
+    powered: bool = (
+        True  #: whether propulsion, where there is one, holds the flight-path angle; it is free without
+    )
 
     commands = ()
     refused = ("velocity", "wind")
@@ -124,14 +126,13 @@ class OnWings(SteadyFlight):
             raise SimulationError(
                 f"{vehicle.where}: it has no wings to fly {at.airspeed:g} m/s on; leave the airspeed out and write velocity"
             )
-        powered = vehicle.file.propulsion is not None
-        if at.climb_angle and not powered:
+        if at.climb_angle and vehicle.file.propulsion is None:
             raise SimulationError(
                 f"{vehicle.where}: it has no propulsion, and glides at the angle that its airspeed asks for; "
                 "leave the climb angle out"
             )
         for angles in WING_ANGLES[vehicle.reduce]:
-            flight = cls(at, numbers, parameter_rows(vehicle, numbers), angles, powered=powered)
+            flight = cls(at, numbers, parameter_rows(vehicle, numbers), angles)
             point = flight.solved([x.tolist() for x in flight.starts()], 500)
             if point.residual < TOLERANCE:
                 break
@@ -150,6 +151,11 @@ class OnWings(SteadyFlight):
             )
         return point
 
+    @property
+    def thrusts(self) -> bool:
+        """Whether a thrust is among the unknowns."""
+        return self.powered and self.at.vehicle.file.propulsion is not None
+
     @cached_property
     def unknowns(self) -> dict[str, float]:
         """Scales by name: angles and deflections, rad, then the number, N, or the channel of the thrust."""
@@ -158,7 +164,7 @@ class OnWings(SteadyFlight):
         if "alpha" in self.given:
             out.pop("alpha")
             out["V"] = 0.1 * vehicle.value("reference.airspeed")
-        if propulsion is not None and self.powered:
+        if propulsion is not None and self.thrusts:
             step = 0.1 * (vehicle.value("mass.mass") * STANDARD_GRAVITY)
             if "propulsion.speed_gain" in vehicle.rows:
                 step = 20.0 / max(vehicle.value("propulsion.speed_gain"), 1e-6)
@@ -205,9 +211,9 @@ class OnWings(SteadyFlight):
         return Trims(start, controls, values, inputs, rows)
 
     def residuals(self, x: FloatArray, lanes: Lanes = ALL) -> FloatArray:
-        """Return accelerations (r, B), m/s2 and rad/s2, and of powered flight the climb angle's error."""
+        """Return accelerations (r, B), m/s2 and rad/s2, and where a thrust is unknown the climb angle's error."""
         balance, climb = self.balance(self.trims(x, lanes))
-        return np.vstack([balance, climb - math.sin(self.at.climb_angle)]) if self.powered else balance
+        return np.vstack([balance, climb - math.sin(self.at.climb_angle)]) if self.thrusts else balance
 
     def balance(self, found: Trims) -> tuple[FloatArray, FloatArray]:
         """Return accelerations (r, B), m/s2 and rad/s2, and the sine of the flight-path angle (B,)."""

@@ -12,7 +12,8 @@ from numpy.typing import ArrayLike
 
 from stoop.base.arrays import FloatArray
 from stoop.base.atmosphere import SEA_LEVEL_DENSITY
-from stoop.simulation.initial import mixed_inputs, parameter_rows
+from stoop.base.rotations import to_ground
+from stoop.simulation.initial import mixed_inputs, parameter_rows, rigid_states
 from stoop.simulation.rotors import accelerations, channel_range
 from stoop.vehicle import Vehicle
 
@@ -45,14 +46,12 @@ class Trim:
     @property
     def climb_angle(self) -> float:
         """Angle of the flight path on wings, rad."""
-        V, alpha, beta, phi, theta = (self.start.get(n, 0.0) for n in ("V", "alpha", "beta", "phi", "theta"))
-        u, v, w = (
-            V * math.cos(alpha) * math.cos(beta),
-            V * math.sin(beta),
-            V * math.sin(alpha) * math.cos(beta),
+        states = rigid_states(self.start)
+        velocity, e = (
+            np.stack([states[n] for n in names], axis=-1) for names in ("uvw", ("e0", "e1", "e2", "e3"))
         )
-        climb = u * math.sin(theta) - (v * math.sin(phi) + w * math.cos(phi)) * math.cos(theta)
-        return math.asin(max(-1.0, min(1.0, climb / V))) if V else 0.0
+        north, east, down = to_ground(e, velocity)[0].tolist()
+        return math.atan2(-down, math.hypot(north, east))
 
     def lanes(self, vehicle: Vehicle, numbers: Mapping[str, FloatArray] | None = None) -> Trims:
         """Return this flight of a vehicle with some numbers changed, (B,) each; a single lane without any."""

@@ -27,12 +27,10 @@ from stoop.base.units import FACTORS
 from stoop.errors import StoopError
 from stoop.flight.mapping_corrections import contradictions, corrected_mapping
 from stoop.flight.mapping_draft import draft
-from stoop.simulation import parameter_rows
-from stoop.simulation.initial import commanded
 from stoop.vehicle.checks import is_body
 from stoop.workflow.fitted_model import FittedModel
 from stoop_studies.findings import Claim, Findings, Setting, counted, holds
-from stoop_studies.verify import defaults, lines, outside_aircraft, outside_rotors, recorders, study
+from stoop_studies.verify import defaults, lines, outside_aircraft, outside_rotors, recorders, study, truths
 from stoop_studies.verify.fleet import MadeUp
 from stoop_studies.verify.instruments import Defect
 from stoop_studies.verify.outside_aircraft import TABLES, OutsideFlight
@@ -231,9 +229,7 @@ def early(job: FittedModel, clock: FloatArray, true: Columns) -> float:
     """
     file, flight = job.vehicle, job.flights[0]
     name = "elevator" if "elevator" in file.controls else next(c for c in file.inputs if c in true)
-    inputs = np.array([flight.column(c) if c in flight.names else flight.time * 0.0 for c in file.inputs])
-    rows = np.repeat(parameter_rows(file), inputs.shape[1], axis=1)
-    own = commanded(file, name, rows, inputs) if name in file.controls else flight.column(name)
+    own = truths.recorded_deflection(file, flight, name) if name in file.controls else flight.column(name)
     known, fine = np.isfinite(own), np.arange(clock[0], clock[-1], FINE)
     share = float(np.exp(-FINE / max(file.value(f"controls.{name}.lag", 0.0), FINE / 10.0)))
     behind = lfilter([1.0 - share], [1.0, -share], np.interp(fine, flight.time[known], own[known]))

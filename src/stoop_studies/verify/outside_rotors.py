@@ -55,9 +55,7 @@ class Rotorcraft:
     numbers: Mapping[str, float]
     positions: FloatArray  #: (4, 3) m, forward, right, down
     fastest: float = 1.0  #: rad/s, of full command
-    held: float = (
-        0.0  #: s, for which a command is held; zero where commands run on straight lines between samples
-    )
+    held: float = 0.0  #: s, for which a command is held; zero where it runs on straight lines between samples
 
     @property
     def late(self) -> dict[str, float]:

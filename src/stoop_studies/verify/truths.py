@@ -36,6 +36,14 @@ class Deflection:
     offset: float
 
 
+def recorded_deflection(file: Vehicle, flight: Flight, control: str) -> FloatArray:
+    """Return the deflection (n,) of a control, rad, that a file makes of the channels of a flight."""
+    channels = np.array([
+        flight.column(c) if c in flight.names else np.zeros(len(flight.time)) for c in file.inputs
+    ])  # fmt: skip
+    return commanded(file, control, np.repeat(parameter_rows(file), channels.shape[1], axis=1), channels)
+
+
 def deflections(
     file: Vehicle,
     flight: Flight,
@@ -44,16 +52,11 @@ def deflections(
     span: tuple[float, float],
 ) -> dict[str, Deflection]:
     """Compare the deflections of a file, by the channels of a flight, with those commanded at times (n,), s, within a span."""
-    used = (flight.time > span[0]) & (flight.time < span[1])
-    rows = parameter_rows(file)
-    channels = np.array([
-        flight.column(c) if c in flight.names else np.zeros(len(flight.time)) for c in file.inputs
-    ])  # fmt: skip
-    out = {}
+    used, out = (flight.time > span[0]) & (flight.time < span[1]), {}
     for name in file.controls:
         if name not in commands:
             continue
-        own = commanded(file, name, np.repeat(rows, channels.shape[1], axis=1), channels)[used]
+        own = recorded_deflection(file, flight, name)[used]
         true = np.interp(flight.time[used], time, commands[name])
         known = np.isfinite(own)
         if np.ptp(own[known]) > MIN_SWING:

@@ -1,4 +1,4 @@
-"""A vehicle without propulsion glides: its steady flight sinks by drag over lift."""
+"""Steady flight of a flying wing: without a rudder with sideslip, without propulsion in a glide."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from stoop.errors import SimulationError
 from stoop.simulation import linearize, trim
 from stoop.vehicle import Vehicle, parse_vehicle
 
-GLIDER = """
-name = "glider"
+WING = """
+name = "wing"
 [mass]
 mass = 2.0
 inertia = { xx = 0.12, yy = 0.06, zz = 0.17 }
@@ -19,10 +19,14 @@ inertia = { xx = 0.12, yy = 0.06, zz = 0.17 }
 area = 0.4
 chord = 0.25
 span = 1.6
-airspeed = 13.0
+airspeed = 16.0
 [environment]
 density = 1.2
+[propulsion]
+kind = "constant"
+thrust = 1.5
 [controls.elevator]
+[controls.aileron]
 [aerodynamics.CL]
 CL0 = 0.2
 CLalpha = 4.5
@@ -37,21 +41,39 @@ Cmelevator = -0.5
 [aerodynamics.CQ]
 CQbeta = -0.2
 [aerodynamics.Cl]
+Cl0 = 0.001
 Clbeta = -0.05
 Clp = -0.4
+Claileron = 0.2
 [aerodynamics.Cn]
+Cn0 = 0.001
 Cnbeta = 0.04
 Cnr = -0.05
 """
+SYMMETRIC = WING.replace("Cn0 = 0.001\n", "").replace("Cl0 = 0.001\n", "")
+PROPULSION = '[propulsion]\nkind = "constant"\nthrust = 1.5\n'
 
 
 @pytest.fixture(scope="module")
 def glider() -> Vehicle:
-    return parse_vehicle(GLIDER, "glider.toml")
+    return parse_vehicle(SYMMETRIC.replace(PROPULSION, ""), "glider.toml")
+
+
+def test_an_asymmetric_wing_is_trimmed_with_sideslip() -> None:
+    vehicle = parse_vehicle(WING, "wing.toml")
+    point = trim(vehicle)
+    assert point.residual < 1e-7
+    assert point.start["beta"] == pytest.approx(-0.001 / 0.04, rel=0.05)  # Cn0 + Cnbeta beta = 0
+    assert linearize(vehicle, point).modes
+
+
+def test_a_symmetric_wing_flies_without() -> None:
+    vehicle = parse_vehicle(SYMMETRIC, "wing.toml")
+    assert trim(vehicle).start.get("beta", 0.0) == 0.0
 
 
 @pytest.mark.parametrize("airspeed", [11.0, 13.0, 20.0])
-def test_it_sinks_by_drag_over_lift(glider: Vehicle, airspeed: float) -> None:
+def test_without_propulsion_it_sinks_by_drag_over_lift(glider: Vehicle, airspeed: float) -> None:
     point = trim(glider, airspeed)
     alpha = point.start["alpha"]
     lift, drag = 0.2 + 4.5 * alpha, 0.025 + 0.8 * alpha**2
@@ -62,11 +84,12 @@ def test_it_sinks_by_drag_over_lift(glider: Vehicle, airspeed: float) -> None:
     assert linearize(glider, point).modes
 
 
-def test_it_does_not_climb(glider: Vehicle) -> None:
+def test_without_propulsion_it_does_not_climb(glider: Vehicle) -> None:
     with pytest.raises(SimulationError, match="leave the climb angle out"):
         trim(glider, climb_angle=0.02)
 
 
-def test_with_propulsion_the_path_is_the_one_that_was_asked_for(glider: Vehicle) -> None:
-    powered = parse_vehicle(GLIDER + '[propulsion]\nkind = "constant"\nthrust = 1.5\n', "powered.toml")
-    assert trim(powered, climb_angle=0.05).climb_angle == pytest.approx(0.05, abs=1e-7)
+def test_with_propulsion_the_path_is_the_one_that_was_asked_for() -> None:
+    assert trim(parse_vehicle(SYMMETRIC, "powered.toml"), climb_angle=0.05).climb_angle == pytest.approx(
+        0.05, abs=1e-7
+    )
