@@ -181,7 +181,7 @@ class Airplane(FileText):
             f"rev/s per unit: {said}; a wrong one goes into CT0, CT1",
         )
         sheet.entry("diameter", plain(diameter), "m, usual for this mass: write your own")
-        for name in ("CT0", "CT1"):
+        for name in ("CT0", "CT1", "CT2"):
             sheet.entry(name, quantity(*getattr(USUAL, name)), "usual of small propellers")
         if self.request.engine == "piston":
             inertia = ASSUMED.propeller_inertia * diameter**5

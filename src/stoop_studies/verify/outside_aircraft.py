@@ -34,6 +34,7 @@ READ: Final = {
     **{n: (f"velocities/v-{a}-fps", FOOT) for n, a in zip(VELOCITY, ("north", "east", "down"), strict=True)},
     **{n: (prop, 1.0) for n, prop in SURFACES.items()},
 }
+MOMENTS: Final = tuple(f"moments/{a}-aero-lbsft" for a in "lmn")
 SPHERE: Final = {a: float(a[0] == a[1]) for a in ("xx", "yy", "zz", "xy", "xz", "yz")}  #: kg m2
 TABLES: Final[Mapping[str, Any]] = tomllib.loads(data_text("outside.toml"))
 THROTTLE: Final = 0.6  #: to start from
@@ -76,16 +77,19 @@ class Airframe(jsbsim_flight.Aircraft):
         self.engines = range(self.fdm.get_propulsion().get_num_engines())
         self.commands = dict.fromkeys(SURFACES, 0.0)  #: where deflections count from
         self.neutral, self.gain = dict.fromkeys(SURFACES, 0.0), dict.fromkeys(SURFACES, 1.0)
+        self.turning: dict[str, float] = {}  #: moments of the engines in flight, by property
 
     def point(self, name: str) -> tuple[float, float, float]:
         """Return the center of gravity, about which a drafted file counts moments, for any point but the eye."""
         return super().point(jsbsim.CENTER)
 
     def read(self, names: Iterable[str]) -> FloatArray:
-        """Return properties; the engines' moments count with those of the air: a drafted file has no thrust line or torque."""
+        """Return properties; the engines' moments count with those of the air: a drafted file has no thrust line or torque.
+
+        They are those of the flight: engines that are put into a state do not turn as they do in flight.
+        """
         places = list(names)
-        turning = [n.replace("-aero-", "-prop-") for n in places if n.startswith("moments/")]
-        return super().read(places) + (super().read(turning) if turning and self.engines else 0.0)
+        return super().read(places) + np.array([self.turning.get(n, 0.0) for n in places])
 
     def sticks(self, commands: Mapping[str, float], throttle: float) -> dict[str, float]:
         """Return the properties of stick, pedals and all throttles."""
@@ -121,7 +125,8 @@ class Airframe(jsbsim_flight.Aircraft):
         row = dict(zip(READ, self.sample(READ).tolist(), strict=True))
         mass = self["inertia/mass-slugs"] * SLUG
         forces = {n: self[f"forces/fb{n[1]}-total-lbs"] * POUND_FORCE / mass for n in SPECIFIC_FORCE}
-        return row | forces
+        turning = {n: self[n.replace("-aero-", "-prop-")] for n in MOMENTS} if self.engines else {}
+        return row | forces | turning
 
 
 class Pilot:
@@ -253,6 +258,7 @@ def true_vehicle(aircraft: Airframe, file: Vehicle, columns: Columns) -> Vehicle
     means = {n: float(x.mean()) for n, x in columns.items()}
     state = State(means["V"], means["altitude"], alpha=means["alpha"], theta=means["theta"])
     aircraft.measure_gains(state)
+    aircraft.turning = {n: means[n] for n in MOMENTS if n in means}
     aircraft.stock = replace(
         aircraft.stock, airspeed=file.value("reference.airspeed"), alpha=file.value("reference.alpha", 0.0),
         added={c: dict(group) for c, group in file.terms.items()},
