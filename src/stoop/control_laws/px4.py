@@ -1,0 +1,96 @@
+"""Rate laws of PX4 for fixed wings and multicopters.
+
+torque = P (setpoint - rate) + integral - D (derivative of the rate) + FF setpoint, where the integral is used before the error
+of its sample is added. The gyro passes a notch; then its difference passes one low-pass, and the rate another [3]_. Of a fixed
+wing P, I and D act by the square of the ratio of trim airspeed to airspeed, FF by the ratio itself [2]_.
+
+References
+----------
+.. [1] PX4-Autopilot, src/lib/rate_control/rate_control.cpp
+.. [2] PX4-Autopilot, src/modules/fw_rate_control/FixedwingRateControl.cpp; mc_rate_control/MulticopterRateControl.cpp
+.. [3] PX4-Autopilot, src/modules/sensors/vehicle_angular_velocity/VehicleAngularVelocity.cpp
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Final
+
+from stoop.control_laws.filters import PASS, Filter, butterworth, difference, notch, series
+from stoop.control_laws.parameters import Parameters
+from stoop.control_laws.rate_law import ACCELERATION, RATE, SETPOINT, Integral, RateLaw, Term
+
+FADE: Final = math.radians(400.0)  #: rad/s, error at which the integral stands
+#: axis -> pattern of the parameters of a fixed wing, with the defaults of PX4
+WING: Final = {
+    "roll": ("FW_RR_{}", {"P": 0.05, "I": 0.1, "D": 0.0, "FF": 0.5, "IMAX": 0.2}),
+    "pitch": ("FW_PR_{}", {"P": 0.08, "I": 0.1, "D": 0.0, "FF": 0.5, "IMAX": 0.4}),
+    "yaw": ("FW_YR_{}", {"P": 0.05, "I": 0.1, "D": 0.0, "FF": 0.3, "IMAX": 0.2}),
+}
+ROTORS: Final = {
+    "roll": ("MC_ROLLRATE_{}", "MC_RR_INT_LIM", {"P": 0.15, "I": 0.2, "D": 0.003, "FF": 0.0, "K": 1.0}),
+    "pitch": ("MC_PITCHRATE_{}", "MC_PR_INT_LIM", {"P": 0.15, "I": 0.2, "D": 0.003, "FF": 0.0, "K": 1.0}),
+    "yaw": ("MC_YAWRATE_{}", "MC_YR_INT_LIM", {"P": 0.2, "I": 0.1, "D": 0.0, "FF": 0.0, "K": 1.0}),
+}
+INTEGRAL_LIMIT: Final = 0.3
+GYRO_RATE: Final = 400.0  #: Hz, of IMU_GYRO_RATEMAX
+
+
+def fixed_wing(values: Mapping[str, float], axis: str) -> RateLaw:
+    """Return the rate law of a fixed wing about an axis, from its parameters."""
+    own = Parameters(values, "PX4")
+    pattern, defaults = WING[axis]
+    own.number(pattern.format("P"))  # there, or the log is of another vehicle
+    gains = own.named(pattern, **defaults)
+    return _law(own, axis, gains, gains["IMAX"], power=2)
+
+
+def multicopter(values: Mapping[str, float], axis: str) -> RateLaw:
+    """Return the rate law of a multicopter about an axis, from its parameters."""
+    own = Parameters(values, "PX4")
+    pattern, limit, defaults = ROTORS[axis]
+    own.number(pattern.format("P"))
+    gains = own.named(pattern, **defaults)
+    gains |= {n: gains["K"] * gains[n] for n in "PID"}
+    return _law(own, axis, gains, own.number(limit, INTEGRAL_LIMIT), power=0)
+
+
+def _law(own: Parameters, axis: str, gains: Mapping[str, float], limit: float, power: int) -> RateLaw:
+    error = {SETPOINT: PASS, RATE: Filter((-1.0,))}
+    terms = (
+        Term("P", {n: path * gains["P"] for n, path in error.items()}, power),
+        Term("I", error, power, Integral(gains["I"], limit, FADE, late=True)),
+        Term("D", {ACCELERATION: Filter((-gains["D"],))}, power),
+        Term("FF", {SETPOINT: Filter((gains["FF"],))}, power // 2),
+    )
+    rate = own.number("IMU_GYRO_RATEMAX", GYRO_RATE) or GYRO_RATE
+    notches = [
+        notch(own.number(f"IMU_GYRO_NF{i}_FRQ", 0.0), own.number(f"IMU_GYRO_NF{i}_BW", 20.0), rate)
+        for i in range(2)
+    ]
+    notches.append(notch(own.number("IMU_GYRO_NF_FREQ", 0.0), own.number("IMU_GYRO_NF_BW", 20.0), rate))
+    sensing = {
+        RATE: series(*notches, butterworth(own.number("IMU_GYRO_CUTOFF", 40.0), rate)),
+        ACCELERATION: series(
+            *notches, difference(rate), butterworth(own.number("IMU_DGYRO_CUTOFF", 30.0), rate)
+        ),
+    }
+    dynamic = int(own.number("IMU_GYRO_DNF_EN", 0.0))
+    lacks = ("notches that follow the speed of the motors (IMU_GYRO_DNF_EN)",) if dynamic else ()
+    return RateLaw(axis, rate, terms, sensing=sensing, gyro_rate=rate, lacks=lacks)
+
+
+def airspeed_ratio(values: Mapping[str, float], airspeed: float) -> float:
+    """Return the ratio of trim airspeed to airspeed by which a fixed wing scales its law.
+
+    Parameters
+    ----------
+    airspeed : calibrated, m/s
+    """
+    own = Parameters(values, "PX4")
+    if not own.number("FW_ARSP_SCALE_EN", 1.0):
+        return 1.0
+    trim = own.number("FW_AIRSPD_TRIM", 15.0, 0.1)
+    slowest = own.number("FW_AIRSPD_STALL", own.number("FW_AIRSPD_MIN", 10.0))
+    return trim / min(max(airspeed, slowest), own.number("FW_AIRSPD_MAX", 20.0))
