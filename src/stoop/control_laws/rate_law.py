@@ -30,6 +30,7 @@ class Integral:
     #: error, rad/s, at which the integral no longer grows; in between its gain is times 1 - (error / fade)^2
     fade: float = math.inf
     late: bool = False  #: whether the sum is used before the error of the sample is added
+    scaled_error: bool = False  #: whether airspeed scales the error before it is summed, not the sum
 
     def response(self, z: ComplexArray, rate: float) -> ComplexArray:
         """Return the transfer function from the error, without limits, at the rate of the loop, Hz."""
@@ -63,10 +64,21 @@ class Term:
         path = self.paths[signal].response(z)
         return path * self.integral.response(z, rate) if self.integral else path
 
-    def output(self, signals: Mapping[str, FloatArray], rate: float, start: float = 0.0) -> FloatArray:
-        """Return the term (n,) for signals (n,); `start` is that of an integral."""
-        total = sum((path.output(signals[name]) for name, path in self.paths.items()), np.zeros(1))
-        return self.integral.output(total, rate, start) if self.integral else np.asarray(total)
+    def output(
+        self,
+        signals: Mapping[str, FloatArray],
+        rate: float,
+        scale: FloatArray | float = 1.0,
+        start: float = 0.0,
+    ) -> FloatArray:
+        """Return the term (n,) for signals (n,), scaled; `start` is that of an integral."""
+        total = np.asarray(sum(path.output(signals[name]) for name, path in self.paths.items()))
+        factor = np.power(scale, self.power)
+        if self.integral is None:
+            return np.asarray(total * factor)
+        if self.integral.scaled_error:
+            return self.integral.output(total * factor, rate, start)
+        return np.asarray(self.integral.output(total, rate, start) * factor)
 
 
 @dataclass(frozen=True)
@@ -127,6 +139,6 @@ class RateLaw:
         scale : (n,) ratio of trim airspeed to airspeed
         integral : value of the integral before the first sample
         """
-        out = {t.name: t.output(signals, self.rate, integral) * np.power(scale, t.power) for t in self.terms}
+        out = {t.name: t.output(signals, self.rate, scale, integral) for t in self.terms}
         total = self.after.output(np.asarray(sum(out.values())))
         return {**out, "command": np.clip(total, -self.limit, self.limit)}

@@ -1,0 +1,153 @@
+"""Laws of autopilots beside naive twins, their responses beside the recorded ones of the twins, and bad parameters."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from naive.rate_loops import ArduPilotLoop, Px4Loop
+
+from stoop.control_laws import ardupilot, px4
+from stoop.control_laws.filters import butterworth, low_pass, notch
+from stoop.control_laws.rate_law import ACCELERATION, RATE, SETPOINT, RateLaw
+from stoop.control_laws.table import firmwares
+from stoop.errors import StoopError
+
+COUNT = 4000
+PX4 = {
+    "FW_RR_P": 0.06, "FW_RR_I": 0.4, "FW_RR_D": 0.01, "FW_RR_FF": 0.5, "FW_RR_IMAX": 0.05, "IMU_GYRO_RATEMAX": 400.0,
+    "IMU_GYRO_CUTOFF": 40.0, "IMU_DGYRO_CUTOFF": 20.0, "IMU_GYRO_NF0_FRQ": 80.0, "IMU_GYRO_NF0_BW": 20.0,
+}  # fmt: skip
+GAINS = {"P": 0.08, "I": 0.5, "D": 0.004, "FF": 0.3, "IMAX": 0.05, "FLTT": 3.0, "FLTE": 15.0, "FLTD": 12.0}
+PLANE = {f"RLL_RATE_{n}": x for n, x in GAINS.items()} | {"SCHED_LOOP_RATE": 50.0}
+COPTER = {f"ATC_RAT_RLL_{n}": x for n, x in GAINS.items()} | {"SCHED_LOOP_RATE": 400.0}
+
+
+def recorded(seed: int) -> tuple[dict[str, np.ndarray], np.ndarray]:
+    """Return random signals (n,) of steps and noise, and ratios of airspeeds (n,)."""
+    rng = np.random.default_rng(seed)
+    steps = np.repeat(rng.normal(0.0, 2.0, COUNT // 100), 100)
+    rate = np.convolve(steps, np.ones(50) / 50.0, "same") + rng.normal(0.0, 0.05, COUNT)
+    signals = {SETPOINT: steps, RATE: rate, ACCELERATION: rng.normal(0.0, 10.0, COUNT)}
+    return signals, 1.0 + 0.3 * np.sin(np.arange(COUNT) / 300.0)
+
+
+def of_px4(law: RateLaw) -> Callable[[Mapping[str, float], float], dict[str, float]]:
+    k = PX4
+    loop = Px4Loop(k["FW_RR_P"], k["FW_RR_I"], k["FW_RR_D"], k["FW_RR_FF"], k["FW_RR_IMAX"])
+    return lambda x, scale: loop.step(x[SETPOINT], x[RATE], x[ACCELERATION], 1.0 / law.rate, scale)
+
+
+def of_ardupilot(law: RateLaw, plane: bool) -> Callable[[Mapping[str, float], float], dict[str, float]]:
+    loop = ArduPilotLoop(GAINS, plane)
+    return lambda x, scale: loop.step(x[SETPOINT], x[RATE], 1.0 / law.rate, scale)
+
+
+CASES = {
+    "px4": (px4.fixed_wing(PX4, "roll"), of_px4),
+    "plane": (ardupilot.plane(PLANE, "roll"), lambda law: of_ardupilot(law, plane=True)),
+    "copter": (ardupilot.copter(COPTER, "roll"), lambda law: of_ardupilot(law, plane=False)),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_terms_are_those_of_the_naive_loop(case: str) -> None:
+    law, twin_of = CASES[case]
+    (signals, scale), twin = recorded(3), twin_of(law)
+    if case == "plane":  # its filters see scaled signals: equal at one airspeed
+        scale = np.full(COUNT, 1.2)
+    found = law.outputs(signals, scale)
+    steps = [twin({n: float(x[k]) for n, x in signals.items()}, float(scale[k])) for k in range(COUNT)]
+    for name in ("P", "I", "D", "FF"):
+        expected = np.array([step[name] for step in steps])
+        assert np.ptp(expected) > 1e-3
+        np.testing.assert_allclose(found[name], expected, rtol=1e-9, atol=1e-12 * np.ptp(expected))
+    assert np.all(np.abs(found["command"]) <= 1.0)
+
+
+@pytest.mark.parametrize("signal", [SETPOINT, RATE, ACCELERATION])
+@pytest.mark.parametrize("case", CASES)
+def test_the_response_is_that_of_recorded_impulses(case: str, signal: str) -> None:
+    """Impulses small enough for no limit; the integral of an impulse lasts, so its record is differenced."""
+    law, twin_of = CASES[case]
+    if signal not in law.signals:
+        assert case != "px4"
+        return
+    twin, size, count = twin_of(law), 1e-6, 2**12
+    zero = dict.fromkeys((SETPOINT, RATE, ACCELERATION), 0.0)
+    twin(zero, 1.0)
+    record = [sum(twin(zero | {signal: size if k == 0 else 0.0}, 1.0).values()) / size for k in range(count)]
+    frequency = 2.0 * math.pi * law.rate * np.arange(4, 400) / count
+    z = np.exp(1j * frequency / law.rate)
+    expected = np.fft.fft(np.diff(record, prepend=0.0))[4:400] / (1.0 - 1.0 / z)
+    np.testing.assert_allclose(law.response(signal, frequency), expected, rtol=1e-6)
+
+
+def test_feedback_is_that_of_gyro_samples_through_their_filters() -> None:
+    """A sine of the rate, sampled, filtered and put through the law: amplitude and phase of what comes out."""
+    law, frequency = px4.fixed_wing(PX4, "roll"), 2.0 * math.pi * 7.0
+    time = np.arange(8000) / law.rate
+    turning = 1e-3 * np.sin(frequency * time)
+    signals = {n: law.sensing[n].output(turning) for n in (RATE, ACCELERATION)}
+    command = law.outputs({SETPOINT: np.zeros(len(time)), **signals})["command"]
+    late = slice(4000, 8000)
+    basis = np.column_stack([np.sin(frequency * time), np.cos(frequency * time), np.ones(len(time))])[late]
+    in_phase, leading, _ = np.linalg.lstsq(basis, command[late], rcond=None)[0] / 1e-3
+    assert -law.feedback(np.array([frequency]))[0] == pytest.approx(in_phase + 1j * leading, rel=2e-3)
+
+
+@given(st.floats(1.0, 150.0), st.floats(301.0, 4000.0))
+def test_filters_pass_what_is_steady(cutoff: float, rate: float) -> None:
+    for made in (low_pass(cutoff, rate), butterworth(cutoff, rate), notch(cutoff, 10.0, rate)):
+        assert abs(made.response(np.array([1.0 + 0j]))[0] - 1.0) < 1e-9
+        np.testing.assert_allclose(made.output(np.full(20, 3.0)), 3.0, rtol=1e-9)
+
+
+def test_butterworth_halves_power_at_its_cutoff_and_a_notch_stops_its_frequency() -> None:
+    z = np.exp(2j * math.pi * 30.0 / np.array([400.0]))
+    assert abs(butterworth(30.0, 400.0).response(z)[0]) == pytest.approx(math.sqrt(0.5))
+    assert abs(notch(30.0, 10.0, 400.0).response(z)[0]) < 1e-9
+
+
+def test_airspeed_scales_as_the_firmware_does() -> None:
+    k = {"FW_AIRSPD_TRIM": 20.0, "FW_AIRSPD_STALL": 10.0, "FW_AIRSPD_MAX": 25.0}
+    assert [px4.airspeed_ratio(k, v) for v in (5.0, 20.0, 40.0)] == [2.0, 1.0, 0.8]
+    assert px4.airspeed_ratio(k | {"FW_ARSP_SCALE_EN": 0.0}, 5.0) == 1.0
+    a = {"SCALING_SPEED": 15.0, "ARSPD_FBW_MIN": 9.0, "ARSPD_FBW_MAX": 22.0}
+    assert ardupilot.airspeed_ratio(a, 10.0) == pytest.approx(1.5)
+    assert ardupilot.airspeed_ratio(a, 100.0) == pytest.approx(15.0 / 44.0)
+    assert ardupilot.airspeed_ratio(a, 0.0) == pytest.approx(15.0 / 6.3)
+
+
+@pytest.mark.parametrize(
+    ("values", "said"),
+    [
+        ({}, "FW_RR_P is missing"),
+        (PX4 | {"FW_RR_P": math.nan}, "FW_RR_P = nan: it must be a number of at least 0"),
+        (PX4 | {"FW_RR_I": -0.1}, "FW_RR_I = -0.1: it must be a number of at least 0"),
+        (PX4 | {"IMU_GYRO_CUTOFF": 250.0}, "250 Hz, is not below half the rate of its loop, 400 Hz"),
+    ],
+)
+def test_bad_parameters_are_one_line(values: dict[str, float], said: str) -> None:
+    with pytest.raises(StoopError) as caught:
+        px4.fixed_wing(values, "roll")
+    assert said in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_the_firmware_is_found_by_its_parameters() -> None:
+    assert [one.title for one in firmwares(PX4)] == ["PX4 fixed wing"]
+    assert [one.title for one in firmwares(PLANE)] == ["ArduPlane"]
+    with pytest.raises(StoopError, match="no parameters of an autopilot that is known"):
+        firmwares({"KP": 1.0})
+
+
+def test_what_a_law_leaves_out_is_named() -> None:
+    assert not px4.fixed_wing(PX4, "roll").lacks
+    assert "IMU_GYRO_DNF_EN" in px4.fixed_wing(PX4 | {"IMU_GYRO_DNF_EN": 3.0}, "roll").lacks[0]
+    found = ardupilot.plane(PLANE | {"INS_HNTCH_ENABLE": 1.0, "RLL_RATE_PDMX": 0.2}, "roll").lacks
+    assert [text.split("(")[1] for text in found] == ["RLL_RATE_PDMX)", "INS_HNTCH_ENABLE)"]
