@@ -1,0 +1,129 @@
+"""Loops of an autopilot around linear models, opened at one actuator with the others closed.
+
+With the commands u about the axes, the motion y = P u and the feedback u = -K y, the return difference is F = I + K P. Opened at
+actuator i, the others closed, 1 + L_i = det F / det F_ii, where F_ii is F without row and column i. Poles of the closed loops
+that grow are counted by the argument of det F (Nyquist).
+
+References
+----------
+.. [1] S. Skogestad and I. Postlethwaite, Multivariable Feedback Control, 2nd ed., 2005, sections 4.9 and 8.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from stoop.base.arrays import BoolArray, ComplexArray, FloatArray
+from stoop.control_laws.rate_law import AXES, SETPOINT, RateLaw
+
+Frequencies = FloatArray | ComplexArray  #: s / j, rad/s
+#: axis -> rate, and the attitude that its outer loop holds
+MOTION: Final = {"roll": ("p", "phi"), "pitch": ("q", "theta"), "yaw": ("r", "")}
+SLOWEST: Final = 1e-2  #: rad/s, from which responses are looked at
+GROWTH: Final = (
+    0.05  #: 1/s; what grows more slowly, such as the speed of an airplane without throttle, is of outer loops
+)
+POINTS: Final = 600
+CONDITION: Final = 1e10  #: of eigenvectors, above which a response is solved for frequency by frequency
+
+
+@dataclass(frozen=True, eq=False)
+class AxisLoop:
+    """The loops about an axis: law of the rate, and the gain of the attitude before it, 1/s; zero opens it."""
+
+    law: RateLaw
+    attitude: float = 0.0
+    scale: float = 1.0  #: ratio of trim airspeed to airspeed
+
+    def feedback(self, frequency: Frequencies) -> dict[str, ComplexArray]:
+        """Return minus the command over the rate and over the attitude (m,), held over a sample of the loop."""
+        rate, angle = MOTION[self.law.axis]
+        hold = np.exp(-0.5j * frequency / self.law.rate) * np.sinc(frequency / (2.0 * np.pi * self.law.rate))
+        out = {rate: self.law.feedback(frequency, self.scale) * hold}
+        if angle and self.attitude:
+            out[angle] = self.attitude * self.law.response(SETPOINT, frequency, self.scale) * hold
+        return out
+
+
+@dataclass(frozen=True, eq=False)
+class Plants:
+    """Linear models of d vehicles that differ in their numbers: x' = A x + B u, u the commands about the axes, delayed."""
+
+    states: tuple[str, ...]  #: without position and heading
+    A: FloatArray  #: (d, n, n)
+    B: FloatArray  #: (d, n, n_u)
+    delays: FloatArray  #: (d, n_u), s
+
+
+def frequencies(loops: Sequence[AxisLoop]) -> FloatArray:
+    """Return evenly spaced frequencies (m,), rad/s, up to half the rate of the slowest loop."""
+    return np.geomspace(SLOWEST, np.pi * min(one.law.rate for one in loops), POINTS)
+
+
+def motion(plants: Plants, frequency: Frequencies) -> dict[str, ComplexArray]:
+    """Return the responses (d, m, n_u) of rates and attitude angles to commands about the axes."""
+    names = plants.states
+    wanted = [n for axis in AXES for n in MOTION[axis] if n in names]
+    rows = [names.index(n) for n in wanted]
+    values, vectors = np.linalg.eig(plants.A)
+    s = 1j * frequency[:, None]
+    if np.max(np.linalg.cond(vectors)) < CONDITION:
+        into = np.linalg.solve(vectors, plants.B.astype(complex))
+        gains = 1.0 / (s - values[:, None, :])
+        found = np.einsum("dyn,dmn,dnu->dmyu", vectors[:, rows], gains, into, optimize=True)
+    else:
+        matrices = s[:, :, None] * np.eye(len(names)) - plants.A[:, None]
+        found = np.linalg.solve(matrices, plants.B[:, None].astype(complex))[:, :, rows]
+    late = np.exp(-s * plants.delays[:, None, :])
+    return {n: found[:, :, i] * late for i, n in enumerate(wanted)}
+
+
+def return_difference(
+    moves: Mapping[str, ComplexArray], loops: Sequence[AxisLoop], frequency: Frequencies
+) -> ComplexArray:
+    """Return F = I + K P (d, m, n, n); the inputs of `moves` are those of the loops, in their order."""
+    rows = [
+        sum((k[:, None] * moves[n] for n, k in loop.feedback(frequency).items()), np.zeros(1))
+        for loop in loops
+    ]
+    return np.asarray(np.eye(len(loops)) + np.stack(rows, axis=2))
+
+
+def opened(difference: ComplexArray) -> ComplexArray:
+    """Return L (n, d, m) at each actuator, the others closed."""
+    whole, n = _determinant(difference), difference.shape[-1]
+    out = []
+    for i in range(n):
+        others = [k for k in range(n) if k != i]
+        out.append(whole / _determinant(difference[..., others, :][..., others]) - 1.0)
+    return np.array(out)
+
+
+def _determinant(matrices: ComplexArray) -> ComplexArray:
+    """Return the determinants (...) of small matrices (..., n, n), by expansion along the first row."""
+    n = matrices.shape[-1]
+    if n == 0:
+        return np.ones(matrices.shape[:-2], dtype=complex)
+    if n == 1:
+        return matrices[..., 0, 0]
+    columns = [[k for k in range(n) if k != i] for i in range(n)]
+    minors = [_determinant(matrices[..., 1:, :][..., kept]) for kept in columns]
+    return np.asarray(sum((-1) ** i * matrices[..., 0, i] * minors[i] for i in range(n)))
+
+
+def stable(plants: Plants, loops: Sequence[AxisLoop]) -> BoolArray:
+    """Return which closed loops (d,) have no pole that grows faster than `GROWTH`.
+
+    Along Re s = `GROWTH` the argument of det F turns by pi for every pole right of it that the loops remove or add.
+    """
+    frequency = np.geomspace(1e-3 * GROWTH, frequencies(loops)[-1], POINTS) - 1j * GROWTH
+    whole = _determinant(return_difference(motion(plants, frequency), loops, frequency))
+    angle = np.unwrap(np.angle(whole), axis=1)
+    # on the real axis F is real, and far up it is one
+    turned = angle[:, -1] - np.angle(whole[:, -1]) - np.pi * np.round(angle[:, 0] / np.pi)
+    growing = np.sum(np.linalg.eigvals(plants.A).real > GROWTH, axis=1)
+    return np.asarray(growing == np.round(turned / np.pi))

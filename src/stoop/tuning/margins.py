@@ -1,0 +1,132 @@
+r"""Stability margins of loops, from their frequency responses, many loops at once.
+
+A loop is opened at the actuator, the others closed: L(jw) is the command that comes back for one that goes out, with its sign
+changed, and the loop is stable where the Nyquist curve of L does not encircle -1. The margins are those of the closest crossings;
+the disk margin is [1]_
+
+.. math:: \alpha = \min_\omega 1 / |S(j\omega) - 1/2|, \qquad S = 1 / (1 + L)
+
+with the gain and phase that a disk of that size, centered in gain, guarantees together.
+
+References
+----------
+.. [1] P. Seiler, A. Packard, P. Gahinet, "An Introduction to Disk Margins", IEEE Control Systems 40(5), 2020, eqs. 6 to 9.
+.. [2] SAE AS94900, Flight Control Systems: 6 dB and 45 deg.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from stoop.base.arrays import ComplexArray, FloatArray, IntArray
+
+LEAST: Final = 1e-12  #: of a gain
+NEWTON: Final = 4  #: steps on a cubic, from the straight line
+
+
+@dataclass(frozen=True, eq=False)
+class Margins:
+    """Margins (d,) of d loops; infinite where a loop never crosses."""
+
+    gain_up: FloatArray  #: smallest factor above one that takes the loop to its limit
+    gain_down: FloatArray  #: largest factor below one that does; zero where none does
+    phase: FloatArray  #: rad
+    delay: FloatArray  #: s
+    disk: FloatArray  #: alpha, with no skew
+    crossover: FloatArray  #: rad/s, highest frequency at which the gain is one; NaN where it never is
+
+    @property
+    def gain(self) -> FloatArray:
+        """Smaller of both gain margins, as a factor above one."""
+        with np.errstate(divide="ignore"):
+            return np.minimum(self.gain_up, 1.0 / self.gain_down)
+
+    @property
+    def disk_gain(self) -> FloatArray:
+        """Gain, a factor above one, up and down, that the disk guarantees; infinite from a disk of two on."""
+        half = np.minimum(0.5 * self.disk, 1.0)
+        with np.errstate(divide="ignore"):
+            return np.asarray((1.0 + half) / (1.0 - half))
+
+    @property
+    def disk_phase(self) -> FloatArray:
+        """Phase, rad, that the disk guarantees."""
+        return np.asarray(2.0 * np.arctan(0.5 * self.disk))
+
+
+def margins(frequency: FloatArray, loop: ComplexArray) -> Margins:
+    """Return the margins of stable loops.
+
+    Between frequencies, log gain and phase are cubics over log frequency, which should be evenly spaced.
+
+    Parameters
+    ----------
+    frequency : (m,) rising, rad/s
+    loop : (d, m) L(jw)
+    """
+    w = np.log(frequency)
+    size, angle = np.log(np.maximum(np.abs(loop), LEAST)), np.unwrap(np.angle(loop), axis=1)
+    count = len(loop)
+    of, _, gains = _crossings(w, angle, size, np.pi, 2.0 * np.pi)
+    up = _least(count, of, np.where(gains < 0.0, np.exp(-gains), np.inf))
+    down = 1.0 / _least(count, of, np.where(gains >= 0.0, np.exp(gains), np.inf))
+    of, at, turned = _crossings(w, size, angle, 0.0, np.inf)
+    ahead = np.mod(turned + np.pi, 2.0 * np.pi)  # what a delay may take
+    phase = _least(count, of, np.minimum(ahead, 2.0 * np.pi - ahead))
+    delay = _least(count, of, ahead / np.exp(at))
+    highest = -_least(count, of, -at)
+    crossover = np.where(np.isfinite(highest), np.exp(highest), np.nan)
+    disk = np.sqrt(_lowest(1.0 / np.abs(1.0 / (1.0 + loop) - 0.5) ** 2))
+    return Margins(up, down, phase, delay, disk, crossover)
+
+
+def _least(count: int, of: IntArray, values: FloatArray) -> FloatArray:
+    """Return the least of the values (k,) of each of `count` loops; infinite where there is none."""
+    out = np.full(count, np.inf)
+    np.minimum.at(out, of, values)
+    return out
+
+
+def _crossings(
+    w: FloatArray, crossing: FloatArray, value: FloatArray, level: float, period: float
+) -> tuple[IntArray, FloatArray, FloatArray]:
+    """Return where curves (d, m) cross a level plus multiples of a period: loop (k,), log frequency and value there."""
+    turn = (
+        np.floor((crossing - level) / period)
+        if np.isfinite(period)
+        else np.where(crossing < level, -1.0, 0.0)
+    )
+    of, i = np.nonzero(np.diff(turn, axis=1))
+    # neighbors may be more than a period apart only where the grid is too coarse for any interpolation
+    reached = level + (np.maximum(turn[of, i], turn[of, i + 1]) * period if np.isfinite(period) else 0.0)
+    t = (reached - crossing[of, i]) / (crossing[of, i + 1] - crossing[of, i])
+    places = np.clip(i[:, None] + np.arange(-1, 3), 0, len(w) - 1)
+    inside = (i > 0) & (i < len(w) - 2)
+    for _ in range(NEWTON):
+        height, slope = _cubic(crossing[of[:, None], places], t)
+        t = np.where(inside, np.clip(t - (height - reached) / np.where(slope, slope, 1.0), 0.0, 1.0), t)
+    found = value[of, i] + t * (value[of, i + 1] - value[of, i])
+    return of, w[i] + t * np.diff(w)[i], np.where(inside, _cubic(value[of[:, None], places], t)[0], found)
+
+
+def _cubic(y: FloatArray, t: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return height and slope at t (k,) of the cubics through y (k, 4) at -1, 0, 1 and 2 (Lagrange)."""
+    before, start, end, after = y.T
+    c1 = end - before / 3.0 - start / 2.0 - after / 6.0
+    c2 = 0.5 * (before + end) - start
+    c3 = (after - before) / 6.0 + 0.5 * (start - end)
+    return start + t * (c1 + t * (c2 + t * c3)), c1 + t * (2.0 * c2 + 3.0 * t * c3)
+
+
+def _lowest(values: FloatArray) -> FloatArray:
+    """Return the minimum (d,) of curves (d, m), of the parabola through the lowest point and its neighbors."""
+    rows, i = np.arange(len(values)), np.argmin(values, axis=1)
+    inside = np.clip(i, 1, values.shape[1] - 2)
+    before, low, after = (values[rows, inside + k] for k in (-1, 0, 1))
+    bend = before - 2.0 * low + after
+    with np.errstate(divide="ignore", invalid="ignore"):
+        bottom = low - (after - before) ** 2 / (8.0 * bend)
+    return np.asarray(np.where((i == inside) & (bend > 0.0), bottom, values[rows, i]))
