@@ -24,14 +24,14 @@ FLAG = re.compile(
 )  #: tests whether a vehicle has rotors
 #: room -> lines at most; "stoop" is the whole package, for which the design asks 68,000, and 9,000 for its studies
 BUDGETS = {
-    "stoop": 82200,
+    "stoop": 83400,
     "stoop_studies": 13970,
     "api": 200,
     "app": 3510,
     "assessment": 6500,
     "base": 2370,
     "checks": 3010,
-    "cli": 3100,
+    "cli": 3150,
     "control_laws": 1200,
     "estimate": 7530,
     "exporters": 7655,
@@ -50,9 +50,10 @@ BUDGETS = {
     "results": 1305,
     "simulation": 3450,
     "strategy": 1420,
+    "tuning": 1200,
     "vehicle": 3640,
     "vehicle_draft": 3350,
-    "workflow": 3995,
+    "workflow": 4090,
 }
 #: modules that an allowed import cycle goes through, imports in functions counted: registries that name their entries
 REGISTRIES = {"stoop.optimize.registry", "stoop.vehicle.vehicle", "stoop.workflow.fitted_model"}

@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from stoop.workflow.identification import identify as fit
     from stoop.workflow.load import load
     from stoop.workflow.propagation import propagate
+    from stoop.workflow.tuning import tune
     from stoop.workflow.validation import validate
     from stoop.workflow.validation import validate as predict
 
@@ -66,6 +67,7 @@ _PLACES = {
     "load": "stoop.workflow.load",
     "propagate": "stoop.workflow.propagation",
     **dict.fromkeys(("predict", "validate"), "stoop.workflow.validation"),
+    "tune": "stoop.workflow.tuning",
 }
 """Public name -> module; imported on first use, so that ``import stoop`` costs nothing."""
 _OTHER_NAMES = {
@@ -112,6 +114,7 @@ __all__ = [
     "simulate",
     "simulate_flight",
     "trim",
+    "tune",
     "validate",
 ]
 

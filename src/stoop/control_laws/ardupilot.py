@@ -134,3 +134,11 @@ def airspeed_ratio(values: Mapping[str, float], airspeed: float) -> float:
     fastest = own.number("ARSPD_FBW_MAX", own.number("AIRSPEED_MAX", 22.0))
     low, high = min(0.5, speed / (2.0 * fastest)), max(2.0, speed / (0.7 * max(slowest, SLOWEST)))
     return min(max(speed / max(airspeed, 1e-4), low), high)
+
+
+def attitude_gain(values: Mapping[str, float], axis: str, rotors: bool) -> float:
+    """Return the rate over a small error of the attitude, 1/s: `ATC_ANG_RLL_P`, or one over `RLL2SRV_TCONST`."""
+    own = Parameters(values, "ArduPilot")
+    if rotors:
+        return own.number(f"ATC_ANG_{COPTER[axis].split('_')[2]}_P", 4.5)
+    return 0.0 if axis == "yaw" else 1.0 / own.number(OLD_PLANE[axis].format("TCONST"), 0.5, 0.01)

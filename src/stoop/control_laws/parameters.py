@@ -5,8 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
 
 from stoop.errors import StoopError
+from stoop.logs.read import read
+from stoop.logs.recording import log_content
+
+ENDINGS: Final = frozenset({".params", ".parm", ".param"})
+MOST: Final = 2**22  #: bytes of a file of parameters
+COLUMNS: Final = 5  #: of a line of QGroundControl
 
 
 @dataclass(frozen=True)
@@ -39,3 +47,33 @@ class Parameters:
     def named(self, pattern: str, **defaults: float) -> dict[str, float]:
         """Return parameters of one pattern with a ``{}`` in it, by what stands there."""
         return {name: self.number(pattern.format(name), value) for name, value in defaults.items()}
+
+
+def read_parameters(path: Path) -> Mapping[str, float]:
+    """Return the parameters of a log, or of a file of QGroundControl (``.params``) or ArduPilot (``.parm``, ``.param``).
+
+    Raises
+    ------
+    StoopError
+        There is no such file, it cannot be read, or it holds no parameters.
+    """
+    if path.suffix.lower() in ENDINGS:
+        text = log_content(path, MOST, "save the parameters again").decode("utf-8", "replace")
+        values = dict(filter(None, map(_parameter, text.splitlines())))
+    else:
+        values = dict(read(path).parameters)
+    if not values:
+        raise StoopError(
+            f"{path}: holds no parameters of an autopilot; save them from the ground station ({', '.join(sorted(ENDINGS))})"
+        )
+    return values
+
+
+def _parameter(line: str) -> tuple[str, float] | None:
+    """Return name and value of a line: ``NAME,VALUE``, ``NAME VALUE``, or vehicle, component, name, value and type."""
+    words = line.partition("#")[0].replace(",", " ").split()
+    name, value = words[2:4] if len(words) == COLUMNS else words[:2] if len(words) > 1 else ("", "")
+    try:
+        return (name, float(value)) if name else None
+    except ValueError:
+        return None

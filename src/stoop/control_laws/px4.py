@@ -17,6 +17,9 @@ import math
 from collections.abc import Mapping
 from typing import Final
 
+import numpy as np
+
+from stoop.base.arrays import FloatArray
 from stoop.control_laws.filters import PASS, Filter, butterworth, difference, notch, series
 from stoop.control_laws.parameters import Parameters
 from stoop.control_laws.rate_law import ACCELERATION, RATE, SETPOINT, Integral, RateLaw, Term
@@ -34,6 +37,8 @@ ROTORS: Final = {
     "yaw": ("MC_YAWRATE_{}", "MC_YR_INT_LIM", {"P": 0.2, "I": 0.1, "D": 0.0, "FF": 0.0, "K": 1.0}),
 }
 INTEGRAL_LIMIT: Final = 0.3
+TORQUE_RATIO: Final = 0.05  #: m, CA_ROTORn_KM, of any size: allocation is normalized
+SMALL: Final = 1e-3  #: of a share that counts as none
 GYRO_RATE: Final = 400.0  #: Hz, of IMU_GYRO_RATEMAX
 
 
@@ -94,3 +99,32 @@ def airspeed_ratio(values: Mapping[str, float], airspeed: float) -> float:
     trim = own.number("FW_AIRSPD_TRIM", 15.0, 0.1)
     slowest = own.number("FW_AIRSPD_STALL", own.number("FW_AIRSPD_MIN", 10.0))
     return trim / min(max(airspeed, slowest), own.number("FW_AIRSPD_MAX", 20.0))
+
+
+def mixing(positions: FloatArray, turning: FloatArray) -> FloatArray:
+    """Return how much each motor (n, 3) is commanded by a full command about each axis, as PX4 normalizes its allocation.
+
+    Parameters
+    ----------
+    positions : (n, 3) of rotors that push up, m from the center of gravity
+    turning : (n,) one for counterclockwise as seen from above, minus one for clockwise
+
+    References
+    ----------
+    .. [4] PX4-Autopilot, src/lib/control_allocation/control_allocation/ControlAllocationPseudoInverse.cpp
+    """
+    up = np.array([0.0, 0.0, -1.0])
+    moments = np.cross(positions, up) - TORQUE_RATIO * turning[:, None] * up
+    effect = np.vstack([moments.T, np.broadcast_to(up[:, None], (3, len(positions)))])
+    mix = np.linalg.pinv(effect)[:, :3]
+    used = np.maximum(np.sum(np.abs(mix[:, :2]) > SMALL, axis=0), 1)
+    level = float(np.max(np.sqrt(np.sum(mix[:, :2] ** 2, axis=0) / (used / 2.0))))
+    return np.asarray(mix / np.array([level, level, float(np.max(mix[:, 2]))]))
+
+
+def attitude_gain(values: Mapping[str, float], axis: str, rotors: bool) -> float:
+    """Return the rate over an error of the attitude, 1/s: `MC_ROLL_P`, or one over `FW_R_TC`; zero about yaw of wings."""
+    own = Parameters(values, "PX4")
+    if rotors:
+        return own.number(f"MC_{axis.upper()}_P", 2.8 if axis == "yaw" else 6.5)
+    return 0.0 if axis == "yaw" else 1.0 / own.number(f"FW_{axis[0].upper()}_TC", 0.4, 0.01)

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Final
 
+from stoop.base.arrays import FloatArray
 from stoop.control_laws import ardupilot, px4
 from stoop.control_laws.rate_law import AXES, RateLaw
 from stoop.errors import StoopError
@@ -13,26 +14,34 @@ from stoop.errors import StoopError
 
 @dataclass(frozen=True)
 class Firmware:
-    """A law: what flies by it, a parameter by which it is known, and the law about an axis from parameters."""
+    """A law about each axis with the attitude loop before it, and a parameter by which it is known."""
 
     title: str
     known_by: str
+    rotors: bool
     law: Callable[[Mapping[str, float], str], RateLaw]
+    attitude_gain: Callable[[Mapping[str, float], str, bool], float]
     axes: tuple[str, ...] = AXES
     airspeed_ratio: Callable[[Mapping[str, float], float], float] | None = (
         None  #: of calibrated airspeed, m/s
     )
+    mixing: Callable[[FloatArray, FloatArray], FloatArray] | None = (
+        None  #: of rotors, by position and turning
+    )
 
 
 LAWS: Final = (
-    Firmware("PX4 multicopter", "MC_ROLLRATE_P", px4.multicopter),
-    Firmware("PX4 fixed wing", "FW_RR_P", px4.fixed_wing, airspeed_ratio=px4.airspeed_ratio),
-    Firmware("ArduCopter", "ATC_RAT_RLL_P", ardupilot.copter),
-    Firmware("ArduPlane", "RLL_RATE_P", ardupilot.plane, airspeed_ratio=ardupilot.airspeed_ratio),
+    Firmware("PX4 multicopter", "MC_ROLLRATE_P", True, px4.multicopter, px4.attitude_gain, mixing=px4.mixing),
+    Firmware("PX4 fixed wing", "FW_RR_P", False, px4.fixed_wing, px4.attitude_gain, airspeed_ratio=px4.airspeed_ratio),
+    Firmware("ArduCopter", "ATC_RAT_RLL_P", True, ardupilot.copter, ardupilot.attitude_gain),
     Firmware(
-        "ArduPlane before 4.1", "RLL2SRV_P", ardupilot.old_plane, ("roll", "pitch"), ardupilot.airspeed_ratio
+        "ArduPlane", "RLL_RATE_P", False, ardupilot.plane, ardupilot.attitude_gain, airspeed_ratio=ardupilot.airspeed_ratio
     ),
-)
+    Firmware(
+        "ArduPlane before 4.1", "RLL2SRV_P", False, ardupilot.old_plane, ardupilot.attitude_gain, ("roll", "pitch"),
+        ardupilot.airspeed_ratio,
+    ),
+)  # fmt: skip
 
 
 def firmwares(parameters: Mapping[str, float]) -> tuple[Firmware, ...]:

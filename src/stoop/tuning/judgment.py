@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from stoop.assessment.draws import Draws
 from stoop.base.arrays import FloatArray
+from stoop.base.notices import Notice
 from stoop.control_laws.rate_law import AXES
+from stoop.control_laws.table import Firmware
 from stoop.errors import StoopError
 from stoop.simulation.delays import input_delays
-from stoop.simulation.linearize import linear_models
+from stoop.simulation.linearize import INTEGRATORS, linear_models, model_inputs
 from stoop.simulation.steady_flight import neighbors
 from stoop.simulation.trim import Trim
 from stoop.tuning.loops import (
@@ -26,8 +29,12 @@ from stoop.tuning.loops import (
 )
 from stoop.tuning.margins import Margins, margins
 from stoop.vehicle import Vehicle
+from stoop.vehicle_draft.autopilot import read_setup
 
-COMMANDS: Final = tuple(f"control_{axis}" for axis in AXES)
+if TYPE_CHECKING:
+    import pandas as pd
+
+PERCENTILES: Final = (5, 50, 95)
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,39 +46,151 @@ class AxisMargins:
     margins: Margins
     stable: float  #: share of the draws whose loops are stable together
 
+    def figures(self) -> dict[str, tuple[str, dict[str, float]]]:
+        """Return unit, estimate and percentiles 5, 50 and 95 of each figure, as engineers read them."""
+        own = self.margins
+        with np.errstate(divide="ignore"):
+            values = {
+                "gain margin": ("dB", 20.0 * np.log10(own.gain)),
+                "phase margin": ("deg", np.degrees(own.phase)),
+                "delay margin": ("s", own.delay),
+                "disk margin": ("dB", 20.0 * np.log10(own.disk_gain)),
+                "crossover": ("rad/s", own.crossover),
+            }
+        out = {}
+        for name, (unit, x) in values.items():
+            drawn = np.sort(x[1:]) if len(x) > 1 else x
+            spread = {f"p{p}": float(drawn[round(0.01 * p * (len(drawn) - 1))]) for p in PERCENTILES}
+            out[name] = unit, {"estimate": float(x[0]), **spread}
+        return out
 
-def plants_of(vehicle: Vehicle, point: Trim, names: Sequence[str], values: FloatArray) -> Plants:
-    """Return the linear models about a trim at the estimates, then at draws (d, k) of the numbers in `names`.
 
-    Commands are the normalized ones of the autopilot, through the gains of the surfaces that they move.
+@dataclass(frozen=True, eq=False)
+class Commands:
+    """How the commands about axes reach the inputs of a linear model."""
+
+    axes: tuple[str, ...]
+    mixing: FloatArray  #: (n_u, axes), of `model_inputs`
+    channels: tuple[str, ...]  #: of each axis, whose delay counts
+
+
+def commands_of(vehicle: Vehicle, firmware: Firmware, parameters: Mapping[str, float]) -> Commands:
+    """Return how the commands of a firmware move a vehicle.
+
+    Surfaces move by the commands themselves (``control_roll`` and so on), or by outputs that the parameters allocate.
 
     Raises
     ------
     StoopError
-        The surfaces do not move by commands about the axes.
+        No surface moves by either, or how the motors are mixed is not known.
     """
-    kept = [i for i, n in enumerate(names) if n in vehicle.rows or n.endswith(".delay")]
-    numbers = {names[i]: np.concatenate([[vehicle.value(names[i])], values[:, i]]) for i in kept}
-    points = neighbors(point)(numbers)
-    states, A, B, *_ = linear_models(vehicle, points)
-    used = [c for c in COMMANDS if c in vehicle.inputs]
+    inputs = model_inputs(vehicle)
+    if firmware.rotors:
+        if firmware.mixing is None:
+            raise StoopError(
+                f"tune: how {firmware.title} mixes its motors is not known; only PX4's mixing is"
+            )
+        rotors = vehicle.file.rotor
+        places = np.array([[vehicle.value(f"rotor.{n}.position.{a}", 0.0) for a in "xyz"] for n in rotors])
+        mixed = firmware.mixing(places, np.array([1.0 if r.spin == "ccw" else -1.0 for r in rotors.values()]))
+        mixing = np.zeros((len(inputs), len(AXES)))
+        for rotor, row in zip(rotors.values(), mixed, strict=True):
+            mixing[inputs.index(rotor.channel)] = row
+        channel = next(iter(rotors.values())).channel
+        return Commands(AXES, mixing, (channel,) * len(AXES))
+    moves = _outputs(parameters) | {
+        f"control_{a}": row for a, row in zip(AXES, np.eye(len(AXES)), strict=True)
+    }
+    gains = np.zeros((len(inputs), len(AXES)))
+    late = dict[str, str]()
+    for control in vehicle.controls:
+        for channel in (c for c in vehicle.channels_of(control) if c in moves):
+            row = vehicle.value(f"controls.{control}.mix.{channel}", 0.0) * moves[channel]
+            gains[inputs.index(control)] += row
+            late |= {a: channel for a, x in zip(AXES, row, strict=True) if x and a not in late}
+    used = [i for i, axis in enumerate(AXES) if axis in late and axis in firmware.axes]
     if not used:
         raise StoopError(
-            f"tune: no surface of {vehicle.name} moves by {', '.join(COMMANDS)}: identify the model with the autopilot's "
-            "commands about the axes as inputs of its surfaces"
+            f"tune: no surface of {vehicle.name} moves by control_roll, control_pitch or control_yaw, nor by an output "
+            "that the parameters allocate (CA_SV_CS0_TYPE, SERVO1_FUNCTION): write these as the channels of its "
+            "surfaces and identify again"
         )
-    gains = np.array([
-        [vehicle.value(f"controls.{control}.mix.{c}", 0.0) for c in used] for control in vehicle.controls
-    ])  # fmt: skip
+    axes = tuple(AXES[i] for i in used)
+    return Commands(axes, gains[:, used], tuple(late[a] for a in axes))
+
+
+def _outputs(parameters: Mapping[str, float]) -> dict[str, FloatArray]:
+    """Return by output the change of its channel for full commands about the axes (3,).
+
+    PX4 allocates by the pseudo-inverse of the shares that surfaces have in the moments; ArduPilot adds the shares themselves.
+    """
+    setup = read_setup(parameters)
+    if not setup.surfaces:
+        return {}
+    shares = np.array([surface.shares for surface in setup.surfaces])
+    mixed = np.linalg.pinv(shares.T) if setup.autopilot == "PX4" else shares
+    return {
+        channel: scale.unit * row
+        for surface, row in zip(setup.surfaces, mixed, strict=True)
+        for channel, scale in surface.channels.items()
+    }
+
+
+def plants_of(vehicle: Vehicle, point: Trim, draws: Draws, commands: Commands) -> Plants:
+    """Return the linear models about a trim, at the estimates and then at draws of the numbers."""
+    kept = [i for i, n in enumerate(draws.names) if n in vehicle.rows or n.endswith(".delay")]
+    numbers = {
+        draws.names[i]: np.concatenate([[vehicle.value(draws.names[i])], draws.values[:, i]]) for i in kept
+    }
+    points = neighbors(point)(numbers)
+    states, A, B, *_ = linear_models(vehicle, points)
+    turning = [i for i, name in enumerate(states) if name not in INTEGRATORS]
     late = {vehicle.inputs[column]: points.rows[row] for column, row in input_delays(vehicle)}
     still = np.zeros(points.rows.shape[1])
-    turning = [i for i, name in enumerate(states) if name not in ("psi", "h")]
     return Plants(
         tuple(states[i] for i in turning),
         A[:, turning][:, :, turning],
-        B[:, turning, : len(gains)] @ gains,
-        np.column_stack([late.get(c, still) for c in used]),
+        B[:, turning] @ commands.mixing,
+        np.column_stack([late.get(c, still) for c in commands.channels]),
     )
+
+
+@dataclass(frozen=True, eq=False)
+class LoopMargins:
+    """Margins of every axis at every airspeed, with what they rest on."""
+
+    firmware: str
+    axes: tuple[AxisMargins, ...]
+    count: int  #: of draws of the model
+    source: str  #: of the draws
+    notices: tuple[Notice, ...]
+
+    def __repr__(self) -> str:
+        """Return the size on one line."""
+        return f"<LoopMargins of {self.firmware}: {len(self.axes)} loops, {self.count} draws>"
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """Return one row for each axis, airspeed and figure: estimate, and percentiles 5, 50 and 95 of the draws."""
+        import pandas as pd
+
+        rows = [
+            {"axis": one.axis, "airspeed": one.airspeed, "figure": name, "unit": unit, **spread}
+            for one in self.axes
+            for name, (unit, spread) in one.figures().items()
+        ]
+        return pd.DataFrame(rows)
+
+    def document(self) -> dict[str, Any]:
+        """Return all but the draws for JSON; infinite and unknown margins are null."""
+        return {
+            "format": "stoop-loop-margins/1", "firmware": self.firmware, "draws": self.count, "source": self.source,
+            "loops": [
+                {"axis": one.axis, "airspeed": one.airspeed, "stable": one.stable,
+                 "figures": {n: {"unit": u, **spread} for n, (u, spread) in one.figures().items()}}
+                for one in self.axes
+            ],
+            "notices": [one.to_dict() for one in self.notices],
+        }  # fmt: skip
 
 
 def judge(plants: Plants, loops: Mapping[str, AxisLoop], airspeed: float) -> list[AxisMargins]:
@@ -81,9 +200,10 @@ def judge(plants: Plants, loops: Mapping[str, AxisLoop], airspeed: float) -> lis
     difference = return_difference(motion(plants, frequency), own, frequency)
     holds = stable(plants, own)
     if not holds[0]:
+        at = f"at {airspeed:.4g} m/s " if airspeed else ""
         raise StoopError(
-            f"tune: at {airspeed:.4g} m/s the loops of {', '.join(loops)} are unstable with these gains around this model, which "
-            "flew: model, gains or delays are not those of the flight"
+            f"tune: {at}the loops of {', '.join(loops)} are unstable with these gains around this model, but flew: "
+            "model, gains or delays are not those of the flight"
         )
     return [
         AxisMargins(

@@ -23,7 +23,7 @@ from stoop.control_laws.rate_law import AXES, SETPOINT, RateLaw
 Frequencies = FloatArray | ComplexArray  #: s / j, rad/s
 #: axis -> rate, and the attitude that its outer loop holds
 MOTION: Final = {"roll": ("p", "phi"), "pitch": ("q", "theta"), "yaw": ("r", "")}
-SLOWEST: Final = 1e-2  #: rad/s, from which responses are looked at
+SLOWEST: Final = 0.1  #: rad/s, from which loops are looked at; below act autothrottle and guidance
 GROWTH: Final = (
     0.05  #: 1/s; what grows more slowly, such as the speed of an airplane without throttle, is of outer loops
 )

@@ -107,6 +107,7 @@ class FittedModel:
 
     validate = predict = Verb("stoop.workflow.validation:validate")
     propagate = Verb("stoop.workflow.propagation:propagate")
+    tune = Verb("stoop.workflow.tuning:tune")
     linearize = Verb("stoop.workflow.flying:linearize")
     simulate = Verb("stoop.workflow.flying:simulate")
     derivatives = Verb("stoop.workflow.derivatives:derivatives")

@@ -1,0 +1,129 @@
+"""`stoop tune`: margins of gains around the demonstration, its surfaces moved by commands; bad input in one line."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import stoop
+from stoop.cli.main import main
+from stoop.control_laws.parameters import read_parameters
+from stoop.errors import StoopError
+from stoop.vehicle.load import parse_vehicle
+from stoop.workflow.fitted_model import FittedModel
+
+GAINS = {
+    "FW_RR_P": 0.1, "FW_RR_I": 0.1, "FW_RR_FF": 0.3, "FW_PR_P": 0.2, "FW_PR_I": 0.2, "FW_PR_FF": 0.3, "FW_YR_P": 0.1,
+    "FW_AIRSPD_TRIM": 35.0, "FW_AIRSPD_MAX": 50.0, "FW_AIRSPD_MIN": 20.0,
+}  # fmt: skip
+THROW = {"elevator": ("pitch", -0.35), "aileron": ("roll", 0.35), "rudder": ("yaw", -0.35)}
+
+
+@pytest.fixture(scope="module")
+def demo(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("tune") / "demo"
+    assert main(["demo", "-o", str(folder)]) == 0
+    return folder
+
+
+@pytest.fixture(scope="module")
+def commanded(demo: Path) -> FittedModel:
+    """Return the demonstration with the commands of an autopilot as the channels of its surfaces."""
+    model = stoop.load(demo)
+    text = model.vehicle.text
+    text = text.replace('reduce = "longitudinal"', 'reduce = "full"')
+    for surface, (axis, throw) in THROW.items():
+        text += f"\n[controls.{surface}]\nmix = {{ control_{axis} = {throw} }}\n"
+    return replace(model, vehicle=parse_vehicle(text, "commanded"))
+
+
+def test_margins_shrink_with_gains_and_bands_hold_the_estimates(commanded: FittedModel) -> None:
+    found = commanded.tune(GAINS, airspeed=(33.0, 38.0), draws=200)
+    assert [(one.axis, one.airspeed) for one in found.axes[:3]] == [
+        ("roll", 33.0),
+        ("pitch", 33.0),
+        ("yaw", 33.0),
+    ]
+    table = found.to_dataframe().set_index(["axis", "airspeed", "figure"])
+    finite = table[np.isfinite(table["p95"]) & np.isfinite(table["p5"])]
+    assert len(finite) > 20
+    assert (finite["p5"] <= finite["p50"]).all()
+    assert (finite["p50"] <= finite["p95"]).all()
+    more = commanded.tune(GAINS | {"FW_PR_P": 2.0}, airspeed=(33.0, 38.0), draws=200)
+    for before, after in zip(found.axes[1::3], more.axes[1::3], strict=True):
+        assert after.margins.gain[0] < before.margins.gain[0]
+        assert after.margins.crossover[0] > before.margins.crossover[0]
+
+
+def test_gains_that_cannot_have_flown_are_refused(commanded: FittedModel) -> None:
+    with pytest.raises(
+        StoopError, match=r"at 33 m/s the loops of roll, pitch, yaw are unstable with these gains"
+    ):
+        commanded.tune(GAINS | {"FW_PR_P": 200.0}, airspeed=(33.0, 38.0), draws=200)
+
+
+def test_a_model_of_another_kind_is_refused(commanded: FittedModel) -> None:
+    with pytest.raises(StoopError, match="those of PX4 multicopter, but the model flies on wings"):
+        commanded.tune({"MC_ROLLRATE_P": 0.1})
+
+
+def test_what_a_law_leaves_out_is_told(commanded: FittedModel) -> None:
+    found = commanded.tune(GAINS | {"IMU_GYRO_DNF_EN": 1.0}, airspeed=(33.0, 38.0), draws=200)
+    assert "IMU_GYRO_DNF_EN" in "".join(map(str, found.notices))
+
+
+def test_command_line(commanded: FittedModel, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    commanded.save(tmp_path / "result")
+    gains = tmp_path / "gains.params"
+    gains.write_text(
+        "# Onboard\n" + "".join(f"1\t1\t{n}\t{x}\t9\n" for n, x in GAINS.items()), encoding="utf-8"
+    )
+    assert main(["tune", str(tmp_path / "result"), str(gains), "--draws", "200", "--airspeed", "33:38"]) == 0
+    printed = capsys.readouterr().out
+    for words in (
+        "PX4 fixed wing",
+        "200 draws from the covariance",
+        "roll, 33 m/s",
+        "phase margin",
+        "disk margin",
+    ):
+        assert words in printed
+    assert (
+        main(
+            ["tune", str(tmp_path / "result"), str(gains), "--draws", "200", "--airspeed", "33:38", "--json"]
+        )
+        == 0
+    )
+    document = json.loads(capsys.readouterr().out)
+    assert {one["axis"] for one in document["loops"]} == {"roll", "pitch", "yaw"}
+
+
+def test_bad_input_is_one_line(demo: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The demonstration records deflections: no command of an autopilot moves them."""
+    gains = tmp_path / "gains.parm"
+    for content, said in (
+        ("".join(f"{n},{x}\n" for n, x in GAINS.items()), "no surface of"),
+        ("FW_RR_P -0.1\n", "FW_RR_P = -0.1: it must be a number of at least 0"),
+        ("", "is empty"),
+        ("nothing here\n", "holds no parameters of an autopilot"),
+        ("FW_RR_P,nan\n", "FW_RR_P = nan"),
+    ):
+        gains.write_text(content, encoding="utf-8")
+        assert main(["tune", str(demo), str(gains)]) == 2
+        complaint = capsys.readouterr().err
+        assert said in complaint, (content, complaint)
+        assert complaint.count("\n") == 1
+
+
+def test_parameters_are_read_from_files_of_both_ground_stations(tmp_path: Path) -> None:
+    expected = {"RLL_RATE_P": 0.08, "SCHED_LOOP_RATE": 50.0}
+    (tmp_path / "a.parm").write_text("RLL_RATE_P,0.08\nSCHED_LOOP_RATE 50 # Hz\n", encoding="utf-8")
+    (tmp_path / "b.params").write_text(
+        "# x\n1\t1\tRLL_RATE_P\t0.08\t9\n1 1 SCHED_LOOP_RATE 50 6\n", encoding="utf-8"
+    )
+    assert read_parameters(tmp_path / "a.parm") == expected
+    assert read_parameters(tmp_path / "b.params") == expected

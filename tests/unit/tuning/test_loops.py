@@ -1,0 +1,123 @@
+"""Loops around linear plants: margins beside python-control's, beside loops in the time domain, and counts of growing poles."""
+
+from __future__ import annotations
+
+import control
+import numpy as np
+import pytest
+from naive.closed_loops import grows
+
+from stoop.control_laws import px4
+from stoop.control_laws.rate_law import RateLaw
+from stoop.tuning.loops import (
+    GROWTH,
+    AxisLoop,
+    Plants,
+    frequencies,
+    motion,
+    opened,
+    return_difference,
+    stable,
+)
+from stoop.tuning.margins import margins
+
+S = control.tf("s")
+LOOPS = {
+    "conditional": 5.0 * (S + 1.0) / (S * (S / 5.0 + 1.0) * (S / 30.0 + 1.0) ** 2),
+    "third order": 5.0 / (S + 1.0) ** 3,
+    "unstable plant": 6.0 * (S + 3.0) / (S * (S - 1.0) * (S / 50.0 + 1.0)),
+    "resonance": 30.0 * (S**2 + 0.6 * S + 9.0) / (S * (S**2 + 0.4 * S + 30.0) * (S / 40.0 + 1.0)),
+}
+GAINS = {"P": 0.4, "I": 0.6}
+WING = {
+    "FW_RR_P": 0.4, "FW_RR_I": 0.6, "FW_RR_FF": 0.0, "FW_RR_IMAX": 1e9, "IMU_GYRO_CUTOFF": 0.0, "IMU_DGYRO_CUTOFF": 0.0,
+    "IMU_GYRO_RATEMAX": 100.0,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", LOOPS)
+def test_margins_are_those_of_python_control(name: str) -> None:
+    system, frequency = LOOPS[name], np.geomspace(1e-2, 500.0, 1000)
+    found = margins(frequency, system(1j * frequency)[None])
+    gain, phase, _, _, crossover, _ = control.stability_margins(system)
+    assert found.crossover[0] == pytest.approx(crossover, rel=1e-6)
+    assert np.degrees(found.phase[0]) == pytest.approx(abs(phase), rel=1e-6)
+    if np.isfinite(gain):
+        assert (found.gain_up if gain > 1.0 else found.gain_down)[0] == pytest.approx(gain, rel=1e-6)
+    disk, gain_of_disk, phase_of_disk = control.disk_margins(system, np.geomspace(1e-2, 500.0, 200_000))
+    assert found.disk[0] == pytest.approx(disk, rel=2e-6)
+    assert 20.0 * np.log10(found.disk_gain[0]) == pytest.approx(gain_of_disk, rel=1e-5)
+    assert np.degrees(found.disk_phase[0]) == pytest.approx(phase_of_disk, rel=1e-5)
+
+
+def test_a_loop_that_never_crosses_has_no_limit() -> None:
+    frequency = np.geomspace(0.1, 100.0, 300)
+    found = margins(frequency, (0.5 / (1j * frequency + 1.0))[None])
+    assert np.isinf([found.gain[0], found.phase[0], found.delay[0]]).all()
+    assert np.isnan(found.crossover[0])
+
+
+def roll_plant(late: float = 0.0) -> Plants:
+    """Return a roll mode with the lag of a servo, in two lanes of different damping."""
+    A = np.array([[[-4.0, 30.0, 0.0], [0.0, -15.0, 0.0], [1.0, 0.0, 0.0]]] * 2)
+    A[1, 0, 0] = -6.0
+    B = np.array([[[0.0], [15.0], [0.0]]] * 2)
+    return Plants(("p", "aileron.lag", "phi"), A, B, np.full((2, 1), late))
+
+
+def opened_by(plants: Plants, law: RateLaw, attitude: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    loops = [AxisLoop(law, attitude)]
+    frequency = frequencies(loops)
+    return frequency, opened(return_difference(motion(plants, frequency), loops, frequency))[0]
+
+
+def test_the_gain_margin_is_where_a_loop_in_the_time_domain_begins_to_grow() -> None:
+    """A law at 100 Hz whose commands are held: 2 % below its margin the loop settles, 2 % above it grows."""
+    plants = roll_plant()
+    limit = margins(*opened_by(plants, px4.fixed_wing(WING, "roll"))).gain_up
+    assert limit[0] != limit[1]
+    for lane in range(2):
+        for factor, expected in ((0.98, False), (1.02, True)):
+            given = plants.A[lane, :2, :2], plants.B[lane, :2, 0], 0, GAINS, factor * limit[lane], 100.0
+            assert grows(*given) == expected
+
+
+def test_a_delay_takes_the_margin_that_is_said() -> None:
+    law = px4.fixed_wing(WING, "roll")
+    left = margins(*opened_by(roll_plant(), law)).delay[0]
+    assert margins(*opened_by(roll_plant(0.5 * left), law)).delay[0] == pytest.approx(0.5 * left, rel=1e-3)
+    assert stable(roll_plant(0.95 * left), [AxisLoop(law)])[0]
+    assert not stable(roll_plant(1.05 * left), [AxisLoop(law)])[0]
+
+
+def test_an_attitude_loop_takes_phase_from_the_rate_loop() -> None:
+    law = px4.fixed_wing(WING, "roll")
+    inner, both = (margins(*opened_by(roll_plant(), law, k)) for k in (0.0, 5.0))
+    assert np.all(both.phase < inner.phase)
+
+
+def test_growing_poles_are_those_of_the_matrix_of_the_closed_loops() -> None:
+    """300 random plants of two axes under P and I without limits or holds: as the eigenvalues say."""
+    rng, right, stands = np.random.default_rng(0), 0, 0
+    fast = WING | {
+        "IMU_GYRO_RATEMAX": 20_000.0,
+        "FW_PR_P": 0.0,
+        "FW_PR_IMAX": 1e9,
+        "FW_PR_FF": 0.0,
+        "FW_PR_D": 0.0,
+    }
+    for _ in range(300):
+        A, B = rng.normal(size=(5, 5)) * 2.0 - rng.uniform(0.0, 4.0) * np.eye(5), rng.normal(size=(5, 2))
+        k, i = rng.uniform(0.0, 1.5, 2), rng.uniform(0.0, 1.0, 2)
+        values = fast | {"FW_RR_P": k[0], "FW_RR_I": i[0], "FW_PR_P": k[1], "FW_PR_I": i[1]}
+        loops = [AxisLoop(px4.fixed_wing(values, axis)) for axis in ("roll", "pitch")]
+        C = np.eye(2, 5)
+        closed = np.block([[A - B @ np.diag(k) @ C, B @ np.diag(i)], [-C, np.zeros((2, 2))]])
+        growth = np.linalg.eigvals(closed).real.max() - GROWTH
+        if abs(growth) < 0.02:  # held commands, of 50 us, decide
+            continue
+        plants = Plants(("p", "q", "x", "y", "z"), A[None], B[None], np.zeros((1, 2)))
+        assert stable(plants, loops)[0] == (growth < 0.0)
+        right, stands = right + 1, stands + (growth < 0.0)
+    assert right > 250
+    assert 20 < stands < right - 20
