@@ -110,6 +110,25 @@ def notch(frequency: float, bandwidth: float, rate: float) -> Filter:
     return Filter(tuple(b.tolist()), tuple(a.tolist()))
 
 
+def notch_of_quality(frequency: float, quality: float, rate: float) -> Filter:
+    """Return the second-order notch whose poles have alpha = sin(w) / (2 Q), w = 2 pi frequency / rate; nothing for zeros.
+
+    Parameters
+    ----------
+    frequency, rate : Hz
+    quality : Q
+
+    Raises
+    ------
+    StoopError
+        The frequency is not below half the rate.
+    """
+    if not quality > 0.0:
+        return PASS
+    alpha = math.sin(2.0 * math.pi * below_nyquist(frequency, rate) / rate) / (2.0 * quality)
+    return notch(frequency, rate / math.pi * math.atan(alpha), rate)
+
+
 def below_nyquist(frequency: float, rate: float) -> float:
     """Return a frequency, Hz, if it is below half the rate."""
     if frequency >= 0.5 * rate:

@@ -88,6 +88,7 @@ class RateLaw:
     Attributes
     ----------
     sensing : from the rate of the vehicle to each measured signal, at the rate of the gyro
+    sensing_loop : what follows it at the rate of the loop
     lacks : features of the firmware that this law leaves out and that the parameters switch on
     """
 
@@ -97,6 +98,7 @@ class RateLaw:
     after: Filter = PASS  #: filter of the sum
     limit: float = 1.0  #: of the command
     sensing: Mapping[str, Filter] = field(default_factory=dict)
+    sensing_loop: Filter = PASS
     gyro_rate: float = 0.0  #: Hz, of the filters of sensing
     lacks: tuple[str, ...] = ()
 
@@ -123,7 +125,8 @@ class RateLaw:
         z = np.exp(1j * frequency / (self.gyro_rate or self.rate))
         measured = (n for n in self.signals if n != SETPOINT)
         sensed = {n: self.sensing.get(n, PASS).response(z) for n in measured}
-        return np.asarray(-sum(self.response(n, frequency, scale) * x for n, x in sensed.items()))
+        total = sum(self.response(n, frequency, scale) * x for n, x in sensed.items())
+        return np.asarray(-total * self.sensing_loop.response(np.exp(1j * frequency / self.rate)))
 
     def outputs(
         self,

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from stoop.base.arrays import FloatArray
-from stoop.control_laws import ardupilot, px4
+from stoop.control_laws import ardupilot, betaflight, crazyflie, px4
 from stoop.control_laws.rate_law import AXES, RateLaw
 from stoop.errors import StoopError
 
@@ -20,7 +20,7 @@ class Firmware:
     known_by: str
     rotors: bool
     law: Callable[[Mapping[str, float], str], RateLaw]
-    attitude_gain: Callable[[Mapping[str, float], str, bool], float]
+    attitude_gain: Callable[[Mapping[str, float], str, bool], float] = lambda *_: 0.0
     axes: tuple[str, ...] = AXES
     airspeed_ratio: Callable[[Mapping[str, float], float], float] | None = (
         None  #: of calibrated airspeed, m/s
@@ -41,6 +41,8 @@ LAWS: Final = (
         "ArduPlane before 4.1", "RLL2SRV_P", False, ardupilot.old_plane, ardupilot.attitude_gain, ("roll", "pitch"),
         ardupilot.airspeed_ratio,
     ),
+    Firmware("Betaflight", "rollPID[0]", True, betaflight.rate_pid),
+    Firmware("Crazyflie", "pid_rate.roll_kp", True, crazyflie.cascade),
 )  # fmt: skip
 
 

@@ -54,8 +54,9 @@ class Settings:
         return value if abs(value) < 1e9 else math.nan
 
     def numbers(self) -> dict[str, float]:
-        """Return all settings that are one number."""
-        found = {name: self.number(name) for name, text in self.lines.items() if "," not in text}
+        """Return all settings that are one number, and those of lists as ``name[k]``."""
+        last = {n: text.count(",", 0, 500) for n, text in self.lines.items() if not n.startswith("Field ")}
+        found = {f"{n}[{k}]" if m else n: self.number(n, k) for n, m in last.items() for k in range(m + 1)}
         return {name: value for name, value in found.items() if math.isfinite(value)}
 
     @cached_property

@@ -1,0 +1,54 @@
+"""Rate law of the Crazyflie's cascaded PID.
+
+The loop runs at 500 Hz in deg/s [1]_: P and FF as usual, the sum of errors limited before its gain, D on the backward difference
+of the measured rate, through a second-order low-pass where that is enabled [2]_. The sum is limited to 16 bits, and a command of
+32767 is taken for one. Before the loop the gyro passes a second-order low-pass of 80 Hz at 1 kHz [3]_.
+
+References
+----------
+.. [1] crazyflie-firmware, src/modules/src/controller/attitude_pid_controller.c and controller_pid.c
+.. [2] crazyflie-firmware, src/utils/src/pid.c and filter.c; src/platform/interface/platform_defaults_cf2.h
+.. [3] crazyflie-firmware, src/hal/src/sensors_bmi088_bmp3xx.c
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Final
+
+from stoop.base.units import DEGREE
+from stoop.control_laws.filters import PASS, Filter, butterworth, difference, series
+from stoop.control_laws.parameters import Parameters
+from stoop.control_laws.rate_law import RATE, SETPOINT, Integral, RateLaw, Term
+
+LOOP_RATE, GYRO_RATE, GYRO_CUTOFF = 500.0, 1000.0, 80.0  # Hz
+FULL: Final = 32767.0  #: command of one
+#: axis -> gains of the Crazyflie 2.1, limit of its sum of errors [deg], and what its cutoff is called
+AXES: Final = {
+    "roll": ({"kp": 250.0, "ki": 500.0, "kd": 2.5, "kff": 0.0}, 33.3, "omxFiltCut"),
+    "pitch": ({"kp": 250.0, "ki": 500.0, "kd": 2.5, "kff": 0.0}, 33.3, "omyFiltCut"),
+    "yaw": ({"kp": 120.0, "ki": 16.7, "kd": 0.0, "kff": 0.0}, 166.7, "omzFiltCut"),
+}
+D_CUTOFF: Final = 30.0  #: Hz
+
+
+def cascade(values: Mapping[str, float], axis: str) -> RateLaw:
+    """Return the rate law of a Crazyflie about an axis, from its parameters."""
+    own = Parameters(values, "Crazyflie")
+    defaults, limit, cutoff = AXES[axis]
+    own.number(f"pid_rate.{axis}_kp")  # there, or the log is of another controller
+    per_radian = 1.0 / (FULL * DEGREE)
+    gains = {n: x * per_radian for n, x in own.named(f"pid_rate.{axis}_{{}}", **defaults).items()}
+    smooth = PASS
+    if own.number("pid_rate.rateFiltEn", 0.0):
+        smooth = butterworth(own.number(f"pid_rate.{cutoff}", D_CUTOFF), LOOP_RATE)
+    error = {SETPOINT: PASS, RATE: Filter((-1.0,))}
+    terms = (
+        Term("P", {n: path * gains["kp"] for n, path in error.items()}),
+        Term("I", error, integral=Integral(gains["ki"], gains["ki"] * math.radians(limit))),
+        Term("D", {RATE: series(difference(LOOP_RATE), smooth) * -gains["kd"]}),
+        Term("FF", {SETPOINT: Filter((gains["kff"],))}),
+    )
+    sensing = {RATE: butterworth(GYRO_CUTOFF, GYRO_RATE)}
+    return RateLaw(axis, LOOP_RATE, terms, sensing=sensing, gyro_rate=GYRO_RATE)

@@ -1,0 +1,214 @@
+"""Betaflight's rate law beside a naive twin and its recorded responses."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from stoop.control_laws.betaflight import rate_pid
+from stoop.control_laws.rate_law import AXES, RATE, SETPOINT
+from stoop.errors import StoopError
+
+Floats = NDArray[np.float64]
+Step = Callable[[float], float]
+HEADER = {
+    "looptime": 125.0, "pid_process_denom": 2.0, "rollPID[0]": 45.0, "rollPID[1]": 80.0, "rollPID[2]": 40.0,
+    "pitchPID[0]": 47.0, "pitchPID[1]": 84.0, "pitchPID[2]": 34.0, "yawPID[0]": 45.0, "yawPID[1]": 80.0, "yawPID[2]": 5.0,
+    "ff_weight[0]": 120.0, "ff_weight[1]": 125.0, "ff_weight[2]": 80.0, "yaw_lowpass_hz": 100.0, "pidsum_limit": 500.0,
+    "pidsum_limit_yaw": 400.0, "dterm_notch_hz": 260.0, "dterm_notch_cutoff": 160.0, "dterm_lpf1_type": 0.0,
+    "dterm_lpf1_static_hz": 75.0, "dterm_lpf2_type": 1.0, "dterm_lpf2_static_hz": 150.0, "gyro_lpf1_type": 0.0,
+    "gyro_lpf1_static_hz": 250.0, "gyro_lpf2_type": 0.0, "gyro_lpf2_static_hz": 500.0, "gyro_notch_hz[0]": 180.0,
+    "gyro_notch_cutoff[0]": 120.0,
+}  # fmt: skip
+
+
+def first_order(cutoff: float, dt: float, count: int = 1, shift: float = 1.0) -> Step:
+    """PT1, PT2 or PT3: states that follow one another by k = w / (w + 1)."""
+    w = 2.0 * math.pi * cutoff * shift * dt
+    k, states = w / (w + 1.0), [0.0] * count
+
+    def step(x: float) -> float:
+        for n in range(count):
+            states[n] += k * (x - states[n])
+            x = states[n]
+        return x
+
+    return step
+
+
+def second_order(frequency: float, dt: float, q: float, is_notch: bool) -> Step:
+    """Direct form 1, coefficients of the cookbook of audio filters."""
+    w = 2.0 * math.pi * frequency * dt
+    alpha, c = math.sin(w) / (2.0 * q), math.cos(w)
+    b = (1.0, -2.0 * c, 1.0) if is_notch else ((1.0 - c) / 2.0, 1.0 - c, (1.0 - c) / 2.0)
+    x1 = x2 = y1 = y2 = 0.0
+
+    def step(x: float) -> float:
+        nonlocal x1, x2, y1, y2
+        y = (b[0] * x + b[1] * x1 + b[2] * x2 + 2.0 * c * y1 - (1.0 - alpha) * y2) / (1.0 + alpha)
+        x1, x2, y1, y2 = x, x1, y, y1
+        return y
+
+    return step
+
+
+def smoother(kind: float, cutoff: float, dt: float) -> Step:
+    if not cutoff:
+        return lambda x: x
+    if kind == 1:
+        return second_order(cutoff, dt, 1.0 / math.sqrt(2.0), is_notch=False)
+    return {
+        0: first_order(cutoff, dt),
+        2: first_order(cutoff, dt, 2, 1.553773974),
+        3: first_order(cutoff, dt, 3, 1.961459177),
+    }[int(kind)]
+
+
+def stop_band(center: float, cutoff: float, dt: float) -> Step:
+    return second_order(center, dt, center * cutoff / (center**2 - cutoff**2), is_notch=True)
+
+
+class Twin:
+    """One axis in deg/s, a sample at a time, from rest; terms as the firmware logs them."""
+
+    def __init__(self, h: dict[str, float], axis: str, limit: float = 400.0) -> None:
+        self.dt = 1e-6 * h["looptime"] * h["pid_process_denom"]
+        self.gains = [h[f"{axis}PID[{n}]"] for n in range(3)] + [h[f"ff_weight[{AXES.index(axis)}]"]]
+        self.yaw, self.limit, self.integral = axis == "yaw", limit, 0.0
+        self.lags = [stop_band(h["dterm_notch_hz"], h["dterm_notch_cutoff"], self.dt)]
+        self.lags += [
+            smoother(h[f"dterm_lpf{n}_type"], h[f"dterm_lpf{n}_static_hz"], self.dt) for n in (1, 2)
+        ]
+        self.of_yaw = first_order(h["yaw_lowpass_hz"], self.dt)
+        self.before = self.setpoint_before = 0.0
+
+    def step(self, setpoint: float, gyro: float) -> dict[str, float]:
+        p, i, d, f = self.gains
+        error = setpoint - gyro
+        proportional = 0.032029 * p * error
+        if self.yaw:
+            proportional, i = self.of_yaw(proportional), 2.5 * i
+        grown = self.integral + 0.244381 * i * error * self.dt
+        self.integral = max(-self.limit, min(self.limit, grown))
+        smooth = gyro
+        for lag in self.lags:
+            smooth = lag(smooth)
+        damping = -0.000529 * d * (smooth - self.before) / self.dt
+        ahead = 0.013754 * f / 100.0 * (setpoint - self.setpoint_before) / self.dt
+        self.before, self.setpoint_before = smooth, setpoint
+        return {"P": proportional, "I": self.integral, "D": damping, "FF": ahead}
+
+
+def flown(twin: Twin, setpoint: Floats, gyro: Floats) -> dict[str, Floats]:
+    rows = [twin.step(*pair) for pair in zip(setpoint.tolist(), gyro.tolist(), strict=True)]
+    return {name: np.array([row[name] for row in rows]) for name in rows[0]}
+
+
+@pytest.mark.parametrize("axis", AXES)
+@pytest.mark.parametrize("kinds", [(0, 1), (1, 2), (2, 3), (3, 0)])
+def test_terms_are_those_of_the_twin(axis: str, kinds: tuple[int, int]) -> None:
+    header = HEADER | {"dterm_lpf1_type": float(kinds[0]), "dterm_lpf2_type": float(kinds[1])}
+    rng = np.random.default_rng(kinds[0])
+    setpoint, gyro = 300.0 * rng.standard_normal((2, 3000)).cumsum(axis=1) / 20.0
+    setpoint[0] = gyro[0] = 0.0
+    law, known = rate_pid(header, axis), flown(Twin(header, axis), setpoint, gyro)
+    found = law.outputs({SETPOINT: np.radians(setpoint), RATE: np.radians(gyro)})
+    for name, values in known.items():
+        np.testing.assert_allclose(1000.0 * found[name], values, rtol=1e-9, atol=1e-9 * np.abs(values).max())
+    limit = 0.4 if axis == "yaw" else 0.5
+    total = np.clip(sum(known.values()) / 1000.0, -limit, limit)
+    np.testing.assert_allclose(found["command"], total, atol=1e-9)
+    assert np.abs(known["I"]).max() == 400.0  # its limit was met
+
+
+@pytest.mark.parametrize(
+    ("signal", "axis"), [(SETPOINT, "roll"), (RATE, "roll"), (SETPOINT, "yaw"), (RATE, "yaw")]
+)
+def test_response_is_that_of_a_recorded_step(signal: str, axis: str) -> None:
+    """The twin's answer to a step, differenced twice, dies out: its transform is H (1 - 1/z)."""
+    n, law = 8192, rate_pid(HEADER, axis)
+    step, rest = np.ones(n), np.zeros(n)
+    record = flown(Twin(HEADER, axis), *((step, rest) if signal == SETPOINT else (rest, step)))
+    answer = np.diff(np.diff(sum(record.values()), prepend=0.0), prepend=0.0)
+    w = 2.0 * np.pi * np.arange(1, n // 2) / n
+    known = np.fft.rfft(answer)[1 : n // 2] / (1.0 - np.exp(-1j * w)) / 1000.0 * 180.0 / np.pi
+    np.testing.assert_allclose(law.response(signal, w * law.rate), known, rtol=1e-6)
+
+
+@pytest.mark.parametrize("frequency", [5.0, 60.0, 170.0, 900.0])
+@pytest.mark.parametrize(("kind", "recent", "cutoff"), [(0, True, 500.0), (1, True, 500.0), (3, True, 300.0),
+                                                        (2, False, 300.0), (0, True, 0.0)])  # fmt: skip
+def test_a_sine_through_the_filters_of_the_gyro(
+    frequency: float, kind: int, recent: bool, cutoff: float
+) -> None:
+    """Second low-pass or mean at 8 kHz, every second sample kept, notch and first low-pass at 4 kHz."""
+    header = HEADER | {"gyro_lpf2_type": float(kind), "gyro_lpf2_static_hz": cutoff}
+    header |= {"d_max[0]": 0.0} if recent else {}
+    fast, slow = 125e-6, 250e-6
+    # before 2025.12 two in series had the cutoff of one
+    first = first_order(cutoff, fast, 2) if kind == 2 else smoother(kind, cutoff, fast)
+    lags = [stop_band(180.0, 120.0, slow), first_order(250.0, slow)]
+    n, w = 16000, 2.0 * np.pi * frequency
+    samples = [first(math.sin(w * k * fast)) for k in range(2 * n)]
+    kept = (
+        samples[1::2] if cutoff else [0.5 * (a + b) for a, b in zip(samples[::2], samples[1::2], strict=True)]
+    )
+    for lag in lags:
+        kept = [lag(x) for x in kept]
+    at = (2 * np.arange(n) + 1) * fast
+    a, b = np.linalg.lstsq(
+        np.column_stack([np.sin(w * at), np.cos(w * at)])[n // 2 :], kept[n // 2 :], rcond=None
+    )[0]
+    law = rate_pid(header, "roll")
+    found = -law.feedback(np.array([w])) / law.response(RATE, np.array([w]))
+    assert found[0] == pytest.approx(complex(a, b), rel=1e-6)
+
+
+def test_names_before_4_3() -> None:
+    old = {"dterm_lpf1_static_hz": "dterm_lowpass_hz", "dterm_lpf1_type": "dterm_filter_type", "ff_weight[0]":
+           "feedforward_weight[0]", "dterm_lpf2_static_hz": "dterm_lowpass2_hz", "dterm_lpf2_type": "dterm_filter2_type",
+           "gyro_lpf1_static_hz": "gyro_lowpass_hz", "gyro_lpf2_static_hz": "gyro_lowpass2_hz"}  # fmt: skip
+    assert rate_pid({old.get(n, n): x for n, x in HEADER.items()}, "roll") == rate_pid(HEADER, "roll")
+
+
+@pytest.mark.parametrize(
+    ("switched", "axes"),
+    [
+        ({"iterm_relax": 1.0}, "roll pitch"), ({"iterm_relax": 2.0}, "roll pitch yaw"),
+        ({"dyn_notch_count": 3.0}, "roll pitch yaw"), ({"rpm_filter_harmonics": 3.0}, "roll pitch yaw"),
+        ({"rpm_filter_harmonics": 3.0, "dshot_bidir": 0.0}, ""), ({"d_min[1]": 20.0}, "pitch"),
+        ({"d_max[0]": 50.0}, "roll"), ({"anti_gravity_gain": 80.0}, "roll pitch"),
+        ({"anti_gravity_gain": 1000.0, "anti_gravity_mode": 0.0}, ""),
+        ({"anti_gravity_gain": 3500.0, "anti_gravity_mode": 0.0}, "roll pitch yaw"),
+        ({"features": 2.0**29, "dyn_notch_max_hz": 350.0}, "roll pitch yaw"),
+        ({"dterm_lpf1_dyn_hz[0]": 75.0}, "roll pitch yaw"), ({"gyro_lpf1_dyn_hz[0]": 250.0}, "roll pitch yaw"),
+        ({"tpa_rate": 65.0}, "roll pitch yaw"), ({"feedforward_boost": 15.0}, "roll pitch yaw"),
+        ({"use_integrated_yaw": 1.0}, "yaw"), ({"abs_control_gain": 10.0}, "roll pitch yaw"),
+    ],
+)  # fmt: skip
+def test_what_is_left_out_is_named(switched: dict[str, float], axes: str) -> None:
+    found = {axis: rate_pid(HEADER | switched, axis).lacks for axis in AXES}
+    assert [axis for axis, lacks in found.items() if lacks] == axes.split()
+    assert all(len(lacks) <= 1 for lacks in found.values())
+
+
+@pytest.mark.parametrize(
+    ("wrong", "word"),
+    [
+        ({"rollPID[0]": None}, r"rollPID\[0\] is missing"), ({"looptime": None}, "looptime is missing"),
+        ({"rollPID[1]": math.nan}, r"rollPID\[1\] = nan"), ({"rollPID[2]": -1.0}, "= -1: it must be"),
+        ({"looptime": 0.0}, "looptime = 0"), ({"dterm_lpf1_static_hz": 2000.0}, "not below half the rate"),
+        ({"dterm_lpf2_static_hz": 2500.0}, "not below half the rate"),
+        ({"dterm_notch_hz": 2100.0}, "not below half the rate"),
+        ({"gyro_lpf2_static_hz": 4000.0}, "not below half the rate"),
+    ],
+)  # fmt: skip
+def test_bad_headers(wrong: dict[str, float | None], word: str) -> None:
+    header = {n: x for n, x in (HEADER | wrong).items() if x is not None}
+    with pytest.raises(StoopError, match=word) as caught:
+        rate_pid(header, "roll")
+    assert "\n" not in str(caught.value)

@@ -1,0 +1,121 @@
+"""The rate law of the Crazyflie beside a naive twin and its recorded responses."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from stoop.control_laws.crazyflie import cascade
+from stoop.control_laws.rate_law import AXES, RATE, SETPOINT
+from stoop.errors import StoopError
+
+Floats = NDArray[np.float64]
+VALUES = {"pid_rate.roll_kp": 250.0, "pid_rate.pitch_kp": 240.0, "pid_rate.pitch_kff": 30.0, "pid_rate.yaw_kp": 120.0,
+          "pid_rate.yaw_kd": 1.5}  # fmt: skip
+SMOOTH = VALUES | {"pid_rate.rateFiltEn": 1.0, "pid_rate.omxFiltCut": 40.0, "pid_rate.omzFiltCut": 25.0}
+#: axis -> gains and limit of the sum of errors, deg, of the Crazyflie 2.1 and the values above
+KNOWN = {
+    "roll": (250.0, 500.0, 2.5, 0.0, 33.3),
+    "pitch": (240.0, 500.0, 2.5, 30.0, 33.3),
+    "yaw": (120.0, 16.7, 1.5, 0.0, 166.7),
+}
+CUTOFFS = {"roll": 40.0, "pitch": 30.0, "yaw": 25.0}
+DT = 0.002
+
+
+class TwoPole:
+    """Low-pass of two poles, direct form 2."""
+
+    def __init__(self, cutoff: float, dt: float) -> None:
+        tangent = math.tan(math.pi * cutoff * dt)
+        scale = 1.0 + math.sqrt(2.0) * tangent + tangent**2
+        self.b = tangent**2 / scale
+        self.a1 = 2.0 * (tangent**2 - 1.0) / scale
+        self.a2 = (1.0 - math.sqrt(2.0) * tangent + tangent**2) / scale
+        self.d1 = self.d2 = 0.0
+
+    def step(self, x: float) -> float:
+        d0 = x - self.a1 * self.d1 - self.a2 * self.d2
+        y = self.b * (d0 + 2.0 * self.d1 + self.d2)
+        self.d1, self.d2 = d0, self.d1
+        return y
+
+
+class Twin:
+    """One axis in deg/s, a sample at a time, from rest; terms in units of 16 bits."""
+
+    def __init__(self, axis: str, smooth: bool) -> None:
+        self.kp, self.ki, self.kd, self.kff, self.limit = KNOWN[axis]
+        self.smooth = TwoPole(CUTOFFS[axis], DT) if smooth else None
+        self.sum = self.before = 0.0
+
+    def step(self, desired: float, measured: float) -> dict[str, float]:
+        error = desired - measured
+        slope = -(measured - self.before) / DT
+        if self.smooth is not None:
+            slope = self.smooth.step(slope)
+        self.sum = min(max(self.sum + error * DT, -self.limit), self.limit)
+        self.before = measured
+        return {"P": self.kp * error, "I": self.ki * self.sum, "D": self.kd * slope, "FF": self.kff * desired}
+
+
+def flown(twin: Twin, desired: Floats, measured: Floats) -> dict[str, Floats]:
+    rows = [twin.step(*pair) for pair in zip(desired.tolist(), measured.tolist(), strict=True)]
+    return {name: np.array([row[name] for row in rows]) for name in rows[0]}
+
+
+@pytest.mark.parametrize("axis", AXES)
+@pytest.mark.parametrize("smooth", [False, True])
+def test_terms_are_those_of_the_twin(axis: str, smooth: bool) -> None:
+    desired, measured = 60.0 * np.random.default_rng(1).standard_normal((2, 3000)).cumsum(axis=1) / 10.0
+    desired[0] = measured[0] = 0.0
+    known = flown(Twin(axis, smooth), desired, measured)
+    law = cascade(SMOOTH if smooth else VALUES, axis)
+    found = law.outputs({SETPOINT: np.radians(desired), RATE: np.radians(measured)})
+    for name, values in known.items():
+        np.testing.assert_allclose(32767.0 * found[name], values, rtol=1e-9, atol=1e-9 * np.abs(values).max())
+    total = np.clip(sum(known.values()), -32767.0, 32767.0) / 32767.0
+    np.testing.assert_allclose(found["command"], total, atol=1e-9)
+    assert np.abs(total).max() == 1.0
+    assert np.abs(known["I"]).max() == pytest.approx(KNOWN[axis][1] * KNOWN[axis][4])  # both limits were met
+
+
+@pytest.mark.parametrize("signal", [SETPOINT, RATE])
+@pytest.mark.parametrize("axis", AXES)
+def test_response_is_that_of_a_recorded_step(axis: str, signal: str) -> None:
+    """The twin's answer to a step, differenced twice, dies out: its transform is H (1 - 1/z)."""
+    n = 4096
+    step, rest = np.ones(n), np.zeros(n)
+    record = flown(Twin(axis, True), *((step, rest) if signal == SETPOINT else (rest, step)))
+    answer = np.diff(np.diff(sum(record.values()), prepend=0.0), prepend=0.0)
+    w = 2.0 * np.pi * np.arange(1, n // 2) / n
+    known = np.fft.rfft(answer)[1 : n // 2] / (1.0 - np.exp(-1j * w)) / 32767.0 * 180.0 / np.pi
+    np.testing.assert_allclose(cascade(SMOOTH, axis).response(signal, w / DT), known, rtol=1e-6)
+
+
+def test_the_gyro_is_smoothed_at_its_own_rate() -> None:
+    n, w = 4096, 2.0 * np.pi * 31.0
+    gyro = TwoPole(80.0, 0.001)
+    answer = np.array([gyro.step(x) for x in [1.0] + [0.0] * (n - 1)])
+    known = answer @ np.exp(-1j * w * 0.001 * np.arange(n))
+    law = cascade(VALUES, "roll")
+    found = -law.feedback(np.array([w])) / law.response(RATE, np.array([w]))
+    assert found[0] == pytest.approx(known, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "word"),
+    [
+        ({"pid_rate.roll_kp": None}, "pid_rate.roll_kp is missing"), ({"pid_rate.roll_kp": math.nan}, "kp = nan"),
+        ({"pid_rate.roll_ki": math.inf}, "ki = inf"), ({"pid_rate.roll_kd": -2.5}, "kd = -2.5"),
+        ({"pid_rate.omxFiltCut": 250.0}, "not below half the rate"),
+    ],
+)  # fmt: skip
+def test_bad_parameters(wrong: dict[str, float | None], word: str) -> None:
+    values = {n: x for n, x in (SMOOTH | wrong).items() if x is not None}
+    with pytest.raises(StoopError, match=word) as caught:
+        cascade(values, "roll")
+    assert "\n" not in str(caught.value)
