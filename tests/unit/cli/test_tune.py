@@ -59,6 +59,20 @@ def test_margins_shrink_with_gains_and_bands_hold_the_estimates(commanded: Fitte
         assert after.margins.crossover[0] > before.margins.crossover[0]
 
 
+def test_the_example_of_the_page(commanded: FittedModel) -> None:
+    page = (Path(__file__).parents[3] / "docs" / "tune.md").read_text(encoding="utf-8")
+    shown = page.partition("pitch, 33 m/s\n")[2].partition("```")[0].splitlines()[1:]
+    found = next(
+        one for one in commanded.tune(GAINS, airspeed=(33.0, 38.0)).axes if one.axis == "pitch"
+    ).figures()
+    assert len(shown) == len(found)
+    for line in shown:
+        name, (unit, spread) = next((n, own) for n, own in found.items() if line.startswith(n))
+        *numbers, printed = line.removeprefix(name).split()
+        assert printed == unit
+        assert [float(x) for x in numbers] == pytest.approx(list(spread.values()), rel=2e-3)
+
+
 def test_gains_that_cannot_have_flown_are_refused(commanded: FittedModel) -> None:
     with pytest.raises(
         StoopError, match=r"at 33 m/s the loops of roll, pitch, yaw are unstable with these gains"
