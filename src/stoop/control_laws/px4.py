@@ -15,12 +15,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
 from stoop.base.arrays import FloatArray
-from stoop.control_laws.filters import PASS, Filter, butterworth, difference, notch, series
+from stoop.control_laws.filters import PASS, Filter, butterworth, difference, low_pass, notch, series
 from stoop.control_laws.parameters import Parameters
 from stoop.control_laws.rate_law import ACCELERATION, RATE, SETPOINT, Integral, RateLaw, Term
 
@@ -58,7 +59,12 @@ def multicopter(values: Mapping[str, float], axis: str) -> RateLaw:
     own.number(pattern.format("P"))
     gains = own.named(pattern, **defaults)
     gains |= {n: gains["K"] * gains[n] for n in "PID"}
-    return _law(own, axis, gains, own.number(limit, INTEGRAL_LIMIT), power=0)
+    law = _law(own, axis, gains, own.number(limit, INTEGRAL_LIMIT), power=0)
+    if own.number("THR_MDL_FAC", 0.0):
+        law = replace(law, lacks=(*law.lacks, "linearization of the thrust (THR_MDL_FAC)"))
+    if axis == "yaw":
+        law = replace(law, after=low_pass(own.number("MC_YAW_TQ_CUTOFF", 0.0), law.rate))
+    return law
 
 
 def _law(own: Parameters, axis: str, gains: Mapping[str, float], limit: float, power: int) -> RateLaw:

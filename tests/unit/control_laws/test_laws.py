@@ -123,6 +123,25 @@ def test_airspeed_scales_as_the_firmware_does() -> None:
     assert ardupilot.airspeed_ratio(a, 0.0) == pytest.approx(15.0 / 6.3)
 
 
+def test_mixing_of_a_quadrotor_is_the_documented_one_and_turns_about_one_axis_at_a_time() -> None:
+    """PX4's quadrotor in X: 0.707 of a command about roll and pitch, all of one about yaw; a hexarotor turns as it is told."""
+    quad = 0.2 * np.array([[1.0, 1.0, 0.0], [-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [-1.0, 1.0, 0.0]])
+    turning = np.array([1.0, 1.0, -1.0, -1.0])
+    found = px4.mixing(quad, turning)
+    np.testing.assert_allclose(
+        np.abs(found), np.tile([math.sqrt(0.5), math.sqrt(0.5), 1.0], (4, 1)), rtol=1e-9
+    )
+    angles = np.radians([90.0, -90.0, -30.0, 150.0, 30.0, -150.0])
+    hexa = 0.4 * np.column_stack([np.cos(angles), np.sin(angles), np.zeros(6)])
+    for places, spins in ((quad, turning), (hexa, np.array([-1.0, 1.0, -1.0, 1.0, 1.0, -1.0]))):
+        mixed = px4.mixing(places, spins)
+        roll, pitch = -places[:, 1] @ mixed, places[:, 0] @ mixed
+        turned = np.array([roll, pitch, spins @ mixed])
+        np.testing.assert_allclose(turned, np.diag(np.diag(turned)), atol=1e-12)
+        assert np.all(np.diag(turned) > 0.0)
+        np.testing.assert_allclose(mixed.sum(axis=0), 0.0, atol=1e-12)
+
+
 @pytest.mark.parametrize(
     ("values", "said"),
     [
