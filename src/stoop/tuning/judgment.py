@@ -56,6 +56,8 @@ class AxisMargins:
                 "delay margin": ("s", own.delay),
                 "disk margin": ("dB", 20.0 * np.log10(own.disk_gain)),
                 "crossover": ("rad/s", own.crossover),
+                "rejection": ("rad/s", own.rejection),
+                "peak": ("dB", 20.0 * np.log10(own.peak)),
             }
         out = {}
         for name, (unit, x) in values.items():

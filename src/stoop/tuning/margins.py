@@ -12,6 +12,8 @@ References
 ----------
 .. [1] P. Seiler, A. Packard, P. Gahinet, "An Introduction to Disk Margins", IEEE Control Systems 40(5), 2020, eqs. 6 to 9.
 .. [2] SAE AS94900, Flight Control Systems: 6 dB and 45 deg.
+.. [3] M. B. Tischler and others, Practical Methods for Aircraft and Rotorcraft Flight Control Design, AIAA, 2017: disturbance
+   rejection bandwidth and peak.
 """
 
 from __future__ import annotations
@@ -37,6 +39,9 @@ class Margins:
     delay: FloatArray  #: s
     disk: FloatArray  #: alpha, with no skew
     crossover: FloatArray  #: rad/s, highest frequency at which the gain is one; NaN where it never is
+    #: rad/s, lowest frequency from which a disturbance at the actuator is reduced by less than 3 dB; NaN where it always is
+    rejection: FloatArray
+    peak: FloatArray  #: largest factor by which a disturbance at the actuator grows
 
     @property
     def gain(self) -> FloatArray:
@@ -80,7 +85,12 @@ def margins(frequency: FloatArray, loop: ComplexArray) -> Margins:
     highest = -_least(count, of, -at)
     crossover = np.where(np.isfinite(highest), np.exp(highest), np.nan)
     disk = np.sqrt(_lowest(1.0 / np.abs(1.0 / (1.0 + loop) - 0.5) ** 2))
-    return Margins(up, down, phase, delay, disk, crossover)
+    difference = np.log(np.abs(1.0 + loop))
+    of, at, _ = _crossings(w, difference, angle, np.log(2.0) / 2.0, np.inf)
+    lowest = _least(count, of, at)
+    rejection = np.where(np.isfinite(lowest) & (difference[:, 0] > np.log(2.0) / 2.0), np.exp(lowest), np.nan)
+    peak = 1.0 / np.sqrt(_lowest(np.abs(1.0 + loop) ** 2))
+    return Margins(up, down, phase, delay, disk, crossover, rejection, peak)
 
 
 def _least(count: int, of: IntArray, values: FloatArray) -> FloatArray:
