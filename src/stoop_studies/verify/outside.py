@@ -251,7 +251,7 @@ def refusals(path: Path) -> list[str]:
         try:
             getattr(stoop, name)(stoop.load_vehicle(path), **more)
         except StoopError as error:
-            out.append(f"{name}: {error}")
+            out.append(f"{name}: {str(error).replace(str(path), path.name)}")
     return out
 
 
