@@ -18,7 +18,12 @@ def run(arguments: argparse.Namespace) -> int:
     airspeed = airspeeds_of(arguments.airspeed)
     with LiveLine("judging the loops"):
         found = tune(
-            arguments.result, arguments.log, airspeed, arguments.draws, arguments.seed, arguments.source
+            arguments.result,
+            arguments.parameters,
+            airspeed,
+            arguments.draws,
+            arguments.seed,
+            arguments.source,
         )
     if arguments.json:
         show(to_json(found.document()))

@@ -28,7 +28,7 @@ SPEEDS: Final = 3  #: airspeeds of a range
 @takes_model
 def tune(
     model: FittedModel,
-    log: str | Path | Mapping[str, float],
+    parameters: str | Path | Mapping[str, float],
     airspeed: tuple[float, float] | None = None,
     draws: int = DRAWS,
     seed: int = 0,
@@ -42,7 +42,7 @@ def tune(
     Parameters
     ----------
     model : FittedModel, or the folder of one
-    log : str, Path or mapping
+    parameters : str, Path or mapping
         A log that holds the autopilot's parameters, a file of parameters (``.params``, ``.parm``, ``.param``), or
         parameters by name.
     airspeed : (low, high), m/s, optional
@@ -63,20 +63,20 @@ def tune(
         The parameters are missing, or of another kind of vehicle, the model is not driven by commands about the axes,
         or the loops are unstable around it.
     """
-    parameters = log if isinstance(log, Mapping) else read_parameters(Path(log))
+    values = parameters if isinstance(parameters, Mapping) else read_parameters(Path(parameters))
     vehicle = model.vehicle.coupled_to(())
     vehicle = vehicle.reduced("full") if vehicle.reduce == "lateral" else vehicle
-    firmware = _firmware(parameters, bool(vehicle.rotors))
-    laws = {a: firmware.law(parameters, a) for a in firmware.axes}
-    commands = commands_of(vehicle, firmware, parameters)
+    firmware = _firmware(values, bool(vehicle.rotors))
+    laws = {a: firmware.law(values, a) for a in firmware.axes}
+    commands = commands_of(vehicle, firmware, values)
     drawn = draws_of(model.result, model.attachments.get(POSTERIOR_FILE), draws, seed, source, model.source)
     domain = flown_domain(model, airspeed)
     speeds = [0.0] if firmware.rotors else np.linspace(*domain.airspeed, SPEEDS).tolist()
     found = []
     for speed in speeds:
-        ratio = firmware.airspeed_ratio(parameters, speed) if firmware.airspeed_ratio else 1.0
+        ratio = firmware.airspeed_ratio(values, speed) if firmware.airspeed_ratio else 1.0
         loops = {
-            a: AxisLoop(laws[a], firmware.attitude_gain(parameters, a, firmware.rotors), ratio)
+            a: AxisLoop(laws[a], firmware.attitude_gain(values, a, firmware.rotors), ratio)
             for a in commands.axes
         }
         point = trim(vehicle, speed or None, domain.altitude)

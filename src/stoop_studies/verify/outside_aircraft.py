@@ -89,7 +89,7 @@ class Airframe(jsbsim_flight.Aircraft):
         They are those of the flight: engines that are put into a state do not turn as they do in flight.
         """
         places = list(names)
-        return super().read(places) + np.array([self.turning.get(n, 0.0) for n in places])
+        return np.asarray(super().read(places) + [self.turning.get(n, 0.0) for n in places])
 
     def sticks(self, commands: Mapping[str, float], throttle: float) -> dict[str, float]:
         """Return the properties of stick, pedals and all throttles."""

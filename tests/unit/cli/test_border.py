@@ -233,6 +233,7 @@ def test_the_verbs_of_a_fit_print_nasty_texts(folder: Path, capsys: pytest.Captu
         ("export @fit --to jsbsim -o @fdm", 0),
         ("derivatives @fit --axes body", 2),
         ("propagate @fit --draws 100", 0),
+        ("tune @fit @none", 2),
     ):
         code, shown = run(capsys, folder, command)
         assert code == expected, shown
