@@ -186,7 +186,9 @@ class Likelihood:
         return np.concatenate([np.zeros(d), -free, low]), np.concatenate([np.ones(d), free, high])
 
     def cost(self, z: FloatArray) -> float:
-        """Return twice the negative logarithm of the posterior; infinite where the filter diverges."""
+        """Return twice the negative logarithm of the posterior; infinite where the filter diverges, or at no point at all."""
+        if not np.all(np.isfinite(z)):  # a step by a curvature that is not finite
+            return np.inf
         total = float(np.sum(self.problem.layout.prior_residuals(z[None, : self.known]) ** 2))
         for i in range(len(self.points)):
             total += self._innovations(z, i, np.empty(0, dtype=np.int64)).cost

@@ -102,3 +102,19 @@ def test_no_rates_no_scan() -> None:
     flights = {one.name: replace(one, data=one.data.assign(lost)) for one in flown()}
     pieces = prepare(vehicle, flights, windows()).pieces
     assert scan_delays(vehicle, pieces, [vehicle.inputs.index(c) for c in CONTROLS]) is None
+
+
+@pytest.mark.parametrize("lost", [0.06, 0.3])
+def test_a_reading_that_one_maneuver_lacks_for_a_while(lost: float) -> None:
+    vehicle = scenes.aircraft()
+    first, second = (commanded_early(one, 0.3) for one in flown())
+    alpha = second.column("alpha").copy()
+    alpha[: round(lost * len(alpha))] = np.nan
+    flights = {
+        first.name: first,
+        second.name: replace(second, data=second.data.assign(alpha=("time", alpha))),
+    }
+    pieces = prepare(vehicle, flights, windows()).pieces
+    scan = scan_delays(vehicle, pieces, [vehicle.inputs.index(c) for c in CONTROLS])
+    assert scan is not None
+    assert scan.delays[np.argmax(scan.log_likelihood)] == pytest.approx(0.3, abs=0.5 / first.rate)

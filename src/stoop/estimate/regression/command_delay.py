@@ -31,7 +31,7 @@ LONGEST: Final = 0.5  #: s, the longest delay that is looked for
 LEVEL: Final = 1e-4  #: of a rise of the likelihood by chance
 #: readings on which accelerations depend, where they are recorded
 STATES: Final = ("V", "alpha", "beta", *RATES)
-#: share of a piece in which a reading must be there to be a regressor
+#: share of the samples of all pieces in which a reading must be there to be a regressor
 PRESENT: Final = 0.9
 
 
@@ -59,7 +59,9 @@ def scan_delays(vehicle: Vehicle, pieces: Sequence[Piece], columns: Sequence[int
     """
     dt = pieces[0].dt
     delays = np.asarray(dt * np.arange(round(LONGEST / dt) + 1), dtype=np.float64)
-    parts = [part for piece in pieces for part in _regressions(vehicle, piece, columns, delays)]
+    recorded = np.concatenate([np.isfinite(piece.whole) for piece in pieces]).mean(axis=0) > PRESENT
+    states = [c for c in STATES if c in vehicle.outputs and recorded[vehicle.outputs.index(c)]]
+    parts = [part for piece in pieces for part in _regressions(vehicle, piece, columns, delays, states)]
     if not parts or not any(part[2].size for part in parts):
         return None
     errors = [_errors([(y, np.column_stack([X, own[m]])) for y, X, own in parts]) for m in range(len(delays))]
@@ -75,11 +77,10 @@ def scan_delays(vehicle: Vehicle, pieces: Sequence[Piece], columns: Sequence[int
 
 
 def _regressions(
-    vehicle: Vehicle, piece: Piece, columns: Sequence[int], delays: FloatArray
+    vehicle: Vehicle, piece: Piece, columns: Sequence[int], delays: FloatArray, states: Sequence[str]
 ) -> Iterator[tuple[FloatArray, FloatArray, FloatArray]]:
     """Yield smoothed accelerations (n, r), other regressors (n, k), and commands of each delay (m, n, c) of a piece."""
     readings = dict(zip(vehicle.outputs, piece.whole.T, strict=True))
-    states = [c for c in STATES if c in readings and np.isfinite(readings[c]).mean() > PRESENT]
     rates = [c for c in RATES if c in states]
     if not rates:
         return

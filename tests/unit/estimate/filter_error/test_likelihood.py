@@ -26,6 +26,12 @@ def begin(problem, noise):
     return np.concatenate([x, 0.1 * np.random.default_rng(0).standard_normal(problem.extra), noise.start])
 
 
+def test_a_step_to_nowhere_is_a_value(gusty, gusty_flight):
+    likelihood = posed(gusty, gusty_flight, Steady())
+    z = begin(likelihood.problem, likelihood.noise)
+    assert likelihood.cost(np.where(np.arange(len(z)) == 1, np.nan, z)) == np.inf
+
+
 @pytest.mark.parametrize("gain", [Steady(), Varying(0.5)], ids=["steady", "varying"])
 def test_gradient_is_the_slope_of_the_cost(gusty, gusty_flight, gain):
     holes = replace(gusty_flight, data=gusty_flight.data.copy(deep=True))
