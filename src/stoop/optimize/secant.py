@@ -50,7 +50,7 @@ class Secant:
         what the step shows of it, and stays as it was where the gradient does not grow along the step.
         """
         step, change = point - self.point, gradient - self.gradient
-        growth, C = float(change @ step), self.correction
+        growth, C = np.float64(change @ step), self.correction  # its square may be infinite
         if not growth > 0.0:
             return type(self)(point, gradient, C)
         missing, along = change - known @ step, float(step @ C @ step)

@@ -29,6 +29,13 @@ def test_a_step_along_which_the_gradient_falls_changes_nothing() -> None:
     assert np.array_equal(after.gradient, [-1.0, 0.0])
 
 
+def test_a_gradient_whose_square_overflows_is_a_value() -> None:
+    before = Secant(np.zeros(2), np.zeros(2), np.eye(2))
+    with np.errstate(over="ignore", invalid="ignore"):
+        after = before.at(np.array([1.0, 0.0]), np.array([1e200, 0.0]), np.eye(2))
+    assert np.isfinite(after.correction).all()
+
+
 def test_a_gradient_that_is_not_finite_changes_nothing() -> None:
     before = Secant(np.zeros(2), np.zeros(2), np.eye(2))
     lost = before.at(np.ones(2), np.array([np.nan, 1.0]), np.eye(2))
