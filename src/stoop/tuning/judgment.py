@@ -207,9 +207,8 @@ def judge(plants: Plants, loops: Mapping[str, AxisLoop], airspeed: float) -> lis
             f"tune: {at}the loops of {', '.join(loops)} are unstable with these gains around this model, but flew: "
             "model, gains or delays are not those of the flight"
         )
+    share = float(np.mean(holds[1:])) if len(holds) > 1 else 1.0
     return [
-        AxisMargins(
-            axis, airspeed, margins(frequency, loop), float(np.mean(holds[1:])) if len(holds) > 1 else 1.0
-        )
+        AxisMargins(axis, airspeed, margins(frequency, loop).where(holds), share)
         for axis, loop in zip(loops, opened(difference), strict=True)
     ]

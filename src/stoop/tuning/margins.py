@@ -18,12 +18,12 @@ References
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
-from stoop.base.arrays import ComplexArray, FloatArray, IntArray
+from stoop.base.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 
 LEAST: Final = 1e-12  #: of a gain
 NEWTON: Final = 4  #: steps on a cubic, from the straight line
@@ -42,6 +42,11 @@ class Margins:
     #: rad/s, lowest frequency from which a disturbance at the actuator is reduced by less than 3 dB; NaN where it always is
     rejection: FloatArray
     peak: FloatArray  #: largest factor by which a disturbance at the actuator grows
+
+    def where(self, stable: BoolArray) -> Margins:
+        """Return the margins with none left where loops (d,) are unstable."""
+        none = {"gain_up": 1.0, "gain_down": 1.0, "phase": 0.0, "delay": 0.0, "disk": 0.0, "peak": np.inf}
+        return replace(self, **{n: np.where(stable, getattr(self, n), x) for n, x in none.items()})
 
     @property
     def gain(self) -> FloatArray:

@@ -1,0 +1,54 @@
+"""How commands reach the surfaces of a vehicle, and what draws with unstable loops count as."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from stoop.control_laws import px4
+from stoop.control_laws.table import firmwares
+from stoop.tuning.judgment import commands_of, judge
+from stoop.tuning.loops import AxisLoop, Plants
+from stoop.vehicle.document import with_entries
+from stoop_studies.verify import scenes
+
+WING = {"FW_RR_P": 0.4, "FW_RR_I": 0.6, "FW_RR_FF": 0.0}
+TAIL = {
+    "CA_SV_CS_COUNT": 4.0,
+    "CA_SV_CS0_TYPE": 1.0,
+    "CA_SV_CS1_TYPE": 2.0,
+    "CA_SV_CS2_TYPE": 7.0,
+    "CA_SV_CS3_TYPE": 8.0,
+}
+SERVOS = {
+    "elevator": {"servo_3": -0.2, "servo_4": -0.2}, "aileron": {"servo_1": -0.15, "servo_2": 0.15},
+    "rudder": {"servo_3": -0.2, "servo_4": 0.2},
+}  # fmt: skip
+
+
+def test_outputs_of_a_v_tail_are_those_of_commands() -> None:
+    """PX4 moves both tail surfaces fully up for a full pitch command, against each other for yaw; half a roll share a wing."""
+    vehicle = with_entries(scenes.aircraft(), {("controls", c, "mix"): mix for c, mix in SERVOS.items()})
+    by_outputs = commands_of(vehicle, firmwares(WING)[0], WING | TAIL)
+    gains = {"elevator": ("pitch", -0.4), "aileron": ("roll", 0.3), "rudder": ("yaw", -0.4)}
+    assert by_outputs.axes == ("roll", "pitch", "yaw")
+    for row, control in zip(by_outputs.mixing, vehicle.controls, strict=False):
+        axis, gain = gains[control]
+        expected = [gain if axis == other else 0.0 for other in by_outputs.axes]
+        np.testing.assert_allclose(row, expected, atol=1e-12)
+    direct = {("controls", c, "mix"): {f"control_{axis}": gain} for c, (axis, gain) in gains.items()}
+    same = commands_of(with_entries(scenes.aircraft(), direct), firmwares(WING)[0], WING)
+    np.testing.assert_allclose(by_outputs.mixing[:3], same.mixing[:3], atol=1e-12)
+
+
+def test_a_draw_with_unstable_loops_has_no_margin() -> None:
+    """The second lane turns the other way."""
+    A = np.array([[[-4.0, 30.0, 0.0], [0.0, -15.0, 0.0], [1.0, 0.0, 0.0]]] * 2)
+    B = np.array([[[0.0], [15.0], [0.0]], [[0.0], [-15.0], [0.0]]])
+    plants = Plants(("p", "aileron.lag", "phi"), A, B, np.zeros((2, 1)))
+    found = judge(plants, {"roll": AxisLoop(px4.fixed_wing(WING, "roll"), 2.5)}, 20.0)[0]
+    assert found.stable == 0.0
+    figures = found.figures()
+    assert figures["gain margin"][1]["estimate"] > 0.0
+    for name in ("gain margin", "phase margin", "delay margin", "disk margin"):
+        assert figures[name][1]["p5"] == pytest.approx(0.0)
