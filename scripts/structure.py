@@ -33,7 +33,7 @@ BUDGETS = {
     "checks": 3010,
     "cli": 3150,
     "control_laws": 1200,
-    "estimate": 7530,
+    "estimate": 7535,
     "exporters": 7655,
     "flight": 6225,
     "input_design": 2350,
