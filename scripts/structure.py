@@ -48,7 +48,7 @@ BUDGETS = {
     "reconstruction": 850,
     "report": 4300,
     "results": 1305,
-    "simulation": 3450,
+    "simulation": 3455,
     "strategy": 1420,
     "tuning": 1200,
     "vehicle": 3640,

@@ -24,6 +24,7 @@ from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice, notice
 from stoop.errors import StoopError
 from stoop.results.result import ParameterEstimate, Result
+from stoop.vehicle import Vehicle
 
 Source = Literal["posterior", "covariance"]
 POSTERIOR_FILE: Final = "posterior.nc"
@@ -44,6 +45,11 @@ class Draws:
     #: parameters that the data leave to the prior or to the bounds
     undetermined: tuple[str, ...] = ()
     notices: tuple[Notice, ...] = ()
+
+    def numbers_of(self, vehicle: Vehicle) -> dict[str, FloatArray]:
+        """Return the draws (D,) of the numbers of a vehicle and of delays, by name; nuisances are left out."""
+        columns = zip(self.names, self.values.T, strict=True)
+        return {n: x.copy() for n, x in columns if n in vehicle.rows or n.endswith(".delay")}
 
 
 def draws_of(

@@ -109,9 +109,7 @@ def uncertain_model(
     if result is None:
         return UncertainModel(base, (), tuple(notices))
     drawn = from_covariance(result, DRAWS, seed)
-    kept = [i for i, name in enumerate(drawn.names) if name in vehicle.rows or name.endswith(".delay")]
-    numbers = {drawn.names[i]: drawn.values[:, i].copy() for i in kept}
-    models = linearize_lanes(vehicle, neighbors(point)(numbers))
+    models = linearize_lanes(vehicle, neighbors(point)(drawn.numbers_of(vehicle)))
     return UncertainModel(base, tuple(models), (*notices, *drawn.notices))
 
 

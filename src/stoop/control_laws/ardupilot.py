@@ -22,19 +22,20 @@ from typing import Final
 
 from stoop.control_laws.filters import Filter, butterworth, difference, low_pass, series
 from stoop.control_laws.parameters import Parameters
-from stoop.control_laws.rate_law import RATE, SETPOINT, Integral, RateLaw, Term
+from stoop.control_laws.rate_law import ERROR, RATE, SETPOINT, Integral, RateLaw, Term, through
 
 FULL: Final = 45.0  #: degrees of a full command of a plane
 PLANE: Final = {"roll": "RLL_RATE_{}", "pitch": "PTCH_RATE_{}", "yaw": "YAW_RATE_{}"}
 OLD_PLANE: Final = {"roll": "RLL2SRV_{}", "pitch": "PTCH2SRV_{}"}
 COPTER: Final = {"roll": "ATC_RAT_RLL_{}", "pitch": "ATC_RAT_PIT_{}", "yaw": "ATC_RAT_YAW_{}"}
+#: P tells of which vehicle and version a log is
 PLANE_DEFAULTS: Final = {
-    "P": 0.08, "I": 0.15, "D": 0.0, "FF": 0.345, "IMAX": 0.666, "FLTT": 3.0, "FLTE": 0.0, "FLTD": 12.0,
+    "P": None, "I": 0.15, "D": 0.0, "FF": 0.345, "IMAX": 0.666, "FLTT": 3.0, "FLTE": 0.0, "FLTD": 12.0,
 }  # fmt: skip
 COPTER_DEFAULTS: Final = {
-    "P": 0.135, "I": 0.135, "D": 0.0036, "FF": 0.0, "IMAX": 0.5, "FLTT": 20.0, "FLTE": 0.0, "FLTD": 20.0,
+    "P": None, "I": 0.135, "D": 0.0036, "FF": 0.0, "IMAX": 0.5, "FLTT": 20.0, "FLTE": 0.0, "FLTD": 20.0,
 }  # fmt: skip
-OLD_DEFAULTS: Final = {"TCONST": 0.5, "P": 1.0, "I": 0.3, "D": 0.08, "FF": 0.0, "IMAX": 3000.0}
+OLD_DEFAULTS: Final = {"P": None, "TCONST": 0.5, "I": 0.3, "D": 0.08, "FF": 0.0, "IMAX": 3000.0}
 NOTCHES: Final = ("INS_HNTCH_ENABLE", "INS_HNTC2_ENABLE")
 SLOWEST: Final = 5.0  #: m/s, least that counts as the slowest airspeed
 GYRO_RATE: Final = 1000.0  #: Hz, at which INS_GYRO_FILTER runs unless sampling is faster
@@ -53,8 +54,7 @@ def plane(values: Mapping[str, float], axis: str, density_ratio: float = 1.0) ->
     density_ratio : true over equivalent airspeed
     """
     own, pattern = Parameters(values, "ArduPilot"), PLANE[axis]
-    own.number(pattern.format("P"))  # there, or the log is of another vehicle or an older version
-    gains = own.named(pattern, **PLANE_DEFAULTS)
+    gains = own.named(pattern, PLANE_DEFAULTS)
     degrees = math.degrees(1.0) / FULL
     return _pid(
         own, axis, pattern, gains, degrees, degrees / density_ratio, power=2, rate=_loop_rate(own, 50.0)
@@ -64,23 +64,21 @@ def plane(values: Mapping[str, float], axis: str, density_ratio: float = 1.0) ->
 def copter(values: Mapping[str, float], axis: str) -> RateLaw:
     """Return the rate law of a copter about an axis, from its parameters."""
     own, pattern = Parameters(values, "ArduPilot"), COPTER[axis]
-    own.number(pattern.format("P"))
-    gains = own.named(pattern, **COPTER_DEFAULTS)
+    gains = own.named(pattern, COPTER_DEFAULTS)
     return _pid(own, axis, pattern, gains, 1.0, 1.0, power=0, rate=_loop_rate(own, 400.0))
 
 
 def old_plane(values: Mapping[str, float], axis: str, density_ratio: float = 1.0) -> RateLaw:
     """Return the law of a plane before version 4.1 about roll or pitch; `density_ratio` as of :func:`plane`."""
     own, pattern = Parameters(values, "ArduPilot"), OLD_PLANE[axis]
-    own.number(pattern.format("P"))
-    k = own.named(pattern, **OLD_DEFAULTS)
+    k = own.named(pattern, OLD_DEFAULTS)
     degrees, tau = math.degrees(1.0) / FULL, k["TCONST"]
     target = max((k["P"] - k["I"] * tau) * tau - k["D"], 0.0) / density_ratio
-    error = _error(degrees)
+    error = through(ERROR, degrees)
     terms = (
         Term("P", {SETPOINT: Filter((degrees * target,))}, 1),
         Term("I", error, 2, Integral(k["I"] * tau, 0.01 * k["IMAX"] / FULL, scaled_error=True)),
-        Term("D", {n: path * k["D"] for n, path in error.items()}, 2),
+        Term("D", through(error, k["D"]), 2),
         Term("FF", {SETPOINT: Filter((degrees * k["FF"] / density_ratio,))}, 1),
     )
     return _sensed(own, RateLaw(axis, _loop_rate(own, 50.0), terms))
@@ -93,9 +91,9 @@ def _pid(
     error = {SETPOINT: series(target, smooth) * unit, RATE: smooth * -unit}
     slope = series(difference(rate), low_pass(gains["FLTD"], rate)) * gains["D"]
     terms = (
-        Term("P", {n: path * gains["P"] for n, path in error.items()}, power),
+        Term("P", through(error, gains["P"]), power),
         Term("I", error, power, Integral(gains["I"], unit * gains["IMAX"], scaled_error=True)),
-        Term("D", {n: path * slope for n, path in error.items()}, power),
+        Term("D", through(error, slope), power),
         Term("FF", {SETPOINT: target * (forward * gains["FF"])}, power // 2),
     )
     switched_on = tuple(
@@ -111,10 +109,6 @@ def _sensed(own: Parameters, law: RateLaw) -> RateLaw:
     sensing = {RATE: butterworth(own.number("INS_GYRO_FILTER", 20.0), GYRO_RATE)}
     lacks = [f"harmonic notch ({n})" for n in NOTCHES if own.number(n, 0.0) > 0.0]
     return replace(law, sensing=sensing, gyro_rate=GYRO_RATE, lacks=(*law.lacks, *lacks))
-
-
-def _error(unit: float) -> dict[str, Filter]:
-    return {SETPOINT: Filter((unit,)), RATE: Filter((-unit,))}
 
 
 def _loop_rate(own: Parameters, default: float) -> float:
@@ -136,9 +130,12 @@ def airspeed_ratio(values: Mapping[str, float], airspeed: float) -> float:
     return min(max(speed / max(airspeed, 1e-4), low), high)
 
 
-def attitude_gain(values: Mapping[str, float], axis: str, rotors: bool) -> float:
-    """Return the rate over a small error of the attitude, 1/s: `ATC_ANG_RLL_P`, or one over `RLL2SRV_TCONST`."""
+def copter_attitude(values: Mapping[str, float], axis: str) -> float:
+    """Return the rate over a small error of the attitude, 1/s, of a copter: `ATC_ANG_RLL_P`."""
+    return Parameters(values, "ArduPilot").number(COPTER[axis].replace("RAT", "ANG").format("P"), 4.5)
+
+
+def plane_attitude(values: Mapping[str, float], axis: str) -> float:
+    """Return the rate over an error of the attitude, 1/s, of a plane: one over `RLL2SRV_TCONST`; zero about yaw."""
     own = Parameters(values, "ArduPilot")
-    if rotors:
-        return own.number(f"ATC_ANG_{COPTER[axis].split('_')[2]}_P", 4.5)
     return 0.0 if axis == "yaw" else 1.0 / own.number(OLD_PLANE[axis].format("TCONST"), 0.5, 0.01)

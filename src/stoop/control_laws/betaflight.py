@@ -31,7 +31,7 @@ from stoop.control_laws.filters import (
     series,
 )
 from stoop.control_laws.parameters import Parameters
-from stoop.control_laws.rate_law import AXES, RATE, SETPOINT, Integral, RateLaw, Term
+from stoop.control_laws.rate_law import AXES, ERROR, RATE, SETPOINT, Integral, RateLaw, Term, through
 
 P_SCALE, I_SCALE, D_SCALE, FF_SCALE = 0.032029, 0.244381, 0.000529, 0.013754e-2
 YAW_INTEGRAL: Final = 2.5  #: times the gain of I about yaw
@@ -143,12 +143,11 @@ def rate_pid(values: Mapping[str, float], axis: str) -> RateLaw:
     limit = own.number("pidsum_limit_yaw", 400.0) if yaw else own.number("pidsum_limit", 500.0)
     held = 0.01 * own.number("iterm_windup", 80.0) * limit if own.recent else INTEGRAL_LIMIT
     smooth = low_pass(own.number("yaw_lowpass_hz", 0.0), rate) if yaw else PASS
-    error = {SETPOINT: PASS, RATE: Filter((-1.0,))}
     lags = [own.notch("dterm_notch", rate), *(own.low_pass(f"dterm_lpf{n}", rate) for n in (1, 2))]
     i *= I_SCALE * (YAW_INTEGRAL if yaw else 1.0)
     terms = (
-        Term("P", {n: path * smooth * (P_SCALE * p) for n, path in error.items()}),
-        Term("I", error, integral=Integral(i, held / FULL)),
+        Term("P", through(through(ERROR, smooth), P_SCALE * p)),
+        Term("I", ERROR, integral=Integral(i, held / FULL)),
         Term("D", {RATE: series(*lags, difference(rate)) * (-D_SCALE * d)}),
         Term("FF", {SETPOINT: difference(rate) * ff}),
     )

@@ -20,15 +20,15 @@ from typing import Final
 from stoop.base.units import DEGREE
 from stoop.control_laws.filters import PASS, Filter, butterworth, difference, series
 from stoop.control_laws.parameters import Parameters
-from stoop.control_laws.rate_law import RATE, SETPOINT, Integral, RateLaw, Term
+from stoop.control_laws.rate_law import ERROR, RATE, SETPOINT, Integral, RateLaw, Term, through
 
 LOOP_RATE, GYRO_RATE, GYRO_CUTOFF = 500.0, 1000.0, 80.0  # Hz
 FULL: Final = 32767.0  #: command of one
-#: axis -> gains of the Crazyflie 2.1, limit of its sum of errors [deg], and what its cutoff is called
+#: axis -> gains of the Crazyflie 2.1 (kp must be given), limit of its sum of errors [deg], and what its cutoff is called
 AXES: Final = {
-    "roll": ({"kp": 250.0, "ki": 500.0, "kd": 2.5, "kff": 0.0}, 33.3, "omxFiltCut"),
-    "pitch": ({"kp": 250.0, "ki": 500.0, "kd": 2.5, "kff": 0.0}, 33.3, "omyFiltCut"),
-    "yaw": ({"kp": 120.0, "ki": 16.7, "kd": 0.0, "kff": 0.0}, 166.7, "omzFiltCut"),
+    "roll": ({"kp": None, "ki": 500.0, "kd": 2.5, "kff": 0.0}, 33.3, "omxFiltCut"),
+    "pitch": ({"kp": None, "ki": 500.0, "kd": 2.5, "kff": 0.0}, 33.3, "omyFiltCut"),
+    "yaw": ({"kp": None, "ki": 16.7, "kd": 0.0, "kff": 0.0}, 166.7, "omzFiltCut"),
 }
 D_CUTOFF: Final = 30.0  #: Hz
 
@@ -37,16 +37,14 @@ def cascade(values: Mapping[str, float], axis: str) -> RateLaw:
     """Return the rate law of a Crazyflie about an axis, from its parameters."""
     own = Parameters(values, "Crazyflie")
     defaults, limit, cutoff = AXES[axis]
-    own.number(f"pid_rate.{axis}_kp")  # there, or the log is of another controller
     per_radian = 1.0 / (FULL * DEGREE)
-    gains = {n: x * per_radian for n, x in own.named(f"pid_rate.{axis}_{{}}", **defaults).items()}
+    gains = {n: x * per_radian for n, x in own.named(f"pid_rate.{axis}_{{}}", defaults).items()}
     smooth = PASS
     if own.number("pid_rate.rateFiltEn", 0.0):
         smooth = butterworth(own.number(f"pid_rate.{cutoff}", D_CUTOFF), LOOP_RATE)
-    error = {SETPOINT: PASS, RATE: Filter((-1.0,))}
     terms = (
-        Term("P", {n: path * gains["kp"] for n, path in error.items()}),
-        Term("I", error, integral=Integral(gains["ki"], gains["ki"] * math.radians(limit))),
+        Term("P", through(ERROR, gains["kp"])),
+        Term("I", ERROR, integral=Integral(gains["ki"], gains["ki"] * math.radians(limit))),
         Term("D", {RATE: series(difference(LOOP_RATE), smooth) * -gains["kd"]}),
         Term("FF", {SETPOINT: Filter((gains["kff"],))}),
     )

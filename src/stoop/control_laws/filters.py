@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import reduce
-from typing import Final
+from typing import Final, Self
 
 import numpy as np
 from scipy.signal import butter, iirnotch, lfilter, lfiltic
@@ -25,6 +25,11 @@ class Filter:
 
     b: tuple[float, ...] = (1.0,)
     a: tuple[float, ...] = (1.0,)
+
+    @classmethod
+    def of(cls, b: FloatArray, a: FloatArray) -> Self:
+        """Return the filter of arrays of coefficients."""
+        return cls(tuple(b.tolist()), tuple(a.tolist()))
 
     def response(self, z: ComplexArray) -> ComplexArray:
         """Return H at points z of any shape."""
@@ -44,8 +49,7 @@ class Filter:
         """Return this filter and another in series, or with a gain."""
         if not isinstance(other, Filter):
             return Filter(tuple(float(other) * b for b in self.b), self.a)
-        b, a = np.convolve(self.b, other.b), np.convolve(self.a, other.a)
-        return Filter(tuple(b.tolist()), tuple(a.tolist()))
+        return Filter.of(np.convolve(self.b, other.b), np.convolve(self.a, other.a))
 
 
 PASS: Final = Filter()
@@ -88,8 +92,7 @@ def butterworth(cutoff: float, rate: float) -> Filter:
     """
     if not cutoff > 0.0:
         return PASS
-    b, a = butter(2, below_nyquist(cutoff, rate), fs=rate)
-    return Filter(tuple(b.tolist()), tuple(a.tolist()))
+    return Filter.of(*butter(2, below_nyquist(cutoff, rate), fs=rate))
 
 
 def notch(frequency: float, bandwidth: float, rate: float) -> Filter:
@@ -106,8 +109,7 @@ def notch(frequency: float, bandwidth: float, rate: float) -> Filter:
     """
     if not (frequency > 0.0 and bandwidth > 0.0):
         return PASS
-    b, a = iirnotch(below_nyquist(frequency, rate), frequency / bandwidth, fs=rate)
-    return Filter(tuple(b.tolist()), tuple(a.tolist()))
+    return Filter.of(*iirnotch(below_nyquist(frequency, rate), frequency / bandwidth, fs=rate))
 
 
 def notch_of_quality(frequency: float, quality: float, rate: float) -> Filter:

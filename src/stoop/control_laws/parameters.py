@@ -44,8 +44,8 @@ class Parameters:
             )
         return value
 
-    def named(self, pattern: str, **defaults: float) -> dict[str, float]:
-        """Return parameters of one pattern with a ``{}`` in it, by what stands there."""
+    def named(self, pattern: str, defaults: Mapping[str, float | None]) -> dict[str, float]:
+        """Return parameters of one pattern with a ``{}`` in it, by what stands there; without a default one must be given."""
         return {name: self.number(pattern.format(name), value) for name, value in defaults.items()}
 
 

@@ -21,21 +21,21 @@ from typing import Final
 import numpy as np
 
 from stoop.base.arrays import FloatArray
-from stoop.control_laws.filters import PASS, Filter, butterworth, difference, low_pass, notch, series
+from stoop.control_laws.filters import Filter, butterworth, difference, low_pass, notch, series
 from stoop.control_laws.parameters import Parameters
-from stoop.control_laws.rate_law import ACCELERATION, RATE, SETPOINT, Integral, RateLaw, Term
+from stoop.control_laws.rate_law import ACCELERATION, ERROR, RATE, SETPOINT, Integral, RateLaw, Term, through
 
 FADE: Final = math.radians(400.0)  #: rad/s, error at which the integral stands
-#: axis -> pattern of the parameters of a fixed wing, with the defaults of PX4
+#: axis -> pattern of the parameters of a fixed wing, with the defaults of PX4; P tells of which vehicle a log is
 WING: Final = {
-    "roll": ("FW_RR_{}", {"P": 0.05, "I": 0.1, "D": 0.0, "FF": 0.5, "IMAX": 0.2}),
-    "pitch": ("FW_PR_{}", {"P": 0.08, "I": 0.1, "D": 0.0, "FF": 0.5, "IMAX": 0.4}),
-    "yaw": ("FW_YR_{}", {"P": 0.05, "I": 0.1, "D": 0.0, "FF": 0.3, "IMAX": 0.2}),
+    "roll": ("FW_RR_{}", {"P": None, "I": 0.1, "D": 0.0, "FF": 0.5, "IMAX": 0.2}),
+    "pitch": ("FW_PR_{}", {"P": None, "I": 0.1, "D": 0.0, "FF": 0.5, "IMAX": 0.4}),
+    "yaw": ("FW_YR_{}", {"P": None, "I": 0.1, "D": 0.0, "FF": 0.3, "IMAX": 0.2}),
 }
 ROTORS: Final = {
-    "roll": ("MC_ROLLRATE_{}", "MC_RR_INT_LIM", {"P": 0.15, "I": 0.2, "D": 0.003, "FF": 0.0, "K": 1.0}),
-    "pitch": ("MC_PITCHRATE_{}", "MC_PR_INT_LIM", {"P": 0.15, "I": 0.2, "D": 0.003, "FF": 0.0, "K": 1.0}),
-    "yaw": ("MC_YAWRATE_{}", "MC_YR_INT_LIM", {"P": 0.2, "I": 0.1, "D": 0.0, "FF": 0.0, "K": 1.0}),
+    "roll": ("MC_ROLLRATE_{}", "MC_RR_INT_LIM", {"P": None, "I": 0.2, "D": 0.003, "FF": 0.0, "K": 1.0}),
+    "pitch": ("MC_PITCHRATE_{}", "MC_PR_INT_LIM", {"P": None, "I": 0.2, "D": 0.003, "FF": 0.0, "K": 1.0}),
+    "yaw": ("MC_YAWRATE_{}", "MC_YR_INT_LIM", {"P": None, "I": 0.1, "D": 0.0, "FF": 0.0, "K": 1.0}),
 }
 INTEGRAL_LIMIT: Final = 0.3
 TORQUE_RATIO: Final = 0.05  #: m, CA_ROTORn_KM, of any size: allocation is normalized
@@ -47,8 +47,7 @@ def fixed_wing(values: Mapping[str, float], axis: str) -> RateLaw:
     """Return the rate law of a fixed wing about an axis, from its parameters."""
     own = Parameters(values, "PX4")
     pattern, defaults = WING[axis]
-    own.number(pattern.format("P"))  # there, or the log is of another vehicle
-    gains = own.named(pattern, **defaults)
+    gains = own.named(pattern, defaults)
     return _law(own, axis, gains, gains["IMAX"], power=2)
 
 
@@ -56,8 +55,7 @@ def multicopter(values: Mapping[str, float], axis: str) -> RateLaw:
     """Return the rate law of a multicopter about an axis, from its parameters."""
     own = Parameters(values, "PX4")
     pattern, limit, defaults = ROTORS[axis]
-    own.number(pattern.format("P"))
-    gains = own.named(pattern, **defaults)
+    gains = own.named(pattern, defaults)
     gains |= {n: gains["K"] * gains[n] for n in "PID"}
     law = _law(own, axis, gains, own.number(limit, INTEGRAL_LIMIT), power=0)
     if own.number("THR_MDL_FAC", 0.0):
@@ -68,10 +66,9 @@ def multicopter(values: Mapping[str, float], axis: str) -> RateLaw:
 
 
 def _law(own: Parameters, axis: str, gains: Mapping[str, float], limit: float, power: int) -> RateLaw:
-    error = {SETPOINT: PASS, RATE: Filter((-1.0,))}
     terms = (
-        Term("P", {n: path * gains["P"] for n, path in error.items()}, power),
-        Term("I", error, power, Integral(gains["I"], limit, FADE, late=True)),
+        Term("P", through(ERROR, gains["P"]), power),
+        Term("I", ERROR, power, Integral(gains["I"], limit, FADE, late=True)),
         Term("D", {ACCELERATION: Filter((-gains["D"],))}, power),
         Term("FF", {SETPOINT: Filter((gains["FF"],))}, power // 2),
     )
@@ -128,9 +125,12 @@ def mixing(positions: FloatArray, turning: FloatArray) -> FloatArray:
     return np.asarray(mix / np.array([level, level, float(np.max(mix[:, 2]))]))
 
 
-def attitude_gain(values: Mapping[str, float], axis: str, rotors: bool) -> float:
-    """Return the rate over an error of the attitude, 1/s: `MC_ROLL_P`, or one over `FW_R_TC`; zero about yaw of wings."""
+def multicopter_attitude(values: Mapping[str, float], axis: str) -> float:
+    """Return the rate over an error of the attitude, 1/s, of a multicopter: `MC_ROLL_P`."""
+    return Parameters(values, "PX4").number(f"MC_{axis.upper()}_P", 2.8 if axis == "yaw" else 6.5)
+
+
+def fixed_wing_attitude(values: Mapping[str, float], axis: str) -> float:
+    """Return the rate over an error of the attitude, 1/s, of a fixed wing: one over `FW_R_TC`; zero about yaw."""
     own = Parameters(values, "PX4")
-    if rotors:
-        return own.number(f"MC_{axis.upper()}_P", 2.8 if axis == "yaw" else 6.5)
     return 0.0 if axis == "yaw" else 1.0 / own.number(f"FW_{axis[0].upper()}_TC", 0.4, 0.01)

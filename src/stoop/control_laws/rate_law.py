@@ -19,6 +19,13 @@ from stoop.control_laws.filters import PASS, Filter
 
 AXES: Final = ("roll", "pitch", "yaw")
 SETPOINT, RATE, ACCELERATION = "setpoint", "rate", "acceleration"
+ERROR: Final[Mapping[str, Filter]] = {SETPOINT: PASS, RATE: Filter((-1.0,))}
+Frequencies = FloatArray | ComplexArray  #: rad/s; s / j off the imaginary axis
+
+
+def through(paths: Mapping[str, Filter], then: Filter | float) -> dict[str, Filter]:
+    """Return paths with a filter or a gain behind each."""
+    return {name: path * then for name, path in paths.items()}
 
 
 @dataclass(frozen=True)
@@ -107,20 +114,20 @@ class RateLaw:
         """Signals that the terms are computed from."""
         return tuple(dict.fromkeys(name for term in self.terms for name in term.paths))
 
-    def response(self, signal: str, frequency: FloatArray | ComplexArray, scale: float = 1.0) -> ComplexArray:
+    def response(self, signal: str, frequency: Frequencies, scale: float = 1.0) -> ComplexArray:
         """Return the command over a signal, without limits.
 
         Parameters
         ----------
         signal : one of `signals`
-        frequency : (n,) rad/s; complex off the imaginary axis, s / j
+        frequency : (n,)
         scale : ratio of trim airspeed to airspeed
         """
         z = np.exp(1j * frequency / self.rate)
         total = sum(t.response(signal, z, self.rate) * scale**t.power for t in self.terms)
         return np.asarray(total * self.after.response(z))
 
-    def feedback(self, frequency: FloatArray | ComplexArray, scale: float = 1.0) -> ComplexArray:
+    def feedback(self, frequency: Frequencies, scale: float = 1.0) -> ComplexArray:
         """Return minus the command over the rate of the vehicle (n,), through the filters of its gyro, without limits."""
         z = np.exp(1j * frequency / (self.gyro_rate or self.rate))
         measured = (n for n in self.signals if n != SETPOINT)

@@ -65,12 +65,12 @@ def replay_px4(recording: Recording, law: RateLaw) -> Replay:
             f"{recording.path.name}: {fresh.size} setpoints with a command behind them: too few to compare a law by"
         )
     # a command is computed from the sample of the gyro that it names
-    sampled = commands.columns["timestamp_sample"] * 1e-6 if "timestamp_sample" in commands.columns else time
-    offset = float(np.median(time - sampled)) if abs(float(np.median(time - sampled))) < 1.0 else 0.0
+    older = float(np.median(time - commands.columns.get("timestamp_sample", 1e6 * time) * 1e-6))
+    sampled = time[fresh] - older
     signals = {
         SETPOINT: setpoints.columns[law.axis][last[fresh]],
-        RATE: np.interp(time[fresh] - offset, turning.time, turning.columns[f"xyz[{at}]"]),
-        ACCELERATION: np.interp(time[fresh] - offset, slope.time, slope.columns[own]),
+        RATE: np.interp(sampled, turning.time, turning.columns[f"xyz[{at}]"]),
+        ACCELERATION: np.interp(sampled, slope.time, slope.columns[own]),
     }
     total = np.interp(time[fresh], status.time, integral)
     for term in (t for t in law.terms if t.integral is None):

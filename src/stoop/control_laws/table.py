@@ -20,25 +20,23 @@ class Firmware:
     known_by: str
     rotors: bool
     law: Callable[[Mapping[str, float], str], RateLaw]
-    attitude_gain: Callable[[Mapping[str, float], str, bool], float] = lambda *_: 0.0
+    attitude_gain: Callable[[Mapping[str, float], str], float] = lambda *_: 0.0
     axes: tuple[str, ...] = AXES
-    airspeed_ratio: Callable[[Mapping[str, float], float], float] | None = (
-        None  #: of calibrated airspeed, m/s
-    )
-    mixing: Callable[[FloatArray, FloatArray], FloatArray] | None = (
-        None  #: of rotors, by position and turning
-    )
+    #: of calibrated airspeed, m/s
+    airspeed_ratio: Callable[[Mapping[str, float], float], float] = lambda *_: 1.0
+    #: of rotors, by position and turning
+    mixing: Callable[[FloatArray, FloatArray], FloatArray] | None = None
 
 
 LAWS: Final = (
-    Firmware("PX4 multicopter", "MC_ROLLRATE_P", True, px4.multicopter, px4.attitude_gain, mixing=px4.mixing),
-    Firmware("PX4 fixed wing", "FW_RR_P", False, px4.fixed_wing, px4.attitude_gain, airspeed_ratio=px4.airspeed_ratio),
-    Firmware("ArduCopter", "ATC_RAT_RLL_P", True, ardupilot.copter, ardupilot.attitude_gain),
+    Firmware("PX4 multicopter", "MC_ROLLRATE_P", True, px4.multicopter, px4.multicopter_attitude, mixing=px4.mixing),
+    Firmware("PX4 fixed wing", "FW_RR_P", False, px4.fixed_wing, px4.fixed_wing_attitude, airspeed_ratio=px4.airspeed_ratio),
+    Firmware("ArduCopter", "ATC_RAT_RLL_P", True, ardupilot.copter, ardupilot.copter_attitude),
     Firmware(
-        "ArduPlane", "RLL_RATE_P", False, ardupilot.plane, ardupilot.attitude_gain, airspeed_ratio=ardupilot.airspeed_ratio
+        "ArduPlane", "RLL_RATE_P", False, ardupilot.plane, ardupilot.plane_attitude, airspeed_ratio=ardupilot.airspeed_ratio
     ),
     Firmware(
-        "ArduPlane before 4.1", "RLL2SRV_P", False, ardupilot.old_plane, ardupilot.attitude_gain, ("roll", "pitch"),
+        "ArduPlane before 4.1", "RLL2SRV_P", False, ardupilot.old_plane, ardupilot.plane_attitude, ("roll", "pitch"),
         ardupilot.airspeed_ratio,
     ),
     Firmware("Betaflight", "rollPID[0]", True, betaflight.rate_pid),

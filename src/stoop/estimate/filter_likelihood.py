@@ -186,7 +186,7 @@ class Likelihood:
         return np.concatenate([np.zeros(d), -free, low]), np.concatenate([np.ones(d), free, high])
 
     def cost(self, z: FloatArray) -> float:
-        """Return twice the negative logarithm of the posterior; infinite where the filter diverges, or at no point at all."""
+        """Return twice the negative logarithm of the posterior; infinite where the filter diverges or z is not finite."""
         if not np.all(np.isfinite(z)):  # a step by a curvature that is not finite
             return np.inf
         total = float(np.sum(self.problem.layout.prior_residuals(z[None, : self.known]) ** 2))

@@ -129,6 +129,12 @@ def mixed_inputs(vehicle: Vehicle, deflections: Mapping[str, float], base: Float
 
 def mixing_of(vehicle: Vehicle, rows: FloatArray) -> FloatArray:
     """Return the smallest changes of the channels (B, n_u, c) for one radian of each control, by kernel parameters (n_p, B)."""
+    gains = channel_gains(vehicle, rows)
+    return np.asarray(np.linalg.pinv(gains)) if vehicle.controls else gains.transpose(0, 2, 1)
+
+
+def channel_gains(vehicle: Vehicle, rows: FloatArray) -> FloatArray:
+    """Return the changes of the controls (B, c, n_u), rad, for one unit of each channel, by kernel parameters (n_p, B)."""
     gains = np.zeros((rows.shape[1], len(vehicle.controls), len(vehicle.inputs)))
     for j, control in enumerate(vehicle.controls):
         for channel in vehicle.channels_of(control):
@@ -136,4 +142,4 @@ def mixing_of(vehicle: Vehicle, rows: FloatArray) -> FloatArray:
             gains[:, j, vehicle.inputs.index(channel)] = (
                 rows[vehicle.rows[mix]] if mix in vehicle.rows else 1.0
             )
-    return np.asarray(np.linalg.pinv(gains)) if vehicle.controls else gains.transpose(0, 2, 1)
+    return gains

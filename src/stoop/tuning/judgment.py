@@ -11,10 +11,12 @@ import numpy as np
 from stoop.assessment.draws import Draws
 from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice
+from stoop.base.numbers import without_rounding
 from stoop.control_laws.rate_law import AXES
 from stoop.control_laws.table import Firmware
 from stoop.errors import StoopError
 from stoop.simulation.delays import input_delays
+from stoop.simulation.initial import channel_gains, parameter_rows
 from stoop.simulation.linearize import INTEGRATORS, linear_models, model_inputs
 from stoop.simulation.steady_flight import neighbors
 from stoop.simulation.trim import Trim
@@ -100,25 +102,21 @@ def commands_of(vehicle: Vehicle, firmware: Firmware, parameters: Mapping[str, f
             mixing[inputs.index(rotor.channel)] = row
         channel = next(iter(rotors.values())).channel
         return Commands(AXES, mixing, (channel,) * len(AXES))
-    moves = _outputs(parameters) | {
-        f"control_{a}": row for a, row in zip(AXES, np.eye(len(AXES)), strict=True)
-    }
-    gains = np.zeros((len(inputs), len(AXES)))
-    late = dict[str, str]()
-    for control in vehicle.controls:
-        for channel in (c for c in vehicle.channels_of(control) if c in moves):
-            row = vehicle.value(f"controls.{control}.mix.{channel}", 0.0) * moves[channel]
-            gains[inputs.index(control)] += row
-            late |= {a: channel for a, x in zip(AXES, row, strict=True) if x and a not in late}
-    used = [i for i, axis in enumerate(AXES) if axis in late and axis in firmware.axes]
+    outputs = _outputs(parameters) | {f"control_{a}": row for a, row in zip(AXES, np.eye(3), strict=True)}
+    driven = np.array([outputs.get(c, np.zeros(3)) for c in vehicle.inputs])
+    moved = channel_gains(vehicle, parameter_rows(vehicle))[0][:, :, None] * driven  # control, channel, axis
+    first = [np.argwhere(moved[:, :, k])[:1, 1] for k in range(3)]
+    used = [k for k, axis in enumerate(AXES) if first[k].size and axis in firmware.axes]
     if not used:
         raise StoopError(
             f"tune: no surface of {vehicle.name} moves by control_roll, control_pitch or control_yaw, nor by an output "
             "that the parameters allocate (CA_SV_CS0_TYPE, SERVO1_FUNCTION): write these as the channels of its "
             "surfaces and identify again"
         )
-    axes = tuple(AXES[i] for i in used)
-    return Commands(axes, gains[:, used], tuple(late[a] for a in axes))
+    mixing = np.zeros((len(inputs), len(used)))
+    mixing[: len(moved)] = moved.sum(axis=1)[:, used]
+    late = tuple(vehicle.inputs[int(first[k][0])] for k in used)
+    return Commands(tuple(AXES[k] for k in used), mixing, late)
 
 
 def _outputs(parameters: Mapping[str, float]) -> dict[str, FloatArray]:
@@ -130,7 +128,7 @@ def _outputs(parameters: Mapping[str, float]) -> dict[str, FloatArray]:
     if not setup.surfaces:
         return {}
     shares = np.array([surface.shares for surface in setup.surfaces])
-    mixed = np.linalg.pinv(shares.T) if setup.autopilot == "PX4" else shares
+    mixed = without_rounding(np.linalg.pinv(shares.T), 1.0) if setup.autopilot == "PX4" else shares
     return {
         channel: scale.unit * row
         for surface, row in zip(setup.surfaces, mixed, strict=True)
@@ -140,11 +138,8 @@ def _outputs(parameters: Mapping[str, float]) -> dict[str, FloatArray]:
 
 def plants_of(vehicle: Vehicle, point: Trim, draws: Draws, commands: Commands) -> Plants:
     """Return the linear models about a trim, at the estimates and then at draws of the numbers."""
-    kept = [i for i, n in enumerate(draws.names) if n in vehicle.rows or n.endswith(".delay")]
-    numbers = {
-        draws.names[i]: np.concatenate([[vehicle.value(draws.names[i])], draws.values[:, i]]) for i in kept
-    }
-    points = neighbors(point)(numbers)
+    drawn = draws.numbers_of(vehicle)
+    points = neighbors(point)({n: np.concatenate([[vehicle.value(n)], x]) for n, x in drawn.items()})
     states, A, B, *_ = linear_models(vehicle, points)
     turning = [i for i, name in enumerate(states) if name not in INTEGRATORS]
     late = {vehicle.inputs[column]: points.rows[row] for column, row in input_delays(vehicle)}

@@ -13,20 +13,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final
 
 import numpy as np
 
 from stoop.base.arrays import BoolArray, ComplexArray, FloatArray
-from stoop.control_laws.rate_law import AXES, SETPOINT, RateLaw
+from stoop.control_laws.rate_law import AXES, SETPOINT, Frequencies, RateLaw
 
-Frequencies = FloatArray | ComplexArray  #: s / j, rad/s
 #: axis -> rate, and the attitude that its outer loop holds
 MOTION: Final = {"roll": ("p", "phi"), "pitch": ("q", "theta"), "yaw": ("r", "")}
 SLOWEST: Final = 0.1  #: rad/s, from which loops are looked at; below act autothrottle and guidance
-GROWTH: Final = (
-    0.05  #: 1/s; what grows more slowly, such as the speed of an airplane without throttle, is of outer loops
-)
+#: 1/s; what grows more slowly, such as the speed of an airplane without throttle, is of outer loops
+GROWTH: Final = 0.05
 POINTS: Final = 600
 CONDITION: Final = 1e10  #: of eigenvectors, above which a response is solved for frequency by frequency
 
@@ -58,6 +57,12 @@ class Plants:
     B: FloatArray  #: (d, n, n_u)
     delays: FloatArray  #: (d, n_u), s
 
+    @cached_property
+    def modes(self) -> tuple[ComplexArray, ComplexArray]:
+        """Eigenvalues (d, n) and eigenvectors (d, n, n) of A."""
+        values, vectors = np.linalg.eig(self.A)
+        return np.asarray(values, dtype=complex), np.asarray(vectors, dtype=complex)
+
 
 def frequencies(loops: Sequence[AxisLoop]) -> FloatArray:
     """Return evenly spaced frequencies (m,), rad/s, up to half the rate of the slowest loop."""
@@ -69,7 +74,7 @@ def motion(plants: Plants, frequency: Frequencies) -> dict[str, ComplexArray]:
     names = plants.states
     wanted = [n for axis in AXES for n in MOTION[axis] if n in names]
     rows = [names.index(n) for n in wanted]
-    values, vectors = np.linalg.eig(plants.A)
+    values, vectors = plants.modes
     s = 1j * frequency[:, None]
     if np.max(np.linalg.cond(vectors)) < CONDITION:
         into = np.linalg.solve(vectors, plants.B.astype(complex))
@@ -125,5 +130,5 @@ def stable(plants: Plants, loops: Sequence[AxisLoop]) -> BoolArray:
     angle = np.unwrap(np.angle(whole), axis=1)
     # on the real axis F is real, and far up it is one
     turned = angle[:, -1] - np.angle(whole[:, -1]) - np.pi * np.round(angle[:, 0] / np.pi)
-    growing = np.sum(np.linalg.eigvals(plants.A).real > GROWTH, axis=1)
+    growing = np.sum(plants.modes[0].real > GROWTH, axis=1)
     return np.asarray(growing == np.round(turned / np.pi))

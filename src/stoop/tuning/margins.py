@@ -26,6 +26,7 @@ import numpy as np
 from stoop.base.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 
 LEAST: Final = 1e-12  #: of a gain
+ONCE: Final = 1e6  #: period of a level that does not recur
 NEWTON: Final = 4  #: steps on a cubic, from the straight line
 
 
@@ -83,7 +84,7 @@ def margins(frequency: FloatArray, loop: ComplexArray) -> Margins:
     of, _, gains = _crossings(w, angle, size, np.pi, 2.0 * np.pi)
     up = _least(count, of, np.where(gains < 0.0, np.exp(-gains), np.inf))
     down = 1.0 / _least(count, of, np.where(gains >= 0.0, np.exp(gains), np.inf))
-    of, at, turned = _crossings(w, size, angle, 0.0, np.inf)
+    of, at, turned = _crossings(w, size, angle, 0.0, ONCE)
     ahead = np.mod(turned + np.pi, 2.0 * np.pi)  # what a delay may take
     phase = _least(count, of, np.minimum(ahead, 2.0 * np.pi - ahead))
     delay = _least(count, of, ahead / np.exp(at))
@@ -91,7 +92,7 @@ def margins(frequency: FloatArray, loop: ComplexArray) -> Margins:
     crossover = np.where(np.isfinite(highest), np.exp(highest), np.nan)
     disk = np.sqrt(_lowest(1.0 / np.abs(1.0 / (1.0 + loop) - 0.5) ** 2))
     difference = np.log(np.abs(1.0 + loop))
-    of, at, _ = _crossings(w, difference, angle, np.log(2.0) / 2.0, np.inf)
+    of, at, _ = _crossings(w, difference, angle, np.log(2.0) / 2.0, ONCE)
     lowest = _least(count, of, at)
     rejection = np.where(np.isfinite(lowest) & (difference[:, 0] > np.log(2.0) / 2.0), np.exp(lowest), np.nan)
     peak = 1.0 / np.sqrt(_lowest(np.abs(1.0 + loop) ** 2))
@@ -109,14 +110,10 @@ def _crossings(
     w: FloatArray, crossing: FloatArray, value: FloatArray, level: float, period: float
 ) -> tuple[IntArray, FloatArray, FloatArray]:
     """Return where curves (d, m) cross a level plus multiples of a period: loop (k,), log frequency and value there."""
-    turn = (
-        np.floor((crossing - level) / period)
-        if np.isfinite(period)
-        else np.where(crossing < level, -1.0, 0.0)
-    )
+    turn = np.floor((crossing - level) / period)
     of, i = np.nonzero(np.diff(turn, axis=1))
     # neighbors may be more than a period apart only where the grid is too coarse for any interpolation
-    reached = level + (np.maximum(turn[of, i], turn[of, i + 1]) * period if np.isfinite(period) else 0.0)
+    reached = level + np.maximum(turn[of, i], turn[of, i + 1]) * period
     t = (reached - crossing[of, i]) / (crossing[of, i + 1] - crossing[of, i])
     places = np.clip(i[:, None] + np.arange(-1, 3), 0, len(w) - 1)
     inside = (i > 0) & (i < len(w) - 2)

@@ -34,10 +34,7 @@ class Usual:
     #: and standard deviation; UIUC propeller data site, pitch over diameter 0.5 to 0.8
     CT0: tuple[float, float] = (0.10, 0.06)
     CT1: tuple[float, float] = (-0.10, 0.06)
-    CT2: tuple[float, float] = (
-        0.0,
-        0.1,
-    )  #: also for an engine whose thrust is not by the square of the throttle
+    CT2: tuple[float, float] = (0.0, 0.1)  #: of engines too whose thrust is not by the square of the throttle
     lift_over_drag: float = 8.0  #: of the whole airplane, within a factor of two
     throttle: float = 0.6  #: in steady flight, where there is no log
     jet: float = 0.4  #: static thrust over weight

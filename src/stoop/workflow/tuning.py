@@ -74,11 +74,8 @@ def tune(
     speeds = [0.0] if firmware.rotors else np.linspace(*domain.airspeed, SPEEDS).tolist()
     found = []
     for speed in speeds:
-        ratio = firmware.airspeed_ratio(values, speed) if firmware.airspeed_ratio else 1.0
-        loops = {
-            a: AxisLoop(laws[a], firmware.attitude_gain(values, a, firmware.rotors), ratio)
-            for a in commands.axes
-        }
+        ratio = firmware.airspeed_ratio(values, speed)
+        loops = {a: AxisLoop(laws[a], firmware.attitude_gain(values, a), ratio) for a in commands.axes}
         point = trim(vehicle, speed or None, domain.altitude)
         found += judge(plants_of(vehicle, point, drawn, commands), loops, speed)
     lacks = tuple(dict.fromkeys(text for law in laws.values() for text in law.lacks))

@@ -61,6 +61,8 @@ def scan_delays(vehicle: Vehicle, pieces: Sequence[Piece], columns: Sequence[int
     delays = np.asarray(dt * np.arange(round(LONGEST / dt) + 1), dtype=np.float64)
     recorded = np.concatenate([np.isfinite(piece.whole) for piece in pieces]).mean(axis=0) > PRESENT
     states = [c for c in STATES if c in vehicle.outputs and recorded[vehicle.outputs.index(c)]]
+    if not set(RATES) & set(states):
+        return None
     parts = [part for piece in pieces for part in _regressions(vehicle, piece, columns, delays, states)]
     if not parts or not any(part[2].size for part in parts):
         return None
@@ -82,8 +84,6 @@ def _regressions(
     """Yield smoothed accelerations (n, r), other regressors (n, k), and commands of each delay (m, n, c) of a piece."""
     readings = dict(zip(vehicle.outputs, piece.whole.T, strict=True))
     rates = [c for c in RATES if c in states]
-    if not rates:
-        return
     measured = np.column_stack([readings[c] for c in states])
     others = [i for i in range(len(vehicle.recorded)) if i not in set(columns)]
     commands = lagged_inputs(vehicle, piece, columns)
