@@ -45,9 +45,10 @@ class App:
 
 
 def start_app(folder: Path, *words: str, cwd: Path | None = None) -> App:
+    buffered = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
     process = subprocess.Popen(
         [sys.executable, "-m", "stoop", "app", *words, "--folder", str(folder), "--no-browser"],
-        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=cwd,
+        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=cwd, env=buffered,
     )  # fmt: skip
     assert process.stdout is not None
     lines = []

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import sys
 from pathlib import Path
 from typing import Final
 
 from stoop.base.extras import install
+from stoop.base.streams import flush_or_discard
 from stoop.base.text import show
 from stoop.cli.page import page
 from stoop.errors import StoopError
@@ -43,5 +45,6 @@ def run(arguments: argparse.Namespace) -> int:
     if not arguments.no_browser and not open_address(server.address):
         out.line("no browser was found: copy the address above into one on this machine")
     out.line("Ctrl-C ends the app; runs go on, and the same command shows them again")
+    flush_or_discard(sys.stdout)  # of a pipe, which would keep the address until the app ends
     server.run()
     return 0
