@@ -31,7 +31,7 @@ BUDGETS = {
     "assessment": 6500,
     "base": 2370,
     "checks": 3010,
-    "cli": 3150,
+    "cli": 3250,
     "control_laws": 1200,
     "estimate": 7535,
     "exporters": 7655,
@@ -53,7 +53,7 @@ BUDGETS = {
     "tuning": 1200,
     "vehicle": 3640,
     "vehicle_draft": 3350,
-    "workflow": 4090,
+    "workflow": 4200,
 }
 #: modules that an allowed import cycle goes through, imports in functions counted: registries that name their entries
 REGISTRIES = {"stoop.optimize.registry", "stoop.vehicle.vehicle", "stoop.workflow.fitted_model"}

@@ -1,21 +1,32 @@
-"""`stoop tune`: margins of the gains that flew, around an identified model."""
+"""`stoop tune`: margins of the gains that flew, around an identified model, and better gains."""
 
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from itertools import groupby
+from typing import TYPE_CHECKING
 
 from stoop.base.text import show
-from stoop.cli.page import numbers, page, to_json, words
+from stoop.cli.page import Page, fixed, numbers, page, to_json, words
 from stoop.cli.progress import LiveLine
 from stoop.cli.propagate import airspeeds_of
 
+if TYPE_CHECKING:
+    from stoop.tuning.judgment import AxisMargins
+    from stoop.tuning.proposal import Proposal
+
 
 def run(arguments: argparse.Namespace) -> int:
-    """Judge and print."""
+    """Judge, propose where asked to, and print."""
+    from stoop.tuning.gain_search import Specification
+    from stoop.tuning.proposal import check_proposal
     from stoop.workflow.tuning import tune
 
     airspeed = airspeeds_of(arguments.airspeed)
+    wanted = Specification(
+        arguments.gain_margin, arguments.phase_margin, arguments.disk_margin, arguments.noise
+    )
     with LiveLine("judging the loops"):
         found = tune(
             arguments.result,
@@ -25,14 +36,33 @@ def run(arguments: argparse.Namespace) -> int:
             arguments.seed,
             arguments.source,
         )
+    better = None
+    if arguments.output is not None:
+        asked = (arguments.overwrite, arguments.anyway)
+        check_proposal(arguments.output, found.design.firmware, found.against, *asked)
+        with LiveLine("searching gains"):
+            better = found.propose(wanted)
+        files = better.save(arguments.output, *asked)
     if arguments.json:
-        show(to_json(found.document()))
+        proposed = {"proposal": better.document()} if better else {}
+        show(to_json({**found.document(), **proposed}))
         return 0
     out = page()
     out.line(
         f"{found.firmware}: loops at each actuator, the others closed; {found.count} draws from the {found.source}"
     )
-    for (axis, speed), same in groupby(found.axes, lambda one: (one.axis, one.airspeed)):
+    _margins(out, found.axes)
+    out.bullets(found.notices, "What they rest on")
+    if better:
+        _proposal(out, better)
+        out.line()
+        for path in files:
+            out.line(f"parameters: {path}")
+    return 0
+
+
+def _margins(out: Page, axes: Sequence[AxisMargins]) -> None:
+    for (axis, speed), same in groupby(axes, lambda one: (one.axis, one.airspeed)):
         own = next(same)
         figures = own.figures()
         out.heading(f"{axis}, {speed:.4g} m/s" if speed else f"{axis}, hover")
@@ -43,5 +73,31 @@ def run(arguments: argparse.Namespace) -> int:
         out.table(words("", list(figures)), *columns, words("", [unit for unit, _ in figures.values()]))
         if own.stable < 1.0:
             out.line(f"unstable in {100.0 * (1.0 - own.stable):.2g} % of the draws")
-    out.bullets(found.notices, "What they rest on")
-    return 0
+
+
+def _proposal(out: Page, better: Proposal) -> None:
+    """Print old and new values, and what trial flights on the way there must show."""
+    out.heading("Proposed gains")
+    flown, proposed = zip(*better.changes.values(), strict=True)
+    out.table(
+        words("parameter", list(better.changes)), numbers("flown", flown), numbers("proposed", proposed)
+    )
+    out.heading("Trial flights")
+    rows = better.trials()
+    out.table(
+        fixed("% of the way", [row["share"] for row in rows], 0),
+        words("axis", [row["axis"] for row in rows]),
+        *(
+            numbers(head, [row[head] for row in rows])
+            for head in ("gain margin", "phase margin", "disk margin", "rejection")
+        ),
+        numbers("watch near", [row["watch"] for row in rows]),
+        words("", ["rad/s"] * len(rows)),
+    )
+    out.line(
+        "Margins (dB, deg, dB) are the 5 % of the draws at the worst airspeed. Fly each file in calm air at height, with a step "
+        "about each axis; go on when it settles as predicted. Stop, and fly the file before, where a rate swings on near the "
+        "frequency to watch, or motors and servos grow warm."
+    )
+    out.bullets(better.limited)
+    out.bullets(better.against, "Written all the same")

@@ -84,6 +84,16 @@ def old_plane(values: Mapping[str, float], axis: str, density_ratio: float = 1.0
     return _sensed(own, RateLaw(axis, _loop_rate(own, 50.0), terms))
 
 
+def plane_gains(axis: str) -> dict[str, str]:
+    """Return the parameters of a plane that set its gains about an axis, by term."""
+    return {n: PLANE[axis].format(n) for n in ("P", "I", "D", "FF")}
+
+
+def copter_gains(axis: str) -> dict[str, str]:
+    """Return the parameters of a copter that set its gains about an axis, by term."""
+    return {n: COPTER[axis].format(n) for n in "PID"}
+
+
 def _pid(
     own: Parameters, axis: str, pattern: str, gains: Mapping[str, float], unit: float, forward: float, power: int, rate: float,
 ) -> RateLaw:  # fmt: skip

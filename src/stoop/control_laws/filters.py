@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import reduce
+from functools import cache, reduce
 from typing import Final, Self
 
 import numpy as np
@@ -78,6 +78,7 @@ def low_pass(cutoff: float, rate: float) -> Filter:
     return Filter((alpha,), (1.0, alpha - 1.0))
 
 
+@cache
 def butterworth(cutoff: float, rate: float) -> Filter:
     """Return the second-order Butterworth low-pass by the bilinear transform, prewarped; nothing for a cutoff of zero.
 
@@ -95,6 +96,7 @@ def butterworth(cutoff: float, rate: float) -> Filter:
     return Filter.of(*butter(2, below_nyquist(cutoff, rate), fs=rate))
 
 
+@cache
 def notch(frequency: float, bandwidth: float, rate: float) -> Filter:
     """Return the second-order notch, 3 dB down over its bandwidth; nothing for a frequency or bandwidth of zero.
 

@@ -11,6 +11,8 @@ from stoop.control_laws import ardupilot, betaflight, crazyflie, px4
 from stoop.control_laws.rate_law import AXES, RateLaw
 from stoop.errors import StoopError
 
+PARM: Final = ("gains.parm", "{name},{value:.9g}\n")
+
 
 @dataclass(frozen=True)
 class Firmware:
@@ -26,14 +28,28 @@ class Firmware:
     airspeed_ratio: Callable[[Mapping[str, float], float], float] = lambda *_: 1.0
     #: of rotors, by position and turning
     mixing: Callable[[FloatArray, FloatArray], FloatArray] | None = None
+    #: parameters that set the gains of the rate loop about an axis, by term
+    gains: Callable[[str], Mapping[str, str]] = lambda _: {}
+    #: name of a file of parameters in the autopilot's own form, and a line of it
+    file: tuple[str, str] = ("gains.params", "1\t1\t{name}\t{value:.9g}\t9\n")
 
 
 LAWS: Final = (
-    Firmware("PX4 multicopter", "MC_ROLLRATE_P", True, px4.multicopter, px4.multicopter_attitude, mixing=px4.mixing),
-    Firmware("PX4 fixed wing", "FW_RR_P", False, px4.fixed_wing, px4.fixed_wing_attitude, airspeed_ratio=px4.airspeed_ratio),
-    Firmware("ArduCopter", "ATC_RAT_RLL_P", True, ardupilot.copter, ardupilot.copter_attitude),
     Firmware(
-        "ArduPlane", "RLL_RATE_P", False, ardupilot.plane, ardupilot.plane_attitude, airspeed_ratio=ardupilot.airspeed_ratio
+        "PX4 multicopter", "MC_ROLLRATE_P", True, px4.multicopter, px4.multicopter_attitude,
+        mixing=px4.mixing, gains=px4.multicopter_gains,
+    ),
+    Firmware(
+        "PX4 fixed wing", "FW_RR_P", False, px4.fixed_wing, px4.fixed_wing_attitude,
+        airspeed_ratio=px4.airspeed_ratio, gains=px4.fixed_wing_gains,
+    ),
+    Firmware(
+        "ArduCopter", "ATC_RAT_RLL_P", True, ardupilot.copter, ardupilot.copter_attitude,
+        gains=ardupilot.copter_gains, file=PARM,
+    ),
+    Firmware(
+        "ArduPlane", "RLL_RATE_P", False, ardupilot.plane, ardupilot.plane_attitude,
+        airspeed_ratio=ardupilot.airspeed_ratio, gains=ardupilot.plane_gains, file=PARM,
     ),
     Firmware(
         "ArduPlane before 4.1", "RLL2SRV_P", False, ardupilot.old_plane, ardupilot.plane_attitude, ("roll", "pitch"),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
@@ -29,7 +29,7 @@ from stoop.tuning.loops import (
     return_difference,
     stable,
 )
-from stoop.tuning.margins import Margins, margins
+from stoop.tuning.margins import Margins, joined, margins, rms_of_noise
 from stoop.vehicle import Vehicle
 from stoop.vehicle_draft.autopilot import read_setup
 
@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 PERCENTILES: Final = (5, 50, 95)
+LANES: Final = 100  #: models at once, whose responses the caches of a processor hold
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,12 +48,13 @@ class AxisMargins:
     airspeed: float  #: m/s; zero in a hover
     margins: Margins
     stable: float  #: share of the draws whose loops are stable together
+    noise: FloatArray  #: rms of the command that the noise of its gyro causes, share of a full one (1 + d,); NaN where unknown
 
-    def figures(self) -> dict[str, tuple[str, dict[str, float]]]:
-        """Return unit, estimate and percentiles 5, 50 and 95 of each figure, as engineers read them."""
+    def values(self) -> dict[str, tuple[str, FloatArray]]:
+        """Return unit and values (1 + d,) of each figure, as engineers read them."""
         own = self.margins
         with np.errstate(divide="ignore"):
-            values = {
+            return {
                 "gain margin": ("dB", 20.0 * np.log10(own.gain)),
                 "phase margin": ("deg", np.degrees(own.phase)),
                 "delay margin": ("s", own.delay),
@@ -60,9 +62,15 @@ class AxisMargins:
                 "crossover": ("rad/s", own.crossover),
                 "rejection": ("rad/s", own.rejection),
                 "peak": ("dB", 20.0 * np.log10(own.peak)),
+                "noise": ("%", 100.0 * self.noise),
             }
+
+    def figures(self) -> dict[str, tuple[str, dict[str, float]]]:
+        """Return unit, estimate and percentiles 5, 50 and 95 of each figure; those that nobody knows are left out."""
         out = {}
-        for name, (unit, x) in values.items():
+        for name, (unit, x) in self.values().items():
+            if np.isnan(x).all():
+                continue
             drawn = np.sort(x[1:]) if len(x) > 1 else x
             spread = {f"p{p}": float(drawn[round(0.01 * p * (len(drawn) - 1))]) for p in PERCENTILES}
             out[name] = unit, {"estimate": float(x[0]), **spread}
@@ -190,20 +198,57 @@ class LoopMargins:
         }  # fmt: skip
 
 
-def judge(plants: Plants, loops: Mapping[str, AxisLoop], airspeed: float) -> list[AxisMargins]:
-    """Return the margins of loops by axis around models; the commands of `plants` are those about the axes of `loops`."""
-    own = list(loops.values())
-    frequency = frequencies(own)
-    difference = return_difference(motion(plants, frequency), own, frequency)
-    holds = stable(plants, own)
-    if not holds[0]:
-        at = f"at {airspeed:.4g} m/s " if airspeed else ""
-        raise StoopError(
-            f"tune: {at}the loops of {', '.join(loops)} are unstable with these gains around this model, but flew: "
-            "model, gains or delays are not those of the flight"
-        )
-    share = float(np.mean(holds[1:])) if len(holds) > 1 else 1.0
+@dataclass(frozen=True, eq=False)
+class Condition:
+    """Linear models about one airspeed, at the estimates and then of draws."""
+
+    airspeed: float  #: m/s; zero in a hover
+    ratio: float  #: of trim airspeed to airspeed, as the firmware scales its law
+    plants: Plants
+
+    @property
+    def place(self) -> str:
+        """Where it is, as messages say it."""
+        return f"at {self.airspeed:.4g} m/s" if self.airspeed else "in hover"
+
+
+def judge(
+    condition: Condition, loops: Mapping[str, AxisLoop], noise: Mapping[str, float]
+) -> list[AxisMargins]:
+    """Return the margins of loops by axis around models; the commands of the models are those about the axes of `loops`.
+
+    Parameters
+    ----------
+    noise : power spectral density of each axis' gyro, (rad/s)^2/Hz, one-sided
+    """
+    own, plants = list(loops.values()), condition.plants
+    frequency, count = frequencies(own), len(condition.plants.A)
+    found: list[list[Margins]] = [[] for _ in own]
+    noises, holds = np.empty((len(own), count)), np.empty(count, dtype=bool)
+    for begin in range(0, count, LANES):
+        lanes = slice(begin, begin + LANES)
+        part = plants.part(lanes)
+        holds[lanes] = stable(part, own)
+        returned = opened(return_difference(motion(part, frequency), own, frequency))
+        for i, (axis, loop) in enumerate(loops.items()):
+            found[i].append(margins(frequency, returned[i]))
+            density = noise.get(axis, np.nan)
+            noises[i, lanes] = rms_of_noise(
+                frequency, loop.law.feedback(frequency, loop.scale), returned[i], density
+            )
+    share = float(np.mean(holds[1:])) if count > 1 else float(holds[0])
     return [
-        AxisMargins(axis, airspeed, margins(frequency, loop).where(holds), share)
-        for axis, loop in zip(loops, opened(difference), strict=True)
+        AxisMargins(
+            axis, condition.airspeed, joined(found[i]).where(holds), share, np.where(holds, noises[i], np.inf)
+        )
+        for i, axis in enumerate(loops)
     ]
+
+
+def require_stable(condition: Condition, judged: Sequence[AxisMargins]) -> None:
+    """Refuse loops that are unstable at the estimates: they cannot have flown."""
+    if not judged[0].margins.gain[0] > 1.0:
+        raise StoopError(
+            f"tune: {condition.place} the loops of {', '.join(one.axis for one in judged)} are unstable with these gains "
+            "around this model, but flew: model, gains or delays are not those of the flight"
+        )

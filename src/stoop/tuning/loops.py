@@ -12,7 +12,7 @@ References
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Final
 
@@ -57,6 +57,10 @@ class Plants:
     B: FloatArray  #: (d, n, n_u)
     delays: FloatArray  #: (d, n_u), s
 
+    def part(self, lanes: slice) -> Plants:
+        """Return some of the vehicles."""
+        return replace(self, A=self.A[lanes], B=self.B[lanes], delays=self.delays[lanes])
+
     @cached_property
     def modes(self) -> tuple[ComplexArray, ComplexArray]:
         """Eigenvalues (d, n) and eigenvectors (d, n, n) of A."""
@@ -70,54 +74,61 @@ def frequencies(loops: Sequence[AxisLoop]) -> FloatArray:
 
 
 def motion(plants: Plants, frequency: Frequencies) -> dict[str, ComplexArray]:
-    """Return the responses (d, m, n_u) of rates and attitude angles to commands about the axes."""
+    """Return the responses (d, n_u, m) of rates and attitude angles to commands about the axes."""
     names = plants.states
     wanted = [n for axis in AXES for n in MOTION[axis] if n in names]
     rows = [names.index(n) for n in wanted]
     values, vectors = plants.modes
-    s = 1j * frequency[:, None]
+    s = 1j * frequency
+    count, _, inputs = plants.B.shape
+    found = np.empty((count, len(rows), inputs, len(s)), dtype=complex)
+    delays, group = np.unique(plants.delays, axis=1, return_inverse=True)
+    late = [
+        np.exp(-s * delays[:, [k]]) for k in range(delays.shape[1])
+    ]  # (d, m), most often one for all inputs
     if np.max(np.linalg.cond(vectors)) < CONDITION:
         into = np.linalg.solve(vectors, plants.B.astype(complex))
-        gains = 1.0 / (s - values[:, None, :])
-        found = np.einsum("dyn,dmn,dnu->dmyu", vectors[:, rows], gains, into, optimize=True)
+        for k, own in enumerate(late):
+            of = np.flatnonzero(group.ravel() == k)
+            weights = vectors[:, rows, None] * into.swapaxes(1, 2)[:, None, of]  # d, y, u, n
+            gains = own[:, None] / (s - values[:, :, None])
+            flat = weights.reshape(count, -1, len(names)) @ gains
+            found[:, :, of] = flat.reshape(count, len(rows), len(of), len(s))
     else:
-        matrices = s[:, :, None] * np.eye(len(names)) - plants.A[:, None]
-        found = np.linalg.solve(matrices, plants.B[:, None].astype(complex))[:, :, rows]
-    late = np.exp(-s * plants.delays[:, None, :])
-    return {n: found[:, :, i] * late for i, n in enumerate(wanted)}
+        matrices = s[:, None, None] * np.eye(len(names)) - plants.A[:, None]
+        solved = np.linalg.solve(matrices, plants.B[:, None].astype(complex))[:, :, rows]
+        found[:] = np.moveaxis(solved, 1, 3) * np.stack(late, axis=1)[:, None, group.ravel()]
+    return {n: found[:, i] for i, n in enumerate(wanted)}
 
 
 def return_difference(
     moves: Mapping[str, ComplexArray], loops: Sequence[AxisLoop], frequency: Frequencies
 ) -> ComplexArray:
-    """Return F = I + K P (d, m, n, n); the inputs of `moves` are those of the loops, in their order."""
-    rows = [
-        sum((k[:, None] * moves[n] for n, k in loop.feedback(frequency).items()), np.zeros(1))
-        for loop in loops
-    ]
-    return np.asarray(np.eye(len(loops)) + np.stack(rows, axis=2))
+    """Return F = I + K P (d, n, n, m); the inputs of `moves` are those of the loops, in their order."""
+    rows = [sum((k * moves[n] for n, k in loop.feedback(frequency).items()), np.zeros(1)) for loop in loops]
+    return np.asarray(np.eye(len(loops))[:, :, None] + np.stack(rows, axis=1))
 
 
 def opened(difference: ComplexArray) -> ComplexArray:
     """Return L (n, d, m) at each actuator, the others closed."""
-    whole, n = _determinant(difference), difference.shape[-1]
+    whole, n = _determinant(difference), difference.shape[1]
     out = []
     for i in range(n):
         others = [k for k in range(n) if k != i]
-        out.append(whole / _determinant(difference[..., others, :][..., others]) - 1.0)
+        out.append(whole / _determinant(difference[:, others][:, :, others]) - 1.0)
     return np.array(out)
 
 
 def _determinant(matrices: ComplexArray) -> ComplexArray:
-    """Return the determinants (...) of small matrices (..., n, n), by expansion along the first row."""
-    n = matrices.shape[-1]
+    """Return the determinants (d, m) of small matrices (d, n, n, m), by expansion along the first row."""
+    n = matrices.shape[1]
     if n == 0:
-        return np.ones(matrices.shape[:-2], dtype=complex)
+        return np.ones((1, 1), dtype=complex)
     if n == 1:
-        return matrices[..., 0, 0]
+        return matrices[:, 0, 0]
     columns = [[k for k in range(n) if k != i] for i in range(n)]
-    minors = [_determinant(matrices[..., 1:, :][..., kept]) for kept in columns]
-    return np.asarray(sum((-1) ** i * matrices[..., 0, i] * minors[i] for i in range(n)))
+    minors = [_determinant(matrices[:, 1:][:, :, kept]) for kept in columns]
+    return np.asarray(sum((-1) ** i * matrices[:, 0, i] * minors[i] for i in range(n)))
 
 
 def stable(plants: Plants, loops: Sequence[AxisLoop]) -> BoolArray:

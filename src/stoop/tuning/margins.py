@@ -18,7 +18,8 @@ References
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
 from typing import Final
 
 import numpy as np
@@ -43,6 +44,10 @@ class Margins:
     #: rad/s, lowest frequency from which a disturbance at the actuator is reduced by less than 3 dB; NaN where it always is
     rejection: FloatArray
     peak: FloatArray  #: largest factor by which a disturbance at the actuator grows
+    slow: FloatArray  #: factor by which a disturbance at the lowest frequency remains
+    limit: (
+        FloatArray  #: rad/s, at which a disturbance grows most: there a loop with more gain or delay swings
+    )
 
     def where(self, stable: BoolArray) -> Margins:
         """Return the margins with none left where loops (d,) are unstable."""
@@ -96,7 +101,33 @@ def margins(frequency: FloatArray, loop: ComplexArray) -> Margins:
     lowest = _least(count, of, at)
     rejection = np.where(np.isfinite(lowest) & (difference[:, 0] > np.log(2.0) / 2.0), np.exp(lowest), np.nan)
     peak = 1.0 / np.sqrt(_lowest(np.abs(1.0 + loop) ** 2))
-    return Margins(up, down, phase, delay, disk, crossover, rejection, peak)
+    slow, limit = np.exp(-difference[:, 0]), frequency[np.argmin(difference, axis=1)]
+    return Margins(up, down, phase, delay, disk, crossover, rejection, peak, slow, limit)
+
+
+def rms_of_noise(
+    frequency: FloatArray, feedback: ComplexArray, loop: ComplexArray, density: float
+) -> FloatArray:
+    """Return the rms (d,) of the command that white noise of the sensor of a loop causes.
+
+    Parameters
+    ----------
+    frequency : (m,) rising, rad/s
+    feedback : (m,) command over reading
+    loop : (d, m) L(jw)
+    density : of the noise, one-sided, the reading's unit squared per Hz
+    """
+    power = np.abs(feedback / (1.0 + loop)) ** 2
+    return np.asarray(
+        np.sqrt(density / (2.0 * np.pi) * (0.5 * (power[:, 1:] + power[:, :-1]) @ np.diff(frequency)))
+    )
+
+
+def joined(parts: Sequence[Margins]) -> Margins:
+    """Return the margins of some loops and then of others."""
+    return Margins(
+        **{f.name: np.concatenate([getattr(one, f.name) for one in parts]) for f in fields(Margins)}
+    )
 
 
 def _least(count: int, of: IntArray, values: FloatArray) -> FloatArray:
@@ -141,4 +172,4 @@ def _lowest(values: FloatArray) -> FloatArray:
     bend = before - 2.0 * low + after
     with np.errstate(divide="ignore", invalid="ignore"):
         bottom = low - (after - before) ** 2 / (8.0 * bend)
-    return np.asarray(np.where((i == inside) & (bend > 0.0), bottom, values[rows, i]))
+    return np.asarray(np.where((i == inside) & (bend > 0.0) & (bottom > 0.0), bottom, values[rows, i]))

@@ -1,21 +1,27 @@
-"""Margins of the gains that flew, in one call: parameters from the log, loops at the airspeeds of the fitted maneuvers."""
+"""Margins of the gains that flew, and better gains, in one call each: parameters from the log, loops at the airspeeds flown."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 
 from stoop.assessment.draws import POSTERIOR_FILE, Source, draws_of
-from stoop.base.notices import notice
+from stoop.base.notices import Notice, notice
 from stoop.control_laws.parameters import read_parameters
+from stoop.control_laws.rate_law import AXES
 from stoop.control_laws.table import Firmware, firmwares
 from stoop.errors import StoopError
+from stoop.flight import Flight
+from stoop.flight.spectra import power_spectra
 from stoop.simulation import trim
-from stoop.tuning.judgment import LoopMargins, commands_of, judge, plants_of
-from stoop.tuning.loops import AxisLoop
+from stoop.tuning.gain_search import Design, Specification
+from stoop.tuning.judgment import AxisMargins, Condition, LoopMargins, commands_of, plants_of, require_stable
+from stoop.tuning.loops import MOTION
+from stoop.tuning.proposal import Proposal, proposal
 from stoop.workflow.fitted_model import FittedModel
 from stoop.workflow.load import takes_model
 from stoop.workflow.propagation import flown_domain
@@ -23,6 +29,27 @@ from stoop.workflow.summary import refusal
 
 DRAWS: Final = 2000
 SPEEDS: Final = 3  #: airspeeds of a range
+NOISE_BAND: Final = 0.5  #: of half the recorded rate, above which a gyro shows noise alone
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class JudgedGains(LoopMargins):
+    """Margins of the gains that flew; better ones by :meth:`propose`."""
+
+    design: Design
+    against: tuple[Notice, ...]  #: why gains should not rest on this model
+
+    def propose(self, specification: Specification | None = None) -> Proposal:
+        """Search the gains of the highest rejection for which margins keep a specification over the draws.
+
+        Raises
+        ------
+        StoopError
+            No gains near those that flew keep it.
+        """
+        return proposal(
+            replace(self.design, specification=specification or Specification()), self.axes, self.against
+        )
 
 
 @takes_model
@@ -33,7 +60,7 @@ def tune(
     draws: int = DRAWS,
     seed: int = 0,
     source: Source | None = None,
-) -> LoopMargins:
+) -> JudgedGains:
     """Judge the gains that flew: margins of the rate and attitude loops of an autopilot around a fitted model.
 
     Each loop is opened at its actuator with the others closed. The law is that of the firmware whose parameters the log
@@ -54,8 +81,8 @@ def tune(
 
     Returns
     -------
-    LoopMargins
-        ``to_dataframe()`` has estimates and percentiles 5, 50 and 95 of the draws.
+    JudgedGains
+        ``to_dataframe()`` has estimates and percentiles 5, 50 and 95 of the draws; ``propose()`` better gains.
 
     Raises
     ------
@@ -72,16 +99,52 @@ def tune(
     drawn = draws_of(model.result, model.attachments.get(POSTERIOR_FILE), draws, seed, source, model.source)
     domain = flown_domain(model, airspeed)
     speeds = [0.0] if firmware.rotors else np.linspace(*domain.airspeed, SPEEDS).tolist()
-    found = []
+    conditions = []
     for speed in speeds:
-        ratio = firmware.airspeed_ratio(values, speed)
-        loops = {a: AxisLoop(laws[a], firmware.attitude_gain(values, a), ratio) for a in commands.axes}
-        point = trim(vehicle, speed or None, domain.altitude)
-        found += judge(plants_of(vehicle, point, drawn, commands), loops, speed)
-    lacks = tuple(dict.fromkeys(text for law in laws.values() for text in law.lacks))
-    notices = [*refusal(model.result, model.source), *drawn.notices]
-    notices += [notice("tune-law-lacks", firmware=firmware.title, features=lacks)] if lacks else []
-    return LoopMargins(firmware.title, tuple(found), len(drawn.values), drawn.source, tuple(notices))
+        plants = plants_of(vehicle, trim(vehicle, speed or None, domain.altitude), drawn, commands)
+        conditions.append(Condition(speed, firmware.airspeed_ratio(values, speed), plants))
+    design = Design(firmware, values, commands.axes, conditions, Specification(), gyro_noise(model.flights))
+    judged = design.judged(values)
+    for condition, own in zip(conditions, judged, strict=True):
+        require_stable(condition, own)
+    found = tuple(one for at in judged for one in at)
+    lacks = tuple(dict.fromkeys(text for a in commands.axes for text in laws[a].lacks))
+    lacking = [notice("tune-law-lacks", firmware=firmware.title, features=lacks)] if lacks else []
+    notices = (*refusal(model.result, model.source), *drawn.notices, *lacking)
+    against = (*_not_for_control(model), *_beyond_band(model, found), *lacking)
+    return JudgedGains(firmware.title, found, len(drawn.values), drawn.source, notices, design, against)
+
+
+def gyro_noise(flights: Sequence[Flight]) -> dict[str, float]:
+    """Return by axis the power spectral density of a gyro's noise, (rad/s)^2/Hz: above the motion, of the quietest flight."""
+    found: dict[str, float] = {}
+    for flight in flights:
+        rates = {MOTION[a][0]: a for a in AXES if MOTION[a][0] in flight.names}
+        for one in power_spectra(flight, list(rates)):
+            level = float(np.median(one.density[one.frequency > NOISE_BAND * one.frequency[-1]]))
+            axis = rates[one.name]
+            found[axis] = min(level, found.get(axis, level))
+    return found
+
+
+def _not_for_control(model: FittedModel) -> list[Notice]:
+    """Return the doubt of a verdict that does not trust the model for control design."""
+    verdict = model.result.verdict
+    refused = verdict.grade and "control design" not in verdict.justified
+    return [notice("tune-model-not-for-control", model.source)] if refused else []
+
+
+def _beyond_band(model: FittedModel, found: Sequence[AxisMargins]) -> list[Notice]:
+    """Return the axes whose loops cross where the flight no longer shows how the vehicle answers."""
+    out = []
+    for axis in AXES:
+        known = [one.high for one in model.result.response_misfits if one.output == MOTION[axis][0]]
+        crossover = max(
+            (float(np.nan_to_num(m.margins.crossover[0])) for m in found if m.axis == axis), default=0.0
+        )
+        if known and crossover > max(known):
+            out.append(notice("tune-beyond-band", axis=axis, crossover=crossover, band=max(known)))
+    return out
 
 
 def _firmware(parameters: Mapping[str, float], rotors: bool) -> Firmware:

@@ -20,6 +20,14 @@ GAINS = {
     "FW_RR_P": 0.1, "FW_RR_I": 0.1, "FW_RR_FF": 0.3, "FW_PR_P": 0.2, "FW_PR_I": 0.2, "FW_PR_FF": 0.3, "FW_YR_P": 0.1,
     "FW_AIRSPD_TRIM": 35.0, "FW_AIRSPD_MAX": 50.0, "FW_AIRSPD_MIN": 20.0,
 }  # fmt: skip
+FLOWN = GAINS | {
+    "FW_RR_P": 0.4,
+    "FW_RR_I": 0.3,
+    "FW_PR_P": 0.8,
+    "FW_PR_I": 0.6,
+    "FW_YR_P": 0.3,
+    "FW_PR_FF": 1.0,
+}
 THROW = {"elevator": ("pitch", -0.35), "aileron": ("roll", 0.35), "rudder": ("yaw", -0.35)}
 
 
@@ -30,15 +38,24 @@ def demo(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@pytest.fixture(scope="module")
-def commanded(demo: Path) -> FittedModel:
+def moved_by_commands(demo: Path, servo: str = "") -> FittedModel:
     """Return the demonstration with the commands of an autopilot as the channels of its surfaces."""
     model = stoop.load(demo)
     text = model.vehicle.text
     text = text.replace('reduce = "longitudinal"', 'reduce = "full"')
     for surface, (axis, throw) in THROW.items():
-        text += f"\n[controls.{surface}]\nmix = {{ control_{axis} = {throw} }}\n"
+        text += f"\n[controls.{surface}]\nmix = {{ control_{axis} = {throw} }}\n{servo}"
     return replace(model, vehicle=parse_vehicle(text, "commanded"))
+
+
+@pytest.fixture(scope="module")
+def commanded(demo: Path) -> FittedModel:
+    return moved_by_commands(demo)
+
+
+@pytest.fixture(scope="module")
+def with_servos(demo: Path) -> FittedModel:
+    return moved_by_commands(demo, "lag = 0.05\ndelay = 0.03\n")
 
 
 def test_margins_shrink_with_gains_and_bands_hold_the_estimates(commanded: FittedModel) -> None:
@@ -71,6 +88,39 @@ def test_the_example_of_the_page(commanded: FittedModel) -> None:
         *numbers, printed = line.removeprefix(name).split()
         assert printed == unit
         assert [float(x) for x in numbers] == pytest.approx(list(spread.values()), rel=2e-3)
+
+
+def test_the_proposal_of_the_page(
+    with_servos: FittedModel, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    page = (Path(__file__).parents[3] / "docs" / "tune.md").read_text(encoding="utf-8")
+    gains = tmp_path / "gains.parm"
+    gains.write_text("".join(f"{n},{x}\n" for n, x in FLOWN.items()), encoding="utf-8")
+    with_servos.save(tmp_path / "result")
+    command = [
+        "tune",
+        str(tmp_path / "result"),
+        str(gains),
+        "--airspeed",
+        "33:38",
+        "-o",
+        str(tmp_path / "tuned"),
+    ]
+    assert main(command) == 0
+    printed = capsys.readouterr().out
+    shown, said = (
+        [line.split() for line in text.partition("Proposed gains\n")[2].splitlines()]
+        for text in (page, printed)
+    )
+    for line, found in zip(shown[:22], said, strict=False):
+        assert len(line) == len(found)
+        for word, other in zip(line, found, strict=True):
+            same = word == other or float(word) == pytest.approx(float(other), rel=0.02)
+            assert same, (line, found)
+    written = read_parameters(tmp_path / "tuned" / "gains-100.params")
+    assert set(written) == {n for n in FLOWN if n.startswith(("FW_RR", "FW_PR", "FW_YR"))}
+    assert main(command) == 2
+    assert "exists already" in capsys.readouterr().err
 
 
 def test_gains_that_cannot_have_flown_are_refused(commanded: FittedModel) -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from stoop.control_laws import px4
 from stoop.control_laws.table import firmwares
-from stoop.tuning.judgment import commands_of, judge
+from stoop.tuning.judgment import Condition, commands_of, judge
 from stoop.tuning.loops import AxisLoop, Plants
 from stoop.vehicle.document import with_entries
 from stoop_studies.verify import scenes
@@ -46,7 +46,8 @@ def test_a_draw_with_unstable_loops_has_no_margin() -> None:
     A = np.array([[[-4.0, 30.0, 0.0], [0.0, -15.0, 0.0], [1.0, 0.0, 0.0]]] * 2)
     B = np.array([[[0.0], [15.0], [0.0]], [[0.0], [-15.0], [0.0]]])
     plants = Plants(("p", "aileron.lag", "phi"), A, B, np.zeros((2, 1)))
-    found = judge(plants, {"roll": AxisLoop(px4.fixed_wing(WING, "roll"), 2.5)}, 20.0)[0]
+    loops = {"roll": AxisLoop(px4.fixed_wing(WING, "roll"), 2.5)}
+    found = judge(Condition(20.0, 1.0, plants), loops, {})[0]
     assert found.stable == 0.0
     figures = found.figures()
     assert figures["gain margin"][1]["estimate"] > 0.0

@@ -1,0 +1,250 @@
+"""Search of the gains that reject disturbances best while the margins hold over the uncertainty of a model.
+
+About each axis in turn, the others closed, P, I and D are those of the highest rejection, at the airspeed where it is lowest, for
+which every margin of every axis and the noise keep a specification: a search over the logarithms of the parameters, by linear
+approximations of the constraints [1]_. It is done at the estimates, with the specification raised by what the 5th percentile of
+the draws was below the estimate at the gains before; a few rounds settle that difference. FF makes the rate of a fixed wing
+follow its setpoint at the frequency of the attitude loop, whose gain stays as it flew.
+
+References
+----------
+.. [1] M. J. D. Powell, "A direct search optimization method that models the objective and constraint functions by linear
+   interpolation", in Advances in Optimization and Numerical Analysis, 1994.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import Final
+
+import numpy as np
+from scipy.optimize import NonlinearConstraint, minimize
+
+from stoop.base.arrays import FloatArray
+from stoop.control_laws.rate_law import SETPOINT
+from stoop.control_laws.table import Firmware
+from stoop.errors import StoopError
+from stoop.tuning.judgment import AxisMargins, Condition, judge
+from stoop.tuning.loops import MOTION, SLOWEST, AxisLoop, motion
+
+FARTHEST: Final = 10.0  #: factor by which a gain moves at most
+FEW: Final = 400  #: draws, of which the percentiles of most rounds are
+ROUNDS: Final = 6  #: of the search, each with the percentiles of the last
+GRID: Final = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 9.0)  #: factors of each gain, with which the search begins
+SWEEPS: Final = 2  #: over the axes
+STEP: Final = 0.4  #: first of the search, of a logarithm
+TOLERANCE: Final = 1e-3
+MOST: Final = 300  #: trials of a search
+INTEGRAL_SHARE: Final = (
+    0.5  #: least of I over P, of that ratio in flight: what holds the trim is not given up for bandwidth
+)
+SLACK: Final = 0.005  #: share of a specification that rounding may miss
+SETTLED: Final = 0.02  #: change of the difference between estimates and percentile, share of a specification
+RATE_TERMS: Final = ("P", "I", "D")
+DIGITS: Final = 4  #: of a gain
+BACK_OFF: Final = 0.95  #: of the gains of an axis, as long as the last round misses a specification
+BACK_OFFS: Final = 60
+PLENTY: Final = 3.0  #: times a specification, from where more makes no difference
+
+
+@dataclass(frozen=True)
+class Specification:
+    """What the 5th percentile of every margin keeps, and the 95th of the noise, at every airspeed and about every axis.
+
+    Attributes
+    ----------
+    gain : dB (SAE AS94900)
+    phase : deg (SAE AS94900)
+    disk : dB, up and down, of the disk margin
+    noise : %, rms of the command that the noise of the gyro causes, of a full command
+    """
+
+    gain: float = 6.0
+    phase: float = 45.0
+    disk: float = 4.0
+    noise: float = 5.0
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            if not (math.isfinite(value) and value > 0.0):
+                raise StoopError(f"tune: the specification {name} = {value:g}: write a number above zero")
+
+    def shares(self, own: AxisMargins) -> FloatArray:
+        """Return by how much margins and noise exceed the specification, as shares of it (4, 1 + d)."""
+        found = own.values()
+        with np.errstate(invalid="ignore"):
+            kept = [
+                found[name][1] / limit - 1.0
+                for name, limit in (
+                    ("gain margin", self.gain),
+                    ("phase margin", self.phase),
+                    ("disk margin", self.disk),
+                )
+            ]
+            quiet = 1.0 - np.nan_to_num(found["noise"][1], posinf=100.0) / self.noise
+        return np.asarray(np.clip([*kept, quiet], -1.0, PLENTY))
+
+
+@dataclass(frozen=True, eq=False)
+class Design:
+    """Loops of a firmware around a model, and what they shall keep.
+
+    Attributes
+    ----------
+    flown : parameters that the search begins with
+    axes : those that the model has
+    conditions : with the draws of the model
+    noise : power spectral density of each axis' gyro, (rad/s)^2/Hz
+    """
+
+    firmware: Firmware
+    flown: Mapping[str, float]
+    axes: tuple[str, ...]
+    conditions: Sequence[Condition]
+    specification: Specification
+    noise: Mapping[str, float]
+
+    def loops(self, values: Mapping[str, float], condition: Condition) -> dict[str, AxisLoop]:
+        """Return the loops with some parameters at a condition."""
+        law, angle = self.firmware.law, self.firmware.attitude_gain
+        return {a: AxisLoop(law(values, a), angle(values, a), condition.ratio) for a in self.axes}
+
+    def judged(self, values: Mapping[str, float]) -> list[list[AxisMargins]]:
+        """Return the margins of every axis at every condition."""
+        return [judge(one, self.loops(values, one), self.noise) for one in self.conditions]
+
+    def left(self, values: Mapping[str, float], share: float = 0.05) -> tuple[FloatArray, FloatArray]:
+        """Return what is left of the specification (conditions, axes, 4): at the estimates, and as a percentile of the draws."""
+        found = np.array([[self.specification.shares(one) for one in at] for at in self.judged(values)])
+        drawn = np.sort(found[..., 1:], axis=-1) if found.shape[-1] > 1 else found
+        return found[..., 0], drawn[..., round(share * (drawn.shape[-1] - 1))]
+
+    def tuned(self, axis: str) -> dict[str, str]:
+        """Return the parameters of an axis that are searched, by term: a gain of zero stays zero."""
+        named = self.firmware.gains(axis)
+        return {t: named[t] for t in RATE_TERMS if t in named and self.flown.get(named[t], 0.0) > 0.0}
+
+    def part(self, count: int) -> Design:
+        """Return the design around the first models: one is that of the estimates."""
+        lanes = slice(0, count)
+        return replace(self, conditions=[replace(c, plants=c.plants.part(lanes)) for c in self.conditions])
+
+
+def propose(design: Design) -> dict[str, float]:
+    """Return the parameters that change, with their new values.
+
+    Raises
+    ------
+    StoopError
+        No gains near those that flew keep the specification.
+    """
+    own = {**design.flown, **_feedforward(design)}
+    central, raised = design.part(1), np.zeros(())
+    for axis in design.axes:
+        own |= _searched(central, own, axis, raised, GRID)
+    for sample in (design.part(FEW), design):
+        for _ in range(ROUNDS):
+            before = raised
+            for axis in design.axes * SWEEPS:
+                own |= _searched(central, own, axis, raised)
+            estimate, drawn = sample.left(own)
+            raised = np.maximum(estimate - drawn, 0.0)
+            if drawn.min() >= -SLACK and np.max(np.abs(raised - before)) < SETTLED:
+                break
+    for _ in range(BACK_OFFS):
+        missed = drawn.min(axis=(0, 2)) < -SLACK
+        if not missed.any():
+            return {name: value for name, value in own.items() if value != design.flown[name]}
+        for axis in (a for a, one in zip(design.axes, missed.tolist(), strict=True) if one):
+            own |= {n: rounded(BACK_OFF * own[n]) for n in design.tuned(axis).values()}
+        drawn = design.left(own)[1]
+    worst, about, _ = np.unravel_index(np.argmin(drawn), drawn.shape)
+    raise StoopError(
+        f"tune: {design.conditions[int(worst)].place} no gains keep the specification about {design.axes[int(about)]}: lower "
+        "it (--gain-margin, --phase-margin, --disk-margin, --noise), slow the attitude loop, or fly the maneuvers that the "
+        "verdict asks for"
+    )
+
+
+def _searched(
+    design: Design, values: Mapping[str, float], axis: str, raised: FloatArray, grid: Sequence[float] = ()
+) -> dict[str, float]:
+    """Return the parameters of an axis of the highest rejection, what is left of the specification being `raised` or more.
+
+    It begins with `values`, or with the best of a grid of factors of the gains that flew.
+    """
+    names = list(design.tuned(axis).values())
+    origin = np.log([values[n] / design.flown[n] for n in names])
+    place = design.axes.index(axis)
+
+    def parameters(x: FloatArray) -> dict[str, float]:
+        return {
+            n: rounded(design.flown[n] * math.exp(step)) for n, step in zip(names, x.tolist(), strict=True)
+        }
+
+    @cache
+    def trial(x: tuple[float, ...]) -> tuple[float, FloatArray]:
+        judged = design.judged({**values, **parameters(np.array(x))})
+        left = np.array([[design.specification.shares(one)[:, 0] for one in at] for at in judged])
+        rejection = min(_rejection(at[place]) for at in judged)
+        return -math.log(rejection), np.min(left - raised, axis=(0, 1))
+
+    bounds = [(-math.log(FARTHEST), math.log(FARTHEST))] * len(names)
+    tuned = design.tuned(axis)
+    rate = [names.index(tuned[term]) for term in ("P", "I") if term in tuned]
+
+    def kept(x: FloatArray) -> FloatArray:
+        ratio = x[rate[1]] - x[rate[0]] if len(rate) > 1 else 0.0
+        return np.append(trial(tuple(x.tolist()))[1], ratio - math.log(INTEGRAL_SHARE))
+
+    def quality(x: FloatArray) -> tuple[float, float]:
+        return min(0.0, float(kept(x).min())), -trial(tuple(x.tolist()))[0]
+
+    starts = [origin, *(np.log(x) for x in itertools.product(grid, repeat=len(names)))]
+    found = minimize(  # type: ignore[call-overload]  # its stubs know no options of COBYLA
+        lambda x: trial(tuple(x.tolist()))[0],
+        max(starts, key=quality),
+        method="COBYLA",
+        bounds=bounds,
+        constraints=NonlinearConstraint(kept, 0.0, np.inf),
+        tol=TOLERANCE,
+        options={"rhobeg": STEP, "maxiter": MOST},
+    )
+    return parameters(np.clip(found.x, *bounds[0]))
+
+
+def _rejection(own: AxisMargins) -> float:
+    """Return the frequency, rad/s, up to which disturbances are reduced, or what comes nearest to it where they hardly are."""
+    found = float(own.margins.rejection[0])
+    return found if math.isfinite(found) else SLOWEST * min(1.0, math.sqrt(0.5) / float(own.margins.slow[0]))
+
+
+def _feedforward(design: Design) -> dict[str, float]:
+    """Return the FF of each axis by which the rate follows its setpoint at the frequency of the attitude loop."""
+    out = {}
+    for i, axis in enumerate(design.axes):
+        name, angle = (
+            design.firmware.gains(axis).get("FF", ""),
+            design.firmware.attitude_gain(design.flown, axis),
+        )
+        if not (design.flown.get(name, 0.0) > 0.0 and angle):
+            continue
+        one = design.firmware.law({**design.flown, name: 1.0}, axis)
+        (term,) = (t for t in one.terms if t.name == "FF")
+        at, needed = np.array([angle]), []
+        for c in design.conditions:
+            answer = motion(c.plants.part(slice(0, 1)), at)[MOTION[axis][0]][0, i, 0]
+            command = term.response(SETPOINT, np.exp(1j * at / one.rate), one.rate)[0] * c.ratio**term.power
+            needed.append((1.0 / (answer * command)).real)
+        if min(needed) > 0.0:
+            out[name] = rounded(float(np.mean(needed)))
+    return out
+
+
+def rounded(value: float) -> float:
+    """Return a gain as it is written."""
+    return float(f"{value:.{DIGITS}g}")

@@ -1,0 +1,152 @@
+"""Gains that are proposed beside those that flew, the trial flights that lead to them, and their files of parameters."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from stoop.base.files import check_targets, make_folder, write_files
+from stoop.base.notices import Notice, notice, paragraph
+from stoop.control_laws.table import Firmware
+from stoop.errors import StoopError
+from stoop.tuning.gain_search import FARTHEST, FEW, Design, propose, rounded
+from stoop.tuning.judgment import AxisMargins
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+LADDER: Final = (0.25, 0.5, 0.75, 1.0)  #: shares of the way to the proposal, of trial flights
+SHOWN: Final = ("gain margin", "phase margin", "disk margin", "rejection")  #: of a trial flight
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """Gains between those that flew and those that are proposed, for a trial flight."""
+
+    share: float  #: of the way, of the logarithms
+    values: Mapping[str, float]
+    judged: tuple[AxisMargins, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Proposal:
+    """Gains that are proposed, beside those that flew, with the trial flights that lead to them."""
+
+    design: Design
+    changes: Mapping[str, tuple[float, float]]  #: parameter -> flown, proposed
+    before: tuple[AxisMargins, ...]
+    ladder: tuple[Step, ...]  #: the last is the proposal
+    against: tuple[Notice, ...]  #: why no file is written without being told to
+
+    def __repr__(self) -> str:
+        """Return the size on one line."""
+        return f"<Proposal for {self.design.firmware.title}: {len(self.changes)} parameters, {len(self.ladder)} steps>"
+
+    @property
+    def after(self) -> tuple[AxisMargins, ...]:
+        """Margins with the gains that are proposed."""
+        return self.ladder[-1].judged
+
+    def trials(self) -> list[dict[str, Any]]:
+        """Return a row for each trial flight and axis: margins and rejection, 5th percentile at the worst airspeed.
+
+        ``watch`` is the frequency, rad/s, near which a loop with too much gain swings.
+        """
+        rows = []
+        for step in self.ladder:
+            for axis in self.design.axes:
+                own = [one for one in step.judged if one.axis == axis]
+                figures = [one.figures() for one in own]
+                worst = {
+                    n: min(f[n][1]["p5"] for f in figures if n in f)
+                    for n in SHOWN
+                    if any(n in f for f in figures)
+                }
+                rows.append({
+                    "share": 100.0 * step.share, "axis": axis, **dict.fromkeys(SHOWN, math.nan), **worst,
+                    "watch": max(float(one.margins.limit[0]) for one in own),
+                })  # fmt: skip
+        return rows
+
+    def document(self) -> dict[str, Any]:
+        """Return parameters and trial flights for JSON."""
+        return {
+            "parameters": {n: {"flown": old, "proposed": new} for n, (old, new) in self.changes.items()},
+            "trials": self.trials(),
+            "notices": [one.to_dict() for one in (*self.against, *self.limited)],
+        }
+
+    @property
+    def limited(self) -> list[Notice]:
+        """The parameters at the end of the range that is searched."""
+        names = tuple(
+            n for n, (old, new) in self.changes.items() if max(new / old, old / new) > 0.99 * FARTHEST
+        )
+        return [notice("tune-gains-limited", parameters=names, factor=FARTHEST)] if names else []
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """Return one row for each parameter that changes: flown, proposed."""
+        import pandas as pd
+
+        rows = [{"parameter": n, "flown": old, "proposed": new} for n, (old, new) in self.changes.items()]
+        return pd.DataFrame(rows, columns=["parameter", "flown", "proposed"])
+
+    def files(self) -> dict[str, str]:
+        """Return the files of parameters in the autopilot's own form, by name: flown values, then each trial flight's."""
+        flown = {n: old for n, (old, _) in self.changes.items()}
+        line = self.design.firmware.file[1]
+        return {
+            name: "".join(line.format(name=n, value=x) for n, x in values.items())
+            for name, values in zip(
+                file_names(self.design.firmware), (flown, *(step.values for step in self.ladder)), strict=True
+            )
+        }
+
+    def save(self, folder: str | Path, overwrite: bool = False, anyway: bool = False) -> list[Path]:
+        """Write the files of parameters.
+
+        Raises
+        ------
+        StoopError
+            Something speaks against the proposal, unless `anyway`.
+        OutputError
+            The folder holds such files, unless `overwrite`, or cannot be written.
+        """
+        folder, files = Path(folder), self.files()
+        check_proposal(folder, self.design.firmware, self.against, overwrite, anyway)
+        make_folder(folder)
+        write_files(folder, files)
+        return [folder / name for name in files]
+
+
+def file_names(firmware: Firmware) -> list[str]:
+    """Return the names of the files of parameters: flown values, then each trial flight's."""
+    stem, _, ending = firmware.file[0].partition(".")
+    return [f"{stem}-{step}.{ending}" for step in ("flown", *(f"{100.0 * share:.0f}" for share in LADDER))]
+
+
+def check_proposal(
+    folder: Path, firmware: Firmware, against: Sequence[Notice], overwrite: bool, anyway: bool
+) -> None:
+    """Refuse to write a proposal: something speaks against it, or the folder cannot take it."""
+    if against and not anyway:
+        raise StoopError(
+            f"tune: {paragraph(against)}; no file is written without --anyway (in Python anyway=True)"
+        )
+    check_targets(folder, file_names(firmware), overwrite)
+
+
+def proposal(design: Design, before: tuple[AxisMargins, ...], against: tuple[Notice, ...]) -> Proposal:
+    """Search gains, and return them with the way to them."""
+    new = propose(design)
+    changes = {n: (design.flown[n], value) for n, value in new.items()}
+    ladder = []
+    for share in LADDER:
+        values = {n: rounded(old ** (1.0 - share) * value**share) for n, (old, value) in changes.items()}
+        own = design if share == LADDER[-1] else design.part(FEW)
+        judged = own.judged({**design.flown, **values})
+        ladder.append(Step(share, values, tuple(one for at in judged for one in at)))
+    return Proposal(design, changes, before, tuple(ladder), against)

@@ -1,0 +1,134 @@
+"""Proposed gains: beside a grid of all gains, over draws, within the noise; files of parameters; what is refused."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from naive.closed_loops import moved_by_noise
+
+from stoop.base.notices import notice
+from stoop.control_laws.parameters import read_parameters
+from stoop.control_laws.table import firmwares
+from stoop.errors import StoopError
+from stoop.tuning.gain_search import FARTHEST, SLACK, Design, Specification, propose
+from stoop.tuning.judgment import Condition, judge
+from stoop.tuning.loops import Plants
+from stoop.tuning.proposal import proposal
+
+FLOWN = {
+    "FW_RR_P": 0.05, "FW_RR_I": 0.05, "FW_RR_FF": 0.2, "FW_R_TC": 0.5, "IMU_GYRO_CUTOFF": 30.0,
+    "IMU_GYRO_RATEMAX": 200.0, "FW_PR_P": 0.3,
+}  # fmt: skip
+GYRO = 1e-6  #: (rad/s)^2/Hz
+
+
+def rolling(damping: np.ndarray, late: float = 0.04) -> Plants:
+    """Return roll modes with the lag of a servo, one for each damping (d,)."""
+    A = np.repeat([[[0.0, 30.0, 0.0], [0.0, -15.0, 0.0], [1.0, 0.0, 0.0]]], len(damping), axis=0)
+    A[:, 0, 0] = -damping
+    B = np.repeat([[[0.0], [15.0], [0.0]]], len(damping), axis=0)
+    return Plants(("p", "aileron.lag", "phi"), A, B, np.full((len(damping), 1), late))
+
+
+def design(damping: np.ndarray, **specification: float) -> Design:
+    conditions = [Condition(20.0, 1.0, rolling(damping))]
+    return Design(
+        firmwares(FLOWN)[0], FLOWN, ("roll",), conditions, Specification(**specification), {"roll": GYRO}
+    )
+
+
+def least(found: Design, values: dict[str, float]) -> float:
+    return float(found.left({**found.flown, **values})[1].min())
+
+
+def test_no_gains_of_a_grid_reject_more() -> None:
+    own = design(np.array([4.0, 4.0]))
+    found = propose(own)
+    fixed = {"FW_RR_FF": found["FW_RR_FF"]}
+    best = 0.0
+    for p, ratio in itertools.product(np.geomspace(0.05, 1.0, 60), np.geomspace(0.5, 10.0, 25)):
+        values = {"FW_RR_P": float(p), "FW_RR_I": float(p * ratio), **fixed}
+        if p * ratio <= FARTHEST * FLOWN["FW_RR_I"] and least(own, values) >= 0.0:
+            (one,) = own.judged({**FLOWN, **values})[0]
+            best = max(best, float(np.nan_to_num(one.margins.rejection[0])))
+    (one,) = own.judged({**FLOWN, **found})[0]
+    assert best > 1.0
+    assert one.margins.rejection[0] > 0.97 * best
+    assert least(own, found) >= -SLACK
+
+
+def test_less_is_proposed_where_less_is_known() -> None:
+    rng = np.random.default_rng(0)
+    gains = []
+    for spread in (0.0, 0.4):
+        own = design(np.concatenate([[4.0], 4.0 + spread * rng.standard_normal(400)]))
+        found = propose(own)
+        assert least(own, found) == pytest.approx(0.0, abs=0.03)
+        gains.append(found["FW_RR_P"])
+    assert gains[1] < gains[0]
+
+
+def test_gains_that_flew_too_high_come_down() -> None:
+    own = replace(design(np.array([4.0, 4.0])), flown=FLOWN | {"FW_RR_P": 0.6, "FW_RR_I": 0.6})
+    assert least(own, {}) < -0.1
+    found = propose(own)
+    assert found["FW_RR_P"] < 0.6
+    assert least(own, found) >= -SLACK
+
+
+def test_feedforward_makes_the_rate_follow() -> None:
+    """At 2 rad/s of the attitude loop: damping over effectiveness, and the phase of the servo hardly counts."""
+    assert propose(design(np.array([4.0, 4.0])))["FW_RR_FF"] == pytest.approx(4.0 / 30.0, rel=0.15)
+
+
+def test_noise_is_that_of_the_loop_step_by_step_and_bounds_the_gains() -> None:
+    """White noise of a gyro of 200 Hz through the law and the plant, 400 s; the bound is half of what there was."""
+    loud = replace(design(np.array([4.0, 4.0])), noise={"roll": 1e-4})
+    loud = replace(loud, flown=FLOWN | {"FW_RR_P": 0.2, "FW_R_TC": 1e9, "IMU_GYRO_CUTOFF": 0.0})
+    (one,) = judge(loud.conditions[0], loud.loops(loud.flown, loud.conditions[0]), loud.noise)
+    plants = loud.conditions[0].plants
+    rms = moved_by_noise(
+        plants.A[0, :2, :2], plants.B[0, :2, 0], {"P": 0.2, "I": 0.05}, 200.0, 0.04, np.sqrt(1e-4 * 100.0)
+    )
+    assert one.noise[0] == pytest.approx(rms, rel=0.03)
+    noise = 100.0 * float(one.noise[0])
+    found = propose(replace(loud, specification=Specification(noise=0.5 * noise)))
+    assert found["FW_RR_P"] < 0.2
+    (quiet,) = loud.judged({**loud.flown, **found})[0]
+    assert 100.0 * quiet.noise[0] == pytest.approx(0.5 * noise, rel=0.02)
+
+
+def test_what_no_gains_keep_is_refused_with_advice() -> None:
+    with pytest.raises(StoopError, match=r"at 20 m/s no gains keep the specification about roll: lower it"):
+        propose(design(np.array([4.0, 4.0]), phase=130.0, gain=60.0))
+    with pytest.raises(StoopError, match="phase = -5: write a number above zero"):
+        Specification(phase=-5.0)
+
+
+def test_files_lead_from_the_gains_that_flew_to_the_proposal(tmp_path: Path) -> None:
+    own = design(np.array([4.0, 4.0]))
+    found = proposal(own, tuple(own.judged(own.flown)[0]), ())
+    written = {path.name: read_parameters(path) for path in found.save(tmp_path / "tuned")}
+    assert list(written) == ["gains-flown.params", *(f"gains-{n}.params" for n in (25, 50, 75, 100))]
+    assert written["gains-flown.params"] == {n: FLOWN[n] for n in found.changes}
+    assert written["gains-100.params"] == {n: new for n, (_, new) in found.changes.items()}
+    rising = [written[f"gains-{n}.params"]["FW_RR_P"] for n in (25, 50, 75, 100)]
+    assert rising == sorted(rising)
+    rejection = [row["rejection"] for row in found.trials()]
+    assert rejection == sorted(rejection)
+    with pytest.raises(StoopError, match="exists already"):
+        found.save(tmp_path / "tuned")
+
+
+def test_no_file_of_a_proposal_that_something_speaks_against(tmp_path: Path) -> None:
+    own = design(np.array([4.0, 4.0]))
+    doubt = notice("tune-model-not-for-control", "result")
+    found = proposal(own, tuple(own.judged(own.flown)[0]), (doubt,))
+    with pytest.raises(StoopError, match=r"control design; no file is written without --anyway"):
+        found.save(tmp_path / "tuned")
+    assert not (tmp_path / "tuned").exists()
+    assert found.save(tmp_path / "tuned", anyway=True)
