@@ -2,9 +2,10 @@
 
 About each axis in turn, the others closed, P, I and D are those of the highest rejection, at the airspeed where it is lowest, for
 which every margin of every axis and the noise keep a specification: a search over the logarithms of the parameters, by linear
-approximations of the constraints [1]_. It is done at the estimates, with the specification raised by what the 5th percentile of
-the draws was below the estimate at the gains before; a few rounds settle that difference. FF makes the rate of a fixed wing
-follow its setpoint at the frequency of the attitude loop, whose gain stays as it flew.
+approximations of the constraints [1]_, from the best of a grid; where axes are coupled, yaw gives way first. It is done at the
+estimates, with the specification raised by what the 5th percentile of the draws was below the estimate at the gains before; a few
+rounds settle that difference. FF makes the rate of a fixed wing follow its setpoint at the frequency of the attitude loop, whose
+gain stays as it flew.
 
 References
 ----------
@@ -35,6 +36,7 @@ FARTHEST: Final = 10.0  #: factor by which a gain moves at most
 FEW: Final = 400  #: draws, of which the percentiles of most rounds are
 ROUNDS: Final = 6  #: of the search, each with the percentiles of the last
 GRID: Final = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 9.0)  #: factors of each gain, with which the search begins
+STARTS: Final = 3  #: of that grid
 SWEEPS: Final = 2  #: over the axes
 STEP: Final = 0.4  #: first of the search, of a logarithm
 TOLERANCE: Final = 1e-3
@@ -108,14 +110,23 @@ class Design:
     specification: Specification
     noise: Mapping[str, float]
 
-    def loops(self, values: Mapping[str, float], condition: Condition) -> dict[str, AxisLoop]:
-        """Return the loops with some parameters at a condition."""
-        law, angle = self.firmware.law, self.firmware.attitude_gain
-        return {a: AxisLoop(law(values, a), angle(values, a), condition.ratio) for a in self.axes}
+    def loop(self, values: Mapping[str, float], axis: str, condition: Condition) -> AxisLoop:
+        """Return the loops about an axis with some parameters at a condition."""
+        return AxisLoop(
+            self.firmware.law(values, axis), self.firmware.attitude_gain(values, axis), condition.ratio
+        )
+
+    def loops(self, values: Mapping[str, float]) -> list[dict[str, AxisLoop]]:
+        """Return the loops of every axis at every condition."""
+        return [{a: self.loop(values, a, one) for a in self.axes} for one in self.conditions]
+
+    def margins(self, loops: Sequence[Mapping[str, AxisLoop]]) -> list[list[AxisMargins]]:
+        """Return the margins of loops by axis, at every condition."""
+        return [judge(one, own, self.noise) for one, own in zip(self.conditions, loops, strict=True)]
 
     def judged(self, values: Mapping[str, float]) -> list[list[AxisMargins]]:
-        """Return the margins of every axis at every condition."""
-        return [judge(one, self.loops(values, one), self.noise) for one in self.conditions]
+        """Return the margins of every axis with some parameters, at every condition."""
+        return self.margins(self.loops(values))
 
     def left(self, values: Mapping[str, float], share: float = 0.05) -> tuple[FloatArray, FloatArray]:
         """Return what is left of the specification (conditions, axes, 4): at the estimates, and as a percentile of the draws."""
@@ -149,7 +160,7 @@ def propose(design: Design) -> dict[str, float]:
     for sample in (design.part(FEW), design):
         for _ in range(ROUNDS):
             before = raised
-            for axis in design.axes * SWEEPS:
+            for axis in design.axes[::-1] * SWEEPS:
                 own |= _searched(central, own, axis, raised)
             estimate, drawn = sample.left(own)
             raised = np.maximum(estimate - drawn, 0.0)
@@ -175,11 +186,13 @@ def _searched(
 ) -> dict[str, float]:
     """Return the parameters of an axis of the highest rejection, what is left of the specification being `raised` or more.
 
-    It begins with `values`, or with the best of a grid of factors of the gains that flew.
+    It begins with `values`, and with the best of a grid of factors of the gains that flew; with a grid the margins of the
+    other axes are left to the searches that follow.
     """
     names = list(design.tuned(axis).values())
     origin = np.log([values[n] / design.flown[n] for n in names])
-    place = design.axes.index(axis)
+    place, others = design.axes.index(axis), design.loops(values)
+    counted = slice(place, place + 1) if grid else slice(None)
 
     def parameters(x: FloatArray) -> dict[str, float]:
         return {
@@ -188,10 +201,16 @@ def _searched(
 
     @cache
     def trial(x: tuple[float, ...]) -> tuple[float, FloatArray]:
-        judged = design.judged({**values, **parameters(np.array(x))})
+        tried = {**values, **parameters(np.array(x))}
+        judged = design.margins(
+            [
+                {**own, axis: design.loop(tried, axis, one)}
+                for own, one in zip(others, design.conditions, strict=True)
+            ]
+        )
         left = np.array([[design.specification.shares(one)[:, 0] for one in at] for at in judged])
         rejection = min(_rejection(at[place]) for at in judged)
-        return -math.log(rejection), np.min(left - raised, axis=(0, 1))
+        return -math.log(rejection), np.min(left - raised, axis=0)[counted].ravel()
 
     bounds = [(-math.log(FARTHEST), math.log(FARTHEST))] * len(names)
     tuned = design.tuned(axis)
@@ -204,17 +223,20 @@ def _searched(
     def quality(x: FloatArray) -> tuple[float, float]:
         return min(0.0, float(kept(x).min())), -trial(tuple(x.tolist()))[0]
 
-    starts = [origin, *(np.log(x) for x in itertools.product(grid, repeat=len(names)))]
-    found = minimize(  # type: ignore[call-overload]  # its stubs know no options of COBYLA
-        lambda x: trial(tuple(x.tolist()))[0],
-        max(starts, key=quality),
-        method="COBYLA",
-        bounds=bounds,
-        constraints=NonlinearConstraint(kept, 0.0, np.inf),
-        tol=TOLERANCE,
-        options={"rhobeg": STEP, "maxiter": MOST},
-    )
-    return parameters(np.clip(found.x, *bounds[0]))
+    tried = sorted((np.log(x) for x in itertools.product(grid, repeat=len(names))), key=quality)
+    ends = [
+        minimize(  # type: ignore[call-overload]  # its stubs know no options of COBYLA
+            lambda x: trial(tuple(x.tolist()))[0],
+            start,
+            method="COBYLA",
+            bounds=bounds,
+            constraints=NonlinearConstraint(kept, 0.0, np.inf),
+            tol=TOLERANCE,
+            options={"rhobeg": STEP, "maxiter": MOST},
+        ).x
+        for start in (origin, *tried[-STARTS:])
+    ]
+    return parameters(np.clip(max(ends, key=lambda x: quality(np.clip(x, *bounds[0]))), *bounds[0]))
 
 
 def _rejection(own: AxisMargins) -> float:

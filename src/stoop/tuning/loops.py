@@ -11,9 +11,9 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cache, cached_property
 from typing import Final
 
 import numpy as np
@@ -30,6 +30,21 @@ POINTS: Final = 600
 CONDITION: Final = 1e10  #: of eigenvectors, above which a response is solved for frequency by frequency
 
 
+#: what was computed on lines of frequencies, which are compared by identity: searches try the same ones over and over
+Answers = list[tuple[Frequencies, dict[str, ComplexArray]]]
+
+
+def _kept(
+    known: Answers, frequency: Frequencies, compute: Callable[[Frequencies], dict[str, ComplexArray]]
+) -> dict[str, ComplexArray]:
+    """Return what is known on a line, or compute and keep it."""
+    for line, found in known:
+        if line is frequency:
+            return found
+    known.append((frequency, compute(frequency)))
+    return known[-1][1]
+
+
 @dataclass(frozen=True, eq=False)
 class AxisLoop:
     """The loops about an axis: law of the rate, and the gain of the attitude before it, 1/s; zero opens it."""
@@ -37,9 +52,13 @@ class AxisLoop:
     law: RateLaw
     attitude: float = 0.0
     scale: float = 1.0  #: ratio of trim airspeed to airspeed
+    known: Answers = field(default_factory=list, repr=False, compare=False)  #: of `feedback`
 
     def feedback(self, frequency: Frequencies) -> dict[str, ComplexArray]:
         """Return minus the command over the rate and over the attitude (m,), held over a sample of the loop."""
+        return _kept(self.known, frequency, self._feedback)
+
+    def _feedback(self, frequency: Frequencies) -> dict[str, ComplexArray]:
         rate, angle = MOTION[self.law.axis]
         hold = np.exp(-0.5j * frequency / self.law.rate) * np.sinc(frequency / (2.0 * np.pi * self.law.rate))
         out = {rate: self.law.feedback(frequency, self.scale) * hold}
@@ -56,10 +75,13 @@ class Plants:
     A: FloatArray  #: (d, n, n)
     B: FloatArray  #: (d, n, n_u)
     delays: FloatArray  #: (d, n_u), s
+    known: Answers = field(default_factory=list, repr=False)  #: of :func:`motion`, of a single vehicle
 
     def part(self, lanes: slice) -> Plants:
         """Return some of the vehicles."""
-        return replace(self, A=self.A[lanes], B=self.B[lanes], delays=self.delays[lanes])
+        if lanes.start == 0 and lanes.stop >= len(self.A):
+            return self
+        return Plants(self.states, self.A[lanes], self.B[lanes], self.delays[lanes])
 
     @cached_property
     def modes(self) -> tuple[ComplexArray, ComplexArray]:
@@ -70,11 +92,25 @@ class Plants:
 
 def frequencies(loops: Sequence[AxisLoop]) -> FloatArray:
     """Return evenly spaced frequencies (m,), rad/s, up to half the rate of the slowest loop."""
-    return np.geomspace(SLOWEST, np.pi * min(one.law.rate for one in loops), POINTS)
+    return _lines(min(one.law.rate for one in loops))[0]
+
+
+@cache
+def _lines(rate: float) -> tuple[FloatArray, ComplexArray]:
+    """Return frequencies up to half the rate of a loop, Hz, and the line right of which poles are counted."""
+    highest = np.pi * rate
+    line = np.asarray(np.geomspace(1e-3 * GROWTH, highest, POINTS) - 1j * GROWTH, dtype=np.complex128)
+    return np.geomspace(SLOWEST, highest, POINTS), line
 
 
 def motion(plants: Plants, frequency: Frequencies) -> dict[str, ComplexArray]:
     """Return the responses (d, n_u, m) of rates and attitude angles to commands about the axes."""
+    if len(plants.A) == 1:
+        return _kept(plants.known, frequency, lambda line: _motion(plants, line))
+    return _motion(plants, frequency)
+
+
+def _motion(plants: Plants, frequency: Frequencies) -> dict[str, ComplexArray]:
     names = plants.states
     wanted = [n for axis in AXES for n in MOTION[axis] if n in names]
     rows = [names.index(n) for n in wanted]
@@ -136,7 +172,7 @@ def stable(plants: Plants, loops: Sequence[AxisLoop]) -> BoolArray:
 
     Along Re s = `GROWTH` the argument of det F turns by pi for every pole right of it that the loops remove or add.
     """
-    frequency = np.geomspace(1e-3 * GROWTH, frequencies(loops)[-1], POINTS) - 1j * GROWTH
+    frequency = _lines(min(one.law.rate for one in loops))[1]
     whole = _determinant(return_difference(motion(plants, frequency), loops, frequency))
     angle = np.unwrap(np.angle(whole), axis=1)
     # on the real axis F is real, and far up it is one

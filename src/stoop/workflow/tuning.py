@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from stoop.assessment.draws import POSTERIOR_FILE, Source, draws_of
+from stoop.assessment.draws import POSTERIOR_FILE, Draws, Source, draws_of
 from stoop.base.notices import Notice, notice
 from stoop.control_laws.parameters import read_parameters
 from stoop.control_laws.rate_law import AXES
@@ -22,6 +22,7 @@ from stoop.tuning.gain_search import Design, Specification
 from stoop.tuning.judgment import AxisMargins, Condition, LoopMargins, commands_of, plants_of, require_stable
 from stoop.tuning.loops import MOTION
 from stoop.tuning.proposal import Proposal, proposal
+from stoop.vehicle import Vehicle
 from stoop.workflow.fitted_model import FittedModel
 from stoop.workflow.load import takes_model
 from stoop.workflow.propagation import flown_domain
@@ -95,24 +96,41 @@ def tune(
     vehicle = vehicle.reduced("full") if vehicle.reduce == "lateral" else vehicle
     firmware = _firmware(values, bool(vehicle.rotors))
     laws = {a: firmware.law(values, a) for a in firmware.axes}
-    commands = commands_of(vehicle, firmware, values)
+    axes = commands_of(vehicle, firmware, values).axes
     drawn = draws_of(model.result, model.attachments.get(POSTERIOR_FILE), draws, seed, source, model.source)
     domain = flown_domain(model, airspeed)
     speeds = [0.0] if firmware.rotors else np.linspace(*domain.airspeed, SPEEDS).tolist()
-    conditions = []
-    for speed in speeds:
-        plants = plants_of(vehicle, trim(vehicle, speed or None, domain.altitude), drawn, commands)
-        conditions.append(Condition(speed, firmware.airspeed_ratio(values, speed), plants))
-    design = Design(firmware, values, commands.axes, conditions, Specification(), gyro_noise(model.flights))
+    conditions = conditions_of(vehicle, firmware, values, speeds, domain.altitude, drawn)
+    design = Design(firmware, values, axes, conditions, Specification(), gyro_noise(model.flights))
     judged = design.judged(values)
     for condition, own in zip(conditions, judged, strict=True):
         require_stable(condition, own)
     found = tuple(one for at in judged for one in at)
-    lacks = tuple(dict.fromkeys(text for a in commands.axes for text in laws[a].lacks))
+    lacks = tuple(dict.fromkeys(text for a in axes for text in laws[a].lacks))
     lacking = [notice("tune-law-lacks", firmware=firmware.title, features=lacks)] if lacks else []
     notices = (*refusal(model.result, model.source), *drawn.notices, *lacking)
     against = (*_not_for_control(model), *_beyond_band(model, found), *lacking)
     return JudgedGains(firmware.title, found, len(drawn.values), drawn.source, notices, design, against)
+
+
+def conditions_of(
+    vehicle: Vehicle,
+    firmware: Firmware,
+    parameters: Mapping[str, float],
+    speeds: Sequence[float],
+    altitude: float,
+    drawn: Draws,
+) -> list[Condition]:
+    """Return linear models of a vehicle about airspeeds, zero in a hover, moved by the commands of a firmware."""
+    commands = commands_of(vehicle, firmware, parameters)
+    return [
+        Condition(
+            speed,
+            firmware.airspeed_ratio(parameters, speed),
+            plants_of(vehicle, trim(vehicle, speed or None, altitude), drawn, commands),
+        )
+        for speed in speeds
+    ]
 
 
 def gyro_noise(flights: Sequence[Flight]) -> dict[str, float]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import tempfile
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -83,9 +83,10 @@ def gusty(vehicle: Vehicle, share: float) -> Vehicle:
     return parse_vehicle(edited(vehicle.text, {"turbulence": {**table, "airspeed": 8.0}}), vehicle.where)
 
 
-def fly(number: int, folder: Path, seed: int = 0) -> Flown:
-    """Fly one of the flights and write its log into a folder."""
+def fly(number: int, folder: Path, seed: int = 0, record: str = "") -> Flown:
+    """Fly one of the flights and write its log into a folder, in a form other than the vehicle's own where one is named."""
     vehicle = made_up(number // 2)
+    vehicle = replace(vehicle, record=record) if record else vehicle
     rng = np.random.default_rng([41, seed, number])
     name = list(GUSTS)[(number + number // 2) % len(GUSTS)]
     kinds = instruments.DEFECTS if vehicle.winged else instruments.ROTOR_DEFECTS

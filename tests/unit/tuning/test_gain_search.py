@@ -15,7 +15,7 @@ from stoop.control_laws.parameters import read_parameters
 from stoop.control_laws.table import firmwares
 from stoop.errors import StoopError
 from stoop.tuning.gain_search import FARTHEST, SLACK, Design, Specification, propose
-from stoop.tuning.judgment import Condition, judge
+from stoop.tuning.judgment import Condition
 from stoop.tuning.loops import Plants
 from stoop.tuning.proposal import proposal
 
@@ -89,7 +89,7 @@ def test_noise_is_that_of_the_loop_step_by_step_and_bounds_the_gains() -> None:
     """White noise of a gyro of 200 Hz through the law and the plant, 400 s; the bound is half of what there was."""
     loud = replace(design(np.array([4.0, 4.0])), noise={"roll": 1e-4})
     loud = replace(loud, flown=FLOWN | {"FW_RR_P": 0.2, "FW_R_TC": 1e9, "IMU_GYRO_CUTOFF": 0.0})
-    (one,) = judge(loud.conditions[0], loud.loops(loud.flown, loud.conditions[0]), loud.noise)
+    (one,) = loud.judged(loud.flown)[0]
     plants = loud.conditions[0].plants
     rms = moved_by_noise(
         plants.A[0, :2, :2], plants.B[0, :2, 0], {"P": 0.2, "I": 0.05}, 200.0, 0.04, np.sqrt(1e-4 * 100.0)
