@@ -22,6 +22,7 @@ def test_the_table_is_the_one_that_was_written() -> None:
     rows = {
         "mangled": records("mangled"),
         "other axes": records("frames"),
+        "several together": records("together"),
         "right, simulated": records("clean"),
         "right, real": records("real"),
     }
@@ -41,7 +42,7 @@ def test_what_is_asked_is_met() -> None:
     right = [*records("clean"), *records("real")]
     assert len(right) >= 40
     assert {row["said"] for row in right} == {"silent"}
-    followed = [row["followed"] for row in (*mangled, *records("frames"))]
-    assert (followed.count("right"), followed.count("wrong")) == (116, 0)
-    wrong = [len([row for row in records(case) if row["draft"] == "wrong"]) for case in ("mangled", "frames")]
-    assert wrong == [1, 4]
+    followed = [row["followed"] for row in (*mangled, *records("frames"), *records("together"))]
+    assert (followed.count("right"), followed.count("wrong")) == (172, 0)
+    cases = ("mangled", "frames", "together")
+    assert [sum(row["draft"] == "wrong" for row in records(case)) for case in cases] == [1, 0, 5]
