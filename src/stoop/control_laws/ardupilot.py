@@ -11,6 +11,7 @@ References
 .. [2] ArduPilot, libraries/APM_Control/AP_FW_Controller.cpp; ArduPlane/Attitude.cpp (calc_speed_scaler)
 .. [3] ArduPilot, Plane-3.8, libraries/APM_Control/AP_RollController.cpp, AP_PitchController.cpp
 .. [4] ArduPilot, libraries/AC_AttitudeControl/AC_AttitudeControl_Multi.cpp; AP_InertialSensor (INS_GYRO_FILTER)
+.. [5] ArduPilot, libraries/AP_Motors/AP_MotorsMatrix.cpp (normalise_rpy_factors), AP_Motors_Thrust_Linearization.cpp
 """
 
 from __future__ import annotations
@@ -20,7 +21,9 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Final
 
+from stoop.base.arrays import FloatArray
 from stoop.control_laws.filters import Filter, butterworth, difference, low_pass, series
+from stoop.control_laws.mixing import by_place, thrust_slope
 from stoop.control_laws.parameters import Parameters
 from stoop.control_laws.rate_law import ERROR, RATE, SETPOINT, Integral, RateLaw, Term, through
 
@@ -65,7 +68,10 @@ def copter(values: Mapping[str, float], axis: str) -> RateLaw:
     """Return the rate law of a copter about an axis, from its parameters."""
     own, pattern = Parameters(values, "ArduPilot"), COPTER[axis]
     gains = own.named(pattern, COPTER_DEFAULTS)
-    return _pid(own, axis, pattern, gains, 1.0, 1.0, power=0, rate=_loop_rate(own, 400.0))
+    law = _pid(own, axis, pattern, gains, 1.0, 1.0, power=0, rate=_loop_rate(own, 400.0))
+    if own.number("MOT_BAT_VOLT_MAX", 0.0):
+        law = replace(law, lacks=(*law.lacks, "gains that grow as the battery sags (MOT_BAT_VOLT_MAX)"))
+    return law
 
 
 def old_plane(values: Mapping[str, float], axis: str, density_ratio: float = 1.0) -> RateLaw:
@@ -82,6 +88,23 @@ def old_plane(values: Mapping[str, float], axis: str, density_ratio: float = 1.0
         Term("FF", {SETPOINT: Filter((degrees * k["FF"] / density_ratio,))}, 1),
     )
     return _sensed(own, RateLaw(axis, _loop_rate(own, 50.0), terms))
+
+
+def mixing(values: Mapping[str, float], positions: FloatArray, turning: FloatArray) -> FloatArray:
+    """Return how much each motor (n, 3) of a copter is commanded by a full command about each axis [5]_.
+
+    Shares are one half at most; thrust is linearized about hover, and moves a motor between `MOT_SPIN_MIN` and `MOT_SPIN_MAX`.
+
+    Parameters
+    ----------
+    values : parameters
+    positions : (n, 3) of rotors that push up, m from the center of gravity
+    turning : (n,) one for counterclockwise as seen from above, minus one for clockwise
+    """
+    own = Parameters(values, "ArduPilot")
+    slope = thrust_slope(own.number("MOT_THST_EXPO", 0.65), own.number("MOT_THST_HOVER", 0.35))
+    span = own.number("MOT_SPIN_MAX", 0.95) - own.number("MOT_SPIN_MIN", 0.15)
+    return slope * span * by_place(positions, turning, (0.5, 0.5, 0.5))
 
 
 def plane_gains(axis: str) -> dict[str, str]:

@@ -9,6 +9,7 @@ References
 .. [1] crazyflie-firmware, src/modules/src/controller/attitude_pid_controller.c and controller_pid.c
 .. [2] crazyflie-firmware, src/utils/src/pid.c and filter.c; src/platform/interface/platform_defaults_cf2.h
 .. [3] crazyflie-firmware, src/hal/src/sensors_bmi088_bmp3xx.c
+.. [4] crazyflie-firmware, src/modules/src/power_distribution_quadrotor.c
 """
 
 from __future__ import annotations
@@ -17,13 +18,16 @@ import math
 from collections.abc import Mapping
 from typing import Final
 
+from stoop.base.arrays import FloatArray
 from stoop.base.units import DEGREE
 from stoop.control_laws.filters import PASS, Filter, butterworth, difference, series
+from stoop.control_laws.mixing import by_place
 from stoop.control_laws.parameters import Parameters
 from stoop.control_laws.rate_law import ERROR, RATE, SETPOINT, Integral, RateLaw, Term, through
 
 LOOP_RATE, GYRO_RATE, GYRO_CUTOFF = 500.0, 1000.0, 80.0  # Hz
 FULL: Final = 32767.0  #: command of one
+ALL: Final = 65535.0  #: of a motor
 #: axis -> gains of the Crazyflie 2.1 (kp must be given), limit of its sum of errors [deg], and what its cutoff is called
 AXES: Final = {
     "roll": ({"kp": None, "ki": 500.0, "kd": 2.5, "kff": 0.0}, 33.3, "omxFiltCut"),
@@ -50,3 +54,20 @@ def cascade(values: Mapping[str, float], axis: str) -> RateLaw:
     )
     sensing = {RATE: butterworth(GYRO_CUTOFF, GYRO_RATE)}
     return RateLaw(axis, LOOP_RATE, terms, sensing=sensing, gyro_rate=GYRO_RATE)
+
+
+def mixing(values: Mapping[str, float], positions: FloatArray, turning: FloatArray) -> FloatArray:
+    """Return how much each motor (n, 3), from 0 to 1, is commanded by a full command about each axis [4]_.
+
+    Parameters
+    ----------
+    values : parameters; none of them counts
+    positions : (n, 3) of rotors that push up, m from the center of gravity
+    turning : (n,) one for counterclockwise as seen from above, minus one for clockwise
+    """
+    return FULL / ALL * by_place(positions, turning, (0.5, 0.5, 1.0))
+
+
+def gains(axis: str) -> dict[str, str]:
+    """Return the parameters that set the gains of the rate loop about an axis, by term."""
+    return {term: f"pid_rate.{axis}_k{term.lower()}" for term in ("P", "I", "D")}

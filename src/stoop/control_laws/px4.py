@@ -22,6 +22,7 @@ import numpy as np
 
 from stoop.base.arrays import FloatArray
 from stoop.control_laws.filters import Filter, butterworth, difference, low_pass, notch, series
+from stoop.control_laws.mixing import thrust_slope
 from stoop.control_laws.parameters import Parameters
 from stoop.control_laws.rate_law import ACCELERATION, ERROR, RATE, SETPOINT, Integral, RateLaw, Term, through
 
@@ -58,8 +59,6 @@ def multicopter(values: Mapping[str, float], axis: str) -> RateLaw:
     gains = own.named(pattern, defaults)
     gains |= {n: gains["K"] * gains[n] for n in "PID"}
     law = _law(own, axis, gains, own.number(limit, INTEGRAL_LIMIT), power=0)
-    if own.number("THR_MDL_FAC", 0.0):
-        law = replace(law, lacks=(*law.lacks, "linearization of the thrust (THR_MDL_FAC)"))
     if axis == "yaw":
         law = replace(law, after=low_pass(own.number("MC_YAW_TQ_CUTOFF", 0.0), law.rate))
     return law
@@ -114,25 +113,31 @@ def airspeed_ratio(values: Mapping[str, float], airspeed: float) -> float:
     return trim / min(max(airspeed, slowest), own.number("FW_AIRSPD_MAX", 20.0))
 
 
-def mixing(positions: FloatArray, turning: FloatArray) -> FloatArray:
+def mixing(values: Mapping[str, float], positions: FloatArray, turning: FloatArray) -> FloatArray:
     """Return how much each motor (n, 3) is commanded by a full command about each axis, as PX4 normalizes its allocation.
+
+    Thrust is linearized about hover by `THR_MDL_FAC` [5]_.
 
     Parameters
     ----------
+    values : parameters
     positions : (n, 3) of rotors that push up, m from the center of gravity
     turning : (n,) one for counterclockwise as seen from above, minus one for clockwise
 
     References
     ----------
     .. [4] PX4-Autopilot, src/lib/control_allocation/control_allocation/ControlAllocationPseudoInverse.cpp
+    .. [5] PX4-Autopilot, src/lib/mixer_module/functions/FunctionMotors.hpp
     """
+    own = Parameters(values, "PX4")
     up = np.array([0.0, 0.0, -1.0])
     moments = np.cross(positions, up) - TORQUE_RATIO * turning[:, None] * up
     effect = np.vstack([moments.T, np.broadcast_to(up[:, None], (3, len(positions)))])
     mix = np.linalg.pinv(effect)[:, :3]
     used = np.maximum(np.sum(np.abs(mix[:, :2]) > SMALL, axis=0), 1)
     level = float(np.max(np.sqrt(np.sum(mix[:, :2] ** 2, axis=0) / (used / 2.0))))
-    return np.asarray(mix / np.array([level, level, float(np.max(mix[:, 2]))]))
+    slope = thrust_slope(own.number("THR_MDL_FAC", 0.0), own.number("MPC_THR_HOVER", 0.5))
+    return np.asarray(slope * mix / np.array([level, level, float(np.max(mix[:, 2]))]))
 
 
 def multicopter_attitude(values: Mapping[str, float], axis: str) -> float:

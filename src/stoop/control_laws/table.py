@@ -26,8 +26,8 @@ class Firmware:
     axes: tuple[str, ...] = AXES
     #: of calibrated airspeed, m/s
     airspeed_ratio: Callable[[Mapping[str, float], float], float] = lambda *_: 1.0
-    #: of rotors, by position and turning
-    mixing: Callable[[FloatArray, FloatArray], FloatArray] | None = None
+    #: of rotors, by parameters, positions and turning
+    mixing: Callable[[Mapping[str, float], FloatArray, FloatArray], FloatArray] | None = None
     #: parameters that set the gains of the rate loop about an axis, by term
     gains: Callable[[str], Mapping[str, str]] = lambda _: {}
     #: name of a file of parameters in the autopilot's own form, and a line of it
@@ -45,7 +45,7 @@ LAWS: Final = (
     ),
     Firmware(
         "ArduCopter", "ATC_RAT_RLL_P", True, ardupilot.copter, ardupilot.copter_attitude,
-        gains=ardupilot.copter_gains, file=PARM,
+        mixing=ardupilot.mixing, gains=ardupilot.copter_gains, file=PARM,
     ),
     Firmware(
         "ArduPlane", "RLL_RATE_P", False, ardupilot.plane, ardupilot.plane_attitude,
@@ -56,7 +56,10 @@ LAWS: Final = (
         ardupilot.airspeed_ratio,
     ),
     Firmware("Betaflight", "rollPID[0]", True, betaflight.rate_pid),
-    Firmware("Crazyflie", "pid_rate.roll_kp", True, crazyflie.cascade),
+    Firmware(
+        "Crazyflie", "pid_rate.roll_kp", True, crazyflie.cascade, mixing=crazyflie.mixing, gains=crazyflie.gains,
+        file=PARM,
+    ),
 )  # fmt: skip
 
 

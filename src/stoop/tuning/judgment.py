@@ -36,6 +36,7 @@ from stoop.vehicle_draft.autopilot import read_setup
 if TYPE_CHECKING:
     import pandas as pd
 
+PULSE: Final = 1000.0  #: us between no and full command of a motor
 PERCENTILES: Final = (5, 50, 95)
 LANES: Final = 100  #: models at once, whose responses the caches of a processor hold
 
@@ -100,14 +101,16 @@ def commands_of(vehicle: Vehicle, firmware: Firmware, parameters: Mapping[str, f
     if firmware.rotors:
         if firmware.mixing is None:
             raise StoopError(
-                f"tune: how {firmware.title} mixes its motors is not known; only PX4's mixing is"
+                f"tune: how {firmware.title} mixes its motors is not modeled; take gains of another firmware"
             )
         rotors = vehicle.file.rotor
         places = np.array([[vehicle.value(f"rotor.{n}.position.{a}", 0.0) for a in "xyz"] for n in rotors])
-        mixed = firmware.mixing(places, np.array([1.0 if r.spin == "ccw" else -1.0 for r in rotors.values()]))
+        mixed = firmware.mixing(
+            parameters, places, np.array([1.0 if r.spin == "ccw" else -1.0 for r in rotors.values()])
+        )
         mixing = np.zeros((len(inputs), len(AXES)))
         for rotor, row in zip(rotors.values(), mixed, strict=True):
-            mixing[inputs.index(rotor.channel)] = row
+            mixing[inputs.index(rotor.channel)] = row * (PULSE if rotor.channel.startswith("pwm_") else 1.0)
         channel = next(iter(rotors.values())).channel
         return Commands(AXES, mixing, (channel,) * len(AXES))
     outputs = _outputs(parameters) | {f"control_{a}": row for a, row in zip(AXES, np.eye(3), strict=True)}

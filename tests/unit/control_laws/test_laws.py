@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Mapping
 
@@ -11,8 +12,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from naive.rate_loops import ArduPilotLoop, Px4Loop
 
-from stoop.control_laws import ardupilot, px4
+from stoop.control_laws import ardupilot, crazyflie, px4
 from stoop.control_laws.filters import butterworth, low_pass, notch
+from stoop.control_laws.mixing import thrust_slope
 from stoop.control_laws.rate_law import ACCELERATION, RATE, SETPOINT, RateLaw
 from stoop.control_laws.table import firmwares
 from stoop.errors import StoopError
@@ -127,19 +129,45 @@ def test_mixing_of_a_quadrotor_is_the_documented_one_and_turns_about_one_axis_at
     """PX4's quadrotor in X: 0.707 of a command about roll and pitch, all of one about yaw; a hexarotor turns as it is told."""
     quad = 0.2 * np.array([[1.0, 1.0, 0.0], [-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [-1.0, 1.0, 0.0]])
     turning = np.array([1.0, 1.0, -1.0, -1.0])
-    found = px4.mixing(quad, turning)
+    found = px4.mixing({}, quad, turning)
     np.testing.assert_allclose(
         np.abs(found), np.tile([math.sqrt(0.5), math.sqrt(0.5), 1.0], (4, 1)), rtol=1e-9
     )
     angles = np.radians([90.0, -90.0, -30.0, 150.0, 30.0, -150.0])
     hexa = 0.4 * np.column_stack([np.cos(angles), np.sin(angles), np.zeros(6)])
-    for places, spins in ((quad, turning), (hexa, np.array([-1.0, 1.0, -1.0, 1.0, 1.0, -1.0]))):
-        mixed = px4.mixing(places, spins)
+    sixfold = np.array([-1.0, 1.0, -1.0, 1.0, 1.0, -1.0])
+    for mix, (places, spins) in itertools.product(
+        (px4.mixing, ardupilot.mixing, crazyflie.mixing), ((quad, turning), (hexa, sixfold))
+    ):
+        mixed = mix({}, places, spins)
         roll, pitch = -places[:, 1] @ mixed, places[:, 0] @ mixed
         turned = np.array([roll, pitch, spins @ mixed])
         np.testing.assert_allclose(turned, np.diag(np.diag(turned)), atol=1e-12)
         assert np.all(np.diag(turned) > 0.0)
         np.testing.assert_allclose(mixed.sum(axis=0), 0.0, atol=1e-12)
+
+
+def test_mixing_of_copters_and_crazyflies_is_the_documented_one() -> None:
+    """ArduCopter: half of the range in which motors spin; Crazyflie: M1, front right, m1 = thrust - r / 2 + p / 2 + yaw."""
+    quad = 0.2 * np.array([[1.0, 1.0, 0.0], [-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [-1.0, 1.0, 0.0]])
+    turning = np.array([1.0, 1.0, -1.0, -1.0])
+    linear = {"MOT_THST_EXPO": 0.0, "MOT_SPIN_MIN": 0.1, "MOT_SPIN_MAX": 0.9}
+    np.testing.assert_allclose(np.abs(ardupilot.mixing(linear, quad, turning)), 0.4, rtol=1e-9)
+    half = 32767.0 / 65535.0
+    np.testing.assert_allclose(
+        crazyflie.mixing({}, quad, turning)[0], [-0.5 * half, 0.5 * half, half], rtol=1e-9
+    )
+
+
+@given(st.floats(0.01, 1.0), st.floats(0.05, 0.95))
+def test_the_slope_of_a_thrust_curve_is_that_of_its_inverse(curve: float, thrust: float) -> None:
+    def command(asked: float) -> float:
+        return (curve - 1.0 + math.sqrt((1.0 - curve) ** 2 + 4.0 * curve * asked)) / (2.0 * curve)
+
+    at = command(thrust)
+    assert curve * at**2 + (1.0 - curve) * at == pytest.approx(thrust)
+    slope = (command(thrust + 1e-4) - command(thrust - 1e-4)) / 2e-4
+    assert thrust_slope(curve, thrust) == pytest.approx(slope, rel=1e-4)
 
 
 @pytest.mark.parametrize(

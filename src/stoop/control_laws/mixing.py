@@ -1,0 +1,30 @@
+"""How a full command about an axis moves motors: shares by their places, and the linearization of their thrust."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from stoop.base.arrays import FloatArray
+
+
+def by_place(positions: FloatArray, turning: FloatArray, most: tuple[float, float, float]) -> FloatArray:
+    """Return how much each motor (n, 3) is commanded by a full command about each axis, in proportion to its moment.
+
+    Parameters
+    ----------
+    positions : (n, 3) of rotors that push up, m from the center of gravity
+    turning : (n,) one for counterclockwise as seen from above, minus one for clockwise
+    most : of the shares about each axis
+    """
+    moments = np.column_stack([-positions[:, 1], positions[:, 0], turning])
+    return np.asarray(moments / np.abs(moments).max(axis=0) * np.array(most))
+
+
+def thrust_slope(curve: float, thrust: float) -> float:
+    """Return the change of a motor's command over that of the thrust that is asked for, both from 0 to 1.
+
+    The firmware inverts thrust = curve command^2 + (1 - curve) command.
+    """
+    return 1.0 / math.sqrt((1.0 - curve) ** 2 + 4.0 * curve * thrust)
