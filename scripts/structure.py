@@ -24,7 +24,7 @@ FLAG = re.compile(
 )  #: tests whether a vehicle has rotors
 #: room -> lines at most; "stoop" is the whole package, for which the design asks 68,000, and 9,000 for its studies
 BUDGETS = {
-    "stoop": 83400,
+    "stoop": 84400,
     "stoop_studies": 13970,
     "api": 200,
     "app": 3510,
@@ -46,7 +46,7 @@ BUDGETS = {
     "problem": 1690,
     "propagation": 1150,
     "reconstruction": 850,
-    "report": 4300,
+    "report": 4380,
     "results": 1305,
     "simulation": 3455,
     "strategy": 1420,

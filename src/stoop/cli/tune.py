@@ -5,9 +5,11 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 from itertools import groupby
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
+from stoop.base.files import check_targets
 from stoop.base.text import show
+from stoop.cli import options
 from stoop.cli.page import Page, fixed, numbers, page, to_json, words
 from stoop.cli.progress import LiveLine
 from stoop.cli.propagate import airspeeds_of
@@ -15,6 +17,9 @@ from stoop.cli.propagate import airspeeds_of
 if TYPE_CHECKING:
     from stoop.tuning.judgment import AxisMargins
     from stoop.tuning.proposal import Proposal
+
+
+PAGE: Final = "tuning.html"  #: in the folder of the proposal
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -39,10 +44,12 @@ def run(arguments: argparse.Namespace) -> int:
     better = None
     if arguments.output is not None:
         asked = (arguments.overwrite, arguments.anyway)
+        check_targets(arguments.output, [PAGE], arguments.overwrite)
         check_proposal(arguments.output, found.design.firmware, found.against, *asked)
         with LiveLine("searching gains"):
             better = found.propose(wanted)
         files = better.save(arguments.output, *asked)
+        found.page(better, options.command_line()).save(arguments.output / PAGE)
     if arguments.json:
         proposed = {"proposal": better.document()} if better else {}
         show(to_json({**found.document(), **proposed}))
@@ -58,6 +65,7 @@ def run(arguments: argparse.Namespace) -> int:
         out.line()
         for path in files:
             out.line(f"parameters: {path}")
+        out.line(f"page: {arguments.output / PAGE}")
     return 0
 
 

@@ -25,12 +25,12 @@ from typing import Final
 import numpy as np
 from scipy.optimize import NonlinearConstraint, minimize
 
-from stoop.base.arrays import FloatArray
+from stoop.base.arrays import ComplexArray, FloatArray
 from stoop.control_laws.rate_law import SETPOINT
 from stoop.control_laws.table import Firmware
 from stoop.errors import StoopError
 from stoop.tuning.judgment import AxisMargins, Condition, judge
-from stoop.tuning.loops import MOTION, SLOWEST, AxisLoop, motion
+from stoop.tuning.loops import MOTION, SLOWEST, AxisLoop, frequencies, motion, opened, return_difference
 
 FARTHEST: Final = 10.0  #: factor by which a gain moves at most
 FEW: Final = 400  #: draws, of which the percentiles of most rounds are
@@ -133,6 +133,13 @@ class Design:
         found = np.array([[self.specification.shares(one) for one in at] for at in self.judged(values)])
         drawn = np.sort(found[..., 1:], axis=-1) if found.shape[-1] > 1 else found
         return found[..., 0], drawn[..., round(share * (drawn.shape[-1] - 1))]
+
+    def opened(self, values: Mapping[str, float], place: int, count: int) -> ComplexArray:
+        """Return the loops (n, k, m) opened at each actuator with some parameters, at a condition, of the first k models."""
+        condition, own = self.conditions[place], list(self.loops(values)[place].values())
+        frequency = frequencies(own)
+        plants = condition.plants.part(slice(0, count))
+        return opened(return_difference(motion(plants, frequency), own, frequency))
 
     def tuned(self, axis: str) -> dict[str, str]:
         """Return the parameters of an axis that are searched, by term: a gain of zero stays zero."""

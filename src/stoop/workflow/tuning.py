@@ -17,6 +17,8 @@ from stoop.control_laws.table import Firmware, firmwares
 from stoop.errors import StoopError
 from stoop.flight import Flight
 from stoop.flight.spectra import power_spectra
+from stoop.report.sheet import Page
+from stoop.report.tuning import tuning_page
 from stoop.simulation import trim
 from stoop.tuning.gain_search import Design, Specification
 from stoop.tuning.judgment import AxisMargins, Condition, LoopMargins, commands_of, plants_of, require_stable
@@ -39,6 +41,10 @@ class JudgedGains(LoopMargins):
 
     design: Design
     against: tuple[Notice, ...]  #: why gains should not rest on this model
+
+    def page(self, better: Proposal | None = None, command: str = "") -> Page:
+        """Return the page, with a proposal if there is one; a notebook shows it, ``save(path)`` writes it."""
+        return tuning_page(self, self.design, better, command)
 
     def propose(self, specification: Specification | None = None) -> Proposal:
         """Search the gains of the highest rejection for which margins keep a specification over the draws.

@@ -119,8 +119,24 @@ def test_the_proposal_of_the_page(
             assert same, (line, found)
     written = read_parameters(tmp_path / "tuned" / "gains-100.params")
     assert set(written) == {n for n in FLOWN if n.startswith(("FW_RR", "FW_PR", "FW_YR"))}
+    html = (tmp_path / "tuned" / "tuning.html").read_text(encoding="utf-8")
+    for words in (
+        "Nichols plot of the pitch loop",
+        "Over the airspeed, proposed",
+        "Trial flights",
+        "FW_PR_P",
+    ):
+        assert words in html
     assert main(command) == 2
     assert "exists already" in capsys.readouterr().err
+
+
+def test_the_page_of_flown_gains_alone(commanded: FittedModel, tmp_path: Path) -> None:
+    judged = commanded.tune(GAINS, airspeed=(33.0, 38.0), draws=100)
+    html = judged.page().save(tmp_path / "page.html").read_text(encoding="utf-8")
+    assert "Over the airspeed, flown" in html
+    assert "Trial flights" not in html
+    assert html.count("Nichols plot of the") == 3
 
 
 def test_gains_that_cannot_have_flown_are_refused(commanded: FittedModel) -> None:

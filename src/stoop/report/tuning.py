@@ -1,0 +1,156 @@
+"""The page of an autopilot's loops: margins flown and proposed, Nichols plots with the cloud of draws, margins over airspeed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Final
+
+import numpy as np
+from markupsafe import Markup
+
+from stoop.base.arrays import ComplexArray, FloatArray
+from stoop.base.numbers import NOTHING, number
+from stoop.report.charts import fan_panel
+from stoop.report.palette import light
+from stoop.report.plots import NARROW, canvas, svg
+from stoop.report.sheet import Bullets, Code, Legend, Page, Panel, Panels, Part, Prose, Section, Sheet, Table
+from stoop.tuning.gain_search import Design, Specification
+from stoop.tuning.judgment import AxisMargins, LoopMargins
+from stoop.tuning.proposal import Proposal
+
+CLOUD: Final = 40  #: draws of a Nichols plot
+REACH: Final = (-360.0, 0.0)  #: deg, of it
+LEVELS: Final = (-30.0, 40.0)  #: dB
+FIGURES: Final = ("gain margin", "phase margin", "disk margin", "rejection", "noise")
+FANS: Final = ("gain margin", "phase margin", "disk margin")
+BANDS: Final = (2.5, 25.0, 50.0, 75.0, 97.5)
+READ: Final = """\
+Each loop is opened at its actuator, the others closed. Thin curves are draws of the model, the thick one is the estimate; what \
+the specification keeps free about the cross is shaded. Numbers are the 5th percentile of the draws (of noise the 95th) at the \
+worst airspeed."""
+LEGEND: Final = (("swatch fan-estimate", "proposed"), ("swatch fan-median", "flown"))
+
+
+def tuning_page(
+    flown: LoopMargins, design: Design, better: Proposal | None = None, command: str = ""
+) -> Page:
+    """Return the page of gains that flew, with those that are proposed if there are any."""
+    lead = f"{flown.firmware}: {flown.count} draws from the {flown.source}. " + (
+        "Gains that flew, and better ones." if better else "Gains that flew."
+    )
+    sections = []
+    cautions = [*flown.notices, *(better.against if better else ())]
+    if cautions:
+        sections.append(Section("Cautions", (Bullets(list(dict.fromkeys(map(str, cautions))), "warnings"),)))
+    parts: list[Part] = [Prose(READ, muted=True), _margins(flown.axes, better)]
+    if better:
+        rows = tuple((n, number(old), number(new)) for n, (old, new) in better.changes.items())
+        parts.append(Table("Gains", ("parameter", "flown", "proposed"), rows))
+    sections.append(Section("Margins", parts))
+    sections.append(
+        Section("Nichols plots", (Legend(LEGEND[0 if better else 1 :]), Panels(_nichols(design, better))))
+    )
+    shown = better.after if better else flown.axes
+    if len(design.conditions) > 1:
+        title = "Over the airspeed, " + ("proposed" if better else "flown")
+        sections.append(Section(title, (Panels(_fans(shown)),)))
+    if better:
+        sections.append(
+            Section(
+                "Trial flights", (_trials(better), *([Bullets(better.limited)] if better.limited else []))
+            )
+        )
+    if command:
+        sections.append(Section("Made by", (Code(command),)))
+    return Page(Sheet("Gains and their margins", lead, tuple(sections)))
+
+
+def _margins(flown: Sequence[AxisMargins], better: Proposal | None) -> Table:
+    """Return the worst 5 % of each figure by axis: flown, and proposed."""
+    sets = [("flown", flown), *([("proposed", better.after)] if better else [])]
+    units = {n: u for one in flown for n, (u, _) in one.figures().items()}
+    rows = []
+    for axis in dict.fromkeys(one.axis for one in flown):
+        for title, axes in sets:
+            own = [one.figures() for one in axes if one.axis == axis]
+            cells = []
+            for name in FIGURES:
+                key, worst = ("p95", max) if name == "noise" else ("p5", min)
+                known = [f[name][1][key] for f in own if name in f and not math.isnan(f[name][1][key])]
+                cells.append(number(worst(known)) if known else NOTHING)
+            rows.append((axis, title, *cells))
+    head = ("axis", "gains", *(f"{n}, {units[n]}" if n in units else n for n in FIGURES))
+    return Table("Worst airspeed", head, tuple(rows))
+
+
+def _nichols(design: Design, better: Proposal | None) -> list[Panel]:
+    """Return a Nichols plot of each axis at the middle airspeed."""
+    middle = len(design.conditions) // 2
+    sets = [("lag", design.flown)]
+    if better:
+        sets.append(("fit", {**design.flown, **{n: new for n, (_, new) in better.changes.items()}}))
+    opened = [(color, design.opened(values, middle, CLOUD)) for color, values in sets]
+    return [
+        Panel(
+            axis,
+            _nichols_plot(axis, {color: loops[i] for color, loops in opened}, design.specification),
+            "dB",
+        )
+        for i, axis in enumerate(design.axes)
+    ]
+
+
+def _nichols_plot(axis: str, loops: Mapping[str, ComplexArray], kept: Specification) -> Markup:
+    """Return log magnitude over phase of loops (k, m) by color, the estimates first, with the zone that is kept free."""
+    with canvas(NARROW, [220.0]) as (figure, (axes,)):
+        zone = np.array([(-kept.phase, 0.0), (0.0, kept.gain), (kept.phase, 0.0), (0.0, -kept.gain)])
+        axes.fill(zone[:, 0] - 180.0, zone[:, 1], color=light("fault"), linewidth=0.0, zorder=0.1)
+        axes.plot([-180.0], [0.0], "+", color=light("ink"), markersize=9.0)
+        for color, curves in loops.items():
+            for i, one in reversed(list(enumerate(curves))):
+                level, phase = (
+                    20.0 * np.log10(np.maximum(np.abs(one), 1e-9)),
+                    np.degrees(np.unwrap(np.angle(one))),
+                )
+                inside = (level > LEVELS[0]) & (level < LEVELS[1])
+                turns = 360.0 * np.round((np.median(phase[inside]) + 180.0) / 360.0) if inside.any() else 0.0
+                axes.plot(
+                    np.where(inside, phase - turns, np.nan), level, color=light(color),
+                    linewidth=1.8 if i == 0 else 0.4, alpha=1.0 if i == 0 else 0.5,
+                )  # fmt: skip
+        axes.set_xlim(*REACH)
+        axes.set_ylim(*LEVELS)
+        axes.set_xticks([-360.0, -270.0, -180.0, -90.0, 0.0])
+        axes.set_xlabel("phase, deg", size=12.0)
+        return svg(figure, f"Nichols plot of the {axis} loop, opened at its actuator.")
+
+
+def _fans(axes: Sequence[AxisMargins]) -> list[Panel]:
+    """Return margins over the airspeed by axis, where all draws have one."""
+    out = []
+    for axis in dict.fromkeys(one.axis for one in axes):
+        own = [one for one in axes if one.axis == axis]
+        x = np.array([one.airspeed for one in own])
+        for name in FANS:
+            unit = own[0].values()[name][0]
+            values: list[FloatArray] = [one.values()[name][1] for one in own]
+            if np.isfinite(np.array(values)).all():
+                bands = np.array([np.percentile(v[1:], BANDS) for v in values]).T
+                estimate = np.array([v[0] for v in values])
+                drawing = fan_panel(x, estimate, bands, "airspeed, m/s", f"{axis}, {name}")
+                out.append(Panel(f"{axis}, {name}", drawing, unit))
+    return out
+
+
+def _trials(better: Proposal) -> Table:
+    rows = [
+        (
+            f"{row['share']:.0f} %",
+            row["axis"],
+            *(number(row[n]) for n in ("gain margin", "phase margin", "disk margin", "rejection", "watch")),
+        )
+        for row in better.trials()
+    ]
+    head = ("way", "axis", "gain, dB", "phase, deg", "disk, dB", "rejection, rad/s", "watch near, rad/s")
+    return Table("Files of parameters, in this order", head, tuple(rows))
