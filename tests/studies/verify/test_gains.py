@@ -1,0 +1,108 @@
+"""Margins and gains of known vehicles: gains that flew, what counts as kept, made-up results that turn every claim round."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from stoop.control_laws.table import firmwares
+from stoop.tuning.gain_search import Design, Specification
+from stoop.tuning.judgment import commands_of
+from stoop.vehicle.document import with_entries
+from stoop_studies.findings import Setting
+from stoop_studies.verify.fleet import made_up
+from stoop_studies.verify.gains import (
+    CASES,
+    EXPERIMENT,
+    NONE,
+    OF_CASE,
+    STABLE,
+    conditions_of,
+    flown_gains,
+    gains,
+    intervals,
+    kept,
+)
+from stoop_studies.verify.study import run_key
+
+SETTING = Setting(runs=20)
+
+
+def record(inside: bool = True, left: float = 0.0, ratio: float = 0.9, against: str = "") -> dict[str, Any]:
+    own = {"left": left, "noise": 0.9, "ratios": [ratio] * 3}
+    rows = [["roll", "gain margin", 1.0, 2.0, 1.5 if inside else 3.0]]
+    return {
+        "vehicle": 40, "template": "quad", "gusts": "calm", "stopped": "", "grade": "usable",
+        "against": [against] * bool(against), "intervals": rows, "possible": True, "proposed": own, "estimates": own,
+    }  # fmt: skip
+
+
+def shown(records: list[dict[str, Any]]) -> list[bool]:
+    results = {
+        run_key(case, seed): one for case in CASES for seed, one in zip(SETTING.seeds, records, strict=True)
+    }
+    return [claim.verdict == "holds" for claim in EXPERIMENT.findings(SETTING, results).claims]
+
+
+def test_claims_turn_with_the_results() -> None:
+    good = [record()] * 19
+    assert shown([*good, record(inside=False)]) == [True, True, True] * 2
+    assert shown([record(inside=False)] * 20)[0] is False
+    assert shown([*good[:18], *[record(left=-0.1)] * 2])[1] is False
+    assert shown([record(ratio=0.5)] * 20)[2] is False
+
+
+def test_models_that_something_speaks_against_do_not_count_and_stopped_flights_do_no_harm() -> None:
+    refused = record(left=-0.5, ratio=0.1, against="tune-model-not-for-control")
+    stopped = {"vehicle": 40, "template": "quad", "gusts": "calm", "stopped": "no window"}
+    assert shown([*[record()] * 10, *[refused] * 8, record(inside=False), stopped])[1:3] == [True, True]
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_the_truth_by_itself_keeps_what_it_proposes(case: str) -> None:
+    made = made_up(40 + OF_CASE[case][0])
+    (firmware,) = firmwares({"FW_RR_P" if case == "wings" else "MC_ROLLRATE_P": 1.0})
+    throw = {s: {"mix": {f"control_{a}": 0.3}} for s, a in (("elevator", "pitch"), ("aileron", "roll"))}
+    truth = made.vehicle
+    if case == "wings":
+        truth = with_entries(truth, {("controls", s, "mix"): one["mix"] for s, one in throw.items()})
+    airspeed = made.vehicle.value("reference.airspeed") if case == "wings" else 0.0
+    values = flown_gains(truth, firmware, airspeed, {}, np.random.default_rng(0))
+    conditions = conditions_of(truth, firmware, values, [airspeed], 100.0, NONE)
+    own = Design(
+        firmware,
+        values,
+        commands_of(truth, firmware, values).axes,
+        conditions,
+        Specification(),
+        {"roll": 1e-8},
+    )
+    assert min(one.margins.gain[0] for one in own.judged(values)[0]) >= STABLE
+    best = gains(own)
+    assert best is not None
+    found = kept(own, best, own)
+    assert found is not None
+    assert found["left"] >= -0.01
+    np.testing.assert_allclose(found["ratios"], 1.0, rtol=1e-6)
+    hopeless = replace(own, specification=Specification(gain=300.0))
+    assert gains(hopeless) is None
+    assert kept(own, best, hopeless) is None
+
+
+def test_an_interval_is_of_the_draws_and_beside_the_truth() -> None:
+    made = made_up(40 + OF_CASE["rotors"][0])
+    (firmware,) = firmwares({"MC_ROLLRATE_P": 1.0})
+    values = flown_gains(made.vehicle, firmware, 0.0, {}, np.random.default_rng(0))
+    drawn = np.array([[made.vehicle.value("mass.mass") * f] for f in np.linspace(0.9, 1.1, 41)])
+    axes = commands_of(made.vehicle, firmware, values).axes
+    many = conditions_of(made.vehicle, firmware, values, [0.0], 100.0, replace(NONE, values=drawn))
+    one = conditions_of(made.vehicle, firmware, values, [0.0], 100.0, NONE)
+    known, spread = (
+        Design(firmware, values, axes, c, Specification(), {}).judged(values)[0] for c in (one, many)
+    )
+    rows = intervals(spread, known)
+    assert {name for _, name, *_ in rows} >= {"gain margin", "phase margin", "crossover"}
+    assert all(low <= value <= high for *_, low, high, value in rows)
