@@ -26,6 +26,7 @@ from stoop.control_laws.filters import Filter, butterworth, difference, low_pass
 from stoop.control_laws.mixing import by_place, thrust_slope
 from stoop.control_laws.parameters import Parameters
 from stoop.control_laws.rate_law import ERROR, RATE, SETPOINT, Integral, RateLaw, Term, through
+from stoop.errors import StoopError
 
 FULL: Final = 45.0  #: degrees of a full command of a plane
 PLANE: Final = {"roll": "RLL_RATE_{}", "pitch": "PTCH_RATE_{}", "yaw": "YAW_RATE_{}"}
@@ -102,9 +103,17 @@ def mixing(values: Mapping[str, float], positions: FloatArray, turning: FloatArr
     turning : (n,) one for counterclockwise as seen from above, minus one for clockwise
     """
     own = Parameters(values, "ArduPilot")
-    slope = thrust_slope(own.number("MOT_THST_EXPO", 0.65), own.number("MOT_THST_HOVER", 0.35))
-    span = own.number("MOT_SPIN_MAX", 0.95) - own.number("MOT_SPIN_MIN", 0.15)
-    return slope * span * by_place(positions, turning, (0.5, 0.5, 0.5))
+    slope = thrust_slope(own.number("MOT_THST_EXPO", 0.65, -1.0), own.number("MOT_THST_HOVER", 0.35, 0.01))
+    low, high = own.number("MOT_SPIN_MIN", 0.15), own.number("MOT_SPIN_MAX", 0.95)
+    if high <= low:
+        raise StoopError(f"ArduPilot: MOT_SPIN_MAX = {high:g} is not above MOT_SPIN_MIN = {low:g}")
+    return slope * (high - low) * by_place(positions, turning, (0.5, 0.5, 0.5))
+
+
+def pulse(values: Mapping[str, float]) -> float:
+    """Return the change of a motor's pulse, us, over that of its command from 0 to 1."""
+    own = Parameters(values, "ArduPilot")
+    return (own.number("MOT_PWM_MAX", 0.0) or 2000.0) - (own.number("MOT_PWM_MIN", 0.0) or 1000.0)
 
 
 def plane_gains(axis: str) -> dict[str, str]:

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from stoop.base.arrays import FloatArray
+from stoop.errors import StoopError
 
 
 def by_place(positions: FloatArray, turning: FloatArray, most: tuple[float, float, float]) -> FloatArray:
@@ -19,7 +20,12 @@ def by_place(positions: FloatArray, turning: FloatArray, most: tuple[float, floa
     most : of the shares about each axis
     """
     moments = np.column_stack([-positions[:, 1], positions[:, 0], turning])
-    return np.asarray(moments / np.abs(moments).max(axis=0) * np.array(most))
+    largest = np.abs(moments).max(axis=0)
+    if not np.all(largest > 0.0):
+        raise StoopError(
+            "mixing: the rotors have no moment about an axis: write their positions into the vehicle file"
+        )
+    return np.asarray(moments / largest * np.array(most))
 
 
 def thrust_slope(curve: float, thrust: float) -> float:

@@ -116,28 +116,37 @@ def airspeed_ratio(values: Mapping[str, float], airspeed: float) -> float:
 def mixing(values: Mapping[str, float], positions: FloatArray, turning: FloatArray) -> FloatArray:
     """Return how much each motor (n, 3) is commanded by a full command about each axis, as PX4 normalizes its allocation.
 
-    Thrust is linearized about hover by `THR_MDL_FAC` [5]_.
-
     Parameters
     ----------
-    values : parameters
+    values : parameters; none of them counts
     positions : (n, 3) of rotors that push up, m from the center of gravity
     turning : (n,) one for counterclockwise as seen from above, minus one for clockwise
 
     References
     ----------
     .. [4] PX4-Autopilot, src/lib/control_allocation/control_allocation/ControlAllocationPseudoInverse.cpp
-    .. [5] PX4-Autopilot, src/lib/mixer_module/functions/FunctionMotors.hpp
     """
-    own = Parameters(values, "PX4")
     up = np.array([0.0, 0.0, -1.0])
     moments = np.cross(positions, up) - TORQUE_RATIO * turning[:, None] * up
     effect = np.vstack([moments.T, np.broadcast_to(up[:, None], (3, len(positions)))])
     mix = np.linalg.pinv(effect)[:, :3]
     used = np.maximum(np.sum(np.abs(mix[:, :2]) > SMALL, axis=0), 1)
     level = float(np.max(np.sqrt(np.sum(mix[:, :2] ** 2, axis=0) / (used / 2.0))))
-    slope = thrust_slope(own.number("THR_MDL_FAC", 0.0), own.number("MPC_THR_HOVER", 0.5))
-    return np.asarray(slope * mix / np.array([level, level, float(np.max(mix[:, 2]))]))
+    return np.asarray(mix / np.array([level, level, float(np.max(mix[:, 2]))]))
+
+
+def pulse(values: Mapping[str, float]) -> float:
+    """Return the change of a motor's pulse, us, over that of its normalized command about hover.
+
+    Thrust is linearized by `THR_MDL_FAC` behind the command that is logged [5]_.
+
+    References
+    ----------
+    .. [5] PX4-Autopilot, src/lib/mixer_module/functions/FunctionMotors.hpp
+    """
+    own = Parameters(values, "PX4")
+    span = own.number("PWM_MAIN_MAX1", 2000.0) - own.number("PWM_MAIN_MIN1", 1000.0)
+    return span * thrust_slope(own.number("THR_MDL_FAC", 0.0), own.number("MPC_THR_HOVER", 0.5, 0.01))
 
 
 def multicopter_attitude(values: Mapping[str, float], axis: str) -> float:

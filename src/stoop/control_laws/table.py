@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
 from stoop.base.arrays import FloatArray
@@ -28,6 +28,11 @@ class Firmware:
     airspeed_ratio: Callable[[Mapping[str, float], float], float] = lambda *_: 1.0
     #: of rotors, by parameters, positions and turning
     mixing: Callable[[Mapping[str, float], FloatArray, FloatArray], FloatArray] | None = None
+    #: change of a motor's pulse, us, over that of its command, by parameters
+    pulse: Callable[[Mapping[str, float]], float] = lambda _: 1000.0
+    enabled_by: Mapping[str, str] = field(
+        default_factory=dict
+    )  #: axis -> parameter without which it has no loop
     #: parameters that set the gains of the rate loop about an axis, by term
     gains: Callable[[str], Mapping[str, str]] = lambda _: {}
     #: name of a file of parameters in the autopilot's own form, and a line of it
@@ -37,7 +42,7 @@ class Firmware:
 LAWS: Final = (
     Firmware(
         "PX4 multicopter", "MC_ROLLRATE_P", True, px4.multicopter, px4.multicopter_attitude,
-        mixing=px4.mixing, gains=px4.multicopter_gains,
+        mixing=px4.mixing, pulse=px4.pulse, gains=px4.multicopter_gains,
     ),
     Firmware(
         "PX4 fixed wing", "FW_RR_P", False, px4.fixed_wing, px4.fixed_wing_attitude,
@@ -45,11 +50,12 @@ LAWS: Final = (
     ),
     Firmware(
         "ArduCopter", "ATC_RAT_RLL_P", True, ardupilot.copter, ardupilot.copter_attitude,
-        mixing=ardupilot.mixing, gains=ardupilot.copter_gains, file=PARM,
+        mixing=ardupilot.mixing, pulse=ardupilot.pulse, gains=ardupilot.copter_gains, file=PARM,
     ),
     Firmware(
         "ArduPlane", "RLL_RATE_P", False, ardupilot.plane, ardupilot.plane_attitude,
         airspeed_ratio=ardupilot.airspeed_ratio, gains=ardupilot.plane_gains, file=PARM,
+        enabled_by={"yaw": "YAW_RATE_ENABLE"},
     ),
     Firmware(
         "ArduPlane before 4.1", "RLL2SRV_P", False, ardupilot.old_plane, ardupilot.plane_attitude, ("roll", "pitch"),

@@ -88,7 +88,8 @@ class Specification:
                 )
             ]
             quiet = 1.0 - np.nan_to_num(found["noise"][1], posinf=100.0) / self.noise
-        return np.asarray(np.clip([*kept, quiet], -1.0, PLENTY))
+        shares = np.nan_to_num(np.array([*kept, quiet]), nan=-1.0, posinf=PLENTY)
+        return np.asarray(np.clip(shares, -1.0, PLENTY))
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,7 +137,8 @@ class Design:
 
     def opened(self, values: Mapping[str, float], place: int, count: int) -> ComplexArray:
         """Return the loops (n, k, m) opened at each actuator with some parameters, at a condition, of the first k models."""
-        condition, own = self.conditions[place], list(self.loops(values)[place].values())
+        condition = self.conditions[place]
+        own = [self.loop(values, a, condition) for a in self.axes]
         frequency = frequencies(own)
         plants = condition.plants.part(slice(0, count))
         return opened(return_difference(motion(plants, frequency), own, frequency))
@@ -160,14 +162,21 @@ def propose(design: Design) -> dict[str, float]:
     StoopError
         No gains near those that flew keep the specification.
     """
+    axes = _searchable(design)
     own = {**design.flown, **_feedforward(design)}
     central, raised = design.part(1), np.zeros(())
-    for axis in design.axes:
+    for axis in axes:
         own |= _searched(central, own, axis, raised, GRID)
+    rejecting = [
+        design.axes[i] for at in central.judged(own) for i, one in enumerate(at) if one.margins.rejection[0]
+    ]
+    for axis in (a for a in axes if a not in rejecting):  # there is nothing that its gains could be chosen by
+        own |= {n: design.flown[n] for n in design.tuned(axis).values()}
+    axes = tuple(a for a in axes if a in rejecting)
     for sample in (design.part(FEW), design):
         for _ in range(ROUNDS):
             before = raised
-            for axis in design.axes[::-1] * SWEEPS:
+            for axis in axes[::-1] * SWEEPS:
                 own |= _searched(central, own, axis, raised)
             estimate, drawn = sample.left(own)
             raised = np.maximum(estimate - drawn, 0.0)
@@ -188,6 +197,28 @@ def propose(design: Design) -> dict[str, float]:
     )
 
 
+def _searchable(design: Design) -> tuple[str, ...]:
+    """Return the axes with gains; refuse parameters of which only a part is known."""
+    missing = [
+        n
+        for a in design.axes
+        for t, n in design.firmware.gains(a).items()
+        if t != "D" and n not in design.flown
+    ]
+    found = tuple(a for a in design.axes if design.tuned(a))
+    if missing or not found:
+        lacking = (
+            f"{', '.join(missing)} {'are' if len(missing) > 1 else 'is'} missing"
+            if missing
+            else "all gains are zero"
+        )
+        raise StoopError(
+            f"tune: {design.firmware.title}: {lacking}, so that no gains are proposed: take the parameters from a log of this "
+            "vehicle, or all of them from its ground station"
+        )
+    return found
+
+
 def _searched(
     design: Design, values: Mapping[str, float], axis: str, raised: FloatArray, grid: Sequence[float] = ()
 ) -> dict[str, float]:
@@ -196,7 +227,8 @@ def _searched(
     It begins with `values`, and with the best of a grid of factors of the gains that flew; with a grid the margins of the
     other axes are left to the searches that follow.
     """
-    names = list(design.tuned(axis).values())
+    tuned = design.tuned(axis)
+    names = list(tuned.values())
     origin = np.log([values[n] / design.flown[n] for n in names])
     place, others = design.axes.index(axis), design.loops(values)
     counted = slice(place, place + 1) if grid else slice(None)
@@ -220,7 +252,6 @@ def _searched(
         return -math.log(rejection), np.min(left - raised, axis=0)[counted].ravel()
 
     bounds = [(-math.log(FARTHEST), math.log(FARTHEST))] * len(names)
-    tuned = design.tuned(axis)
     rate = [names.index(tuned[term]) for term in ("P", "I") if term in tuned]
 
     def kept(x: FloatArray) -> FloatArray:
@@ -249,7 +280,7 @@ def _searched(
 def _rejection(own: AxisMargins) -> float:
     """Return the frequency, rad/s, up to which disturbances are reduced, or what comes nearest to it where they hardly are."""
     found = float(own.margins.rejection[0])
-    return found if math.isfinite(found) else SLOWEST * min(1.0, math.sqrt(0.5) / float(own.margins.slow[0]))
+    return found or SLOWEST * min(1.0, math.sqrt(0.5) / float(own.margins.slow[0]))
 
 
 def _feedforward(design: Design) -> dict[str, float]:
@@ -270,7 +301,8 @@ def _feedforward(design: Design) -> dict[str, float]:
             command = term.response(SETPOINT, np.exp(1j * at / one.rate), one.rate)[0] * c.ratio**term.power
             needed.append((1.0 / (answer * command)).real)
         if min(needed) > 0.0:
-            out[name] = rounded(float(np.mean(needed)))
+            flown = design.flown[name]
+            out[name] = rounded(float(np.clip(np.mean(needed), flown / FARTHEST, flown * FARTHEST)))
     return out
 
 

@@ -36,7 +36,6 @@ from stoop.vehicle_draft.autopilot import read_setup
 if TYPE_CHECKING:
     import pandas as pd
 
-PULSE: Final = 1000.0  #: us between no and full command of a motor
 PERCENTILES: Final = (5, 50, 95)
 LANES: Final = 100  #: models at once, whose responses the caches of a processor hold
 
@@ -109,15 +108,27 @@ def commands_of(vehicle: Vehicle, firmware: Firmware, parameters: Mapping[str, f
             parameters, places, np.array([1.0 if r.spin == "ccw" else -1.0 for r in rotors.values()])
         )
         mixing = np.zeros((len(inputs), len(AXES)))
+        units = {"motor": 1.0, "pwm": firmware.pulse(parameters)}
         for rotor, row in zip(rotors.values(), mixed, strict=True):
-            mixing[inputs.index(rotor.channel)] = row * (PULSE if rotor.channel.startswith("pwm_") else 1.0)
+            kind = rotor.channel.partition("_")[0]
+            if kind not in units:
+                raise StoopError(
+                    f"tune: the rotors of {vehicle.name} turn by {rotor.channel}; what a command makes of it is not known: "
+                    "identify with the commands of the motors (motor_1, pwm_1)"
+                )
+            mixing[inputs.index(rotor.channel)] = row * units[kind]
         channel = next(iter(rotors.values())).channel
         return Commands(AXES, mixing, (channel,) * len(AXES))
     outputs = _outputs(parameters) | {f"control_{a}": row for a, row in zip(AXES, np.eye(3), strict=True)}
     driven = np.array([outputs.get(c, np.zeros(3)) for c in vehicle.inputs])
     moved = channel_gains(vehicle, parameter_rows(vehicle))[0][:, :, None] * driven  # control, channel, axis
     first = [np.argwhere(moved[:, :, k])[:1, 1] for k in range(3)]
-    used = [k for k, axis in enumerate(AXES) if first[k].size and axis in firmware.axes]
+    flown = [
+        a
+        for a in firmware.axes
+        if parameters.get(firmware.enabled_by.get(a, ""), a not in firmware.enabled_by)
+    ]
+    used = [k for k, axis in enumerate(AXES) if first[k].size and axis in flown]
     if not used:
         raise StoopError(
             f"tune: no surface of {vehicle.name} moves by control_roll, control_pitch or control_yaw, nor by an output "

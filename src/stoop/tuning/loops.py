@@ -52,7 +52,7 @@ class AxisLoop:
     law: RateLaw
     attitude: float = 0.0
     scale: float = 1.0  #: ratio of trim airspeed to airspeed
-    known: Answers = field(default_factory=list, repr=False, compare=False)  #: of `feedback`
+    known: Answers = field(default_factory=list, init=False, repr=False, compare=False)  #: of `feedback`
 
     def feedback(self, frequency: Frequencies) -> dict[str, ComplexArray]:
         """Return minus the command over the rate and over the attitude (m,), held over a sample of the loop."""
@@ -75,7 +75,9 @@ class Plants:
     A: FloatArray  #: (d, n, n)
     B: FloatArray  #: (d, n, n_u)
     delays: FloatArray  #: (d, n_u), s
-    known: Answers = field(default_factory=list, repr=False)  #: of :func:`motion`, of a single vehicle
+    known: Answers = field(
+        default_factory=list, init=False, repr=False
+    )  #: of :func:`motion`, of a single vehicle
 
     def part(self, lanes: slice) -> Plants:
         """Return some of the vehicles."""

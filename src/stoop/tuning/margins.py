@@ -41,7 +41,7 @@ class Margins:
     delay: FloatArray  #: s
     disk: FloatArray  #: alpha, with no skew
     crossover: FloatArray  #: rad/s, highest frequency at which the gain is one; NaN where it never is
-    #: rad/s, lowest frequency from which a disturbance at the actuator is reduced by less than 3 dB; NaN where it always is
+    #: rad/s, lowest frequency from which a disturbance at the actuator is reduced by less than 3 dB; zero where none is by more
     rejection: FloatArray
     peak: FloatArray  #: largest factor by which a disturbance at the actuator grows
     slow: FloatArray  #: factor by which a disturbance at the lowest frequency remains
@@ -99,7 +99,8 @@ def margins(frequency: FloatArray, loop: ComplexArray) -> Margins:
     difference = np.log(np.abs(1.0 + loop))
     of, at, _ = _crossings(w, difference, angle, np.log(2.0) / 2.0, ONCE)
     lowest = _least(count, of, at)
-    rejection = np.where(np.isfinite(lowest) & (difference[:, 0] > np.log(2.0) / 2.0), np.exp(lowest), np.nan)
+    rejected = difference[:, 0] > np.log(2.0) / 2.0
+    rejection = np.where(rejected, np.minimum(np.exp(lowest), frequency[-1]), 0.0)
     peak = 1.0 / np.sqrt(_lowest(np.abs(1.0 + loop) ** 2))
     slow, limit = np.exp(-difference[:, 0]), frequency[np.argmin(difference, axis=1)]
     return Margins(up, down, phase, delay, disk, crossover, rejection, peak, slow, limit)

@@ -8,11 +8,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+import numpy as np
+
 from stoop.base.files import check_targets, make_folder, write_files
 from stoop.base.notices import Notice, notice, paragraph
 from stoop.control_laws.table import Firmware
 from stoop.errors import StoopError
-from stoop.tuning.gain_search import FARTHEST, FEW, Design, propose, rounded
+from stoop.tuning.gain_search import FARTHEST, FEW, SLACK, Design, propose, rounded
 from stoop.tuning.judgment import AxisMargins
 
 if TYPE_CHECKING:
@@ -139,8 +141,8 @@ def check_proposal(
     check_targets(folder, file_names(firmware), overwrite)
 
 
-def proposal(design: Design, before: tuple[AxisMargins, ...], against: tuple[Notice, ...]) -> Proposal:
-    """Search gains, and return them with the way to them."""
+def proposal(design: Design, before: tuple[AxisMargins, ...]) -> Proposal:
+    """Search gains, and return them with the way to them; steps speak against it that keep less than the flown gains."""
     new = propose(design)
     changes = {n: (design.flown[n], value) for n, value in new.items()}
     ladder = []
@@ -149,4 +151,14 @@ def proposal(design: Design, before: tuple[AxisMargins, ...], against: tuple[Not
         own = design if share == LADDER[-1] else design.part(FEW)
         judged = own.judged({**design.flown, **values})
         ladder.append(Step(share, values, tuple(one for at in judged for one in at)))
+    floor = min(0.0, _least(design, before)) - 10.0 * SLACK
+    weak = tuple(f"{100.0 * step.share:.0f} %" for step in ladder if _least(design, step.judged) < floor)
+    against = (notice("tune-step-weak", steps=weak),) if weak else ()
     return Proposal(design, changes, before, tuple(ladder), against)
+
+
+def _least(design: Design, judged: Sequence[AxisMargins]) -> float:
+    """Return the least that the 5th percentiles leave of the specification."""
+    return min(
+        float(np.percentile(design.specification.shares(one)[:, 1:], 5.0, axis=1).min()) for one in judged
+    )

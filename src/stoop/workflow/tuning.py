@@ -10,6 +10,7 @@ from typing import Final
 import numpy as np
 
 from stoop.assessment.draws import POSTERIOR_FILE, Draws, Source, draws_of
+from stoop.base.atmosphere import SEA_LEVEL_DENSITY, standard_density
 from stoop.base.notices import Notice, notice
 from stoop.control_laws.parameters import read_parameters
 from stoop.control_laws.rate_law import AXES
@@ -32,7 +33,8 @@ from stoop.workflow.summary import refusal
 
 DRAWS: Final = 2000
 SPEEDS: Final = 3  #: airspeeds of a range
-NOISE_BAND: Final = 0.5  #: of half the recorded rate, above which a gyro shows noise alone
+#: of the rate of the grid, where a gyro shows noise, hardly motion, and not yet the low-pass before the grid
+NOISE_BAND: Final = (0.15, 0.25)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -41,10 +43,13 @@ class JudgedGains(LoopMargins):
 
     design: Design
     against: tuple[Notice, ...]  #: why gains should not rest on this model
+    band: Mapping[
+        str, float
+    ]  #: axis -> highest frequency, rad/s, at which the flight shows the vehicle's answer
 
     def page(self, better: Proposal | None = None, command: str = "") -> Page:
         """Return the page, with a proposal if there is one; a notebook shows it, ``save(path)`` writes it."""
-        return tuning_page(self, self.design, better, command)
+        return tuning_page(self, better.design if better else self.design, better, command)
 
     def propose(self, specification: Specification | None = None) -> Proposal:
         """Search the gains of the highest rejection for which margins keep a specification over the draws.
@@ -54,9 +59,9 @@ class JudgedGains(LoopMargins):
         StoopError
             No gains near those that flew keep it.
         """
-        return proposal(
-            replace(self.design, specification=specification or Specification()), self.axes, self.against
-        )
+        found = proposal(replace(self.design, specification=specification or Specification()), self.axes)
+        against = (*self.against, *found.against, *beyond_band(self.band, found.after))
+        return replace(found, against=against)
 
 
 @takes_model
@@ -115,8 +120,16 @@ def tune(
     lacks = tuple(dict.fromkeys(text for a in axes for text in laws[a].lacks))
     lacking = [notice("tune-law-lacks", firmware=firmware.title, features=lacks)] if lacks else []
     notices = (*refusal(model.result, model.source), *drawn.notices, *lacking)
-    against = (*_not_for_control(model), *_beyond_band(model, found), *lacking)
-    return JudgedGains(firmware.title, found, len(drawn.values), drawn.source, notices, design, against)
+    misfits = model.result.response_misfits
+    band = {a: max((m.high for m in misfits if m.output == MOTION[a][0]), default=np.inf) for a in AXES}
+    unknown = tuple(a for a in axes if a not in design.noise)
+    notices = (
+        *notices,
+        *([notice("tune-noise-unknown", axes=unknown)] if unknown else []),
+        *beyond_band(band, found),
+    )
+    against = (*_not_for_control(model), *lacking)
+    return JudgedGains(firmware.title, found, len(drawn.values), drawn.source, notices, design, against, band)
 
 
 def conditions_of(
@@ -129,10 +142,11 @@ def conditions_of(
 ) -> list[Condition]:
     """Return linear models of a vehicle about airspeeds, zero in a hover, moved by the commands of a firmware."""
     commands = commands_of(vehicle, firmware, parameters)
+    calibrated = float(np.sqrt(standard_density(np.array(altitude)) / SEA_LEVEL_DENSITY))
     return [
         Condition(
             speed,
-            firmware.airspeed_ratio(parameters, speed),
+            firmware.airspeed_ratio(parameters, calibrated * speed),
             plants_of(vehicle, trim(vehicle, speed or None, altitude), drawn, commands),
         )
         for speed in speeds
@@ -140,34 +154,31 @@ def conditions_of(
 
 
 def gyro_noise(flights: Sequence[Flight]) -> dict[str, float]:
-    """Return by axis the power spectral density of a gyro's noise, (rad/s)^2/Hz: above the motion, of the quietest flight."""
-    found: dict[str, float] = {}
+    """Return by axis the power spectral density of a gyro's noise, (rad/s)^2/Hz, the median of flights that show it."""
+    found: dict[str, list[float]] = {}
     for flight in flights:
-        rates = {MOTION[a][0]: a for a in AXES if MOTION[a][0] in flight.names}
-        for one in power_spectra(flight, list(rates)):
-            level = float(np.median(one.density[one.frequency > NOISE_BAND * one.frequency[-1]]))
-            axis = rates[one.name]
-            found[axis] = min(level, found.get(axis, level))
-    return found
+        recorded = {MOTION[a][0]: a for a in AXES if MOTION[a][0] in flight.sources}
+        fast = {n: a for n, a in recorded.items() if flight.sources[n].rate > 0.9 * flight.rate}
+        low, high = (share * flight.rate for share in NOISE_BAND)
+        for one in power_spectra(flight, list(fast)):
+            level = one.density[(one.frequency > low) & (one.frequency < high)]
+            found.setdefault(fast[one.name], []).append(float(np.median(level)))
+    return {axis: float(np.median(levels)) for axis, levels in found.items()}
 
 
 def _not_for_control(model: FittedModel) -> list[Notice]:
     """Return the doubt of a verdict that does not trust the model for control design."""
-    verdict = model.result.verdict
-    refused = verdict.grade and "control design" not in verdict.justified
-    return [notice("tune-model-not-for-control", model.source)] if refused else []
+    justified = "control design" in model.result.verdict.justified
+    return [] if justified else [notice("tune-model-not-for-control", model.source)]
 
 
-def _beyond_band(model: FittedModel, found: Sequence[AxisMargins]) -> list[Notice]:
+def beyond_band(band: Mapping[str, float], found: Sequence[AxisMargins]) -> list[Notice]:
     """Return the axes whose loops cross where the flight no longer shows how the vehicle answers."""
     out = []
-    for axis in AXES:
-        known = [one.high for one in model.result.response_misfits if one.output == MOTION[axis][0]]
-        crossover = max(
-            (float(np.nan_to_num(m.margins.crossover[0])) for m in found if m.axis == axis), default=0.0
-        )
-        if known and crossover > max(known):
-            out.append(notice("tune-beyond-band", axis=axis, crossover=crossover, band=max(known)))
+    for axis, highest in band.items():
+        crossings = [float(np.nan_to_num(m.margins.crossover[0])) for m in found if m.axis == axis]
+        if max(crossings, default=0.0) > highest:
+            out.append(notice("tune-beyond-band", axis=axis, crossover=max(crossings), band=highest))
     return out
 
 

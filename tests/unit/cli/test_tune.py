@@ -18,6 +18,7 @@ from stoop.workflow.fitted_model import FittedModel
 
 GAINS = {
     "FW_RR_P": 0.1, "FW_RR_I": 0.1, "FW_RR_FF": 0.3, "FW_PR_P": 0.2, "FW_PR_I": 0.2, "FW_PR_FF": 0.3, "FW_YR_P": 0.1,
+    "FW_YR_I": 0.1, "FW_YR_FF": 0.3,
     "FW_AIRSPD_TRIM": 35.0, "FW_AIRSPD_MAX": 50.0, "FW_AIRSPD_MIN": 20.0,
 }  # fmt: skip
 FLOWN = GAINS | {

@@ -111,7 +111,7 @@ def test_what_no_gains_keep_is_refused_with_advice() -> None:
 
 def test_files_lead_from_the_gains_that_flew_to_the_proposal(tmp_path: Path) -> None:
     own = design(np.array([4.0, 4.0]))
-    found = proposal(own, tuple(own.judged(own.flown)[0]), ())
+    found = proposal(own, tuple(own.judged(own.flown)[0]))
     written = {path.name: read_parameters(path) for path in found.save(tmp_path / "tuned")}
     assert list(written) == ["gains-flown.params", *(f"gains-{n}.params" for n in (25, 50, 75, 100))]
     assert written["gains-flown.params"] == {n: FLOWN[n] for n in found.changes}
@@ -127,7 +127,7 @@ def test_files_lead_from_the_gains_that_flew_to_the_proposal(tmp_path: Path) -> 
 def test_no_file_of_a_proposal_that_something_speaks_against(tmp_path: Path) -> None:
     own = design(np.array([4.0, 4.0]))
     doubt = notice("tune-model-not-for-control", "result")
-    found = proposal(own, tuple(own.judged(own.flown)[0]), (doubt,))
+    found = replace(proposal(own, tuple(own.judged(own.flown)[0])), against=(doubt,))
     with pytest.raises(StoopError, match=r"control design; no file is written without --anyway"):
         found.save(tmp_path / "tuned")
     assert not (tmp_path / "tuned").exists()
