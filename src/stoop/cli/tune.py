@@ -13,6 +13,7 @@ from stoop.cli import options
 from stoop.cli.page import Page, fixed, numbers, page, to_json, words
 from stoop.cli.progress import LiveLine
 from stoop.cli.propagate import airspeeds_of
+from stoop.errors import StoopError
 
 if TYPE_CHECKING:
     from stoop.tuning.judgment import AxisMargins
@@ -32,6 +33,10 @@ def run(arguments: argparse.Namespace) -> int:
     wanted = Specification(
         arguments.gain_margin, arguments.phase_margin, arguments.disk_margin, arguments.noise
     )
+    if arguments.output is None and (arguments.anyway or arguments.overwrite or wanted != Specification()):
+        raise StoopError(
+            "tune: margins, --anyway and --overwrite are for a proposal: name a folder for it with -o"
+        )
     with LiveLine("judging the loops"):
         found = tune(
             arguments.result,

@@ -26,9 +26,9 @@ FIGURES: Final = ("gain margin", "phase margin", "disk margin", "rejection", "no
 FANS: Final = ("gain margin", "phase margin", "disk margin")
 BANDS: Final = (2.5, 25.0, 50.0, 75.0, 97.5)
 READ: Final = """\
-Each loop is opened at its actuator, the others closed. Thin curves are draws of the model, the thick one is the estimate; what \
-the specification keeps free about the cross is shaded. Numbers are the 5th percentile of the draws (of noise the 95th) at the \
-worst airspeed."""
+Each loop is opened at its actuator, the others closed. Thin curves are draws of the model, thick ones the estimates; the disk \
+margin keeps the shaded zone free, gain and phase margin the bars of the cross. Numbers are the 5th percentile of the draws (of \
+noise the 95th) at the worst airspeed."""
 LEGEND: Final = (("swatch fan-estimate", "proposed"), ("swatch fan-median", "flown"))
 
 
@@ -104,9 +104,14 @@ def _nichols(design: Design, better: Proposal | None) -> list[Panel]:
 def _nichols_plot(axis: str, loops: Mapping[str, ComplexArray], kept: Specification) -> Markup:
     """Return log magnitude over phase of loops (k, m) by color, the estimates first, with the zone that is kept free."""
     with canvas(NARROW, [220.0]) as (figure, (axes,)):
-        zone = np.array([(-kept.phase, 0.0), (0.0, kept.gain), (kept.phase, 0.0), (0.0, -kept.gain)])
-        axes.fill(zone[:, 0] - 180.0, zone[:, 1], color=light("fault"), linewidth=0.0, zorder=0.1)
-        axes.plot([-180.0], [0.0], "+", color=light("ink"), markersize=9.0)
+        level, phase = _disk(kept.disk)
+        axes.fill(phase, level, color=light("fault"), linewidth=0.0, zorder=0.1)
+        cross = (
+            ([-180.0 - kept.phase, -180.0 + kept.phase], [0.0, 0.0]),
+            ([-180.0, -180.0], [-kept.gain, kept.gain]),
+        )
+        for x, y in cross:
+            axes.plot(x, y, color=light("fault-edge"), linewidth=2.4, zorder=0.2)
         for color, curves in loops.items():
             for i, one in reversed(list(enumerate(curves))):
                 level, phase = (
@@ -124,6 +129,15 @@ def _nichols_plot(axis: str, loops: Mapping[str, ComplexArray], kept: Specificat
         axes.set_xticks([-360.0, -270.0, -180.0, -90.0, 0.0])
         axes.set_xlabel("phase, deg", size=12.0)
         return svg(figure, f"Nichols plot of the {axis} loop, opened at its actuator.")
+
+
+def _disk(decibels: float) -> tuple[FloatArray, FloatArray]:
+    """Return magnitude (n,), dB, and phase, deg, of the loops whose disk margin is a gain of so many decibels."""
+    gain = 10.0 ** (0.05 * decibels)
+    radius = (gain + 1.0) / (2.0 * (gain - 1.0))  # 1 / alpha
+    sensitivity = 0.5 + radius * np.exp(1j * np.linspace(0.0, 2.0 * np.pi, 181))
+    loop = 1.0 / sensitivity - 1.0
+    return 20.0 * np.log10(np.abs(loop)), np.degrees(np.angle(-loop)) - 180.0
 
 
 def _fans(axes: Sequence[AxisMargins]) -> list[Panel]:

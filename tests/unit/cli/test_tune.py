@@ -15,6 +15,7 @@ from stoop.control_laws.parameters import read_parameters
 from stoop.errors import StoopError
 from stoop.vehicle.load import parse_vehicle
 from stoop.workflow.fitted_model import FittedModel
+from stoop.workflow.tuning import gyro_noise
 
 GAINS = {
     "FW_RR_P": 0.1, "FW_RR_I": 0.1, "FW_RR_FF": 0.3, "FW_PR_P": 0.2, "FW_PR_I": 0.2, "FW_PR_FF": 0.3, "FW_YR_P": 0.1,
@@ -29,6 +30,7 @@ FLOWN = GAINS | {
     "FW_YR_P": 0.3,
     "FW_PR_FF": 1.0,
 }
+TABLES = 23  #: lines of the gains and trial flights of the page
 THROW = {"elevator": ("pitch", -0.35), "aileron": ("roll", 0.35), "rudder": ("yaw", -0.35)}
 
 
@@ -113,13 +115,15 @@ def test_the_proposal_of_the_page(
         [line.split() for line in text.partition("Proposed gains\n")[2].splitlines()]
         for text in (page, printed)
     )
-    for line, found in zip(shown[:22], said, strict=False):
+    assert len(shown) > TABLES
+    for line, found in zip(shown[:TABLES], said[:TABLES], strict=True):
         assert len(line) == len(found)
         for word, other in zip(line, found, strict=True):
             same = word == other or float(word) == pytest.approx(float(other), rel=0.02)
             assert same, (line, found)
     written = read_parameters(tmp_path / "tuned" / "gains-100.params")
-    assert set(written) == {n for n in FLOWN if n.startswith(("FW_RR", "FW_PR", "FW_YR"))}
+    assert "FW_YR_P and FW_YR_I: at 10 times the value that flew" in printed
+    assert set(written) == {n for n in FLOWN if n.startswith(("FW_RR", "FW_PR", "FW_YR"))} - {"FW_YR_FF"}
     html = (tmp_path / "tuned" / "tuning.html").read_text(encoding="utf-8")
     for words in (
         "Nichols plot of the pitch loop",
@@ -145,6 +149,48 @@ def test_gains_that_cannot_have_flown_are_refused(commanded: FittedModel) -> Non
         StoopError, match=r"at 33 m/s the loops of roll, pitch, yaw are unstable with these gains"
     ):
         commanded.tune(GAINS | {"FW_PR_P": 200.0}, airspeed=(33.0, 38.0), draws=200)
+
+
+def test_what_speaks_against_a_proposal_leaves_no_file(
+    with_servos: FittedModel, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A law with a feature that is not modeled; a band of the flight that ends below the crossover of what is proposed."""
+    with_servos.save(tmp_path / "result")
+    gains = tmp_path / "gains.parm"
+    gains.write_text(
+        "".join(f"{n},{x}\n" for n, x in (FLOWN | {"IMU_GYRO_DNF_EN": 1.0}).items()), encoding="utf-8"
+    )
+    command = ["tune", str(tmp_path / "result"), str(gains), "--airspeed", "33:38", "--draws", "100"]
+    assert main([*command, "-o", str(tmp_path / "tuned")]) == 2
+    assert "IMU_GYRO_DNF_EN" in capsys.readouterr().err
+    assert not (tmp_path / "tuned").exists()
+    assert main([*command, "--anyway"]) == 2
+    assert "name a folder for it with -o" in capsys.readouterr().err
+    judged = with_servos.tune(FLOWN, airspeed=(33.0, 38.0), draws=100)
+    found = replace(judged, band={"pitch": 5.0}).propose()
+    assert [one.code for one in found.against] == ["tune-beyond-band"]
+    with pytest.raises(StoopError, match=r"pitch loop crosses at .* shows the answer up to 5 rad/s only"):
+        found.save(tmp_path / "tuned")
+
+
+def test_unknown_noise_is_told(with_servos: FittedModel) -> None:
+    """The demonstration recorded q alone."""
+    found = with_servos.tune(FLOWN, airspeed=(33.0, 38.0), draws=100)
+    assert "noise of the gyro about roll and yaw" in "".join(map(str, found.notices))
+
+
+@pytest.mark.parametrize("rate", [100.0, 400.0])
+def test_the_noise_of_a_gyro_is_found_behind_the_low_pass_of_the_grid(rate: float, tmp_path: Path) -> None:
+    rng, time = np.random.default_rng(0), np.arange(0.0, 60.0, 1.0 / rate)
+    rows = np.column_stack([time, 0.02 * rng.standard_normal((len(time), 3))])
+    log = tmp_path / "log.csv"
+    np.savetxt(log, rows, delimiter=",", header="time,p,q,r", comments="", fmt="%.6f")
+    (tmp_path / "log.csv.toml").write_text(
+        '[time]\ncolumn = "time"\nunit = "s"\n[variables]\n'
+        + "".join(f'{n} = {{column = "{n}", unit = "rad/s"}}\n' for n in "pqr")
+    )
+    found = gyro_noise([stoop.load_flight(log)])
+    assert found == pytest.approx(dict.fromkeys(("roll", "pitch", "yaw"), 0.02**2 / (0.5 * rate)), rel=0.15)
 
 
 def test_a_model_of_another_kind_is_refused(commanded: FittedModel) -> None:

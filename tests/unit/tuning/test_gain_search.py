@@ -109,6 +109,15 @@ def test_what_no_gains_keep_is_refused_with_advice() -> None:
         Specification(phase=-5.0)
 
 
+def test_gains_that_are_zero_or_missing_are_told() -> None:
+    own = design(np.array([4.0, 4.0]))
+    still = dict.fromkeys(("FW_RR_P", "FW_RR_I", "FW_RR_FF"), 0.0)
+    with pytest.raises(StoopError, match="all gains are zero"):
+        propose(replace(own, flown=FLOWN | still))
+    with pytest.raises(StoopError, match="FW_RR_I is missing, so that no gains are proposed"):
+        propose(replace(own, flown={n: x for n, x in FLOWN.items() if n != "FW_RR_I"}))
+
+
 def test_files_lead_from_the_gains_that_flew_to_the_proposal(tmp_path: Path) -> None:
     own = design(np.array([4.0, 4.0]))
     found = proposal(own, tuple(own.judged(own.flown)[0]))
