@@ -28,6 +28,7 @@ from stoop.base.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 
 LEAST: Final = 1e-12  #: of a gain
 ONCE: Final = 1e6  #: period of a level that does not recur
+REDUCTIONS: Final = (np.log(2.0) / 2.0, 0.2 * np.log(10.0))  #: of a disturbance, 3 and 4 dB, as logarithms
 NEWTON: Final = 4  #: steps on a cubic, from the straight line
 
 
@@ -43,6 +44,8 @@ class Margins:
     crossover: FloatArray  #: rad/s, highest frequency at which the gain is one; NaN where it never is
     #: rad/s, lowest frequency from which a disturbance at the actuator is reduced by less than 3 dB; zero where none is by more
     rejection: FloatArray
+    #: likewise, 4 dB: a hump of the sensitivity that just touches 3 dB makes `rejection` jump, so that gains are searched by this
+    firm_rejection: FloatArray
     peak: FloatArray  #: largest factor by which a disturbance at the actuator grows
     slow: FloatArray  #: factor by which a disturbance at the lowest frequency remains
     limit: (
@@ -97,13 +100,17 @@ def margins(frequency: FloatArray, loop: ComplexArray) -> Margins:
     crossover = np.where(np.isfinite(highest), np.exp(highest), np.nan)
     disk = np.sqrt(_lowest(1.0 / np.abs(1.0 / (1.0 + loop) - 0.5) ** 2))
     difference = np.log(np.abs(1.0 + loop))
-    of, at, _ = _crossings(w, difference, angle, np.log(2.0) / 2.0, ONCE)
-    lowest = _least(count, of, at)
-    rejected = difference[:, 0] > np.log(2.0) / 2.0
-    rejection = np.where(rejected, np.minimum(np.exp(lowest), frequency[-1]), 0.0)
+    rejection, firm = (_rejected(w, difference, level) for level in REDUCTIONS)
     peak = 1.0 / np.sqrt(_lowest(np.abs(1.0 + loop) ** 2))
     slow, limit = np.exp(-difference[:, 0]), frequency[np.argmin(difference, axis=1)]
-    return Margins(up, down, phase, delay, disk, crossover, rejection, peak, slow, limit)
+    return Margins(up, down, phase, delay, disk, crossover, rejection, firm, peak, slow, limit)
+
+
+def _rejected(w: FloatArray, difference: FloatArray, level: float) -> FloatArray:
+    """Return the frequency (d,), rad/s, up to which log |1 + L| (d, m) is above a level; zero where it begins below."""
+    of, at, _ = _crossings(w, difference, difference, level, ONCE)
+    lowest = np.minimum(_least(len(difference), of, at), w[-1])
+    return np.where(difference[:, 0] > level, np.exp(lowest), 0.0)
 
 
 def rms_of_noise(

@@ -83,12 +83,12 @@ def gusty(vehicle: Vehicle, share: float) -> Vehicle:
     return parse_vehicle(edited(vehicle.text, {"turbulence": {**table, "airspeed": 8.0}}), vehicle.where)
 
 
-def fly(number: int, folder: Path, seed: int = 0, record: str = "") -> Flown:
-    """Fly one of the flights and write its log into a folder, in a form other than the vehicle's own where one is named."""
+def fly(number: int, folder: Path, seed: int = 0, record: str = "", gusts: str = "") -> Flown:
+    """Fly one of the flights and write its log into a folder; another form of log, and other gusts, may be named."""
     vehicle = made_up(number // 2)
     vehicle = replace(vehicle, record=record) if record else vehicle
     rng = np.random.default_rng([41, seed, number])
-    name = list(GUSTS)[(number + number // 2) % len(GUSTS)]
+    name = gusts or list(GUSTS)[(number + number // 2) % len(GUSTS)]
     kinds = instruments.DEFECTS if vehicle.winged else instruments.ROTOR_DEFECTS
     defect = kinds[(number + number // len(kinds)) % len(kinds)](rng)
     simulator = ("stoop", "JSBSim")[number % 2] if vehicle.winged else "stoop"

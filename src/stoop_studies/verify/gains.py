@@ -92,7 +92,8 @@ def examine(case: str, seed: int) -> dict[str, Any]:
     kinds = OF_CASE[case]
     number = (FIRST + seed // len(kinds)) * len(KINDS) + kinds[seed % len(kinds)]
     with tempfile.TemporaryDirectory(prefix="stoop-gains-") as name:
-        flown = defaults.fly(2 * number, Path(name), seed, "px4")
+        gusts = list(defaults.GUSTS)[seed % len(defaults.GUSTS)]
+        flown = defaults.fly(2 * number + seed // len(kinds) % 2, Path(name), seed, "px4", gusts)
         about = {"vehicle": number, "template": flown.vehicle.template, "gusts": flown.gusts}
         try:
             job = defaults.identified(
