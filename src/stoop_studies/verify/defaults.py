@@ -15,7 +15,7 @@ from stoop.assessment.covariance import NORMAL_95
 from stoop.assessment.verdict import LIMITS as VERDICT
 from stoop.base.arrays import FloatArray
 from stoop.base.units import FOOT
-from stoop.base.variables import WRAPPED
+from stoop.base.variables import VARIABLES, WRAPPED
 from stoop.errors import StoopError
 from stoop.flight import Flight, load, without_faults
 from stoop.input_design.windows import find_windows
@@ -96,6 +96,7 @@ def fly(number: int, folder: Path, seed: int = 0, record: str = "", gusts: str =
     if vehicle.winged:
         planned = pilots.plan(truth, vehicle.throw, rng)
         flown = pilots.FLYING[simulator](truth, planned, vehicle.throw, rng)
+        flown = {n: x for n, x in flown.items() if n in VARIABLES}  # without the noise that makes gusts
         flown |= {n: flown[n] + w for n, w in zip(("vn", "ve"), wind, strict=True)}
         flown |= {f"wind_{a}": np.full(len(flown["p"]), w) for a, w in zip("ne", wind, strict=True)}
         rate = pilots.RATE
