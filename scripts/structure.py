@@ -46,7 +46,7 @@ BUDGETS = {
     "problem": 1690,
     "propagation": 1150,
     "reconstruction": 850,
-    "report": 4380,
+    "report": 4400,
     "results": 1305,
     "simulation": 3455,
     "strategy": 1420,

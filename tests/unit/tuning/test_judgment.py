@@ -7,8 +7,11 @@ import pytest
 
 from stoop.control_laws import px4
 from stoop.control_laws.table import firmwares
+from stoop.errors import StoopError
 from stoop.tuning.judgment import Condition, commands_of, judge
 from stoop.tuning.loops import AxisLoop, Plants
+from stoop.vehicle import Vehicle
+from stoop.vehicle.builtin import builtin_vehicle
 from stoop.vehicle.document import with_entries
 from stoop_studies.verify import scenes
 
@@ -20,6 +23,7 @@ TAIL = {
     "CA_SV_CS2_TYPE": 7.0,
     "CA_SV_CS3_TYPE": 8.0,
 }
+SURFACES = {"elevator": "pitch", "aileron": "roll", "rudder": "yaw"}
 SERVOS = {
     "elevator": {"servo_3": -0.2, "servo_4": -0.2}, "aileron": {"servo_1": -0.15, "servo_2": 0.15},
     "rudder": {"servo_3": -0.2, "servo_4": 0.2},
@@ -39,6 +43,37 @@ def test_outputs_of_a_v_tail_are_those_of_commands() -> None:
     direct = {("controls", c, "mix"): {f"control_{axis}": gain} for c, (axis, gain) in gains.items()}
     same = commands_of(with_entries(scenes.aircraft(), direct), firmwares(WING)[0], WING)
     np.testing.assert_allclose(by_outputs.mixing[:3], same.mixing[:3], atol=1e-12)
+
+
+def test_motors_move_by_commands_or_by_pulses_of_their_range() -> None:
+    """PX4 linearizes thrust behind `actuator_motors`, so that it counts for pulses alone; speeds of rotors are no command."""
+    parameters = {
+        "MC_ROLLRATE_P": 0.1,
+        "PWM_MAIN_MIN1": 1100.0,
+        "PWM_MAIN_MAX1": 1900.0,
+        "THR_MDL_FAC": 0.6,
+        "MPC_THR_HOVER": 0.3,
+    }
+    quad, firmware = builtin_vehicle("quad-x"), firmwares(parameters)[0]
+
+    def moved_by(kind: str) -> Vehicle:
+        names = enumerate(quad.file.rotor, 1)
+        return with_entries(quad, {("rotor", name, "channel"): f"{kind}_{i}" for i, name in names})
+
+    commands, pulses = (commands_of(moved_by(kind), firmware, parameters).mixing for kind in ("motor", "pwm"))
+    assert np.abs(commands).max() == pytest.approx(1.0)
+    np.testing.assert_allclose(pulses, 800.0 / np.sqrt(0.4**2 + 4.0 * 0.6 * 0.3) * commands)
+    with pytest.raises(StoopError, match=r"turn by rotor_1; .* identify with the commands of the motors"):
+        commands_of(moved_by("rotor"), firmware, parameters)
+
+
+def test_yaw_of_arduplane_is_a_loop_where_it_is_enabled() -> None:
+    direct = {("controls", c, "mix"): {f"control_{a}": 0.3} for c, a in SURFACES.items()}
+    vehicle, parameters = with_entries(scenes.aircraft(), direct), {"RLL_RATE_P": 0.1}
+    (firmware,) = firmwares(parameters)
+    assert commands_of(vehicle, firmware, parameters).axes == ("roll", "pitch")
+    enabled = parameters | {"YAW_RATE_ENABLE": 1.0}
+    assert commands_of(vehicle, firmware, enabled).axes == ("roll", "pitch", "yaw")
 
 
 def test_a_draw_with_unstable_loops_has_no_margin() -> None:
