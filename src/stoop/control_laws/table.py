@@ -81,6 +81,7 @@ def firmwares(parameters: Mapping[str, float]) -> tuple[Firmware, ...]:
     if not found:
         known = ", ".join(one.known_by for one in LAWS)
         raise StoopError(
-            f"control laws: the log has no parameters of an autopilot that is known (none of {known}); take gains from a file"
+            f"control laws: there are no parameters of an autopilot that is known (none of {known} with a number); take "
+            "them from a log of this vehicle, or from its ground station"
         )
     return found

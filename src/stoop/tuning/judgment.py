@@ -264,5 +264,5 @@ def require_stable(condition: Condition, judged: Sequence[AxisMargins]) -> None:
     if not judged[0].margins.gain[0] > 1.0:
         raise StoopError(
             f"tune: {condition.place} the loops of {', '.join(one.axis for one in judged)} are unstable with these gains "
-            "around this model, but flew: model, gains or delays are not those of the flight"
+            "around this model. If they flew, model, gains or delays are not those of the flight; if not, lower them"
         )

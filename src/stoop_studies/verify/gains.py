@@ -118,7 +118,6 @@ def judged(flown: defaults.Flown, job: FittedModel, rng: np.random.Generator) ->
     return {
         "grade": job.result.verdict.grade, "against": [one.code for one in found.against],
         "intervals": intervals(found.axes, [one for at in true.judged(values) for one in at]),
-        "possible": best is not None,
         "proposed": kept(true, best, found.design), "estimates": kept(true, best, found.design.part(1)),
     }  # fmt: skip
 
@@ -149,8 +148,8 @@ def kept(true: Design, best: Mapping[str, float] | None, design: Design) -> dict
     if own is None:
         return None
     left = true.left(own)[0]
-    out = {"left": float(left[..., :MARGINS].min()), "noise": float(left[..., MARGINS:].min())}
-    return {**out, "ratios": rejections(true, own, best) if best else []}
+    ratios = rejections(true, own, best) if best else []
+    return {"left": float(left[..., :MARGINS].min()), "ratios": ratios}
 
 
 def rejections(true: Design, own: Mapping[str, float], best: Mapping[str, float]) -> list[float]:
@@ -180,7 +179,7 @@ def figures(case: str, records: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
         made = [r[name] for r in trusted if r[name] is not None]
         ratios = [x for one in made for x in one["ratios"]]
         out |= {
-            f"{name}": len(made), f"{name}_kept": sum(one["left"] >= -SLACK for one in made),
+            name: len(made), f"{name}_kept": sum(one["left"] >= -SLACK for one in made),
             f"{name}_worst": min((one["left"] for one in made), default=None),
             f"{name}_rejection": float(np.median(ratios)) if ratios else None,
         }  # fmt: skip

@@ -32,11 +32,11 @@ SETTING = Setting(runs=20)
 
 
 def record(inside: bool = True, left: float = 0.0, ratio: float = 0.9, against: str = "") -> dict[str, Any]:
-    own = {"left": left, "noise": 0.9, "ratios": [ratio] * 3}
+    own = {"left": left, "ratios": [ratio] * 3}
     rows = [["roll", "gain margin", 1.0, 2.0, 1.5 if inside else 3.0]]
     return {
         "vehicle": 40, "template": "quad", "gusts": "calm", "stopped": "", "grade": "usable",
-        "against": [against] * bool(against), "intervals": rows, "possible": True, "proposed": own, "estimates": own,
+        "against": [against] * bool(against), "intervals": rows, "proposed": own, "estimates": own,
     }  # fmt: skip
 
 
