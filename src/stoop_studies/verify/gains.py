@@ -154,13 +154,12 @@ def kept(true: Design, best: Mapping[str, float] | None, design: Design) -> dict
 
 def rejections(true: Design, own: Mapping[str, float], best: Mapping[str, float]) -> list[float]:
     """Return by axis the rejection with gains over that with others, at the worst airspeed, where the others have one."""
-    pairs = zip(true.judged(own), true.judged(best), strict=True)
-    ratios = np.array(
-        [
-            [np.nan_to_num(a.margins.rejection[0]) / b.margins.rejection[0] for a, b in zip(*at, strict=True)]
-            for at in pairs
-        ]
+    a, b = (
+        np.array([[one.margins.rejection[0] for one in at] for at in true.judged(values)])
+        for values in (own, best)
     )
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratios = a / b
     return [float(x) for x in ratios.min(axis=0) if np.isfinite(x)]
 
 
