@@ -90,20 +90,19 @@ def _margins(out: Page, axes: Sequence[AxisMargins]) -> None:
 
 def _proposal(out: Page, better: Proposal) -> None:
     """Print old and new values, and what trial flights on the way there must show."""
+    from stoop.tuning.proposal import SHOWN
+
     out.heading("Proposed gains")
-    flown, proposed = zip(*better.changes.values(), strict=True)
-    out.table(
-        words("parameter", list(better.changes)), numbers("flown", flown), numbers("proposed", proposed)
-    )
+    columns = [
+        numbers(head, [x[i] for x in better.changes.values()]) for i, head in enumerate(("flown", "proposed"))
+    ]
+    out.table(words("parameter", list(better.changes)), *columns)
     out.heading("Trial flights")
     rows = better.trials()
     out.table(
         fixed("% of the way", [row["share"] for row in rows], 0),
         words("axis", [row["axis"] for row in rows]),
-        *(
-            numbers(head, [row[head] for row in rows])
-            for head in ("gain margin", "phase margin", "disk margin", "rejection")
-        ),
+        *(numbers(head, [row[head] for row in rows]) for head in SHOWN),
         numbers("watch near", [row["watch"] for row in rows]),
         words("", ["rad/s"] * len(rows)),
     )

@@ -116,16 +116,6 @@ def pulse(values: Mapping[str, float]) -> float:
     return (own.number("MOT_PWM_MAX", 0.0) or 2000.0) - (own.number("MOT_PWM_MIN", 0.0) or 1000.0)
 
 
-def plane_gains(axis: str) -> dict[str, str]:
-    """Return the parameters of a plane that set its gains about an axis, by term."""
-    return {n: PLANE[axis].format(n) for n in ("P", "I", "D", "FF")}
-
-
-def copter_gains(axis: str) -> dict[str, str]:
-    """Return the parameters of a copter that set its gains about an axis, by term."""
-    return {n: COPTER[axis].format(n) for n in "PID"}
-
-
 def _pid(
     own: Parameters, axis: str, pattern: str, gains: Mapping[str, float], unit: float, forward: float, power: int, rate: float,
 ) -> RateLaw:  # fmt: skip

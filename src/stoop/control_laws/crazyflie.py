@@ -66,8 +66,3 @@ def mixing(values: Mapping[str, float], positions: FloatArray, turning: FloatArr
     turning : (n,) one for counterclockwise as seen from above, minus one for clockwise
     """
     return FULL / ALL * by_place(positions, turning, (0.5, 0.5, 1.0))
-
-
-def gains(axis: str) -> dict[str, str]:
-    """Return the parameters that set the gains of the rate loop about an axis, by term."""
-    return {term: f"pid_rate.{axis}_k{term.lower()}" for term in ("P", "I", "D")}

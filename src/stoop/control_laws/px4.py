@@ -64,16 +64,6 @@ def multicopter(values: Mapping[str, float], axis: str) -> RateLaw:
     return law
 
 
-def fixed_wing_gains(axis: str) -> dict[str, str]:
-    """Return the parameters of a fixed wing that set its gains about an axis, by term."""
-    return {n: WING[axis][0].format(n) for n in ("P", "I", "D", "FF")}
-
-
-def multicopter_gains(axis: str) -> dict[str, str]:
-    """Return the parameters of a multicopter that set its gains about an axis, by term."""
-    return {n: ROTORS[axis][0].format(n) for n in "PID"}
-
-
 def _law(own: Parameters, axis: str, gains: Mapping[str, float], limit: float, power: int) -> RateLaw:
     terms = (
         Term("P", through(ERROR, gains["P"]), power),

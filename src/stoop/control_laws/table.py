@@ -11,6 +11,8 @@ from stoop.control_laws import ardupilot, betaflight, crazyflie, px4
 from stoop.control_laws.rate_law import AXES, RateLaw
 from stoop.errors import StoopError
 
+PID: Final = {term: term for term in ("P", "I", "D")}
+PID_FF: Final = {**PID, "FF": "FF"}
 PARM: Final = ("gains.parm", "{name},{value:.9g}\n")
 
 
@@ -30,31 +32,35 @@ class Firmware:
     mixing: Callable[[Mapping[str, float], FloatArray, FloatArray], FloatArray] | None = None
     #: change of a motor's pulse, us, over that of its command, by parameters
     pulse: Callable[[Mapping[str, float]], float] = lambda _: 1000.0
-    enabled_by: Mapping[str, str] = field(
-        default_factory=dict
-    )  #: axis -> parameter without which it has no loop
-    #: parameters that set the gains of the rate loop about an axis, by term
-    gains: Callable[[str], Mapping[str, str]] = lambda _: {}
+    #: axis -> parameter without which it has no loop
+    enabled_by: Mapping[str, str] = field(default_factory=dict)
+    #: axis -> pattern of the parameters that set the gains of its rate loop, term -> what stands in it
+    patterns: Mapping[str, str] = field(default_factory=dict)
+    terms: Mapping[str, str] = field(default_factory=dict)
     #: name of a file of parameters in the autopilot's own form, and a line of it
     file: tuple[str, str] = ("gains.params", "1\t1\t{name}\t{value:.9g}\t9\n")
+
+    def gains(self, axis: str) -> dict[str, str]:
+        """Return the parameters that set the gains of the rate loop about an axis, by term; none where they are not tuned."""
+        return {t: self.patterns[axis].format(n) for t, n in self.terms.items()}
 
 
 LAWS: Final = (
     Firmware(
         "PX4 multicopter", "MC_ROLLRATE_P", True, px4.multicopter, px4.multicopter_attitude,
-        mixing=px4.mixing, pulse=px4.pulse, gains=px4.multicopter_gains,
+        mixing=px4.mixing, pulse=px4.pulse, patterns={a: own[0] for a, own in px4.ROTORS.items()}, terms=PID,
     ),
     Firmware(
         "PX4 fixed wing", "FW_RR_P", False, px4.fixed_wing, px4.fixed_wing_attitude,
-        airspeed_ratio=px4.airspeed_ratio, gains=px4.fixed_wing_gains,
+        airspeed_ratio=px4.airspeed_ratio, patterns={a: own[0] for a, own in px4.WING.items()}, terms=PID_FF,
     ),
     Firmware(
         "ArduCopter", "ATC_RAT_RLL_P", True, ardupilot.copter, ardupilot.copter_attitude,
-        mixing=ardupilot.mixing, pulse=ardupilot.pulse, gains=ardupilot.copter_gains, file=PARM,
+        mixing=ardupilot.mixing, pulse=ardupilot.pulse, patterns=ardupilot.COPTER, terms=PID, file=PARM,
     ),
     Firmware(
         "ArduPlane", "RLL_RATE_P", False, ardupilot.plane, ardupilot.plane_attitude,
-        airspeed_ratio=ardupilot.airspeed_ratio, gains=ardupilot.plane_gains, file=PARM,
+        airspeed_ratio=ardupilot.airspeed_ratio, patterns=ardupilot.PLANE, terms=PID_FF, file=PARM,
         enabled_by={"yaw": "YAW_RATE_ENABLE"},
     ),
     Firmware(
@@ -63,8 +69,8 @@ LAWS: Final = (
     ),
     Firmware("Betaflight", "rollPID[0]", True, betaflight.rate_pid),
     Firmware(
-        "Crazyflie", "pid_rate.roll_kp", True, crazyflie.cascade, mixing=crazyflie.mixing, gains=crazyflie.gains,
-        file=PARM,
+        "Crazyflie", "pid_rate.roll_kp", True, crazyflie.cascade, mixing=crazyflie.mixing,
+        patterns={a: f"pid_rate.{a}_k{{}}" for a in AXES}, terms={t: t.lower() for t in PID}, file=PARM,
     ),
 )  # fmt: skip
 

@@ -16,14 +16,14 @@ from stoop.report.palette import light
 from stoop.report.plots import NARROW, canvas, svg
 from stoop.report.sheet import Bullets, Code, Legend, Page, Panel, Panels, Part, Prose, Section, Sheet, Table
 from stoop.tuning.gain_search import Design, Specification
-from stoop.tuning.judgment import AxisMargins, LoopMargins
-from stoop.tuning.proposal import Proposal
+from stoop.tuning.judgment import AxisMargins, LoopMargins, worst
+from stoop.tuning.proposal import SHOWN, Proposal
 
 CLOUD: Final = 40  #: draws of a Nichols plot
 REACH: Final = (-360.0, 0.0)  #: deg, of it
 LEVELS: Final = (-30.0, 40.0)  #: dB
-FIGURES: Final = ("gain margin", "phase margin", "disk margin", "rejection", "noise")
-FANS: Final = ("gain margin", "phase margin", "disk margin")
+FIGURES: Final = (*SHOWN, "noise")
+FANS: Final = SHOWN[:3]  #: the margins
 BANDS: Final = (2.5, 25.0, 50.0, 75.0, 97.5)
 READ: Final = """\
 Each loop is opened at its actuator, the others closed. Thin curves are draws of the model, thick ones the estimates; the disk \
@@ -73,13 +73,8 @@ def _margins(flown: Sequence[AxisMargins], better: Proposal | None) -> Table:
     rows = []
     for axis in dict.fromkeys(one.axis for one in flown):
         for title, axes in sets:
-            own = [one.figures() for one in axes if one.axis == axis]
-            cells = []
-            for name in FIGURES:
-                key, worst = ("p95", max) if name == "noise" else ("p5", min)
-                known = [f[name][1][key] for f in own if name in f and not math.isnan(f[name][1][key])]
-                cells.append(number(worst(known)) if known else NOTHING)
-            rows.append((axis, title, *cells))
+            found = [worst(axes, axis, name) for name in FIGURES]
+            rows.append((axis, title, *(NOTHING if math.isnan(x) else number(x) for x in found)))
     head = ("axis", "gains", *(f"{n}, {units[n]}" if n in units else n for n in FIGURES))
     return Table("Worst airspeed", head, tuple(rows))
 
@@ -162,7 +157,7 @@ def _trials(better: Proposal) -> Table:
         (
             f"{row['share']:.0f} %",
             row["axis"],
-            *(number(row[n]) for n in ("gain margin", "phase margin", "disk margin", "rejection", "watch")),
+            *(number(row[n]) for n in (*SHOWN, "watch")),
         )
         for row in better.trials()
     ]

@@ -41,9 +41,8 @@ SWEEPS: Final = 2  #: over the axes
 STEP: Final = 0.4  #: first of the search, of a logarithm
 TOLERANCE: Final = 1e-3
 MOST: Final = 300  #: trials of a search
-INTEGRAL_SHARE: Final = (
-    0.5  #: least of I over P, of that ratio in flight: what holds the trim is not given up for bandwidth
-)
+#: least of I over P, of that ratio in flight: what holds the trim is not given up for bandwidth
+INTEGRAL_SHARE: Final = 0.5
 SLACK: Final = 0.005  #: share of a specification that rounding may miss
 SETTLED: Final = 0.02  #: change of the difference between estimates and percentile, share of a specification
 RATE_TERMS: Final = ("P", "I", "D")
@@ -91,6 +90,12 @@ class Specification:
         shares = np.nan_to_num(np.array([*kept, quiet]), nan=-1.0, posinf=PLENTY)
         return np.asarray(np.clip(shares, -1.0, PLENTY))
 
+    def left(self, judged: Sequence[AxisMargins]) -> tuple[FloatArray, FloatArray]:
+        """Return what margins (k) leave of it, as shares (k, 4): at the estimates, and as the 5th percentile of the draws."""
+        found = np.array([self.shares(one) for one in judged])
+        drawn = np.sort(found[..., 1:], axis=-1) if found.shape[-1] > 1 else found
+        return found[..., 0], drawn[..., round(0.05 * (drawn.shape[-1] - 1))]
+
 
 @dataclass(frozen=True, eq=False)
 class Design:
@@ -129,11 +134,10 @@ class Design:
         """Return the margins of every axis with some parameters, at every condition."""
         return self.margins(self.loops(values))
 
-    def left(self, values: Mapping[str, float], share: float = 0.05) -> tuple[FloatArray, FloatArray]:
-        """Return what is left of the specification (conditions, axes, 4): at the estimates, and as a percentile of the draws."""
-        found = np.array([[self.specification.shares(one) for one in at] for at in self.judged(values)])
-        drawn = np.sort(found[..., 1:], axis=-1) if found.shape[-1] > 1 else found
-        return found[..., 0], drawn[..., round(share * (drawn.shape[-1] - 1))]
+    def left(self, values: Mapping[str, float]) -> tuple[FloatArray, FloatArray]:
+        """Return what is left of the specification (conditions, axes, 4): at the estimates, and as the 5th percentile."""
+        found = [self.specification.left(at) for at in self.judged(values)]
+        return np.array([estimate for estimate, _ in found]), np.array([drawn for _, drawn in found])
 
     def opened(self, values: Mapping[str, float], place: int, count: int) -> ComplexArray:
         """Return the loops (n, k, m) opened at each actuator with some parameters, at a condition, of the first k models."""
@@ -163,8 +167,8 @@ def propose(design: Design) -> dict[str, float]:
         No gains near those that flew keep the specification.
     """
     axes = _searchable(design)
-    own = {**design.flown, **_feedforward(design)}
     central, raised = design.part(1), np.zeros(())
+    own = {**design.flown, **_feedforward(central)}
     for axis in axes:
         own |= _searched(central, own, axis, raised, GRID)
     rejecting = [
@@ -284,7 +288,7 @@ def _rejection(own: AxisMargins) -> float:
 
 
 def _feedforward(design: Design) -> dict[str, float]:
-    """Return the FF of each axis by which the rate follows its setpoint at the frequency of the attitude loop."""
+    """Return the FF of each axis by which the rate follows its setpoint at the attitude loop's frequency, at the estimates."""
     out = {}
     for i, axis in enumerate(design.axes):
         name, angle = (
@@ -297,7 +301,7 @@ def _feedforward(design: Design) -> dict[str, float]:
         (term,) = (t for t in one.terms if t.name == "FF")
         at, needed = np.array([angle]), []
         for c in design.conditions:
-            answer = motion(c.plants.part(slice(0, 1)), at)[MOTION[axis][0]][0, i, 0]
+            answer = motion(c.plants, at)[MOTION[axis][0]][0, i, 0]
             command = term.response(SETPOINT, np.exp(1j * at / one.rate), one.rate)[0] * c.ratio**term.power
             needed.append((1.0 / (answer * command)).real)
         if min(needed) > 0.0:

@@ -77,6 +77,14 @@ class AxisMargins:
         return out
 
 
+def worst(judged: Sequence[AxisMargins], axis: str, name: str) -> float:
+    """Return the 5th percentile of a figure about an axis, of noise the 95th, at the worst airspeed; NaN where unknown."""
+    key, least = ("p95", max) if name == "noise" else ("p5", min)
+    found = [one.figures() for one in judged if one.axis == axis]
+    known = [f[name][1][key] for f in found if name in f and not np.isnan(f[name][1][key])]
+    return least(known, default=np.nan)
+
+
 @dataclass(frozen=True, eq=False)
 class Commands:
     """How the commands about axes reach the inputs of a linear model."""

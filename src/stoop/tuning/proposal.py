@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
-
-import numpy as np
 
 from stoop.base.files import check_targets, make_folder, write_files
 from stoop.base.notices import Notice, notice, paragraph
 from stoop.control_laws.table import Firmware
 from stoop.errors import StoopError
 from stoop.tuning.gain_search import FARTHEST, FEW, SLACK, Design, propose, rounded
-from stoop.tuning.judgment import AxisMargins
+from stoop.tuning.judgment import AxisMargins, worst
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -39,7 +36,6 @@ class Proposal:
 
     design: Design
     changes: Mapping[str, tuple[float, float]]  #: parameter -> flown, proposed
-    before: tuple[AxisMargins, ...]
     ladder: tuple[Step, ...]  #: the last is the proposal
     against: tuple[Notice, ...]  #: why no file is written without being told to
 
@@ -57,21 +53,14 @@ class Proposal:
 
         ``watch`` is the frequency, rad/s, near which a loop with too much gain swings.
         """
-        rows = []
-        for step in self.ladder:
-            for axis in self.design.axes:
-                own = [one for one in step.judged if one.axis == axis]
-                figures = [one.figures() for one in own]
-                worst = {
-                    n: min(f[n][1]["p5"] for f in figures if n in f)
-                    for n in SHOWN
-                    if any(n in f for f in figures)
-                }
-                rows.append({
-                    "share": 100.0 * step.share, "axis": axis, **dict.fromkeys(SHOWN, math.nan), **worst,
-                    "watch": max(float(one.margins.limit[0]) for one in own),
-                })  # fmt: skip
-        return rows
+        return [
+            {
+                "share": 100.0 * step.share, "axis": axis, **{n: worst(step.judged, axis, n) for n in SHOWN},
+                "watch": max(float(one.margins.limit[0]) for one in step.judged if one.axis == axis),
+            }
+            for step in self.ladder
+            for axis in self.design.axes
+        ]  # fmt: skip
 
     def document(self) -> dict[str, Any]:
         """Return parameters and trial flights for JSON."""
@@ -151,14 +140,8 @@ def proposal(design: Design, before: tuple[AxisMargins, ...]) -> Proposal:
         own = design if share == LADDER[-1] else design.part(FEW)
         judged = own.judged({**design.flown, **values})
         ladder.append(Step(share, values, tuple(one for at in judged for one in at)))
-    floor = min(0.0, _least(design, before)) - 10.0 * SLACK
-    weak = tuple(f"{100.0 * step.share:.0f} %" for step in ladder if _least(design, step.judged) < floor)
+    kept = design.specification.left
+    floor = min(0.0, float(kept(before)[1].min())) - 10.0 * SLACK
+    weak = tuple(f"{100.0 * step.share:.0f} %" for step in ladder if kept(step.judged)[1].min() < floor)
     against = (notice("tune-step-weak", steps=weak),) if weak else ()
-    return Proposal(design, changes, before, tuple(ladder), against)
-
-
-def _least(design: Design, judged: Sequence[AxisMargins]) -> float:
-    """Return the least that the 5th percentiles leave of the specification."""
-    return min(
-        float(np.percentile(design.specification.shares(one)[:, 1:], 5.0, axis=1).min()) for one in judged
-    )
+    return Proposal(design, changes, tuple(ladder), against)
