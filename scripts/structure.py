@@ -24,7 +24,7 @@ FLAG = re.compile(
 )  #: tests whether a vehicle has rotors
 #: room -> lines at most; "stoop" is the whole package, for which the design asks 68,000, and 9,000 for its studies
 BUDGETS = {
-    "stoop": 84400,
+    "stoop": 84900,
     "stoop_studies": 13970,
     "api": 200,
     "app": 3510,
@@ -32,7 +32,7 @@ BUDGETS = {
     "base": 2370,
     "checks": 3010,
     "cli": 3250,
-    "control_laws": 1200,
+    "control_laws": 1330,
     "estimate": 7535,
     "exporters": 7655,
     "flight": 6225,
@@ -48,10 +48,10 @@ BUDGETS = {
     "reconstruction": 850,
     "report": 4400,
     "results": 1305,
-    "simulation": 3455,
+    "simulation": 3465,
     "strategy": 1420,
-    "tuning": 1200,
-    "vehicle": 3640,
+    "tuning": 1450,
+    "vehicle": 3645,
     "vehicle_draft": 3350,
     "workflow": 4200,
 }

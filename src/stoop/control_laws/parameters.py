@@ -49,14 +49,20 @@ class Parameters:
         return {name: self.number(pattern.format(name), value) for name, value in defaults.items()}
 
 
-def read_parameters(path: Path) -> Mapping[str, float]:
+def read_parameters(*paths: Path) -> Mapping[str, float]:
     """Return the parameters of a log, or of a file of QGroundControl (``.params``) or ArduPilot (``.parm``, ``.param``).
+
+    Those of a later file count over those before, as of a file of few gains over the log that they change.
 
     Raises
     ------
     StoopError
         There is no such file, it cannot be read, or it holds no parameters.
     """
+    return {name: x for path in paths for name, x in _parameters(path).items()}
+
+
+def _parameters(path: Path) -> Mapping[str, float]:
     if path.suffix.lower() in ENDINGS:
         text = log_content(path, MOST, "save the parameters again").decode("utf-8", "replace")
         values = dict(filter(None, map(_parameter, text.splitlines())))

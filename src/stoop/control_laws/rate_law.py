@@ -44,11 +44,14 @@ class Integral:
         sum_of_errors = self.gain / rate / (1.0 - 1.0 / z)
         return sum_of_errors / z if self.late else sum_of_errors
 
+    def growth(self, error: FloatArray, rate: float) -> FloatArray:
+        """Return by how much errors (n,) change the integral, each over a sample."""
+        return np.asarray(self.gain / rate * error * np.maximum(0.0, 1.0 - (error / self.fade) ** 2))
+
     def output(self, error: FloatArray, rate: float, start: float = 0.0) -> FloatArray:
         """Return the integral (n,) of errors (n,), from a value at the start."""
         out, value = np.empty_like(error), start
-        grown = self.gain / rate * error * np.maximum(0.0, 1.0 - (error / self.fade) ** 2)
-        for k, step in enumerate(grown.tolist()):
+        for k, step in enumerate(self.growth(error, rate).tolist()):
             after = min(max(value + step, -self.limit), self.limit)
             out[k] = value if self.late else after
             value = after

@@ -91,3 +91,21 @@ def firmwares(parameters: Mapping[str, float]) -> tuple[Firmware, ...]:
             "them from a log of this vehicle, or from its ground station"
         )
     return found
+
+
+def firmware_of(parameters: Mapping[str, float], rotors: bool) -> Firmware:
+    """Return the law of parameters for a vehicle that flies on rotors, or on wings.
+
+    Raises
+    ------
+    StoopError
+        The parameters are of none, or of the other kind of vehicle.
+    """
+    known = firmwares(parameters)
+    for one in known:
+        if one.rotors == rotors:
+            return one
+    kind = "on rotors" if rotors else "on wings"
+    raise StoopError(
+        f"control laws: the parameters are those of {known[0].title}, but the vehicle flies {kind}: take its own log"
+    )

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 GROUND_SPEED_NOISE: Final = 0.1  #: m/s, of a velocity over ground that the vehicle file has no noise of
 HEIGHT_PASSES, HEIGHT_TOLERANCE = 50, 1e-9  #: of the fixed point of height and trajectory; m
 ADVICE: Final = "reduce the amplitude or check the vehicle's stability"
-_GUSTS, _VELOCITY = 1, 2  #: streams of random numbers
+GUSTS, _VELOCITY = 1, 2  #: streams of random numbers
 
 
 def simulate(
@@ -65,7 +65,7 @@ def simulate(
     channels = inputs_about(vehicle, point, moved, len(time))
     for channel in (c for c in columns if c in vehicle.recorded):
         channels[:, vehicle.recorded.index(channel)] = columns[channel]
-    gusts = np.random.default_rng([seed, _GUSTS])
+    gusts = np.random.default_rng([seed, GUSTS])
     begun = replace(point, start={**point.start, **(initial_state or {})})
     flown = _finite(
         vehicle, _open_loop(vehicle, time, channels, begun, gusts, windy=False), "reduce the inputs"
@@ -105,7 +105,7 @@ def simulate_flight(
         No trim, or the flight diverges.
     """
     flown = fly(vehicle, maneuver, seed)
-    return _recorded(vehicle, maneuver, flown, seed, noise, name)
+    return recorded(vehicle, maneuver, flown, seed, noise, name)
 
 
 def simulate_together(
@@ -113,7 +113,7 @@ def simulate_together(
 ) -> list[Flight | SimulationError]:
     """Return flights as of :func:`simulate_flight`, on rotors flown side by side; errors of those that fail are values."""
     return [
-        one if isinstance(one, SimulationError) else _recorded(*flight, one, seed, noise, name)
+        one if isinstance(one, SimulationError) else recorded(*flight, one, seed, noise, name)
         for flight, one in zip(flights, fly_together(flights, seed), strict=True)
     ]
 
@@ -151,7 +151,7 @@ def fly_together(flights: Sequence[tuple[Vehicle, Maneuver]], seed: int = 0) -> 
         except SimulationError as error:
             found[i] = error
             continue
-        rng = np.random.default_rng([seed, _GUSTS])
+        rng = np.random.default_rng([seed, GUSTS])
         if point.on_wings:
             inputs = inputs_about(vehicle, point, maneuver.deflections(), len(maneuver.time))
             windy = maneuver.wind is not None
@@ -254,9 +254,7 @@ def _open_loop(
     return Flown(point, time, inputs, late_outputs(vehicle, readings, rows, dt)[0], velocity)
 
 
-def _recorded(
-    vehicle: Vehicle, maneuver: Maneuver, flown: Flown, seed: int, noise: bool, name: str
-) -> Flight:
+def recorded(vehicle: Vehicle, maneuver: Maneuver, flown: Flown, seed: int, noise: bool, name: str) -> Flight:
     """Return a flight as of :func:`simulate_flight`."""
     known = dict.fromkeys((*vehicle.outputs, *(WIND if maneuver.wind is not None else ())))
     unknown = set(maneuver.noise) - set(known)

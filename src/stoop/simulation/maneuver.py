@@ -35,6 +35,7 @@ from pydantic import AfterValidator, Field, ValidationError, ValidationInfo, mod
 from stoop.base.arrays import FloatArray
 from stoop.base.schema_errors import first_complaint
 from stoop.base.toml import parse_source, read_source
+from stoop.base.variables import EULER
 from stoop.errors import ManeuverError
 from stoop.simulation.rotors import EXCITATIONS, SETPOINTS
 from stoop.simulation.steady_flight import SteadyFlight, steady_flight
@@ -46,12 +47,18 @@ MAX_HARMONICS = MAX_LEVELS = 2000
 MAX_WAVES = 200_000_000  #: samples of all inputs and their harmonics together; some seconds
 MAX_VALUE = 1e6  #: of any unit
 _EDGE = 1e-9  #: s, so that a step falls on the sample it names
+WIND_CHANGES = (
+    "wind_n",
+    "wind_e",
+    "wind_d",
+)  #: of the wind, m/s, that a maneuver under the law of an autopilot may hold
+UNDER_LAW = (*EULER, *WIND_CHANGES)
 PATTERNS = {"3-2-1-1": (3, 2, 1, 1), "doublet": (1, 1), "1-1": (1, 1), "2-1-1": (2, 1, 1)}
 
 
 def unit_of(control: str) -> str:
     """Return the unit in which an input of this name is given."""
-    by_channel = {"motor_": "", "throttle": "", "rotor_": "rad/s", "pwm_": "us"}
+    by_channel = {"motor_": "", "throttle": "", "rotor_": "rad/s", "pwm_": "us", "wind_": "m/s"}
     unit = next((unit for head, unit in by_channel.items() if control.startswith(head)), "rad")
     return (EXCITATIONS | SETPOINTS).get(control, unit)
 
@@ -399,10 +406,16 @@ def check_maneuver(vehicle: Vehicle, maneuver: Maneuver) -> None:
         )
     for spec in maneuver.input:
         if spec.control not in known:
-            hint = f", or leave the airspeed out: '{spec.control}' is moved where rotors carry the vehicle"
+            hint = ""
+            if spec.control in without_airspeed:
+                hint = (
+                    f", or leave the airspeed out: '{spec.control}' is moved where rotors carry the vehicle"
+                )
+            elif spec.control in UNDER_LAW:
+                hint = ", or fly the attitude and the wind under the law of an autopilot (--autopilot)"
             raise ManeuverError(
                 f"{vehicle.where}: the maneuver moves '{spec.control}', but the controls are {', '.join(known) or 'none'}; "
-                f"correct the maneuver file{hint if spec.control in without_airspeed else ''}"
+                f"correct the maneuver file{hint}"
             )
     if flight.commands and len(maneuver.time) > MAX_ROTOR_SAMPLES:
         raise ManeuverError(

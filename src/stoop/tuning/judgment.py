@@ -90,7 +90,8 @@ class Commands:
     """How the commands about axes reach the inputs of a linear model."""
 
     axes: tuple[str, ...]
-    mixing: FloatArray  #: (n_u, axes), of `model_inputs`
+    mixing: FloatArray  #: (m, axes), of `model_inputs`
+    outputs: FloatArray  #: (n_u, axes), of the recorded channels
     channels: tuple[str, ...]  #: of each axis, whose delay counts
 
 
@@ -116,6 +117,7 @@ def commands_of(vehicle: Vehicle, firmware: Firmware, parameters: Mapping[str, f
             parameters, places, np.array([1.0 if r.spin == "ccw" else -1.0 for r in rotors.values()])
         )
         mixing = np.zeros((len(inputs), len(AXES)))
+        outputs = np.zeros((len(vehicle.inputs), len(AXES)))
         units = {"motor": 1.0, "pwm": firmware.pulse(parameters)}
         for rotor, row in zip(rotors.values(), mixed, strict=True):
             kind = rotor.channel.partition("_")[0]
@@ -125,10 +127,11 @@ def commands_of(vehicle: Vehicle, firmware: Firmware, parameters: Mapping[str, f
                     "identify with the commands of the motors (motor_1, pwm_1)"
                 )
             mixing[inputs.index(rotor.channel)] = row * units[kind]
+            outputs[vehicle.inputs.index(rotor.channel)] = row * units[kind]
         channel = next(iter(rotors.values())).channel
-        return Commands(AXES, mixing, (channel,) * len(AXES))
-    outputs = _outputs(parameters) | {f"control_{a}": row for a, row in zip(AXES, np.eye(3), strict=True)}
-    driven = np.array([outputs.get(c, np.zeros(3)) for c in vehicle.inputs])
+        return Commands(AXES, mixing, outputs, (channel,) * len(AXES))
+    moves = _outputs(parameters) | {f"control_{a}": row for a, row in zip(AXES, np.eye(3), strict=True)}
+    driven = np.array([moves.get(c, np.zeros(3)) for c in vehicle.inputs])
     moved = channel_gains(vehicle, parameter_rows(vehicle))[0][:, :, None] * driven  # control, channel, axis
     first = [np.argwhere(moved[:, :, k])[:1, 1] for k in range(3)]
     flown = [
@@ -146,7 +149,7 @@ def commands_of(vehicle: Vehicle, firmware: Firmware, parameters: Mapping[str, f
     mixing = np.zeros((len(inputs), len(used)))
     mixing[: len(moved)] = moved.sum(axis=1)[:, used]
     late = tuple(vehicle.inputs[int(first[k][0])] for k in used)
-    return Commands(tuple(AXES[k] for k in used), mixing, late)
+    return Commands(tuple(AXES[k] for k in used), mixing, driven[:, used], late)
 
 
 def _outputs(parameters: Mapping[str, float]) -> dict[str, FloatArray]:

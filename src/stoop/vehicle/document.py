@@ -88,10 +88,15 @@ def with_entries(vehicle: Vehicle, entries: Mapping[tuple[str, ...], Any]) -> Ve
         extended = extended.reduced(vehicle.reduce)
     extended = extended.coupled_to(vehicle.measured)
     written = {".".join(keys) for keys in entries} | {keys[-1] for keys in entries}
+    tables_written = tuple(f"{'.'.join(keys)}." for keys in entries)
     known = dict(leaves(extended.file))
     kept = {
         name: {"value": q.value, "bounds": q.bounds, "free": q.free, "prior": q.prior, "mean": q.mean}
         for name, q in leaves(vehicle.file)
-        if q.tie is None and name in known and known[name].tie is None and name not in written
+        if q.tie is None
+        and name in known
+        and known[name].tie is None
+        and name not in written
+        and not name.startswith(tables_written)
     }
     return extended.with_numbers(kept)

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stoop.base.arrays import FloatArray
+from stoop.control_laws.parameters import read_parameters
+from stoop.errors import ManeuverError
 from stoop.flight import Flight
 from stoop.simulation import LinearModel, Trim, trim
 from stoop.simulation import linearize as linearized
 from stoop.simulation.fly import simulate as simulated
-from stoop.simulation.maneuver import Maneuver
+from stoop.simulation.maneuver import Maneuver, load_maneuver
+from stoop.tuning.closed_loop import simulate_under_law
 from stoop.vehicle import Vehicle
 from stoop.workflow.fitted_model import FittedModel
 from stoop.workflow.load import takes_model_or_vehicle
@@ -63,6 +66,7 @@ def simulate(
     noise: bool = False,
     name: str = "simulated",
     initial_state: Mapping[str, float] | None = None,
+    autopilot: str | Path | Sequence[str | Path] | Mapping[str, float] | None = None,
 ) -> Flight:
     """Simulate a model from trimmed flight.
 
@@ -85,6 +89,9 @@ def simulate(
         As in ``FLIGHT@START:STOP``.
     initial_state : mapping, optional
         States at the start, SI, in place of the trimmed ones, such as ``{"alpha": 0.05}``; of inputs as arrays.
+    autopilot : path, paths or mapping, optional
+        Log or files that hold the parameters of an autopilot, later ones over earlier ones, or these by name: its law flies the
+        maneuver.
 
     Returns
     -------
@@ -98,6 +105,18 @@ def simulate(
         No trim, or the flight diverges.
     """
     vehicle = model.vehicle if isinstance(model, FittedModel) else model
+    if autopilot is not None:
+        maneuver = load_maneuver(inputs) if isinstance(inputs, str | Path) else inputs
+        if not isinstance(maneuver, Maneuver):
+            raise ManeuverError(
+                "autopilot: its law flies a maneuver; give a maneuver, or its file, as inputs"
+            )
+        if isinstance(autopilot, Mapping):
+            values = autopilot
+        else:
+            paths = [autopilot] if isinstance(autopilot, str | Path) else autopilot
+            values = read_parameters(*map(Path, paths))
+        return simulate_under_law(vehicle, maneuver, values, seed, noise, name)
     return simulated(
         vehicle,
         inputs,

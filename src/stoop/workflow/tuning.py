@@ -14,8 +14,7 @@ from stoop.base.atmosphere import SEA_LEVEL_DENSITY, standard_density
 from stoop.base.notices import Notice, notice
 from stoop.control_laws.parameters import read_parameters
 from stoop.control_laws.rate_law import AXES
-from stoop.control_laws.table import Firmware, firmwares
-from stoop.errors import StoopError
+from stoop.control_laws.table import Firmware, firmware_of
 from stoop.flight import Flight
 from stoop.flight.spectra import power_spectra
 from stoop.report.sheet import Page
@@ -105,7 +104,7 @@ def tune(
     values = parameters if isinstance(parameters, Mapping) else read_parameters(Path(parameters))
     vehicle = model.vehicle.coupled_to(())
     vehicle = vehicle.reduced("full") if vehicle.reduce == "lateral" else vehicle
-    firmware = _firmware(values, bool(vehicle.rotors))
+    firmware = firmware_of(values, bool(vehicle.rotors))
     laws = {a: firmware.law(values, a) for a in firmware.axes}
     axes = commands_of(vehicle, firmware, values).axes
     drawn = draws_of(model.result, model.attachments.get(POSTERIOR_FILE), draws, seed, source, model.source)
@@ -180,15 +179,3 @@ def beyond_band(band: Mapping[str, float], found: Sequence[AxisMargins]) -> list
         if max(crossings, default=0.0) > highest:
             out.append(notice("tune-beyond-band", axis=axis, crossover=max(crossings), band=highest))
     return out
-
-
-def _firmware(parameters: Mapping[str, float], rotors: bool) -> Firmware:
-    """Return the law of the parameters for a kind of vehicle."""
-    known = firmwares(parameters)
-    for one in known:
-        if one.rotors == rotors:
-            return one
-    kind = "on rotors" if rotors else "on wings"
-    raise StoopError(
-        f"tune: the parameters are those of {known[0].title}, but the model flies {kind}: take its own log"
-    )

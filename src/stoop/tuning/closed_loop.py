@@ -1,0 +1,316 @@
+"""Flight of the nonlinear model under an autopilot's law: its filters and limits sample by sample, its actuators, wind and gusts.
+
+The law commands channels about a trim, held over a sample of the loop; the model moves in finer steps. Attitudes are set, and
+velocities drift: thrust stays that of the trim. Errors of the attitude become rates as a multicopter turns the shortest
+way [1]_, or as a fixed wing turns its Euler angles, with the yaw rate of a coordinated turn [2]_.
+
+References
+----------
+.. [1] D. Brescianini, M. Hehn and R. D'Andrea, Nonlinear Quadrocopter Attitude Control, ETH Zurich, 2013.
+.. [2] R. W. Beard and T. W. McLain, Small Unmanned Aircraft, 2012, sections 5.3 and 9.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+
+from stoop.base.arrays import BoolArray, FloatArray
+from stoop.base.atmosphere import SEA_LEVEL_DENSITY, standard_density
+from stoop.base.notices import notice
+from stoop.base.rotations import conjugate, euler_angles, product, quaternions_of, to_body, vectors_of
+from stoop.base.units import STANDARD_GRAVITY
+from stoop.base.variables import EULER
+from stoop.control_laws.rate_law import AXES
+from stoop.control_laws.recursion import LawRecursion
+from stoop.control_laws.table import Firmware, firmware_of
+from stoop.errors import ManeuverError, SimulationError, StoopError
+from stoop.flight import Flight
+from stoop.kernels.filtering import step
+from stoop.simulation import trajectories
+from stoop.simulation.delays import Actuator, input_actuators, late_outputs
+from stoop.simulation.fly import GUSTS, flown_trim, recorded
+from stoop.simulation.initial import initial_states
+from stoop.simulation.maneuver import MAX_ROTOR_SAMPLES, WIND_CHANGES, Maneuver
+from stoop.simulation.rotors import channel_range
+from stoop.simulation.trajectories import Flown
+from stoop.simulation.trim import Trim, inputs_about
+from stoop.tuning.judgment import commands_of
+from stoop.vehicle import Vehicle
+from stoop.vehicle.vehicle import noise_input
+
+STEP_RATE: Final = 400.0  #: Hz, least at which the model moves
+LOST: Final = math.radians(75.0)  #: error of roll or pitch at which a flight ends
+QUATERNION: Final = ("e0", "e1", "e2", "e3")
+
+
+def simulate_under_law(
+    vehicle: Vehicle,
+    maneuver: Maneuver,
+    parameters: Mapping[str, float],
+    seed: int = 0,
+    noise: bool = True,
+    name: str = "simulated",
+) -> Flight:
+    """Return the flight of a maneuver under the law of an autopilot, as the instruments of the vehicle would record it.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+    maneuver : Maneuver
+        Its inputs are changes from the trim: of the attitude's setpoints (``phi``, ``theta``, on rotors ``psi``, rad), of
+        the wind (``wind_n``, ``wind_e``, ``wind_d``, m/s), and of channels and controls, added to what the law commands.
+    parameters : mapping of str to float
+        Of the autopilot, by which its law is known.
+    seed : int
+        Of the measurement noise and of the gusts.
+    noise : bool
+        Of the sensors; there are gusts without it too.
+    name : str
+
+    Returns
+    -------
+    Flight
+        At the rate of the loop over a whole number, near that of the maneuver.
+
+    Raises
+    ------
+    ManeuverError
+        An input that there is not.
+    SimulationError
+        No trim, or the attitude is lost.
+    StoopError
+        The law does not move the vehicle.
+    """
+    firmware = firmware_of(parameters, bool(vehicle.rotors))
+    flown = fly_under_law(vehicle, maneuver, firmware, parameters, seed)
+    flight = recorded(vehicle, maneuver, flown, seed, noise, name)
+    roll, pitch = np.sqrt(np.mean(flown.attitude_error[:, :2] ** 2, axis=0)).tolist()
+    full = float(np.mean(flown.saturated.any(axis=1)))
+    found = notice("flown-under-law", name, firmware=firmware.title, roll=roll, pitch=pitch, saturated=full)
+    return flight.with_notices([found])
+
+
+@dataclass(frozen=True)
+class FlownUnderLaw(Flown):
+    """A flight of a law, with how it was held."""
+
+    attitude_error: FloatArray = field(
+        kw_only=True
+    )  #: (n, 3), setpoint minus attitude, rad; none of yaw on wings
+    saturated: BoolArray = field(
+        kw_only=True
+    )  #: (n, axes), where actuators could not do what the law asked for
+
+
+def fly_under_law(
+    vehicle: Vehicle, maneuver: Maneuver, firmware: Firmware, parameters: Mapping[str, float], seed: int = 0
+) -> FlownUnderLaw:
+    """Return the flight of :func:`simulate_under_law` without noise of sensors."""
+    if vehicle.reduce != "full":
+        raise StoopError(f"{vehicle.where}: an autopilot flies about all axes; simulate the full model")
+    moved = commands_of(vehicle, firmware, parameters)
+    laws = [firmware.law(parameters, a) for a in moved.axes]
+    course = Course.of(vehicle, maneuver.model_copy(update={"rate": laws[0].rate}))
+    body = _Body(vehicle, course, np.random.default_rng([seed, GUSTS]))
+    loop = AttitudeLoop(firmware, parameters, moved.axes, course)
+    law, undo = LawRecursion(laws, body.rates[loop.axes]), np.linalg.pinv(moved.outputs)
+    area, every = channel_range(vehicle), max(1, round(course.rate / maneuver.rate))
+    states, received, errors, lacking = [], [], [], []
+    clipped = np.zeros((len(course.time), len(area.names)), dtype=bool)
+    done = np.zeros((len(laws), 1))
+    for k in range(len(course.time)):
+        body.blow(course.wind[k] - course.wind[k - 1] if k else np.zeros(3))
+        quaternion, speed = body.state[body.attitude, 0], float(np.linalg.norm(body.state[body.velocity, 0]))
+        setpoints, error = loop.setpoints(k, quaternion, speed)
+        commands = law.commands(setpoints, body.rates[loop.axes], loop.scale(speed), done)
+        before = course.inputs[k].copy()
+        wanted = before + moved.outputs @ commands[:, 0]
+        course.inputs[k] = wanted
+        course.inputs[k, area.columns] = area.clip(wanted[area.columns])
+        clipped[k] = course.inputs[k, area.columns] != wanted[area.columns]
+        done = undo @ (course.inputs[k] - before)[:, None]
+        states.append(body.state[:, 0])
+        received.append(body.move(k, course.inputs[k]))
+        errors.append(error)
+        lacking.append(law.lacking(done)[:, 0] != 0.0)
+    sampled = slice(None, None, every)
+    kept = np.array(states[sampled])
+    readings = trajectories.readings_along(vehicle, body.rows, kept, np.array(received[sampled]))[None]
+    return FlownUnderLaw(
+        course.point,
+        course.time[sampled],
+        course.inputs[sampled],
+        late_outputs(vehicle, readings, body.rows, every / course.rate)[0],
+        trajectories.over_ground(vehicle, course.point, kept) + course.wind[sampled],
+        clipped[sampled],
+        kept,
+        attitude_error=np.array(errors[sampled]),
+        saturated=np.array(lacking[sampled]),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Course:
+    """What a maneuver asks for at the samples of a loop (n)."""
+
+    point: Trim
+    rate: float  #: Hz, of the loop
+    altitude: float  #: m
+    time: FloatArray  #: (n,), s
+    inputs: FloatArray  #: (n, n_u), channels to which commands are added
+    attitude: FloatArray  #: (n, 3), Euler angles, rad
+    wind: FloatArray  #: (n, 3), change from the trim's, m/s
+
+    @classmethod
+    def of(cls, vehicle: Vehicle, maneuver: Maneuver) -> Course:
+        """Return the course of a maneuver at the rate of the loop."""
+        if len(maneuver.time) > MAX_ROTOR_SAMPLES:
+            raise ManeuverError(
+                f"duration: more than {MAX_ROTOR_SAMPLES} samples of the loop at {maneuver.rate:g} Hz; lower it"
+            )
+        if maneuver.battery is not None:
+            raise ManeuverError("battery: under the law of an autopilot its voltage stays; remove it")
+        signals, none = maneuver.deflections(), np.zeros(len(maneuver.time))
+        angles = EULER if vehicle.rotors else EULER[:2]
+        known = dict.fromkeys((*angles, *WIND_CHANGES, *vehicle.controls, *sorted(vehicle.recorded)))
+        for control in signals:
+            if control not in known:
+                raise ManeuverError(
+                    f"the maneuver moves '{control}', but under a law it may move {', '.join(known)}; correct the file"
+                )
+        point = flown_trim(vehicle, maneuver)
+        attitude, wind = (
+            np.column_stack([signals.pop(n, none) for n in names]) for names in (EULER, WIND_CHANGES)
+        )
+        inputs = inputs_about(vehicle, point, signals, len(none))
+        trimmed = np.array([point.start.get(n, 0.0) for n in EULER])
+        return cls(point, maneuver.rate, maneuver.altitude, maneuver.time, inputs, trimmed + attitude, wind)
+
+
+class _Body:
+    """The vehicle and its actuators, from one sample of the loop to the next."""
+
+    def __init__(self, vehicle: Vehicle, course: Course, rng: np.random.Generator) -> None:
+        self.vehicle, self.rows = vehicle, course.point.lanes(vehicle).rows
+        start = {**course.point.start, **trajectories.gust_start(vehicle, rng)}
+        self.state = initial_states(vehicle, start, self.rows, course.inputs[0])
+        self.steps = max(1, math.ceil(STEP_RATE / course.rate))
+        self.dt = 1.0 / (course.rate * self.steps)
+        # at these short steps the gusts need no finer noise
+        count = self.steps * len(course.time) + 1
+        self.noise = rng.standard_normal((count, len(vehicle.gusts))) / math.sqrt(self.dt)
+        self.gusts = [vehicle.inputs.index(noise_input(axis)) for axis in vehicle.gusts]
+        self.actuators = [_Held(a, self.rows, self.dt, course.inputs[0]) for a in input_actuators(vehicle)]
+        self.velocity, self.attitude, self.turning = (
+            [vehicle.states.index(n) for n in names] for names in ("uvw", QUATERNION, "pqr")
+        )
+
+    @property
+    def rates(self) -> FloatArray:
+        """Return p, q and r (3, 1), rad/s."""
+        return self.state[self.turning]
+
+    def blow(self, change: FloatArray) -> None:
+        """Change the wind (3,), m/s; the velocity over ground stays."""
+        if change.any():
+            self.state = self.state.copy()
+            self.state[self.velocity, 0] -= to_body(self.state[self.attitude, 0], change)
+
+    def move(self, k: int, channels: FloatArray) -> FloatArray:
+        """Move through sample k of the loop with channels (n_u,) held; return those that arrived first."""
+        first = None
+        for part in range(self.steps * k, self.steps * (k + 1)):
+            arriving = channels.copy()
+            for one in self.actuators:
+                arriving[one.column] = one.received(channels[one.column])
+            first = arriving if first is None else first
+            now, then = arriving[:, None].copy(), arriving[:, None].copy()
+            now[self.gusts, 0], then[self.gusts, 0] = self.noise[part], self.noise[part + 1]
+            self.state, _ = step(self.vehicle.kernel(), self.rows, self.state, now, then, self.dt)
+        return channels if first is None else first
+
+
+class _Held:
+    """An actuator whose commands are held over a step."""
+
+    def __init__(self, actuator: Actuator, rows: FloatArray, dt: float, inputs: FloatArray) -> None:
+        self.column, start = actuator.column, float(inputs[actuator.column])
+        dead_zone, self.most, delay = actuator.numbers(rows, dt)[:, 0].tolist()
+        self.half, whole, self.position = 0.5 * dead_zone, math.floor(delay), start
+        self.share = delay - whole
+        self.moved = self.sent = start
+        self.underway = deque([start] * (whole + 2), maxlen=whole + 2)
+
+    def received(self, command: float) -> float:
+        """Return the mean over a step of what arrives."""
+        self.sent = min(max(self.sent, command - self.half), command + self.half)
+        self.moved = min(max(self.sent, self.moved - self.most), self.moved + self.most)
+        self.underway.append(self.moved)
+        newer, older = self.underway[1], self.underway[0]
+        return float((1.0 - self.share) * newer + self.share * older)
+
+
+class AttitudeLoop:
+    """Setpoints of rates from errors of the attitude.
+
+    Attributes
+    ----------
+    axes : numbers of the axes, of roll, pitch and yaw, that the law turns about
+    """
+
+    def __init__(
+        self, firmware: Firmware, parameters: Mapping[str, float], axes: Sequence[str], course: Course
+    ) -> None:
+        self.firmware, self.parameters, self.course = firmware, parameters, course
+        self.axes, self.target = [AXES.index(a) for a in axes], quaternions_of(course.attitude)
+        self.gains = np.array([firmware.attitude_gain(parameters, a) for a in AXES])
+        if not self.gains[:2].all():
+            raise StoopError(
+                f"{firmware.title}: its attitude loop is not modeled, and rates alone hold no attitude; take gains of "
+                "another firmware"
+            )
+        self.calibrated = float(np.sqrt(standard_density(np.array(course.altitude)) / SEA_LEVEL_DENSITY))
+
+    def scale(self, speed: float) -> FloatArray:
+        """Return the ratio of trim airspeed to airspeed (1,), at a true airspeed, m/s."""
+        return np.array([self.firmware.airspeed_ratio(self.parameters, self.calibrated * speed)])
+
+    def setpoints(self, k: int, quaternion: FloatArray, speed: float) -> tuple[FloatArray, FloatArray]:
+        """Return rates (axes, 1), rad/s, and errors (3,), rad, at sample k for an attitude (4,) and a true airspeed, m/s.
+
+        Raises
+        ------
+        SimulationError
+            The attitude is lost.
+        """
+        if self.firmware.rotors:
+            error = vectors_of(product(conjugate(quaternion), self.target[k]))
+            rates = self.gains * error
+        else:
+            phi, theta, _ = euler_angles(quaternion).tolist()
+            error = self.course.attitude[k] - (phi, theta, self.course.attitude[k, 2])
+            turn = STANDARD_GRAVITY / speed * math.tan(phi) * math.cos(theta)
+            rates = _body_rates(phi, theta, self.gains * error + (0.0, 0.0, turn))
+        if not math.hypot(*error[:2]) < LOST:  # also NaN
+            raise SimulationError(
+                f"the attitude is lost at {self.course.time[k]:.2f} s; lower gains, setpoints or gusts"
+            )
+        return np.asarray(rates[self.axes, None]), np.asarray(error)
+
+
+def _body_rates(phi: float, theta: float, euler: FloatArray) -> FloatArray:
+    """Return p, q and r for rates of the Euler angles (3,)."""
+    (roll, pitch, yaw), level = euler.tolist(), math.cos(theta)
+    return np.array(
+        [
+            roll - yaw * math.sin(theta),
+            pitch * math.cos(phi) + yaw * level * math.sin(phi),
+            yaw * level * math.cos(phi) - pitch * math.sin(phi),
+        ]
+    )

@@ -1,0 +1,173 @@
+"""Flights under the law of an autopilot: where loops begin to swing, wind, turns, limits, and what is refused."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import pytest
+
+from stoop import simulate
+from stoop.assessment.draws import Draws
+from stoop.base.units import STANDARD_GRAVITY
+from stoop.control_laws.table import firmware_of
+from stoop.errors import ManeuverError, SimulationError, StoopError
+from stoop.simulation.maneuver import Maneuver, parse_maneuver
+from stoop.tuning.closed_loop import FlownUnderLaw, fly_under_law
+from stoop.tuning.gain_search import Design, Specification
+from stoop.tuning.judgment import commands_of
+from stoop.vehicle import Vehicle
+from stoop.vehicle.builtin import builtin_vehicle
+from stoop.vehicle.document import with_entries
+from stoop.workflow.tuning import conditions_of
+from stoop_studies.verify import scenes
+
+KNOWN = Draws(("mass.mass",), np.empty((0, 1)), "covariance")
+SURFACES = {"elevator": ("pitch", -0.4), "aileron": ("roll", 0.3), "rudder": ("yaw", -0.4)}
+WING = {
+    "FW_RR_P": 0.4, "FW_RR_I": 0.3, "FW_RR_FF": 0.3, "FW_PR_P": 0.8, "FW_PR_I": 0.6, "FW_PR_FF": 1.0, "FW_YR_P": 0.3,
+    "FW_AIRSPD_TRIM": 33.0, "FW_AIRSPD_MAX": 60.0, "FW_AIRSPD_STALL": 15.0,
+}  # fmt: skip
+PX4 = {
+    **{f"MC_{a}RATE_{t}": g for a in ("ROLL", "PITCH") for t, g in (("P", 0.15), ("I", 0.2), ("D", 0.003))},
+    "MC_YAWRATE_P": 0.2, "MC_YAWRATE_I": 0.1, "MC_ROLL_P": 6.0, "MC_PITCH_P": 6.0,
+}  # fmt: skip
+COPTER = {
+    **{f"ATC_RAT_{a}_{t}": g for a in ("RLL", "PIT") for t, g in (("P", 0.135), ("I", 0.135), ("D", 0.0036))},
+    "ATC_RAT_YAW_P": 0.2, "ATC_RAT_YAW_I": 0.02, "INS_GYRO_FILTER": 40.0,
+}  # fmt: skip
+PLANE = {
+    **{f"{a}_RATE_{t}": g for a in ("RLL", "PTCH") for t, g in (("P", 0.15), ("I", 0.15), ("FF", 0.3))},
+    "SCALING_SPEED": 33.0, "AIRSPEED_MIN": 15.0, "AIRSPEED_MAX": 60.0,
+}  # fmt: skip
+
+
+def quad(delay: float = 0.013) -> Vehicle:
+    """Return a quadrotor whose motors take commands, late by so much."""
+    vehicle = builtin_vehicle("quad-x")
+    channels = {("rotor", n, "channel"): f"motor_{i}" for i, n in enumerate(vehicle.file.rotor, 1)}
+    return with_entries(vehicle, channels | {("rotors", "delay"): delay})
+
+
+def wing(**servo: float) -> Vehicle:
+    """Return an airplane whose surfaces move by commands about the axes."""
+    mixes = {("controls", c, "mix"): {f"control_{a}": g} for c, (a, g) in SURFACES.items()}
+    more = {("controls", c, n): x for c in SURFACES for n, x in servo.items()}
+    return with_entries(scenes.aircraft(), mixes | more)
+
+
+def course(
+    duration: float, *inputs: tuple[str, float, float, float], airspeed: float | None = None
+) -> Maneuver:
+    """Return pulses of a control: its start, its duration, s, and its amplitude."""
+    text = f"duration = {duration}\nrate = 100.0\n" + (f"airspeed = {airspeed}\n" if airspeed else "")
+    for control, start, length, amplitude in inputs:
+        text += f'[[input]]\ncontrol = "{control}"\nshape = "pulse"\nstart = {start}\n'
+        text += f"duration = {length}\namplitude = {amplitude}\n"
+    return parse_maneuver(text, "course")
+
+
+def flown(vehicle: Vehicle, maneuver: Maneuver, parameters: Mapping[str, float]) -> FlownUnderLaw:
+    return fly_under_law(vehicle, maneuver, firmware_of(parameters, bool(vehicle.rotors)), parameters)
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "parameters", "gains", "airspeed"),
+    [
+        (quad(), PX4, [f"MC_ROLLRATE_{t}" for t in "PID"], 0.0),
+        (quad(0.021), COPTER, [f"ATC_RAT_RLL_{t}" for t in "PID"], 0.0),
+        (wing(lag=0.05, delay=0.033), PLANE, ["RLL_RATE_P", "RLL_RATE_I", "RLL_RATE_FF"], 33.0),
+    ],
+    ids=["px4", "copter", "plane"],
+)
+def test_a_loop_begins_to_swing_at_its_gain_margin(
+    vehicle: Vehicle, parameters: Mapping[str, float], gains: list[str], airspeed: float
+) -> None:
+    """Margins come from frequency responses; the flight knows none of them."""
+    firmware = firmware_of(parameters, bool(vehicle.rotors))
+    conditions = conditions_of(vehicle, firmware, parameters, [airspeed], 200.0, KNOWN)
+    axes = commands_of(vehicle, firmware, parameters).axes
+    roll = Design(firmware, parameters, axes, conditions, Specification(), {}).judged(parameters)[0][0]
+    margin, maneuver = float(roll.margins.gain[0]), course(8.0, ("phi", 0.1, 0.2, 1e-4), airspeed=airspeed)
+    assert margin > 2.0
+    grown = []
+    for share in (0.96, 1.04):
+        raised = {**parameters, **{n: share * margin * parameters.get(n, 0.0) for n in gains}}
+        found = flown(vehicle, maneuver, raised)
+        p = found.outputs[:, vehicle.outputs.index("p")]
+        early, late = (np.std(p[(found.time > t) & (found.time < t + 1.0)]) for t in (3.0, 6.5))
+        grown.append(late / early)
+    assert grown[0] < 0.7 < 1.5 < grown[1]
+
+
+def test_a_step_of_the_wind_leaves_the_velocity_over_ground() -> None:
+    found = flown(wing(), course(6.0, ("wind_e", 2.0, 2.0, 5.0)), WING)
+    assert found.velocity is not None
+    at = int(np.argmin(np.abs(found.time - 2.0)))
+    speed, beta = (found.outputs[:, wing().outputs.index(n)] for n in ("V", "beta"))
+    np.testing.assert_allclose(found.velocity[at], found.velocity[at - 1], atol=1e-3)
+    assert beta[at] == pytest.approx(-np.arctan2(5.0, speed[at - 1]), abs=0.02)
+    assert abs(beta[-1]) < 0.02
+    assert np.abs(found.attitude_error[-1, :2]).max() < 0.05
+
+
+def test_a_turn_is_coordinated() -> None:
+    vehicle = wing()
+    found = flown(vehicle, course(12.0, ("phi", 1.0, 20.0, 0.35)), WING)
+    late = found.time > 10.0
+    phi, beta, speed = (found.outputs[late, vehicle.outputs.index(n)].mean() for n in ("phi", "beta", "V"))
+    heading = np.unwrap(found.outputs[late, vehicle.outputs.index("psi")])
+    turned = (heading[-1] - heading[0]) / np.ptp(found.time[late])
+    assert phi == pytest.approx(0.35, abs=0.01)
+    assert turned == pytest.approx(STANDARD_GRAVITY * np.tan(phi) / speed, rel=0.03)
+    assert abs(beta) < 0.02
+
+
+def test_a_vehicle_recovers_from_motors_at_their_ends() -> None:
+    """A tilt of 40 deg at once asks for more than the motors give."""
+    found = flown(quad(), course(6.0, ("phi", 1.0, 1.5, 0.7), ("psi", 1.0, 1.5, 1.0)), PX4)
+    assert found.saturated.any()
+    assert found.clipped is not None
+    assert found.clipped.any()
+    assert np.abs(found.attitude_error[-1]).max() < 0.05
+
+
+def test_gusts_move_what_calm_air_leaves() -> None:
+    gust = {"intensity": 1.0, "length": 100.0}
+    table = {("turbulence", axis): gust for axis in "uvw"}
+    calm, rough = wing(), with_entries(wing(), table)
+    still, moved = (flown(v, course(8.0), WING) for v in (calm, rough))
+    assert np.ptp(still.attitude_error[:, :2]) < 5e-4
+    assert 1e-3 < np.std(moved.attitude_error[:, 0]) < 0.2
+    intensity = np.std(moved.outputs[:, rough.outputs.index("beta")]) * 35.0
+    assert 0.2 < intensity < 3.0
+
+
+def test_a_flight_is_recorded_and_says_how_it_was_held() -> None:
+    flight = simulate(wing(), course(3.0, ("phi", 1.0, 5.0, 0.1)), autopilot=WING, noise=True, seed=3)
+    assert flight.rate == pytest.approx(100.0)
+    assert {"control_roll", "p", "phi", "vn"} <= flight.names
+    (held,) = (str(n) for n in flight.notices if n.code == "flown-under-law")
+    assert "PX4 fixed wing" in held
+    again = simulate(wing(), course(3.0, ("phi", 1.0, 5.0, 0.1)), autopilot=WING, noise=True, seed=3)
+    np.testing.assert_array_equal(flight.column("p"), again.column("p"))
+
+
+def test_what_no_law_flies_is_refused() -> None:
+    with pytest.raises(StoopError, match="those of PX4 fixed wing, but the vehicle flies on rotors"):
+        simulate(quad(), course(1.0), autopilot=WING)
+    with pytest.raises(StoopError, match="attitude loop is not modeled"):
+        simulate(
+            quad(),
+            course(1.0),
+            autopilot={"pid_rate.roll_kp": 250.0, "pid_rate.pitch_kp": 250.0, "pid_rate.yaw_kp": 120.0},
+        )
+    with pytest.raises(ManeuverError, match="moves 'psi', but under a law it may move phi, theta, wind_n"):
+        simulate(wing(), course(1.0, ("psi", 0.1, 0.2, 0.1)), autopilot=WING)
+    with pytest.raises(ManeuverError, match="its law flies a maneuver"):
+        simulate(wing(), {"time": np.arange(5) * 0.1}, autopilot=WING)
+    reversed_aileron = with_entries(wing(), {("controls", "aileron", "mix"): {"control_roll": -0.3}})
+    with pytest.raises(SimulationError, match=r"the attitude is lost at .* s; lower gains"):
+        simulate(reversed_aileron, course(20.0, ("phi", 0.1, 0.2, 0.1)), autopilot=WING)
+    with pytest.raises(StoopError, match="an autopilot flies about all axes"):
+        simulate(wing().reduced("longitudinal"), course(1.0), autopilot=WING)
