@@ -25,7 +25,7 @@ FLAG = re.compile(
 #: room -> lines at most; "stoop" is the whole package, for which the design asks 68,000, and 9,000 for its studies
 BUDGETS = {
     "stoop": 84900,
-    "stoop_studies": 13970,
+    "stoop_studies": 14130,
     "api": 200,
     "app": 3510,
     "assessment": 6500,
@@ -48,7 +48,7 @@ BUDGETS = {
     "reconstruction": 850,
     "report": 4400,
     "results": 1305,
-    "simulation": 3465,
+    "simulation": 3470,
     "strategy": 1420,
     "tuning": 1450,
     "vehicle": 3645,

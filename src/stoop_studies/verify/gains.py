@@ -17,8 +17,10 @@ import numpy as np
 
 from stoop.assessment.draws import Draws
 from stoop.control_laws.table import Firmware, firmwares
-from stoop.errors import StoopError
+from stoop.errors import SimulationError, StoopError
 from stoop.flight import load
+from stoop.simulation.maneuver import parse_maneuver
+from stoop.tuning.closed_loop import fly_under_law
 from stoop.tuning.gain_search import SLACK, Design, Specification, propose
 from stoop.tuning.judgment import AxisMargins, commands_of
 from stoop.tuning.loops import MOTION, motion
@@ -28,6 +30,7 @@ from stoop.workflow.propagation import flown_domain
 from stoop.workflow.tuning import conditions_of, tune
 from stoop_studies.findings import Findings, Setting, holds
 from stoop_studies.verify import defaults, pilots, study
+from stoop_studies.verify.autotune import backed_off, minimum_variance
 from stoop_studies.verify.fleet import KINDS, WINGED
 from stoop_studies.verify.scenes import LOG_GRID
 
@@ -43,9 +46,25 @@ LOWERED: Final = 12  #: times that gains are lowered
 STABLE: Final = 1.6  #: least gain margin of what flew, a factor
 MARGINS: Final = 3  #: first of what is left of a specification; the last is noise
 DRAWS: Final = 1000
+#: ways to gains, and what the others than the proposal are called
+WAYS: Final = {
+    "proposed": "", "estimates": "at the estimates alone", "back_off": "these less 25 %",
+    "minimum_variance": "PX4's minimum variance",
+}  # fmt: skip
 INTERVAL: Final = (0.93, 0.97)  #: coverage of 95 % intervals of margins
 KEPT: Final = 0.95  #: share of the proposals that keep the specification
 REJECTION: Final = 0.85  #: of that of gains by the truth
+#: steps of bank and pitch, of the wind, and one that actuators cannot follow, rad and m/s, flown in the strongest of the gusts
+FLIGHT: Final = """
+duration = 60.0
+input = [
+  { control = "phi", shape = "doublet", start = 5.0, step = 5.0, amplitude = 0.35 },
+  { control = "theta", shape = "doublet", start = 17.0, step = 3.0, amplitude = 0.15 },
+  { control = "wind_e", shape = "pulse", start = 25.0, duration = 10.0, amplitude = 3.0 },
+  { control = "wind_d", shape = "pulse", start = 37.0, duration = 5.0, amplitude = -2.0 },
+  { control = "phi", shape = "pulse", start = 45.0, duration = 5.0, amplitude = 0.8 },
+]
+"""
 
 
 def flown_gains(
@@ -114,11 +133,17 @@ def judged(flown: defaults.Flown, job: FittedModel, rng: np.random.Generator) ->
     speeds = [c.airspeed for c in found.design.conditions]
     real = conditions_of(truth, firmware, values, speeds, flown_domain(job).altitude, NONE)
     true = replace(found.design, conditions=real)
-    best = gains(true)
+    best, proposed, central = gains(true), gains(found.design), found.design.part(1)
+    estimates = gains(central)
+    ways = {
+        "proposed": proposed, "estimates": estimates, "back_off": backed_off(central, estimates),
+        "minimum_variance": minimum_variance(central),
+    }  # fmt: skip
     return {
         "grade": job.result.verdict.grade, "against": [one.code for one in found.against],
         "intervals": intervals(found.axes, [one for at in true.judged(values) for one in at]),
-        "proposed": kept(true, best, found.design), "estimates": kept(true, best, found.design.part(1)),
+        **{name: kept(true, best, own) for name, own in ways.items()},
+        "lost": proposed and lost(truth, firmware, proposed),
     }  # fmt: skip
 
 
@@ -142,9 +167,20 @@ def intervals(model: Sequence[AxisMargins], truth: Sequence[AxisMargins]) -> lis
     return rows
 
 
-def kept(true: Design, best: Mapping[str, float] | None, design: Design) -> dict[str, Any] | None:
-    """Return what the truth leaves of the specification with the gains of a design, and their rejection over the best."""
-    own = gains(design)
+def lost(truth: Vehicle, firmware: Firmware, values: Mapping[str, float]) -> bool:
+    """Return whether the true vehicle is lost in a minute of gusts, steps and a saturation under the law with some parameters."""
+    rough = defaults.gusty(truth, defaults.GUSTS["moderate"])
+    try:
+        fly_under_law(rough, parse_maneuver(FLIGHT, "flight"), firmware, values)
+    except SimulationError:
+        return True
+    return False
+
+
+def kept(
+    true: Design, best: Mapping[str, float] | None, own: Mapping[str, float] | None
+) -> dict[str, Any] | None:
+    """Return what the truth leaves of the specification with some parameters, and their rejection over the best."""
     if own is None:
         return None
     left = true.left(own)[0]
@@ -174,7 +210,9 @@ def figures(case: str, records: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
         "coverage": float(np.mean([low <= x <= high for *_, low, high, x in rows])) if rows else None,
         "wide": float(np.mean([low * 0.98 <= x <= high * 1.02 for *_, low, high, x in rows])) if rows else None,
     }  # fmt: skip
-    for name in ("proposed", "estimates"):
+    flown = [r["lost"] for r in done if r["lost"] is not None]
+    out |= {"flown": len(flown), "lost": sum(flown)}
+    for name in WAYS:
         made = [r[name] for r in trusted if r[name] is not None]
         ratios = [x for one in made for x in one["ratios"]]
         out |= {
@@ -199,18 +237,23 @@ def show(setting: Setting, samples: study.Samples) -> Findings:
             holds(
                 f"{words}: the true margins of proposed gains keep the specification in {100 * KEPT:.0f} %",
                 made > 0 and row["proposed_kept"] >= KEPT * made,
-                f"{row['proposed_kept']} of {made}; at the estimates alone {row['estimates_kept']} of {row['estimates']}",
+                f"{row['proposed_kept']} of {made}; "
+                + ", ".join(f"{words} {row[f'{n}_kept']} of {row[n]}" for n, words in WAYS.items() if words),
             ),
             holds(
                 f"{words}: their rejection is at least {REJECTION:g} of that of gains by the truth, in the median",
                 (row["proposed_rejection"] or 0.0) >= REJECTION, f"{row['proposed_rejection'] or 0.0:.2f}",
             ),
+            holds(
+                f"{words}: none is lost in a minute of moderate gusts, steps and a saturation under the proposed gains",
+                row["flown"] > 0 and row["lost"] == 0, f"{row['lost']} of {row['flown']}",
+            ),
         ]  # fmt: skip
     each = [
         {
             "case": case, **{n: r[n] for n in ("vehicle", "template", "gusts", "stopped")},
-            "grade": r.get("grade", ""), "against": " ".join(r.get("against", [])),
-            **{n: (r.get(n) or {}).get("left") for n in ("proposed", "estimates")},
+            "lost": r.get("lost"), "grade": r.get("grade", ""), "against": " ".join(r.get("against", [])),
+            **{n: (r.get(n) or {}).get("left") for n in WAYS},
         }
         for case in CASES
         for r in samples[case]

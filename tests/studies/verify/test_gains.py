@@ -13,6 +13,12 @@ from stoop.tuning.gain_search import Design, Specification
 from stoop.tuning.judgment import commands_of
 from stoop.vehicle.document import with_entries
 from stoop_studies.findings import Setting
+from stoop_studies.verify.autotune import (
+    backed_off,
+    difference_equation,
+    minimum_variance,
+    minimum_variance_pid,
+)
 from stoop_studies.verify.fleet import made_up
 from stoop_studies.verify.gains import (
     CASES,
@@ -20,23 +26,27 @@ from stoop_studies.verify.gains import (
     NONE,
     OF_CASE,
     STABLE,
+    WAYS,
     conditions_of,
     flown_gains,
     gains,
     intervals,
     kept,
+    lost,
 )
 from stoop_studies.verify.study import run_key
 
 SETTING = Setting(runs=20)
 
 
-def record(inside: bool = True, left: float = 0.0, ratio: float = 0.9, against: str = "") -> dict[str, Any]:
+def record(
+    inside: bool = True, left: float = 0.0, ratio: float = 0.9, against: str = "", lost: bool = False
+) -> dict[str, Any]:
     own = {"left": left, "ratios": [ratio] * 3}
     rows = [["roll", "gain margin", 1.0, 2.0, 1.5 if inside else 3.0]]
     return {
         "vehicle": 40, "template": "quad", "gusts": "calm", "stopped": "", "grade": "usable",
-        "against": [against] * bool(against), "intervals": rows, "proposed": own, "estimates": own,
+        "against": [against] * bool(against), "intervals": rows, "lost": lost, **dict.fromkeys(WAYS, own),
     }  # fmt: skip
 
 
@@ -49,10 +59,11 @@ def shown(records: list[dict[str, Any]]) -> list[bool]:
 
 def test_claims_turn_with_the_results() -> None:
     good = [record()] * 19
-    assert shown([*good, record(inside=False)]) == [True, True, True] * 2
+    assert shown([*good, record(inside=False)]) == [True] * 8
     assert shown([record(inside=False)] * 20)[0] is False
     assert shown([*good[:18], *[record(left=-0.1)] * 2])[1] is False
     assert shown([record(ratio=0.5)] * 20)[2] is False
+    assert shown([*good, record(lost=True)])[3] is False
 
 
 def test_models_that_something_speaks_against_do_not_count_and_stopped_flights_do_no_harm() -> None:
@@ -83,13 +94,17 @@ def test_the_truth_by_itself_keeps_what_it_proposes(case: str) -> None:
     assert min(one.margins.gain[0] for one in own.judged(values)[0]) >= STABLE
     best = gains(own)
     assert best is not None
-    found = kept(own, best, own)
+    found = kept(own, best, best)
     assert found is not None
     assert found["left"] >= -0.01
     np.testing.assert_allclose(found["ratios"], 1.0, rtol=1e-6)
     hopeless = replace(own, specification=Specification(gain=300.0))
     assert gains(hopeless) is None
-    assert kept(own, best, hopeless) is None
+    assert kept(own, best, None) is None
+    assert lost(truth, firmware, best) is False
+    if case == "wings":
+        reversed_aileron = with_entries(truth, {("controls", "aileron", "mix"): {"control_roll": -0.3}})
+        assert lost(reversed_aileron, firmware, best) is True
 
 
 def test_an_interval_is_of_the_draws_and_beside_the_truth() -> None:
@@ -106,3 +121,29 @@ def test_an_interval_is_of_the_draws_and_beside_the_truth() -> None:
     rows = intervals(spread, known)
     assert {name for _, name, *_ in rows} >= {"gain margin", "phase margin", "crossover"}
     assert all(low <= value <= high for *_, low, high, value in rows)
+
+
+def test_the_rule_of_px4_fits_a_difference_equation_and_its_gains_fly() -> None:
+    """A known equation comes back; without detuning the gain is as the plant is weak; the truth's own gains are stable."""
+    den, num, step = np.array([-1.5, 0.56]), np.array([0.02, 0.01, -0.004]), 0.01
+    frequency = 2.0 * np.pi * np.linspace(0.5, 40.0, 50)
+    delay = np.exp(-1j * frequency * step)
+    response = delay * np.polyval(num[::-1], delay) / (1.0 + den[0] * delay + den[1] * delay**2)
+    found = difference_equation(response, frequency, step)
+    np.testing.assert_allclose(np.r_[found], np.r_[den, num], atol=1e-10)
+    weak, strong = (minimum_variance_pid(den, k * num, step, 0.14, 0.0) for k in (1.0, 3.0))
+    assert weak[0] == pytest.approx(3.0 * strong[0])
+    assert weak[1:] == pytest.approx(strong[1:])
+    made = made_up(40 + OF_CASE["rotors"][0])
+    (firmware,) = firmwares({"MC_ROLLRATE_P": 1.0})
+    values = flown_gains(made.vehicle, firmware, 0.0, {}, np.random.default_rng(0))
+    axes = commands_of(made.vehicle, firmware, values).axes
+    conditions = conditions_of(made.vehicle, firmware, values, [0.0], 100.0, NONE)
+    design = Design(firmware, values, axes, conditions, Specification(), {})
+    tuned = minimum_variance(design)
+    assert tuned is not None
+    assert all(one.margins.gain[0] > 1.5 for one in design.judged(tuned)[0])
+    less = backed_off(design, tuned)
+    assert less is not None
+    assert less["MC_ROLLRATE_P"] == pytest.approx(0.75 * tuned["MC_ROLLRATE_P"])
+    assert less["MC_ROLL_P"] == tuned["MC_ROLL_P"]
