@@ -25,7 +25,7 @@ from stoop.base.atmosphere import SEA_LEVEL_DENSITY, standard_density
 from stoop.base.notices import notice
 from stoop.base.rotations import conjugate, euler_angles, product, quaternions_of, to_body, vectors_of
 from stoop.base.units import STANDARD_GRAVITY
-from stoop.base.variables import EULER
+from stoop.base.variables import EULER, RATES
 from stoop.control_laws.rate_law import AXES
 from stoop.control_laws.recursion import LawRecursion
 from stoop.control_laws.table import Firmware, firmware_of
@@ -207,14 +207,15 @@ class _Body:
         self.noise = rng.standard_normal((count, len(vehicle.gusts))) / math.sqrt(self.dt)
         self.gusts = [vehicle.inputs.index(noise_input(axis)) for axis in vehicle.gusts]
         self.actuators = [_Held(a, self.rows, self.dt, course.inputs[0]) for a in input_actuators(vehicle)]
+        self.gyros = np.array([[vehicle.value(f"sensors.{n}.scale", 1.0)] for n in RATES])
         self.velocity, self.attitude, self.turning = (
             [vehicle.states.index(n) for n in names] for names in ("uvw", QUATERNION, "pqr")
         )
 
     @property
     def rates(self) -> FloatArray:
-        """Return p, q and r (3, 1), rad/s."""
-        return self.state[self.turning]
+        """Return p, q and r (3, 1) as gyros read them, rad/s."""
+        return np.asarray(self.state[self.turning] * self.gyros)
 
     def blow(self, change: FloatArray) -> None:
         """Change the wind (3,), m/s; the velocity over ground stays."""

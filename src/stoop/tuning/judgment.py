@@ -12,6 +12,7 @@ from stoop.assessment.draws import Draws
 from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice
 from stoop.base.numbers import without_rounding
+from stoop.base.variables import RATES
 from stoop.control_laws.rate_law import AXES
 from stoop.control_laws.table import Firmware
 from stoop.errors import StoopError
@@ -177,11 +178,15 @@ def plants_of(vehicle: Vehicle, point: Trim, draws: Draws, commands: Commands) -
     turning = [i for i, name in enumerate(states) if name not in INTEGRATORS]
     late = {vehicle.inputs[column]: points.rows[row] for column, row in input_delays(vehicle)}
     still = np.zeros(points.rows.shape[1])
+    gyros = {
+        n: points.rows[row] for n in RATES if (row := vehicle.rows.get(f"sensors.{n}.scale")) is not None
+    }
     return Plants(
         tuple(states[i] for i in turning),
         A[:, turning][:, :, turning],
         B[:, turning] @ commands.mixing,
         np.column_stack([late.get(c, still) for c in commands.channels]),
+        gyros,
     )
 
 

@@ -75,6 +75,8 @@ class Plants:
     A: FloatArray  #: (d, n, n)
     B: FloatArray  #: (d, n, n_u)
     delays: FloatArray  #: (d, n_u), s
+    #: by rate, reading of its gyro over what turns (d,), which the law acts on; one where absent
+    gyros: Mapping[str, FloatArray] = field(default_factory=dict)
     known: Answers = field(
         default_factory=list, init=False, repr=False
     )  #: of :func:`motion`, of a single vehicle
@@ -83,7 +85,8 @@ class Plants:
         """Return some of the vehicles."""
         if lanes.start == 0 and lanes.stop >= len(self.A):
             return self
-        return Plants(self.states, self.A[lanes], self.B[lanes], self.delays[lanes])
+        gyros = {n: x[lanes] for n, x in self.gyros.items()}
+        return Plants(self.states, self.A[lanes], self.B[lanes], self.delays[lanes], gyros)
 
     @cached_property
     def modes(self) -> tuple[ComplexArray, ComplexArray]:
@@ -106,7 +109,7 @@ def _lines(rate: float) -> tuple[FloatArray, ComplexArray]:
 
 
 def motion(plants: Plants, frequency: Frequencies) -> dict[str, ComplexArray]:
-    """Return the responses (d, n_u, m) of rates and attitude angles to commands about the axes."""
+    """Return the responses (d, n_u, m) of rates, as gyros read them, and attitude angles to commands about the axes."""
     if len(plants.A) == 1:
         return _kept(plants.known, frequency, lambda line: _motion(plants, line))
     return _motion(plants, frequency)
@@ -136,6 +139,8 @@ def _motion(plants: Plants, frequency: Frequencies) -> dict[str, ComplexArray]:
         matrices = s[:, None, None] * np.eye(len(names)) - plants.A[:, None]
         solved = np.linalg.solve(matrices, plants.B[:, None].astype(complex))[:, :, rows]
         found[:] = np.moveaxis(solved, 1, 3) * np.stack(late, axis=1)[:, None, group.ravel()]
+    for i, n in enumerate(wanted):
+        found[:, i] *= plants.gyros.get(n, np.ones(1))[:, None, None]
     return {n: found[:, i] for i, n in enumerate(wanted)}
 
 

@@ -16,6 +16,7 @@ from typing import Any, Final
 import numpy as np
 
 from stoop.assessment.draws import Draws
+from stoop.base.variables import RATES
 from stoop.control_laws.table import Firmware, firmwares
 from stoop.errors import SimulationError, StoopError
 from stoop.flight import load
@@ -25,6 +26,7 @@ from stoop.tuning.gain_search import SLACK, Design, Specification, propose
 from stoop.tuning.judgment import AxisMargins, commands_of
 from stoop.tuning.loops import MOTION, motion
 from stoop.vehicle import Vehicle
+from stoop.vehicle.document import with_entries
 from stoop.workflow.fitted_model import FittedModel
 from stoop.workflow.propagation import flown_domain
 from stoop.workflow.tuning import conditions_of, tune
@@ -125,13 +127,25 @@ def examine(case: str, seed: int) -> dict[str, Any]:
 
 def judged(flown: defaults.Flown, job: FittedModel, rng: np.random.Generator) -> dict[str, Any]:
     """Return margins and gains by the model beside those by the truth."""
-    truth = defaults.known_file(flown)
+    # an autopilot acts on what its gyros and its pitot read
+    gyros: dict[tuple[str, ...], float] = {
+        ("sensors", n, "scale"): x for n, x in flown.defect.scale.items() if n in RATES
+    }
+    truth = with_entries(defaults.known_file(flown), gyros)
     known = "MC_ROLLRATE_P" if truth.rotors else "FW_RR_P"
     (firmware,) = firmwares({known: 1.0})
     values = flown_gains(truth, firmware, flown.airspeed, job.flights[0].parameters, rng)
     found = tune(job, values, draws=DRAWS)
     speeds = [c.airspeed for c in found.design.conditions]
-    real = conditions_of(truth, firmware, values, speeds, flown_domain(job).altitude, NONE)
+    real = conditions_of(
+        truth,
+        firmware,
+        values,
+        speeds,
+        flown_domain(job).altitude,
+        NONE,
+        (flown.defect.scale.get("V", 1.0), 0.0),
+    )
     true = replace(found.design, conditions=real)
     best, proposed, central = gains(true), gains(found.design), found.design.part(1)
     estimates = gains(central)

@@ -194,7 +194,7 @@ def test_the_noise_of_a_gyro_is_found_behind_the_low_pass_of_the_grid(rate: floa
 
 
 def test_a_model_of_another_kind_is_refused(commanded: FittedModel) -> None:
-    with pytest.raises(StoopError, match="those of PX4 multicopter, but the model flies on wings"):
+    with pytest.raises(StoopError, match="those of PX4 multicopter, but the vehicle flies on wings"):
         commanded.tune({"MC_ROLLRATE_P": 0.1})
 
 

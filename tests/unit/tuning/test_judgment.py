@@ -5,14 +5,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from stoop.assessment.draws import Draws
 from stoop.control_laws import px4
 from stoop.control_laws.table import firmwares
 from stoop.errors import StoopError
+from stoop.tuning.gain_search import Design, Specification
 from stoop.tuning.judgment import Condition, commands_of, judge
 from stoop.tuning.loops import AxisLoop, Plants
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import builtin_vehicle
 from stoop.vehicle.document import with_entries
+from stoop.workflow.tuning import conditions_of
 from stoop_studies.verify import scenes
 
 WING = {"FW_RR_P": 0.4, "FW_RR_I": 0.6, "FW_RR_FF": 0.0}
@@ -88,3 +91,24 @@ def test_a_draw_with_unstable_loops_has_no_margin() -> None:
     assert figures["gain margin"][1]["estimate"] > 0.0
     for name in ("gain margin", "phase margin", "delay margin", "disk margin"):
         assert figures[name][1]["p5"] == pytest.approx(0.0)
+
+
+def test_a_law_acts_on_what_gyros_read() -> None:
+    """A gyro that reads 5 % high is a loop with 5 % more gain, in the margins as in flight; attitude is read as it is."""
+    parameters = {f"MC_{a}RATE_{t}": 0.1 for a in ("ROLL", "PITCH", "YAW") for t in "PI"} | {
+        "MC_ROLL_P": 0.0,
+        "MC_PITCH_P": 0.0,
+    }
+    quad, none = builtin_vehicle("quad-x"), Draws(("mass.mass",), np.empty((0, 1)), "covariance")
+    channels = {("rotor", name, "channel"): f"motor_{i}" for i, name in enumerate(quad.file.rotor, 1)}
+    (firmware,), found = firmwares(parameters), []
+    for scale, gain in ((1.05, 1.0), (1.0, 1.05)):
+        vehicle = with_entries(quad, channels | {("sensors", "p", "scale"): scale})
+        values = parameters | {n: gain * parameters[n] for n in ("MC_ROLLRATE_P", "MC_ROLLRATE_I")}
+        values |= {"MC_ROLLRATE_D": 0.0}
+        conditions = conditions_of(vehicle, firmware, values, [0.0], 200.0, none)
+        axes = commands_of(vehicle, firmware, values).axes
+        found.append(Design(firmware, values, axes, conditions, Specification(), {}).judged(values)[0][0])
+    for name in ("gain", "phase", "crossover", "rejection"):
+        a, b = (getattr(one.margins, name)[0] for one in found)
+        assert a == pytest.approx(b, rel=1e-9), name
