@@ -2,8 +2,8 @@
 
 About each axis in turn, the others closed, P, I and D are those of the highest rejection (by 4 dB, so that the usual 3 dB have
 a reserve), at the airspeed where it is lowest, for which every margin of every axis and the noise keep a specification: a
-search over the logarithms of the parameters, by linear approximations of the constraints [1]_, from the best of a grid; where
-axes are coupled, yaw gives way first. It is done at the estimates, with the specification raised by what the 5th percentile of
+search over the logarithms of the parameters, by linear approximations of the constraints [1]_, from the best of a grid; what
+an axis misses it mends itself, and where it cannot, yaw gives way first. It is done at the estimates, with the specification raised by what the 5th percentile of
 the draws was below the estimate at the gains before; a few rounds settle that difference. FF makes the rate of a fixed wing
 follow its setpoint at the frequency of the attitude loop, whose gain stays as it flew.
 
@@ -37,7 +37,6 @@ FEW: Final = 400  #: draws, of which the percentiles of most rounds are
 ROUNDS: Final = 6  #: of the search, each with the percentiles of the last
 GRID: Final = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 9.0)  #: factors of each gain, with which the search begins
 STARTS: Final = 3  #: of that grid
-SWEEPS: Final = 2  #: over the axes
 STEP: Final = 0.4  #: first of the search, of a logarithm
 TOLERANCE: Final = 1e-3
 MOST: Final = 300  #: trials of a search
@@ -170,7 +169,7 @@ def propose(design: Design) -> dict[str, float]:
     central, raised = design.part(1), np.zeros(())
     own = {**design.flown, **_feedforward(central)}
     for axis in axes:
-        own |= _searched(central, own, axis, raised, GRID)
+        own |= _searched(central, own, axis, raised, False, GRID)
     rejecting = [
         design.axes[i] for at in central.judged(own) for i, one in enumerate(at) if one.margins.rejection[0]
     ]
@@ -180,8 +179,10 @@ def propose(design: Design) -> dict[str, float]:
     for sample in (design.part(FEW), design):
         for _ in range(ROUNDS):
             before = raised
-            for axis in axes[::-1] * SWEEPS:
-                own |= _searched(central, own, axis, raised)
+            # first each axis mends its own margins, then those that still suffer from another
+            for strict in (False, True):
+                for axis in axes[::-1]:
+                    own |= _searched(central, own, axis, raised, strict)
             estimate, drawn = sample.left(own)
             raised = np.maximum(estimate - drawn, 0.0)
             if drawn.min() >= -SLACK and np.max(np.abs(raised - before)) < SETTLED:
@@ -224,18 +225,22 @@ def _searchable(design: Design) -> tuple[str, ...]:
 
 
 def _searched(
-    design: Design, values: Mapping[str, float], axis: str, raised: FloatArray, grid: Sequence[float] = ()
+    design: Design,
+    values: Mapping[str, float],
+    axis: str,
+    raised: FloatArray,
+    strict: bool,
+    grid: Sequence[float] = (),
 ) -> dict[str, float]:
     """Return the parameters of an axis of the highest rejection, what is left of the specification being `raised` or more.
 
-    It begins with `values`, and with the best of a grid of factors of the gains that flew; with a grid the margins of the
-    other axes are left to the searches that follow.
+    It begins with `values`, and with the best of a grid of factors of the gains that flew. Unless it is strict, what another
+    axis misses with `values` is left to that axis; it may not miss more.
     """
     tuned = design.tuned(axis)
     names = list(tuned.values())
     origin = np.log([values[n] / design.flown[n] for n in names])
     place, others = design.axes.index(axis), design.loops(values)
-    counted = slice(place, place + 1) if grid else slice(None)
 
     def parameters(x: FloatArray) -> dict[str, float]:
         return {
@@ -253,14 +258,20 @@ def _searched(
         )
         left = np.array([[design.specification.shares(one)[:, 0] for one in at] for at in judged])
         rejection = min(_rejection(at[place]) for at in judged)
-        return -math.log(rejection), np.min(left - raised, axis=0)[counted].ravel()
+        return -math.log(rejection), np.min(left - raised, axis=0)
 
     bounds = [(-math.log(FARTHEST), math.log(FARTHEST))] * len(names)
     rate = [names.index(tuned[term]) for term in ("P", "I") if term in tuned]
 
+    asked = np.full((len(design.axes), 1), -0.5 * SLACK)
+    if not strict:
+        asked = np.minimum(trial(tuple(origin.tolist()))[1], asked)
+    asked[place] = 0.0
+
     def kept(x: FloatArray) -> FloatArray:
         ratio = x[rate[1]] - x[rate[0]] if len(rate) > 1 else 0.0
-        return np.append(trial(tuple(x.tolist()))[1], ratio - math.log(INTEGRAL_SHARE))
+        left = trial(tuple(x.tolist()))[1] - asked
+        return np.append(left.ravel(), ratio - math.log(INTEGRAL_SHARE) + SLACK)
 
     def quality(x: FloatArray) -> tuple[float, float]:
         return min(0.0, float(kept(x).min())), -trial(tuple(x.tolist()))[0]

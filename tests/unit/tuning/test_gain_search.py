@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from naive.closed_loops import moved_by_noise
 
+from stoop.assessment.draws import Draws
 from stoop.base.notices import notice
 from stoop.control_laws.parameters import read_parameters
 from stoop.control_laws.table import firmwares
@@ -18,6 +19,9 @@ from stoop.tuning.gain_search import FARTHEST, SLACK, Design, Specification, pro
 from stoop.tuning.judgment import Condition
 from stoop.tuning.loops import Plants
 from stoop.tuning.proposal import proposal
+from stoop.vehicle.builtin import builtin_vehicle
+from stoop.vehicle.document import with_entries
+from stoop.workflow.tuning import conditions_of
 
 FLOWN = {
     "FW_RR_P": 0.05, "FW_RR_I": 0.05, "FW_RR_FF": 0.2, "FW_R_TC": 0.5, "IMU_GYRO_CUTOFF": 30.0,
@@ -59,6 +63,38 @@ def test_no_gains_of_a_grid_reject_more() -> None:
     assert best > 1.0
     assert one.margins.rejection[0] > 0.97 * best
     assert least(own, found) >= -SLACK
+
+
+def test_no_axis_gives_up_rejection_for_what_another_misses() -> None:
+    """An airplane with coupled axes: about none of them a grid rejects more while every margin of every axis is kept."""
+    gains = {
+        "FW_RR_P": 0.4, "FW_RR_I": 0.3, "FW_RR_FF": 0.3, "FW_PR_P": 0.8, "FW_PR_I": 0.6, "FW_PR_FF": 1.0, "FW_YR_P": 0.3,
+        "FW_YR_I": 0.1, "FW_YR_FF": 0.0, "FW_AIRSPD_TRIM": 35.0, "FW_AIRSPD_MIN": 20.0, "FW_AIRSPD_MAX": 50.0,
+    }  # fmt: skip
+    throws = {"elevator": ("pitch", -0.35), "aileron": ("roll", 0.35), "rudder": ("yaw", -0.35)}
+    entries = {("controls", s, "mix"): {f"control_{axis}": x} for s, (axis, x) in throws.items()}
+    entries |= {("controls", s, n): x for s in throws for n, x in (("lag", 0.048), ("delay", 0.036))}
+    vehicle, rng = with_entries(builtin_vehicle("twin-boom"), entries), np.random.default_rng(0)
+    names = ("Claileron", "Cmelevator", "Clp", "Cmq", "Cnrudder", "controls.aileron.lag")
+    drawn = np.column_stack([vehicle.value(n) * (1.0 + 0.03 * rng.standard_normal(60)) for n in names])
+    firmware = firmwares(gains)[0]
+    conditions = conditions_of(vehicle, firmware, gains, [35.0], 200.0, Draws(names, drawn, "covariance"))
+    own = Design(firmware, gains, ("roll", "pitch", "yaw"), conditions, Specification(), {})
+    proposed = {**gains, **propose(own)}
+    kept = min(0.0, float(own.left(proposed)[1].min()))
+    assert kept >= -SLACK
+    for i, axis in enumerate(own.axes):
+        best, (p, integral) = 0.0, (own.tuned(axis)[term] for term in "PI")
+        for share, ratio in itertools.product(np.geomspace(0.2, 9.0, 10), (0.5, 1.0, 2.0)):
+            values = {
+                p: gains[p] * float(share),
+                integral: gains[integral] * min(float(share) * ratio, FARTHEST),
+            }
+            if own.left({**proposed, **values})[1].min() >= kept:
+                best = max(best, float(own.judged({**proposed, **values})[0][i].margins.rejection[0]))
+        found = float(own.judged(proposed)[0][i].margins.rejection[0])
+        assert best > 1.0, axis
+        assert found > 0.97 * best, axis
 
 
 def test_less_is_proposed_where_less_is_known() -> None:
