@@ -28,7 +28,7 @@ BUDGETS = {
     "stoop_studies": 14140,
     "api": 200,
     "app": 3510,
-    "assessment": 6500,
+    "assessment": 6515,
     "base": 2370,
     "checks": 3010,
     "cli": 3250,
