@@ -50,7 +50,7 @@ BUDGETS = {
     "results": 1305,
     "simulation": 3470,
     "strategy": 1420,
-    "tuning": 1450,
+    "tuning": 1730,
     "vehicle": 3645,
     "vehicle_draft": 3350,
     "workflow": 4200,
