@@ -82,7 +82,7 @@ class AxisLoop:
         return gain * self.law.response(SETPOINT, frequency, self.scale) * self._hold(frequency)
 
     def gyro(self, frequency: Frequencies) -> ComplexArray:
-        """Return the rate behind the filters of the gyro, which logs hold, over that of the vehicle (m,)."""
+        """Return the rate behind the filters of the gyro, which logs hold, over its reading (m,)."""
         law = self.law
         sensed = law.sensing.get(RATE, PASS).response(np.exp(1j * frequency / (law.gyro_rate or law.rate)))
         return np.asarray(sensed * law.sensing_loop.response(np.exp(1j * frequency / law.rate)))
