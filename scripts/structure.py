@@ -28,7 +28,7 @@ BUDGETS = {
     "stoop_studies": 14140,
     "api": 200,
     "app": 3510,
-    "assessment": 6500,
+    "assessment": 6515,
     "base": 2370,
     "checks": 3010,
     "cli": 3250,
@@ -50,10 +50,10 @@ BUDGETS = {
     "results": 1305,
     "simulation": 3470,
     "strategy": 1420,
-    "tuning": 1450,
+    "tuning": 1730,
     "vehicle": 3645,
     "vehicle_draft": 3350,
-    "workflow": 4200,
+    "workflow": 4215,
 }
 #: modules that an allowed import cycle goes through, imports in functions counted: registries that name their entries
 REGISTRIES = {"stoop.optimize.registry", "stoop.vehicle.vehicle", "stoop.workflow.fitted_model"}

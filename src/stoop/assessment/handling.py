@@ -110,12 +110,11 @@ def flight_draws(
 
 def bandwidth(known: Known) -> Bandwidth:
     """Return the figures of the attitude of which `known` is the rate."""
-    attitude = known.response / (1j * known.frequency)
-    start = upright_phase(attitude)
-    found = _figures(known.frequency, attitude, start)
-    drawn = np.array(
-        [_figures(known.frequency, one / (1j * known.frequency), start) for one in known.draws]
-    ).reshape(-1, 4)
+    s = 1j * known.frequency
+    attitude = np.atleast_2d(known.response / s)
+    start = float(upright_phase(attitude[0])[0])
+    (found,) = attitude_figures(known.frequency, attitude, start)
+    drawn = attitude_figures(known.frequency, known.draws / s, start)
     return Bandwidth(*(_interval(value, draws) for value, draws in zip(found, drawn.T, strict=True)))
 
 
@@ -125,36 +124,49 @@ def upright_phase(attitude: ComplexArray) -> FloatArray:
     return np.asarray(phase - np.pi * np.ceil(phase[0] / np.pi - 1e-9))
 
 
-def _figures(frequency: FloatArray, attitude: ComplexArray, start: FloatArray) -> FloatArray:
-    """Return crossover, phase and gain bandwidth, and phase delay (4,); NaN for what is not reached."""
-    phase = np.unwrap(np.angle(attitude))
-    phase += np.pi * np.round((start[0] - phase[0]) / np.pi)
+def attitude_figures(frequency: FloatArray, attitude: ComplexArray, start: float) -> FloatArray:
+    """Return crossover, phase and gain bandwidth, rad/s, and phase delay, s, (d, 4); NaN for what is not reached.
+
+    Parameters
+    ----------
+    frequency : (m,) rad/s, rising
+    attitude : (d, m), over its command
+    start : rad, phase at the first frequency, to multiples of pi
+    """
+    phase = np.unwrap(np.angle(attitude), axis=1)
+    phase += np.pi * np.round((start - phase[:, :1]) / np.pi)
     gain, log = DB * np.log(np.abs(attitude)), np.log(frequency)
-    out = np.full(4, np.nan)
-    out[0] = crossing = _crossing(log, phase, -np.pi)
-    if np.isfinite(crossing):
-        below = log <= math.log(crossing)
-        out[1] = _crossing(log, phase, -np.pi + PHASE_MARGIN)
-        level = np.interp(math.log(crossing), log, gain) + GAIN_MARGIN
-        # the highest frequency below the crossover at which the magnitude is that much larger
-        over = np.flatnonzero(below & (gain >= level))
-        if over.size and over[-1] + 1 < len(gain):
-            i = over[-1]
-            out[2] = math.exp(np.interp(-level, -gain[i : i + 2], log[i : i + 2]))
-        if 2.0 * crossing <= frequency[-1]:
-            twice = np.interp(math.log(2.0 * crossing), log, phase)
-            out[3] = -(twice + np.pi) / (2.0 * crossing)
-    return out
+    crossing, rows = _crossing(log, phase, -np.pi), np.arange(len(phase))
+    level = _at(log, gain, crossing) + GAIN_MARGIN
+    # the highest frequency below the crossover at which the magnitude is that much larger
+    over = (log <= crossing[:, None]) & (gain >= level[:, None])
+    i = np.minimum(len(log) - 1 - np.argmax(over[:, ::-1], axis=1), len(log) - 2)
+    twice = crossing + math.log(2.0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = (gain[rows, i] - level) / (gain[rows, i] - gain[rows, i + 1])
+        wide = np.where(over[:, :-1].any(axis=1), np.exp(log[i] + share * (log[i + 1] - log[i])), NAN)
+        late = -(_at(log, phase, twice) + np.pi) / np.exp(twice)
+    narrow = np.where(np.isfinite(crossing), np.exp(_crossing(log, phase, -np.pi + PHASE_MARGIN)), NAN)
+    late = np.where(np.exp(twice) <= frequency[-1], late, NAN)
+    return np.column_stack([np.exp(crossing), narrow, wide, late])
 
 
-def _crossing(log: FloatArray, phase: FloatArray, level: float) -> float:
-    """Return the frequency at which the phase first falls below a level; NaN where it does not."""
-    below = np.flatnonzero((phase[1:] <= level) & (phase[:-1] > level))
-    if not below.size:
-        return NAN
-    i = int(below[0])
-    share = (phase[i] - level) / (phase[i] - phase[i + 1])
-    return math.exp(log[i] + share * (log[i + 1] - log[i]))
+def _at(log: FloatArray, curves: FloatArray, x: FloatArray) -> FloatArray:
+    """Return curves (d, m) at x (d,), on straight lines."""
+    i = np.clip(np.searchsorted(log, x) - 1, 0, len(log) - 2)
+    rows = np.arange(len(curves))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = np.clip((x - log[i]) / (log[i + 1] - log[i]), 0.0, 1.0)
+        return np.asarray(curves[rows, i] + share * (curves[rows, i + 1] - curves[rows, i]))
+
+
+def _crossing(log: FloatArray, phase: FloatArray, level: float) -> FloatArray:
+    """Return the log frequency (d,) at which phases (d, m) first fall below a level; NaN where they do not."""
+    below = (phase[:, 1:] <= level) & (phase[:, :-1] > level)
+    rows, i = np.arange(len(phase)), np.argmax(below, axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = (phase[rows, i] - level) / (phase[rows, i] - phase[rows, i + 1])
+    return np.where(below[rows, i], log[i] + share * (log[i + 1] - log[i]), NAN)
 
 
 def _interval(value: float, draws: FloatArray) -> DerivedValue:

@@ -49,6 +49,11 @@ class Parameters:
         return {name: self.number(pattern.format(name), value) for name, value in defaults.items()}
 
 
+def is_log(path: Path) -> bool:
+    """Return whether a file is a log by its name, and no file of parameters."""
+    return path.suffix.lower() not in ENDINGS
+
+
 def read_parameters(*paths: Path) -> Mapping[str, float]:
     """Return the parameters of a log, or of a file of QGroundControl (``.params``) or ArduPilot (``.parm``, ``.param``).
 
@@ -63,7 +68,7 @@ def read_parameters(*paths: Path) -> Mapping[str, float]:
 
 
 def _parameters(path: Path) -> Mapping[str, float]:
-    if path.suffix.lower() in ENDINGS:
+    if not is_log(path):
         text = log_content(path, MOST, "save the parameters again").decode("utf-8", "replace")
         values = dict(filter(None, map(_parameter, text.splitlines())))
     else:

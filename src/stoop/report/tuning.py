@@ -9,9 +9,13 @@ from typing import Final
 import numpy as np
 from markupsafe import Markup
 
+from stoop.assessment.frequency import MAX_ERROR, MIN_COHERENCE, FrequencyAnalysis
 from stoop.base.arrays import ComplexArray, FloatArray
 from stoop.base.numbers import NOTHING, number
+from stoop.report.bode import response_panels
 from stoop.report.charts import fan_panel
+from stoop.report.frequency import LEGEND as RESPONSES
+from stoop.report.frequency import shown_pairs
 from stoop.report.palette import light
 from stoop.report.plots import NARROW, canvas, svg
 from stoop.report.sheet import Bullets, Code, Legend, Page, Panel, Panels, Part, Prose, Section, Sheet, Table
@@ -22,20 +26,24 @@ from stoop.tuning.proposal import SHOWN, Proposal
 CLOUD: Final = 40  #: draws of a Nichols plot
 REACH: Final = (-360.0, 0.0)  #: deg, of it
 LEVELS: Final = (-30.0, 40.0)  #: dB
-FIGURES: Final = (*SHOWN, "noise")
+FIGURES: Final = (*SHOWN, "bandwidth", "phase delay", "noise")
 FANS: Final = SHOWN[:3]  #: the margins
 BANDS: Final = (2.5, 25.0, 50.0, 75.0, 97.5)
 READ: Final = """\
 Each loop is opened at its actuator, the others closed. Thin curves are draws of the model, thick ones the estimates; the disk \
 margin keeps the shaded zone free, gain and phase margin the bars of the cross. Numbers are the 5th percentile of the draws (of \
-noise the 95th) at the worst airspeed."""
+phase delay and noise the 95th) at the worst airspeed."""
+CLOSED: Final = f"""\
+The rate over its setpoint as the log shows it, and as model and law say with the gains that flew. Drawn is what has a \
+coherence of {MIN_COHERENCE:g} and more and an error below {100.0 * MAX_ERROR:.0f} %, that by gusts included."""
 LEGEND: Final = (("swatch fan-estimate", "proposed"), ("swatch fan-median", "flown"))
 
 
 def tuning_page(
-    flown: LoopMargins, design: Design, better: Proposal | None = None, command: str = ""
-) -> Page:
-    """Return the page of gains that flew, with those that are proposed if there are any."""
+    flown: LoopMargins, design: Design, better: Proposal | None = None, command: str = "",
+    closed: FrequencyAnalysis | None = None,
+) -> Page:  # fmt: skip
+    """Return the page of gains that flew, with those that are proposed if there are any, and the closed loops of a log."""
     lead = f"{flown.firmware}: {flown.count} draws from the {flown.source}. " + (
         "Gains that flew, and better ones." if better else "Gains that flew."
     )
@@ -51,6 +59,11 @@ def tuning_page(
     sections.append(
         Section("Nichols plots", (Legend(LEGEND[0 if better else 1 :]), Panels(_nichols(design, better))))
     )
+    if closed:
+        drawn = Panels(response_panels(shown_pairs(closed), MAX_ERROR, MIN_COHERENCE), "large")
+        sections.append(
+            Section("Closed loops in flight", (Prose(CLOSED, muted=True), Legend(RESPONSES), drawn))
+        )
     shown = better.after if better else flown.axes
     if len(design.conditions) > 1:
         title = "Over the airspeed, " + ("proposed" if better else "flown")

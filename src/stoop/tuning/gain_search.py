@@ -29,7 +29,7 @@ from stoop.base.arrays import ComplexArray, FloatArray
 from stoop.control_laws.rate_law import SETPOINT
 from stoop.control_laws.table import Firmware
 from stoop.errors import StoopError
-from stoop.tuning.judgment import AxisMargins, Condition, judge
+from stoop.tuning.judgment import AxisMargins, Condition, judge, with_handling
 from stoop.tuning.loops import MOTION, SLOWEST, AxisLoop, frequencies, motion, opened, return_difference
 
 FARTHEST: Final = 10.0  #: factor by which a gain moves at most
@@ -130,12 +130,14 @@ class Design:
         return [judge(one, own, self.noise) for one, own in zip(self.conditions, loops, strict=True)]
 
     def judged(self, values: Mapping[str, float]) -> list[list[AxisMargins]]:
-        """Return the margins of every axis with some parameters, at every condition."""
-        return self.margins(self.loops(values))
+        """Return the margins of every axis with some parameters, at every condition, with bandwidth and phase delay."""
+        loops = self.loops(values)
+        margins = zip(self.conditions, loops, self.margins(loops), strict=True)
+        return [with_handling(one, own, found) for one, own, found in margins]
 
     def left(self, values: Mapping[str, float]) -> tuple[FloatArray, FloatArray]:
         """Return what is left of the specification (conditions, axes, 4): at the estimates, and as the 5th percentile."""
-        found = [self.specification.left(at) for at in self.judged(values)]
+        found = [self.specification.left(at) for at in self.margins(self.loops(values))]
         return np.array([estimate for estimate, _ in found]), np.array([drawn for _, drawn in found])
 
     def opened(self, values: Mapping[str, float], place: int, count: int) -> ComplexArray:

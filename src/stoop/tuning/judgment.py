@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from stoop.assessment.draws import Draws
+from stoop.assessment.handling import attitude_figures
 from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice
 from stoop.base.numbers import without_rounding
@@ -24,6 +25,7 @@ from stoop.simulation.trim import Trim
 from stoop.tuning.loops import (
     AxisLoop,
     Plants,
+    followed,
     frequencies,
     motion,
     opened,
@@ -38,6 +40,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
 PERCENTILES: Final = (5, 50, 95)
+SMALL: Final = ("phase delay", "noise")  #: figures of which less is better
+COARSE: Final = 4  #: every so many of the frequencies are enough for bandwidth and phase delay, to 1e-3
 LANES: Final = 100  #: models at once, whose responses the caches of a processor hold
 
 
@@ -50,6 +54,9 @@ class AxisMargins:
     margins: Margins
     stable: float  #: share of the draws whose loops are stable together
     noise: FloatArray  #: rms of the command that the noise of its gyro causes, share of a full one (1 + d,); NaN where unknown
+    #: rad/s, phase bandwidth of the attitude over its setpoint, or over that of the rate without an attitude loop
+    bandwidth: FloatArray = field(default_factory=lambda: np.full(1, np.nan))
+    phase_delay: FloatArray = field(default_factory=lambda: np.full(1, np.nan))  #: s, of the same
 
     def values(self) -> dict[str, tuple[str, FloatArray]]:
         """Return unit and values (1 + d,) of each figure, as engineers read them."""
@@ -63,6 +70,8 @@ class AxisMargins:
                 "crossover": ("rad/s", own.crossover),
                 "rejection": ("rad/s", own.rejection),
                 "peak": ("dB", 20.0 * np.log10(own.peak)),
+                "bandwidth": ("rad/s", self.bandwidth),
+                "phase delay": ("s", self.phase_delay),
                 "noise": ("%", 100.0 * self.noise),
             }
 
@@ -79,8 +88,8 @@ class AxisMargins:
 
 
 def worst(judged: Sequence[AxisMargins], axis: str, name: str) -> float:
-    """Return the 5th percentile of a figure about an axis, of noise the 95th, at the worst airspeed; NaN where unknown."""
-    key, least = ("p95", max) if name == "noise" else ("p5", min)
+    """Return the 5th percentile of a figure about an axis, the 95th of `SMALL` ones, at the worst airspeed; NaN where unknown."""
+    key, least = ("p95", max) if name in SMALL else ("p5", min)
     found = [one.figures() for one in judged if one.axis == axis]
     known = [f[name][1][key] for f in found if name in f and not np.isnan(f[name][1][key])]
     return least(known, default=np.nan)
@@ -273,6 +282,27 @@ def judge(
         )
         for i, axis in enumerate(loops)
     ]
+
+
+def with_handling(
+    condition: Condition, loops: Mapping[str, AxisLoop], judged: Sequence[AxisMargins]
+) -> list[AxisMargins]:
+    """Return margins of loops by axis with bandwidth and phase delay of what they hold, all loops closed."""
+    own, plants = list(loops.values()), condition.plants
+    frequency, count = frequencies(own)[::COARSE], len(plants.A)
+    found = np.empty((len(own), count, 4))
+    starts = np.empty(len(own))
+    for begin in range(0, count, LANES):
+        lanes = slice(begin, begin + LANES)
+        answers = followed(motion(plants.part(lanes), frequency), own, frequency)
+        for i, loop in enumerate(own):
+            attitude = answers[i] if loop.held != loop.rate else answers[i] / (1j * frequency)
+            starts[i] = starts[i] if begin else np.angle(attitude[0, 0])
+            found[i, lanes] = attitude_figures(frequency, attitude, starts[i])
+    known = [
+        np.where(np.isfinite(one.margins.peak), x.T, np.nan) for one, x in zip(judged, found, strict=True)
+    ]
+    return [replace(one, bandwidth=x[1], phase_delay=x[3]) for one, x in zip(judged, known, strict=True)]
 
 
 def require_stable(condition: Condition, judged: Sequence[AxisMargins]) -> None:

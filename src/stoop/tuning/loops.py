@@ -19,7 +19,8 @@ from typing import Final
 import numpy as np
 
 from stoop.base.arrays import BoolArray, ComplexArray, FloatArray
-from stoop.control_laws.rate_law import AXES, SETPOINT, Frequencies, RateLaw
+from stoop.control_laws.filters import PASS
+from stoop.control_laws.rate_law import AXES, RATE, SETPOINT, Frequencies, RateLaw
 
 #: axis -> rate, and the attitude that its outer loop holds
 MOTION: Final = {"roll": ("p", "phi"), "pitch": ("q", "theta"), "yaw": ("r", "")}
@@ -59,12 +60,36 @@ class AxisLoop:
         return _kept(self.known, frequency, self._feedback)
 
     def _feedback(self, frequency: Frequencies) -> dict[str, ComplexArray]:
-        rate, angle = MOTION[self.law.axis]
-        hold = np.exp(-0.5j * frequency / self.law.rate) * np.sinc(frequency / (2.0 * np.pi * self.law.rate))
-        out = {rate: self.law.feedback(frequency, self.scale) * hold}
-        if angle and self.attitude:
-            out[angle] = self.attitude * self.law.response(SETPOINT, frequency, self.scale) * hold
+        out = {self.rate: self.law.feedback(frequency, self.scale) * self._hold(frequency)}
+        if self.held != self.rate:
+            out[self.held] = self.forward(frequency)
         return out
+
+    @property
+    def rate(self) -> str:
+        """Name of the rate."""
+        return MOTION[self.law.axis][0]
+
+    @property
+    def held(self) -> str:
+        """Name of what follows a setpoint: the attitude where it has a loop, else the rate."""
+        rate, angle = MOTION[self.law.axis]
+        return angle if angle and self.attitude else rate
+
+    def forward(self, frequency: Frequencies) -> ComplexArray:
+        """Return the command over the setpoint of `held` (m,), held over a sample of the loop."""
+        gain = 1.0 if self.held == self.rate else self.attitude
+        return gain * self.law.response(SETPOINT, frequency, self.scale) * self._hold(frequency)
+
+    def gyro(self, frequency: Frequencies) -> ComplexArray:
+        """Return the rate behind the filters of the gyro, which logs hold, over its reading (m,)."""
+        law = self.law
+        sensed = law.sensing.get(RATE, PASS).response(np.exp(1j * frequency / (law.gyro_rate or law.rate)))
+        return np.asarray(sensed * law.sensing_loop.response(np.exp(1j * frequency / law.rate)))
+
+    def _hold(self, frequency: Frequencies) -> ComplexArray:
+        half = 0.5 * frequency / self.law.rate
+        return np.asarray(np.exp(-1j * half) * np.sinc(half / np.pi))
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,6 +184,22 @@ def opened(difference: ComplexArray) -> ComplexArray:
     for i in range(n):
         others = [k for k in range(n) if k != i]
         out.append(whole / _determinant(difference[:, others][:, :, others]) - 1.0)
+    return np.array(out)
+
+
+def followed(
+    moves: Mapping[str, ComplexArray], loops: Sequence[AxisLoop], frequency: Frequencies
+) -> ComplexArray:
+    """Return the response (n, d, m) of what each loop holds to its setpoint, all loops closed.
+
+    That of y to the command i is the i-th column of P F^-1, by Cramer's rule: det F with P_y for row i, over det F.
+    """
+    difference = return_difference(moves, loops, frequency)
+    whole, out = _determinant(difference), []
+    for i, loop in enumerate(loops):
+        replaced = difference.copy()
+        replaced[:, i] = moves[loop.held]
+        out.append(loop.forward(frequency) * _determinant(replaced) / whole)
     return np.array(out)
 
 

@@ -5,14 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
 from stoop.assessment.draws import POSTERIOR_FILE, Draws, Source, draws_of
+from stoop.assessment.frequency import FrequencyAnalysis
 from stoop.base.atmosphere import SEA_LEVEL_DENSITY, standard_density
 from stoop.base.notices import Notice, notice
-from stoop.control_laws.parameters import read_parameters
+from stoop.control_laws.parameters import is_log, read_parameters
 from stoop.control_laws.rate_law import AXES
 from stoop.control_laws.table import Firmware, firmware_of
 from stoop.flight import Flight
@@ -20,6 +21,7 @@ from stoop.flight.spectra import power_spectra
 from stoop.report.sheet import Page
 from stoop.report.tuning import tuning_page
 from stoop.simulation import trim
+from stoop.tuning.flown_loops import closed_loops
 from stoop.tuning.gain_search import Design, Specification
 from stoop.tuning.judgment import AxisMargins, Condition, LoopMargins, commands_of, plants_of, require_stable
 from stoop.tuning.loops import MOTION
@@ -45,10 +47,16 @@ class JudgedGains(LoopMargins):
     band: Mapping[
         str, float
     ]  #: axis -> highest frequency, rad/s, at which the flight shows the vehicle's answer
+    #: from setpoints to rates by the log, beside the model; None of a log without setpoints, or of parameters alone
+    closed_loops: FrequencyAnalysis | None = None
 
     def page(self, better: Proposal | None = None, command: str = "") -> Page:
         """Return the page, with a proposal if there is one; a notebook shows it, ``save(path)`` writes it."""
-        return tuning_page(self, better.design if better else self.design, better, command)
+        return tuning_page(self, better.design if better else self.design, better, command, self.closed_loops)
+
+    def document(self) -> dict[str, Any]:
+        """Return all but the draws for JSON; infinite and unknown figures are null."""
+        return {**super().document(), "closed_loops": self.closed_loops and self.closed_loops.to_dict()}
 
     def propose(self, specification: Specification | None = None) -> Proposal:
         """Search the gains of the highest rejection for which margins keep a specification over the draws.
@@ -93,7 +101,8 @@ def tune(
     Returns
     -------
     JudgedGains
-        ``to_dataframe()`` has estimates and percentiles 5, 50 and 95 of the draws; ``propose()`` better gains.
+        ``to_dataframe()`` has estimates and percentiles 5, 50 and 95 of the draws; ``propose()`` better gains;
+        ``closed_loops`` the responses from setpoints to rates that the log shows, beside the model's.
 
     Raises
     ------
@@ -129,8 +138,13 @@ def tune(
         *([notice("tune-noise-unknown", axes=unknown)] if unknown else []),
         *beyond_band(band, found),
     )
-    against = (*_not_for_control(model), *lacking)
-    return JudgedGains(firmware.title, found, len(drawn.values), drawn.source, notices, design, against, band)
+    closed, doubts = None, [notice("tune-no-closed-loop", "parameters alone", reason="take them from a log")]
+    if not isinstance(parameters, Mapping) and is_log(Path(parameters)):
+        closed, doubts = closed_loops(Path(parameters), firmware.rotors, conditions, design.loops(values))
+    contradicted = [one for one in doubts if one.code == "tune-loop-contradicted"]
+    against, notices = (*_not_for_control(model), *lacking, *contradicted), (*notices, *doubts)
+    known = (firmware.title, found, len(drawn.values), drawn.source, notices)
+    return JudgedGains(*known, design, against, band, closed)
 
 
 def conditions_of(

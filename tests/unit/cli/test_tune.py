@@ -8,14 +8,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from naive.closed_loops import asked_at_random, flown
 
 import stoop
+from stoop.assessment.frequency import known
 from stoop.cli.main import main
 from stoop.control_laws.parameters import read_parameters
 from stoop.errors import StoopError
 from stoop.vehicle.load import parse_vehicle
 from stoop.workflow.fitted_model import FittedModel
-from stoop.workflow.tuning import gyro_noise
+from stoop.workflow.tuning import JudgedGains, gyro_noise
+from tests.unit.tuning.test_flown_loops import px4_log
 
 GAINS = {
     "FW_RR_P": 0.1, "FW_RR_I": 0.1, "FW_RR_FF": 0.3, "FW_PR_P": 0.2, "FW_PR_I": 0.2, "FW_PR_FF": 0.3, "FW_YR_P": 0.1,
@@ -30,6 +33,7 @@ FLOWN = GAINS | {
     "FW_YR_P": 0.3,
     "FW_PR_FF": 1.0,
 }
+LOOP = 100.0  #: Hz
 TABLES = 23  #: lines of the gains and trial flights of the page
 THROW = {"elevator": ("pitch", -0.35), "aileron": ("roll", 0.35), "rudder": ("yaw", -0.35)}
 
@@ -142,6 +146,63 @@ def test_the_page_of_flown_gains_alone(commanded: FittedModel, tmp_path: Path) -
     assert "Over the airspeed, flown" in html
     assert "Trial flights" not in html
     assert html.count("Nichols plot of the") == 3
+
+
+def fly_by(judged: JudgedGains, path: Path, seconds: float = 100.0) -> Path:
+    """Write the log of a pilot who moves all sticks at random, flown step by step by the judged model at the first airspeed."""
+    values, plants = judged.design.flown, judged.design.conditions[0].plants
+    states, gains, held = plants.states, [], np.zeros((3, len(plants.states)))
+    for i, (name, angle) in enumerate((("RR", "phi"), ("PR", "theta"), ("YR", ""))):
+        gains.append({t: values[f"FW_{name}_{t}"] for t in ("P", "I", "FF")})
+        if angle:
+            held[i, states.index(angle)] = 2.5
+    asked = asked_at_random(round(seconds * LOOP), 3, LOOP, 0, 0.2)
+    rates = [states.index(rate) for rate in "pqr"]
+    return px4_log(path, flown(plants.A[0], plants.B[0], rates, gains, LOOP, 3, asked, held), values)
+
+
+def test_the_closed_loops_of_a_log(
+    with_servos: FittedModel, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Flown step by step by the model itself it agrees; with surfaces 30 % weaker in the model it does not."""
+    values = FLOWN | {
+        "IMU_GYRO_RATEMAX": LOOP, "IMU_GYRO_CUTOFF": 0.0, "IMU_DGYRO_CUTOFF": 0.0, "FW_ARSP_SCALE_EN": 0.0,
+        **{f"FW_{axis}_IMAX": 10.0 for axis in ("RR", "PR", "YR")},
+    }  # fmt: skip
+    alone = with_servos.tune(values, airspeed=(35.0, 35.0), draws=100)
+    assert alone.closed_loops is None
+    assert "parameters alone: the closed loop that flew is not shown" in "".join(map(str, alone.notices))
+    log = fly_by(alone, tmp_path / "log.ulg")
+    judged = with_servos.tune(log, airspeed=(35.0, 35.0), draws=100)
+    assert judged.closed_loops is not None
+    assert [(r.input, r.output) for r in judged.closed_loops.responses] == [
+        ("roll", "p"),
+        ("pitch", "q"),
+        ("yaw", "r"),
+    ]
+    assert not [one for one in judged.notices if one.code.startswith("tune-loop")]
+    for one in judged.closed_loops.responses:
+        model = judged.closed_loops.model[one.input, one.output].response
+        good = known(one) & (one.frequency > 1.0) & (one.frequency < 15.0)
+        assert good.sum() > 20
+        assert np.median(np.abs(one.response / model - 1.0)[good]) < 0.05
+    html = judged.page().save(tmp_path / "page.html").read_text(encoding="utf-8")
+    assert "Closed loops in flight" in html
+    for axis, rate in zip(("roll", "pitch", "yaw"), "pqr", strict=True):
+        assert f"Response of {rate} to {axis}" in html
+    weak = with_servos.vehicle
+    for throw, less in ((-0.35, -0.25), (0.35, 0.25)):
+        weak = parse_vehicle(weak.text.replace(f" = {throw} ", f" = {less} "), "weak")
+    replace(with_servos, vehicle=weak).save(tmp_path / "weak")
+    command = ["tune", str(tmp_path / "weak"), str(log), "--airspeed", "34.9:35.1", "--draws", "100"]
+    assert main([*command, "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    doubts = [one for one in document["notices"] if one["code"] == "tune-loop-contradicted"]
+    assert {one["values"]["axis"] for one in doubts} >= {"roll", "pitch"}
+    assert len(document["closed_loops"]["responses"]) == 3
+    assert main([*command, "-o", str(tmp_path / "tuned")]) == 2
+    assert "model, delays or law are not to be trusted" in capsys.readouterr().err
+    assert not (tmp_path / "tuned").exists()
 
 
 def test_gains_that_cannot_have_flown_are_refused(commanded: FittedModel) -> None:
