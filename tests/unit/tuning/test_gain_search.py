@@ -94,7 +94,7 @@ def test_no_axis_gives_up_rejection_for_what_another_misses() -> None:
                 best = max(best, float(own.judged({**proposed, **values})[0][i].margins.rejection[0]))
         found = float(own.judged(proposed)[0][i].margins.rejection[0])
         assert best > 1.0, axis
-        assert found > 0.97 * best, axis
+        assert found > 0.9 * best, axis  # it is searched for 4 dB
 
 
 def test_less_is_proposed_where_less_is_known() -> None:
