@@ -45,6 +45,7 @@ from stoop.vehicle.schema import Propeller
 from stoop.vehicle_draft.autopilot import read_setup
 
 COMMANDS: Final = 21  #: of a thrust curve
+NOT_POSITIVE: Final = 0.0013  #: share of draws, of a normal distribution three standard errors above zero
 Altitude = Callable[[float], float]  #: a factor by the ratio of the density to that at sea level
 Names = tuple[tuple[str, float], ...]  #: of an airspeed: newest first, and its unit, m/s
 
@@ -156,6 +157,8 @@ class Row:
 def ballistic_coefficient(axis: str, own: Altitude, c: Candidates) -> FloatArray:
     """Mass over drag area: EKF subtracts rho / 2 V V_axis / coefficient; the body's drag is quadratic |V_axis| V_axis / mass."""
     drag = c.number(f"body_drag.quadratic.{axis}")
+    if np.mean(drag[1:] <= 0.0) > NOT_POSITIVE:
+        raise StoopError("the drag of the body is not three standard errors above zero")
     density = SEA_LEVEL_DENSITY * own(c.density_ratio)
     with np.errstate(divide="ignore"):
         return np.where(drag > 0.0, 0.5 * density * c.number("mass.mass") / drag, np.nan)

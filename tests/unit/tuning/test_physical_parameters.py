@@ -360,6 +360,9 @@ def test_what_the_model_does_not_determine_is_left_out_with_the_reason() -> None
     domain = Domain((0.0, 8.0), 0.0, HEIGHT, RHO)
     found = physical_parameters(quad, "PX4 multicopter", PX4_COPTER, domain, guessed)
     assert [names for why, names in found.absent.items() if "priors" in why] == [("EKF2_BCOEF_X",)]
-    wide = physical_parameters(quad, "PX4 multicopter", PX4_COPTER, domain, known(quad, ROTOR_NUMBERS, 1.0))
-    assert "EKF2_BCOEF_X" not in estimates(wide)
+    wide = physical_parameters(quad, "PX4 multicopter", PX4_COPTER, domain, known(quad, ROTOR_NUMBERS, 0.5))
+    assert wide.absent["the drag of the body is not three standard errors above zero"] == (
+        "EKF2_BCOEF_X",
+        "EKF2_BCOEF_Y",
+    )
     assert not physical_parameters(quad, "Betaflight", {}, domain, guessed).found
