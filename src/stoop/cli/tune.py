@@ -17,6 +17,7 @@ from stoop.errors import StoopError
 
 if TYPE_CHECKING:
     from stoop.tuning.judgment import AxisMargins
+    from stoop.tuning.physical_parameters import PhysicalParameters
     from stoop.tuning.proposal import Proposal
 
 
@@ -65,6 +66,7 @@ def run(arguments: argparse.Namespace) -> int:
     )
     _margins(out, found.axes)
     out.bullets(found.notices, "What they rest on")
+    _physics(out, found.physics)
     if better:
         _proposal(out, better)
         out.line()
@@ -86,6 +88,22 @@ def _margins(out: Page, axes: Sequence[AxisMargins]) -> None:
         out.table(words("", list(figures)), *columns, words("", [unit for unit, _ in figures.values()]))
         if own.stable < 1.0:
             out.line(f"unstable in {100.0 * (1.0 - own.stable):.2g} % of the draws")
+
+
+def _physics(out: Page, physics: PhysicalParameters) -> None:
+    """Print the parameters that are physics, and what is left out."""
+    if not (physics.found or physics.absent):
+        return
+    out.heading("Parameters that are physics")
+    if rows := physics.rows():
+        columns = (("flown", "flown"), ("new", "new"), ("std error", "std_error"))
+        values = [numbers(head, [float(row[key]) for row in rows]) for head, key in columns]
+        out.table(
+            words("parameter", [one.name for one in physics.found]),
+            *values,
+            words("", [str(row["unit"]) for row in rows]),
+        )
+    out.bullets(physics.notices)
 
 
 def _proposal(out: Page, better: Proposal) -> None:

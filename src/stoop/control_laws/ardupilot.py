@@ -104,9 +104,7 @@ def mixing(values: Mapping[str, float], positions: FloatArray, turning: FloatArr
     """
     own = Parameters(values, "ArduPilot")
     slope = thrust_slope(own.number("MOT_THST_EXPO", 0.65, -1.0), own.number("MOT_THST_HOVER", 0.35, 0.01))
-    low, high = own.number("MOT_SPIN_MIN", 0.15), own.number("MOT_SPIN_MAX", 0.95)
-    if high <= low:
-        raise StoopError(f"ArduPilot: MOT_SPIN_MAX = {high:g} is not above MOT_SPIN_MIN = {low:g}")
+    low, high = _spin(own)
     return slope * (high - low) * by_place(positions, turning, (0.5, 0.5, 0.5))
 
 
@@ -114,6 +112,22 @@ def pulse(values: Mapping[str, float]) -> float:
     """Return the change of a motor's pulse, us, over that of its command from 0 to 1."""
     own = Parameters(values, "ArduPilot")
     return (own.number("MOT_PWM_MAX", 0.0) or 2000.0) - (own.number("MOT_PWM_MIN", 0.0) or 1000.0)
+
+
+def motor_command(values: Mapping[str, float], kind: str, channel: FloatArray) -> FloatArray:
+    """Return the command of a motor from 0 to 1 between `MOT_SPIN_MIN` and `MOT_SPIN_MAX` for a channel: ``motor`` or ``pwm``."""
+    own = Parameters(values, "ArduPilot")
+    low, high = _spin(own)
+    least = own.number("MOT_PWM_MIN", 0.0) or 1000.0
+    output = channel if kind == "motor" else (channel - least) / pulse(values)
+    return (output - low) / (high - low)
+
+
+def _spin(own: Parameters) -> tuple[float, float]:
+    low, high = own.number("MOT_SPIN_MIN", 0.15), own.number("MOT_SPIN_MAX", 0.95)
+    if high <= low:
+        raise StoopError(f"ArduPilot: MOT_SPIN_MAX = {high:g} is not above MOT_SPIN_MIN = {low:g}")
+    return low, high
 
 
 def _pid(

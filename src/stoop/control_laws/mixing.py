@@ -34,3 +34,14 @@ def thrust_slope(curve: float, thrust: float) -> float:
     The firmware inverts thrust = curve command^2 + (1 - curve) command.
     """
     return 1.0 / math.sqrt((1.0 - curve) ** 2 + 4.0 * curve * thrust)
+
+
+def thrust_of(curve: float, command: FloatArray) -> FloatArray:
+    """Return thrust over the greatest for commands from 0 to 1, by the curve that firmwares invert."""
+    return np.asarray(curve * command**2 + (1.0 - curve) * command)
+
+
+def command_of(curve: float, thrust: FloatArray) -> FloatArray:
+    """Return the command from 0 to 1 for thrust over the greatest; the inverse of :func:`thrust_of`."""
+    linear = 1.0 - curve
+    return np.asarray(2.0 * thrust / (linear + np.sqrt(np.maximum(linear**2 + 4.0 * curve * thrust, 1e-12))))

@@ -22,7 +22,7 @@ import numpy as np
 
 from stoop.base.arrays import FloatArray
 from stoop.control_laws.filters import Filter, butterworth, difference, low_pass, notch, series
-from stoop.control_laws.mixing import thrust_slope
+from stoop.control_laws.mixing import command_of, thrust_slope
 from stoop.control_laws.parameters import Parameters
 from stoop.control_laws.rate_law import ACCELERATION, ERROR, RATE, SETPOINT, Integral, RateLaw, Term, through
 
@@ -135,8 +135,23 @@ def pulse(values: Mapping[str, float]) -> float:
     .. [5] PX4-Autopilot, src/lib/mixer_module/functions/FunctionMotors.hpp
     """
     own = Parameters(values, "PX4")
-    span = own.number("PWM_MAIN_MAX1", 2000.0) - own.number("PWM_MAIN_MIN1", 1000.0)
-    return span * thrust_slope(own.number("THR_MDL_FAC", 0.0), own.number("MPC_THR_HOVER", 0.5, 0.01))
+    curve, (low, high) = own.number("THR_MDL_FAC", 0.0), _pulses(own)
+    return (high - low) * thrust_slope(curve, own.number("MPC_THR_HOVER", 0.5, 0.01))
+
+
+def motor_command(values: Mapping[str, float], kind: str, channel: FloatArray) -> FloatArray:
+    """Return the command of a motor from 0 to 1 for its channel: ``motor``, ahead of the linearization, or ``pwm`` [5]_."""
+    own = Parameters(values, "PX4")
+    low, high = _pulses(own)
+    return (
+        command_of(own.number("THR_MDL_FAC", 0.0), channel)
+        if kind == "motor"
+        else (channel - low) / (high - low)
+    )
+
+
+def _pulses(own: Parameters) -> tuple[float, float]:
+    return own.number("PWM_MAIN_MIN1", 1000.0), own.number("PWM_MAIN_MAX1", 2000.0)
 
 
 def multicopter_attitude(values: Mapping[str, float], axis: str) -> float:

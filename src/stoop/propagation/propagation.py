@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
 from typing import TYPE_CHECKING, Any, Final
 
@@ -140,16 +140,9 @@ def propagate_draws(
     begun = time.perf_counter()
     parsed = parse_expressions(expressions or {}, vehicle)
     found, grouped = _quantities(vehicle, draws.names, draws.values, domain, parsed)
-    known, shares = np.isin(draws.names, draws.undetermined), dict[str, float]()
-    if known.any():
-        at = np.array([vehicle.value(name) for name in draws.names])
-        held = conditional_draws(draws.values, known, at)
-        given = {one.name: one.draws for _, one in _quantities(vehicle, draws.names, held, domain, parsed)[1]}
-        none = np.full(len(held), np.nan)
-        shares = {
-            s.name: variance_removed(s.draws, given.get(s.name, none), int(known.sum())) for _, s in grouped
-        }
-    figures = tuple(figure(g, s, draws.names, draws.values, shares.get(s.name, 0.0)) for g, s in grouped)
+    figures = figures_of(
+        vehicle, draws, grouped, lambda values: _quantities(vehicle, draws.names, values, domain, parsed)[1]
+    )
     notices = [*draws.notices, *found.notices, *_figure_notices(figures, draws.undetermined)]
     return Propagation(
         vehicle.name, result, draws.source, len(draws.values), seed, domain,
@@ -157,6 +150,31 @@ def propagate_draws(
         tuple(notices), dict(expressions or {}), draws.undetermined, found.extrapolated,
         time.perf_counter() - begun,
     )  # fmt: skip
+
+
+def figures_of(
+    vehicle: Vehicle,
+    draws: Draws,
+    grouped: Sequence[Grouped],
+    again: Callable[[FloatArray], Sequence[Grouped]],
+) -> tuple[Figure, ...]:
+    """Return quantities of draws with their uncertainty, and the share of it that is that of priors and bounds.
+
+    Parameters
+    ----------
+    grouped : the quantities of the draws
+    again : the quantities of other values (D, k) of the same parameters
+    """
+    known, shares = np.isin(draws.names, draws.undetermined), dict[str, float]()
+    if known.any():
+        at = np.array([vehicle.value(name) for name in draws.names])
+        held = conditional_draws(draws.values, known, at)
+        given = {one.name: one.draws for _, one in again(held)}
+        none = np.full(len(held), np.nan)
+        shares = {
+            s.name: variance_removed(s.draws, given.get(s.name, none), int(known.sum())) for _, s in grouped
+        }
+    return tuple(figure(g, s, draws.names, draws.values, shares.get(s.name, 0.0)) for g, s in grouped)
 
 
 def _quantities(

@@ -21,6 +21,7 @@ from stoop.report.plots import NARROW, canvas, svg
 from stoop.report.sheet import Bullets, Code, Legend, Page, Panel, Panels, Part, Prose, Section, Sheet, Table
 from stoop.tuning.gain_search import Design, Specification
 from stoop.tuning.judgment import AxisMargins, LoopMargins, worst
+from stoop.tuning.physical_parameters import PhysicalParameters
 from stoop.tuning.proposal import SHOWN, Proposal
 
 CLOUD: Final = 40  #: draws of a Nichols plot
@@ -41,7 +42,7 @@ LEGEND: Final = (("swatch fan-estimate", "proposed"), ("swatch fan-median", "flo
 
 def tuning_page(
     flown: LoopMargins, design: Design, better: Proposal | None = None, command: str = "",
-    closed: FrequencyAnalysis | None = None,
+    closed: FrequencyAnalysis | None = None, physics: PhysicalParameters | None = None,
 ) -> Page:  # fmt: skip
     """Return the page of gains that flew, with those that are proposed if there are any, and the closed loops of a log."""
     lead = f"{flown.firmware}: {flown.count} draws from the {flown.source}. " + (
@@ -74,6 +75,9 @@ def tuning_page(
                 "Trial flights", (_trials(better), *([Bullets(better.limited)] if better.limited else []))
             )
         )
+    if physics and (physics.found or physics.absent):
+        left_out = [Bullets([str(one) for one in physics.notices])] if physics.notices else []
+        sections.append(Section("Parameters that are physics", (*_physics(physics), *left_out)))
     if command:
         sections.append(Section("Made by", (Code(command),)))
     return Page(Sheet("Gains and their margins", lead, tuple(sections)))
@@ -163,6 +167,20 @@ def _fans(axes: Sequence[AxisMargins]) -> list[Panel]:
                 drawing = fan_panel(x, estimate, bands, "airspeed, m/s", f"{axis}, {name}")
                 out.append(Panel(f"{axis}, {name}", drawing, unit))
     return out
+
+
+def _physics(physics: PhysicalParameters) -> list[Part]:
+    """Return values that flew beside new ones with their standard errors."""
+    rows = tuple(
+        (
+            one.name,
+            number(one.flown),
+            f"{number(one.value)} ± {number(one.figure.std_error)}",
+            one.figure.unit,
+        )
+        for one in physics.found
+    )
+    return [Table("Of the identified vehicle", ("parameter", "flown", "new", "unit"), rows)] if rows else []
 
 
 def _trials(better: Proposal) -> Table:

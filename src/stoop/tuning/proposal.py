@@ -13,6 +13,7 @@ from stoop.control_laws.table import Firmware
 from stoop.errors import StoopError
 from stoop.tuning.gain_search import FARTHEST, FEW, SLACK, Design, propose, rounded
 from stoop.tuning.judgment import AxisMargins, worst
+from stoop.tuning.physical_parameters import PhysicalParameter
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -38,6 +39,7 @@ class Proposal:
     changes: Mapping[str, tuple[float, float]]  #: parameter -> flown, proposed
     ladder: tuple[Step, ...]  #: the last is the proposal
     against: tuple[Notice, ...]  #: why no file is written without being told to
+    physics: tuple[PhysicalParameter, ...] = ()  #: of the same files
 
     def __repr__(self) -> str:
         """Return the size on one line."""
@@ -86,14 +88,16 @@ class Proposal:
         return pd.DataFrame(rows, columns=["parameter", "flown", "proposed"])
 
     def files(self) -> dict[str, str]:
-        """Return the files of parameters in the autopilot's own form, by name: flown values, then each trial flight's."""
-        flown = {n: old for n, (old, _) in self.changes.items()}
-        line = self.design.firmware.file[1]
+        """Return the files of parameters in the autopilot's own form, by name: flown values, then each trial flight's.
+
+        What is physics is the same in all trial flights.
+        """
+        line, after = self.design.firmware.file[1], {p.name: p.value for p in self.physics}
+        flown = {n: old for n, (old, _) in self.changes.items()} | {p.name: p.flown for p in self.physics}
+        steps = (flown, *({**step.values, **after} for step in self.ladder))
         return {
             name: "".join(line.format(name=n, value=x) for n, x in values.items())
-            for name, values in zip(
-                file_names(self.design.firmware), (flown, *(step.values for step in self.ladder)), strict=True
-            )
+            for name, values in zip(file_names(self.design.firmware), steps, strict=True)
         }
 
     def save(self, folder: str | Path, overwrite: bool = False, anyway: bool = False) -> list[Path]:

@@ -17,6 +17,7 @@ from stoop.control_laws.parameters import is_log, read_parameters
 from stoop.control_laws.rate_law import AXES
 from stoop.control_laws.table import Firmware, firmware_of
 from stoop.flight import Flight
+from stoop.flight.airspeed import TRUE
 from stoop.flight.spectra import power_spectra
 from stoop.report.sheet import Page
 from stoop.report.tuning import tuning_page
@@ -25,6 +26,7 @@ from stoop.tuning.flown_loops import closed_loops
 from stoop.tuning.gain_search import Design, Specification
 from stoop.tuning.judgment import AxisMargins, Condition, LoopMargins, commands_of, plants_of, require_stable
 from stoop.tuning.loops import MOTION
+from stoop.tuning.physical_parameters import PhysicalParameters, physical_parameters
 from stoop.tuning.proposal import Proposal, proposal
 from stoop.vehicle import Vehicle
 from stoop.workflow.fitted_model import FittedModel
@@ -47,16 +49,19 @@ class JudgedGains(LoopMargins):
     band: Mapping[
         str, float
     ]  #: axis -> highest frequency, rad/s, at which the flight shows the vehicle's answer
+    physics: PhysicalParameters  #: that the model determines
     #: from setpoints to rates by the log, beside the model; None of a log without setpoints, or of parameters alone
     closed_loops: FrequencyAnalysis | None = None
 
     def page(self, better: Proposal | None = None, command: str = "") -> Page:
         """Return the page, with a proposal if there is one; a notebook shows it, ``save(path)`` writes it."""
-        return tuning_page(self, better.design if better else self.design, better, command, self.closed_loops)
+        design = better.design if better else self.design
+        return tuning_page(self, design, better, command, self.closed_loops, self.physics)
 
     def document(self) -> dict[str, Any]:
         """Return all but the draws for JSON; infinite and unknown figures are null."""
-        return {**super().document(), "closed_loops": self.closed_loops and self.closed_loops.to_dict()}
+        closed = self.closed_loops and self.closed_loops.to_dict()
+        return {**super().document(), "physics": self.physics.rows(), "closed_loops": closed}
 
     def propose(self, specification: Specification | None = None) -> Proposal:
         """Search the gains of the highest rejection for which margins keep a specification over the draws.
@@ -68,7 +73,7 @@ class JudgedGains(LoopMargins):
         """
         found = proposal(replace(self.design, specification=specification or Specification()), self.axes)
         against = (*self.against, *found.against, *beyond_band(self.band, found.after))
-        return replace(found, against=against)
+        return replace(found, against=against, physics=self.physics.written)
 
 
 @takes_model
@@ -144,7 +149,9 @@ def tune(
     contradicted = [one for one in doubts if one.code == "tune-loop-contradicted"]
     against, notices = (*_not_for_control(model), *lacking, *contradicted), (*notices, *doubts)
     known = (firmware.title, found, len(drawn.values), drawn.source, notices)
-    return JudgedGains(*known, design, against, band, closed)
+    streams = frozenset(s.source for f in model.flights for n, s in f.sources.items() if n in ("V", TRUE))
+    physics = physical_parameters(vehicle, firmware.title, values, domain, drawn, streams)
+    return JudgedGains(*known, design, against, band, physics, closed)
 
 
 def conditions_of(

@@ -140,6 +140,50 @@ def test_the_proposal_of_the_page(
     assert "exists already" in capsys.readouterr().err
 
 
+def test_physics_stands_beside_the_gains(
+    with_servos: FittedModel, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Printed as on the page, with the reason where the model does not tell; the flown values lead back."""
+    flown = {
+        "FW_PSP_OFF": 0.0,
+        "TRIM_PITCH": 0.02,
+        "FW_T_SINK_MIN": 2.0,
+        "FW_THR_TRIM": 0.6,
+        "TRIM_ROLL": 0.0,
+    }
+    gains = tmp_path / "gains.parm"
+    gains.write_text("".join(f"{n},{x}\n" for n, x in (FLOWN | flown).items()), encoding="utf-8")
+    with_servos.save(tmp_path / "result")
+    command = ["tune", str(tmp_path / "result"), str(gains), "--airspeed", "33:38"]
+    assert main([*command, "-o", str(tmp_path / "tuned")]) == 0
+    page = (Path(__file__).parents[3] / "docs" / "tune.md").read_text(encoding="utf-8")
+    shown, said = (
+        text.partition("Parameters that are physics\nparameter")[2].splitlines()[1:6]
+        for text in (page, capsys.readouterr().out)
+    )
+    for line, found in zip(shown, said, strict=True):
+        for word, other in zip(line.split(), found.split(), strict=True):
+            assert word == other or float(word) == pytest.approx(float(other), rel=0.1), (line, found)
+    written, before = (
+        read_parameters(tmp_path / "tuned" / f"gains-{step}.params") for step in ("25", "flown")
+    )
+    assert written["TRIM_PITCH"] == pytest.approx(0.055, abs=1e-3)
+    assert {n: before[n] for n in written.keys() & flown.keys()} == {
+        n: flown[n] for n in ("FW_PSP_OFF", "TRIM_PITCH", "FW_T_SINK_MIN")
+    }
+    html = (tmp_path / "tuned" / "tuning.html").read_text(encoding="utf-8")
+    assert "Parameters that are physics" in html
+    assert "FW_THR_TRIM: not from this model; the thrust is not modeled over a throttle" in html
+    assert main([*command, "--json", "--draws", "100"]) == 0
+    rows = json.loads(capsys.readouterr().out)["physics"]
+    assert [row["parameter"] for row in rows] == ["FW_PSP_OFF", "TRIM_PITCH", "FW_T_SINK_MIN"]
+    assert list(with_servos.tune(FLOWN | flown, draws=100).physics.to_dataframe()["unit"]) == [
+        "deg",
+        "1",
+        "m/s",
+    ]
+
+
 def test_the_page_of_flown_gains_alone(commanded: FittedModel, tmp_path: Path) -> None:
     judged = commanded.tune(GAINS, airspeed=(33.0, 38.0), draws=100)
     html = judged.page().save(tmp_path / "page.html").read_text(encoding="utf-8")
