@@ -35,7 +35,7 @@ BUDGETS = {
     "control_laws": 1360,
     "estimate": 7535,
     "exporters": 7655,
-    "flight": 6225,
+    "flight": 6245,
     "input_design": 2350,
     "kernels": 2810,
     "logs": 5000,

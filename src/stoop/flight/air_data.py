@@ -4,9 +4,11 @@ The ground velocity is smoothed at the rate of the accelerometers (`stoop.flight
 horizontal wind and the calibration of the pitot are estimated over the airborne part (`stoop.flight.airspeed`),
 and the difference is turned into body axes::
 
-    (u, v, w) = R' (v_ground - w),  V = |v_ground - w|,  alpha = atan2(w, u),  beta = asin(v / V)
+    (u, v, w) = R' (v_ground - w),  alpha = atan2(w, u),  beta = asin(v / |v_ground - w|)
+    V = |v_ground - w| + share (calibrated pitot - |v_ground - w|)
 
-What it cannot see: gusts and vertical wind. They are the error of alpha and beta, about gust / V.
+The share of the pitot is that of gusts in the difference (`stoop.flight.airspeed.gust_share`). Gusts and vertical wind are the
+error of alpha and beta, about gust / V.
 
 References
 ----------
@@ -227,6 +229,12 @@ def reconstruct(
     through = motion.velocity - np.array([air.wind_n, air.wind_e, 0.0])
     speed, alpha, beta = flow(np.einsum("nij,ni->jn", rotation, through).T, LIMITS.speed)
     fast = (flying == 1.0) & (speed > LIMITS.speed)
+    if "pitot" in air.method:
+        corrected = (read["airspeed_pitot"] - air.pitot_offset) * air.pitot_scale
+        apart = air.traces["pitot_corrected"] - air.traces["speed_inertial"]
+        usual = float(np.median(air.traces["speed_inertial"]))
+        share = airspeed.gust_share(apart, float(np.nan_to_num(_unexplained_error(air, usual))))
+        speed = np.where(fast & np.isfinite(corrected), speed + share * (corrected - speed), speed)
     found = {"V": speed, "alpha": np.where(fast, alpha, np.nan), "beta": np.where(fast, beta, np.nan)}
     return found | dict(zip(SMOOTHED, motion.velocity.T, strict=True)), air
 
@@ -388,6 +396,12 @@ def _notices(
     return tuple(found)
 
 
+def _unexplained_error(air: AirData, speed: float) -> float:
+    """Return the error of the pitot at a true airspeed less what the pressure that it shows at rest explains, all in m/s."""
+    rest = air.rest_offset
+    return speed / air.pitot_scale + air.pitot_offset - speed - 0.5 * rest * abs(rest) / speed
+
+
 def _pitot_notices(air: AirData, speed: float, density: float) -> list[Notice]:
     """Return the calibration, and how the reading at rest agrees with it: a pressure offset fades as 1 / V."""
     found, error = [], speed / air.pitot_scale + air.pitot_offset - speed  # reading minus truth
@@ -402,8 +416,8 @@ def _pitot_notices(air: AirData, speed: float, density: float) -> list[Notice]:
     if abs(rest) > LIMITS.rest_offset:
         pressure = 0.5 * density * rest * abs(rest)
         found.append(notice("pitot-pressure-offset", "airspeed_pitot", reading=rest, pressure=pressure))
-        explained = pressure / (density * speed)
-        if abs(error - explained) > LIMITS.pitot_inconsistency:  # never of a pitot without calibration: NaN
-            values = {"explained": explained, "speed": speed, "error": error}
+        unexplained = _unexplained_error(air, speed)
+        if abs(unexplained) > LIMITS.pitot_inconsistency:  # never of a pitot without calibration: NaN
+            values = {"explained": error - unexplained, "speed": speed, "error": error}
             found.append(notice("pitot-offset-inconsistent", "airspeed_pitot", **values))
     return found

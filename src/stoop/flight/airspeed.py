@@ -169,6 +169,18 @@ class Fit:
         return float(np.sqrt(np.linalg.eigvalsh(self.covariance[:2, :2])[-1]))
 
 
+def gust_share(apart: FloatArray, error: float) -> float:
+    """Return the share of gusts in the mean square of differences (n,) of calibrated pitot and inertial speed, m/s.
+
+    Gusts are slow. The noise of the pitot is white: its variance is a sixth of that of second differences. Other errors of the
+    pitot have a root mean square `error`. The share is the weight of the pitot that makes the mean square error of a
+    weighted mean least (Wiener).
+    """
+    apart = apart[np.isfinite(apart)]
+    noise = robust_std(np.diff(apart, 2)) ** 2 / 6.0 + error**2
+    return max(0.0, 1.0 - noise / max(float(np.mean(apart**2)), FIT.sigma**2))
+
+
 def fit(evidence: Sequence[Evidence], mean: FloatArray, std: FloatArray) -> Fit:
     """Fit theta to all evidence together: Gauss-Newton steps and correlation times in turn.
 

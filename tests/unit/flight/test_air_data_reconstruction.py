@@ -35,7 +35,8 @@ class Truth:
     slope: float = 0.9
     offset: float = -2.0
     bias: tuple[float, float, float] = (0.10, -0.06, 0.08)
-    gust: float = 0.5  # m/s of the pitot, correlated over 1 s
+    gust: float = 0.5  # m/s along the flight path, correlated over 1 s, which the pitot alone feels
+    pitot_noise: float = 0.0  # m/s
     velocity_noise: float = 0.05
     force_noise: float = 0.1
     delay: float = 0.0
@@ -109,16 +110,17 @@ def fly(
     velocity = np.column_stack([np.interp(t, native, c) for c in logged.T])
     memory = np.exp(-1.0 / RATE)
     gust = lfilter([np.sqrt(1 - memory**2)], [1.0, -memory], rng.normal(size=t.size)) * truth.gust
+    felt = truth.speed(t) + gust / truth.slope
     columns = {
         **dict(zip(("q0", "q1", "q2", "q3"), quaternions_of(angles).T, strict=True)),
         **dict(zip(("ax", "ay", "az"), force.T, strict=True)),
         **dict(zip(("vn", "ve", "vd"), velocity.T, strict=True)),
-        "airspeed_pitot": truth.slope * truth.speed(t) + truth.offset + gust,
+        "airspeed_pitot": truth.slope * felt + truth.offset + truth.pitot_noise * rng.normal(size=t.size),
     }
     if gaps:
         hole = holes(t)
         columns = {name: np.where(hole, np.nan, x) for name, x in columns.items()}
-    exact = {"V": truth.speed(t), "alpha": truth.alpha(t), "beta": beta(t)}
+    exact = {"V": felt, "alpha": truth.alpha(t), "beta": beta(t)}
     exact["velocity"] = ground_velocity(truth, t, beta)
     return dataset(1000.0 + t, columns), exact
 
@@ -177,6 +179,17 @@ def test_known_wind_pitot_and_bias_are_recovered(seed: int) -> None:
     assert abs(air.heading_error) < 3.0 * air.heading_error_std
 
 
+@pytest.mark.parametrize(("gust", "noise"), [(0.0, 0.5), (0.3, 0.5), (1.5, 0.2)])
+def test_airspeed_is_as_good_as_the_better_of_pitot_and_inertial_speed(gust: float, noise: float) -> None:
+    data, exact = fly(Truth(gust=gust, pitot_noise=noise), 4)
+    out, air = reconstruct(data)
+    wind = np.array([air.wind_n, air.wind_e, 0.0])
+    inertial = np.linalg.norm(out[list(air_data.SMOOTHED)].to_dataarray().to_numpy().T - wind, axis=1)
+    pitot = (data["airspeed_pitot"].to_numpy() - air.pitot_offset) * air.pitot_scale
+    best = min(rms(pitot - exact["V"]), rms(inertial - exact["V"]))
+    assert rms(out["V"].to_numpy() - exact["V"]) < 1.05 * best + 0.01
+
+
 def test_velocity_is_finer_than_logged_up_to_the_ends_of_each_stretch() -> None:
     data, exact = fly(Truth(velocity_noise=0.1), 4)
     out, _ = reconstruct(data)
@@ -233,8 +246,11 @@ def test_pitot_offset_at_rest_is_its_own_finding() -> None:
     for name in still.data_vars:
         still[name][:] = {"q0": 1.0, "az": -9.80665, "airspeed_pitot": -3.0}.get(str(name), 0.0)
     still = still.assign_coords(time=still["time"] - 10.0 - 1.0 / RATE)
-    _, air = reconstruct(xr.concat([still, flying], dim="time"))
+    out, air = reconstruct(xr.concat([still, flying], dim="time"))
     assert air.rest_offset == pytest.approx(-3.0)
+    smooth = [out[name].to_numpy() for name in air_data.SMOOTHED]  # such a pitot has no say in V
+    through = np.linalg.norm(np.array(smooth).T - np.array([air.wind_n, air.wind_e, 0.0]), axis=1)
+    np.testing.assert_allclose(out["V"], through)
     assert codes(air) >= {"pitot-pressure-offset", "pitot-offset-inconsistent"}
     assert within(air.pitot_offset, air.pitot_offset_std, truth.offset)
 
