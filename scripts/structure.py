@@ -32,10 +32,10 @@ BUDGETS = {
     "base": 2370,
     "checks": 3010,
     "cli": 3250,
-    "control_laws": 1360,
+    "control_laws": 1370,
     "estimate": 7535,
     "exporters": 7655,
-    "flight": 6245,
+    "flight": 6250,
     "input_design": 2350,
     "kernels": 2810,
     "logs": 5000,
@@ -48,12 +48,12 @@ BUDGETS = {
     "reconstruction": 850,
     "report": 4420,
     "results": 1305,
-    "simulation": 3470,
+    "simulation": 3480,
     "strategy": 1420,
-    "tuning": 2210,
+    "tuning": 2250,
     "vehicle": 3645,
     "vehicle_draft": 3350,
-    "workflow": 4220,
+    "workflow": 4230,
 }
 #: modules that an allowed import cycle goes through, imports in functions counted: registries that name their entries
 REGISTRIES = {"stoop.optimize.registry", "stoop.vehicle.vehicle", "stoop.workflow.fitted_model"}

@@ -111,7 +111,10 @@ def mixing(values: Mapping[str, float], positions: FloatArray, turning: FloatArr
 def pulse(values: Mapping[str, float]) -> float:
     """Return the change of a motor's pulse, us, over that of its command from 0 to 1."""
     own = Parameters(values, "ArduPilot")
-    return (own.number("MOT_PWM_MAX", 0.0) or 2000.0) - (own.number("MOT_PWM_MIN", 0.0) or 1000.0)
+    low, high = own.number("MOT_PWM_MIN", 0.0) or 1000.0, own.number("MOT_PWM_MAX", 0.0) or 2000.0
+    if high <= low:
+        raise StoopError(f"ArduPilot: MOT_PWM_MAX = {high:g} is not above MOT_PWM_MIN = {low:g}")
+    return high - low
 
 
 def motor_command(values: Mapping[str, float], kind: str, channel: FloatArray) -> FloatArray:
@@ -152,9 +155,10 @@ def _pid(
 
 def _sensed(own: Parameters, law: RateLaw) -> RateLaw:
     """Return a law with the low-pass of the gyro before it."""
-    sensing = {RATE: butterworth(own.number("INS_GYRO_FILTER", 20.0), GYRO_RATE)}
+    gyro_rate = max(GYRO_RATE, law.rate)
+    sensing = {RATE: butterworth(own.number("INS_GYRO_FILTER", 20.0), gyro_rate)}
     lacks = [f"harmonic notch ({n})" for n in NOTCHES if own.number(n, 0.0) > 0.0]
-    return replace(law, sensing=sensing, gyro_rate=GYRO_RATE, lacks=(*law.lacks, *lacks))
+    return replace(law, sensing=sensing, gyro_rate=gyro_rate, lacks=(*law.lacks, *lacks))
 
 
 def _loop_rate(own: Parameters, default: float) -> float:
@@ -171,7 +175,7 @@ def airspeed_ratio(values: Mapping[str, float], airspeed: float) -> float:
     own = Parameters(values, "ArduPilot")
     speed = own.number("SCALING_SPEED", 15.0, 0.1)
     slowest = own.number("ARSPD_FBW_MIN", own.number("AIRSPEED_MIN", 9.0))
-    fastest = own.number("ARSPD_FBW_MAX", own.number("AIRSPEED_MAX", 22.0))
+    fastest = own.number("ARSPD_FBW_MAX", own.number("AIRSPEED_MAX", 22.0, 0.1), 0.1)
     low, high = min(0.5, speed / (2.0 * fastest)), max(2.0, speed / (0.7 * max(slowest, SLOWEST)))
     return min(max(speed / max(airspeed, 1e-4), low), high)
 

@@ -36,14 +36,17 @@ class Filter:
         delay = 1.0 / z
         return np.asarray(np.polyval(self.b[::-1], delay) / np.polyval(self.a[::-1], delay))
 
+    def settled(self) -> FloatArray:
+        """Return the state, of the transposed direct form II, in which a constant input of one has settled."""
+        before = np.ones(max(len(self.a), len(self.b)) - 1)
+        gain = sum(self.b) / sum(self.a) if sum(self.a) else 0.0
+        return np.asarray(lfiltic(self.b, self.a, gain * before, before))
+
     def output(self, x: FloatArray) -> FloatArray:
         """Return the output (n,) for an input (n,) that was constant before its first sample."""
         if len(x) == 0:
             return np.zeros(0)
-        before = np.full(max(len(self.a), len(self.b)), x[0])
-        gain = sum(self.b) / sum(self.a) if sum(self.a) else 0.0
-        state = lfiltic(self.b, self.a, gain * before[1:], before[1:])
-        return np.asarray(lfilter(self.b, self.a, x, zi=state)[0], dtype=np.float64)
+        return np.asarray(lfilter(self.b, self.a, x, zi=x[0] * self.settled())[0], dtype=np.float64)
 
     def __mul__(self, other: Filter | float) -> Filter:
         """Return this filter and another in series, or with a gain."""

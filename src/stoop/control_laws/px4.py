@@ -25,6 +25,7 @@ from stoop.control_laws.filters import Filter, butterworth, difference, low_pass
 from stoop.control_laws.mixing import command_of, thrust_slope
 from stoop.control_laws.parameters import Parameters
 from stoop.control_laws.rate_law import ACCELERATION, ERROR, RATE, SETPOINT, Integral, RateLaw, Term, through
+from stoop.errors import StoopError
 
 FADE: Final = math.radians(400.0)  #: rad/s, error at which the integral stands
 #: axis -> pattern of the parameters of a fixed wing, with the defaults of PX4; P tells of which vehicle a log is
@@ -100,7 +101,7 @@ def airspeed_ratio(values: Mapping[str, float], airspeed: float) -> float:
         return 1.0
     trim = own.number("FW_AIRSPD_TRIM", 15.0, 0.1)
     slowest = own.number("FW_AIRSPD_STALL", own.number("FW_AIRSPD_MIN", 10.0))
-    return trim / min(max(airspeed, slowest), own.number("FW_AIRSPD_MAX", 20.0))
+    return trim / min(max(airspeed, slowest), own.number("FW_AIRSPD_MAX", 20.0, 0.1))
 
 
 def mixing(values: Mapping[str, float], positions: FloatArray, turning: FloatArray) -> FloatArray:
@@ -151,7 +152,10 @@ def motor_command(values: Mapping[str, float], kind: str, channel: FloatArray) -
 
 
 def _pulses(own: Parameters) -> tuple[float, float]:
-    return own.number("PWM_MAIN_MIN1", 1000.0), own.number("PWM_MAIN_MAX1", 2000.0)
+    low, high = own.number("PWM_MAIN_MIN1", 1000.0), own.number("PWM_MAIN_MAX1", 2000.0)
+    if high <= low:
+        raise StoopError(f"PX4: PWM_MAIN_MAX1 = {high:g} is not above PWM_MAIN_MIN1 = {low:g}")
+    return low, high
 
 
 def multicopter_attitude(values: Mapping[str, float], axis: str) -> float:

@@ -14,7 +14,6 @@ from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
-from scipy.signal import lfiltic
 
 from stoop.base.arrays import FloatArray
 from stoop.control_laws.filters import PASS, Filter
@@ -38,9 +37,7 @@ class FilterBank:
         settled = np.zeros((len(filters), order, 1))
         for i, f in enumerate(filters):
             self.b[i, : len(f.b), 0], self.a[i, : len(f.a), 0] = f.b, f.a
-            ones = np.ones(max(len(f.a), len(f.b)))
-            gain = sum(f.b) / sum(f.a) if sum(f.a) else 0.0
-            own = lfiltic(f.b, f.a, gain * ones[1:], ones[1:])
+            own = f.settled()
             settled[i, : len(own), 0] = own
         self.state = settled * before[:, None]
 
@@ -77,13 +74,13 @@ class LawRecursion:
         self.sensing_loop = FilterBank([laws[i].sensing_loop for i in axes], self.sensed_last)
         signals = self._signals(rates, self.sensing_loop.output(self.sensed_last))
         self.path = FilterBank([self.terms[k][1].paths[n] for k, _, n in self.paths], signals)
-        self.asked = np.zeros_like(rates)
-        self.after = FilterBank([law.after for law in laws], self.asked)
+        self.unlimited = np.zeros_like(rates)
+        self.after = FilterBank([law.after for law in laws], self.unlimited)
         self.limits = np.array([law.limit for law in laws])[:, None]
         self.integrals = np.zeros((len(self.terms), rates.shape[1]))
 
     def commands(
-        self, setpoints: FloatArray, rates: FloatArray, scale: FloatArray, done: FloatArray
+        self, setpoints: FloatArray, rates: FloatArray, scale: FloatArray, achieved: FloatArray
     ) -> FloatArray:
         """Return the commands (k, B) of the next sample.
 
@@ -91,10 +88,10 @@ class LawRecursion:
         ----------
         setpoints, rates : (k, B), rad/s
         scale : (B,), ratio of trim airspeed to airspeed
-        done : (k, B)
-            What actuators could do of the last commands. Where it was less than asked for, no integral grows to that side.
+        achieved : (k, B)
+            What actuators did of the last commands. Where that was less than commanded, no integral grows to that side.
         """
-        lacking = self.lacking(done)
+        excess = self.excess(achieved)
         axes = [i for i, _ in self.sensed]
         # samples of the gyro since the last of the loop, which need not be a whole number
         for instant in range(int(self.sample * self.finer) + 1, int((self.sample + 1) * self.finer) + 1):
@@ -111,21 +108,19 @@ class LawRecursion:
             if term.integral is None:
                 total[i] += value * factor
                 continue
-            of_sum = 1.0 if term.integral.scaled_error else factor
-            grown = term.integral.growth(
-                value * (factor if term.integral.scaled_error else 1.0), self.laws[i].rate
-            )
-            after = np.where(grown * lacking[i] > 0.0, self.integrals[k], self.integrals[k] + grown)
+            error, of_sum = (value * factor, 1.0) if term.integral.scaled_error else (value, factor)
+            grown = term.integral.growth(error, self.laws[i].rate)
+            after = np.where(grown * excess[i] > 0.0, self.integrals[k], self.integrals[k] + grown)
             after = np.clip(after, -term.integral.limit, term.integral.limit)
             total[i] += (self.integrals[k] if term.integral.late else after) * of_sum
             self.integrals[k] = after
-        self.asked = self.after.output(total)
-        return np.clip(self.asked, -self.limits, self.limits)
+        self.unlimited = self.after.output(total)
+        return np.clip(self.unlimited, -self.limits, self.limits)
 
-    def lacking(self, done: FloatArray) -> FloatArray:
-        """Return how much (k, B) of what the law asked for last was not done."""
-        lacking = self.asked - done
-        return np.where(np.abs(lacking) < ROUNDING, 0.0, lacking)
+    def excess(self, achieved: FloatArray) -> FloatArray:
+        """Return by how much (k, B) the last commands, without their limits, exceed what was achieved."""
+        excess = self.unlimited - achieved
+        return np.where(np.abs(excess) < ROUNDING, 0.0, excess)
 
     def _signals(self, setpoints: FloatArray, sensed: FloatArray) -> FloatArray:
         """Return the signal of each path, of setpoints (k, B) and of sensed signals in their order."""

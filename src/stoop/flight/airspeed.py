@@ -35,7 +35,7 @@ import numpy as np
 from stoop.base.arrays import BoolArray, FloatArray
 from stoop.base.atmosphere import SEA_LEVEL_DENSITY, density_at_pressure, density_of_gas, standard_density
 from stoop.base.notices import Notice, notice
-from stoop.base.robust import huber_weights, robust_std
+from stoop.base.robust import huber_weights, robust_std, white_noise
 from stoop.base.variables import VARIABLES
 
 EQUIVALENT: Final = "airspeed_equivalent"
@@ -176,9 +176,10 @@ def gust_share(apart: FloatArray, error: float) -> float:
     pitot have a root mean square `error`. The share is the weight of the pitot that makes the mean square error of a
     weighted mean least (Wiener).
     """
-    apart = apart[np.isfinite(apart)]
-    noise = robust_std(np.diff(apart, 2)) ** 2 / 6.0 + error**2
-    return max(0.0, 1.0 - noise / max(float(np.mean(apart**2)), FIT.sigma**2))
+    known = apart[np.isfinite(apart)]
+    if not known.size:
+        return 0.0
+    return max(0.0, 1.0 - (white_noise(apart) + error**2) / max(float(np.mean(known**2)), FIT.sigma**2))
 
 
 def fit(evidence: Sequence[Evidence], mean: FloatArray, std: FloatArray) -> Fit:

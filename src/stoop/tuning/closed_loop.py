@@ -36,8 +36,16 @@ from stoop.simulation import trajectories
 from stoop.simulation.delays import Actuator, input_actuators, late_outputs
 from stoop.simulation.fly import GUSTS, flown_trim, recorded
 from stoop.simulation.initial import initial_states
-from stoop.simulation.maneuver import MAX_ROTOR_SAMPLES, WIND_CHANGES, Maneuver
+from stoop.simulation.maneuver import (
+    MAX_ROTOR_SAMPLES,
+    UNDER_LAW,
+    WIND_CHANGES,
+    Maneuver,
+    check_maneuver,
+    movable,
+)
 from stoop.simulation.rotors import channel_range
+from stoop.simulation.steady_flight import OnWings, steady_flight
 from stoop.simulation.trajectories import Flown
 from stoop.simulation.trim import Trim, inputs_about
 from stoop.tuning.judgment import commands_of
@@ -87,7 +95,7 @@ def simulate_under_law(
     StoopError
         The law does not move the vehicle.
     """
-    firmware = firmware_of(parameters, bool(vehicle.rotors))
+    firmware = firmware_of(parameters, on_rotors(vehicle, maneuver))
     flown = fly_under_law(vehicle, maneuver, firmware, parameters, seed)
     flight = recorded(vehicle, maneuver, flown, seed, noise, name)
     roll, pitch = np.sqrt(np.mean(flown.attitude_error[:, :2] ** 2, axis=0)).tolist()
@@ -96,16 +104,19 @@ def simulate_under_law(
     return flight.with_notices([found])
 
 
+def on_rotors(vehicle: Vehicle, maneuver: Maneuver) -> bool:
+    """Return whether a maneuver is flown on rotors, not on wings."""
+    return bool(steady_flight(vehicle, maneuver.airspeed).commands)
+
+
 @dataclass(frozen=True)
 class FlownUnderLaw(Flown):
-    """A flight of a law, with how it was held."""
+    """A flight under a law, with the errors of its attitude."""
 
-    attitude_error: FloatArray = field(
-        kw_only=True
-    )  #: (n, 3), setpoint minus attitude, rad; none of yaw on wings
-    saturated: BoolArray = field(
-        kw_only=True
-    )  #: (n, axes), where actuators could not do what the law asked for
+    #: (n, 3), setpoint minus attitude, rad; none of yaw on wings
+    attitude_error: FloatArray = field(kw_only=True)
+    #: (n, axes), where actuators did not do what the law commanded
+    saturated: BoolArray = field(kw_only=True)
 
 
 def fly_under_law(
@@ -116,29 +127,33 @@ def fly_under_law(
         raise StoopError(f"{vehicle.where}: an autopilot flies about all axes; simulate the full model")
     moved = commands_of(vehicle, firmware, parameters)
     laws = [firmware.law(parameters, a) for a in moved.axes]
-    course = Course.of(vehicle, maneuver.model_copy(update={"rate": laws[0].rate}))
+    course = Course.of(vehicle, maneuver.at_rate(laws[0].rate))
     body = _Body(vehicle, course, np.random.default_rng([seed, GUSTS]))
     loop = AttitudeLoop(firmware, parameters, moved.axes, course)
     law, undo = LawRecursion(laws, body.rates[loop.axes]), np.linalg.pinv(moved.outputs)
     area, every = channel_range(vehicle), max(1, round(course.rate / maneuver.rate))
-    states, received, errors, lacking = [], [], [], []
+    states, received, errors, saturated = [], [], [], []
     clipped = np.zeros((len(course.time), len(area.names)), dtype=bool)
-    done = np.zeros((len(laws), 1))
+    achieved = np.zeros((len(laws), 1))
+    ground = vehicle.file.ground_effect
+    height = [] if ground is None else [vehicle.inputs.index(ground.channel)]
+    terrain = course.inputs[:, height] - body.height
     for k in range(len(course.time)):
-        body.blow(course.wind[k] - course.wind[k - 1] if k else np.zeros(3))
+        body.change_wind(course.wind[k] - (course.wind[k - 1] if k else 0.0))
         quaternion, speed = body.state[body.attitude, 0], float(np.linalg.norm(body.state[body.velocity, 0]))
         setpoints, error = loop.setpoints(k, quaternion, speed)
-        commands = law.commands(setpoints, body.rates[loop.axes], loop.scale(speed), done)
+        commands = law.commands(setpoints, body.rates[loop.axes], loop.scale(speed), achieved)
+        course.inputs[k, height] = body.height + terrain[k]
         before = course.inputs[k].copy()
         wanted = before + moved.outputs @ commands[:, 0]
         course.inputs[k] = wanted
         course.inputs[k, area.columns] = area.clip(wanted[area.columns])
         clipped[k] = course.inputs[k, area.columns] != wanted[area.columns]
-        done = undo @ (course.inputs[k] - before)[:, None]
+        achieved = undo @ (course.inputs[k] - before)[:, None]
         states.append(body.state[:, 0])
         received.append(body.move(k, course.inputs[k]))
         errors.append(error)
-        lacking.append(law.lacking(done)[:, 0] != 0.0)
+        saturated.append(law.excess(achieved)[:, 0] != 0.0)
     sampled = slice(None, None, every)
     kept = np.array(states[sampled])
     readings = trajectories.readings_along(vehicle, body.rows, kept, np.array(received[sampled]))[None]
@@ -151,7 +166,7 @@ def fly_under_law(
         clipped[sampled],
         kept,
         attitude_error=np.array(errors[sampled]),
-        saturated=np.array(lacking[sampled]),
+        saturated=np.array(saturated[sampled]),
     )
 
 
@@ -166,6 +181,7 @@ class Course:
     inputs: FloatArray  #: (n, n_u), channels to which commands are added
     attitude: FloatArray  #: (n, 3), Euler angles, rad
     wind: FloatArray  #: (n, 3), change from the trim's, m/s
+    pitot: float  #: reading of the airspeed over what it is
 
     @classmethod
     def of(cls, vehicle: Vehicle, maneuver: Maneuver) -> Course:
@@ -176,21 +192,26 @@ class Course:
             )
         if maneuver.battery is not None:
             raise ManeuverError("battery: under the law of an autopilot its voltage stays; remove it")
-        signals, none = maneuver.deflections(), np.zeros(len(maneuver.time))
-        angles = EULER if vehicle.rotors else EULER[:2]
-        known = dict.fromkeys((*angles, *WIND_CHANGES, *vehicle.controls, *sorted(vehicle.recorded)))
-        for control in signals:
-            if control not in known:
+        angles = EULER if on_rotors(vehicle, maneuver) else EULER[:2]
+        known = dict.fromkeys((*angles, *WIND_CHANGES, *movable(vehicle, OnWings)))
+        for spec in maneuver.input:
+            if spec.control not in known:
                 raise ManeuverError(
-                    f"the maneuver moves '{control}', but under a law it may move {', '.join(known)}; correct the file"
+                    f"the maneuver moves '{spec.control}', but under a law it may move {', '.join(known)}; correct the file"
                 )
+        others = tuple(one for one in maneuver.input if one.control not in UNDER_LAW)
+        check_maneuver(vehicle, maneuver.model_copy(update={"input": others}))
+        signals, none = maneuver.deflections(), np.zeros(len(maneuver.time))
         point = flown_trim(vehicle, maneuver)
         attitude, wind = (
             np.column_stack([signals.pop(n, none) for n in names]) for names in (EULER, WIND_CHANGES)
         )
         inputs = inputs_about(vehicle, point, signals, len(none))
         trimmed = np.array([point.start.get(n, 0.0) for n in EULER])
-        return cls(point, maneuver.rate, maneuver.altitude, maneuver.time, inputs, trimmed + attitude, wind)
+        pitot = vehicle.value("sensors.V.scale", 1.0)
+        return cls(
+            point, maneuver.rate, maneuver.altitude, maneuver.time, inputs, trimmed + attitude, wind, pitot
+        )
 
 
 class _Body:
@@ -213,11 +234,16 @@ class _Body:
         )
 
     @property
+    def height(self) -> float:
+        """Return the altitude, m."""
+        return float(self.state[self.vehicle.states.index("h"), 0])
+
+    @property
     def rates(self) -> FloatArray:
         """Return p, q and r (3, 1) as gyros read them, rad/s."""
         return np.asarray(self.state[self.turning] * self.gyros)
 
-    def blow(self, change: FloatArray) -> None:
+    def change_wind(self, change: FloatArray) -> None:
         """Change the wind (3,), m/s; the velocity over ground stays."""
         if change.any():
             self.state = self.state.copy()
@@ -238,23 +264,23 @@ class _Body:
 
 
 class _Held:
-    """An actuator whose commands are held over a step."""
+    """An actuator whose commands are held over a step: dead zone, rate limit, then delay."""
 
     def __init__(self, actuator: Actuator, rows: FloatArray, dt: float, inputs: FloatArray) -> None:
         self.column, start = actuator.column, float(inputs[actuator.column])
-        dead_zone, self.most, delay = actuator.numbers(rows, dt)[:, 0].tolist()
-        self.half, whole, self.position = 0.5 * dead_zone, math.floor(delay), start
-        self.share = delay - whole
-        self.moved = self.sent = start
-        self.underway = deque([start] * (whole + 2), maxlen=whole + 2)
+        dead_zone, self.largest_step, delay = actuator.numbers(rows, dt)[:, 0].tolist()
+        whole = math.floor(delay)
+        self.half_width, self.share = 0.5 * dead_zone, delay - whole
+        self.after_play = self.position = start
+        self.delayed = deque([start] * (whole + 2), maxlen=whole + 2)
 
     def received(self, command: float) -> float:
         """Return the mean over a step of what arrives."""
-        self.sent = min(max(self.sent, command - self.half), command + self.half)
-        self.moved = min(max(self.sent, self.moved - self.most), self.moved + self.most)
-        self.underway.append(self.moved)
-        newer, older = self.underway[1], self.underway[0]
-        return float((1.0 - self.share) * newer + self.share * older)
+        half, step = self.half_width, self.largest_step
+        self.after_play = min(max(self.after_play, command - half), command + half)
+        self.position = min(max(self.after_play, self.position - step), self.position + step)
+        self.delayed.append(self.position)
+        return float((1.0 - self.share) * self.delayed[1] + self.share * self.delayed[0])
 
 
 class AttitudeLoop:
@@ -273,14 +299,15 @@ class AttitudeLoop:
         self.gains = np.array([firmware.attitude_gain(parameters, a) for a in AXES])
         if not self.gains[:2].all():
             raise StoopError(
-                f"{firmware.title}: its attitude loop is not modeled, and rates alone hold no attitude; take gains of "
-                "another firmware"
+                f"{firmware.title}: its attitude loop has no gain here, or is not modeled, and rates alone hold no attitude: "
+                "raise the gain, or take parameters of another firmware"
             )
         self.calibrated = float(np.sqrt(standard_density(np.array(course.altitude)) / SEA_LEVEL_DENSITY))
 
     def scale(self, speed: float) -> FloatArray:
         """Return the ratio of trim airspeed to airspeed (1,), at a true airspeed, m/s."""
-        return np.array([self.firmware.airspeed_ratio(self.parameters, self.calibrated * speed)])
+        reading = self.course.pitot * self.calibrated * speed
+        return np.array([self.firmware.airspeed_ratio(self.parameters, reading)])
 
     def setpoints(self, k: int, quaternion: FloatArray, speed: float) -> tuple[FloatArray, FloatArray]:
         """Return rates (axes, 1), rad/s, and errors (3,), rad, at sample k for an attitude (4,) and a true airspeed, m/s.

@@ -119,7 +119,7 @@ def commands_of(vehicle: Vehicle, firmware: Firmware, parameters: Mapping[str, f
     if firmware.rotors:
         if firmware.mixing is None:
             raise StoopError(
-                f"tune: how {firmware.title} mixes its motors is not modeled; take gains of another firmware"
+                f"how {firmware.title} mixes its motors is not modeled; take gains of another firmware"
             )
         rotors = vehicle.file.rotor
         places = np.array([[vehicle.value(f"rotor.{n}.position.{a}", 0.0) for a in "xyz"] for n in rotors])
@@ -133,7 +133,7 @@ def commands_of(vehicle: Vehicle, firmware: Firmware, parameters: Mapping[str, f
             kind = rotor.channel.partition("_")[0]
             if kind not in units:
                 raise StoopError(
-                    f"tune: the rotors of {vehicle.name} turn by {rotor.channel}; what a command makes of it is not known: "
+                    f"{vehicle.name}: the rotors turn by {rotor.channel}; what a command makes of it is not known: "
                     "identify with the commands of the motors (motor_1, pwm_1)"
                 )
             mixing[inputs.index(rotor.channel)] = row * units[kind]
@@ -152,7 +152,7 @@ def commands_of(vehicle: Vehicle, firmware: Firmware, parameters: Mapping[str, f
     used = [k for k, axis in enumerate(AXES) if first[k].size and axis in flown]
     if not used:
         raise StoopError(
-            f"tune: no surface of {vehicle.name} moves by control_roll, control_pitch or control_yaw, nor by an output "
+            f"{vehicle.name}: no surface moves by control_roll, control_pitch or control_yaw, nor by an output "
             "that the parameters allocate (CA_SV_CS0_TYPE, SERVO1_FUNCTION): write these as the channels of its "
             "surfaces and identify again"
         )

@@ -32,6 +32,7 @@ from stoop.control_laws.mixing import thrust_of
 from stoop.control_laws.parameters import Parameters
 from stoop.control_laws.rate_law import AXES
 from stoop.errors import StoopError
+from stoop.flight.air_data import RECONSTRUCTED
 from stoop.propagation.wing_figures import Domain
 from stoop.simulation import trim
 from stoop.simulation.initial import parameter_rows
@@ -45,6 +46,7 @@ from stoop.vehicle.schema import Propeller
 from stoop.vehicle_draft.autopilot import read_setup
 
 COMMANDS: Final = 21  #: of a thrust curve
+CURVE: Final = 3  #: of them, least that its square needs
 NOT_POSITIVE: Final = 0.0013  #: share of draws, of a normal distribution three standard errors above zero
 Altitude = Callable[[float], float]  #: a factor by the ratio of the density to that at sea level
 Names = tuple[tuple[str, float], ...]  #: of an airspeed: newest first, and its unit, m/s
@@ -118,7 +120,7 @@ class Candidates:
         speed, (low, high) = calibrated / math.sqrt(self.density_ratio), self.domain.airspeed
         if not low <= speed <= high:
             raise StoopError(
-                f"{name} is {calibrated:.4g} m/s, flown was {low:.4g} to {high:.4g} m/s (true airspeed)"
+                f"{name} is a true airspeed of {speed:.4g} m/s, flown was {low:.4g} to {high:.4g} m/s"
             )
         return speed
 
@@ -130,6 +132,11 @@ class Candidates:
         if channel.partition("_")[0] not in {"throttle", "control", "motor"}:
             raise StoopError("the thrust is not modeled over a throttle from 0 to 1")
         return channel
+
+    def require_pitot(self) -> None:
+        """Refuse a scale of V that is no reading of the pitot."""
+        if RECONSTRUCTED in self.streams:
+            raise StoopError("V was reconstructed, not read from the pitot alone")
 
     def channel(self, points: Trims, name: str) -> FloatArray:
         """Return a recorded channel of flights (B,)."""
@@ -150,7 +157,7 @@ class Row:
     formula: Formula  #: its values (B,); a StoopError says why there are none
     range: tuple[float, float] = (-math.inf, math.inf)  #: that the firmware takes
     whole: bool = False  #: an integer
-    #: a thrust curve changes the gain of the rate loops, for which the gains of the same file are not made
+    #: thrust curve and pitot change the gain of the rate loops, for which the gains of the same file are not made
     written: bool = True
 
 
@@ -200,6 +207,8 @@ class Motors:
         channel = np.linspace(float(area.idle[0]), float(area.full.min()), COMMANDS)
         command = self.commands(c, channel)
         inside = (command >= 0.0) & (command <= 1.0)
+        if np.count_nonzero(inside) < CURVE:
+            raise StoopError("the channels of the rotors are not pulses of this range")
         lift = []
         for x in channel[inside]:
             inputs = hover.points.inputs.copy()
@@ -250,12 +259,14 @@ def climb_rate(
 
 def pitot_scale(c: Candidates) -> FloatArray:
     """Calibrated over indicated airspeed; `airspeed_validated` is scaled by what flew, `airspeed` is not."""
+    c.require_pitot()
     flown = c.parameters["ASPD_SCALE_1"] if any("validated" in one for one in c.streams) else 1.0
     return flown / c.number("sensors.V.scale")
 
 
 def pitot_ratio(c: Candidates) -> FloatArray:
     """Twice the pressure difference over density and square of the airspeed: readings grow by its root."""
+    c.require_pitot()
     return np.asarray(c.parameters["ARSPD_RATIO"] / c.number("sensors.V.scale") ** 2)
 
 
@@ -302,7 +313,7 @@ TABLE: Final[Mapping[str, tuple[Row, ...]]] = {
         *(Row(f"TRIM_{a.upper()}", "1", partial(surface_trim, PX4_TRIM, a), (-0.5, 0.5)) for a in AXES),
         Row("FW_T_CLMB_MAX", "m/s", partial(climb_rate, PX4_TRIM, ("FW_THR_MAX", 1.0, 1.0), _unscaled, 1.0), MOVING),
         Row("FW_T_SINK_MIN", "m/s", partial(climb_rate, PX4_TRIM, ("FW_THR_MIN", 0.0, 1.0), math.sqrt, -1.0), MOVING),
-        Row("ASPD_SCALE_1", "1", pitot_scale, (0.5, 2.0)),
+        Row("ASPD_SCALE_1", "1", pitot_scale, (0.5, 2.0), written=False),
     ),
     "ArduPlane": (
         Row("PTCH_TRIM_DEG", "deg", partial(pitch_offset, CRUISE, 1.0)),
@@ -310,6 +321,6 @@ TABLE: Final[Mapping[str, tuple[Row, ...]]] = {
         Row("TRIM_THROTTLE", "%", partial(level_throttle, CRUISE, 0.01, _unscaled), (0.0, 100.0), whole=True),
         Row("TECS_CLMB_MAX", "m/s", partial(climb_rate, CRUISE, ("THR_MAX", 75.0, 0.01), _unscaled, 1.0), MOVING),
         Row("TECS_SINK_MIN", "m/s", partial(climb_rate, CRUISE, ("THR_MIN", 0.0, 0.01), _unscaled, -1.0), MOVING),
-        Row("ARSPD_RATIO", "1", pitot_ratio, (0.5, 5.0)),
+        Row("ARSPD_RATIO", "1", pitot_ratio, (0.5, 5.0), written=False),
     ),
 }  # fmt: skip

@@ -95,7 +95,9 @@ def physical_parameters(
     """
     kept = [i for i, name in enumerate(draws.names) if name in vehicle.rows]
     own = replace(draws, names=tuple(draws.names[i] for i in kept), values=draws.values[:, kept])
-    table = {row.name: row for row in TABLE.get(firmware, ()) if row.name in parameters}
+    table = {
+        row.name: row for row in TABLE.get(firmware, ()) if math.isfinite(parameters.get(row.name, math.nan))
+    }
     absent: dict[str, tuple[str, ...]] = {}
 
     def leave_out(name: str, reason: str) -> None:

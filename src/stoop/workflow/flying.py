@@ -111,6 +111,10 @@ def simulate(
             raise ManeuverError(
                 "autopilot: its law flies a maneuver; give a maneuver, or its file, as inputs"
             )
+        if initial_state is not None or time is not None or airspeed is not None:
+            raise ManeuverError(
+                "autopilot: a maneuver has its own time and steady flight; remove time, airspeed and initial_state"
+            )
         if isinstance(autopilot, Mapping):
             values = autopilot
         else:

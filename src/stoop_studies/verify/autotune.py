@@ -29,8 +29,10 @@ MODEL_STEP: Final = 0.01  #: s
 BAND: Final = (0.5, 40.0)  #: Hz, of the filters before the fit
 #: rise time, s, about roll and pitch, and about yaw; coefficient that lowers the gain
 ROTORS, WINGS = (0.14, 0.2, 0.7), (0.2, 0.2, 0.4)
-#: largest P, ratio of I to P, and ratio of D to P of a multicopter that are taken
-LARGEST: Final = (0.5, 10.0, 0.1)
+#: largest P, ratio of I to P and ratio of D to P of a multicopter that are taken; of a fixed wing P, ratio of I to P, FF
+LARGEST, LARGEST_ON_WINGS = (0.5, 10.0, 0.1), (4.0, 10.0, 2.0)
+LEAST_TIME_CONSTANT: Final = 1.0 / 12.0  #: s, least time constant of the attitude that is taken
+NO_DERIVATIVE: Final = -0.001  #: s, from which a negative ratio of D to P counts as none
 
 
 def minimum_variance(design: Design) -> dict[str, float] | None:
@@ -53,16 +55,20 @@ def minimum_variance(design: Design) -> dict[str, float] | None:
             slow if axis == "yaw" else rise,
             detuning,
         )
+        derivative = 0.0 if NO_DERIVATIVE < derivative < 0.0 else derivative
         terms = {"P": gain, "I": gain * integral, "D": gain * derivative, "FF": inverse}
         out |= {n: rounded(terms[t]) for t, n in firmware.gains(axis).items() if t != "D" or firmware.rotors}
-        if not (gain > 0.0 and integral > 0.0):
+        third, least, largest = (
+            (derivative, 0.0, LARGEST) if firmware.rotors else (inverse, 1e-9, LARGEST_ON_WINGS)
+        )
+        if not (0.0 < gain < largest[0] and 0.0 < integral < largest[1] and least <= third < largest[2]):
             return None
         if firmware.rotors:
-            if not 0.0 <= derivative < LARGEST[2] or gain > LARGEST[0] or integral > LARGEST[1]:
-                return None
             out[f"MC_{axis.upper()}_P"] = min(max(1.0 / (math.radians(60.0) * gain), 2.0), 6.5)
         elif axis != "yaw":
             out[f"FW_{axis[0].upper()}_TC"] = math.pi / 8.0 * (inverse + gain)
+            if out[f"FW_{axis[0].upper()}_TC"] <= LEAST_TIME_CONSTANT:
+                return None
     return out
 
 

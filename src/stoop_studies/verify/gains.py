@@ -120,18 +120,19 @@ def examine(case: str, seed: int) -> dict[str, Any]:
             job = defaults.identified(
                 load(flown.path, rate=LOG_GRID), defaults.drafted_file(flown), Path(name) / "result"
             )
-            return {**about, "stopped": "", **judged(flown, job, np.random.default_rng([47, seed]))}
+            return {**about, "stopped": "", **judged(flown, job, seed)}
         except StoopError as error:
             return {**about, "stopped": str(error)}
 
 
-def judged(flown: defaults.Flown, job: FittedModel, rng: np.random.Generator) -> dict[str, Any]:
+def judged(flown: defaults.Flown, job: FittedModel, seed: int) -> dict[str, Any]:
     """Return margins and gains by the model beside those by the truth."""
+    rng = np.random.default_rng([47, seed])
     # an autopilot acts on what its gyros and its pitot read
-    gyros: dict[tuple[str, ...], float] = {
-        ("sensors", n, "scale"): x for n, x in flown.defect.scale.items() if n in RATES
+    scales: dict[tuple[str, ...], float] = {
+        ("sensors", n, "scale"): x for n, x in flown.defect.scale.items() if n in (*RATES, "V")
     }
-    truth = with_entries(defaults.known_file(flown), gyros)
+    truth = with_entries(defaults.known_file(flown), scales)
     known = "MC_ROLLRATE_P" if truth.rotors else "FW_RR_P"
     (firmware,) = firmwares({known: 1.0})
     values = flown_gains(truth, firmware, flown.airspeed, job.flights[0].parameters, rng)
@@ -157,7 +158,7 @@ def judged(flown: defaults.Flown, job: FittedModel, rng: np.random.Generator) ->
         "grade": job.result.verdict.grade, "against": [one.code for one in found.against],
         "intervals": intervals(found.axes, [one for at in true.judged(values) for one in at]),
         **{name: kept(true, best, own) for name, own in ways.items()},
-        "lost": proposed and lost(truth, firmware, proposed),
+        "lost": proposed and lost(truth, firmware, proposed, seed),
     }  # fmt: skip
 
 
@@ -181,11 +182,11 @@ def intervals(model: Sequence[AxisMargins], truth: Sequence[AxisMargins]) -> lis
     return rows
 
 
-def lost(truth: Vehicle, firmware: Firmware, values: Mapping[str, float]) -> bool:
+def lost(truth: Vehicle, firmware: Firmware, values: Mapping[str, float], seed: int) -> bool:
     """Return whether the true vehicle is lost in a minute of gusts, steps and a saturation under the law with some parameters."""
     rough = defaults.gusty(truth, defaults.GUSTS["moderate"])
     try:
-        fly_under_law(rough, parse_maneuver(FLIGHT, "flight"), firmware, values)
+        fly_under_law(rough, parse_maneuver(FLIGHT, "flight"), firmware, values, seed)
     except SimulationError:
         return True
     return False

@@ -101,10 +101,10 @@ def test_the_truth_by_itself_keeps_what_it_proposes(case: str) -> None:
     hopeless = replace(own, specification=Specification(gain=300.0))
     assert gains(hopeless) is None
     assert kept(own, best, None) is None
-    assert lost(truth, firmware, best) is False
+    assert lost(truth, firmware, best, 0) is False
     if case == "wings":
         reversed_aileron = with_entries(truth, {("controls", "aileron", "mix"): {"control_roll": -0.3}})
-        assert lost(reversed_aileron, firmware, best) is True
+        assert lost(reversed_aileron, firmware, best, 0) is True
 
 
 def test_an_interval_is_of_the_draws_and_beside_the_truth() -> None:

@@ -338,7 +338,7 @@ def test_bad_input_is_one_line(demo: Path, tmp_path: Path, capsys: pytest.Captur
     """The demonstration records deflections: no command of an autopilot moves them."""
     gains = tmp_path / "gains.parm"
     for content, said in (
-        ("".join(f"{n},{x}\n" for n, x in GAINS.items()), "no surface of"),
+        ("".join(f"{n},{x}\n" for n, x in GAINS.items()), "no surface moves by"),
         ("FW_RR_P -0.1\n", "FW_RR_P = -0.1: it must be a number of at least 0"),
         ("", "is empty"),
         ("nothing here\n", "holds no parameters of an autopilot"),

@@ -64,7 +64,7 @@ def test_samples_are_those_of_the_whole_record(name: str) -> None:
     running, found = LawRecursion([law], np.zeros((1, 2))), []
     for k in range(COUNT):
         at = slice(k, k + 1)
-        found.append(running.commands(setpoints[at], rates[at], np.full(2, scale[k]), running.asked)[0])
+        found.append(running.commands(setpoints[at], rates[at], np.full(2, scale[k]), running.unlimited)[0])
     assert np.ptp(expected[0]) > 1e-2
     np.testing.assert_allclose(np.array(found).T, expected, rtol=1e-8, atol=1e-10)
 

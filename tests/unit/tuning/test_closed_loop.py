@@ -111,6 +111,46 @@ def test_a_step_of_the_wind_leaves_the_velocity_over_ground() -> None:
     assert np.abs(found.attitude_error[-1, :2]).max() < 0.05
 
 
+def test_wind_that_blows_from_the_start_sets_in_at_once() -> None:
+    """A pulse from the first sample is one at that sample: the velocity over ground is that of the trim."""
+    vehicle = wing()
+    found = flown(vehicle, course(1.0, ("wind_e", 0.0, 5.0, 4.0)), WING)
+    assert found.velocity is not None
+    np.testing.assert_allclose(found.velocity[0], [35.0, 0.0, 0.0], atol=0.05)
+    beta, speed = (found.outputs[0, vehicle.outputs.index(n)] for n in ("beta", "V"))
+    assert speed == pytest.approx(np.hypot(35.0, 4.0), abs=0.01)
+    assert beta == pytest.approx(-np.arctan2(4.0, 35.0), abs=0.02)
+
+
+def test_the_height_of_a_ground_effect_follows_the_flight() -> None:
+    table = {("ground_effect",): {"channel": "height", "rotor": 1.0, "radius": 0.12}}
+    vehicle = with_entries(quad(), table)
+    maneuver = course(3.0, ("phi", 0.5, 2.0, 0.3)).model_copy(update={"altitude": 1.0})
+    found = flown(vehicle, maneuver, PX4)
+    assert found.states is not None
+    height, altitude = (
+        found.inputs[:, vehicle.inputs.index("height")],
+        found.states[:, vehicle.states.index("h")],
+    )
+    assert np.ptp(altitude) > 0.05
+    np.testing.assert_allclose(np.diff(height), np.diff(altitude), atol=1e-9)
+
+
+def test_a_vehicle_with_rotors_and_wings_flies_under_the_law_of_its_flight() -> None:
+    plane = builtin_vehicle("quadplane")
+    mixes = {
+        ("controls", c, "mix", f"control_{a}"): g for c, (a, g) in SURFACES.items() if c in plane.controls
+    }
+    hovering = {("rotor", n, "channel"): f"motor_{i}" for i, n in enumerate(plane.file.rotor, 1)}
+    vehicle = with_entries(plane, mixes | hovering)
+    both = {**PX4, **WING, "FW_AIRSPD_TRIM": 20.0}
+    named = []
+    for maneuver in (course(1.0, airspeed=20.0), course(1.0)):
+        flight = simulate(vehicle, maneuver, autopilot=both)
+        named.append(next(n.values["firmware"] for n in flight.notices if n.code == "flown-under-law"))
+    assert named == ["PX4 fixed wing", "PX4 multicopter"]
+
+
 def test_a_turn_is_coordinated() -> None:
     vehicle = wing()
     found = flown(vehicle, course(12.0, ("phi", 1.0, 20.0, 0.35)), WING)
@@ -156,7 +196,7 @@ def test_a_flight_is_recorded_and_says_how_it_was_held() -> None:
 def test_what_no_law_flies_is_refused() -> None:
     with pytest.raises(StoopError, match="those of PX4 fixed wing, but the vehicle flies on rotors"):
         simulate(quad(), course(1.0), autopilot=WING)
-    with pytest.raises(StoopError, match="attitude loop is not modeled"):
+    with pytest.raises(StoopError, match="attitude loop has no gain here, or is not modeled"):
         simulate(
             quad(),
             course(1.0),
@@ -169,5 +209,11 @@ def test_what_no_law_flies_is_refused() -> None:
     reversed_aileron = with_entries(wing(), {("controls", "aileron", "mix"): {"control_roll": -0.3}})
     with pytest.raises(SimulationError, match=r"the attitude is lost at .* s; lower gains"):
         simulate(reversed_aileron, course(20.0, ("phi", 0.1, 0.2, 0.1)), autopilot=WING)
+    with pytest.raises(ManeuverError, match=r"at 50 Hz, the rate of the loop: .*shorter than one sample"):
+        simulate(wing(), course(0.01), autopilot=PLANE)
+    with pytest.raises(StoopError, match="FW_AIRSPD_MAX = 0"):
+        simulate(wing(), course(1.0), autopilot={**WING, "FW_AIRSPD_MAX": 0.0})
+    with pytest.raises(ManeuverError, match="has its own time and steady flight"):
+        simulate(wing(), course(1.0), autopilot=WING, airspeed=30.0)
     with pytest.raises(StoopError, match="an autopilot flies about all axes"):
         simulate(wing().reduced("longitudinal"), course(1.0), autopilot=WING)
