@@ -50,7 +50,7 @@ BUDGETS = {
     "results": 1305,
     "simulation": 3480,
     "strategy": 1420,
-    "tuning": 2250,
+    "tuning": 2265,
     "vehicle": 3645,
     "vehicle_draft": 3350,
     "workflow": 4230,

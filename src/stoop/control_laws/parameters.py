@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +16,7 @@ from stoop.logs.recording import log_content
 ENDINGS: Final = frozenset({".params", ".parm", ".param"})
 MOST: Final = 2**22  #: bytes of a file of parameters
 COLUMNS: Final = 5  #: of a line of QGroundControl
+DECIMAL_COMMA: Final = re.compile(r"(?:^|\s)(-?\d+,\d+)(?=\s|$)")
 
 
 @dataclass(frozen=True)
@@ -82,7 +84,10 @@ def _parameters(path: Path) -> Mapping[str, float]:
 
 def _parameter(line: str) -> tuple[str, float] | None:
     """Return name and value of a line: ``NAME,VALUE``, ``NAME VALUE``, or vehicle, component, name, value and type."""
-    words = line.partition("#")[0].replace(",", " ").split()
+    text = line.partition("#")[0]
+    if (wrong := DECIMAL_COMMA.search(text)) is not None:
+        raise StoopError(f"'{line.strip()}': write the number with a point, {wrong[1].replace(',', '.')}")
+    words = text.replace(",", " ").replace("=", " ").split()
     name, value = words[2:4] if len(words) == COLUMNS else words[:2] if len(words) > 1 else ("", "")
     try:
         return (name, float(value)) if name else None

@@ -102,9 +102,12 @@ def firmware_of(parameters: Mapping[str, float], rotors: bool) -> Firmware:
         The parameters are of none, or of the other kind of vehicle.
     """
     known = firmwares(parameters)
-    for one in known:
-        if one.rotors == rotors:
-            return one
+    fitting = [one for one in known if one.rotors == rotors]
+    if len({one.title.split()[0] for one in fitting}) > 1:
+        both = " and of ".join(one.title for one in fitting)
+        raise StoopError(f"control laws: the parameters are those of {both}: give those of one autopilot")
+    if fitting:
+        return fitting[0]
     kind = "on rotors" if rotors else "on wings"
     raise StoopError(
         f"control laws: the parameters are those of {known[0].title}, but the vehicle flies {kind}: take its own log"

@@ -155,12 +155,13 @@ def fly_under_law(
         errors.append(error)
         saturated.append(law.excess(achieved)[:, 0] != 0.0)
     sampled = slice(None, None, every)
+    recorded_inputs = centered_means(course.inputs, every)
     kept = np.array(states[sampled])
     readings = trajectories.readings_along(vehicle, body.rows, kept, np.array(received[sampled]))[None]
     return FlownUnderLaw(
         course.point,
         course.time[sampled],
-        course.inputs[sampled],
+        recorded_inputs,
         late_outputs(vehicle, readings, body.rows, every / course.rate)[0],
         trajectories.over_ground(vehicle, course.point, kept) + course.wind[sampled],
         clipped[sampled],
@@ -168,6 +169,19 @@ def fly_under_law(
         attitude_error=np.array(errors[sampled]),
         saturated=np.array(saturated[sampled]),
     )
+
+
+def centered_means(held: FloatArray, every: int) -> FloatArray:
+    """Return channels (n, n_u), each held over a sample, as their means about every so many samples.
+
+    Straight lines between these have the integral of what was held; samples of it would look late by half a sample.
+    """
+    whole = np.vstack([np.zeros(held.shape[1]), np.cumsum(held, axis=0)])
+    ends = np.arange(0, len(held), every)[:, None] + np.array([-0.5, 0.5]) * every
+    ends = np.clip(ends, 0.0, len(held))
+    below = np.minimum(ends.astype(np.intp), len(held) - 1)
+    integral = whole[below] + (ends - below)[:, :, None] * held[below]
+    return np.asarray((integral[:, 1] - integral[:, 0]) / (ends[:, 1] - ends[:, 0])[:, None])
 
 
 @dataclass(frozen=True, eq=False)
@@ -327,7 +341,8 @@ class AttitudeLoop:
             rates = _body_rates(phi, theta, self.gains * error + (0.0, 0.0, turn))
         if not math.hypot(*error[:2]) < LOST:  # also NaN
             raise SimulationError(
-                f"the attitude is lost at {self.course.time[k]:.2f} s; lower gains, setpoints or gusts"
+                f"the attitude is lost at {self.course.time[k]:.2f} s: {math.degrees(math.hypot(*error[:2])):.0f} deg from its "
+                f"setpoint, and more than {math.degrees(LOST):.0f} deg is lost; lower gains, setpoints or gusts"
             )
         return np.asarray(rates[self.axes, None]), np.asarray(error)
 

@@ -3,10 +3,10 @@
 About each axis in turn, the others closed, P, I and D are those of the highest rejection (by 4 dB, so that the usual 3 dB have
 a reserve), at the airspeed where it is lowest, for which every margin of every axis and the noise keep a specification: a
 search over the logarithms of the parameters, by linear approximations of the constraints [1]_, from the best of a grid. An
-axis restores its own margins first; where it cannot, the gains of the others are lowered, yaw first. It is done at the estimates, with the
-specification raised by what the 5th percentile of the draws was below the estimate at the gains before; a few rounds settle
-that difference. FF makes the rate of a fixed wing follow its setpoint at the frequency of the attitude loop, whose gain stays
-as it flew.
+axis restores its own margins first; where it cannot, the gains of the others are lowered, yaw first. It is done at the
+estimates, with the specification raised by what the 5th percentile of the draws was below the estimate at the gains before; a
+few rounds settle that difference. FF makes the rate of a fixed wing follow its setpoint at the frequency of the attitude loop,
+whose gain stays as it flew.
 
 References
 ----------

@@ -138,9 +138,15 @@ def tune(
     misfits = model.result.response_misfits
     band = {a: max((m.high for m in misfits if m.output == MOTION[a][0]), default=np.inf) for a in AXES}
     unknown = tuple(a for a in axes if a not in design.noise)
+    exact = tuple(
+        n
+        for n in vehicle.rows
+        if n.startswith(("controls.", "rotors.")) and n.endswith((".lag", ".delay")) and n not in drawn.names
+    )
     notices = (
         *notices,
         *([notice("tune-noise-unknown", axes=unknown)] if unknown else []),
+        *([notice("tune-lags-exact", numbers=exact)] if exact else []),
         *beyond_band(band, found),
     )
     closed, doubts = None, [notice("tune-no-closed-loop", "parameters alone", reason="take them from a log")]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Mapping
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,8 +16,9 @@ from naive.rate_loops import ArduPilotLoop, Px4Loop
 from stoop.control_laws import ardupilot, crazyflie, px4
 from stoop.control_laws.filters import butterworth, low_pass, notch
 from stoop.control_laws.mixing import thrust_slope
+from stoop.control_laws.parameters import read_parameters
 from stoop.control_laws.rate_law import ACCELERATION, RATE, SETPOINT, RateLaw
-from stoop.control_laws.table import firmwares
+from stoop.control_laws.table import firmware_of, firmwares
 from stoop.errors import StoopError
 
 COUNT = 4000
@@ -198,3 +200,16 @@ def test_what_a_law_leaves_out_is_named() -> None:
     assert "IMU_GYRO_DNF_EN" in px4.fixed_wing(PX4 | {"IMU_GYRO_DNF_EN": 3.0}, "roll").lacks[0]
     found = ardupilot.plane(PLANE | {"INS_HNTCH_ENABLE": 1.0, "RLL_RATE_PDMX": 0.2}, "roll").lacks
     assert [text.split("(")[1] for text in found] == ["RLL_RATE_PDMX)", "INS_HNTCH_ENABLE)"]
+
+
+def test_files_of_parameters_by_hand(tmp_path: Path) -> None:
+    """A later file counts over an earlier one; a decimal comma is no second column; two autopilots are not one."""
+    first, second, wrong = (tmp_path / name for name in ("a.parm", "b.parm", "c.parm"))
+    first.write_text("FW_RR_P = 0.4\nFW_RR_I,0.1\n")
+    second.write_text("FW_RR_P 0.6\n")
+    assert read_parameters(first, second) == {"FW_RR_P": 0.6, "FW_RR_I": 0.1}
+    wrong.write_text("FW_RR_P 0,4\n")
+    with pytest.raises(StoopError, match=r"'FW_RR_P 0,4': write the number with a point, 0\.4"):
+        read_parameters(wrong)
+    with pytest.raises(StoopError, match="those of PX4 fixed wing and of ArduPlane"):
+        firmware_of({"FW_RR_P": 0.1, "RLL_RATE_P": 0.1}, rotors=False)

@@ -13,7 +13,7 @@ from stoop.base.units import STANDARD_GRAVITY
 from stoop.control_laws.table import firmware_of
 from stoop.errors import ManeuverError, SimulationError, StoopError
 from stoop.simulation.maneuver import Maneuver, parse_maneuver
-from stoop.tuning.closed_loop import FlownUnderLaw, fly_under_law
+from stoop.tuning.closed_loop import FlownUnderLaw, centered_means, fly_under_law
 from stoop.tuning.gain_search import Design, Specification
 from stoop.tuning.judgment import commands_of
 from stoop.vehicle import Vehicle
@@ -133,7 +133,7 @@ def test_the_height_of_a_ground_effect_follows_the_flight() -> None:
         found.states[:, vehicle.states.index("h")],
     )
     assert np.ptp(altitude) > 0.05
-    np.testing.assert_allclose(np.diff(height), np.diff(altitude), atol=1e-9)
+    np.testing.assert_allclose(np.diff(height)[1:-1], np.diff(altitude)[1:-1], atol=0.02 * np.ptp(altitude))
 
 
 def test_a_vehicle_with_rotors_and_wings_flies_under_the_law_of_its_flight() -> None:
@@ -183,6 +183,27 @@ def test_gusts_move_what_calm_air_leaves() -> None:
     assert 0.2 < intensity < 3.0
 
 
+def test_recorded_channels_repeat_the_flight() -> None:
+    """Open loop from the same start, by straight lines between the samples of 50 Hz that are recorded of 400 Hz."""
+    vehicle = wing(lag=0.05, delay=0.03)
+    maneuver = course(6.0, ("phi", 1.0, 2.0, 0.3), ("control_pitch", 2.0, 0.5, 0.2)).model_copy(
+        update={"rate": 50.0}
+    )
+    found = flown(vehicle, maneuver, WING)
+    inputs = {"time": found.time} | {c: found.inputs[:, vehicle.inputs.index(c)] for c in vehicle.recorded}
+    again = simulate(vehicle, inputs)
+    for name in ("p", "q", "r", "phi", "theta"):
+        own = found.outputs[:, vehicle.outputs.index(name)]
+        assert np.sqrt(np.mean((again.column(name) - own) ** 2)) < 0.01 * np.ptp(own), name
+
+
+def test_means_of_held_channels_are_centered() -> None:
+    held = np.array([[0.0], [0.0], [4.0], [4.0], [4.0], [8.0]])
+    np.testing.assert_allclose(centered_means(held, 2)[:, 0], [0.0, 2.0, 4.0])
+    np.testing.assert_allclose(centered_means(held, 3)[:, 0], [0.0, 10.0 / 3.0])
+    np.testing.assert_allclose(centered_means(held, 1)[1:3, 0], [0.0, 2.0])
+
+
 def test_a_flight_is_recorded_and_says_how_it_was_held() -> None:
     flight = simulate(wing(), course(3.0, ("phi", 1.0, 5.0, 0.1)), autopilot=WING, noise=True, seed=3)
     assert flight.rate == pytest.approx(100.0)
@@ -207,7 +228,7 @@ def test_what_no_law_flies_is_refused() -> None:
     with pytest.raises(ManeuverError, match="its law flies a maneuver"):
         simulate(wing(), {"time": np.arange(5) * 0.1}, autopilot=WING)
     reversed_aileron = with_entries(wing(), {("controls", "aileron", "mix"): {"control_roll": -0.3}})
-    with pytest.raises(SimulationError, match=r"the attitude is lost at .* s; lower gains"):
+    with pytest.raises(SimulationError, match=r"the attitude is lost at .* s: .* lower gains"):
         simulate(reversed_aileron, course(20.0, ("phi", 0.1, 0.2, 0.1)), autopilot=WING)
     with pytest.raises(ManeuverError, match=r"at 50 Hz, the rate of the loop: .*shorter than one sample"):
         simulate(wing(), course(0.01), autopilot=PLANE)
