@@ -24,7 +24,10 @@ def figures(row: dict[str, str]) -> tuple[str, ...]:
         f"{100 * float(row['coverage']):.1f} of {row['intervals']}",
         f"{row['proposed_kept']} of {made}",
         f"{row['estimates_kept']} of {alone}",
-        f"{float(row['proposed_rejection']):.2f}",
+        f"{row['back_off_kept']} of {row['back_off']}",
+        f"{row['minimum_variance_kept']} of {row['minimum_variance']}",
+        *(f"{float(row[f'{way}_rejection']):.2f}" for way in ("proposed", "back_off", "minimum_variance")),
+        f"{row['lost']} of {row['flown']}",
         row["spoken_against"],
     )
 

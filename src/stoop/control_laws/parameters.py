@@ -77,7 +77,7 @@ def _parameters(path: Path) -> Mapping[str, float]:
         values = dict(read(path).parameters)
     if not values:
         raise StoopError(
-            f"{path}: holds no parameters of an autopilot; save them from the ground station ({', '.join(sorted(ENDINGS))})"
+            f"{path}: holds no parameters of an autopilot; give the file of those that it flew with, as a ground station saves it ({', '.join(sorted(ENDINGS))})"
         )
     return values
 
