@@ -124,9 +124,7 @@ def tune(
     drawn = draws_of(model.result, model.attachments.get(POSTERIOR_FILE), draws, seed, source, model.source)
     domain = flown_domain(model, airspeed)
     speeds = [0.0] if firmware.rotors else np.linspace(*domain.airspeed, SPEEDS).tolist()
-    conditions = conditions_of(
-        vehicle, firmware, values, speeds, domain.altitude, drawn, pitot_of(model.flights)
-    )
+    conditions = conditions_of(vehicle, firmware, values, speeds, domain.altitude, drawn)
     design = Design(firmware, values, axes, conditions, Specification(), gyro_noise(model.flights))
     judged = design.judged(values)
     for condition, own in zip(conditions, judged, strict=True):
@@ -167,32 +165,22 @@ def conditions_of(
     speeds: Sequence[float],
     altitude: float,
     drawn: Draws,
-    pitot: tuple[float, float] = (1.0, 0.0),
+    pitot: float = 1.0,
 ) -> list[Condition]:
     """Return linear models of a vehicle about airspeeds, zero in a hover, moved by the commands of a firmware.
 
-    `pitot` are what the pitot of the autopilot reads over true airspeed, and its offset, m/s, as of :func:`pitot_of`.
+    `pitot` is what the pitot of the autopilot reads over the airspeed.
     """
     commands = commands_of(vehicle, firmware, parameters)
     calibrated = float(np.sqrt(standard_density(np.array(altitude)) / SEA_LEVEL_DENSITY))
     return [
         Condition(
             speed,
-            firmware.airspeed_ratio(parameters, calibrated * (pitot[0] * speed + pitot[1])),
+            firmware.airspeed_ratio(parameters, calibrated * pitot * speed),
             plants_of(vehicle, trim(vehicle, speed or None, altitude), drawn, commands),
         )
         for speed in speeds
     ]
-
-
-def pitot_of(flights: Sequence[Flight]) -> tuple[float, float]:
-    """Return the reading of the pitot over true airspeed, and its offset, m/s: the median of flights whose air data tell."""
-    found = [
-        (1.0 / f.air.pitot_scale, f.air.pitot_offset)
-        for f in flights
-        if f.air and np.isfinite(f.air.pitot_scale)
-    ]
-    return tuple(np.median(found, axis=0).tolist()) if found else (1.0, 0.0)
 
 
 def gyro_noise(flights: Sequence[Flight]) -> dict[str, float]:

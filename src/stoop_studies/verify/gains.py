@@ -145,7 +145,7 @@ def judged(flown: defaults.Flown, job: FittedModel, seed: int) -> dict[str, Any]
         speeds,
         flown_domain(job).altitude,
         NONE,
-        (flown.defect.scale.get("V", 1.0), 0.0),
+        flown.defect.scale.get("V", 1.0),
     )
     true = replace(found.design, conditions=real)
     best, proposed, central = gains(true), gains(found.design), found.design.part(1)
