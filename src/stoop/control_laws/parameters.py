@@ -76,8 +76,10 @@ def _parameters(path: Path) -> Mapping[str, float]:
     else:
         values = dict(read(path).parameters)
     if not values:
+        endings = ", ".join(sorted(ENDINGS))
         raise StoopError(
-            f"{path}: holds no parameters of an autopilot; give the file of those that it flew with, as a ground station saves it ({', '.join(sorted(ENDINGS))})"
+            f"{path}: holds no parameters of an autopilot; give a file of those that it flew with, as a ground station saves it "
+            f"({endings})"
         )
     return values
 
