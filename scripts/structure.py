@@ -32,7 +32,7 @@ BUDGETS = {
     "base": 2370,
     "checks": 3010,
     "cli": 3250,
-    "control_laws": 1370,
+    "control_laws": 1380,
     "estimate": 7535,
     "exporters": 7655,
     "flight": 6250,
