@@ -95,13 +95,13 @@ def _physics(out: Page, physics: PhysicalParameters) -> None:
     if not (physics.found or physics.absent):
         return
     out.heading("Parameters that are physics")
-    if rows := physics.rows():
-        columns = (("flown", "flown"), ("new", "new"), ("std error", "std_error"))
-        values = [numbers(head, [float(row[key]) for row in rows]) for head, key in columns]
+    if found := physics.found:
         out.table(
-            words("parameter", [one.name for one in physics.found]),
-            *values,
-            words("", [str(row["unit"]) for row in rows]),
+            words("parameter", [one.name for one in found]),
+            numbers("flown", [one.flown for one in found]),
+            numbers("new", [one.value for one in found]),
+            numbers("std error", [one.figure.std_error for one in found]),
+            words("", [one.figure.unit for one in found]),
         )
     out.bullets(physics.notices)
 

@@ -26,7 +26,6 @@ from stoop.control_laws.filters import Filter, butterworth, difference, low_pass
 from stoop.control_laws.mixing import by_place, thrust_slope
 from stoop.control_laws.parameters import Parameters
 from stoop.control_laws.rate_law import ERROR, RATE, SETPOINT, Integral, RateLaw, Term, through
-from stoop.errors import StoopError
 
 FULL: Final = 45.0  #: degrees of a full command of a plane
 PLANE: Final = {"roll": "RLL_RATE_{}", "pitch": "PTCH_RATE_{}", "yaw": "YAW_RATE_{}"}
@@ -110,27 +109,26 @@ def mixing(values: Mapping[str, float], positions: FloatArray, turning: FloatArr
 
 def pulse(values: Mapping[str, float]) -> float:
     """Return the change of a motor's pulse, us, over that of its command from 0 to 1."""
-    own = Parameters(values, "ArduPilot")
-    low, high = own.number("MOT_PWM_MIN", 0.0) or 1000.0, own.number("MOT_PWM_MAX", 0.0) or 2000.0
-    if high <= low:
-        raise StoopError(f"ArduPilot: MOT_PWM_MAX = {high:g} is not above MOT_PWM_MIN = {low:g}")
+    low, high = _pulses(Parameters(values, "ArduPilot"))
     return high - low
 
 
 def motor_command(values: Mapping[str, float], kind: str, channel: FloatArray) -> FloatArray:
     """Return the command of a motor from 0 to 1 between `MOT_SPIN_MIN` and `MOT_SPIN_MAX` for a channel: ``motor`` or ``pwm``."""
     own = Parameters(values, "ArduPilot")
-    low, high = _spin(own)
-    least = own.number("MOT_PWM_MIN", 0.0) or 1000.0
-    output = channel if kind == "motor" else (channel - least) / pulse(values)
+    (low, high), (least, most) = _spin(own), _pulses(own)
+    output = channel if kind == "motor" else (channel - least) / (most - least)
     return (output - low) / (high - low)
 
 
+def _pulses(own: Parameters) -> tuple[float, float]:
+    low, high = "MOT_PWM_MIN", "MOT_PWM_MAX"
+    return own.rising((low, own.number(low, 0.0) or 1000.0), (high, own.number(high, 0.0) or 2000.0))
+
+
 def _spin(own: Parameters) -> tuple[float, float]:
-    low, high = own.number("MOT_SPIN_MIN", 0.15), own.number("MOT_SPIN_MAX", 0.95)
-    if high <= low:
-        raise StoopError(f"ArduPilot: MOT_SPIN_MAX = {high:g} is not above MOT_SPIN_MIN = {low:g}")
-    return low, high
+    low, high = "MOT_SPIN_MIN", "MOT_SPIN_MAX"
+    return own.rising((low, own.number(low, 0.15)), (high, own.number(high, 0.95)))
 
 
 def _pid(

@@ -46,6 +46,12 @@ class Parameters:
             )
         return value
 
+    def rising(self, low: tuple[str, float], high: tuple[str, float]) -> tuple[float, float]:
+        """Return the values of two parameters, given by name and value, of which the second must be the larger."""
+        if high[1] <= low[1]:
+            raise StoopError(f"{self.autopilot}: {high[0]} = {high[1]:g} is not above {low[0]} = {low[1]:g}")
+        return low[1], high[1]
+
     def named(self, pattern: str, defaults: Mapping[str, float | None]) -> dict[str, float]:
         """Return parameters of one pattern with a ``{}`` in it, by what stands there; without a default one must be given."""
         return {name: self.number(pattern.format(name), value) for name, value in defaults.items()}

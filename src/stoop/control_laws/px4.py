@@ -25,7 +25,6 @@ from stoop.control_laws.filters import Filter, butterworth, difference, low_pass
 from stoop.control_laws.mixing import command_of, thrust_slope
 from stoop.control_laws.parameters import Parameters
 from stoop.control_laws.rate_law import ACCELERATION, ERROR, RATE, SETPOINT, Integral, RateLaw, Term, through
-from stoop.errors import StoopError
 
 FADE: Final = math.radians(400.0)  #: rad/s, error at which the integral stands
 #: axis -> pattern of the parameters of a fixed wing, with the defaults of PX4; P tells of which vehicle a log is
@@ -152,10 +151,8 @@ def motor_command(values: Mapping[str, float], kind: str, channel: FloatArray) -
 
 
 def _pulses(own: Parameters) -> tuple[float, float]:
-    low, high = own.number("PWM_MAIN_MIN1", 1000.0), own.number("PWM_MAIN_MAX1", 2000.0)
-    if high <= low:
-        raise StoopError(f"PX4: PWM_MAIN_MAX1 = {high:g} is not above PWM_MAIN_MIN1 = {low:g}")
-    return low, high
+    low, high = "PWM_MAIN_MIN1", "PWM_MAIN_MAX1"
+    return own.rising((low, own.number(low, 1000.0)), (high, own.number(high, 2000.0)))
 
 
 def multicopter_attitude(values: Mapping[str, float], axis: str) -> float:

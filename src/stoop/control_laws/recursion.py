@@ -64,16 +64,19 @@ class LawRecursion:
         self.rates = rates
         self.finer = max(1.0, (first.gyro_rate or first.rate) / first.rate)
         self.sample = 0
-        self.sensed = [(i, n) for i, law in enumerate(laws) for n in law.signals if n != SETPOINT]
+        sensed = [(i, n) for i, law in enumerate(laws) for n in law.signals if n != SETPOINT]
+        self.axes = [i for i, _ in sensed]
         self.terms = [(i, t) for i, law in enumerate(laws) for t in law.terms]
-        #: term, axis and signal of each path
-        self.paths = [(k, i, n) for k, (i, t) in enumerate(self.terms) for n in t.paths]
-        axes = [i for i, _ in self.sensed]
-        self.sensing = FilterBank([laws[i].sensing.get(n, PASS) for i, n in self.sensed], rates[axes])
-        self.sensed_last = self.sensing.output(rates[axes])
-        self.sensing_loop = FilterBank([laws[i].sensing_loop for i in axes], self.sensed_last)
+        paths = [(k, i, n) for k, (i, t) in enumerate(self.terms) for n in t.paths]
+        self.term_of_path = [k for k, *_ in paths]
+        #: row of the signal of each path, among setpoints and then sensed signals
+        rows = [(i, SETPOINT) for i in range(len(laws))] + sensed
+        self.signal_of_path = [rows.index((i, n)) for _, i, n in paths]
+        self.sensing = FilterBank([laws[i].sensing.get(n, PASS) for i, n in sensed], rates[self.axes])
+        self.sensed_last = self.sensing.output(rates[self.axes])
+        self.sensing_loop = FilterBank([laws[i].sensing_loop for i in self.axes], self.sensed_last)
         signals = self._signals(rates, self.sensing_loop.output(self.sensed_last))
-        self.path = FilterBank([self.terms[k][1].paths[n] for k, _, n in self.paths], signals)
+        self.path = FilterBank([self.terms[k][1].paths[n] for k, _, n in paths], signals)
         self.unlimited = np.zeros_like(rates)
         self.after = FilterBank([law.after for law in laws], self.unlimited)
         self.limits = np.array([law.limit for law in laws])[:, None]
@@ -92,15 +95,14 @@ class LawRecursion:
             What actuators did of the last commands. Where that was less than commanded, no integral grows to that side.
         """
         excess = self.excess(achieved)
-        axes = [i for i, _ in self.sensed]
         # samples of the gyro since the last of the loop, which need not be a whole number
         for instant in range(int(self.sample * self.finer) + 1, int((self.sample + 1) * self.finer) + 1):
             share = instant / self.finer - self.sample
-            self.sensed_last = self.sensing.output((self.rates + share * (rates - self.rates))[axes])
+            self.sensed_last = self.sensing.output((self.rates + share * (rates - self.rates))[self.axes])
         self.rates, self.sample = rates, self.sample + 1
         passed = self.path.output(self._signals(setpoints, self.sensing_loop.output(self.sensed_last)))
         sums = np.zeros_like(self.integrals)
-        np.add.at(sums, [k for k, *_ in self.paths], passed)
+        np.add.at(sums, self.term_of_path, passed)
         total = np.zeros_like(rates)
         for k, (i, term) in enumerate(self.terms):
             factor = np.power(scale, term.power)
@@ -124,5 +126,4 @@ class LawRecursion:
 
     def _signals(self, setpoints: FloatArray, sensed: FloatArray) -> FloatArray:
         """Return the signal of each path, of setpoints (k, B) and of sensed signals in their order."""
-        at = {key: row for row, key in enumerate(self.sensed)}
-        return np.stack([setpoints[i] if n == SETPOINT else sensed[at[i, n]] for _, i, n in self.paths])
+        return np.concatenate([setpoints, sensed])[self.signal_of_path]

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
-from stoop.base.atmosphere import SEA_LEVEL_DENSITY
+from stoop.base.atmosphere import equivalent_over_true
 from stoop.base.autopilots import Point, Spin
 from stoop.errors import VehicleError
 from stoop.simulation import Trim
@@ -68,7 +68,7 @@ class ThrustCurve:
 def equivalent_airspeed(vehicle: Vehicle, point: Trim, airspeed: float | None = None) -> float:
     """Return an airspeed (V* if None), m/s, as the equivalent one in the air of a steady flight, which autopilots measure."""
     speed = vehicle.value("reference.airspeed") if airspeed is None else airspeed
-    return speed * math.sqrt(air_density(vehicle, point) / SEA_LEVEL_DENSITY)
+    return speed * equivalent_over_true(air_density(vehicle, point))
 
 
 def surface_role(roll: float, pitch: float, yaw: float) -> tuple[str, float]:

@@ -47,11 +47,8 @@ MAX_HARMONICS = MAX_LEVELS = 2000
 MAX_WAVES = 200_000_000  #: samples of all inputs and their harmonics together; some seconds
 MAX_VALUE = 1e6  #: of any unit
 _EDGE = 1e-9  #: s, so that a step falls on the sample it names
-WIND_CHANGES = (
-    "wind_n",
-    "wind_e",
-    "wind_d",
-)  #: of the wind, m/s, that a maneuver under the law of an autopilot may hold
+#: of the wind, m/s, that a maneuver under the law of an autopilot may hold
+WIND_CHANGES = ("wind_n", "wind_e", "wind_d")
 UNDER_LAW = (*EULER, *WIND_CHANGES)
 PATTERNS = {"3-2-1-1": (3, 2, 1, 1), "doublet": (1, 1), "1-1": (1, 1), "2-1-1": (2, 1, 1)}
 

@@ -21,7 +21,7 @@ from typing import Final
 import numpy as np
 
 from stoop.base.arrays import BoolArray, FloatArray
-from stoop.base.atmosphere import SEA_LEVEL_DENSITY, standard_density
+from stoop.base.atmosphere import equivalent_over_true, standard_density
 from stoop.base.notices import notice
 from stoop.base.rotations import conjugate, euler_angles, product, quaternions_of, to_body, vectors_of
 from stoop.base.units import STANDARD_GRAVITY
@@ -130,10 +130,9 @@ def fly_under_law(
     course = Course.of(vehicle, maneuver.at_rate(laws[0].rate))
     body = _Body(vehicle, course, np.random.default_rng([seed, GUSTS]))
     loop = AttitudeLoop(firmware, parameters, moved.axes, course)
-    law, undo = LawRecursion(laws, body.rates[loop.axes]), np.linalg.pinv(moved.outputs)
-    area, every = channel_range(vehicle), max(1, round(course.rate / maneuver.rate))
-    states, received, errors, saturated = [], [], [], []
-    clipped = np.zeros((len(course.time), len(area.names)), dtype=bool)
+    law, mixer = LawRecursion(laws, body.rates[loop.axes]), _Mixer(vehicle, moved.outputs)
+    every = max(1, round(course.rate / maneuver.rate))
+    states, received, errors, clipped, saturated = [], [], [], [], []
     achieved = np.zeros((len(laws), 1))
     ground = vehicle.file.ground_effect
     height = [] if ground is None else [vehicle.inputs.index(ground.channel)]
@@ -144,27 +143,22 @@ def fly_under_law(
         setpoints, error = loop.setpoints(k, quaternion, speed)
         commands = law.commands(setpoints, body.rates[loop.axes], loop.scale(speed), achieved)
         course.inputs[k, height] = body.height + terrain[k]
-        before = course.inputs[k].copy()
-        wanted = before + moved.outputs @ commands[:, 0]
-        course.inputs[k] = wanted
-        course.inputs[k, area.columns] = area.clip(wanted[area.columns])
-        clipped[k] = course.inputs[k, area.columns] != wanted[area.columns]
-        achieved = undo @ (course.inputs[k] - before)[:, None]
+        course.inputs[k], ends, achieved = mixer.channels(course.inputs[k], commands)
         states.append(body.state[:, 0])
         received.append(body.move(k, course.inputs[k]))
         errors.append(error)
+        clipped.append(ends)
         saturated.append(law.excess(achieved)[:, 0] != 0.0)
     sampled = slice(None, None, every)
-    recorded_inputs = centered_means(course.inputs, every)
     kept = np.array(states[sampled])
     readings = trajectories.readings_along(vehicle, body.rows, kept, np.array(received[sampled]))[None]
     return FlownUnderLaw(
         course.point,
         course.time[sampled],
-        recorded_inputs,
+        centered_means(course.inputs, every),
         late_outputs(vehicle, readings, body.rows, every / course.rate)[0],
         trajectories.over_ground(vehicle, course.point, kept) + course.wind[sampled],
-        clipped[sampled],
+        np.array(clipped[sampled]),
         kept,
         attitude_error=np.array(errors[sampled]),
         saturated=np.array(saturated[sampled]),
@@ -228,6 +222,20 @@ class Course:
         )
 
 
+class _Mixer:
+    """Commands about the axes as channels, each rotor's within its range."""
+
+    def __init__(self, vehicle: Vehicle, outputs: FloatArray) -> None:
+        self.outputs, self.back, self.area = outputs, np.linalg.pinv(outputs), channel_range(vehicle)
+
+    def channels(self, before: FloatArray, commands: FloatArray) -> tuple[FloatArray, BoolArray, FloatArray]:
+        """Return channels (n_u,), which of the rotors' were clipped, and the commands (k, 1) that were achieved."""
+        wanted, columns = before + self.outputs @ commands[:, 0], self.area.columns
+        found = wanted.copy()
+        found[columns] = self.area.clip(wanted[columns])
+        return found, found[columns] != wanted[columns], self.back @ (found - before)[:, None]
+
+
 class _Body:
     """The vehicle and its actuators, from one sample of the loop to the next."""
 
@@ -265,16 +273,16 @@ class _Body:
 
     def move(self, k: int, channels: FloatArray) -> FloatArray:
         """Move through sample k of the loop with channels (n_u,) held; return those that arrived first."""
-        first = None
+        arrived = []
         for part in range(self.steps * k, self.steps * (k + 1)):
             arriving = channels.copy()
             for one in self.actuators:
                 arriving[one.column] = one.received(channels[one.column])
-            first = arriving if first is None else first
+            arrived.append(arriving)
             now, then = arriving[:, None].copy(), arriving[:, None].copy()
             now[self.gusts, 0], then[self.gusts, 0] = self.noise[part], self.noise[part + 1]
             self.state, _ = step(self.vehicle.kernel(), self.rows, self.state, now, then, self.dt)
-        return channels if first is None else first
+        return arrived[0]
 
 
 class _Held:
@@ -316,7 +324,7 @@ class AttitudeLoop:
                 f"{firmware.title}: its attitude loop has no gain here, or is not modeled, and rates alone hold no attitude: "
                 "raise the gain, or take parameters of another firmware"
             )
-        self.calibrated = float(np.sqrt(standard_density(np.array(course.altitude)) / SEA_LEVEL_DENSITY))
+        self.calibrated = equivalent_over_true(float(standard_density(np.array(course.altitude))))
 
     def scale(self, speed: float) -> FloatArray:
         """Return the ratio of trim airspeed to airspeed (1,), at a true airspeed, m/s."""

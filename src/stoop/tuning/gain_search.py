@@ -174,7 +174,10 @@ def propose(design: Design) -> dict[str, float]:
     for axis in axes:
         own |= _searched(central, own, axis, raised, False, GRID)
     rejecting = [
-        design.axes[i] for at in central.judged(own) for i, one in enumerate(at) if one.margins.rejection[0]
+        design.axes[i]
+        for at in central.margins(central.loops(own))
+        for i, one in enumerate(at)
+        if one.margins.rejection[0]
     ]
     for axis in (a for a in axes if a not in rejecting):  # there is nothing that its gains could be chosen by
         own |= {n: design.flown[n] for n in design.tuned(axis).values()}

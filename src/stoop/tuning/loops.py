@@ -60,7 +60,7 @@ class AxisLoop:
         return _kept(self.known, frequency, self._feedback)
 
     def _feedback(self, frequency: Frequencies) -> dict[str, ComplexArray]:
-        out = {self.rate: self.law.feedback(frequency, self.scale) * self._hold(frequency)}
+        out = {self.rate: self.law.feedback(frequency, self.scale) * self.hold(frequency)}
         if self.held != self.rate:
             out[self.held] = self.forward(frequency)
         return out
@@ -79,7 +79,7 @@ class AxisLoop:
     def forward(self, frequency: Frequencies) -> ComplexArray:
         """Return the command over the setpoint of `held` (m,), held over a sample of the loop."""
         gain = 1.0 if self.held == self.rate else self.attitude
-        return gain * self.law.response(SETPOINT, frequency, self.scale) * self._hold(frequency)
+        return gain * self.law.response(SETPOINT, frequency, self.scale) * self.hold(frequency)
 
     def gyro(self, frequency: Frequencies) -> ComplexArray:
         """Return the rate behind the filters of the gyro, which logs hold, over its reading (m,)."""
@@ -87,7 +87,8 @@ class AxisLoop:
         sensed = law.sensing.get(RATE, PASS).response(np.exp(1j * frequency / (law.gyro_rate or law.rate)))
         return np.asarray(sensed * law.sensing_loop.response(np.exp(1j * frequency / law.rate)))
 
-    def _hold(self, frequency: Frequencies) -> ComplexArray:
+    def hold(self, frequency: Frequencies) -> ComplexArray:
+        """Return the response (m,) of a command that is held over a sample of the loop."""
         half = 0.5 * frequency / self.law.rate
         return np.asarray(np.exp(-1j * half) * np.sinc(half / np.pi))
 

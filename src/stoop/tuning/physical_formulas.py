@@ -26,7 +26,7 @@ from typing import Final
 import numpy as np
 
 from stoop.base.arrays import FloatArray
-from stoop.base.atmosphere import SEA_LEVEL_DENSITY
+from stoop.base.atmosphere import SEA_LEVEL_DENSITY, equivalent_over_true
 from stoop.control_laws import ardupilot, px4
 from stoop.control_laws.mixing import thrust_of
 from stoop.control_laws.parameters import Parameters
@@ -117,7 +117,7 @@ class Candidates:
             raise StoopError(f"the parameters have no {names[0][0]}")
         name, unit = known[0]
         calibrated = unit * self.parameters[name]
-        speed, (low, high) = calibrated / math.sqrt(self.density_ratio), self.domain.airspeed
+        speed, (low, high) = calibrated / equivalent_over_true(self.domain.density), self.domain.airspeed
         if not low <= speed <= high:
             raise StoopError(
                 f"{name} is a true airspeed of {speed:.4g} m/s, flown was {low:.4g} to {high:.4g} m/s"

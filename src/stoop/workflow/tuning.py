@@ -11,7 +11,7 @@ import numpy as np
 
 from stoop.assessment.draws import POSTERIOR_FILE, Draws, Source, draws_of
 from stoop.assessment.frequency import FrequencyAnalysis
-from stoop.base.atmosphere import SEA_LEVEL_DENSITY, standard_density
+from stoop.base.atmosphere import equivalent_over_true, standard_density
 from stoop.base.notices import Notice, notice
 from stoop.control_laws.parameters import is_log, read_parameters
 from stoop.control_laws.rate_law import AXES
@@ -172,7 +172,7 @@ def conditions_of(
     `pitot` is what the pitot of the autopilot reads over the airspeed.
     """
     commands = commands_of(vehicle, firmware, parameters)
-    calibrated = float(np.sqrt(standard_density(np.array(altitude)) / SEA_LEVEL_DENSITY))
+    calibrated = equivalent_over_true(float(standard_density(np.array(altitude))))
     return [
         Condition(
             speed,

@@ -20,9 +20,8 @@ from typing import Final
 import numpy as np
 
 from stoop.base.arrays import ComplexArray, FloatArray
-from stoop.control_laws.rate_law import RATE
 from stoop.tuning.gain_search import Design, rounded
-from stoop.tuning.loops import MOTION, motion
+from stoop.tuning.loops import motion
 
 BACK_OFF: Final = 0.75
 MODEL_STEP: Final = 0.01  #: s
@@ -42,10 +41,9 @@ def minimum_variance(design: Design) -> dict[str, float] | None:
     frequency = 2.0 * np.pi * np.linspace(*BAND, 400)
     answers = motion(condition.plants.part(slice(0, 1)), frequency)
     for i, axis in enumerate(design.axes):
-        law = firmware.law(design.flown, axis)
-        sensed = law.sensing[RATE].response(np.exp(1j * frequency / law.gyro_rate))
-        held = np.exp(-0.5j * frequency / law.rate) * np.sinc(frequency / (2.0 * np.pi * law.rate))
-        den, num = difference_equation(answers[MOTION[axis][0]][0, i] * sensed * held, frequency, MODEL_STEP)
+        loop = design.loop(design.flown, axis, condition)
+        flown = answers[loop.rate][0, i] * loop.gyro(frequency) * loop.hold(frequency)
+        den, num = difference_equation(flown, frequency, MODEL_STEP)
         rise, slow, detuning = ROTORS if firmware.rotors else WINGS
         inverse = float((1.0 + den.sum()) / num.sum())  # of the static gain
         gain, integral, derivative = minimum_variance_pid(
