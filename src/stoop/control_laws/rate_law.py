@@ -117,20 +117,20 @@ class RateLaw:
         """Signals that the terms are computed from."""
         return tuple(dict.fromkeys(name for term in self.terms for name in term.paths))
 
-    def response(self, signal: str, frequency: Frequencies, scale: float = 1.0) -> ComplexArray:
+    def response(self, signal: str, frequency: Frequencies, scale: FloatArray | float = 1.0) -> ComplexArray:
         """Return the command over a signal, without limits.
 
         Parameters
         ----------
         signal : one of `signals`
         frequency : (n,)
-        scale : ratio of trim airspeed to airspeed
+        scale : ratio of trim airspeed to airspeed; of d readings (d, 1), which makes the response (d, n)
         """
         z = np.exp(1j * frequency / self.rate)
         total = sum(t.response(signal, z, self.rate) * scale**t.power for t in self.terms)
         return np.asarray(total * self.after.response(z))
 
-    def feedback(self, frequency: Frequencies, scale: float = 1.0) -> ComplexArray:
+    def feedback(self, frequency: Frequencies, scale: FloatArray | float = 1.0) -> ComplexArray:
         """Return minus the command over the rate of the vehicle (n,), through the filters of its gyro, without limits."""
         z = np.exp(1j * frequency / (self.gyro_rate or self.rate))
         measured = (n for n in self.signals if n != SETPOINT)

@@ -178,8 +178,9 @@ def modeled_loop(
     """Return the response of the logged rate to its setpoint by the models of all conditions, the estimate at the middle one."""
     w, found = flown.frequency, []
     for condition, own in zip(conditions, loops, strict=True):
-        inner = [replace(loop, attitude=0.0) for loop in own.values()]
-        i, moved = list(own).index(flown.input), motion(condition.plants.part(slice(0, DRAWS + 1)), w)
+        lanes = slice(0, DRAWS + 1)
+        inner = [replace(loop.part(lanes), attitude=0.0) for loop in own.values()]
+        i, moved = list(own).index(flown.input), motion(condition.plants.part(lanes), w)
         found.append(followed(moved, inner, w)[i] * inner[i].gyro(w))
     draws = np.concatenate([one[1:] for one in found])
     return ModelResponse(flown.input, flown.output, w, found[len(found) // 2][0], draws)

@@ -143,11 +143,10 @@ class Design:
 
     def opened(self, values: Mapping[str, float], place: int, count: int) -> ComplexArray:
         """Return the loops (n, k, m) opened at each actuator with some parameters, at a condition, of the first k models."""
-        condition = self.conditions[place]
+        condition = self.conditions[place].part(slice(0, count))
         own = [self.loop(values, a, condition) for a in self.axes]
         frequency = frequencies(own)
-        plants = condition.plants.part(slice(0, count))
-        return opened(return_difference(motion(plants, frequency), own, frequency))
+        return opened(return_difference(motion(condition.plants, frequency), own, frequency))
 
     def tuned(self, axis: str) -> dict[str, str]:
         """Return the parameters of an axis that are searched, by term: a gain of zero stays zero."""
@@ -156,8 +155,7 @@ class Design:
 
     def part(self, count: int) -> Design:
         """Return the design around the first models: one is that of the estimates."""
-        lanes = slice(0, count)
-        return replace(self, conditions=[replace(c, plants=c.plants.part(lanes)) for c in self.conditions])
+        return replace(self, conditions=[c.part(slice(0, count)) for c in self.conditions])
 
 
 def propose(design: Design) -> dict[str, float]:
@@ -320,7 +318,7 @@ def _feedforward(design: Design) -> dict[str, float]:
         for c in design.conditions:
             answer = motion(c.plants, at)[MOTION[axis][0]][0, i, 0]
             command = term.response(SETPOINT, np.exp(1j * at / one.rate), one.rate)[0] * c.ratio**term.power
-            needed.append((1.0 / (answer * command)).real)
+            needed.append((1.0 / (answer * command)).real.item())
         if min(needed) > 0.0:
             flown = design.flown[name]
             out[name] = rounded(float(np.clip(np.mean(needed), flown / FARTHEST, flown * FARTHEST)))

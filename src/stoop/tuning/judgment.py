@@ -29,6 +29,7 @@ from stoop.tuning.loops import (
     frequencies,
     motion,
     opened,
+    part_of,
     return_difference,
     stable,
 )
@@ -242,13 +243,18 @@ class Condition:
     """Linear models about one airspeed, at the estimates and then of draws."""
 
     airspeed: float  #: m/s; zero in a hover
-    ratio: float  #: of trim airspeed to airspeed, as the firmware scales its law
+    #: of trim airspeed to the airspeed that the autopilot reads, as the firmware scales its law; (1 + d, 1) where readings differ
+    ratio: FloatArray | float
     plants: Plants
 
     @property
     def place(self) -> str:
         """Where it is, as messages say it."""
         return f"at {self.airspeed:.4g} m/s" if self.airspeed else "in hover"
+
+    def part(self, lanes: slice) -> Condition:
+        """Return the condition of some of the models."""
+        return Condition(self.airspeed, part_of(self.ratio, lanes), self.plants.part(lanes))
 
 
 def judge(
@@ -260,16 +266,16 @@ def judge(
     ----------
     noise : power spectral density of each axis' gyro, (rad/s)^2/Hz, one-sided
     """
-    own, plants = list(loops.values()), condition.plants
-    frequency, count = frequencies(own), len(condition.plants.A)
-    found: list[list[Margins]] = [[] for _ in own]
-    noises, holds = np.empty((len(own), count)), np.empty(count, dtype=bool)
+    plants, frequency = condition.plants, frequencies(list(loops.values()))
+    count = len(plants.A)
+    found: list[list[Margins]] = [[] for _ in loops]
+    noises, holds = np.empty((len(loops), count)), np.empty(count, dtype=bool)
     for begin in range(0, count, LANES):
         lanes = slice(begin, begin + LANES)
-        part = plants.part(lanes)
+        part, own = plants.part(lanes), [loop.part(lanes) for loop in loops.values()]
         holds[lanes] = stable(part, own)
         returned = opened(return_difference(motion(part, frequency), own, frequency))
-        for i, (axis, loop) in enumerate(loops.items()):
+        for i, (axis, loop) in enumerate(zip(loops, own, strict=True)):
             found[i].append(margins(frequency, returned[i]))
             density = noise.get(axis, np.nan)
             noises[i, lanes] = rms_of_noise(
@@ -294,7 +300,8 @@ def with_handling(
     starts = np.empty(len(own))
     for begin in range(0, count, LANES):
         lanes = slice(begin, begin + LANES)
-        answers = followed(motion(plants.part(lanes), frequency), own, frequency)
+        part = [loop.part(lanes) for loop in own]
+        answers = followed(motion(plants.part(lanes), frequency), part, frequency)
         for i, loop in enumerate(own):
             attitude = answers[i] if loop.held != loop.rate else answers[i] / (1j * frequency)
             starts[i] = starts[i] if begin else np.angle(attitude[0, 0])

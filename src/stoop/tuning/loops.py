@@ -12,7 +12,7 @@ References
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
 from typing import Final
 
@@ -46,17 +46,28 @@ def _kept(
     return known[-1][1]
 
 
+def part_of(values: FloatArray | float, lanes: slice) -> FloatArray | float:
+    """Return the values (d, 1) of some models, or what is that of all."""
+    return values[lanes] if isinstance(values, np.ndarray) and len(values) > 1 else values
+
+
 @dataclass(frozen=True, eq=False)
 class AxisLoop:
     """The loops about an axis: law of the rate, and the gain of the attitude before it, 1/s; zero opens it."""
 
     law: RateLaw
     attitude: float = 0.0
-    scale: float = 1.0  #: ratio of trim airspeed to airspeed
+    scale: FloatArray | float = (
+        1.0  #: ratio of trim airspeed to airspeed; (d, 1) where readings of d models differ
+    )
     known: Answers = field(default_factory=list, init=False, repr=False, compare=False)  #: of `feedback`
 
+    def part(self, lanes: slice) -> AxisLoop:
+        """Return the loops around some of the models."""
+        return self if np.size(self.scale) == 1 else replace(self, scale=part_of(self.scale, lanes))
+
     def feedback(self, frequency: Frequencies) -> dict[str, ComplexArray]:
-        """Return minus the command over the rate and over the attitude (m,), held over a sample of the loop."""
+        """Return minus the command over the rate and over the attitude, (m,) or (d, m), held over a sample of the loop."""
         return _kept(self.known, frequency, self._feedback)
 
     def _feedback(self, frequency: Frequencies) -> dict[str, ComplexArray]:
@@ -77,7 +88,7 @@ class AxisLoop:
         return angle if angle and self.attitude else rate
 
     def forward(self, frequency: Frequencies) -> ComplexArray:
-        """Return the command over the setpoint of `held` (m,), held over a sample of the loop."""
+        """Return the command over the setpoint of `held`, (m,) or (d, m), held over a sample of the loop."""
         gain = 1.0 if self.held == self.rate else self.attitude
         return gain * self.law.response(SETPOINT, frequency, self.scale) * self.hold(frequency)
 
@@ -174,7 +185,10 @@ def return_difference(
     moves: Mapping[str, ComplexArray], loops: Sequence[AxisLoop], frequency: Frequencies
 ) -> ComplexArray:
     """Return F = I + K P (d, n, n, m); the inputs of `moves` are those of the loops, in their order."""
-    rows = [sum((k * moves[n] for n, k in loop.feedback(frequency).items()), np.zeros(1)) for loop in loops]
+    rows = [
+        sum((k[..., None, :] * moves[n] for n, k in loop.feedback(frequency).items()), np.zeros(1))
+        for loop in loops
+    ]
     return np.asarray(np.eye(len(loops))[:, :, None] + np.stack(rows, axis=1))
 
 

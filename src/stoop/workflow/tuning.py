@@ -11,12 +11,15 @@ import numpy as np
 
 from stoop.assessment.draws import POSTERIOR_FILE, Draws, Source, draws_of
 from stoop.assessment.frequency import FrequencyAnalysis
+from stoop.base.arrays import FloatArray
 from stoop.base.atmosphere import equivalent_over_true, standard_density
 from stoop.base.notices import Notice, notice
 from stoop.control_laws.parameters import is_log, read_parameters
 from stoop.control_laws.rate_law import AXES
 from stoop.control_laws.table import Firmware, firmware_of
 from stoop.flight import Flight
+from stoop.flight.air_data import RECONSTRUCTED
+from stoop.flight.airborne import airborne
 from stoop.flight.airspeed import TRUE
 from stoop.flight.spectra import power_spectra
 from stoop.report.sheet import Page
@@ -115,7 +118,9 @@ def tune(
         The parameters are missing, or of another kind of vehicle, the model is not driven by commands about the axes,
         or the loops are unstable around it.
     """
+    path = None if isinstance(parameters, Mapping) else Path(parameters)
     values = parameters if isinstance(parameters, Mapping) else read_parameters(Path(parameters))
+    log = path if path and is_log(path) else None
     vehicle = model.vehicle.coupled_to(())
     vehicle = vehicle.reduced("full") if vehicle.reduce == "lateral" else vehicle
     firmware = firmware_of(values, bool(vehicle.rotors))
@@ -124,7 +129,8 @@ def tune(
     drawn = draws_of(model.result, model.attachments.get(POSTERIOR_FILE), draws, seed, source, model.source)
     domain = flown_domain(model, airspeed)
     speeds = [0.0] if firmware.rotors else np.linspace(*domain.airspeed, SPEEDS).tolist()
-    conditions = conditions_of(vehicle, firmware, values, speeds, domain.altitude, drawn)
+    pitot = pitot_readings(model.flights, vehicle, drawn)
+    conditions = conditions_of(vehicle, firmware, values, speeds, domain.altitude, drawn, pitot)
     design = Design(firmware, values, axes, conditions, Specification(), gyro_noise(model.flights))
     judged = design.judged(values)
     for condition, own in zip(conditions, judged, strict=True):
@@ -132,30 +138,40 @@ def tune(
     found = tuple(one for at in judged for one in at)
     lacks = tuple(dict.fromkeys(text for a in axes for text in laws[a].lacks))
     lacking = [notice("tune-law-lacks", firmware=firmware.title, features=lacks)] if lacks else []
-    notices = (*refusal(model.result, model.source), *drawn.notices, *lacking)
     misfits = model.result.response_misfits
     band = {a: max((m.high for m in misfits if m.output == MOTION[a][0]), default=np.inf) for a in AXES}
-    unknown = tuple(a for a in axes if a not in design.noise)
+    closed, doubts = None, [notice("tune-no-closed-loop", "parameters alone", reason="take them from a log")]
+    if log:
+        closed, doubts = closed_loops(log, firmware.rotors, conditions, design.loops(values))
+    taken = [*assumptions(design, vehicle, drawn, complete=log is not None), *beyond_band(band, found)]
+    contradicted = [one for one in doubts if one.code == "tune-loop-contradicted"]
+    against = (*_not_for_control(model), *lacking, *contradicted)
+    notices = (*refusal(model.result, model.source), *drawn.notices, *lacking, *taken, *doubts)
+    known = (firmware.title, found, len(drawn.values), drawn.source, notices)
+    streams = frozenset(s.source for f in model.flights for n, s in f.sources.items() if n in ("V", TRUE))
+    physics = physical_parameters(vehicle, firmware.title, values, domain, drawn, streams)
+    return JudgedGains(*known, design, against, band, physics, closed)
+
+
+def assumptions(design: Design, vehicle: Vehicle, drawn: Draws, complete: bool) -> list[Notice]:
+    """Return what margins take for granted: noise, lags and delays, gains that are missing where parameters are not complete."""
+    gains = [name for axis in design.axes for name in design.firmware.gains(axis).values()]
+    missing = () if complete else tuple(name for name in gains if name not in design.flown)
+    unknown = tuple(a for a in design.axes if a not in design.noise)
     exact = tuple(
         n
         for n in vehicle.rows
         if n.startswith(("controls.", "rotors.")) and n.endswith((".lag", ".delay")) and n not in drawn.names
     )
-    notices = (
-        *notices,
+    return [
+        *(
+            [notice("tune-gains-missing", parameters=missing, firmware=design.firmware.title)]
+            if missing
+            else []
+        ),
         *([notice("tune-noise-unknown", axes=unknown)] if unknown else []),
         *([notice("tune-lags-exact", numbers=exact)] if exact else []),
-        *beyond_band(band, found),
-    )
-    closed, doubts = None, [notice("tune-no-closed-loop", "parameters alone", reason="take them from a log")]
-    if not isinstance(parameters, Mapping) and is_log(Path(parameters)):
-        closed, doubts = closed_loops(Path(parameters), firmware.rotors, conditions, design.loops(values))
-    contradicted = [one for one in doubts if one.code == "tune-loop-contradicted"]
-    against, notices = (*_not_for_control(model), *lacking, *contradicted), (*notices, *doubts)
-    known = (firmware.title, found, len(drawn.values), drawn.source, notices)
-    streams = frozenset(s.source for f in model.flights for n, s in f.sources.items() if n in ("V", TRUE))
-    physics = physical_parameters(vehicle, firmware.title, values, domain, drawn, streams)
-    return JudgedGains(*known, design, against, band, physics, closed)
+    ]
 
 
 def conditions_of(
@@ -165,22 +181,49 @@ def conditions_of(
     speeds: Sequence[float],
     altitude: float,
     drawn: Draws,
-    pitot: float = 1.0,
+    pitot: FloatArray | float = 1.0,
 ) -> list[Condition]:
     """Return linear models of a vehicle about airspeeds, zero in a hover, moved by the commands of a firmware.
 
-    `pitot` is what the pitot of the autopilot reads over the airspeed.
+    `pitot` is what the pitot of the autopilot reads over the airspeed, alike for all models or (1 + d,).
     """
+    readings = np.atleast_1d(pitot)
     commands = commands_of(vehicle, firmware, parameters)
     calibrated = equivalent_over_true(float(standard_density(np.array(altitude))))
     return [
         Condition(
             speed,
-            firmware.airspeed_ratio(parameters, calibrated * pitot * speed),
+            np.array([[firmware.airspeed_ratio(parameters, x)] for x in calibrated * speed * readings]),
             plants_of(vehicle, trim(vehicle, speed or None, altitude), drawn, commands),
         )
         for speed in speeds
     ]
+
+
+def pitot_readings(flights: Sequence[Flight], vehicle: Vehicle, drawn: Draws) -> FloatArray:
+    """Return what the pitot reads over the airspeed of the model, at the estimates and at the draws (1 + d,).
+
+    Both are means over the airborne part of the flights that recorded a pitot; one where none did. The airspeed of the model is
+    V over its scale or, where it was reconstructed, less the error of the wind, as they were estimated.
+    """
+    numbers = {n: np.append(vehicle.value(n), x) for n, x in drawn.numbers_of(vehicle).items()}
+
+    def number(name: str, default: float) -> FloatArray | float:
+        return numbers.get(f"sensors.{name}", vehicle.value(f"sensors.{name}", default))
+
+    found = []
+    for flight in (one for one in flights if {"V", "psi"} <= one.names):
+        pitot = TRUE if TRUE in flight.names else "V"
+        read, speed, heading = (flight.column(n) for n in (pitot, "V", "psi"))
+        flown = airborne(flight) & np.isfinite(read + speed + heading)
+        if flight.sources[pitot].source == RECONSTRUCTED or not flown.any():
+            continue
+        north, east = (float(np.mean(f(heading[flown]))) for f in (np.cos, np.sin))
+        through = float(np.mean(speed[flown])) / number("V.scale", 1.0)
+        if "sensors.V.scale" not in vehicle.rows:
+            through = through - number("wind_error.x", 0.0) * north - number("wind_error.y", 0.0) * east
+        found.append(np.mean(read[flown]) / through)
+    return np.atleast_1d(np.mean(found, axis=0)) if found else np.ones(1)
 
 
 def gyro_noise(flights: Sequence[Flight]) -> dict[str, float]:

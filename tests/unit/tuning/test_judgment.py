@@ -9,13 +9,15 @@ from stoop.assessment.draws import Draws
 from stoop.control_laws import px4
 from stoop.control_laws.table import firmwares
 from stoop.errors import StoopError
+from stoop.flight import Flight
+from stoop.flight.flight import from_columns
 from stoop.tuning.gain_search import Design, Specification
-from stoop.tuning.judgment import Condition, commands_of, judge
+from stoop.tuning.judgment import Condition, commands_of, judge, with_handling
 from stoop.tuning.loops import AxisLoop, Plants
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import builtin_vehicle
 from stoop.vehicle.document import with_entries
-from stoop.workflow.tuning import conditions_of
+from stoop.workflow.tuning import conditions_of, pitot_readings
 from stoop_studies.verify import scenes
 
 WING = {"FW_RR_P": 0.4, "FW_RR_I": 0.6, "FW_RR_FF": 0.0}
@@ -112,3 +114,64 @@ def test_a_law_acts_on_what_gyros_read() -> None:
     for name in ("gain", "phase", "crossover", "rejection"):
         a, b = (getattr(one.margins, name)[0] for one in found)
         assert a == pytest.approx(b, rel=1e-9), name
+
+
+def test_each_model_is_scaled_by_what_its_own_pitot_reads() -> None:
+    """Ratios of airspeeds for each model at once, over more models than are judged together, are as those one by one."""
+    rng, count = np.random.default_rng(0), 150
+    A = np.array([[[-4.0, 30.0, 0.0], [0.0, -15.0, 0.0], [1.0, 0.0, 0.0]]]) * np.ones((count, 1, 1))
+    A[:, 0, 0] *= 1.0 + 0.1 * rng.standard_normal(count)
+    B = np.array([[[0.0], [15.0], [0.0]]]) * np.ones((count, 1, 1))
+    ratios = 1.0 + 0.1 * rng.standard_normal(count)
+    law, noise = px4.fixed_wing(WING | {"FW_RR_FF": 0.3}, "roll"), {"roll": 1e-4}
+
+    def found(models: list[int], ratio: float | np.ndarray) -> dict[str, np.ndarray]:
+        condition = Condition(
+            20.0, ratio, Plants(("p", "aileron.lag", "phi"), A[models], B[models], np.zeros((len(models), 1)))
+        )
+        loops = {"roll": AxisLoop(law, 2.5, ratio)}
+        (one,) = with_handling(condition, loops, judge(condition, loops, noise))
+        return {name: x for name, (_, x) in one.values().items()}
+
+    together = found(list(range(count)), ratios[:, None])
+    for k in (0, 1, 99, 100, 149):
+        alone = found([k], float(ratios[k]))
+        for name, values in together.items():
+            assert values[k] == pytest.approx(alone[name][0], rel=1e-9), name
+
+
+HEADINGS = np.linspace(0.0, 1.5 * np.pi, 4001)  #: three quarters of a circle
+
+
+def gliding(**columns: np.ndarray) -> Flight:
+    """Return a flight at 20 m/s through a wind of 5 m/s from the west, turning, with columns over it."""
+    still = np.zeros_like(HEADINGS)
+    motion = {
+        "psi": HEADINGS, "phi": still, "theta": still,
+        "vn": 20.0 * np.cos(HEADINGS), "ve": 20.0 * np.sin(HEADINGS) + 5.0, "vd": still,
+    }  # fmt: skip
+    return from_columns("glide", 0.02 * np.arange(len(HEADINGS)), motion | columns, source="dataset")
+
+
+def test_the_reading_of_a_pitot_is_that_over_the_airspeed_of_the_model() -> None:
+    """V was reconstructed by a wind that is 1 m/s off to the north; the fit found 0.9 m/s of it, its draws 0.5 and 1."""
+    speed = 20.0 + 0.0 * HEADINGS
+    flight = gliding(
+        airspeed_pitot=1.08 * speed, V=np.hypot(20.0 * np.cos(HEADINGS) + 1.0, 20.0 * np.sin(HEADINGS))
+    )
+    vehicle = with_entries(scenes.aircraft(), {("sensors", "wind_error"): [0.9, 0.0, 0.0]})
+    drawn = Draws(("sensors.wind_error.x",), np.array([[0.5], [1.0]]), "covariance")
+    found = pitot_readings([flight], vehicle, drawn)
+    assert found[2] == pytest.approx(1.08, abs=2e-3)
+    ahead = np.mean(np.cos(HEADINGS))
+    np.testing.assert_allclose(
+        1.08 * 20.0 / found, 20.0 + (1.0 - np.array([0.9, 0.5, 1.0])) * ahead, rtol=2e-3
+    )
+
+
+def test_an_airspeed_that_a_pitot_measured_has_its_scale() -> None:
+    vehicle = with_entries(scenes.aircraft(), {("sensors", "V", "scale"): 0.95})
+    drawn = Draws(("sensors.V.scale",), np.array([[0.93], [0.97]]), "covariance")
+    read = gliding(V=19.0 + 0.0 * HEADINGS)
+    np.testing.assert_allclose(pitot_readings([read], vehicle, drawn), [0.95, 0.93, 0.97])
+    np.testing.assert_allclose(pitot_readings([gliding()], vehicle, drawn), [1.0])
