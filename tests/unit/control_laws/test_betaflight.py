@@ -184,7 +184,7 @@ def test_names_before_4_3() -> None:
         ({"d_max[0]": 50.0}, "roll"), ({"anti_gravity_gain": 80.0}, "roll pitch"),
         ({"anti_gravity_gain": 1000.0, "anti_gravity_mode": 0.0}, ""),
         ({"anti_gravity_gain": 3500.0, "anti_gravity_mode": 0.0}, "roll pitch yaw"),
-        ({"features": 2.0**29, "dyn_notch_max_hz": 350.0}, "roll pitch yaw"),
+        ({"features": 2.0**29 + 2.0**22, "dyn_notch_max_hz": 350.0}, "roll pitch yaw"),
         ({"dterm_lpf1_dyn_hz[0]": 75.0}, "roll pitch yaw"), ({"gyro_lpf1_dyn_hz[0]": 250.0}, "roll pitch yaw"),
         ({"tpa_rate": 65.0}, "roll pitch yaw"), ({"feedforward_boost": 15.0}, "roll pitch yaw"),
         ({"use_integrated_yaw": 1.0}, "yaw"), ({"abs_control_gain": 10.0}, "roll pitch yaw"),
