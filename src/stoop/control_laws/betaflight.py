@@ -42,7 +42,7 @@ from stoop.control_laws.filters import (
 from stoop.control_laws.parameters import Parameters
 from stoop.control_laws.rate_law import AXES, ERROR, RATE, SETPOINT, Integral, RateLaw, Term, through
 from stoop.errors import StoopError
-from stoop.logs.blackbox_units import DSHOT
+from stoop.logs.blackbox_units import DSHOT, is_digital
 
 P_SCALE, I_SCALE, D_SCALE, FF_SCALE = 0.032029, 0.244381, 0.000529, 0.013754e-2
 YAW_INTEGRAL: Final = 2.5  #: times the gain of I about yaw
@@ -70,7 +70,6 @@ RENAMED: Final = {
 }
 DYNAMIC_NOTCH, AIRMODE = 2**29, 2**22  #: of the features, the first of 4.2
 LEVEL_CUTOFF: Final = 50.0  #: Hz, of three low-passes behind the error of angle mode
-PULSE: Final = 2000.0  #: us, at most; more is digital
 LARGEST: Final = 250.0  #: gain that the firmware takes
 #: what reshapes the derivative of the setpoint before it is fed forward
 SHAPING: Final = ("averaging", "boost", "jitter_factor", "max_rate_limit", "smooth_factor", "transition")
@@ -113,7 +112,7 @@ class Header(Parameters):
         low, high = ((n, self.number(n)) for n in ("motorOutput[0]", "motorOutput[1]"))
         self.rising(low, high)
         stop, full = DSHOT
-        if high[1] <= PULSE:
+        if not is_digital(low[1], high[1]):
             stop, full = self.rising(*((n, self.number(n)) for n in ("minthrottle", "maxthrottle")))
         return (low[1] - stop) / (full - stop), (high[1] - stop) / (full - stop)
 
