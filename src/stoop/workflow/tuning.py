@@ -94,7 +94,7 @@ def tune(
     ----------
     model : FittedModel, or the folder of one
     parameters : str, Path or mapping
-        A log that holds the autopilot's parameters, a file of parameters (``.params``, ``.parm``, ``.param``), or
+        A log that holds the autopilot's parameters, a file of parameters (``.params``, ``.parm``, ``.param``, ``.config``), or
         parameters by name.
     airspeed : (low, high), m/s, optional
         What was flown in the fitted maneuvers when absent.
