@@ -15,7 +15,7 @@ from stoop.flight import load
 from stoop.flight.mapping import read_flight_mapping
 
 LOG_PAGES = ("px4", "px4-fixed-wing", "ardupilot", "crazyflie", "betaflight", "other-logs")
-NAMED = re.compile(r"# (\S+\.toml)\n")
+NAMED = re.compile(r"# (\S+\.(?:toml|parm|config))\n")
 ROUNDING = 0.03  #: other processors round otherwise
 STEPS = ("0. A log", "1. Look", "2. Write down", "3. Choose", "4. Identify", "5. Judge")
 
@@ -35,7 +35,7 @@ def test_the_page_does_what_it_says(
     monkeypatch.chdir(tmp_path)
     printed = ""
     for language, block in fences(DOCS / f"{name}.md"):
-        if language == "toml" and (file := NAMED.match(block)):
+        if language in ("toml", "ini") and (file := NAMED.match(block)):
             Path(file[1]).write_text(block, encoding="utf-8")
         elif language == "console":
             for line in block.replace("\\\n", " ").splitlines():

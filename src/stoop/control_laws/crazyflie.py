@@ -1,8 +1,9 @@
-"""Rate law of the Crazyflie's cascaded PID.
+"""Rate and attitude laws of the Crazyflie's cascaded PID.
 
-The loop runs at 500 Hz in deg/s [1]_: P and FF as usual, the sum of errors limited before its gain, D on the backward difference
-of the measured rate, through a second-order low-pass where that is enabled [2]_. The sum is limited to 16 bits, and a command of
-32767 is taken for one. Before the loop the gyro passes a second-order low-pass of 80 Hz at 1 kHz [3]_.
+Both loops run at 500 Hz in degrees [1]_: P and FF as usual, the sum of errors limited before its gain, D on the backward
+difference of what is measured, through a second-order low-pass where that is enabled [2]_. The sum of the rate loop is limited
+to 16 bits, and a command of 32767 is taken for one. Before that loop the gyro passes a second-order low-pass of 80 Hz at
+1 kHz [3]_.
 
 References
 ----------
@@ -34,7 +35,13 @@ AXES: Final = {
     "pitch": ({"kp": None, "ki": 500.0, "kd": 2.5, "kff": 0.0}, 33.3, "omyFiltCut"),
     "yaw": ({"kp": None, "ki": 16.7, "kd": 0.0, "kff": 0.0}, 166.7, "omzFiltCut"),
 }
-D_CUTOFF: Final = 30.0  #: Hz
+#: axis -> gains of the attitude loop, and limit of its sum of errors [deg s]
+ATTITUDE: Final = {
+    "roll": ({"kp": 6.0, "ki": 3.0, "kd": 0.0, "kff": 0.0}, 20.0),
+    "pitch": ({"kp": 6.0, "ki": 3.0, "kd": 0.0, "kff": 0.0}, 20.0),
+    "yaw": ({"kp": 6.0, "ki": 1.0, "kd": 0.35, "kff": 0.0}, 360.0),
+}
+D_CUTOFF, ATTITUDE_CUTOFF = 30.0, 15.0  # Hz
 
 
 def cascade(values: Mapping[str, float], axis: str) -> RateLaw:
@@ -46,14 +53,29 @@ def cascade(values: Mapping[str, float], axis: str) -> RateLaw:
     smooth = PASS
     if own.number("pid_rate.rateFiltEn", 0.0):
         smooth = butterworth(own.number(f"pid_rate.{cutoff}", D_CUTOFF), LOOP_RATE)
-    terms = (
+    sensing = {RATE: butterworth(GYRO_CUTOFF, GYRO_RATE)}
+    return RateLaw(axis, LOOP_RATE, _terms(gains, limit, smooth), sensing=sensing, gyro_rate=GYRO_RATE)
+
+
+def attitude(values: Mapping[str, float], axis: str) -> RateLaw:
+    """Return the setpoint of the rate, rad/s, by that of an Euler angle and the angle, from the parameters of a Crazyflie."""
+    own = Parameters(values, "Crazyflie")
+    defaults, limit = ATTITUDE[axis]
+    smooth = PASS
+    if own.number("pid_attitude.attFiltEn", 0.0):
+        smooth = butterworth(own.number("pid_attitude.attFiltCut", ATTITUDE_CUTOFF), LOOP_RATE)
+    terms = _terms(own.named(f"pid_attitude.{axis}_{{}}", defaults), limit, smooth)
+    return RateLaw(axis, LOOP_RATE, terms, limit=math.inf)
+
+
+def _terms(gains: Mapping[str, float], limit: float, smooth: Filter) -> tuple[Term, ...]:
+    """Return the terms of a PID whose sum of errors is limited, deg, and whose D passes a low-pass."""
+    return (
         Term("P", through(ERROR, gains["kp"])),
         Term("I", ERROR, integral=Integral(gains["ki"], gains["ki"] * math.radians(limit))),
         Term("D", {RATE: series(difference(LOOP_RATE), smooth) * -gains["kd"]}),
         Term("FF", {SETPOINT: Filter((gains["kff"],))}),
     )
-    sensing = {RATE: butterworth(GYRO_CUTOFF, GYRO_RATE)}
-    return RateLaw(axis, LOOP_RATE, terms, sensing=sensing, gyro_rate=GYRO_RATE)
 
 
 def mixing(values: Mapping[str, float], positions: FloatArray, turning: FloatArray) -> FloatArray:

@@ -9,13 +9,19 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from stoop.control_laws.rate_law import AXES
 from stoop.errors import StoopError
 from stoop.logs.read import read
 from stoop.logs.recording import log_content
 
-ENDINGS: Final = frozenset({".params", ".parm", ".param"})
+ENDINGS: Final = frozenset({".params", ".parm", ".param", ".config"})
 MOST: Final = 2**22  #: bytes of a file of parameters
 COLUMNS: Final = 5  #: of a line of QGroundControl
+#: names in Betaflight's commands -> in the header of its logs
+COMMANDS: Final = {
+    **{f"{term}_{axis}": f"{axis}PID[{k}]" for axis in AXES for k, term in enumerate("pid")},
+    **{f"d_{end}_{axis}": f"d_{end}[{k}]" for k, axis in enumerate(AXES) for end in ("min", "max")},
+}
 DECIMAL_COMMA: Final = re.compile(r"(?:^|\s)(-?\d+,\d+)(?=\s|$)")
 
 
@@ -63,7 +69,7 @@ def is_log(path: Path) -> bool:
 
 
 def read_parameters(*paths: Path) -> Mapping[str, float]:
-    """Return the parameters of a log, or of a file of QGroundControl (``.params``) or ArduPilot (``.parm``, ``.param``).
+    """Return the parameters of a log, or of a file: `ENDINGS` of QGroundControl, ArduPilot and Betaflight's commands.
 
     Those of a later file count over those before, as of a file of few gains over the log that they change.
 
@@ -91,13 +97,13 @@ def _parameters(path: Path) -> Mapping[str, float]:
 
 
 def _parameter(line: str) -> tuple[str, float] | None:
-    """Return name and value of a line: ``NAME,VALUE``, ``NAME VALUE``, or vehicle, component, name, value and type."""
-    text = line.partition("#")[0]
+    """Return name and value of a line: of a Betaflight command, ``NAME,VALUE``, or vehicle, component, name, value and type."""
+    text = line.partition("#")[0].strip().removeprefix("set ")
     if (wrong := DECIMAL_COMMA.search(text)) is not None:
         raise StoopError(f"'{line.strip()}': write the number with a point, {wrong[1].replace(',', '.')}")
     words = text.replace(",", " ").replace("=", " ").split()
     name, value = words[2:4] if len(words) == COLUMNS else words[:2] if len(words) > 1 else ("", "")
     try:
-        return (name, float(value)) if name else None
+        return (COMMANDS.get(name, name), float(value)) if name else None
     except ValueError:
         return None

@@ -2,18 +2,26 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
 from stoop.base.arrays import FloatArray
 from stoop.control_laws import ardupilot, betaflight, crazyflie, px4
+from stoop.control_laws.parameters import COMMANDS
 from stoop.control_laws.rate_law import AXES, RateLaw
 from stoop.errors import StoopError
 
 PID: Final = {term: term for term in ("P", "I", "D")}
 PID_FF: Final = {**PID, "FF": "FF"}
 PARM: Final = ("gains.parm", "{name},{value:.9g}\n")
+DIGITS: Final = 4  #: of a gain
+
+
+def rounded(value: float) -> float:
+    """Return a gain as it is written."""
+    return float(f"{value:.{DIGITS}g}")
 
 
 @dataclass(frozen=True)
@@ -28,8 +36,14 @@ class Firmware:
     axes: tuple[str, ...] = AXES
     #: of calibrated airspeed, m/s
     airspeed_ratio: Callable[[Mapping[str, float], float], float] = lambda *_: 1.0
+    #: from setpoint and Euler angle to the setpoint of the rate, where that is more than a gain
+    attitude: Callable[[Mapping[str, float], str], RateLaw] | None = None
+    #: whether rates are flown without it, and judged so
+    by_rates: bool = False
     #: of rotors, by parameters, positions and turning
     mixing: Callable[[Mapping[str, float], FloatArray, FloatArray], FloatArray] | None = None
+    #: change of a motor's command over that of its thrust setpoint, by parameters and command in hover
+    thrust_slope: Callable[[Mapping[str, float], float], float] | None = None
     #: change of a motor's pulse, us, over that of its command, by parameters
     pulse: Callable[[Mapping[str, float]], float] = lambda _: 1000.0
     #: axis -> parameter without which it has no loop
@@ -37,12 +51,32 @@ class Firmware:
     #: axis -> pattern of the parameters that set the gains of its rate loop, term -> what stands in it
     patterns: Mapping[str, str] = field(default_factory=dict)
     terms: Mapping[str, str] = field(default_factory=dict)
+    #: axis -> parameter that is D at rest, where it is not zero
+    resting: Mapping[str, str] = field(default_factory=dict)
+    largest: float = math.inf  #: gain
+    #: gain that the firmware takes for one that is proposed
+    settable: Callable[[float], float] = rounded
     #: name of a file of parameters in the autopilot's own form, and a line of it
     file: tuple[str, str] = ("gains.params", "1\t1\t{name}\t{value:.9g}\t9\n")
 
-    def gains(self, axis: str) -> dict[str, str]:
+    #: parameter -> what it is called in that file, where that is another name
+    written: Mapping[str, str] = field(default_factory=dict)
+
+    def gains(self, axis: str, parameters: Mapping[str, float]) -> dict[str, str]:
         """Return the parameters that set the gains of the rate loop about an axis, by term; none where they are not tuned."""
-        return {t: self.patterns[axis].format(n) for t, n in self.terms.items()}
+        named = {t: self.patterns[axis].format(n) for t, n in self.terms.items()}
+        resting = self.resting.get(axis, "")
+        return named | ({"D": resting} if parameters.get(resting, 0.0) > 0.0 else {})
+
+    def attitude_loop(self, parameters: Mapping[str, float], axis: str) -> RateLaw | float:
+        """Return the attitude loop about an axis, its law or its gain, 1/s; zero where rates are flown without it."""
+        if self.attitude is None or self.by_rates:
+            return self.attitude_gain(parameters, axis)
+        return self.attitude(parameters, axis)
+
+    def line(self, name: str, value: float) -> str:
+        """Return a parameter as a line of a file."""
+        return self.file[1].format(name=self.written.get(name, name), value=value)
 
 
 LAWS: Final = (
@@ -67,10 +101,16 @@ LAWS: Final = (
         "ArduPlane before 4.1", "RLL2SRV_P", False, ardupilot.old_plane, ardupilot.plane_attitude, ("roll", "pitch"),
         ardupilot.airspeed_ratio,
     ),
-    Firmware("Betaflight", "rollPID[0]", True, betaflight.rate_pid),
     Firmware(
-        "Crazyflie", "pid_rate.roll_kp", True, crazyflie.cascade, mixing=crazyflie.mixing,
-        patterns={a: f"pid_rate.{a}_k{{}}" for a in AXES}, terms={t: t.lower() for t in PID}, file=PARM,
+        "Betaflight", "pidsum_limit", True, betaflight.rate_pid, attitude=betaflight.level, by_rates=True,
+        mixing=betaflight.mixing, thrust_slope=betaflight.thrust_slope, patterns={a: f"{a}PID[{{}}]" for a in AXES},
+        terms={"P": "0", "I": "1", "D": "2"}, resting={a: f"d_min[{k}]" for k, a in enumerate(AXES)},
+        largest=betaflight.LARGEST, settable=betaflight.settable, file=("gains.config", "set {name} = {value:.0f}\n"),
+        written={name: command for command, name in COMMANDS.items()},
+    ),
+    Firmware(
+        "Crazyflie", "pid_rate.roll_kp", True, crazyflie.cascade, attitude=crazyflie.attitude,
+        mixing=crazyflie.mixing, patterns={a: f"pid_rate.{a}_k{{}}" for a in AXES}, terms={t: t.lower() for t in PID}, file=PARM,
     ),
 )  # fmt: skip
 

@@ -27,6 +27,7 @@ from stoop.base.units import DEGREE
 Columns: TypeAlias = dict[str, npt.NDArray[Any]]
 DSHOT: Final = (48.0, 2047.0)  #: commands of the digital protocol, from stop to full
 PULSES: Final = (1000.0, 2000.0)  #: us, where the header does not say
+SLOWEST_PULSE: Final = 500.0  #: us
 ACC_1G: Final = 2048.0  #: of most accelerometers, where the header does not say
 POLES: Final = 14.0  #: of a motor, where the header does not say
 QUATERNION_ONE: Final = 32767.0
@@ -91,16 +92,21 @@ class Settings:
     @property
     def motor_range(self) -> tuple[float, float]:
         """Commands to a motor from stop to full; (0, 0) where the header does not tell."""
-        high = self.number("motorOutput", 1)
-        if self.firmware[0] != INAV and high > 2000.0:
+        low, high = (self.number("motorOutput", k) for k in range(2))
+        if self.firmware[0] != INAV and is_digital(low, high):
             return DSHOT
-        for low, full in (
+        for least, full in (
             (self.number("minthrottle"), self.number("maxthrottle")),
-            (self.number("motorOutput"), high),
+            (low, high),
         ):
-            if 0.0 <= low < full:
-                return low, full
+            if 0.0 <= least < full:
+                return least, full
         return 0.0, 0.0
+
+
+def is_digital(low: float, high: float) -> bool:
+    """Return whether commands to motors from idle to their limit, as the firmware counts them, are DSHOT and no pulses."""
+    return low < SLOWEST_PULSE or high > PULSES[1]
 
 
 def physical(raw: Columns, settings: Settings, stream: str) -> tuple[Columns, dict[str, str], list[str]]:

@@ -2,7 +2,7 @@
 
 The law commands channels about a trim, held over a sample of the loop; the model moves in finer steps. Attitudes are set, and
 velocities drift: thrust stays that of the trim. Errors of the attitude become rates as a multicopter turns the shortest
-way [1]_, or as a fixed wing turns its Euler angles, with the yaw rate of a coordinated turn [2]_.
+way [1]_, as a fixed wing turns its Euler angles, with the yaw rate of a coordinated turn [2]_, or by a law of each Euler angle.
 
 References
 ----------
@@ -319,10 +319,13 @@ class AttitudeLoop:
         self.firmware, self.parameters, self.course = firmware, parameters, course
         self.axes, self.target = [AXES.index(a) for a in axes], quaternions_of(course.attitude)
         self.gains = np.array([firmware.attitude_gain(parameters, a) for a in AXES])
-        if not self.gains[:2].all():
+        self.law = None
+        if firmware.attitude is not None:
+            start = np.array([[course.point.start.get(n, 0.0)] for n in EULER])
+            self.law = LawRecursion([firmware.attitude(parameters, a) for a in AXES], start)
+        elif not self.gains[:2].all():
             raise StoopError(
-                f"{firmware.title}: its attitude loop has no gain here, or is not modeled, and rates alone hold no attitude: "
-                "raise the gain, or take parameters of another firmware"
+                f"{firmware.title}: its attitude loop has no gain, and rates alone hold no attitude: raise the gain"
             )
         self.calibrated = equivalent_over_true(float(standard_density(np.array(course.altitude))))
 
@@ -339,7 +342,12 @@ class AttitudeLoop:
         SimulationError
             The attitude is lost.
         """
-        if self.firmware.rotors:
+        if self.law is not None:
+            target = self.course.attitude[k]
+            error = (target - euler_angles(quaternion) + np.pi) % (2.0 * np.pi) - np.pi
+            asked, turned = target[:, None], (target - error)[:, None]
+            rates = self.law.commands(asked, turned, np.ones(1), self.law.unlimited)[:, 0]
+        elif self.firmware.rotors:
             error = vectors_of(product(conjugate(quaternion), self.target[k]))
             rates = self.gains * error
         else:

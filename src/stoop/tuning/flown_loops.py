@@ -27,7 +27,7 @@ from scipy.stats import chi2
 from stoop.assessment.covariance import NORMAL_95
 from stoop.assessment.frequency import FrequencyAnalysis, ModelResponse, known
 from stoop.assessment.handling import DB, DEG, error_correlation
-from stoop.base.arrays import FloatArray, run_slices
+from stoop.base.arrays import ComplexArray, FloatArray, run_slices
 from stoop.base.notices import Notice, notice
 from stoop.control_laws.rate_law import AXES
 from stoop.errors import StoopError
@@ -137,7 +137,7 @@ def closed_loops(
         if one.input != one.output or one.input not in loops[0]:
             continue
         loop, own = loops[0][one.input], signals[one.input]
-        flown = replace(under_feedback(one, loop.attitude), output=loop.rate)
+        flown = replace(under_feedback(one, loop.back(one.frequency)), output=loop.rate)
         if not own.together:  # the clocks may differ by a sample of the loop, and what is faster folds
             folded = (1.0 / flown.coherence - 1.0, flown.frequency / loop.law.rate)
             flown = replace(flown, bound=np.sqrt(flown.bound**2 + np.square(folded).sum(axis=0)))
@@ -154,8 +154,8 @@ def closed_loops(
     return FrequencyAnalysis(*names, *of, tuple(found), modeled, (), {}, tuple(notices)), notices
 
 
-def under_feedback(one: FrequencyResponse, gain: float) -> FrequencyResponse:
-    """Return the response of a rate to its setpoint with the error that gusts bring by an attitude loop of a gain, 1/s.
+def under_feedback(one: FrequencyResponse, gain: ComplexArray | float) -> FrequencyResponse:
+    """Return the response of a rate to its setpoint with the error that gusts bring by an attitude loop of a gain (m,), 1/s.
 
     Of the instrument that is the random error beside that of regression, by the spectra of what is left of the rate, and of
     what the pilot asks; and the distance between both estimates.

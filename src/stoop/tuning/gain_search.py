@@ -28,7 +28,7 @@ from scipy.optimize import NonlinearConstraint, minimize
 
 from stoop.base.arrays import ComplexArray, FloatArray
 from stoop.control_laws.rate_law import SETPOINT
-from stoop.control_laws.table import Firmware
+from stoop.control_laws.table import Firmware, rounded
 from stoop.errors import StoopError
 from stoop.tuning.judgment import AxisMargins, Condition, judge, with_handling
 from stoop.tuning.loops import MOTION, SLOWEST, AxisLoop, frequencies, motion, opened, return_difference
@@ -46,7 +46,6 @@ INTEGRAL_SHARE: Final = 0.5
 SLACK: Final = 0.005  #: share of a specification that rounding may miss
 SETTLED: Final = 0.02  #: change of the difference between estimates and percentile, share of a specification
 RATE_TERMS: Final = ("P", "I", "D")
-DIGITS: Final = 4  #: of a gain
 BACK_OFF: Final = 0.95  #: of the gains of an axis, as long as the last round misses a specification
 BACK_OFFS: Final = 60
 PLENTY: Final = 3.0  #: times a specification, from where more makes no difference
@@ -119,7 +118,7 @@ class Design:
     def loop(self, values: Mapping[str, float], axis: str, condition: Condition) -> AxisLoop:
         """Return the loops about an axis with some parameters at a condition."""
         return AxisLoop(
-            self.firmware.law(values, axis), self.firmware.attitude_gain(values, axis), condition.ratio
+            self.firmware.law(values, axis), self.firmware.attitude_loop(values, axis), condition.ratio
         )
 
     def loops(self, values: Mapping[str, float]) -> list[dict[str, AxisLoop]]:
@@ -150,7 +149,7 @@ class Design:
 
     def tuned(self, axis: str) -> dict[str, str]:
         """Return the parameters of an axis that are searched, by term: a gain of zero stays zero."""
-        named = self.firmware.gains(axis)
+        named = self.firmware.gains(axis, self.flown)
         return {t: named[t] for t in RATE_TERMS if t in named and self.flown.get(named[t], 0.0) > 0.0}
 
     def part(self, count: int) -> Design:
@@ -191,12 +190,16 @@ def propose(design: Design) -> dict[str, float]:
             raised = np.maximum(estimate - drawn, 0.0)
             if drawn.min() >= -SLACK and np.max(np.abs(raised - before)) < SETTLED:
                 break
+    whole = {n: design.firmware.settable(own[n]) for a in axes for n in design.tuned(a).values()}
+    if any(own[n] != x for n, x in whole.items()):
+        own |= whole
+        drawn = design.left(own)[1]
     for _ in range(BACK_OFFS):
         missed = drawn.min(axis=(0, 2)) < -SLACK
         if not missed.any():
             return {name: value for name, value in own.items() if value != design.flown[name]}
         for axis in (a for a, one in zip(design.axes, missed.tolist(), strict=True) if one):
-            own |= {n: rounded(BACK_OFF * own[n]) for n in design.tuned(axis).values()}
+            own |= {n: design.firmware.settable(BACK_OFF * own[n]) for n in design.tuned(axis).values()}
         drawn = design.left(own)[1]
     worst, about, _ = np.unravel_index(np.argmin(drawn), drawn.shape)
     raise StoopError(
@@ -211,7 +214,7 @@ def _searchable(design: Design) -> tuple[str, ...]:
     missing = [
         n
         for a in design.axes
-        for t, n in design.firmware.gains(a).items()
+        for t, n in design.firmware.gains(a, design.flown).items()
         if t != "D" and n not in design.flown
     ]
     found = tuple(a for a in design.axes if design.tuned(a))
@@ -264,7 +267,8 @@ def _searched(
         rejection = min(_rejection(at[place]) for at in judged)
         return -math.log(rejection), np.min(left - raised, axis=0)
 
-    bounds = [(-math.log(FARTHEST), math.log(FARTHEST))] * len(names)
+    lowest = -math.log(FARTHEST)
+    highest = np.log([min(FARTHEST, design.firmware.largest / design.flown[n]) for n in names])
     rate = [names.index(tuned[term]) for term in ("P", "I") if term in tuned]
 
     asked = np.full((len(design.axes), 1), -0.5 * SLACK)
@@ -280,20 +284,22 @@ def _searched(
     def quality(x: FloatArray) -> tuple[float, float]:
         return min(0.0, float(kept(x).min())), -trial(tuple(x.tolist()))[0]
 
-    tried = sorted((np.log(x) for x in itertools.product(grid, repeat=len(names))), key=quality)
+    tried = sorted(
+        (np.minimum(np.log(x), highest) for x in itertools.product(grid, repeat=len(names))), key=quality
+    )
     ends = [
         minimize(  # type: ignore[call-overload]  # its stubs know no options of COBYLA
             lambda x: trial(tuple(x.tolist()))[0],
             start,
             method="COBYLA",
-            bounds=bounds,
+            bounds=[(lowest, most) for most in highest],
             constraints=NonlinearConstraint(kept, 0.0, np.inf),
             tol=TOLERANCE,
             options={"rhobeg": STEP, "maxiter": MOST},
         ).x
         for start in (origin, *tried[-STARTS:])
     ]
-    return parameters(np.clip(max(ends, key=lambda x: quality(np.clip(x, *bounds[0]))), *bounds[0]))
+    return parameters(max((np.clip(x, lowest, highest) for x in ends), key=quality))
 
 
 def _rejection(own: AxisMargins) -> float:
@@ -307,7 +313,7 @@ def _feedforward(design: Design) -> dict[str, float]:
     out = {}
     for i, axis in enumerate(design.axes):
         name, angle = (
-            design.firmware.gains(axis).get("FF", ""),
+            design.firmware.gains(axis, design.flown).get("FF", ""),
             design.firmware.attitude_gain(design.flown, axis),
         )
         if not (design.flown.get(name, 0.0) > 0.0 and angle):
@@ -323,8 +329,3 @@ def _feedforward(design: Design) -> dict[str, float]:
             flown = design.flown[name]
             out[name] = rounded(float(np.clip(np.mean(needed), flown / FARTHEST, flown * FARTHEST)))
     return out
-
-
-def rounded(value: float) -> float:
-    """Return a gain as it is written."""
-    return float(f"{value:.{DIGITS}g}")

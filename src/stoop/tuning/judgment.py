@@ -20,7 +20,8 @@ from stoop.errors import StoopError
 from stoop.simulation.delays import input_delays
 from stoop.simulation.initial import channel_gains, parameter_rows
 from stoop.simulation.linearize import INTEGRATORS, linear_models, model_inputs
-from stoop.simulation.steady_flight import neighbors
+from stoop.simulation.rotors import channel_range
+from stoop.simulation.steady_flight import neighbors, trim
 from stoop.simulation.trim import Trim
 from stoop.tuning.loops import (
     AxisLoop,
@@ -127,6 +128,9 @@ def commands_of(vehicle: Vehicle, firmware: Firmware, parameters: Mapping[str, f
         mixed = firmware.mixing(
             parameters, places, np.array([1.0 if r.spin == "ccw" else -1.0 for r in rotors.values()])
         )
+        if firmware.thrust_slope is not None:
+            hover = trim(vehicle).inputs[channel_range(vehicle).columns]
+            mixed = mixed * firmware.thrust_slope(parameters, float(hover.mean()))
         mixing = np.zeros((len(inputs), len(AXES)))
         outputs = np.zeros((len(vehicle.inputs), len(AXES)))
         units = {"motor": 1.0, "pwm": firmware.pulse(parameters)}

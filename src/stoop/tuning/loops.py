@@ -24,6 +24,9 @@ from stoop.control_laws.rate_law import AXES, RATE, SETPOINT, Frequencies, RateL
 
 #: axis -> rate, and the attitude that its outer loop holds
 MOTION: Final = {"roll": ("p", "phi"), "pitch": ("q", "theta"), "yaw": ("r", "")}
+HEADING: Final = (
+    "psi"  #: the integral of the yaw rate in hover, for a law of the heading that is more than a gain
+)
 SLOWEST: Final = 0.1  #: rad/s, from which loops are looked at; below act autothrottle and guidance
 #: 1/s; what grows more slowly, such as the speed of an airplane without throttle, is of outer loops
 GROWTH: Final = 0.05
@@ -53,13 +56,12 @@ def part_of(values: FloatArray | float, lanes: slice) -> FloatArray | float:
 
 @dataclass(frozen=True, eq=False)
 class AxisLoop:
-    """The loops about an axis: law of the rate, and the gain of the attitude before it, 1/s; zero opens it."""
+    """The loops about an axis: law of the rate, and that of the attitude before it, or its gain, 1/s; zero opens it."""
 
     law: RateLaw
-    attitude: float = 0.0
-    scale: FloatArray | float = (
-        1.0  #: ratio of trim airspeed to airspeed; (d, 1) where readings of d models differ
-    )
+    attitude: RateLaw | float = 0.0
+    #: ratio of trim airspeed to airspeed; (d, 1) where readings of d models differ
+    scale: FloatArray | float = 1.0
     known: Answers = field(default_factory=list, init=False, repr=False, compare=False)  #: of `feedback`
 
     def part(self, lanes: slice) -> AxisLoop:
@@ -73,7 +75,8 @@ class AxisLoop:
     def _feedback(self, frequency: Frequencies) -> dict[str, ComplexArray]:
         out = {self.rate: self.law.feedback(frequency, self.scale) * self.hold(frequency)}
         if self.held != self.rate:
-            out[self.held] = self.forward(frequency)
+            inner = self.law.response(SETPOINT, frequency, self.scale) * self.hold(frequency)
+            out[self.held] = self.back(frequency) * inner
         return out
 
     @property
@@ -85,12 +88,20 @@ class AxisLoop:
     def held(self) -> str:
         """Name of what follows a setpoint: the attitude where it has a loop, else the rate."""
         rate, angle = MOTION[self.law.axis]
+        if isinstance(self.attitude, RateLaw):
+            return angle or HEADING
         return angle if angle and self.attitude else rate
+
+    def back(self, frequency: Frequencies) -> ComplexArray | float:
+        """Return minus the setpoint of the rate over the attitude (m,), 1/s; a gain is one number."""
+        return self.attitude.feedback(frequency) if isinstance(self.attitude, RateLaw) else self.attitude
 
     def forward(self, frequency: Frequencies) -> ComplexArray:
         """Return the command over the setpoint of `held`, (m,) or (d, m), held over a sample of the loop."""
-        gain = 1.0 if self.held == self.rate else self.attitude
-        return gain * self.law.response(SETPOINT, frequency, self.scale) * self.hold(frequency)
+        inner = self.law.response(SETPOINT, frequency, self.scale) * self.hold(frequency)
+        if isinstance(self.attitude, RateLaw):
+            return np.asarray(self.attitude.response(SETPOINT, frequency) * inner)
+        return inner if self.held == self.rate else self.attitude * inner
 
     def gyro(self, frequency: Frequencies) -> ComplexArray:
         """Return the rate behind the filters of the gyro, which logs hold, over its reading (m,)."""
@@ -176,9 +187,10 @@ def _motion(plants: Plants, frequency: Frequencies) -> dict[str, ComplexArray]:
         matrices = s[:, None, None] * np.eye(len(names)) - plants.A[:, None]
         solved = np.linalg.solve(matrices, plants.B[:, None].astype(complex))[:, :, rows]
         found[:] = np.moveaxis(solved, 1, 3) * np.stack(late, axis=1)[:, None, group.ravel()]
+    heading = {HEADING: found[:, wanted.index("r")] / s} if "r" in wanted else {}
     for i, n in enumerate(wanted):
         found[:, i] *= plants.gyros.get(n, np.ones(1))[:, None, None]
-    return {n: found[:, i] for i, n in enumerate(wanted)}
+    return {n: found[:, i] for i, n in enumerate(wanted)} | heading
 
 
 def return_difference(

@@ -11,7 +11,7 @@ from stoop.base.files import check_targets, make_folder, write_files
 from stoop.base.notices import Notice, notice, paragraph
 from stoop.control_laws.table import Firmware
 from stoop.errors import StoopError
-from stoop.tuning.gain_search import FARTHEST, FEW, SLACK, Design, propose, rounded
+from stoop.tuning.gain_search import FARTHEST, FEW, SLACK, Design, propose
 from stoop.tuning.judgment import AxisMargins, worst
 from stoop.tuning.physical_parameters import PhysicalParameter
 
@@ -92,12 +92,12 @@ class Proposal:
 
         What is physics is the same in all trial flights.
         """
-        line, after = self.design.firmware.file[1], {p.name: p.value for p in self.physics}
+        firmware, after = self.design.firmware, {p.name: p.value for p in self.physics}
         flown = {n: old for n, (old, _) in self.changes.items()} | {p.name: p.flown for p in self.physics}
         steps = (flown, *({**step.values, **after} for step in self.ladder))
         return {
-            name: "".join(line.format(name=n, value=x) for n, x in values.items())
-            for name, values in zip(file_names(self.design.firmware), steps, strict=True)
+            name: "".join(firmware.line(n, x) for n, x in values.items())
+            for name, values in zip(file_names(firmware), steps, strict=True)
         }
 
     def save(self, folder: str | Path, overwrite: bool = False, anyway: bool = False) -> list[Path]:
@@ -140,7 +140,10 @@ def proposal(design: Design, before: tuple[AxisMargins, ...]) -> Proposal:
     changes = {n: (design.flown[n], value) for n, value in new.items()}
     ladder = []
     for share in LADDER:
-        values = {n: rounded(old ** (1.0 - share) * value**share) for n, (old, value) in changes.items()}
+        values = {
+            n: design.firmware.settable(old ** (1.0 - share) * value**share)
+            for n, (old, value) in changes.items()
+        }
         own = design if share == LADDER[-1] else design.part(FEW)
         judged = own.judged({**design.flown, **values})
         ladder.append(Step(share, values, tuple(one for at in judged for one in at)))

@@ -97,7 +97,7 @@ def tune(
     ----------
     model : FittedModel, or the folder of one
     parameters : str, Path or mapping
-        A log that holds the autopilot's parameters, a file of parameters (``.params``, ``.parm``, ``.param``), or
+        A log that holds the autopilot's parameters, a file of parameters (``.params``, ``.parm``, ``.param``, ``.config``), or
         parameters by name.
     airspeed : (low, high), m/s, optional
         What was flown in the fitted maneuvers when absent.
@@ -155,7 +155,7 @@ def tune(
 
 def assumptions(design: Design, vehicle: Vehicle, drawn: Draws, complete: bool) -> list[Notice]:
     """Return what margins take for granted: noise, lags and delays, gains that are missing where parameters are not complete."""
-    gains = [name for axis in design.axes for name in design.firmware.gains(axis).values()]
+    gains = [name for axis in design.axes for name in design.firmware.gains(axis, design.flown).values()]
     missing = () if complete else tuple(name for name in gains if name not in design.flown)
     unknown = tuple(a for a in design.axes if a not in design.noise)
     exact = tuple(

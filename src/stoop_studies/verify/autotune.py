@@ -20,7 +20,8 @@ from typing import Final
 import numpy as np
 
 from stoop.base.arrays import ComplexArray, FloatArray
-from stoop.tuning.gain_search import Design, rounded
+from stoop.control_laws.table import rounded
+from stoop.tuning.gain_search import Design
 from stoop.tuning.loops import motion
 
 BACK_OFF: Final = 0.75
@@ -55,7 +56,11 @@ def minimum_variance(design: Design) -> dict[str, float] | None:
         )
         derivative = 0.0 if NO_DERIVATIVE < derivative < 0.0 else derivative
         terms = {"P": gain, "I": gain * integral, "D": gain * derivative, "FF": inverse}
-        out |= {n: rounded(terms[t]) for t, n in firmware.gains(axis).items() if t != "D" or firmware.rotors}
+        out |= {
+            n: rounded(terms[t])
+            for t, n in firmware.gains(axis, design.flown).items()
+            if t != "D" or firmware.rotors
+        }
         third, least, largest = (
             (derivative, 0.0, LARGEST) if firmware.rotors else (inverse, 1e-9, LARGEST_ON_WINGS)
         )

@@ -81,7 +81,10 @@ def flown_gains(
     lag = truth.value("rotors.lag") if firmware.rotors else truth.value("controls.elevator.lag")
     fastest = float(rng.uniform(0.1, 0.3)) / (lag + 0.02)
     slower = float(rng.uniform(0.2, 0.4)) * fastest
-    values = {**known, **dict.fromkeys((n for a in firmware.axes for n in firmware.gains(a).values()), 0.0)}
+    values = {
+        **known,
+        **dict.fromkeys((n for a in firmware.axes for n in firmware.gains(a, known).values()), 0.0),
+    }
     if firmware.rotors:
         values |= dict.fromkeys(("MC_ROLL_P", "MC_PITCH_P"), slower) | {"MC_YAW_P": 0.5 * slower}
     else:
@@ -98,12 +101,12 @@ def flown_gains(
         gain = float(1.0 / np.abs(motion(condition.plants, crossover)[MOTION[axis][0]][0, i, 0]))
         drawn = {"P": 1.0, "I": rng.uniform(0.3, 1.0), "FF": 0.5}
         drawn |= {"D": rng.uniform(0.005, 0.02)} if firmware.rotors and axis != "yaw" else {}
-        values |= {n: gain * drawn[term] for term, n in firmware.gains(axis).items() if term in drawn}
+        values |= {n: gain * drawn[term] for term, n in firmware.gains(axis, known).items() if term in drawn}
     design = Design(firmware, values, axes, [condition], Specification(), {})
     for _ in range(LOWERED):
         if min(one.margins.gain[0] for one in design.judged(values)[0]) >= STABLE:
             return values
-        values |= {n: 0.7 * values[n] for axis in axes for n in firmware.gains(axis).values()}
+        values |= {n: 0.7 * values[n] for axis in axes for n in firmware.gains(axis, known).values()}
     raise StoopError("no lower gains make the true loops stable")
 
 

@@ -1,15 +1,17 @@
-"""Betaflight's rate law beside a naive twin and its recorded responses."""
+"""Betaflight's rate law, angle mode and mixer beside naive twins and their recorded responses."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from stoop.control_laws.betaflight import rate_pid
+from stoop.control_laws.betaflight import level, mixing, rate_pid, settable, thrust_slope
+from stoop.control_laws.parameters import read_parameters
 from stoop.control_laws.rate_law import AXES, RATE, SETPOINT
 from stoop.errors import StoopError
 
@@ -168,6 +170,83 @@ def test_a_sine_through_the_filters_of_the_gyro(
     assert found[0] == pytest.approx(complex(a, b), rel=1e-6)
 
 
+#: motors in the order of the firmware: rear right, front right, rear left, front left; shares of roll, pitch (nose down) and yaw
+QUAD_X = ((-1.0, 1.0, -1.0), (-1.0, -1.0, 1.0), (1.0, 1.0, 1.0), (1.0, -1.0, -1.0))
+PLACES = np.array([[-0.1, 0.12, 0.0], [0.08, 0.11, 0.0], [-0.1, -0.12, 0.0], [0.08, -0.11, 0.0]])
+TURNING = np.array([-1.0, 1.0, 1.0, -1.0])  # propellers in
+DSHOT = {"motorOutput[0]": 158.0, "motorOutput[1]": 1847.0}
+PULSES = {"motorOutput[0]": 1070.0, "motorOutput[1]": 1900.0, "minthrottle": 1070.0, "maxthrottle": 2000.0}
+
+
+def motors(output: tuple[float, float], e: float, newer: bool, throttle: float, sums: Floats) -> Floats:
+    """Return what is written to four motors for limited sums about the axes, in the firmware's signs."""
+    roll, pitch, yaw = sums / 1000.0
+    found = []
+    for share in QUAD_X:
+        x = share[0] * roll + share[1] * pitch + share[2] * -yaw + throttle
+        if newer:
+            x *= 1.0 + e * (1.0 - x) * (1.0 + e * (1.0 - x - x))
+        else:
+            x *= 1.0 + e * (1.0 - x) ** 2
+        found.append(output[0] + (output[1] - output[0]) * x)
+    return np.array(found)
+
+
+@pytest.mark.parametrize("newer", [False, True])
+@pytest.mark.parametrize("e", [0.0, 0.4, 1.0])
+@pytest.mark.parametrize(("range_", "stop", "full"), [(DSHOT, 48.0, 2047.0), (PULSES, 1070.0, 2000.0)])
+def test_motors_move_as_the_mixer_moves_them(
+    range_: dict[str, float], stop: float, full: float, e: float, newer: bool
+) -> None:
+    """Small commands about each axis, nose up and nose right, on top of a throttle; as a log has the motors, from 0 to 1."""
+    header = HEADER | range_ | {"thrust_linear": 100.0 * e} | ({"ap_position_f": 80.0} if newer else {})
+    output = range_["motorOutput[0]"], range_["motorOutput[1]"]
+    hover = float((motors(output, e, newer, 0.3, np.zeros(3))[0] - stop) / (full - stop))
+    found = thrust_slope(header, hover) * mixing(header, PLACES, TURNING)
+    step = 1e-3
+    for k, sign in enumerate((1.0, -1.0, -1.0)):  # pitch and yaw of the firmware count the other way
+        sums = 1000.0 * step * sign * np.eye(3)[k]
+        more, less = (motors(output, e, newer, 0.3, x) for x in (sums, -sums))
+        np.testing.assert_allclose(found[:, k], (more - less) / (2.0 * step * (full - stop)), rtol=1e-5)
+
+
+@pytest.mark.parametrize(
+    "places", [PLACES[:3], PLACES - [0.0, 0.11, 0.0], np.vstack([PLACES, PLACES])[[0, 1, 1, 3]]]
+)
+def test_other_frames_than_a_quad_x_are_refused(places: Floats) -> None:
+    with pytest.raises(StoopError, match="the mixer is modeled of a quad X alone"):
+        mixing(HEADER | DSHOT, places, TURNING[: len(places)])
+
+
+def test_a_log_without_the_range_of_its_motors_is_refused() -> None:
+    with pytest.raises(StoopError, match=r"motorOutput\[0\] is missing"):
+        mixing(HEADER, PLACES, TURNING)
+    with pytest.raises(StoopError, match=r"motorOutput\[1\] = 158 is not above motorOutput\[0\] = 158"):
+        mixing(HEADER | {"motorOutput[0]": 158.0, "motorOutput[1]": 158.0}, PLACES, TURNING)
+
+
+def test_angle_mode_is_that_of_the_twin() -> None:
+    """The error of an angle, deg, times a tenth of its gain, through three low-passes of 50 Hz."""
+    asked, turned = 20.0 * np.random.default_rng(2).standard_normal((2, 2000)).cumsum(axis=1) / 20.0
+    asked[0] = turned[0] = 0.0
+    smooth = first_order(50.0, 250e-6, 3, 1.961459177)
+    known = np.array([smooth(6.0 * error) for error in (asked - turned).tolist()])
+    law = level(HEADER | {"levelPID[0]": 60.0}, "pitch")
+    found = np.degrees(law.outputs({SETPOINT: np.radians(asked), RATE: np.radians(turned)})["command"])
+    np.testing.assert_allclose(found, known, rtol=1e-7, atol=1e-9 * np.abs(known).max())
+    assert not level(HEADER, "yaw").outputs({SETPOINT: asked, RATE: turned})["command"].any()
+
+
+def test_gains_are_whole_and_read_from_commands(tmp_path: Path) -> None:
+    assert [settable(x) for x in (44.9999999999, 44.9, 0.3, 200.0)] == [45.0, 44.0, 1.0, 200.0]
+    file = tmp_path / "gains.config"
+    file.write_text(
+        "# diff\nset p_roll = 50\nset d_min_pitch = 31\nset thrust_linear = 20\nset gyro_lpf1_type = PT1\nsave\n"
+    )
+    known = {"rollPID[0]": 50.0, "d_min[1]": 31.0, "thrust_linear": 20.0}
+    assert read_parameters(file) == known
+
+
 def test_names_before_4_3() -> None:
     old = {"dterm_lpf1_static_hz": "dterm_lowpass_hz", "dterm_lpf1_type": "dterm_filter_type", "ff_weight[0]":
            "feedforward_weight[0]", "dterm_lpf2_static_hz": "dterm_lowpass2_hz", "dterm_lpf2_type": "dterm_filter2_type",
@@ -184,9 +263,11 @@ def test_names_before_4_3() -> None:
         ({"d_max[0]": 50.0}, "roll"), ({"anti_gravity_gain": 80.0}, "roll pitch"),
         ({"anti_gravity_gain": 1000.0, "anti_gravity_mode": 0.0}, ""),
         ({"anti_gravity_gain": 3500.0, "anti_gravity_mode": 0.0}, "roll pitch yaw"),
-        ({"features": 2.0**29, "dyn_notch_max_hz": 350.0}, "roll pitch yaw"),
+        ({"features": 2.0**29 + 2.0**22, "dyn_notch_max_hz": 350.0}, "roll pitch yaw"),
         ({"dterm_lpf1_dyn_hz[0]": 75.0}, "roll pitch yaw"), ({"gyro_lpf1_dyn_hz[0]": 250.0}, "roll pitch yaw"),
         ({"tpa_rate": 65.0}, "roll pitch yaw"), ({"feedforward_boost": 15.0}, "roll pitch yaw"),
+        ({"vbat_sag_compensation": 100.0}, "roll pitch yaw"), ({"features": 0.0}, "roll pitch yaw"),
+        ({"dyn_idle_min_rpm": 35.0}, "roll pitch yaw"), ({"dyn_idle_min_rpm": 35.0, "dshot_bidir": 0.0}, ""),
         ({"use_integrated_yaw": 1.0}, "yaw"), ({"abs_control_gain": 10.0}, "roll pitch yaw"),
     ],
 )  # fmt: skip

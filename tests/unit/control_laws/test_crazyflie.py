@@ -1,4 +1,4 @@
-"""The rate law of the Crazyflie beside a naive twin and its recorded responses."""
+"""The rate and attitude laws of the Crazyflie beside a naive twin and its recorded responses."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from stoop.control_laws.crazyflie import cascade
-from stoop.control_laws.rate_law import AXES, RATE, SETPOINT
+from stoop.control_laws.crazyflie import attitude, cascade
+from stoop.control_laws.rate_law import AXES, RATE, SETPOINT, RateLaw
 from stoop.errors import StoopError
 
 Floats = NDArray[np.float64]
@@ -22,6 +22,13 @@ KNOWN = {
     "pitch": (240.0, 500.0, 2.5, 30.0, 33.3),
     "yaw": (120.0, 16.7, 1.5, 0.0, 166.7),
 }
+#: the same of the attitude loop, 1/s
+ANGLES = {
+    "roll": (6.0, 3.0, 0.0, 0.0, 20.0),
+    "pitch": (4.0, 2.0, 0.1, 0.2, 20.0),
+    "yaw": (6.0, 1.0, 0.35, 0.0, 360.0),
+}
+OUTER = {f"pid_attitude.pitch_k{n}": x for n, x in zip(("p", "i", "d", "ff"), ANGLES["pitch"], strict=False)}
 CUTOFFS = {"roll": 40.0, "pitch": 30.0, "yaw": 25.0}
 DT = 0.002
 
@@ -45,11 +52,11 @@ class TwoPole:
 
 
 class Twin:
-    """One axis in deg/s, a sample at a time, from rest; terms in units of 16 bits."""
+    """One axis in deg/s, a sample at a time, from rest; terms in units of 16 bits. Or an angle in deg; terms in deg/s."""
 
-    def __init__(self, axis: str, smooth: bool) -> None:
-        self.kp, self.ki, self.kd, self.kff, self.limit = KNOWN[axis]
-        self.smooth = TwoPole(CUTOFFS[axis], DT) if smooth else None
+    def __init__(self, axis: str, smooth: bool, outer: bool = False) -> None:
+        self.kp, self.ki, self.kd, self.kff, self.limit = (ANGLES if outer else KNOWN)[axis]
+        self.smooth = TwoPole(15.0 if outer else CUTOFFS[axis], DT) if smooth else None
         self.sum = self.before = 0.0
 
     def step(self, desired: float, measured: float) -> dict[str, float]:
@@ -83,17 +90,38 @@ def test_terms_are_those_of_the_twin(axis: str, smooth: bool) -> None:
     assert np.abs(known["I"]).max() == pytest.approx(KNOWN[axis][1] * KNOWN[axis][4])  # both limits were met
 
 
+@pytest.mark.parametrize("axis", AXES)
+@pytest.mark.parametrize("smooth", [False, True])
+def test_setpoints_of_rates_are_those_of_the_twin(axis: str, smooth: bool) -> None:
+    asked, turned = 20.0 * np.random.default_rng(4).standard_normal((2, 9000)).cumsum(axis=1) / 10.0
+    asked[0] = turned[0] = 0.0
+    known = flown(Twin(axis, smooth, outer=True), asked, turned)
+    law = attitude(OUTER | ({"pid_attitude.attFiltEn": 1.0} if smooth else {}), axis)
+    found = law.outputs({SETPOINT: np.radians(asked), RATE: np.radians(turned)})
+    for name, values in known.items():
+        np.testing.assert_allclose(
+            np.degrees(found[name]), values, rtol=1e-9, atol=1e-9 * np.abs(values).max()
+        )
+    np.testing.assert_allclose(np.degrees(found["command"]), sum(known.values()), atol=1e-7)
+    assert np.abs(known["I"]).max() == pytest.approx(ANGLES[axis][1] * ANGLES[axis][4])
+
+
 @pytest.mark.parametrize("signal", [SETPOINT, RATE])
 @pytest.mark.parametrize("axis", AXES)
-def test_response_is_that_of_a_recorded_step(axis: str, signal: str) -> None:
+@pytest.mark.parametrize("outer", [False, True])
+def test_response_is_that_of_a_recorded_step(axis: str, signal: str, outer: bool) -> None:
     """The twin's answer to a step, differenced twice, dies out: its transform is H (1 - 1/z)."""
     n = 4096
     step, rest = np.ones(n), np.zeros(n)
-    record = flown(Twin(axis, True), *((step, rest) if signal == SETPOINT else (rest, step)))
+    record = flown(Twin(axis, True, outer), *((step, rest) if signal == SETPOINT else (rest, step)))
     answer = np.diff(np.diff(sum(record.values()), prepend=0.0), prepend=0.0)
     w = 2.0 * np.pi * np.arange(1, n // 2) / n
-    known = np.fft.rfft(answer)[1 : n // 2] / (1.0 - np.exp(-1j * w)) / 32767.0 * 180.0 / np.pi
-    np.testing.assert_allclose(cascade(SMOOTH, axis).response(signal, w / DT), known, rtol=1e-6)
+    known = np.fft.rfft(answer)[1 : n // 2] / (1.0 - np.exp(-1j * w))
+    law: RateLaw = cascade(SMOOTH, axis)
+    if outer:
+        law = attitude(OUTER | {"pid_attitude.attFiltEn": 1.0}, axis)
+    found = law.response(signal, w / DT) * (1.0 if outer else 32767.0 * np.pi / 180.0)
+    np.testing.assert_allclose(found, known, rtol=1e-6)
 
 
 def test_the_gyro_is_smoothed_at_its_own_rate() -> None:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 import pytest
 
-from stoop.control_laws import ardupilot, crazyflie, px4
+from stoop.control_laws import ardupilot, betaflight, crazyflie, px4
 from stoop.control_laws.filters import PASS
 from stoop.control_laws.rate_law import SETPOINT, RateLaw
 from stoop.control_laws.recursion import LawRecursion
@@ -18,11 +18,16 @@ PX4 = {
     "IMU_GYRO_NF0_FRQ": 80.0, "IMU_GYRO_NF0_BW": 20.0,
 }  # fmt: skip
 GAINS = {"P": 0.08, "I": 0.5, "D": 0.004, "FF": 0.3, "IMAX": 0.05, "FLTT": 3.0, "FLTE": 15.0, "FLTD": 12.0}
+BETAFLIGHT = {
+    "looptime": 500.0, "pid_process_denom": 2.0, "yawPID[0]": 45.0, "yawPID[1]": 20.0, "yawPID[2]": 10.0,
+    "gyro_lpf1_static_hz": 250.0, "dterm_lpf1_static_hz": 75.0, "yaw_lowpass_hz": 100.0, "ff_weight[2]": 80.0,
+}  # fmt: skip
 LAWS = {
     "px4": px4.fixed_wing(PX4, "roll"),
     "yaw of px4": px4.multicopter({"MC_YAWRATE_P": 0.2, "MC_YAW_TQ_CUTOFF": 2.0}, "yaw"),
     "plane": ardupilot.plane({f"RLL_RATE_{n}": x for n, x in GAINS.items()}, "roll"),
     "copter": ardupilot.copter({f"ATC_RAT_RLL_{n}": x for n, x in GAINS.items()}, "roll"),
+    "betaflight": betaflight.rate_pid(BETAFLIGHT, "yaw"),
     "crazyflie": crazyflie.cascade({"pid_rate.roll_kp": 250.0}, "roll"),
 }
 

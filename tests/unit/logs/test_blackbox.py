@@ -176,6 +176,7 @@ def test_units() -> None:
     [
         ({"motorOutput": "1070,2000"}, 1535, 0.5),
         ({"motorOutput": "48,2047"}, 0, 0.0),
+        ({"motorOutput": "158,1847"}, 1447, 1399.0 / 1999.0),  # limited to 90 %
         ({"motorOutput": "48,2047"}, 2047, 1.0),
         ({"Firmware revision": "INAV 7.1.0 (1) X", "motorOutput": "1070,2000"}, 2000, 1.0),
     ],

@@ -40,13 +40,24 @@ PLANE = {
     **{f"{a}_RATE_{t}": g for a in ("RLL", "PTCH") for t, g in (("P", 0.15), ("I", 0.15), ("FF", 0.3))},
     "SCALING_SPEED": 33.0, "AIRSPEED_MIN": 15.0, "AIRSPEED_MAX": 60.0,
 }  # fmt: skip
+BETAFLIGHT = {
+    "looptime": 1000.0, "pid_process_denom": 2.0, "pidsum_limit": 500.0, "motorOutput[0]": 158.0, "motorOutput[1]": 2047.0,
+    "thrust_linear": 20.0, "dterm_lpf1_static_hz": 75.0, "gyro_lpf2_static_hz": 250.0, "levelPID[0]": 50.0,
+    **{f"{a}PID[{k}]": g for a in ("roll", "pitch") for k, g in enumerate((45.0, 40.0, 30.0))},
+    **{f"yawPID[{k}]": g for k, g in enumerate((45.0, 15.0, 0.0))},
+}  # fmt: skip
+CRAZYFLIE = {
+    **{f"pid_rate.{a}_k{t}": g for a in ("roll", "pitch") for t, g in (("p", 250.0), ("i", 500.0), ("d", 2.5))},
+    "pid_rate.yaw_kp": 120.0, "pid_rate.yaw_ki": 16.7, "pid_attitude.roll_kp": 3.0, "pid_attitude.pitch_kp": 3.0,
+}  # fmt: skip
 
 
-def quad(delay: float = 0.013) -> Vehicle:
+def quad(delay: float = 0.013, **rotors: float) -> Vehicle:
     """Return a quadrotor whose motors take commands, late by so much."""
     vehicle = builtin_vehicle("quad-x")
     channels = {("rotor", n, "channel"): f"motor_{i}" for i, n in enumerate(vehicle.file.rotor, 1)}
-    return with_entries(vehicle, channels | {("rotors", "delay"): delay})
+    numbers = {("rotors", n): x for n, x in ({"delay": delay} | rotors).items()}
+    return with_entries(vehicle, channels | numbers)
 
 
 def wing(**servo: float) -> Vehicle:
@@ -77,8 +88,10 @@ def flown(vehicle: Vehicle, maneuver: Maneuver, parameters: Mapping[str, float])
         (quad(), PX4, [f"MC_ROLLRATE_{t}" for t in "PID"], 0.0),
         (quad(0.021), COPTER, [f"ATC_RAT_RLL_{t}" for t in "PID"], 0.0),
         (wing(lag=0.05, delay=0.033), PLANE, ["RLL_RATE_P", "RLL_RATE_I", "RLL_RATE_FF"], 33.0),
+        (quad(0.005, lag=0.025), BETAFLIGHT, [f"rollPID[{k}]" for k in range(3)], 0.0),
+        (quad(0.005, lag=0.025), CRAZYFLIE, [f"pid_rate.roll_k{t}" for t in "pid"], 0.0),
     ],
-    ids=["px4", "copter", "plane"],
+    ids=["px4", "copter", "plane", "betaflight", "crazyflie"],
 )
 def test_a_loop_begins_to_swing_at_its_gain_margin(
     vehicle: Vehicle, parameters: Mapping[str, float], gains: list[str], airspeed: float
@@ -98,6 +111,35 @@ def test_a_loop_begins_to_swing_at_its_gain_margin(
         early, late = (np.std(p[(found.time > t) & (found.time < t + 1.0)]) for t in (3.0, 6.5))
         grown.append(late / early)
     assert grown[0] < 0.7 < 1.5 < grown[1]
+
+
+def test_the_heading_loop_of_the_crazyflie_counts() -> None:
+    """Its D acts on the heading: gains at the margin from the frequency response begin to swing about yaw."""
+    vehicle, firmware = quad(0.005, lag=0.025), firmware_of(CRAZYFLIE, True)
+    conditions = conditions_of(vehicle, firmware, CRAZYFLIE, [0.0], 200.0, KNOWN)
+    axes = commands_of(vehicle, firmware, CRAZYFLIE).axes
+    yaw = Design(firmware, CRAZYFLIE, axes, conditions, Specification(), {}).judged(CRAZYFLIE)[0][2]
+    grown = []
+    for share in (0.96, 1.04):
+        factor = share * float(yaw.margins.gain_up[0])
+        raised = {n: factor * CRAZYFLIE[n] for n in ("pid_rate.yaw_kp", "pid_rate.yaw_ki")}
+        found = flown(vehicle, course(2.0, ("psi", 0.1, 0.1, 1e-7)), {**CRAZYFLIE, **raised})
+        r = found.outputs[:, vehicle.outputs.index("r")]
+        early, late = (np.std(r[(found.time > t) & (found.time < t + 0.3)]) for t in (0.6, 1.6))
+        grown.append(late / early)
+    assert grown[0] < 0.7 < 1.5 < grown[1]
+
+
+@pytest.mark.parametrize(
+    ("parameters", "held"), [(BETAFLIGHT, 2), (CRAZYFLIE, 3)], ids=["betaflight", "crazyflie"]
+)
+def test_angles_are_held_by_laws_of_each(parameters: Mapping[str, float], held: int) -> None:
+    """A bank, and a heading that the Crazyflie alone holds; back at the trim at the end."""
+    maneuver = course(4.0, ("phi", 0.5, 1.5, 0.2), ("psi", 0.5, 1.5, 0.05))
+    found = flown(quad(0.005, lag=0.025), maneuver, parameters)
+    during = int(np.argmin(np.abs(found.time - 1.9)))
+    assert np.abs(found.attitude_error[during, :held]).max() < 0.04
+    assert np.abs(found.attitude_error[-1, :held]).max() < 0.03
 
 
 def test_a_step_of_the_wind_leaves_the_velocity_over_ground() -> None:
@@ -217,12 +259,8 @@ def test_a_flight_is_recorded_and_says_how_it_was_held() -> None:
 def test_what_no_law_flies_is_refused() -> None:
     with pytest.raises(StoopError, match="those of PX4 fixed wing, but the vehicle flies on rotors"):
         simulate(quad(), course(1.0), autopilot=WING)
-    with pytest.raises(StoopError, match="attitude loop has no gain here, or is not modeled"):
-        simulate(
-            quad(),
-            course(1.0),
-            autopilot={"pid_rate.roll_kp": 250.0, "pid_rate.pitch_kp": 250.0, "pid_rate.yaw_kp": 120.0},
-        )
+    with pytest.raises(StoopError, match="its attitude loop has no gain, and rates alone hold no attitude"):
+        simulate(quad(), course(1.0), autopilot=PX4 | {"MC_PITCH_P": 0.0})
     with pytest.raises(ManeuverError, match="moves 'psi', but under a law it may move phi, theta, wind_n"):
         simulate(wing(), course(1.0, ("psi", 0.1, 0.2, 0.1)), autopilot=WING)
     with pytest.raises(ManeuverError, match="its law flies a maneuver"):

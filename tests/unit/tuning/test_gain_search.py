@@ -177,3 +177,26 @@ def test_no_file_of_a_proposal_that_something_speaks_against(tmp_path: Path) -> 
         found.save(tmp_path / "tuned")
     assert not (tmp_path / "tuned").exists()
     assert found.save(tmp_path / "tuned", anyway=True)
+
+
+def test_gains_of_betaflight_are_whole_and_written_as_commands(tmp_path: Path) -> None:
+    """Where D at rest is `d_min`, that is what is searched; no gain exceeds what the firmware takes."""
+    flown = {
+        "looptime": 1000.0, "pidsum_limit": 500.0, "rollPID[0]": 30.0, "rollPID[1]": 40.0, "rollPID[2]": 40.0,
+        "d_min[0]": 30.0, "gyro_lpf2_static_hz": 250.0, "dterm_lpf1_static_hz": 100.0, "levelPID[0]": 50.0,
+    }  # fmt: skip
+    plants = rolling(np.linspace(1.0, 3.0, 20), 0.01)
+    own = Design(
+        firmwares(flown)[0], flown, ("roll",), [Condition(0.0, 1.0, plants)], Specification(), {"roll": GYRO}
+    )
+    assert (
+        own.loop(flown, "roll", own.conditions[0]).held == "p"
+    )  # margins are those of rates without angle mode
+    found = proposal(own, tuple(own.judged(flown)[0]))
+    assert set(found.changes) <= {"rollPID[0]", "rollPID[1]", "d_min[0]"}
+    assert all(new == int(new) and 1.0 <= new <= 250.0 for _, new in found.changes.values())
+    assert least(own, {n: new for n, (_, new) in found.changes.items()}) >= -SLACK
+    found.save(tmp_path, anyway=True)
+    text = (tmp_path / "gains-100.config").read_text(encoding="utf-8").splitlines()
+    assert text[0] == f"set p_roll = {found.changes['rollPID[0]'][1]:.0f}"
+    assert read_parameters(tmp_path / "gains-100.config") == {n: new for n, (_, new) in found.changes.items()}
