@@ -128,8 +128,9 @@ class GainsView(View):
 
 
 def _page(step: Step) -> list[Any]:
-    """Return the page of a step, and the files of parameters that it wrote."""
-    files = [f"{step.name}/{p.name}" for p in step.files if p.suffix in ENDINGS]
+    """Return the page of a step, and the files of parameters that it wrote, in the order of trial flights."""
+    found = sorted((p.name for p in step.files if p.suffix in ENDINGS), key=lambda name: (len(name), name))
+    files = [f"{step.name}/{name}" for name in found]
     title = "Flown and proposed gains" if files else "Gains that flew"
     head = parts.html(f"<h2>{title}</h2>{parts.downloads(files)}{parts.command(step)}")
     return [head, parts.framed(f"{step.name}/{PRODUCTS['gains']}", title)]
