@@ -169,6 +169,7 @@ class FitView(View):
         onward = pn.FlexBox(
             parts.button("Begin from these estimates", self.act(lambda: self._continue(step))),
             parts.button("Export or design", lambda: self.go("Use")),
+            parts.button("Judge the autopilot's gains", lambda: self.go("Gains")),
         )
         changes = self._suggestions(found)
         rest = pn.Column(

@@ -18,6 +18,7 @@ from stoop.app.places import bytes_of, document_of, inside, recalled, remember, 
 from stoop.app.steps import Step
 from stoop.base.files import make_folder, write_bytes_atomic, write_text_atomic
 from stoop.base.toml import parse_source, read_source
+from stoop.control_laws.parameters import ENDINGS
 from stoop.errors import LogError, OutputError, StoopError
 from stoop.flight.flight import flight_name
 from stoop.flight.mapping import READY
@@ -276,6 +277,15 @@ class Project:
         """Use another vehicle; the one that was there is kept under another name."""
         self._keep_copy(VEHICLE)
         write_text_atomic(self._place(VEHICLE), text)
+
+    # The parameters of an autopilot.
+
+    def take_parameters(self, name: str, content: bytes) -> None:
+        """Keep a file of parameters; one of that name is kept under another."""
+        if Path(name).suffix.lower() not in ENDINGS:
+            raise StoopError(f"{name}: a file of parameters ends in {', '.join(sorted(ENDINGS))}")
+        self._keep_copy(name)
+        write_bytes_atomic(self._place(name), content)
 
     # The windows.
 

@@ -15,6 +15,7 @@ from stoop.app.columns_view import ColumnsView
 from stoop.app.compare_view import CompareView
 from stoop.app.fit_view import FitView
 from stoop.app.folder import Project
+from stoop.app.gains_view import GainsView
 from stoop.app.log_view import LogView
 from stoop.app.places import tail_of
 from stoop.app.steps import COMMANDS
@@ -27,7 +28,7 @@ from stoop.errors import StoopError
 
 ENDED: Final = "The app has ended or cannot be reached. Runs go on; start it again with the same command."
 PERIOD: Final = 500  #: ms between two looks at the folder
-VIEWS: Final = (LogView, ColumnsView, VehicleView, WindowsView, FitView, CompareView, UseView)
+VIEWS: Final = (LogView, ColumnsView, VehicleView, WindowsView, FitView, CompareView, UseView, GainsView)
 
 
 class Page:

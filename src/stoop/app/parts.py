@@ -188,6 +188,12 @@ def opened(place: str, title: str) -> str:
     return f'<p><a href="{address(place)}" target="_blank" rel="noopener">{escaped(title)}</a></p>'
 
 
+def downloads(places: Iterable[str]) -> str:
+    """Return links to files of the folder."""
+    rows = (f'<li><a href="{address(p)}" download>{escaped(p)}</a></li>' for p in places)
+    return f"<ul>{''.join(rows)}</ul>"
+
+
 def framed(place: str, title: str) -> pn.pane.HTML:
     """Return a page that a verb wrote, apart from the app, in the rest of the window: it scrolls, and not the app's."""
     text = f'{BAR}<iframe src="{address(place)}" title="{escaped(title)}" sandbox="allow-scripts allow-downloads"></iframe>'

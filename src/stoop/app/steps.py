@@ -45,6 +45,7 @@ PRODUCTS: Final = {
     "runs": "result.json",
     "exports": "",
     "designs": "design.html",
+    "gains": "tuning.html",
 }
 
 _children: dict[Path, subprocess.Popen[bytes]] = {}  #: those of this server, to be waited for

@@ -87,13 +87,11 @@ class UseView(View):
         if step.state == "failed":
             return [parts.html(head), parts.failed(step)]
         places = [str(p.relative_to(self.project.root)) for p in step.files]
-        links = "".join(
-            f'<li><a href="{parts.address(p)}" download>{parts.escaped(p)}</a></li>' for p in places
-        )
         printed = parts.fold("what it printed", f"<pre>{parts.escaped(step.findings)}</pre>", is_open=True)
         pages = [p for p in places if p.endswith(".html")]
         shown = "".join(parts.opened(p, f"open {p}") for p in pages[:1])
-        return [parts.html(f"{head}{_warnings(step)}<ul>{links}</ul>{printed}{shown}{parts.command(step)}")]
+        links = parts.downloads(places)
+        return [parts.html(f"{head}{_warnings(step)}{links}{printed}{shown}{parts.command(step)}")]
 
 
 def _warnings(step: Step) -> str:

@@ -175,6 +175,8 @@ def _following(arguments: argparse.Namespace, found: Found) -> list[str]:
 
 def info_document(summary: FlightSummary, found: Found) -> dict[str, Any]:
     """Return what is known of a flight for JSON, SI and rad; time histories and notes of its air data stand elsewhere."""
+    from stoop.control_laws.table import LAWS
+
     flight = summary.flight
     own = {} if flight.air is None else vars(flight.air)
     air = {k: v for k, v in own.items() if k not in ("traces", "notices")} or None
@@ -186,6 +188,7 @@ def info_document(summary: FlightSummary, found: Found) -> dict[str, Any]:
         "stop": float(flight.time[-1]),
         "rate": flight.rate,
         "channels": [asdict(row) for row in summary.rows],
+        "control_laws": [one.title for one in LAWS if one.known_by in flight.parameters],
         "faults": [fault.to_dict() for fault in flight.faults],
         "maneuvers": [asdict(maneuver) for maneuver in summary.maneuvers],
         "windows": [

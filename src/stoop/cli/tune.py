@@ -34,7 +34,8 @@ def run(arguments: argparse.Namespace) -> int:
     wanted = Specification(
         arguments.gain_margin, arguments.phase_margin, arguments.disk_margin, arguments.noise
     )
-    if arguments.output is None and (arguments.anyway or arguments.overwrite or wanted != Specification()):
+    replaced = arguments.overwrite and arguments.page is None
+    if arguments.output is None and (arguments.anyway or replaced or wanted != Specification()):
         raise StoopError(
             "tune: margins, --anyway and --overwrite are for a proposal: name a folder for it with -o"
         )
@@ -47,6 +48,8 @@ def run(arguments: argparse.Namespace) -> int:
             arguments.seed,
             arguments.source,
         )
+    if arguments.page is not None:
+        found.page(command=options.command_line()).save(arguments.page)
     better = None
     if arguments.output is not None:
         asked = (arguments.overwrite, arguments.anyway)
@@ -67,6 +70,8 @@ def run(arguments: argparse.Namespace) -> int:
     _margins(out, found.axes)
     out.bullets(found.notices, "What they rest on")
     _physics(out, found.physics)
+    if arguments.page is not None:
+        out.line(f"page: {arguments.page}")
     if better:
         _proposal(out, better)
         out.line()

@@ -96,6 +96,16 @@ class Specification:
         return found[..., 0], drawn[..., round(0.05 * (drawn.shape[-1] - 1))]
 
 
+#: by who asks for them, from little damping to much: MIL-F-9490D at the limit airspeed and of elastic modes, and the optimization
+#: of ArduCopter in discuss.ardupilot.org/t/109759; a disk margin of two thirds of the gain margin everywhere
+DAMPING: Final = {
+    "MIL-F-9490D at VL": Specification(4.5, 30.0, 3.0),
+    "SAE AS94900": Specification(),
+    "ArduCopter": Specification(7.0, 50.0, 4.7),
+    "MIL-F-9490D elastic": Specification(8.0, 60.0, 5.3),
+}
+
+
 @dataclass(frozen=True, eq=False)
 class Design:
     """Loops of a firmware around a model, and what they shall keep.

@@ -58,7 +58,7 @@ def test_json_holds_the_same(flight_file: Path, capsys: pytest.CaptureFixture[st
     assert rows["V"]["unit"] == "m/s"
     assert rows["V"]["missing"] == 0.0
     assert found["maneuvers"][0]["axis"] == "pitch"
-    assert found["faults"] == []
+    assert (found["faults"], found["control_laws"]) == ([], [])
 
 
 def test_channels_without_a_value_are_only_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -269,6 +269,10 @@ def test_what_speaks_against_a_proposal_leaves_no_file(
     assert main([*command, "-o", str(tmp_path / "tuned")]) == 2
     assert "IMU_GYRO_DNF_EN" in capsys.readouterr().err
     assert not (tmp_path / "tuned").exists()
+    assert main([*command, "--page", str(tmp_path / "flown")]) == 0
+    assert "Gains that flew." in (tmp_path / "flown.html").read_text(encoding="utf-8")
+    assert main([*command, "--page", str(tmp_path / "flown")]) == 2
+    assert "exists already" in capsys.readouterr().err
     assert main([*command, "--anyway"]) == 2
     assert "name a folder for it with -o" in capsys.readouterr().err
     judged = with_servos.tune(FLOWN, airspeed=(33.0, 38.0), draws=100)

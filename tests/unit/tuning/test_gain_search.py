@@ -15,7 +15,7 @@ from stoop.base.notices import notice
 from stoop.control_laws.parameters import read_parameters
 from stoop.control_laws.table import firmwares
 from stoop.errors import StoopError
-from stoop.tuning.gain_search import FARTHEST, SLACK, Design, Specification, propose
+from stoop.tuning.gain_search import DAMPING, FARTHEST, SLACK, Design, Specification, propose
 from stoop.tuning.judgment import Condition
 from stoop.tuning.loops import Plants
 from stoop.tuning.proposal import proposal
@@ -47,6 +47,21 @@ def design(damping: np.ndarray, **specification: float) -> Design:
 
 def least(found: Design, values: dict[str, float]) -> float:
     return float(found.left({**found.flown, **values})[1].min())
+
+
+def test_more_damping_leaves_less_rejection() -> None:
+    """The presets are those of the standards, in order; each proposal keeps its own, and the next rejects less."""
+    published = [(4.5, 30.0), (6.0, 45.0), (7.0, 50.0), (8.0, 60.0)]
+    assert [(one.gain, one.phase) for one in DAMPING.values()] == published
+    assert DAMPING["SAE AS94900"] == Specification()
+    rejected = []
+    for one in DAMPING.values():
+        assert one.disk == pytest.approx(one.gain / 1.5, abs=0.05)
+        own = design(np.array([4.0, 4.0]), **vars(one))
+        found = propose(own)
+        assert least(own, found) > -SLACK
+        rejected.append(float(own.judged({**FLOWN, **found})[0][0].margins.rejection[0]))
+    assert rejected == sorted(rejected, reverse=True)
 
 
 def test_no_gains_of_a_grid_reject_more() -> None:

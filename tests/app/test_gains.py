@@ -1,0 +1,175 @@
+"""Gains in the app: judged from a log, proposed by two sliders, written; what is refused is one line, and nothing is written."""
+
+from __future__ import annotations
+
+import shutil
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from stoop.app import steps
+from stoop.app.folder import Project
+from stoop.app.gains_view import GainsView
+from stoop.app.steps import Step
+from stoop.cli.main import main
+from stoop.control_laws.parameters import read_parameters
+from stoop.errors import StoopError
+from stoop.exporters.flight_logs import save_flight_as
+from stoop.results.verdict import Verdict
+from tests.unit.cli.test_tune import FLOWN, moved_by_commands
+
+pytestmark = pytest.mark.filterwarnings("ignore::PendingDeprecationWarning")  # of Panel
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder: logs of the demonstration with parameters of PX4 and without, and of an app with its model as a run."""
+    folder = tmp_path_factory.mktemp("gains")
+    assert main(["demo", "-o", str(folder / "demo")]) == 0
+    model = moved_by_commands(folder / "demo", "lag = 0.05\ndelay = 0.03\n")
+    doubtful = replace(model, result=replace(model.result, verdict=Verdict()))
+    for name, one in (("001", doubtful), ("002", model)):
+        one.save(folder / "project" / "runs" / name)
+        (folder / "project" / "runs" / name / steps.COMMAND).write_text("stoop identify\n")
+    flight = model.flights[0]
+    save_flight_as(flight, folder / "bare.ulg")
+    save_flight_as(replace(flight, parameters=FLOWN), folder / "flight.ulg")
+    return folder
+
+
+@pytest.fixture
+def project(flown: Path, tmp_path: Path) -> Project:
+    """Return the folder of the app, for this test alone."""
+    return Project(Path(shutil.copytree(flown / "project", tmp_path / "project")))
+
+
+def ended(project: Project, kind: str) -> Step:
+    """Return the last step of a kind, when it has ended."""
+    step = project.latest(kind)
+    assert step is not None
+    while step.running:
+        time.sleep(0.05)
+    return step
+
+
+def write(project: Project, name: str, values: dict[str, float]) -> None:
+    (project.root / name).write_text("".join(f"{n} {x}\n" for n, x in values.items()), "utf-8")
+
+
+def view_of(project: Project) -> GainsView:
+    view = GainsView(project, lambda title: None)
+    view.refresh()
+    return view
+
+
+def text_of(view: GainsView) -> str:
+    """Return what a view shows as markup."""
+    return "\n".join(str(pane.object) for pane in view.panel.select() if hasattr(pane, "object"))
+
+
+def files_of(project: Project) -> list[Path]:
+    return [p for step in project.steps("gains") for p in step.files]
+
+
+def test_from_a_log_to_files(app: Callable[..., Any], tab: Any, project: Project, flown: Path) -> None:
+    running = app(str(flown / "flight.ulg"), folder=project.root)
+    page = tab(running)
+    page.page.frame_locator("iframe").get_by_text("identification report").first.wait_for()
+    page.page.get_by_text("What to do next").first.click()
+    page.click("Judge the autopilot's gains")
+    page.page.locator("option", has_text="flight.ulg, PX4 fixed wing").wait_for(state="attached")
+    page.click("Judge their margins")
+    shown = page.page.frame_locator("iframe")
+    shown.get_by_text("Gains that flew.").first.wait_for()
+    page.picture("gains_flown")
+    assert not [p for p in files_of(project) if p.suffix == ".params"]
+    page.page.locator(".noUi-handle").first.press("ArrowRight")
+    page.wait("ArduCopter, 7 dB, 50 deg, 4.7 dB")
+    page.click("Propose gains")
+    page.wait("searching gains")
+    link = page.page.get_by_role("link").get_by_text("gains/002/gains-100.params")
+    link.wait_for()
+    shown.get_by_text("Gains that flew, and better ones.").first.wait_for()
+    page.picture("gains_proposed")
+    with page.page.expect_download() as download:
+        link.click()
+    proposed = read_parameters(Path(shutil.copy(download.value.path(), flown / "proposed.params")))
+    assert proposed["FW_PR_P"] > FLOWN["FW_PR_P"]
+    assert [p.name for p in files_of(project) if p.suffix == ".params"] == [
+        f"gains-{step}.params" for step in ("100", "25", "50", "75", "flown")
+    ]
+    command = (project.root / "commands.sh").read_text("utf-8").splitlines()[-1]
+    assert command.endswith("--gain-margin 7 --phase-margin 50 --disk-margin 4.7 --noise 5 -o gains/002")
+
+
+def test_a_log_without_parameters_takes_those_of_a_file(project: Project, flown: Path) -> None:
+    project.open_log(flown / "bare.ulg")
+    ended(project, "info")
+    view = view_of(project)
+    assert view._judge.disabled
+    assert "The log holds no parameters of an autopilot whose law is known. Send a file" in text_of(view)
+    with pytest.raises(
+        StoopError, match=r"gains\.txt: a file of parameters ends in \.param, \.params, \.parm"
+    ):
+        view._take("gains.txt", b"")
+    assert "gains.txt" not in {p.name for p in project.root.iterdir()}
+    view._take("../-o.params", b"FW_RR_P 0.1\n")
+    view._take("-o.params", b"FW_RR_P 0.2\n")
+    assert not view._judge.disabled
+    assert view._gains.value == "./-o.params", "no option of the command"
+    assert view_of(project)._gains.options == {"-o-1.params": "./-o-1.params", "-o.params": "./-o.params"}
+    (project.root / "elsewhere.params").symlink_to(flown / "flight.ulg")
+    assert "elsewhere.params" not in view_of(project)._gains.options
+
+
+COPTER = {"MC_ROLLRATE_P": 0.15, "MC_PITCHRATE_P": 0.15, "MC_YAWRATE_P": 0.2}
+REFUSED = {
+    "those of PX4 multicopter, but the vehicle flies on wings: take its own log": COPTER,
+    "are unstable with these gains": FLOWN | {"FW_PR_P": 200.0},
+    "FW_RR_P = -0.1: it must be a number of at least 0": FLOWN | {"FW_RR_P": -0.1},
+    "the log is empty; save the parameters again": {},
+}
+
+
+@pytest.mark.parametrize("line", REFUSED)
+def test_gains_that_cannot_be_judged_are_one_line(project: Project, line: str) -> None:
+    write(project, "own.params", REFUSED[line])
+    view = view_of(project)
+    view._start(False)
+    ended(project, "gains")
+    view.refresh()
+    shown = text_of(view)
+    assert line in shown.replace("&#x27;", "'")
+    assert shown.count('class="error"') == 1
+    assert "Propose gains" not in str(view.panel), "nothing is proposed before the gains that flew are judged"
+    assert files_of(project) == []
+
+
+def test_a_model_not_for_control_is_judged_and_writes_only_when_told_to(
+    project: Project, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write(project, "own.params", FLOWN)
+    view = view_of(project)
+    view._model.value = "runs/001"
+    view._start(False)
+    assert ended(project, "gains").state == "done"
+    view.refresh()
+    view._start(True)
+    assert ended(project, "gains").state == "failed"
+    view.refresh()
+    shown = text_of(view)
+    assert shown.count('class="error"') == 1
+    assert "No file of gains was written." in shown
+    assert "anyway" not in shown.partition("<details")[0]
+    assert [p.name for p in files_of(project)] == ["tuning.html"], "of the gains that flew"
+    monkeypatch.setattr(Project, "start", lambda self, kind, words: given.extend(words("gains/003")))
+    given: list[str] = []
+    (button,) = (b for b in view._stage if getattr(b, "label", "") == "Write them all the same")
+    button.clicks += 1
+    assert given[3:] == [
+        "--gain-margin", "6", "--phase-margin", "45", "--disk-margin", "4", "--noise", "5", "--anyway", "-o", "gains/003",
+    ]  # fmt: skip
