@@ -76,8 +76,9 @@ def files_of(project: Project) -> list[Path]:
 
 
 def test_from_a_log_to_files(app: Callable[..., Any], tab: Any, project: Project, flown: Path) -> None:
-    running = app(str(flown / "flight.ulg"), folder=project.root)
-    page = tab(running)
+    project.open_log(flown / "flight.ulg")
+    ended(project, "info")
+    page = tab(app(folder=project.root))
     page.page.frame_locator("iframe").get_by_text("identification report").first.wait_for()
     page.page.get_by_text("What to do next").first.click()
     page.click("Judge the autopilot's gains")
