@@ -76,12 +76,15 @@ def files_of(project: Project) -> list[Path]:
 
 
 def test_from_a_log_to_files(app: Callable[..., Any], tab: Any, project: Project, flown: Path) -> None:
-    running = app(str(flown / "flight.ulg"), folder=project.root)
-    page = tab(running)
+    project.open_log(flown / "flight.ulg")
+    ended(project, "info")
+    write(project, "own.params", FLOWN)
+    page = tab(app(folder=project.root))
     page.page.frame_locator("iframe").get_by_text("identification report").first.wait_for()
     page.page.get_by_text("What to do next").first.click()
     page.click("Judge the autopilot's gains")
     page.page.locator("option", has_text="flight.ulg, PX4 fixed wing").wait_for(state="attached")
+    page.page.get_by_label("gains that flew").select_option("own.params")
     page.click("Judge their margins")
     shown = page.page.frame_locator("iframe")
     shown.get_by_text("Gains that flew.").first.wait_for()
