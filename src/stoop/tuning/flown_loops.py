@@ -125,9 +125,9 @@ def closed_loops(
     """
     try:
         flight = load(path)
+        signals = recorded_signals(path, flight, rotors)
     except StoopError as error:
         return None, [notice("tune-no-closed-loop", path.name, reason=str(error))]
-    signals = recorded_signals(path, flight, rotors)
     setpoints, rates = (np.array([one.values[:, k] for one in signals.values()]).T for k in (0, 1))
     slowest = min((one.slowest for one in signals.values()), default=np.nan)
     band = 0.0, 2.0 * np.pi * min(MAX_FREQUENCY, RESOLVED * slowest)

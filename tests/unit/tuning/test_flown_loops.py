@@ -194,6 +194,15 @@ def test_a_log_without_setpoints_says_so_in_one_line(shared_data: Path) -> None:
         assert "\n" not in str(said)
 
 
+def test_a_log_without_rates_is_judged_without_its_closed_loop(tmp_path: Path) -> None:
+    time, path = 10.0 + np.arange(400) / RATE, tmp_path / "log.ulg"
+    level = {f"q[{i}]": np.full(400, float(i == 0)) for i in range(4)}
+    path.write_bytes(ulog([Topic("vehicle_attitude", time, level)], PARAMETERS))
+    loops = [{"roll": AxisLoop(px4.fixed_wing(PARAMETERS, "roll"))}]
+    found, (said,) = closed_loops(path, False, [Condition(20.0, 1.0, plants())], loops)
+    assert (found, said.code) == (None, "tune-no-closed-loop")
+
+
 def test_bandwidth_and_phase_delay_are_those_of_the_closed_attitude_loop() -> None:
     """By their definitions, from a finely spaced response: of the attitude over its setpoint, others closed or not there."""
     model, law = plants(spread=0.05), px4.fixed_wing(PARAMETERS, "roll")
