@@ -115,9 +115,7 @@ def test_a_log_without_parameters_takes_those_of_a_file(project: Project, flown:
     view = view_of(project)
     assert view._judge.disabled
     assert "The log holds no parameters of an autopilot whose law is known. Send a file" in text_of(view)
-    with pytest.raises(
-        StoopError, match=r"gains\.txt: a file of parameters ends in \.param, \.params, \.parm"
-    ):
+    with pytest.raises(StoopError, match=r"gains\.txt: a file of parameters ends in \.config, \.param, "):
         view._take("gains.txt", b"")
     assert "gains.txt" not in {p.name for p in project.root.iterdir()}
     view._take("../-o.params", b"FW_RR_P 0.1\n")
