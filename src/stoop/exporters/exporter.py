@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import math
+import sys
 import tempfile
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -11,12 +12,12 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from stoop.base.files import write_files
 from stoop.base.numbers import count
 from stoop.base.text import printable_lines
-from stoop.errors import SimulationError
+from stoop.errors import SimulationError, StoopError
 from stoop.exporters.agreement import (
     EXPORT_PAGE,
     Compared,
@@ -186,6 +187,39 @@ class Exporter(ABC):
         return replace(made, files={**made.files, **encoded({EXPORT_PAGE: page})})
 
 
+@dataclass(frozen=True, eq=False)
+class FullExporter(Exporter):
+    """A target of models with all six degrees of freedom, whatever the fit had."""
+
+    @cached_property
+    def full(self) -> ModelData:
+        """The model with the equations of all six degrees of freedom."""
+        vehicle = self.model.vehicle
+        return (
+            self.model if vehicle.reduce == "full" else replace(self.model, vehicle=vehicle.reduced("full"))
+        )
+
+    @property
+    def vehicle(self) -> Vehicle:
+        """The vehicle with all six degrees of freedom."""
+        return self.full.vehicle
+
+    @cached_property
+    def point(self) -> Trim:
+        """The steady flight of the condition."""
+        return self.full.trim(self.condition)
+
+    @property
+    def completed(self) -> list[str]:
+        """A note on the degrees of freedom that the fit did not have, if it left some out."""
+        reduced = self.model.vehicle.reduce
+        note = (
+            f"The equations of the fit are {reduced}; the models have all six degrees of freedom, the others with the "
+            "numbers of the vehicle file."
+        )
+        return [note] if reduced != "full" else []
+
+
 def encoded(texts: Mapping[str, str]) -> dict[str, bytes]:
     """Return texts as UTF-8."""
     return {place: text.encode("utf-8", errors="replace") for place, text in texts.items()}
@@ -194,6 +228,20 @@ def encoded(texts: Mapping[str, str]) -> dict[str, bytes]:
 def installed(package: str) -> bool:
     """Return whether a package that not every installation has is there."""
     return importlib.util.find_spec(package) is not None
+
+
+def load_script(place: Path) -> Any:
+    """Return a script that was written as a module; without a cache beside it."""
+    spec = importlib.util.spec_from_file_location(f"_stoop_{place.stem}", place)
+    if spec is None or spec.loader is None:
+        raise StoopError(f"{place}: no script")
+    module = importlib.util.module_from_spec(spec)
+    keep, sys.dont_write_bytecode = sys.dont_write_bytecode, True
+    try:
+        spec.loader.exec_module(module)
+    finally:
+        sys.dont_write_bytecode = keep
+    return module
 
 
 @contextmanager

@@ -47,6 +47,7 @@ TARGETS: Final = {
     "simulink": Target("Simulink", "matlab", "Simulink"),
     "fmu": Target("FMI", "fmu_target", "FMU"),
     "rotorpy": Target("RotorPy", "rotorpy_flight", "RotorPy"),
+    "mujoco": Target("MuJoCo", "mujoco_flight", "MuJoCo"),
     "gazebo": Target("Gazebo", "gazebo", "Gazebo"),
 }
 FLOWN_BY: Final = {
