@@ -24,7 +24,7 @@ FLAG = re.compile(
 )  #: tests whether a vehicle has rotors
 #: room -> lines at most; "stoop" is the whole package, for which the design asks 68,000, and 9,000 for its studies
 BUDGETS = {
-    "stoop": 86800,
+    "stoop": 86900,
     "stoop_studies": 14140,
     "api": 200,
     "app": 3510,
@@ -34,7 +34,7 @@ BUDGETS = {
     "cli": 3250,
     "control_laws": 1380,
     "estimate": 7535,
-    "exporters": 8450,
+    "exporters": 8560,
     "flight": 6250,
     "input_design": 2350,
     "kernels": 2810,

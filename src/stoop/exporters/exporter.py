@@ -9,11 +9,12 @@ import tempfile
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Final
 
+from stoop.base.arrays import FloatArray
 from stoop.base.files import write_files
 from stoop.base.numbers import count
 from stoop.base.text import printable_lines
@@ -61,6 +62,7 @@ class ModelData:
     altitude : m, of the flight
     density : kg/m3, likewise, where a channel gives it
     notes : for the user
+    draws : of the parameters, by name, (D,) each; empty where none are asked for
     """
 
     vehicle: Vehicle
@@ -69,6 +71,7 @@ class ModelData:
     altitude: float = 200.0
     density: float | None = None
     notes: tuple[str, ...] = ()
+    draws: Mapping[str, FloatArray] = field(default_factory=dict)
 
     @property
     def unidentified(self) -> tuple[str, ...]:
@@ -151,6 +154,14 @@ class Exporter(ABC):
         """Return notes on what the tool cannot represent of this model, and what that costs."""
         return []
 
+    def with_draws(self, made: Exported) -> Exported:
+        """Return the files with the parameter sets of the draws; a target that takes none refuses them."""
+        if self.model.draws:
+            raise StoopError(
+                "--draws: this target takes one parameter set; give mujoco, pyflyt, gym-pybullet-drones, crazyflow or isaac"
+            )
+        return made
+
     def fly(self, made: Exported) -> Exported:
         """Fly the files in the tool; return them with notes on the agreement with our simulation, or why they were not flown."""
         return made
@@ -179,7 +190,7 @@ class Exporter(ABC):
         StoopError
             The model cannot be exported so, or no steady flight is found.
         """
-        made = self.files()
+        made = self.with_draws(self.files())
         made = self.fly(replace(made, notes=(*self.model.notes, *made.notes, *self.lacks())))
         if not made.compared:
             return made

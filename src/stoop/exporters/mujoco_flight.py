@@ -10,13 +10,15 @@ from stoop.base.arrays import FloatArray
 from stoop.base.extras import install
 from stoop.base.rotations import FLIP, euler_angles, normalized, to_body
 from stoop.exporters.agreement import AXES, Compared, loads_along
-from stoop.exporters.exporter import Exported, FullExporter, encoded, installed, load_script, written
+from stoop.exporters.exporter import Exported, encoded, installed, load_script, written
 from stoop.exporters.mujoco_model import mujoco_model
+from stoop.exporters.parameter_sets import RandomizedExporter
 from stoop.exporters.reference_flight import ReferenceFlight
 from stoop.exporters.rotorpy_flight import CHANNELS, TURN, motion
 from stoop.simulation import parameter_rows
 from stoop.simulation.initial import commanded
 from stoop.simulation.loads import rigid_loads
+from stoop.vehicle import Vehicle
 
 INSTALL: Final = install("mujoco")
 
@@ -90,13 +92,19 @@ def fly_mujoco(script: Any, flight: ReferenceFlight) -> FloatArray:
     return out
 
 
-class MuJoCo(FullExporter):
+class MuJoCo(RandomizedExporter):
     """A vehicle in MJCF, and a callback with the identified equations."""
 
     def files(self) -> Exported:
         """Return model, numbers and script."""
         made = mujoco_model(self.vehicle, self.point)
         return Exported(encoded(made.texts), f"{made.name}.xml", (*self.model.unidentified, *self.completed))
+
+    def numbers_of(self, vehicle: Vehicle) -> dict[str, float]:
+        """Return the numbers of the vehicle file, of which the callback takes all."""
+        changes = self.steady(vehicle).changes if self.point.changes else None  # a thrust for steady flight
+        values = parameter_rows(vehicle, changes)[:, 0].tolist()
+        return dict(zip((p.name for p in vehicle.parameters), values, strict=True))
 
     def lacks(self) -> list[str]:
         """Return dead zones, rate limits and delays, and what they make."""

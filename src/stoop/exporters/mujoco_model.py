@@ -1,8 +1,8 @@
 """A vehicle for MuJoCo: a rigid body with actuators in MJCF, and a Python callback for what MJCF cannot express.
 
 MuJoCo's world is north, west, up, its body axes are forward, left, up. The activation of an actuator is the state of its lag
-(first order, ``dyntype="filter"``): x of a rotor, or the deflection of a control. A rotor's actuator has the tangent of its thrust
-at hover, N over x, and the torque in proportion. The callback adds the identified force and moment less those of the
+(first order, ``dyntype="filter"``): x of a rotor, or the deflection of a control. A rotor's actuator has the tangent of its
+thrust at hover, N over x, and the torque in proportion. The callback adds the identified force and moment less those of the
 actuators, so that both together are the identified equations.
 
 References
