@@ -101,10 +101,11 @@ class MuJoCo(RandomizedExporter):
         return Exported(encoded(made.texts), f"{made.name}.xml", (*self.model.unidentified, *self.completed))
 
     def numbers_of(self, vehicle: Vehicle) -> dict[str, float]:
-        """Return the numbers of the vehicle file, of which the callback takes all."""
+        """Return the numbers of the vehicle file but those of instruments; the callback takes all."""
         changes = self.steady(vehicle).changes if self.point.changes else None  # a thrust for steady flight
         values = parameter_rows(vehicle, changes)[:, 0].tolist()
-        return dict(zip((p.name for p in vehicle.parameters), values, strict=True))
+        names = (p.name for p in vehicle.parameters)
+        return {n: x for n, x in zip(names, values, strict=True) if not n.startswith("sensors.")}
 
     def lacks(self) -> list[str]:
         """Return dead zones, rate limits and delays, and what they make."""
