@@ -34,7 +34,7 @@ BUDGETS = {
     "cli": 3250,
     "control_laws": 1380,
     "estimate": 7535,
-    "exporters": 8560,
+    "exporters": 8900,
     "flight": 6250,
     "input_design": 2350,
     "kernels": 2810,
@@ -53,7 +53,7 @@ BUDGETS = {
     "tuning": 2270,
     "vehicle": 3645,
     "vehicle_draft": 3350,
-    "workflow": 4230,
+    "workflow": 4240,
 }
 #: modules that an allowed import cycle goes through, imports in functions counted: registries that name their entries
 REGISTRIES = {"stoop.optimize.registry", "stoop.vehicle.vehicle", "stoop.workflow.fitted_model"}

@@ -107,6 +107,11 @@ class MuJoCo(RandomizedExporter):
         names = (p.name for p in vehicle.parameters)
         return {n: x for n, x in zip(names, values, strict=True) if not n.startswith("sensors.")}
 
+    def drawn(self) -> tuple[dict[str, FloatArray], int]:
+        """Return the numbers (D,) that differ between the parameter sets: all others are in the model."""
+        sets, lost = super().drawn()
+        return {n: x for n, x in sets.items() if np.ptp(x) > 0.0}, lost
+
     def lacks(self) -> list[str]:
         """Return dead zones, rate limits and delays, and what they make."""
         advice = "The MuJoCo model has no {}: give it channels as rotors and surfaces receive them."

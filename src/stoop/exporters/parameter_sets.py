@@ -61,12 +61,11 @@ class RandomizedExporter(FullExporter):
         if not self.model.draws:
             return made
         sets, lost = self.drawn()
-        own = {n: x for n, x in sets.items() if np.ptp(x, axis=0).any()}
         number = len(next(iter(sets.values())))
         content = {"format": FORMAT, "vehicle": self.vehicle.name, "draws": number}
-        lists = {n: x.tolist() for n, x in own.items()}
+        lists = {n: x.tolist() for n, x in sets.items()}
         table, arrays = io.BytesIO(), json.dumps({**content, "numbers": lists}, allow_nan=False) + "\n"
-        np.savez_compressed(table, allow_pickle=False, **own)
+        np.savez_compressed(table, allow_pickle=False, **sets)
         notes = [f"{count(number, 'parameter set')} with correlations: {', '.join(FILES)}."]
         notes += [f"{count(lost, 'draw')} without a steady flight left out."] if lost else []
         files = dict(zip(FILES, (arrays.encode(), table.getvalue()), strict=True))
