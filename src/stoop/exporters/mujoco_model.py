@@ -145,7 +145,7 @@ def _steady(vehicle: Vehicle, point: Trim) -> dict[str, float]:
 
 def _mjcf(vehicle: Vehicle, printed: PrintedLoads, thrusts: dict[str, Thrust]) -> str:
     """Return the model file: the body with a site for each rotor, the actuators."""
-    root = Element("mujoco", model=vehicle.name)
+    root = Element("mujoco", model=identifier(vehicle.name))
     SubElement(root, "compiler", angle="radian", autolimits="true")
     gravity = f"0 0 {-vehicle.value('environment.gravity')!r}"
     SubElement(root, "option", timestep=repr(TIME_STEP), integrator="RK4", gravity=gravity)
