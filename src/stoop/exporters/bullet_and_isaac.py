@@ -33,7 +33,7 @@ BULLET_LINKS: Final = ("prop0_link", "prop1_link", "prop2_link", "prop3_link", "
 ISAAC_LINKS: Final = ("rotor_0", "rotor_1", "rotor_2", "rotor_3")
 FASTEST: Final = 30.0  #: km/h, set-point of the velocity at full action
 INTERVAL: Final = (2.5, 97.5)  #: percentiles of the draws, of a range
-NOT_FLOWN: Final = "Not flown: {} is not on the package index; the files follow its reader."
+NOT_FLOWN: Final = "Not flown: stoop does not install {}; the files follow its reader."
 
 
 class _Described(QuadExporter):
