@@ -24,7 +24,7 @@ FLAG = re.compile(
 )  #: tests whether a vehicle has rotors
 #: room -> lines at most; "stoop" is the whole package, for which the design asks 68,000, and 9,000 for its studies
 BUDGETS = {
-    "stoop": 85950,
+    "stoop": 86900,
     "stoop_studies": 14140,
     "api": 200,
     "app": 3645,
@@ -34,7 +34,7 @@ BUDGETS = {
     "cli": 3250,
     "control_laws": 1535,
     "estimate": 7535,
-    "exporters": 7655,
+    "exporters": 8900,
     "flight": 6250,
     "input_design": 2350,
     "kernels": 2810,
@@ -53,7 +53,7 @@ BUDGETS = {
     "tuning": 2340,
     "vehicle": 3645,
     "vehicle_draft": 3350,
-    "workflow": 4265,
+    "workflow": 4285,
 }
 #: modules that an allowed import cycle goes through, imports in functions counted: registries that name their entries
 REGISTRIES = {"stoop.optimize.registry", "stoop.vehicle.vehicle", "stoop.workflow.fitted_model"}

@@ -82,7 +82,11 @@ def _install(folder: Path) -> bool:
         "environment", [sys.executable, "-m", "venv", str(folder)], folder
     ):
         return False
-    return _run("install", ["python", "-m", "pip", "install", "--quiet", ".[test,docs]"], folder)
+    pip = ["python", "-m", "pip", "install", "--quiet"]
+    # PyFlyt asks for NumPy below 2, and flies with 2, which drone-models asks for.
+    return _run("install", [*pip, ".[test,docs]"], folder) and _run(
+        "install PyFlyt", [*pip, "--no-deps", "pyflyt>=0.29", "pybullet>=3.2.6"], folder
+    )
 
 
 def _run(name: str, command: Sequence[str], folder: Path) -> bool:

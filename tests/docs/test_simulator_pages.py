@@ -14,6 +14,7 @@ from stoop.cli.main import main
 from stoop.exporters import fmu, fmu_target
 from stoop.exporters.agreement import agreement_table
 from stoop.exporters.reference_flight import reference_flight
+from stoop.exporters.targets import TARGETS
 from stoop.simulation import trim
 from stoop.vehicle.builtin import builtin_vehicle
 from stoop.vehicle.load import load_vehicle
@@ -63,6 +64,17 @@ def test_the_quadrotor_flies_in_rotorpy(tmp_path: Path) -> None:
     assert apart[0] < 1e-3
     assert re.search(r"climbs at \d\.\d\d m/s after 1 s", said)
     assert "to [1. 1. 3.] by RotorPy's controller" in said
+
+
+def test_the_quadrotor_flies_in_mujoco(tmp_path: Path) -> None:
+    pytest.importorskip("mujoco")
+    said = run_python(DOCS / "learning-simulators.md", tmp_path)
+    (apart,) = [float(x) for x in re.findall(r"MuJoCo, .* within (\S+) of each channel", said)]
+    assert apart < 1e-3
+    slower, faster = [float(x) for x in re.findall(r"climbs at (\S+) m/s after 1 s", said)]
+    assert faster > slower + 0.1, "with more thrust"
+    found = table(DOCS / "learning-simulators.md", "The targets", "--to").rows
+    assert {row[0].strip("`") for row in found} < set(TARGETS)
 
 
 def test_the_models_fly_by_the_equations_of_gazebo(tmp_path: Path) -> None:

@@ -93,7 +93,7 @@ def test_nothing_is_evaluated() -> None:
     assert {(place, name) for place, name in last if name in names} == {
         ("kernels/generated.py", "exec_module"),
         ("kernels/generated.py", "source_to_code"),
-        ("exporters/rotorpy_flight.py", "exec_module"),
+        ("exporters/exporter.py", "exec_module"),
     }, "code that stoop wrote itself, from a private folder"
     for place, name, call in calls():
         if name == "ast.parse":  # read, and never run

@@ -11,8 +11,7 @@ from dataclasses import dataclass, replace
 from importlib.resources import files
 from typing import Any
 
-from stoop.base.text import MOST_LISTED
-
+MOST_EXPLAINED = 16  #: choices with titles that the help of an option lists
 _LINK = re.compile(r"\[([^\]]*)\]\((?:([\w-]+\.md)[^)]*|[^)]*)\)")
 _PLACE = re.compile(r"[\w.]+:\w+")  #: a text that stands for an object of a module
 
@@ -109,7 +108,7 @@ class Option:
     def meaning(self) -> str:
         """What it is, with unit and choices (if they are not too many for a line), as Markdown."""
         unit = f" [{self.unit}]" if self.unit else ""
-        listed = self.choices if self.metavar and len(self.choices) <= MOST_LISTED else ()
+        listed = self.choices if self.metavar and len(self.choices) <= MOST_EXPLAINED else ()
         named = [f"`{name}`" + (f" ({self.choices[name]})" * bool(self.choices[name])) for name in listed]
         return self.help + unit + (f"; one of {', '.join(named)}" if named else "")
 

@@ -105,6 +105,8 @@ def export(arguments: argparse.Namespace) -> int:
             arguments.altitude,
             arguments.climb_angle,
             arguments.overwrite,
+            arguments.draws,
+            arguments.seed,
         )
     out = page()
     for place in found.files:

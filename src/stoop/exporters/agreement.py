@@ -86,6 +86,9 @@ class Compared:
     def __str__(self) -> str:
         """Return the largest difference of the channels, and the lowest correlation of all columns, as a sentence."""
         found = relative_differences(self.names, self.ours, self.theirs)
+        error = np.abs(differences(self.names, self.ours, self.theirs)).max(axis=0)
+        for name, e, scale in zip(self.names, error, self.scale, strict=True):
+            found[name] *= float(e > ROUNDING * scale)  # a channel at rest differs by rounding
         worst = max((name for name in found if name not in AXES), key=lambda name: found[name])
         known = {
             n: r for n, r in zip(self.names, self.statistics["correlation"], strict=True) if np.isfinite(r)

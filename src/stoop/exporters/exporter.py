@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import importlib.util
 import math
+import sys
 import tempfile
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
+from stoop.base.arrays import FloatArray
 from stoop.base.files import write_files
 from stoop.base.numbers import count
 from stoop.base.text import printable_lines
-from stoop.errors import SimulationError
+from stoop.errors import SimulationError, StoopError
 from stoop.exporters.agreement import (
     EXPORT_PAGE,
     Compared,
@@ -60,6 +62,7 @@ class ModelData:
     altitude : m, of the flight
     density : kg/m3, likewise, where a channel gives it
     notes : for the user
+    draws : of the parameters, by name, (D,) each; empty where none are asked for
     """
 
     vehicle: Vehicle
@@ -68,6 +71,7 @@ class ModelData:
     altitude: float = 200.0
     density: float | None = None
     notes: tuple[str, ...] = ()
+    draws: Mapping[str, FloatArray] = field(default_factory=dict)
 
     @property
     def unidentified(self) -> tuple[str, ...]:
@@ -150,6 +154,14 @@ class Exporter(ABC):
         """Return notes on what the tool cannot represent of this model, and what that costs."""
         return []
 
+    def with_draws(self, made: Exported) -> Exported:
+        """Return the files with the parameter sets of the draws; a target that takes none refuses them."""
+        if self.model.draws:
+            raise StoopError(
+                "--draws: this target takes one parameter set; give mujoco, pyflyt, gym-pybullet-drones, crazyflow or isaac"
+            )
+        return made
+
     def fly(self, made: Exported) -> Exported:
         """Fly the files in the tool; return them with notes on the agreement with our simulation, or why they were not flown."""
         return made
@@ -178,12 +190,45 @@ class Exporter(ABC):
         StoopError
             The model cannot be exported so, or no steady flight is found.
         """
-        made = self.files()
+        made = self.with_draws(self.files())
         made = self.fly(replace(made, notes=(*self.model.notes, *made.notes, *self.lacks())))
         if not made.compared:
             return made
         page = agreement_page(f"{self.vehicle.name}: agreement of the export", made.compared, made.notes)
         return replace(made, files={**made.files, **encoded({EXPORT_PAGE: page})})
+
+
+@dataclass(frozen=True, eq=False)
+class FullExporter(Exporter):
+    """A target of models with all six degrees of freedom, whatever the fit had."""
+
+    @cached_property
+    def full(self) -> ModelData:
+        """The model with the equations of all six degrees of freedom."""
+        vehicle = self.model.vehicle
+        return (
+            self.model if vehicle.reduce == "full" else replace(self.model, vehicle=vehicle.reduced("full"))
+        )
+
+    @property
+    def vehicle(self) -> Vehicle:
+        """The vehicle with all six degrees of freedom."""
+        return self.full.vehicle
+
+    @cached_property
+    def point(self) -> Trim:
+        """The steady flight of the condition."""
+        return self.full.trim(self.condition)
+
+    @property
+    def completed(self) -> list[str]:
+        """A note on the degrees of freedom that the fit did not have, if it left some out."""
+        reduced = self.model.vehicle.reduce
+        note = (
+            f"The equations of the fit are {reduced}; the models have all six degrees of freedom, the others with the "
+            "numbers of the vehicle file."
+        )
+        return [note] if reduced != "full" else []
 
 
 def encoded(texts: Mapping[str, str]) -> dict[str, bytes]:
@@ -194,6 +239,20 @@ def encoded(texts: Mapping[str, str]) -> dict[str, bytes]:
 def installed(package: str) -> bool:
     """Return whether a package that not every installation has is there."""
     return importlib.util.find_spec(package) is not None
+
+
+def load_script(place: Path) -> Any:
+    """Return a script that was written as a module; without a cache beside it."""
+    spec = importlib.util.spec_from_file_location(f"_stoop_{place.stem}", place)
+    if spec is None or spec.loader is None:
+        raise StoopError(f"{place}: no script")
+    module = importlib.util.module_from_spec(spec)
+    keep, sys.dont_write_bytecode = sys.dont_write_bytecode, True
+    try:
+        spec.loader.exec_module(module)
+    finally:
+        sys.dont_write_bytecode = keep
+    return module
 
 
 @contextmanager

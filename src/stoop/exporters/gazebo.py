@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import replace
 from functools import cached_property, partial
 from typing import Final
 
@@ -15,14 +14,13 @@ from stoop.base.arrays import FloatArray
 from stoop.base.rotations import euler_angles, normalized, product, to_body, to_ground
 from stoop.exporters import gazebo_autopilots, gazebo_files, rotorpy_flight
 from stoop.exporters.agreement import AXES, Compared, loads_along, omission, omitted_shares
-from stoop.exporters.exporter import Exported, Exporter, ModelData, encoded
+from stoop.exporters.exporter import Exported, FullExporter, encoded
 from stoop.exporters.gazebo_model import GazeboModel, gazebo_model, unsupported_rotor_numbers
 from stoop.exporters.gazebo_plugins import Motor, Surface, damping_loads, motor_loads, wing_loads
 from stoop.exporters.gazebo_wing import unsupported_wing_terms
 from stoop.exporters.jsbsim_flight import Record
 from stoop.exporters.reference_flight import ReferenceFlight, states_of
 from stoop.exporters.rotorpy_flight import CHANNELS
-from stoop.simulation import Trim
 from stoop.simulation.initial import commanded, mixed_inputs, parameter_rows
 from stoop.vehicle import Vehicle
 
@@ -140,26 +138,8 @@ def _lagged(model: GazeboModel, flight: ReferenceFlight, k: int, rows: FloatArra
     return np.asarray(out)
 
 
-class Gazebo(Exporter):
+class Gazebo(FullExporter):
     """Models with all six degrees of freedom, whatever the fit had."""
-
-    @cached_property
-    def full(self) -> ModelData:
-        """The model with the equations of all six degrees of freedom."""
-        vehicle = self.model.vehicle
-        return (
-            self.model if vehicle.reduce == "full" else replace(self.model, vehicle=vehicle.reduced("full"))
-        )
-
-    @property
-    def vehicle(self) -> Vehicle:
-        """The vehicle with all six degrees of freedom."""
-        return self.full.vehicle
-
-    @cached_property
-    def point(self) -> Trim:
-        """The steady flight of the condition."""
-        return self.full.trim(self.condition)
 
     @cached_property
     def models(self) -> dict[str, GazeboModel]:
@@ -172,14 +152,8 @@ class Gazebo(Exporter):
 
     def files(self) -> Exported:
         """Return the models with their worlds and the files of the autopilots."""
-        px4, ardupilot, reduced = self.models["PX4"], self.models["ArduPilot"], self.model.vehicle.reduce
-        notes = [*self.model.unidentified]
-        if reduced != "full":
-            notes.append(
-                f"The equations of the fit are {reduced}; the models have all six degrees of freedom, the others with the "
-                "numbers of the vehicle file."
-            )
-        notes += gazebo_autopilots.notes(ardupilot)
+        px4, ardupilot = self.models["PX4"], self.models["ArduPilot"]
+        notes = [*self.model.unidentified, *self.completed, *gazebo_autopilots.notes(ardupilot)]
         return Exported(encoded(gazebo_files.folders(px4, ardupilot)), f"{px4.name}/model.sdf", tuple(notes))
 
     def lacks(self) -> list[str]:

@@ -122,7 +122,7 @@ def gazebo_model(
     if vehicle.file.reference is not None:
         speed = vehicle.value("reference.airspeed")
         cruise = point if on_wings else trim(vehicle, speed, altitude, density=density)
-    motors = _rotors(vehicle, hover) if hover is not None else ()
+    motors = rotor_motors(vehicle, hover) if hover is not None else ()
     if cruise is not None:
         motors = (*motors, *_propeller(vehicle, cruise))
     made = [blades_of(vehicle, m, point) for m in motors] if blades else []
@@ -172,7 +172,7 @@ def _motor(
     return thrust / omega**2, speed_gain, omega - speed_gain * at, full
 
 
-def _rotors(vehicle: Vehicle, hover: Trim) -> tuple[Motor, ...]:
+def rotor_motors(vehicle: Vehicle, hover: Trim) -> tuple[Motor, ...]:
     """Return the rotors, each by the difference that its command makes in hover."""
     out = []
     lag = max(vehicle.value("rotors.lag", 0.0), 0.0)

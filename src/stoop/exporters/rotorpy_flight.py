@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import importlib.util
-import sys
 from dataclasses import replace
-from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -13,10 +10,9 @@ import numpy as np
 from stoop.base.arrays import FloatArray
 from stoop.base.extras import install
 from stoop.base.rotations import FLIP, euler_angles, normalized, to_body, to_ground
-from stoop.errors import StoopError
 from stoop.exporters import rotorpy_model
 from stoop.exporters.agreement import AXES, Compared, loads_along, omission, omitted_shares
-from stoop.exporters.exporter import Exported, Exporter, encoded, installed, written
+from stoop.exporters.exporter import Exported, Exporter, encoded, installed, load_script, written
 from stoop.exporters.reference_flight import ReferenceFlight
 from stoop.simulation import parameter_rows
 from stoop.simulation.loads import body_loads
@@ -27,22 +23,6 @@ TURN: Final = np.array([1.0, 1.0, -1.0, -1.0])  #: of a quaternion, whose scalar
 CHANNELS: Final = ("vn", "ve", "vd", "p", "q", "r", "phi", "theta", "psi", "fx", "fy", "fz")
 """What is compared: motion, and the specific force at the center of gravity."""
 INTEGRATOR: Final = {"method": "RK45", "rtol": 1e-6, "atol": 1e-8}  #: so that the models are compared
-
-
-def load_script(place: Path) -> Any:
-    """Return the script of `RotorpyModel` as a module."""
-    if not installed("rotorpy"):
-        raise StoopError(f"RotorPy: the package is not installed; {INSTALL}")
-    spec = importlib.util.spec_from_file_location(f"_stoop_{place.stem}", place)
-    if spec is None or spec.loader is None:
-        raise StoopError(f"{place}: no script")
-    module = importlib.util.module_from_spec(spec)
-    keep, sys.dont_write_bytecode = sys.dont_write_bytecode, True
-    try:
-        spec.loader.exec_module(module)
-    finally:
-        sys.dont_write_bytecode = keep
-    return module
 
 
 def held_flight(flight: ReferenceFlight) -> ReferenceFlight:

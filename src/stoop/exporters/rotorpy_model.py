@@ -85,13 +85,13 @@ def rotorpy_model(vehicle: Vehicle, point: Trim) -> RotorpyModel:
 def _parameters(vehicle: Vehicle, point: Trim) -> dict[str, Any]:
     """Return RotorPy's parameters, matched at hover, and what else the script needs."""
     n, file = vehicle.value, vehicle.file
-    hover = {r: float(x) for r, x in _speeds(vehicle, point, point.inputs).items()}
+    hover = settled_speeds(vehicle, point)
     scale = NOMINAL_SPEED if vehicle.drive == "command" else 1.0
     mean = float(np.mean(list(hover.values())))
     lift = -derivatives(vehicle, point).loads[2] / ROTORS
     full = scale if vehicle.drive == "command" else 2.0 * mean
     commands = np.linspace(0.0, full / scale, POINTS)
-    thrust = _static_thrust(vehicle, point, commands)
+    thrust = static_thrust(vehicle, point, commands)
     static = float(np.interp(mean, commands, thrust))
     k_eta = float(thrust[-1]) / full**2
     omega = float(np.sqrt(max(static, 1e-9) / k_eta))
@@ -139,14 +139,14 @@ def _parameters(vehicle: Vehicle, point: Trim) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _speeds(vehicle: Vehicle, point: Trim, inputs: FloatArray) -> dict[str, FloatArray]:
-    """Return x of each rotor after its lag has settled."""
+def settled_speeds(vehicle: Vehicle, point: Trim) -> dict[str, float]:
+    """Return x of each rotor at a steady flight."""
     rows = parameter_rows(vehicle, point.changes)
-    return {r: commanded(vehicle, r, rows, inputs)[0] for r in vehicle.rotors}
+    return {r: float(commanded(vehicle, r, rows, point.inputs)[0]) for r in vehicle.rotors}
 
 
-def _static_thrust(vehicle: Vehicle, point: Trim, commands: FloatArray) -> FloatArray:
-    """Return the thrust (n,) of one rotor at rest, N, at values (n,) of x, by the kernel: all turn alike, without wind."""
+def static_thrust(vehicle: Vehicle, point: Trim, commands: FloatArray) -> FloatArray:
+    """Return the thrust (n,) of one rotor at rest, N, at values (n,) of x, by the kernel: all turn alike, in still air."""
     count = len(commands)
     rows = parameter_rows(vehicle, point.changes, count)
     start = {"h": point.start["h"]}
@@ -197,7 +197,7 @@ def _script(vehicle: Vehicle, point: Trim, name: str) -> str:
     lines = [f"    {s} = {scalar_text(e)}" for s, e in steps]
     lines.append(f"    return np.array([{', '.join(scalar_text(e) for e in results)}])")
     template = (files("stoop.exporters") / "templates" / "rotorpy_vehicle.py.txt").read_text(encoding="utf-8")
-    hover = [float(x) for x in _speeds(vehicle, point, point.inputs).values()]
+    hover = [*settled_speeds(vehicle, point).values()]
     fill = {"NAME": name, "EQUATIONS": "\n".join(lines), "GRAVITY": repr(vehicle.value("environment.gravity")),
             "LAGS": str(len(lags)), "ALTITUDE": repr(float(point.start["h"])), "HOVER": repr(hover)}  # fmt: skip
     for key, text in fill.items():

@@ -47,6 +47,11 @@ TARGETS: Final = {
     "simulink": Target("Simulink", "matlab", "Simulink"),
     "fmu": Target("FMI", "fmu_target", "FMU"),
     "rotorpy": Target("RotorPy", "rotorpy_flight", "RotorPy"),
+    "mujoco": Target("MuJoCo", "mujoco_flight", "MuJoCo"),
+    "pyflyt": Target("PyFlyt", "pyflyt", "PyFlyt"),
+    "gym-pybullet-drones": Target("gym-pybullet-drones", "bullet_and_isaac", "GymPyBulletDrones"),
+    "isaac": Target("Isaac Lab and Aerial Gym", "bullet_and_isaac", "Isaac"),
+    "crazyflow": Target("Crazyflow and drone-models", "crazyflow", "Crazyflow"),
     "gazebo": Target("Gazebo", "gazebo", "Gazebo"),
 }
 FLOWN_BY: Final = {

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
+from stoop.assessment.draws import POSTERIOR_FILE, draws_of
+from stoop.base.arrays import FloatArray
 from stoop.base.files import check_targets, make_folder, write_files
 from stoop.errors import StoopError
 from stoop.exporters.exporter import Condition, Exported, ModelData
@@ -31,6 +34,8 @@ def export(
     altitude: float | None = None,
     climb_angle: float = 0.0,
     overwrite: bool = False,
+    draws: int | None = None,
+    seed: int = 0,
 ) -> Exported:
     """Export a model as files of another tool.
 
@@ -47,16 +52,34 @@ def export(
         Likewise.
     overwrite : bool
         Whether files in the folder may be replaced.
+    draws : int, optional
+        Number of parameter sets for domain randomization, of the posterior where it was sampled, else of the corrected
+        covariance within bounds and priors; for targets that are learning simulators.
+    seed : int
+        Of the draws from the covariance.
 
     Raises
     ------
     StoopError
         The model cannot be exported so, or the folder holds other files.
     """
-    found = export_data(model_data(model), to, Condition(airspeed, altitude, climb_angle))
+    data = model_data(model)
+    if draws is not None:
+        data = replace(data, draws=_draws(model, draws, seed))
+    found = export_data(data, to, Condition(airspeed, altitude, climb_angle))
     if folder is not None:
         write(found, Path(folder), overwrite)
     return found
+
+
+def _draws(model: FittedModel | Vehicle, count: int, seed: int) -> dict[str, FloatArray]:
+    """Return draws of the numbers of a fitted model; raises `StoopError`: there is no fit, or none can be drawn."""
+    if isinstance(model, Vehicle):
+        raise StoopError(
+            f"{model.where}: --draws needs estimates with their errors; give the folder of stoop identify"
+        )
+    drawn = draws_of(model.result, model.attachments.get(POSTERIOR_FILE), count, seed, where=model.source)
+    return drawn.numbers_of(model.vehicle)
 
 
 def model_data(model: FittedModel | Vehicle) -> ModelData:

@@ -187,7 +187,8 @@ PARSERS: Final[Mapping[str, Callable[[str], Any]]] = {
     ".html": _html,
     ".json": _json,
     ".toml": _toml,
-    **dict.fromkeys((".xml", ".sdf", ".config"), _xml),
+    ".yaml": _json,  # of PyFlyt, in that part of the language
+    **dict.fromkeys((".xml", ".sdf", ".urdf", ".config"), _xml),
     ".py": _python,
     ".csv": _table,
     ".md": _markdown,

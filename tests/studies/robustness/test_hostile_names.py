@@ -27,7 +27,7 @@ from stoop.vehicle.builtin import builtin_text
 Made = Callable[[str, str], Mapping[str, bytes]]  #: of a target or a command, and a name
 EXPORTED = {
     target: "quad-x"
-    if target == "rotorpy"
+    if target in ("rotorpy", "mujoco", "pyflyt", "gym-pybullet-drones", "crazyflow", "isaac")
     else "quadplane"
     if target in ("gazebo", "px4-jsbsim")
     else "twin-boom"

@@ -12,7 +12,8 @@ from stoop.exporters.targets import TARGETS
 
 
 def test_every_target(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    for target in set(TARGETS) - {"rotorpy"}:  # which flies quadrotors only
+    quadrotors = {"rotorpy", "pyflyt", "gym-pybullet-drones", "crazyflow", "isaac"}
+    for target in set(TARGETS) - quadrotors:
         assert main(["export", "twin-boom", "--to", target, "-o", str(tmp_path / target)]) == 0
         said = capsys.readouterr().out
         written = [p for p in (tmp_path / target).rglob("*") if p.is_file()]
@@ -34,6 +35,12 @@ def test_every_target(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Non
         (("twin-boom", "--to", "rotorpy", "-o", "out"), "this one has 0"),
         (("quad-x", "--to", "ardupilot-jsbsim", "-o", "out"), "and no rotors; export to px4-jsbsim"),
         (("hexa-x", "--to", "rotorpy", "-o", "out"), "this one has 6"),
+        (("twin-boom", "--to", "pyflyt", "-o", "out"), "PyFlyt flies quadrotors on their rotors"),
+        (
+            ("quad-x", "--to", "mujoco", "--draws", "100", "-o", "out"),
+            "--draws needs estimates with their errors",
+        ),
+        (("quad-x", "--to", "mujoco", "--draws", "0", "-o", "out"), "--draws"),
         (
             ("twin-boom", "--to", "state-space", "--airspeed", "3", "-o", "out"),
             "no steady flight found at 3 m/s",

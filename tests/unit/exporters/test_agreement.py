@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stoop.exporters import jsbsim_aircraft, rotorpy_flight, rotorpy_model
+from stoop.exporters import exporter, jsbsim_aircraft, rotorpy_flight, rotorpy_model
 from stoop.exporters.agreement import AXES, Compared, agreement_table, loads_along, loads_of_path, percent
 from stoop.exporters.exporter import ModelData, cost_without_actuators, written
 from stoop.exporters.gazebo import fly_gazebo, gazebo_loads
@@ -109,7 +109,7 @@ def test_an_axis_that_rotorpy_loses_shows(tmp_path: Path) -> None:
         (tmp_path / name).write_text(
             text.replace(f'"k_d": {made.parameters["quad_params"]["k_d"]}', '"k_d": 0.0')
         )
-    script = rotorpy_flight.load_script(tmp_path / f"{made.name}_rotorpy.py")
+    script = exporter.load_script(tmp_path / f"{made.name}_rotorpy.py")
     ours = loads_along(flight)
     identified = Compared(
         "", "", tuple(AXES), ours, rotorpy_flight.rotorpy_loads(script, flight, stock=False)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from stoop.errors import SimulationError
-from stoop.exporters import rotorpy_flight, rotorpy_model
+from stoop.exporters import exporter, rotorpy_flight, rotorpy_model
 from stoop.exporters.agreement import omission, omitted_shares
 from stoop.exporters.jsbsim_flight import relative_differences
 from stoop.exporters.reference_flight import ReferenceFlight, reference_flight
@@ -27,7 +27,7 @@ def script_of(vehicle: Vehicle, folder: Path) -> Any:
     made = rotorpy_model.rotorpy_model(vehicle, trim(vehicle))
     for name, text in made.texts.items():
         (folder / name).write_text(text)
-    return rotorpy_flight.load_script(folder / f"{made.name}_rotorpy.py")
+    return exporter.load_script(folder / f"{made.name}_rotorpy.py")
 
 
 def short(vehicle: Vehicle) -> ReferenceFlight:

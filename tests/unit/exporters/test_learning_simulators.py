@@ -1,0 +1,184 @@
+"""Files of learning simulators as their own readers take them, and parameter sets that keep the correlations of the draws."""
+
+from __future__ import annotations
+
+import ast
+import io
+import json
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import numpy as np
+import pytest
+
+from stoop.errors import SimulationError, StoopError
+from stoop.exporters import exporter
+from stoop.exporters.bullet_and_isaac import GymPyBulletDrones, Isaac
+from stoop.exporters.crazyflow import Crazyflow
+from stoop.exporters.exporter import ModelData
+from stoop.exporters.mujoco_flight import MuJoCo
+from stoop.exporters.pyflyt import PyFlyt
+from stoop.exporters.targets import export
+from stoop.simulation import initial_states, parameter_rows, trim
+from stoop.vehicle import Vehicle
+from stoop.vehicle.builtin import builtin_text, builtin_vehicle
+from stoop.vehicle.load import parse_vehicle
+
+FULL_THRUST = 8.5  #: N, of a rotor of the quadrotor
+#: fields of Isaac Lab's ThrusterCfg and MultirotorCfg (isaaclab_contrib, 2026), those without a default first
+THRUSTER = {"dt", "thrust_range", "thrust_const_range", "tau_inc_range", "tau_dec_range", "torque_to_thrust_ratio",
+            "thruster_names_expr"}  # fmt: skip
+MULTIROTOR = {"prim_path", "spawn", "init_state", "actuators", "rotor_directions", "allocation_matrix"}
+
+
+@pytest.fixture
+def square() -> Vehicle:
+    """Return a quadrotor whose thrust grows with the square of the command, at sea level."""
+    text = builtin_text("quad-x")
+    for old, new in {
+        "T1 = 2.5\nT2 = 6.0": "T2 = 8.5",
+        "[body_drag]": "[environment]\ndensity = 1.225\n[body_drag]",
+    }.items():
+        assert old in text
+        text = text.replace(old, new)
+    return parse_vehicle(text, "quad")
+
+
+def drawn(vehicle: Vehicle, count: int = 40) -> ModelData:
+    """Return a model with draws of thrust and drag that correlate."""
+    z = np.random.default_rng(1).standard_normal((count, 2))
+    thrust = vehicle.value("rotors.T2") * (1.0 + 0.02 * z[:, 0])
+    drag = vehicle.value("rotors.drag") * (1.0 + 0.05 * (0.8 * z[:, 0] + 0.6 * z[:, 1]))
+    return ModelData(vehicle, draws={"rotors.T2": thrust, "rotors.drag": drag, "sensors.ax.bias": z[:, 0]})
+
+
+def test_gym_pybullet_drones_reads_the_description(square: Vehicle) -> None:
+    """As BaseAviary does: by the places of elements."""
+    made = GymPyBulletDrones(ModelData(square)).files()
+    root = ET.fromstring(made.files[made.main])  # noqa: S314
+    properties, base = root[0].attrib, root[1]
+    assert float(base[0][1].attrib["value"]) == square.value("mass.mass")
+    assert float(base[0][2].attrib["ixx"]) == square.value("mass.inertia.xx")
+    assert {"length", "radius"} <= base[2][1][0].attrib.keys()
+    assert len(base[2][0].attrib["xyz"].split()) == 3
+    content = json.loads(made.files["quadrotor_x_1_5_kg.json"])
+    full = content["rpm_offset"] + content["rpm_gain"]
+    assert float(properties["kf"]) * full**2 == pytest.approx(FULL_THRUST, rel=1e-6)
+    assert float(properties["km"]) / float(properties["kf"]) == pytest.approx(-0.016), (
+        "front left turns clockwise"
+    )
+    weight = square.value("mass.mass") * square.value("environment.gravity")
+    assert float(properties["thrust2weight"]) == pytest.approx(4.0 * FULL_THRUST / weight, rel=1e-6)
+    assert float(properties["arm"]) == pytest.approx(0.177 * np.sqrt(2.0))
+    places = {j.find("child").attrib["link"]: j.find("origin").attrib["xyz"] for j in root.iter("joint")}  # type: ignore[union-attr]
+    assert places["prop0_link"] == "0.177 0.177 0.03", (
+        "x_torque of its dynamics has the first two on the left"
+    )
+    assert places["prop3_link"] == "0.177 -0.177 0.03"
+
+
+def test_pyflyt_reads_the_folder(square: Vehicle) -> None:
+    yaml = pytest.importorskip("yaml")
+    made = PyFlyt(ModelData(square)).files()
+    content = yaml.safe_load(made.files["quadrotor_x_1_5_kg/quadrotor_x_1_5_kg.yaml"])
+    motors = content["motor_params"]
+    assert motors["total_thrust"] == pytest.approx(4.0 * FULL_THRUST, rel=1e-6)
+    assert motors["torque_coef"] / motors["thrust_coef"] == pytest.approx(0.016)
+    assert motors["tau"] == square.value("rotors.lag")
+    gains = {"ang_vel", "ang_pos", "lin_vel", "lin_pos", "z_pos", "z_vel"}
+    assert content["control_params"].keys() == gains
+    root = ET.fromstring(made.files["quadrotor_x_1_5_kg/quadrotor_x_1_5_kg.urdf"])  # noqa: S314
+    assert [link.attrib["name"] for link in root.iter("link")][-1] == "body", "its drag acts on link 4"
+
+
+def test_drone_models_has_the_static_thrust() -> None:
+    """Also of a vehicle with a part that is linear: T1 x + T2 x^2 at 1000 rad/s for x = 1."""
+    made = Crazyflow(ModelData(builtin_vehicle("quad-x")))
+    found, rpm = made.parameters(made.quad), 1000.0 * 30.0 / np.pi
+    density = trim_density(made.vehicle)
+    assert found["rpm2thrust"] == pytest.approx(
+        [0.0, 2.5 * density / rpm, 6.0 * density / rpm**2], rel=1e-6, abs=1e-9
+    )
+    assert found["mixing_matrix"][2] == [-1.0, -1.0, 1.0, 1.0]
+
+
+def trim_density(vehicle: Vehicle) -> float:
+    """Return the density at 200 m over that at sea level, by the force of gravity in hover."""
+    point = trim(vehicle)
+    x = float(point.inputs[0])
+    weight = vehicle.value("mass.mass") * vehicle.value("environment.gravity")
+    return weight / 4.0 / (2.5 * x + 6.0 * x * x)
+
+
+def test_isaac_lab_and_aerial_gym_have_the_fields_of_their_classes(square: Vehicle) -> None:
+    made = Isaac(drawn(square))
+    files = made.with_draws(made.files()).files
+    lab = ast.parse(files["quadrotor_x_1_5_kg_isaac_lab.py"])
+    calls = {
+        n.func.id: {k.arg for k in n.keywords}
+        for n in ast.walk(lab)
+        if isinstance(n, ast.Call) and isinstance(n.func, ast.Name)
+    }
+    assert calls["ThrusterCfg"] == THRUSTER
+    assert calls["MultirotorCfg"] == MULTIROTOR
+    gym = ast.parse(files["quadrotor_x_1_5_kg_aerial_gym.py"])
+    assert {n.name for n in ast.walk(gym) if isinstance(n, ast.ClassDef)} == {
+        "VehicleCfg", "robot_asset", "damping", "control_allocator_config", "motor_model_config"
+    }  # fmt: skip
+    content = json.loads(files["quadrotor_x_1_5_kg.json"])
+    low, high = content["ranges"]["thrust_const"]
+    assert low < content["nominal"]["thrust_const"] < high
+    matrix = np.array(content["allocation_matrix"])
+    assert matrix[3:] @ np.ones(4) == pytest.approx(0.0, abs=1e-12), "equal thrusts turn it about no axis"
+    assert matrix[3, 0] < 0.0, "the rotor at the front right rolls it to the left"
+    assert len([*ET.fromstring(files["quadrotor_x_1_5_kg.urdf"]).iter("link")]) == 5  # noqa: S314
+
+
+def test_parameter_sets_keep_the_correlation(square: Vehicle) -> None:
+    data = drawn(square)
+    target = MuJoCo(data)
+    made = target.with_draws(target.files())
+    sets = np.load(io.BytesIO(made.files["draws.npz"]))
+    assert set(sets.files) == {"rotors.T2", "rotors.drag"}
+    for name in sets.files:
+        assert sets[name].tolist() == data.draws[name].tolist()
+    lists = json.loads(made.files["draws.json"])["numbers"]
+    assert lists["rotors.T2"] == data.draws["rotors.T2"].tolist()
+    quad = GymPyBulletDrones(data)
+    own = quad.drawn()[0]
+    assert np.corrcoef(own["kf"] * own["thrust2weight"], data.draws["rotors.T2"])[0, 1] > 0.9
+
+
+def test_a_draw_flies_in_mujoco_as_its_numbers_do(square: Vehicle, tmp_path: Path) -> None:
+    pytest.importorskip("mujoco")
+    made = MuJoCo(ModelData(square)).files()
+    for place, content in made.files.items():
+        (tmp_path / place).write_bytes(content)
+    script = exporter.load_script(tmp_path / "quadrotor_x_1_5_kg_mujoco.py")
+    changes = {"rotors.T2": 9.0, "mass.mass": 1.7, "mass.inertia.yy": 0.035, "rotors.lag": 0.08}
+    flown = script.Vehicle(changes)
+    channels = np.array([0.7, 0.6, 0.65, 0.5])
+    flown.reset()
+    flown.command(channels)
+    flown.forward()
+    point = trim(square)
+    states = initial_states(square, point.start, parameter_rows(square), point.inputs)
+    rates, _ = square.kernel().evaluate(parameter_rows(square, changes), states, channels[:, None].copy())
+    ours = dict(zip(square.states, rates[:, 0], strict=True))
+    assert -flown.data.qacc[2] == pytest.approx(ours["w"], abs=1e-9)
+    assert flown.data.qacc[3:] == pytest.approx([ours["p"], -ours["q"], -ours["r"]], abs=1e-9)
+    assert flown.data.act_dot == pytest.approx([ours[f"m{i}.lag"] for i in range(1, 5)], abs=1e-9)
+
+
+def test_refusals(square: Vehicle) -> None:
+    with pytest.raises(StoopError, match="this target takes one parameter set; give mujoco"):
+        export(drawn(square), "state-space")
+    with pytest.raises(
+        SimulationError, match="PyFlyt flies quadrotors on their rotors; this vehicle has 6 rotors"
+    ):
+        PyFlyt(ModelData(builtin_vehicle("hexa-x"))).files()
+    with pytest.raises(SimulationError, match="one rotor in each quadrant"):
+        Isaac(ModelData(builtin_vehicle("quad-plus"))).files()
+    heavy = ModelData(square, draws={"mass.mass": np.full(3, 1e3)})
+    with pytest.raises(SimulationError, match="none of 3 draws has a steady flight"):
+        GymPyBulletDrones(heavy).drawn()
