@@ -20,6 +20,7 @@ from stoop.control_laws.parameters import read_parameters
 from stoop.errors import StoopError
 from stoop.exporters.flight_logs import save_flight_as
 from stoop.results.verdict import Verdict
+from stoop.tuning.gain_search import DAMPING
 from tests.unit.cli.test_tune import FLOWN, moved_by_commands
 
 pytestmark = pytest.mark.filterwarnings("ignore::PendingDeprecationWarning")  # of Panel
@@ -159,6 +160,13 @@ def test_a_model_not_for_control_is_judged_and_writes_only_when_told_to(
     view._start(False)
     assert ended(project, "gains").state == "done"
     view.refresh()
+    assert "Gains that flew" in text_of(view)
+    write(project, "own.params", FLOWN | {"FW_PR_P": 0.7})
+    view.refresh()
+    assert "Gains that flew" not in text_of(view), "of another file of the same name"
+    view._start(False)
+    assert ended(project, "gains").state == "done"
+    view.refresh()
     view._start(True)
     assert ended(project, "gains").state == "failed"
     view.refresh()
@@ -166,11 +174,12 @@ def test_a_model_not_for_control_is_judged_and_writes_only_when_told_to(
     assert shown.count('class="error"') == 1
     assert "No file of gains was written." in shown
     assert "anyway" not in shown.partition("<details")[0]
-    assert [p.name for p in files_of(project)] == ["tuning.html"], "of the gains that flew"
+    assert [p.name for p in files_of(project)] == ["tuning.html"] * 2, "of the gains that flew"
     monkeypatch.setattr(Project, "start", lambda self, kind, words: given.extend(words("gains/003")))
     given: list[str] = []
+    view._damping.value = DAMPING["ArduCopter"]  # moved after the refusal
     (button,) = (b for b in view._stage if getattr(b, "label", "") == "Write them all the same")
     button.clicks += 1
     assert given[3:] == [
-        "--gain-margin", "6", "--phase-margin", "45", "--disk-margin", "4", "--noise", "5", "--anyway", "-o", "gains/003",
+        "--gain-margin", "6", "--phase-margin", "45", "--disk-margin", "4", "--noise", "5", "-o", "gains/003", "--anyway",
     ]  # fmt: skip

@@ -11,8 +11,9 @@ import panel as pn
 
 from stoop.app import parts
 from stoop.app.fit_view import finished
+from stoop.app.folder import modified
 from stoop.app.places import reading
-from stoop.app.steps import OUTPUT, PRODUCTS, Step
+from stoop.app.steps import COMMAND, OUTPUT, PRODUCTS, Step
 from stoop.app.uploads import safe_name
 from stoop.app.view import View
 from stoop.base.verbs import verbs
@@ -98,11 +99,11 @@ class GainsView(View):
         self.refresh()
         self._gains.value = f"./{safe_name(name)}"
 
-    def _start(self, proposes: bool, *anyway: str) -> None:
+    def _start(self, proposes: bool) -> None:
         """Judge the gains that flew, or propose better ones."""
         asked = vars(replace(self._damping.value, noise=float(self._noise.value))).values()
         margins = [word for option, x in zip(MARGINS, asked, strict=True) for word in parts.given(option, x)]
-        words = ["tune", self._model.value, self._gains.value, *(margins if proposes else ()), *anyway]
+        words = ["tune", self._model.value, self._gains.value, *(margins if proposes else ())]
         self.project.start(
             "gains",
             lambda at: [*words, *(("-o", at) if proposes else ("--page", f"{at}/{PRODUCTS['gains']}"))],
@@ -111,7 +112,14 @@ class GainsView(View):
     def _turn(self) -> None:
         """Show the sliders and the last page of the chosen gains, and what goes on or failed after it."""
         chosen = [self._model.value, self._gains.value]
-        own = [step for step in self.project.steps("gains") if step.words[2:4] == chosen]
+        since = modified(
+            self.project.root / (self._gains.value or "")
+        )  # another file of the same name is not judged yet
+        own = [
+            step
+            for step in self.project.steps("gains")
+            if step.words[2:4] == chosen and modified(step.folder / COMMAND) >= since
+        ]
         done = next((step for step in reversed(own) if step.state == "done"), None)
         after = [] if not own or own[-1] is done else self._unfinished(own[-1])
         sliders = [parts.html(parts.soft(BETTER)), pn.FlexBox(self._damping, self._noise), self._propose]
@@ -123,7 +131,8 @@ class GainsView(View):
         if ANYWAY not in step.error:
             return [parts.failed(step)]
         why = f"{step.error.rpartition('; ')[0]}. No file of gains was written."
-        anyway = parts.button("Write them all the same", self.act(partial(self._start, True, ANYWAY)))
+        again = partial(self.project.start, "gains", lambda at: [*step.words[1:-1], at, ANYWAY])
+        anyway = parts.button("Write them all the same", self.act(again))
         return [parts.html(parts.error(why) + parts.command(step)), anyway]
 
 
