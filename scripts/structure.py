@@ -32,7 +32,7 @@ BUDGETS = {
     "base": 2380,
     "checks": 3010,
     "cli": 3250,
-    "control_laws": 1535,
+    "control_laws": 1555,
     "estimate": 7535,
     "exporters": 8900,
     "flight": 6250,

@@ -89,12 +89,12 @@ class Header(Parameters):
 
         Parameters
         ----------
-        name : beginning of its settings
+        name : beginning of its settings; the cutoff has no default, as off is not that of the firmware
         rate : Hz
         corrected : whether the cutoff of several in series is that of them all
         """
         kind = int(self.number(f"{name}_type", 0.0))
-        cutoff = self.number(f"{name}_dyn_hz[0]", 0.0) or self.number(f"{name}_static_hz", 0.0)
+        cutoff = self.number(f"{name}_dyn_hz[0]", 0.0) or self.number(f"{name}_static_hz")
         if kind == BUTTERWORTH or not cutoff:
             return butterworth(cutoff, rate)
         return in_series(below_nyquist(cutoff, rate), rate, ORDERS.get(kind, 1), corrected)
@@ -247,7 +247,7 @@ def thrust_slope(values: Mapping[str, float], hover: float) -> float:
     curve = Polynomial([0.0, 1.0 + e, -2.0 * e, e])
     if "ap_position_f" in own.values:  # 2026.6
         curve = Polynomial([0.0, 1.0 + e + e**2, -e - 3.0 * e**2, 2.0 * e**2])
-    share = min(max((hover - low) / (high - low), 0.0), 1.0)
+    share = min(max((hover - low) / (high - low), 0.0), float(curve(1.0)))  # one, but for rounding
     return float(curve.deriv()(brentq(lambda x: curve(x) - share, 0.0, 1.0)))
 
 

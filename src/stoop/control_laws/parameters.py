@@ -21,7 +21,18 @@ COLUMNS: Final = 5  #: of a line of QGroundControl
 COMMANDS: Final = {
     **{f"{term}_{axis}": f"{axis}PID[{k}]" for axis in AXES for k, term in enumerate("pid")},
     **{f"d_{end}_{axis}": f"d_{end}[{k}]" for k, axis in enumerate(AXES) for end in ("min", "max")},
+    **{f"f_{axis}": f"ff_weight[{k}]" for k, axis in enumerate(AXES)},
+    **{f"gyro_notch{k + 1}_{end}": f"gyro_notch_{end}[{k}]" for k in (0, 1) for end in ("hz", "cutoff")},
+    **{f"{of}_lpf1_dyn_min_hz": f"{of}_lpf1_dyn_hz[0]" for of in ("gyro", "dterm")},
+    **{f"dyn_lpf_{of}_min_hz": f"{of}_lpf1_dyn_hz[0]" for of in ("gyro", "dterm")},  # of 4.2
+    "dterm_lowpass_type": "dterm_lpf1_type",
+    "dterm_lowpass2_type": "dterm_lpf2_type",
 }
+#: of Betaflight's commands -> numbers in the header of its logs
+WORDS: Final = {
+    "OFF": 0.0, "ON": 1.0, "PT1": 0.0, "BIQUAD": 1.0, "PT2": 2.0, "PT3": 3.0, "RP": 1.0, "RPY": 2.0, "RP_INC": 3.0,
+    "RPY_INC": 4.0, "2_POINT": 1.0, "3_POINT": 2.0, "4_POINT": 3.0, "SMOOTH": 0.0, "STEP": 1.0,
+}  # fmt: skip
 DECIMAL_COMMA: Final = re.compile(r"(?:^|\s)(-?\d+,\d+)(?=\s|$)")
 
 
@@ -84,7 +95,16 @@ def read_parameters(*paths: Path) -> Mapping[str, float]:
 def _parameters(path: Path) -> Mapping[str, float]:
     if not is_log(path):
         text = log_content(path, MOST, "save the parameters again").decode("utf-8", "replace")
-        values = dict(filter(None, map(_parameter, text.splitlines())))
+        values: dict[str, float] = {}
+        for line in text.splitlines():
+            if (found := _parameter(line)) is None:
+                continue
+            name, value = found
+            if "=" in line and abs(values.get(name, value) - value) > 0.0:
+                raise StoopError(
+                    f"{path}: {name} is set to {values[name]:g} and to {value:g}: keep the commands of the profile that flew"
+                )
+            values[name] = value
     else:
         values = dict(read(path).parameters)
     if not values:
@@ -104,6 +124,6 @@ def _parameter(line: str) -> tuple[str, float] | None:
     words = text.replace(",", " ").replace("=", " ").split()
     name, value = words[2:4] if len(words) == COLUMNS else words[:2] if len(words) > 1 else ("", "")
     try:
-        return (COMMANDS.get(name, name), float(value)) if name else None
+        return (COMMANDS.get(name, name), float(WORDS.get(value.upper(), value))) if name else None
     except ValueError:
-        return None
+        return (COMMANDS.get(name, name), math.nan) if "=" in text else None  # refused by a law that reads it

@@ -51,7 +51,7 @@ class Firmware:
     #: axis -> pattern of the parameters that set the gains of its rate loop, term -> what stands in it
     patterns: Mapping[str, str] = field(default_factory=dict)
     terms: Mapping[str, str] = field(default_factory=dict)
-    #: axis -> parameter that is D at rest, where it is not zero
+    #: axis -> parameter that is D at rest, where it is above zero and below D
     resting: Mapping[str, str] = field(default_factory=dict)
     largest: float = math.inf  #: gain
     #: gain that the firmware takes for one that is proposed
@@ -65,8 +65,8 @@ class Firmware:
     def gains(self, axis: str, parameters: Mapping[str, float]) -> dict[str, str]:
         """Return the parameters that set the gains of the rate loop about an axis, by term; none where they are not tuned."""
         named = {t: self.patterns[axis].format(n) for t, n in self.terms.items()}
-        resting = self.resting.get(axis, "")
-        return named | ({"D": resting} if parameters.get(resting, 0.0) > 0.0 else {})
+        resting, full = self.resting.get(axis, ""), parameters.get(named.get("D", ""), 0.0)
+        return named | ({"D": resting} if 0.0 < parameters.get(resting, 0.0) < full else {})
 
     def attitude_loop(self, parameters: Mapping[str, float], axis: str) -> RateLaw | float:
         """Return the attitude loop about an axis, its law or its gain, 1/s; zero where rates are flown without it."""

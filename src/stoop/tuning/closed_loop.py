@@ -125,7 +125,7 @@ def fly_under_law(
     """Return the flight of :func:`simulate_under_law` without noise of sensors."""
     if vehicle.reduce != "full":
         raise StoopError(f"{vehicle.where}: an autopilot flies about all axes; simulate the full model")
-    moved = commands_of(vehicle, firmware, parameters)
+    moved = commands_of(vehicle, firmware, parameters, maneuver.altitude)
     laws = [firmware.law(parameters, a) for a in moved.axes]
     course = Course.of(vehicle, maneuver.at_rate(laws[0].rate))
     body = _Body(vehicle, course, np.random.default_rng([seed, GUSTS]))

@@ -43,6 +43,7 @@ if TYPE_CHECKING:
 
 PERCENTILES: Final = (5, 50, 95)
 SMALL: Final = ("phase delay", "noise")  #: figures of which less is better
+STOP: Final = 1000.0  #: us, pulse of a motor at a command of zero
 COARSE: Final = 4  #: every so many of the frequencies are enough for bandwidth and phase delay, to 1e-3
 LANES: Final = 100  #: models at once, whose responses the caches of a processor hold
 
@@ -107,10 +108,13 @@ class Commands:
     channels: tuple[str, ...]  #: of each axis, whose delay counts
 
 
-def commands_of(vehicle: Vehicle, firmware: Firmware, parameters: Mapping[str, float]) -> Commands:
+def commands_of(
+    vehicle: Vehicle, firmware: Firmware, parameters: Mapping[str, float], altitude: float = 200.0
+) -> Commands:
     """Return how the commands of a firmware move a vehicle.
 
     Surfaces move by the commands themselves (``control_roll`` and so on), or by outputs that the parameters allocate.
+    Motors whose thrust is linearized move as they do about the hover at an altitude, m.
 
     Raises
     ------
@@ -128,9 +132,6 @@ def commands_of(vehicle: Vehicle, firmware: Firmware, parameters: Mapping[str, f
         mixed = firmware.mixing(
             parameters, places, np.array([1.0 if r.spin == "ccw" else -1.0 for r in rotors.values()])
         )
-        if firmware.thrust_slope is not None:
-            hover = trim(vehicle).inputs[channel_range(vehicle).columns]
-            mixed = mixed * firmware.thrust_slope(parameters, float(hover.mean()))
         mixing = np.zeros((len(inputs), len(AXES)))
         outputs = np.zeros((len(vehicle.inputs), len(AXES)))
         units = {"motor": 1.0, "pwm": firmware.pulse(parameters)}
@@ -144,6 +145,12 @@ def commands_of(vehicle: Vehicle, firmware: Firmware, parameters: Mapping[str, f
             mixing[inputs.index(rotor.channel)] = row * units[kind]
             outputs[vehicle.inputs.index(rotor.channel)] = row * units[kind]
         channel = next(iter(rotors.values())).channel
+        if firmware.thrust_slope is not None:
+            hover = float(trim(vehicle, altitude=altitude).inputs[channel_range(vehicle).columns].mean())
+            if channel.startswith("pwm"):
+                hover = (hover - STOP) / units["pwm"]
+            slope = firmware.thrust_slope(parameters, hover)
+            mixing, outputs = slope * mixing, slope * outputs
         return Commands(AXES, mixing, outputs, (channel,) * len(AXES))
     moves = _outputs(parameters) | {f"control_{a}": row for a, row in zip(AXES, np.eye(3), strict=True)}
     driven = np.array([moves.get(c, np.zeros(3)) for c in vehicle.inputs])

@@ -188,7 +188,7 @@ def conditions_of(
     `pitot` is what the pitot of the autopilot reads over the airspeed, alike for all models or (1 + d,).
     """
     readings = np.atleast_1d(pitot)
-    commands = commands_of(vehicle, firmware, parameters)
+    commands = commands_of(vehicle, firmware, parameters, altitude)
     calibrated = equivalent_over_true(float(standard_density(np.array(altitude))))
     return [
         Condition(

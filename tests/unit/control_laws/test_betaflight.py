@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from stoop.control_laws.betaflight import level, mixing, rate_pid, settable, thrust_slope
 from stoop.control_laws.parameters import read_parameters
 from stoop.control_laws.rate_law import AXES, RATE, SETPOINT
+from stoop.control_laws.table import firmwares
 from stoop.errors import StoopError
 
 Floats = NDArray[np.float64]
@@ -243,8 +244,59 @@ def test_gains_are_whole_and_read_from_commands(tmp_path: Path) -> None:
     file.write_text(
         "# diff\nset p_roll = 50\nset d_min_pitch = 31\nset thrust_linear = 20\nset gyro_lpf1_type = PT1\nsave\n"
     )
-    known = {"rollPID[0]": 50.0, "d_min[1]": 31.0, "thrust_linear": 20.0}
+    known = {"rollPID[0]": 50.0, "d_min[1]": 31.0, "thrust_linear": 20.0, "gyro_lpf1_type": 0.0}
     assert read_parameters(file) == known
+
+
+def test_commands_are_read_as_the_header_has_them(tmp_path: Path) -> None:
+    """Names and words of `dump` in 4.2 and in 4.5; a word that is not known is refused by the law that reads it."""
+    commands = {
+        "gyro_lpf1_dyn_min_hz = 250": ("gyro_lpf1_dyn_hz[0]", 250.0), "dyn_lpf_dterm_min_hz = 70": ("dterm_lpf1_dyn_hz[0]", 70.0),
+        "dterm_lowpass_type = BIQUAD": ("dterm_lpf1_type", 1.0), "dterm_lpf2_type = PT3": ("dterm_lpf2_type", 3.0),
+        "iterm_relax = RPY": ("iterm_relax", 2.0), "feedforward_averaging = 2_POINT": ("feedforward_averaging", 1.0),
+        "f_pitch = 125": ("ff_weight[1]", 125.0), "gyro_notch2_cutoff = 90": ("gyro_notch_cutoff[1]", 90.0),
+        "dshot_bidir = OFF": ("dshot_bidir", 0.0),
+    }  # fmt: skip
+    file = tmp_path / "gains.config"
+    file.write_text("feature -AIRMODE\n" + "".join(f"set {line}\n" for line in commands))
+    assert read_parameters(file) == dict(commands.values())
+    assert len(rate_pid(HEADER | read_parameters(file), "roll").lacks) == 4
+    file.write_text("set gps_provider = UBLOX\nset dterm_lpf1_type = PT4\n")
+    with pytest.raises(StoopError, match="dterm_lpf1_type = nan: it must be a number"):
+        rate_pid(HEADER | read_parameters(file), "roll")
+
+
+def test_commands_of_several_profiles_are_refused(tmp_path: Path) -> None:
+    file = tmp_path / "gains.config"
+    file.write_text("profile 0\nset p_roll = 50\nprofile 1\nset p_roll = 50\nset i_roll = 80\nprofile 0\n")
+    assert read_parameters(file)["rollPID[0]"] == 50.0
+    file.write_text("profile 0\nset p_roll = 50\nprofile 1\nset p_roll = 45\nprofile 0\n")
+    with pytest.raises(
+        StoopError, match=r"rollPID\[0\] is set to 50 and to 45: keep the commands of the profile"
+    ):
+        read_parameters(file)
+
+
+@pytest.mark.parametrize(("least", "named"), [(0.0, "rollPID[2]"), (20.0, "d_min[0]"), (40.0, "rollPID[2]")])
+def test_the_gain_of_d_is_the_one_that_the_law_takes(least: float, named: str) -> None:
+    header = HEADER | {"d_min[0]": least}
+    assert firmwares(header)[0].gains("roll", header)["D"] == named
+    assert rate_pid(header | {named: 35.0}, "roll").terms[2] != rate_pid(header, "roll").terms[2]
+
+
+@pytest.mark.parametrize("low_pass", ["gyro_lpf1", "gyro_lpf2", "dterm_lpf1", "dterm_lpf2"])
+def test_settings_without_a_low_pass_are_refused(low_pass: str) -> None:
+    """Those of `diff`, which leaves out what is at its default, are not taken for filters that are off."""
+    values = {n: x for n, x in HEADER.items() if not n.startswith(low_pass)}
+    with pytest.raises(StoopError, match=f"{low_pass}_static_hz is missing; take them from a log"):
+        rate_pid(values, "roll")
+
+
+@pytest.mark.parametrize("e", [0.07, 0.2, 0.4, 0.77, 1.0])
+@pytest.mark.parametrize("newer", [False, True])
+def test_the_slope_of_a_motor_at_its_limit(newer: bool, e: float) -> None:
+    header = HEADER | DSHOT | {"thrust_linear": 100.0 * e} | ({"ap_position_f": 80.0} if newer else {})
+    assert thrust_slope(header, 1.0) == pytest.approx(1.0 - e + e**2 if newer else 1.0)
 
 
 def test_names_before_4_3() -> None:

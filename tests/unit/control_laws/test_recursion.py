@@ -21,6 +21,7 @@ GAINS = {"P": 0.08, "I": 0.5, "D": 0.004, "FF": 0.3, "IMAX": 0.05, "FLTT": 3.0, 
 BETAFLIGHT = {
     "looptime": 500.0, "pid_process_denom": 2.0, "yawPID[0]": 45.0, "yawPID[1]": 20.0, "yawPID[2]": 10.0,
     "gyro_lpf1_static_hz": 250.0, "dterm_lpf1_static_hz": 75.0, "yaw_lowpass_hz": 100.0, "ff_weight[2]": 80.0,
+    "gyro_lpf2_static_hz": 0.0, "dterm_lpf2_static_hz": 0.0,
 }  # fmt: skip
 LAWS = {
     "px4": px4.fixed_wing(PX4, "roll"),

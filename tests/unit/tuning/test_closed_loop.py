@@ -43,6 +43,7 @@ PLANE = {
 BETAFLIGHT = {
     "looptime": 1000.0, "pid_process_denom": 2.0, "pidsum_limit": 500.0, "motorOutput[0]": 158.0, "motorOutput[1]": 2047.0,
     "thrust_linear": 20.0, "dterm_lpf1_static_hz": 75.0, "gyro_lpf2_static_hz": 250.0, "levelPID[0]": 50.0,
+    "dterm_lpf2_static_hz": 0.0, "gyro_lpf1_static_hz": 0.0,
     **{f"{a}PID[{k}]": g for a in ("roll", "pitch") for k, g in enumerate((45.0, 40.0, 30.0))},
     **{f"yawPID[{k}]": g for k, g in enumerate((45.0, 15.0, 0.0))},
 }  # fmt: skip

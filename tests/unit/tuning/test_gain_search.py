@@ -199,6 +199,7 @@ def test_gains_of_betaflight_are_whole_and_written_as_commands(tmp_path: Path) -
     flown = {
         "looptime": 1000.0, "pidsum_limit": 500.0, "rollPID[0]": 30.0, "rollPID[1]": 40.0, "rollPID[2]": 40.0,
         "d_min[0]": 30.0, "gyro_lpf2_static_hz": 250.0, "dterm_lpf1_static_hz": 100.0, "levelPID[0]": 50.0,
+        "dterm_lpf2_static_hz": 0.0, "gyro_lpf1_static_hz": 0.0,
     }  # fmt: skip
     plants = rolling(np.linspace(1.0, 3.0, 20), 0.01)
     own = Design(

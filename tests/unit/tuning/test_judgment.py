@@ -72,6 +72,29 @@ def test_motors_move_by_commands_or_by_pulses_of_their_range() -> None:
         commands_of(moved_by("rotor"), firmware, parameters)
 
 
+def test_thrust_of_betaflight_is_linearized_about_the_hover_of_the_altitude() -> None:
+    """Commands and pulses that hover alike have one slope; where the air is thin motors hover nearer to their limit."""
+    parameters = {
+        "pidsum_limit": 500.0,
+        "motorOutput[0]": 158.0,
+        "motorOutput[1]": 2047.0,
+        "thrust_linear": 40.0,
+    }
+    quad, (firmware,) = builtin_vehicle("quad-x"), firmwares(parameters)
+
+    def mixing(kind: str, altitude: float, gain: float = 1.0, idle: float = 0.0) -> np.ndarray:
+        channels = {("rotor", n, "channel"): f"{kind}_{i}" for i, n in enumerate(quad.file.rotor, 1)}
+        numbers = {("rotors", "gain"): gain, ("rotors", "idle"): idle}
+        vehicle = with_entries(quad, channels | numbers)
+        return commands_of(vehicle, firmware, parameters, altitude).mixing
+
+    commands = mixing("motor", 0.0)
+    np.testing.assert_allclose(mixing("pwm", 0.0, 1e-3, 1000.0), 1000.0 * commands, rtol=1e-6)
+    assert np.abs(mixing("motor", 2000.0) - commands).max() > 1e-3
+    with pytest.raises(StoopError, match=r"turn by rotor_1; .* identify with the commands"):
+        mixing("rotor", 0.0)
+
+
 def test_yaw_of_arduplane_is_a_loop_where_it_is_enabled() -> None:
     direct = {("controls", c, "mix"): {f"control_{a}": 0.3} for c, a in SURFACES.items()}
     vehicle, parameters = with_entries(scenes.aircraft(), direct), {"RLL_RATE_P": 0.1}
