@@ -34,7 +34,7 @@ BUDGETS = {
     "cli": 3250,
     "control_laws": 1555,
     "estimate": 7535,
-    "exporters": 8900,
+    "exporters": 8892,
     "flight": 6250,
     "input_design": 2350,
     "kernels": 2810,

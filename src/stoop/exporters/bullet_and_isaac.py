@@ -2,7 +2,7 @@
 
 gym-pybullet-drones reads an element ``properties`` before the links; commands are speeds of rotors, rpm, without a lag; its
 optional drag is the sum of the speeds times the velocity. Isaac Lab (`MultirotorCfg`, `ThrusterCfg`) and Aerial Gym (a class
-of configuration) command thrusts, whose square root has the lag; of randomized numbers they take ranges.
+of configuration) command thrusts, whose square root has the lag; they draw its constant and the lag from ranges.
 
 References
 ----------
@@ -14,17 +14,15 @@ Isaac Lab, isaaclab_contrib/actuators/thruster_cfg.py.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import replace
-from importlib.resources import files
 from typing import Any, Final
 from xml.etree.ElementTree import Element
 
 import numpy as np
 
 from stoop.base.arrays import FloatArray
-from stoop.exporters.exporter import Exported, encoded
+from stoop.exporters.exporter import Exported
 from stoop.exporters.learning_quad import REVOLUTIONS, Quad, QuadExporter, urdf
 from stoop.exporters.reference_flight import ReferenceFlight
 
@@ -89,11 +87,10 @@ class GymPyBulletDrones(_Described):
             "gravity": quad.gravity,
         }
         placed = replace(quad, places=quad.places[list(BULLET_ORDER)])
-        made = {
-            f"{quad.name}.urdf": urdf(placed, BULLET_LINKS, Element("properties", own)),
-            f"{quad.name}.json": json.dumps(content, indent=1, allow_nan=False) + "\n",
-        }
-        return Exported(encoded(made), f"{quad.name}.urdf", (*self.model.unidentified, *self.completed))
+        main = f"{quad.name}.urdf"
+        return self.with_content(
+            {main: urdf(placed, BULLET_LINKS, Element("properties", own))}, content, main
+        )
 
     def lacks(self) -> list[str]:
         """Return the lag of the motors beside what all targets name."""
@@ -102,10 +99,9 @@ class GymPyBulletDrones(_Described):
 
 
 class Isaac(_Described):
-    """A quadrotor for Isaac Lab and Aerial Gym."""
+    """A quadrotor for Isaac Lab, which has no drag, and Aerial Gym, which has."""
 
     tool = "Isaac Lab"
-    has = ("rotors.drag", *(f"body_drag.{kind}.{a}" for kind in ("linear", "quadratic") for a in "xyz"))
 
     def parameters(self, quad: Quad) -> dict[str, Any]:
         """Return mass properties, thrusters and damping; speeds are in revolutions per second."""
@@ -143,19 +139,19 @@ class Isaac(_Described):
             "nominal": {n: np.asarray(x).tolist() for n, x in own.items()},
             "ranges": ends,
         }
-        made = {
-            f"{quad.name}.urdf": urdf(quad, ISAAC_LINKS),
-            f"{quad.name}.json": json.dumps(content, indent=1, allow_nan=False) + "\n",
-        }
-        for kind in ("isaac_lab", "aerial_gym"):
-            text = (files("stoop.exporters") / "templates" / f"{kind}_config.py.txt").read_text("utf-8")
-            made[f"{quad.name}_{kind}.py"] = text.replace("@NAME@", quad.name)
-        return Exported(encoded(made), f"{quad.name}.urdf", (*self.model.unidentified, *self.completed))
+        made, kinds = (
+            {f"{quad.name}.urdf": urdf(quad, ISAAC_LINKS)},
+            ("isaac_lab_config", "aerial_gym_config"),
+        )
+        return self.with_content(made, content, f"{quad.name}.urdf", *kinds)
 
     def with_draws(self, made: Exported) -> Exported:
         """Return the files with ranges over the parameter sets, and the sets."""
         if not self.model.draws:
             return made
-        ranged = self._with_ranges(self.drawn()[0])
-        note = "Isaac Lab and Aerial Gym take ranges: 95 % of the draws of each number, without their correlations."
+        ranged = self._with_ranges(self.drawn[0])
+        note = (
+            "Isaac Lab and Aerial Gym draw the constant of the thrust and the lag only, each from the middle 95 % of its draws, "
+            f"without correlations; {self.quad.name}.json has the ranges of all numbers."
+        )
         return super().with_draws(ranged).with_notes([note])

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import json
 import math
-from importlib.resources import files
 from typing import Any, Final
 
 import numpy as np
@@ -22,10 +21,10 @@ from stoop.base.arrays import FloatArray
 from stoop.base.extras import install
 from stoop.base.rotations import FLIP, euler_angles, normalized, product, to_body, to_ground
 from stoop.exporters.agreement import Compared
-from stoop.exporters.exporter import Exported, encoded, installed, load_script, written
-from stoop.exporters.learning_quad import REVOLUTIONS, Quad, QuadExporter
+from stoop.exporters.exporter import Exported, installed, load_script, written
+from stoop.exporters.learning_quad import REVOLUTIONS, Quad, QuadExporter, channels_behind
 from stoop.exporters.reference_flight import ReferenceFlight
-from stoop.exporters.rotorpy_flight import CHANNELS, TURN, motion
+from stoop.exporters.rotorpy_flight import CHANNELS, TURN, motion, start_of
 
 INSTALL: Final = install("crazyflow")
 FASTEST_LAG: Final = 0.005  #: s, of a vehicle without one
@@ -71,15 +70,8 @@ class Crazyflow(QuadExporter):
             f"{n} = {json.dumps(x)}" for n, x in self.parameters(quad).items()
         )  # TOML has JSON's numbers and arrays
         content = {"channels": quad.channels, "idle": quad.idle, "rpm": quad.scale * REVOLUTIONS}
-        template = (files("stoop.exporters") / "templates" / "crazyflow_vehicle.py.txt").read_text("utf-8")
-        made = {
-            "params.toml": "\n".join([f"[{quad.name}]", *rows]) + "\n",
-            f"{quad.name}.json": json.dumps(content, indent=1, allow_nan=False) + "\n",
-            f"{quad.name}_crazyflow.py": template.replace("@NAME@", quad.name),
-        }
-        return Exported(
-            encoded(made), f"{quad.name}_crazyflow.py", (*self.model.unidentified, *self.completed)
-        )
+        made = {"params.toml": "\n".join([f"[{quad.name}]", *rows]) + "\n"}
+        return self.with_content(made, content, f"{quad.name}_crazyflow.py", "crazyflow_vehicle")
 
     def fly(self, made: Exported) -> Exported:
         """Fly the parameters along the reference flight, and return what drone-models leaves out of it."""
@@ -103,9 +95,7 @@ def fly_drone_models(script: Any, flight: ReferenceFlight) -> FloatArray:
     """
     model, vehicle = script.dynamics(), flight.vehicle
     columns = [vehicle.inputs.index(c) for c in script.CONTENT["channels"]]
-    rotors = {rotor.channel: name for name, rotor in vehicle.file.rotor.items()}
     gravity = np.array(script.parameters()["gravity_vec"])
-    gain, idle = vehicle.value("rotors.gain", 1.0), vehicle.value("rotors.idle", 0.0)
     out = np.full((len(flight.time), len(CHANNELS)), np.nan)
     steps = math.ceil(2.0 * flight.dt / max(vehicle.value("rotors.lag", 0.0), FASTEST_LAG))
 
@@ -116,14 +106,9 @@ def fly_drone_models(script: Any, flight: ReferenceFlight) -> FloatArray:
         return np.concatenate([velocity, np.roll(turned, -1), force, turning, spin])
 
     def begin(k: int) -> FloatArray:
-        own = dict(zip(vehicle.states, flight.states[k].tolist(), strict=True))
-        q, velocity = np.array([own[f"e{i}"] for i in range(4)]), np.array([own[a] for a in "uvw"])
-        behind = [
-            own[lag] / gain + idle if (lag := f"{rotors[c]}.lag") in own else u
-            for c, u in zip(script.CONTENT["channels"], flight.inputs[k][columns], strict=True)
-        ]
-        ground, omega = FLIP * to_ground(q, velocity), FLIP * [own[a] for a in "pqr"]
-        return np.concatenate([np.zeros(3), np.roll(q * TURN, -1), ground, omega, script.rpm(behind)])
+        _, q, velocity, omega = start_of(flight, k)
+        speeds = script.rpm(channels_behind(flight, k, script.CONTENT["channels"]))
+        return np.concatenate([np.zeros(3), np.roll(q, -1), to_ground(q, velocity), omega, speeds])
 
     for part in flight.parts():
         x = begin(part.start)

@@ -8,10 +8,12 @@ gravity; rotors are in the order front right, rear left, front left, rear right 
 
 from __future__ import annotations
 
+import json
 from abc import abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from importlib.resources import files
 from typing import Any, ClassVar, Final
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
@@ -22,7 +24,7 @@ from stoop.base.rotations import FLIP
 from stoop.errors import SimulationError
 from stoop.exporters.agreement import omission, omitted_shares
 from stoop.exporters.autopilot_outputs import check_rotor_channels
-from stoop.exporters.exporter import Exported
+from stoop.exporters.exporter import Exported, encoded
 from stoop.exporters.gazebo_model import rotor_motors
 from stoop.exporters.matlab import identifier
 from stoop.exporters.parameter_sets import RandomizedExporter
@@ -38,6 +40,8 @@ TURNS: Final = np.array(
     [1.0, 1.0, -1.0, -1.0]
 )  #: of rotors as in PX4's quadrotor in X, counterclockwise from above
 REVOLUTIONS: Final = 30.0 / np.pi  #: revolutions per minute of 1 rad/s
+UP: Final = (0.0, 0.0, -1.0)  #: axis of a vertical rotor, forward, right, down
+ALIKE: Final = 1e-6  #: of axes, which are normalized
 MORE: Final = {
     "rotors.drag_inflow": 0.0, "rotors.translational": 0.0, "rotors.inertia": 0.0, "ground_effect.rotor": 0.0,
     **{f"body_drag.{kind}.{a}": 0.0 for kind in ("linear", "quadratic", "rotation") for a in "xyz"},
@@ -102,11 +106,6 @@ class Quad:
         forward, side = np.abs(self.places[:, :2]).mean(axis=0).tolist()
         return forward, side
 
-    def speeds(self, channels: FloatArray) -> FloatArray:
-        """Return commanded speeds (..., 4), rad/s, for channels (..., 4); a rotor at idle and below stands."""
-        speeds = np.maximum(self.offset + self.speed_gain * channels, 0.0)
-        return np.where(channels > self.idle, speeds, 0.0)
-
 
 def quad_of(vehicle: Vehicle, point: Trim, tool: str) -> Quad:
     """Return a vehicle as a quadrotor of equal rotors about a hover.
@@ -114,7 +113,7 @@ def quad_of(vehicle: Vehicle, point: Trim, tool: str) -> Quad:
     Raises
     ------
     SimulationError
-        The vehicle is no quadrotor in X on its rotors.
+        The vehicle is no quadrotor in X on its rotors, or a rotor is tilted.
     VehicleError
         Rotors share a channel.
     """
@@ -140,6 +139,10 @@ def quad_of(vehicle: Vehicle, point: Trim, tool: str) -> Quad:
     def mean(name: str) -> float:
         return float(np.mean([getattr(m, name) for m in ordered]))
 
+    if np.any(np.abs(np.array([m.axis for m in ordered]) - UP) > ALIKE):
+        raise SimulationError(
+            f"{vehicle.where}: {tool} has vertical rotors only; export this vehicle to mujoco"
+        )
     scale = NOMINAL_SPEED if vehicle.drive == "command" else 1.0
     settled = float(np.mean(list(settled_speeds(vehicle, point).values())))
     x = settled * np.array([0.5, 1.0, 1.5])
@@ -179,6 +182,17 @@ class QuadExporter(RandomizedExporter):
         """Return the simulator's numbers of a vehicle about a hover."""
         return self.parameters(quad_of(vehicle, self.steady(vehicle), self.tool))
 
+    def with_content(
+        self, texts: Mapping[str, str], content: Mapping[str, Any], main: str, *templates: str
+    ) -> Exported:
+        """Return files with numbers as JSON, and with scripts by the first part of the names of their templates."""
+        name = self.quad.name
+        made = {**texts, f"{name}.json": json.dumps(content, indent=1, allow_nan=False) + "\n"}
+        for template in templates:
+            text = (files("stoop.exporters") / "templates" / f"{template}.py.txt").read_text("utf-8")
+            made[f"{name}_{template.rpartition('_')[0]}.py"] = text.replace("@NAME@", name)
+        return Exported(encoded(made), main, (*self.model.unidentified, *self.completed))
+
     @abstractmethod
     def parameters(self, quad: Quad) -> dict[str, Any]:
         """Return the simulator's own numbers of a vehicle, in its units."""
@@ -204,6 +218,16 @@ class QuadExporter(RandomizedExporter):
         """Return the files with a note on each term that the simulator leaves out."""
         shares = omitted_shares(flight, self.omitted)
         return made.with_notes(omission(self.tool, name, x) for name, x in shares.items())
+
+
+def channels_behind(flight: ReferenceFlight, k: int, channels: Sequence[str]) -> FloatArray:
+    """Return the channels (n,) at which rotors, once settled, turn as ours do at sample k of a flight."""
+    vehicle = flight.vehicle
+    x = dict(zip(vehicle.states, flight.states[k].tolist(), strict=True))
+    now = dict(zip(vehicle.inputs, flight.inputs[k].tolist(), strict=True))
+    lags = {rotor.channel: f"{name}.lag" for name, rotor in vehicle.file.rotor.items()}
+    gain, idle = vehicle.value("rotors.gain", 1.0), vehicle.value("rotors.idle", 0.0)
+    return np.array([x[lags[c]] / gain + idle if lags[c] in x else now[c] for c in channels])
 
 
 def urdf(quad: Quad, links: tuple[str, ...], before: Element | None = None) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
@@ -14,7 +15,7 @@ from stoop.exporters.exporter import Exported, encoded, installed, load_script, 
 from stoop.exporters.mujoco_model import mujoco_model
 from stoop.exporters.parameter_sets import RandomizedExporter
 from stoop.exporters.reference_flight import ReferenceFlight
-from stoop.exporters.rotorpy_flight import CHANNELS, TURN, motion
+from stoop.exporters.rotorpy_flight import CHANNELS, TURN, motion, start_of
 from stoop.simulation import parameter_rows
 from stoop.simulation.initial import commanded
 from stoop.simulation.loads import rigid_loads
@@ -27,7 +28,7 @@ def _put(flown: Any, script: Any, flight: ReferenceFlight, k: int) -> None:
     """Give MuJoCo our state and channels at sample k of a flight."""
     vehicle, rows = flight.vehicle, parameter_rows(flight.vehicle)
     flown.command(flight.inputs[k])
-    x = dict(zip(vehicle.states, flight.states[k].tolist(), strict=True))
+    x, q, velocity, rates = start_of(flight, k)
     actuators = np.array(
         [
             x[f"{a}.lag"]
@@ -40,8 +41,6 @@ def _put(flown: Any, script: Any, flight: ReferenceFlight, k: int) -> None:
     )
     command = flown.data.ctrl.copy()
     place = (0.0, 0.0, x["h"] - script.CONTENT["altitude"])
-    q = np.array([x[f"e{i}"] for i in range(4)]) * TURN
-    velocity, rates = (FLIP * [x[a] for a in axes] for axes in ("uvw", "pqr"))
     flown.put(place, q, velocity, rates, actuators)
     flown.data.ctrl[:] = command
     flown.forward()
@@ -107,10 +106,11 @@ class MuJoCo(RandomizedExporter):
         names = (p.name for p in vehicle.parameters)
         return {n: x for n, x in zip(names, values, strict=True) if not n.startswith("sensors.")}
 
+    @cached_property
     def drawn(self) -> tuple[dict[str, FloatArray], int]:
-        """Return the numbers (D,) that differ between the parameter sets: all others are in the model."""
-        sets, lost = super().drawn()
-        return {n: x for n, x in sets.items() if np.ptp(x) > 0.0}, lost
+        """The numbers (D,) of the parameter sets that differ from the estimates, which are in the model."""
+        (sets, lost), own = super().drawn, self.numbers_of(self.vehicle)
+        return {n: x for n, x in sets.items() if np.any(x != own[n])}, lost
 
     def lacks(self) -> list[str]:
         """Return dead zones, rate limits and delays, and what they make."""

@@ -10,6 +10,7 @@ import json
 from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
@@ -36,8 +37,9 @@ class RandomizedExporter(FullExporter):
         """Return the steady flight of another vehicle at the condition."""
         return replace(self.full, vehicle=vehicle).trim(self.condition)
 
+    @cached_property
     def drawn(self) -> tuple[dict[str, FloatArray], int]:
-        """Return the numbers (D, ...) of the parameter sets, and how many draws have no steady flight."""
+        """The numbers (D, ...) of the parameter sets, and how many draws have no steady flight."""
         names = [n for n in self.model.draws if n in self.vehicle.rows]
         sets: list[dict[str, FloatArray]] = []
         values = np.column_stack([self.model.draws[n] for n in names])
@@ -57,11 +59,15 @@ class RandomizedExporter(FullExporter):
         return {n: np.array([s[n] for s in sets]) for n in sets[0]}, lost
 
     def with_draws(self, made: Exported) -> Exported:
-        """Return the files with the parameter sets."""
+        """Return the files with the parameter sets; SimulationError where these hold no number."""
         if not self.model.draws:
             return made
-        sets, lost = self.drawn()
-        number = len(next(iter(sets.values())))
+        sets, lost = self.drawn
+        if not sets:
+            raise SimulationError(
+                f"{self.vehicle.where}: the draws differ from the estimates in no number of the simulator; leave --draws out"
+            )
+        number = len(next(iter(self.model.draws.values()))) - lost
         content = {"format": FORMAT, "vehicle": self.vehicle.name, "draws": number}
         lists = {n: x.tolist() for n, x in sets.items()}
         table, arrays = io.BytesIO(), json.dumps({**content, "numbers": lists}, allow_nan=False) + "\n"

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import json
 import warnings
-from importlib.resources import files
 from typing import Any, Final
 
 import numpy as np
@@ -23,10 +22,10 @@ from stoop.base.arrays import FloatArray
 from stoop.base.extras import install
 from stoop.base.rotations import FLIP, euler_angles, normalized, to_body, to_ground
 from stoop.exporters.agreement import Compared
-from stoop.exporters.exporter import Exported, encoded, installed, load_script, written
-from stoop.exporters.learning_quad import REVOLUTIONS, Quad, QuadExporter, urdf
+from stoop.exporters.exporter import Exported, installed, load_script, written
+from stoop.exporters.learning_quad import REVOLUTIONS, Quad, QuadExporter, channels_behind, urdf
 from stoop.exporters.reference_flight import ReferenceFlight
-from stoop.exporters.rotorpy_flight import CHANNELS, TURN, motion
+from stoop.exporters.rotorpy_flight import CHANNELS, TURN, motion, start_of
 
 INSTALL: Final = install("pyflyt")
 LINKS: Final = ("front_right_prop", "back_left_prop", "front_left_prop", "back_right_prop", "body")
@@ -71,14 +70,8 @@ class PyFlyt(QuadExporter):
             "channels": quad.channels, "gravity": quad.gravity, "idle": quad.idle,
             "pwm_gain": p["pwm_gain"], "pwm_offset": p["pwm_offset"],
         }  # fmt: skip
-        template = (files("stoop.exporters") / "templates" / "pyflyt_vehicle.py.txt").read_text("utf-8")
-        made = {
-            f"{folder}.urdf": urdf(quad, LINKS),
-            f"{folder}.yaml": _yaml(quad, p),
-            f"{quad.name}.json": json.dumps(content, indent=1, allow_nan=False) + "\n",
-            f"{quad.name}_pyflyt.py": template.replace("@NAME@", quad.name),
-        }
-        return Exported(encoded(made), f"{quad.name}_pyflyt.py", (*self.model.unidentified, *self.completed))
+        made = {f"{folder}.urdf": urdf(quad, LINKS), f"{folder}.yaml": _yaml(quad, p)}
+        return self.with_content(made, content, f"{quad.name}_pyflyt.py", "pyflyt_vehicle")
 
     def fly(self, made: Exported) -> Exported:
         """Fly the folder along the reference flight, and return what PyFlyt leaves out of it."""
@@ -132,15 +125,11 @@ def fly_pyflyt(script: Any, flight: ReferenceFlight, steps: int = STEPS) -> Floa
     count = round(steps * flight.dt)
     shares = (np.arange(count) + 0.5) / count
     for part in flight.parts():
-        x = dict(zip(vehicle.states, flight.states[part.start].tolist(), strict=True))
-        q = np.array([x[f"e{i}"] for i in range(4)])
-        velocity = FLIP * to_ground(q, np.array([x[a] for a in "uvw"]))
-        flown.resetBasePositionAndOrientation(drone.Id, (0.0, 0.0, 100.0), np.roll(q * TURN, -1).tolist())
-        turned = q * TURN
-        rates = to_ground(turned, FLIP * [x[a] for a in "pqr"])
-        flown.resetBaseVelocity(drone.Id, velocity.tolist(), rates.tolist())
+        _, q, *motions = start_of(flight, part.start)
+        flown.resetBasePositionAndOrientation(drone.Id, (0.0, 0.0, 100.0), np.roll(q, -1).tolist())
+        flown.resetBaseVelocity(drone.Id, *(to_ground(q, x).tolist() for x in motions))
         drone.update_state()
-        drone.motors.throttle[:] = _turning(script, vehicle, x, flight.inputs[part.start][columns])
+        drone.motors.throttle[:] = script.pwm(channels_behind(flight, part.start, script.CONTENT["channels"]))
         for k in range(part.start, part.stop):
             now, after = flight.inputs[k][columns], flight.inputs[min(k + 1, part.stop - 1)][columns]
             _, turned = flown.getBasePositionAndOrientation(drone.Id)
@@ -154,14 +143,3 @@ def fly_pyflyt(script: Any, flight: ReferenceFlight, steps: int = STEPS) -> Floa
                 drone.update_state()
     flown.disconnect()
     return out
-
-
-def _turning(script: Any, vehicle: Any, x: dict[str, float], channels: FloatArray) -> FloatArray:
-    """Return the throttle (4,) of motors that turn as ours do."""
-    by_channel = {rotor.channel: name for name, rotor in vehicle.file.rotor.items()}
-    gain, idle = vehicle.value("rotors.gain", 1.0), vehicle.value("rotors.idle", 0.0)
-    behind = [
-        x[state] / gain + idle if (state := f"{by_channel[c]}.lag") in x else own
-        for c, own in zip(script.CONTENT["channels"], channels.tolist(), strict=True)
-    ]
-    return np.asarray(script.pwm(np.array(behind)))

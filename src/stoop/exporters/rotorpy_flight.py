@@ -49,20 +49,27 @@ def motion(flight: ReferenceFlight) -> FloatArray:
     return np.column_stack([to_ground(q, V), omega, euler_angles(q), force])
 
 
+def start_of(flight: ReferenceFlight, k: int) -> tuple[dict[str, float], FloatArray, FloatArray, FloatArray]:
+    """Return our states by name at sample k of a flight, and of these the motion along axes forward, left, up.
+
+    It is the quaternion (4,), scalar first, from the world north, west, up; velocity (3,), m/s; rates (3,), rad/s.
+    """
+    x = dict(zip(flight.vehicle.states, flight.states[k].tolist(), strict=True))
+    turned = np.array([x[f"e{i}"] for i in range(4)]) * TURN
+    return x, turned, FLIP * [x[a] for a in "uvw"], FLIP * [x[a] for a in "pqr"]
+
+
 def _state(script: Any, flight: ReferenceFlight, k: int, stock: bool) -> dict[str, FloatArray]:
     """Return the state of RotorPy's own model, or of the identified class, at sample k of a flight."""
-    vehicle = flight.vehicle
-    x = dict(zip(vehicle.states, flight.states[k].tolist(), strict=True))
-    turning = np.array([x[f"{r}.lag"] for r in vehicle.rotors if f"{r}.lag" in x])
+    x, q, velocity, rates = start_of(flight, k)
+    turning = np.array([x[f"{r}.lag"] for r in flight.vehicle.rotors if f"{r}.lag" in x])
     if not turning.size:
         turning = _channels(flight)[k]
         speeds = script.speeds(turning) if stock else turning
     else:
         speeds = script.turned(turning) if stock else turning
-    q = np.array([x[f"e{i}"] for i in range(4)])
-    ground = to_ground(q, np.array([x[a] for a in "uvw"]))
     place = np.array([0.0, 0.0, x["h"] - script.ALTITUDE])
-    motion = {"v": FLIP * ground, "q": np.roll(q * TURN, -1), "w": FLIP * [x[a] for a in "pqr"]}
+    motion = {"v": to_ground(q, velocity), "q": np.roll(q, -1), "w": rates}
     return {**script.start(speeds), "x": place, **motion}
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import io
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
@@ -145,7 +146,7 @@ def test_parameter_sets_keep_the_correlation(square: Vehicle) -> None:
     lists = json.loads(made.files["draws.json"])["numbers"]
     assert lists["rotors.T2"] == data.draws["rotors.T2"].tolist()
     quad = GymPyBulletDrones(data)
-    own = quad.drawn()[0]
+    own = quad.drawn[0]
     assert np.corrcoef(own["kf"] * own["thrust2weight"], data.draws["rotors.T2"])[0, 1] > 0.9
 
 
@@ -170,6 +171,71 @@ def test_a_draw_flies_in_mujoco_as_its_numbers_do(square: Vehicle, tmp_path: Pat
     assert flown.data.act_dot == pytest.approx([ours[f"m{i}.lag"] for i in range(1, 5)], abs=1e-9)
 
 
+def test_the_callback_that_was_set_and_forces_of_ones_own_are_kept(square: Vehicle, tmp_path: Path) -> None:
+    mujoco = pytest.importorskip("mujoco")
+    made = MuJoCo(ModelData(square)).files()
+    for place, content in made.files.items():
+        (tmp_path / place).write_bytes(content)
+    flown = exporter.load_script(tmp_path / "quadrotor_x_1_5_kg_mujoco.py").Vehicle()
+    flown.forward()
+    free, force = flown.data.qacc.copy(), 0.3
+    flown.data.qfrc_applied[flown.velocity] = [force, 0.0, 0.0]
+
+    def own(model: object, data: object) -> None:
+        """Stand for a callback of the user."""
+
+    mujoco.set_mjcb_control(own)
+    try:
+        flown.forward()
+        pushed = flown.data.qacc - free
+        flown.step(flown.channels)
+        assert mujoco.get_mjcb_control() is own
+    finally:
+        mujoco.set_mjcb_control(None)
+    assert pushed == pytest.approx([force / square.value("mass.mass"), 0.0, 0.0, 0.0, 0.0, 0.0], abs=1e-9)
+
+
+def test_each_draw_is_computed_once(square: Vehicle, monkeypatch: pytest.MonkeyPatch) -> None:
+    data, seen = drawn(square, 3), []
+    single = Isaac.numbers_of
+
+    def counted(self: Isaac, vehicle: Vehicle) -> Mapping[str, object]:
+        seen.append(vehicle.value("rotors.T2"))
+        return single(self, vehicle)
+
+    monkeypatch.setattr(Isaac, "numbers_of", counted)
+    target = Isaac(data)
+    made = target.with_draws(target.files())
+    assert seen == pytest.approx(data.draws["rotors.T2"])
+    assert "the constant of the thrust and the lag only" in made.notes[-1]
+
+
+def test_one_set_is_written_and_draws_that_change_nothing_are_refused(square: Vehicle) -> None:
+    one = MuJoCo(ModelData(square, draws={"mass.mass": np.array([1.6])}))
+    made = one.with_draws(one.files())
+    assert json.loads(made.files["draws.json"])["numbers"] == {"mass.mass": [1.6]}
+    left = GymPyBulletDrones(ModelData(square, draws={"mass.mass": np.array([1.6, 1e3])}))
+    content = json.loads(left.with_draws(left.files()).files["draws.json"])
+    assert (content["draws"], content["numbers"]["mass"]) == (1, [1.6])
+    same = MuJoCo(ModelData(square, draws={"sensors.ax.bias": np.array([0.1, 0.2])}))
+    with pytest.raises(SimulationError, match="differ from the estimates in no number"):
+        same.with_draws(same.files())
+
+
+def test_tilted_rotors_are_refused() -> None:
+    """The first leans by 5.7 degrees: its side force would be lost."""
+    text = builtin_text("quad-x")
+    assert text.count("[rotor.m1]") == 1
+    tilted = parse_vehicle(text.replace("[rotor.m1]", "[rotor.m1]\naxis = [0.0, 0.1, -1.0]"), "quad")
+    for target in (PyFlyt, Crazyflow, GymPyBulletDrones, Isaac):
+        with pytest.raises(SimulationError, match="vertical rotors only; export this vehicle to mujoco"):
+            target(ModelData(tilted)).files()
+
+
+def test_isaac_lab_has_no_drag_and_the_terms_are_named(square: Vehicle) -> None:
+    assert Isaac(ModelData(square)).omitted.keys() >= {"rotors.drag", "body_drag.quadratic.x"}
+
+
 def test_refusals(square: Vehicle) -> None:
     with pytest.raises(StoopError, match="this target takes one parameter set; give mujoco"):
         export(drawn(square), "state-space")
@@ -181,4 +247,4 @@ def test_refusals(square: Vehicle) -> None:
         Isaac(ModelData(builtin_vehicle("quad-plus"))).files()
     heavy = ModelData(square, draws={"mass.mass": np.full(3, 1e3)})
     with pytest.raises(SimulationError, match="none of 3 draws has a steady flight"):
-        GymPyBulletDrones(heavy).drawn()
+        assert GymPyBulletDrones(heavy).drawn
