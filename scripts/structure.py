@@ -27,7 +27,7 @@ BUDGETS = {
     "stoop": 86900,
     "stoop_studies": 14140,
     "api": 200,
-    "app": 3645,
+    "app": 3650,
     "assessment": 6515,
     "base": 2380,
     "checks": 3010,
