@@ -9,7 +9,7 @@ from typing import TextIO
 
 from stoop.base.streams import flush_or_discard
 
-MOST_LISTED = 12  #: names in a message
+MOST_LISTED = 16  #: names in a message
 
 
 def nearest(name: str, among: Iterable[str], cutoff: float = 0.6) -> str:

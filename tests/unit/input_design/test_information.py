@@ -298,7 +298,7 @@ def test_maneuvers_on_rotors_are_flown_side_by_side(monkeypatch: pytest.MonkeyPa
         return step(*arguments)
 
     monkeypatch.setattr(trajectories, "next_states", counted)
-    assert np.array_equal(problem.costs(X, 0), single)
+    np.testing.assert_allclose(problem.costs(X, 0), single, rtol=1e-7)  # products round by their size
     assert len(steps) == 500
 
 

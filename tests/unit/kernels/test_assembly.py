@@ -36,7 +36,7 @@ def aircraft() -> Kernel:
 
 
 def test_the_six_degrees_of_freedom_are_packed(aircraft: Kernel) -> None:
-    check(aircraft.assembly(), 300)
+    check(aircraft.assembly(), 250)  # 292 on a processor with AVX2
 
 
 @pytest.mark.parametrize(
