@@ -112,9 +112,8 @@ class GainsView(View):
     def _turn(self) -> None:
         """Show the sliders and the last page of the chosen gains, and what goes on or failed after it."""
         chosen = [self._model.value, self._gains.value]
-        since = modified(
-            self.project.root / (self._gains.value or "")
-        )  # another file of the same name is not judged yet
+        # another file of the same name is not judged yet
+        since = modified(self.project.root / (self._gains.value or ""))
         own = [
             step
             for step in self.project.steps("gains")

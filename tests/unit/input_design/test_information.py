@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from llvmlite import binding as llvm
 
 from stoop.base.arrays import FloatArray
 from stoop.errors import SimulationError
@@ -298,7 +299,11 @@ def test_maneuvers_on_rotors_are_flown_side_by_side(monkeypatch: pytest.MonkeyPa
         return step(*arguments)
 
     monkeypatch.setattr(trajectories, "next_states", counted)
-    np.testing.assert_allclose(problem.costs(X, 0), single, rtol=1e-7)  # products round by their size
+    features = llvm.get_host_cpu_features()
+    narrow = features.get("avx") and not features.get(
+        "avx512f"
+    )  # known to differ by 4e-9 there; the cause is not found
+    np.testing.assert_allclose(problem.costs(X, 0), single, rtol=1e-7 if narrow else 0.0)
     assert len(steps) == 500
 
 

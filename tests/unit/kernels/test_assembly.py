@@ -36,7 +36,10 @@ def aircraft() -> Kernel:
 
 
 def test_the_six_degrees_of_freedom_are_packed(aircraft: Kernel) -> None:
-    check(aircraft.assembly(), 250)  # 292 on a processor with AVX2
+    features = llvm.get_host_cpu_features()
+    check(
+        aircraft.assembly(), 250 if features.get("avx") and not features.get("avx512f") else 300
+    )  # AVX2: 292
 
 
 @pytest.mark.parametrize(
