@@ -208,7 +208,7 @@ def test_the_same_seed_flies_the_same_flight(cub: OutsideFlight) -> None:
     ("package", "made"),
     [
         (package, made)
-        for package, made in (("rotorpy", outside_rotors.RotorPy), ("mujoco", outside_rotors.MuJoCo))
+        for package, made in (("rotorpy", outside_rotors.RotorPy), ("crazyflow", outside_rotors.MuJoCo))
         if package == "rotorpy" or find_spec(package)  # the other one is of the extra "outside"
     ],
 )
