@@ -33,6 +33,8 @@ class Filter:
 
     def response(self, z: ComplexArray) -> ComplexArray:
         """Return H at points z of any shape."""
+        if len(self.a) == len(self.b) == 1:  # a gain, as most are
+            return np.full_like(z, self.b[0])
         delay = 1.0 / z
         return np.asarray(np.polyval(self.b[::-1], delay) / np.polyval(self.a[::-1], delay))
 

@@ -177,46 +177,69 @@ def propose(design: Design) -> dict[str, float]:
     """
     axes = _searchable(design)
     central, raised = design.part(1), np.zeros(())
+    joint = replace(design, conditions=[Condition.joint(design.conditions)])
     own = {**design.flown, **_feedforward(central)}
     for axis in axes:
-        own |= _searched(central, own, axis, raised, False, GRID)
+        own |= _searched(joint, own, axis, raised, False, GRID)
     rejecting = [
         design.axes[i]
         for at in central.margins(central.loops(own))
         for i, one in enumerate(at)
         if one.margins.rejection[0]
     ]
-    for axis in (a for a in axes if a not in rejecting):  # there is nothing that its gains could be chosen by
-        own |= {n: design.flown[n] for n in design.tuned(axis).values()}
+    resting = [a for a in axes if a not in rejecting]  # there is nothing that their gains could be chosen by
+    own |= {n: design.flown[n] for a in resting for n in design.tuned(a).values()}
     axes = tuple(a for a in axes if a in rejecting)
     for sample in (design.part(FEW), design):
         for _ in range(ROUNDS):
-            before = raised
+            before, begun = raised, dict(own)
+            own = _lowered(central, own, resting, central.left(own)[1] - raised, raised)[0]
             # first each axis restores its own margins, then also those of the others
             for strict in (False, True):
                 for axis in axes[::-1]:
-                    own |= _searched(central, own, axis, raised, strict)
+                    own |= _searched(joint, own, axis, raised, strict)
             estimate, drawn = sample.left(own)
             raised = np.maximum(estimate - drawn, 0.0)
-            if drawn.min() >= -SLACK and np.max(np.abs(raised - before)) < SETTLED:
+            settled = np.max(np.abs(raised - before)) < SETTLED
+            if settled and (drawn.min() >= -SLACK or own == begun):
                 break
     whole = {n: design.firmware.settable(own[n]) for a in axes for n in design.tuned(a).values()}
     if any(own[n] != x for n, x in whole.items()):
         own |= whole
         drawn = design.left(own)[1]
-    for _ in range(BACK_OFFS):
-        missed = drawn.min(axis=(0, 2)) < -SLACK
-        if not missed.any():
-            return {name: value for name, value in own.items() if value != design.flown[name]}
-        for axis in (a for a, one in zip(design.axes, missed.tolist(), strict=True) if one):
-            own |= {n: design.firmware.settable(BACK_OFF * own[n]) for n in design.tuned(axis).values()}
-        drawn = design.left(own)[1]
+    own, drawn = _lowered(design, own, design.axes, drawn)
+    if drawn.min() >= -SLACK:
+        return {name: value for name, value in own.items() if value != design.flown[name]}
     worst, about, _ = np.unravel_index(np.argmin(drawn), drawn.shape)
     raise StoopError(
         f"tune: {design.conditions[int(worst)].place} no gains keep the specification about {design.axes[int(about)]}: lower "
         "it (--gain-margin, --phase-margin, --disk-margin, --noise), slow the attitude loop, or fly the maneuvers that the "
         "verdict asks for"
     )
+
+
+def _lowered(
+    design: Design,
+    values: Mapping[str, float],
+    axes: Sequence[str],
+    left: FloatArray,
+    raised: FloatArray | float = 0.0,
+) -> tuple[dict[str, float], FloatArray]:
+    """Return parameters with the gains of some axes lowered until each keeps the specification, and what is left of it.
+
+    Parameters
+    ----------
+    left : (conditions, axes, 4), above `raised`, with `values`
+    """
+    own = dict(values)
+    for _ in range(BACK_OFFS):
+        missed = (left.min(axis=(0, 2)) < -SLACK).tolist()
+        low = [a for a, one in zip(design.axes, missed, strict=True) if one and a in axes]
+        if not low:
+            break
+        own |= {n: design.firmware.settable(BACK_OFF * own[n]) for a in low for n in design.tuned(a).values()}
+        left = design.left(own)[1] - raised
+    return own, left
 
 
 def _searchable(design: Design) -> tuple[str, ...]:
@@ -251,13 +274,15 @@ def _searched(
 ) -> dict[str, float]:
     """Return the parameters of an axis of the highest rejection, what is left of the specification being `raised` or more.
 
+    The design has one condition, whose models are the estimates at every airspeed.
+
     It begins with `values`, and with the best of a grid of factors of the gains that flew. Unless it is strict, what another
     axis misses with `values` is left to that axis; it may not miss more.
     """
     tuned = design.tuned(axis)
     names = list(tuned.values())
     origin = np.log([values[n] / design.flown[n] for n in names])
-    place, others = design.axes.index(axis), design.loops(values)
+    place, (others,) = design.axes.index(axis), design.loops(values)
 
     def parameters(x: FloatArray) -> dict[str, float]:
         return {
@@ -267,15 +292,9 @@ def _searched(
     @cache
     def trial(x: tuple[float, ...]) -> tuple[float, FloatArray]:
         tried = {**values, **parameters(np.array(x))}
-        judged = design.margins(
-            [
-                {**own, axis: design.loop(tried, axis, one)}
-                for own, one in zip(others, design.conditions, strict=True)
-            ]
-        )
-        left = np.array([[design.specification.shares(one)[:, 0] for one in at] for at in judged])
-        rejection = min(_rejection(at[place]) for at in judged)
-        return -math.log(rejection), np.min(left - raised, axis=0)
+        (judged,) = design.margins([{**others, axis: design.loop(tried, axis, design.conditions[0])}])
+        left = np.stack([design.specification.shares(one) for one in judged], axis=1).T
+        return -math.log(_rejection(judged[place])), np.min(left - raised, axis=0)
 
     lowest = -math.log(FARTHEST)
     highest = np.log([min(FARTHEST, design.firmware.largest / design.flown[n]) for n in names])
@@ -314,8 +333,9 @@ def _searched(
 
 def _rejection(own: AxisMargins) -> float:
     """Return the frequency, rad/s, up to which disturbances are reduced, or what comes nearest to it where they hardly are."""
-    found = float(own.margins.firm_rejection[0])
-    return found or SLOWEST * min(1.0, math.sqrt(0.5) / float(own.margins.slow[0]))
+    found = own.margins.firm_rejection
+    least = np.where(found, found, SLOWEST * np.minimum(1.0, math.sqrt(0.5) / own.margins.slow))
+    return float(least.min())
 
 
 def _feedforward(design: Design) -> dict[str, float]:

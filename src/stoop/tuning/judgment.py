@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Final
@@ -24,6 +25,7 @@ from stoop.simulation.rotors import channel_range
 from stoop.simulation.steady_flight import neighbors, trim
 from stoop.simulation.trim import Trim
 from stoop.tuning.loops import (
+    LANES,
     AxisLoop,
     Plants,
     followed,
@@ -34,7 +36,7 @@ from stoop.tuning.loops import (
     return_difference,
     stable,
 )
-from stoop.tuning.margins import Margins, joined, margins, rms_of_noise
+from stoop.tuning.margins import Margins, joined, margins, rms_of_noise, split
 from stoop.vehicle import Vehicle
 from stoop.vehicle_draft.autopilot import read_setup
 
@@ -45,7 +47,6 @@ PERCENTILES: Final = (5, 50, 95)
 SMALL: Final = ("phase delay", "noise")  #: figures of which less is better
 STOP: Final = 1000.0  #: us, pulse of a motor at a command of zero
 COARSE: Final = 4  #: every so many of the frequencies are enough for bandwidth and phase delay, to 1e-3
-LANES: Final = 100  #: models at once, whose responses the caches of a processor hold
 
 
 @dataclass(frozen=True, eq=False)
@@ -263,6 +264,13 @@ class Condition:
         """Where it is, as messages say it."""
         return f"at {self.airspeed:.4g} m/s" if self.airspeed else "in hover"
 
+    @classmethod
+    def joint(cls, conditions: Sequence[Condition]) -> Condition:
+        """Return the estimates at some conditions as the models of one, at no airspeed of its own."""
+        plants = [one.plants.part(slice(0, 1)) for one in conditions]
+        ratios = np.array([[np.ravel(one.ratio)[0]] for one in conditions])
+        return cls(math.nan, ratios if np.ptp(ratios) else ratios[0, 0].item(), Plants.joint(plants))
+
     def part(self, lanes: slice) -> Condition:
         """Return the condition of some of the models."""
         return Condition(self.airspeed, part_of(self.ratio, lanes), self.plants.part(lanes))
@@ -279,15 +287,15 @@ def judge(
     """
     plants, frequency = condition.plants, frequencies(list(loops.values()))
     count = len(plants.A)
-    found: list[list[Margins]] = [[] for _ in loops]
+    parts: list[list[Margins]] = []
     noises, holds = np.empty((len(loops), count)), np.empty(count, dtype=bool)
     for begin in range(0, count, LANES):
         lanes = slice(begin, begin + LANES)
         part, own = plants.part(lanes), [loop.part(lanes) for loop in loops.values()]
         holds[lanes] = stable(part, own)
         returned = opened(return_difference(motion(part, frequency), own, frequency))
+        parts.append(split(margins(frequency, returned.reshape(-1, len(frequency))), len(loops)))
         for i, (axis, loop) in enumerate(zip(loops, own, strict=True)):
-            found[i].append(margins(frequency, returned[i]))
             density = noise.get(axis, np.nan)
             noises[i, lanes] = rms_of_noise(
                 frequency, loop.law.feedback(frequency, loop.scale), returned[i], density
@@ -295,9 +303,9 @@ def judge(
     share = float(np.mean(holds[1:])) if count > 1 else float(holds[0])
     return [
         AxisMargins(
-            axis, condition.airspeed, joined(found[i]).where(holds), share, np.where(holds, noises[i], np.inf)
+            axis, condition.airspeed, joined(found).where(holds), share, np.where(holds, noises[i], np.inf)
         )
-        for i, axis in enumerate(loops)
+        for i, (axis, found) in enumerate(zip(loops, zip(*parts, strict=True), strict=True))
     ]
 
 

@@ -31,6 +31,7 @@ SLOWEST: Final = 0.1  #: rad/s, from which loops are looked at; below act autoth
 #: 1/s; what grows more slowly, such as the speed of an airplane without throttle, is of outer loops
 GROWTH: Final = 0.05
 POINTS: Final = 600
+LANES: Final = 100  #: models at once, whose responses the caches of a processor hold; those of fewer are kept
 CONDITION: Final = 1e10  #: of eigenvectors, above which a response is solved for frequency by frequency
 
 
@@ -125,22 +126,40 @@ class Plants:
     delays: FloatArray  #: (d, n_u), s
     #: by rate, reading of its gyro over what turns (d,), which the law acts on; one where absent
     gyros: Mapping[str, FloatArray] = field(default_factory=dict)
-    known: Answers = field(
-        default_factory=list, init=False, repr=False
-    )  #: of :func:`motion`, of a single vehicle
+    known: Answers = field(default_factory=list, init=False, repr=False)  #: of :func:`motion`
+    parts: dict[tuple[int, int], Plants] = field(
+        default_factory=dict, init=False, repr=False
+    )  #: with their modes
+
+    @classmethod
+    def joint(cls, parts: Sequence[Plants]) -> Plants:
+        """Return the vehicles of some plants of the same states, one after the other."""
+        gyros = {n: np.concatenate([one.gyros[n] for one in parts]) for n in parts[0].gyros}
+        A, B, delays = (np.concatenate([getattr(one, n) for one in parts]) for n in ("A", "B", "delays"))
+        return cls(parts[0].states, A, B, delays, gyros)
 
     def part(self, lanes: slice) -> Plants:
         """Return some of the vehicles."""
-        if lanes.start == 0 and lanes.stop >= len(self.A):
+        begin, end, _ = lanes.indices(len(self.A))
+        if end - begin == len(self.A):
             return self
-        gyros = {n: x[lanes] for n, x in self.gyros.items()}
-        return Plants(self.states, self.A[lanes], self.B[lanes], self.delays[lanes], gyros)
+        if (begin, end) not in self.parts:
+            gyros = {n: x[lanes] for n, x in self.gyros.items()}
+            self.parts[begin, end] = Plants(
+                self.states, self.A[lanes], self.B[lanes], self.delays[lanes], gyros
+            )
+        return self.parts[begin, end]
 
     @cached_property
     def modes(self) -> tuple[ComplexArray, ComplexArray]:
         """Eigenvalues (d, n) and eigenvectors (d, n, n) of A."""
         values, vectors = np.linalg.eig(self.A)
         return np.asarray(values, dtype=complex), np.asarray(vectors, dtype=complex)
+
+    @cached_property
+    def sound(self) -> bool:
+        """Whether the eigenvectors are far enough apart for responses as sums over modes."""
+        return bool(np.max(np.linalg.cond(self.modes[1])) < CONDITION)
 
 
 def frequencies(loops: Sequence[AxisLoop]) -> FloatArray:
@@ -158,7 +177,7 @@ def _lines(rate: float) -> tuple[FloatArray, ComplexArray]:
 
 def motion(plants: Plants, frequency: Frequencies) -> dict[str, ComplexArray]:
     """Return the responses (d, n_u, m) of rates, as gyros read them, and attitude angles to commands about the axes."""
-    if len(plants.A) == 1:
+    if len(plants.A) < LANES:
         return _kept(plants.known, frequency, lambda line: _motion(plants, line))
     return _motion(plants, frequency)
 
@@ -175,21 +194,22 @@ def _motion(plants: Plants, frequency: Frequencies) -> dict[str, ComplexArray]:
     late = [
         np.exp(-s * delays[:, [k]]) for k in range(delays.shape[1])
     ]  # (d, m), most often one for all inputs
-    if np.max(np.linalg.cond(vectors)) < CONDITION:
+    read = np.stack([np.broadcast_to(plants.gyros.get(n, 1.0), count) for n in wanted], axis=1)  # d, y
+    if plants.sound:
         into = np.linalg.solve(vectors, plants.B.astype(complex))
+        outof = read[:, :, None] * vectors[:, rows]
         for k, own in enumerate(late):
             of = np.flatnonzero(group.ravel() == k)
-            weights = vectors[:, rows, None] * into.swapaxes(1, 2)[:, None, of]  # d, y, u, n
+            weights = outof[:, :, None] * into.swapaxes(1, 2)[:, None, of]  # d, y, u, n
             gains = own[:, None] / (s - values[:, :, None])
             flat = weights.reshape(count, -1, len(names)) @ gains
             found[:, :, of] = flat.reshape(count, len(rows), len(of), len(s))
     else:
         matrices = s[:, None, None] * np.eye(len(names)) - plants.A[:, None]
         solved = np.linalg.solve(matrices, plants.B[:, None].astype(complex))[:, :, rows]
-        found[:] = np.moveaxis(solved, 1, 3) * np.stack(late, axis=1)[:, None, group.ravel()]
-    heading = {HEADING: found[:, wanted.index("r")] / s} if "r" in wanted else {}
-    for i, n in enumerate(wanted):
-        found[:, i] *= plants.gyros.get(n, np.ones(1))[:, None, None]
+        found[:] = np.moveaxis(read[:, None, :, None] * solved, 1, 3)
+        found *= np.stack(late, axis=1)[:, None, group.ravel()]
+    heading = {HEADING: found[:, wanted.index("r")] * (1.0 / s)} if "r" in wanted else {}
     return {n: found[:, i] for i, n in enumerate(wanted)} | heading
 
 

@@ -138,6 +138,12 @@ def joined(parts: Sequence[Margins]) -> Margins:
     )
 
 
+def split(loops: Margins, count: int) -> list[Margins]:
+    """Return the margins of loops in `count` equal parts."""
+    each = {f.name: np.split(getattr(loops, f.name), count) for f in fields(Margins)}
+    return [Margins(**{name: x[i] for name, x in each.items()}) for i in range(count)]
+
+
 def _least(count: int, of: IntArray, values: FloatArray) -> FloatArray:
     """Return the least of the values (k,) of each of `count` loops; infinite where there is none."""
     out = np.full(count, np.inf)
@@ -156,20 +162,21 @@ def _crossings(
     t = (reached - crossing[of, i]) / (crossing[of, i + 1] - crossing[of, i])
     places = np.clip(i[:, None] + np.arange(-1, 3), 0, len(w) - 1)
     inside = (i > 0) & (i < len(w) - 2)
+    c0, c1, c2, c3 = _cubics(crossing[of[:, None], places])
     for _ in range(NEWTON):
-        height, slope = _cubic(crossing[of[:, None], places], t)
+        height, slope = c0 + t * (c1 + t * (c2 + t * c3)), c1 + t * (2.0 * c2 + 3.0 * t * c3)
         t = np.where(inside, np.clip(t - (height - reached) / np.where(slope, slope, 1.0), 0.0, 1.0), t)
     found = value[of, i] + t * (value[of, i + 1] - value[of, i])
-    return of, w[i] + t * np.diff(w)[i], np.where(inside, _cubic(value[of[:, None], places], t)[0], found)
+    c0, c1, c2, c3 = _cubics(value[of[:, None], places])
+    return of, w[i] + t * (w[i + 1] - w[i]), np.where(inside, c0 + t * (c1 + t * (c2 + t * c3)), found)
 
 
-def _cubic(y: FloatArray, t: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return height and slope at t (k,) of the cubics through y (k, 4) at -1, 0, 1 and 2 (Lagrange)."""
+def _cubics(y: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return the coefficients (k,) from the lowest power on of the cubics through y (k, 4) at -1, 0, 1 and 2 (Lagrange)."""
     before, start, end, after = y.T
     c1 = end - before / 3.0 - start / 2.0 - after / 6.0
     c2 = 0.5 * (before + end) - start
-    c3 = (after - before) / 6.0 + 0.5 * (start - end)
-    return start + t * (c1 + t * (c2 + t * c3)), c1 + t * (2.0 * c2 + 3.0 * t * c3)
+    return start, c1, c2, (after - before) / 6.0 + 0.5 * (start - end)
 
 
 def _lowest(values: FloatArray) -> FloatArray:
