@@ -26,6 +26,7 @@ PARTS = (
     "solvers",
     "posterior",
     "corners",
+    "tuning",
     "bbob",
 )  #: the last takes many minutes
 
