@@ -314,7 +314,7 @@ def with_handling(
 ) -> list[AxisMargins]:
     """Return margins of loops by axis with bandwidth and phase delay of what they hold, all loops closed."""
     own, plants = list(loops.values()), condition.plants
-    frequency, count = frequencies(own)[::COARSE], len(plants.A)
+    frequency, count = frequencies(own, COARSE), len(plants.A)
     found = np.empty((len(own), count, 4))
     starts = np.empty(len(own))
     for begin in range(0, count, LANES):

@@ -162,17 +162,21 @@ class Plants:
         return bool(np.max(np.linalg.cond(self.modes[1])) < CONDITION)
 
 
-def frequencies(loops: Sequence[AxisLoop]) -> FloatArray:
-    """Return evenly spaced frequencies (m,), rad/s, up to half the rate of the slowest loop."""
-    return _lines(min(one.law.rate for one in loops))[0]
+def frequencies(loops: Sequence[AxisLoop], every: int = 1) -> FloatArray:
+    """Return evenly spaced frequencies (m,), rad/s, up to half the rate of the slowest loop, or every so many of them."""
+    return _line(min(one.law.rate for one in loops), every)
 
 
 @cache
-def _lines(rate: float) -> tuple[FloatArray, ComplexArray]:
-    """Return frequencies up to half the rate of a loop, Hz, and the line right of which poles are counted."""
-    highest = np.pi * rate
-    line = np.asarray(np.geomspace(1e-3 * GROWTH, highest, POINTS) - 1j * GROWTH, dtype=np.complex128)
-    return np.geomspace(SLOWEST, highest, POINTS), line
+def _line(rate: float, every: int) -> FloatArray:
+    """Return frequencies up to half the rate of a loop, Hz."""
+    return np.geomspace(SLOWEST, np.pi * rate, POINTS)[::every]
+
+
+@cache
+def _right_of_axis(rate: float) -> ComplexArray:
+    """Return the line right of which poles are counted, up to half the rate of a loop, Hz."""
+    return np.asarray(np.geomspace(1e-3 * GROWTH, np.pi * rate, POINTS) - 1j * GROWTH, dtype=np.complex128)
 
 
 def motion(plants: Plants, frequency: Frequencies) -> dict[str, ComplexArray]:
@@ -267,7 +271,7 @@ def stable(plants: Plants, loops: Sequence[AxisLoop]) -> BoolArray:
 
     Along Re s = `GROWTH` the argument of det F turns by pi for every pole right of it that the loops remove or add.
     """
-    frequency = _lines(min(one.law.rate for one in loops))[1]
+    frequency = _right_of_axis(min(one.law.rate for one in loops))
     whole = _determinant(return_difference(motion(plants, frequency), loops, frequency))
     angle = np.unwrap(np.angle(whole), axis=1)
     # on the real axis F is real, and far up it is one
