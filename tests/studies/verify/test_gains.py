@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from stoop.control_laws.table import firmwares
-from stoop.tuning.gain_search import Design, Specification
+from stoop.tuning.gain_search import FARTHEST, Design, Specification
 from stoop.tuning.judgment import commands_of
 from stoop.vehicle.document import with_entries
 from stoop_studies.findings import Setting
@@ -105,6 +105,25 @@ def test_the_truth_by_itself_keeps_what_it_proposes(case: str) -> None:
     if case == "wings":
         reversed_aileron = with_entries(truth, {("controls", "aileron", "mix"): {"control_roll": -0.3}})
         assert lost(reversed_aileron, firmware, best, 0) is True
+
+
+def test_an_axis_without_rejection_is_lowered_itself() -> None:
+    """About pitch nothing rejects disturbances, and when slow the flown gains miss the margins: not roll pays for it."""
+    made, throw = made_up(40 + OF_CASE["wings"][0]), {"elevator": "pitch", "aileron": "roll"}
+    (firmware,) = firmwares({"FW_RR_P": 1.0})
+    truth = with_entries(
+        made.vehicle, {("controls", s, "mix"): {f"control_{a}": 0.3} for s, a in throw.items()}
+    )
+    airspeed = made.vehicle.value("reference.airspeed")
+    values = flown_gains(truth, firmware, airspeed, {}, np.random.default_rng(0))
+    conditions = conditions_of(truth, firmware, values, [0.9 * airspeed, 1.15 * airspeed], 100.0, NONE)
+    own = Design(firmware, values, ("roll", "pitch"), conditions, Specification(), {})
+    best = gains(own)
+    assert best is not None
+    assert best["FW_PR_P"] < values["FW_PR_P"]
+    assert best["FW_RR_P"] > 1.5 * values["FW_RR_P"] / FARTHEST, (
+        "not at the end of its range for the sake of pitch"
+    )
 
 
 def test_an_interval_is_of_the_draws_and_beside_the_truth() -> None:
