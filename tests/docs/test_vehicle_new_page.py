@@ -110,7 +110,9 @@ def test_solar_surfer_by_defaults(shared_data: Path) -> None:
     unknown = [name for name, one in result.parameters.items() if not one.identifiable or one.at_bound]
     said = re.search(r"Of (\d+) numbers more than (\d+) are not identifiable, `CD0` among them", page_text())
     assert said is not None
-    assert len(result.parameters) == int(said[1])
+    # none or one is held, by the kernels of a BLAS
+    held = [one for one in result.notices if one.code == "inertia-held"]
+    assert len(result.parameters) + len(held) == int(said[1])
     assert len(unknown) > int(said[2])  # 34 or 41, by the kernels of a BLAS
     assert "CD0" in unknown
     assert result.verdict is not None

@@ -141,6 +141,7 @@ def _guarded(given: Sequence[str], debug: bool) -> int:
         code = _complain(f"error: {message}", USER_ERROR)
         for line in attached:
             show(line)
+        flush_or_discard(sys.stdout)  # one error is enough, where the output cannot be written either
     sys.stdout.flush()
     return code
 

@@ -109,6 +109,19 @@ def test_long_verbs(name: str, place: dict[str, str], tmp_path: Path) -> None:
     check(LONG[name], place, tmp_path)
 
 
+def test_an_error_and_an_output_that_is_full_are_one_line(tmp_path: Path) -> None:
+    """The page that stood in the output when the error came cannot be written either."""
+    program = "import sys; from stoop.cli import main as m; from stoop.errors import StoopError\n"
+    program += "def run(words):\n  print('a page'); raise StoopError('no file')\n"
+    program += "m.one_verb = run\nsys.exit(m.main())"
+    done = subprocess.run(
+        ["bash", "-c", 'exec "$@" >/dev/full', "bash", sys.executable, "-c", program, "info"],
+        cwd=tmp_path, capture_output=True, text=True, encoding="utf-8", check=False,
+        env={n: x for n, x in os.environ.items() if n != "PYTHONUNBUFFERED"},
+    )  # fmt: skip
+    assert (done.returncode, done.stderr) == (2, "stoop: error: no file\n")
+
+
 def test_an_unwritable_cache_is_one_warning(examples: Path, tmp_path: Path) -> None:
     words = ["simulate", "twin-boom", "--maneuver", str(examples / "maneuver_3211.toml"), "-o", "f.nc"]
     done = ended(words, tmp_path, changes={"STOOP_CACHE_DIR": NOWHERE})
