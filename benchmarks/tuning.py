@@ -35,7 +35,7 @@ def run() -> list[Row]:
 
 
 def _rows() -> Iterator[Row]:
-    judged, design = _timed(10, 2000)
+    judged, _ = _timed(10, 2000)
     yield Row(
         PART, "margins of 3 axes, rate and attitude loop, 10 airspeeds, 2000 draws", judged, "s", at_most=10.0,
         note="linear models included; the second of two, compiled",

@@ -213,7 +213,10 @@ def _motion(plants: Plants, frequency: Frequencies) -> dict[str, ComplexArray]:
         solved = np.linalg.solve(matrices, plants.B[:, None].astype(complex))[:, :, rows]
         found[:] = np.moveaxis(read[:, None, :, None] * solved, 1, 3)
         found *= np.stack(late, axis=1)[:, None, group.ravel()]
-    heading = {HEADING: found[:, wanted.index("r")] * (1.0 / s)} if "r" in wanted else {}
+    heading = {}
+    if "r" in wanted:  # the heading is no integral of what the gyro reads
+        i = wanted.index("r")
+        heading = {HEADING: found[:, i] * (1.0 / (s * read[:, i, None, None]))}
     return {n: found[:, i] for i, n in enumerate(wanted)} | heading
 
 

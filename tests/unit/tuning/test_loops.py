@@ -134,3 +134,13 @@ def test_growing_poles_are_those_of_the_matrix_of_the_closed_loops() -> None:
         right, stands = right + 1, stands + (growth < 0.0)
     assert right > 250
     assert 20 < stands < right - 20
+
+
+def test_a_gyro_scales_what_it_reads_and_neither_attitude_nor_heading() -> None:
+    states = ("p", "r", "phi")
+    A = np.array([[[-2.0, 0.0, 0.0], [0.1, -1.0, 0.0], [1.0, 0.0, -0.1]]])
+    B, delays, frequency = np.eye(3)[None, :, :2], np.zeros((1, 2)), np.geomspace(0.1, 50.0, 20)
+    exact = motion(Plants(states, A, B, delays), frequency)
+    read = motion(Plants(states, A, B, delays, {"p": np.full(1, 1.03), "r": np.full(1, 0.9)}), frequency)
+    for name, scale in {"p": 1.03, "r": 0.9, "phi": 1.0, "psi": 1.0}.items():
+        np.testing.assert_allclose(read[name], scale * exact[name], rtol=1e-12)
