@@ -127,9 +127,8 @@ class Plants:
     #: by rate, reading of its gyro over what turns (d,), which the law acts on; one where absent
     gyros: Mapping[str, FloatArray] = field(default_factory=dict)
     known: Answers = field(default_factory=list, init=False, repr=False)  #: of :func:`motion`
-    parts: dict[tuple[int, int], Plants] = field(
-        default_factory=dict, init=False, repr=False
-    )  #: with their modes
+    #: of the vehicles, with their modes
+    parts: dict[tuple[int, int], Plants] = field(default_factory=dict, init=False, repr=False)
 
     @classmethod
     def joint(cls, parts: Sequence[Plants]) -> Plants:
@@ -195,9 +194,8 @@ def _motion(plants: Plants, frequency: Frequencies) -> dict[str, ComplexArray]:
     count, _, inputs = plants.B.shape
     found = np.empty((count, len(rows), inputs, len(s)), dtype=complex)
     delays, group = np.unique(plants.delays, axis=1, return_inverse=True)
-    late = [
-        np.exp(-s * delays[:, [k]]) for k in range(delays.shape[1])
-    ]  # (d, m), most often one for all inputs
+    # (d, m), most often one for all inputs
+    late = [np.exp(-s * delays[:, [k]]) for k in range(delays.shape[1])]
     read = np.stack([np.broadcast_to(plants.gyros.get(n, 1.0), count) for n in wanted], axis=1)  # d, y
     if plants.sound:
         into = np.linalg.solve(vectors, plants.B.astype(complex))
@@ -213,11 +211,10 @@ def _motion(plants: Plants, frequency: Frequencies) -> dict[str, ComplexArray]:
         solved = np.linalg.solve(matrices, plants.B[:, None].astype(complex))[:, :, rows]
         found[:] = np.moveaxis(read[:, None, :, None] * solved, 1, 3)
         found *= np.stack(late, axis=1)[:, None, group.ravel()]
-    heading = {}
-    if "r" in wanted:  # the heading is no integral of what the gyro reads
-        i = wanted.index("r")
-        heading = {HEADING: found[:, i] * (1.0 / (s * read[:, i, None, None]))}
-    return {n: found[:, i] for i, n in enumerate(wanted)} | heading
+    turning = {n: found[:, i] for i, n in enumerate(wanted)}
+    if "r" in turning:  # the heading is no integral of what the gyro reads
+        turning[HEADING] = turning["r"] * (1.0 / (s * read[:, wanted.index("r"), None, None]))
+    return turning
 
 
 def return_difference(
