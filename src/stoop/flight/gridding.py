@@ -26,7 +26,7 @@ from stoop.base.rotations import (
     quaternions_of,
     wrap,
 )
-from stoop.base.variables import EULER, QUATERNION, RATES, VARIABLES, WRAPPED
+from stoop.base.variables import EULER, QUATERNION, RATES, SPECIFIC_FORCE, VARIABLES, WRAPPED
 from stoop.errors import FlightError
 
 MAX_GAP: Final = 0.05  #: s; a longer hole in an input ends a segment
@@ -37,6 +37,7 @@ GRID_RATES: Final = (50.0, 60.0, 70.0, 80.0, 90.0, 100.0)
 """Hz. A sample is a step of the integration: of 20 ms at most, with which the shortest lags are stable
 (`stoop.vehicle.defaults.SHORTEST_LAG`), of 10 ms at least, which resolves the motion of a rigid aircraft."""
 SAME_RATE: Final = 1.02  #: ratio of rates that count as one: clocks are no better
+INERTIAL: Final = frozenset({*RATES, *SPECIFIC_FORCE})
 GIVEN: Final = ("simulation", "dataset", "JSBSim")  #: sources of columns that come from no log
 #: of the grid rate: 30 Hz at 100 Hz; -35 dB at 50 Hz, -76 dB at 90 Hz, 0.02 % lost at 10 Hz
 CUTOFF: Final = 0.3
@@ -96,7 +97,7 @@ class SourceRate:
         """Return the source with its readings, taken at times (n,) s, on a grid."""
         if not 0.0 < SAME_RATE * self.rate < grid.rate:
             return self
-        nearest = np.unique(np.rint(time * grid.rate).astype(np.int64) - grid.first)
+        nearest = np.unique(np.rint(grid.position(time)).astype(np.int64))
         inside = nearest[(nearest >= 0) & (nearest < grid.size)]
         return replace(self, readings=tuple(inside.tolist()))
 
@@ -179,16 +180,37 @@ def complete(values: FloatArray) -> BoolArray:
 
 @dataclass(frozen=True)
 class Grid:
-    """Uniform grid: its points are the `size` multiples of the period from `first / rate` on, on the log's own clock."""
+    """Uniform grid: `size` multiples of the period from `first / rate` on, later by `phase`, on the log's own clock."""
 
     first: int
     size: int
     rate: float
+    phase: float = 0.0  #: s
 
     @property
     def time(self) -> FloatArray:
         """Points of the grid, shape (size,) [s]."""
-        return (self.first + np.arange(self.size)) / self.rate
+        return (self.first + np.arange(self.size)) / self.rate + self.phase
+
+    def position(self, time: FloatArray) -> FloatArray:
+        """Return times (n,) s as fractional indices of the points."""
+        return (time - self.phase) * self.rate - self.first
+
+    def covered(self, start: float, stop: float) -> slice:
+        """Return the indices of the points between two times [s], which may lie outside the grid."""
+        low, high = self.position(np.array([start - TIME_TOLERANCE, stop + TIME_TOLERANCE]))
+        return slice(int(np.ceil(low)), int(np.floor(high)) + 1)
+
+
+def common_phase(time: FloatArray, rate: float) -> float:
+    """Return the phase [s] of a grid of `rate` [Hz] on which samples at times (n,) s fall, half a period at most.
+
+    It is their circular mean over one period; zero where most of them have no phase in common, as those of a clock of
+    another rate, and where the multiples of the period are as good.
+    """
+    turn = np.exp(2j * np.pi * rate * time).mean()
+    phase = float(np.angle(turn)) / (2.0 * np.pi * rate)
+    return phase if abs(turn) > 0.5 and abs(phase) > TIME_TOLERANCE else 0.0
 
 
 def grid_rate(rates: Iterable[float]) -> float:
@@ -197,8 +219,17 @@ def grid_rate(rates: Iterable[float]) -> float:
     return next((rate for rate in GRID_RATES if fastest <= SAME_RATE * rate), GRID_RATES[-1])
 
 
-def make_grid(start: float, stop: float, rate: float, width: int, place: str) -> Grid:
-    """Lay a grid of `rate` [Hz] over a record [s] of `width` variables; `place` is for the error message."""
+def inertial_phase(groups: Iterable[Channels], rate: float) -> float:
+    """Return the phase [s] of the fastest gyro or accelerometer whose samples a grid of `rate` [Hz] can hold, or zero.
+
+    Interpolation between samples colors their noise, most of all midway; faster sensors are low-passed and decimated.
+    """
+    held = [g for g in groups if INERTIAL & g.values.keys() and 0.0 < g.rate <= SAME_RATE * rate]
+    return common_phase(max(held, key=lambda g: g.rate).time, rate) if held else 0.0
+
+
+def make_grid(start: float, stop: float, rate: float, width: int, place: str, phase: float = 0.0) -> Grid:
+    """Lay a grid of `rate` [Hz] and `phase` [s] over a record [s] of `width` variables; `place` is for error messages."""
     if not 1.0 <= rate <= 10_000.0:
         raise FlightError(
             f"{place}: a grid of {rate:g} Hz makes no sense; choose a rate between 1 and 10000 Hz"
@@ -213,14 +244,14 @@ def make_grid(start: float, stop: float, rate: float, width: int, place: str) ->
             f"{place}: its clock begins at {start:g} s, where numbers of 64 bits do not distinguish the samples of {rate:g} Hz; "
             "check the unit of the time"
         )
-    first = int(np.ceil((start - TIME_TOLERANCE) * rate))
-    count = int(np.floor((stop + TIME_TOLERANCE) * rate)) - first + 1
+    covered = Grid(0, 0, rate, phase).covered(start, stop)
+    count = covered.stop - covered.start
     if count < 2:
         raise FlightError(
             f"{place}: the record lasts {stop - start:.2g} s, less than two samples of {rate:g} Hz; "
             "check the unit of the time, or choose a higher rate"
         )
-    return Grid(first, count, rate)
+    return Grid(covered.start, count, rate, phase)
 
 
 def grid_channels(
@@ -260,7 +291,8 @@ def grid_channels(
         known = {n: source_rate(group.source, group.time[np.isfinite(x)]) for n, x in group.values.items()}
         sources.update(known)
     rate = grid_rate(source.rate for source in sources.values()) if rate is None else rate
-    grid = make_grid(start, stop, rate, sum(len(group.values) for group in groups) + len(EULER), place)
+    width = sum(len(group.values) for group in groups) + len(EULER)
+    grid = make_grid(start, stop, rate, width, place, inertial_phase(groups, rate))
     samples = sum(t.size for t in clocks)
     if (stop - start) * rate > LIMITS.emptiness * max(samples, LIMITS.counted):
         raise FlightError(
@@ -310,14 +342,14 @@ def resample(grid: Grid, time: FloatArray, values: FloatArray, *, smooth: bool) 
     -------
     (grid.size, k), NaN in gaps and outside the record
     """
-    out = np.full((grid.size, values.shape[1]), np.nan)
+    out, points_of_grid = np.full((grid.size, values.shape[1]), np.nan), grid.time
     for part in stretches(time):
         t, x = time[part], values[part]
-        low = max(int(np.ceil((t[0] - TIME_TOLERANCE) * grid.rate)) - grid.first, 0)
-        high = min(int(np.floor((t[-1] + TIME_TOLERANCE) * grid.rate)) - grid.first + 1, grid.size)
+        covered = grid.covered(float(t[0]), float(t[-1]))
+        low, high = max(covered.start, 0), min(covered.stop, grid.size)
         if high <= low:
             continue
-        points = (grid.first + np.arange(low, high)) / grid.rate
+        points = points_of_grid[low:high]
         rate = 1.0 / float(np.median(np.diff(t)))
         # uniform samples of such a clock would fill the memory
         clumped = rate > LIMITS.sample_rate or (t[-1] - t[0]) * rate > LIMITS.clumping * t.size
@@ -388,7 +420,7 @@ def interpolate_by_rates(
         turned = integrate_rates(rates[run], grid.rate)
         there = normalized(np.column_stack([np.interp(time[inside], own, column) for column in turned.T]))
         offset = continuous(product(parts[inside], conjugate(there)))
-        part = Grid(grid.first + run.start, run.stop - run.start, grid.rate)
+        part = replace(grid, first=grid.first + run.start, size=run.stop - run.start)
         found = product(normalized(resample(part, time[inside], offset, smooth=False)), turned)
         valid = complete(found) & complete(out[run])
         out[run] = np.where(valid[:, None], found, out[run])

@@ -92,7 +92,7 @@ class Signals:
 def recorded_signals(path: Path, flight: Flight, rotors: bool) -> dict[str, Signals]:
     """Return the signals of the rate loops in flight by axis, of those whose setpoint moves."""
     streams, up = read(path, topics=STREAMS).streams, in_flight(flight)
-    grid = Grid(round(float(flight.time[0]) * flight.rate), flight.time.size, flight.rate)
+    grid = Grid(0, flight.time.size, flight.rate, float(flight.time[0]))
 
     def column(stream: str, *names: str) -> FloatArray:
         total = np.sum([streams[stream].columns[n] for n in names], axis=0)

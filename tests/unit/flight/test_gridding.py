@@ -127,6 +127,32 @@ def test_the_grid_lies_on_whole_periods_of_the_log_s_clock() -> None:
     assert {140.0, 145.0} <= set(grid.time.tolist())
 
 
+def noisy_gyros(start: float, rate: float, clock: float) -> tuple[Grid, FloatArray, FloatArray]:
+    """Grid white noise of gyros read at `clock` [Hz] from `start` [s], beside commands on the multiples of 20 ms."""
+    time, commands = start + np.arange(800) / clock, np.arange(900) / 50.0
+    noise = np.random.default_rng(7).standard_normal(len(time))
+    groups = [
+        Channels("gyro", time, {"p": noise}),
+        Channels("servo", commands, {"elevator": np.sin(commands)}),
+    ]
+    grid, data, _ = grid_channels(groups, rate, "f")
+    return grid, data["p"][np.isfinite(data["p"])], noise
+
+
+@pytest.mark.parametrize("start", [0.003, 0.01, 2.0151])
+def test_gyros_that_read_between_the_multiples_of_the_period_are_taken_as_they_are(start: float) -> None:
+    grid, found, noise = noisy_gyros(start, 50.0, 50.0)
+    np.testing.assert_allclose(found, noise, atol=1e-9)
+    at = grid.position(np.array([start, start + 0.02]))
+    np.testing.assert_allclose(at, np.rint(at), atol=1e-6)
+
+
+def test_a_clock_of_another_rate_leaves_the_grid_on_the_multiples_of_its_period() -> None:
+    grid, _, _ = noisy_gyros(0.01, 50.0, 47.0)
+    assert grid.phase == 0.0
+    np.testing.assert_allclose(grid.time * 50.0, np.rint(grid.time * 50.0), atol=1e-9)
+
+
 def test_a_step_stays_where_it_is() -> None:
     time = np.arange(0.0, 4.0, 1.0 / 400.0)
     out = resample(
