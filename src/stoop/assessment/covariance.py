@@ -100,8 +100,8 @@ def inverse_information(
 
 
 def marked(covariance: FloatArray, determined: BoolArray) -> FloatArray:
-    """Return `covariance` (k, k) with infinite variance, and NaN covariances, for what is not determined."""
-    result = np.array(covariance)
+    """Return `covariance` (k, k), symmetric, with infinite variance, and NaN covariances, for what is not determined."""
+    result = 0.5 * (covariance + covariance.T)  # rounding of a matrix that is nearly singular
     result[~determined, :] = np.nan
     result[:, ~determined] = np.nan
     np.fill_diagonal(result, np.where(determined, np.diag(covariance), np.inf))

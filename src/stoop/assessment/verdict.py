@@ -24,7 +24,7 @@ import numpy as np
 from scipy.stats import binom
 
 from stoop.base.notices import Notice, distinct, notice, of_severity, paragraph
-from stoop.base.variables import RATES, SPECIFIC_FORCE, VELOCITY
+from stoop.base.variables import EULER, RATES, SPECIFIC_FORCE, VELOCITY
 from stoop.results.result import GoodnessOfFit, ManeuverResult, NoiseCovariance, Result
 from stoop.results.uncertainty import SCATTER_LEVEL
 from stoop.results.verdict import Grade, Need, Use, Verdict
@@ -151,9 +151,9 @@ def uses(vehicle: Vehicle, sizes: Mapping[str, float] | None = None) -> tuple[Us
         )
 
     return (
-        use("control design", RATES, dynamics),
+        use("control design", (*RATES, *(EULER if vehicle.positions else ())), dynamics),
         use("simulation", vehicle.outputs),
-        use("performance", ("V", "alpha", *VELOCITY, *SPECIFIC_FORCE), power),
+        use("performance", ("V", "alpha", *VELOCITY, *SPECIFIC_FORCE, *vehicle.positions), power),
     )
 
 

@@ -80,7 +80,7 @@ def _low_airspeed(problem: Misfit, z: FloatArray) -> Iterator[Notice]:
     fastest, columns = 0.0, [vehicle.outputs.index(name) for name in WIND]
     for i, piece in enumerate(problem.pieces if free else ()):
         rows, _ = problem.candidates(z[None, :], i)
-        velocity = piece.measured[:, columns] - [float(rows[vehicle.rows[n], 0]) for n in WIND_NUMBERS]
+        velocity = piece.whole[:, columns] - [float(rows[vehicle.rows[n], 0]) for n in WIND_NUMBERS]
         speed = np.linalg.norm(velocity[np.isfinite(velocity).all(axis=1)], axis=1)
         fastest = max(fastest, float(np.quantile(speed, 0.99)) if speed.size else np.inf)
     reference = vehicle.value("reference.airspeed") if free else 0.0

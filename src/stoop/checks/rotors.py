@@ -148,7 +148,7 @@ def _require_flight(vehicle: Vehicle, windows: Sequence[Window], pieces: Sequenc
     """Refuse windows without rates or with the motors off, and channels that are no rotor's: IdentificationError."""
     columns = [vehicle.outputs.index(c) for c in RATES]
     for piece in pieces:
-        if not np.isfinite(piece.measured[:, columns]).any():
+        if not np.isfinite(piece.whole[:, columns]).any():
             raise IdentificationError(
                 f"{windows[piece.maneuver]}: none of the rates p, q, r was recorded, and without them nothing determines moments "
                 "or lag; log the gyroscope, or name its columns in the mapping file ([variables] p = ..., see stoop map)"
@@ -250,7 +250,7 @@ def _limited(vehicle: Vehicle, pieces: Sequence[Piece]) -> Iterator[Notice]:
 def _unexcited(vehicle: Vehicle, pieces: Sequence[Piece]) -> Iterator[Notice]:
     for rate, (axis, moment) in AXES.items():
         column = vehicle.outputs.index(rate)
-        spread = max(_largest_rms(p.measured[:, column], p.dt) for p in pieces)
+        spread = max(_largest_rms(p.whole[:, column], p.dt) for p in pieces)
         sigma = getattr(vehicle.file.sensors, rate).sigma
         if spread < LIMITS.motion * sigma:
             yield notice("axis-not-excited", axis, rms=spread, noise=sigma, inertia=f"inertia.{moment}")

@@ -115,7 +115,13 @@ def validate(arguments: argparse.Namespace) -> int:
     check_targets(arguments.output, NAMES, arguments.overwrite)
     with LiveLine("reading and predicting"):
         flights = load_several(arguments.flight, arguments.mapping)
-        done = validated(arguments.result, flights, arguments.maneuver, options.command_line())
+        done = validated(
+            arguments.result,
+            flights,
+            arguments.maneuver,
+            options.command_line(),
+            "measured" if arguments.open_loop else None,
+        )
     done.save(arguments.output, arguments.overwrite)
     out, record, verdict = page(), done.record, done.model.result.verdict
     refused = verdict.grade == "do not use"
@@ -123,6 +129,12 @@ def validate(arguments: argparse.Namespace) -> int:
     out.bullets(map(window_line, record.maneuvers))
     if record.compared and len(record.maneuvers) > 1:
         out.line(f"better than a first-order lag in {record.better} of {record.compared} channels")
+    if record.open_loop:
+        out.heading("open loop from the measured start: rms error over the range, mean of the channels")
+        names = list(dict.fromkeys(name for own in record.open_loop.values() for name in own))
+        spans = record.open_loop.values()
+        scores = [numbers(name, [own.get(name, float("nan")) for own in spans]) for name in names]
+        out.table(words("window", record.open_loop), *scores)
     out.bullets(record.warnings, "warnings")
     if arguments.verbose:
         out.heading("figures")

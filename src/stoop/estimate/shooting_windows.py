@@ -6,7 +6,7 @@ Axes: k = sample, i = reading, e = number of a perturbation of the state, j = un
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Final
 
@@ -116,8 +116,9 @@ _MODELS: Final = {AIR_FRAME: AIRCRAFT, GROUND_FRAME: ROTORCRAFT}
 
 
 def window_model(vehicle: Vehicle) -> WindowModel:
-    """Return initial states and continuity of the windows of a vehicle."""
-    return _MODELS[observation_model(vehicle)]
+    """Return initial states and continuity of the windows of a vehicle; without winds in the still air of a room."""
+    model = _MODELS[observation_model(vehicle)]
+    return replace(model, winds=()) if vehicle.positions else model
 
 
 @dataclass(frozen=True, eq=False)

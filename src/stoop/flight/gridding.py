@@ -92,6 +92,7 @@ class SourceRate:
     #: samples of the grid that are the nearest to a reading, where the grid is faster; the others were interpolated. Empty
     #: where every sample counts
     readings: tuple[int, ...] = ()
+    derived: bool = False  #: from other channels, which a fit compares instead
 
     def on(self, grid: Grid, time: FloatArray) -> SourceRate:
         """Return the source with its readings, taken at times (n,) s, on a grid."""

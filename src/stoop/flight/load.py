@@ -45,6 +45,7 @@ from stoop.flight.gridding import (
     grid_channels,
     interpolate_by_rates,
 )
+from stoop.flight.pose import with_motion, without_jumps
 from stoop.flight.repeated_readings import at_own_rates
 from stoop.logs import Recording
 from stoop.logs.netcdf import AIR, FORMAT, STREAM
@@ -91,7 +92,7 @@ def load(path: str | Path, mapping: str | Path | None = None, rate: float | None
     recording, mapped = read_mapped(path, Path(mapping) if mapping is not None else None)
     if mapped is None:
         return _restore(recording, flight_name(path))
-    cleaned = [drop_outliers(group) for group in mapped.channels]
+    cleaned = [without_strays(group) for group in mapped.channels]
     apart = [at_own_rates(group) for group, _ in cleaned]
     channels = [one for groups, _ in apart for one in groups]
     grid, data, sources = grid_channels(channels, rate, str(path))
@@ -153,7 +154,7 @@ def load(path: str | Path, mapping: str | Path | None = None, rate: float | None
         mapped.unmapped,
         recording.parameters,
     )
-    flight = attempt(failed, flight, with_air, flight)
+    flight = attempt(failed, flight, with_air, attempt(failed, flight, with_motion, flight))
     # what this record cannot show, whatever is fitted to it
     limits = []
     body_rates = {name: sources[name].rate for name in RATES if name in sources}
@@ -166,6 +167,13 @@ def load(path: str | Path, mapping: str | Path | None = None, rate: float | None
     if not {"V", "alpha", "beta"} & flight.names and not carried_by_rotors(flight) and not explained:
         limits.append(notice("no-air-data"))
     return flight.with_notices((*limits, *failed))
+
+
+def without_strays(group: Channels) -> tuple[Channels, list[Notice]]:
+    """Return a group without impossible samples, and without a pose where tracking was lost."""
+    sound, found = drop_outliers(group)
+    tracked, lost = without_jumps(sound)
+    return tracked, [*found, *lost]
 
 
 def load_several(

@@ -56,7 +56,7 @@ def _short_pieces(vehicle: Vehicle, piece: Piece) -> list[Piece]:
     """Cut a piece into windows of about a second, of those that begin where the state was measured."""
     out, count = [], max(1, round((piece.time[-1] - piece.time[0]) / WINDOW_LENGTH))
     for a, b in pairwise(np.linspace(0, len(piece.time), count + 1).astype(int)):
-        columns = dict(zip(vehicle.outputs, piece.measured[a:b].T, strict=True))
+        columns = dict(zip(vehicle.outputs, piece.whole[a:b].T, strict=True))
         readings = {c: columns[c] for c in state_channels(vehicle) if c in columns}
         start, missing = guess_start(vehicle, piece.time[a:b], readings, "")
         if not missing:

@@ -145,7 +145,7 @@ class Stretch:
         n = round(STRETCH / self.piece.dt)
         first = max(0, self.first + start - n)
         behind = self.first + stop
-        rows = {c: self.piece.measured[first:behind, i] for i, c in enumerate(vehicle.outputs)}
+        rows = {c: self.piece.whole[first:behind, i] for i, c in enumerate(vehicle.outputs)}
         readings = {c: rows[c] for c in state_channels(vehicle) if c in rows}
         guessed = {**self.piece.start}
         if first and len(readings) == len(state_channels(vehicle)):

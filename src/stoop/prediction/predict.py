@@ -231,7 +231,7 @@ def _of_window(
 def _about_steady_flight(vehicle: Vehicle, stretch: Stretch) -> tuple[Stretch, tuple[str, ...], str]:
     """Return the stretch with unrecorded states of its start at steady flight, their channels, and the notice's code."""
     piece = stretch.piece
-    early = np.isfinite(piece.measured[piece.time <= piece.time[0] + START_TIME]).any(axis=0)
+    early = np.isfinite(piece.whole[piece.time <= piece.time[0] + START_TIME]).any(axis=0)
     recorded = dict(zip(vehicle.outputs, early, strict=True))
     missing = tuple(c for c in vehicle.outputs if c in START_NAMES and not recorded[c])
     start, code = piece.start, ""

@@ -27,7 +27,7 @@ from stoop.vehicle.vehicle import motion_input
 
 Number = TypeVar("Number", float, FloatArray)
 START_TIME: Final = 0.2  #: s of measurements that the first state is read from
-LAG_SCALE: Final = 0.1  #: rad; of a rotor, share of its largest x
+OTHER_SCALE: Final = 0.1  #: rad of a lag, m of a position; of a rotor, share of its largest x
 REQUIRED: Final = {"lateral": ("V", "alpha", "theta")}  #: states that a reduced model holds as measured
 REDUCED_STARTS: Final = {
     "longitudinal": ("V", "alpha", "q", "theta"),
@@ -178,7 +178,7 @@ class ObservationModel:
     def start_names(self, vehicle: Vehicle) -> tuple[str, ...]:
         """Return the initial states that are estimated, those of lagged actuators last."""
         lags = (s for s in vehicle.states if s.endswith(".lag"))
-        return (*REDUCED_STARTS.get(vehicle.reduce, tuple(self.start_scales)), *lags)
+        return (*REDUCED_STARTS.get(vehicle.reduce, tuple(self.start_scales)), *vehicle.positions, *lags)
 
 
 _ROTATION_SCALES: Final = {"p": 0.2, "q": 0.2, "r": 0.2, "phi": 0.1, "theta": 0.1, "psi": 0.1}
@@ -206,7 +206,7 @@ def observation_model(vehicle: Vehicle) -> ObservationModel:
 
 def state_channels(vehicle: Vehicle) -> tuple[str, ...]:
     """Return the channels that the initial state of this vehicle's equations is read from."""
-    observed = [c for c in vehicle.outputs if c in START_NAMES or c in WIND]
+    observed = [c for c in vehicle.outputs if c in START_NAMES or c in WIND or c in vehicle.positions]
     return (*observed, *(c for c in REQUIRED.get(vehicle.reduce, ()) if c not in observed))
 
 

@@ -19,7 +19,7 @@ from stoop.flight import Flight, Segment, segments
 from stoop.flight.flight import MIN_SEGMENT
 from stoop.problem import Nuisance, Piece
 from stoop.problem.observation import (
-    LAG_SCALE,
+    OTHER_SCALE,
     REQUIRED,
     first_complete,
     guess_start,
@@ -80,8 +80,9 @@ def prepare(vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence[W
                 f"{window}: none of {', '.join(vehicle.outputs)} was recorded there; choose another window"
             )
         changes, before = _loading(vehicle, window), len(pieces)
+        derived = [c for c, source in flight.sources.items() if source.derived]
         for segment in cut:
-            piece, found = _piece(vehicle, window, segment, index, changes, moving)
+            piece, found = _piece(vehicle, window, segment, index, changes, moving, derived)
             pieces += [piece] if piece is not None else []
             notices += found
         if len(pieces) == before:
@@ -129,6 +130,7 @@ def _piece(
     index: int,
     changes: dict[str, float],
     moving: Sequence[str],
+    derived: Sequence[str],
 ) -> tuple[Piece | None, list[Notice]]:
     """Make a piece that begins where the state can be read off the measurements; None where little is left."""
     blank = np.full(len(segment.t), np.nan)
@@ -157,7 +159,15 @@ def _piece(
         columns |= dict(zip(moving, segment.u[:, driven:].T, strict=True))
         motion = motion_inputs(vehicle, columns, float(t[1] - t[0]))
         u[:, u.shape[1] - len(vehicle.motion) :] = motion[first:]
-    return Piece(index, t, np.ascontiguousarray(u), segment.z[first:], start, changes), notices
+    piece = Piece(index, t, np.ascontiguousarray(u), segment.z[first:], start, changes)
+    return _without(piece, [c in derived for c in vehicle.outputs]), notices
+
+
+def _without(piece: Piece, unread: BoolArray | Sequence[bool]) -> Piece:
+    """Return a piece without readings in some columns (n_y,), or at some samples (n, n_y): a fit begins by them only."""
+    if not np.any(unread):
+        return piece
+    return replace(piece, measured=np.where(unread, np.nan, piece.measured), interpolated=piece.whole)
 
 
 def _loading(vehicle: Vehicle, window: Window) -> dict[str, float]:
@@ -244,11 +254,7 @@ def at_readings(vehicle: Vehicle, prepared: Prepared, flights: Mapping[str, Flig
     for piece in prepared.pieces:
         name = prepared.windows[piece.maneuver].flight
         first = int(np.searchsorted(flights[name].time, piece.time[0]))
-        counted = whole[name][first : first + len(piece.time)]
-        if not counted.all():
-            measured = np.where(counted, piece.measured, np.nan)
-            piece = replace(piece, measured=measured, interpolated=piece.measured)
-        pieces.append(piece)
+        pieces.append(_without(piece, ~whole[name][first : first + len(piece.time)]))
     return tuple(pieces)
 
 
@@ -276,7 +282,7 @@ def nuisances(vehicle: Vehicle, prepared: Prepared) -> tuple[Nuisance, ...]:
     priors = {name: p.prior for name, p in free.items() if p.prior is not None}
     for i, piece in enumerate(prepared.pieces):
         for name in model.start_names(vehicle):
-            scale, actuator = model.start_scales.get(name, LAG_SCALE), name.removesuffix(".lag")
+            scale, actuator = model.start_scales.get(name, OTHER_SCALE), name.removesuffix(".lag")
             if actuator != name and actuator in vehicle.rotors:
                 rows = np.repeat(parameter_rows(vehicle, piece.changes), len(piece.inputs), axis=1)
                 largest = float(np.max(commanded(vehicle, actuator, rows, piece.inputs.T)))

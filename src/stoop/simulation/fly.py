@@ -297,7 +297,7 @@ def _record(
         columns["altitude"] = altitude + np.concatenate([[0.0], np.cumsum(steps)])
     else:
         position = trajectories.traveled(flown.velocity, dt)
-        columns |= dict(zip(("pn", "pe", "pd"), position.T, strict=True))
+        columns = dict(zip(("pn", "pe", "pd"), position.T, strict=True)) | columns
         columns["altitude"] = altitude - position[:, 2]
         draw = np.random.default_rng([seed, _VELOCITY]).standard_normal(flown.velocity.shape)
         for i, channel in enumerate(WIND):

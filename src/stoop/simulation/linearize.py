@@ -110,14 +110,15 @@ def linearize(vehicle: Vehicle, point: Trim) -> LinearModel:
 
 def linearize_lanes(vehicle: Vehicle, points: Trims) -> list[LinearModel]:
     """Return the linear model of each lane."""
-    inputs = model_inputs(vehicle)
+    inputs, shown = model_inputs(vehicle), len(vehicle.outputs) - len(vehicle.positions)
     names, *matrices = linear_models(vehicle, points)
     out = []
     for values, A, B, C, D in zip(points.rows.T, *matrices, strict=True):
         late, arrival = _delays(vehicle, inputs, values)
         modes = modes_of(A, names)
         A, B, C, D = (without_rounding(M, abs(M).max(initial=0.0)) for M in (A, B, C, D))
-        out.append(LinearModel(names, inputs, vehicle.outputs, A, B, C, D, modes, late, arrival))
+        read = vehicle.outputs[:shown], A, B, C[:shown], D[:shown]
+        out.append(LinearModel(names, inputs, *read, modes, late, arrival[:shown]))
     return out
 
 

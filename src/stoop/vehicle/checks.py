@@ -116,6 +116,25 @@ def _check_tables(vehicle: Vehicle, where: str) -> None:
             raise VehicleError(
                 f"{where}sensors.{channel}: only a vehicle with rotors is observed by it; remove it"
             )
+    placed = vehicle.positions
+    if placed and vehicle.reduce != "full":
+        raise VehicleError(
+            f'{where}model.reduce: position follows from all equations; write reduce = "full", or remove sensors.pn, pe and pd'
+        )
+    blowing = [
+        c
+        for c in WIND
+        if placed and (p := f"sensors.{c}.bias") in vehicle.rows and vehicle.parameters[p].free
+    ]
+    if blowing:
+        raise VehicleError(
+            f"{where}sensors.{blowing[0]}.bias: a free wind, but the air is still where motion capture measures sensors.pn; "
+            f"write bias = {{ value = 0.0, free = false }}"
+        )
+    if placed and file.turbulence is not None:
+        raise VehicleError(
+            f"{where}turbulence: the air is still where motion capture measures sensors.pn; remove it"
+        )
     if vehicle.reduce not in vehicle.frame.reductions:
         raise VehicleError(
             f'{where}model.reduce: a vehicle with rotors takes all equations; write reduce = "full"'

@@ -9,7 +9,7 @@ from pydantic import ValidationError
 
 from stoop.base.schema_errors import first_complaint
 from stoop.base.toml import parse_source, read_source
-from stoop.base.variables import RATES, SPECIFIC_FORCE
+from stoop.base.variables import POSITION, RATES, SPECIFIC_FORCE
 from stoop.errors import VehicleError
 from stoop.vehicle import terms
 from stoop.vehicle.checks import check
@@ -20,6 +20,7 @@ from stoop.vehicle.vehicle import Vehicle
 
 STANDARD_CONTROLS = ("elevator", "aileron", "rudder")
 _SENSOR_DEFAULTS = {
+    **dict.fromkeys(POSITION, (0.01, 0.002)),
     "vn": (3.0, 0.1), "ve": (3.0, 0.1), "vd": (0.5, 0.1), "V": (1.0, 0.3), "alpha": (0.02, 0.005), "beta": (0.02, 0.005),
     **dict.fromkeys(("p", "q", "r", "phi", "theta", "psi"), (0.02, 0.01)), **dict.fromkeys(("ax", "ay", "az"), (0.2, 0.1)),
 }  # fmt: skip
@@ -41,7 +42,8 @@ def parse_vehicle(text: str, where: str) -> Vehicle:
     if isinstance(raw["controls"], dict) and isinstance(raw.setdefault("aerodynamics", {}), dict):
         _complete_terms(raw["aerodynamics"], raw["controls"], where)
     if isinstance(raw.setdefault("sensors", {}), dict):
-        _complete_sensors(raw["sensors"], (*CHANNELS, *(WIND if raw.get("rotor") else ())))
+        placed = POSITION if set(POSITION) & raw["sensors"].keys() else ()
+        _complete_sensors(raw["sensors"], (*CHANNELS, *(WIND if raw.get("rotor") else ()), *placed))
     _without_zero_lags(raw)
 
     def usual(key: str) -> str:
@@ -59,7 +61,10 @@ def parse_vehicle(text: str, where: str) -> Vehicle:
 
 
 def _complete_sensors(sensors: dict[str, Any], channels: tuple[str, ...]) -> None:
-    """Add the noise of instruments, and prior and freedom of their biases; a bias with a prior of its own is free."""
+    """Add the noise of instruments, and prior and freedom of their biases; a bias with a prior of its own is free.
+
+    The air is still where a position is measured.
+    """
     inertial = (*RATES, *SPECIFIC_FORCE) if sensors.get("estimate_biases", True) else ()
     for channel in channels:
         sensor = sensors.setdefault(channel, {})
@@ -71,7 +76,8 @@ def _complete_sensors(sensors: dict[str, Any], channels: tuple[str, ...]) -> Non
         if isinstance(bias, int | float) and not isinstance(bias, bool):
             bias = sensor["bias"] = {"value": bias}
         if isinstance(bias, dict) and not {"tie", "prior"} & bias.keys():
-            sensor["bias"] = {"free": channel in (*inertial, *WIND), **bias, "prior": prior}
+            free = channel in (*inertial, *(() if "pn" in channels else WIND))
+            sensor["bias"] = {"free": free, **bias, "prior": prior}
 
 
 def _without_zero_lags(raw: dict[str, Any]) -> None:

@@ -268,6 +268,10 @@ class Sensors(Table):
     vn: Sensor | None = None  #: of vehicles with rotors; the bias is the wind
     ve: Sensor | None = None
     vd: Sensor | None = None
+    #: north, east and down, by motion capture in still air: one brings the others
+    pn: Sensor | None = None
+    pe: Sensor | None = None
+    pd: Sensor | None = None
 
 
 class Gust(Table):

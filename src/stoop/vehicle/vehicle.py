@@ -18,13 +18,14 @@ from stoop.base.html import table
 from stoop.base.names import unknown_name
 from stoop.base.numbers import count, number
 from stoop.base.text import nearest, printable
+from stoop.base.variables import POSITION
 from stoop.errors import VehicleError
 from stoop.kernels import Kernel, load_kernel
 from stoop.vehicle import terms
 from stoop.vehicle.defaults import COEFFICIENTS, bounds, free_by_default, unit
 from stoop.vehicle.schema import CHANNELS, WIND, Quantity, Term, VehicleFile
 
-_BIASES = frozenset(f"sensors.{channel}.bias" for channel in (*WIND, *CHANNELS))
+_BIASES = frozenset(f"sensors.{channel}.bias" for channel in (*WIND, *CHANNELS, *POSITION))
 RIGID_STATES = ("u", "v", "w", "p", "q", "r", "e0", "e1", "e2", "e3", "h")
 GUST_STATES = {
     "u": ("gust.u",),
@@ -34,7 +35,7 @@ GUST_STATES = {
 #: absent from the structure where the file lacks them, as in kernels made before they were keys
 _LATER = (
     "turbulence", "vn", "ve", "vd", "airspeed", "rotors", "rotor", "body_drag", "ground_effect", "rate_limit", "dead_zone",
-    "imu_alignment", "inertia", "wind_error",
+    "imu_alignment", "inertia", "wind_error", "pn", "pe", "pd",
 )  # fmt: skip
 _NO_ROWS = ("name", "notes", "loadings", "sigma", "estimate_biases", "voltage_average")  #: of the kernel
 #: beside all of symbolic/
@@ -316,9 +317,14 @@ class Vehicle:
         return GROUND_FRAME if self.file.rotor else AIR_FRAME
 
     @property
+    def positions(self) -> tuple[str, ...]:
+        """States of the position, m, of a vehicle that motion capture observes; still air carries it nowhere."""
+        return POSITION if self.file.sensors.pn is not None else ()
+
+    @property
     def start_names(self) -> tuple[str, ...]:
-        """Names of an initial state: velocity (through the air), rates, attitude, altitude."""
-        return self.frame.start
+        """Names of an initial state: velocity (through the air), rates, attitude, altitude, position."""
+        return (*self.frame.start, *self.positions)
 
     @property
     def actual_rates(self) -> bool:
@@ -405,7 +411,7 @@ class Vehicle:
 
     @functools.cached_property
     def states(self) -> tuple[str, ...]:
-        """States of the kernel: body velocity, rates, quaternion, altitude, lags of surfaces and rotors, gusts.
+        """States of the kernel: body velocity, rates, quaternion, altitude, position, lags of surfaces and rotors, gusts.
 
         The velocity is relative to the steady wind.
         """
@@ -414,6 +420,7 @@ class Vehicle:
             lags += [f"{r}.lag" for r in self.rotors]
         return (
             *(s for s in _REDUCTIONS[self.reduce].states if motion_input(s) not in self.motion),
+            *self.positions,
             *lags,
             *(s for axis in self.gusts for s in GUST_STATES[axis]),
         )
@@ -428,7 +435,7 @@ class Vehicle:
     @property
     def outputs(self) -> tuple[str, ...]:
         """Observed channels, eq. (2), or those of a reduced model or of a vehicle with rotors."""
-        return _REDUCTIONS[self.reduce].outputs or self.frame.outputs
+        return (*(_REDUCTIONS[self.reduce].outputs or self.frame.outputs), *self.positions)
 
     @functools.cached_property
     def structure(self) -> str:
@@ -457,6 +464,11 @@ class Vehicle:
                     f"{self.where}: {name}: tied to '{known[name].tie}'; change that one instead"
                 )
         return replace(self, file=_changed(self.file, changes))
+
+    def without_positions(self) -> Vehicle:
+        """Return the vehicle out of the room in which motion capture measures its position."""
+        sensors = self.file.sensors.model_copy(update=dict.fromkeys(self.positions))
+        return replace(self, file=self.file.model_copy(update={"sensors": sensors}))
 
     def reduced(self, reduce: str) -> Vehicle:
         """Return the longitudinal or lateral vehicle of the same file."""

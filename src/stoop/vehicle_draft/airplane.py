@@ -204,7 +204,7 @@ class Airplane(FileText):
         winds = [] if vanes else winds
         errors = [max(a.wind_n_std for a in winds), max(a.wind_e_std for a in winds)] if winds else []
         self.sensor_places(PRIORS.lever * span, PRIORS.vane * span if vanes else None, errors)
-        if pitots or (not winds and any("V" in f.names for f in flights)):
+        if pitots or (not winds and not self.captured and any("V" in f.names for f in flights)):
             self.sheet.table("sensors.V")
             self.sheet.entry("scale", quantity(1.0, PRIORS.pitot), "of a pitot")
         for channel in ("alpha", "beta") if winds else ():
@@ -301,4 +301,5 @@ class Airplane(FileText):
 
 def _measured(flight: Flight, channel: str) -> bool:
     """Whether air data were recorded, and not reconstructed of velocity and wind."""
-    return channel in flight.sources and flight.sources[channel].source != _RECONSTRUCTED
+    source = flight.sources.get(channel)
+    return source is not None and not source.derived and source.source != _RECONSTRUCTED

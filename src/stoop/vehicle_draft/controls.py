@@ -95,7 +95,7 @@ def default_controls(wanted: tuple[str, ...]) -> Controls:
 
 def recorded(flight: Flight, name: str) -> bool:
     """Tell whether a channel was recorded and moved."""
-    if name not in flight.names:
+    if name not in flight.names or (name in flight.sources and flight.sources[name].derived):
         return False
     x = flight.column(name)
     x = x[np.isfinite(x)]

@@ -13,7 +13,7 @@ import numpy as np
 
 from stoop.base.atmosphere import SEA_LEVEL_DENSITY
 from stoop.base.toml import quoted, quoted_key
-from stoop.base.variables import SPECIFIC_FORCE
+from stoop.base.variables import POSITION, SPECIFIC_FORCE
 from stoop.errors import one_line
 from stoop.vehicle.assumptions import USUAL as ASSUMED
 from stoop.vehicle_draft.apriori import Apriori
@@ -22,6 +22,7 @@ from stoop.vehicle_draft.power import USUAL, Lift, hover_level, thrust_law
 from stoop.vehicle_draft.request import Evidence, Request
 from stoop.vehicle_draft.steady import Steady
 
+CAPTURE_NOISE: Final = 0.002  #: m, usual of motion capture
 MEANINGS: Final[Mapping[str, str]] = {
     "CL0": "lift at V* and alpha*", "CLalpha": "lift slope", "CLq": "lift by pitch rate", "CLV": "by airspeed",
     "CLelevator": "lift of the elevator",
@@ -206,6 +207,25 @@ class FileText:
             self.sheet.table("sensors")
         for key, entry in places.items():
             self.sheet.entry(key, *entry)
+        if self.captured:
+            self._position()
+
+    @property
+    def captured(self) -> bool:
+        """Whether the pose alone was recorded, in all flights."""
+        flights = self.seen.flights
+        return bool(flights) and all(any(s.derived for s in f.sources.values()) for f in flights)
+
+    def _position(self) -> None:
+        """Write that position is measured, in still air."""
+        for i, channel in enumerate(POSITION):
+            self.sheet.table(f"sensors.{channel}")
+            said = (
+                "m, of motion capture, in still air; remove sensors.pn, pe and pd where wind blows"
+                if not i
+                else ""
+            )
+            self.sheet.entry("sigma", plain(CAPTURE_NOISE), said)
 
 
 _SIGNS: Final = {

@@ -85,9 +85,9 @@ def _draws(model: FittedModel | Vehicle, count: int, seed: int) -> dict[str, Flo
 def model_data(model: FittedModel | Vehicle) -> ModelData:
     """Return what is exported of a fitted model or a vehicle."""
     if isinstance(model, Vehicle):
-        vehicle, notices = without_turbulence(model)
+        vehicle, notices = without_turbulence(model.without_positions())
         return ModelData(vehicle, notes=tuple(map(str, notices)))
-    vehicle, notices = without_turbulence(model.vehicle)
+    vehicle, notices = without_turbulence(model.vehicle.without_positions())
     notes = tuple(map(str, [*refusal(model.result, model.source), *notices]))
     covariance = model.result.covariance
     # What is known of the numbers that the vehicle has; those of its gusts are left with them.

@@ -18,7 +18,7 @@ from stoop.assessment.modes import modes
 from stoop.assessment.uncertainty import with_uncertainty
 from stoop.assessment.verdict import uses, verdict
 from stoop.base.notices import Notice, as_notice, attempt, notice, of_severity
-from stoop.base.variables import VARIABLES
+from stoop.base.variables import POSITION, RATES, VARIABLES
 from stoop.checks.excitation import ratios, too_few
 from stoop.errors import VehicleError
 from stoop.estimate.estimate import Estimate
@@ -40,7 +40,8 @@ from stoop.workflow.outputs import versions, with_values
 from stoop.workflow.response_misfit import model_misfits
 from stoop.workflow.summary import basis_notices, data_notices, fit_warnings
 
-START_UNITS: Final = {"V": "m/s", "p": "rad/s", "q": "rad/s", "r": "rad/s"}  #: of initial states; others rad
+#: of initial states; others rad
+START_UNITS: Final = dict.fromkeys("uvw", "m/s") | {n: VARIABLES[n].unit for n in ("V", *RATES, *POSITION)}
 
 
 def fitted_model(decided: Fitted) -> FittedModel:

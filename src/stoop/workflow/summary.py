@@ -71,6 +71,7 @@ def fit_warnings(
     # Missing rates, and a missing airspeed, by whose square every coefficient is divided.
     recorded = np.any([np.isfinite(p.measured).any(axis=0) for p in fit.problem.pieces], axis=0)
     missing = {name for name, there in zip(vehicle.outputs, recorded, strict=True) if not there}
+    missing -= set() if not vehicle.positions else {"p", "q", "r", "V"}  # the pose tells them
     rates = tuple(name for name in ("p", "q", "r") if name in missing)
     found += [notice("rates-not-recorded", channels=rates)] if rates else []
     if "V" in missing:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import chain
 from pathlib import Path
 from typing import Literal
@@ -25,11 +25,14 @@ from stoop.flight import Flight, without, without_faults
 from stoop.flight.flight import flight_name
 from stoop.flight.maneuvers import find_maneuvers
 from stoop.prediction.initial_state import Predictor
-from stoop.prediction.predict import predict, predict_from
+from stoop.prediction.open_loop import open_loop_scores
+from stoop.prediction.predict import Prediction, predict, predict_from
+from stoop.problem import Piece
 from stoop.problem.prepare import decoupled, prepare
 from stoop.problem.windows import Window, Windows, as_windows
 from stoop.results.decisions import switched_off
-from stoop.results.result import ManeuverResult, ManeuverTrace, plain, to_json
+from stoop.results.result import ManeuverResult, ManeuverTrace, Result, plain, to_json
+from stoop.vehicle import Vehicle
 from stoop.workflow import outputs
 from stoop.workflow.curves import Simulated, baseline_maneuver, maneuver_curves
 from stoop.workflow.fitted_model import FittedModel
@@ -56,6 +59,9 @@ class Validation:
     versions: Mapping[str, str]  #: as in ``result.json``
     inputs: Mapping[str, str]
     command: str = ""  #: how it was made
+    #: from a given initial state: window -> model, draft, straight line, ARX -> mean over the channels of motion of the rms
+    #: error over the range
+    open_loop: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
     def to_json(self) -> str:
         """Return the validation as JSON text; NaN and infinities become ``null``."""
@@ -140,9 +146,10 @@ def validate(
     fitted_as = {name: _fitted_as(model, one) for name, one in known.items()}
     of_data: list[Notice | str] = []
     try:
-        fitted = [baseline_maneuver(vehicle, "fit", pieces) for pieces in model.pieces()]
+        flown = model.pieces()
+        fitted = [baseline_maneuver(vehicle, "fit", pieces) for pieces in flown]
     except StoopError as error:
-        fitted = []
+        flown, fitted = [], []
         of_data.append(notice("no-lag-baseline", reason=str(error)))
 
     chosen, skipped = _windows(model, known, fitted_as, as_windows(windows, known))
@@ -150,7 +157,7 @@ def validate(
     results: list[ManeuverResult] = []
     traces: list[ManeuverTrace] = []
     doubts: list[Notice | str] = []
-    used = []
+    used, scores = [], dict[str, Mapping[str, float]]()
     for name, flight in known.items():
         own = [w for w in chosen if w.flight == name]
         if not own:
@@ -164,6 +171,8 @@ def validate(
         else:
             start = {} if isinstance(initial_state, str) else dict(initial_state)
             ahead = predict_from(predictor, {name: flight}, own, biases, start)
+            before = predict_from(_draft(predictor, of), {name: flight}, own, biases, start)
+            scores |= _scores(vehicle, ahead, before, [*chain(*flown)])
         group = Simulated(
             "validation", ahead.prepared, ahead.readings, None, ahead.deviations, ahead.innovations
         )
@@ -195,6 +204,7 @@ def validate(
         versions=outputs.versions(),
         inputs=file_hashes(outputs.flight_files(used)),
         command=command,
+        open_loop=scores,
     )
     result = replace(
         of,
@@ -204,6 +214,26 @@ def validate(
         inputs={RESULT: digest, **record.inputs},
     )
     return Validated(record, replace(model, result=result, traces=tuple(traces), command=command))
+
+
+def _draft(model: Predictor, result: Result) -> Predictor:
+    """Return the model as it was before the fit."""
+    rows = {p.name for p in model.vehicle.parameters}
+    starts = {
+        n: {"value": p.start} for n, p in result.parameters.items() if n in rows and np.isfinite(p.start)
+    }
+    return replace(model, vehicle=model.vehicle.with_numbers(starts))
+
+
+def _scores(
+    vehicle: Vehicle, ahead: Prediction, before: Prediction, fitted: Sequence[Piece]
+) -> dict[str, dict[str, float]]:
+    """Return the scores of each piece, by the span of its samples."""
+    pieces = ahead.prepared.pieces
+    found = open_loop_scores(vehicle, pieces, {"model": ahead.readings, "draft": before.readings}, fitted)
+    windows = [ahead.prepared.windows[p.maneuver].flight for p in pieces]
+    spans = (f"{name} {p.time[0]:.1f}:{p.time[-1]:.1f}" for name, p in zip(windows, pieces, strict=True))
+    return dict(zip(spans, found, strict=True))
 
 
 def _digest(model: FittedModel) -> str:

@@ -100,9 +100,9 @@ class MadeUp:
 
 
 @functools.cache
-def made_up(number: int) -> MadeUp:
-    """Return a vehicle of the fleet by its number."""
-    template, parent, masses = KINDS[number % len(KINDS)]
+def made_up(number: int, kinds: tuple[tuple[str, str, Range], ...] = KINDS) -> MadeUp:
+    """Return a vehicle of a fleet by its number."""
+    template, parent, masses = kinds[number % len(kinds)]
     rng = np.random.default_rng([14, number])
     mass = float(np.exp(rng.uniform(*np.log(masses))))
     draw = _aircraft if template in WINGED else _multirotor

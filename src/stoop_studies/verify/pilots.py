@@ -117,7 +117,7 @@ def pilot_law(vehicle: Vehicle) -> Law:
 
 
 class Pilot:
-    """Commands (n, n_u) in the order of the vehicle's inputs, filled sample by sample."""
+    """Commands (n, n_u) in the order of the vehicle's inputs, filled sample by sample; a radio sends every `every`-th."""
 
     def __init__(
         self,
@@ -126,8 +126,9 @@ class Pilot:
         planned: Plan,
         throw: Mapping[str, float],
         rng: np.random.Generator,
+        every: int = 1,
     ) -> None:
-        count = len(planned.hold)
+        count, self.every = len(planned.hold), every
         self.names = vehicle.inputs
         self.inputs = np.repeat(point.inputs[None], count, axis=0)
         for name, change in planned.changes.items():
@@ -140,7 +141,10 @@ class Pilot:
         self.powered = vehicle.file.propulsion is not None
 
     def command(self, k: int, now: Mapping[str, float], altitude: float) -> None:
-        """Set the commands of sample k + 1 by the readings of sample k."""
+        """Set the commands of sample k + 1 by the readings of sample k, or hold those that the radio sent last."""
+        if (k + 1) % self.every:
+            self.inputs[k + 1] = self.inputs[k]
+            return
         high = altitude - self.start["h"] if self.powered else 0.0
         wanted = {"theta": float(np.clip(-0.01 * high, -MAX_PITCH_CHANGE, MAX_PITCH_CHANGE))}
         for control, gains in self.law.items():
@@ -168,11 +172,11 @@ def steady(vehicle: Vehicle) -> Trim:
 
 
 def by_stoop(
-    vehicle: Vehicle, planned: Plan, throw: Mapping[str, float], rng: np.random.Generator
+    vehicle: Vehicle, planned: Plan, throw: Mapping[str, float], rng: np.random.Generator, every: int = 1
 ) -> Columns:
-    """Fly an aircraft by stoop's simulation, through the gusts of its file."""
+    """Fly an aircraft by stoop's simulation, through the gusts of its file; a radio sends every `every`-th command."""
     point, count, dt = steady(vehicle), len(planned.hold), 1.0 / RATE
-    pilot = Pilot(vehicle, point, planned, throw, rng)
+    pilot = Pilot(vehicle, point, planned, throw, rng, every)
     rows = parameter_rows(vehicle, point.changes)
     gusts = trajectories.gust_noise(vehicle, count, dt, rng)
     states = np.empty((count, len(vehicle.states)))

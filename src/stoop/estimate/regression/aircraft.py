@@ -24,7 +24,7 @@ from scipy.integrate import cumulative_trapezoid
 from scipy.interpolate import CubicSpline
 
 from stoop.base.arrays import BoolArray, FloatArray, IntArray, runs
-from stoop.base.variables import RATES, SPECIFIC_FORCE
+from stoop.base.variables import POSITION, RATES, SPECIFIC_FORCE
 from stoop.estimate.regression.least_squares import Equations, Rows
 from stoop.flight.flight import MIN_SEGMENT
 from stoop.problem import Layout, Piece
@@ -38,7 +38,7 @@ from stoop.vehicle.schema import Term
 COEFFICIENTS: Final = {
     "full": ("CL", "CD", "CQ", "Cl", "Cm", "Cn"), "longitudinal": ("CL", "CD", "Cm"), "lateral": ("CQ", "Cl", "Cn"),
 }  #: estimated, by the vehicle's reduction; as many as there are accelerations  # fmt: skip
-NOT_NEEDED: Final = ("psi",)  #: no force depends on it
+NOT_NEEDED: Final = ("psi", *POSITION)  #: no force depends on them
 MIN_SAMPLES: Final = 8  #: of a stretch
 
 

@@ -137,7 +137,10 @@ def _motion(n: Numbers, x: Mapping[str, Any], u: Mapping[str, Any]) -> tuple[dic
     rates = (
         dict(zip(RIGID_STATES, rigid, strict=True)) | lag_rates | rotor_lag_rates | frames.gust_rates(n, x, u)
     )
-    return rates, readings(n, frame.observed(n, s, e, velocity), turned, specific, omega, omega_rate)
+    placed = vehicle.positions
+    rates |= dict(zip(placed, frames.over_ground(e, velocity), strict=True)) if placed else {}
+    observed = frame.observed(n, s, e, velocity) | {c: x[c] for c in placed}
+    return rates, readings(n, observed, turned, specific, omega, omega_rate)
 
 
 def _attitude(

@@ -1,0 +1,111 @@
+"""Truth from pose alone: an airplane and a multirotor of which motion capture recorded position and attitude."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import stoop
+from stoop.base.variables import EULER, POSITION, VARIABLES
+from stoop.errors import VehicleError
+from stoop.prediction.open_loop import ARX, LINE
+from stoop.vehicle import Vehicle, parse_vehicle
+from stoop.vehicle.builtin import resolve_vehicle
+from stoop.vehicle.document import with_entries
+from stoop_studies.verify import capture, defaults
+
+PLACES = {("sensors", c): {"sigma": 0.001} for c in POSITION}
+#: deflections of the twin-boom aircraft, rad
+MANEUVER = """
+duration = 12.0
+input = [
+  { control = "elevator", shape = "3-2-1-1", start = 1.0, step = 0.4, amplitude = 0.06 },
+  { control = "aileron", shape = "doublet", start = 5.0, step = 0.5, amplitude = 0.08 },
+  { control = "rudder", shape = "doublet", start = 8.0, step = 0.7, amplitude = 0.10 },
+]
+"""
+OTHER = """
+duration = 8.0
+input = [
+  { control = "aileron", shape = "3-2-1-1", start = 1.0, step = 0.4, amplitude = -0.05 },
+  { control = "elevator", shape = "doublet", start = 4.0, step = 0.8, amplitude = 0.05 },
+]
+"""
+
+
+@cache
+def captured() -> Vehicle:
+    """Return the twin-boom aircraft in still air, its position measured."""
+    plain = resolve_vehicle("twin-boom")
+    return with_entries(parse_vehicle(plain.text, "twin-boom"), PLACES)
+
+
+def pose_of(flight: stoop.Flight, folder: Path) -> stoop.Flight:
+    """Write what motion capture and the radio know, with noise of 1 mm and 0.3 deg, and read it."""
+    rng = np.random.default_rng(5)
+    sizes = dict.fromkeys(POSITION, 0.001) | dict.fromkeys(EULER, 0.005)
+    inputs = [n for n in ("elevator", "aileron", "rudder", "throttle") if n in flight.names]
+    columns = {c: flight.column(c) + s * rng.standard_normal(len(flight.time)) for c, s in sizes.items()}
+    columns |= {n: flight.column(n) for n in inputs}
+    rows = np.column_stack([flight.time, *columns.values()])
+    np.savetxt(folder / "room.csv", rows, delimiter=",", header="t," + ",".join(columns), comments="")
+    lines = [f'{n} = {{ column = "{n}", unit = "{VARIABLES[n].unit}" }}' for n in columns]
+    text = '[time]\ncolumn = "t"\nunit = "s"\n[variables]\n' + "\n".join(lines) + "\n"
+    (folder / "room.csv.toml").write_text(text, encoding="utf-8")
+    return stoop.load_flight(folder / "room.csv")
+
+
+def test_an_airplane_is_identified_from_its_pose(tmp_path: Path) -> None:
+    truth = captured()
+    (tmp_path / "maneuver.toml").write_text(MANEUVER, encoding="utf-8")
+    flight = pose_of(stoop.simulate(truth, tmp_path / "maneuver.toml"), tmp_path)
+    start = truth.with_numbers({
+        n: {"value": 0.8 * truth.value(n)} for n in ("CLalpha", "Cmalpha", "Cmq", "Clp", "Claileron", "Cnbeta", "Cnr")
+    })  # fmt: skip
+    model = stoop.fit(start, [flight], ["0:12"])
+    for name in ("CLalpha", "Cmalpha", "Cmq", "Cmelevator", "Clp", "Claileron", "Cnbeta", "Cnr", "Cnrudder"):
+        one = model.result.parameters[name]
+        assert one.std_error < 0.12 * abs(truth.value(name)), name
+        assert abs(one.estimate - truth.value(name)) < 4.0 * one.std_error, name
+    codes = {n.code for n in model.result.notices}
+    assert not codes & {"rates-not-recorded", "airspeed-not-measured"}
+    assert set(model.result.noise_covariance.channels) == {*EULER, *POSITION}
+    assert model.result.initial_states[0].values["pn"].unit == "m"
+    (tmp_path / "other.toml").write_text(OTHER, encoding="utf-8")
+    (tmp_path / "second").mkdir()
+    second = pose_of(stoop.simulate(truth, tmp_path / "other.toml"), tmp_path / "second")
+    validated = stoop.validate(model, second, ["0:8"], initial_state="measured")
+    (scores,) = validated.record.open_loop.values()
+    assert scores["model"] < 0.15  # noise of differentiated rates
+    assert scores["model"] < 0.5 * min(scores[name] for name in ("draft", LINE, ARX))
+
+
+def test_a_position_takes_all_three_and_still_air() -> None:
+    assert captured().positions == POSITION
+    text = resolve_vehicle("twin-boom").text
+    assert parse_vehicle(text + "\n[sensors.pe]\nsigma = 0.001\n", "twin-boom").positions == POSITION
+    with pytest.raises(VehicleError, match="all equations"):
+        with_entries(captured(), {("model", "reduce"): "lateral"})
+    gust = {"intensity": 0.5, "length": 100.0}
+    with pytest.raises(VehicleError, match="turbulence: the air is still"):
+        with_entries(captured(), {("turbulence", "u"): gust})
+    quad = parse_vehicle(resolve_vehicle("quad-x").text + "\n[sensors.pn]\n", "quad-x")
+    assert not quad.parameters["sensors.vn.bias"].free
+    with pytest.raises(VehicleError, match="the air is still"):
+        with_entries(quad, {("sensors", "vn", "bias"): {"value": 0.0, "free": True}})
+
+
+@pytest.mark.parametrize(("case", "seed"), [("wings", 2), ("rotors", 0)])
+def test_made_up_vehicles_are_right_by_the_defaults(case: str, seed: int) -> None:
+    found = capture.examine({"case": case, "seed": seed}, [None])[0]
+    assert not found["stopped"]
+    errors, _ = defaults.scores([found], "numbers")
+    assert np.mean(np.abs(errors) < 2.0) > 0.85
+    assert np.sqrt(np.mean(errors**2)) < 1.6
+    (value, _, late, *_), *_ = found["late"]
+    assert abs(value - late) < capture.DELAY_ERROR
+    assert found["grade"] == "usable"
+    assert defaults.right(found)
