@@ -24,7 +24,7 @@ FLAG = re.compile(
 )  #: tests whether a vehicle has rotors
 #: room -> lines at most; "stoop" is the whole package, for which the design asks 68,000, and 9,000 for its studies
 BUDGETS = {
-    "stoop": 87350,
+    "stoop": 87400,
     "stoop_studies": 14335,
     "api": 200,
     "app": 3650,
@@ -42,7 +42,7 @@ BUDGETS = {
     "optimize": 2750,
     "parallel": 1250,
     "performance": 860,
-    "prediction": 765,
+    "prediction": 785,
     "problem": 1695,
     "propagation": 1150,
     "reconstruction": 850,
