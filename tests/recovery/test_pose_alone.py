@@ -98,6 +98,16 @@ def test_a_position_takes_all_three_and_still_air() -> None:
         with_entries(quad, {("sensors", "vn", "bias"): {"value": 0.0, "free": True}})
 
 
+def test_a_model_leaves_the_room_without_its_position(tmp_path: Path) -> None:
+    linear = stoop.linearize(captured())
+    assert not set(POSITION) & {*linear.outputs, *linear.states}
+    assert linear.C.shape == (len(linear.outputs), len(linear.states))
+    assert linear.D.shape[0] == len(linear.outputs)
+    stoop.export(captured(), "state-space", tmp_path / "linear")
+    stoop.export(captured(), "jsbsim", tmp_path / "aircraft")
+    assert captured().without_positions().positions == ()
+
+
 @pytest.mark.parametrize(("case", "seed"), [("wings", 2), ("rotors", 0)])
 def test_made_up_vehicles_are_right_by_the_defaults(case: str, seed: int) -> None:
     found = capture.examine({"case": case, "seed": seed}, [None])[0]
