@@ -45,7 +45,7 @@ from stoop.flight.gridding import (
     grid_channels,
     interpolate_by_rates,
 )
-from stoop.flight.pose import with_motion, without_jumps
+from stoop.flight.pose import pose_alone, with_motion, without_jumps
 from stoop.flight.repeated_readings import at_own_rates
 from stoop.logs import Recording
 from stoop.logs.netcdf import AIR, FORMAT, STREAM
@@ -92,7 +92,9 @@ def load(path: str | Path, mapping: str | Path | None = None, rate: float | None
     recording, mapped = read_mapped(path, Path(mapping) if mapping is not None else None)
     if mapped is None:
         return _restore(recording, flight_name(path))
-    cleaned = [without_strays(group) for group in mapped.channels]
+    cleaned = [drop_outliers(group) for group in mapped.channels]
+    if pose_alone({name for group in mapped.channels for name in group.values}):
+        cleaned = [_tracked(*one) for one in cleaned]
     apart = [at_own_rates(group) for group, _ in cleaned]
     channels = [one for groups, _ in apart for one in groups]
     grid, data, sources = grid_channels(channels, rate, str(path))
@@ -169,11 +171,10 @@ def load(path: str | Path, mapping: str | Path | None = None, rate: float | None
     return flight.with_notices((*limits, *failed))
 
 
-def without_strays(group: Channels) -> tuple[Channels, list[Notice]]:
-    """Return a group without impossible samples, and without a pose where tracking was lost."""
-    sound, found = drop_outliers(group)
-    tracked, lost = without_jumps(sound)
-    return tracked, [*found, *lost]
+def _tracked(group: Channels, found: list[Notice]) -> tuple[Channels, list[Notice]]:
+    """Return a group without a pose where tracking was lost, and what was found of it."""
+    kept, lost = without_jumps(group)
+    return kept, [*found, *lost]
 
 
 def load_several(

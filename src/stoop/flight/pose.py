@@ -11,7 +11,7 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
 from dataclasses import replace
 from itertools import pairwise
 from typing import Final
@@ -44,7 +44,7 @@ def with_motion(flight: Flight) -> Flight:
     Rates that a gyro measured stay; where there are accelerometers, or any velocity, the flight is returned as it is.
     """
     there = flight.names
-    if not {*POSITION, *QUATERNION} <= there or there & {*VELOCITY, *AIR, *SPECIFIC_FORCE, "airspeed_pitot"}:
+    if not {*POSITION, *QUATERNION} <= there or not pose_alone(there):
         return flight
     position, attitude = (
         np.column_stack([flight.column(name) for name in names]) for names in (POSITION, QUATERNION)
@@ -59,6 +59,11 @@ def with_motion(flight: Flight) -> Flight:
         sources={**flight.sources, **dict.fromkeys(added, source)},
         notices=(*flight.notices, notice("motion-of-pose", flight.sources["pn"].source)),
     )
+
+
+def pose_alone(names: Set[str]) -> bool:
+    """Tell whether channels hold no motion but pose and rates: neither a velocity nor a specific force."""
+    return not names & {*VELOCITY, *AIR, *SPECIFIC_FORCE, "airspeed_pitot"}
 
 
 def without_jumps(group: Channels) -> tuple[Channels, list[Notice]]:
@@ -92,9 +97,12 @@ def without_jumps(group: Channels) -> tuple[Channels, list[Notice]]:
 
 
 def _isolated(steps: FloatArray, least: float) -> BoolArray:
-    """Return which steps (n,) are longer than `least` and many times as long as the median of those about them."""
+    """Return which steps (n,) are longer than `least` and many times as long as the median of those about them.
+
+    Where that is zero, readings are held from row to row, and steps tell nothing.
+    """
     usual = median_filter(np.nan_to_num(steps), NEIGHBORS, mode="nearest")
-    return np.asarray(steps > JUMP * usual + least)
+    return np.asarray((usual > 0.0) & (steps > JUMP * usual + least))
 
 
 def motion(position: FloatArray, attitude: FloatArray, rate: float) -> Mapping[str, FloatArray]:

@@ -92,3 +92,22 @@ def test_a_sound_pose_has_no_jumps() -> None:
     values = {n: x + 0.002 * noisy.standard_normal(len(x)) for n, x in POSE.items()}
     group = Channels("room", TIME, values)
     assert without_jumps(group) == (group, [])
+
+
+@pytest.mark.parametrize("seconds", [1.0, 0.06])
+def test_a_receiver_that_is_held_in_fast_rows_does_not_jump(tmp_path: Path, seconds: float) -> None:
+    held = np.minimum((TIME / seconds).astype(int) * round(seconds * RATE), len(TIME) - 1)
+    noisy = np.random.default_rng(6)
+    columns = {n: x + 0.002 * noisy.standard_normal(len(x)) for n, x in POSE.items()}
+    columns |= {n: columns[n][held] for n in ("pn", "pe", "pd")}
+    flight = recorded(tmp_path, columns)
+    assert "pose-jumps" not in [n.code for n in flight.notices]
+    assert np.isfinite(flight.column("phi")).all()
+
+
+def test_a_position_that_an_estimator_resets_beside_accelerometers_stays(tmp_path: Path) -> None:
+    columns = POSE | {"az": np.full(len(TIME), -12.0)}
+    columns["pn"] = columns["pn"] + 3.0 * (TIME > 2.0)
+    flight = recorded(tmp_path, columns)
+    assert "pose-jumps" not in [n.code for n in flight.notices]
+    assert np.isfinite(flight.column("phi")).all()
