@@ -35,7 +35,7 @@ BUDGETS = {
     "control_laws": 1555,
     "estimate": 7535,
     "exporters": 8892,
-    "flight": 6425,
+    "flight": 6430,
     "input_design": 2350,
     "kernels": 2810,
     "logs": 5010,
