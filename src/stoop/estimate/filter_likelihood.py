@@ -37,7 +37,7 @@ from stoop.estimate.response import ExtendedModel, Responses, Trajectory
 from stoop.kernels import filtering
 from stoop.optimize.normal_equations import project, square
 from stoop.problem import Misfit
-from stoop.simulation.delays import distinct_inputs, late_inputs, late_outputs
+from stoop.simulation.delays import distinct_inputs, late_outputs
 from stoop.simulation.trajectories import readings_along
 
 #: name of the search of filter error, in its states
@@ -201,7 +201,7 @@ class Likelihood:
             rows, start = self.problem.candidates(z[None, : self.known], i)
             gains = self.gains(z[None, :], rows, start, i)
             states = run_filter(self.problem, i, rows, start, gains, states=True)[1][0]
-            inputs = late_inputs(vehicle, piece.inputs, rows, piece.dt).reshape(len(piece.inputs), -1)
+            inputs = piece.received(vehicle, rows).reshape(len(piece.inputs), -1)
             readings = readings_along(vehicle, rows, states, inputs[: len(states)])
             out.append(late_outputs(vehicle, readings[None], rows, piece.dt)[0])
         return tuple(out)
@@ -275,7 +275,7 @@ def run_filter(
 ) -> tuple[FloatArray, FloatArray]:
     """Run the filter of every candidate over one piece; those that differ in a delay have inputs of their own."""
     vehicle, piece = problem.layout.vehicle, problem.pieces[index]
-    inputs, which = distinct_inputs(vehicle, piece.inputs, rows, piece.dt)
+    inputs, which = distinct_inputs(vehicle, piece.inputs, rows, piece.dt, piece.before)
 
     def run(own: Any, received: FloatArray) -> tuple[FloatArray, FloatArray]:
         return filtering.innovations(

@@ -20,7 +20,7 @@ import numpy as np
 from stoop.base.arrays import BoolArray, FloatArray, IntArray
 from stoop.base.variables import WRAPPED
 from stoop.problem.misfit import Misfit, Piece, Weights
-from stoop.simulation.delays import delayed, late, late_inputs, late_outputs, output_delays
+from stoop.simulation.delays import delayed, late, late_outputs, output_delays
 from stoop.vehicle import Vehicle
 from stoop.vehicle.arrays import Equations, Evaluation, array_equations
 from stoop.vehicle.extensions import Extension, extended
@@ -144,7 +144,7 @@ class ExtendedModel:
 
     def received(self, piece: Piece, known: FloatArray) -> FloatArray:
         """Return the inputs (n_u, n) of a piece as they arrive with parameters (n_p, 1)."""
-        return late_inputs(self.base, piece.inputs, known, piece.dt).T.astype(float)
+        return piece.received(self.base, known).T.astype(float)
 
     def responses(
         self, trajectories: Sequence[Trajectory], pieces: Sequence[Piece]
@@ -191,7 +191,7 @@ class ExtendedModel:
         for name in one.numbers:
             rows[vehicle.rows[name]] += one.value(one.step) - one.null
         if one.kind in PLAYED:
-            return rows, late_inputs(vehicle, piece.inputs, rows[:, None], at.dt).T[:, at.samples]
+            return rows, piece.received(vehicle, rows[:, None]).T[:, at.samples]
         if not one.inputs:
             return rows, None
         inputs = at.inputs.copy()

@@ -376,17 +376,17 @@ class Shots:
         Inputs of different actuators stand in records one below the other. Return readings (B, n, n_y), those of a short window
         going on into the next, and states (n_x, B) at the first sample of the next window (of the last one, at its last).
         """
-        vehicle, inputs, dt = self.vehicle, self.piece.inputs, self.piece.dt
-        lanes, copy = distinct_inputs(vehicle, inputs, rows, dt)
+        vehicle, piece, dt = self.vehicle, self.piece, self.piece.dt
+        lanes, copy = distinct_inputs(vehicle, piece.inputs, rows, dt, piece.before)
         record = lanes.reshape(-1, lanes.shape[2])
-        n, edges = len(self.piece.time), np.array(self.edges)
+        n, edges = len(piece.time), np.array(self.edges)
         steps = np.minimum(edges[which + 1], n - 1) - edges[which]
         first, behind = copy * n + edges[which], (copy + 1) * n
         out, last = windows(vehicle.kernel(), rows, begin, record, first, behind, steps, dt)
         for length in np.unique(steps) if output_delays(vehicle) else ():
             lanes = steps == length  # each in its own length, whatever stands beside it
             part = np.ascontiguousarray(out[lanes, : length + 1])
-            out[lanes, : length + 1] = late_outputs(vehicle, part, rows[:, lanes], dt, self.piece.moved)
+            out[lanes, : length + 1] = late_outputs(vehicle, part, rows[:, lanes], dt, piece.moved)
         return out, last
 
 

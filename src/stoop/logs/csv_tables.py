@@ -9,6 +9,7 @@ import warnings
 import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -20,6 +21,7 @@ from stoop.base.toml import parse_source, quoted, quoted_key, read_source
 from stoop.base.units import FACTORS, MICROSECOND
 from stoop.errors import LogError
 from stoop.logs.arrays import MIN_RISING, max_values
+from stoop.logs.capture_csv import export_of, poses
 from stoop.logs.recording import Defect, Recording, Stream, clean_stream, nothing_read, reason, unreadable
 
 if TYPE_CHECKING:
@@ -198,6 +200,13 @@ def parse_table(
 ) -> tuple[dict[str, FloatArray], tuple[Defect, ...]]:
     """Read the text of a table, with the defects `found` so far; see `read_table`."""
     text, cut = whole_lines(text, path.name)
+    export = export_of(path, text)
+    if export is not None:
+        ends = (match.end() for match in re.finditer(b"\n", text))
+        start = next(islice(ends, export.lines - 1, None), len(text))
+        names = ",".join(f"column {i}" for i in range(export.count))
+        parsed, found = parse_table(path, names.encode() + b"\n" + text[start:], (*found, *cut))
+        return poses(export, [*parsed.values()]), found
     defects = [*found, *cut]
     header = _header(path, text)
     if text.count(b"\n") > MAX_ROWS:
@@ -316,6 +325,8 @@ def unpack(path: Path) -> tuple[bytes, tuple[Defect, ...]]:
 
 
 def _header(path: Path, text: bytes) -> list[str]:
+    if (export := export_of(path, text)) is not None:
+        return [*poses(export, [np.empty(0)] * export.count)]
     if not text.strip():
         raise LogError(f"{path}: the log is empty; record again or name another file")
     line = text[: MAX_HEADER + 1].split(b"\n", 1)[0].rstrip(b"\r")

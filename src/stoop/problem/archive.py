@@ -12,6 +12,7 @@ from stoop.vehicle import Parameter, Vehicle
 from stoop.vehicle.schema import VehicleFile
 
 PIECE_ARRAYS: Final = ("time", "inputs", "measured")
+OPTIONAL_ARRAYS: Final = ("interpolated", "before")  #: of a piece
 PIECE_TUPLES: Final = ("moved", "relative_noise")
 
 
@@ -38,12 +39,13 @@ def problem_document(problem: Misfit) -> dict[str, Any]:
 def problem_arrays(problem: Misfit) -> dict[str, Any]:
     """Return series of the pieces and weights."""
     series = ((f"{n}.{i}", getattr(p, n)) for i, p in enumerate(problem.pieces) for n in PIECE_ARRAYS)
-    slow = {
-        f"interpolated.{i}": p.interpolated
+    some = {
+        f"{n}.{i}": own
         for i, p in enumerate(problem.pieces)
-        if p.interpolated is not None
+        for n in OPTIONAL_ARRAYS
+        if (own := getattr(p, n)) is not None
     }
-    return {**dict(series), **slow, "covariance": problem.weights.covariance, "root": problem.weights.root}
+    return {**dict(series), **some, "covariance": problem.weights.covariance, "root": problem.weights.root}
 
 
 def restored_problem(document: Mapping[str, Any], arrays: Mapping[str, Any]) -> Misfit:
@@ -55,7 +57,7 @@ def restored_problem(document: Mapping[str, Any], arrays: Mapping[str, Any]) -> 
     pieces = []
     for i, p in enumerate(document["pieces"]):
         series = {name: arrays[f"{name}.{i}"] for name in PIECE_ARRAYS}
-        series["interpolated"] = arrays.get(f"interpolated.{i}")
+        series |= {name: arrays.get(f"{name}.{i}") for name in OPTIONAL_ARRAYS}
         pieces.append(Piece(**{**p, **series, **{name: tuple(p[name]) for name in PIECE_TUPLES}}))
     weights = Weights(arrays["covariance"], arrays["root"])
     return Misfit(layout, tuple(pieces), weights, tuple(tuple(rung) for rung in document["ladder"]))

@@ -20,12 +20,15 @@ from stoop.optimize.normal_equations import TallMatrix, project
 from stoop.problem.layout import Layout, Nuisance
 from stoop.problem.starts import Starts
 from stoop.simulation.delays import actuator_rows, late_inputs, late_outputs, output_delays
+from stoop.vehicle import Vehicle
 
 STEP = 1e-7  #: of a forward difference
 CACHED = 2**16  #: numbers that are whitened at a time
 PRIORS = 64  #: residuals of priors that are a stretch of derivatives
 Array = TypeVar("Array", FloatArray, IntArray)
 ENERGY = 1.0 / 16.0  #: share of the inputs' on the shortest record; any from 1/32 to 1/8 serves
+
+HISTORY = 1.0  #: s of commands before a piece: what is late arrives from there
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,6 +122,8 @@ class Piece:
     relative_noise: tuple[float, ...] = ()
     #: (n, n_y), the same with what was interpolated between readings; None where nothing was
     interpolated: FloatArray | None = None
+    #: (m, n_c), recorded channels, the first of the inputs, in the samples before: commands that arrive late; None at the first
+    before: FloatArray | None = None
 
     @property
     def whole(self) -> FloatArray:
@@ -132,6 +137,11 @@ class Piece:
 
     def part(self, first: int, behind: int, start: Mapping[str, float]) -> Piece:
         """Return the samples from one to before another, with the state that they begin in."""
+        before = self.before
+        if before is not None:
+            before = np.concatenate([before, self.inputs[:first, : before.shape[1]]])[
+                -round(HISTORY / self.dt) :
+            ]
         return replace(
             self,
             time=self.time[first:behind],
@@ -139,7 +149,12 @@ class Piece:
             measured=np.ascontiguousarray(self.measured[first:behind]),
             start=start,
             interpolated=None if self.interpolated is None else self.interpolated[first:behind],
+            before=before,
         )
+
+    def received(self, vehicle: Vehicle, rows: FloatArray) -> FloatArray:
+        """Return :func:`~stoop.simulation.delays.late_inputs` of the piece for kernel parameters (n_p, B)."""
+        return late_inputs(vehicle, self.inputs, rows, self.dt, self.before)
 
 
 @dataclass(frozen=True, eq=False)
@@ -409,7 +424,7 @@ class Misfit:
 
     def _inputs(self, piece: Piece, rows: FloatArray) -> FloatArray:
         """Return the inputs of a piece as the surfaces receive them."""
-        return late_inputs(self.layout.vehicle, piece.inputs, rows, piece.dt) if self._late else piece.inputs
+        return piece.received(self.layout.vehicle, rows) if self._late else piece.inputs
 
     def _trajectories(self, Z: FloatArray, index: int, count: int) -> FloatArray:
         return self._readings(*self.candidates(Z, index), index, count)

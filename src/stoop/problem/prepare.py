@@ -17,7 +17,9 @@ from stoop.base.variables import WRAPPED
 from stoop.errors import FlightError, VehicleError
 from stoop.flight import Flight, Segment, segments
 from stoop.flight.flight import MIN_SEGMENT
+from stoop.flight.gridding import complete
 from stoop.problem import Nuisance, Piece
+from stoop.problem.misfit import HISTORY
 from stoop.problem.observation import (
     OTHER_SCALE,
     REQUIRED,
@@ -83,13 +85,24 @@ def prepare(vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence[W
         derived = [c for c, source in flight.sources.items() if source.derived]
         for segment in cut:
             piece, found = _piece(vehicle, window, segment, index, changes, moving, derived)
-            pieces += [piece] if piece is not None else []
+            if piece is not None:
+                pieces.append(replace(piece, before=_commands_before(vehicle, flight, piece.time[0])))
             notices += found
         if len(pieces) == before:
             raise FlightError(
                 f"{window}: nowhere {MIN_SEGMENT:g} s in which its whole state was measured; choose another window"
             )
     return Prepared(tuple(windows), tuple(pieces), tuple(notices))
+
+
+def _commands_before(vehicle: Vehicle, flight: Flight, start: float) -> FloatArray:
+    """Return the recorded channels (m, n_c) of up to `HISTORY` s before a piece, as far as they are without a hole."""
+    k = int(np.searchsorted(flight.time, start))
+    first = max(0, k - round(HISTORY * flight.rate))
+    columns = [flight.column(c)[first:k] for c in vehicle.recorded]
+    rows = np.reshape(columns, (len(columns), k - first)).T
+    holes = np.flatnonzero(~complete(rows))
+    return rows[holes[-1] + 1 :] if holes.size else rows
 
 
 def decoupled(vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence[Window]) -> Vehicle:

@@ -177,7 +177,9 @@ def output_delays(vehicle: Vehicle) -> list[tuple[int, int]]:
     return [(i, vehicle.rows[n]) for i, n in names if n in vehicle.rows]
 
 
-def late_inputs(vehicle: Vehicle, inputs: FloatArray, rows: FloatArray, dt: float) -> FloatArray:
+def late_inputs(
+    vehicle: Vehicle, inputs: FloatArray, rows: FloatArray, dt: float, before: FloatArray | None = None
+) -> FloatArray:
     """Return inputs as surfaces and rotors receive them, with the slopes of channels.
 
     Parameters
@@ -187,6 +189,8 @@ def late_inputs(vehicle: Vehicle, inputs: FloatArray, rows: FloatArray, dt: floa
     rows : (n_p, B) array
         Kernel parameters.
     dt : float, s
+    before : (m, n_c) array, optional
+        Recorded channels, the first columns, in the samples before: what is late arrives from there. Else they held.
 
     Returns
     -------
@@ -196,29 +200,31 @@ def late_inputs(vehicle: Vehicle, inputs: FloatArray, rows: FloatArray, dt: floa
     if not actuators and not vehicle.sloped:
         return inputs
     numbers = [actuator.numbers(rows, dt) for actuator in actuators]
+    commands = inputs if before is None else np.concatenate([before, inputs[:, : before.shape[1]]])
+    lead = len(commands) - len(inputs)
     if all(np.array_equal(own, np.broadcast_to(own[:, :1], own.shape)) for own in numbers):
         out = inputs.astype(float)
         for actuator, own in zip(actuators, numbers, strict=True):
-            out[:, actuator.column] = positions(inputs[:, actuator.column], *own[:, 0].tolist())
+            out[:, actuator.column] = positions(commands[:, actuator.column], *own[:, 0].tolist())[lead:]
     else:
         out = np.repeat(inputs[:, :, None], rows.shape[1], axis=2)
         for actuator, own in zip(actuators, numbers, strict=True):
             # Each distinct actuator is computed once; in a Jacobian few lanes differ from the first.
             distinct, lane = np.unique(own, axis=1, return_inverse=True)
-            copies = [positions(inputs[:, actuator.column], *one) for one in distinct.T.tolist()]
+            copies = [positions(commands[:, actuator.column], *one)[lead:] for one in distinct.T.tolist()]
             out[:, actuator.column] = np.stack(copies, axis=-1)[:, lane.ravel()]
     return with_slopes(vehicle, out, dt)
 
 
 def distinct_inputs(
-    vehicle: Vehicle, inputs: FloatArray, rows: FloatArray, dt: float
+    vehicle: Vehicle, inputs: FloatArray, rows: FloatArray, dt: float, before: FloatArray | None = None
 ) -> tuple[FloatArray, IntArray]:
     """Return inputs (k, n, n_u) as different actuators receive them, and which of them each candidate (B,) has."""
     late = rows[actuator_rows(vehicle)]
     at, which = np.zeros(1, dtype=np.int64), np.zeros(rows.shape[1], dtype=np.int64)
     if len(late) and np.ptp(late, axis=1).any():
         _, at, which = np.unique(late, axis=1, return_index=True, return_inverse=True)
-    lanes = [late_inputs(vehicle, inputs, rows[:, i : i + 1], dt) for i in at]
+    lanes = [late_inputs(vehicle, inputs, rows[:, i : i + 1], dt, before) for i in at]
     return np.stack(lanes), which.ravel()
 
 

@@ -95,6 +95,16 @@ def test_inputs_per_lane_where_a_delay_differs(late: Vehicle) -> None:
         assert np.array_equal(out[:, 1, b], u[:, 1])
 
 
+@given(st.integers(0, 30), st.booleans())
+def test_commands_of_before_arrive_late(first: int, differing: bool) -> None:
+    late, dt = parse_vehicle(LATE, "late.toml"), 0.01
+    u = np.random.default_rng(first).standard_normal((60, 3))
+    own = {"controls.elevator.delay": np.array([0.02, 0.025, 0.02])} if differing else {}
+    rows = parameter_rows(late, own, 3)
+    out = late_inputs(late, u[first:], rows, dt, u[:first])
+    assert np.array_equal(out, late_inputs(late, u, rows, dt)[first:])
+
+
 def test_readings_are_late_and_headings_do_not_jump(late: Vehicle) -> None:
     t = np.arange(0.0, 4.0, 0.01)
     y = np.zeros((1, len(t), 12))

@@ -30,7 +30,7 @@ from stoop.flight.flight import MIN_SEGMENT
 from stoop.problem import Layout, Piece
 from stoop.problem.observation import at_center_of_gravity, recorded_motion, true_values
 from stoop.simulation import START_NAMES, parameter_rows
-from stoop.simulation.delays import first_order_lag, late_inputs
+from stoop.simulation.delays import first_order_lag
 from stoop.simulation.initial import commanded, initial_states, rigid_states
 from stoop.vehicle import Vehicle, terms
 from stoop.vehicle.schema import Term
@@ -58,7 +58,7 @@ class Motion:
         """Return the motion of a piece; delays and lags are those of the vehicle file."""
         samples = np.flatnonzero(complete(vehicle, piece))
         rows = parameter_rows(vehicle, piece.changes, len(samples))
-        late, deflections = late_inputs(vehicle, piece.inputs, rows[:, :1], piece.dt), {}
+        late, deflections = piece.received(vehicle, rows[:, :1]), {}
         for c in vehicle.controls:
             angle = commanded(vehicle, c, np.repeat(rows[:, :1], len(late), axis=1), late.T)
             if vehicle.file.controls[c].lag is not None:

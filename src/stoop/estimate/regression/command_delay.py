@@ -87,11 +87,13 @@ def _regressions(
     measured = np.column_stack([readings[c] for c in states])
     others = [i for i in range(len(vehicle.recorded)) if i not in set(columns)]
     commands = lagged_inputs(vehicle, piece, columns)
-    late = np.stack([delayed(commands, d / piece.dt) for d in delays])
-    lead = min(round(LONGEST / piece.dt), len(piece.time) // 4)  # before, the command is not known
+    lead = len(commands) - len(piece.time)  # samples of commands before the piece
+    late = np.stack([delayed(commands, d / piece.dt)[lead:] for d in delays])
+    # before, the command is not known
+    unknown = min(max(round(LONGEST / piece.dt) - lead, 0), len(piece.time) // 4)
     domain = TimeDomain()
     for run in run_slices(np.isfinite(measured).all(axis=1)):
-        own = slice(max(run.start, lead), run.stop)
+        own = slice(max(run.start, unknown), run.stop)
         if own.stop - own.start < 4 * len(states):
             continue
         t, x = piece.time[own], measured[own]
@@ -105,7 +107,10 @@ def _regressions(
 
 
 def lagged_inputs(vehicle: Vehicle, piece: Piece, columns: Sequence[int]) -> FloatArray:
-    """Return inputs (n, c) of a piece after the lags of what they move, as the vehicle has them now."""
+    """Return inputs (m + n, c) before and of a piece after the lags of what they move, as the vehicle has them now."""
+    commands = piece.inputs
+    if piece.before is not None:
+        commands = np.concatenate([piece.before, commands[:, : piece.before.shape[1]]])
     lags = dict[int, float]()
     for control in vehicle.controls:
         lag = vehicle.value(f"controls.{control}.lag", 0.0)
@@ -114,7 +119,7 @@ def lagged_inputs(vehicle: Vehicle, piece: Piece, columns: Sequence[int]) -> Flo
         )
     for rotor in vehicle.file.rotor.values():
         lags[vehicle.inputs.index(rotor.channel)] = vehicle.value("rotors.lag", 0.0)
-    own = (first_order_lag(piece.inputs[:, i], lags.get(i, 0.0), piece.dt) for i in columns)
+    own = (first_order_lag(commands[:, i], lags.get(i, 0.0), piece.dt) for i in columns)
     return np.column_stack(list(own))
 
 

@@ -42,7 +42,7 @@ from stoop.flight.flight import MIN_SEGMENT
 from stoop.problem import Layout, Nuisance, Piece
 from stoop.problem.observation import imu_axes, integrated_attitude, through_air, true_values
 from stoop.simulation import parameter_rows
-from stoop.simulation.delays import at_samples, first_order_lag, late_inputs
+from stoop.simulation.delays import at_samples, first_order_lag
 from stoop.simulation.initial import commanded, initial_states, rigid_states
 from stoop.vehicle import Vehicle
 from stoop.vehicle.schema import WIND
@@ -79,7 +79,7 @@ class Stretch:
         Kernel parameters `rows` (n_p, 1) contain biases and wind; `cache` holds lagged commands computed before.
         """
         piece = self.piece
-        late = at_samples(vehicle, late_inputs(vehicle, piece.inputs, rows, piece.dt))
+        late = at_samples(vehicle, piece.received(vehicle, rows))
         inputs = np.ascontiguousarray(late.T[:, self.samples])
         every = np.repeat(rows, inputs.shape[1], axis=1)
         # biases removed, relative to the wind
@@ -140,7 +140,7 @@ def lagged_command(
     cache = {} if cache is None else cache
     key = b"".join((name.encode(), id(piece).to_bytes(8, "little"), rows[involved, 0].tobytes()))
     if key not in cache:
-        late = late_inputs(vehicle, piece.inputs, rows, piece.dt)
+        late = piece.received(vehicle, rows)
         command = commanded(vehicle, name, np.repeat(rows, len(late), axis=1), late.T)
         lag = vehicle.rows.get(f"{prefix}.lag")
         cache[key] = command if lag is None else first_order_lag(command, float(rows[lag, 0]), piece.dt)
