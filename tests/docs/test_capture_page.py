@@ -4,10 +4,17 @@ from __future__ import annotations
 
 import csv
 
+import numpy as np
+
 from docs.pages import DOCS, table
+from stoop.assessment.covariance import NORMAL_95
+from stoop_studies.verify.capture import KINDS
+from stoop_studies.verify.fleet import made_up
 
 PAGE = DOCS / "motion-capture.md"
 WITHIN = 0.010  #: s
+#: numbers of which a flight tells the ratio to the mass
+PER_MASS = ("mass.inertia", "rotors.T", "rotors.inflow", "rotors.drag", "body_drag")
 
 
 def rows(name: str) -> list[dict[str, str]]:
@@ -31,3 +38,20 @@ def test_the_table_is_that_of_the_study() -> None:
         assert said["stopped on the way"] == one["stopped"]
         times = f"{float(one['seconds']):.0f} s, {float(one['slowest']):.0f} s"
         assert said["from log to report, median and longest"] == times
+
+
+def test_over_the_mass_that_was_given() -> None:
+    """Errors of a quadrotor's numbers, in standard errors, where the truth is that of a vehicle of the mass that was weighed."""
+    weighed = [float(row["mass"]) for row in rows("capture-vehicles.csv") if row["case"] == "rotors"]
+    errors = []
+    for row in rows("capture-numbers.csv"):
+        if row["case"] == "rotors" and float(row["identifiable"]) and float(row["std_error"]) > 0.0:
+            seed = int(row["vehicle"])
+            true = made_up(seed, KINDS["rotors"]).vehicle.value("mass.mass")
+            scale = weighed[seed] / true if row["number"].startswith(PER_MASS) else 1.0
+            errors.append((float(row["estimate"]) - scale * float(row["truth"])) / float(row["std_error"]))
+    z = np.array(errors)
+    share, rms = 100.0 * float(np.mean(np.abs(z) <= NORMAL_95)), float(np.sqrt(np.mean(z**2)))
+    said = f"{share:.1f} % of the {len(z)} intervals hold the truth, with an rms error of {rms:.2f} and none above 5"
+    assert said in PAGE.read_text(encoding="utf-8")
+    assert np.abs(z).max() < 5.0
