@@ -27,6 +27,7 @@ PARTS = (
     "posterior",
     "corners",
     "tuning",
+    "short_windows",
     "bbob",
 )  #: the last takes many minutes
 
