@@ -19,13 +19,14 @@ from stoop.base.arrays import within_range
 from stoop.base.autopilots import MOTOR_FUNCTIONS
 from stoop.base.toml import quoted, quoted_key
 from stoop.base.units import FACTORS
-from stoop.base.variables import OUTPUT_PINS, VARIABLES
+from stoop.base.variables import OUTPUT_PINS, POSITION, QUATERNION, RATES, SPECIFIC_FORCE, VARIABLES, VELOCITY
 from stoop.checks.lines import Signal
 from stoop.checks.units import PAIRS, STATISTICS, growth, largest_size
 from stoop.errors import one_line
 from stoop.flight.airborne import rotor_pulses
 from stoop.flight.apply_mapping import apply_mapping
 from stoop.flight.column_guesses import DraftLine, recognized, with_units, without_unit
+from stoop.flight.conversion import rotate_axes
 from stoop.flight.flight import from_columns, with_other_form
 from stoop.flight.log_columns import read_unmapped
 from stoop.flight.mapping import READY, ready
@@ -48,9 +49,12 @@ FUNCTIONS: Final[dict[float, str]] = {
 }  #: SERVOn_FUNCTION, a whole number, -> what the output does
 RANGES: Final = (("MOT_PWM_MIN", "MOT_PWM_MAX"), ("Q_M_PWM_MIN", "Q_M_PWM_MAX"))  #: us; 0 where not set
 DEFAULT_RANGE: Final = (1000.0, 2000.0)  #: us
+GROUPS: Final = {
+    QUATERNION: "attitude", RATES: "rates", SPECIFIC_FORCE: "specific_force", VELOCITY: "velocity", POSITION: "position",
+}  # fmt: skip
 _NUMBERED: Final = re.compile(r"(.*?)[\W_]*\d{1,2}\]?")  #: stem of a name that ends in a number
 _DRIVEN: Final = re.compile(r"(motor|rotor|pwm|servo)_")
-_COMPONENT: Final = re.compile(r"(?:.*\.)?(xyz\[\d\]|[xyz])")
+_COMPONENT: Final = re.compile(r"(?:.*\.)?(xyz\[\d\]|data\[\d{1,2}\]|[xyz])")
 
 
 @dataclass(frozen=True)
@@ -139,13 +143,23 @@ def _of_ready(recording: Recording) -> Draft:
     return Draft("\n".join(out), len(signals) + len(motors), unsure)
 
 
-def _of_any(recording: Recording) -> Draft:
+def _of_any(recording: Recording, framed: bool = True) -> Draft:
+    """Draft by names, sizes and, unless what the columns show speaks against it, in the axes that the format has."""
     clock, timed = _clocks(recording)
     clocks = {(name, recording.info.get(f"clock of {name}", "")) for name in recording.streams}
     known = [line for line in _lines(timed) if (line.stream, line.column) not in clocks]
     known = _following(timed, known)
     best = _best(known)
-    lines = with_units(best, {line.variable: _signal(timed, line) for line in best})
+    groups = _groups(timed, best) if framed else []
+    own = _in_our_axes(timed, groups)
+    lines = with_units(
+        best,
+        {line.variable: own.get(line.variable) or _signal(timed, line) for line in best},
+    )
+    ours = [line for line in lines if line.variable in own]
+    if any(line.scale != 1.0 or line.unit != VARIABLES[line.variable].unit for line in ours):
+        return _of_any(recording, framed=False)
+    lines = [replace(line, doubts=()) if line.variable in own else line for line in lines]
     # motors (servos) whose size says nothing are in percent as the others: one may have run at idle throughout
     percents = {line.variable.rpartition("_")[0] for line in lines if line.unit == "percent"}
     percents &= {"motor", "servo"}
@@ -159,7 +173,7 @@ def _of_any(recording: Recording) -> Draft:
     signals, called = {}, []
     for line in lines:
         t, x = _signal(timed, line)
-        signals[line.variable] = t, line.values(x)
+        signals[line.variable] = own.get(line.variable) or (t, line.values(x))
         guess = _guessed(line.stream, line.column, "")
         if line.variable.startswith("pwm_") and guess is not None and guess.variable.startswith("motor_"):
             called.append(line.variable)
@@ -181,15 +195,67 @@ def _of_any(recording: Recording) -> Draft:
         *clock,
         "",
         "[variables]",
-        *(_toml(line, several) for line in lines),
+        *(_toml(line, several) for line in lines if line.variable not in own),
         *motors,
         *outputs.surface_lines(),
         *(["", *left] if left else ()),
+        *(text for group in groups for text in group.text(several)),
         "",
     ]
     unsure = sum(bool(line.doubts) for line in lines) + sum("# unsure" in line for line in motors)
     every = tuple(column for columns in unknown.values() for column in columns)
     return Draft("\n".join(out), len(lines) + len(motors), unsure, every)
+
+
+@dataclass(frozen=True)
+class Group:
+    """A vector or an attitude of one stream, in the axes of its format: lines in the order of their columns."""
+
+    lines: tuple[DraftLine, ...]
+    frame: tuple[str, ...]
+
+    def text(self, several: bool) -> list[str]:
+        """Return the table of a mapping."""
+        variables = tuple(line.variable for line in self.lines)
+        names, columns = (
+            ", ".join(map(quoted, x)) for x in (variables, (line.column for line in self.lines))
+        )
+        stream = f"stream = {quoted(self.lines[0].stream)}, " if several else ""
+        frame = f"[{', '.join(map(quoted, self.frame))}]" if len(self.frame) > 1 else quoted(self.frame[0])
+        return [
+            "", f"[group.{GROUPS[variables]}]  # in the axes that are usual of the format; else remove or correct frame",
+            f"variables = [{names}]", f"frame = {frame}", f"sources = [{{ {stream}columns = [{columns}] }}]",
+        ]  # fmt: skip
+
+
+def _groups(recording: Recording, lines: Sequence[DraftLine]) -> list[Group]:
+    """Return the vectors and attitudes that one stream holds whole, in SI, where a format has axes of its own."""
+    body, world = (recording.info.get(f"{name} frame", "") for name in ("body", "world"))
+    by_name = {line.variable: line for line in lines}
+    groups = []
+    for names in GROUPS:
+        frame = (
+            (body, world)
+            if names == QUATERNION
+            else (body,)
+            if names in (RATES, SPECIFIC_FORCE)
+            else (world,)
+        )
+        own = tuple(by_name[name] for name in names if name in by_name)
+        plain = all(line.scale == 1.0 and line.unit in ("", VARIABLES[line.variable].unit) for line in own)
+        if all(frame) and plain and len(own) == len(names) and len({line.stream for line in own}) == 1:
+            groups.append(Group(own, frame))
+    return groups
+
+
+def _in_our_axes(recording: Recording, groups: Sequence[Group]) -> dict[str, Signal]:
+    """Return the signals of groups, turned."""
+    out: dict[str, Signal] = {}
+    for group in groups:
+        signals = {line.variable: _signal(recording, line) for line in group.lines}
+        turned = rotate_axes({name: x for name, (_, x) in signals.items()}, group.frame)
+        out |= {name: (signals[name][0], x) for name, x in turned.items()}
+    return out
 
 
 def _offered(name: str, stream: Stream, columns: Sequence[str], several: bool) -> list[str]:
@@ -230,12 +296,13 @@ def _lines(recording: Recording) -> list[DraftLine]:
 
 
 def _guessed(stream: str, column: str, stated: str) -> DraftLine | None:
-    """Recognize a column; where it is a bare x, y or z, the stream says of what."""
+    """Recognize a column; where it is a bare x, y or z, or an element of bare data, the stream says of what."""
     known = recognized(column, stated, stream)
     component = _COMPONENT.fullmatch(column)
     if component is None or (known is not None and "." in column):
         return known
-    whole = recognized(f"{re.sub(r'/[0-9]+$', '', stream)} {component.group(1)}", stated, stream)
+    stem = re.sub(r"/[0-9]+$", "", stream)
+    whole = recognized(f"{stem} {component.group(1).removeprefix('data')}", stated, stream)
     return known if whole is None else replace(whole, column=column)
 
 
