@@ -1,0 +1,195 @@
+"""Changes of a fleet: the model of every figure, alarms at a stated rate, and the causes that explain each best."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from stoop.base.arrays import FloatArray
+from stoop.fleet.changes import Change, Kind, Readings, changes, origins, threshold
+from stoop.fleet.mixed_model import Design, MixedModel, Outlier, fit_robust_model, indices
+from stoop.fleet.parts import Parts
+from stoop.fleet.table import FigureTable
+
+DAY: Final = 86400.0  #: s
+YEAR: Final = 365.25 * DAY
+DRAWS: Final = 200  #: of each sequence without a change, for the threshold
+ROUNDS: Final = 2  #: of model and changes: changes that were found are taken off before the second model
+AT_EVENTS: Final = (
+    0.5  #: prior probability that a change began with an exchange or an update, where there are some
+)
+VEHICLE: Final = "vehicle"
+
+
+@dataclass(frozen=True)
+class Cause:
+    """What may explain a change."""
+
+    what: str  #: such as "rotor_1: P17 for P03", "software: 1.2 for 1.1", or empty for none that was recorded
+    flight: str  #: in which the change began then
+    probability: float
+
+
+@dataclass(frozen=True)
+class Alarm:
+    """A change of a figure of a vehicle.
+
+    Attributes
+    ----------
+    vehicle, figure : str
+    change : Change, indices among the flights of the vehicle with this figure
+    began, found : flight in which it began, and in which it was found
+    causes : the likeliest first
+    """
+
+    vehicle: str
+    figure: str
+    change: Change
+    began: str
+    found: str
+    causes: tuple[Cause, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class FigureModel:
+    """A figure over the fleet: the mixed model, what differs from the others, and for each vehicle its rows and readings."""
+
+    rows: FigureTable
+    model: MixedModel
+    outliers: tuple[Outlier, ...]
+    sequences: Mapping[str, tuple[FigureTable, Readings]]
+
+
+@dataclass(frozen=True, eq=False)
+class FleetAnalysis:
+    """Models of the figures, the threshold for all of them, and the alarms in order of vehicle, figure and time."""
+
+    figures: Mapping[str, FigureModel]
+    threshold: float
+    alarms: tuple[Alarm, ...]
+
+
+def analyze(table: FigureTable, parts: Parts, alarms_a_year: float = 1.0, seed: int = 0) -> FleetAnalysis:
+    """Return what changed in a fleet.
+
+    Parameters
+    ----------
+    table : FigureTable
+    parts : Parts
+    alarms_a_year : float
+        Mean number of false alarms of the whole fleet in a year.
+    seed : int
+        Of the simulation that sets the threshold.
+    """
+    years = float(np.ptp(table.time)) / YEAR
+    own = {name: table.of(name) for name in table.figures()}
+    shifts = {name: np.zeros(len(rows.value)) for name, rows in own.items()}
+    for _ in range(ROUNDS):
+        models = {name: figure_model(rows, parts, shifts[name]) for name, rows in own.items()}
+        every = [readings for one in models.values() for _, readings in one.sequences.values()]
+        limit = threshold(every, alarms_a_year * years, DRAWS, np.random.default_rng(seed))
+        found = {
+            (name, vehicle): list(changes(readings, limit))
+            for name, one in models.items()
+            for vehicle, (_, readings) in one.sequences.items()
+        }
+        shifts = {
+            name: _shift(one, {v: found[name, v] for v in one.sequences}) for name, one in models.items()
+        }
+    alarms = (
+        alarm
+        for (name, vehicle), several in found.items()
+        for alarm in _alarms(name, vehicle, *models[name].sequences[vehicle], several, parts)
+    )
+    return FleetAnalysis(
+        models, limit, tuple(sorted(alarms, key=lambda a: (a.vehicle, a.figure, a.change.first)))
+    )
+
+
+def figure_model(rows: FigureTable, parts: Parts, shift: FloatArray) -> FigureModel:
+    """Return the mixed model of a figure whose changes so far are `shift` (n,), and the readings of each vehicle."""
+    places = sorted({place for text in set(rows.parts) for place in text.split()})
+    serials = {place: parts.serials(place, rows.vehicle, rows.time) for place in places}
+    at, vehicles = indices(rows.vehicle)
+    groups = {VEHICLE: at} | {place: indices(own)[0] for place, own in serials.items() if any(own)}
+    fixed = _fixed(rows)
+    model, outliers = fit_robust_model(Design(rows.value - shift, rows.std_error, fixed, groups))
+    mean = fixed @ model.coefficients[: fixed.shape[1]]
+    left, deviations = rows.value - mean, model.spread(rows.std_error)
+    sequences = {}
+    for i, vehicle in enumerate(vehicles):
+        which = at == i
+        effects, spread = [np.ones(int(which.sum()))], [model.deviations[VEHICLE]]
+        for place, levels in groups.items():
+            if place != VEHICLE:
+                own = levels[which]
+                effects += [(own == level).astype(float) for level in np.unique(own[own >= 0])]
+                spread += [model.deviations[place]] * (len(effects) - len(spread))
+        readings = Readings(
+            left[which], deviations[which], rows.time[which] / DAY, np.column_stack(effects), np.array(spread)
+        )
+        sequences[vehicle] = rows.rows(which), readings
+    return FigureModel(rows, model, outliers, sequences)
+
+
+def _fixed(rows: FigureTable) -> FloatArray:
+    """Return the intercept and the conditions that vary, (n, p), standardized."""
+    varied = [x for x in rows.conditions.values() if np.isfinite(x).all() and np.ptp(x) > 0.0]
+    matrix = np.column_stack([np.ones(len(rows.value)), *((x - x.mean()) / x.std() for x in varied)])
+    kept = [i for i in range(matrix.shape[1]) if np.linalg.matrix_rank(matrix[:, : i + 1]) > i]
+    return matrix[:, kept]
+
+
+def _shift(one: FigureModel, found: Mapping[str, Sequence[Change]]) -> FloatArray:
+    """Return the sum (n,) of the changes that were found, by row of the figure."""
+    out = np.zeros(len(one.rows.value))
+    for vehicle, several in found.items():
+        at = np.flatnonzero([name == vehicle for name in one.rows.vehicle])
+        for change in several:
+            out[at] += change.course(one.sequences[vehicle][1].times)
+    return out
+
+
+def _alarms(
+    figure: str, vehicle: str, rows: FigureTable, readings: Readings, several: Sequence[Change], parts: Parts
+) -> Iterator[Alarm]:
+    begin, own = 0, readings
+    for i, change in enumerate(several):
+        end = several[i + 1].first if i + 1 < len(several) else len(rows.flight)
+        causes = _causes(rows, own, begin, max(end, change.found + 1), change.kind, parts, vehicle)
+        yield Alarm(vehicle, figure, change, rows.flight[change.first], rows.flight[change.found], causes)
+        own, begin = own.since(replace(change, first=change.first - begin)), change.first
+
+
+def _causes(
+    rows: FigureTable, own: Readings, begin: int, end: int, kind: Kind, parts: Parts, vehicle: str
+) -> tuple[Cause, ...]:
+    """Return the causes of a change between two flights by Bayes' rule: events that were recorded, or none."""
+    ratios = origins(own.until(end - begin), kind)  # of flight begin + 1, ...
+    events = [(what, k) for what, k in _events(rows, parts, vehicle) if begin < k < end]
+    share = AT_EVENTS if events else 0.0
+    odds = np.exp(0.5 * (ratios - ratios.max()))
+    weights = [share / len(events) * odds[k - begin - 1] for _, k in events]
+    weights.append((1.0 - share) / len(odds) * float(odds.sum()))
+    named = [*events, ("", begin + 1 + int(np.argmax(odds)))]
+    causes = [
+        Cause(what, rows.flight[k], float(w / sum(weights)))
+        for (what, k), w in zip(named, weights, strict=True)
+    ]
+    return tuple(sorted(causes, key=lambda one: -one.probability))
+
+
+def _events(rows: FigureTable, parts: Parts, vehicle: str) -> Iterator[tuple[str, int]]:
+    """Yield what was exchanged or updated, and the index of the first flight with it."""
+    before = {one.part: one.serial for one in reversed(parts.fittings) if one.vehicle == vehicle}
+    for one in parts.exchanges(vehicle):
+        k = int(np.searchsorted(rows.time, one.begin))
+        yield f"{one.part}: {one.serial} for {before[one.part]}", k
+        before[one.part] = one.serial
+    for k in range(1, len(rows.software)):
+        new, old = rows.software[k], rows.software[k - 1]
+        if new and old and new != old:
+            yield f"software: {new} for {old}", k

@@ -1,0 +1,276 @@
+"""Steps and drifts in a sequence of flights: generalized likelihood ratios, at a stated rate of false alarms.
+
+The readings of one vehicle and figure are normal with known standard deviations about the sum of effects: the vehicle's level,
+those of its parts while it carries them, perhaps a trend. The effects are normal with known deviations, from the fleet, or
+nothing is known of them. For every flight k the likelihood of a step, or of a drift that begins there, is compared with that of
+no change, its size being unknown. The largest ratio over k is the statistic of a flight; the first that exceeds a threshold is
+an alarm. What began when is estimated anew with every later flight, until a further change shows.
+
+References
+----------
+.. [1] G. Lorden, "Procedures for reacting to a change in distribution", Annals of Mathematical Statistics 42 (1971) 1897.
+.. [2] D. Siegmund, E. S. Venkatraman, "Using the generalized likelihood ratio statistic for sequential detection of a
+   change-point", Annals of Statistics 23 (1995) 255.
+.. [3] M. Basseville, I. V. Nikiforov, *Detection of Abrupt Changes*, Prentice Hall, 1993, sections 2.4 and 8.3.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Final, Literal
+
+import numpy as np
+
+from stoop.assessment.covariance import NORMAL_95
+from stoop.base.arrays import FloatArray, IntArray
+
+Kind = Literal["step", "drift"]
+KINDS: Final[tuple[Kind, ...]] = ("step", "drift")
+EXACT: Final = 1e-9  #: share of the information about a size, below which it is none
+LANES: Final = 256  #: sequences that are scanned side by side
+
+
+@dataclass(frozen=True, eq=False)
+class Readings:
+    """A sequence of one vehicle and figure, in order of time.
+
+    Attributes
+    ----------
+    values : (n,) less the mean of the fleet
+    deviations : (n,) known standard deviations, of flight and estimate together
+    times : (n,) by which a drift grows, such as flights or days; rising
+    effects : (n, m) of each effect on each reading; the level is a column of ones
+    spread : (m,) standard deviations of the effects; infinite where nothing is known
+    """
+
+    values: FloatArray
+    deviations: FloatArray
+    times: FloatArray
+    effects: FloatArray
+    spread: FloatArray
+
+    @classmethod
+    def about_a_level(
+        cls, values: FloatArray, deviations: FloatArray, times: FloatArray, spread: float = np.inf
+    ) -> Readings:
+        """Return readings about the level of the vehicle alone."""
+        return cls(values, deviations, times, np.ones((len(values), 1)), np.array([spread]))
+
+    def since(self, change: Change) -> Readings:
+        """Return the readings from a change on: of the level nothing is known then, and of the trend after a drift."""
+        rows, begun = slice(change.first, None), self.times[change.first :]
+        columns, spread = [np.ones(len(begun))], [np.inf]
+        if change.kind == "drift":
+            columns.append(begun - begun[0])
+            spread.append(np.inf)
+        own = np.isfinite(self.spread)
+        effects = np.column_stack([*columns, self.effects[rows, own]])
+        return Readings(
+            self.values[rows],
+            self.deviations[rows],
+            begun,
+            effects,
+            np.concatenate([spread, self.spread[own]]),
+        )
+
+    def until(self, end: int) -> Readings:
+        """Return the readings before a flight."""
+        own = slice(None, end)
+        return Readings(
+            self.values[own], self.deviations[own], self.times[own], self.effects[own], self.spread
+        )
+
+    def drawn(self, count: int, rng: np.random.Generator) -> FloatArray:
+        """Return values (count, n) without a change; effects of which nothing is known are zero."""
+        known = np.where(np.isfinite(self.spread), self.spread, 0.0)
+        effects = rng.standard_normal((count, len(known))) * known
+        return effects @ self.effects.T + self.deviations * rng.standard_normal((count, len(self.values)))
+
+
+@dataclass(frozen=True)
+class Change:
+    """A change that was found.
+
+    Attributes
+    ----------
+    kind : step or drift
+    first : index of the flight in which it began
+    found : index of the flight in which the threshold was exceeded
+    size : of a step, unit of the figure; of a drift per unit of time; by all flights before a further change
+    error : standard error of the size
+    statistic : twice the logarithm of the likelihood ratio in the flight of the alarm
+    """
+
+    kind: Kind
+    first: int
+    found: int
+    size: float
+    error: float
+    statistic: float
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """The 95 % interval of the size."""
+        return self.size - NORMAL_95 * self.error, self.size + NORMAL_95 * self.error
+
+    def course(self, times: FloatArray) -> FloatArray:
+        """Return what the change adds to readings at times (n,) of its sequence."""
+        if self.kind == "step":
+            return np.where(np.arange(len(times)) >= self.first, self.size, 0.0)
+        return np.asarray(self.size * np.maximum(times - times[self.first - 1], 0.0))
+
+
+@dataclass(frozen=True, eq=False)
+class Scan:
+    """Likelihood ratios after each flight.
+
+    Attributes
+    ----------
+    statistic : (B, n) largest over kind and first flight of the change
+    first : (B, n) flight in which the likeliest change began
+    kind : (B, n) index in `KINDS`
+    """
+
+    statistic: FloatArray
+    first: IntArray
+    kind: IntArray
+
+
+def scan(readings: Readings, values: FloatArray | None = None) -> Scan:
+    """Return the likelihood ratios of a sequence, or of others (B, n) with its times, deviations and effects."""
+    lanes = readings.values[None, :] if values is None else values
+    found = [_scanned(readings, lanes[i : i + LANES]) for i in range(0, len(lanes), LANES)]
+    names = ("statistic", "first", "kind")
+    return Scan(*(np.concatenate([getattr(one, name) for one in found]) for name in names))
+
+
+def _scanned(readings: Readings, values: FloatArray) -> Scan:
+    sums = _Sums.of(readings, values)
+    shape = values.shape
+    statistic, first, kind = np.zeros(shape), np.zeros(shape, np.intp), np.zeros(shape, np.intp)
+    for t in range(1, shape[1]):
+        for which, (size, variance) in enumerate(sums.sizes(t)):
+            ratio = size**2 / variance  # (B, t), of changes that began in flight 1 to t
+            k = np.argmax(ratio, axis=1)
+            best = np.take_along_axis(ratio, k[:, None], axis=1)[:, 0]
+            better = best > statistic[:, t]
+            statistic[better, t], first[better, t], kind[better, t] = best[better], k[better] + 1, which
+    return Scan(statistic, first, kind)
+
+
+@dataclass(frozen=True, eq=False)
+class _Sums:
+    """Cumulative weighted sums, from which the regression on a change follows for every stretch.
+
+    The entry i of each is the sum over the flights before i.
+    """
+
+    times: FloatArray
+    precisions: FloatArray  #: (m,) of the effects
+    weights: FloatArray  #: (3, n + 1) of w, w x and w x^2
+    values: FloatArray  #: (2, B, n + 1) of w y and w x y
+    effects: FloatArray  #: (2, n + 1, m) of w N and w x N
+    products: FloatArray  #: (n + 1, m, m) of w N N'
+    projected: FloatArray  #: (n + 1, B, m) of w y N
+
+    @classmethod
+    def of(cls, readings: Readings, values: FloatArray) -> _Sums:
+        w, x, N = readings.deviations**-2.0, readings.times - readings.times[:1], readings.effects
+
+        def summed(terms: FloatArray, axis: int) -> FloatArray:
+            width = [(0, 0)] * terms.ndim
+            width[axis] = (1, 0)
+            return np.cumsum(np.pad(terms, width), axis=axis)
+
+        return cls(
+            x,
+            readings.spread**-2.0,
+            summed(np.array([w, w * x, w * x**2]), 1),
+            summed(np.array([w * values, w * x * values]), 2),
+            summed(np.array([w[:, None] * N, (w * x)[:, None] * N]), 1),
+            summed(w[:, None, None] * N[:, :, None] * N[:, None, :], 0),
+            summed((w * values).T[:, :, None] * N[:, None, :], 0),
+        )
+
+    def sizes(self, t: int) -> list[tuple[FloatArray, FloatArray]]:
+        """Return size (B, t) and variance (t,) of each kind of change that began in flight 1 to t, from the flights up to t.
+
+        A step regresses on one, a drift on the time since the flight before it began. Where the flights tell nothing of a size
+        its variance is infinite.
+        """
+        k, end = np.arange(1, t + 1), t + 1
+        w, wx, wxx = self.weights[:, end, None] - self.weights[:, k]
+        wy, wxy = self.values[:, :, end, None] - self.values[:, :, k]
+        wN, wxN = self.effects[:, end, None] - self.effects[:, k]
+        normal = self.products[end] + np.diag(self.precisions)
+        scale = np.sqrt(np.diag(normal)) + (np.diag(normal) == 0.0)
+        inverse = np.linalg.pinv(normal / np.outer(scale, scale), EXACT, hermitian=True) / np.outer(
+            scale, scale
+        )
+        origin = self.times[k - 1]
+        regressors = (
+            (w, wy, wN),
+            (wxx - 2.0 * origin * wx + origin**2 * w, wxy - origin * wy, wxN - origin[:, None] * wN),
+        )
+        out = []
+        for square, slope, on_effects in regressors:
+            along = on_effects @ inverse
+            information = square - np.sum(along * on_effects, axis=1)
+            known = information > EXACT * square
+            with np.errstate(divide="ignore", invalid="ignore"):
+                size = np.where(known, (slope - self.projected[end] @ along.T) / information, 0.0)
+                out.append((size, np.where(known, 1.0 / information, np.inf)))
+        return out
+
+
+def origins(readings: Readings, kind: Kind) -> FloatArray:
+    """Return the likelihood ratios (n - 1,) of changes that began in the second flight to the last, by all of them."""
+    sums, last = _Sums.of(readings, readings.values[None, :]), len(readings.values) - 1
+    size, variance = sums.sizes(last)[KINDS.index(kind)]
+    return np.asarray(size[0] ** 2 / variance)
+
+
+def changes(readings: Readings, threshold: float) -> Iterator[Change]:
+    """Yield the changes whose likelihood ratio exceeds a threshold, one after the other."""
+    begin, own = 0, readings
+    while len(own.values) > 1:
+        found = scan(own)
+        above = np.flatnonzero(found.statistic[0] > threshold)
+        if not above.size:
+            return
+        change = _estimated(own, found, int(above[0]), threshold)
+        yield replace(change, first=begin + change.first, found=begin + change.found)
+        begin, own = begin + change.first, own.since(change)
+
+
+def _estimated(own: Readings, found: Scan, alarm: int, threshold: float) -> Change:
+    """Return a change as the flights tell it before a further one shows."""
+    further: dict[tuple[int, Kind], FloatArray] = {}
+
+    def likeliest(t: int) -> Change:
+        kind, ratio = KINDS[int(found.kind[0, t])], float(found.statistic[0, alarm])
+        return Change(kind, int(found.first[0, t]), alarm, np.nan, np.nan, ratio)
+
+    change, last = likeliest(alarm), alarm
+    for t in range(alarm + 1, len(own.values)):
+        now = likeliest(t)
+        place = now.first, now.kind
+        if place not in further:
+            further[place] = scan(own.since(now)).statistic[0]
+        if further[place][t - now.first] > threshold:
+            break
+        change, last = now, t
+    size, variance = _Sums.of(own, own.values[None, :]).sizes(last)[KINDS.index(change.kind)]
+    at = change.first - 1
+    return replace(change, size=float(size[0, at]), error=float(np.sqrt(variance[at])))
+
+
+def threshold(sequences: Sequence[Readings], alarms: float, draws: int, rng: np.random.Generator) -> float:
+    """Return the threshold that `alarms` of the sequences exceed on average where nothing changes.
+
+    Each is simulated `draws` times with its own deviations, times and effects.
+    """
+    most = [scan(one, one.drawn(draws, rng)).statistic.max(axis=1, initial=0.0) for one in sequences]
+    every = np.sort(np.concatenate(most))[::-1]
+    return float(every[min(round(alarms * draws), len(every) - 1)])

@@ -1,0 +1,141 @@
+"""Parts of the vehicles of a fleet: which serial stood in which place, from when to when; and which software flew.
+
+A table has the columns ``vehicle, part, serial, from, to``: dates and times by ISO 8601, in UTC where no zone stands; an empty
+``to`` says that the part is still there, an empty ``from`` that it always was.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from itertools import pairwise
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from stoop.base.arrays import FloatArray
+from stoop.errors import StoopError
+
+COLUMNS: Final = ("vehicle", "part", "serial", "from", "to")
+MAX_BYTES: Final = 2**26
+
+
+@dataclass(frozen=True)
+class Fitting:
+    """A part in its place on a vehicle, for a time."""
+
+    vehicle: str
+    part: str  #: the place, such as rotor_1, battery or pitot; places that differ by a number take the same parts
+    serial: str
+    begin: float  #: s since 1970, UTC; minus infinity where it always was there
+    end: float  #: s; infinity where it still is
+
+    @property
+    def kind(self) -> str:
+        """The kind of part: the place without its number."""
+        return self.part.rstrip("_-0123456789") or self.part
+
+
+@dataclass(frozen=True)
+class Parts:
+    """All fittings of a fleet, sorted by vehicle, part and time."""
+
+    fittings: tuple[Fitting, ...] = ()
+
+    def places(self) -> tuple[str, ...]:
+        """Return the different places, sorted."""
+        return tuple(sorted({one.part for one in self.fittings}))
+
+    def serials(self, part: str, vehicles: Sequence[str], times: FloatArray) -> list[str | None]:
+        """Return the serial in a place of each vehicle at each time (n,); None where the table has none."""
+        own = defaultdict(list)
+        for one in self.fittings:
+            if one.part == part:
+                own[one.vehicle].append(one)
+        return [
+            next((f.serial for f in own.get(vehicle, ()) if f.begin <= t < f.end), None)
+            for vehicle, t in zip(vehicles, times.tolist(), strict=True)
+        ]
+
+    def exchanges(self, vehicle: str) -> tuple[Fitting, ...]:
+        """Return what a vehicle received after it had another part in that place, in order of time."""
+        own = [one for one in self.fittings if one.vehicle == vehicle]
+        first = {one.part: one for one in reversed(own)}
+        later = [one for one in own if one is not first[one.part]]
+        return tuple(sorted(later, key=lambda one: (one.begin, one.part)))
+
+
+def read_parts(path: Path) -> Parts:
+    """Read a table of parts.
+
+    Raises
+    ------
+    StoopError
+        One line that names the row, where a column or a date is wrong, two parts are in one place, or one part is in two.
+    """
+    try:
+        if path.stat().st_size > MAX_BYTES:
+            raise StoopError(f"{path}: more than {MAX_BYTES >> 20} MiB; this is no table of parts")
+        text = path.read_text("utf-8-sig")
+    except OSError as error:
+        raise StoopError(f"{path}: cannot be read ({error.strerror}); name the table of parts") from None
+    except UnicodeDecodeError:
+        raise StoopError(f"{path}: not a text table; save it as UTF-8") from None
+    fittings = sorted(_rows(str(path), text), key=lambda one: (one.vehicle, one.part, one.begin))
+    _check(str(path), fittings)
+    return Parts(tuple(fittings))
+
+
+def _rows(where: str, text: str) -> Iterator[Fitting]:
+    try:
+        rows = list(csv.DictReader(io.StringIO(text), skipinitialspace=True))
+    except csv.Error as error:
+        raise StoopError(f"{where}: not a comma-separated table ({error})") from None
+    for line, row in enumerate(rows, start=2):
+        lost = [c for c in COLUMNS if row.get(c) is None]
+        if lost:
+            raise StoopError(f"{where}: line {line} has no {lost[0]}; columns are {', '.join(COLUMNS)}")
+        vehicle, part, serial = (row[c].strip() for c in COLUMNS[:3])
+        if not (vehicle and part and serial):
+            raise StoopError(f"{where}: line {line} names no vehicle, part or serial; fill in all three")
+        begin, end = (_seconds(f"{where}: line {line}", row[c].strip()) for c in ("from", "to"))
+        begin = -np.inf if begin is None else begin
+        end = np.inf if end is None else end
+        if not begin < end:
+            raise StoopError(
+                f"{where}: line {line}: {serial} leaves {part} before it comes; correct from or to"
+            )
+        yield Fitting(vehicle, part, serial, begin, end)
+
+
+def _seconds(where: str, text: str) -> float | None:
+    if not text:
+        return None
+    try:
+        moment = datetime.fromisoformat(text)
+    except ValueError:
+        raise StoopError(f"{where}: '{text}' is no date; write 2026-05-31 or 2026-05-31T14:30") from None
+    return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
+
+
+def _check(where: str, fittings: Sequence[Fitting]) -> None:
+    """Raise for the first two fittings that contradict each other."""
+    in_place: dict[tuple[str, str], list[Fitting]] = defaultdict(list)
+    of_part: dict[tuple[str, str], list[Fitting]] = defaultdict(list)
+    for one in fittings:
+        in_place[one.vehicle, one.part].append(one)
+        of_part[one.kind, one.serial].append(one)
+    for groups, what in (
+        (in_place, "{0.vehicle} has {0.serial} and {1.serial} as {0.part}"),
+        (of_part, "{0.serial} is {0.part} of {0.vehicle} and {1.part} of {1.vehicle}"),
+    ):
+        for own in groups.values():
+            for one, other in pairwise(sorted(own, key=lambda one: one.begin)):
+                if other.begin < one.end:
+                    day = datetime.fromtimestamp(max(other.begin, 0.0), UTC).date()
+                    raise StoopError(f"{where}: {what.format(one, other)} on {day}; correct from or to")

@@ -1,0 +1,164 @@
+"""Figures of flights as a table: one row for a flight and a figure, with its standard error."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from stoop.base.arrays import BoolArray, FloatArray
+from stoop.errors import StoopError
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+TEXTS: Final = ("flight", "vehicle", "figure")
+NUMBERS: Final = ("value", "std_error")
+OPTIONAL: Final = ("software", "parts")
+MAX_BYTES: Final = 2**30
+
+
+@dataclass(frozen=True, eq=False)
+class FigureTable:
+    """Rows in order of time, then of vehicle, flight and figure.
+
+    Attributes
+    ----------
+    flight, vehicle, figure : (n,) texts
+    software : (n,) texts, empty where it is not known
+    parts : (n,) places of the parts on which the figure depends, separated by blanks
+    time : (n,) s since 1970, UTC, at which the flight began
+    value : (n,) in the unit of the figure
+    std_error : (n,) positive, of the value
+    conditions : name -> (n,) what differs from flight to flight by nature, such as density or temperature
+    """
+
+    flight: tuple[str, ...]
+    vehicle: tuple[str, ...]
+    figure: tuple[str, ...]
+    software: tuple[str, ...]
+    parts: tuple[str, ...]
+    time: FloatArray
+    value: FloatArray
+    std_error: FloatArray
+    conditions: Mapping[str, FloatArray]
+
+    @classmethod
+    def of_columns(
+        cls,
+        texts: Mapping[str, Sequence[str]],
+        numbers: Mapping[str, FloatArray],
+        conditions: Mapping[str, FloatArray],
+    ) -> FigureTable:
+        """Return a table of columns by name, all of one length; optional ones may be absent."""
+        empty = ("",) * len(numbers["time"])
+        flight, vehicle, figure, software, parts = (tuple(texts.get(n, empty)) for n in (*TEXTS, *OPTIONAL))
+        time, value, std_error = (numbers[n] for n in ("time", *NUMBERS))
+        return cls(flight, vehicle, figure, software, parts, time, value, std_error, conditions)
+
+    def figures(self) -> tuple[str, ...]:
+        """Return the names of the figures, sorted."""
+        return tuple(sorted(set(self.figure)))
+
+    def of(self, figure: str) -> FigureTable:
+        """Return the rows of a figure."""
+        return self.rows(np.array([name == figure for name in self.figure], dtype=np.bool_))
+
+    def rows(self, which: BoolArray) -> FigureTable:
+        """Return some rows."""
+        at = np.flatnonzero(which)
+        texts = {name: tuple(getattr(self, name)[i] for i in at) for name in (*TEXTS, *OPTIONAL)}
+        numbers = {name: getattr(self, name)[at] for name in ("time", *NUMBERS)}
+        return self.of_columns(texts, numbers, {name: x[at] for name, x in self.conditions.items()})
+
+
+def read_figures(path: Path) -> FigureTable:
+    """Read a table of figures, CSV or Parquet: ``flight, vehicle, time, figure, value, std_error``.
+
+    ``software`` and ``parts`` may stand beside them. ``time`` is seconds since 1970, or a date by ISO 8601, in UTC where no
+    zone stands. Other columns of numbers are conditions.
+
+    Raises
+    ------
+    StoopError
+        One line that says which column or row is wrong, and what to do.
+    """
+    import pandas as pd
+
+    kept = dict.fromkeys((*TEXTS, *OPTIONAL), str)  # 007 is no number
+    try:
+        if path.stat().st_size > MAX_BYTES:
+            raise StoopError(f"{path}: more than {MAX_BYTES >> 30} GiB; split the table by vehicles")
+        table = pd.read_parquet(path) if path.suffix in (".parquet", ".pq") else pd.read_csv(path, dtype=kept)
+    except OSError as error:
+        raise StoopError(
+            f"{path}: cannot be read ({error.strerror or error}); name a table of figures"
+        ) from None
+    except ImportError:
+        raise StoopError(f"{path}: Parquet needs a library; pip install 'stoop[parquet]'") from None
+    except (ValueError, UnicodeDecodeError) as error:
+        what = str(error).splitlines()[0][:200]
+        raise StoopError(f"{path}: not a table ({what}); write CSV with commas, or Parquet") from None
+    return _of_frame(str(path), table)
+
+
+def _of_frame(where: str, table: pd.DataFrame) -> FigureTable:
+    needed = (*TEXTS, "time", *NUMBERS)
+    lost = [name for name in needed if name not in table.columns]
+    if lost:
+        raise StoopError(f"{where}: no column {lost[0]}; a table of figures has {', '.join(needed)}")
+    table = table.assign(time=_seconds(where, table["time"]))
+    numbers = {name: _numbers(where, table, name) for name in ("time", *NUMBERS)}
+    bad = np.flatnonzero(
+        ~(np.isfinite(numbers["value"]) & np.isfinite(numbers["time"]) & (numbers["std_error"] > 0.0))
+    )
+    if bad.size:
+        flight = table["flight"].iloc[int(bad[0])]
+        raise StoopError(
+            f"{where}: {len(bad)} rows, first that of flight {flight}, lack a value, a time or a standard error above zero; "
+            "leave such rows out"
+        )
+    twice = table.duplicated(["flight", "vehicle", "figure"])
+    if twice.any():
+        row = table[twice].iloc[0]
+        raise StoopError(
+            f"{where}: {row['figure']} of flight {row['flight']} stands there twice; keep one row"
+        )
+    texts = {name: table[name].astype(str).tolist() for name in TEXTS}
+    for name in OPTIONAL:
+        there = name in table.columns
+        texts[name] = table[name].fillna("").astype(str).tolist() if there else [""] * len(table)
+    sorted_by = [np.array(texts[name]) for name in ("figure", "flight", "vehicle")]
+    order = np.lexsort((*sorted_by, numbers["time"])).tolist()
+    others = [c for c in table.columns if c not in (*needed, *OPTIONAL) and table[c].dtype.kind in "fiu"]
+    return FigureTable.of_columns(
+        {name: [own[i] for i in order] for name, own in texts.items()},
+        {name: x[order] for name, x in numbers.items()},
+        {str(c): _numbers(where, table, c)[order] for c in others},
+    )
+
+
+def _numbers(where: str, table: pd.DataFrame, name: str) -> FloatArray:
+    import pandas as pd
+
+    try:
+        return np.asarray(pd.to_numeric(table[name]), dtype=np.float64)
+    except (ValueError, TypeError):
+        raise StoopError(f"{where}: column {name} holds what is no number; correct it") from None
+
+
+def _seconds(where: str, column: pd.Series[Any]) -> pd.Series[Any]:
+    import pandas as pd
+
+    if column.dtype.kind in "fiu":
+        return column
+    try:
+        moments = pd.to_datetime(column, utc=True, format="ISO8601")
+    except (ValueError, TypeError):
+        raise StoopError(
+            f"{where}: column time holds what is no date; write seconds or 2026-05-31T14:30"
+        ) from None
+    return (moments - pd.Timestamp(0, tz="UTC")).dt.total_seconds()

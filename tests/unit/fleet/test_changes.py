@@ -1,0 +1,130 @@
+"""Steps and drifts: a naive twin, the rate of false alarms, and what was flown."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from stoop.base.arrays import FloatArray
+from stoop.fleet.changes import Change, Readings, changes, scan, threshold
+
+
+def readings(rng: np.random.Generator, n: int, spread: tuple[float, ...]) -> Readings:
+    """Return a sequence about a level and further effects, each of its own stretch of flights."""
+    s, t = rng.uniform(0.5, 2.0, n), np.cumsum(rng.uniform(0.2, 3.0, n))
+    part = rng.integers(1, len(spread), n) if len(spread) > 1 else np.zeros(n, dtype=int)
+    effects = (part[:, None] == np.arange(len(spread))).astype(float)
+    effects[:, 0] = 1.0
+    one = Readings(np.zeros(n), s, t, effects, np.array(spread))
+    return Readings(one.drawn(1, rng)[0], s, t, effects, one.spread)
+
+
+def left(A: FloatArray, b: FloatArray, precisions: FloatArray) -> float:
+    """Return the least sum of squares, those of the effects over their spreads among them."""
+    stacked = np.vstack([A, np.diag(np.sqrt(precisions))])
+    target = np.concatenate([b, np.zeros(len(precisions))])
+    return float(np.sum((target - stacked @ np.linalg.lstsq(stacked, target, rcond=1e-12)[0]) ** 2))
+
+
+def naive(one: Readings, t: int) -> float:
+    """Return the largest likelihood ratio of the flights up to t by weighted regression."""
+    y, s, x = one.values[: t + 1], one.deviations[: t + 1], one.times[: t + 1]
+    A, precisions, best = one.effects[: t + 1] / s[:, None], one.spread**-2.0, 0.0
+    for k in range(1, t + 1):
+        for column in (np.arange(t + 1) >= k, np.clip(x - x[k - 1], 0.0, None)):
+            more = np.column_stack([A, column / s])
+            best = max(best, left(A, y / s, precisions) - left(more, y / s, np.append(precisions, 0.0)))
+    return best
+
+
+@settings(deadline=None, max_examples=30)
+@given(
+    st.integers(0, 10**6),
+    st.integers(2, 12),
+    st.sampled_from([(np.inf,), (0.7,), (np.inf, 0.5, 0.8), (0.3, 0.5)]),
+)
+def test_ratios_are_those_of_regressions(seed: int, n: int, spread: tuple[float, ...]) -> None:
+    one = readings(np.random.default_rng(seed), n, spread)
+    found = scan(one).statistic[0]
+    for t in range(1, n):
+        assert found[t] == pytest.approx(naive(one, t), rel=1e-6, abs=1e-8)
+
+
+def test_ratios_with_a_trend_are_those_of_regressions() -> None:
+    one = readings(np.random.default_rng(7), 40, (np.inf, 0.5, 0.8))
+    drifting = Change("drift", 5, 20, 3.0, 0.1, 50.0)
+    after = one.since(drifting)
+    assert after.effects.shape == (len(after.values), 4)
+    found = scan(after).statistic[0]
+    for t in range(1, len(after.values), 5):
+        assert found[t] == pytest.approx(naive(after, t), rel=1e-5, abs=1e-7)
+
+
+def test_a_level_of_which_nothing_is_known_shifts_nothing() -> None:
+    one = readings(np.random.default_rng(0), 30, (np.inf,))
+    moved = Readings(one.values + 1e3, one.deviations, one.times + 1e4, one.effects, one.spread)
+    assert scan(moved).statistic == pytest.approx(scan(one).statistic, rel=1e-5, abs=1e-6)
+
+
+def test_the_rate_of_false_alarms_is_the_stated_one() -> None:
+    """Vehicles differ, and so do the parts that they carry for a while."""
+    rng = np.random.default_rng(4)
+    sequences = [readings(rng, 60, (0.5, 0.4, 0.4)) for _ in range(40)]
+    h = threshold(sequences, 1.0, 100, rng)
+    fleets = 150
+    alarms = sum(
+        int(np.sum(scan(one, one.drawn(fleets, rng)).statistic.max(axis=1) > h)) for one in sequences
+    )
+    # Poisson, with the error of the threshold's own 100 draws
+    assert abs(alarms / fleets - 1.0) < 3.0 * np.sqrt(1.0 / fleets + 1.0 / 100)
+
+
+def flown(y: FloatArray) -> Readings:
+    return Readings.about_a_level(y, np.ones(len(y)), np.arange(float(len(y))))
+
+
+def test_a_step_is_found_where_it_began() -> None:
+    rng, n, begun, errors = np.random.default_rng(5), 120, 60, []
+    for _ in range(40):
+        (only,) = changes(flown(rng.standard_normal(n) + 3.0 * (np.arange(n) >= begun)), 25.0)
+        assert only.found >= begun
+        assert only.kind == "step"
+        errors.append(only.first - begun)
+        assert abs(only.size - 3.0) < 5.0 * only.error
+    assert np.mean(np.abs(errors) <= 1) > 0.8
+
+
+def test_a_drift_is_one_change() -> None:
+    rng, n, begun = np.random.default_rng(5), 120, 60
+    (only,) = changes(flown(rng.standard_normal(n) + 0.3 * np.clip(np.arange(n) - begun, 0.0, None)), 25.0)
+    assert only.kind == "drift"
+    assert only.first == pytest.approx(begun, abs=5)
+    assert only.interval[0] < 0.3 < only.interval[1]
+
+
+def test_a_return_is_a_second_change() -> None:
+    t = np.arange(90.0)
+    y = np.random.default_rng(6).standard_normal(90) + 5.0 * ((t >= 30) & (t < 60))
+    found = list(changes(flown(y), 25.0))
+    assert [c.first for c in found] == pytest.approx([30, 60], abs=1)
+    assert found[0].size * found[1].size < 0.0
+
+
+def test_another_part_is_no_change() -> None:
+    """A part that differs as parts do explains the step; one that differs far more does not."""
+    rng, n = np.random.default_rng(8), 80
+    after = np.arange(n) >= 40
+    effects = np.column_stack([np.ones(n), ~after, after]).astype(float)
+    for size, alarms in ((1.5, 0), (12.0, 1)):
+        y = rng.standard_normal(n) + size * after
+        one = Readings(y, np.ones(n), np.arange(float(n)), effects, np.array([np.inf, 1.0, 1.0]))
+        found = list(changes(one, 25.0))
+        assert len(found) == alarms
+        assert [c.first for c in found] == [40] * alarms
+
+
+def test_too_few_flights_tell_nothing() -> None:
+    for n in (0, 1):
+        assert list(changes(flown(np.zeros(n)), 10.0)) == []

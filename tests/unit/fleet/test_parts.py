@@ -1,0 +1,75 @@
+"""Tables of parts: what stood where, when, and what contradicts itself."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stoop.errors import StoopError
+from stoop.fleet.parts import Parts, read_parts
+
+HEAD = "vehicle,part,serial,from,to\n"
+TABLE = HEAD + (
+    "A,rotor_1,P1,,2026-03-01\nA,rotor_1,P2,2026-03-01,\nB, rotor_1, P1, 2026-04-01T12:00, \n"
+    "A,battery,1,2026-01-01T00:00+01:00,\n"
+)
+
+
+def read(folder: Path, text: str) -> Parts:
+    path = folder / "parts.csv"
+    path.write_text(text, encoding="utf-8")
+    return read_parts(path)
+
+
+def day(*date: int) -> float:
+    return datetime(*date, tzinfo=UTC).timestamp()  # type: ignore[arg-type, misc]
+
+
+def test_a_part_moves_between_vehicles(tmp_path: Path) -> None:
+    parts = read(tmp_path, TABLE)
+    assert parts.places() == ("battery", "rotor_1")
+    times = np.array(
+        [day(2026, 2, 28, 23), day(2026, 3, 1), day(2026, 4, 1, 11), day(2026, 4, 1, 12), day(2025, 1, 1)]
+    )
+    assert parts.serials("rotor_1", ["A", "A", "B", "B", "A"], times) == ["P1", "P2", None, "P1", "P1"]
+    assert parts.serials("battery", ["A", "A"], np.array([day(2025, 12, 31, 22), day(2025, 12, 31, 23)])) == [
+        None,
+        "1",
+    ]
+    assert [(one.part, one.serial) for one in parts.exchanges("A")] == [("rotor_1", "P2")]
+    assert parts.exchanges("B") == ()
+
+
+@pytest.mark.parametrize(
+    ("rows", "said"),
+    [
+        ("A,rotor_1,P1,,\nA,rotor_1,P2,2026-03-01,\n", "A has P1 and P2 as rotor_1 on 2026-03-01"),
+        ("A,rotor_1,P1,,\nB,rotor_2,P1,2026-03-01,\n", "P1 is rotor_1 of A and rotor_2 of B on 2026-03-01"),
+        ("A,rotor_1,P1,yesterday,\n", "line 2: 'yesterday' is no date; write 2026-05-31"),
+        ("A,rotor_1,P1,2026-03-02,2026-03-01\n", "line 2: P1 leaves rotor_1 before it comes"),
+        ("A,rotor_1,,,\n", "line 2 names no vehicle, part or serial"),
+        ("A,rotor_1\n", "line 2 has no serial"),
+    ],
+)
+def test_contradictions_are_named(tmp_path: Path, rows: str, said: str) -> None:
+    with pytest.raises(StoopError) as error:
+        read(tmp_path, HEAD + rows)
+    assert said in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_the_same_serial_of_different_kinds_are_two_parts(tmp_path: Path) -> None:
+    assert len(read(tmp_path, HEAD + "A,battery,1,,\nA,rotor_1,1,,\nB,rotor_1,2,,\n").fittings) == 3
+
+
+def test_what_is_no_table_is_one_line(tmp_path: Path) -> None:
+    with pytest.raises(StoopError, match="line 2 has no vehicle"):
+        read(tmp_path, "a,b\n1,2\n")
+    (tmp_path / "parts.csv").write_bytes(b"\xff\xfe\x00")
+    for path in (tmp_path / "parts.csv", tmp_path / "none.csv", tmp_path):
+        with pytest.raises(StoopError) as error:
+            read_parts(path)
+        assert "\n" not in str(error.value)
