@@ -49,8 +49,10 @@ FUNCTIONS: Final[dict[float, str]] = {
 }  #: SERVOn_FUNCTION, a whole number, -> what the output does
 RANGES: Final = (("MOT_PWM_MIN", "MOT_PWM_MAX"), ("Q_M_PWM_MIN", "Q_M_PWM_MAX"))  #: us; 0 where not set
 DEFAULT_RANGE: Final = (1000.0, 2000.0)  #: us
+#: variables -> name of their group, and the frames that turn them
 GROUPS: Final = {
-    QUATERNION: "attitude", RATES: "rates", SPECIFIC_FORCE: "specific_force", VELOCITY: "velocity", POSITION: "position",
+    QUATERNION: ("attitude", "body", "world"), RATES: ("rates", "body"), SPECIFIC_FORCE: ("specific_force", "body"),
+    VELOCITY: ("velocity", "world"), POSITION: ("position", "world"),
 }  # fmt: skip
 _NUMBERED: Final = re.compile(r"(.*?)[\W_]*\d{1,2}\]?")  #: stem of a name that ends in a number
 _DRIVEN: Final = re.compile(r"(motor|rotor|pwm|servo)_")
@@ -223,24 +225,17 @@ class Group:
         stream = f"stream = {quoted(self.lines[0].stream)}, " if several else ""
         frame = f"[{', '.join(map(quoted, self.frame))}]" if len(self.frame) > 1 else quoted(self.frame[0])
         return [
-            "", f"[group.{GROUPS[variables]}]  # in the axes that are usual of the format; else remove or correct frame",
+            "", f"[group.{GROUPS[variables][0]}]  # in the axes that are usual of the format; else remove or correct frame",
             f"variables = [{names}]", f"frame = {frame}", f"sources = [{{ {stream}columns = [{columns}] }}]",
         ]  # fmt: skip
 
 
 def _groups(recording: Recording, lines: Sequence[DraftLine]) -> list[Group]:
     """Return the vectors and attitudes that one stream holds whole, in SI, where a format has axes of its own."""
-    body, world = (recording.info.get(f"{name} frame", "") for name in ("body", "world"))
     by_name = {line.variable: line for line in lines}
     groups = []
-    for names in GROUPS:
-        frame = (
-            (body, world)
-            if names == QUATERNION
-            else (body,)
-            if names in (RATES, SPECIFIC_FORCE)
-            else (world,)
-        )
+    for names, (_, *kinds) in GROUPS.items():
+        frame = tuple(recording.info.get(f"{kind} frame", "") for kind in kinds)
         own = tuple(by_name[name] for name in names if name in by_name)
         plain = all(line.scale == 1.0 and line.unit in ("", VARIABLES[line.variable].unit) for line in own)
         if all(frame) and plain and len(own) == len(names) and len({line.stream for line in own}) == 1:

@@ -206,7 +206,8 @@ def parse_table(
         start = next(islice(ends, export.lines - 1, None), len(text))
         names = ",".join(f"column {i}" for i in range(export.count))
         parsed, found = parse_table(path, names.encode() + b"\n" + text[start:], (*found, *cut))
-        return poses(export, [*parsed.values()]), found
+        nothing = np.full(len(next(iter(parsed.values()))), np.nan)  # of cells that the lines lack
+        return poses(export, [parsed.get(f"column {i}", nothing) for i in range(export.count)]), found
     defects = [*found, *cut]
     header = _header(path, text)
     if text.count(b"\n") > MAX_ROWS:

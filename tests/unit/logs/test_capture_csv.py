@@ -119,6 +119,16 @@ def test_without_a_quaternion_there_is_no_attitude(tmp_path: Path, text: str) ->
     assert "\n" not in str(error.value)
 
 
+@pytest.mark.parametrize("cells", [1, 2, 5, 8])
+def test_lines_that_lack_cells_lack_readings(tmp_path: Path, cells: int) -> None:
+    head, _, rows = motive({"Quad": 0}).partition("Frame,")
+    first, *lines = rows.splitlines()
+    short = [",".join(line.split(",")[:cells]) for line in lines]
+    columns, _ = read_table(written(tmp_path, f"{head}Frame,{first}\n" + "\n".join(short) + "\n"))
+    assert np.isnan(columns["pos_e [m]"]).all()
+    assert np.isnan(columns["time [s]"]).all() == (cells < 2)
+
+
 def test_other_tables_are_none(tmp_path: Path) -> None:
     for text in ("", "t,p\n0,1\n", "Objects\n100\n", "a\nx\n\nFrame,Sub Frame,RX\n1,2,3\n", '"' * 9):
         assert export_of(tmp_path / "x.csv", text.encode()) is None
