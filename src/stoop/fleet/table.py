@@ -98,7 +98,7 @@ def read_figures(path: Path) -> FigureTable:
             f"{path}: cannot be read ({error.strerror or error}); name a table of figures"
         ) from None
     except ImportError:
-        raise StoopError(f"{path}: Parquet needs a library; pip install 'stoop[parquet]'") from None
+        raise StoopError(f"{path}: Parquet needs a library; pip install '.[parquet]'") from None
     except (ValueError, UnicodeDecodeError) as error:
         what = str(error).splitlines()[0][:200]
         raise StoopError(f"{path}: not a table ({what}); write CSV with commas, or Parquet") from None
