@@ -8,13 +8,8 @@ from pathlib import Path
 from typing import Final
 
 from benchmarks.table import Row
-from stoop.flight import load
-from stoop.flight.mapping_draft import draft as draft_mapping
-from stoop.vehicle_draft.draft import draft
-from stoop.vehicle_draft.request import Request
 from stoop.workflow.identification import identify
 from stoop_studies.verify import capture
-from stoop_studies.verify.scenes import LOG_GRID
 
 PART = "short-windows"
 SEED: Final = 2
@@ -28,11 +23,7 @@ def run() -> list[Row]:
     """Fit a drafted vehicle to the windows twice; the second fit, its equations compiled, counts."""
     with tempfile.TemporaryDirectory(prefix="stoop-windows-") as name:
         flown, _ = capture.fly("wings", SEED, Path(name))
-        mapping, tape = Path(name) / "mapping.toml", flown.vehicle.tape
-        mapping.write_text(draft_mapping(flown.path).text, encoding="utf-8")
-        flight = load(flown.path, mapping, rate=LOG_GRID)
-        request = Request(flown.vehicle.template, tape["mass"], tape["span"], tape.get("chord"))
-        vehicle = draft(request, (flight,), "drafted").vehicle
+        flight, vehicle = capture.drafted(flown)
         starts = [FIRST + STEP * i for i in range(COUNT)]
         windows = tuple(f"{start:g}:{start + LENGTH:g}" for start in starts)
         for _ in range(2):

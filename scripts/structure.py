@@ -44,7 +44,7 @@ BUDGETS = {
     "parallel": 1250,
     "performance": 860,
     "prediction": 785,
-    "problem": 1725,
+    "problem": 1730,
     "propagation": 1150,
     "reconstruction": 850,
     "report": 4420,

@@ -12,14 +12,9 @@ from matplotlib.patches import Rectangle
 
 from pictures.registry import picture
 from pictures.sketch import BLUE, FAINT, ORANGE, SOFT, plots
-from stoop.flight import load
-from stoop.flight.mapping_draft import draft as draft_mapping
-from stoop.vehicle_draft.draft import draft
-from stoop.vehicle_draft.request import Request
 from stoop.workflow.fitted_model import FittedModel
 from stoop.workflow.identification import identify
 from stoop_studies.verify import capture as room
-from stoop_studies.verify.scenes import LOG_GRID
 
 SEED = 18  #: of the study's quadrotors
 FIT = ("15.4:20.9", "50:58")
@@ -32,12 +27,7 @@ def model() -> FittedModel:
     """Fit a made-up quadrotor to its pose by the defaults; its commands are recorded 0.24 s early."""
     with tempfile.TemporaryDirectory() as name:
         flown, _ = room.fly("rotors", SEED, Path(name))
-        mapping, tape = Path(name) / "mapping.toml", flown.vehicle.tape
-        mapping.write_text(draft_mapping(flown.path).text, encoding="utf-8")
-        flight = load(flown.path, mapping, rate=LOG_GRID)
-        vehicle = draft(
-            Request(flown.vehicle.template, tape["mass"], tape["span"]), (flight,), "drafted"
-        ).vehicle
+        flight, vehicle = room.drafted(flown)
         return identify(vehicle, [flight], FIT, (HELD_BACK,))
 
 

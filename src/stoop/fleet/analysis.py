@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -18,9 +19,7 @@ DAY: Final = 86400.0  #: s
 YEAR: Final = 365.25 * DAY
 DRAWS: Final = 200  #: of each sequence without a change, for the threshold
 ROUNDS: Final = 2  #: of model and changes: changes that were found are taken off before the second model
-AT_EVENTS: Final = (
-    0.5  #: prior probability that a change began with an exchange or an update, where there are some
-)
+AT_EVENTS: Final = 0.5  #: prior probability that a change began with an exchange or an update
 VEHICLE: Final = "vehicle"
 
 
@@ -86,22 +85,21 @@ def analyze(table: FigureTable, parts: Parts, alarms_a_year: float = 1.0, seed: 
     """
     years = float(np.ptp(table.time)) / YEAR
     own = {name: table.of(name) for name in table.figures()}
-    shifts = {name: np.zeros(len(rows.value)) for name, rows in own.items()}
+    found: dict[str, dict[str, list[Change]]] = {name: {} for name in own}
     for _ in range(ROUNDS):
-        models = {name: figure_model(rows, parts, shifts[name]) for name, rows in own.items()}
+        models = {name: figure_model(rows, parts, _shift(rows, found[name])) for name, rows in own.items()}
         every = [readings for one in models.values() for _, readings in one.sequences.values()]
         limit = threshold(every, alarms_a_year * years, DRAWS, np.random.default_rng(seed))
         found = {
-            (name, vehicle): list(changes(readings, limit))
+            name: {
+                vehicle: list(changes(readings, limit)) for vehicle, (_, readings) in one.sequences.items()
+            }
             for name, one in models.items()
-            for vehicle, (_, readings) in one.sequences.items()
-        }
-        shifts = {
-            name: _shift(one, {v: found[name, v] for v in one.sequences}) for name, one in models.items()
         }
     alarms = (
         alarm
-        for (name, vehicle), several in found.items()
+        for name, by_vehicle in found.items()
+        for vehicle, several in by_vehicle.items()
         for alarm in _alarms(name, vehicle, *models[name].sequences[vehicle], several, parts)
     )
     return FleetAnalysis(
@@ -143,13 +141,13 @@ def _fixed(rows: FigureTable) -> FloatArray:
     return matrix[:, kept]
 
 
-def _shift(one: FigureModel, found: Mapping[str, Sequence[Change]]) -> FloatArray:
+def _shift(rows: FigureTable, found: Mapping[str, Sequence[Change]]) -> FloatArray:
     """Return the sum (n,) of the changes that were found, by row of the figure."""
-    out = np.zeros(len(one.rows.value))
+    out = np.zeros(len(rows.value))
     for vehicle, several in found.items():
-        at = np.flatnonzero([name == vehicle for name in one.rows.vehicle])
+        at = np.flatnonzero([name == vehicle for name in rows.vehicle])
         for change in several:
-            out[at] += change.course(one.sequences[vehicle][1].times)
+            out[at] += change.course(rows.time[at] / DAY)
     return out
 
 
@@ -184,12 +182,8 @@ def _causes(
 
 def _events(rows: FigureTable, parts: Parts, vehicle: str) -> Iterator[tuple[str, int]]:
     """Yield what was exchanged or updated, and the index of the first flight with it."""
-    before = {one.part: one.serial for one in reversed(parts.fittings) if one.vehicle == vehicle}
-    for one in parts.exchanges(vehicle):
-        k = int(np.searchsorted(rows.time, one.begin))
-        yield f"{one.part}: {one.serial} for {before[one.part]}", k
-        before[one.part] = one.serial
-    for k in range(1, len(rows.software)):
-        new, old = rows.software[k], rows.software[k - 1]
-        if new and old and new != old:
-            yield f"software: {new} for {old}", k
+    for old, new in parts.exchanges(vehicle):
+        yield f"{new.part}: {new.serial} for {old.serial}", int(np.searchsorted(rows.time, new.begin))
+    for k, (before, after) in enumerate(pairwise(rows.software), start=1):
+        if before and after and before != after:
+            yield f"software: {after} for {before}", k

@@ -19,6 +19,7 @@ from typing import Final
 import numpy as np
 
 from stoop.base.arrays import FloatArray
+from stoop.base.toml import read_source
 from stoop.errors import StoopError
 
 COLUMNS: Final = ("vehicle", "part", "serial", "from", "to")
@@ -62,12 +63,11 @@ class Parts:
             for vehicle, t in zip(vehicles, times.tolist(), strict=True)
         ]
 
-    def exchanges(self, vehicle: str) -> tuple[Fitting, ...]:
-        """Return what a vehicle received after it had another part in that place, in order of time."""
+    def exchanges(self, vehicle: str) -> tuple[tuple[Fitting, Fitting], ...]:
+        """Return what a vehicle had in a place and what it received there next, in order of time."""
         own = [one for one in self.fittings if one.vehicle == vehicle]
-        first = {one.part: one for one in reversed(own)}
-        later = [one for one in own if one is not first[one.part]]
-        return tuple(sorted(later, key=lambda one: (one.begin, one.part)))
+        pairs = [(one, other) for one, other in pairwise(own) if one.part == other.part]
+        return tuple(sorted(pairs, key=lambda pair: (pair[1].begin, pair[1].part)))
 
 
 def read_parts(path: Path) -> Parts:
@@ -78,14 +78,7 @@ def read_parts(path: Path) -> Parts:
     StoopError
         One line that names the row, where a column or a date is wrong, two parts are in one place, or one part is in two.
     """
-    try:
-        if path.stat().st_size > MAX_BYTES:
-            raise StoopError(f"{path}: more than {MAX_BYTES >> 20} MiB; this is no table of parts")
-        text = path.read_text("utf-8-sig")
-    except OSError as error:
-        raise StoopError(f"{path}: cannot be read ({error.strerror}); name the table of parts") from None
-    except UnicodeDecodeError:
-        raise StoopError(f"{path}: not a text table; save it as UTF-8") from None
+    text = read_source(path, "parts", StoopError, MAX_BYTES, ".csv")
     fittings = sorted(_rows(str(path), text), key=lambda one: (one.vehicle, one.part, one.begin))
     _check(str(path), fittings)
     return Parts(tuple(fittings))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from stoop.base.arrays import BoolArray, FloatArray
+from stoop.base.files import read_bounded
 from stoop.errors import StoopError
 
 if TYPE_CHECKING:
@@ -90,16 +92,15 @@ def read_figures(path: Path) -> FigureTable:
 
     kept = dict.fromkeys((*TEXTS, *OPTIONAL), str)  # 007 is no number
     try:
-        if path.stat().st_size > MAX_BYTES:
-            raise StoopError(f"{path}: more than {MAX_BYTES >> 30} GiB; split the table by vehicles")
-        table = pd.read_parquet(path) if path.suffix in (".parquet", ".pq") else pd.read_csv(path, dtype=kept)
-    except OSError as error:
-        raise StoopError(
-            f"{path}: cannot be read ({error.strerror or error}); name a table of figures"
-        ) from None
+        file = io.BytesIO(read_bounded(path, MAX_BYTES))
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise StoopError(f"{path}: cannot be read ({reason}); name a table of figures") from None
+    try:
+        table = pd.read_parquet(file) if path.suffix in (".parquet", ".pq") else pd.read_csv(file, dtype=kept)
     except ImportError:
         raise StoopError(f"{path}: Parquet needs a library; pip install '.[parquet]'") from None
-    except (ValueError, UnicodeDecodeError) as error:
+    except (ValueError, OSError) as error:
         what = str(error).splitlines()[0][:200]
         raise StoopError(f"{path}: not a table ({what}); write CSV with commas, or Parquet") from None
     return _of_frame(str(path), table)
@@ -128,9 +129,8 @@ def _of_frame(where: str, table: pd.DataFrame) -> FigureTable:
             f"{where}: {row['figure']} of flight {row['flight']} stands there twice; keep one row"
         )
     texts = {name: table[name].astype(str).tolist() for name in TEXTS}
-    for name in OPTIONAL:
-        there = name in table.columns
-        texts[name] = table[name].fillna("").astype(str).tolist() if there else [""] * len(table)
+    there = [name for name in OPTIONAL if name in table.columns]
+    texts |= {name: table[name].fillna("").astype(str).tolist() for name in there}
     sorted_by = [np.array(texts[name]) for name in ("figure", "flight", "vehicle")]
     order = np.lexsort((*sorted_by, numbers["time"])).tolist()
     others = [c for c in table.columns if c not in (*needed, *OPTIONAL) and table[c].dtype.kind in "fiu"]

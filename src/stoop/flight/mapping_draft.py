@@ -154,10 +154,8 @@ def _of_any(recording: Recording, framed: bool = True) -> Draft:
     best = _best(known)
     groups = _groups(timed, best) if framed else []
     own = _in_our_axes(timed, groups)
-    lines = with_units(
-        best,
-        {line.variable: own.get(line.variable) or _signal(timed, line) for line in best},
-    )
+    read = {line.variable: own.get(line.variable) or _signal(timed, line) for line in best}
+    lines = with_units(best, read)
     ours = [line for line in lines if line.variable in own]
     if any(line.scale != 1.0 or line.unit != VARIABLES[line.variable].unit for line in ours):
         return _of_any(recording, framed=False)

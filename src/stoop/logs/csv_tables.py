@@ -89,7 +89,9 @@ def read_csv(path: Path, mapping: Path | None = None, topics: frozenset[str] | N
     """
     place = mapping or mapping_beside(path)
     if mapping is None and not place.is_file():
-        header = _header(path, unpack(path)[0])
+        text = unpack(path)[0]
+        export = export_of(path, text)
+        header = [*poses(export, [np.empty(0)] * export.count)] if export else _header(path, text)
         raise LogError(
             f"{path}: a CSV log needs a mapping of its columns; save the lines below as {place.name} beside it, keep "
             f"and correct what applies (or let stoop map draft one)\n{template(header)}"
@@ -326,8 +328,6 @@ def unpack(path: Path) -> tuple[bytes, tuple[Defect, ...]]:
 
 
 def _header(path: Path, text: bytes) -> list[str]:
-    if (export := export_of(path, text)) is not None:
-        return [*poses(export, [np.empty(0)] * export.count)]
     if not text.strip():
         raise LogError(f"{path}: the log is empty; record again or name another file")
     line = text[: MAX_HEADER + 1].split(b"\n", 1)[0].rstrip(b"\r")

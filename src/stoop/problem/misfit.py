@@ -135,13 +135,19 @@ class Piece:
         """Sample period, s."""
         return float(self.time[1] - self.time[0])
 
+    @property
+    def commands(self) -> FloatArray:
+        """Recorded channels before and in the piece (m + n, n_c); all inputs where nothing is known of before."""
+        if self.before is None:
+            return self.inputs
+        return np.concatenate([self.before, self.inputs[:, : self.before.shape[1]]])
+
     def part(self, first: int, behind: int, start: Mapping[str, float]) -> Piece:
         """Return the samples from one to before another, with the state that they begin in."""
-        before = self.before
-        if before is not None:
-            before = np.concatenate([before, self.inputs[:first, : before.shape[1]]])[
-                -round(HISTORY / self.dt) :
-            ]
+        before = None
+        if self.before is not None:
+            begun = len(self.before) + first
+            before = self.commands[max(0, begun - round(HISTORY / self.dt)) : begun]
         return replace(
             self,
             time=self.time[first:behind],

@@ -24,8 +24,9 @@ from stoop.base.rotations import continuous, quaternions_of
 from stoop.base.units import DEGREE
 from stoop.base.variables import EULER, VELOCITY
 from stoop.errors import StoopError
-from stoop.flight import load
+from stoop.flight import Flight, load
 from stoop.flight.mapping_draft import draft as draft_mapping
+from stoop.vehicle import Vehicle
 from stoop.vehicle.load import parse_vehicle
 from stoop.vehicle_draft.draft import draft
 from stoop.vehicle_draft.request import Request
@@ -94,6 +95,15 @@ def _pose(flown: Mapping[str, FloatArray], clock: FloatArray) -> list[tuple[Cubi
     return [(x, NOISE["position"]) for x in speeds] + [(x, NOISE["attitude"]) for x in angles]
 
 
+def drafted(flown: defaults.Flown) -> tuple[Flight, Vehicle]:
+    """Return the flight of a log, by a drafted mapping that is written beside it, and the vehicle drafted of both."""
+    mapping, made = flown.path.with_name("mapping.toml"), flown.vehicle
+    mapping.write_text(draft_mapping(flown.path).text, encoding="utf-8")
+    flight = load(flown.path, mapping, rate=LOG_GRID)
+    request = Request(made.template, made.tape["mass"], made.tape["span"], made.tape.get("chord"))
+    return flight, draft(request, (flight,), f"new {made.number}").vehicle
+
+
 @study.work
 def examine(case: str, seed: int) -> dict[str, Any]:
     """Fly, record and identify by the defaults; what stops the chain is recorded."""
@@ -102,11 +112,7 @@ def examine(case: str, seed: int) -> dict[str, Any]:
         about = {"template": flown.vehicle.template, "mass": flown.vehicle.tape["mass"], "delay": late}
         began = time.perf_counter()
         try:
-            mapping, tape = Path(name) / "mapping.toml", flown.vehicle.tape
-            mapping.write_text(draft_mapping(flown.path).text, encoding="utf-8")
-            flight = load(flown.path, mapping, rate=LOG_GRID)
-            request = Request(flown.vehicle.template, tape["mass"], tape["span"], tape.get("chord"))
-            vehicle = draft(request, (flight,), f"new {seed}").vehicle
+            flight, vehicle = drafted(flown)
             job = defaults.identified(flight, vehicle, Path(name) / "result")
         except StoopError as error:
             return {**about, "stopped": str(error), "seconds": time.perf_counter() - began}

@@ -39,7 +39,7 @@ def test_a_part_moves_between_vehicles(tmp_path: Path) -> None:
         None,
         "1",
     ]
-    assert [(one.part, one.serial) for one in parts.exchanges("A")] == [("rotor_1", "P2")]
+    assert [(one.part, one.serial) for _, one in parts.exchanges("A")] == [("rotor_1", "P2")]
     assert parts.exchanges("B") == ()
 
 

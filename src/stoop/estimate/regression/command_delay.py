@@ -89,7 +89,7 @@ def _regressions(
     commands = lagged_inputs(vehicle, piece, columns)
     lead = len(commands) - len(piece.time)  # samples of commands before the piece
     late = np.stack([delayed(commands, d / piece.dt)[lead:] for d in delays])
-    # before, the command is not known
+    # samples whose latest command was not recorded
     unknown = min(max(round(LONGEST / piece.dt) - lead, 0), len(piece.time) // 4)
     domain = TimeDomain()
     for run in run_slices(np.isfinite(measured).all(axis=1)):
@@ -108,10 +108,7 @@ def _regressions(
 
 def lagged_inputs(vehicle: Vehicle, piece: Piece, columns: Sequence[int]) -> FloatArray:
     """Return inputs (m + n, c) before and of a piece after the lags of what they move, as the vehicle has them now."""
-    commands = piece.inputs
-    if piece.before is not None:
-        commands = np.concatenate([piece.before, commands[:, : piece.before.shape[1]]])
-    lags = dict[int, float]()
+    commands, lags = piece.commands, dict[int, float]()
     for control in vehicle.controls:
         lag = vehicle.value(f"controls.{control}.lag", 0.0)
         lags |= dict.fromkeys(
