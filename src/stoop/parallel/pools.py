@@ -269,7 +269,9 @@ def serve(pipe: Connection) -> None:
 
 
 # A Dask cluster. Futures are passed on by hand: those of `Client.get_executor` stay undone for ever when the connection
-# breaks while a result is being fetched, and the bare ones are not for `concurrent.futures.wait`.
+# breaks while a result is being fetched, and the bare ones are not for `concurrent.futures.wait`. They are awaited on the
+# client's own loop: Dask's callbacks share one thread among all clients of a process, and one that was closed while it
+# fetched a result may hold it for ever.
 
 _ADDRESS: Final = re.compile(r"(tcp|tls|ws|wss)://(?:\[([^\s/\[\]]+)\]|([^\s/:\[\]]+)):(\d{1,5})")
 _ATTEMPT: Final = 0.2  #: s between attempts to reach the scheduler
@@ -382,9 +384,9 @@ class _DaskWorkers(Workers):
         future: Future[Report] = Future()
         future.set_running_or_notify_cancel()
 
-        def settle(theirs: Any) -> None:  # as Dask's one was settled, whatever fetching its result raises
+        async def settle() -> None:  # as Dask's one was settled, whatever fetching its result raises
             try:
-                future.set_result(theirs.result())
+                future.set_result(await theirs.result())
             except Exception as error:
                 future.set_exception(error)
             except BaseException:  # asyncio's cancellation is none of the driver's exceptions
@@ -392,7 +394,7 @@ class _DaskWorkers(Workers):
 
         self._check()
         theirs = self._client.submit(self._perform, task.work, task.text, task.stops, pure=False)
-        theirs.add_done_callback(settle)
+        self._client.loop.add_callback(settle)
         return future
 
     def failure(self, error: BaseException) -> StoopError | None:
