@@ -9,6 +9,7 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 MESSAGE = "\nstoop: the search is done; writing its result (Ctrl-C again throws it away)\n"
@@ -51,6 +52,16 @@ def reraise_interrupt() -> Iterator[None]:
         yield
     if came:
         raise KeyboardInterrupt
+
+
+@contextmanager
+def delayed_interrupts() -> Iterator[None]:
+    """Handle Ctrl-C and SIGTERM at the end of a block: raised amid locks that other threads need, they leave them locked."""
+    came: list[Callable[[], Any]] = []
+    with handle_signals(lambda handler: lambda number, frame: came.append(partial(handler, number, frame))):
+        yield
+    for handle in came:
+        handle()
 
 
 @contextmanager

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -17,7 +18,7 @@ from stoop.fleet.table import FigureTable
 
 DAY: Final = 86400.0  #: s
 YEAR: Final = 365.25 * DAY
-DRAWS: Final = 200  #: of each sequence without a change, for the threshold
+DRAWS: Final = 10_000  #: sequences without a change that are simulated for the threshold; the 5 % largest tell it to a tenth
 ROUNDS: Final = 2  #: of model and changes: changes that were found are taken off before the second model
 AT_EVENTS: Final = 0.5  #: prior probability that a change began with an exchange or an update
 VEHICLE: Final = "vehicle"
@@ -89,7 +90,9 @@ def analyze(table: FigureTable, parts: Parts, alarms_a_year: float = 1.0, seed: 
     for _ in range(ROUNDS):
         models = {name: figure_model(rows, parts, _shift(rows, found[name])) for name, rows in own.items()}
         every = [readings for one in models.values() for _, readings in one.sequences.values()]
-        limit = threshold(every, alarms_a_year * years, DRAWS, np.random.default_rng(seed))
+        limit = threshold(
+            every, alarms_a_year * years, math.ceil(DRAWS / max(len(every), 1)), np.random.default_rng(seed)
+        )
         found = {
             name: {
                 vehicle: list(changes(readings, limit)) for vehicle, (_, readings) in one.sequences.items()

@@ -16,6 +16,7 @@ References
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Final, Literal
@@ -28,6 +29,8 @@ from stoop.base.arrays import FloatArray, IntArray
 Kind = Literal["step", "drift"]
 KINDS: Final[tuple[Kind, ...]] = ("step", "drift")
 EXACT: Final = 1e-9  #: share of the information about a size, below which it is none
+TAIL: Final = 0.05  #: share of simulated statistics whose excess is taken for exponential
+LEAST: Final = 1e-6  #: expected alarms among the simulated ones: none at all would need an infinite threshold
 LANES: Final = 256  #: sequences that are scanned side by side
 
 
@@ -269,8 +272,15 @@ def _estimated(own: Readings, found: Scan, alarm: int, threshold: float) -> Chan
 def threshold(sequences: Sequence[Readings], alarms: float, draws: int, rng: np.random.Generator) -> float:
     """Return the threshold that `alarms` of the sequences exceed on average where nothing changes.
 
-    Each is simulated `draws` times with its own deviations, times and effects.
+    Each is simulated `draws` times with its own deviations, times and effects. Beyond the largest of them that `TAIL` tells the
+    excess is exponential, as that of chi-square is nearly.
     """
+    if not sequences:
+        return np.inf
     most = [scan(one, one.drawn(draws, rng)).statistic.max(axis=1, initial=0.0) for one in sequences]
     every = np.sort(np.concatenate(most))[::-1]
-    return float(every[min(round(alarms * draws), len(every) - 1)])
+    expected = alarms * draws  # of `every` above the threshold
+    k = min(max(round(expected), math.ceil(TAIL * len(every))), len(every) - 1)
+    if k < 1 or expected >= k:
+        return float(every[k])
+    return float(every[k] + np.mean(every[:k] - every[k]) * np.log(k / max(expected, LEAST)))

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from stoop.base.interrupts import delayed_interrupts
 from stoop.errors import CampaignError, StoopError
 from stoop.parallel.plan import Json, Plan, Task, from_text, tasks
 from stoop.parallel.pools import Pool, Workers
@@ -97,17 +98,19 @@ class _Driver:
                 for _ in range(min(workers.capacity() - len(self._under_way), len(self._queue))):
                     self._under_way[workers.submit(self._queue[0])] = self._queue[0]
                     self._queue.popleft()
-                ended, _ = wait(self._under_way, 0.5, FIRST_COMPLETED)
+                with delayed_interrupts():
+                    ended, _ = wait(self._under_way, 0.5, FIRST_COMPLETED)
                 for future in ended:
                     self._commit(future, workers)
                 report(workers.status())
         except BaseException:
-            done = [future for future in self._under_way if future.done()]
-            for future in self._under_way:
-                future.cancel()
-            for future in done:
-                with suppress(StoopError):
-                    self._commit(future, workers)
+            with delayed_interrupts():
+                done = [future for future in self._under_way if future.done()]
+                for future in self._under_way:
+                    future.cancel()
+                for future in done:
+                    with suppress(StoopError):
+                        self._commit(future, workers)
             raise
 
     def _commit(self, future: Future[Report], workers: Workers) -> None:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 import signal
 import sqlite3
+import sys
 import threading
 from collections.abc import Callable
 from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
@@ -11,6 +13,8 @@ from contextlib import closing, contextmanager, suppress
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
+from types import FrameType
+from typing import Any
 
 import pytest
 from unit.parallel.works import HERE, failing, walks
@@ -155,6 +159,59 @@ def test_ctrl_c_keeps_what_was_done(tmp_path: Path, log: Path) -> None:
     assert seen[0].restored == 7, "those that had ended and were not yet looked at included"
     assert len(lines(log)) == 12
     assert whole == execute(plan, tmp_path / "other", Here())
+
+
+class Unsettled(Here):
+    """Begins one task, and settles it from another thread when the campaign is over, as the end of a worker does."""
+
+    @contextmanager
+    def open(self):  # type: ignore[no-untyped-def]
+        self.future: Future[Report] = Future()
+        self.future.set_running_or_notify_cancel()
+        try:
+            yield self
+        finally:
+            sys.settrace(None)
+            settling = threading.Thread(target=self.future.set_exception, args=(EOFError(),), daemon=True)
+            settling.start()
+            settling.join(10.0)
+            assert not settling.is_alive(), "the interrupt left a lock behind"
+
+    def submit(self, task: Task) -> Future[Report]:
+        if self.submitted:
+            return super().submit(task)  # done at once, so that nothing waits
+        self.submitted += 1
+        return self.future
+
+
+def test_ctrl_c_at_any_moment_leaves_no_lock_behind(tmp_path: Path) -> None:
+    """At each line and at each return of the standard library's code that takes locks."""
+    plan = walks(tmp_path / "log", 2)
+    for moment in itertools.count(1):
+        moments = itertools.count(1)
+
+        def press(frame: FrameType, event: str, _: object, now: int = moment, left: Any = moments) -> Any:
+            if Path(frame.f_code.co_filename).name not in ("_base.py", "threading.py"):
+                return None
+            if event != "call" and next(left) == now:
+                signal.raise_signal(signal.SIGINT)
+            return press
+
+        pool = Unsettled(lambda press=press: sys.settrace(press))  # type: ignore[misc]
+        with pytest.raises((KeyboardInterrupt, EnoughError)):
+            execute(plan, tmp_path / f"{moment}.sqlite", pool, enough)
+        if next(moments) <= moment:
+            break
+    assert moment > 30
+
+
+class EnoughError(Exception):
+    """The campaign has waited once."""
+
+
+def enough(tally: Tally) -> None:
+    if tally.done:
+        raise EnoughError
 
 
 @pytest.mark.parametrize(
