@@ -24,18 +24,18 @@ FLAG = re.compile(
 )  #: tests whether a vehicle has rotors
 #: room -> lines at most; "stoop" is the whole package, for which the design asks 68,000, and 9,000 for its studies
 BUDGETS = {
-    "stoop": 88620,
+    "stoop": 89150,
     "stoop_studies": 14335,
     "api": 200,
     "app": 3650,
     "assessment": 6515,
-    "base": 2380,
+    "base": 2410,
     "checks": 3010,
-    "cli": 3265,
+    "cli": 3355,
     "control_laws": 1555,
     "estimate": 7540,
     "exporters": 8892,
-    "fleet": 1000,
+    "fleet": 1400,
     "flight": 6500,
     "input_design": 2350,
     "kernels": 2810,

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from stoop.base.notices import Notice
     from stoop.estimate.fit import Options
     from stoop.exporters.jsbsim_autopilot import fly_in_jsbsim
+    from stoop.fleet.store import open_fleet
     from stoop.flight import Flight
     from stoop.flight.load import load as load_flight
     from stoop.flight.load import save as save_flight
@@ -49,6 +50,7 @@ _PLACES = {
     "Options": "stoop.estimate.fit",
     "Strategy": "stoop.strategy",
     "fly_in_jsbsim": "stoop.exporters.jsbsim_autopilot",
+    "open_fleet": "stoop.fleet.store",
     **dict.fromkeys(("Flight", "load_flight", "save_flight"), "stoop.flight"),
     "read_result": "stoop.results.result",
     "simulate_flight": "stoop.simulation.fly",
@@ -105,6 +107,7 @@ __all__ = [
     "load_vehicle",
     "look",
     "new_vehicle",
+    "open_fleet",
     "predict",
     "propagate",
     "read_result",

@@ -10,6 +10,7 @@ import errno
 import os
 import shutil
 import stat
+import sys
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
@@ -126,6 +127,25 @@ def _lock(folder: Path, wait: bool = False) -> int | None:
         os.close(handle)
         return None
     return handle
+
+
+@contextmanager
+def only_writer(folder: Path) -> Iterator[None]:
+    """Let no other process into a folder that several commands change, until the end of the block.
+
+    Raises
+    ------
+    OutputError
+        Another process is in there.
+    """
+    lock = _lock(folder)
+    if lock is None and sys.platform != "win32":
+        raise OutputError(f"{folder}: another command is writing there; start again when it has ended")
+    try:
+        yield
+    finally:
+        if lock is not None:
+            os.close(lock)
 
 
 def write_files(folder: Path, files: Mapping[str, bytes | str], obsolete: Iterable[str] = ()) -> None:

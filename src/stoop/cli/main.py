@@ -1,7 +1,7 @@
 """The entry point: find the verb, import only its module, turn errors into one line and a code.
 
-Exit codes: 0 done, 1 a bug in stoop, 2 an error that the user can correct, 130 interrupted (Ctrl-C or SIGTERM), 141 nobody
-reads the output any more.
+Exit codes: 0 done, 1 a bug in stoop, 2 an error that the user can correct, 3 done with new alarms of a fleet, 130 interrupted
+(Ctrl-C or SIGTERM), 141 nobody reads the output any more.
 """
 
 from __future__ import annotations

@@ -18,7 +18,9 @@ from stoop.fleet.table import FigureTable
 
 DAY: Final = 86400.0  #: s
 YEAR: Final = 365.25 * DAY
-DRAWS: Final = 10_000  #: sequences without a change that are simulated for the threshold; the 5 % largest tell it to a tenth
+DRAWS: Final = 10_000  #: sequences without a change that are simulated for the threshold, at most
+TINY: Final = 1e-9
+EXPECTED: Final = 200  #: false alarms among them that are enough
 ROUNDS: Final = 2  #: of model and changes: changes that were found are taken off before the second model
 AT_EVENTS: Final = 0.5  #: prior probability that a change began with an exchange or an update
 VEHICLE: Final = "vehicle"
@@ -31,6 +33,11 @@ class Cause:
     what: str  #: such as "rotor_1: P17 for P03", "software: 1.2 for 1.1", or empty for none that was recorded
     flight: str  #: in which the change began then
     probability: float
+
+    @property
+    def name(self) -> str:
+        """What it is, in words."""
+        return self.what or "nothing that was recorded"
 
 
 @dataclass(frozen=True)
@@ -84,15 +91,14 @@ def analyze(table: FigureTable, parts: Parts, alarms_a_year: float = 1.0, seed: 
     seed : int
         Of the simulation that sets the threshold.
     """
-    years = float(np.ptp(table.time)) / YEAR
+    expected = alarms_a_year * float(np.ptp(table.time)) / YEAR
     own = {name: table.of(name) for name in table.figures()}
     found: dict[str, dict[str, list[Change]]] = {name: {} for name in own}
     for _ in range(ROUNDS):
         models = {name: figure_model(rows, parts, _shift(rows, found[name])) for name, rows in own.items()}
         every = [readings for one in models.values() for _, readings in one.sequences.values()]
-        limit = threshold(
-            every, alarms_a_year * years, math.ceil(DRAWS / max(len(every), 1)), np.random.default_rng(seed)
-        )
+        draws = math.ceil(min(EXPECTED / max(expected, TINY), DRAWS / max(len(every), 1)))
+        limit = threshold(every, expected, draws, np.random.default_rng(seed))
         found = {
             name: {
                 vehicle: list(changes(readings, limit)) for vehicle, (_, readings) in one.sequences.items()

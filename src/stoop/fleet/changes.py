@@ -31,6 +31,8 @@ KINDS: Final[tuple[Kind, ...]] = ("step", "drift")
 EXACT: Final = 1e-9  #: share of the information about a size, below which it is none
 TAIL: Final = 0.05  #: share of simulated statistics whose excess is taken for exponential
 LEAST: Final = 1e-6  #: expected alarms among the simulated ones: none at all would need an infinite threshold
+DENSE: Final = 64  #: see `_lags`
+STEP: Final = 0.05
 LANES: Final = 256  #: sequences that are scanned side by side
 
 
@@ -152,14 +154,24 @@ def _scanned(readings: Readings, values: FloatArray) -> Scan:
     sums = _Sums.of(readings, values)
     shape = values.shape
     statistic, first, kind = np.zeros(shape), np.zeros(shape, np.intp), np.zeros(shape, np.intp)
+    lags = _lags(shape[1])
     for t in range(1, shape[1]):
-        for which, (size, variance) in enumerate(sums.sizes(t)):
-            ratio = size**2 / variance  # (B, t), of changes that began in flight 1 to t
+        begun = t + 1 - lags[lags <= t]
+        for which, (size, variance) in enumerate(sums.sizes(t, begun)):
+            ratio = size**2 / variance
             k = np.argmax(ratio, axis=1)
             best = np.take_along_axis(ratio, k[:, None], axis=1)[:, 0]
             better = best > statistic[:, t]
-            statistic[better, t], first[better, t], kind[better, t] = best[better], k[better] + 1, which
+            statistic[better, t], first[better, t], kind[better, t] = best[better], begun[k[better]], which
     return Scan(statistic, first, kind)
+
+
+def _lags(flights: int) -> IntArray:
+    """Return how many flights ago a change may have begun: each of the last `DENSE`, further back in steps of `STEP` of them."""
+    sparse = DENSE * (1.0 + STEP) ** np.arange(
+        math.log(max(flights / DENSE, 1.0)) / math.log(1.0 + STEP) + 1.0
+    )
+    return np.unique(np.concatenate([np.arange(1, DENSE + 1), sparse.astype(np.intp)]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,13 +208,13 @@ class _Sums:
             summed((w * values).T[:, :, None] * N[:, None, :], 0),
         )
 
-    def sizes(self, t: int) -> list[tuple[FloatArray, FloatArray]]:
-        """Return size (B, t) and variance (t,) of each kind of change that began in flight 1 to t, from the flights up to t.
+    def sizes(self, t: int, begun: IntArray) -> list[tuple[FloatArray, FloatArray]]:
+        """Return size (B, k) and variance (k,) of each kind of change, by the flights (k,) in which it began, up to flight t.
 
         A step regresses on one, a drift on the time since the flight before it began. Where the flights tell nothing of a size
         its variance is infinite.
         """
-        k, end = np.arange(1, t + 1), t + 1
+        k, end = begun, t + 1
         w, wx, wxx = self.weights[:, end, None] - self.weights[:, k]
         wy, wxy = self.values[:, :, end, None] - self.values[:, :, k]
         wN, wxN = self.effects[:, end, None] - self.effects[:, k]
@@ -230,25 +242,35 @@ class _Sums:
 def origins(readings: Readings, kind: Kind) -> FloatArray:
     """Return the likelihood ratios (n - 1,) of changes that began in the second flight to the last, by all of them."""
     sums, last = _Sums.of(readings, readings.values[None, :]), len(readings.values) - 1
-    size, variance = sums.sizes(last)[KINDS.index(kind)]
+    size, variance = sums.sizes(last, np.arange(1, last + 1))[KINDS.index(kind)]
     return np.asarray(size[0] ** 2 / variance)
 
 
 def changes(readings: Readings, threshold: float) -> Iterator[Change]:
-    """Yield the changes whose likelihood ratio exceeds a threshold, one after the other."""
+    """Yield the changes whose likelihood ratio exceeds a threshold, and still does by the last flight before a further one."""
     begin, own = 0, readings
     while len(own.values) > 1:
-        found = scan(own)
-        above = np.flatnonzero(found.statistic[0] > threshold)
-        if not above.size:
+        change = _first_change(own, threshold)
+        if change is None:
             return
-        change = _estimated(own, found, int(above[0]), threshold)
         yield replace(change, first=begin + change.first, found=begin + change.found)
         begin, own = begin + change.first, own.since(change)
 
 
-def _estimated(own: Readings, found: Scan, alarm: int, threshold: float) -> Change:
-    """Return a change as the flights tell it before a further one shows."""
+def _first_change(own: Readings, threshold: float) -> Change | None:
+    found, begin = scan(own), 0
+    for alarm in np.flatnonzero(found.statistic[0] > threshold).tolist():
+        if alarm < begin:
+            continue
+        change, last = _estimated(own, found, alarm, threshold)
+        if found.statistic[0, last] > threshold:
+            return change
+        begin = last + 1  # later flights speak against it
+    return None
+
+
+def _estimated(own: Readings, found: Scan, alarm: int, threshold: float) -> tuple[Change, int]:
+    """Return a change that began by an alarm, as the flights tell it before a further one shows, and the last of these."""
     further: dict[tuple[int, Kind], FloatArray] = {}
 
     def likeliest(t: int) -> Change:
@@ -261,12 +283,13 @@ def _estimated(own: Readings, found: Scan, alarm: int, threshold: float) -> Chan
         place = now.first, now.kind
         if place not in further:
             further[place] = scan(own.since(now)).statistic[0]
-        if further[place][t - now.first] > threshold:
+        if now.first > alarm or further[place][t - now.first] > threshold:
             break
         change, last = now, t
-    size, variance = _Sums.of(own, own.values[None, :]).sizes(last)[KINDS.index(change.kind)]
-    at = change.first - 1
-    return replace(change, size=float(size[0, at]), error=float(np.sqrt(variance[at])))
+    sums, begun = _Sums.of(own, own.values[None, :]), np.arange(1, alarm + 1)
+    size, variance = sums.sizes(last, begun)[KINDS.index(change.kind)]
+    at = int(np.argmax(size[0] ** 2 / variance))
+    return replace(change, first=at + 1, size=float(size[0, at]), error=float(np.sqrt(variance[at]))), last
 
 
 def threshold(sequences: Sequence[Readings], alarms: float, draws: int, rng: np.random.Generator) -> float:

@@ -13,6 +13,8 @@ References
    Statistical Software 67 (2015), section 3: the penalized least-squares problem.
 .. [3] W. Viechtbauer, "Bias and efficiency of meta-analytic variance estimators in the random-effects model", Journal of
    Educational and Behavioral Statistics 30 (2005) 261: known errors.
+.. [4] Y. Chung, S. Rabe-Hesketh, V. Dorie, A. Gelman, J. Liu, "A nondegenerate penalized likelihood estimator for variance
+   parameters in multilevel models", Psychometrika 78 (2013) 685.
 """
 
 from __future__ import annotations
@@ -33,6 +35,7 @@ from stoop.base.arrays import FloatArray, IntArray
 
 LEVEL: Final = 0.01  #: probability that of all levels one is taken for outlying by chance
 MOST_OUTLYING: Final = 0.2  #: share of the levels
+NARROWEST: Final = 1e-6  #: likewise at least, of a penalized model
 WIDEST: Final = 3.0  #: standard deviation of an effect over that of all readings, at most
 
 
@@ -127,8 +130,15 @@ class _Solution:
     deviance: float  #: -2 times the restricted log-likelihood, without constants
 
 
-def fit_mixed_model(design: Design) -> MixedModel:
+def fit_mixed_model(design: Design, penalized: bool = False) -> MixedModel:
     """Return the model whose standard deviations have the highest restricted likelihood.
+
+    Parameters
+    ----------
+    design : Design
+    penalized : bool
+        Whether the likelihood is multiplied by the standard deviation of each group ([4]_). Of few levels it is often highest at
+        zero, that is at levels which are known to be equal; the penalty moves that by about its standard error.
 
     Raises
     ------
@@ -139,12 +149,14 @@ def fit_mixed_model(design: Design) -> MixedModel:
     count = 1 + len(design.groups)
 
     def deviance(x: FloatArray) -> float:
-        return _solved(design, unit * x).deviance
+        penalty = 2.0 * float(np.sum(np.log(x[1:]))) if penalized else 0.0
+        return _solved(design, unit * x).deviance - penalty
 
+    least = np.array([0.0] + [NARROWEST * penalized] * len(design.groups))
     starts = product((0.1, 0.5), repeat=count)
     start = min(starts, key=lambda x: deviance(np.array(x)))
     found = minimize(
-        deviance, np.array(start), method="L-BFGS-B", bounds=Bounds(0.0, WIDEST), options={"ftol": 1e-12, "gtol": 1e-8},
+        deviance, np.array(start), method="L-BFGS-B", bounds=Bounds(least, WIDEST), options={"ftol": 1e-12, "gtol": 1e-8},
     )  # fmt: skip
     deviations = unit * found.x
     solution = _solved(design, deviations)
@@ -167,10 +179,10 @@ def fit_mixed_model(design: Design) -> MixedModel:
 def fit_robust_model(design: Design) -> tuple[MixedModel, tuple[Outlier, ...]]:
     """Return the model whose spreads are those of the levels without the outlying ones, and these.
 
-    One after the other, the level that differs most becomes a fixed effect of its own, as long as it differs by more than
-    chance would let the largest of all levels do (Bonferroni, `LEVEL`).
+    Spreads are penalized, see `fit_mixed_model`. One after the other, the level that differs most becomes a fixed effect of its
+    own, as long as it differs by more than chance would let the largest of all levels do (Bonferroni, `LEVEL`).
     """
-    model, out = fit_mixed_model(design), list[Outlier]()
+    model, out = fit_mixed_model(design, True), list[Outlier]()
     for _ in range(int(MOST_OUTLYING * sum(design.sizes))):
         ratios = {
             (group, int(k)): abs(levels[k]) / (model.deviations[group] or np.inf)
@@ -180,7 +192,7 @@ def fit_robust_model(design: Design) -> tuple[MixedModel, tuple[Outlier, ...]]:
         }
         (group, level) = max(ratios, key=lambda place: ratios[place])
         apart = design.with_apart(group, level)
-        trial = fit_mixed_model(apart)
+        trial = fit_mixed_model(apart, True)
         difference, error = float(trial.coefficients[-1]), float(trial.errors[-1])
         by_chance = float(np.hypot(trial.deviations[group], error))
         if abs(difference) <= norm.isf(0.5 * LEVEL / sum(design.sizes)) * by_chance:

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 TEXTS: Final = ("flight", "vehicle", "figure")
 NUMBERS: Final = ("value", "std_error")
+NEEDED: Final = (*TEXTS, "time", *NUMBERS)
 OPTIONAL: Final = ("software", "parts")
 MAX_BYTES: Final = 2**30
 
@@ -61,6 +62,19 @@ class FigureTable:
         time, value, std_error = (numbers[n] for n in ("time", *NUMBERS))
         return cls(flight, vehicle, figure, software, parts, time, value, std_error, conditions)
 
+    def frame(self) -> pd.DataFrame:
+        """Return the table for pandas, in its own columns; `read_figures` reads it."""
+        import pandas as pd
+
+        return pd.DataFrame(
+            {name: getattr(self, name) for name in (*NEEDED, *OPTIONAL)} | dict(self.conditions)
+        )
+
+    def time_of(self, vehicle: str, flight: str) -> float:
+        """Return when a flight began, s since 1970."""
+        places = zip(self.vehicle, self.flight, strict=True)
+        return float(next(self.time[i] for i, place in enumerate(places) if place == (vehicle, flight)))
+
     def figures(self) -> tuple[str, ...]:
         """Return the names of the figures, sorted."""
         return tuple(sorted(set(self.figure)))
@@ -77,8 +91,8 @@ class FigureTable:
         return self.of_columns(texts, numbers, {name: x[at] for name, x in self.conditions.items()})
 
 
-def read_figures(path: Path) -> FigureTable:
-    """Read a table of figures, CSV or Parquet: ``flight, vehicle, time, figure, value, std_error``.
+def read_figures(*paths: Path) -> FigureTable:
+    """Read tables of figures, CSV or Parquet: ``flight, vehicle, time, figure, value, std_error``.
 
     ``software`` and ``parts`` may stand beside them. ``time`` is seconds since 1970, or a date by ISO 8601, in UTC where no
     zone stands. Other columns of numbers are conditions.
@@ -88,6 +102,13 @@ def read_figures(path: Path) -> FigureTable:
     StoopError
         One line that says which column or row is wrong, and what to do.
     """
+    import pandas as pd
+
+    tables = [_frame(path) for path in paths]
+    return _of_frame(", ".join(map(str, paths)), pd.concat(tables, ignore_index=True))
+
+
+def _frame(path: Path) -> pd.DataFrame:
     import pandas as pd
 
     kept = dict.fromkeys((*TEXTS, *OPTIONAL), str)  # 007 is no number
@@ -103,15 +124,15 @@ def read_figures(path: Path) -> FigureTable:
     except (ValueError, OSError) as error:
         what = str(error).splitlines()[0][:200]
         raise StoopError(f"{path}: not a table ({what}); write CSV with commas, or Parquet") from None
-    return _of_frame(str(path), table)
+    lost = [name for name in NEEDED if name not in table.columns]
+    if lost:
+        raise StoopError(f"{path}: no column {lost[0]}; a table of figures has {', '.join(NEEDED)}")
+    if table.empty:
+        raise StoopError(f"{path}: holds no figure; a row is a figure of a flight")
+    return table.assign(time=_seconds(str(path), table["time"]))
 
 
 def _of_frame(where: str, table: pd.DataFrame) -> FigureTable:
-    needed = (*TEXTS, "time", *NUMBERS)
-    lost = [name for name in needed if name not in table.columns]
-    if lost:
-        raise StoopError(f"{where}: no column {lost[0]}; a table of figures has {', '.join(needed)}")
-    table = table.assign(time=_seconds(where, table["time"]))
     numbers = {name: _numbers(where, table, name) for name in ("time", *NUMBERS)}
     bad = np.flatnonzero(
         ~(np.isfinite(numbers["value"]) & np.isfinite(numbers["time"]) & (numbers["std_error"] > 0.0))
@@ -133,7 +154,7 @@ def _of_frame(where: str, table: pd.DataFrame) -> FigureTable:
     texts |= {name: table[name].fillna("").astype(str).tolist() for name in there}
     sorted_by = [np.array(texts[name]) for name in ("figure", "flight", "vehicle")]
     order = np.lexsort((*sorted_by, numbers["time"])).tolist()
-    others = [c for c in table.columns if c not in (*needed, *OPTIONAL) and table[c].dtype.kind in "fiu"]
+    others = [c for c in table.columns if c not in (*NEEDED, *OPTIONAL) and table[c].dtype.kind in "fiu"]
     return FigureTable.of_columns(
         {name: [own[i] for i in order] for name, own in texts.items()},
         {name: x[order] for name, x in numbers.items()},

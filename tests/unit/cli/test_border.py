@@ -162,6 +162,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         f'[time]\ncolumn = "time"\nunit = "s"\n[variables]\np = {{ column = "{escaped}", unit = "rad/s" }}\n'
     )
     (place / "a.csv.toml").write_text(mapping, encoding="utf-8")
+    flown = "".join(f"{NASTY}{k},{NASTY},{86400 * k},{NASTY},{5 * (k > 15) + k % 2},1\n" for k in range(30))
+    (place / "fleet.csv").write_text(f"flight,vehicle,time,figure,value,std_error\n{flown}", encoding="utf-8")
     for vehicle, flight in (("v.toml", "f.nc"), ("w.toml", "g.nc")):
         command = ["simulate", place / vehicle, "--maneuver", place / "m.toml", "-o", place / flight]
         assert main(list(map(str, command))) == 0
@@ -216,6 +218,9 @@ def run(capsys: pytest.CaptureFixture[str], folder: Path, command: str) -> tuple
         ("frequency @g.nc --input @none", 2),
         ("export @w.toml --to fmu -o @fmu", 0),
         ("export @w.toml --to gazebo -o @gazebo", 0),
+        ("fleet @fleet.csv -o @fleet", 3),
+        ("fleet @fleet.csv @fleet.csv -o @fleet", 2),
+        ("fleet @none", 2),
     ],
 )  # fmt: skip
 def test_a_verb_prints_nasty_texts(

@@ -1,0 +1,198 @@
+"""A fleet on disk: a folder with its figures, its parts, and the alarms that were told.
+
+``figures/`` holds a Parquet file for each source, ``parts.csv`` the table of parts as it was given, ``fleet.json`` (schema
+``stoop-fleet/1``) the rate of false alarms, the threshold and every alarm. Files of one update are moved into place together.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Final
+
+from stoop.base.extras import install
+from stoop.base.files import make_folder, only_writer, write_files
+from stoop.errors import StoopError
+from stoop.fleet.analysis import Alarm, Cause, FleetAnalysis, analyze
+from stoop.fleet.parts import Parts, read_parts
+from stoop.fleet.table import FigureTable, read_figures
+
+SCHEMA: Final = "stoop-fleet/1"
+STATE, PARTS, FIGURES, PAGE = "fleet.json", "parts.csv", "figures", "fleet.html"
+RATE: Final = 1.0  #: false alarms of a new fleet in a year
+
+
+@dataclass(frozen=True)
+class ToldAlarm:
+    """An alarm as it was told.
+
+    Attributes
+    ----------
+    vehicle, figure, kind : texts, see `Alarm` and `Change`
+    size, std_error : of a step in the unit of the figure; of a drift per day
+    began, found : flights
+    began_time, found_time : s since 1970, UTC
+    causes : the likeliest first
+    withdrawn : whether later flights no longer show it
+    """
+
+    vehicle: str
+    figure: str
+    kind: str
+    size: float
+    std_error: float
+    began: str
+    found: str
+    began_time: float
+    found_time: float
+    causes: tuple[Cause, ...]
+    withdrawn: bool = False
+
+    @classmethod
+    def of(cls, alarm: Alarm, table: FigureTable) -> ToldAlarm:
+        """Return an alarm with the times of its flights."""
+        began, found = (table.time_of(alarm.vehicle, flight) for flight in (alarm.began, alarm.found))
+        own, change = (alarm.began, alarm.found, began, found), alarm.change
+        return cls(alarm.vehicle, alarm.figure, change.kind, change.size, change.error, *own, alarm.causes)
+
+    def is_of(self, other: ToldAlarm) -> bool:
+        """Tell whether both tell of one change: of the same figure, begun in flights of which none is after the other's alarm."""
+        same = (self.vehicle, self.figure) == (other.vehicle, other.figure)
+        return same and self.began_time <= other.found_time and other.began_time <= self.found_time
+
+
+@dataclass(frozen=True, eq=False)
+class Fleet:
+    """A fleet as a folder holds it; see `open_fleet`."""
+
+    folder: Path
+    table: FigureTable
+    parts: Parts
+    alarms_a_year: float
+    threshold: float
+    alarms: tuple[ToldAlarm, ...]  #: withdrawn ones included, by vehicle, figure and time
+
+    def standing(self) -> tuple[ToldAlarm, ...]:
+        """Return the alarms that were not withdrawn."""
+        return tuple(one for one in self.alarms if not one.withdrawn)
+
+    def analysis(self) -> FleetAnalysis:
+        """Return models, threshold and changes anew."""
+        return analyze(self.table, self.parts, self.alarms_a_year)
+
+
+def open_fleet(folder: Path | str) -> Fleet:
+    """Return the fleet in a folder that ``stoop fleet`` wrote.
+
+    Raises
+    ------
+    StoopError
+        One line: it holds none, one of another version, or a file of it is damaged.
+    """
+    folder = Path(folder)
+    rate, threshold, alarms = _state(folder)
+    return Fleet(folder, read_figures(*_partitions(folder)), _parts(folder), rate, threshold, alarms)
+
+
+def update_fleet(
+    folder: Path, sources: Sequence[Path], parts: Path | None = None, alarms_a_year: float | None = None
+) -> tuple[Fleet, tuple[ToldAlarm, ...], FleetAnalysis]:
+    """Add tables of figures to the fleet in a folder, or begin one; return it, the alarms that are new, and the analysis.
+
+    Parameters
+    ----------
+    folder : Path
+    sources : sequence of Path
+        Tables; one of the name of an earlier one replaces it.
+    parts : Path, optional
+        Table of parts; replaces the earlier one.
+    alarms_a_year : float, optional
+        Rate of false alarms of the whole fleet; by default the earlier one, else `RATE`.
+
+    Raises
+    ------
+    StoopError
+        One line; the fleet is what it was.
+    """
+    names = {f"{FIGURES}/{source.stem}.parquet": source for source in sources}
+    if len(names) < len(sources):
+        raise StoopError(
+            f"{folder}: two tables have one name; rename one, each is kept under the name of its file"
+        )
+    make_folder(folder)
+    with only_writer(folder):
+        earlier, _, told = _state(folder) if (folder / STATE).exists() else (RATE, 0.0, ())
+        rate = alarms_a_year or earlier
+        files: dict[str, bytes | str] = {name: _parquet(read_figures(one)) for name, one in names.items()}
+        kept = [path for path in _partitions(folder) if f"{FIGURES}/{path.name}" not in names]
+        table = read_figures(*kept, *sources)
+        known = _parts(folder) if parts is None else read_parts(parts)
+        found = analyze(table, known, rate)
+        now = [ToldAlarm.of(one, table) for one in found.alarms]
+        every, fresh = _merged(told, now)
+        if parts is not None:
+            files[PARTS] = parts.read_bytes()
+        state = {"schema": SCHEMA, "alarms_a_year": rate, "threshold": found.threshold}
+        state["alarms"] = [document(one) for one in every]
+        write_files(folder, {**files, STATE: json.dumps(state, indent=1, allow_nan=False) + "\n"})
+    return Fleet(folder, table, known, rate, found.threshold, every), fresh, found
+
+
+def _merged(
+    told: Sequence[ToldAlarm], now: Sequence[ToldAlarm]
+) -> tuple[tuple[ToldAlarm, ...], tuple[ToldAlarm, ...]]:
+    """Return the alarms of now with the withdrawn ones, and those of now that were not told."""
+    standing = [one for one in told if not one.withdrawn]
+    fresh = tuple(one for one in now if not any(one.is_of(other) for other in standing))
+    gone = [one for one in told if one.withdrawn]
+    gone += [replace(one, withdrawn=True) for one in standing if not any(one.is_of(other) for other in now)]
+    every = sorted([*now, *gone], key=lambda a: (a.vehicle, a.figure, a.began_time, a.withdrawn))
+    return tuple(every), fresh
+
+
+def document(alarm: ToldAlarm) -> dict[str, Any]:
+    """Return an alarm as JSON holds it."""
+    return {**vars(alarm), "causes": [vars(cause) for cause in alarm.causes]}
+
+
+def _state(folder: Path) -> tuple[float, float, tuple[ToldAlarm, ...]]:
+    """Return rate, threshold and alarms that were told."""
+    path = folder / STATE
+    try:
+        state = json.loads(path.read_text("utf-8"))  # replaced later: no input of the command
+        if (schema := state["schema"]) != SCHEMA:
+            raise StoopError(
+                f"{path}: of schema {schema}, not {SCHEMA}; give its tables to a new folder, or use that version of stoop"
+            )
+        alarms = tuple(
+            ToldAlarm(**{**one, "causes": tuple(Cause(**cause) for cause in one["causes"])})
+            for one in state["alarms"]
+        )
+        return float(state["alarms_a_year"]), float(state["threshold"]), alarms
+    except FileNotFoundError:
+        raise StoopError(
+            f"{folder}: holds no fleet; begin one with stoop fleet FIGURES.csv -o {folder}"
+        ) from None
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+        raise StoopError(f"{path}: damaged; remove it, and give the tables once more") from None
+
+
+def _partitions(folder: Path) -> list[Path]:
+    return sorted((folder / FIGURES).glob("*.parquet"))
+
+
+def _parts(folder: Path) -> Parts:
+    path = folder / PARTS
+    return read_parts(path) if path.exists() else Parts()
+
+
+def _parquet(table: FigureTable) -> bytes:
+    out = io.BytesIO()
+    try:
+        table.frame().to_parquet(out, index=False)
+    except ImportError:
+        raise StoopError(f"a store of a fleet needs a library for Parquet; {install('parquet')}") from None
+    return out.getvalue()

@@ -1,0 +1,182 @@
+"""The folder of a fleet and the verb: alarms are told once and withdrawn; an error loses nothing."""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+import pytest
+from unit.fleet.made_up import EXCHANGED, changed, fleet
+
+import stoop
+from stoop.cli.main import main
+from stoop.errors import StoopError
+from stoop.fleet.parts import Parts
+from stoop.fleet.store import STATE, Fleet, update_fleet
+from stoop.fleet.table import FigureTable, read_figures
+
+WHOLE, PARTS = fleet()
+FEW = [
+    vehicle in ("v1", "v2", "v3") and int(flight[3:]) < 28
+    for vehicle, flight in zip(WHOLE.vehicle, WHOLE.flight, strict=True)
+]
+SOUND = WHOLE.rows(np.array(FEW))
+WORN = changed(SOUND, "thrust", EXCHANGED, -0.15)
+STEP = ("v3", "thrust", "step", f"v3-{EXCHANGED}")
+
+
+def write(folder: Path, table: FigureTable, parts: Parts = PARTS, name: str = "figures") -> tuple[Path, Path]:
+    """Write the tables that a user has."""
+
+    def moment(seconds: float) -> str:
+        return datetime.fromtimestamp(seconds, UTC).isoformat() if np.isfinite(seconds) else ""
+
+    table.frame().to_csv(folder / f"{name}.csv", index=False)
+    lines = [",".join((p.vehicle, p.part, p.serial, moment(p.begin), moment(p.end))) for p in parts.fittings]
+    (folder / "parts.csv").write_text("\n".join(["vehicle,part,serial,from,to", *lines]))
+    return folder / f"{name}.csv", folder / "parts.csv"
+
+
+def steps(one: Fleet) -> list[tuple[str, str, str, str]]:
+    return [(a.vehicle, a.figure, a.kind, a.began) for a in one.standing()]
+
+
+def content(folder: Path) -> dict[str, bytes]:
+    return {str(p.relative_to(folder)): p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file()}
+
+
+def test_an_alarm_is_told_once_and_withdrawn_when_nothing_shows_it(tmp_path: Path) -> None:
+    figures, parts = write(tmp_path, WORN)
+    store = tmp_path / "store"
+    first, fresh, _ = update_fleet(store, [figures], parts, 0.1)
+    assert steps(first) == [STEP]
+    assert [a.causes[0].what for a in fresh] == ["rotor_1: v3b for v3a"]
+    before = content(store)
+    again, fresh, _ = update_fleet(store, [figures])
+    assert (steps(again), fresh) == ([STEP], ())
+    assert content(store) == before, "the same tables, the same bytes"
+    opened = stoop.open_fleet(store)
+    assert opened.alarms == again.alarms
+    assert opened.parts.fittings == first.parts.fittings
+    assert opened.analysis().threshold == opened.threshold
+    write(tmp_path, SOUND)
+    without, fresh, _ = update_fleet(store, [figures], alarms_a_year=0.05)
+    assert (steps(without), fresh) == ([], ())
+    assert [(a.figure, a.withdrawn) for a in without.alarms] == [("thrust", True)]
+    write(tmp_path, WORN)
+    back, fresh, _ = update_fleet(store, [figures])
+    assert back.alarms_a_year == 0.05
+    assert steps(back) == [STEP]
+    assert [a.began for a in fresh] == [STEP[3]], "what was withdrawn is told anew"
+
+
+def test_what_a_store_holds_is_what_was_given(tmp_path: Path) -> None:
+    figures, parts = write(tmp_path, WORN)
+    update_fleet(tmp_path / "store", [figures], parts)
+    given, kept = read_figures(figures), read_figures(tmp_path / "store/figures/figures.parquet")
+    assert kept.frame().equals(given.frame())
+
+
+def test_tables_of_several_figures_are_one_fleet(tmp_path: Path) -> None:
+    both = WORN.frame()
+    paths = []
+    for figure, rows in both.groupby("figure"):
+        paths.append(tmp_path / f"{figure}.csv")
+        rows.to_csv(paths[-1], index=False)
+    _, parts = write(tmp_path, WORN)
+    one, *_ = update_fleet(tmp_path / "store", paths[:1], parts, 0.1)
+    assert one.table.figures() == ("drag",)
+    one, *_ = update_fleet(tmp_path / "store", paths[1:])
+    assert steps(one) == [STEP]
+    assert one.table.frame().equals(WORN.frame())
+
+
+def test_an_error_changes_nothing(tmp_path: Path) -> None:
+    figures, parts = write(tmp_path, SOUND)
+    store = tmp_path / "store"
+    update_fleet(store, [figures], parts)
+    before = content(store)
+    same, _ = write(tmp_path, SOUND, name="again")
+    (tmp_path / "sub").mkdir()
+    twin, _ = write(tmp_path / "sub", SOUND)
+    (tmp_path / "none.csv").write_text(figures.read_text().splitlines()[0])
+    for sources, said in (
+        ([same], "drag of flight v"),
+        ([figures, twin], "two tables have one name"),
+        ([tmp_path / "none.csv"], "holds no figure"),
+        ([tmp_path / "absent.csv"], "cannot be read"),
+        ([store], "cannot be read"),
+    ):
+        with pytest.raises(StoopError, match=said) as error:
+            update_fleet(store, sources)
+        assert "\n" not in str(error.value)
+        assert content(store) == before
+
+
+def test_two_commands_at_once(tmp_path: Path) -> None:
+    figures, parts = write(tmp_path, SOUND)
+    store = tmp_path / "store"
+    store.mkdir()
+    handle = os.open(store, os.O_RDONLY)
+    fcntl.flock(handle, fcntl.LOCK_EX)
+    with pytest.raises(StoopError, match="another command is writing there"):
+        update_fleet(store, [figures], parts)
+    os.close(handle)
+    update_fleet(store, [figures], parts)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("{", "damaged; remove it"),
+        ("[]", "damaged; remove it"),
+        ('{"schema": "stoop-fleet/9"}', "of schema stoop-fleet/9, not stoop-fleet/1"),
+        ('{"schema": "stoop-fleet/1"}', "damaged; remove it"),
+        ('{"schema": "stoop-fleet/1", "alarms_a_year": 1, "threshold": 9, "alarms": [{"x": 1}]}', "damaged"),
+    ],
+)
+def test_a_store_that_is_not_fit(tmp_path: Path, text: str, said: str) -> None:
+    (tmp_path / STATE).write_text(text)
+    with pytest.raises(StoopError, match=said):
+        stoop.open_fleet(tmp_path)
+
+
+def test_an_empty_folder_is_no_fleet(tmp_path: Path) -> None:
+    with pytest.raises(StoopError, match="holds no fleet; begin one"):
+        stoop.open_fleet(tmp_path)
+
+
+def test_a_nightly_job(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    figures, parts = write(tmp_path, WORN)
+    command = ["fleet", str(figures), "--output", str(tmp_path / "store")]
+    assert main([*command, "--parts", str(parts), "--alarms-a-year", "0.1"]) == 3
+    head, told, page = capsys.readouterr().out.splitlines()
+    assert head == "3 vehicles, 84 flights, 2 figures; 0.1 false alarms a year"
+    assert page == f"page: {tmp_path / 'store' / 'fleet.html'}"
+    assert told.startswith("v3 thrust: step of -0.1")
+    assert "since flight v3-20 (1970-" in told
+    assert "rotor_1: v3b for v3a (9" in told
+    assert main(command) == 0
+    assert "no new alarm; 1 earlier one" in capsys.readouterr().out
+    show = ["fleet", str(tmp_path / "store")]
+    assert main(show) == 0
+    assert told in capsys.readouterr().out
+    assert main([*show, "--since", "1970-01-01"]) == 3
+    assert told in capsys.readouterr().out
+    assert main([*show, "--since", "2026-01-01"]) == 0
+    assert main([*show, "--json"]) == 0
+    text = capsys.readouterr().out
+    head, *_ = json.loads(text[text.index("{") :])["alarms"]
+    assert (head["vehicle"], head["began"], head["new"]) == ("v3", "v3-20", False)
+    for wrong, said in (
+        ([*show, "--since", "soon"], "is no date"),
+        ([*show, "--alarms-a-year", "2"], "name its folder with -o"),
+        (["fleet", str(tmp_path)], "holds no fleet"),
+    ):
+        assert main(wrong) == 2
+        (line,) = capsys.readouterr().err.splitlines()
+        assert said in line
