@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from pictures.registry import picture
 from pictures.sketch import BLUE, FAINT, INK, ORANGE, plots
-from stoop.fleet.changes import Readings, changes, scan, threshold
+from stoop.fleet.changes import Readings, changes, peaks, scan, threshold
 
 FLIGHTS, EXCHANGED, STEP = 60, 30, -0.025
 SPREAD = 0.01  #: of vehicles
@@ -25,7 +25,7 @@ def fleet() -> Figure:
     errors = np.hypot(rng.uniform(0.005, 0.015, FLIGHTS), 0.005)
     values = errors * rng.standard_normal(FLIGHTS) + STEP * (at >= EXCHANGED)
     own = Readings.about_a_level(values, errors, at, SPREAD)
-    limit = threshold([own] * VEHICLES, 1.0, DRAWS, rng)
+    limit = threshold(peaks(own, VEHICLES * DRAWS, rng)[1:], float(DRAWS))
     (change,) = changes(own, limit)
     figure, (above, below) = plots(2, 1, 4.4)
     above.errorbar(at, 1.0 + values, errors, fmt="o", color=INK, ecolor=FAINT, markersize=3.0)

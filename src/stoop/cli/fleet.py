@@ -24,9 +24,10 @@ NEWS: Final = 3  #: exit code where alarms are new
 def run(arguments: argparse.Namespace) -> int:
     """Update or open a fleet, print its alarms, and return 3 if some are new."""
     from stoop.fleet.page import fleet_page
+    from stoop.fleet.parts import moment
     from stoop.fleet.store import PAGE, document, open_fleet, update_fleet
 
-    since = _moment(arguments.since)
+    since = None if arguments.since is None else moment("--since", arguments.since)
     told: tuple[ToldAlarm, ...] = ()
     if arguments.output is None:
         if len(arguments.sources) > 1 or arguments.parts or arguments.alarms_a_year:
@@ -44,17 +45,6 @@ def run(arguments: argparse.Namespace) -> int:
     else:
         _print(fleet, new, arguments.output is None and since is None)
     return NEWS if new else 0
-
-
-def _moment(text: str | None) -> float | None:
-    """Return a date, s since 1970."""
-    if text is None:
-        return None
-    try:
-        moment = datetime.fromisoformat(text)
-    except ValueError:
-        raise StoopError(f"--since {text}: is no date; write 2026-05-31 or 2026-05-31T14:30") from None
-    return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
 
 
 def _print(fleet: Fleet, new: Sequence[ToldAlarm], every: bool) -> None:

@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 
 from stoop.base.arrays import FloatArray
-from stoop.fleet.changes import Change, Kind, Readings, changes, origins, threshold
+from stoop.fleet.changes import Change, Kind, Readings, changes, origins, peaks, threshold
 from stoop.fleet.mixed_model import Design, MixedModel, Outlier, fit_robust_model, indices
 from stoop.fleet.parts import Parts
 from stoop.fleet.table import FigureTable
@@ -91,17 +91,25 @@ def analyze(table: FigureTable, parts: Parts, alarms_a_year: float = 1.0, seed: 
     seed : int
         Of the simulation that sets the threshold.
     """
-    expected = alarms_a_year * float(np.ptp(table.time)) / YEAR
-    own = {name: table.of(name) for name in table.figures()}
+    years, own = float(np.ptp(table.time)) / YEAR, {name: table.of(name) for name in table.figures()}
+    sequences = len(set(zip(table.figure, table.vehicle, strict=True)))
+    draws = math.ceil(min(EXPECTED / max(alarms_a_year * years, TINY), DRAWS / sequences))
+    models: dict[str, FigureModel] = {}
+    most: dict[str, dict[str, FloatArray]] = {}
     found: dict[str, dict[str, list[Change]]] = {name: {} for name in own}
     for _ in range(ROUNDS):
-        models = {name: figure_model(rows, parts, _shift(rows, found[name])) for name, rows in own.items()}
-        every = [readings for one in models.values() for _, readings in one.sequences.values()]
-        draws = math.ceil(min(EXPECTED / max(expected, TINY), DRAWS / max(len(every), 1)))
-        limit = threshold(every, expected, draws, np.random.default_rng(seed))
+        for i, (name, rows) in enumerate(own.items()):
+            if name not in models or any(found[name].values()):
+                rng = np.random.default_rng([seed, i])
+                models[name] = figure_model(rows, parts, _shift(rows, found[name]))
+                most[name] = {v: peaks(one, draws, rng) for v, (_, one) in models[name].sequences.items()}
+        drawn = np.concatenate([one[1:] for by_vehicle in most.values() for one in by_vehicle.values()])
+        limit = threshold(drawn, alarms_a_year * years * draws)
         found = {
             name: {
-                vehicle: list(changes(readings, limit)) for vehicle, (_, readings) in one.sequences.items()
+                vehicle: list(changes(readings, limit))
+                for vehicle, (_, readings) in one.sequences.items()
+                if most[name][vehicle][0] > limit
             }
             for name, one in models.items()
         }

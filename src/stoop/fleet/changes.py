@@ -17,7 +17,7 @@ References
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Final, Literal
 
@@ -30,7 +30,7 @@ Kind = Literal["step", "drift"]
 KINDS: Final[tuple[Kind, ...]] = ("step", "drift")
 EXACT: Final = 1e-9  #: share of the information about a size, below which it is none
 TAIL: Final = 0.05  #: share of simulated statistics whose excess is taken for exponential
-LEAST: Final = 1e-6  #: expected alarms among the simulated ones: none at all would need an infinite threshold
+LEAST: Final = 1e-6  #: expected alarms, at least: none at all would need an infinite threshold
 DENSE: Final = 64  #: see `_lags`
 STEP: Final = 0.05
 LANES: Final = 256  #: sequences that are scanned side by side
@@ -292,17 +292,18 @@ def _estimated(own: Readings, found: Scan, alarm: int, threshold: float) -> tupl
     return replace(change, first=at + 1, size=float(size[0, at]), error=float(np.sqrt(variance[at]))), last
 
 
-def threshold(sequences: Sequence[Readings], alarms: float, draws: int, rng: np.random.Generator) -> float:
-    """Return the threshold that `alarms` of the sequences exceed on average where nothing changes.
+def peaks(readings: Readings, draws: int, rng: np.random.Generator) -> FloatArray:
+    """Return the largest statistic (1 + draws,) of a sequence, and of sequences without a change that are drawn like it."""
+    lanes = np.vstack([readings.values, readings.drawn(draws, rng)])
+    return np.asarray(scan(readings, lanes).statistic.max(axis=1, initial=0.0))
 
-    Each is simulated `draws` times with its own deviations, times and effects. Beyond the largest of them that `TAIL` tells the
-    excess is exponential, as that of chi-square is nearly.
+
+def threshold(drawn: FloatArray, expected: float) -> float:
+    """Return the threshold that `expected` of the largest statistics (m,) without a change exceed on average.
+
+    Beyond the largest of them that `TAIL` tells the excess is exponential, as that of chi-square is nearly.
     """
-    if not sequences:
-        return np.inf
-    most = [scan(one, one.drawn(draws, rng)).statistic.max(axis=1, initial=0.0) for one in sequences]
-    every = np.sort(np.concatenate(most))[::-1]
-    expected = alarms * draws  # of `every` above the threshold
+    every = np.sort(drawn)[::-1]
     k = min(max(round(expected), math.ceil(TAIL * len(every))), len(every) - 1)
     if k < 1 or expected >= k:
         return float(every[k])

@@ -96,9 +96,11 @@ def _rows(where: str, text: str) -> Iterator[Fitting]:
         vehicle, part, serial = (row[c].strip() for c in COLUMNS[:3])
         if not (vehicle and part and serial):
             raise StoopError(f"{where}: line {line} names no vehicle, part or serial; fill in all three")
-        begin, end = (_seconds(f"{where}: line {line}", row[c].strip()) for c in ("from", "to"))
-        begin = -np.inf if begin is None else begin
-        end = np.inf if end is None else end
+        texts = row["from"].strip(), row["to"].strip()
+        begin, end = (
+            moment(f"{where}: line {line}", text) if text else open_end
+            for text, open_end in zip(texts, (-np.inf, np.inf), strict=True)
+        )
         if not begin < end:
             raise StoopError(
                 f"{where}: line {line}: {serial} leaves {part} before it comes; correct from or to"
@@ -106,14 +108,13 @@ def _rows(where: str, text: str) -> Iterator[Fitting]:
         yield Fitting(vehicle, part, serial, begin, end)
 
 
-def _seconds(where: str, text: str) -> float | None:
-    if not text:
-        return None
+def moment(where: str, text: str) -> float:
+    """Return a date by ISO 8601 as s since 1970, in UTC where no zone stands; `where` is named if it is none."""
     try:
-        moment = datetime.fromisoformat(text)
+        found = datetime.fromisoformat(text)
     except ValueError:
         raise StoopError(f"{where}: '{text}' is no date; write 2026-05-31 or 2026-05-31T14:30") from None
-    return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
+    return (found if found.tzinfo else found.replace(tzinfo=UTC)).timestamp()
 
 
 def _check(where: str, fittings: Sequence[Fitting]) -> None:

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stoop.base.arrays import FloatArray
-from stoop.fleet.changes import Change, Readings, changes, scan, threshold
+from stoop.fleet.changes import Change, Readings, changes, peaks, scan, threshold
 
 
 def readings(rng: np.random.Generator, n: int, spread: tuple[float, ...]) -> Readings:
@@ -72,7 +72,7 @@ def test_the_rate_of_false_alarms_is_the_stated_one() -> None:
     """Vehicles differ, and so do the parts that they carry for a while."""
     rng = np.random.default_rng(4)
     sequences = [readings(rng, 60, (0.5, 0.4, 0.4)) for _ in range(40)]
-    h = threshold(sequences, 1.0, 100, rng)
+    h = threshold(np.concatenate([peaks(one, 100, rng)[1:] for one in sequences]), 100.0)
     fleets = 150
     alarms = sum(
         int(np.sum(scan(one, one.drawn(fleets, rng)).statistic.max(axis=1) > h)) for one in sequences
