@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 import argparse
+from collections import Counter
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+from stoop.base.files import make_folder, write_text_atomic
 from stoop.base.numbers import count
 from stoop.base.text import show
 from stoop.cli import options
 from stoop.cli.page import number, page, to_json
-from stoop.cli.progress import LiveLine
+from stoop.cli.progress import LiveLine, run_campaign
 from stoop.errors import StoopError
 
 if TYPE_CHECKING:
     from stoop.fleet.store import Fleet, ToldAlarm
+    from stoop.fleet.table import FigureTable
 
 NEWS: Final = 3  #: exit code where alarms are new
 
@@ -29,26 +32,63 @@ def run(arguments: argparse.Namespace) -> int:
 
     since = None if arguments.since is None else moment("--since", arguments.since)
     told: tuple[ToldAlarm, ...] = ()
-    if arguments.output is None:
-        if len(arguments.sources) > 1 or arguments.parts or arguments.alarms_a_year:
-            raise StoopError("fleet: tables, parts and a rate go into a store; name its folder with -o")
+    absent: Sequence[tuple[str, str, str]] = ()
+    if (folder := arguments.output) is None:
+        given = (
+            arguments.parts,
+            arguments.alarms_a_year,
+            arguments.flights,
+            arguments.vehicle,
+            arguments.mapping,
+        )
+        if len(arguments.sources) > 1 or any(given):
+            raise StoopError("fleet: logs, tables, parts and a rate go into a store; name its folder with -o")
         fleet = open_fleet(arguments.sources[0])
     else:
+        tables, logs, absent = _read(arguments)
         with LiveLine("looking for changes"):
-            update = (arguments.parts, arguments.alarms_a_year)
-            fleet, told, found = update_fleet(arguments.output, [*map(Path, arguments.sources)], *update)
-            fleet_page(fleet, found, options.command_line()).save(arguments.output / PAGE)
+            fleet, told, found = update_fleet(folder, tables, arguments.parts, arguments.alarms_a_year, logs)
+            fleet_page(fleet, found, options.command_line()).save(folder / PAGE)
     new = told if since is None else tuple(a for a in fleet.standing() if a.found_time >= since)
     if arguments.json:
         alarms = [{**document(a), "new": a in new} for a in fleet.alarms]
         show(to_json({"alarms_a_year": fleet.alarms_a_year, "threshold": fleet.threshold, "alarms": alarms}))
     else:
-        _print(fleet, new, arguments.output is None and since is None)
+        _print(fleet, new, folder is None and since is None, absent)
     return NEWS if new else 0
 
 
-def _print(fleet: Fleet, new: Sequence[ToldAlarm], every: bool) -> None:
-    """Print a line for each alarm: all of them, or the new ones."""
+def _read(
+    arguments: argparse.Namespace,
+) -> tuple[list[Path], FigureTable | None, Sequence[tuple[str, str, str]]]:
+    """Return the tables among the sources, the figures of the logs, and what the logs could not tell, which is written."""
+    from stoop.fleet.logs import ABSENT, absent_text, is_table, plan, store_of, table_of
+    from stoop.fleet.store import LOGS
+
+    paths = [*map(Path, arguments.sources)]
+    tables = [path for path in paths if is_table(path)]
+    logs = [path for path in paths if path not in tables]
+    if not logs:
+        if arguments.flights or arguments.vehicle or arguments.mapping:
+            raise StoopError("fleet: --flights, --vehicle and --mapping are for logs, and no log was named")
+        return tables, None, ()
+    if arguments.flights is None:
+        raise StoopError(
+            f"{logs[0]}: is no table of figures; for logs give a table of the flights with --flights"
+        )
+    campaign = plan(logs, arguments.vehicle, arguments.mapping)
+    make_folder(arguments.output)
+    results = run_campaign(arguments, campaign, store_of(arguments.output))
+    found, absent = table_of(campaign, results, arguments.flights, arguments.output / LOGS)
+    write_text_atomic(arguments.output / ABSENT, absent_text(absent))
+    return tables, found, absent
+
+
+def _print(
+    fleet: Fleet, new: Sequence[ToldAlarm], every: bool, absent: Sequence[tuple[str, str, str]]
+) -> None:
+    """Print a line for each alarm, all of them or the new ones, and one for what the logs could not tell."""
+    from stoop.fleet.logs import ABSENT
     from stoop.fleet.store import PAGE
 
     out, table = page(), fleet.table
@@ -65,6 +105,10 @@ def _print(fleet: Fleet, new: Sequence[ToldAlarm], every: bool) -> None:
             out.line(f"withdrawn: {line(alarm)}")
     if not (every or new):
         out.line(f"no new alarm; {count(len(standing), 'earlier one')}")
+    if absent:
+        groups = Counter(group for _, group, _ in absent)
+        told = ", ".join(f"{group} in {count(n, 'flight')}" for group, n in groups.items())
+        out.line(f"absent: {told} ({fleet.folder / ABSENT} says why)")
     if (path := fleet.folder / PAGE).exists():
         out.line(f"page: {path}")
 

@@ -133,7 +133,7 @@ def figure_model(rows: FigureTable, parts: Parts, shift: FloatArray) -> FigureMo
     fixed = _fixed(rows)
     model, outliers = fit_robust_model(Design(rows.value - shift, rows.std_error, fixed, groups))
     mean = fixed @ model.coefficients[: fixed.shape[1]]
-    left, deviations = rows.value - mean, model.spread(rows.std_error)
+    left, deviations = rows.value - mean, np.hypot(model.flight, rows.std_error)
     sequences = {}
     for i, vehicle in enumerate(vehicles):
         which = at == i

@@ -106,10 +106,6 @@ class MixedModel:
         """Standard errors (p,) of the coefficients."""
         return np.sqrt(np.diag(self.covariance)[: len(self.coefficients)])
 
-    def spread(self, errors: FloatArray) -> FloatArray:
-        """Return the standard deviations of readings with known errors (n,) about the levels of their groups."""
-        return np.hypot(self.flight, errors)
-
 
 @dataclass(frozen=True)
 class Outlier:

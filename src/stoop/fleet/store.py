@@ -18,10 +18,11 @@ from stoop.base.files import make_folder, only_writer, write_files
 from stoop.errors import StoopError
 from stoop.fleet.analysis import Alarm, Cause, FleetAnalysis, analyze
 from stoop.fleet.parts import Parts, read_parts
-from stoop.fleet.table import FigureTable, read_figures
+from stoop.fleet.table import NEEDED, FigureTable, of_frames, read_figures, read_frame
 
 SCHEMA: Final = "stoop-fleet/1"
 STATE, PARTS, FIGURES, PAGE = "fleet.json", "parts.csv", "figures", "fleet.html"
+LOGS: Final = f"{FIGURES}/logs.parquet"  #: figures of logs
 RATE: Final = 1.0  #: false alarms of a new fleet in a year
 
 
@@ -98,7 +99,11 @@ def open_fleet(folder: Path | str) -> Fleet:
 
 
 def update_fleet(
-    folder: Path, sources: Sequence[Path], parts: Path | None = None, alarms_a_year: float | None = None
+    folder: Path,
+    sources: Sequence[Path],
+    parts: Path | None = None,
+    alarms_a_year: float | None = None,
+    logs: FigureTable | None = None,
 ) -> tuple[Fleet, tuple[ToldAlarm, ...], FleetAnalysis]:
     """Add tables of figures to the fleet in a folder, or begin one; return it, the alarms that are new, and the analysis.
 
@@ -109,6 +114,8 @@ def update_fleet(
         Tables; one of the name of an earlier one replaces it.
     parts : Path, optional
         Table of parts; replaces the earlier one.
+    logs : FigureTable, optional
+        Figures of all logs so far, see `stoop.fleet.logs`.
     alarms_a_year : float, optional
         Rate of false alarms of the whole fleet; by default the earlier one, else `RATE`.
 
@@ -117,8 +124,9 @@ def update_fleet(
     StoopError
         One line; the fleet is what it was.
     """
-    names = {f"{FIGURES}/{source.stem}.parquet": source for source in sources}
-    if len(names) < len(sources):
+    new = {f"{FIGURES}/{source.stem}.parquet": read_figures(source) for source in sources}
+    new |= {} if logs is None else {LOGS: logs}
+    if len(new) < len(sources) + (logs is not None):
         raise StoopError(
             f"{folder}: two tables have one name; rename one, each is kept under the name of its file"
         )
@@ -126,9 +134,12 @@ def update_fleet(
     with only_writer(folder):
         earlier, _, told = _state(folder) if (folder / STATE).exists() else (RATE, 0.0, ())
         rate = alarms_a_year or earlier
-        files: dict[str, bytes | str] = {name: _parquet(read_figures(one)) for name, one in names.items()}
-        kept = [path for path in _partitions(folder) if f"{FIGURES}/{path.name}" not in names]
-        table = read_figures(*kept, *sources)
+        kept = [path for path in _partitions(folder) if f"{FIGURES}/{path.name}" not in new]
+        files: dict[str, bytes | str] = {name: _parquet(one) for name, one in new.items()}
+        table = of_frames(
+            ", ".join(map(str, (*kept, *sources, *["logs"] * (logs is not None)))),
+            [*(read_frame(path, NEEDED) for path in kept), *(one.frame() for one in new.values())],
+        )
         known = _parts(folder) if parts is None else read_parts(parts)
         found = analyze(table, known, rate)
         now = [ToldAlarm.of(one, table) for one in found.alarms]

@@ -102,13 +102,11 @@ def read_figures(*paths: Path) -> FigureTable:
     StoopError
         One line that says which column or row is wrong, and what to do.
     """
-    import pandas as pd
-
-    tables = [_frame(path) for path in paths]
-    return _of_frame(", ".join(map(str, paths)), pd.concat(tables, ignore_index=True))
+    return of_frames(", ".join(map(str, paths)), [read_frame(path, NEEDED) for path in paths])
 
 
-def _frame(path: Path) -> pd.DataFrame:
+def read_frame(path: Path, needed: Sequence[str]) -> pd.DataFrame:
+    """Return a table that has some columns, a time among them in seconds since 1970; errors as of `read_figures`."""
     import pandas as pd
 
     kept = dict.fromkeys((*TEXTS, *OPTIONAL), str)  # 007 is no number
@@ -124,15 +122,18 @@ def _frame(path: Path) -> pd.DataFrame:
     except (ValueError, OSError) as error:
         what = str(error).splitlines()[0][:200]
         raise StoopError(f"{path}: not a table ({what}); write CSV with commas, or Parquet") from None
-    lost = [name for name in NEEDED if name not in table.columns]
-    if lost:
-        raise StoopError(f"{path}: no column {lost[0]}; a table of figures has {', '.join(NEEDED)}")
+    if lost := [name for name in needed if name not in table.columns]:
+        raise StoopError(f"{path}: no column {lost[0]}; the table needs {', '.join(needed)}")
     if table.empty:
-        raise StoopError(f"{path}: holds no figure; a row is a figure of a flight")
-    return table.assign(time=_seconds(str(path), table["time"]))
+        raise StoopError(f"{path}: holds no row")
+    return table.assign(time=_seconds(str(path), table["time"])) if "time" in table.columns else table
 
 
-def _of_frame(where: str, table: pd.DataFrame) -> FigureTable:
+def of_frames(where: str, tables: Sequence[pd.DataFrame]) -> FigureTable:
+    """Return the rows of tables with the columns of `read_figures` as one; `where` is named in its errors."""
+    import pandas as pd
+
+    table = pd.concat(tables, ignore_index=True)
     numbers = {name: _numbers(where, table, name) for name in ("time", *NUMBERS)}
     bad = np.flatnonzero(
         ~(np.isfinite(numbers["value"]) & np.isfinite(numbers["time"]) & (numbers["std_error"] > 0.0))

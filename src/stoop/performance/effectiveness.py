@@ -153,11 +153,10 @@ class Hover:
     duration: float  #: s
 
 
-def hover(flight: Flight, balance: Balance) -> Hover:
-    """Return the mean commands of a flight near hover.
+def hover_commands(flight: Flight, balance: Balance) -> tuple[FloatArray, FloatArray, float]:
+    """Return commanded thrust, N, and torque, N m, of each rotor (n, k) at the samples near hover, and the mean voltage.
 
-    Between start and end of a stretch near hover the velocity hardly changes, so mean forces and moments are those of rest,
-    whatever the motion in between. A FlightError says that a command is missing, the flight too short or too fast.
+    A FlightError says that a command is missing, the flight too short or too fast.
     """
     recorded = set(flight.names)
     needed = [rotor.channel for rotor in balance.vehicle.file.rotor.values()]
@@ -194,15 +193,30 @@ def hover(flight: Flight, balance: Balance) -> Hover:
                 f"{flight.name}: half of it is faster than {np.nanmedian(speed):.1f} m/s; choose a flight near hover, "
                 f"below {LIMITS.max_speed:g} m/s"
             )
-    thrust, torque = thrust[:, inside], torque[:, inside]
-    sums = balance.of_thrust @ thrust + balance.of_torque @ torque
-    # the mean of correlated samples scatters as the means of blocks do
-    size = max(round(LIMITS.block * flight.rate), 1)
-    count = sums.shape[1] // size
-    blocks = sums[:, : count * size].reshape(4, count, size).mean(axis=2)
     voltage = float(np.mean(commands["voltage"][inside])) if "voltage" in commands else np.nan
-    means, covariance = (thrust.mean(axis=1), torque.mean(axis=1)), np.asarray(np.cov(blocks) / count)
-    return Hover(flight.name, *means, covariance, voltage, seconds)
+    return thrust[:, inside], torque[:, inside], voltage
+
+
+def block_means(values: FloatArray, rate: float) -> FloatArray:
+    """Return the means of blocks (n, m) of values (n, k) of a rate, Hz: of correlated samples they scatter as the mean does."""
+    size = max(round(LIMITS.block * rate), 1)
+    count = values.shape[1] // size
+    return np.asarray(values[:, : count * size].reshape(len(values), count, size).mean(axis=2))
+
+
+def hover(flight: Flight, balance: Balance) -> Hover:
+    """Return the mean commands of a flight near hover; for errors see `hover_commands`.
+
+    Between start and end of a stretch near hover the velocity hardly changes, so mean forces and moments are those of rest,
+    whatever the motion in between.
+    """
+    thrust, torque, voltage = hover_commands(flight, balance)
+    blocks = block_means(balance.of_thrust @ thrust + balance.of_torque @ torque, flight.rate)
+    means, covariance = (
+        (thrust.mean(axis=1), torque.mean(axis=1)),
+        np.asarray(np.cov(blocks) / blocks.shape[1]),
+    )
+    return Hover(flight.name, *means, covariance, voltage, thrust.shape[1] / flight.rate)
 
 
 def pooled(flights: Sequence[Hover]) -> Hover:

@@ -107,7 +107,7 @@ def test_an_error_changes_nothing(tmp_path: Path) -> None:
     for sources, said in (
         ([same], "drag of flight v"),
         ([figures, twin], "two tables have one name"),
-        ([tmp_path / "none.csv"], "holds no figure"),
+        ([tmp_path / "none.csv"], "none.csv: holds no row"),
         ([tmp_path / "absent.csv"], "cannot be read"),
         ([store], "cannot be read"),
     ):
@@ -176,6 +176,7 @@ def test_a_nightly_job(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> No
         ([*show, "--since", "soon"], "is no date"),
         ([*show, "--alarms-a-year", "2"], "name its folder with -o"),
         (["fleet", str(tmp_path)], "holds no fleet"),
+        ([*command, "--flights", str(parts)], "are for logs, and no log was named"),
     ):
         assert main(wrong) == 2
         (line,) = capsys.readouterr().err.splitlines()

@@ -1,0 +1,102 @@
+"""A fleet of two real quadrotors, from their logs: shares of the rotors, what was read before, what is broken."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from stoop.cli.main import main
+
+VEHICLE = Path(__file__).parents[2] / "examples" / "crazyflie.toml"
+NAMES = (
+    *(f"normal_flight__E8_log0{i}" for i in range(3)), *(f"normal_flight__E9_log0{i}" for i in range(5)),
+    *(f"cut_propeller_M3_2mm_2mm_43mm__E8_log0{i}" for i in (3, 5, 6)),
+    *(f"cut_propeller_M3_{cut}__E8_log0{i}" for cut in ("3mm_3mm_41mm", "4mm_4mm_39mm") for i in range(3)),
+)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def logs(shared_data: Path) -> list[Path]:
+    return [shared_data / "crazypad-propeller-damage" / f"{name}.usd" for name in NAMES]
+
+
+def flights(folder: Path) -> Path:
+    """Write the table of the flights: a day each, healthy ones first."""
+    rows = [(name, name.partition("__")[2][:2], f"2026-01-{i:02}") for i, name in enumerate(NAMES, start=1)]
+    path = folder / "flights.csv"
+    pd.DataFrame(rows, columns=["flight", "vehicle", "time"]).to_csv(path, index=False)
+    return path
+
+
+def command(folder: Path, sources: Sequence[Path], vehicle: Path = VEHICLE) -> list[str]:
+    table = ["--flights", str(flights(folder)), "--vehicle", str(vehicle)]
+    return ["fleet", *map(str, sources), *table, "-o", str(folder / "store"), "--workers", "1"]
+
+
+def figures(folder: Path) -> pd.DataFrame:
+    return pd.read_parquet(folder / "store" / "figures" / "logs.parquet").set_index(["flight", "figure"])
+
+
+def test_the_cut_propeller_of_a_real_quadrotor_is_a_change(
+    tmp_path: Path, logs: list[Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(command(tmp_path, logs)) == 3
+    head, *told = capsys.readouterr().out.splitlines()
+    assert head == "2 vehicles, 17 flights, 5 figures; 1 false alarms a year"
+    (alarm,) = [line for line in told if line.startswith("E")]
+    assert alarm.startswith("E8 share.M3: drift of 0.0"), "it was cut shorter and shorter"
+    assert "found in cut_propeller_M3_2mm_2mm_43mm__E8_log03: " in alarm, (
+        "the first flight after the first cut"
+    )
+    share = figures(tmp_path).value.unstack()[[f"share.M{i}" for i in (1, 2, 3, 4)]]
+    assert share.mean(axis=1).to_numpy() == pytest.approx(1.0, abs=1e-9)
+    cut, sound = (share["share.M3"].filter(like=name).mean() for name in ("39mm__E8", "normal_flight__E8"))
+    # of one pitch and speed, thrust goes with the area that the blades sweep, or more
+    assert cut / sound > (47.0 / 39.0) ** 2
+
+
+def test_a_log_that_was_read_is_not_read_again_and_a_broken_one_costs_its_row(
+    tmp_path: Path, logs: list[Path], capfd: pytest.CaptureFixture[str]
+) -> None:
+    own = [Path(shutil.copy(log, tmp_path)) for log in logs[:4]]
+    assert main(command(tmp_path, own[:3])) in (0, 3)
+    before = figures(tmp_path)
+    own[3].write_bytes(own[3].read_bytes()[:200])
+    capfd.readouterr()
+    assert main(command(tmp_path, own)) in (0, 3)
+    out, err = capfd.readouterr()
+    assert "4 of 4 runs, 3 from before" in err
+    assert "log in 1 flight" in out
+    assert figures(tmp_path).equals(before)
+    absent = pd.read_csv(tmp_path / "store" / "absent.csv").set_index(["flight", "group"])
+    assert (own[3].stem, "log") in absent.index
+    assert main(command(tmp_path, own[:1])) in (0, 3)
+    kept = figures(tmp_path)
+    assert np.array_equal(kept.sort_index().value, before.sort_index().value), "flights of other logs stay"
+
+
+def test_what_cannot_be_read_is_named(
+    tmp_path: Path, logs: list[Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    shutil.copy(logs[0], tmp_path / f"{NAMES[3]}.usd")
+    unknown = Path(shutil.copy(logs[1], tmp_path / "unknown.usd"))
+    (tmp_path / "other").mkdir()
+    named = Path(shutil.copy(logs[2], tmp_path / "other" / logs[0].name))
+    (tmp_path / "broken.toml").write_text("[")
+    for sources, said in (
+        ([logs[0], tmp_path / f"{NAMES[3]}.usd"], "is the same log as"),
+        ([logs[0], named], f"2 logs are called {NAMES[0]}"),
+        ([unknown], "has no row of flight unknown"),
+        ([tmp_path / "none.usd"], "there is no such file"),
+    ):
+        assert main(command(tmp_path, sources)) == 2
+        assert said in capsys.readouterr().err.splitlines()[-1]
+    assert main(command(tmp_path, logs[:1], tmp_path / "broken.toml")) == 2
+    assert "broken.toml" in capsys.readouterr().err.splitlines()[-1]
+    assert main(["fleet", str(logs[0]), "-o", str(tmp_path / "store")]) == 2
+    assert "give a table of the flights with --flights" in capsys.readouterr().err
