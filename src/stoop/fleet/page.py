@@ -129,7 +129,7 @@ def _spans(rows: FigureTable, vehicle: str, parts: Parts, x: Scale) -> Iterator[
     for k, (serial, group) in enumerate(groupby(serials)):
         end = begin + len(list(group))
         left, right = x.at(begin - 0.5), x.at(end - 0.5)
-        if k % 2 == 0:
+        if serial and k % 2 == 0:
             yield element("rect", x=left, y=0.0, width=right - left, height=HEIGHT, class_="fleet-span")
         if serial and right - left > NAMED * len(serial):
             yield element("text", serial, x=right - 4.0, y=HEIGHT - 3.0, class_="tick end")
