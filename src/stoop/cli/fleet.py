@@ -72,11 +72,11 @@ def _read(
         if arguments.flights or arguments.vehicle or arguments.mapping:
             raise StoopError("fleet: --flights, --vehicle and --mapping are for logs, and no log was named")
         return tables, None, ()
+    campaign = plan(logs, arguments.vehicle, arguments.mapping)
     if arguments.flights is None:
         raise StoopError(
             f"{logs[0]}: is no table of figures; for logs give a table of the flights with --flights"
         )
-    campaign = plan(logs, arguments.vehicle, arguments.mapping)
     make_folder(arguments.output)
     results = run_campaign(arguments, campaign, store_of(arguments.output))
     found, absent = table_of(campaign, results, arguments.flights, arguments.output / LOGS)
