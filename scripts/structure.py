@@ -24,7 +24,7 @@ FLAG = re.compile(
 )  #: tests whether a vehicle has rotors
 #: room -> lines at most; "stoop" is the whole package, for which the design asks 68,000, and 9,000 for its studies
 BUDGETS = {
-    "stoop": 89480,
+    "stoop": 89495,
     "stoop_studies": 14335,
     "api": 200,
     "app": 3650,
@@ -35,7 +35,7 @@ BUDGETS = {
     "control_laws": 1555,
     "estimate": 7540,
     "exporters": 8892,
-    "fleet": 1700,
+    "fleet": 1720,
     "flight": 6500,
     "input_design": 2350,
     "kernels": 2810,

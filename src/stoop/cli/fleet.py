@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 from collections import Counter
 from collections.abc import Sequence
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -91,12 +90,8 @@ def _print(
     from stoop.fleet.logs import ABSENT
     from stoop.fleet.store import PAGE
 
-    out, table = page(), fleet.table
-    vehicles, flights = set(table.vehicle), set(zip(table.vehicle, table.flight, strict=True))
-    out.line(
-        f"{count(len(vehicles), 'vehicle')}, {count(len(flights), 'flight')}, {count(len(table.figures()), 'figure')}; "
-        f"{fleet.alarms_a_year:g} false alarms a year"
-    )
+    out = page()
+    out.line(f"{fleet.extent()}; {fleet.alarms_a_year:g} false alarms a year")
     standing = fleet.standing()
     for alarm in standing if every else new:
         out.line(line(alarm))
@@ -115,10 +110,7 @@ def _print(
 
 def line(alarm: ToldAlarm) -> str:
     """Return an alarm as a line: figure, size and error, since when, and the two likeliest causes."""
-    day = datetime.fromtimestamp(alarm.began_time, UTC).date()
-    unit = " a day" if alarm.kind == "drift" else ""
-    causes = ", or ".join(f"{cause.name} ({100.0 * cause.probability:.0f} %)" for cause in alarm.causes[:2])
     return (
-        f"{alarm.vehicle} {alarm.figure}: {alarm.kind} of {number(alarm.size)} +- {number(alarm.std_error, 2)}{unit} "
-        f"since flight {alarm.began} ({day}), found in {alarm.found}: {causes}"
+        f"{alarm.vehicle} {alarm.figure}: {alarm.kind} of {number(alarm.size)} +- {number(alarm.std_error, 2)}{alarm.per} "
+        f"since flight {alarm.since}, found in {alarm.found}: {alarm.explanation}"
     )

@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 
 from stoop.base.arrays import FloatArray
-from stoop.fleet.changes import Change, Kind, Readings, changes, origins, peaks, threshold
+from stoop.fleet.changes import LEAST, Change, Kind, Readings, changes, origins, peaks, threshold
 from stoop.fleet.mixed_model import Design, MixedModel, Outlier, fit_robust_model, indices
 from stoop.fleet.parts import Parts
 from stoop.fleet.table import FigureTable
@@ -19,7 +19,6 @@ from stoop.fleet.table import FigureTable
 DAY: Final = 86400.0  #: s
 YEAR: Final = 365.25 * DAY
 DRAWS: Final = 10_000  #: sequences without a change that are simulated for the threshold, at most
-TINY: Final = 1e-9
 EXPECTED: Final = 200  #: false alarms among them that are enough
 ROUNDS: Final = 2  #: of model and changes: changes that were found are taken off before the second model
 AT_EVENTS: Final = 0.5  #: prior probability that a change began with an exchange or an update
@@ -93,7 +92,7 @@ def analyze(table: FigureTable, parts: Parts, alarms_a_year: float = 1.0, seed: 
     """
     years, own = float(np.ptp(table.time)) / YEAR, {name: table.of(name) for name in table.figures()}
     sequences = len(set(zip(table.figure, table.vehicle, strict=True)))
-    draws = math.ceil(min(EXPECTED / max(alarms_a_year * years, TINY), DRAWS / sequences))
+    draws = math.ceil(min(EXPECTED / max(alarms_a_year * years, LEAST), DRAWS / sequences))
     models: dict[str, FigureModel] = {}
     most: dict[str, dict[str, FloatArray]] = {}
     found: dict[str, dict[str, list[Change]]] = {name: {} for name in own}

@@ -11,10 +11,10 @@ from typing import Final
 
 import numpy as np
 
-from stoop.base.arrays import FloatArray
 from stoop.errors import FlightError, StoopError
+from stoop.estimate.regression.least_squares import TimeDomain
 from stoop.flight import Flight
-from stoop.performance.effectiveness import Balance, block_means, hover, hover_commands
+from stoop.performance.effectiveness import LIMITS, Balance, block_means, hover_commands
 from stoop.reconstruction.compatibility import check
 from stoop.vehicle import Vehicle
 
@@ -26,7 +26,6 @@ INSTRUMENTS: Final = {
 """First part of the name of an instrument error -> place of the instrument."""
 FEWEST: Final = 30  #: blocks of a second for the resistance of a battery
 MOVED: Final = 0.02  #: A, rms of its changes that tells it
-LAGS: Final = 3
 
 
 @dataclass(frozen=True)
@@ -44,7 +43,6 @@ class FlightFigure:
 class Group:
     """Figures that come from one evaluation; it raises `StoopError` where the flight cannot tell them."""
 
-    meaning: str
     needs: str
     evaluate: Callable[[Flight, Vehicle | None], Iterator[FlightFigure]]
 
@@ -68,13 +66,12 @@ def rotors(flight: Flight, vehicle: Vehicle | None) -> Iterator[FlightFigure]:
     if vehicle is None or not vehicle.rotors:
         raise FlightError("no vehicle with rotors was given")
     balance = Balance(vehicle)
-    mean = hover(flight, balance)
-    lift = float((balance.of_thrust @ mean.thrust + balance.of_torque @ mean.torque)[0])
-    yield FlightFigure("hover.lift", lift, float(np.sqrt(mean.covariance[0, 0])), "N")
-    thrust, _, _ = hover_commands(flight, balance)
-    blocks = block_means(thrust / thrust.mean(axis=0), flight.rate)
+    thrust, torque, _ = hover_commands(flight, balance)
+    lift = (balance.of_thrust @ thrust + balance.of_torque @ torque)[:1]
+    blocks = block_means(np.vstack([lift, thrust / thrust.mean(axis=0)]), flight.rate)
     errors = blocks.std(axis=1, ddof=1) / np.sqrt(blocks.shape[1])
-    for name, share, error in zip(vehicle.rotors, blocks.mean(axis=1), errors, strict=True):
+    yield FlightFigure("hover.lift", float(lift.mean()), float(errors[0]), "N")
+    for name, share, error in zip(vehicle.rotors, blocks[1:].mean(axis=1), errors[1:], strict=True):
         yield FlightFigure(f"share.{name}", float(share), float(error), "1", name)
 
 
@@ -93,24 +90,16 @@ def battery(flight: Flight, vehicle: Vehicle | None) -> Iterator[FlightFigure]:
     if np.sqrt(np.mean(current**2)) < MOVED:
         raise FlightError("the current hardly changed")
     slope = float(current @ voltage / (current @ current))
+    scatter = TimeDomain().scatter(current[:, None], voltage - slope * current, LIMITS.block)[0, 0]
     yield FlightFigure(
-        "battery.resistance", -slope, _error(current, voltage - slope * current), "ohm", "battery"
+        "battery.resistance", -slope, float(np.sqrt(scatter)) / float(current @ current), "ohm", "battery"
     )
 
 
-def _error(regressor: FloatArray, residuals: FloatArray) -> float:
-    """Return the standard error of a slope whose residuals are correlated over a few samples (Newey and West)."""
-    products = regressor * residuals
-    total = products @ products
-    for lag in range(1, LAGS + 1):
-        total += 2.0 * (1.0 - lag / (LAGS + 1.0)) * (products[lag:] @ products[:-lag])
-    return float(np.sqrt(total) / (regressor @ regressor))
-
-
 GROUPS: Final[Mapping[str, Group]] = {
-    "instruments": Group("errors of the sensors against each other", "attitude, rates and a velocity", instruments),
-    "rotors": Group("lift and shares of the rotors near hover", "commands of all motors, and a vehicle with rotors", rotors),
-    "battery": Group("resistance of the battery", "voltage and current", battery),
+    "instruments": Group("attitude, rates and a velocity", instruments),
+    "rotors": Group("commands of all motors, and a vehicle with rotors", rotors),
+    "battery": Group("voltage and current", battery),
 }  # fmt: skip
 
 

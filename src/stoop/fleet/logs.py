@@ -17,8 +17,10 @@ import pandas as pd
 
 from stoop.errors import StoopError
 from stoop.fleet.log_figures import figures_of
-from stoop.fleet.table import FigureTable, of_frames, read_frame
+from stoop.fleet.table import FigureTable, columns_of, of_frames, read_frame
+from stoop.flight.flight import flight_name
 from stoop.flight.load import load
+from stoop.logs.csv_tables import mapping_beside
 from stoop.parallel import Plan, Run, environment
 from stoop.parallel.plan import Json
 from stoop.parallel.store import forget
@@ -28,17 +30,12 @@ from stoop.workflow.outputs import file_hashes
 
 WORK: Final = "stoop.fleet.logs:read"
 FLIGHTS: Final = ("flight", "vehicle", "time")  #: columns of a table of flights
-NAME, STORES, ABSENT = "logs", "logs-*.sqlite", "absent.csv"
+STORES, ABSENT = "logs-*.sqlite", "absent.csv"
 
 
 def is_table(path: Path) -> bool:
     """Tell whether a file is a table of figures, by its columns; a log may be CSV or Parquet, too."""
-    if path.suffix not in (".csv", ".parquet", ".pq") or not path.is_file():
-        return False
-    try:
-        return {"figure", "std_error"} <= set(read_frame(path, ()).columns)
-    except StoopError:
-        return False
+    return {"figure", "std_error"} <= set(columns_of(path))
 
 
 def plan(logs: Sequence[Path], vehicle: str | None, mapping: Path | None) -> Plan:
@@ -49,20 +46,19 @@ def plan(logs: Sequence[Path], vehicle: str | None, mapping: Path | None) -> Pla
     StoopError
         A log or another file is not there, a log stands there twice, or two logs have one name.
     """
-    for path in (*logs, *([mapping] if mapping else [])):
+    others = [] if mapping is None else [mapping]
+    for path in (*logs, *others):
         if not path.exists():
             raise StoopError(f"{path}: there is no such file")
-    for name, several in Counter(map(flight_of, logs)).items():
+    for name, several in Counter(map(flight_name, logs)).items():
         if several > 1:
             raise StoopError(
                 f"{several} logs are called {name}; rename them, flights go by the names of their logs"
             )
     if vehicle is not None:
         resolve_vehicle(vehicle)
-    others = [Path(vehicle)] if vehicle is not None and vehicle not in BUILT_IN else []
-    hashes = {
-        path: file_hashes([path]).popitem()[1] for path in (*logs, *others, *([mapping] if mapping else []))
-    }
+        others += [Path(vehicle)] if vehicle not in BUILT_IN else []
+    hashes = {path: _hash(path) for path in (*logs, *others)}
     twice = Counter(hashes[path] for path in logs)
     for path in logs:
         if twice[hashes[path]] > 1:
@@ -70,13 +66,19 @@ def plan(logs: Sequence[Path], vehicle: str | None, mapping: Path | None) -> Pla
             raise StoopError(f"{path}: is the same log as {same}; leave one out")
     runs = []
     for path in logs:
-        arguments: dict[str, Json] = {
-            "log": str(path), "content": hashes[path], "vehicle": vehicle, "mapping": None if mapping is None else str(mapping),
-            "beside": [hashes[one] for one in (*others, *([mapping] if mapping else []))],
-        }  # fmt: skip
+        beside: list[Json] = [
+            *(hashes[one] for one in others),
+            *(_hash(one) for one in [mapping_beside(path)] if one.is_file()),
+        ]
+        given = {"vehicle": vehicle, "mapping": None if mapping is None else str(mapping)}
+        arguments: dict[str, Json] = {"log": str(path), "content": hashes[path], **given, "beside": beside}
         key = hashlib.sha256(Run("log", WORK, arguments).text.encode()).hexdigest()
         runs.append(Run(key, WORK, arguments))
     return Plan("fleet", {}, tuple(runs))
+
+
+def _hash(path: Path) -> str:
+    return file_hashes([path]).popitem()[1]
 
 
 def store_of(folder: Path) -> Path:
@@ -101,11 +103,6 @@ def read(arguments: Mapping[str, Any], stops: Sequence[int | None]) -> list[Json
     return [{"figures": rows, "absent": dict(absent)}]
 
 
-def flight_of(log: Path) -> str:
-    """Return the name of the flight of a log."""
-    return log.stem
-
-
 def table_of(
     campaign: Plan, results: Mapping[str, Any], flights: Path, earlier: Path
 ) -> tuple[FigureTable, list[tuple[str, str, str]]]:
@@ -119,7 +116,7 @@ def table_of(
     known = read_frame(flights, FLIGHTS).set_index("flight")
     rows, absent = [], []
     for run in campaign.runs:
-        flight, one = flight_of(Path(str(run.arguments["log"]))), results[run.key]
+        flight, one = flight_name(Path(str(run.arguments["log"]))), results[run.key]
         if flight not in known.index:
             raise StoopError(
                 f"{flights}: has no row of flight {flight}; add it, with {' and '.join(FLIGHTS[1:])}"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from datetime import UTC, datetime
 from itertools import groupby
 from typing import Final
 
@@ -14,7 +13,7 @@ from stoop.assessment.covariance import NORMAL_95
 from stoop.base.arrays import FloatArray
 from stoop.base.numbers import NOTHING, count, number, rounded_to_error
 from stoop.fleet.analysis import Alarm, FigureModel, FleetAnalysis
-from stoop.fleet.parts import Parts
+from stoop.fleet.parts import Parts, day
 from stoop.fleet.store import Fleet, ToldAlarm
 from stoop.fleet.table import FigureTable
 from stoop.report.series import spanning
@@ -36,13 +35,10 @@ The line is the level of the vehicle with the changes that were found."""
 
 def fleet_page(fleet: Fleet, found: FleetAnalysis, command: str = "") -> Page:
     """Return the page; vehicles with alarms come first and are open."""
-    table = fleet.table
     accused = {one.vehicle for one in found.alarms}
-    vehicles = sorted(set(table.vehicle), key=lambda name: (name not in accused, name))
-    flights = len(set(zip(table.vehicle, table.flight, strict=True)))
+    vehicles = sorted(set(fleet.table.vehicle), key=lambda name: (name not in accused, name))
     lead = (
-        f"{count(len(vehicles), 'vehicle')}, {count(flights, 'flight')}, {count(len(found.figures), 'figure')}. "
-        f"{count(len(found.alarms), 'change')} found; of a fleet in which nothing changes "
+        f"{fleet.extent()}. {count(len(found.alarms), 'change')} found; of a fleet in which nothing changes "
         f"{fleet.alarms_a_year:g} a year would be told."
     )
     sections = [Section("Alarms", tuple(_tables(fleet.alarms)))]
@@ -67,17 +63,14 @@ def _tables(alarms: Sequence[ToldAlarm]) -> Iterator[Table | Prose]:
 
 def _row(one: ToldAlarm) -> tuple[str, ...]:
     size, error = rounded_to_error(one.size, one.std_error)
-    day = datetime.fromtimestamp(one.began_time, UTC).date()
-    causes = ", or ".join(f"{c.name} ({100.0 * c.probability:.0f} %)" for c in one.causes[:2])
-    a_day = " a day" if one.kind == "drift" else ""
     return (
         one.vehicle,
         one.figure,
-        f"{size}{a_day}",
+        f"{size}{one.per}",
         error,
-        f"{one.began} ({day})",
+        one.since,
         one.found,
-        causes or NOTHING,
+        one.explanation or NOTHING,
     )
 
 
@@ -89,8 +82,7 @@ def _panels(vehicle: str, found: FleetAnalysis, parts: Parts) -> Iterator[Panel]
 
 
 def _ends(rows: FigureTable) -> str:
-    first, last = (datetime.fromtimestamp(rows.time[i], UTC).date() for i in (0, -1))
-    return f"{first} to {last}"
+    return f"{day(rows.time[0])} to {day(rows.time[-1])}"
 
 
 def _drawn(figure: FigureModel, vehicle: str, alarms: Sequence[Alarm], parts: Parts) -> Markup:

@@ -11,7 +11,7 @@ import io
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from datetime import UTC, datetime
+from datetime import UTC, date, datetime
 from itertools import pairwise
 from pathlib import Path
 from typing import Final
@@ -117,6 +117,11 @@ def moment(where: str, text: str) -> float:
     return (found if found.tzinfo else found.replace(tzinfo=UTC)).timestamp()
 
 
+def day(seconds: float) -> date:
+    """Return the day (UTC) of a time, s since 1970."""
+    return datetime.fromtimestamp(seconds, UTC).date()
+
+
 def _check(where: str, fittings: Sequence[Fitting]) -> None:
     """Raise for the first two fittings that contradict each other."""
     in_place: dict[tuple[str, str], list[Fitting]] = defaultdict(list)
@@ -131,5 +136,5 @@ def _check(where: str, fittings: Sequence[Fitting]) -> None:
         for own in groups.values():
             for one, other in pairwise(sorted(own, key=lambda one: one.begin)):
                 if other.begin < one.end:
-                    day = datetime.fromtimestamp(max(other.begin, 0.0), UTC).date()
-                    raise StoopError(f"{where}: {what.format(one, other)} on {day}; correct from or to")
+                    at = day(max(other.begin, 0.0))
+                    raise StoopError(f"{where}: {what.format(one, other)} on {at}; correct from or to")

@@ -15,9 +15,10 @@ from typing import Any, Final
 
 from stoop.base.extras import install
 from stoop.base.files import make_folder, only_writer, write_files
+from stoop.base.numbers import count
 from stoop.errors import StoopError
 from stoop.fleet.analysis import Alarm, Cause, FleetAnalysis, analyze
-from stoop.fleet.parts import Parts, read_parts
+from stoop.fleet.parts import Parts, day, read_parts
 from stoop.fleet.table import NEEDED, FigureTable, of_frames, read_figures, read_frame
 
 SCHEMA: Final = "stoop-fleet/1"
@@ -59,6 +60,21 @@ class ToldAlarm:
         own, change = (alarm.began, alarm.found, began, found), alarm.change
         return cls(alarm.vehicle, alarm.figure, change.kind, change.size, change.error, *own, alarm.causes)
 
+    @property
+    def since(self) -> str:
+        """The flight in which it began, with its day."""
+        return f"{self.began} ({day(self.began_time)})"
+
+    @property
+    def per(self) -> str:
+        """What the size is per, in words; empty for a step."""
+        return " a day" if self.kind == "drift" else ""
+
+    @property
+    def explanation(self) -> str:
+        """The two likeliest causes, with their probabilities."""
+        return ", or ".join(f"{one.name} ({100.0 * one.probability:.0f} %)" for one in self.causes[:2])
+
     def is_of(self, other: ToldAlarm) -> bool:
         """Tell whether both tell of one change: of the same figure, begun in flights of which none is after the other's alarm."""
         same = (self.vehicle, self.figure) == (other.vehicle, other.figure)
@@ -75,6 +91,12 @@ class Fleet:
     alarms_a_year: float
     threshold: float
     alarms: tuple[ToldAlarm, ...]  #: withdrawn ones included, by vehicle, figure and time
+
+    def extent(self) -> str:
+        """Return how many vehicles, flights and figures there are."""
+        table = self.table
+        flights = len(set(zip(table.vehicle, table.flight, strict=True)))
+        return f"{count(len(set(table.vehicle)), 'vehicle')}, {count(flights, 'flight')}, {count(len(table.figures()), 'figure')}"
 
     def standing(self) -> tuple[ToldAlarm, ...]:
         """Return the alarms that were not withdrawn."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -21,7 +22,9 @@ TEXTS: Final = ("flight", "vehicle", "figure")
 NUMBERS: Final = ("value", "std_error")
 NEEDED: Final = (*TEXTS, "time", *NUMBERS)
 OPTIONAL: Final = ("software", "parts")
+PARQUET: Final = (".parquet", ".pq")
 MAX_BYTES: Final = 2**30
+MAX_HEAD: Final = 2**20
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +119,7 @@ def read_frame(path: Path, needed: Sequence[str]) -> pd.DataFrame:
         reason = getattr(error, "strerror", None) or error
         raise StoopError(f"{path}: cannot be read ({reason}); name a table of figures") from None
     try:
-        table = pd.read_parquet(file) if path.suffix in (".parquet", ".pq") else pd.read_csv(file, dtype=kept)
+        table = pd.read_parquet(file) if path.suffix in PARQUET else pd.read_csv(file, dtype=kept)
     except ImportError:
         raise StoopError(f"{path}: Parquet needs a library; pip install '.[parquet]'") from None
     except (ValueError, OSError) as error:
@@ -127,6 +130,22 @@ def read_frame(path: Path, needed: Sequence[str]) -> pd.DataFrame:
     if table.empty:
         raise StoopError(f"{path}: holds no row")
     return table.assign(time=_seconds(str(path), table["time"])) if "time" in table.columns else table
+
+
+def columns_of(path: Path) -> tuple[str, ...]:
+    """Return the columns of a CSV or Parquet file by its head; none of what is no such file."""
+    if path.suffix not in (".csv", *PARQUET) or not path.is_file():
+        return ()
+    if path.suffix == ".csv":
+        with path.open("rb") as file:
+            head = file.readline(MAX_HEAD).decode("utf-8-sig", "replace")
+        return tuple(next(csv.reader([head]), ()))
+    try:
+        from pyarrow.parquet import read_schema
+
+        return tuple(read_schema(path).names)
+    except (ImportError, ValueError, OSError):
+        return ()
 
 
 def of_frames(where: str, tables: Sequence[pd.DataFrame]) -> FigureTable:
