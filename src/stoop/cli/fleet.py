@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from stoop.base.files import make_folder, write_text_atomic
+from stoop.base.files import make_folder
 from stoop.base.numbers import count
 from stoop.base.text import show
 from stoop.cli import options
@@ -17,8 +17,8 @@ from stoop.cli.progress import LiveLine, run_campaign
 from stoop.errors import StoopError
 
 if TYPE_CHECKING:
+    from stoop.fleet.logs import LogFigures
     from stoop.fleet.store import Fleet, ToldAlarm
-    from stoop.fleet.table import FigureTable
 
 NEWS: Final = 3  #: exit code where alarms are new
 
@@ -31,7 +31,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     since = None if arguments.since is None else moment("--since", arguments.since)
     told: tuple[ToldAlarm, ...] = ()
-    absent: Sequence[tuple[str, str, str]] = ()
+    logs: LogFigures | None = None
     if (folder := arguments.output) is None:
         given = (
             arguments.parts,
@@ -44,7 +44,7 @@ def run(arguments: argparse.Namespace) -> int:
             raise StoopError("fleet: logs, tables, parts and a rate go into a store; name its folder with -o")
         fleet = open_fleet(arguments.sources[0])
     else:
-        tables, logs, absent = _read(arguments)
+        tables, logs = _read(arguments)
         with LiveLine("looking for changes"):
             fleet, told, found = update_fleet(folder, tables, arguments.parts, arguments.alarms_a_year, logs)
             fleet_page(fleet, found, options.command_line()).save(folder / PAGE)
@@ -53,15 +53,13 @@ def run(arguments: argparse.Namespace) -> int:
         alarms = [{**document(a), "new": a in new} for a in fleet.alarms]
         show(to_json({"alarms_a_year": fleet.alarms_a_year, "threshold": fleet.threshold, "alarms": alarms}))
     else:
-        _print(fleet, new, folder is None and since is None, absent)
+        _print(fleet, new, folder is None and since is None, () if logs is None else logs.absent)
     return NEWS if new else 0
 
 
-def _read(
-    arguments: argparse.Namespace,
-) -> tuple[list[Path], FigureTable | None, Sequence[tuple[str, str, str]]]:
-    """Return the tables among the sources, the figures of the logs, and what the logs could not tell, which is written."""
-    from stoop.fleet.logs import ABSENT, absent_text, is_table, plan, store_of, table_of
+def _read(arguments: argparse.Namespace) -> tuple[list[Path], LogFigures | None]:
+    """Return the tables among the sources, and the figures of the logs."""
+    from stoop.fleet.logs import gathered, is_table, plan, store_of
     from stoop.fleet.store import LOGS
 
     paths = [*map(Path, arguments.sources)]
@@ -70,17 +68,11 @@ def _read(
     if not logs:
         if arguments.flights or arguments.vehicle or arguments.mapping:
             raise StoopError("fleet: --flights, --vehicle and --mapping are for logs, and no log was named")
-        return tables, None, ()
-    campaign = plan(logs, arguments.vehicle, arguments.mapping)
-    if arguments.flights is None:
-        raise StoopError(
-            f"{logs[0]}: is no table of figures; for logs give a table of the flights with --flights"
-        )
-    make_folder(arguments.output)
-    results = run_campaign(arguments, campaign, store_of(arguments.output))
-    found, absent = table_of(campaign, results, arguments.flights, arguments.output / LOGS)
-    write_text_atomic(arguments.output / ABSENT, absent_text(absent))
-    return tables, found, absent
+        return tables, None
+    campaign, folder = plan(logs, arguments.vehicle, arguments.mapping), arguments.output
+    make_folder(folder)
+    results = run_campaign(arguments, campaign, store_of(folder))
+    return tables, gathered(campaign, results, arguments.flights, folder, folder / LOGS)
 
 
 def _print(

@@ -21,6 +21,7 @@ YEAR: Final = 365.25 * DAY
 DRAWS: Final = 10_000  #: sequences without a change that are simulated for the threshold, at most
 EXPECTED: Final = 200  #: false alarms among them that are enough
 ROUNDS: Final = 2  #: of model and changes: changes that were found are taken off before the second model
+ROWS_EACH: Final = 5  #: flights for each condition, at least
 AT_EVENTS: Final = 0.5  #: prior probability that a change began with an exchange or an update
 VEHICLE: Final = "vehicle"
 
@@ -150,11 +151,15 @@ def figure_model(rows: FigureTable, parts: Parts, shift: FloatArray) -> FigureMo
 
 
 def _fixed(rows: FigureTable) -> FloatArray:
-    """Return the intercept and the conditions that vary, (n, p), standardized."""
-    varied = [x for x in rows.conditions.values() if np.isfinite(x).all() and np.ptp(x) > 0.0]
-    matrix = np.column_stack([np.ones(len(rows.value)), *((x - x.mean()) / x.std() for x in varied)])
-    kept = [i for i in range(matrix.shape[1]) if np.linalg.matrix_rank(matrix[:, : i + 1]) > i]
-    return matrix[:, kept]
+    """Return the intercept and the conditions that vary, (n, p), standardized; one that is not known counts as usual."""
+    matrix = np.ones((len(rows.value), 1))
+    for x in rows.conditions.values():
+        known = x[np.isfinite(x)]
+        if known.size and np.ptp(known) > 0.0:
+            wider = np.column_stack([matrix, np.nan_to_num((x - known.mean()) / known.std())])
+            if wider.shape[1] <= len(x) / ROWS_EACH and np.linalg.matrix_rank(wider) == wider.shape[1]:
+                matrix = wider
+    return matrix
 
 
 def _shift(rows: FigureTable, found: Mapping[str, Sequence[Change]]) -> FloatArray:

@@ -5,18 +5,27 @@ What a flight cannot tell is absent, with the reason.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
+from stoop.base.arrays import BoolArray, FloatArray
+from stoop.base.atmosphere import SEA_LEVEL_DENSITY
+from stoop.base.units import STANDARD_GRAVITY
+from stoop.base.variables import VARIABLES
 from stoop.errors import FlightError, StoopError
 from stoop.estimate.regression.least_squares import TimeDomain
-from stoop.flight import Flight
-from stoop.performance.effectiveness import LIMITS, Balance, block_means, hover_commands
-from stoop.reconstruction.compatibility import check
+from stoop.flight import Flight, without_faults
+from stoop.flight.airborne import airborne
+from stoop.input_design.windows import find_windows
+from stoop.performance.effectiveness import Balance, block_means, hover_commands
+from stoop.performance.polar import DISC, Propulsion, blocks, fit_polar
+from stoop.reconstruction.compatibility import Finding, check
+from stoop.results.result import ParameterEstimate
 from stoop.vehicle import Vehicle
+from stoop.workflow.identification import identify
 
 INSTRUMENTS: Final = {
     **dict.fromkeys(("ax", "ay", "az", "p", "q", "r", "accelerometer", "rates"), "imu"),
@@ -24,7 +33,11 @@ INSTRUMENTS: Final = {
     **dict.fromkeys(("velocity", "position"), "gps"),
 }  # fmt: skip
 """First part of the name of an instrument error -> place of the instrument."""
-FEWEST: Final = 30  #: blocks of a second for the resistance of a battery
+FEWEST: Final = 30  #: blocks for a mean or a slope
+STEADY: Final = 2.0  #: s, of blocks of airplanes
+FAST: Final = 50.0  #: Hz, of accelerations that show vibration
+SAME: Final = 1e-6  #: standard deviation of what is the same in all flights
+
 MOVED: Final = 0.02  #: A, rms of its changes that tells it
 
 
@@ -48,17 +61,22 @@ class Group:
 
 
 def instruments(flight: Flight, vehicle: Vehicle | None) -> Iterator[FlightFigure]:
-    """Yield biases, scales, delays and places of the sensors against each other that the flight determines.
-
-    Their priors are taken off, which would draw every flight towards the same value, and changes towards zero.
-    """
+    """Yield biases, scales, delays and places of the sensors against each other that the flight determines."""
     found, _ = check(flight)
     for name, one in found.findings.items():
         which = name.partition(".")[0]
-        own, prior = one.std_error**-2.0, one.prior_std**-2.0
-        if one.identifiable and which != "wind" and own > prior:
-            value = (own * one.estimate - prior * one.prior_mean) / (own - prior)
-            yield FlightFigure(name, value, (own - prior) ** -0.5, one.unit, INSTRUMENTS.get(which, ""))
+        if one.identifiable and which != "wind":
+            yield from without_prior(name, one, INSTRUMENTS.get(which, ""))
+
+
+def without_prior(name: str, one: Finding | ParameterEstimate, part: str) -> Iterator[FlightFigure]:
+    """Yield an estimate with its prior taken off, which would draw every flight towards one value, and changes towards zero."""
+    own, prior = one.std_error**-2.0, 0.0 if np.isnan(one.prior_std) else one.prior_std**-2.0
+    if own > prior:
+        mean = one.prior_mean if prior else 0.0
+        yield FlightFigure(
+            name, (own * one.estimate - prior * mean) / (own - prior), (own - prior) ** -0.5, one.unit, part
+        )
 
 
 def rotors(flight: Flight, vehicle: Vehicle | None) -> Iterator[FlightFigure]:
@@ -80,27 +98,131 @@ def battery(flight: Flight, vehicle: Vehicle | None) -> Iterator[FlightFigure]:
 
     What the charge does to the voltage is slow, and hardly counts so.
     """
-    if lost := [name for name in ("voltage", "current") if name not in flight]:
-        raise FlightError(f"{' and '.join(lost)} not recorded")
-    read = np.array([flight.column("voltage"), flight.column("current")])
-    steps = np.diff(block_means(read[:, np.isfinite(read).all(axis=0)], flight.rate))
-    if steps.shape[1] < FEWEST:
-        raise FlightError(f"voltage and current of more than {FEWEST} s are needed")
-    voltage, current = steps - steps.mean(axis=1, keepdims=True)
+    voltage, current = _means(flight, ("voltage", "current"), np.ones(flight.time.size, np.bool_), 1.0)
+    voltage, current = (np.diff(one) - np.diff(one).mean() for one in (voltage, current))
     if np.sqrt(np.mean(current**2)) < MOVED:
         raise FlightError("the current hardly changed")
-    slope = float(current @ voltage / (current @ current))
-    scatter = TimeDomain().scatter(current[:, None], voltage - slope * current, LIMITS.block)[0, 0]
-    yield FlightFigure(
-        "battery.resistance", -slope, float(np.sqrt(scatter)) / float(current @ current), "ohm", "battery"
-    )
+    (slope,), (error,) = _regression(current[:, None], voltage, 1.0)
+    yield FlightFigure("battery.resistance", -float(slope), float(error), "ohm", "battery")
+
+
+def trims(flight: Flight, vehicle: Vehicle | None) -> Iterator[FlightFigure]:
+    """Yield what controls and angle of attack are at the lift coefficient of level flight at the airspeed of reference.
+
+    They are linear in the lift coefficient, that is in load factor over dynamic pressure.
+    """
+    lift = _level_lift(vehicle)
+    controls = [] if vehicle is None else [n for n in vehicle.recorded if VARIABLES[n].kind == "command"]
+    recorded = [name for name in (*controls, "alpha") if name in flight.names]
+    if not recorded:
+        raise FlightError("neither a control nor the angle of attack was recorded")
+    needed = ("V", "az", *(("ax",) if "alpha" in recorded and "ax" in flight.names else ()))
+    means = _means(flight, (*needed, *recorded), airborne(flight), STEADY)
+    read = means[len(needed) :]
+    normal = -means[1]
+    if "ax" in needed:  # along the lift
+        normal = means[2] * np.sin(read[-1]) + normal * np.cos(read[-1])
+    ratio = normal / STANDARD_GRAVITY * (lift.airspeed / means[0]) ** 2 - 1.0
+    X = np.column_stack([np.ones_like(ratio), ratio])
+    for name, values in zip(recorded, read, strict=True):
+        value, error = _regression(X, values, STEADY)
+        unit, part = VARIABLES[name].unit, "" if name == "alpha" else name
+        yield FlightFigure(f"trim.{name}", float(value[0]), float(error[0]), unit, part)
+
+
+def drag(flight: Flight, vehicle: Vehicle | None) -> Iterator[FlightFigure]:
+    """Yield the drag coefficient at the lift coefficient of level flight at the airspeed of reference, see `polar`.
+
+    Efficiency and disc of the propulsion and the scale of the airspeed count as known: they are the same in all flights.
+    """
+    level = _level_lift(vehicle)
+    cut = blocks(flight, level.mass)
+    known = Propulsion(efficiency_std=SAME, diameter=DISC * level.area**0.5)
+    value, error = fit_polar(cut, level.mass, level.area, SAME, known).drag(np.array([level.coefficient]))
+    yield FlightFigure("drag.CD", float(value[0]), float(error[0]), "1")
+
+
+def vibration(flight: Flight, vehicle: Vehicle | None) -> Iterator[FlightFigure]:
+    """Yield the logarithm of the root mean square of what the accelerometers read above a quarter of their rate."""
+    up = airborne(flight)
+    for name in ("ax", "ay", "az"):
+        if name not in flight.names or flight.sources[name].rate < FAST:
+            continue
+        x = flight.column(name)
+        rough = np.append(0.5 * np.diff(x, 2), [np.nan] * 2)[up]
+        squares = block_means(rough[None, np.isfinite(rough)] ** 2, flight.rate)
+        if squares.size >= FEWEST and squares.min() > 0.0:
+            value, error = _regression(np.ones((squares.size, 1)), 0.5 * np.log(squares[0]), 1.0)
+            yield FlightFigure(f"vibration.{name}", float(value[0]), float(error[0]), "ln(m/s2)")
+
+
+def parameters(flight: Flight, vehicle: Vehicle | None) -> Iterator[FlightFigure]:
+    """Yield the free numbers of the vehicle by equation error over the flight's maneuvers, their priors taken off."""
+    if vehicle is None:
+        raise FlightError("no vehicle was given")
+    windows = find_windows({flight.name: without_faults(flight)}, vehicle).texts("fit")
+    found = identify(vehicle, [flight], windows, method="equation-error", strategy="textbook")
+    for name, one in found.parameters.items():
+        if one.identifiable and not one.at_bound:
+            yield from without_prior(name, one, "")
+
+
+@dataclass(frozen=True)
+class LevelFlight:
+    """An airplane in level flight at its airspeed of reference, SI."""
+
+    mass: float
+    area: float
+    airspeed: float
+    coefficient: float  #: of lift
+
+
+def _level_lift(vehicle: Vehicle | None) -> LevelFlight:
+    if vehicle is None or vehicle.rotors or vehicle.file.reference is None:
+        raise FlightError("no airplane was given")
+    mass, area, speed = (vehicle.value(n) for n in ("mass.mass", "reference.area", "reference.airspeed"))
+    pressure = 0.5 * vehicle.value("environment.density", SEA_LEVEL_DENSITY) * speed**2
+    return LevelFlight(mass, area, speed, mass * STANDARD_GRAVITY / (pressure * area))
+
+
+def _means(flight: Flight, names: Sequence[str], where: BoolArray, block: float) -> FloatArray:
+    """Return the means (k, m) of channels over blocks, s, where all of them are known; `FlightError` if there are few."""
+    if lost := [name for name in names if name not in flight.names]:
+        raise FlightError(f"{' and '.join(lost)} not recorded")
+    read = np.array([flight.column(name) for name in names])
+    found = block_means(read[:, where & np.isfinite(read).all(axis=0)], flight.rate, block)
+    if found.shape[1] <= FEWEST:
+        raise FlightError(f"{' and '.join(names)} of more than {FEWEST * block:g} s are needed")
+    return found
+
+
+def _regression(X: FloatArray, y: FloatArray, dt: float) -> tuple[FloatArray, FloatArray]:
+    """Return the coefficients (k,) of y (m,) on X (m, k), rows `dt` s apart, and errors by the color of what is left."""
+    inverse = np.linalg.pinv(X.T @ X)
+    found = inverse @ X.T @ y
+    scatter = TimeDomain().scatter(X, y - X @ found, dt)
+    return found, np.sqrt(np.diag(inverse @ scatter @ inverse))
 
 
 GROUPS: Final[Mapping[str, Group]] = {
     "instruments": Group("attitude, rates and a velocity", instruments),
     "rotors": Group("commands of all motors, and a vehicle with rotors", rotors),
     "battery": Group("voltage and current", battery),
+    "trims": Group("airspeed, az, controls, and an airplane", trims),
+    "drag": Group("airspeed, angle of attack, accelerations, altitude, power, and an airplane", drag),
+    "vibration": Group(f"accelerations at {FAST:g} Hz", vibration),
+    "parameters": Group("maneuvers, and a vehicle", parameters),
 }  # fmt: skip
+
+
+def conditions(flight: Flight) -> Mapping[str, float]:
+    """Return what differs from flight to flight by nature: density, kg/m3, and wind, m/s, where they are known."""
+    names = ("density", "wind_n", "wind_e")
+    columns: dict[str, FloatArray] = {name: flight.column(name) for name in names if name in flight.names}
+    means: dict[str, float] = {n: float(np.nanmean(x)) for n, x in columns.items() if np.isfinite(x).any()}
+    if {"wind_n", "wind_e"} <= means.keys():
+        means["wind"] = float(np.hypot(means["wind_n"], means["wind_e"]))
+    return {name: means[name] for name in ("density", "wind") if name in means}
 
 
 def figures_of(flight: Flight, vehicle: Vehicle | None = None) -> tuple[list[FlightFigure], dict[str, str]]:

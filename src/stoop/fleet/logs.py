@@ -9,17 +9,22 @@ import csv
 import hashlib
 import io
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
+import numpy as np
 import pandas as pd
 
+from stoop.checks.vehicle import require_channels
 from stoop.errors import StoopError
-from stoop.fleet.log_figures import figures_of
+from stoop.fleet.headers import CLOCKS, Dated, contradictions, header
+from stoop.fleet.log_figures import conditions, figures_of
 from stoop.fleet.table import FigureTable, columns_of, of_frames, read_frame
+from stoop.flight.apply_mapping import read_mapped
 from stoop.flight.flight import flight_name
-from stoop.flight.load import load
+from stoop.flight.load import of_recording
 from stoop.logs.csv_tables import mapping_beside
 from stoop.parallel import Plan, Run, environment
 from stoop.parallel.plan import Json
@@ -29,8 +34,11 @@ from stoop.vehicle.builtin import BUILT_IN, resolve_vehicle
 from stoop.workflow.outputs import file_hashes
 
 WORK: Final = "stoop.fleet.logs:read"
-FLIGHTS: Final = ("flight", "vehicle", "time")  #: columns of a table of flights
-STORES, ABSENT = "logs-*.sqlite", "absent.csv"
+SAID: Final = ("vehicle", "time")  #: of a flight, by the table of flights, else by its log
+FIGURE: Final = ("figure", "value", "std_error", "parts")
+STORES, ABSENT, DATES = "logs-*.sqlite", "absent.csv", "dates.csv"
+ABSENTEES: Final = ("flight", "group", "reason")
+DATED: Final = ("flight", "vehicle", "time", "end", "count")  #: by the logs
 
 
 def is_table(path: Path) -> bool:
@@ -92,49 +100,113 @@ def store_of(folder: Path) -> Path:
 
 
 def read(arguments: Mapping[str, Any], stops: Sequence[int | None]) -> list[Json]:
-    """Return the figures of a log: a run of the campaign."""
-    vehicle = arguments["vehicle"]
+    """Return the figures of a log, and what its header says: a run of the campaign."""
+    path, mapping, name = Path(arguments["log"]), arguments["mapping"], arguments["vehicle"]
+    vehicle = None if name is None else resolve_vehicle(name)
     try:
-        flight = load(arguments["log"], arguments["mapping"])
-        found, absent = figures_of(flight, None if vehicle is None else resolve_vehicle(vehicle))
+        recording, mapped = read_mapped(path, None if mapping is None else Path(mapping), CLOCKS)
+        said = header(recording)
+        flight = of_recording(path, recording, mapped)
+        if vehicle is not None and not {*vehicle.recorded} & flight.names:
+            require_channels(vehicle, flight)
+        found, absent = figures_of(flight, vehicle)
     except StoopError as error:
-        return [{"figures": [], "absent": {"log": str(error).splitlines()[0]}}]
+        return [{"figures": [], "absent": {"log": str(error).splitlines()[0]}, "header": {}}]
     rows: list[Json] = [[one.name, one.value, one.std_error, one.part] for one in found]
-    return [{"figures": rows, "absent": dict(absent)}]
+    known: dict[str, Json] = {"vehicle": said.vehicle, "software": said.software, "count": said.count}
+    known |= dict(conditions(flight))
+    if said.zero is not None:
+        known |= {"time": said.zero + float(flight.time[0]), "end": said.zero + float(flight.time[-1])}
+    return [{"figures": rows, "absent": dict(absent), "header": {k: x for k, x in known.items() if x}}]
 
 
-def table_of(
-    campaign: Plan, results: Mapping[str, Any], flights: Path, earlier: Path
-) -> tuple[FigureTable, list[tuple[str, str, str]]]:
-    """Return the figures of the logs, with those of other logs in an earlier table, and what is absent: flight, group, reason.
+@dataclass(frozen=True, eq=False)
+class LogFigures:
+    """Figures of all logs so far, and the files of a store that go with them.
+
+    Attributes
+    ----------
+    absent : (flight, group, reason) of the logs of this command: what they cannot tell
+    files : name -> text, of what no log could tell, and of when the logs say that they flew
+    """
+
+    table: FigureTable
+    absent: Sequence[tuple[str, str, str]]
+    files: Mapping[str, str]
+
+
+def gathered(
+    campaign: Plan, results: Mapping[str, Any], flights: Path | None, folder: Path, earlier: Path
+) -> LogFigures:
+    """Return the figures of the logs, with those of other logs in an earlier table of the store in a folder.
 
     Raises
     ------
     StoopError
-        A log has no row in the table of flights, or no log gave a figure.
+        No log gave a figure, or the table of flights is wrong.
     """
-    known = read_frame(flights, FLIGHTS).set_index("flight")
-    rows, absent = [], []
-    for run in campaign.runs:
-        flight, one = flight_name(Path(str(run.arguments["log"]))), results[run.key]
-        if flight not in known.index:
-            raise StoopError(
-                f"{flights}: has no row of flight {flight}; add it, with {' and '.join(FLIGHTS[1:])}"
-            )
-        rows += [(flight, *figure) for figure in one["figures"]]
-        absent += [(flight, group, reason) for group, reason in one["absent"].items()]
-    if not rows:
-        raise StoopError(f"no log gave a figure: {absent[0][0]}: {absent[0][2]}")
-    table = pd.DataFrame(rows, columns=["flight", "figure", "value", "std_error", "parts"])
-    frames = [table.join(known, on="flight")]
+    logs = {flight_name(Path(str(run.arguments["log"]))): results[run.key] for run in campaign.runs}
+    given = {} if flights is None else _given(flights)
+    said = {f: {**one["header"], **given.get(f, {})} for f, one in logs.items()}
+    out = {
+        flight: _unknown(lost, flight, flights, flight in given)
+        for flight, one in said.items()
+        if logs[flight]["figures"] and (lost := [name for name in SAID if name not in one])
+    }
+    dates = _kept(folder / DATES, logs, DATED)
+    dates += [
+        (flight, *(one.get(name, "") for name in DATED[1:]))
+        for flight, one in said.items()
+        if {"end", "vehicle"} <= one.keys() and "time" not in given.get(flight, {})
+    ]
+    out |= contradictions(
+        Dated(str(f), str(v), *(float(str(x or np.nan)) for x in numbers)) for f, v, *numbers in dates
+    )
+    own = {f: {k: x for k, x in one.items() if k not in DATED[3:]} for f, one in said.items()}
+    rows = [
+        {"flight": f, **own[f], **dict(zip(FIGURE, figure, strict=True))}
+        for f, one in logs.items() if f not in out for figure in one["figures"]
+    ]  # fmt: skip
+    absent = [(flight, "flight", reason) for flight, reason in out.items()]
+    absent += [(f, group, reason) for f, one in logs.items() for group, reason in one["absent"].items()]
+    frames = [pd.DataFrame(rows)] if rows else []
     if earlier.exists():
         old = read_frame(earlier, ())
-        frames.insert(0, old[~old["flight"].isin(set(table["flight"]))])
-    return of_frames(str(flights), frames), absent
+        frames.insert(0, old[~old["flight"].isin({*logs, *out})])
+    if not any(map(len, frames)):
+        raise StoopError(f"no log gave a figure: {absent[0][0]}: {absent[0][2]}")
+    kept = _kept(folder / ABSENT, {*logs, *out}, ABSENTEES)
+    files = {ABSENT: _csv(ABSENTEES, [*kept, *absent]), DATES: _csv(DATED, dates)}
+    return LogFigures(of_frames(str(flights or "the logs"), frames), absent, files)
 
 
-def absent_text(absent: Sequence[tuple[str, str, str]]) -> str:
-    """Return the table of what the logs could not tell."""
+def _given(flights: Path) -> dict[str, dict[str, Any]]:
+    """Return what a table of flights tells of each; a field that is empty tells nothing."""
+    table = read_frame(flights, ("flight",))
+    if len(twice := table["flight"][table["flight"].duplicated()]):
+        raise StoopError(f"{flights}: flight {twice.iloc[0]} stands there twice; keep one row")
+    rows = table.set_index("flight").to_dict("index")
+    return {str(f): {str(k): x for k, x in row.items() if not pd.isna(x)} for f, row in rows.items()}
+
+
+def _unknown(lost: Sequence[str], flight: str, flights: Path | None, there: bool) -> str:
+    """Return what to do about a flight of which neither its log nor a table of flights tells vehicle or time."""
+    what = " and ".join(lost)
+    if flights is None:
+        return f"the log does not tell its {what}; give a table of the flights with --flights"
+    why = f"the row of flight {flight} has no {what}" if there else f"has no row of flight {flight}"
+    return f"{flights}: {why}, and its log does not tell it; add {what}"
+
+
+def _kept(path: Path, anew: Container[str], columns: Sequence[str]) -> list[tuple[object, ...]]:
+    """Return the rows of an earlier table of the store but those of some flights."""
+    if not path.exists():
+        return []
+    rows = csv.DictReader(io.StringIO(path.read_text("utf-8")))
+    return [tuple(row.get(c) or "" for c in columns) for row in rows if row.get("flight") not in anew]
+
+
+def _csv(columns: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
     out = io.StringIO()
-    csv.writer(out, lineterminator="\n").writerows([("flight", "group", "reason"), *absent])
+    csv.writer(out, lineterminator="\n").writerows([columns, *rows])
     return out.getvalue()

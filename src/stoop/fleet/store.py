@@ -18,6 +18,7 @@ from stoop.base.files import make_folder, only_writer, write_files
 from stoop.base.numbers import count
 from stoop.errors import StoopError
 from stoop.fleet.analysis import Alarm, Cause, FleetAnalysis, analyze
+from stoop.fleet.logs import LogFigures
 from stoop.fleet.parts import Parts, day, read_parts
 from stoop.fleet.table import NEEDED, FigureTable, of_frames, read_figures, read_frame
 
@@ -125,7 +126,7 @@ def update_fleet(
     sources: Sequence[Path],
     parts: Path | None = None,
     alarms_a_year: float | None = None,
-    logs: FigureTable | None = None,
+    logs: LogFigures | None = None,
 ) -> tuple[Fleet, tuple[ToldAlarm, ...], FleetAnalysis]:
     """Add tables of figures to the fleet in a folder, or begin one; return it, the alarms that are new, and the analysis.
 
@@ -136,8 +137,8 @@ def update_fleet(
         Tables; one of the name of an earlier one replaces it.
     parts : Path, optional
         Table of parts; replaces the earlier one.
-    logs : FigureTable, optional
-        Figures of all logs so far, see `stoop.fleet.logs`.
+    logs : LogFigures, optional
+        Of all logs so far.
     alarms_a_year : float, optional
         Rate of false alarms of the whole fleet; by default the earlier one, else `RATE`.
 
@@ -147,7 +148,7 @@ def update_fleet(
         One line; the fleet is what it was.
     """
     new = {f"{FIGURES}/{source.stem}.parquet": read_figures(source) for source in sources}
-    new |= {} if logs is None else {LOGS: logs}
+    new |= {} if logs is None else {LOGS: logs.table}
     if len(new) < len(sources) + (logs is not None):
         raise StoopError(
             f"{folder}: two tables have one name; rename one, each is kept under the name of its file"
@@ -166,6 +167,7 @@ def update_fleet(
         found = analyze(table, known, rate)
         now = [ToldAlarm.of(one, table) for one in found.alarms]
         every, fresh = _merged(told, now)
+        files |= {} if logs is None else logs.files
         if parts is not None:
             files[PARTS] = parts.read_bytes()
         state = {"schema": SCHEMA, "alarms_a_year": rate, "threshold": found.threshold}

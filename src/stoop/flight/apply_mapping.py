@@ -45,13 +45,16 @@ class Mapped:
     ready_lines: Mapping[str, Line] = field(default_factory=dict)
 
 
-def read_mapped(path: Path, given: Path | None = None) -> tuple[Recording, Mapped | None]:
+def read_mapped(
+    path: Path, given: Path | None = None, further: frozenset[str] = frozenset()
+) -> tuple[Recording, Mapped | None]:
     """Read the streams of a log that its mapping needs, and name its channels by the registry.
 
     Parameters
     ----------
     path : the log
     given : its mapping; None takes the one beside the log, else the ready one of the format
+    further : streams, without instance, that are read besides
 
     Returns
     -------
@@ -73,7 +76,7 @@ def read_mapped(path: Path, given: Path | None = None) -> tuple[Recording, Mappe
     mapping = ready(READY[form]) if place is None and form in READY else None
     if place is not None and path.exists():
         mapping = read_flight_mapping(place)
-    needed = None if mapping is None or "" in mapping.streams else mapping.streams
+    needed = None if mapping is None or "" in mapping.streams else mapping.streams | further
     recording = logs.read(path, given, needed)
     if recording.format == "stoop-netcdf":
         return recording, None

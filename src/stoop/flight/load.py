@@ -27,7 +27,7 @@ from stoop.flight.air_data import with_air
 from stoop.flight.airborne import carried_by_rotors, in_flight
 from stoop.flight.airspeed import EQUIVALENT, TRUE, with_true_airspeed
 from stoop.flight.alignment import attitude_delay
-from stoop.flight.apply_mapping import read_mapped
+from stoop.flight.apply_mapping import Mapped, read_mapped
 from stoop.flight.faults import (
     INCONSISTENT,
     Fault,
@@ -89,7 +89,13 @@ def load(path: str | Path, mapping: str | Path | None = None, rate: float | None
             f"the path of a log is expected, not a {type(path).__name__}; give a table straight to stoop.fit or stoop.look"
         )
     path = Path(path)
-    recording, mapped = read_mapped(path, Path(mapping) if mapping is not None else None)
+    return of_recording(path, *read_mapped(path, Path(mapping) if mapping is not None else None), rate)
+
+
+def of_recording(
+    path: Path, recording: Recording, mapped: Mapped | None, rate: float | None = None
+) -> Flight:
+    """Lay the mapped channels of a recording on one uniform grid; see `load` and `read_mapped`."""
     if mapped is None:
         return _restore(recording, flight_name(path))
     cleaned = [drop_outliers(group) for group in mapped.channels]

@@ -197,9 +197,9 @@ def hover_commands(flight: Flight, balance: Balance) -> tuple[FloatArray, FloatA
     return thrust[:, inside], torque[:, inside], voltage
 
 
-def block_means(values: FloatArray, rate: float) -> FloatArray:
-    """Return the means of blocks (n, m) of values (n, k) of a rate, Hz: of correlated samples they scatter as the mean does."""
-    size = max(round(LIMITS.block * rate), 1)
+def block_means(values: FloatArray, rate: float, block: float = LIMITS.block) -> FloatArray:
+    """Return the means of blocks (n, m), s, of values (n, k) of a rate, Hz: they scatter as the mean does."""
+    size = max(round(block * rate), 1)
     count = values.shape[1] // size
     return np.asarray(values[:, : count * size].reshape(len(values), count, size).mean(axis=2))
 

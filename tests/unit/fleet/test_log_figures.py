@@ -10,7 +10,7 @@ from scipy.signal import lfilter
 
 from stoop.base.arrays import FloatArray
 from stoop.fleet import log_figures
-from stoop.fleet.log_figures import GROUPS, FlightFigure, figures_of
+from stoop.fleet.log_figures import GROUPS, FlightFigure, conditions, figures_of
 from stoop.flight import Flight, from_columns
 from stoop.vehicle.builtin import builtin_vehicle
 
@@ -53,7 +53,7 @@ def test_what_a_flight_cannot_tell_is_absent_with_the_reason() -> None:
     flight = drawn(np.random.default_rng(1))
     found, absent = figures_of(flight, builtin_vehicle("quad-x"))
     assert [one.name for one in found] == ["battery.resistance"]
-    assert set(absent) == {"instruments", "rotors"}
+    assert set(absent) == set(GROUPS) - {"battery"}
     still = from_columns(
         "f", flight.time, {"voltage": flight.column("voltage"), "current": np.ones(flight.time.size)}
     )
@@ -83,3 +83,66 @@ def test_the_prior_of_an_instrument_error_is_taken_off(monkeypatch: pytest.Monke
     assert (one.name, one.part) == ("V.scale", "pitot")
     assert one.value == pytest.approx(1.02)
     assert one.std_error == pytest.approx(0.03)
+
+
+MASS, AREA, SPEED, DENSITY = 189.40, 2.8667, 35.0, 1.20165  #: of the built-in airplane
+
+
+def glide(rng: np.random.Generator, noise: float = 0.02) -> Flight:
+    """Return a glide at a load factor of one, its polar and its trims known, the motor off."""
+    time = np.arange(0.0, 300.0, 1.0 / RATE)
+    V = SPEED + 4.0 * np.sin(0.05 * time)
+    pressure_area = 0.5 * DENSITY * V**2 * AREA
+    CL = MASS * 9.80665 / pressure_area
+    falling = (0.05 + 0.06 * CL**2) * pressure_area / (MASS * 9.80665) * V
+    energy = 3000.0 - np.concatenate([[0.0], np.cumsum(0.5 * (falling[1:] + falling[:-1])) / RATE])
+    alpha = -0.08 + CL / 4.8
+    ratio = 9.80665 * MASS / (0.5 * DENSITY * SPEED**2 * AREA)
+    columns = {
+        "V": V, "alpha": alpha, "ax": 9.80665 * np.sin(alpha), "az": -9.80665 * np.cos(alpha),
+        "altitude": energy - V**2 / (2.0 * 9.80665), "throttle": np.where(time < 10.0, 0.5, 0.0), "density": np.full(time.size, DENSITY),
+        "elevator": 0.01 - 0.3 * (CL - ratio),
+    }  # fmt: skip
+    for name in ("alpha", "elevator"):
+        columns[name] = columns[name] + noise * lfilter([0.3], [1.0, -0.9], rng.standard_normal(time.size))
+    return from_columns("f", time, columns)
+
+
+def test_trims_are_those_at_the_airspeed_of_reference_with_errors_that_hold() -> None:
+    rng, vehicle, ratios = np.random.default_rng(0), builtin_vehicle("twin-boom"), []
+    level = MASS * 9.80665 / (0.5 * DENSITY * SPEED**2 * AREA)
+    truth = {"trim.elevator": 0.01, "trim.alpha": -0.08 + level / 4.8}
+    for _ in range(60):
+        found = {one.name: one for one in GROUPS["trims"].evaluate(glide(rng), vehicle)}
+        assert found["trim.elevator"].part == "elevator"
+        ratios += [(found[name].value - true) / found[name].std_error for name, true in truth.items()]
+    assert np.sqrt(np.mean(np.square(ratios))) == pytest.approx(1.0, abs=0.3)
+
+
+def test_the_drag_coefficient_is_that_of_level_flight_at_the_airspeed_of_reference() -> None:
+    rng, vehicle = np.random.default_rng(0), builtin_vehicle("twin-boom")
+    level = MASS * 9.80665 / (0.5 * DENSITY * SPEED**2 * AREA)
+    (one,) = GROUPS["drag"].evaluate(glide(rng), vehicle)
+    assert one.value == pytest.approx(0.05 + 0.06 * level**2, rel=0.01)
+    assert one.std_error < 0.05 * one.value
+
+
+def test_a_rougher_ride_is_a_larger_vibration() -> None:
+    rng, time = np.random.default_rng(0), np.arange(0.0, 120.0, 0.01)
+    shakes = 0.5 * rng.standard_normal(time.size)
+    slow = np.sin(time)
+    values = []
+    for factor in (1.0, 1.1):
+        flight = from_columns("f", time, {"az": slow + factor * shakes})
+        (one,) = GROUPS["vibration"].evaluate(flight, None)
+        values.append(one.value)
+    assert one.name == "vibration.az"
+    assert values[1] - values[0] == pytest.approx(np.log(1.1), abs=0.01)
+    assert one.std_error == pytest.approx(0.01, rel=0.5), "of 120 blocks of 100 readings"
+
+
+def test_wind_and_density_are_conditions() -> None:
+    flight = from_columns(
+        "f", np.arange(0.0, 10.0, 0.1), {"wind_n": np.full(100, 3.0), "wind_e": np.full(100, 4.0)}
+    )
+    assert conditions(flight) == {"wind": 5.0}

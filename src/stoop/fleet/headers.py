@@ -1,0 +1,129 @@
+"""What a log says of itself: the autopilot's serial number, its firmware, when it flew, and how often it had been started.
+
+PX4: ``sys_uuid``, ``ver_sw``, UTC of the receiver. ArduPilot: the board and firmware of its messages, weeks and milliseconds of
+GPS. Blackbox: name of the craft, firmware, date. ROS bags: date. Other logs say nothing.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Final
+
+import numpy as np
+
+from stoop.base.arrays import FloatArray
+from stoop.fleet.parts import day
+from stoop.logs import Recording
+from stoop.logs.recording import Stream, increasing
+
+CLOCKS: Final = frozenset({"vehicle_gps_position", "sensor_gps", "GPS"})  #: streams that tell the date
+BOARD: Final = re.compile(r"^\S.*((?: [0-9A-F]{8}){3})$", re.MULTILINE)  #: ArduPilot's line of the board
+COUNTERS: Final = ("COM_FLIGHT_UUID", "STAT_BOOTCNT")  #: parameters that grow with every flight or start
+GPS_EPOCH: Final = 315964800.0  #: s since 1970
+LEAP: Final = (
+    18.0  #: s, GPS before UTC since 2017; one second less or more before does not change the order of flights
+)
+WEEK: Final = 604800.0  #: s
+EARLIEST: Final = 946684800.0  #: s, the year 2000; a clock that was never set shows an earlier date
+
+
+@dataclass(frozen=True)
+class Header:
+    """What a log says of itself; what it does not say is empty or None.
+
+    Attributes
+    ----------
+    vehicle : serial number of the autopilot, or name of the craft
+    software : firmware that flew
+    zero : s since 1970, UTC, at which the log's own clock is zero
+    count : of flights or starts of this autopilot before
+    """
+
+    vehicle: str = ""
+    software: str = ""
+    zero: float | None = None
+    count: float | None = None
+
+
+@dataclass(frozen=True)
+class Dated:
+    """When a flight was, by its log."""
+
+    flight: str
+    vehicle: str
+    begin: float  #: s since 1970
+    end: float
+    count: float  #: as of `Header`; NaN where it is not known
+
+
+def header(recording: Recording) -> Header:
+    """Return what a recording says of itself."""
+    info, zeros = recording.info, [zero for zero in _zeros(recording) if zero is not None]
+    board = BOARD.search(info.get("messages", ""))
+    vehicle = info.get("sys_uuid") or (board[1].replace(" ", "") if board else info.get("craft", ""))
+    counts = [recording.parameters[name] for name in COUNTERS if name in recording.parameters]
+    return Header(vehicle, _software(info), next(iter(zeros), None), next(iter(counts), None))
+
+
+def _software(info: Mapping[str, str]) -> str:
+    """Return the firmware: PX4's release, where it states one, and the beginning of its commit, or the text of others."""
+    if not (commit := info.get("ver_sw", "")):
+        return info.get("firmware", "")
+    release = info.get("ver_sw_release", "")
+    numbers = int(release).to_bytes(4, "big")[:3] if release.isdigit() and int(release) < 2**32 else b""
+    return " ".join(filter(None, (".".join(map(str, numbers)), commit[:8])))
+
+
+def _zeros(recording: Recording) -> Iterator[float | None]:
+    """Yield when the log's own clock was zero, by every source that tells it."""
+    for name, stream in recording.streams.items():
+        columns, kind = stream.columns, name.partition("/")[0]
+        if "time_utc_usec" in columns:
+            yield _zero(stream, 1e-6 * columns["time_utc_usec"])
+        elif kind == "GPS" and {"GWk", "GMS"} <= columns.keys():
+            yield _zero(stream, GPS_EPOCH + WEEK * columns["GWk"] + 1e-3 * columns["GMS"] - LEAP)
+    if found := re.match(r"([0-9.]+) s after 1970$", recording.info.get("start", "")):
+        yield float(found[1])
+    elif text := recording.info.get("start", ""):
+        begin = min((float(stream.time[0]) for stream in recording.streams.values()), default=np.nan)
+        try:
+            moment = datetime.fromisoformat(text).timestamp()
+        except (ValueError, OverflowError):
+            return
+        yield moment - begin if moment > EARLIEST else None
+
+
+def _zero(stream: Stream, utc: FloatArray) -> float | None:
+    known = np.isfinite(utc) & (utc > EARLIEST)
+    return float(np.median(utc[known] - stream.time[known])) if known.any() else None
+
+
+def contradictions(flights: Iterable[Dated]) -> dict[str, str]:
+    """Return the flights whose logs contradict each other about vehicle and time, with the reason of each."""
+    of_vehicle: dict[str, list[Dated]] = defaultdict(list)
+    for one in flights:
+        of_vehicle[one.vehicle].append(one)
+    out = {}
+    for vehicle, several in of_vehicle.items():
+        own = sorted(several, key=lambda one: (one.begin, one.flight))
+        for i, one in enumerate(own):
+            for other in own[i + 1 :]:
+                if other.begin >= one.end:
+                    break
+                for this, that in ((one, other), (other, one)):
+                    out[this.flight] = (
+                        f"{vehicle} flies in {that.flight}, too, at this time; name the vehicles in --flights"
+                    )
+        counted = [one for one in own if np.isfinite(one.count) and one.flight not in out]
+        counts = np.array([one.count for one in counted])
+        ordered = increasing(counts + np.arange(len(counts)) / (len(counts) + 1.0))  # equal ones: one start
+        for one in (one for i, one in enumerate(counted) if i not in set(ordered.tolist())):
+            out[one.flight] = (
+                f"dated {day(one.begin)}, which its count of starts or flights ({one.count:g}) contradicts; "
+                "write its time in --flights"
+            )
+    return out
