@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from typing import Final
 
 import numpy as np
 
 from stoop.base.arrays import FloatArray
-from stoop.fleet.changes import LEAST, Change, Kind, Readings, changes, origins, peaks, threshold
+from stoop.fleet.causes import Cause, Stretch, causes, events
+from stoop.fleet.changes import LEAST, Change, Readings, changes, peaks, threshold
 from stoop.fleet.mixed_model import Design, MixedModel, Outlier, fit_robust_model, indices
 from stoop.fleet.parts import Parts
 from stoop.fleet.table import FigureTable
@@ -22,22 +22,7 @@ DRAWS: Final = 10_000  #: sequences without a change that are simulated for the 
 EXPECTED: Final = 200  #: false alarms among them that are enough
 ROUNDS: Final = 2  #: of model and changes: changes that were found are taken off before the second model
 ROWS_EACH: Final = 5  #: flights for each condition, at least
-AT_EVENTS: Final = 0.5  #: prior probability that a change began with an exchange or an update
 VEHICLE: Final = "vehicle"
-
-
-@dataclass(frozen=True)
-class Cause:
-    """What may explain a change."""
-
-    what: str  #: such as "rotor_1: P17 for P03", "software: 1.2 for 1.1", or empty for none that was recorded
-    flight: str  #: in which the change began then
-    probability: float
-
-    @property
-    def name(self) -> str:
-        """What it is, in words."""
-        return self.what or "nothing that was recorded"
 
 
 @dataclass(frozen=True)
@@ -50,6 +35,7 @@ class Alarm:
     change : Change, indices among the flights of the vehicle with this figure
     began, found : flight in which it began, and in which it was found
     causes : the likeliest first
+    back : flight of the change before that it takes back, such as a roll-back does; empty where it takes none back
     """
 
     vehicle: str
@@ -58,6 +44,7 @@ class Alarm:
     began: str
     found: str
     causes: tuple[Cause, ...]
+    back: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +104,7 @@ def analyze(table: FigureTable, parts: Parts, alarms_a_year: float = 1.0, seed: 
         alarm
         for name, by_vehicle in found.items()
         for vehicle, several in by_vehicle.items()
-        for alarm in _alarms(name, vehicle, *models[name].sequences[vehicle], several, parts)
+        for alarm in _alarms(name, vehicle, models, several, parts)
     )
     return FleetAnalysis(
         models, limit, tuple(sorted(alarms, key=lambda a: (a.vehicle, a.figure, a.change.first)))
@@ -173,38 +160,24 @@ def _shift(rows: FigureTable, found: Mapping[str, Sequence[Change]]) -> FloatArr
 
 
 def _alarms(
-    figure: str, vehicle: str, rows: FigureTable, readings: Readings, several: Sequence[Change], parts: Parts
+    figure: str, vehicle: str, models: Mapping[str, FigureModel], several: Sequence[Change], parts: Parts
 ) -> Iterator[Alarm]:
-    begin, own = 0, readings
+    rows, own = models[figure].sequences[vehicle]
+    recorded = list(events(rows, parts, vehicle))
+    others = {
+        name: Stretch(*model.sequences[vehicle])
+        for name, model in models.items()
+        if name != figure and vehicle in model.sequences
+    }
+    begin, before = 0, None
     for i, change in enumerate(several):
         end = several[i + 1].first if i + 1 < len(several) else len(rows.flight)
-        causes = _causes(rows, own, begin, max(end, change.found + 1), change.kind, parts, vehicle)
-        yield Alarm(vehicle, figure, change, rows.flight[change.first], rows.flight[change.found], causes)
-        own, begin = own.since(replace(change, first=change.first - begin)), change.first
-
-
-def _causes(
-    rows: FigureTable, own: Readings, begin: int, end: int, kind: Kind, parts: Parts, vehicle: str
-) -> tuple[Cause, ...]:
-    """Return the causes of a change between two flights by Bayes' rule: events that were recorded, or none."""
-    ratios = origins(own.until(end - begin), kind)  # of flight begin + 1, ...
-    events = [(what, k) for what, k in _events(rows, parts, vehicle) if begin < k < end]
-    share = AT_EVENTS if events else 0.0
-    odds = np.exp(0.5 * (ratios - ratios.max()))
-    weights = [share / len(events) * odds[k - begin - 1] for _, k in events]
-    weights.append((1.0 - share) / len(odds) * float(odds.sum()))
-    named = [*events, ("", begin + 1 + int(np.argmax(odds)))]
-    causes = [
-        Cause(what, rows.flight[k], float(w / sum(weights)))
-        for (what, k), w in zip(named, weights, strict=True)
-    ]
-    return tuple(sorted(causes, key=lambda one: -one.probability))
-
-
-def _events(rows: FigureTable, parts: Parts, vehicle: str) -> Iterator[tuple[str, int]]:
-    """Yield what was exchanged or updated, and the index of the first flight with it."""
-    for old, new in parts.exchanges(vehicle):
-        yield f"{new.part}: {new.serial} for {old.serial}", int(np.searchsorted(rows.time, new.begin))
-    for k, (before, after) in enumerate(pairwise(rows.software), start=1):
-        if before and after and before != after:
-            yield f"software: {after} for {before}", k
+        end = max(end, change.found + 1)
+        inside = (np.arange(len(rows.flight)) >= begin) & (np.arange(len(rows.flight)) < end)
+        stretch = Stretch(rows.rows(inside), own.until(end - begin))
+        explained = causes(stretch, change.kind, recorded, others)
+        back = "" if before is None or not change.takes_back(before) else rows.flight[before.first]
+        yield Alarm(
+            vehicle, figure, change, rows.flight[change.first], rows.flight[change.found], explained, back
+        )
+        own, begin, before = own.since(replace(change, first=change.first - begin)), change.first, change

@@ -79,6 +79,10 @@ class Readings:
             np.concatenate([spread, self.spread[own]]),
         )
 
+    def since_flight(self, first: int) -> Readings:
+        """Return the readings from a flight on, of whose level nothing is known."""
+        return self.since(Change("step", first, first, np.nan, np.nan, np.nan))
+
     def until(self, end: int) -> Readings:
         """Return the readings before a flight."""
         own = slice(None, end)
@@ -118,6 +122,17 @@ class Change:
     def interval(self) -> tuple[float, float]:
         """The 95 % interval of the size."""
         return self.size - NORMAL_95 * self.error, self.size + NORMAL_95 * self.error
+
+    def takes_back(self, other: Change) -> bool:
+        """Tell whether its step rather takes back the one before than leads to a further level.
+
+        Bayes factor of a sum of zero over one that is normal about zero with the size of the steps.
+        """
+        if {self.kind, other.kind} != {"step"} or self.size * other.size >= 0.0:
+            return False
+        left, variance = (self.size + other.size) ** 2, self.error**2 + other.error**2
+        spread = variance + 0.5 * (self.size**2 + other.size**2)
+        return left * (1.0 / variance - 1.0 / spread) < math.log(spread / variance)
 
     def course(self, times: FloatArray) -> FloatArray:
         """Return what the change adds to readings at times (n,) of its sequence."""
@@ -239,11 +254,11 @@ class _Sums:
         return out
 
 
-def origins(readings: Readings, kind: Kind) -> FloatArray:
-    """Return the likelihood ratios (n - 1,) of changes that began in the second flight to the last, by all of them."""
+def sizes(readings: Readings, kind: Kind) -> tuple[FloatArray, FloatArray]:
+    """Return size and variance (n - 1,) of a change that began in the second flight to the last, by all of them."""
     sums, last = _Sums.of(readings, readings.values[None, :]), len(readings.values) - 1
     size, variance = sums.sizes(last, np.arange(1, last + 1))[KINDS.index(kind)]
-    return np.asarray(size[0] ** 2 / variance)
+    return size[0], variance
 
 
 def changes(readings: Readings, threshold: float) -> Iterator[Change]:

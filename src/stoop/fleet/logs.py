@@ -151,7 +151,7 @@ def gathered(
     out = {
         flight: _unknown(lost, flight, flights, flight in given)
         for flight, one in said.items()
-        if logs[flight]["figures"] and (lost := [name for name in SAID if name not in one])
+        if "log" not in logs[flight]["absent"] and (lost := [name for name in SAID if name not in one])
     }
     dates = _kept(folder / DATES, logs, DATED)
     dates += [

@@ -17,7 +17,8 @@ from stoop.base.extras import install
 from stoop.base.files import make_folder, only_writer, write_files
 from stoop.base.numbers import count
 from stoop.errors import StoopError
-from stoop.fleet.analysis import Alarm, Cause, FleetAnalysis, analyze
+from stoop.fleet.analysis import Alarm, FleetAnalysis, analyze
+from stoop.fleet.causes import Cause
 from stoop.fleet.logs import LogFigures
 from stoop.fleet.parts import Parts, day, read_parts
 from stoop.fleet.table import NEEDED, FigureTable, of_frames, read_figures, read_frame
@@ -39,6 +40,7 @@ class ToldAlarm:
     began, found : flights
     began_time, found_time : s since 1970, UTC
     causes : the likeliest first
+    back : flight of the change before that it takes back, or empty
     withdrawn : whether later flights no longer show it
     """
 
@@ -52,6 +54,7 @@ class ToldAlarm:
     began_time: float
     found_time: float
     causes: tuple[Cause, ...]
+    back: str = ""
     withdrawn: bool = False
 
     @classmethod
@@ -59,7 +62,16 @@ class ToldAlarm:
         """Return an alarm with the times of its flights."""
         began, found = (table.time_of(alarm.vehicle, flight) for flight in (alarm.began, alarm.found))
         own, change = (alarm.began, alarm.found, began, found), alarm.change
-        return cls(alarm.vehicle, alarm.figure, change.kind, change.size, change.error, *own, alarm.causes)
+        return cls(
+            alarm.vehicle,
+            alarm.figure,
+            change.kind,
+            change.size,
+            change.error,
+            *own,
+            alarm.causes,
+            alarm.back,
+        )
 
     @property
     def since(self) -> str:
@@ -74,7 +86,11 @@ class ToldAlarm:
     @property
     def explanation(self) -> str:
         """The two likeliest causes, with their probabilities."""
-        return ", or ".join(f"{one.name} ({100.0 * one.probability:.0f} %)" for one in self.causes[:2])
+        said = [f"back to before {self.back}"] if self.back else []
+        first, *_ = self.causes
+        also = f", as {', '.join(first.figures)}" if first.figures else ""
+        likeliest = [f"{one.name} ({100.0 * one.probability:.0f} %)" for one in self.causes[:2]]
+        return "; ".join([*said, ", or ".join([likeliest[0] + also, *likeliest[1:]])])
 
     def is_of(self, other: ToldAlarm) -> bool:
         """Tell whether both tell of one change: of the same figure, begun in flights of which none is after the other's alarm."""
@@ -203,7 +219,7 @@ def _state(folder: Path) -> tuple[float, float, tuple[ToldAlarm, ...]]:
                 f"{path}: of schema {schema}, not {SCHEMA}; give its tables to a new folder, or use that version of stoop"
             )
         alarms = tuple(
-            ToldAlarm(**{**one, "causes": tuple(Cause(**cause) for cause in one["causes"])})
+            ToldAlarm(**{**one, "causes": tuple(_cause(cause) for cause in one["causes"])})
             for one in state["alarms"]
         )
         return float(state["alarms_a_year"]), float(state["threshold"]), alarms
@@ -213,6 +229,10 @@ def _state(folder: Path) -> tuple[float, float, tuple[ToldAlarm, ...]]:
         ) from None
     except (OSError, ValueError, KeyError, TypeError, RecursionError):
         raise StoopError(f"{path}: damaged; remove it, and give the tables once more") from None
+
+
+def _cause(entry: dict[str, Any]) -> Cause:
+    return Cause(**{**entry, "figures": tuple(entry.get("figures", ()))})
 
 
 def _partitions(folder: Path) -> list[Path]:
