@@ -9,7 +9,7 @@ import numpy as np
 from docs.pages import DOCS, table
 from stoop.assessment.covariance import NORMAL_95
 from stoop_studies.verify.capture import KINDS
-from stoop_studies.verify.fleet import made_up
+from stoop_studies.verify.made_up import made_up
 
 PAGE = DOCS / "motion-capture.md"
 WITHIN = 0.010  #: s

@@ -6,7 +6,7 @@ import csv
 
 from docs.pages import DOCS, table
 from stoop_studies.verify.defaults import FILES, GRADES, LIMITS, TITLES
-from stoop_studies.verify.fleet import KINDS
+from stoop_studies.verify.made_up import KINDS
 
 PAGE = DOCS / "defaults.md"
 

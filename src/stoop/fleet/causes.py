@@ -6,7 +6,8 @@ Bayes factor B(f, e) of a change of f in the first flight after e, its size norm
 
     G(e) = product over f of 1 - p(f, e) + p(f, e) B(f, e)
 
-whether e mattered. Half of the prior probability is that of the events, equally, half that of none, in any flight.
+whether e mattered; of several events before one flight two may have. Half of the prior probability is that of none, in any
+flight, half that of the events, in proportion to p of the figure that changed.
 
 References
 ----------
@@ -17,10 +18,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import combinations, groupby, pairwise
 from typing import Final
 
 import numpy as np
+from scipy.special import logsumexp
 
 from stoop.base.arrays import FloatArray
 from stoop.fleet.changes import Kind, Readings, sizes
@@ -28,12 +30,11 @@ from stoop.fleet.parts import Parts
 from stoop.fleet.table import FigureTable
 
 AT_EVENTS: Final = 0.5  #: prior probability that a change began with an event
-MATTERS: Final = 0.2
+MATTERS: Final = 0.05
 DEPENDS: Final = 0.5
-UPDATE: Final = 0.2
+UPDATE: Final = 0.1
 OTHERWISE: Final = 0.02
 USUAL: Final = 3.0  #: standard deviation of the size of changes, over that of a flight
-LARGEST: Final = 500.0  #: logarithm of a Bayes factor
 
 
 @dataclass(frozen=True)
@@ -92,12 +93,12 @@ class Stretch:
         if kind == "drift":
             prior /= float(np.ptp(self.readings.times)) ** 2
         told = prior / (prior + variance)  # zero where nothing is known of the size
-        return np.minimum(0.5 * np.log1p(-told) + 0.5 * told * size**2 / variance, LARGEST)
+        return np.asarray(0.5 * np.log1p(-told) + 0.5 * told * size**2 / variance)
 
     def factor_at(self, event: Event, factors: FloatArray) -> float:
-        """Return the Bayes factor of a change in the first flight after an event; one where there is none before or after."""
+        """Return the logarithm for the first flight after an event; zero where there is no flight before or none after."""
         k = int(np.searchsorted(self.rows.time, event.time))
-        return float(np.exp(factors[k - 1])) if 0 < k < len(self.rows.time) else 1.0
+        return float(factors[k - 1]) if 0 < k < len(self.rows.time) else 0.0
 
 
 def events(rows: FigureTable, parts: Parts, vehicle: str) -> Iterator[Event]:
@@ -123,27 +124,51 @@ def causes(
     others : figure -> Stretch, all flights of the vehicle
     """
     time, factors = own.rows.time, own.factors(kind)
-    possible = [event for event in recorded if time[0] < event.time <= time[-1]]
+    possible = sorted((e for e in recorded if time[0] < e.time <= time[-1]), key=lambda e: e.time)
     share = AT_EVENTS if possible else 0.0
-    odds = np.exp(factors)
-    likeliest = 1 + int(np.argmax(odds))
     found: list[tuple[float, str, int, tuple[str, ...]]] = [
-        ((1.0 - share) * float(np.mean(odds)), "", likeliest, ())
+        (np.log1p(-share) + logsumexp(factors) - np.log(len(factors)), "", 1 + int(np.argmax(factors)), ())
     ]
     beside = {f: one for f, s in others.items() if (one := s.between(time[0], time[-1] + 1.0)) is not None}
     told = {f: one.factors(kind) for f, one in beside.items()}
-    for event in possible:
-        changed = {}
-        for f, one in beside.items():
-            p = event.matters_to(one.places)
-            changed[f] = p * one.factor_at(event, told[f]), 1.0 - p
-        log_evidence = sum(float(np.log(sum(pair))) for pair in changed.values())
-        evidence = float(np.exp(min(log_evidence, LARGEST)))
-        mattered = evidence / (MATTERS * evidence + 1.0 - MATTERS)
-        weight = share / len(possible) * event.matters_to(own.places) / DEPENDS * mattered
-        named = tuple(f for f, (with_it, without) in changed.items() if with_it > without)
-        k = int(np.searchsorted(time, event.time))
-        found.append((weight * own.factor_at(event, factors), event.what, k, named))
-    total = sum(weight for weight, *_ in found)
-    made = [Cause(what, own.rows.flight[k], weight / total, named) for weight, what, k, named in found]
+    likely = sum(event.matters_to(own.places) for event in possible)
+    for k, together in groupby(possible, key=lambda event: int(np.searchsorted(time, event.time))):
+        for event, weight, named in _weighed([*together], beside, told):
+            prior = float(np.log(share * event.matters_to(own.places) / likely))
+            found.append((prior + weight + float(factors[k - 1]), event.what, k, named))
+    total = logsumexp([weight for weight, *_ in found])
+    made = [
+        Cause(what, own.rows.flight[k], float(np.exp(weight - total)), named)
+        for weight, what, k, named in found
+    ]
     return tuple(sorted(made, key=lambda one: -one.probability))
+
+
+def _weighed(
+    together: Sequence[Event], beside: Mapping[str, Stretch], told: Mapping[str, FloatArray]
+) -> Iterator[tuple[Event, float, tuple[str, ...]]]:
+    """Yield events before one flight, each with the figures that changed with it.
+
+    Between them stands the logarithm of the probability that it mattered by the other figures, over that before. Two of them may
+    have mattered.
+    """
+    count = len(together)
+    subsets = np.array(
+        [[i in s for i in range(count)] for k in range(3) for s in combinations(range(count), k)]
+    )
+    mattered = subsets.sum(axis=1)
+    evidence = mattered * np.log(MATTERS) + (count - mattered) * np.log1p(-MATTERS)
+    named = [list[str]() for _ in together]
+    for f, one in beside.items():
+        p, factor = (
+            np.array([e.matters_to(one.places) for e in together]),
+            one.factor_at(together[0], told[f]),
+        )
+        unchanged = subsets @ np.log1p(-p)
+        with np.errstate(divide="ignore"):
+            evidence = evidence + np.logaddexp(np.log(-np.expm1(unchanged)) + factor, unchanged)
+        for own, share in zip(named, p.tolist(), strict=True):
+            own += [f] if np.log(share) + factor > np.log1p(-share) else []
+    for event, with_it, own in zip(together, subsets.T, named, strict=True):
+        ratio = logsumexp(evidence[with_it]) - logsumexp(evidence) - np.log(MATTERS)
+        yield event, float(ratio), tuple(own)

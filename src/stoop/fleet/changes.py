@@ -34,6 +34,7 @@ LEAST: Final = 1e-6  #: expected alarms, at least: none at all would need an inf
 DENSE: Final = 64  #: see `_lags`
 STEP: Final = 0.05
 LANES: Final = 256  #: sequences that are scanned side by side
+CELLS: Final = 200_000  #: sizes that are computed together
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,18 +168,23 @@ def scan(readings: Readings, values: FloatArray | None = None) -> Scan:
 
 def _scanned(readings: Readings, values: FloatArray) -> Scan:
     sums = _Sums.of(readings, values)
-    shape = values.shape
+    lanes, flights = values.shape
+    shape = flights, lanes
     statistic, first, kind = np.zeros(shape), np.zeros(shape, np.intp), np.zeros(shape, np.intp)
-    lags = _lags(shape[1])
-    for t in range(1, shape[1]):
-        begun = t + 1 - lags[lags <= t]
-        for which, (size, variance) in enumerate(sums.sizes(t, begun)):
-            ratio = size**2 / variance
+    lags = _lags(flights)
+    together = max(1, CELLS // (len(lags) * lanes))
+    for begin in range(1, flights, together):
+        own = slice(begin, min(begin + together, flights))
+        t = np.arange(own.start, own.stop)
+        begun = t[:, None] + 1 - lags
+        for which, (size, variance) in enumerate(sums.sizes(t, np.maximum(begun, 1))):
+            ratio = size**2 / np.where(begun > 0, variance, np.inf)[:, :, None]
             k = np.argmax(ratio, axis=1)
             best = np.take_along_axis(ratio, k[:, None], axis=1)[:, 0]
-            better = best > statistic[:, t]
-            statistic[better, t], first[better, t], kind[better, t] = best[better], begun[k[better]], which
-    return Scan(statistic, first, kind)
+            better = best > statistic[own]
+            statistic[own][better], kind[own][better] = best[better], which
+            first[own][better] = np.take_along_axis(begun, k, axis=1)[better]
+    return Scan(statistic.T, first.T, kind.T)
 
 
 def _lags(flights: int) -> IntArray:
@@ -197,11 +203,10 @@ class _Sums:
     """
 
     times: FloatArray
-    precisions: FloatArray  #: (m,) of the effects
     weights: FloatArray  #: (3, n + 1) of w, w x and w x^2
-    values: FloatArray  #: (2, B, n + 1) of w y and w x y
+    values: FloatArray  #: (2, n + 1, B) of w y and w x y
     effects: FloatArray  #: (2, n + 1, m) of w N and w x N
-    products: FloatArray  #: (n + 1, m, m) of w N N'
+    inverses: FloatArray  #: (n + 1, m, m) of the sum of w N N' and the precisions of the effects
     projected: FloatArray  #: (n + 1, B, m) of w y N
 
     @classmethod
@@ -213,43 +218,46 @@ class _Sums:
             width[axis] = (1, 0)
             return np.cumsum(np.pad(terms, width), axis=axis)
 
+        normal = summed(w[:, None, None] * N[:, :, None] * N[:, None, :], 0) + np.diag(readings.spread**-2.0)
+        diagonal = np.diagonal(normal, axis1=1, axis2=2)
+        scale = np.sqrt(diagonal) + (diagonal == 0.0)
+        scales = scale[:, :, None] * scale[:, None, :]
         return cls(
             x,
-            readings.spread**-2.0,
             summed(np.array([w, w * x, w * x**2]), 1),
-            summed(np.array([w * values, w * x * values]), 2),
+            summed(np.array([w[:, None] * values.T, (w * x)[:, None] * values.T]), 1),
             summed(np.array([w[:, None] * N, (w * x)[:, None] * N]), 1),
-            summed(w[:, None, None] * N[:, :, None] * N[:, None, :], 0),
+            np.linalg.pinv(normal / scales, EXACT, hermitian=True) / scales,
             summed((w * values).T[:, :, None] * N[:, None, :], 0),
         )
 
-    def sizes(self, t: int, begun: IntArray) -> list[tuple[FloatArray, FloatArray]]:
-        """Return size (B, k) and variance (k,) of each kind of change, by the flights (k,) in which it began, up to flight t.
+    def sizes(self, t: IntArray, begun: IntArray) -> list[tuple[FloatArray, FloatArray]]:
+        """Return size (T, k, B) and variance (T, k) of each kind of change, by when it began (T, k), up to each of flights (T,).
 
         A step regresses on one, a drift on the time since the flight before it began. Where the flights tell nothing of a size
         its variance is infinite.
         """
-        k, end = begun, t + 1
-        w, wx, wxx = self.weights[:, end, None] - self.weights[:, k]
-        wy, wxy = self.values[:, :, end, None] - self.values[:, :, k]
-        wN, wxN = self.effects[:, end, None] - self.effects[:, k]
-        normal = self.products[end] + np.diag(self.precisions)
-        scale = np.sqrt(np.diag(normal)) + (np.diag(normal) == 0.0)
-        inverse = np.linalg.pinv(normal / np.outer(scale, scale), EXACT, hermitian=True) / np.outer(
-            scale, scale
-        )
-        origin = self.times[k - 1]
+        end = t + 1
+        w, wx, wxx = self.weights[:, end, None] - self.weights[:, begun]
+        wy, wxy = self.values[:, end, None] - self.values[:, begun]
+        wN, wxN = self.effects[:, end, None] - self.effects[:, begun]
+        origin = self.times[begun - 1]
         regressors = (
             (w, wy, wN),
-            (wxx - 2.0 * origin * wx + origin**2 * w, wxy - origin * wy, wxN - origin[:, None] * wN),
+            (
+                wxx - 2.0 * origin * wx + origin**2 * w,
+                wxy - origin[..., None] * wy,
+                wxN - origin[..., None] * wN,
+            ),
         )
         out = []
         for square, slope, on_effects in regressors:
-            along = on_effects @ inverse
-            information = square - np.sum(along * on_effects, axis=1)
+            along = on_effects @ self.inverses[end]
+            information = square - np.sum(along * on_effects, axis=-1)
             known = information > EXACT * square
             with np.errstate(divide="ignore", invalid="ignore"):
-                size = np.where(known, (slope - self.projected[end] @ along.T) / information, 0.0)
+                left = slope - along @ self.projected[end].transpose(0, 2, 1)
+                size = np.where(known[..., None], left / information[..., None], 0.0)
                 out.append((size, np.where(known, 1.0 / information, np.inf)))
         return out
 
@@ -257,8 +265,8 @@ class _Sums:
 def sizes(readings: Readings, kind: Kind) -> tuple[FloatArray, FloatArray]:
     """Return size and variance (n - 1,) of a change that began in the second flight to the last, by all of them."""
     sums, last = _Sums.of(readings, readings.values[None, :]), len(readings.values) - 1
-    size, variance = sums.sizes(last, np.arange(1, last + 1))[KINDS.index(kind)]
-    return size[0], variance
+    size, variance = sums.sizes(np.array([last]), np.arange(1, last + 1)[None])[KINDS.index(kind)]
+    return size[0, :, 0], variance[0]
 
 
 def changes(readings: Readings, threshold: float) -> Iterator[Change]:
@@ -301,10 +309,9 @@ def _estimated(own: Readings, found: Scan, alarm: int, threshold: float) -> tupl
         if now.first > alarm or further[place][t - now.first] > threshold:
             break
         change, last = now, t
-    sums, begun = _Sums.of(own, own.values[None, :]), np.arange(1, alarm + 1)
-    size, variance = sums.sizes(last, begun)[KINDS.index(change.kind)]
-    at = int(np.argmax(size[0] ** 2 / variance))
-    return replace(change, first=at + 1, size=float(size[0, at]), error=float(np.sqrt(variance[at]))), last
+    size, variance = (one[:alarm] for one in sizes(own.until(last + 1), change.kind))
+    at = int(np.argmax(size**2 / variance))
+    return replace(change, first=at + 1, size=float(size[at]), error=float(np.sqrt(variance[at]))), last
 
 
 def peaks(readings: Readings, draws: int, rng: np.random.Generator) -> FloatArray:

@@ -28,7 +28,7 @@ from typing import Final
 import numpy as np
 from scipy.linalg import cho_solve, cholesky
 from scipy.optimize import Bounds, minimize
-from scipy.sparse import csr_array, hstack
+from scipy.sparse import csr_array, hstack, vstack
 from scipy.stats import norm
 
 from stoop.base.arrays import FloatArray, IntArray
@@ -76,6 +76,23 @@ class Design:
             shape = (len(levels), size)
             blocks.append(csr_array((np.ones(len(rows)), (rows, levels[rows])), shape=shape))
         return csr_array(hstack(blocks))
+
+    @cached_property
+    def sums(self) -> csr_array:
+        """What makes of weights (n,) the sums [X Z]' W [X Z], by rows, then [X Z]' W y, then y' W y."""
+        columns = self.matrix.shape[1]
+        entries = self.matrix.tocoo()
+        of_rows = csr_array(
+            (entries.data, (entries.coords[0], np.arange(entries.nnz))), (len(self.values), entries.nnz)
+        )
+        row, pair = (of_rows.T @ of_rows).nonzero()  # entries that stand in one row
+        at, values = entries.coords[1], entries.data
+        products = csr_array(
+            (values[row] * values[pair], (at[row] * columns + at[pair], entries.coords[0][row])),
+            (columns**2, len(self.values)),
+        )
+        with_values = csr_array(self.matrix.T.multiply(self.values))
+        return csr_array(vstack([products, with_values, csr_array(self.values[None] ** 2)]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -203,13 +220,14 @@ def _solved(design: Design, deviations: FloatArray) -> _Solution:
     p = design.fixed.shape[1]
     variances = deviations[0] ** 2 + design.errors**2
     scales = np.concatenate([np.ones(p), np.repeat(deviations[1:], design.sizes)])
-    weighted = csr_array(design.matrix.multiply((1.0 / variances)[:, None]))
-    normal = np.asarray((design.matrix.T @ weighted).todense()) * scales * scales[:, None]
+    columns = len(scales)
+    found = design.sums @ (1.0 / variances)
+    normal = found[: columns**2].reshape(columns, columns) * scales * scales[:, None]
     normal[np.arange(p, len(scales)), np.arange(p, len(scales))] += 1.0
-    right = scales * (weighted.T @ design.values)
+    right = scales * found[columns**2 : -1]
     root = cholesky(normal, lower=True)
     scaled = cho_solve((root, True), right)
-    squares = float(np.sum(design.values**2 / variances) - scaled @ right)
+    squares = float(found[-1] - scaled @ right)
     deviance = float(np.sum(np.log(variances))) + 2.0 * float(np.sum(np.log(np.diag(root)))) + squares
     return _Solution(root, scales, scales * scaled, deviance)
 

@@ -33,7 +33,7 @@ from stoop.vehicle_draft.request import Request
 from stoop_studies.findings import Claim, Findings, Setting, holds
 from stoop_studies.verify import defaults, instruments, pilots, study
 from stoop_studies.verify.defects import edited
-from stoop_studies.verify.fleet import made_up
+from stoop_studies.verify.made_up import made_up
 from stoop_studies.verify.scenes import LOG_GRID
 
 CASES: Final = {"wings": "micro airplanes", "rotors": "quadrotors"}

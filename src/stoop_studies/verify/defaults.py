@@ -27,7 +27,7 @@ from stoop.workflow.identification import identify
 from stoop_studies.findings import Claim, Findings, Setting, counted, holds
 from stoop_studies.verify import instruments, pilots, study, truths
 from stoop_studies.verify.defects import edited
-from stoop_studies.verify.fleet import GRAVITY, KINDS, MadeUp, made_up
+from stoop_studies.verify.made_up import GRAVITY, KINDS, MadeUp, made_up
 from stoop_studies.verify.scenes import LOG_GRID
 
 FLIGHTS: Final = 2 * len(KINDS)

@@ -1,218 +1,279 @@
-"""Made-up vehicles for `stoop verify defaults`: perturbed parents, scaled by mass; and what a tape measure says of them.
+"""Fleets whose figures are drawn: how often nothing is told as a change, and how soon, and with which cause, a change is found.
 
-The derivatives are those of parents (``vehicles/parents.toml``, the built-in multirotors), each multiplied by a draw of its
-own. Nothing here reads the handbook of `stoop vehicle new`, which is under test. Area grows with mass to the power 2/3 and
-inertia with mass times length squared (scale laws of geometric similarity).
+A fleet has figures of the size and scatter that flights of small vehicles show, a season, wind, and an exchange of every part and
+an update of every vehicle, which change nothing beyond what parts usually differ by. A case adds one change to one vehicle.
 """
 
 from __future__ import annotations
 
-import functools
-import tomllib
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
-import tomlkit
+from scipy.stats import chi2
 
-from stoop.base.atmosphere import SEA_LEVEL_DENSITY
-from stoop.vehicle import Vehicle, parse_vehicle
-from stoop.vehicle.builtin import builtin_vehicle
-from stoop_studies.verify.study import data_text
+from stoop.base.arrays import FloatArray
+from stoop.fleet.analysis import YEAR, FleetAnalysis, analyze
+from stoop.fleet.changes import scan
+from stoop.fleet.parts import Fitting, Parts
+from stoop.fleet.table import FigureTable
+from stoop_studies.findings import Claim, Findings, Setting, holds
+from stoop_studies.verify import study
 
-GRAVITY: Final = 9.80665  #: m/s2
-WINGED: Final = ("conventional", "v-tail", "flying-wing", "glider", "quadplane")
-Range = tuple[float, float]
+VEHICLES: Final = 50
+FLIGHTS: Final = 200
+YEARS: Final = 1.0
+EVENTS: Final = (0.3, 0.7)  #: shares of the flights between which something is exchanged, updated or changed
+GROWN: Final = 40  #: flights in which a drift reaches the size of the step
+UPDATED: Final = 40  #: flights after which an update is rolled back
+WEATHER: Final = 0.5  #: effect of season and of a standard deviation of wind, over the scatter of flights
 
 
 @dataclass(frozen=True)
-class Spread:
-    """How far a made-up vehicle is from its parent: standard deviations of logarithms, and ranges."""
+class Drawn:
+    """How a figure is drawn: standard deviations of vehicles, parts, flights and estimates, and the place it depends on."""
 
-    derivative: float = 0.2
-    #: of CLalpha and Clp, beside what the aspect ratio makes of them (lifting line, A / (A + 2))
-    slope: float = 0.05
-    area: float = 0.12
-    aspect: float = 0.1
-    radius: float = 0.1  #: of gyration
-    lift: float = 0.1  #: coefficient in cruise
-    yaw_inertia: Range = (0.88, 0.98)  #: of the sum of the other two
-    lag: Range = (0.02, 0.08)  #: s, of servos
-    throw: Range = (0.25, 0.45)  #: rad, of a surface at full command
-    cruise_throttle: Range = (0.4, 0.6)
-    hover: Range = (0.35, 0.5)  #: command that carries the weight
-    tape: Mapping[str, float] = field(default_factory=lambda: {"mass": 0.01, "span": 0.005, "chord": 0.015})
+    vehicle: float
+    part: float
+    flight: float
+    error: float
+    place: str = ""
 
 
-SPREAD: Final = Spread()
-#: by number: template, parent, range of mass (kg)
-KINDS: Final[tuple[tuple[str, str, Range], ...]] = (
-    ("conventional", "navion", (1.0, 4.0)),
-    ("v-tail", "vtail", (3.0, 12.0)),
-    ("flying-wing", "x8", (0.8, 2.5)),
-    ("quad", "quad-x", (0.3, 1.5)),
-    ("glider", "glider", (1.5, 6.0)),
-    ("conventional", "aerosonde", (8.0, 25.0)),
-    ("hexa", "hexa-x", (1.5, 4.0)),
-    ("conventional", "twinboom", (10.0, 25.0)),
-    ("quadplane", "vtail", (5.0, 15.0)),
-    ("flying-wing", "x8", (2.5, 6.0)),
-    ("quad", "quad-x", (1.5, 4.0)),
-    ("conventional", "navion", (4.0, 12.0)),
-    ("v-tail", "aerosonde", (2.0, 8.0)),
-    ("glider", "glider", (0.5, 1.5)),
-    ("octo", "octo-x", (4.0, 8.0)),
-    ("conventional", "navion", (0.5, 1.0)),
-    ("flying-wing", "x8", (1.0, 4.0)),
-    ("quad", "quad-x", (0.8, 3.0)),
-    ("quadplane", "navion", (8.0, 20.0)),
-    ("v-tail", "vtail", (8.0, 20.0)),
-)
-RECORDS: Final = ("px4", "ardupilot", "csv")
+FIGURES: Final[Mapping[str, Drawn]] = {
+    "share.rotor_1": Drawn(0.01, 0.003, 0.004, 0.004, "rotor_1"),
+    "hover.lift": Drawn(0.01, 0.0, 0.006, 0.004),
+    "trim.alpha": Drawn(0.004, 0.0, 0.0025, 0.002),
+    "trim.elevator": Drawn(0.006, 0.002, 0.0025, 0.002, "elevator"),
+    "airspeed_pitot.scale": Drawn(0.01, 0.005, 0.006, 0.006, "pitot"),
+    "theta.bias": Drawn(0.004, 0.001, 0.002, 0.002, "imu"),
+    "battery.resistance": Drawn(0.05, 0.03, 0.03, 0.03, "battery"),
+    "drag.CD": Drawn(0.03, 0.0, 0.03, 0.03),
+    "climb": Drawn(0.02, 0.0, 0.03, 0.02),
+}
+"""Figure -> how it is drawn; rad, or relative to its mean."""
+PLACES: Final = tuple(one.place for one in FIGURES.values() if one.place)
+
+
+@dataclass(frozen=True)
+class Injected:
+    """What a change adds to figures, and the place whose exchange it comes with, "software", or empty for none."""
+
+    effects: Mapping[str, float]
+    event: str = ""
+
+
+INJECTED: Final[Mapping[str, Injected]] = {
+    "thrust of a rotor -3 %": Injected({"share.rotor_1": 0.0225, "hover.lift": 0.0075}),
+    "mass +4 %": Injected({"hover.lift": 0.04, "trim.alpha": 0.0073}),
+    "center of gravity 3 mm": Injected({"trim.elevator": 0.0065}),
+    "another propeller": Injected({"share.rotor_1": -0.04, "hover.lift": -0.01}, "rotor_1"),
+    "servo trim 1 deg": Injected({"trim.elevator": 0.01745}, "elevator"),
+    "pitot +3 %": Injected({"airspeed_pitot.scale": 0.03, "trim.alpha": 0.0055, "drag.CD": -0.06}),
+    "IMU turned by 0.5 deg": Injected({"theta.bias": 0.00873}, "imu"),
+    "battery resistance +20 %": Injected({"battery.resistance": 0.2}),
+    "drag +10 %": Injected({"drag.CD": 0.1}),
+    "10 % steeper climb": Injected({"climb": 0.1}, "software"),
+}
+"""What is changed -> its effects: of thrust on the share of one rotor among four, of mass on angle of attack by a lift
+coefficient of 0.88 and a slope of 4.8, of the center of gravity on the elevator by a chord of 0.25 m, a lift coefficient of 0.6
+and a moment of the elevator of 1.1."""
+NOTHING: Final = "nothing"
+BACK: Final = "rolled back"
+CASES: Final = (NOTHING, *(f"{what}, {how}" for what in INJECTED for how in ("step", "drift")), BACK)
 
 
 @dataclass(frozen=True, eq=False)
-class MadeUp:
-    """A vehicle that no one has built.
+class Flown:
+    """A drawn fleet: its table and parts, and of the changed vehicle the flight in which the change begins."""
 
-    Attributes
-    ----------
-    number : int
-    template : of `stoop vehicle new`
-    record : whose log it writes, one of `RECORDS`
-    vehicle : the truth; its channels are commanded deflections (rad), the throttle (0 to 1) and motors (0 to 1)
-    throw : surface -> deflection at full command, rad
-    tape : mass, span and chord as the user measured them, SI; the span of a multirotor is that between opposite motors
+    table: FigureTable
+    parts: Parts
+    first: int
+
+
+CHANGED: Final = "v0"
+
+
+def drawn(case: str, rng: np.random.Generator, vehicles: int = VEHICLES, flights: int = FLIGHTS) -> Flown:
+    """Return a fleet with the change of a case on its first vehicle."""
+    what, _, how = case.rpartition(", ")
+    injected = INJECTED["10 % steeper climb" if case == BACK else what] if case != NOTHING else Injected({})
+    rows: dict[str, list[Any]] = {name: [] for name in ("flight", "vehicle", "figure", "software", "parts")}
+    numbers: dict[str, list[Any]] = {name: [] for name in ("time", "value", "std_error", "season", "wind")}
+    fittings: list[Fitting] = []
+    begun = 0
+    for v in range(vehicles):
+        vehicle, time = f"v{v}", np.sort(rng.uniform(0.0, YEARS * YEAR, flights))
+        events = {place: int(rng.uniform(*EVENTS) * flights) for place in (*PLACES, "software", "none")}
+        at = {place: np.arange(flights) >= k for place, k in events.items()}
+        for place in PLACES:
+            moment = float(time[events[place]]) - 1.0
+            fittings += [
+                Fitting(vehicle, place, f"{place}-{v}a", -np.inf, moment),
+                Fitting(vehicle, place, f"{place}-{v}b", moment, np.inf),
+            ]
+        new = at["software"].copy()
+        size: FloatArray = np.zeros(flights)
+        if v == 0:
+            begun = events[injected.event or "none"]
+            if case == BACK:
+                new[begun + UPDATED :] = False
+            since = np.arange(flights) - begun
+            there = (since >= 0) & (new | (case != BACK))
+            size = np.asarray(np.clip(since / GROWN, 0.0, None) if how == "drift" else there, np.float64)
+        season, wind = np.cos(2.0 * np.pi * time / YEAR), rng.standard_normal(flights)
+        for figure, one in FIGURES.items():
+            error = one.error * rng.uniform(0.7, 1.4, flights)
+            value = 1.0 + one.vehicle * rng.standard_normal() + injected.effects.get(figure, 0.0) * size
+            value += one.flight * (WEATHER * (season + wind) + rng.standard_normal(flights))
+            value += error * rng.standard_normal(flights)
+            if one.place:
+                value += one.part * rng.standard_normal(2)[at[one.place].astype(int)]
+            rows["flight"] += [f"{vehicle}-{i}" for i in range(flights)]
+            rows["vehicle"] += [vehicle] * flights
+            rows["figure"] += [figure] * flights
+            rows["software"] += np.where(new, "1.1", "1.0").tolist()
+            rows["parts"] += [one.place] * flights
+            for name, x in zip(numbers, (time, value, error, season, wind), strict=True):
+                numbers[name].append(x)
+    columns = {name: np.concatenate(x) for name, x in numbers.items()}
+    order = np.argsort(columns["time"], kind="stable")
+    conditions = {name: columns.pop(name)[order] for name in ("season", "wind")}
+    table = FigureTable.of_columns(
+        {name: [x[i] for i in order.tolist()] for name, x in rows.items()},
+        {name: x[order] for name, x in columns.items()},
+        conditions,
+    )
+    return Flown(table, Parts(tuple(sorted(fittings, key=lambda f: (f.vehicle, f.part, f.begin)))), begun)
+
+
+def crossed(found: FleetAnalysis) -> int:
+    """Return how many sequences exceed the threshold in some flight: what is told on the nights, one for each."""
+    return sum(
+        bool(scan(readings).statistic.max() > found.threshold)
+        for model in found.figures.values()
+        for _, readings in model.sequences.values()
+    )
+
+
+def least_delay(
+    case: str, first: int, rng: np.random.Generator, flights: int = FLIGHTS, draws: int = 400
+) -> float:
+    """Return the mean delay, flights, of the test that knows size, kind, level and figure of a change, but not when it begins.
+
+    Page's cumulative sum of the figure that shows it most, at a threshold of the logarithm of the mean number of readings of the
+    fleet between false alarms (Lorden 1971).
     """
-
-    number: int
-    template: str
-    record: str
-    vehicle: Vehicle
-    throw: Mapping[str, float]
-    tape: Mapping[str, float]
-
-    @property
-    def winged(self) -> bool:
-        """Whether it flies on wings."""
-        return self.template in WINGED
-
-
-@functools.cache
-def made_up(number: int, kinds: tuple[tuple[str, str, Range], ...] = KINDS) -> MadeUp:
-    """Return a vehicle of a fleet by its number."""
-    template, parent, masses = kinds[number % len(kinds)]
-    rng = np.random.default_rng([14, number])
-    mass = float(np.exp(rng.uniform(*np.log(masses))))
-    draw = _aircraft if template in WINGED else _multirotor
-    text, dimensions = draw(rng, parent, mass, template)
-    surfaces = ("elevator", "aileron", "rudder")
-    throw = {s: float(rng.uniform(*SPREAD.throw)) for s in surfaces}
-    tape = {n: x * (1.0 + SPREAD.tape[n] * rng.standard_normal()) for n, x in dimensions.items()}
-    vehicle = parse_vehicle(text, f"made-up {number}")
-    return MadeUp(number, template, RECORDS[number % len(RECORDS)], vehicle, throw, tape)
+    what, _, how = case.rpartition(", ")
+    effects = INJECTED[what].effects
+    sizes = {f: abs(x) / np.hypot(FIGURES[f].flight, FIGURES[f].error) for f, x in effects.items()}
+    size, limit = max(sizes.values()), float(np.log(VEHICLES * len(FIGURES) * flights))
+    length = flights - first
+    since = np.arange(length)
+    course = size * (since / GROWN if how == "drift" else np.ones(length))
+    readings = course + rng.standard_normal((draws, length))
+    best = np.zeros((draws, length))
+    for begun in range(length):  # the change may have begun in any flight
+        known = (
+            size * np.clip((since - begun) / GROWN, 0.0, None) if how == "drift" else size * (since >= begun)
+        )
+        best = np.maximum(best, np.cumsum(known * readings - 0.5 * known**2, axis=1))
+    over = best > limit
+    return float(np.mean(np.where(over.any(axis=1), np.argmax(over, axis=1), length)))
 
 
-def _factor(rng: np.random.Generator, spread: float) -> float:
-    return float(np.exp(spread * rng.standard_normal()))
-
-
-def _aircraft(
-    rng: np.random.Generator, name: str, mass: float, template: str
-) -> tuple[str, dict[str, float]]:
-    """Return the file of an aircraft and its mass, span and chord."""
-    parent: dict[str, Any] = tomllib.loads(data_text("parents.toml"))[name]
-    area = parent["area"] * (mass / parent["mass"]) ** (2.0 / 3.0) * _factor(rng, SPREAD.area)
-    span = float(np.sqrt(parent["aspect"] * _factor(rng, SPREAD.aspect) * area))
-    chord = area / span
-    lift = parent["CL"] * _factor(rng, SPREAD.lift)
-    airspeed = float(np.sqrt(2.0 * mass * GRAVITY / (SEA_LEVEL_DENSITY * area * lift)))
-    kx, ky = (r * _factor(rng, SPREAD.radius) for r in parent["radii"])
-    xx, yy = mass * (0.5 * kx * span) ** 2, mass * (ky * span) ** 2
-    zz = (xx + yy) * rng.uniform(*SPREAD.yaw_inertia)
-    inertia = {"xx": xx, "yy": yy, "zz": zz, "xz": parent["xz"] * zz}
-    ratio = span / chord
-    slope = ratio / (ratio + 2.0) * (parent["aspect"] + 2.0) / parent["aspect"]
-    nearly_fixed = {n: slope * _factor(rng, SPREAD.slope) for n in ("CLalpha", "Clp")}
-    factors = {n: _factor(rng, SPREAD.derivative) for n in parent["derivatives"]} | nearly_fixed
-    derivatives = {n: v * factors[n] for n, v in parent["derivatives"].items()}
-    derivatives |= {"CL0": lift, "Cm0": 0.02 * rng.standard_normal(), "CQ0": 0.002 * rng.standard_normal()}
-    derivatives |= {"Cl0": 0.0005 * rng.standard_normal(), "Cn0": 0.0003 * rng.standard_normal()}
-    surfaces = ("elevator", "aileron") if template == "flying-wing" else ("elevator", "aileron", "rudder")
-    lag = float(rng.uniform(*SPREAD.lag))
-    document: dict[str, Any] = {
-        "format": "stoop-vehicle/1",
-        "name": f"made-up {template} {mass:.1f} kg",
-        "mass": {"mass": mass, "inertia": inertia},
-        "reference": {
-            "area": area, "chord": chord, "span": span, "airspeed": airspeed,
-            "alpha": rng.uniform(0.02, 0.06), "rate_normalization": "actual",
-        },
-        "environment": {"density": "standard"},
-        "controls": {s: {"lag": lag} for s in surfaces},
-        "aerodynamics": _terms(derivatives),
-    }  # fmt: skip
-    if template != "glider":
-        document["propulsion"] = _propeller(rng, airspeed, derivatives["CD0"], area)
-    return tomlkit.dumps(document), {"mass": mass, "span": span, "chord": chord}
-
-
-def _terms(derivatives: Mapping[str, float]) -> dict[str, Any]:
-    """Return the tables of the terms of eq. (1) that have a value; there are no others."""
-    factors = {"0": "1", "alpha2": "alpha^2"}
-    tables: dict[str, Any] = {"default": False}
-    for name, value in derivatives.items():
-        coefficient, factor = name[:2], name[2:]
-        tables.setdefault(coefficient, {})[name] = {
-            "term": factors.get(factor, factor),
-            "value": float(value),
-        }
-    return tables
-
-
-def _propeller(rng: np.random.Generator, airspeed: float, drag: float, area: float) -> dict[str, Any]:
-    """Return a propeller that holds the airspeed near half throttle, at an advance ratio of about 0.65."""
-    ratio, coefficients = rng.uniform(0.58, 0.7), {"CT0": rng.uniform(0.1, 0.13), "CT1": -0.06, "CT2": -0.08}
-    thrust = coefficients["CT0"] + coefficients["CT1"] * ratio + coefficients["CT2"] * ratio**2
-    diameter = float(np.sqrt(0.5 * drag * area * ratio**2 / thrust))
-    gain = airspeed / (ratio * diameter) / rng.uniform(*SPREAD.cruise_throttle)
-    numbers = {"speed_gain": gain, "diameter": diameter, **coefficients}
-    return {
-        "kind": "propeller",
-        "channel": "control_throttle",
-        **{n: float(x) for n, x in numbers.items()},
+@study.work
+def examine(case: str, seed: int) -> dict[str, Any]:
+    """Draw a fleet and look for changes; of one that was made: whether, when, and with which cause it was found."""
+    rng = np.random.default_rng([71, CASES.index(case), seed])
+    fleet = drawn(case, rng)
+    found = analyze(fleet.table, fleet.parts, 1.0, seed)
+    out: dict[str, Any] = {
+        "threshold": found.threshold,
+        "false": sum(a.vehicle != CHANGED for a in found.alarms),
     }
+    if case == NOTHING:
+        return {**out, "false": len(found.alarms), "told": crossed(found)}
+    what = "10 % steeper climb" if case == BACK else case.rpartition(", ")[0]
+    injected = INJECTED[what]
+    own = [a for a in found.alarms if a.vehicle == CHANGED and a.figure in injected.effects]
+    if case == BACK:
+        backs = [a for a in own if a.back]
+        dated = [_number(a.began) - fleet.first - UPDATED for a in backs]
+        return {**out, "found": bool(own), "back": bool(backs), "dated": dated[0] if dated else None}
+    true = [a for a in own if a.change.found >= fleet.first]
+    out |= {"found": bool(true), "least": least_delay(case, fleet.first, rng), "delay": None, "named": None}
+    if true:
+        first = min(true, key=lambda a: a.change.found)
+        cause = first.causes[0].what.partition(":")[0]
+        out |= {
+            "delay": first.change.found - fleet.first,
+            "named": cause == injected.event,
+            "figure": first.figure,
+        }
+    return out
 
 
-def _multirotor(
-    rng: np.random.Generator, name: str, mass: float, template: str
-) -> tuple[str, dict[str, float]]:
-    """Return the file of a multirotor and its mass and span."""
-    parent = builtin_vehicle(name)
-    document: Any = tomlkit.parse(parent.text)
-    share = mass / parent.value("mass.mass")
-    length = share ** (1.0 / 3.0) * _factor(rng, SPREAD.aspect)
-    document["name"], document["mass"]["mass"] = f"made-up {template} {mass:.1f} kg", mass
-    inertia = document["mass"]["inertia"]
-    for axis in ("xx", "yy", "zz"):
-        inertia[axis] = float(inertia[axis]) * share * length**2
-    radius = _factor(rng, SPREAD.radius), _factor(rng, SPREAD.radius)
-    inertia["xx"] *= radius[0]
-    inertia["yy"] *= radius[0] * _factor(rng, 0.5 * SPREAD.radius)
-    inertia["zz"] = min(inertia["zz"] * radius[1], 0.97 * (inertia["xx"] + inertia["yy"]))
-    rotors, arms = document["rotors"], []
-    count, hover = len(document["rotor"]), rng.uniform(*SPREAD.hover)
-    bend = rng.uniform(0.4, 0.8)  # share of T1 x in the thrust of hover
-    weight = mass * GRAVITY / count
-    rotors["T1"], rotors["T2"] = float(bend * weight / hover), float((1.0 - bend) * weight / hover**2)
-    rotors["lag"] = float(rng.uniform(*SPREAD.lag))
-    for key, power in (("inflow", 2.0 / 3.0), ("drag", 2.0 / 3.0), ("torque_ratio", 1.0 / 3.0)):
-        rotors[key] = float(rotors[key]) * share**power * _factor(rng, SPREAD.derivative)
-    for rotor in document["rotor"].values():
-        rotor["position"] = [float(x) * length for x in rotor["position"]]
-        arms.append(float(np.hypot(*rotor["position"][:2])))
-    document["body_drag"]["quadratic"] = [
-        float(x) * share ** (2.0 / 3.0) for x in document["body_drag"]["quadratic"]
-    ]
-    return tomlkit.dumps(document), {"mass": mass, "span": 2.0 * max(arms)}
+def _number(flight: str) -> int:
+    return int(flight.rpartition("-")[2])
+
+
+def show(setting: Setting, samples: study.Samples) -> Findings:
+    """Return rates, delays and causes of each case."""
+    table = [_row(case, records) for case, records in samples.items() if records]
+    return Findings.of("Changes of a fleet", list(_claims(table, samples)), table)
+
+
+def _row(case: str, records: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    out: dict[str, Any] = {"case": case, "fleets": len(records)}
+    out["false"] = float(np.mean([r["false"] for r in records]))
+    out["told"] = float(np.mean([r["told"] for r in records])) if case == NOTHING else None
+    out["found"] = float(np.mean([r["found"] for r in records])) if case != NOTHING else None
+    known = [r for r in records if r.get("delay") is not None]
+    out["delay"] = float(np.mean([r["delay"] for r in known])) if known else None
+    out["least"] = float(np.mean([r["least"] for r in known])) if known else None
+    out["named"] = float(np.mean([r["named"] for r in known])) if known else None
+    backs = [r for r in records if case == BACK]
+    out["dated"] = float(np.mean([r["back"] and abs(r["dated"]) <= 2 for r in backs])) if backs else None
+    return out
+
+
+def _claims(table: Sequence[Mapping[str, Any]], samples: study.Samples) -> Iterator[Claim]:
+    if records := samples.get(NOTHING):
+        told = [r["told"] for r in records]
+        low, high = (
+            float(np.nan_to_num(chi2.ppf(p, 2 * (sum(told) + more)))) / (2.0 * len(told))
+            for p, more in ((0.025, 0), (0.975, 1))
+        )
+        yield holds(
+            "Nothing changes: one is told in a year",
+            low <= YEARS <= high,
+            f"{np.mean(told):.2f} ({low:.2f} to {high:.2f})",
+        )
+    changed = [row for row in table if row["case"] not in (NOTHING, BACK)]
+    for row in changed:
+        yield holds(f"{row['case']}: found in 95 %", row["found"] >= 0.95, f"{100 * row['found']:.0f} %")
+        if row["delay"] is not None:
+            ratio = row["delay"] / max(row["least"], 1e-9)
+            yield holds(
+                f"{row['case']}: delay at most 1.3 of the least",
+                ratio <= 1.3,
+                f"{row['delay']:.1f} of {row['least']:.1f}",
+            )
+            yield holds(
+                f"{row['case']}: cause named first in 90 %",
+                row["named"] >= 0.9,
+                f"{100 * row['named']:.0f} %",
+            )
+    for row in table:
+        if row["case"] == BACK:
+            yield holds(
+                "A roll-back is dated within 2 flights in 90 %",
+                row["dated"] >= 0.9,
+                f"{100 * row['dated']:.0f} %",
+            )
+
+
+EXPERIMENT: Final = study.Verification("fleet", show, runs=20, work="examine", cases=CASES)

@@ -33,7 +33,7 @@ from stoop.workflow.tuning import conditions_of, tune
 from stoop_studies.findings import Findings, Setting, holds
 from stoop_studies.verify import defaults, pilots, study
 from stoop_studies.verify.autotune import backed_off, minimum_variance
-from stoop_studies.verify.fleet import KINDS, WINGED
+from stoop_studies.verify.made_up import KINDS, WINGED
 from stoop_studies.verify.scenes import LOG_GRID
 
 CASES: Final = {"wings": "aeroplanes", "rotors": "multirotors"}

@@ -21,7 +21,7 @@ from stoop.base.variables import EULER, POSITION, RATES, SPECIFIC_FORCE, VELOCIT
 from stoop.exporters.flight_logs import save_flight_as
 from stoop.flight import from_columns
 from stoop.simulation.trajectories import traveled
-from stoop_studies.verify.fleet import MadeUp
+from stoop_studies.verify.made_up import MadeUp
 from stoop_studies.verify.pilots import Columns
 
 GROUND: Final = 12.0  #: s on the ground, before the launch

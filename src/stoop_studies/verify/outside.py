@@ -31,8 +31,8 @@ from stoop.vehicle.checks import is_body
 from stoop.workflow.fitted_model import FittedModel
 from stoop_studies.findings import Claim, Findings, Setting, counted, holds
 from stoop_studies.verify import defaults, lines, outside_aircraft, outside_rotors, recorders, study, truths
-from stoop_studies.verify.fleet import MadeUp
 from stoop_studies.verify.instruments import Defect
+from stoop_studies.verify.made_up import MadeUp
 from stoop_studies.verify.outside_aircraft import TABLES, OutsideFlight
 from stoop_studies.verify.pilots import Columns
 

@@ -53,6 +53,7 @@ EXPERIMENTS: Final[Mapping[str, tuple[str, str]]] = {
         ("delays", "delays of inputs and outputs, fractions of a sample (40 flights, twice)"),
         ("outside", "flights of other people's models by recorders of other people, by the defaults alone (8 flights each)"),
         ("capture", "pose and late commands in a room, from log to model by the defaults (20 vehicles each)"),
+        ("fleet", "changes of fleets told, dated and explained, and how often none is one (20 fleets each)"),
         ("gains", "margins and proposed gains of autopilots beside those of known vehicles (200 vehicles)"),
         ("lines", "wrong lines of mappings are named, right ones not accused (60 flights each); reads --data DIR"),
         ("servos", "lags and delays that a vehicle file leaves out (30 flights each)"),

@@ -26,7 +26,7 @@ from stoop_studies.verify.defaults import (
     spoiled,
 )
 from stoop_studies.verify.defects import edited
-from stoop_studies.verify.fleet import KINDS, made_up
+from stoop_studies.verify.made_up import KINDS, made_up
 from stoop_studies.verify.truths import Deflection
 
 

@@ -19,7 +19,6 @@ from stoop_studies.verify.autotune import (
     minimum_variance,
     minimum_variance_pid,
 )
-from stoop_studies.verify.fleet import made_up
 from stoop_studies.verify.gains import (
     CASES,
     EXPERIMENT,
@@ -34,6 +33,7 @@ from stoop_studies.verify.gains import (
     kept,
     lost,
 )
+from stoop_studies.verify.made_up import made_up
 from stoop_studies.verify.study import run_key
 
 SETTING = Setting(runs=20)

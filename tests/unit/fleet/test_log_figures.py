@@ -100,7 +100,8 @@ def glide(rng: np.random.Generator, noise: float = 0.02) -> Flight:
     ratio = 9.80665 * MASS / (0.5 * DENSITY * SPEED**2 * AREA)
     columns = {
         "V": V, "alpha": alpha, "ax": 9.80665 * np.sin(alpha), "az": -9.80665 * np.cos(alpha),
-        "altitude": energy - V**2 / (2.0 * 9.80665), "throttle": np.where(time < 10.0, 0.5, 0.0), "density": np.full(time.size, DENSITY),
+        "altitude": energy - V**2 / (2.0 * 9.80665), "throttle": np.where(time < 10.0, 0.5, 0.0),
+        "density": np.full(time.size, DENSITY),
         "elevator": 0.01 - 0.3 * (CL - ratio),
     }  # fmt: skip
     for name in ("alpha", "elevator"):

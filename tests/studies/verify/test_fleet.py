@@ -1,0 +1,77 @@
+"""Drawn fleets have what their case says, and claims turn with the records."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from stoop.fleet.analysis import analyze
+from stoop_studies.findings import Setting
+from stoop_studies.verify.fleet import BACK, CASES, CHANGED, EXPERIMENT, NOTHING, UPDATED, drawn, least_delay
+from stoop_studies.verify.study import run_key
+
+SETTING = Setting(runs=3)
+ROTOR = "another propeller, step"
+
+
+def test_only_the_changed_figures_of_one_vehicle_differ() -> None:
+    plain, changed = (drawn(case, np.random.default_rng(0), 3, 60) for case in (NOTHING, ROTOR))
+    moved = changed.table.value - plain.table.value
+    own = np.abs(moved) > 1e-12
+    assert {v for v, x in zip(plain.table.vehicle, own, strict=True) if x} == {CHANGED}
+    assert {f for f, x in zip(plain.table.figure, own, strict=True) if x} == {"share.rotor_1", "hover.lift"}
+    first = min(int(f.rpartition("-")[2]) for f, x in zip(plain.table.flight, own, strict=True) if x)
+    assert first == changed.first
+    serials = changed.parts.exchanges(CHANGED)
+    (begin,) = [new.begin for _, new in serials if new.part == "rotor_1"]
+    assert begin == pytest.approx(changed.table.time_of(CHANGED, f"{CHANGED}-{first}"), abs=2.0)
+
+
+def test_a_weak_rotor_is_found_with_its_exchange_and_a_roll_back_is_one() -> None:
+    rotor = drawn(ROTOR, np.random.default_rng(1), 6, 80)
+    alarms = [a for a in analyze(rotor.table, rotor.parts).alarms if a.vehicle == CHANGED]
+    share = next(a for a in alarms if a.figure == "share.rotor_1")
+    assert share.causes[0].what.startswith("rotor_1: ")
+    assert abs(share.change.first - rotor.first) <= 1
+    back = drawn(BACK, np.random.default_rng(2), 6, 120)
+    steep, again = (
+        a for a in analyze(back.table, back.parts).alarms if a.figure == "climb" and a.vehicle == CHANGED
+    )
+    assert steep.causes[0].what == "software: 1.1 for 1.0"
+    assert again.causes[0].what == "software: 1.0 for 1.1"
+    assert (steep.back, again.back) == ("", steep.began)
+    assert abs(again.change.first - back.first - UPDATED) <= 2
+
+
+def test_the_least_delay_of_a_step_is_that_of_its_information() -> None:
+    """Lorden: the logarithm of the readings between false alarms over half the square of the size, and half a flight more."""
+    found = least_delay("servo trim 1 deg, step", 60, np.random.default_rng(0))
+    assert found <= 2.0
+    slow, fast = (
+        least_delay(f"drag +10 %, {how}", 60, np.random.default_rng(0)) for how in ("drift", "step")
+    )
+    size = 0.1 / np.hypot(0.03, 0.03)
+    expected = np.log(50 * 9 * 200) / (0.5 * size**2)
+    assert fast == pytest.approx(expected, rel=0.35)
+    assert slow > fast
+
+
+def records(**changed: Any) -> list[bool]:
+    one = {
+        "threshold": 20.0, "false": 0, "told": 1, "found": True, "delay": 5, "least": 5.0, "named": True, "figure": "climb",
+        "back": True, "dated": 0, **changed,
+    }  # fmt: skip
+    results = {run_key(case, seed): one for case in CASES for seed in SETTING.seeds}
+    return [claim.verdict == "holds" for claim in EXPERIMENT.findings(SETTING, results).claims]
+
+
+def test_claims_turn_with_the_records() -> None:
+    assert all(records())
+    kinds = len(CASES) - 2
+    assert not records(told=9)[0]
+    assert sum(map(bool, records(found=False))) == 1 + 2 * kinds + 1
+    assert sum(records(delay=9)) == 1 + 2 * kinds + 1
+    assert sum(records(named=False)) == 1 + 2 * kinds + 1
+    assert not records(dated=3)[-1]

@@ -1,0 +1,78 @@
+"""Causes by all figures of a vehicle: the part that a figure depends on, the event on which others changed with it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import pytest
+
+from stoop.fleet.causes import Cause, Event, Stretch, causes
+from stoop.fleet.changes import Change, Readings
+from stoop.fleet.table import FigureTable
+
+FLIGHTS = 60
+
+
+def stretch(figure: str, place: str, first: int, size: float, seed: int = 0) -> Stretch:
+    """Return readings of a scatter of one, with a step."""
+    values = np.random.default_rng([seed, len(figure)]).standard_normal(FLIGHTS) + size * (
+        np.arange(FLIGHTS) >= first
+    )
+    time, ones = np.arange(float(FLIGHTS)), np.ones(FLIGHTS)
+    texts = {"flight": [f"f{i}" for i in range(FLIGHTS)], "vehicle": ["v"] * FLIGHTS}
+    texts |= {"figure": [figure] * FLIGHTS, "parts": [place] * FLIGHTS}
+    table = FigureTable.of_columns(texts, {"time": time, "value": values, "std_error": ones}, {})
+    return Stretch(table, Readings.about_a_level(values, ones, time))
+
+
+def of(own: Stretch, events: list[Event], others: Mapping[str, Stretch] | None = None) -> Cause:
+    found = causes(own, "step", events, others or {})
+    assert sum(one.probability for one in found) == pytest.approx(1.0)
+    return found[0]
+
+
+ROTOR, UPDATE, BATTERY = (
+    Event("rotor", "rotor_1", 30.0),
+    Event("software", "", 30.0),
+    Event("battery", "battery", 40.0),
+)
+
+
+def test_of_two_events_on_one_day_the_part_on_which_the_figure_depends_explains_it() -> None:
+    own = stretch("share", "rotor_1", 30, 3.0)
+    assert of(own, [ROTOR, UPDATE, BATTERY]).what == "rotor"
+    assert of(stretch("share", "", 30, 3.0), [Event("rotor", "rotor_2", 30.0), UPDATE]).what == "software"
+
+
+def test_an_update_on_which_other_figures_changed_explains_it_and_they_are_named() -> None:
+    own = stretch("share", "rotor_1", 30, 3.0)
+    others = {
+        "climb": stretch("climb", "", 30, 3.0),
+        "drag": stretch("drag", "", 30, 3.0),
+        "lift": stretch("lift", "", 99, 0.0),
+    }
+    found = of(own, [ROTOR, UPDATE], others)
+    assert found.what == "software"
+    assert found.figures == ("climb", "drag")
+
+
+def test_a_change_of_another_figure_on_another_day_explains_nothing() -> None:
+    own, others = (
+        stretch("share", "rotor_1", 20, 3.0),
+        {"resistance": stretch("resistance", "battery", 40, 9.0)},
+    )
+    found = of(own, [BATTERY], others)
+    assert (found.what, found.flight) == ("", "f20")
+
+
+def test_evidence_beyond_the_range_of_numbers_still_dates_a_change() -> None:
+    found = of(stretch("share", "rotor_1", 20, 900.0), [])
+    assert (found.flight, found.probability) == ("f20", 1.0)
+
+
+def test_a_step_that_takes_back_another() -> None:
+    up = Change("step", 20, 22, 1.0, 0.1, 50.0)
+    for size, taken in ((-1.05, True), (-0.5, False), (-2.0, False), (1.0, False)):
+        assert Change("step", 40, 42, size, 0.1, 50.0).takes_back(up) is taken
+    assert not Change("drift", 40, 42, -1.0, 0.1, 50.0).takes_back(up)
