@@ -24,8 +24,8 @@ FLAG = re.compile(
 )  #: tests whether a vehicle has rotors
 #: room -> lines at most; "stoop" is the whole package, for which the design asks 68,000, and 9,000 for its studies
 BUDGETS = {
-    "stoop": 89495,
-    "stoop_studies": 14335,
+    "stoop": 90040,
+    "stoop_studies": 14620,
     "api": 200,
     "app": 3650,
     "assessment": 6515,
@@ -35,7 +35,7 @@ BUDGETS = {
     "control_laws": 1555,
     "estimate": 7540,
     "exporters": 8892,
-    "fleet": 1720,
+    "fleet": 2260,
     "flight": 6500,
     "input_design": 2350,
     "kernels": 2810,

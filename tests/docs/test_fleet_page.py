@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import re
 import subprocess
 import sys
@@ -38,3 +39,32 @@ def test_the_example(
         [sys.executable, "-c", in_python], check=True, capture_output=True, text=True
     ).stdout
     assert told.startswith("drone-3 thrust -0.04")
+
+
+def test_the_figures_of_the_study() -> None:
+    with (DOCS / "verify" / "fleet.csv").open(newline="", encoding="utf-8") as file:
+        rows = {row["case"]: row for row in csv.DictReader(file)}
+    assert f"{float(rows['nothing']['told']):.2f} alarms are told in a year" in TEXT
+    changed = {case: row for case, row in rows.items() if row["delay"]}
+    missed = {case for case, row in changed.items() if float(row["found"]) < 1.0}
+    assert missed == {"servo trim 1 deg, step", "IMU turned by 0.5 deg, step"}
+    assert all(float(changed[case]["found"]) == 0.5 for case in missed)
+    late = {
+        case: (float(row["delay"]), float(row["least"]))
+        for case, row in changed.items()
+        if "servo" not in case
+    }
+    assert all(
+        found <= max(1.2 * least, least + 1.0) for case, (found, least) in late.items() if "step" in case
+    )
+    assert (
+        f"drifts up to {max(found / least for case, (found, least) in late.items() if 'drift' in case):.1f} times"
+        in TEXT
+    )
+    for how, words in (
+        ("step", "of a step is named first in {} to {} %"),
+        ("drift", "of a drift in {} to {} %"),
+    ):
+        named = [round(100.0 * float(row["named"])) for case, row in changed.items() if case.endswith(how)]
+        assert words.format(min(named), max(named)).removeprefix("a ") in TEXT.replace("\n", " ")
+    assert float(rows["rolled back"]["dated"]) == 1.0

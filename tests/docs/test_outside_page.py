@@ -14,8 +14,9 @@ def rows(name: str) -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
-def test_figures_of_the_page() -> None:
-    vehicles, flights, planted = (rows(f"outside{part}") for part in ("", "-flights", "-planted"))
+def figures(name: str) -> tuple[dict[str, str], float]:
+    """Return the figures of a run as the page prints them, and the rms error in standard errors."""
+    vehicles, flights, planted = (rows(f"{name}{part}") for part in ("", "-flights", "-planted"))
     numbers = [int(row["numbers"]) for row in vehicles]
     held = sum(n * float(row["coverage"]) for n, row in zip(numbers, vehicles, strict=True)) / sum(numbers)
     lowest = min(vehicles, key=lambda row: float(row["coverage"]))
@@ -32,11 +33,35 @@ def test_figures_of_the_page() -> None:
         "nothing edited by hand": f"{sum(int(row['unedited']) for row in vehicles)} of {count}",
         "log to report within 60 s": f"{sum(float(row['seconds']) <= 60.0 for row in flights)} of {count}",
     }
-    shown = table(PAGE, "Flights of other people's models", "figure")
-    printed = {name: measured for name, _, measured in shown.rows}
-    assert printed.items() >= expected.items()
     squares = sum(
         (n - int(row["at_bound"])) * float(row["rms"]) ** 2 for n, row in zip(numbers, vehicles, strict=True)
     )
     inner = sum(n - int(row["at_bound"]) for n, row in zip(numbers, vehicles, strict=True))
-    assert printed["rms error, standard errors"] == f"{(squares / inner) ** 0.5:.2f}"
+    return expected, (squares / inner) ** 0.5
+
+
+def test_figures_of_the_page() -> None:
+    expected, rms = figures("outside")
+    shown = table(PAGE, "Flights of other people's models", "figure")
+    printed = {name: measured for name, _, measured in shown.rows}
+    assert printed.items() >= expected.items()
+    assert printed["rms error, standard errors"] == f"{rms:.2f}"
+
+
+def test_figures_of_the_development() -> None:
+    (paragraph,) = [
+        p for p in PAGE.read_text("utf-8").split("\n\n") if p.startswith("The two thirds of development")
+    ]
+    text = paragraph.replace("\n", " ")
+    expected, rms = figures("outside-development")
+    held, lowest, right, named, followed, accused, loaded, unedited, soon = expected.values()
+    assert (
+        f": {held} numbers, the lowest vehicle {lowest}, rms error {rms:.2f}, verdict right in {right}, {named} lines named"
+        in text
+    )
+    advice = followed.partition(" of ")[0]
+    assert (
+        f"of these {advice} right by the advice, {accused} sound flights accused, {loaded} vehicle files load"
+        in text
+    )
+    assert f"nothing edited by hand in {unedited}, within 60 s {soon} " in text

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,6 +13,8 @@ from stoop.base.arrays import FloatArray
 from stoop.fleet import log_figures
 from stoop.fleet.log_figures import GROUPS, FlightFigure, conditions, figures_of
 from stoop.flight import Flight, from_columns
+from stoop.simulation.fly import simulate_flight
+from stoop.simulation.maneuver import load_maneuver
 from stoop.vehicle.builtin import builtin_vehicle
 
 RATE, SECONDS, RESISTANCE = 20.0, 240.0, 0.05
@@ -147,3 +150,12 @@ def test_wind_and_density_are_conditions() -> None:
         "f", np.arange(0.0, 10.0, 0.1), {"wind_n": np.full(100, 3.0), "wind_e": np.full(100, 4.0)}
     )
     assert conditions(flight) == {"wind": 5.0}
+
+
+def test_the_numbers_of_the_vehicle_are_those_that_flew() -> None:
+    vehicle, examples = builtin_vehicle("twin-boom"), Path(__file__).parents[3] / "examples"
+    flight = simulate_flight(vehicle, load_maneuver(examples / "maneuver_3211.toml"), seed=1)
+    found = list(GROUPS["parameters"].evaluate(flight, vehicle))
+    ratios = [(one.value - vehicle.value(one.name)) / one.std_error for one in found]
+    assert {"CLalpha", "Cmalpha", "Cmq"} <= {one.name for one in found}
+    assert np.mean(np.abs(ratios) < 3.0) > 0.8

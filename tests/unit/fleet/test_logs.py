@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
+import pandas as pd
 import pytest
 
 from stoop.errors import StoopError
-from stoop.fleet.logs import is_table, plan
+from stoop.fleet.logs import ABSENT, DATES, LogFigures, gathered, is_table, plan
 from stoop.fleet.table import read_figures
+from stoop.parallel import Plan, Run
 
 HEAD = "flight,vehicle,time,figure,value,std_error"
 
@@ -43,3 +46,66 @@ def test_a_log_is_read_again_when_it_or_what_its_reading_depends_on_changed(tmp_
         path.write_text(path.read_text() + "\n")
         assert key() not in keys, path.name
         keys.add(key())
+
+
+def said(day: int, count: float, vehicle: str = "uuid", hours: float = 0.5) -> dict[str, Any]:
+    """Return what a run of a log returns, with a header."""
+    begin = 86400.0 * day
+    header = {
+        "vehicle": vehicle,
+        "time": begin,
+        "end": begin + 3600.0 * hours,
+        "count": count,
+        "density": 1.2,
+    }
+    return {"figures": [["az.bias", 0.1, 0.01, "imu"]], "absent": {"rotors": "none"}, "header": header}
+
+
+def table_of(folder: Path, logs: dict[str, dict[str, Any]], flights: Path | None = None) -> LogFigures:
+    """Gather as a command does, and keep its files."""
+    runs = tuple(Run(name, "m:f", {"log": f"{name}.ulg"}) for name in logs)
+    found = gathered(Plan("fleet", {}, runs), logs, flights, folder, folder / "logs.parquet")
+    for name, text in found.files.items():
+        (folder / name).write_text(text)
+    found.table.frame().to_parquet(folder / "logs.parquet")
+    return found
+
+
+def test_vehicle_and_time_come_from_the_log_unless_the_table_of_flights_says_else(tmp_path: Path) -> None:
+    flights = tmp_path / "flights.csv"
+    flights.write_text("flight,vehicle,time,software\nb,Lisa,,\nc,,2020-01-01,1.4\n")
+    found = table_of(tmp_path, {"a": said(20000, 1), "b": said(20001, 2), "c": said(20002, 3)}, flights).table
+    assert found.flight == ("c", "a", "b")
+    assert found.vehicle == ("uuid", "uuid", "Lisa")
+    assert found.software == ("1.4", "", "")
+    assert found.time[1:].tolist() == [86400.0 * 20000, 86400.0 * 20001]
+    assert found.conditions["density"].tolist() == [1.2] * 3
+    assert set(found.conditions) == {"density"}
+
+
+def test_a_flight_of_which_nothing_is_known_or_that_contradicts_others_costs_its_own_rows(
+    tmp_path: Path,
+) -> None:
+    unknown = {**said(20003, 4), "header": {}}
+    first = table_of(tmp_path, {"a": said(20000, 1), "b": said(20001, 2), "unknown": unknown})
+    assert first.table.flight == ("a", "b")
+    reasons = {flight: reason for flight, group, reason in first.absent if group == "flight"}
+    assert reasons == {
+        "unknown": "the log does not tell its vehicle and time; give a table of the flights with --flights"
+    }
+    second = table_of(tmp_path, {"c": said(19000, 3), "d": said(20004, 4), "e": said(20004, 5)})
+    assert second.table.flight == ("a", "b"), "c is dated before a, d and e fly at once"
+    absent = pd.read_csv(tmp_path / ABSENT)
+    assert set(absent[absent.group == "flight"].flight) == {"unknown", "c", "d", "e"}, "those of before stay"
+    assert set(pd.read_csv(tmp_path / DATES).flight) == {"a", "b", "c", "d", "e"}
+    flights = tmp_path / "flights.csv"
+    flights.write_text("flight,vehicle,time\nc,,2024-10-07\ne,other,\n")
+    third = table_of(tmp_path, {"c": said(19000, 3), "d": said(20004, 4), "e": said(20004, 5)}, flights)
+    assert set(third.table.flight) == {"a", "b", "c", "d", "e"}
+
+
+def test_a_flight_twice_in_the_table_of_flights_is_named(tmp_path: Path) -> None:
+    flights = tmp_path / "flights.csv"
+    flights.write_text("flight,vehicle\na,v\na,w\n")
+    with pytest.raises(StoopError, match="flight a stands there twice; keep one row"):
+        table_of(tmp_path, {"a": said(20000, 1)}, flights)
