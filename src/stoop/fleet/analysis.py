@@ -173,8 +173,7 @@ def _alarms(
     for i, change in enumerate(several):
         end = several[i + 1].first if i + 1 < len(several) else len(rows.flight)
         end = max(end, change.found + 1)
-        inside = (np.arange(len(rows.flight)) >= begin) & (np.arange(len(rows.flight)) < end)
-        stretch = Stretch(rows.rows(inside), own.until(end - begin))
+        stretch = Stretch(rows.span(begin, end), own.until(end - begin))
         explained = causes(stretch, change.kind, recorded, others)
         back = "" if before is None or not change.takes_back(before) else rows.flight[before.first]
         yield Alarm(

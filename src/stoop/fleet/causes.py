@@ -34,6 +34,7 @@ MATTERS: Final = 0.05
 DEPENDS: Final = 0.5
 UPDATE: Final = 0.1
 OTHERWISE: Final = 0.02
+SHORTEST: Final = 1e-6  #: days
 USUAL: Final = 3.0  #: standard deviation of the size of changes, over that of a flight
 
 
@@ -82,16 +83,15 @@ class Stretch:
         first, last = np.searchsorted(self.rows.time, [begin, end], side="left").tolist()
         if last - first < 2:
             return None
-        inside = (np.arange(len(self.rows.time)) >= first) & (np.arange(len(self.rows.time)) < last)
         readings = self.readings.until(last)
-        return Stretch(self.rows.rows(inside), readings.since_flight(first) if first else readings)
+        return Stretch(self.rows.span(first, last), readings.since_flight(first) if first else readings)
 
     def factors(self, kind: Kind) -> FloatArray:
         """Return the logarithms (n - 1,) of the Bayes factors of a change that began in the second flight to the last."""
         size, variance = sizes(self.readings, kind)
         prior = (USUAL * float(np.median(self.readings.deviations))) ** 2
         if kind == "drift":
-            prior /= float(np.ptp(self.readings.times)) ** 2
+            prior /= max(float(np.ptp(self.readings.times)), SHORTEST) ** 2
         told = prior / (prior + variance)  # zero where nothing is known of the size
         return np.asarray(0.5 * np.log1p(-told) + 0.5 * told * size**2 / variance)
 
@@ -160,10 +160,8 @@ def _weighed(
     evidence = mattered * np.log(MATTERS) + (count - mattered) * np.log1p(-MATTERS)
     named = [list[str]() for _ in together]
     for f, one in beside.items():
-        p, factor = (
-            np.array([e.matters_to(one.places) for e in together]),
-            one.factor_at(together[0], told[f]),
-        )
+        p = np.array([event.matters_to(one.places) for event in together])
+        factor = one.factor_at(together[0], told[f])
         unchanged = subsets @ np.log1p(-p)
         with np.errstate(divide="ignore"):
             evidence = evidence + np.logaddexp(np.log(-np.expm1(unchanged)) + factor, unchanged)

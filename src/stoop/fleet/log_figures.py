@@ -18,7 +18,7 @@ from stoop.base.variables import VARIABLES
 from stoop.errors import FlightError, StoopError
 from stoop.estimate.regression.least_squares import TimeDomain
 from stoop.flight import Flight, without_faults
-from stoop.flight.airborne import airborne
+from stoop.flight.airborne import airborne, in_flight
 from stoop.input_design.windows import find_windows
 from stoop.performance.effectiveness import Balance, block_means, hover_commands
 from stoop.performance.polar import DISC, Propulsion, blocks, fit_polar
@@ -35,9 +35,8 @@ INSTRUMENTS: Final = {
 """First part of the name of an instrument error -> place of the instrument."""
 FEWEST: Final = 30  #: blocks for a mean or a slope
 STEADY: Final = 2.0  #: s, of blocks of airplanes
-FAST: Final = 50.0  #: Hz, of accelerations that show vibration
+FAST: Final = 40.0  #: Hz, of accelerations that show vibration
 SAME: Final = 1e-6  #: standard deviation of what is the same in all flights
-
 MOVED: Final = 0.02  #: A, rms of its changes that tells it
 
 
@@ -144,7 +143,7 @@ def drag(flight: Flight, vehicle: Vehicle | None) -> Iterator[FlightFigure]:
 
 def vibration(flight: Flight, vehicle: Vehicle | None) -> Iterator[FlightFigure]:
     """Yield the logarithm of the root mean square of what the accelerometers read above a quarter of their rate."""
-    up = airborne(flight)
+    up = in_flight(flight)
     for name in ("ax", "ay", "az"):
         if name not in flight.names or flight.sources[name].rate < FAST:
             continue
@@ -232,7 +231,7 @@ def figures_of(flight: Flight, vehicle: Vehicle | None = None) -> tuple[list[Fli
     for name, group in GROUPS.items():
         try:
             own = list(group.evaluate(flight, vehicle))
-        except StoopError as error:
+        except (StoopError, np.linalg.LinAlgError) as error:
             absent[name] = str(error).splitlines()[0]
             continue
         known = [one for one in own if np.isfinite(one.value) and one.std_error > 0.0]

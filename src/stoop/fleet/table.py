@@ -52,6 +52,11 @@ class FigureTable:
     std_error: FloatArray
     conditions: Mapping[str, FloatArray]
 
+    def span(self, first: int, last: int) -> FigureTable:
+        """Return the rows from one to before another."""
+        at = np.arange(len(self.time))
+        return self.rows((at >= first) & (at < last))
+
     @classmethod
     def of_columns(
         cls,

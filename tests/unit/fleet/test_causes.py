@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -76,3 +77,10 @@ def test_a_step_that_takes_back_another() -> None:
     for size, taken in ((-1.05, True), (-0.5, False), (-2.0, False), (1.0, False)):
         assert Change("step", 40, 42, size, 0.1, 50.0).takes_back(up) is taken
     assert not Change("drift", 40, 42, -1.0, 0.1, 50.0).takes_back(up)
+
+
+def test_a_figure_of_two_flights_on_one_day_says_nothing_of_a_drift() -> None:
+    one = stretch("drag", "", 30, 9.0).between(29.0, 31.0)
+    assert one is not None
+    still = replace(one, readings=replace(one.readings, times=np.zeros(2)))
+    assert still.factors("drift") == pytest.approx([0.0])
