@@ -60,7 +60,6 @@ def run(arguments: argparse.Namespace) -> int:
 def _read(arguments: argparse.Namespace) -> tuple[list[Path], LogFigures | None]:
     """Return the tables among the sources, and the figures of the logs."""
     from stoop.fleet.logs import gathered, is_table, plan, store_of
-    from stoop.fleet.store import LOGS
 
     paths = [*map(Path, arguments.sources)]
     tables = [path for path in paths if is_table(path)]
@@ -72,7 +71,7 @@ def _read(arguments: argparse.Namespace) -> tuple[list[Path], LogFigures | None]
     campaign, folder = plan(logs, arguments.vehicle, arguments.mapping), arguments.output
     make_folder(folder)
     results = run_campaign(arguments, campaign, store_of(folder))
-    return tables, gathered(campaign, results, arguments.flights, folder, folder / LOGS)
+    return tables, gathered(campaign, results, arguments.flights, folder)
 
 
 def _print(

@@ -9,16 +9,16 @@ from __future__ import annotations
 import re
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
-from datetime import datetime
 from typing import Final
 
 import numpy as np
 
-from stoop.base.arrays import FloatArray
-from stoop.fleet.parts import day
+from stoop.errors import StoopError
+from stoop.fleet.parts import day, moment
 from stoop.logs import Recording
-from stoop.logs.recording import Stream, increasing
+from stoop.logs.recording import increasing
 
 CLOCKS: Final = frozenset({"vehicle_gps_position", "sensor_gps", "GPS"})  #: streams that tell the date
 BOARD: Final = re.compile(r"^\S.*((?: [0-9A-F]{8}){3})$", re.MULTILINE)  #: ArduPilot's line of the board
@@ -62,11 +62,11 @@ class Dated:
 
 def header(recording: Recording) -> Header:
     """Return what a recording says of itself."""
-    info, zeros = recording.info, [zero for zero in _zeros(recording) if zero is not None]
+    info = recording.info
     board = BOARD.search(info.get("messages", ""))
     vehicle = info.get("sys_uuid") or (board[1].replace(" ", "") if board else info.get("craft", ""))
     counts = [recording.parameters[name] for name in COUNTERS if name in recording.parameters]
-    return Header(vehicle, _software(info), next(iter(zeros), None), next(iter(counts), None))
+    return Header(vehicle, _software(info), next(_zeros(recording), None), next(iter(counts), None))
 
 
 def _software(info: Mapping[str, str]) -> str:
@@ -78,28 +78,26 @@ def _software(info: Mapping[str, str]) -> str:
     return " ".join(filter(None, (".".join(map(str, numbers)), commit[:8])))
 
 
-def _zeros(recording: Recording) -> Iterator[float | None]:
+def _zeros(recording: Recording) -> Iterator[float]:
     """Yield when the log's own clock was zero, by every source that tells it."""
     for name, stream in recording.streams.items():
         columns, kind = stream.columns, name.partition("/")[0]
         if "time_utc_usec" in columns:
-            yield _zero(stream, 1e-6 * columns["time_utc_usec"])
+            utc = 1e-6 * columns["time_utc_usec"]
         elif kind == "GPS" and {"GWk", "GMS"} <= columns.keys():
-            yield _zero(stream, GPS_EPOCH + WEEK * columns["GWk"] + 1e-3 * columns["GMS"] - LEAP)
-    if found := re.match(r"([0-9.]+) s after 1970$", recording.info.get("start", "")):
+            utc = GPS_EPOCH + WEEK * columns["GWk"] + 1e-3 * columns["GMS"] - LEAP
+        else:
+            continue
+        if (known := np.isfinite(utc) & (utc > EARLIEST)).any():
+            yield float(np.median(utc[known] - stream.time[known]))
+    text = recording.info.get("start", "")
+    if found := re.match(r"([0-9.]+) s after 1970$", text):
         yield float(found[1])
-    elif text := recording.info.get("start", ""):
+    elif text:
         begin = min((float(stream.time[0]) for stream in recording.streams.values()), default=np.nan)
-        try:
-            moment = datetime.fromisoformat(text).timestamp()
-        except (ValueError, OverflowError):
-            return
-        yield moment - begin if moment > EARLIEST else None
-
-
-def _zero(stream: Stream, utc: FloatArray) -> float | None:
-    known = np.isfinite(utc) & (utc > EARLIEST)
-    return float(np.median(utc[known] - stream.time[known])) if known.any() else None
+        with suppress(StoopError, OverflowError):  # no date
+            if (start := moment("start", text)) > EARLIEST:
+                yield start - begin
 
 
 def contradictions(flights: Iterable[Dated]) -> dict[str, str]:
@@ -121,9 +119,9 @@ def contradictions(flights: Iterable[Dated]) -> dict[str, str]:
         counted = [one for one in own if np.isfinite(one.count) and one.flight not in out]
         counts = np.array([one.count for one in counted])
         ordered = increasing(counts + np.arange(len(counts)) / (len(counts) + 1.0))  # equal ones: one start
-        for one in (one for i, one in enumerate(counted) if i not in set(ordered.tolist())):
-            out[one.flight] = (
-                f"dated {day(one.begin)}, which its count of starts or flights ({one.count:g}) contradicts; "
+        for i in np.setdiff1d(np.arange(len(counts)), ordered).tolist():
+            out[counted[i].flight] = (
+                f"dated {day(counted[i].begin)}, which its count of starts or flights ({counts[i]:g}) contradicts; "
                 "write its time in --flights"
             )
     return out

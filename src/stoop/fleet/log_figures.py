@@ -110,7 +110,7 @@ def trims(flight: Flight, vehicle: Vehicle | None) -> Iterator[FlightFigure]:
 
     They are linear in the lift coefficient, that is in load factor over dynamic pressure.
     """
-    lift = _level_lift(vehicle)
+    level = _level_flight(vehicle)
     controls = [] if vehicle is None else [n for n in vehicle.recorded if VARIABLES[n].kind == "command"]
     recorded = [name for name in (*controls, "alpha") if name in flight.names]
     if not recorded:
@@ -121,7 +121,7 @@ def trims(flight: Flight, vehicle: Vehicle | None) -> Iterator[FlightFigure]:
     normal = -means[1]
     if "ax" in needed:  # along the lift
         normal = means[2] * np.sin(read[-1]) + normal * np.cos(read[-1])
-    ratio = normal / STANDARD_GRAVITY * (lift.airspeed / means[0]) ** 2 - 1.0
+    ratio = normal / STANDARD_GRAVITY * (level.airspeed / means[0]) ** 2 - 1.0
     X = np.column_stack([np.ones_like(ratio), ratio])
     for name, values in zip(recorded, read, strict=True):
         value, error = _regression(X, values, STEADY)
@@ -134,7 +134,7 @@ def drag(flight: Flight, vehicle: Vehicle | None) -> Iterator[FlightFigure]:
 
     Efficiency and disc of the propulsion and the scale of the airspeed count as known: they are the same in all flights.
     """
-    level = _level_lift(vehicle)
+    level = _level_flight(vehicle)
     cut = blocks(flight, level.mass)
     known = Propulsion(efficiency_std=SAME, diameter=DISC * level.area**0.5)
     value, error = fit_polar(cut, level.mass, level.area, SAME, known).drag(np.array([level.coefficient]))
@@ -176,7 +176,7 @@ class LevelFlight:
     coefficient: float  #: of lift
 
 
-def _level_lift(vehicle: Vehicle | None) -> LevelFlight:
+def _level_flight(vehicle: Vehicle | None) -> LevelFlight:
     if vehicle is None or vehicle.rotors or vehicle.file.reference is None:
         raise FlightError("no airplane was given")
     mass, area, speed = (vehicle.value(n) for n in ("mass.mass", "reference.area", "reference.airspeed"))

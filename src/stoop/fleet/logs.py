@@ -37,6 +37,8 @@ WORK: Final = "stoop.fleet.logs:read"
 SAID: Final = ("vehicle", "time")  #: of a flight, by the table of flights, else by its log
 FIGURE: Final = ("figure", "value", "std_error", "parts")
 STORES, ABSENT, DATES = "logs-*.sqlite", "absent.csv", "dates.csv"
+FIGURES: Final = "figures"  #: folder of the tables of a store
+LOGS: Final = f"{FIGURES}/logs.parquet"  #: figures of logs
 ABSENTEES: Final = ("flight", "group", "reason")
 DATED: Final = ("flight", "vehicle", "time", "end", "count")  #: by the logs
 
@@ -135,10 +137,8 @@ class LogFigures:
     files: Mapping[str, str]
 
 
-def gathered(
-    campaign: Plan, results: Mapping[str, Any], flights: Path | None, folder: Path, earlier: Path
-) -> LogFigures:
-    """Return the figures of the logs, with those of other logs in an earlier table of the store in a folder.
+def gathered(campaign: Plan, results: Mapping[str, Any], flights: Path | None, folder: Path) -> LogFigures:
+    """Return the figures of the logs, with those of other logs that the store in a folder has.
 
     Raises
     ------
@@ -170,7 +170,7 @@ def gathered(
     absent = [(flight, "flight", reason) for flight, reason in out.items()]
     absent += [(f, group, reason) for f, one in logs.items() for group, reason in one["absent"].items()]
     frames = [pd.DataFrame(rows)] if rows else []
-    if earlier.exists():
+    if (earlier := folder / LOGS).exists():
         old = read_frame(earlier, ())
         frames.insert(0, old[~old["flight"].isin({*logs, *out})])
     if not any(map(len, frames)):

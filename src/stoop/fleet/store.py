@@ -19,13 +19,12 @@ from stoop.base.numbers import count
 from stoop.errors import StoopError
 from stoop.fleet.analysis import Alarm, FleetAnalysis, analyze
 from stoop.fleet.causes import Cause
-from stoop.fleet.logs import LogFigures
+from stoop.fleet.logs import FIGURES, LOGS, LogFigures
 from stoop.fleet.parts import Parts, day, read_parts
 from stoop.fleet.table import NEEDED, FigureTable, of_frames, read_figures, read_frame
 
 SCHEMA: Final = "stoop-fleet/1"
-STATE, PARTS, FIGURES, PAGE = "fleet.json", "parts.csv", "figures", "fleet.html"
-LOGS: Final = f"{FIGURES}/logs.parquet"  #: figures of logs
+STATE, PARTS, PAGE = "fleet.json", "parts.csv", "fleet.html"
 RATE: Final = 1.0  #: false alarms of a new fleet in a year
 
 

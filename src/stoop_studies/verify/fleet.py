@@ -84,6 +84,11 @@ BACK: Final = "rolled back"
 CASES: Final = (NOTHING, *(f"{what}, {how}" for what in INJECTED for how in ("step", "drift")), BACK)
 
 
+def injected_in(case: str) -> Injected:
+    """Return what a case changes."""
+    return INJECTED.get("10 % steeper climb" if case == BACK else case.rpartition(", ")[0], Injected({}))
+
+
 @dataclass(frozen=True, eq=False)
 class Flown:
     """A drawn fleet: its table and parts, and of the changed vehicle the flight in which the change begins."""
@@ -98,8 +103,7 @@ CHANGED: Final = "v0"
 
 def drawn(case: str, rng: np.random.Generator, vehicles: int = VEHICLES, flights: int = FLIGHTS) -> Flown:
     """Return a fleet with the change of a case on its first vehicle."""
-    what, _, how = case.rpartition(", ")
-    injected = INJECTED["10 % steeper climb" if case == BACK else what] if case != NOTHING else Injected({})
+    injected, how = injected_in(case), case.rpartition(", ")[2]
     rows: dict[str, list[Any]] = {name: [] for name in ("flight", "vehicle", "figure", "software", "parts")}
     numbers: dict[str, list[Any]] = {name: [] for name in ("time", "value", "std_error", "season", "wind")}
     fittings: list[Fitting] = []
@@ -166,8 +170,7 @@ def least_delay(
     Page's cumulative sum of the figure that shows it most, at a threshold of the logarithm of the mean number of readings of the
     fleet between false alarms (Lorden 1971).
     """
-    what, _, how = case.rpartition(", ")
-    effects = INJECTED[what].effects
+    effects, how = injected_in(case).effects, case.rpartition(", ")[2]
     sizes = {f: abs(x) / np.hypot(FIGURES[f].flight, FIGURES[f].error) for f, x in effects.items()}
     size, limit = max(sizes.values()), float(np.log(VEHICLES * len(FIGURES) * flights))
     length = flights - first
@@ -190,14 +193,10 @@ def examine(case: str, seed: int) -> dict[str, Any]:
     rng = np.random.default_rng([71, CASES.index(case), seed])
     fleet = drawn(case, rng)
     found = analyze(fleet.table, fleet.parts, 1.0, seed)
-    out: dict[str, Any] = {
-        "threshold": found.threshold,
-        "false": sum(a.vehicle != CHANGED for a in found.alarms),
-    }
+    out: dict[str, Any] = {"false": sum(a.vehicle != CHANGED for a in found.alarms)}
     if case == NOTHING:
         return {**out, "false": len(found.alarms), "told": crossed(found)}
-    what = "10 % steeper climb" if case == BACK else case.rpartition(", ")[0]
-    injected = INJECTED[what]
+    injected = injected_in(case)
     own = [a for a in found.alarms if a.vehicle == CHANGED and a.figure in injected.effects]
     if case == BACK:
         backs = [a for a in own if a.back]
@@ -208,11 +207,7 @@ def examine(case: str, seed: int) -> dict[str, Any]:
     if true:
         first = min(true, key=lambda a: a.change.found)
         cause = first.causes[0].what.partition(":")[0]
-        out |= {
-            "delay": first.change.found - fleet.first,
-            "named": cause == injected.event,
-            "figure": first.figure,
-        }
+        out |= {"delay": first.change.found - fleet.first, "named": cause == injected.event}
     return out
 
 
@@ -228,13 +223,9 @@ def show(setting: Setting, samples: study.Samples) -> Findings:
 
 def _row(case: str, records: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     out: dict[str, Any] = {"case": case, "fleets": len(records)}
-    out["false"] = float(np.mean([r["false"] for r in records]))
-    out["told"] = float(np.mean([r["told"] for r in records])) if case == NOTHING else None
-    out["found"] = float(np.mean([r["found"] for r in records])) if case != NOTHING else None
-    known = [r for r in records if r.get("delay") is not None]
-    out["delay"] = float(np.mean([r["delay"] for r in known])) if known else None
-    out["least"] = float(np.mean([r["least"] for r in known])) if known else None
-    out["named"] = float(np.mean([r["named"] for r in known])) if known else None
+    for name in ("false", "told", "found", "delay", "least", "named"):
+        known = [r[name] for r in records if r.get(name) is not None]
+        out[name] = float(np.mean(known)) if known else None
     backs = [r for r in records if case == BACK]
     out["dated"] = float(np.mean([r["back"] and abs(r["dated"]) <= 2 for r in backs])) if backs else None
     return out

@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 from stoop.errors import StoopError
-from stoop.fleet.logs import ABSENT, DATES, LogFigures, gathered, is_table, plan
+from stoop.fleet.logs import ABSENT, DATES, LOGS, LogFigures, gathered, is_table, plan
 from stoop.fleet.table import read_figures
 from stoop.parallel import Plan, Run
 
@@ -64,10 +64,11 @@ def said(day: int, count: float, vehicle: str = "uuid", hours: float = 0.5) -> d
 def table_of(folder: Path, logs: dict[str, dict[str, Any]], flights: Path | None = None) -> LogFigures:
     """Gather as a command does, and keep its files."""
     runs = tuple(Run(name, "m:f", {"log": f"{name}.ulg"}) for name in logs)
-    found = gathered(Plan("fleet", {}, runs), logs, flights, folder, folder / "logs.parquet")
+    found = gathered(Plan("fleet", {}, runs), logs, flights, folder)
     for name, text in found.files.items():
         (folder / name).write_text(text)
-    found.table.frame().to_parquet(folder / "logs.parquet")
+    (folder / LOGS).parent.mkdir(exist_ok=True)
+    found.table.frame().to_parquet(folder / LOGS)
     return found
 
 
