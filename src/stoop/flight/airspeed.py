@@ -45,6 +45,7 @@ PLAUSIBLE: Final = {
     "pressure": (2.2e4, 1.2e5),
     "temperature": (200.0, 340.0),
     "altitude": (-500.0, 11e3),
+    "pd": (-11e3, 500.0),
 }  #: SI; what is beyond is a sensor's mistake
 WIND_N, WIND_E, SLOPE, OFFSET, TRIM, KAPPA = range(6)
 
@@ -69,18 +70,16 @@ _METHODS: Final[tuple[tuple[tuple[str, ...], Callable[..., FloatArray], str], ..
     (("pressure", "temperature"), density_of_gas, "by pressure and temperature"),
     (("pressure",), density_at_pressure, "by the pressure, in the standard atmosphere"),
     (("altitude",), standard_density, "by the altitude, in the standard atmosphere"),
+    (
+        ("pd",),
+        lambda down: standard_density(-down),
+        "by the height above where the position begins, in the standard atmosphere",
+    ),
 )  #: in order of trust
 
 
-def with_true_airspeed(
-    data: Mapping[str, FloatArray], source: str
-) -> tuple[dict[str, FloatArray], list[Notice]]:
-    """Add the true airspeed to columns (n,) that hold the equivalent one, recorded in `source`; with a notice.
-
-    The density has lines across holes; it is that at sea level where nothing tells.
-    """
-    count = len(data[EQUIVALENT])
-    density, code, values = np.full(count, SEA_LEVEL_DENSITY), "true-airspeed-of-unknown-density", {}
+def density_of(data: Mapping[str, FloatArray]) -> tuple[FloatArray, str] | None:
+    """Return the density (n,) of the air by columns (n,), NaN where nothing tells it, and by what; None where nothing does."""
     for names, formula, method in _METHODS:
         if not set(names) <= data.keys():
             continue
@@ -90,11 +89,24 @@ def with_true_airspeed(
             with np.errstate(invalid="ignore"):
                 plausible.append(np.where((x >= low) & (x <= high), x, np.nan))
         found = formula(*plausible)
-        known = np.flatnonzero(np.isfinite(found))
-        if known.size:
-            density, code = np.interp(np.arange(count), known, found[known]), "true-airspeed"
-            values = {"method": method}
-            break
+        if np.isfinite(found).any():
+            return found, method
+    return None
+
+
+def with_true_airspeed(
+    data: Mapping[str, FloatArray], source: str
+) -> tuple[dict[str, FloatArray], list[Notice]]:
+    """Add the true airspeed to columns (n,) that hold the equivalent one, recorded in `source`; with a notice.
+
+    The density has lines across holes; it is that at sea level where nothing tells.
+    """
+    count, found = len(data[EQUIVALENT]), density_of(data)
+    density, code, values = np.full(count, SEA_LEVEL_DENSITY), "true-airspeed-of-unknown-density", {}
+    if found is not None:
+        known = np.flatnonzero(np.isfinite(found[0]))
+        density, code = np.interp(np.arange(count), known, found[0][known]), "true-airspeed"
+        values = {"method": found[1]}
     columns = {**data, TRUE: data[EQUIVALENT] * np.sqrt(SEA_LEVEL_DENSITY / density)}
     median = float(np.median(density))
     factor = float(np.sqrt(SEA_LEVEL_DENSITY / median))

@@ -16,6 +16,7 @@ from stoop.base.variables import RATES, VELOCITY
 from stoop.checks.lines import AIRSPEEDS
 from stoop.flight import Flight
 from stoop.flight.airborne import FLYING, airborne, flying
+from stoop.flight.airspeed import PLAUSIBLE, density_of
 from stoop.flight.maneuvers import band_pass
 
 
@@ -70,8 +71,12 @@ class Steady:
         return (speed, "velocity over ground") if speed > FLYING.speed else (math.nan, "")
 
     def density(self) -> float:
-        """Return the density of the air, kg/m3; that at sea level where the log has none."""
-        return self.median("density", SEA_LEVEL_DENSITY)
+        """Return the density of the air, kg/m3, by what the logs tell best; that at sea level where nothing does."""
+        found = []
+        for flight, mask in zip(self.flights, self.masks, strict=True):
+            told = density_of({name: flight.column(name)[mask] for name in PLAUSIBLE if name in flight.names})
+            found += [] if told is None else [told[0][np.isfinite(told[0])]]
+        return float(np.median(np.concatenate(found))) if found else SEA_LEVEL_DENSITY
 
     def lift_over_mass(self) -> float:
         """Return the median of the specific force across the airflow, upwards, m/s2."""

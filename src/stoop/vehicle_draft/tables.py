@@ -20,7 +20,7 @@ from stoop.vehicle_draft.apriori import Apriori
 from stoop.vehicle_draft.controls import Controls, recorded
 from stoop.vehicle_draft.power import USUAL, Lift, hover_level, thrust_law
 from stoop.vehicle_draft.request import Evidence, Request
-from stoop.vehicle_draft.steady import Steady
+from stoop.vehicle_draft.steady import Steady, steady_flight
 
 CAPTURE_NOISE: Final = 0.002  #: m, usual of motion capture
 MEANINGS: Final[Mapping[str, str]] = {
@@ -159,8 +159,12 @@ class FileText:
             self.sheet.word("density", "log", "every log holds it")
         elif any("altitude" not in f.names or np.isnan(f.column("altitude")).all() for f in flights):
             self.sheet.table("environment")
-            said = "kg/m3, at sea level: no altitude was recorded; write that of the place and day"
-            self.sheet.entry("density", plain(SEA_LEVEL_DENSITY), said)
+            density = steady_flight(flights, wings=False).density()
+            where = (
+                "at sea level" if density == SEA_LEVEL_DENSITY else "by height above the position's origin"
+            )
+            said = f"kg/m3, {where}: no altitude was recorded; write that of the place and day"
+            self.sheet.entry("density", plain(density), said)
 
     def controls_table(self, controls: Controls) -> None:
         """Write the surfaces; one servo lag for all."""

@@ -196,6 +196,10 @@ def test_what_was_not_recorded_has_no_place_and_no_density_of_its_own() -> None:
     for one, there in ((seen, True), (lacking, False), (nothing, True)):
         assert ("accelerometer_position" in one.text) == there
     assert seen.vehicle.file.environment.density != "standard"
-    assert seen.vehicle.value("environment.density") == pytest.approx(1.225)
+    assert seen.vehicle.value("environment.density") == pytest.approx(1.224)  # 10 m above the origin
+    # the standard atmosphere (US, 1976) at 5 km
+    alps = from_columns("alps", flight.time, columns | {"pd": -5000.0 + 0.0 * flight.time})
+    of_alps = draft(Request("quad", 1.5, 0.5), [alps]).vehicle
+    assert of_alps.value("environment.density") == pytest.approx(0.7364, abs=5e-4)
     for one in (at_height, nothing):
         assert one.vehicle.file.environment.density == "standard"
