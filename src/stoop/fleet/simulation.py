@@ -2,30 +2,23 @@
 
 ::
 
-    format = "stoop-fleet/1"   # every key may be left out
-    vehicles = 4
+    vehicles = 4               # format = "stoop-fleet/1"; every key may be left out
     flights = 12               # of each vehicle
-    start = 2026-01-01
-    days = 365.0               # of the season, in which the flights are spread
-    wind = 1.0                 # m/s, standard deviation from flight to flight, north and east
-    gusts = 0.3                # m/s, of every flight, unless the vehicle file has turbulence
-    vehicle = { "mass.mass" = 0.01 }    # standard deviations between vehicles, in the unit of the number
-    flight = { "mass.mass" = 0.005 }    # between flights
+    vehicle = { "mass.mass" = 0.01 }    # standard deviations between vehicles; of `flight` between flights
 
     [part.m1]                  # a place; when no part is given, every rotor is one
-    spread = { "rotor.m1.factor" = 0.003 }   # standard deviations between parts
+    spread = { "rotor.m1.factor" = 0.003 }  # standard deviations between parts
     exchanges = 1              # on each vehicle, before flights that are drawn
 
     [[update]]                 # of all vehicles
-    flight = 8                 # before which it is made
+    flight = 8                 # first one that has it, as below
     software = "1.1"
 
     [[change]]
     vehicle = 2
-    flight = 7                 # first one that has it
+    flight = 7
     number = "rotor.m1.factor"
     by = -0.03                 # in its unit; of a drift, at the last flight
-    kind = "step"              # or "drift"
     part = "m1"                # is exchanged before this flight, and the new one has it
 """
 
