@@ -135,8 +135,8 @@ def simulate(arguments: argparse.Namespace) -> int:
     if arguments.maneuver is None:
         arguments.complain("name a maneuver by --maneuver, or a fleet by --fleet")
     target: Path = arguments.output
-    check_ending(target)
     check_target(target, arguments.overwrite)
+    check_ending(target)
     if target.suffix.lower() != OWN:
         check_target(mapping_beside(target), arguments.overwrite)
     vehicle = resolve_vehicle(arguments.vehicle)
