@@ -8,13 +8,17 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+import stoop
 from docs.pages import DOCS
 from stoop.cli.main import main
 
 TEXT = (DOCS / "fleet.md").read_text("utf-8")
 NUMBER = re.compile(r"[-+]?\d+\.\d+")
+#: of a share of four rotors, of which one gives 3 % less thrust at the same command
+SHARE = (1.0 / 0.97) / np.mean([1.0 / 0.97, 1.0, 1.0, 1.0]) - 1.0
 
 
 def blocks(language: str) -> list[str]:
@@ -39,6 +43,57 @@ def test_the_example(
         [sys.executable, "-c", in_python], check=True, capture_output=True, text=True
     ).stdout
     assert told.startswith("drone-3 thrust -0.04")
+
+
+def test_the_made_up_fleet(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Through whole logs: nothing is told where nothing changed, and of the same fleet with a weak rotor its part is told first.
+
+    Logs are the same to the last bit but for those of the changed vehicle, which alone are read again.
+    """
+    monkeypatch.chdir(tmp_path)
+    (made,) = blocks("toml")
+    texts = blocks("text")
+    k = next(k for k, text in enumerate(texts) if text.startswith("stoop simulate"))
+    simulate, fleet = (line.split() for line in texts[k].splitlines())
+    kept = made.partition("[[change]]")[0]
+    told = {}
+    for name, text in (("healthy", kept), ("changed", made)):
+        Path("fleet.toml").write_text(text)
+        assert main([*simulate[1:], "--overwrite"]) == 0
+        logs = sorted(map(str, Path("logs").glob("*.ulg")))
+        capsys.readouterr()
+        told[name] = main(["fleet", *logs, *fleet[3:], "--workers", "2"]), capsys.readouterr().out
+    assert told["healthy"][0] == 0
+    assert "no new alarm; 0 earlier ones" in told["healthy"][1]
+    code, printed = told["changed"]
+    assert code == 3
+    for begin in ("4 vehicles", "V2 share.m1"):
+        (own,), (shown,) = (
+            [line for line in text.splitlines() if line.startswith(begin)] for text in (printed, texts[k + 1])
+        )
+        assert re.sub(r"[\d.]+", "#", own.partition(" %")[0]) == re.sub(
+            r"[\d.]+", "#", shown.partition(" %")[0]
+        )
+    fleet_now = stoop.open_fleet("store")
+    assert {alarm.vehicle for alarm in fleet_now.alarms} == {"V2"}
+    (first,) = [alarm for alarm in fleet_now.alarms if alarm.figure == "share.m1"]
+    assert first.since.startswith("V2-006 ")
+    assert first.causes[0].what == "m1: m1-2-2 for m1-2-1"
+    assert abs(first.size - SHARE) < 3.0 * first.std_error
+
+
+def test_the_example_of_the_statistics() -> None:
+    page = (DOCS / "fleet-statistics.md").read_text("utf-8")
+    (code,), (shown,) = (
+        re.findall(rf"^```{kind}\n(.*?)^```", page, re.MULTILINE | re.DOTALL) for kind in ("python", "text")
+    )
+    printed = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True).stdout
+    assert NUMBER.sub("#", printed) == NUMBER.sub("#", shown)
+    assert [float(x) for x in NUMBER.findall(printed)] == pytest.approx(
+        [float(x) for x in NUMBER.findall(shown)], rel=0.02
+    )
 
 
 def test_the_figures_of_the_study() -> None:

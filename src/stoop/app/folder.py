@@ -33,6 +33,9 @@ LOOK = "look.html"  #: page of the flight, beside what was read
 BEFORE = "before.toml"  #: of corrections: the mapping as it was
 #: of a run: the vehicle from which it begins, and how far it is
 START, PROGRESS = "start.toml", "progress.json"
+STORES, FLEET_PAGE = "stores", "fleet.html"  #: of fleets, a folder for each, and the page in it
+#: of logs of a fleet; tables in the same folder are those of parts and flights
+FLEET_LOGS: Final = (".ulg", ".bin", ".log", ".usd", ".bbl", ".bfl", ".bag", ".mcap", ".nc")
 OWN_FORMAT: Final = "netcdf"  #: of flights of stoop, which need no mapping
 KEPT: Final = re.compile(r"(windows|mapping)-[0-9]{1,9}\.toml")  #: copies of files, beside them
 FIT: Final = "stoop identify LOG --vehicle vehicle.toml --maneuver windows.toml -o DIR"
@@ -322,6 +325,20 @@ class Project:
         if step is not None and not self._place(WINDOWS).exists() and step.state == "done":
             self.take_proposal(step)
 
+    # The fleet.
+
+    def open_fleet(self, path: Path) -> Step:
+        """Look for changes in a folder of logs, with the tables of parts and flights in it; raises `StoopError`: it has none."""
+        logs = fleet_logs(place := Path(self.root, path.expanduser()).absolute())
+        if not logs:
+            raise StoopError(f"{place}: is no folder of logs ({', '.join(FLEET_LOGS)}); check the path")
+        found = [word for table in ("parts", "flights") if (own := place / f"{table}.csv").is_file()
+                 for word in (f"--{table}", str(own))]  # fmt: skip
+        vehicle = ["--vehicle", VEHICLE] if self.vehicle else []
+        self._place(STORES)
+        words = ["fleet", *map(str, logs), *found, *vehicle, "-o", store_of(place)]
+        return self.start("fleets", lambda at: words)
+
     # The runs.
 
     @property
@@ -383,6 +400,23 @@ class Project:
 def log_of(step: Step) -> str:
     """Return the log that a step reads."""
     return next(iter(step.words[2:]), "")
+
+
+def fleet_logs(folder: Path) -> list[Path]:
+    """Return the logs of a folder; none of one that is a log itself, such as a ROS bag."""
+    if not folder.is_dir() or (folder / "metadata.yaml").exists():
+        return []
+    return sorted(p for p in folder.iterdir() if p.name.lower().endswith(FLEET_LOGS))
+
+
+def source_of(step: Step) -> Path:
+    """Return the folder of the logs of a fleet."""
+    return Path(log_of(step)).parent
+
+
+def store_of(logs: Path) -> str:
+    """Return where in the project's folder the store of a fleet is, by the folder of its logs."""
+    return f"{STORES}/{logs.name}-{hashlib.sha256(str(logs).encode()).hexdigest()[:8]}"
 
 
 def _check_unchanged(name: str, text: str, before: str) -> None:

@@ -14,6 +14,7 @@ from stoop.app import parts
 from stoop.app.columns_view import ColumnsView
 from stoop.app.compare_view import CompareView
 from stoop.app.fit_view import FitView
+from stoop.app.fleet_view import FleetView
 from stoop.app.folder import Project
 from stoop.app.gains_view import GainsView
 from stoop.app.log_view import LogView
@@ -28,7 +29,9 @@ from stoop.errors import StoopError
 
 ENDED: Final = "The app has ended or cannot be reached. Runs go on; start it again with the same command."
 PERIOD: Final = 500  #: ms between two looks at the folder
-VIEWS: Final = (LogView, ColumnsView, VehicleView, WindowsView, FitView, CompareView, UseView, GainsView)
+VIEWS: Final = (
+    LogView, ColumnsView, VehicleView, WindowsView, FitView, CompareView, UseView, GainsView, FleetView,
+)  # fmt: skip
 
 
 class Page:
@@ -70,6 +73,8 @@ class Page:
         with suppress(StoopError):  # the view says it
             if project.steps("runs"):
                 return "Fit"
+            if project.steps("fleets") and not project.log:
+                return "Fleet"
             if project.vehicle and project.info:
                 return "Windows"
         return "Log"

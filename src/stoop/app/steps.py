@@ -46,6 +46,7 @@ PRODUCTS: Final = {
     "exports": "",
     "designs": "design.html",
     "gains": "tuning.html",
+    "fleets": "",
 }
 
 _children: dict[Path, subprocess.Popen[bytes]] = {}  #: those of this server, to be waited for

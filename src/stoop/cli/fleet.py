@@ -1,8 +1,9 @@
-"""`stoop fleet`: what changed in a fleet, since which flight, and which part explains it."""
+"""`stoop fleet`: what changed in a fleet, since which flight, and which part explains it; and fleets that are made up."""
 
 from __future__ import annotations
 
 import argparse
+import shlex
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
@@ -10,7 +11,7 @@ from typing import TYPE_CHECKING, Final
 
 from stoop.base.files import make_folder
 from stoop.base.numbers import count
-from stoop.base.text import show
+from stoop.base.text import enumerated, show
 from stoop.cli import options
 from stoop.cli.page import number, page, to_json
 from stoop.cli.progress import LiveLine, run_campaign
@@ -55,6 +56,31 @@ def run(arguments: argparse.Namespace) -> int:
     else:
         _print(fleet, new, folder is None and since is None, () if logs is None else logs.absent)
     return NEWS if new else 0
+
+
+def simulate(arguments: argparse.Namespace) -> int:
+    """Fly a fleet that is made up, write its logs, and print what to do next."""
+    from stoop.fleet.simulation import ENDING, HOVER, PARTS, TRUTH, read_fleet, write_fleet
+    from stoop.simulation.maneuver import load_maneuver
+    from stoop.vehicle.builtin import resolve_vehicle
+
+    if arguments.autopilot:
+        arguments.complain("--autopilot flies one flight; leave it out, or --fleet")
+    vehicle, folder = resolve_vehicle(arguments.vehicle), arguments.output
+    fleet = read_fleet(arguments.fleet, vehicle)
+    maneuver = HOVER if arguments.maneuver is None else load_maneuver(arguments.maneuver)
+    with LiveLine(options.COMPILING) as live:
+        flown = write_fleet(
+            fleet, vehicle, maneuver, folder, arguments.seed, not arguments.no_noise, arguments.overwrite,
+            lambda done, total: live.turn_to(f"flying: {done} of {count(total, 'flight')}"),
+        )  # fmt: skip
+    out = page()
+    size = f"{count(fleet.vehicles, 'vehicle')}, {count(flown, 'flight')}"
+    out.line(f"wrote {folder}: {size}, seed {arguments.seed}")
+    out.line(f"wrote {folder / TRUTH}: what flew, {enumerated(fleet.numbers)}")
+    words = ["--vehicle", str(arguments.vehicle), "--parts", str(folder / PARTS), "-o", f"{folder}-store"]
+    out.command(f"next: stoop fleet {shlex.quote(str(folder))}/*{ENDING} ", words)
+    return 0
 
 
 def _read(arguments: argparse.Namespace) -> tuple[list[Path], LogFigures | None]:

@@ -110,11 +110,14 @@ STAMPED: Final = frozenset({"vehicle_attitude", "vehicle_angular_velocity", "veh
 ZERO: Final = frozenset({"actuator_outputs", DEBUG_ARRAY})  #: topics in which zero, not NaN, means no value
 
 
-def px4_log(flight: Flight) -> tuple[bytes, str]:
+def px4_log(
+    flight: Flight, serial: str = "", software: str = "simulated by stoop", zero: float | None = None
+) -> tuple[bytes, str]:
     """Return a ULog and its mapping.
 
     Deflections go to the servos, as normalized commands; V to the validated airspeed; what else PX4 has no topic for to
-    its array for debugging.
+    its array for debugging. The serial number of the autopilot, its software, and when its clock was zero, s since 1970, which a
+    receiver tells every second, stand in it where they are known.
     """
     (streams, unmapped), time = lay_out(flight, ready("px4"), {**ARRAYS, **SINGLE}), flight.time
     mapping = MappingFile("px4")
@@ -144,7 +147,11 @@ def px4_log(flight: Flight) -> tuple[bytes, str]:
         kept = _with_readings(columns)
         topics.append(Topic(name, time[kept], {column: x[kept] for column, x in typed.items()}))
     texts = [(float(time[0]), "INFO", f"stoop: {found}") for found in flight.notices]
-    info = {"sys_name": "PX4", "ver_sw": "simulated by stoop"}
+    if zero is not None:
+        second = time[:: max(1, round(flight.rate))]
+        utc = {"time_utc_usec": np.rint((zero + second) / MICROSECOND).astype(np.uint64)}
+        topics.append(Topic("vehicle_gps_position", second, utc))
+    info = {"sys_name": "PX4", "ver_sw": software} | ({"sys_uuid": serial} if serial else {})
     return ulog(topics, flight.parameters, info, texts), mapping.text()
 
 

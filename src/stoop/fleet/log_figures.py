@@ -69,9 +69,12 @@ def instruments(flight: Flight, vehicle: Vehicle | None) -> Iterator[FlightFigur
 
 
 def without_prior(name: str, one: Finding | ParameterEstimate, part: str) -> Iterator[FlightFigure]:
-    """Yield an estimate with its prior taken off, which would draw every flight towards one value, and changes towards zero."""
+    """Yield an estimate with its prior taken off, which would draw every flight towards one value, and changes towards zero.
+
+    Where the flight itself tells less than the prior, the difference of the two is mostly the error of the standard error.
+    """
     own, prior = one.std_error**-2.0, 0.0 if np.isnan(one.prior_std) else one.prior_std**-2.0
-    if own > prior:
+    if own > 2.0 * prior:
         mean = one.prior_mean if prior else 0.0
         yield FlightFigure(
             name, (own * one.estimate - prior * mean) / (own - prior), (own - prior) ** -0.5, one.unit, part

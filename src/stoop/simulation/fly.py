@@ -134,8 +134,12 @@ def fly(vehicle: Vehicle, maneuver: Maneuver, seed: int = 0) -> Flown:
     return flown
 
 
-def fly_together(flights: Sequence[tuple[Vehicle, Maneuver]], seed: int = 0) -> list[Flown | SimulationError]:
+def fly_together(
+    flights: Sequence[tuple[Vehicle, Maneuver]], seed: int | Sequence[int] = 0
+) -> list[Flown | SimulationError]:
     """Fly maneuvers as :func:`fly` does, those on rotors side by side; the errors of those that fail are values.
+
+    `seed` is that of all of them, or one for each.
 
     Raises
     ------
@@ -144,6 +148,7 @@ def fly_together(flights: Sequence[tuple[Vehicle, Maneuver]], seed: int = 0) -> 
     """
     found: dict[int, Flown | SimulationError] = {}
     hovering: dict[int, Departure] = {}
+    seeds = np.broadcast_to(seed, len(flights)).tolist()
     for i, (vehicle, maneuver) in enumerate(flights):
         check_maneuver(vehicle, maneuver)
         try:
@@ -151,7 +156,7 @@ def fly_together(flights: Sequence[tuple[Vehicle, Maneuver]], seed: int = 0) -> 
         except SimulationError as error:
             found[i] = error
             continue
-        rng = np.random.default_rng([seed, GUSTS])
+        rng = np.random.default_rng([seeds[i], GUSTS])
         if point.on_wings:
             inputs = inputs_about(vehicle, point, maneuver.deflections(), len(maneuver.time))
             windy = maneuver.wind is not None
