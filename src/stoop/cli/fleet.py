@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import argparse
 import shlex
+import sys
 from collections import Counter
 from collections.abc import Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -28,11 +30,10 @@ def run(arguments: argparse.Namespace) -> int:
     """Update or open a fleet, print its alarms, and return 3 if some are new."""
     from stoop.fleet.page import fleet_page
     from stoop.fleet.parts import moment
-    from stoop.fleet.store import PAGE, document, open_fleet, update_fleet
+    from stoop.fleet.store import PAGE, open_fleet, updated_fleet
+    from stoop.report.sheet import render_sheet
 
     since = None if arguments.since is None else moment("--since", arguments.since)
-    told: tuple[ToldAlarm, ...] = ()
-    logs: LogFigures | None = None
     if (folder := arguments.output) is None:
         given = (
             arguments.parts,
@@ -43,18 +44,37 @@ def run(arguments: argparse.Namespace) -> int:
         )
         if len(arguments.sources) > 1 or any(given):
             raise StoopError("fleet: logs, tables, parts and a rate go into a store; name its folder with -o")
-        fleet = open_fleet(arguments.sources[0])
-    else:
-        tables, logs = _read(arguments)
+        return _tell(arguments, open_fleet(arguments.sources[0]), (), since)
+    tables, logs = _read(arguments)
+    with ExitStack() as held:
         with LiveLine("looking for changes"):
-            fleet, told, found = update_fleet(folder, tables, arguments.parts, arguments.alarms_a_year, logs)
-            fleet_page(fleet, found, options.command_line()).save(folder / PAGE)
-    new = told if since is None else tuple(a for a in fleet.standing() if a.found_time >= since)
+            words = (folder, tables, arguments.parts, arguments.alarms_a_year, logs)
+            update = held.enter_context(updated_fleet(*words))
+            page = fleet_page(update.fleet, update.analysis, options.command_line())
+            update.files[PAGE] = render_sheet(page.content)
+        absent = () if logs is None else logs.absent
+        code = _tell(arguments, update.fleet, update.fresh, since, absent)
+        sys.stdout.flush()  # an alarm is told before the store says so
+    return code
+
+
+def _tell(
+    arguments: argparse.Namespace,
+    fleet: Fleet,
+    told: Sequence[ToldAlarm],
+    since: float | None,
+    absent: Sequence[tuple[str, str, str]] = (),
+) -> int:
+    """Print the alarms that are new, or found since a time, and return 3 if there are some."""
+    from stoop.fleet.store import document
+
+    new = told if since is None else [a for a in fleet.standing() if a.found_time >= since]
     if arguments.json:
         alarms = [{**document(a), "new": a in new} for a in fleet.alarms]
         show(to_json({"alarms_a_year": fleet.alarms_a_year, "threshold": fleet.threshold, "alarms": alarms}))
     else:
-        _print(fleet, new, folder is None and since is None, () if logs is None else logs.absent)
+        opened = arguments.output is None
+        _print(fleet, new, opened and since is None, absent, not opened)
     return NEWS if new else 0
 
 
@@ -101,7 +121,7 @@ def _read(arguments: argparse.Namespace) -> tuple[list[Path], LogFigures | None]
 
 
 def _print(
-    fleet: Fleet, new: Sequence[ToldAlarm], every: bool, absent: Sequence[tuple[str, str, str]]
+    fleet: Fleet, new: Sequence[ToldAlarm], every: bool, absent: Sequence[tuple[str, str, str]], updated: bool
 ) -> None:
     """Print a line for each alarm, all of them or the new ones, and one for what the logs could not tell."""
     from stoop.fleet.logs import ABSENT
@@ -121,7 +141,7 @@ def _print(
         groups = Counter(group for _, group, _ in absent)
         told = ", ".join(f"{group} in {count(n, 'flight')}" for group, n in groups.items())
         out.line(f"absent: {told} ({fleet.folder / ABSENT} says why)")
-    if (path := fleet.folder / PAGE).exists():
+    if (path := fleet.folder / PAGE).exists() or updated:
         out.line(f"page: {path}")
 
 

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import io
 import json
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -136,14 +137,27 @@ def open_fleet(folder: Path | str) -> Fleet:
     return Fleet(folder, read_figures(*_partitions(folder)), _parts(folder), rate, threshold, alarms)
 
 
-def update_fleet(
+@dataclass(frozen=True, eq=False)
+class Update:
+    """A fleet with new tables, the alarms that are new, and the analysis; further `files` of the store, by name."""
+
+    fleet: Fleet
+    fresh: tuple[ToldAlarm, ...]
+    analysis: FleetAnalysis
+    files: dict[str, bytes | str] = field(default_factory=dict)
+
+
+@contextmanager
+def updated_fleet(
     folder: Path,
     sources: Sequence[Path],
     parts: Path | None = None,
     alarms_a_year: float | None = None,
     logs: LogFigures | None = None,
-) -> tuple[Fleet, tuple[ToldAlarm, ...], FleetAnalysis]:
-    """Add tables of figures to the fleet in a folder, or begin one; return it, the alarms that are new, and the analysis.
+) -> Iterator[Update]:
+    """Add tables of figures to the fleet in a folder, or begin one; it is written at the end of the block, unless that raises.
+
+    What the block tells counts as told no earlier: a command that is killed tells its alarms again.
 
     Parameters
     ----------
@@ -187,8 +201,23 @@ def update_fleet(
             files[PARTS] = parts.read_bytes()
         state = {"schema": SCHEMA, "alarms_a_year": rate, "threshold": found.threshold}
         state["alarms"] = [document(one) for one in every]
+        update = Update(Fleet(folder, table, known, rate, found.threshold, every), fresh, found)
+        yield update
+        files |= update.files
         write_files(folder, {**files, STATE: json.dumps(state, indent=1, allow_nan=False) + "\n"})
-    return Fleet(folder, table, known, rate, found.threshold, every), fresh, found
+
+
+def update_fleet(
+    folder: Path,
+    sources: Sequence[Path],
+    parts: Path | None = None,
+    alarms_a_year: float | None = None,
+    logs: LogFigures | None = None,
+) -> tuple[Fleet, tuple[ToldAlarm, ...], FleetAnalysis]:
+    """Return the updated fleet, the alarms that are new, and the analysis; see `updated_fleet`."""
+    with updated_fleet(folder, sources, parts, alarms_a_year, logs) as update:
+        pass
+    return update.fleet, update.fresh, update.analysis
 
 
 def _merged(

@@ -129,6 +129,24 @@ def test_two_commands_at_once(tmp_path: Path) -> None:
     update_fleet(store, [figures], parts)
 
 
+def test_an_alarm_that_could_not_be_kept_is_told_again(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    figures, parts = write(tmp_path, WORN)
+    command = ["fleet", str(figures), "--parts", str(parts), "-o", str(tmp_path / "store")]
+
+    def full(folder: Path, files: dict[str, str]) -> None:
+        raise StoopError("the disk is full")
+
+    with monkeypatch.context() as patched:
+        patched.setattr("stoop.fleet.store.write_files", full)
+        assert main(command) == 2
+    assert "v3 thrust: step" in capsys.readouterr().out
+    assert not list((tmp_path / "store").iterdir())
+    assert main(command) == 3
+    assert "v3 thrust: step" in capsys.readouterr().out
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [
