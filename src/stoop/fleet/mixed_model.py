@@ -141,6 +141,7 @@ class _Solution:
     scales: FloatArray  #: (p + q,) of its columns
     effects: FloatArray  #: (p + q,), scales taken off
     deviance: float  #: -2 times the restricted log-likelihood, without constants
+    slope: FloatArray  #: of the deviance by the standard deviations of flights and groups
 
 
 def fit_mixed_model(design: Design, penalized: bool = False) -> MixedModel:
@@ -158,21 +159,24 @@ def fit_mixed_model(design: Design, penalized: bool = False) -> MixedModel:
     numpy.linalg.LinAlgError
         When the fixed effects are collinear.
     """
-    unit = float(np.std(design.values)) or 1.0
+    mean = np.linalg.lstsq(design.fixed, design.values)[0]
+    centered = replace(design, values=design.values - design.fixed @ mean)  # else sums of squares would cancel
+    unit = float(np.std(centered.values)) or 1.0
     count = 1 + len(design.groups)
 
-    def deviance(x: FloatArray) -> float:
-        penalty = 2.0 * float(np.sum(np.log(x[1:]))) if penalized else 0.0
-        return _solved(design, unit * x).deviance - penalty
+    def deviance(x: FloatArray) -> tuple[float, FloatArray]:
+        own, spreads = _solved(centered, unit * x), x[1:] if penalized else np.ones(count - 1)
+        penalty_slope = np.array([0.0, *(2.0 * penalized / spreads)])
+        return own.deviance - 2.0 * float(np.sum(np.log(spreads))), unit * own.slope - penalty_slope
 
     least = np.array([0.0] + [NARROWEST * penalized] * len(design.groups))
     starts = product((0.1, 0.5), repeat=count)
-    start = min(starts, key=lambda x: deviance(np.array(x)))
+    start = min(starts, key=lambda x: deviance(np.array(x))[0])
     found = minimize(
-        deviance, np.array(start), method="L-BFGS-B", bounds=Bounds(least, WIDEST), options={"ftol": 1e-12, "gtol": 1e-8},
+        deviance, np.array(start), method="L-BFGS-B", jac=True, bounds=Bounds(least, WIDEST), options={"ftol": 1e-12, "gtol": 1e-8},
     )  # fmt: skip
     deviations = unit * found.x
-    solution = _solved(design, deviations)
+    solution = _solved(centered, deviations)
     inverse = cho_solve((solution.root, True), np.eye(len(solution.effects)))
     covariance = solution.scales[:, None] * inverse * solution.scales
     p = design.fixed.shape[1]
@@ -182,7 +186,7 @@ def fit_mixed_model(design: Design, penalized: bool = False) -> MixedModel:
         design,
         dict(zip(design.groups, deviations[1:].tolist(), strict=True)),
         float(deviations[0]),
-        solution.effects[:p],
+        mean + solution.effects[:p],
         dict(zip(design.groups, levels, strict=True)),
         covariance,
         -0.5 * (solution.deviance + (n - p) * float(np.log(2.0 * np.pi))),
@@ -221,15 +225,23 @@ def _solved(design: Design, deviations: FloatArray) -> _Solution:
     variances = deviations[0] ** 2 + design.errors**2
     scales = np.concatenate([np.ones(p), np.repeat(deviations[1:], design.sizes)])
     columns = len(scales)
-    found = design.sums @ (1.0 / variances)
-    normal = found[: columns**2].reshape(columns, columns) * scales * scales[:, None]
-    normal[np.arange(p, len(scales)), np.arange(p, len(scales))] += 1.0
-    right = scales * found[columns**2 : -1]
-    root = cholesky(normal, lower=True)
-    scaled = cho_solve((root, True), right)
-    squares = float(found[-1] - scaled @ right)
+    sums = design.sums @ np.column_stack([1.0 / variances, variances**-2.0])
+    normal, again = sums[: columns**2].T.reshape(2, columns, columns)
+    right, right_again = sums[columns**2 : -1].T
+    random = np.diag((np.arange(columns) >= p).astype(float))
+    root = cholesky(scales[:, None] * normal * scales + random, lower=True)
+    scaled = cho_solve((root, True), scales * right)
+    effects = scales * scaled
+    squares = float(sums[-1, 0] - effects @ right)
     deviance = float(np.sum(np.log(variances))) + 2.0 * float(np.sum(np.log(np.diag(root)))) + squares
-    return _Solution(root, scales, scales * scaled, deviance)
+    half = scales[:, None] * cho_solve((root, True), np.eye(columns))
+    left = float(sums[-1, 1] - 2.0 * effects @ right_again + effects @ again @ effects)
+    by_flight = float(np.sum(1.0 / variances)) - float(np.sum(again * (half * scales))) - left
+    by_level = np.sum(normal * half.T, axis=1) - scaled * (right - normal @ effects)
+    of = np.repeat(np.arange(len(design.sizes)), design.sizes)
+    by_group = np.bincount(of, by_level[p:], len(design.sizes))
+    slope = 2.0 * np.array([deviations[0] * by_flight, *by_group])
+    return _Solution(root, scales, effects, deviance, slope)
 
 
 def indices(labels: Sequence[str | None]) -> tuple[IntArray, tuple[str, ...]]:
