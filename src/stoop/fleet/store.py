@@ -194,7 +194,7 @@ def updated_fleet(
         )
         known = _parts(folder) if parts is None else read_parts(parts)
         found = analyze(table, known, rate)
-        now = [ToldAlarm.of(one, table) for one in found.alarms]
+        now = [ToldAlarm.of(one, found.figures[one.figure].sequences[one.vehicle][0]) for one in found.alarms]
         every, fresh = _merged(told, now)
         files |= {} if logs is None else logs.files
         if parts is not None:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from stoop.base.arrays import BoolArray, FloatArray
+from stoop.base.arrays import BoolArray, FloatArray, IntArray
 from stoop.base.files import read_bounded
 from stoop.errors import StoopError
 
@@ -22,6 +22,15 @@ TEXTS: Final = ("flight", "vehicle", "figure")
 NUMBERS: Final = ("value", "std_error")
 NEEDED: Final = (*TEXTS, "time", *NUMBERS)
 OPTIONAL: Final = ("software", "parts")
+UNKNOWN: Final = (
+    "",
+    "NA",
+    "N/A",
+    "NaN",
+    "nan",
+    "null",
+    "None",
+)  #: of a number or a date; a vehicle may be called so
 PARQUET: Final = (".parquet", ".pq")
 MAX_BYTES: Final = 2**30
 MAX_HEAD: Final = 2**20
@@ -89,12 +98,13 @@ class FigureTable:
 
     def of(self, figure: str) -> FigureTable:
         """Return the rows of a figure."""
-        return self.rows(np.array([name == figure for name in self.figure], dtype=np.bool_))
+        return self.rows(np.fromiter(map(figure.__eq__, self.figure), np.bool_, len(self.figure)))
 
     def rows(self, which: BoolArray) -> FigureTable:
         """Return some rows."""
         at = np.flatnonzero(which)
-        texts = {name: tuple(getattr(self, name)[i] for i in at) for name in (*TEXTS, *OPTIONAL)}
+        places = at.tolist()
+        texts = {name: tuple(map(getattr(self, name).__getitem__, places)) for name in (*TEXTS, *OPTIONAL)}
         numbers = {name: getattr(self, name)[at] for name in ("time", *NUMBERS)}
         return self.of_columns(texts, numbers, {name: x[at] for name, x in self.conditions.items()})
 
@@ -124,7 +134,11 @@ def read_frame(path: Path, needed: Sequence[str]) -> pd.DataFrame:
         reason = getattr(error, "strerror", None) or error
         raise StoopError(f"{path}: cannot be read ({reason}); name a table of figures") from None
     try:
-        table = pd.read_parquet(file) if path.suffix in PARQUET else pd.read_csv(file, dtype=kept)
+        if path.suffix in PARQUET:
+            table = pd.read_parquet(file)
+        else:
+            unknown = {name: ("",) if name in kept else UNKNOWN for name in columns_of(path)} or UNKNOWN
+            table = pd.read_csv(file, dtype=kept, keep_default_na=False, na_values=unknown)
     except ImportError:
         raise StoopError(f"{path}: Parquet needs a library; pip install '.[parquet]'") from None
     except (ValueError, OSError) as error:
@@ -159,14 +173,17 @@ def of_frames(where: str, tables: Sequence[pd.DataFrame]) -> FigureTable:
 
     table = pd.concat(tables, ignore_index=True)
     numbers = {name: _numbers(where, table, name) for name in ("time", *NUMBERS)}
+    there = [*TEXTS, *(name for name in OPTIONAL if name in table.columns)]
+    table = table.assign(**{name: table[name].fillna("").astype(str) for name in there})
     bad = np.flatnonzero(
         ~(np.isfinite(numbers["value"]) & np.isfinite(numbers["time"]) & (numbers["std_error"] > 0.0))
+        | (table[[*TEXTS]] == "").any(axis=1)
     )
     if bad.size:
         flight = table["flight"].iloc[int(bad[0])]
         raise StoopError(
-            f"{where}: {len(bad)} rows, first that of flight {flight}, lack a value, a time or a standard error above zero; "
-            "leave such rows out"
+            f"{where}: {len(bad)} rows, first that of flight {flight}, lack a value, a time, a standard error above zero, or "
+            "the name of flight, vehicle or figure; leave such rows out"
         )
     twice = table.duplicated(["flight", "vehicle", "figure"])
     if twice.any():
@@ -174,17 +191,19 @@ def of_frames(where: str, tables: Sequence[pd.DataFrame]) -> FigureTable:
         raise StoopError(
             f"{where}: {row['figure']} of flight {row['flight']} stands there twice; keep one row"
         )
-    texts = {name: table[name].astype(str).tolist() for name in TEXTS}
-    there = [name for name in OPTIONAL if name in table.columns]
-    texts |= {name: table[name].fillna("").astype(str).tolist() for name in there}
-    sorted_by = [np.array(texts[name]) for name in ("figure", "flight", "vehicle")]
-    order = np.lexsort((*sorted_by, numbers["time"])).tolist()
+    texts = {name: pd.factorize(table[name], sort=True) for name in there}
+    order = np.lexsort((*(texts[name][0] for name in ("figure", "flight", "vehicle")), numbers["time"]))
     others = [c for c in table.columns if c not in (*NEEDED, *OPTIONAL) and table[c].dtype.kind in "fiu"]
     return FigureTable.of_columns(
-        {name: [own[i] for i in order] for name, own in texts.items()},
+        {name: _taken(names, at[order]) for name, (at, names) in texts.items()},
         {name: x[order] for name, x in numbers.items()},
         {str(c): _numbers(where, table, c)[order] for c in others},
     )
+
+
+def _taken(names: pd.Index[str], at: IntArray) -> list[str]:
+    """Return names by their places; rows share what they have in common."""
+    return list(map(names.tolist().__getitem__, at.tolist()))
 
 
 def _numbers(where: str, table: pd.DataFrame, name: str) -> FloatArray:

@@ -32,6 +32,17 @@ def test_rows_come_in_order(tmp_path: Path, ending: str) -> None:
     assert table.figures() == ("drag", "thrust")
 
 
+def test_a_vehicle_called_na_is_one_and_one_without_a_name_is_none(tmp_path: Path) -> None:
+    path = tmp_path / "figures.csv"
+    ROWS.assign(vehicle="NA", software=["null", "", "1"]).to_csv(path, index=False)
+    table = read_figures(path)
+    assert table.vehicle == ("NA",) * 3
+    assert table.software == ("1", "", "null")
+    ROWS.assign(vehicle=["", "A", "A"]).to_csv(path, index=False)
+    with pytest.raises(StoopError, match=r"1 rows, first that of flight f2, lack .* vehicle or figure"):
+        read_figures(path)
+
+
 @pytest.mark.parametrize(
     ("change", "said"),
     [
