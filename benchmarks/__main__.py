@@ -18,6 +18,7 @@ PARTS = (
     "ulog",
     "dataflash",
     "tables",
+    "fleet",
     "shooting",
     "bootstrap",
     "pages",

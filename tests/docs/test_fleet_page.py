@@ -6,6 +6,7 @@ import csv
 import re
 import subprocess
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -29,7 +30,7 @@ def test_the_example(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    example, in_python = blocks("python")
+    example, in_python, *queries = blocks("python")
     subprocess.run([sys.executable, "-c", example], check=True)
     install, command = blocks("text")[0].splitlines()
     assert install == "pip install '.[parquet]'"
@@ -43,6 +44,15 @@ def test_the_example(
         [sys.executable, "-c", in_python], check=True, capture_output=True, text=True
     ).stdout
     assert told.startswith("drone-3 thrust -0.04")
+    asked = [query for query in queries if find_spec(query.split()[1])]
+    assert asked, "pandas at least"
+    for query in asked:
+        lines = subprocess.run(
+            [sys.executable, "-c", query], check=True, capture_output=True, text=True
+        ).stdout.splitlines()
+        vehicles = [found[0] for line in lines if (found := re.findall(r"drone-\d", line))]
+        assert len(set(vehicles)) == 8, query
+        assert vehicles[0] == "drone-3", "of the weak propeller"
 
 
 def test_the_made_up_fleet(

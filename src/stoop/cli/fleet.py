@@ -28,10 +28,8 @@ NEWS: Final = 3  #: exit code where alarms are new
 
 def run(arguments: argparse.Namespace) -> int:
     """Update or open a fleet, print its alarms, and return 3 if some are new."""
-    from stoop.fleet.page import fleet_page
     from stoop.fleet.parts import moment
     from stoop.fleet.store import PAGE, open_fleet, updated_fleet
-    from stoop.report.sheet import render_sheet
 
     since = None if arguments.since is None else moment("--since", arguments.since)
     if (folder := arguments.output) is None:
@@ -45,6 +43,9 @@ def run(arguments: argparse.Namespace) -> int:
         if len(arguments.sources) > 1 or any(given):
             raise StoopError("fleet: logs, tables, parts and a rate go into a store; name its folder with -o")
         return _tell(arguments, open_fleet(arguments.sources[0]), (), since)
+    from stoop.fleet.page import fleet_page
+    from stoop.report.sheet import render_sheet
+
     tables, logs = _read(arguments)
     with ExitStack() as held:
         with LiveLine("looking for changes"):
@@ -124,7 +125,6 @@ def _print(
     fleet: Fleet, new: Sequence[ToldAlarm], every: bool, absent: Sequence[tuple[str, str, str]], updated: bool
 ) -> None:
     """Print a line for each alarm, all of them or the new ones, and one for what the logs could not tell."""
-    from stoop.fleet.logs import ABSENT
     from stoop.fleet.store import PAGE
 
     out = page()
@@ -138,6 +138,8 @@ def _print(
     if not (every or new):
         out.line(f"no new alarm; {count(len(standing), 'earlier one')}")
     if absent:
+        from stoop.fleet.logs import ABSENT
+
         groups = Counter(group for _, group, _ in absent)
         told = ", ".join(f"{group} in {count(n, 'flight')}" for group, n in groups.items())
         out.line(f"absent: {told} ({fleet.folder / ABSENT} says why)")

@@ -15,13 +15,11 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-import pandas as pd
 
 from stoop.checks.vehicle import require_channels
 from stoop.errors import StoopError
 from stoop.fleet.headers import CLOCKS, Dated, contradictions, header
-from stoop.fleet.log_figures import conditions, figures_of
-from stoop.fleet.table import FigureTable, columns_of, of_frames, read_frame
+from stoop.fleet.table import LOGS, FigureTable, columns_of, of_frames, read_frame
 from stoop.flight.apply_mapping import read_mapped
 from stoop.flight.flight import flight_name
 from stoop.flight.load import of_recording
@@ -37,8 +35,6 @@ WORK: Final = "stoop.fleet.logs:read"
 SAID: Final = ("vehicle", "time")  #: of a flight, by the table of flights, else by its log
 FIGURE: Final = ("figure", "value", "std_error", "parts")
 STORES, ABSENT, DATES = "logs-*.sqlite", "absent.csv", "dates.csv"
-FIGURES: Final = "figures"  #: folder of the tables of a store
-LOGS: Final = f"{FIGURES}/logs.parquet"  #: figures of logs
 ABSENTEES: Final = ("flight", "group", "reason")
 DATED: Final = ("flight", "vehicle", "time", "end", "count")  #: by the logs
 
@@ -103,12 +99,15 @@ def store_of(folder: Path) -> Path:
 
 def read(arguments: Mapping[str, Any], stops: Sequence[int | None]) -> list[Json]:
     """Return the figures of a log, and what its header says: a run of the campaign."""
+    from stoop.fleet.log_figures import conditions, figures_of  # it needs all of stoop
+
     path, mapping, name = Path(arguments["log"]), arguments["mapping"], arguments["vehicle"]
     vehicle = None if name is None else resolve_vehicle(name)
     try:
         recording, mapped = read_mapped(path, None if mapping is None else Path(mapping), CLOCKS)
         said = header(recording)
         flight = of_recording(path, recording, mapped)
+        del recording, mapped  # of which the memory is needed
         if vehicle is not None and not {*vehicle.recorded} & flight.names:
             require_channels(vehicle, flight)
         found, absent = figures_of(flight, vehicle)
@@ -145,6 +144,8 @@ def gathered(campaign: Plan, results: Mapping[str, Any], flights: Path | None, f
     StoopError
         No log gave a figure, or the table of flights is wrong.
     """
+    import pandas as pd  # a worker needs none
+
     logs = {flight_name(Path(str(run.arguments["log"]))): results[run.key] for run in campaign.runs}
     given = {} if flights is None else _given(flights)
     said = {f: {**one["header"], **given.get(f, {})} for f, one in logs.items()}
@@ -182,6 +183,8 @@ def gathered(campaign: Plan, results: Mapping[str, Any], flights: Path | None, f
 
 def _given(flights: Path) -> dict[str, dict[str, Any]]:
     """Return what a table of flights tells of each; a field that is empty tells nothing."""
+    import pandas as pd
+
     table = read_frame(flights, ("flight",))
     if len(twice := table["flight"][table["flight"].duplicated()]):
         raise StoopError(f"{flights}: flight {twice.iloc[0]} stands there twice; keep one row")

@@ -12,17 +12,19 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from stoop.base.extras import install
 from stoop.base.files import make_folder, only_writer, write_files
 from stoop.base.numbers import count
 from stoop.errors import StoopError
-from stoop.fleet.analysis import Alarm, FleetAnalysis, analyze
 from stoop.fleet.causes import Cause
-from stoop.fleet.logs import FIGURES, LOGS, LogFigures
 from stoop.fleet.parts import Parts, day, read_parts
-from stoop.fleet.table import NEEDED, FigureTable, of_frames, read_figures, read_frame
+from stoop.fleet.table import FIGURES, LOGS, NEEDED, FigureTable, of_frames, read_figures, read_frame
+
+if TYPE_CHECKING:
+    from stoop.fleet.analysis import Alarm, FleetAnalysis
+    from stoop.fleet.logs import LogFigures
 
 SCHEMA: Final = "stoop-fleet/1"
 STATE, PARTS, PAGE = "fleet.json", "parts.csv", "fleet.html"
@@ -121,6 +123,8 @@ class Fleet:
 
     def analysis(self) -> FleetAnalysis:
         """Return models, threshold and changes anew."""
+        from stoop.fleet.analysis import analyze
+
         return analyze(self.table, self.parts, self.alarms_a_year)
 
 
@@ -176,6 +180,8 @@ def updated_fleet(
     StoopError
         One line; the fleet is what it was.
     """
+    from stoop.fleet.analysis import analyze  # what opens a store has no need of it
+
     new = {f"{FIGURES}/{source.stem}.parquet": read_figures(source) for source in sources}
     new |= {} if logs is None else {LOGS: logs.table}
     if len(new) < len(sources) + (logs is not None):

@@ -18,6 +18,8 @@ from stoop.errors import StoopError
 if TYPE_CHECKING:
     import pandas as pd
 
+FIGURES: Final = "figures"  #: folder of the tables of a store
+LOGS: Final = f"{FIGURES}/logs.parquet"  #: figures of logs
 TEXTS: Final = ("flight", "vehicle", "figure")
 NUMBERS: Final = ("value", "std_error")
 NEEDED: Final = (*TEXTS, "time", *NUMBERS)

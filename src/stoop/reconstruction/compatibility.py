@@ -252,6 +252,7 @@ def _estimate(pieces: Pieces) -> Estimate:
             )
         J, _ = problem.jacobian(end.z, 0, problem.residuals(end.z[None, :], 0)[0])
         error = np.sqrt(np.diag(np.linalg.inv(J.T @ J)))[: problem.shared]
+        del J  # as large as all else together
         change = np.abs(end.z - z)[: problem.shared] / error
         z = end.z
         # new weights may still change an estimate by so many standard errors

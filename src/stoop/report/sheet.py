@@ -133,7 +133,9 @@ class Table:
     @property
     def folds(self) -> bool:
         """Whether a narrow page sets the last column below the others, for which there is no room beside them."""
-        return not self.kinds and len(self.head) > MAX_BESIDE and self.wraps[-1] and sum(self.wraps) == 1
+        return "fold" in "".join(self.kinds[-1:]) or (
+            not self.kinds and len(self.head) > MAX_BESIDE and self.wraps[-1] and sum(self.wraps) == 1
+        )
 
 
 @dataclass(frozen=True)
@@ -248,6 +250,9 @@ class Sheet:
     sections: tuple[Section, ...]
     kind: str = "study"  #: what sort of page it is
     verdict: Verdict | None = None
+    script: str = (
+        ""  #: file of the templates that the page runs beside those of its plots; it can be read without
+    )
 
 
 @dataclass(frozen=True, repr=False)
@@ -289,11 +294,12 @@ def render_sheet(sheet: Sheet, scripts: bool = True) -> str:
         names.append(name)
     sections = list(zip(sheet.sections, names, strict=True))
     live = scripts and any(_runs_scripts(section.parts) for section in sheet.sections)
+    own = [_allowed(_template(sheet.script))] if scripts and sheet.script else []
     page = {
         "sheet": sheet,
         "lead": Prose(sheet.lead),
         "sections": sections,
-        "scripts": _scripts() if live else [],
+        "scripts": [*(_scripts() if live else []), *own],
     }
     return _environment().get_template("page.html").render(page, light=variables(False), dark=variables(True))
 
@@ -308,16 +314,20 @@ def _runs_scripts(parts: Sequence[Part]) -> bool:
 @cache
 def _scripts() -> list[tuple[Markup, str]]:
     """Return the scripts of interactive plots, each with the digest by which the page allows it."""
-    own = (Path(__file__).parent / "templates" / "figures.js").read_text("utf-8")
     colors = "|".join(f"{light}>{dark}" for light, dark in COLORS.values())
     scripts = files("bokeh") / "server" / "static" / "js"  # bokeh.resources takes long to import
     bokeh = [(scripts / name).read_text("utf-8") for name in ("bokeh.min.js", "bokeh-api.min.js")]
-    texts = [*bokeh, own.replace("COLORS", colors)]
-    found = []
-    for text in texts:
-        digest = base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
-        found.append((Markup(text), f"'sha256-{digest}'"))  # noqa: S704 (Bokeh's and ours)
-    return found
+    return [*map(_allowed, (*bokeh, _template("figures.js").replace("COLORS", colors)))]
+
+
+def _template(name: str) -> str:
+    return (Path(__file__).parent / "templates" / name).read_text("utf-8")
+
+
+def _allowed(text: str) -> tuple[Markup, str]:
+    """Return a script of Bokeh's or ours with the digest by which a page allows it."""
+    digest = base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
+    return Markup(text), f"'sha256-{digest}'"  # noqa: S704
 
 
 @cache

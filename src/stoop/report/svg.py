@@ -4,8 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 from markupsafe import Markup, escape
+
+from stoop.base.arrays import FloatArray
+
+Number = TypeVar("Number", float, FloatArray)
 
 
 @dataclass(frozen=True)
@@ -17,8 +22,8 @@ class Scale:
     start: float
     stop: float
 
-    def at(self, value: float) -> float:
-        """Return the pixel of one value."""
+    def at(self, value: Number) -> Number:
+        """Return the pixel of one value, or those of many."""
         return self.start + (value - self.low) / (self.high - self.low) * (self.stop - self.start)
 
 

@@ -9,8 +9,8 @@ import pandas as pd
 import pytest
 
 from stoop.errors import StoopError
-from stoop.fleet.logs import ABSENT, DATES, LOGS, LogFigures, gathered, is_table, plan
-from stoop.fleet.table import read_figures
+from stoop.fleet.logs import ABSENT, DATES, LogFigures, gathered, is_table, plan
+from stoop.fleet.table import LOGS, read_figures
 from stoop.parallel import Plan, Run
 
 HEAD = "flight,vehicle,time,figure,value,std_error"

@@ -6,10 +6,11 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 from unit.fleet.made_up import EXCHANGED, changed, fleet
 
 from stoop.fleet.analysis import analyze
-from stoop.fleet.page import MOST, fleet_page
+from stoop.fleet.page import MOST, _thinned, fleet_page
 from stoop.fleet.parts import Parts
 from stoop.fleet.store import Fleet, ToldAlarm
 from stoop.fleet.table import FigureTable
@@ -32,6 +33,9 @@ def test_alarms_come_first_and_their_vehicles_are_open() -> None:
     assert html.count("<svg") == 2 * 8
     assert html.count('class="edge"') == 1, "the change of v3"
     assert "v3a</text>" in html, "serials of the part"
+    assert html.count('<a href="#change-0">since v3-20') == 1, "an alarm leads to its panel"
+    assert html.count('id="change-0"') == 1
+    assert "alarms only" in html
 
 
 def test_names_are_text() -> None:
@@ -41,6 +45,14 @@ def test_names_are_text() -> None:
     html = page(named, parts)
     assert bad not in html
     assert "&lt;script&gt;alert" in html
+
+
+def test_a_panel_of_few_points_has_the_means_of_neighbors() -> None:
+    flights = 2 * MOST
+    rows = np.random.default_rng(0).standard_normal((1, flights))
+    assert _thinned(rows, MOST).shape == (1, MOST)
+    assert _thinned(rows, MOST)[0, :3] == pytest.approx(rows.reshape(-1, 2).mean(axis=1)[:3])
+    assert np.array_equal(_thinned(rows, flights), rows)
 
 
 def test_many_flights_are_thinned() -> None:
