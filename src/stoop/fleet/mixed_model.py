@@ -160,7 +160,9 @@ def fit_mixed_model(design: Design, penalized: bool = False) -> MixedModel:
         When the fixed effects are collinear.
     """
     mean = np.linalg.lstsq(design.fixed, design.values)[0]
-    centered = replace(design, values=design.values - design.fixed @ mean)  # else sums of squares would cancel
+    centered = replace(
+        design, values=design.values - design.fixed @ mean
+    )  # else sums of squares would cancel
     unit = float(np.std(centered.values)) or 1.0
     count = 1 + len(design.groups)
 
@@ -173,7 +175,8 @@ def fit_mixed_model(design: Design, penalized: bool = False) -> MixedModel:
     starts = product((0.1, 0.5), repeat=count)
     start = min(starts, key=lambda x: deviance(np.array(x))[0])
     found = minimize(
-        deviance, np.array(start), method="L-BFGS-B", jac=True, bounds=Bounds(least, WIDEST), options={"ftol": 1e-12, "gtol": 1e-8},
+        deviance, np.array(start), method="L-BFGS-B", jac=True, bounds=Bounds(least, WIDEST),
+        options={"ftol": 1e-12, "gtol": 1e-8},
     )  # fmt: skip
     deviations = unit * found.x
     solution = _solved(centered, deviations)
