@@ -133,7 +133,9 @@ def figure_model(rows: FigureTable, parts: Parts, shift: FloatArray) -> FigureMo
         readings = Readings(
             left[which], deviations[which], rows.time[which] / DAY, np.column_stack(effects), np.array(spread)
         )
-        sequences[vehicle] = rows.rows(which), readings
+        own_rows = rows.rows(which)
+        onsets = Stretch(own_rows, readings).onsets([*events(own_rows, parts, vehicle)])
+        sequences[vehicle] = own_rows, replace(readings, onsets=onsets)
     return FigureModel(rows, model, outliers, sequences)
 
 

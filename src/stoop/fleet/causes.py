@@ -1,13 +1,17 @@
-"""What explains a change: events that were recorded, or none, by all figures of the vehicle together.
+r"""What explains a change: events that were recorded, or none, by all figures of the vehicle together.
 
-An event e, an exchange of a part or an update, mattered with the prior probability `MATTERS`, and then changed a figure f with
-the probability p(f, e): `DEPENDS` where f depends on the part, `OTHERWISE` where it does not, `UPDATE` for software. With the
-Bayes factor B(f, e) of a change of f in the first flight after e, its size normal about zero, the other figures tell by
+A hypothesis is a source s and the flight k in which it began to change figures. Sources are events, an exchange of a part or an
+update, which begin in the first flight after them and mattered with the prior probability `MATTERS`; and, in any flight, with
+the prior probability `BY_ITSELF` for each, what was not recorded: of the part in every place, and of anything else. A source
+changes a figure f, if it matters, with the probability p(f, s): `DEPENDS` where f depends on its part, `OTHERWISE` where it
+does not, `ANYTHING` for what stands in no table and for software, unless f depends on that. What an event changes it mostly
+changes at once: a drift has `GRADUAL` of its prior probability. With the Bayes factor B(f, k) of a step, or a drift, of f that
+begins in flight k, its size normal about zero, a hypothesis about a change of f has the weight
 
-    G(e) = product over f of 1 - p(f, e) + p(f, e) B(f, e)
+.. math:: \pi(s)\, p(f, s)\, B(f, k) \prod_{g \ne f} \left(1 - p(g, s) + p(g, s)\, B(g, k) / A(g)\right), \quad
+   A(g) = 1 + \sum_{s, k} \pi(s)\, p(g, s)\, B(g, k)
 
-whether e mattered; of several events before one flight two may have. Half of the prior probability is that of none, in any
-flight, half that of the events, in proportion to p of the figure that changed.
+A(g) is what the other figure g makes of the hypotheses as a whole: one that changed on another day speaks for nothing here.
 
 References
 ----------
@@ -16,39 +20,55 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import combinations, groupby, pairwise
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
-from scipy.special import logsumexp
+from scipy.special import logsumexp, softmax
 
-from stoop.base.arrays import FloatArray
-from stoop.fleet.changes import Kind, Readings, sizes
+from stoop.base.arrays import FloatArray, IntArray
+from stoop.fleet.changes import KINDS, Kind, Readings, sizes
 from stoop.fleet.parts import Parts
 from stoop.fleet.table import FigureTable
 
-AT_EVENTS: Final = 0.5  #: prior probability that a change began with an event
 MATTERS: Final = 0.05
+BY_ITSELF: Final = 1.0 / 3000.0  #: in a flight, each
+GRADUAL: Final = 0.2
 DEPENDS: Final = 0.5
-UPDATE: Final = 0.1
-OTHERWISE: Final = 0.02
+ANYTHING: Final = 0.1
+OTHERWISE: Final = 0.01
 SHORTEST: Final = 1e-6  #: days
-USUAL: Final = 3.0  #: standard deviation of the size of changes, over that of a flight
+SOFTWARE: Final = "software"  #: its place
+#: standard deviation of the size of a step, and of what a drift reaches in all flights, over that of a flight
+USUAL: Final[Mapping[Kind, float]] = {"step": 3.0, "drift": 10.0}
 
 
 @dataclass(frozen=True)
 class Event:
-    """What was recorded of a vehicle."""
+    """What was recorded of a vehicle, or what may have happened without a record in any flight."""
 
-    what: str
-    place: str  #: of the part; empty for software
-    time: float  #: s since 1970, from when
+    what: str  #: empty for what was not recorded
+    place: str  #: of the part; empty for what stands in no table
+    time: float = math.nan  #: s since 1970, from when
+
+    def prior(self, kind: Kind) -> float:
+        """Return the probability that it matters, so; of what was not recorded, that it happens before a flight."""
+        return BY_ITSELF if not self.what else MATTERS * (GRADUAL if kind == "drift" else 1.0)
 
     def matters_to(self, places: Sequence[str]) -> float:
         """Return the probability with which it changes a figure of these places, if it matters at all."""
-        return UPDATE if not self.place else DEPENDS if self.place in places else OTHERWISE
+        known = DEPENDS if self.place in places else OTHERWISE
+        return ANYTHING if self.place in ("", SOFTWARE) and self.place not in places else known
+
+    def flights(self, time: FloatArray) -> IntArray:
+        """Return the first flights (k,) after it, of flights at times (n,); none where none is before or none after."""
+        if not self.what:
+            return np.arange(1, len(time))
+        k = int(np.searchsorted(time, self.time))
+        return np.arange(k, k + (0 < k < len(time)))
 
 
 @dataclass(frozen=True)
@@ -59,11 +79,16 @@ class Cause:
     flight: str  #: in which the change began then
     probability: float
     figures: tuple[str, ...] = ()  #: others of the vehicle that changed with it
+    place: str = (
+        ""  #: of the part, even of one that was not exchanged; empty where nothing in a table is likeliest
+    )
 
     @property
     def name(self) -> str:
         """What it is, in words."""
-        return self.what or "nothing that was recorded"
+        return self.what or "nothing that was recorded" + (
+            f", most likely of {self.place}" if self.place else ""
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,16 +114,33 @@ class Stretch:
     def factors(self, kind: Kind) -> FloatArray:
         """Return the logarithms (n - 1,) of the Bayes factors of a change that began in the second flight to the last."""
         size, variance = sizes(self.readings, kind)
-        prior = (USUAL * float(np.median(self.readings.deviations))) ** 2
+        prior = (USUAL[kind] * float(np.median(self.readings.deviations))) ** 2
         if kind == "drift":
             prior /= max(float(np.ptp(self.readings.times)), SHORTEST) ** 2
         told = prior / (prior + variance)  # zero where nothing is known of the size
         return np.asarray(0.5 * np.log1p(-told) + 0.5 * told * size**2 / variance)
 
-    def factor_at(self, event: Event, factors: FloatArray) -> float:
-        """Return the logarithm for the first flight after an event; zero where there is no flight before or none after."""
-        k = int(np.searchsorted(self.rows.time, event.time))
-        return float(factors[k - 1]) if 0 < k < len(self.rows.time) else 0.0
+    def probabilities(self, kind: Kind, sources: Sequence[Event]) -> FloatArray:
+        """Return the prior probabilities (n,) that one of the sources changes the figure from each flight on."""
+        out = np.zeros(len(self.rows.time))
+        for source in sources:
+            out[source.flights(self.rows.time)] += source.prior(kind) * source.matters_to(self.places)
+        return out
+
+    def onsets(self, recorded: Sequence[Event]) -> FloatArray:
+        """Return how much likelier a change begins in each flight than without a record, see `Readings`."""
+        alone = unrecorded(self.places)
+        with np.errstate(invalid="ignore"):
+            odds = [
+                self.probabilities(kind, [*recorded, *alone]) / self.probabilities(kind, alone)
+                for kind in KINDS
+            ]
+        return 2.0 * np.log(np.nan_to_num(odds, nan=1.0))
+
+
+def unrecorded(places: Iterable[str]) -> list[Event]:
+    """Return what may happen without a record: of the parts in these places, and of anything else."""
+    return [Event("", place) for place in ("", *sorted(set(places)))]
 
 
 def events(rows: FigureTable, parts: Parts, vehicle: str) -> Iterator[Event]:
@@ -107,7 +149,7 @@ def events(rows: FigureTable, parts: Parts, vehicle: str) -> Iterator[Event]:
         yield Event(f"{new.part}: {new.serial} for {old.serial}", new.part, new.begin)
     for (before, after), time in zip(pairwise(rows.software), rows.time[1:].tolist(), strict=True):
         if before and after and before != after:
-            yield Event(f"software: {after} for {before}", "", time)
+            yield Event(f"{SOFTWARE}: {after} for {before}", SOFTWARE, time)
 
 
 def causes(
@@ -124,49 +166,41 @@ def causes(
     others : figure -> Stretch, all flights of the vehicle
     """
     time, factors = own.rows.time, own.factors(kind)
-    possible = sorted((e for e in recorded if time[0] < e.time <= time[-1]), key=lambda e: e.time)
-    share = AT_EVENTS if possible else 0.0
-    found: list[tuple[float, str, int, tuple[str, ...]]] = [
-        (np.log1p(-share) + logsumexp(factors) - np.log(len(factors)), "", 1 + int(np.argmax(factors)), ())
-    ]
     beside = {f: one for f, s in others.items() if (one := s.between(time[0], time[-1] + 1.0)) is not None}
-    told = {f: one.factors(kind) for f, one in beside.items()}
-    likely = sum(event.matters_to(own.places) for event in possible)
-    for k, together in groupby(possible, key=lambda event: int(np.searchsorted(time, event.time))):
-        for event, weight, named in _weighed([*together], beside, told):
-            prior = float(np.log(share * event.matters_to(own.places) / likely))
-            found.append((prior + weight + float(factors[k - 1]), event.what, k, named))
-    total = logsumexp([weight for weight, *_ in found])
-    made = [
-        Cause(what, own.rows.flight[k], float(np.exp(weight - total)), named)
-        for weight, what, k, named in found
+    sources = [e for e in recorded if time[0] < e.time <= time[-1]]
+    sources += unrecorded(place for one in (own, *beside.values()) for place in one.places)
+    told = {f: _told(one, kind, sources) for f, one in beside.items()}
+    weighed = []
+    for source in sources:
+        at = source.flights(time)
+        begun = np.array([source.time]) if source.what else time[at]
+        weight = np.log(source.prior(kind) * source.matters_to(own.places)) + factors[at - 1]
+        shares = {f: source.matters_to(one.places) for f, one in beside.items()}
+        for f, share in shares.items():
+            weight = weight + np.logaddexp(np.log1p(-share), np.log(share) + told[f](begun))
+        best = int(np.argmax(weight))
+        named = [f for f, p in shares.items() if np.log(p) + told[f](begun)[best] > np.log1p(-p)]
+        weighed.append(
+            (float(logsumexp(weight)), source.what, own.rows.flight[at[best]], tuple(named), source.place)
+        )
+    weighed.sort(key=lambda one: -one[0])
+    by_itself = [one for one in weighed if not one[1]]
+    every = [
+        (float(logsumexp([weight for weight, *_ in by_itself])), *by_itself[0][1:]),
+        *(one for one in weighed if one[1]),
     ]
-    return tuple(sorted(made, key=lambda one: -one.probability))
+    shares_of = softmax([weight for weight, *_ in every]).tolist()
+    found = [
+        Cause(what, flight, share, named, place)
+        for share, (_, what, flight, named, place) in zip(shares_of, every, strict=True)
+    ]
+    return tuple(sorted(found, key=lambda one: -one.probability))
 
 
-def _weighed(
-    together: Sequence[Event], beside: Mapping[str, Stretch], told: Mapping[str, FloatArray]
-) -> Iterator[tuple[Event, float, tuple[str, ...]]]:
-    """Yield events before one flight, each with the figures that changed with it.
-
-    Between them stands the logarithm of the probability that it mattered by the other figures, over that before. Two of them may
-    have mattered.
-    """
-    count = len(together)
-    subsets = np.array(
-        [[i in s for i in range(count)] for k in range(3) for s in combinations(range(count), k)]
-    )
-    mattered = subsets.sum(axis=1)
-    evidence = mattered * np.log(MATTERS) + (count - mattered) * np.log1p(-MATTERS)
-    named = [list[str]() for _ in together]
-    for f, one in beside.items():
-        p = np.array([event.matters_to(one.places) for event in together])
-        factor = one.factor_at(together[0], told[f])
-        unchanged = subsets @ np.log1p(-p)
-        with np.errstate(divide="ignore"):
-            evidence = evidence + np.logaddexp(np.log(-np.expm1(unchanged)) + factor, unchanged)
-        for own, share in zip(named, p.tolist(), strict=True):
-            own += [f] if np.log(share) + factor > np.log1p(-share) else []
-    for event, with_it, own in zip(together, subsets.T, named, strict=True):
-        ratio = logsumexp(evidence[with_it]) - logsumexp(evidence) - np.log(MATTERS)
-        yield event, float(ratio), tuple(own)
+def _told(one: Stretch, kind: Kind, sources: Sequence[Event]) -> Callable[[FloatArray], FloatArray]:
+    """Return the logarithm of B(g, k) / A(g) for changes that began at times (m,)."""
+    factors = np.concatenate([[0.0], one.factors(kind), [0.0]])
+    with np.errstate(divide="ignore"):
+        prior = np.log(one.probabilities(kind, sources))
+    every = logsumexp(np.append(prior + factors[:-1], 0.0))
+    return lambda begun: factors[np.searchsorted(one.rows.time, begun)] - every

@@ -3,8 +3,9 @@
 The readings of one vehicle and figure are normal with known standard deviations about the sum of effects: the vehicle's level,
 those of its parts while it carries them, perhaps a trend. The effects are normal with known deviations, from the fleet, or
 nothing is known of them. For every flight k the likelihood of a step, or of a drift that begins there, is compared with that of
-no change, its size being unknown. The largest ratio over k is the statistic of a flight; the first that exceeds a threshold is
-an alarm. What began when is estimated anew with every later flight, until a further change shows.
+no change, its size being unknown. Flights in which a change is likelier to begin, as after an exchange, are favored by the
+logarithm of that. The largest ratio over k is the statistic of a flight; the first that exceeds a threshold is an alarm. What
+began when is estimated anew with every later flight, until a further change shows.
 
 References
 ----------
@@ -18,7 +19,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Final, Literal
 
 import numpy as np
@@ -48,6 +49,8 @@ class Readings:
     times : (n,) by which a drift grows, such as flights or days; rising
     effects : (n, m) of each effect on each reading; the level is a column of ones
     spread : (m,) standard deviations of the effects; infinite where nothing is known
+    onsets : (2, n) by kind, twice the logarithm of how much likelier a change begins in a flight than in others; (2, 0) where
+        all are alike
     """
 
     values: FloatArray
@@ -55,6 +58,7 @@ class Readings:
     times: FloatArray
     effects: FloatArray
     spread: FloatArray
+    onsets: FloatArray = field(default_factory=lambda: np.zeros((len(KINDS), 0)))
 
     @classmethod
     def about_a_level(
@@ -78,6 +82,7 @@ class Readings:
             begun,
             effects,
             np.concatenate([spread, self.spread[own]]),
+            self.onsets[:, rows],
         )
 
     def since_flight(self, first: int) -> Readings:
@@ -88,8 +93,18 @@ class Readings:
         """Return the readings before a flight."""
         own = slice(None, end)
         return Readings(
-            self.values[own], self.deviations[own], self.times[own], self.effects[own], self.spread
+            self.values[own],
+            self.deviations[own],
+            self.times[own],
+            self.effects[own],
+            self.spread,
+            self.onsets[:, own],
         )
+
+    @property
+    def favor(self) -> FloatArray:
+        """What is added to the statistic of a change (2, n) that begins in a flight."""
+        return self.onsets if self.onsets.shape[1] else np.zeros((len(KINDS), len(self.values)))
 
     def drawn(self, count: int, rng: np.random.Generator) -> FloatArray:
         """Return values (count, n) without a change; effects of which nothing is known are zero."""
@@ -109,7 +124,7 @@ class Change:
     found : index of the flight in which the threshold was exceeded
     size : of a step, unit of the figure; of a drift per unit of time; by all flights before a further change
     error : standard error of the size
-    statistic : twice the logarithm of the likelihood ratio in the flight of the alarm
+    statistic : in the flight of the alarm: twice the logarithm of the likelihood ratio, and what favors its beginning
     """
 
     kind: Kind
@@ -148,7 +163,7 @@ class Scan:
 
     Attributes
     ----------
-    statistic : (B, n) largest over kind and first flight of the change
+    statistic : (B, n) largest over kind and first flight of the change, with what favors these
     first : (B, n) flight in which the likeliest change began
     kind : (B, n) index in `KINDS`
     """
@@ -167,18 +182,20 @@ def scan(readings: Readings, values: FloatArray | None = None) -> Scan:
 
 
 def _scanned(readings: Readings, values: FloatArray) -> Scan:
-    sums = _Sums.of(readings, values)
+    sums, favor = _Sums.of(readings, values), readings.favor
     lanes, flights = values.shape
     shape = flights, lanes
     statistic, first, kind = np.zeros(shape), np.zeros(shape, np.intp), np.zeros(shape, np.intp)
-    lags = _lags(flights)
-    together = max(1, CELLS // (len(lags) * lanes))
+    lags, favored = _lags(flights), np.flatnonzero(favor.any(axis=0))
+    together = max(1, CELLS // ((len(lags) + len(favored)) * lanes))
     for begin in range(1, flights, together):
         own = slice(begin, min(begin + together, flights))
         t = np.arange(own.start, own.stop)
-        begun = t[:, None] + 1 - lags
+        begun = np.hstack([t[:, None] + 1 - lags, np.where(favored <= t[:, None], favored, 0)])
         for which, (size, variance) in enumerate(sums.sizes(t, np.maximum(begun, 1))):
-            ratio = size**2 / np.where(begun > 0, variance, np.inf)[:, :, None]
+            told = np.isfinite(variance) & (begun > 0)
+            ratio = size**2 / np.where(told, variance, np.inf)[:, :, None]
+            ratio += np.where(told, favor[which, np.maximum(begun, 1)], 0.0)[:, :, None]
             k = np.argmax(ratio, axis=1)
             best = np.take_along_axis(ratio, k[:, None], axis=1)[:, 0]
             better = best > statistic[own]
@@ -310,7 +327,7 @@ def _estimated(own: Readings, found: Scan, alarm: int, threshold: float) -> tupl
             break
         change, last = now, t
     size, variance = (one[:alarm] for one in sizes(own.until(last + 1), change.kind))
-    at = int(np.argmax(size**2 / variance))
+    at = int(np.argmax(size**2 / variance + own.favor[KINDS.index(change.kind), 1 : alarm + 1]))
     return replace(change, first=at + 1, size=float(size[at]), error=float(np.sqrt(variance[at]))), last
 
 

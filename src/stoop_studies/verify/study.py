@@ -17,7 +17,7 @@ import importlib
 import re
 import shlex
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -121,6 +121,7 @@ class Verification:
         Names of further tables.
     reads_data : bool
         Whether the work is given the folder of published data.
+    times : case -> how many times as many seeds it has as the others
     """
 
     name: str
@@ -130,6 +131,11 @@ class Verification:
     cases: tuple[str, ...] = ()
     parts: tuple[str, ...] = ()
     reads_data: bool = False
+    times: Mapping[str, int] = field(default_factory=dict)
+
+    def seeds(self, case: str, setting: Setting) -> range:
+        """Return the seeds of a case."""
+        return range(setting.seed, setting.seed + setting.runs * self.times.get(case, 1))
 
     def plan(self, setting: Setting) -> Plan | None:
         """Return one run per case and seed; None where there is nothing that takes long."""
@@ -137,14 +143,14 @@ class Verification:
         work = f"{EXPERIMENTS[self.name][0]}:{self.work}"
         runs = [
             Run(run_key(case, seed), work, {"case": case, "seed": seed, **data})
-            for seed in setting.seeds
             for case in self.cases
+            for seed in self.seeds(case, setting)
         ]
         return Plan(self.name, {"experiment": self.name}, tuple(runs)) if runs else None
 
     def findings(self, setting: Setting, results: Results) -> Findings:
         """Return what the runs, by key, show."""
-        samples = {c: [results[run_key(c, seed)] for seed in setting.seeds] for c in self.cases}
+        samples = {c: [results[run_key(c, seed)] for seed in self.seeds(c, setting)] for c in self.cases}
         return self.show(setting, samples)
 
 

@@ -63,7 +63,7 @@ def records(**changed: Any) -> list[bool]:
         "threshold": 20.0, "false": 0, "told": 1, "found": True, "delay": 5, "least": 5.0, "named": True, "figure": "climb",
         "back": True, "dated": 0, **changed,
     }  # fmt: skip
-    results = {run_key(case, seed): one for case in CASES for seed in SETTING.seeds}
+    results = {run_key(case, seed): one for case in CASES for seed in EXPERIMENT.seeds(case, SETTING)}
     return [claim.verdict == "holds" for claim in EXPERIMENT.findings(SETTING, results).claims]
 
 

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from stoop.fleet.causes import Cause, Event, Stretch, causes
-from stoop.fleet.changes import Change, Readings
+from stoop.fleet.causes import Cause, Event, Stretch, causes, unrecorded
+from stoop.fleet.changes import KINDS, Change, Kind, Readings
 from stoop.fleet.table import FigureTable
 
 FLIGHTS = 60
@@ -35,7 +35,7 @@ def of(own: Stretch, events: list[Event], others: Mapping[str, Stretch] | None =
 
 ROTOR, UPDATE, BATTERY = (
     Event("rotor", "rotor_1", 30.0),
-    Event("software", "", 30.0),
+    Event("software", "software", 30.0),
     Event("battery", "battery", 40.0),
 )
 
@@ -84,3 +84,49 @@ def test_a_figure_of_two_flights_on_one_day_says_nothing_of_a_drift() -> None:
     assert one is not None
     still = replace(one, readings=replace(one.readings, times=np.zeros(2)))
     assert still.factors("drift") == pytest.approx([0.0])
+
+
+def naive(kind: Kind, own: Stretch, events: list[Event], others: dict[str, Stretch]) -> dict[str, float]:
+    """Return the probability of each cause: every hypothesis, flight by flight, as the docstring of the module has it."""
+    every = {"": own, **others}
+    B = {f: np.exp(np.array([0.0, *one.factors(kind), 0.0])) for f, one in every.items()}
+    prior = {"": 1.0 / 3000.0} | {e.what: 0.05 * (0.2 if kind == "drift" else 1.0) for e in events}
+
+    def p(f: str, s: Event) -> float:
+        places = every[f].places
+        return 0.5 if s.place in places else 0.1 if s.place in ("", "software") else 0.01
+
+    pairs = [(s, k) for s in events for k in range(1, FLIGHTS) if k - 1 < s.time <= k]
+    pairs += [(s, k) for s in unrecorded(["rotor_1", "battery"]) for k in range(1, FLIGHTS)]
+    A = {g: 1.0 + sum(prior[s.what] * p(g, s) * B[g][k] for s, k in pairs) for g in others}
+    out = dict.fromkeys(prior, 0.0)
+    for s, k in pairs:
+        weight = prior[s.what] * p("", s) * B[""][k]
+        for g in others:
+            weight *= 1.0 - p(g, s) + p(g, s) * B[g][k] / A[g]
+        out[s.what] += weight
+    return {what: weight / sum(out.values()) for what, weight in out.items()}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("seed", range(4))
+def test_causes_are_those_of_every_hypothesis(kind: Kind, seed: int) -> None:
+    own = stretch("share", "rotor_1", 28, 2.0, seed)
+    others = {
+        "lift": stretch("lift", "", 28, 1.5, seed),
+        "resistance": stretch("resistance", "battery", 41, 3.0, seed),
+    }
+    events = [ROTOR, UPDATE, BATTERY]
+    found = {one.what: one.probability for one in causes(own, kind, events, others)}
+    assert found == pytest.approx(naive(kind, own, events, others), rel=1e-9)
+
+
+def test_without_an_event_the_part_is_named_on_which_the_figures_depend_that_changed() -> None:
+    own, others = (
+        stretch("share", "rotor_1", 20, 4.0),
+        {"resistance": stretch("resistance", "battery", 99, 0.0)},
+    )
+    found = of(own, [BATTERY], others)
+    assert (found.what, found.place) == ("", "rotor_1")
+    assert found.name == "nothing that was recorded, most likely of rotor_1"
+    assert of(stretch("lift", "", 20, 4.0), [], others).place == ""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -33,9 +35,11 @@ def naive(one: Readings, t: int) -> float:
     y, s, x = one.values[: t + 1], one.deviations[: t + 1], one.times[: t + 1]
     A, precisions, best = one.effects[: t + 1] / s[:, None], one.spread**-2.0, 0.0
     for k in range(1, t + 1):
-        for column in (np.arange(t + 1) >= k, np.clip(x - x[k - 1], 0.0, None)):
+        for which, column in enumerate((np.arange(t + 1) >= k, np.clip(x - x[k - 1], 0.0, None))):
             more = np.column_stack([A, column / s])
-            best = max(best, left(A, y / s, precisions) - left(more, y / s, np.append(precisions, 0.0)))
+            if np.linalg.matrix_rank(np.vstack([more, np.diag(np.append(precisions, 0.0))])) == more.shape[1]:
+                gain = left(A, y / s, precisions) - left(more, y / s, np.append(precisions, 0.0))
+                best = max(best, gain + one.favor[which, k])
     return best
 
 
@@ -128,3 +132,29 @@ def test_another_part_is_no_change() -> None:
 def test_too_few_flights_tell_nothing() -> None:
     for n in (0, 1):
         assert list(changes(flown(np.zeros(n)), 10.0)) == []
+
+
+@settings(deadline=None, max_examples=15)
+@given(st.integers(0, 10**6), st.integers(2, 12))
+def test_what_favors_a_beginning_is_added(seed: int, n: int) -> None:
+    rng = np.random.default_rng(seed)
+    one = replace(readings(rng, n, (0.7, 0.5, 0.8)), onsets=rng.uniform(0.0, 9.0, (2, n)))
+    found = scan(one).statistic[0]
+    for t in range(1, n):
+        assert found[t] == pytest.approx(naive(one, t), rel=1e-6, abs=1e-8)
+
+
+def test_the_rate_holds_with_flights_that_are_favored_and_an_exchange_is_found_sooner() -> None:
+    """Parts that differ as parts do, and in the changed vehicle by six standard deviations of that."""
+    rng, n, k = np.random.default_rng(11), 80, 40
+    after = np.arange(n) >= k
+    effects, onsets = np.column_stack([np.ones(n), ~after, after]).astype(float), np.zeros((2, n))
+    onsets[:, k] = 10.0, 7.0
+    plain = Readings(np.zeros(n), np.ones(n), np.arange(float(n)), effects, np.array([3.0, 0.8, 0.8]))
+    found = []
+    for one in (plain, replace(plain, onsets=onsets)):
+        h = threshold(peaks(one, 4000, rng)[1:], 10.0)
+        assert abs(np.sum(peaks(one, 4000, rng)[1:] > h) - 10) < 3.0 * np.sqrt(10.0 + 10.0)
+        exchanged = one.drawn(200, rng) + 6.0 * np.sqrt(2.0) * 0.8 * after
+        found.append(np.mean(scan(one, exchanged).statistic.max(axis=1) > h))
+    assert found[1] > max(found[0], 0.95)

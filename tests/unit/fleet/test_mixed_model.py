@@ -89,3 +89,22 @@ def test_labels_become_indices() -> None:
     at, names = indices(["b", None, "a", "b"])
     assert at.tolist() == [1, -1, 0, 1]
     assert names == ("a", "b")
+
+
+def test_the_likelihood_is_the_highest_wherever_the_mean_is() -> None:
+    """Spreads of one in ten thousand of the mean; sums of squares about zero would cancel."""
+    rng = np.random.default_rng(7)
+    vehicle, part = np.repeat(np.arange(20), 40), np.repeat(np.arange(40), 20)
+    y = (
+        rng.standard_normal(20)[vehicle]
+        + 0.3 * rng.standard_normal(40)[part]
+        + 0.5 * rng.standard_normal(800)
+    )
+    groups = {"vehicle": vehicle, "part": part}
+    about_zero, far = (
+        fit_mixed_model(Design(mean + y, np.full(800, 0.2), np.ones((800, 1)), groups), True)
+        for mean in (0.0, 1e4)
+    )
+    assert far.flight == pytest.approx(about_zero.flight, rel=1e-5)
+    assert far.deviations == pytest.approx(about_zero.deviations, rel=1e-5)
+    assert far.coefficients[0] - 1e4 == pytest.approx(about_zero.coefficients[0], abs=1e-6)
