@@ -24,10 +24,10 @@ FLAG = re.compile(
 )  #: tests whether a vehicle has rotors
 #: room -> lines at most; "stoop" is the whole package, for which the design asks 68,000, and 9,000 for its studies
 BUDGETS = {
-    "stoop": 90740,
+    "stoop": 90690,
     "stoop_studies": 14640,
     "api": 200,
-    "app": 3760,
+    "app": 3765,
     "assessment": 6515,
     "base": 2410,
     "checks": 3010,
@@ -35,7 +35,7 @@ BUDGETS = {
     "control_laws": 1555,
     "estimate": 7540,
     "exporters": 8900,
-    "fleet": 2745,
+    "fleet": 2700,
     "flight": 6510,
     "input_design": 2350,
     "kernels": 2810,

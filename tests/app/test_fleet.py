@@ -8,10 +8,11 @@ from pathlib import Path
 import pytest
 
 from stoop.app.fleet_view import FleetView
-from stoop.app.folder import FLEET_PAGE, Project, fleet_logs, store_of
+from stoop.app.folder import Project, fleet_logs, store_of
 from stoop.app.steps import Step
 from stoop.cli.main import main
 from stoop.errors import StoopError
+from stoop.fleet.store import PAGE
 from stoop.vehicle.builtin import builtin_text
 
 pytestmark = pytest.mark.filterwarnings("ignore::PendingDeprecationWarning")  # of Panel
@@ -63,10 +64,10 @@ def test_a_folder_of_logs_is_read_and_its_page_is_shown(logs: Path, tmp_path: Pa
         store_of(logs),
     ]
     assert ended(step).state == "done"
-    assert (project.root / store_of(logs) / FLEET_PAGE).exists()
+    assert (project.root / store_of(logs) / PAGE).exists()
     page = shown(view)
     assert "2 vehicles, 4 flights" in page
-    assert f"{store_of(logs)}/{FLEET_PAGE}" in page
+    assert f"{store_of(logs)}/{PAGE}" in page
     assert store_of(logs) != store_of(tmp_path / "logs"), "folders of one name have stores of their own"
 
 

@@ -7,10 +7,11 @@ from pathlib import Path
 import panel as pn
 
 from stoop.app import parts
-from stoop.app.folder import FLEET_PAGE, source_of, store_of
+from stoop.app.folder import source_of, store_of
 from stoop.app.steps import ERRORS
 from stoop.app.view import View
 from stoop.errors import StoopError
+from stoop.fleet.store import PAGE
 
 LEAD = (
     "Logs of several vehicles: what changed, in which vehicle, since which flight, and which part explains it. Figures of "
@@ -50,12 +51,8 @@ class FleetView(View):
             self.body[:] = [parts.failed(step), *choice]
         else:
             shown = parts.html(f"<pre>{parts.escaped(step.findings)}</pre>{parts.command(step)}")
-            again = parts.card("Another folder, or again", *choice)
-            self.body[:] = [
-                shown,
-                again,
-                parts.framed(f"{store_of(source_of(step))}/{FLEET_PAGE}", "the fleet"),
-            ]
+            made = parts.framed(f"{store_of(source_of(step))}/{PAGE}", "the fleet")
+            self.body[:] = [shown, parts.card("Another folder, or again", *choice), made]
 
     def tick(self) -> None:
         """Show how many logs are read."""

@@ -24,6 +24,7 @@ from stoop.flight.flight import flight_name
 from stoop.flight.mapping import READY
 from stoop.input_design.windows_file import Entry, read_windows, written
 from stoop.logs.csv_tables import mapping_beside
+from stoop.logs.read import is_bag_folder
 from stoop.logs.read import kind as log_kind
 from stoop.vehicle.load import parse_vehicle
 
@@ -33,7 +34,7 @@ LOOK = "look.html"  #: page of the flight, beside what was read
 BEFORE = "before.toml"  #: of corrections: the mapping as it was
 #: of a run: the vehicle from which it begins, and how far it is
 START, PROGRESS = "start.toml", "progress.json"
-STORES, FLEET_PAGE = "stores", "fleet.html"  #: of fleets, a folder for each, and the page in it
+STORES: Final = "stores"  #: of fleets, a folder for each
 #: of logs of a fleet; tables in the same folder are those of parts and flights
 FLEET_LOGS: Final = (".ulg", ".bin", ".log", ".usd", ".bbl", ".bfl", ".bag", ".mcap", ".nc")
 OWN_FORMAT: Final = "netcdf"  #: of flights of stoop, which need no mapping
@@ -72,10 +73,7 @@ class Project:
 
         Raises `StoopError`: there is no such file.
         """
-        try:
-            place = Path(self.root, Path(path).expanduser()).absolute()
-        except RuntimeError:  # a user whom nobody knows
-            raise StoopError(f"{path}: there is no such log; check the path") from None
+        place = self._located(path)
         target = resolved(place)
         if not target.exists():
             raise StoopError(f"{place}: there is no such log; check the path")
@@ -89,6 +87,13 @@ class Project:
             self.list_columns()
         elif not (known and self.info):
             self.read_log()
+
+    def _located(self, path: str | Path) -> Path:
+        """Return where a log, or a folder of logs, is."""
+        try:
+            return Path(self.root, Path(path).expanduser()).absolute()
+        except RuntimeError:  # a user whom nobody knows
+            raise StoopError(f"{path}: there is no such log; check the path") from None
 
     def _logs(self) -> tuple[str, dict[str, dict[str, str]]]:
         """Return the log, and of each former one where its windows and mapping are kept."""
@@ -327,9 +332,18 @@ class Project:
 
     # The fleet.
 
+    def open(self, path: Path) -> bool:
+        """Look for changes in a folder of logs, or take a log; return whether it is such a folder. Raises as both do."""
+        is_fleet = bool(fleet_logs(self._located(path)))
+        if is_fleet:
+            self.open_fleet(path)
+        else:
+            self.open_log(path)
+        return is_fleet
+
     def open_fleet(self, path: Path) -> Step:
         """Look for changes in a folder of logs, with the tables of parts and flights in it; raises `StoopError`: it has none."""
-        logs = fleet_logs(place := Path(self.root, path.expanduser()).absolute())
+        logs = fleet_logs(place := self._located(path))
         if not logs:
             raise StoopError(f"{place}: is no folder of logs ({', '.join(FLEET_LOGS)}); check the path")
         found = [word for table in ("parts", "flights") if (own := place / f"{table}.csv").is_file()
@@ -404,7 +418,7 @@ def log_of(step: Step) -> str:
 
 def fleet_logs(folder: Path) -> list[Path]:
     """Return the logs of a folder; none of one that is a log itself, such as a ROS bag."""
-    if not folder.is_dir() or (folder / "metadata.yaml").exists():
+    if not folder.is_dir() or is_bag_folder(folder):
         return []
     return sorted(p for p in folder.iterdir() if p.name.lower().endswith(FLEET_LOGS))
 

@@ -10,7 +10,7 @@ import panel as pn
 import param
 
 from stoop.app import parts
-from stoop.app.folder import LOOK, fleet_logs, log_of
+from stoop.app.folder import LOOK, log_of
 from stoop.app.places import reading
 from stoop.app.steps import OUTPUT, Step
 from stoop.app.uploads import size
@@ -93,11 +93,8 @@ class LogView(View):
         def opened() -> None:
             if not path.value.strip():
                 raise StoopError("Write the path of a log, or drop one")
-            if fleet_logs(Path(self.project.root, path.value.strip())):
-                self.project.open_fleet(Path(path.value.strip()))
+            if self.project.open(Path(path.value.strip())):
                 self.go("Fleet")
-            else:
-                self.project.open_log(path.value.strip())
 
         path.param.watch(lambda e: self.act(opened)(), "enter_pressed")
         offers = {

@@ -27,7 +27,7 @@ def run(arguments: argparse.Namespace) -> int:
         if error.name not in ("panel", "bokeh", "param", "tornado"):
             raise
         raise StoopError(NEEDED) from None
-    from stoop.app.folder import Project, fleet_logs
+    from stoop.app.folder import Project
     from stoop.app.page import page_of
     from stoop.app.server import Server, open_address
 
@@ -37,10 +37,8 @@ def run(arguments: argparse.Namespace) -> int:
         raise StoopError(f"{log}: there is no such log; check the path")
     project = Project(arguments.folder or Path(name))
     server = Server(project.root, page_of(project), arguments.port, round(arguments.max_upload * 1e9))
-    if log is not None and fleet_logs(log):
-        project.open_fleet(log.absolute())
-    elif log is not None:
-        project.open_log(log.absolute())
+    if log is not None:
+        project.open(log.absolute())
     out = page()
     out.line(f"folder: {project.root}")
     show(f"open: {server.address}")

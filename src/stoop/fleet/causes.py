@@ -22,7 +22,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Final
 
@@ -79,16 +79,14 @@ class Cause:
     flight: str  #: in which the change began then
     probability: float
     figures: tuple[str, ...] = ()  #: others of the vehicle that changed with it
-    place: str = (
-        ""  #: of the part, even of one that was not exchanged; empty where nothing in a table is likeliest
-    )
+    #: of the part, even of one that was not exchanged; empty where nothing in a table is likeliest
+    place: str = ""
 
     @property
     def name(self) -> str:
         """What it is, in words."""
-        return self.what or "nothing that was recorded" + (
-            f", most likely of {self.place}" if self.place else ""
-        )
+        of = f", most likely of {self.place}" if self.place else ""
+        return self.what or f"nothing that was recorded{of}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,7 +168,7 @@ def causes(
     sources = [e for e in recorded if time[0] < e.time <= time[-1]]
     sources += unrecorded(place for one in (own, *beside.values()) for place in one.places)
     told = {f: _told(one, kind, sources) for f, one in beside.items()}
-    weighed = []
+    weighed: list[tuple[float, Cause]] = []
     for source in sources:
         at = source.flights(time)
         begun = np.array([source.time]) if source.what else time[at]
@@ -180,20 +178,16 @@ def causes(
             weight = weight + np.logaddexp(np.log1p(-share), np.log(share) + told[f](begun))
         best = int(np.argmax(weight))
         named = [f for f, p in shares.items() if np.log(p) + told[f](begun)[best] > np.log1p(-p)]
-        weighed.append(
-            (float(logsumexp(weight)), source.what, own.rows.flight[at[best]], tuple(named), source.place)
-        )
-    weighed.sort(key=lambda one: -one[0])
-    by_itself = [one for one in weighed if not one[1]]
-    every = [
-        (float(logsumexp([weight for weight, *_ in by_itself])), *by_itself[0][1:]),
-        *(one for one in weighed if one[1]),
-    ]
-    shares_of = softmax([weight for weight, *_ in every]).tolist()
-    found = [
-        Cause(what, flight, share, named, place)
-        for share, (_, what, flight, named, place) in zip(shares_of, every, strict=True)
-    ]
+        cause = Cause(source.what, own.rows.flight[at[best]], 0.0, tuple(named), source.place)
+        weighed.append((float(logsumexp(weight)), cause))
+    by_itself = [one for one in weighed if not one[1].what]
+    together = (
+        float(logsumexp([weight for weight, _ in by_itself])),
+        max(by_itself, key=lambda one: one[0])[1],
+    )
+    every = [together, *(one for one in weighed if one[1].what)]
+    probabilities = softmax([weight for weight, _ in every]).tolist()
+    found = [replace(one, probability=p) for p, (_, one) in zip(probabilities, every, strict=True)]
     return tuple(sorted(found, key=lambda one: -one.probability))
 
 

@@ -16,6 +16,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from stoop.base.csv_text import csv_text
 from stoop.checks.vehicle import require_channels
 from stoop.errors import StoopError
 from stoop.fleet.headers import CLOCKS, Dated, contradictions, header
@@ -210,6 +211,5 @@ def _kept(path: Path, anew: Container[str], columns: Sequence[str]) -> list[tupl
 
 
 def _csv(columns: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
-    out = io.StringIO()
-    csv.writer(out, lineterminator="\n").writerows([columns, *rows])
-    return out.getvalue()
+    """Return a table with all digits of its numbers."""
+    return csv_text(columns, ([None if x is None else str(x) for x in row] for row in rows), "\n")

@@ -24,9 +24,8 @@ WIDTH, HEIGHT, MARGIN, LABEL = 300.0, 124.0, 6.0, 14.0
 MOST: Final = 300  #: points of a panel; of more flights means of neighbors are shown
 POINTS, FEWEST = 200_000, 20  #: of all panels, about; of a panel in any case
 NAMED: Final = 7.0  #: px for a letter of a part's serial
-Places = Mapping[
-    tuple[str, str, str], str
-]  #: vehicle, figure and first flight of a change -> its name in the page
+#: vehicle, figure and first flight of a change -> its name in the page
+Places = Mapping[tuple[str, str, str], str]
 HEAD: Final = ("vehicle", "figure", "change", "since when, and why")
 LEGEND: Final = (
     ("swatch fleet-point", "a flight"), ("swatch fan-most", "what 95 % of the flights lie in"),
@@ -110,17 +109,8 @@ def _drawn(
     drawn.append(element("path", d=dots, class_="fleet-points"))
     for one in alarms:
         place = x.at(one.change.first - 0.5)
-        drawn.append(
-            element(
-                "line",
-                x1=place,
-                x2=place,
-                y1=0.0,
-                y2=HEIGHT,
-                class_="edge",
-                id=places[vehicle, one.figure, one.began],
-            )
-        )
+        name = places[vehicle, one.figure, one.began]
+        drawn.append(element("line", x1=place, x2=place, y1=0.0, y2=HEIGHT, class_="edge", id=name))
     for value, line in ((y.high, 9.0), (y.low, HEIGHT - 3.0)):  # above and below the flights
         drawn.append(element("text", number(value), x=MARGIN, y=line, class_="tick"))
     return drawing(

@@ -24,9 +24,7 @@
 
 from __future__ import annotations
 
-import csv
-import io
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, date, datetime, time
 from itertools import pairwise
@@ -37,6 +35,7 @@ import numpy as np
 from pydantic import Field, ValidationError, model_validator
 
 from stoop.base.arrays import FloatArray
+from stoop.base.csv_text import csv_text
 from stoop.base.files import check_targets, make_folder, write_files, write_text_atomic
 from stoop.base.schema_errors import first_complaint
 from stoop.base.text import nearest
@@ -230,9 +229,9 @@ def write_fleet(
             beside = mapping_beside(Path(log)).name
             files = {log: content} | ({beside: mapping} if mapping else {})
             write_files(folder, files, () if mapping else [beside])
-    write_text_atomic(folder / PARTS, _table(COLUMNS, map(_row, fittings)))
-    truth = ((f.name, f.vehicle, _date(f.begin), *f.numbers.values()) for f in flights)
-    write_text_atomic(folder / TRUTH, _table(("flight", "vehicle", "time", *fleet.numbers), truth))
+    write_text_atomic(folder / PARTS, csv_text(COLUMNS, map(_row, fittings), "\n"))
+    truth = ((f.name, f.vehicle, _date(f.begin), *map(str, f.numbers.values())) for f in flights)
+    write_text_atomic(folder / TRUTH, csv_text(("flight", "vehicle", "time", *fleet.numbers), truth, "\n"))
     return len(flights)
 
 
@@ -331,9 +330,3 @@ def _row(one: Fitting) -> tuple[str, ...]:
 
 def _date(seconds: float) -> str:
     return datetime.fromtimestamp(round(seconds), UTC).isoformat()
-
-
-def _table(columns: Sequence[str], rows: Iterable[tuple[object, ...]]) -> str:
-    out = io.StringIO()
-    csv.writer(out, lineterminator="\n").writerows([columns, *rows])
-    return out.getvalue()

@@ -213,19 +213,6 @@ def updated_fleet(
         write_files(folder, {**files, STATE: json.dumps(state, indent=1, allow_nan=False) + "\n"})
 
 
-def update_fleet(
-    folder: Path,
-    sources: Sequence[Path],
-    parts: Path | None = None,
-    alarms_a_year: float | None = None,
-    logs: LogFigures | None = None,
-) -> tuple[Fleet, tuple[ToldAlarm, ...], FleetAnalysis]:
-    """Return the updated fleet, the alarms that are new, and the analysis; see `updated_fleet`."""
-    with updated_fleet(folder, sources, parts, alarms_a_year, logs) as update:
-        pass
-    return update.fleet, update.fresh, update.analysis
-
-
 def _merged(
     told: Sequence[ToldAlarm], now: Sequence[ToldAlarm]
 ) -> tuple[tuple[ToldAlarm, ...], tuple[ToldAlarm, ...]]:

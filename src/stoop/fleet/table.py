@@ -24,15 +24,8 @@ TEXTS: Final = ("flight", "vehicle", "figure")
 NUMBERS: Final = ("value", "std_error")
 NEEDED: Final = (*TEXTS, "time", *NUMBERS)
 OPTIONAL: Final = ("software", "parts")
-UNKNOWN: Final = (
-    "",
-    "NA",
-    "N/A",
-    "NaN",
-    "nan",
-    "null",
-    "None",
-)  #: of a number or a date; a vehicle may be called so
+#: of a number or a date; a vehicle may be called so
+UNKNOWN: Final = ("", "NA", "N/A", "NaN", "nan", "null", "None")
 PARQUET: Final = (".parquet", ".pq")
 MAX_BYTES: Final = 2**30
 MAX_HEAD: Final = 2**20

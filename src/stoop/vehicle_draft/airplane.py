@@ -239,7 +239,7 @@ class Airplane(FileText):
 
         Moments hold for an inertia that is itself a guess: an error of it is one of theirs.
         """
-        speed, density = self.airspeed, self.steady.density()
+        speed, (density, _) = self.airspeed, self.steady.density()
         alpha = self.alpha if math.isfinite(self.alpha) else None
         pressure = 0.5 * density * speed**2 * self.geometry.wing.area
         lift = self.mass * self.steady.lift_over_mass() / pressure

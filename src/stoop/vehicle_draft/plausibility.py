@@ -51,10 +51,10 @@ def of_wing(geometry: Geometry) -> list[Notice]:
 
 def of_lift(mass: float, area: float, steady: Steady) -> list[Notice]:
     """Return whether mass, area and airspeed go together: the lift coefficient of steady flight is one that a wing has."""
-    speed, _ = steady.airspeed()
+    (speed, _), (density, _) = steady.airspeed(), steady.density()
     if not math.isfinite(speed):
         return []
-    pressure = 0.5 * steady.density() * speed**2
+    pressure = 0.5 * density * speed**2
     lift = mass * steady.lift_over_mass() / (pressure * area)
     if lift in USUAL_LIFT or not lift > 0.0:
         return []

@@ -159,7 +159,7 @@ def speed_gain(mass: float, diameter: float, drive: Drive, steady: Steady) -> tu
             x = x[x > 0.1]  # with power
             level = float(np.median(x)) if x.size else level
             break
-    density = steady.density()
+    density, _ = steady.density()
     if not math.isfinite(airspeed):
         airspeed = 0.0
     linear = USUAL.CT1[0] * airspeed / diameter

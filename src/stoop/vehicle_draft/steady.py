@@ -70,13 +70,15 @@ class Steady:
         speed = float(np.median(np.hypot(vn, ve))) if vn.size else math.nan
         return (speed, "velocity over ground") if speed > FLYING.speed else (math.nan, "")
 
-    def density(self) -> float:
-        """Return the density of the air, kg/m3, by what the logs tell best; that at sea level where nothing does."""
+    def density(self) -> tuple[float, str]:
+        """Return the density of the air, kg/m3, by what the logs tell best, and by what; that at sea level where nothing does."""
         found = []
         for flight, mask in zip(self.flights, self.masks, strict=True):
             told = density_of({name: flight.column(name)[mask] for name in PLAUSIBLE if name in flight.names})
-            found += [] if told is None else [told[0][np.isfinite(told[0])]]
-        return float(np.median(np.concatenate(found))) if found else SEA_LEVEL_DENSITY
+            found += [] if told is None else [told]
+        if not found:
+            return SEA_LEVEL_DENSITY, "at sea level"
+        return float(np.nanmedian(np.concatenate([x for x, _ in found]))), found[0][1]
 
     def lift_over_mass(self) -> float:
         """Return the median of the specific force across the airflow, upwards, m/s2."""

@@ -11,7 +11,6 @@ from typing import Final
 
 import numpy as np
 
-from stoop.base.atmosphere import SEA_LEVEL_DENSITY
 from stoop.base.toml import quoted, quoted_key
 from stoop.base.variables import POSITION, SPECIFIC_FORCE
 from stoop.errors import one_line
@@ -159,11 +158,8 @@ class FileText:
             self.sheet.word("density", "log", "every log holds it")
         elif any("altitude" not in f.names or np.isnan(f.column("altitude")).all() for f in flights):
             self.sheet.table("environment")
-            density = steady_flight(flights, wings=False).density()
-            where = (
-                "at sea level" if density == SEA_LEVEL_DENSITY else "by height above the position's origin"
-            )
-            said = f"kg/m3, {where}: no altitude was recorded; write that of the place and day"
+            density, method = steady_flight(flights, wings=False).density()
+            said = f"kg/m3, {method}: no altitude was recorded; write that of the place and day"
             self.sheet.entry("density", plain(density), said)
 
     def controls_table(self, controls: Controls) -> None:

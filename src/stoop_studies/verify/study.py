@@ -143,8 +143,9 @@ class Verification:
         work = f"{EXPERIMENTS[self.name][0]}:{self.work}"
         runs = [
             Run(run_key(case, seed), work, {"case": case, "seed": seed, **data})
+            for seed in sorted({seed for case in self.cases for seed in self.seeds(case, setting)})
             for case in self.cases
-            for seed in self.seeds(case, setting)
+            if seed in self.seeds(case, setting)
         ]
         return Plan(self.name, {"experiment": self.name}, tuple(runs)) if runs else None
 

@@ -7,6 +7,7 @@ import json
 import os
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,8 +16,9 @@ from unit.fleet.made_up import EXCHANGED, changed, fleet
 import stoop
 from stoop.cli.main import main
 from stoop.errors import StoopError
+from stoop.fleet.analysis import FleetAnalysis
 from stoop.fleet.parts import Parts
-from stoop.fleet.store import STATE, Fleet, update_fleet
+from stoop.fleet.store import STATE, Fleet, ToldAlarm, updated_fleet
 from stoop.fleet.table import FigureTable, read_figures
 
 WHOLE, PARTS = fleet()
@@ -39,6 +41,13 @@ def write(folder: Path, table: FigureTable, parts: Parts = PARTS, name: str = "f
     lines = [",".join((p.vehicle, p.part, p.serial, moment(p.begin), moment(p.end))) for p in parts.fittings]
     (folder / "parts.csv").write_text("\n".join(["vehicle,part,serial,from,to", *lines]))
     return folder / f"{name}.csv", folder / "parts.csv"
+
+
+def update_fleet(*words: Any, **options: Any) -> tuple[Fleet, tuple[ToldAlarm, ...], FleetAnalysis]:
+    """Return the updated fleet, the alarms that are new, and the analysis."""
+    with updated_fleet(*words, **options) as update:
+        pass
+    return update.fleet, update.fresh, update.analysis
 
 
 def steps(one: Fleet) -> list[tuple[str, str, str, str]]:
